@@ -1,0 +1,145 @@
+"""Builds the STM32F446 image: `python -m firmware.build [--table FILE | --header FILE]`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+from firmware import table_format
+from firmware.elf import Elf, flash_image
+
+HERE = Path(__file__).parent
+CORE = HERE / "core"
+BOARD = HERE / "board" / "f446"
+GENERATED = HERE / "generated"
+BUILD = HERE / "build"
+
+VARIANTS = {"single": "antinode", "six": "antinode-six"}  # one mode by DAC; six channels by PWM
+
+FLASH_START, RAM_START = 0x08000000, 0x20000000
+FLASH_LIMIT, RAM_LIMIT = 32 * 1024, 16 * 1024
+
+LANGUAGE = ("-std=c11", "-O2", "-ffreestanding", "-ffp-contract=off", "-fno-math-errno", "-fomit-frame-pointer", "-g0")
+SECTIONS = ("-ffunction-sections", "-fdata-sections", "-fno-unwind-tables", "-fno-asynchronous-unwind-tables")
+WARNINGS = (
+    "-Wall",
+    "-Wextra",
+    "-Wconversion",
+    "-Wsign-conversion",
+    "-Wdouble-promotion",
+    "-Wfloat-conversion",
+    "-Wshadow",
+    "-Wstrict-prototypes",
+    "-Wmissing-prototypes",
+    "-Werror",
+)
+LINK = ("-nostdlib", "-Wl,--gc-sections", "-Wl,--build-id=none")
+
+
+class BuildError(RuntimeError):
+    """The image cannot be built here; exit_code as for the whole program."""
+
+    def __init__(self, message: str, exit_code: int) -> None:
+        super().__init__(message)
+        self.exit_code = exit_code
+
+
+@dataclass(frozen=True)
+class Image:
+    """A built image: the two files, their sizes in bytes (gaps not counted, stack included in ram), the compiler used."""
+
+    elf: Path
+    binary: Path
+    flash_bytes: int
+    ram_bytes: int
+    compiler: str
+
+
+def toolchain() -> tuple[str, list[str]]:
+    """(name, command) of a compiler for the Cortex-M4F: arm-none-eabi-gcc when on PATH, zig from pip otherwise."""
+    if shutil.which("arm-none-eabi-gcc"):
+        machine = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
+        own = ["-fno-tree-loop-distribute-patterns", "-nostartfiles"]
+        return "arm-none-eabi-gcc", ["arm-none-eabi-gcc", *machine, *own]
+    if find_spec("ziglang"):
+        machine = ["-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4+vfp4d16sp"]
+        return "zig cc", [sys.executable, "-m", "ziglang", "cc", *machine]
+    raise BuildError("no compiler for the Cortex-M4: install arm-none-eabi-gcc, or zig by `pip install ziglang`", 5)
+
+
+def build(header: str, folder: Path = BUILD, variant: str = "single") -> Image:
+    """Compiles core and board with the table in a C header and links them: "single" or "six". Raises BuildError."""
+    name, command = toolchain()
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "mode_table.h").write_text(header)
+    elf = folder / f"{VARIANTS[variant]}.elf"
+    binary = elf.with_suffix(".bin")
+    parts = (CORE, BOARD, BOARD / variant)
+    sources = [source for part in parts for source in sorted(part.glob("*.c"))]
+    places = [*(f"-I{part}" for part in parts), f"-I{folder}", f"-ffile-prefix-map={HERE}=firmware"]
+    link = [*LINK, f"-Wl,-T,{BOARD / 'memory.ld'}"]
+    run([*command, *LANGUAGE, *SECTIONS, *WARNINGS, *places, *map(str, sources), *link, "-o", str(elf)])
+    linked = Elf.read(elf)
+    binary.write_bytes(flash_image(linked, FLASH_START))
+    return Image(elf, binary, *sizes(linked), name)
+
+
+def run(command: list[str]) -> None:
+    """Runs a compiler; its words become the error's."""
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        raise BuildError(f"the compiler refused:\n{done.stderr.strip()}", 3)
+
+
+def sizes(elf: Elf) -> tuple[int, int]:
+    """(flash, ram) in bytes that the image takes."""
+    flash = sum(len(segment.data) for segment in elf.segments)
+    ram = sum(segment.memory_bytes for segment in elf.segments if segment.address >= RAM_START)
+    return flash, ram
+
+
+def choose_header(table: Path | None, header: Path | None) -> str:
+    """The C header to build with: the one named, one made from the table named, or the last one exported."""
+    try:
+        if table is not None:
+            data = table.read_bytes()
+            table_format.verify(data)
+            return table_format.header_text(data)
+        text = (header or GENERATED / "mode_table.h").read_text()
+        table_format.verify(table_format.header_bytes(text))
+        return text
+    except (OSError, ValueError) as error:
+        hint = "write one by `antinode export table CASE -o firmware/generated/mode_table.h`, or name one by --table"
+        raise BuildError(f"no mode table to build with ({error}): {hint}", 2) from None
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m firmware.build", description=__doc__)
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("--table", type=Path, metavar="FILE", help="mode table as a binary file")
+    source.add_argument("--header", type=Path, metavar="FILE", help="mode table as a C header")
+    parser.add_argument("--out", type=Path, default=BUILD, metavar="DIR", help="where to build")
+    parser.add_argument("--variant", choices=VARIANTS, default="single", help="one mode by DAC, or six channels by PWM")
+    chosen = parser.parse_args(arguments)
+    try:
+        image = build(choose_header(chosen.table, chosen.header), chosen.out, chosen.variant)
+    except BuildError as error:
+        print(f"firmware: {error}", file=sys.stderr)
+        return error.exit_code
+    print(f"{os.path.relpath(image.elf)} and .bin, by {image.compiler}")
+    print(f"flash {image.flash_bytes} bytes of {FLASH_LIMIT}, RAM {image.ram_bytes} bytes of {RAM_LIMIT} allowed")
+    if image.flash_bytes > FLASH_LIMIT or image.ram_bytes > RAM_LIMIT:
+        print("firmware: the image is larger than allowed", file=sys.stderr)
+        return 4
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

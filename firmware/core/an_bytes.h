@@ -1,0 +1,62 @@
+/* Little-endian numbers in bytes of any alignment. */
+#ifndef AN_BYTES_H
+#define AN_BYTES_H
+
+#include "an_types.h"
+
+static inline uint32_t an_get16(const uint8_t *at)
+{
+    return (uint32_t)at[0] | (uint32_t)at[1] << 8;
+}
+
+static inline uint32_t an_get32(const uint8_t *at)
+{
+    return an_get16(at) | an_get16(at + 2) << 16;
+}
+
+static inline float an_get_float(const uint8_t *at)
+{
+    const union {
+        uint32_t bits;
+        float value;
+    } number = {an_get32(at)};
+    return number.value;
+}
+
+static inline an_complex an_get_complex(const uint8_t *at)
+{
+    an_complex z = {an_get_float(at), an_get_float(at + 4)};
+    return z;
+}
+
+/* Each returns where the next one goes. */
+static inline uint8_t *an_put8(uint8_t *at, uint32_t value)
+{
+    at[0] = (uint8_t)value;
+    return at + 1;
+}
+
+static inline uint8_t *an_put32(uint8_t *at, uint32_t value)
+{
+    for (uint32_t i = 0u; i < 4u; i++) {
+        at[i] = (uint8_t)(value >> (8u * i));
+    }
+    return at + 4;
+}
+
+static inline uint8_t *an_put_float(uint8_t *at, float value)
+{
+    union {
+        float value;
+        uint32_t bits;
+    } number;
+    number.value = value;
+    return an_put32(at, number.bits);
+}
+
+static inline uint8_t *an_put_complex(uint8_t *at, an_complex z)
+{
+    return an_put_float(an_put_float(at, z.re), z.im);
+}
+
+#endif

@@ -1,0 +1,14 @@
+/* CRC-32 as zlib computes it: an_crc32("123456789") = 0xCBF43926. */
+#ifndef AN_CRC_H
+#define AN_CRC_H
+
+#include "an_types.h"
+
+#define AN_CRC_START 0xffffffffu
+
+/* Feeds bytes into a running register that began as AN_CRC_START; the CRC is the register's complement. */
+uint32_t an_crc_feed(uint32_t crc, const uint8_t *data, uint32_t length);
+
+uint32_t an_crc32(const uint8_t *data, uint32_t length);
+
+#endif

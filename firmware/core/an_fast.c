@@ -1,0 +1,71 @@
+#include "an_fast.h"
+
+#include <stdatomic.h>
+
+#include "an_clear.h"
+#include "an_complex.h"
+#include "an_faults.h"
+#include "an_sincos.h"
+
+void an_fast_init(an_fast *fast, uint32_t step)
+{
+    an_clear(fast, sizeof *fast);
+    fast->step = step;
+    fast->command.step = step;
+}
+
+/* The slow step saw the faults of its own window; here only its silence has to be noticed. */
+static void take_command(an_fast *fast)
+{
+    fast->drive = fast->command.drive;
+    if (fast->command.count != fast->window.count) {
+        fast->faults |= AN_FAULT_SLOW_LATE;
+        fast->drive = an_cplx(0.0f, 0.0f);
+    }
+    fast->step = fast->command.step;
+    fast->sums = (an_sums){0.0f, 0.0f, 0.0f};
+    fast->clipped = 0u;
+}
+
+static void end_window(an_fast *fast)
+{
+    fast->tick = 0u;
+    fast->window.sums = fast->sums;
+    fast->window.last_phase = fast->phase;
+    fast->window.clipped = fast->clipped;
+    atomic_signal_fence(memory_order_release);
+    fast->window.count++;
+}
+
+#define AN_LEVEL_MAX 1.0002f /* a full drive and its rounding; still within the codes */
+
+/* Rounded to the nearest code. A NaN fails the comparison, so that no undefined conversion is ever reached. */
+static uint32_t dac_code(an_fast *fast, float level)
+{
+    if (!(__builtin_fabsf(level) <= AN_LEVEL_MAX)) {
+        fast->faults |= AN_FAULT_NOT_FINITE;
+        fast->drive = an_cplx(0.0f, 0.0f);
+        return AN_DAC_MIDDLE;
+    }
+    return (uint32_t)(int32_t)(level * (float)AN_DAC_SWING + ((float)AN_DAC_MIDDLE + 0.5f));
+}
+
+uint32_t an_fast_tick(an_fast *fast, uint32_t adc)
+{
+    const an_complex carrier = an_sincos(fast->phase);
+    const float x = (float)((int32_t)adc - AN_ADC_MIDDLE);
+    fast->sums.cosine += x * carrier.re;
+    fast->sums.sine += x * carrier.im;
+    fast->sums.offset += x;
+    fast->clipped += ((adc + AN_ADC_MARGIN) & (4096u - 2u * AN_ADC_MARGIN)) == 0u;
+    const uint32_t code = dac_code(fast, fast->drive.re * carrier.re - fast->drive.im * carrier.im);
+
+    fast->tick++;
+    if (fast->tick == AN_GAP) {
+        take_command(fast);
+    } else if (fast->tick == AN_PERIOD) {
+        end_window(fast);
+    }
+    fast->phase += fast->step;
+    return code;
+}

@@ -1,0 +1,52 @@
+/* Identification of the wanted mode by a sweep: frequency, time constant, gain, delay.
+ *
+ * A coarse sweep at a low level finds the resonance, a fine one about it is fitted, and repeated while it shows
+ * that it was planned with a wrong frequency or time constant. A survey of the surroundings then tells how
+ * strongly the plate answers other than by the wanted mode, which bounds the gain of the loop. Runs in the main
+ * loop: it asks for one steady measurement at a time.
+ */
+#ifndef AN_IDENT_H
+#define AN_IDENT_H
+
+#include "an_pi.h"
+#include "an_resonance.h"
+#include "an_types.h"
+
+enum { AN_IDENT_COARSE, AN_IDENT_FINE, AN_IDENT_SURVEY, AN_IDENT_DONE, AN_IDENT_FAILED };
+
+/* A measurement to be made: constant drive at a step, wait, then average. */
+typedef struct {
+    uint32_t step;
+    float level;
+    float settle_s;
+    uint32_t average; /* windows */
+} an_probe;
+
+typedef struct {
+    an_mode mode; /* as guessed, then as found */
+    float sample_rate_hz;
+    uint32_t quarter_turns; /* of the sensor behind velocity: 1 for displacement */
+    uint32_t stage;
+    uint32_t rounds;
+    uint32_t centre; /* phase step */
+    float span_hz;
+    float level;
+    uint32_t points;
+    uint32_t index;
+    uint32_t best;
+    float best_size;
+    float misfit;
+    float neighbour; /* largest response beside the wanted mode's, sensor over drive */
+    an_complex response[AN_RESONANCE_POINTS];
+} an_ident;
+
+/* Begins from a guess whose gain is not used. */
+void an_ident_init(an_ident *ident, const an_mode *guess, bool senses_displacement, float sample_rate_hz);
+
+/* The next measurement; meaningful until the stage is done or failed. */
+void an_ident_probe(const an_ident *ident, an_probe *probe);
+
+/* Takes its result: the mean measured phasor. */
+void an_ident_answer(an_ident *ident, an_complex measured);
+
+#endif

@@ -1,0 +1,149 @@
+#include "an_link.h"
+
+#include "an_bytes.h"
+#include "an_clear.h"
+
+enum { LOG_RECORD = 4 + 4 * AN_LOG_FLOATS };
+_Static_assert(LOG_RECORD * AN_LOG_PER_FRAME <= AN_PAYLOAD_MAX, "a log frame holds its records");
+
+void an_link_init(an_link *link, an_obey obey, void *app)
+{
+    an_clear(link, sizeof *link);
+    an_frame_reader_init(&link->reader);
+    link->obey = obey;
+    link->app = app;
+}
+
+static uint32_t begin_upload(an_link *link, const an_message *request)
+{
+    const uint32_t length = request->length == 4u ? an_get32(request->payload) : 0u;
+    if (length == 0u || length > AN_TABLE_MAX_BYTES) {
+        return AN_BAD_VALUE;
+    }
+    link->staged_wanted = length;
+    link->staged_length = 0u;
+    return AN_OK;
+}
+
+/* A piece that was already taken is acknowledged again: its acknowledgement may have been lost. */
+static uint32_t take_piece(an_link *link, const an_message *request)
+{
+    if (request->length < 5u) {
+        return AN_BAD_VALUE;
+    }
+    const uint32_t offset = an_get32(request->payload);
+    const uint32_t length = request->length - 4u;
+    if (offset > link->staged_length || length > link->staged_wanted || offset > link->staged_wanted - length) {
+        return AN_BAD_VALUE;
+    }
+    for (uint32_t i = 0u; i < length; i++) {
+        link->staged[offset + i] = request->payload[4u + i];
+    }
+    link->staged_length = offset + length > link->staged_length ? offset + length : link->staged_length;
+    return AN_OK;
+}
+
+static uint32_t end_upload(an_link *link, const an_message *request, an_message *reply)
+{
+    if (link->staged_wanted == 0u || link->staged_length != link->staged_wanted) {
+        return AN_BAD_VALUE;
+    }
+    an_table table;
+    const uint32_t reason = an_table_open(&table, link->staged, link->staged_length);
+    if (reason != AN_TABLE_OK) {
+        reply->payload[1] = (uint8_t)reason;
+        reply->length = 2u;
+        return AN_TABLE_REFUSED;
+    }
+    const uint32_t allowed = link->obey(link->app, request, reply);
+    if (allowed == AN_OK) {
+        link->store_wanted = true;
+        link->store_sequence = request->sequence;
+    }
+    return allowed;
+}
+
+static uint32_t set_log(an_link *link, const an_message *request)
+{
+    if (request->length != 4u) {
+        return AN_BAD_VALUE;
+    }
+    link->log_every = an_get32(request->payload);
+    link->log_waited = 0u;
+    link->log.length = 0u;
+    return AN_OK;
+}
+
+static uint32_t answer(an_link *link, const an_message *request, an_message *reply)
+{
+    switch (request->kind) {
+    case AN_UPLOAD_BEGIN:
+        return begin_upload(link, request);
+    case AN_UPLOAD_DATA:
+        return take_piece(link, request);
+    case AN_UPLOAD_END:
+        return end_upload(link, request, reply);
+    case AN_LOG:
+        return set_log(link, request);
+    default:
+        return link->obey(link->app, request, reply);
+    }
+}
+
+static void send(an_link *link, an_message *reply, uint32_t kind, uint32_t sequence, uint32_t result)
+{
+    reply->kind = (uint8_t)(kind | AN_REPLY);
+    reply->sequence = (uint8_t)sequence;
+    reply->payload[0] = (uint8_t)result;
+    link->out_length = an_frame_write(link->out, reply);
+}
+
+void an_link_feed(an_link *link, uint8_t byte)
+{
+    an_message request;
+    an_message reply;
+    if (!an_frame_feed(&link->reader, byte, &request) || (request.kind & AN_REPLY) != 0u) {
+        return;
+    }
+    link->heard++;
+    reply.length = 1u;
+    const uint32_t result = answer(link, &request, &reply);
+    if (!link->store_wanted) {
+        send(link, &reply, request.kind, request.sequence, result);
+    }
+}
+
+void an_link_stored(an_link *link, bool done)
+{
+    an_message reply;
+    reply.length = 1u;
+    link->store_wanted = false;
+    link->staged_wanted = 0u;
+    send(link, &reply, AN_UPLOAD_END, link->store_sequence, done ? AN_OK : AN_STORE_FAILED);
+}
+
+static void add_record(an_message *log, uint32_t window, const float *record)
+{
+    uint8_t *at = an_put32(log->payload + log->length, window);
+    for (uint32_t i = 0u; i < AN_LOG_FLOATS; i++) {
+        at = an_put_float(at, record[i]);
+    }
+    log->length += LOG_RECORD;
+}
+
+void an_link_log(an_link *link, uint32_t window, const float *record)
+{
+    if (link->log_every == 0u || ++link->log_waited < link->log_every) {
+        return;
+    }
+    link->log_waited = 0u;
+    if (link->log.length + LOG_RECORD <= AN_PAYLOAD_MAX) {
+        add_record(&link->log, window, record);
+    }
+    if (link->log.length == LOG_RECORD * AN_LOG_PER_FRAME && link->out_length == 0u) {
+        link->log.kind = AN_LOG_RECORDS;
+        link->log.sequence++;
+        link->out_length = an_frame_write(link->out, &link->log);
+        link->log.length = 0u;
+    }
+}

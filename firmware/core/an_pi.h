@@ -1,0 +1,65 @@
+/* Control of one mode in its rotating frame.
+ *
+ * The plant, seen from a drive at w: tau dU/dt + (1 + j tau (w - w0)) U = G V. Proportional and integral gains
+ * cancel its pole a = exp(-T/tau) and put p = exp(-T/response) in its place:
+ *
+ *     Kp = (a - p) / (1 - a) / G,    Ki = (1 - a) Kp a step.
+ *
+ * V += j tau (w - w0) / G U cancels its cross-coupling, and the drive is turned ahead by the known delay and the
+ * mode's own phase, so that G counts as real here. A measurement is half a window old when its answer begins to
+ * act: the plant's model carries it on to that moment.
+ */
+#ifndef AN_PI_H
+#define AN_PI_H
+
+#include "an_types.h"
+
+typedef struct {
+    float frequency_hz;
+    float tau_s;
+    an_complex gain; /* sensor over drive at resonance, the delay taken out */
+    float delay_s;
+    float drive_limit;
+    float amplitude_limit;
+} an_mode;
+
+typedef struct {
+    float proportional;
+    float integral;   /* a step */
+    float inverse_gain;
+    float drive_limit;
+    float age; /* of a measurement when its answer begins to act, in steps */
+    an_complex lead; /* turns the drive ahead: one sample, the delay, the mode's phase */
+    an_complex state; /* Kp - j tau (w - w0) / G, times what is left of a measurement when its answer acts */
+    an_complex feed;  /* the same, times what the last drive adds until then */
+    an_complex decay; /* of the model over one period, for the observer */
+    an_complex push;  /* of the drive on the model over one period */
+} an_pi_gains;
+
+/* What the loop is asked for. */
+typedef struct {
+    float period_s;         /* of the slow step */
+    float ahead_s;          /* from the moment a measurement stands for to its answer */
+    float response_s;       /* wanted time constant of the closed loop */
+    float proportional_max; /* drive over sensor: what the neighbours of the mode allow */
+} an_pi_wish;
+
+typedef struct {
+    an_complex integral;
+    an_complex drive; /* the last, still acting */
+    float reference;  /* the last */
+    an_complex model; /* what the plate should be doing */
+} an_pi;
+
+/* Gains for a drive at a phase step, detuning_hz away from the mode. The mode must have been checked: gain and tau
+ * not zero. */
+void an_pi_plan(an_pi_gains *gains, const an_mode *mode, uint32_t step, float detuning_hz, const an_pi_wish *wish);
+
+/* Starts from a plate that moves as measured, as if the loop had held it there. */
+void an_pi_init(an_pi *pi, const an_pi_gains *gains, an_complex measured);
+
+/* One step: measured phasor and reference in, drive in the mode's frame out, |drive| <= drive_limit. The model
+ * follows. */
+an_complex an_pi_step(an_pi *pi, const an_pi_gains *gains, an_complex measured, float reference);
+
+#endif

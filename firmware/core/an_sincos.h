@@ -1,0 +1,24 @@
+/* The same as an_turn, in line: for the fast tick. */
+#ifndef AN_SINCOS_H
+#define AN_SINCOS_H
+
+#include "an_sine.h"
+
+#define AN_TURN_PER_LSB 1.4629180792671596e-9f /* 2 pi / 2^32 */
+
+/* The nearest angle of the table, turned by the rest d: |d| <= pi/256, so that the d^3/6 left out stays below
+ * 3.1e-7. */
+static inline an_complex an_sincos(uint32_t phase)
+{
+    const uint32_t shifted = phase + 0x800000u;
+    const an_sine_entry *near = &an_sine_table[shifted >> 24];
+    const int32_t rest = (int32_t)(shifted & 0xffffffu) - 0x800000;
+    const float d = (float)rest * AN_TURN_PER_LSB;
+    const float h = 0.5f * d * d;
+    an_complex z;
+    z.re = near->cosine - (near->sine * d + near->cosine * h);
+    z.im = near->sine + (near->cosine * d - near->sine * h);
+    return z;
+}
+
+#endif

@@ -1,0 +1,353 @@
+#include "an_six.h"
+
+#include "an_clear.h"
+#include "an_complex.h"
+#include "an_dds.h"
+#include "an_faults.h"
+#include "an_sine.h"
+
+#define AN_HEADROOM 0.9f     /* of the drive limit, for the integrals */
+#define AN_PROBE_LEVEL 0.01f /* of the drive limit, at first */
+#define AN_PROBE_LEAST 1e-4f /* of the drive limit */
+#define AN_PROBE_MOST 0.5f   /* of the drive limit */
+#define AN_PROBE_STEP 4.0f
+#define AN_PROBE_HIGH 0.5f /* of the sensor's full scale: more is measured again with less drive */
+#define AN_PROBE_LOW 0.05f /* less with more */
+#define AN_SETTLE 7.0f       /* time constants */
+#define AN_PATIENCE 8.0f     /* time constants */
+#define AN_SOFT 0.25f      /* time constants that a pattern takes to fade in */
+#define AN_SILENCE_S 0.5f
+#define AN_PERIODS 2.0f /* of the carrier, at least, in a window */
+
+enum { WINDOW_LEAST = 46, WINDOW_MOST = 4000, PROBE_AVERAGE = 8 };
+
+static const uint32_t lasting = AN_FAULT_TABLE | AN_FAULT_CLOCK;
+
+static float period_s(const an_six *app)
+{
+    return (float)(app->window + AN_SIX_GAP) / app->sample_rate_hz;
+}
+
+static void choose_window(an_six *app)
+{
+    const float samples = AN_PERIODS * app->sample_rate_hz / app->shape.frequency_hz + 0.5f;
+    const uint32_t fitting = samples < (float)WINDOW_MOST ? (uint32_t)samples : (uint32_t)WINDOW_MOST;
+    app->window = fitting > WINDOW_LEAST ? fitting : (uint32_t)WINDOW_LEAST;
+}
+
+static an_six_job *new_job(an_six *app, uint32_t kind)
+{
+    an_six_job *job = an_six_slow_vacant(&app->slow);
+    if (job == NULL) {
+        return NULL;
+    }
+    an_clear(job, sizeof *job);
+    if (!an_demod_plan(&job->demod, app->step, app->window, 1.0f / (float)AN_SIX_ADC_MIDDLE)) {
+        return NULL;
+    }
+    job->kind = kind;
+    job->step = app->step;
+    job->window = app->window;
+    job->channels = app->channels;
+    job->drive_limit = app->shape.drive_limit;
+    return job;
+}
+
+static bool post_rest(an_six *app, uint32_t clear)
+{
+    an_six_job *job = new_job(app, AN_SIX_REST);
+    if (job == NULL) {
+        return false;
+    }
+    job->clear = clear;
+    an_six_slow_post(&app->slow);
+    return true;
+}
+
+static bool post_dwell(an_six *app)
+{
+    an_six_job *job = new_job(app, AN_SIX_DWELL);
+    if (job == NULL) {
+        return false;
+    }
+    job->drive[app->probe] = an_scale(an_turn(app->step), app->probe_level);
+    job->settle = (uint32_t)(AN_SETTLE * app->shape.tau_s / period_s(app)) + 2u;
+    job->average = PROBE_AVERAGE;
+    an_six_slow_post(&app->slow);
+    return true;
+}
+
+static void fail(an_six *app, uint32_t fault)
+{
+    app->faults |= fault;
+    app->state = AN_STATE_FAULT;
+    app->slow.reference = 0.0f;
+    post_rest(app, 0u);
+}
+
+static void read_targets(const an_six *app, an_complex *targets)
+{
+    for (uint32_t i = 0u; i < AN_SIX; i++) {
+        targets[i] = i < app->channels ? an_table_target(&app->table, app->shape_index, app->pattern, i)
+                                       : an_cplx(0.0f, 0.0f);
+    }
+}
+
+/* The largest reference whose drives stay within the limit, with some headroom. */
+static float reach_of(const an_six *app)
+{
+    an_complex targets[AN_SIX];
+    read_targets(app, targets);
+    const float reach = AN_HEADROOM * app->shape.drive_limit / (an_shaping_effort(&app->shaping, targets) + 1e-6f);
+    return reach < AN_HEADROOM ? reach : AN_HEADROOM;
+}
+
+static bool post_track(an_six *app)
+{
+    an_six_job *job = new_job(app, AN_SIX_TRACK);
+    if (job == NULL) {
+        return false;
+    }
+    const float x = period_s(app) / app->shape.tau_s;
+    const an_complex ahead = an_turn(app->step);
+    for (uint32_t i = 0u; i < AN_SIX * AN_SIX; i++) {
+        job->inverse[i] = an_mul(app->shaping.inverse[i], ahead);
+    }
+    read_targets(app, job->target);
+    job->soft = x / (AN_SOFT + x);
+    job->integral = AN_SIX_INTEGRAL * x / (1.0f + x);
+    job->patience = (uint32_t)(AN_PATIENCE / x) + 10u;
+    an_six_slow_post(&app->slow);
+    return true;
+}
+
+static void begin_run(an_six *app)
+{
+    app->reachable = reach_of(app);
+    an_six_refer(app, app->wanted_reference > 0.0f ? app->wanted_reference : 0.5f * app->reachable);
+    if (post_track(app)) {
+        app->state = AN_STATE_RUN;
+    } else {
+        fail(app, AN_FAULT_SHAPING);
+    }
+}
+
+static void begin_identify(an_six *app)
+{
+    app->probe = 0u;
+    app->probing = 0u;
+    app->probe_level = AN_PROBE_LEVEL * app->shape.drive_limit;
+    app->state = AN_STATE_IDENTIFY;
+}
+
+static void read_matrix(an_six *app)
+{
+    an_complex column[AN_SIX];
+    for (uint32_t j = 0u; j < app->channels; j++) {
+        for (uint32_t i = 0u; i < app->channels; i++) {
+            column[i] = an_table_matrix(&app->table, app->shape_index, i, j);
+        }
+        an_shaping_set(&app->shaping, j, column, 1.0f);
+    }
+    app->identified = an_shaping_invert(&app->shaping) ? 1u : 0u;
+}
+
+static void read_shape(an_six *app, uint32_t index)
+{
+    an_table_shape(&app->table, index, &app->shape);
+    app->shape_index = index;
+    app->channels = app->table.sensor_count;
+    app->step = an_dds_step(app->shape.frequency_hz, app->sample_rate_hz);
+    app->identified = 0u;
+    app->reachable = 0.0f;
+    an_shaping_init(&app->shaping, app->channels);
+    choose_window(app);
+    if ((app->shape.flags & AN_MATRIX_IDENTIFIED) != 0u) {
+        read_matrix(app);
+    }
+}
+
+void an_six_boot(an_six *app, const uint8_t *table, uint32_t length, float sample_rate_hz, uint32_t faults)
+{
+    an_clear(app, sizeof *app);
+    an_texture_init(&app->texture);
+    app->faults = faults;
+    app->sample_rate_hz = sample_rate_hz;
+    app->step = an_dds_step(0.1f * sample_rate_hz, sample_rate_hz);
+    app->window = WINDOW_LEAST;
+    const bool accepted = an_table_open(&app->table, table, length) == AN_TABLE_OK && app->table.shape_count > 0u &&
+                          app->table.sample_rate_hz == sample_rate_hz;
+    if (accepted) {
+        read_shape(app, 0u);
+    }
+    if (!an_six_slow_init(&app->slow, &app->fast, app->step, app->window) || !accepted) {
+        app->faults |= AN_FAULT_TABLE;
+    }
+    app->state = app->faults == 0u ? AN_STATE_IDLE : AN_STATE_FAULT;
+}
+
+bool an_six_choose(an_six *app, uint32_t shape)
+{
+    if (app->state != AN_STATE_IDLE || shape >= app->table.shape_count || an_six_slow_vacant(&app->slow) == NULL) {
+        return false;
+    }
+    read_shape(app, shape);
+    return post_rest(app, 0u);
+}
+
+bool an_six_start(an_six *app, uint32_t pattern, float reference)
+{
+    if (app->state != AN_STATE_IDLE || pattern >= app->shape.pattern_count ||
+        !(reference >= 0.0f && reference <= 1.0f) || an_six_slow_vacant(&app->slow) == NULL) {
+        return false;
+    }
+    app->host_drives = false;
+    app->pattern = pattern;
+    app->wanted_reference = reference;
+    if (app->identified != 0u) {
+        begin_run(app);
+    } else {
+        begin_identify(app);
+    }
+    return true;
+}
+
+bool an_six_change(an_six *app, uint32_t pattern)
+{
+    if (app->state != AN_STATE_RUN || pattern >= app->shape.pattern_count || an_six_slow_vacant(&app->slow) == NULL) {
+        return false;
+    }
+    app->pattern = pattern;
+    begin_run(app);
+    return true;
+}
+
+void an_six_refer(an_six *app, float reference)
+{
+    if (reference >= 0.0f) {
+        app->slow.reference = reference < app->reachable ? reference : app->reachable;
+    }
+}
+
+void an_six_stop(an_six *app)
+{
+    app->stopping = app->state == AN_STATE_IDENTIFY || app->state == AN_STATE_RUN;
+}
+
+void an_six_trip(an_six *app, uint32_t fault)
+{
+    app->slow.outside |= fault;
+}
+
+bool an_six_clear(an_six *app)
+{
+    if (app->state != AN_STATE_FAULT || (app->faults & lasting) != 0u || an_six_slow_vacant(&app->slow) == NULL) {
+        return false;
+    }
+    app->slow.outside = 0u; /* before the job that clears the rest */
+    post_rest(app, 1u);
+    app->faults = 0u;
+    app->state = AN_STATE_IDLE;
+    return true;
+}
+
+static float largest_response(const an_six *app)
+{
+    float largest = 0.0f;
+    for (uint32_t i = 0u; i < app->channels; i++) {
+        const float size = an_abs(app->slow.total[i]) / (float)PROBE_AVERAGE;
+        largest = size > largest ? size : largest;
+    }
+    return largest;
+}
+
+static void end_identify(an_six *app)
+{
+    app->identified = an_shaping_invert(&app->shaping) ? 1u : 0u;
+    if (app->identified != 0u) {
+        begin_run(app);
+    } else {
+        fail(app, AN_FAULT_SHAPING);
+    }
+}
+
+/* A column of T from one actuator's dwell, or the same again with less or more drive. */
+static void take_column(an_six *app)
+{
+    const float response = largest_response(app);
+    if (response > AN_PROBE_HIGH) {
+        app->probe_level /= AN_PROBE_STEP;
+        return;
+    }
+    if (response < AN_PROBE_LOW && app->probe_level * AN_PROBE_STEP <= AN_PROBE_MOST * app->shape.drive_limit) {
+        app->probe_level *= AN_PROBE_STEP;
+        return;
+    }
+    const float scale = 1.0f / (app->probe_level * (float)PROBE_AVERAGE);
+    an_shaping_set(&app->shaping, app->probe, app->slow.total, scale);
+    app->probe++;
+}
+
+static void identify(an_six *app)
+{
+    if (app->probing != 0u) {
+        if (app->slow.finished == 0u) {
+            return;
+        }
+        take_column(app);
+    }
+    if (app->probe_level < AN_PROBE_LEAST * app->shape.drive_limit) {
+        fail(app, AN_FAULT_IDENTIFY);
+    } else if (app->probe == app->channels) {
+        end_identify(app);
+    } else {
+        app->probing = post_dwell(app) ? 1u : 0u;
+    }
+}
+
+static bool host_is_silent(const an_six *app)
+{
+    const float silent_s = (float)(app->fast.window.count - app->host_heard) * period_s(app);
+    return app->host_drives && silent_s > AN_SILENCE_S;
+}
+
+void an_six_window_end(an_six *app)
+{
+    an_six_slow_step(&app->slow, &app->fast);
+    app->slow.envelope = an_texture_step(&app->texture);
+}
+
+void an_six_poll(an_six *app)
+{
+    if (an_six_slow_vacant(&app->slow) == NULL) {
+        return;
+    }
+    const uint32_t found = app->fast.faults | app->slow.trips;
+    if (app->state != AN_STATE_FAULT && found != 0u) {
+        fail(app, found);
+    } else if ((app->state == AN_STATE_RUN || app->state == AN_STATE_IDENTIFY) && host_is_silent(app)) {
+        fail(app, AN_FAULT_HOST_SILENT);
+    } else if (app->stopping) {
+        post_rest(app, 0u);
+        app->state = AN_STATE_IDLE;
+    } else if (app->state == AN_STATE_IDENTIFY) {
+        identify(app);
+    }
+    app->stopping = false;
+}
+
+void an_six_record(const an_six *app, float *record)
+{
+    const an_six_job *job = &app->slow.jobs[app->slow.active];
+    uint32_t best = 0u;
+    for (uint32_t i = 1u; i < app->channels; i++) {
+        if (an_abs2(job->target[i]) > an_abs2(job->target[best])) {
+            best = i;
+        }
+    }
+    record[0] = app->slow.measured[best].re;
+    record[1] = app->slow.measured[best].im;
+    record[2] = app->slow.drive[best].re;
+    record[3] = app->slow.drive[best].im;
+    record[4] = app->slow.reference * app->slow.envelope;
+}

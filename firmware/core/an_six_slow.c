@@ -1,0 +1,220 @@
+#include "an_six_slow.h"
+
+#include <stdatomic.h>
+
+#include "an_clear.h"
+#include "an_complex.h"
+#include "an_faults.h"
+
+#define AN_AMPLITUDE_MAX2 0.81f   /* squared: sensors beyond 0.9 of full scale */
+#define AN_OFFSET_MAX 0.25f       /* of full scale */
+#define AN_OFFSET_SHARE 0.0625f   /* of a window in the smoothed offset */
+#define AN_MISMATCH_FLOOR2 0.01f  /* squared */
+#define AN_MISMATCH_SHARE2 0.25f  /* squared */
+
+enum { CLIPPED_MAX = 2 };
+
+bool an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint32_t window)
+{
+    an_clear(slow, sizeof *slow);
+    an_six_fast_init(fast, step, window);
+    slow->envelope = 1.0f;
+    slow->jobs[0].step = step;
+    slow->jobs[0].window = window;
+    slow->jobs[0].channels = AN_SIX;
+    return an_demod_plan(&slow->jobs[0].demod, step, window, 1.0f / (float)AN_SIX_ADC_MIDDLE);
+}
+
+an_six_job *an_six_slow_vacant(an_six_slow *slow)
+{
+    const volatile uint32_t *active = &slow->active;
+    if (*active != slow->posted) {
+        return NULL;
+    }
+    return &slow->jobs[slow->posted ^ 1u];
+}
+
+void an_six_slow_post(an_six_slow *slow)
+{
+    atomic_signal_fence(memory_order_release);
+    slow->posted ^= 1u;
+}
+
+/* From pattern to pattern the loop goes on; from anywhere else it begins with the plate as it is. */
+static void begin_track(an_six_slow *slow, uint32_t kind_before)
+{
+    for (uint32_t i = 0u; i < AN_SIX && kind_before != AN_SIX_TRACK; i++) {
+        slow->wanted[i] = an_cplx(0.0f, 0.0f);
+        slow->integral[i] = an_cplx(0.0f, 0.0f);
+    }
+}
+
+static void take_job(an_six_slow *slow, an_six_fast *fast)
+{
+    begin_track(slow, slow->jobs[slow->active].kind);
+    slow->active = slow->posted;
+    if (slow->jobs[slow->active].clear != 0u) {
+        slow->trips = 0u;
+        fast->faults = 0u;
+    }
+    slow->waited = 0u;
+    slow->finished = 0u;
+    slow->mismatched = 0u;
+    for (uint32_t i = 0u; i < AN_SIX; i++) {
+        slow->total[i] = an_cplx(0.0f, 0.0f);
+    }
+}
+
+/* Written so that a NaN trips too. */
+static uint32_t check_sensor(an_complex tone, float offset)
+{
+    uint32_t trips = 0u;
+    if (!(an_abs2(tone) <= AN_AMPLITUDE_MAX2)) {
+        trips |= AN_FAULT_AMPLITUDE;
+    }
+    if (!(__builtin_fabsf(offset) <= AN_OFFSET_MAX)) {
+        trips |= AN_FAULT_SENSOR_OFFSET;
+    }
+    return trips;
+}
+
+static void measure(an_six_slow *slow, an_six_fast *fast, const an_six_job *job)
+{
+    const an_six_window *window = &fast->window;
+    an_sums *sums = fast->sums[window->bank];
+    for (uint32_t i = 0u; i < job->channels; i++) {
+        const an_phasor phasor = an_demod_fit(&job->demod, &sums[i], window->last_phase);
+        slow->measured[i] = phasor.tone;
+        slow->offset[i] += AN_OFFSET_SHARE * (phasor.offset - slow->offset[i]);
+        slow->trips |= check_sensor(phasor.tone, slow->offset[i]);
+    }
+    an_clear(sums, sizeof fast->sums[0]);
+    if (window->clipped > CLIPPED_MAX) {
+        slow->trips |= AN_FAULT_SENSOR_CLIPPED;
+    }
+}
+
+static void dwell(an_six_slow *slow, const an_six_job *job)
+{
+    for (uint32_t i = 0u; i < AN_SIX; i++) {
+        slow->drive[i] = job->drive[i];
+        if (slow->finished == 0u && slow->waited >= job->settle) {
+            slow->total[i] = an_add(slow->total[i], slow->measured[i]);
+        }
+    }
+    slow->waited++;
+    slow->finished |= slow->waited >= job->settle + job->average;
+}
+
+/* True when some sensor is not where the model says, within half of it and a tenth of full scale. */
+static bool sensors_differ(const an_six_slow *slow, const an_six_job *job)
+{
+    for (uint32_t i = 0u; i < job->channels; i++) {
+        const float allowed2 = AN_MISMATCH_FLOOR2 + AN_MISMATCH_SHARE2 * an_abs2(slow->wanted[i]);
+        const an_complex model = an_add(slow->wanted[i], slow->integral[i]);
+        if (!(an_abs2(an_sub(slow->measured[i], model)) <= allowed2)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static void check_model(an_six_slow *slow, const an_six_job *job)
+{
+    slow->mismatched = sensors_differ(slow, job) ? slow->mismatched + 1u : 0u;
+    if (slow->mismatched > job->patience) {
+        slow->trips |= AN_FAULT_MISMATCH;
+    }
+}
+
+/* All drives scaled alike, so that the pattern keeps its shape. */
+static void limit(an_six_slow *slow, const an_six_job *job)
+{
+    float largest2 = 0.0f;
+    for (uint32_t i = 0u; i < job->channels; i++) {
+        const float size2 = an_abs2(slow->drive[i]);
+        largest2 = size2 > largest2 ? size2 : largest2;
+    }
+    slow->limited = largest2 > job->drive_limit * job->drive_limit;
+    if (slow->limited != 0u) {
+        const float factor = job->drive_limit / __builtin_sqrtf(largest2);
+        for (uint32_t i = 0u; i < job->channels; i++) {
+            slow->drive[i] = an_scale(slow->drive[i], factor);
+        }
+    }
+}
+
+static an_complex nearer(an_complex from, an_complex to, float share)
+{
+    return an_add(from, an_scale(an_sub(to, from), share));
+}
+
+static void invert(an_six_slow *slow, const an_six_job *job)
+{
+    for (uint32_t i = 0u; i < AN_SIX; i++) {
+        slow->drive[i] = an_cplx(0.0f, 0.0f);
+    }
+    for (uint32_t j = 0u; j < job->channels; j++) {
+        const an_complex wanted = an_add(slow->wanted[j], slow->integral[j]);
+        for (uint32_t i = 0u; i < job->channels; i++) {
+            slow->drive[i] = an_add(slow->drive[i], an_mul(job->inverse[i * AN_SIX + j], wanted));
+        }
+    }
+}
+
+static void track(an_six_slow *slow, const an_six_job *job)
+{
+    const float reference = slow->reference * slow->envelope;
+    check_model(slow, job);
+    for (uint32_t i = 0u; i < job->channels; i++) {
+        const an_complex error = an_sub(slow->wanted[i], slow->measured[i]);
+        const an_complex goal = an_scale(job->target[i], reference);
+        if (slow->limited == 0u) {
+            slow->integral[i] = an_add(slow->integral[i], an_scale(error, job->integral));
+        }
+        slow->wanted[i] = nearer(slow->wanted[i], goal, job->soft);
+    }
+    invert(slow, job);
+    limit(slow, job);
+}
+
+static void rest(an_six_slow *slow)
+{
+    for (uint32_t i = 0u; i < AN_SIX; i++) {
+        slow->drive[i] = an_cplx(0.0f, 0.0f);
+    }
+}
+
+static void do_job(an_six_slow *slow, const an_six_job *job)
+{
+    if (slow->trips != 0u || job->kind == AN_SIX_REST) {
+        rest(slow);
+    } else if (job->kind == AN_SIX_DWELL) {
+        dwell(slow, job);
+    } else {
+        track(slow, job);
+    }
+    if (slow->trips != 0u) {
+        rest(slow);
+    }
+}
+
+void an_six_slow_step(an_six_slow *slow, an_six_fast *fast)
+{
+    slow->trips |= slow->outside | fast->faults;
+    measure(slow, fast, &slow->jobs[slow->active]);
+    if (slow->active != slow->posted) {
+        take_job(slow, fast);
+    }
+    const an_six_job *job = &slow->jobs[slow->active];
+    do_job(slow, job);
+    const uint32_t bank = fast->command.bank ^ 1u;
+    for (uint32_t i = 0u; i < AN_SIX; i++) {
+        fast->drive[bank][i] = slow->drive[i];
+    }
+    fast->command.bank = bank;
+    fast->command.step = job->step;
+    fast->command.window = job->window;
+    atomic_signal_fence(memory_order_release);
+    fast->command.count = fast->window.count;
+}

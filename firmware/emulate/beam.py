@@ -1,0 +1,108 @@
+"""A clamped beam under six point actuators and six sensors at the same places, for the six-channel build.
+
+Euler-Bernoulli modes, w_n = (k_n/L)^2 sqrt(E h^2 / (12 rho)), cos k cosh k = 1; each sensor follows the displacement under it.
+Amplitudes are full scales: the drives are multiplied by a gain so chosen that the largest |T| at one frequency is as asked.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+CHANNELS = 6
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Beam:
+    """SI units; quality, the same for each mode; largest, the largest |T| at frequency_hz; noise, rms in full scales."""
+
+    length_m: float = 0.150
+    thickness_m: float = 1e-3
+    young_pa: float = 210e9
+    density_kg_m3: float = 7850.0
+    quality: float = 50.0
+    modes: int = 12
+    frequency_hz: float = 2400.0
+    largest: float = 0.5
+    noise: float = 0.0
+    sample_rate_hz: float = 40e3
+
+    @property
+    def places_m(self) -> Floats:
+        """Where the six actuators and sensors are, evenly spaced along the beam."""
+        return np.asarray(self.length_m * np.arange(1, CHANNELS + 1) / (CHANNELS + 1))
+
+    @property
+    def angular(self) -> Floats:
+        """Angular frequencies of the modes, rad/s."""
+        stiffness = math.sqrt(self.young_pa * self.thickness_m**2 / (12.0 * self.density_kg_m3))
+        return np.asarray((_clamped_roots(self.modes) / self.length_m) ** 2 * stiffness)
+
+    @property
+    def slowest_s(self) -> float:
+        """Longest decay time of an amplitude, tau = 2 Q / w_1, s."""
+        return float(2.0 * self.quality / self.angular[0])
+
+    def shapes(self, at_m: Floats) -> Floats:
+        """Mode shapes (modes, places), of rms 1 along the beam."""
+        roots = _clamped_roots(self.modes)[:, None]
+        ratio = (np.cosh(roots) - np.cos(roots)) / (np.sinh(roots) - np.sin(roots))
+        t = roots * at_m[None, :] / self.length_m
+        return np.asarray(np.cosh(t) - np.cos(t) - ratio * (np.sinh(t) - np.sin(t)))
+
+    @property
+    def gain(self) -> float:
+        """Modal force per drive, for which max |T(frequency_hz)| = largest."""
+        return self.largest / float(np.abs(self._unscaled(self.frequency_hz, self.places_m)).max())
+
+    def matrix(self, frequency_hz: float, at_m: Floats | None = None) -> Complexes:
+        """Displacement at places (the sensors', if not given) over drives, (places, 6), at a frequency."""
+        return self.gain * self._unscaled(frequency_hz, self.places_m if at_m is None else at_m)
+
+    def _unscaled(self, frequency_hz: float, at_m: Floats) -> Complexes:
+        omega = 2.0 * math.pi * frequency_hz
+        modal = 1.0 / (self.angular**2 - omega**2 + 1j * omega * self.angular / self.quality)
+        return np.asarray(np.einsum("mi,m,mj->ij", self.shapes(at_m), modal, self.shapes(self.places_m)))
+
+
+def _clamped_roots(count: int) -> Floats:
+    """The first roots of cos k cosh k = 1, by Newton from (n + 1/2) pi."""
+    k = (np.arange(1, count + 1) + 0.5) * math.pi
+    for _ in range(8):
+        k = k - (np.cos(k) - 1.0 / np.cosh(k)) / (-np.sin(k) + np.sinh(k) / np.cosh(k) ** 2)
+    return np.asarray(k)
+
+
+class BeamSimulation:
+    """A Beam in time: one call a sample, drives held between samples, solved exactly."""
+
+    def __init__(self, beam: Beam, seed: int = 1) -> None:
+        self.beam = beam
+        rate = beam.angular / (2.0 * beam.quality)
+        pole = -rate + 1j * np.sqrt(beam.angular**2 - rate**2)
+        shapes = beam.shapes(beam.places_m)
+        step = 1.0 / beam.sample_rate_hz
+        self.decay = np.exp(pole * step)
+        self.push = ((self.decay - 1.0) / pole)[:, None] * shapes * beam.gain
+        self.pull = shapes.T / pole.imag
+        self.state = np.zeros(beam.modes, complex)
+        self.random = np.random.default_rng(seed)
+
+    def sense(self) -> Floats:
+        """The six sensors' levels at this sample, in full scales."""
+        levels = (self.pull @ self.state).imag
+        return levels + self.random.normal(0.0, self.beam.noise, CHANNELS) if self.beam.noise else levels
+
+    def drive(self, levels: Floats) -> None:
+        """Holds six drives from now to the next sample."""
+        self.state = self.decay * self.state + self.push @ levels
+
+
+def adc_codes(levels: Floats) -> list[int]:
+    """12-bit codes of levels in full scales, clipped at the ends."""
+    return np.clip(np.floor(levels * 2048.0 + 2048.5), 0, 4095).astype(int).tolist()

@@ -1,0 +1,59 @@
+"""The single-mode image on the emulated board, joined to a simulated plate by ADC and DAC."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from firmware.emulate.board import EmulatedBoard
+from firmware.emulate.plant import Plate, PlateSimulation, adc_code, dac_level
+from firmware.host import load
+
+TIM2, ADC_DR, DAC_RD = 0x40000000, 0x4001204C, 0x40007420
+IDLE, IDENTIFY, RUN, FAULT = range(4)
+
+
+class EmulatedSingle(EmulatedBoard):
+    """A board whose application object is in view as `app`; reports as HostedSingle's, one a window."""
+
+    def __init__(self, image: Path, plate: Plate, seed: int = 1, **options: Any) -> None:
+        self.plate = PlateSimulation(plate, seed)
+        self.codes: list[int] | None = None
+        self.reports: list[tuple[complex, complex, float]] = []
+        super().__init__(image, plate.sample_rate_hz, **options)
+        ffi, _ = load()
+        self.app = ffi.cast("an_single *", self.pointer("app"))
+        self.on_window = self._report
+        self.dac, self.adc, self.timer = self.word(DAC_RD), self.word(ADC_DR), self.word(TIM2)
+
+    def sense(self) -> float:
+        """What reaches the converter; a test may put a broken sensor here."""
+        return self.plate.sense()
+
+    def push_button(self) -> None:
+        """Pressed for two windows, then let go."""
+        self.press(True)
+        self.run(100 * self.sample_s)
+        self.press(False)
+        self.run(50 * self.sample_s)
+
+    def _exchange(self) -> None:
+        if not self.timer.value & 1:
+            raise RuntimeError("the image stopped its timer: nothing will ever wake it")
+        sample = adc_code(self.sense())
+        code = self.dac.value & 0xFFF
+        self.plate.drive(dac_level(code))
+        if self.codes is not None:
+            self.codes.append(code)
+        self.adc.value = sample
+
+    def _report(self) -> None:
+        slow, running = self.app.slow, self.app.state == RUN
+        measured, drive = slow.measured.tone, slow.pi.drive
+        self.reports.append(
+            (
+                complex(measured.re, measured.im),
+                complex(drive.re, drive.im) if running else 0j,
+                slow.pi.reference if running else 0.0,
+            )
+        )

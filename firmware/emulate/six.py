@@ -1,0 +1,71 @@
+"""The six-channel image on the emulated board, joined to a simulated beam by a scanning ADC and six half-bridges."""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from firmware.emulate.beam import CHANNELS, Beam, BeamSimulation, adc_codes
+from firmware.emulate.board import EmulatedBoard
+from firmware.host import load
+
+TIM1, TIM8 = 0x40010000, 0x40010400
+CR1, SR, ARR, CCR1, BDTR = 0x00, 0x10, 0x2C, 0x34, 0x44
+SCAN_MEMORY = 0x40026410 + 0x0C  # DMA2, stream 0
+GATES, BREAK_SEEN = 1 << 15, 1 << 7
+SWING = 1080 / 1125  # of the supply, at a duty of full drive
+
+
+class EmulatedSix(EmulatedBoard):
+    """A board whose application object is in view as `app`; open bridges drive nothing."""
+
+    FAST_HANDLER = "DMA2_Stream0_IRQHandler"
+
+    def __init__(self, image: Path, beam: Beam, seed: int = 1, **options: Any) -> None:
+        self.beam = BeamSimulation(beam, seed)
+        self.history: list[list[int]] | None = None
+        super().__init__(image, beam.sample_rate_hz, **options)
+        ffi, _ = load()
+        self.app = ffi.cast("an_six *", self.pointer("app"))
+        self.compare = [self.word(timer + CCR1 + 4 * i) for timer in (TIM1, TIM8) for i in range(3)]
+        self.gates = [self.word(timer + BDTR) for timer in (TIM1, TIM8)]
+        self.samples = (ctypes.c_uint16 * CHANNELS).from_address(self._address(self.word(SCAN_MEMORY).value))
+
+    @property
+    def driving(self) -> bool:
+        """True while the gates of both timers are closed."""
+        return all(gate.value & GATES for gate in self.gates)
+
+    def pull_break(self) -> None:
+        """What the power stage does when it sees too much current: the timer opens its gates by itself."""
+        self.word(TIM1 + BDTR).value &= ~GATES
+        self.word(TIM1 + SR).value |= BREAK_SEEN
+
+    def sense(self) -> np.ndarray:
+        """What reaches the converters; a test may put broken sensors here."""
+        return self.beam.sense()
+
+    @property
+    def measured(self) -> np.ndarray:
+        """The six phasors of the last window."""
+        return np.array([complex(z.re, z.im) for z in self.app.slow.measured])
+
+    @property
+    def drives(self) -> np.ndarray:
+        """The six drives commanded last."""
+        return np.array([complex(z.re, z.im) for z in self.app.slow.drive])
+
+    def _exchange(self) -> None:
+        if not self.word(TIM1 + CR1).value & 1:
+            raise RuntimeError("the image never started its timers: nothing will ever wake it")
+        sensed = self.sense()
+        duties = [word.value for word in self.compare]
+        middle = self.word(TIM1 + ARR).value / 2.0
+        levels = (np.array(duties) - middle) / (SWING * middle) if self.driving else np.zeros(CHANNELS)
+        self.beam.drive(levels)
+        if self.history is not None:
+            self.history.append(duties)
+        self.samples[:] = adc_codes(sensed)  # type: ignore[assignment]

@@ -1,0 +1,78 @@
+"""The firmware's core as a shared library of this machine, called from Python through cffi."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+CORE = Path(__file__).parent.parent / "core"
+NO_LIBRARY = Path(__file__).parent / "headers"
+FLAGS = ("-std=c11", "-O2", "-ffreestanding", "-ffp-contract=off", "-fno-math-errno", "-fPIC")
+
+
+class NoCompiler(RuntimeError):
+    """Neither a C compiler nor zig is here."""
+
+
+def compiler() -> list[str]:
+    """The command of a C compiler for this machine: the one it was set up with, cc, or zig from pip."""
+    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
+        if name and shutil.which(name):
+            return [name]
+    if find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc"]
+    raise NoCompiler("no C compiler: install cc, or zig by `pip install ziglang`")
+
+
+def declarations(command: list[str]) -> str:
+    """What the core's headers declare, preprocessed, in the form cffi reads."""
+    names = sorted(path.name for path in CORE.glob("an_*.h") if "static inline" not in path.read_text())
+    text = "".join(f'#include "{name}"\n' for name in names)
+    done = subprocess.run(
+        [*command, "-E", "-P", "-nostdinc", f"-I{NO_LIBRARY}", f"-I{CORE}", "-xc", "-"],
+        input=text,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return re.sub(r"_Static_assert\(.*?\);", "", done.stdout)
+
+
+def build(command: list[str], flags: tuple[str, ...] = ()) -> Path:
+    """The shared library, built once for each state of the sources and flags."""
+    sources = sorted(CORE.glob("*.c"))
+    state = hashlib.sha256(repr((command, flags, sys.platform, sysconfig.get_platform())).encode())
+    for path in sorted(CORE.iterdir()):
+        state.update(path.read_bytes())
+    folder = Path(tempfile.gettempdir()) / f"antinode-host-{os.getuid()}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    library = folder / f"core-{state.hexdigest()[:16]}.so"
+    if not library.exists():
+        fresh = library.with_suffix(f".{os.getpid()}")
+        subprocess.run([*command, *FLAGS, *flags, "-shared", "-o", str(fresh), *map(str, sources)], check=True)
+        fresh.replace(library)
+    return library
+
+
+@cache
+def load(*flags: str) -> tuple[Any, Any]:
+    """(ffi, library) of the core, built with additional compiler flags, those of ANTINODE_HOST_FLAGS among them.
+
+    Raises NoCompiler.
+    """
+    from cffi import FFI
+
+    command = compiler()
+    ffi = FFI()
+    ffi.cdef(declarations(command))
+    return ffi, ffi.dlopen(str(build(command, (*flags, *os.environ.get("ANTINODE_HOST_FLAGS", "").split()))))

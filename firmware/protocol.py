@@ -1,0 +1,197 @@
+"""The serial protocol as the host speaks it: frames, requests and what the replies hold (firmware/core/an_link.h)."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+
+from firmware.table_format import crc32
+
+PAYLOAD_MAX = 120
+REPLY = 0x80
+LOG_RECORDS = 0xC0
+BAUD = 921600
+
+
+class Kind(IntEnum):
+    """What a host may ask."""
+
+    IDENTITY = 1
+    STATUS = 2
+    START = 3
+    STOP = 4
+    CLEAR = 5
+    REFERENCE = 6
+    SINE = 7
+    STREAM = 8
+    SAMPLES = 9
+    LOG = 10
+    UPLOAD_BEGIN = 11
+    UPLOAD_DATA = 12
+    UPLOAD_END = 13
+    PATTERN = 14
+
+
+class Result(IntEnum):
+    """How a request was received."""
+
+    OK = 0
+    UNKNOWN = 1
+    BAD_VALUE = 2
+    NOT_NOW = 3
+    TABLE_REFUSED = 4
+    STORE_FAILED = 5
+
+
+RESULT_TEXT = {
+    Result.UNKNOWN: "this image does not know the request",
+    Result.BAD_VALUE: "a value is out of range",
+    Result.NOT_NOW: "refused in the present state",
+    Result.TABLE_REFUSED: "the table was refused",
+    Result.STORE_FAILED: "the table could not be stored",
+}
+TABLE_TEXT = (
+    "sound",
+    "truncated",
+    "not a mode table",
+    "of another version",
+    "of a wrong length",
+    "damaged",
+    "out of range",
+)
+STATES = ("idle", "identify", "run", "fault")
+FAULTS = (
+    "table",
+    "clock",
+    "not finite",
+    "sensor clipped",
+    "sensor offset",
+    "amplitude",
+    "mismatch",
+    "fast late",
+    "slow late",
+    "identify",
+    "host silent",
+    "flash",
+    "break",
+    "watchdog",
+    "shaping",
+    "supply",
+)
+
+
+@dataclass(frozen=True)
+class Message:
+    """One frame's content."""
+
+    kind: int
+    sequence: int
+    payload: bytes = b""
+
+
+def stuff(content: bytes) -> bytes:
+    """Consistent overhead byte stuffing (COBS) of less than 254 bytes, with the zero that ends a frame."""
+    return b"".join(bytes([len(part) + 1]) + part for part in content.split(b"\0")) + b"\0"
+
+
+def unstuff(frame: bytes) -> bytes | None:
+    """The content of a frame without its zero; None when its codes do not fit."""
+    parts = []
+    at = 0
+    while at < len(frame):
+        code = frame[at]
+        if code == 0 or at + code > len(frame):
+            return None
+        parts.append(frame[at + 1 : at + code])
+        at += code
+    return b"\0".join(parts)
+
+
+def encode(message: Message) -> bytes:
+    """A message as it goes over the line."""
+    body = bytes([message.kind, message.sequence]) + message.payload
+    return stuff(body + struct.pack("<I", crc32(body)))
+
+
+def decode(frame: bytes) -> Message | None:
+    """The message in a frame without its zero; None when it is damaged."""
+    content = unstuff(frame)
+    if content is None or len(content) < 6 or struct.unpack("<I", content[-4:])[0] != crc32(content[:-4]):
+        return None
+    return Message(content[0], content[1], content[2:-4])
+
+
+_STATUS = struct.Struct("<BBBBIIII13f")
+
+
+@dataclass(frozen=True)
+class Status:
+    """The state of the single-mode image. SI units; amplitudes in full scales; faults by name."""
+
+    state: str
+    faults: tuple[str, ...]
+    windows: int
+    starved: int
+    worst_cycles: int
+    frequency_hz: float
+    detuning_hz: float
+    tau_s: float
+    gain: complex
+    delay_s: float
+    neighbour: float
+    reference: float
+    measured: complex
+    drive: complex
+    offset: float
+    gain_identified: bool
+
+
+def parse_status(payload: bytes) -> Status:
+    """A Status from a reply's payload behind its result. Raises struct.error when the length differs."""
+    state, _, _, flags, faults, windows, starved, cycles, *numbers = _STATUS.unpack(payload)
+    frequency, detuning, tau, gain_re, gain_im, delay, neighbour, reference, u_d, u_q, v_d, v_q, offset = numbers
+    return Status(
+        state=STATES[state],
+        faults=fault_names(faults),
+        windows=windows,
+        starved=starved,
+        worst_cycles=cycles,
+        frequency_hz=frequency,
+        detuning_hz=detuning,
+        tau_s=tau,
+        gain=complex(gain_re, gain_im),
+        delay_s=delay,
+        neighbour=neighbour,
+        reference=reference,
+        measured=complex(u_d, u_q),
+        drive=complex(v_d, v_q),
+        offset=offset,
+        gain_identified=bool(flags & 1),
+    )
+
+
+def fault_names(bits: int) -> tuple[str, ...]:
+    """The names of the faults whose bits are set."""
+    return tuple(name for index, name in enumerate(FAULTS) if bits >> index & 1)
+
+
+_RECORD = struct.Struct("<I5f")
+
+
+@dataclass(frozen=True)
+class Record:
+    """One line of the log: window number, measured phasor, drive, reference."""
+
+    window: int
+    measured: complex
+    drive: complex
+    reference: float
+
+
+def parse_log(payload: bytes) -> list[Record]:
+    """The records of a log frame."""
+    return [
+        Record(window, complex(u_d, u_q), complex(v_d, v_q), reference)
+        for window, u_d, u_q, v_d, v_q, reference in _RECORD.iter_unpack(payload)
+    ]

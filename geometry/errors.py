@@ -1,0 +1,9 @@
+"""What geometry raises."""
+
+
+class GeometryError(ValueError):
+    """A shape that cannot be built or is not what it claims to be (an open STEP file, an empty solid)."""
+
+
+class MeshError(RuntimeError):
+    """A mesh that failed its checks; the message names the worst element."""

@@ -1,0 +1,146 @@
+"""A finite-element mesh with named regions and faces, and the checks that let it be believed."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from geometry.elements import Element, FloatArray, IntArray, element
+from geometry.errors import MeshError
+
+FLAT = 1e-12  # relative deviation below which an element counts as affine
+CHUNK = 4096  # elements a time: bounds the memory of a check
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Nodes (n, 3) in m, cells (e, k) of one element kind, named regions (cell indices) and faces (m, kf node indices).
+
+    `spans` holds the elements' edge lengths (e, 3) in m when every element is a box along the axes.
+    """
+
+    nodes: FloatArray
+    cells: IntArray
+    kind: str
+    order: int
+    regions: dict[str, IntArray] = field(default_factory=dict)
+    faces: dict[str, IntArray] = field(default_factory=dict)
+    spans: FloatArray | None = None
+
+    @property
+    def element(self) -> Element:
+        """The reference element."""
+        return element(self.kind, self.order)
+
+    @property
+    def dof(self) -> int:
+        """Displacement unknowns before any constraint."""
+        return 3 * len(self.nodes)
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of nodes, cells, faces and regions: a mesh is an input of a case."""
+        digest = hashlib.sha256(f"{self.kind}{self.order}".encode())
+        for array in (self.nodes, self.cells):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        for named in (self.regions, self.faces):
+            for name in sorted(named):
+                digest.update(name.encode())
+                digest.update(np.ascontiguousarray(named[name]).tobytes())
+        return digest.hexdigest()
+
+    def nodes_of(self, face: str) -> IntArray:
+        """Sorted node indices of a named face. Raises MeshError for a name the mesh does not have."""
+        if face not in self.faces:
+            raise MeshError(f"the mesh has no face '{face}'; it has {', '.join(sorted(self.faces))}")
+        return np.unique(self.faces[face])
+
+    def region_of_cells(self) -> dict[str, IntArray]:
+        """Regions, or the whole mesh as `body` when none is named."""
+        return self.regions or {"body": np.arange(len(self.cells))}
+
+
+def jacobians(mesh: Mesh, cells: IntArray, at: FloatArray) -> FloatArray:
+    """Jacobian matrices d x_j / d xi_m of the given elements at reference points (q, 3), shape (e, q, 3, 3)."""
+    _, gradient = mesh.element.shape(at)
+    return np.asarray(np.einsum("qkm,ekj->eqmj", gradient, mesh.nodes[mesh.cells[cells]], optimize=True))
+
+
+def cell_volumes(mesh: Mesh) -> FloatArray:
+    """Volume of every element by quadrature, m3."""
+    if mesh.spans is not None:
+        return np.asarray(mesh.spans.prod(axis=1))
+    rule = mesh.element.quadrature
+    volumes = np.empty(len(mesh.cells))
+    for part in _parts(len(mesh.cells)):
+        volumes[part] = np.linalg.det(jacobians(mesh, part, rule.points)) @ rule.weights
+    return volumes
+
+
+def is_affine(mesh: Mesh) -> FloatArray:
+    """Which elements map affinely from the reference element, shape (e,) bool."""
+    if mesh.spans is not None or (mesh.order == 1 and mesh.kind == "tet"):
+        return np.ones(len(mesh.cells), dtype=bool)
+    corners = mesh.element.points
+    basis = np.column_stack([np.ones(len(corners)), corners])
+    project = np.eye(len(corners)) - basis @ np.linalg.pinv(basis)
+    deviation = np.abs(np.einsum("ak,ekj->eaj", project, mesh.nodes[mesh.cells])).max(axis=(1, 2))
+    size = np.ptp(mesh.nodes[mesh.cells], axis=1).max(axis=1)
+    return np.asarray(deviation <= FLAT * size)
+
+
+@dataclass(frozen=True)
+class MeshReport:
+    """What the checks measured: volumes in m3, the smallest ratio of Jacobian minimum to maximum in an element."""
+
+    cells: int
+    nodes: int
+    volume_m3: float
+    worst_jacobian_ratio: float
+    worst_cell: int
+
+
+def check_mesh(mesh: Mesh, volume_m3: float | None = None, tolerance: float = 1e-3) -> MeshReport:
+    """Check Jacobians at the quadrature points, orphan nodes, and the volume against the CAD solid's.
+
+    `volume_m3` is the exact volume, `tolerance` the allowed relative difference.
+    Raises MeshError naming the worst element, the orphan or the two volumes.
+    """
+    if not np.isfinite(mesh.nodes).all():
+        raise MeshError("the mesh has a node that is not a number")
+    unused = np.setdiff1d(np.arange(len(mesh.nodes)), mesh.cells)
+    if len(unused):
+        raise MeshError(f"{len(unused)} orphan node(s), the first is node {unused[0]}: no element uses it")
+    ratio, worst = _worst_jacobian(mesh)
+    if not ratio > 0.0:
+        centre = 1e3 * mesh.nodes[mesh.cells[worst]].mean(axis=0)
+        place = ", ".join(f"{c:.3f}" for c in centre)
+        raise MeshError(f"element {worst} at ({place}) mm is inverted or flat: Jacobian ratio {ratio:.2e}, must be > 0")
+    volume = float(cell_volumes(mesh).sum())
+    if volume_m3 is not None and abs(volume - volume_m3) > tolerance * volume_m3:
+        off = volume / volume_m3 - 1.0
+        raise MeshError(f"mesh volume differs from the solid's by {off:+.2e}, allowed is {tolerance:.0e}")
+    return MeshReport(len(mesh.cells), len(mesh.nodes), volume, ratio, worst)
+
+
+def _worst_jacobian(mesh: Mesh) -> tuple[float, int]:
+    """Smallest (signed minimum / maximum magnitude) of det J over one element's quadrature points, and where."""
+    if mesh.spans is not None:
+        worst = int(mesh.spans.min(axis=1).argmin())
+        return (1.0 if mesh.spans[worst].min() > 0.0 else -1.0), worst
+    points = np.vstack([mesh.element.quadrature.points, mesh.element.points])
+    best, worst = np.inf, 0
+    for part in _parts(len(mesh.cells)):
+        determinants = np.linalg.det(jacobians(mesh, part, points))
+        ratios = determinants.min(axis=1) / np.maximum(np.abs(determinants).max(axis=1), 1e-300)
+        here = int(ratios.argmin())
+        if ratios[here] < best:
+            best, worst = float(ratios[here]), int(part[here])
+    return best, worst
+
+
+def _parts(count: int) -> list[IntArray]:
+    return np.array_split(np.arange(count), max(1, -(-count // CHUNK)))

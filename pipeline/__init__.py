@@ -1,0 +1,1 @@
+"""Files in, files out: cases, steps, batch runs, pictures, exports."""

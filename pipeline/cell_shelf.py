@@ -1,0 +1,80 @@
+"""Reduced cells kept on disk under the hash of their input and of the code that computes them."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+import zipfile
+from dataclasses import fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline import fingerprint
+from pipeline.house import RESULTS
+from solvers.fem.assembly import Scale
+from solvers.superelement.cell import Cell, Expansion
+from solvers.superelement.interface import Interface
+
+PARTS = {"scale": Scale, "interface": Interface, "touch": Expansion, "skin": Expansion}
+
+
+@lru_cache(maxsize=1)
+def _salt() -> str:
+    return fingerprint.code_hash()[:16]
+
+
+class CellShelf:
+    """A folder of .npz files, one per cell; a torn or foreign file counts as absent."""
+
+    def __init__(self, folder: Path = RESULTS / ".cells") -> None:
+        self.folder = folder
+
+    def get(self, key: str) -> Cell | None:
+        """A cell kept under this key by the same code, or None."""
+        with (
+            contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile),
+            np.load(self._path(key)) as file,
+        ):
+            return _unpacked({name: file[name] for name in file.files})
+        return None
+
+    def put(self, key: str, cell: Cell) -> None:
+        """Keep a cell; a full disk costs the next run time, not this one its result."""
+        with contextlib.suppress(OSError):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            handle, name = tempfile.mkstemp(dir=self.folder, suffix=".part")
+            try:
+                with os.fdopen(handle, "wb") as file:
+                    np.savez(file, **_packed(cell))
+                Path(name).replace(self._path(key))
+            finally:
+                Path(name).unlink(missing_ok=True)
+
+    def _path(self, key: str) -> Path:
+        return self.folder / f"{key[:32]}-{_salt()}.npz"
+
+
+def _packed(cell: Cell) -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for field in fields(cell):
+        value = getattr(cell, field.name)
+        if field.name in PARTS:
+            inner = {f.name: getattr(value, f.name) for f in fields(value)}
+            flat |= {f"{field.name}.{name}": v for name, v in inner.items() if v is not None}
+        else:
+            flat[field.name] = value
+    return flat
+
+
+def _unpacked(flat: dict[str, Any]) -> Cell:
+    plain = {name: value for name, value in flat.items() if "." not in name}
+    for name, kind in PARTS.items():
+        inner = {key.split(".")[1]: value for key, value in flat.items() if key.startswith(f"{name}.")}
+        plain[name] = kind(**{key: value.item() if value.ndim == 0 else value for key, value in inner.items()})
+    plain["size_m"] = tuple(float(v) for v in plain["size_m"])
+    plain["mesh_dof"] = int(plain["mesh_dof"])
+    return Cell(**plain)

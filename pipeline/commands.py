@@ -1,0 +1,147 @@
+"""One function per command that takes a case: read it, solve, tell."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+
+from pipeline import outputs
+from pipeline.case import Case, load_case
+from pipeline.errors import CheckFailed, NotAvailable
+from pipeline.house import STUDIES
+from pipeline.logs import TerminalLog
+from pipeline.quantities import parse_band, parse_frequency
+
+LATER = "is not part of this version yet; the commands that are there: antinode --help"
+
+
+def _case(arguments: Namespace) -> Case:
+    return load_case(arguments.case, arguments.set)
+
+
+def _log(arguments: Namespace) -> TerminalLog:
+    return TerminalLog(arguments.quiet)
+
+
+def predesign(arguments: Namespace) -> int:
+    """Analytic sizing."""
+    from pipeline.predesign import run
+
+    case = _case(arguments)
+    case.require("plate", "zone", command="predesign")
+    outputs.emit(arguments, "predesign", *run(case))
+    return 0
+
+
+def modes(arguments: Namespace) -> int:
+    """Modes of a part."""
+    case, log = _case(arguments), _log(arguments)
+    band = parse_band(arguments.band, "--band") if arguments.band else None
+    near = parse_frequency(arguments.near, "--near") if arguments.near else None
+    _require_part(case, arguments.part)
+    from pipeline.modes import Request, solve_modes, wanted_row
+
+    found = solve_modes(case, Request(arguments.part, band, near, arguments.count, arguments.parity), log)
+    document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    head = ("frequency_hz", "parity", "zone_share", "confinement_db", "mac", "residual")
+    rows = [[getattr(row, key) for key in head] for row in found.rows]
+    wanted = wanted_row(found, case) if arguments.part != "pillar" else None
+    text = [f"{found.model.name}, {found.dof} unknowns, {found.rigid_count} rigid motions", outputs.table(head, rows)]
+    if wanted is not None:
+        text.append(
+            f"closest to the wanted (0, {case.design.nodal_lines}) mode: {found.rows[wanted].frequency_hz:.1f} Hz"
+        )
+    text.append(f"count by inertia: {found.count.expected}, found: {found.count.found}")
+    outputs.emit(arguments, "modes", document, "\n".join(text))
+    if arguments.out:
+        outputs.write_file(Path(arguments.out) / "modes.csv", outputs.csv_bytes(head, rows))
+    return 0
+
+
+def _require_part(case: Case, part: str) -> None:
+    if part == "plate":
+        case.require_plate(command="modes --part plate")
+    elif part == "zone":
+        case.require("plate", "zone", command="modes --part zone")
+    else:
+        case.require("pillar", command="modes --part pillar")
+
+
+def bands(arguments: Namespace) -> int:
+    """Bloch bands and complete gaps."""
+    case, log = _case(arguments), _log(arguments)
+    from pipeline.bands import solve_bands
+
+    found = solve_bands(case, log)
+    document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    count = found.frequencies_hz.shape[1]
+    head = ("label", "kx_per_m", "ky_per_m", *(f"band_{n}_hz" for n in range(1, count + 1)))
+    rows = [
+        [label, float(k[0]), float(k[1]), *(float(f) for f in row)]
+        for label, k, row in zip(found.path.labels, found.path.wavevectors, found.frequencies_hz, strict=True)
+    ]
+    labelled = [row for row in rows if row[0]]
+    gaps = [
+        f"Gap from band {g.lower_band} ({g.lower_hz / 1e3:.2f} kHz) to band {g.upper_band} ({g.upper_hz / 1e3:.2f} kHz), "
+        f"{200 * (g.upper_hz - g.lower_hz) / (g.upper_hz + g.lower_hz):.2f} %"
+        for g in found.gaps
+    ] or ["No complete gap along the path"]
+    text = [f"{found.model}, {found.dof} unknowns a wavevector", outputs.table(head, labelled), *gaps]
+    outputs.emit(arguments, "bands", document, "\n".join(text))
+    if arguments.out:
+        outputs.write_file(Path(arguments.out) / "bands.csv", outputs.csv_bytes(head, rows))
+    return 0
+
+
+def check_gap(arguments: Namespace) -> int:
+    """The band-gap check."""
+    arguments.case = arguments.case or str(STUDIES / "three-rows.toml")
+    case, log = _case(arguments), _log(arguments)
+    from pipeline import gap_check
+
+    edges = gap_check.check_gap(case, log)
+    document = gap_check.as_json(edges)
+    head = ("edge", "reference_hz", "found_hz", "change", "allowed", "holds")
+    rows = [
+        [e.name, e.reference_hz, e.found_hz, f"{100 * e.relative_change:+.3f} %", f"{100 * e.allowed:.1f} %", e.holds]
+        for e in edges
+    ]
+    outputs.emit(arguments, "check-gap", document, outputs.table(head, rows))
+    if not document["holds"]:
+        raise CheckFailed(
+            f"{e.name} moved by {100 * e.relative_change:+.2f} %, allowed is {100 * e.allowed:.1f} %"
+            for e in edges
+            if not e.holds
+        )
+    return 0
+
+
+def attenuation(arguments: Namespace) -> int:
+    """Decay per row."""
+    _case(arguments)
+    raise NotAvailable(f"attenuation {LATER}")
+
+
+def response(arguments: Namespace) -> int:
+    """Forced response."""
+    _case(arguments)
+    raise NotAvailable(f"response {LATER}")
+
+
+def active(arguments: Namespace) -> int:
+    """Analogy and control models."""
+    if arguments.case:
+        _case(arguments)
+    raise NotAvailable(f"active {arguments.model} {LATER}")
+
+
+def export(arguments: Namespace) -> int:
+    """Files for others."""
+    case, log = _case(arguments), _log(arguments)
+    case.require_plate(command=f"export {arguments.format}")
+    from pipeline import exports
+
+    written = exports.write(case, arguments.format, arguments.output, log)
+    document = {"schema": 1, "files": [str(path) for path in written]}
+    outputs.emit(arguments, "export", document, "\n".join(f"wrote {path}" for path in written))
+    return 0

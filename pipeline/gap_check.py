@@ -1,0 +1,84 @@
+"""The band-gap check: edges recomputed now against committed ones that a finer mesh and another method gave."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.bands import Bands, solve_bands
+from pipeline.case import Case
+from pipeline.errors import CheckFailed
+from pipeline.house import REFERENCE
+from pipeline.logs import Log
+
+FILE = REFERENCE / "band_gap.csv"
+
+
+@dataclass(frozen=True)
+class Edge:
+    """One checked frequency: committed, found, and the relative change allowed."""
+
+    name: str
+    reference_hz: float
+    found_hz: float
+    allowed: float
+
+    @property
+    def relative_change(self) -> float:
+        """found/reference - 1."""
+        return self.found_hz / self.reference_hz - 1.0
+
+    @property
+    def holds(self) -> bool:
+        """Whether the change is within what is allowed (a missing edge, NaN, is not)."""
+        return abs(self.relative_change) <= self.allowed
+
+
+def edges_of(bands: Bands) -> dict[str, float]:
+    """Edges of the lowest complete gap and the cell's bending frequency at M, Hz; NaN where there is none."""
+    gap = bands.gaps[0] if bands.gaps else None
+    corner = bands.at("M")
+    return {
+        "gap lower edge": gap.lower_hz if gap else float("nan"),
+        "gap upper edge": gap.upper_hz if gap else float("nan"),
+        "bending at M": float(corner[:2].mean()) if corner is not None else float("nan"),
+    }
+
+
+def read_reference(path: Path = FILE) -> dict[str, tuple[float, float]]:
+    """Committed edges, {name: (Hz, allowed relative change)}. Raises CheckFailed when the file is missing."""
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            return {row["name"]: (float(row["hz"]), float(row["allowed"])) for row in csv.DictReader(file)}
+    except (OSError, KeyError, ValueError) as fault:
+        raise CheckFailed(f"{path.name}: {fault}: the committed band-gap reference cannot be read") from fault
+
+
+def check_gap(case: Case, log: Log) -> list[Edge]:
+    """Every committed edge beside what is found now."""
+    found = edges_of(solve_bands(case, log))
+    return [Edge(name, hz, found.get(name, float("nan")), allowed) for name, (hz, allowed) in read_reference().items()]
+
+
+def as_json(edges: list[Edge]) -> dict[str, Any]:
+    """The contract's fields; an edge that is gone is null."""
+    return {
+        "schema": 1,
+        "holds": all(edge.holds for edge in edges),
+        "edges": [
+            {
+                "name": edge.name,
+                "reference_hz": edge.reference_hz,
+                "found_hz": _number(edge.found_hz),
+                "relative_change": _number(edge.relative_change),
+                "allowed": edge.allowed,
+            }
+            for edge in edges
+        ],
+    }
+
+
+def _number(value: float) -> float | None:
+    return value if value == value else None

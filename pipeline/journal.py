@@ -1,0 +1,65 @@
+"""journal.jsonl: what happened to a study, one JSON object a line, only ever appended to."""
+
+from __future__ import annotations
+
+import json
+import os
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+JOURNAL = "journal.jsonl"
+
+
+class Journal:
+    """Appends lines. A line torn by a killed run is closed first, so that it spoils no other."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / JOURNAL
+        self.complaint: str | None = None
+
+    def write(self, event: str, **fields: Any) -> None:
+        """Append one event. A full disk does not stop a study: the loss is kept in `complaint`."""
+        entry = {"at": datetime.now(UTC).isoformat(timespec="seconds"), "event": event, **fields}
+        line = json.dumps(entry, ensure_ascii=False) + "\n"
+        try:
+            descriptor = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+            try:
+                os.write(descriptor, (_line_end(descriptor) + line).encode())
+            finally:
+                os.close(descriptor)
+        except OSError as error:
+            self.complaint = f"{self.path}: a line could not be written ({error.strerror})"
+
+
+def _line_end(descriptor: int) -> str:
+    size = os.fstat(descriptor).st_size
+    return "\n" if size and os.pread(descriptor, 1, size - 1) != b"\n" else ""
+
+
+def read(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
+    """Entries of a study's journal and a complaint for each line that cannot be read."""
+    entries: list[dict[str, Any]] = []
+    complaints: list[str] = []
+    with suppress(FileNotFoundError):
+        for number, line in enumerate((folder / JOURNAL).read_bytes().split(b"\n"), start=1):
+            if not line.strip():
+                continue
+            try:
+                entry = json.loads(line)
+                if not isinstance(entry, dict):
+                    raise ValueError("not an object")
+                entries.append(entry)
+            except ValueError:
+                complaints.append(f"{JOURNAL}, line {number}: torn, passed over")
+    return entries, complaints
+
+
+def seconds_by_case(entries: list[dict[str, Any]]) -> dict[str, float]:
+    """Last known duration of each case, s: what time left is reckoned from."""
+    return {
+        entry["case"]: float(entry["seconds"])
+        for entry in entries
+        if entry.get("event") == "finished" and "case" in entry and "seconds" in entry
+    }

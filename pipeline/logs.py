@@ -1,0 +1,79 @@
+"""What a computation tells while it runs: to a case's run.mess, to the terminal, or to nobody."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import Protocol
+
+
+class Log(Protocol):
+    """Receiver of facts, alarms, omissions and timed steps."""
+
+    def info(self, text: str, id: str = "") -> None:
+        """A fact."""
+        ...
+
+    def alarm(self, id: str, text: str) -> None:
+        """Something to know before believing the numbers."""
+        ...
+
+    def left_out(self, what: str, why: str) -> None:
+        """Something that the scene does not need."""
+        ...
+
+    def step(self, name: str) -> AbstractContextManager[None]:
+        """Time a step."""
+        ...
+
+
+class TerminalLog:
+    """Lines on standard error with the time since the start; silent when quiet. `seconds` keeps each step's time."""
+
+    def __init__(self, quiet: bool = False) -> None:
+        self.quiet = quiet
+        self.seconds: dict[str, float] = {}
+        self._start = time.perf_counter()
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the start."""
+        return time.perf_counter() - self._start
+
+    def info(self, text: str, id: str = "") -> None:
+        """A fact."""
+        self._say(text)
+
+    def alarm(self, id: str, text: str) -> None:
+        """Something to know before believing the numbers; said even when quiet."""
+        print(f"warning {id}: {text}", file=sys.stderr)
+
+    def left_out(self, what: str, why: str) -> None:
+        """Something that the scene does not need."""
+        self._say(f"left out {what}: {why}")
+
+    @contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        """Say that a step begins and keep its time; a terminal shows that it is alive."""
+        begin = time.perf_counter()
+        with self._spinner(name):
+            yield
+        spent = time.perf_counter() - begin
+        self.seconds[name] = self.seconds.get(name, 0.0) + spent
+        self._say(f"{name}: {spent:.2f} s")
+
+    @contextmanager
+    def _spinner(self, name: str) -> Iterator[None]:
+        if self.quiet or not sys.stderr.isatty():
+            yield
+            return
+        from rich.console import Console
+
+        with Console(stderr=True).status(f"{name} ..."):
+            yield
+
+    def _say(self, text: str) -> None:
+        if not self.quiet:
+            print(f"[{self.elapsed:7.2f} s] {text}", file=sys.stderr)

@@ -1,0 +1,242 @@
+"""Modes of a part: every mirror class asked for, merged, counted and measured."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from pipeline import part_models, planner
+from pipeline.case import Case
+from pipeline.errors import InputFault
+from pipeline.logs import Log
+from pipeline.part_models import PartModel
+from solvers.confinement import Confinement, measure, wanted_parity
+from solvers.fem.eigen import Count, Modes, modes_in_band, modes_near
+
+DEFAULT_COUNT = 20
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to solve: a band, or `count` modes near a frequency (0: the lowest); one mirror class or all."""
+
+    part: str = "plate"
+    band_hz: tuple[float, float] | None = None
+    near_hz: float | None = None
+    count: int | None = None
+    parity: str | None = None
+
+
+@dataclass(frozen=True)
+class ModeRow:
+    """One mode: where its vector is (class and column), and its measures (None where they have no meaning)."""
+
+    frequency_hz: float
+    residual: float
+    parity: str | None
+    column: int
+    zone_share: float | None
+    confinement_db: float | None
+    mac: float | None
+
+
+@dataclass(frozen=True)
+class PartModes:
+    """Modes of a part in ascending order, with the model and the vectors behind them."""
+
+    part: str
+    model: PartModel
+    rows: tuple[ModeRow, ...]
+    vectors: dict[str | None, FloatArray]
+    dof: int
+    rigid_count: int
+    count: Count
+    meshes: list[dict[str, Any]]
+
+    def json(self) -> dict[str, Any]:
+        """The contract's fields, without times."""
+        keys = ("frequency_hz", "residual", "parity", "zone_share", "confinement_db", "mac")
+        return {
+            "schema": 1,
+            "model": self.model.name,
+            "part": self.part,
+            "dof": self.dof,
+            "rigid_count": self.rigid_count,
+            "modes": [{key: getattr(row, key) for key in keys} for row in self.rows],
+            "count_check": {
+                "low_hz": self.count.low_hz,
+                "high_hz": self.count.high_hz,
+                "expected": self.count.expected,
+                "found": self.count.found,
+            },
+        }
+
+
+def understood(case: Case, request: Request) -> Request:
+    """Fill what the command line left out from the case, then from pre-design."""
+    solve, asked = case.solve, request
+    if asked.band_hz is None and asked.near_hz is None and asked.count is None:
+        asked = replace(asked, band_hz=solve.band_hz, near_hz=solve.near_hz, count=solve.count)
+    if asked.band_hz is not None:
+        return asked
+    if asked.near_hz is not None:
+        return replace(asked, count=asked.count or solve.count or DEFAULT_COUNT)
+    if asked.count is not None:
+        return replace(asked, near_hz=0.0)
+    if asked.part == "pillar":
+        return replace(asked, near_hz=0.0, count=4)
+    return replace(asked, band_hz=planner.wanted_window_hz(case.design), parity=asked.parity or case.parity_wanted)
+
+
+def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
+    """Solve a part's modes. Raises SolverError (not trusted), MeshError, InputFault (a class the part does not have)."""
+    asked = understood(case, request)
+    high = (
+        asked.band_hz[1] if asked.band_hz else 2.0 * (asked.near_hz or 0.0) or planner.wanted_window_hz(case.design)[1]
+    )
+    meshes: list[dict[str, Any]] = []
+    model = part_models.build(case, asked.part, high, log, meshes)
+    parities = _classes(model, asked.parity)
+    if len(parities) < len(model.parities):
+        log.left_out("mirror classes other than " + ", ".join(str(p) for p in parities), "not asked for")
+    solved: dict[str | None, Modes] = {}
+    dof = 0
+    for parity in parities:
+        with log.step(f"solve class {parity or 'whole'}"):
+            pencil = model.pencil(parity)
+            dof += pencil.dof
+            solved[parity] = _solve(pencil, asked)
+        log.info(f"class {parity or 'whole'}: {pencil.dof} unknowns, {len(solved[parity].frequency_hz)} modes")
+    return _merged(case, asked, model, solved, dof, meshes)
+
+
+def _classes(model: PartModel, parity: str | None) -> tuple[str | None, ...]:
+    if parity is None:
+        return model.parities
+    if parity not in model.parities:
+        raise InputFault(f"parity {parity}: this model has no mirror classes; leave --parity out")
+    return (parity,)
+
+
+def _solve(pencil: Any, asked: Request) -> Modes:
+    if asked.band_hz:
+        return modes_in_band(pencil, *asked.band_hz)
+    assert asked.near_hz is not None and asked.count is not None
+    return modes_near(pencil, asked.near_hz, asked.count)
+
+
+def _merged(
+    case: Case,
+    asked: Request,
+    model: PartModel,
+    solved: dict[str | None, Modes],
+    dof: int,
+    meshes: list[dict[str, Any]],
+) -> PartModes:
+    rows = [row for parity, modes in solved.items() for row in _rows(case, asked.part, model, parity, modes)]
+    rows.sort(key=lambda row: (row.frequency_hz, row.parity or ""))
+    counts = [modes.count for modes in solved.values()]
+    count = Count(
+        max(c.low_hz for c in counts),
+        min(c.high_hz for c in counts),
+        sum(c.expected for c in counts),
+        sum(c.found for c in counts),
+    )
+    if asked.count is not None and not asked.band_hz:
+        rows, count = _nearest(rows, asked, count)
+    return PartModes(
+        asked.part,
+        model,
+        tuple(rows),
+        {parity: modes.vectors for parity, modes in solved.items()},
+        dof,
+        sum(modes.rigid_count for modes in solved.values()),
+        count,
+        meshes,
+    )
+
+
+def _nearest(rows: list[ModeRow], asked: Request, count: Count) -> tuple[list[ModeRow], Count]:
+    """The `count` modes nearest to the frequency over all classes, degenerate partners of the last one kept.
+
+    Every class is complete in its own, wider interval, so the common one is complete too.
+    """
+    assert asked.near_hz is not None and asked.count is not None
+    ordered = sorted(rows, key=lambda row: abs(row.frequency_hz - asked.near_hz))
+    size = min(asked.count, len(ordered))
+    while size < len(ordered) and _same(ordered[size].frequency_hz, ordered[size - 1].frequency_hz):
+        size += 1
+    kept = ordered[:size]
+    inner = abs(kept[-1].frequency_hz - asked.near_hz) if kept else 0.0
+    outer = abs(ordered[size].frequency_hz - asked.near_hz) if size < len(ordered) else None
+    reach = (inner + outer) / 2.0 if outer is not None else count.high_hz - asked.near_hz
+    low, high = max(asked.near_hz - reach, 0.0), asked.near_hz + reach
+    missing = count.expected - count.found
+    return sorted(kept, key=lambda row: (row.frequency_hz, row.parity or "")), Count(low, high, size + missing, size)
+
+
+def _same(first: float, second: float) -> bool:
+    return abs(first - second) <= 1e-6 * max(first, second)
+
+
+def _rows(case: Case, part: str, model: PartModel, parity: str | None, modes: Modes) -> list[ModeRow]:
+    measures: Confinement | None = None
+    if part != "pillar" and len(modes.frequency_hz):
+        measures = measure(model.touch(parity, modes.vectors), case.design, parity)
+
+    def at(values: FloatArray | None, index: int) -> float | None:
+        value = float(values[index]) if values is not None else math.nan
+        return value if math.isfinite(value) else None
+
+    return [
+        ModeRow(
+            float(frequency),
+            float(modes.residual[i]),
+            parity,
+            i,
+            at(measures.zone_share if measures else None, i),
+            at(measures.confinement_db if measures else None, i),
+            at(measures.mac if measures else None, i),
+        )
+        for i, frequency in enumerate(modes.frequency_hz)
+    ]
+
+
+def wanted_row(found: PartModes, case: Case) -> int | None:
+    """Index of the mode that looks most like the wanted one, weighted by its share inside the zone; None without modes."""
+    parity = wanted_parity(case.design.nodal_lines)
+    scores = [
+        (row.mac or 0.0) * (1.0 if row.zone_share is None else row.zone_share) if row.parity in (None, parity) else 0.0
+        for row in found.rows
+    ]
+    return int(np.argmax(scores)) if scores and max(scores) > 0.0 else None
+
+
+def wanted_record(found: PartModes, index: int) -> dict[str, Any]:
+    """The wanted mode's measures, its pillars' share of kinetic energy, and the modes that share its shape.
+
+    Near the pillars' resonance the wanted shape is spread over several modes: the cluster lists those with at least a
+    tenth of the best score, each with its share of their sum.
+    """
+    row = found.rows[index]
+    score = [(r.mac or 0.0) * (1.0 if r.zone_share is None else r.zone_share) for r in found.rows]
+    members = [i for i, s in enumerate(score) if s >= 0.1 * score[index]]
+    total = sum(score[i] for i in members)
+    vector = found.vectors[row.parity][:, [row.column]]
+    return {
+        "index": index,
+        "frequency_hz": row.frequency_hz,
+        "parity": row.parity,
+        "mac": row.mac,
+        "zone_share": row.zone_share,
+        "confinement_db": row.confinement_db,
+        "pillar_energy_share": float(found.model.pillar_share(row.parity, vector)[0]),
+        "cluster": [
+            {"frequency_hz": found.rows[i].frequency_hz, "mac": found.rows[i].mac, "share": score[i] / total}
+            for i in members
+        ],
+    }

@@ -1,0 +1,112 @@
+"""Pictures over a study: confinement and frequency against what was swept."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pipeline import plots
+from pipeline.plots import Drawing
+from pipeline.records import CONFINED_DB, StoredCase, StoredStudy
+
+MOST_TICKS = 12
+UNITS = {"mm": "mm", "kHz": "kHz", "GPa": "GPa", "kg": "kg", "deg": "°"}
+
+
+def axis_label(key: str) -> str:
+    """A swept key in words: array.pitch_mm -> array pitch (mm)."""
+    words = key.replace(".", " ").split("_")
+    unit = UNITS.get(words[-1])
+    text = " ".join(words[:-1] if unit else words)
+    return f"{text} ({unit})" if unit else text
+
+
+def against_sweep(study: StoredStudy) -> Drawing | None:
+    """Confinement and the wanted mode's frequency against the most varied numeric key, one line per set of the others."""
+    cases = [case for case in study.cases if case.wanted.get("frequency_hz")]
+    numeric = [key for key in study.swept if all(_is_number(case.sweep.get(key)) for case in cases)]
+    varied = {key: len({case.sweep[key] for case in cases}) for key in numeric}
+    if not varied or max(varied.values()) < 2:
+        return None
+    key = max(varied, key=lambda name: varied[name])
+    others = [name for name in study.swept if name != key and len({str(case.sweep.get(name)) for case in cases}) > 1]
+    figure = plots.new_figure(plots.WIDTH_IN, 5.2)
+    level, tone = figure.subplots(2, 1, sharex=True)
+    for index, (name, line) in enumerate(_lines(cases, key, others).items()):
+        _draw_line(level, tone, line, key, name, index)
+    _finish(level, tone, key)
+    _bending_at_m(tone, cases, key)
+    handles, labels = tone.get_legend_handles_labels()
+    if len(labels) > 1:
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), fontsize=8)
+    title = f"Confinement and frequency against {axis_label(key)}"
+    return Drawing("against_sweep", title, _alt(study, cases, key), figure, vector=True)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _lines(cases: list[StoredCase], key: str, others: list[str]) -> dict[str, list[StoredCase]]:
+    lines: dict[str, list[StoredCase]] = {}
+    for case in sorted(cases, key=lambda case: case.sweep[key]):
+        name = ", ".join(f"{axis_label(other)} = {case.sweep.get(other)}" for other in others)
+        lines.setdefault(name or "wanted mode", []).append(case)
+    return dict(sorted(lines.items()))
+
+
+def _draw_line(level: Any, tone: Any, line: list[StoredCase], key: str, name: str, index: int) -> None:
+    colour, marker = plots.CYCLE[index % len(plots.CYCLE)], plots.MARKERS[index % len(plots.MARKERS)]
+    x = np.array([case.sweep[key] for case in line], dtype=float)
+    held = np.array([case.wanted.get("confinement_db") for case in line], dtype=float)
+    level.plot(x, held, color=colour, lw=1.1)
+    for filled in (True, False):
+        shown = (held >= CONFINED_DB) == filled
+        level.plot(x[shown], held[shown], marker, color=colour, mfc=colour if filled else "white", ms=6)
+    khz = [case.wanted["frequency_hz"] / 1e3 for case in line]
+    tone.plot(x, khz, color=colour, marker=marker, ms=5, label=name)
+
+
+def _finish(level: Any, tone: Any, key: str) -> None:
+    low, high = level.get_ylim()
+    low, high = min(0.0, low), max(CONFINED_DB + 3.0, high)
+    level.axhspan(CONFINED_DB, high, color=plots.GREEN, alpha=0.10, lw=0)
+    level.axhline(CONFINED_DB, color=plots.GREEN, lw=1.0, ls="--")
+    level.set_ylim(low, high)
+    level.set_ylabel("confinement (dB)")
+    level.set_title(f"Confined: at least {CONFINED_DB:.0f} dB (shaded, filled marks)")
+    tone.set_ylabel("frequency (kHz)")
+    tone.set_title("Wanted mode")
+    tone.set_xlabel(axis_label(key))
+    for axes in (level, tone):
+        axes.grid(True)
+    values = sorted({float(value) for line in tone.lines for value in line.get_xdata()})
+    if len(values) <= MOST_TICKS:
+        tone.set_xticks(values, [f"{value:g}" for value in values])
+
+
+def _bending_at_m(tone: Any, cases: list[StoredCase], key: str) -> None:
+    """The cell's bending frequency at M, where the cases computed bands."""
+    known = {
+        case.sweep[key]: (case.record.get("bands") or {}).get("bending_at_m_hz")
+        for case in cases
+        if case.record.get("bands")
+    }
+    points = sorted((x, min(pair) / 1e3) for x, pair in known.items() if pair)
+    if points:
+        tone.plot(
+            *zip(*points, strict=True), color=plots.GREY, ls=":", marker="x", ms=5, label="unit cell: bending at M"
+        )
+
+
+def _alt(study: StoredStudy, cases: list[StoredCase], key: str) -> str:
+    levels = [(case.wanted["confinement_db"], case) for case in cases if case.wanted.get("confinement_db") is not None]
+    if not levels:
+        return f"Frequency of the wanted mode against {axis_label(key)} over {len(cases)} cases of {study.name}."
+    worst, *_, best = sorted([*levels, levels[0]], key=lambda pair: pair[0])
+    return (
+        f"Confinement in dB and frequency in kHz of the wanted mode against {axis_label(key)} over {len(cases)} cases of "
+        f"{study.name}: from {worst[0]:.1f} dB ({worst[1].case_id}) to {best[0]:.1f} dB ({best[1].case_id}); "
+        f"{sum(level >= CONFINED_DB for level, _ in levels)} of {len(levels)} reach {CONFINED_DB:.0f} dB."
+    )

@@ -1,0 +1,273 @@
+"""What the report says about records: numbers with units, sentences, the text's figures beside ours."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.records import CONFINED_DB, StoredCase, StoredStudy
+from pipeline.tables import widest_gap
+
+MOST_MODES = 40
+WIDE = "\u202f"
+
+
+@dataclass(frozen=True)
+class Card:
+    """A headline: its name, its value, a line beneath, its mood (good, bad or plain)."""
+
+    name: str
+    value: str
+    note: str
+    mood: str = "plain"
+
+
+def si(value: Any, unit: str = "", digits: int = 4) -> str:
+    """A number for reading: thin spaces between thousands, '-' for nothing."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        text = f"{value:,}".replace(",", WIDE)
+    elif isinstance(value, float):
+        text = f"{value:.{digits}g}"
+    else:
+        text = str(value)
+    return f"{text}{WIDE}{unit}" if unit else text
+
+
+def khz(frequency_hz: float | None) -> str:
+    """A frequency in kHz, to 10 Hz."""
+    return "–" if frequency_hz is None else f"{frequency_hz / 1e3:.2f}{WIDE}kHz"
+
+
+def best_case(study: StoredStudy) -> StoredCase | None:
+    """The case whose wanted mode is held best; without any, the first that has one."""
+    held = [case for case in study.cases if case.confined is not None]
+    if held:
+        return max(held, key=lambda case: case.wanted["confinement_db"])
+    return next((case for case in study.cases if case.wanted), None)
+
+
+def cards(study: StoredStudy) -> list[Card]:
+    """Headlines of a study: wanted mode, how well it is held, gap, how the cases ended."""
+    found = []
+    best = best_case(study)
+    several = len(study.cases) > 1
+    if best:
+        mac = best.wanted.get("mac")
+        note = "" if mac is None else f"MAC {mac:.2f} to the analytic shape"
+        found.append(Card("Wanted mode", khz(best.wanted.get("frequency_hz")), note))
+    if best and best.confined is not None:
+        verdict = "confined" if best.confined else "leaking"
+        where = f", best of {sum(case.confined is not None for case in study.cases)}: {best.case_id}" if several else ""
+        level = f"{best.wanted['confinement_db']:.1f}{WIDE}dB"
+        found.append(Card("Held in the zone", level, verdict + where, "good" if best.confined else "bad"))
+    gap = next((gap for case in study.cases if (gap := widest_gap(case))), None)
+    if gap:
+        value = f"{gap['lower_hz'] / 1e3:.1f}–{gap['upper_hz'] / 1e3:.1f}{WIDE}kHz"
+        found.append(Card("Complete gap", value, f"between bands {gap['lower_band']} and {gap['upper_band']}"))
+    return [*found, _ended(study)]
+
+
+def _ended(study: StoredStudy) -> Card:
+    counts = Counter(case.status for case in study.cases)
+    done = counts["OK"] + counts["ALARM"]
+    words = [
+        f"{counts[key]} {word}"
+        for key, word in (("ALARM", "with alarms"), ("FAILED", "failed"), ("MISSING", "missing"))
+    ]
+    told = ", ".join(word for word in words if not word.startswith("0 ")) or "no alarm"
+    good = done == len(study.cases)
+    return Card("Cases", f"{done} of {len(study.cases)} done", told, "good" if good else "bad")
+
+
+def sentences(study: StoredStudy) -> list[str]:
+    """The study's answer in a few sentences."""
+    said = []
+    held = [case for case in study.cases if case.confined is not None]
+    if len(held) > 1:
+        confined = [case.case_id for case in held if case.confined]
+        names = f": {', '.join(confined)}" if 0 < len(confined) <= 6 else ""
+        said.append(
+            f"{len(confined)} of {len(held)} plates hold the wanted mode by at least {CONFINED_DB:.0f} dB{names}."
+        )
+    for case in held[: 1 if len(held) == 1 else 0]:
+        said.append(_held_sentence(case))
+    bending = next(
+        (pair for case in study.cases if (pair := (case.record.get("bands") or {}).get("bending_at_m_hz"))), None
+    )
+    if bending:
+        tones = " and ".join(dict.fromkeys(f"{tone / 1e3:.2f}" for tone in bending))
+        said.append(f"The pillars' bending bands of the unit cell meet M at {tones} kHz.")
+    for case in study.cases:
+        if case.status in {"FAILED", "MISSING"}:
+            said.append(f"{case.case_id} gave no answer: {case.diagnosis}.")
+    return said
+
+
+def _held_sentence(case: StoredCase) -> str:
+    verb = "holds" if case.confined else "does not hold"
+    share = case.wanted.get("zone_share")
+    inside = f"; {share:.0%} of its squared normal displacement lies in the zone" if share is not None else ""
+    return f"The plate {verb} the wanted mode: {case.wanted['confinement_db']:.1f} dB{inside}."
+
+
+def comparison(study: StoredStudy) -> list[dict[str, Any]]:
+    """The text's figures beside ours, from the records that carry them, with the difference where both are numbers."""
+    rows = []
+    for source in [study.about, *(case.record for case in study.cases)]:
+        for row in source.get("comparison") or []:
+            pair = row.get("thesis"), row.get("ours")
+            numeric = all(isinstance(value, (int, float)) for value in pair) and pair[0]
+            difference = f"{(pair[1] - pair[0]) / pair[0]:+.1%}" if numeric else ""
+            rows.append({"unit": "", "note": "", **row, "case": source.get("case_id", ""), "difference": difference})
+    return rows
+
+
+def facts(case: StoredCase) -> list[tuple[str, str]]:
+    """A case's results in words and numbers."""
+    return [*_mode_facts(case), *_band_facts(case), *_part_facts(case), *_plate_facts(case), *_mesh_facts(case)]
+
+
+def _mode_facts(case: StoredCase) -> list[tuple[str, str]]:
+    wanted, found = case.wanted, []
+    if wanted:
+        found.append(("wanted mode", f"{khz(wanted.get('frequency_hz'))}, MAC {si(wanted.get('mac'), digits=3)}"))
+    if case.confined is not None:
+        verdict = "confined" if case.confined else "leaking"
+        found.append(("confinement", f"{wanted['confinement_db']:.1f} dB: {verdict} (at least {CONFINED_DB:.0f} dB)"))
+    for key, name in (
+        ("zone_share", "share of the touch face's u_z² in the zone"),
+        ("pillar_energy_share", "pillars' share of energy"),
+    ):
+        if wanted.get(key) is not None:
+            found.append((name, f"{wanted[key]:.1%}"))
+    cluster = wanted.get("cluster") or []
+    if len(cluster) > 1:
+        told = [f"{khz(member['frequency_hz'])} ({member['share']:.0%})" for member in cluster if "share" in member]
+        found.append(("modes that share the wanted shape", ", ".join(told)))
+    check = (case.record.get("modes") or {}).get("count_check")
+    if check:
+        verdict = "holds" if check["expected"] == check["found"] else "does not hold"
+        band = f"{khz(check['low_hz'])} to {khz(check['high_hz'])}"
+        found.append(
+            ("count check by inertia", f"{verdict}: {check['found']} found, {check['expected']} expected in {band}")
+        )
+    tet = case.record.get("tet_modes") or {}
+    if tet.get("frequency_hz"):
+        gap = (
+            f", {tet['relative_difference']:+.2%} from hexahedra" if tet.get("relative_difference") is not None else ""
+        )
+        found.append(
+            ("wanted mode, tetrahedra (pytetwild)", f"{khz(tet['frequency_hz'])}{gap}, {si(tet.get('dof'))} unknowns")
+        )
+    return found
+
+
+def _band_facts(case: StoredCase) -> list[tuple[str, str]]:
+    bands, found = case.record.get("bands") or {}, []
+    for gap in bands.get("gaps") or []:
+        name = f"complete gap, bands {gap['lower_band']} to {gap['upper_band']}"
+        found.append((name, f"{khz(gap['lower_hz'])} to {khz(gap['upper_hz'])}"))
+    if bands and not bands.get("gaps"):
+        found.append(("complete gap", "none along the path"))
+    if bands.get("bending_at_m_hz"):
+        tones = dict.fromkeys(khz(tone) for tone in bands["bending_at_m_hz"])
+        both = " (both)" if len(tones) < len(bands["bending_at_m_hz"]) else ""
+        found.append(("bending bands at M", " and ".join(tones) + both))
+    worst = band_difference(case)
+    if worst is not None:
+        found.append(("bands, tetrahedra against hexahedra", f"at most {worst:.2%} apart at the labelled points"))
+    return found
+
+
+def _part_facts(case: StoredCase) -> list[tuple[str, str]]:
+    """The pre-design, the bare zone and the lone pillar, where they were computed."""
+    found = []
+    predesign = case.record.get("predesign") or {}
+    if (predesign.get("zone") or {}).get("frequency_hz"):
+        found.append(("pre-design: zone", khz(predesign["zone"]["frequency_hz"])))
+    if (predesign.get("pillar") or {}).get("frequency_hz"):
+        pillar = predesign["pillar"]
+        height = f", {pillar['height_mm']:.2f} mm high" if pillar.get("height_mm") else ""
+        found.append(("pre-design: pillar", f"{khz(pillar['frequency_hz'])}{height}"))
+    zone = case.record.get("zone_modes") or {}
+    if zone.get("modes") and zone.get("wanted_index") is not None:
+        name = f"bare zone, long sides clamped, {zone.get('nodal_lines')} nodal lines"
+        found.append((name, khz(zone["modes"][zone["wanted_index"]]["frequency_hz"])))
+    pillars = (case.record.get("pillar_modes") or {}).get("modes") or []
+    if pillars:
+        found.append(("lone pillar, foot clamped", ", ".join(khz(mode["frequency_hz"]) for mode in pillars[:4])))
+    return found
+
+
+def band_difference(case: StoredCase) -> float | None:
+    """Largest relative difference between the two meshes' bands at the wavevectors that both have; zero modes left out."""
+    ours = {point["label"]: point for point in (case.record.get("bands") or {}).get("points", []) if point.get("label")}
+    worst = None
+    for point in (case.record.get("tet_bands") or {}).get("points", []):
+        pair = ours.get(point.get("label"), {}).get("frequencies_hz") or []
+        for one, two in zip(pair, point["frequencies_hz"], strict=False):
+            if one > 1e-3 * pair[-1]:
+                worst = max(worst or 0.0, abs(two - one) / one)
+    return worst
+
+
+def _plate_facts(case: StoredCase) -> list[tuple[str, str]]:
+    plate = case.record.get("geometry") or {}
+    found = []
+    if plate.get("mass_kg") is not None:
+        volume = f", {plate['volume_m3'] * 1e9:.0f} mm³" if plate.get("volume_m3") else ""
+        found.append(("mass", f"{plate['mass_kg'] * 1e3:.2f} g{volume}"))
+    if plate.get("watertight") is not None:
+        tight = "watertight" if plate["watertight"] else "NOT watertight"
+        found.append(
+            (
+                "print file",
+                f"{tight}, {plate.get('bodies', '?')} body, volume error {si(plate.get('volume_error'), digits=2)}",
+            )
+        )
+    if plate.get("smallest_feature_m") is not None:
+        found.append(("smallest feature", f"{plate['smallest_feature_m'] * 1e3:g} mm"))
+    return found
+
+
+def _mesh_facts(case: StoredCase) -> list[tuple[str, str]]:
+    kinds = {"hex": "hexahedra", "tet": "tetrahedra"}
+    return [
+        (
+            f"mesh of the {mesh.get('what', '?')}, {kinds.get(mesh.get('kind', ''), mesh.get('kind'))}",
+            f"{si(mesh.get('cells'))} cells of order {si(mesh.get('order'))}, {si(mesh.get('dof'))} unknowns",
+        )
+        for mesh in case.record.get("meshes") or []
+    ]
+
+
+def modes(case: StoredCase) -> list[dict[str, Any]]:
+    """The modes nearest the wanted one, at most forty, each told whether it is the wanted one."""
+    found = list((case.record.get("modes") or {}).get("modes") or [])
+    index = case.wanted.get("index")
+    rows = [{**mode, "number": number + 1, "wanted": number == index} for number, mode in enumerate(found)]
+    if len(rows) > MOST_MODES:
+        start = max(0, min(len(rows) - MOST_MODES, (index or 0) - MOST_MODES // 2))
+        rows = rows[start : start + MOST_MODES]
+    return rows
+
+
+def left_out(study: StoredStudy) -> list[dict[str, str]]:
+    """What was left out and why, each once, with the cases it holds for."""
+    told: dict[str, list[str]] = {}
+    for case in study.cases:
+        for text in case.record.get("left_out") or []:
+            told.setdefault(text, []).append(case.case_id)
+    total = len(study.cases)
+    return [
+        {
+            "text": text,
+            "cases": "all cases" if len(names) == total else f"{len(names)} of {total}: {', '.join(names[:4])}",
+        }
+        for text, names in told.items()
+    ]

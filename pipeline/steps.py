@@ -1,0 +1,179 @@
+"""One case of a study: scene, meshes, modes, measures; what each asks for and nothing else."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from pipeline import bands, fields, modes, store, tet_steps
+from pipeline.case import Case, load_case
+from pipeline.case_run import Job
+from pipeline.errors import InputFault, NotAvailable
+from pipeline.logs import Log
+from pipeline.mess import Mess
+from pipeline.study_file import StudyFile
+
+NEIGHBOURS = 6
+LATER = ("attenuation", "response")
+
+
+def jobs_of(study: StudyFile) -> list[Job]:
+    """The cases of a study; every fault of every case is raised at once, before any is computed."""
+    faults: list[str] = []
+    jobs: list[Job] = []
+    wanted = [("base", [], study.once)] if study.once else []
+    wanted += [(case_id, overrides, study.measure) for case_id, overrides in study.cases()]
+    for case_id, overrides, measure in wanted:
+        try:
+            case = load_case(study.case_path, overrides)
+            _check(case, measure)
+        except InputFault as fault:
+            faults += [f"case {case_id}: {line}" for line in fault.lines]
+            continue
+        sweep = dict(zip(study.sweep, _values(overrides), strict=True)) if overrides else {}
+        payload = {"name": case.name, "case": case.as_understood(), "overrides": overrides, "measure": list(measure)}
+        jobs.append(Job(case_id, payload, sweep))
+    if faults:
+        raise InputFault(faults)
+    return jobs
+
+
+def _values(overrides: list[str]) -> list[Any]:
+    from pipeline.toml_input import parse_override
+
+    return [parse_override(text)[1] for text in overrides]
+
+
+def _check(case: Case, measure: tuple[str, ...]) -> None:
+    case.require_plate(command="a study")
+    for name in set(measure) & set(LATER):
+        raise NotAvailable(f"measure '{name}' is not part of this version yet")
+
+
+def computer(study: StudyFile) -> Any:
+    """The picklable function that computes one case in a worker process."""
+    return partial(compute, str(study.case_path))
+
+
+def compute(case_path: str, payload: dict[str, Any], folder: Path, log: Mess) -> dict[str, Any]:
+    """Record of one case; arrays go to the case's folder. Raises what its solvers and meshers raise."""
+    case = load_case(case_path, payload["overrides"])
+    if case.as_understood() != payload["case"]:
+        raise InputFault(f"{Path(case_path).name}: changed while the study was running; run the study again")
+    measure = set(payload["measure"])
+    record: dict[str, Any] = {"design": describe(case), "meshes": []}
+    arrays: dict[str, FloatArray] = {}
+    if measure & {"modes", "confinement"}:
+        _plate(case, log, record, arrays, folder)
+    else:
+        log.left_out("modes of the plate", "no measure asks for them")
+    if "bands" in measure:
+        _bands(case, log, record)
+    if "parts" in measure:
+        _parts(case, log, record)
+    if "geometry" in measure:
+        from pipeline.exports import print_files
+
+        record["geometry"] = print_files(case, folder, log)
+    if "tetrahedra" in measure:
+        tet_steps.add(case, log, record, arrays)
+    _leave_out(case, log)
+    if arrays:
+        store.save_arrays(folder, arrays)
+    return record
+
+
+def describe(case: Case) -> dict[str, Any]:
+    """The design for tables and pictures, SI."""
+    design, pillar = case.design, case.design.pillar
+    keys = (
+        "length_m",
+        "width_m",
+        "thickness_m",
+        "half_span_m",
+        "rows",
+        "pitch_x_m",
+        "pitch_y_m",
+        "extension_m",
+        "nodal_lines",
+    )
+    plain = {key: getattr(design, key) for key in keys}
+    shape = (
+        {key: getattr(pillar, key) for key in ("shape", "base_m", "tip_m", "height_m", "fillet_m")} if pillar else None
+    )
+    return plain | {"pillar": shape, "pillar_centres_m": design.pillar_centres().tolist()}
+
+
+def _leave_out(case: Case, log: Log) -> None:
+    if case.patches is None:
+        log.left_out("piezo patches and their electrical unknowns", "the case has none")
+    else:
+        log.alarm("PATCHES", "the case has piezo patches; these modes are those of the plate without them")
+    log.left_out("damping", "no response is asked")
+
+
+def _plate(case: Case, log: Mess, record: dict[str, Any], arrays: dict[str, FloatArray], folder: Path) -> None:
+    request = modes.Request("plate", case.solve.band_hz, case.solve.near_hz, case.solve.count, case.parity_wanted)
+    found = modes.solve_modes(case, request, log)
+    record["modes"] = found.json()
+    record["meshes"] += found.meshes
+    index = modes.wanted_row(found, case)
+    if index is None:
+        log.alarm("NO_MODE", "no mode of the wanted parity lies in the band: widen solve.band_kHz")
+        return
+    record["wanted"] = modes.wanted_record(found, index)
+    with log.step("fields"):
+        arrays |= fields.plate_arrays(found, nearest_rows(found, index))
+    _tell_wanted(record["wanted"], log)
+    from pipeline.table_export import write_table
+
+    write_table(case, found, index, folder)
+
+
+def nearest_rows(found: modes.PartModes, index: int) -> list[int]:
+    """The wanted mode and its neighbours in frequency, the wanted one first."""
+    distance = np.abs(np.array([row.frequency_hz for row in found.rows]) - found.rows[index].frequency_hz)
+    return [int(i) for i in np.argsort(distance, kind="stable")[: NEIGHBOURS + 1]]
+
+
+def _tell_wanted(wanted: dict[str, Any], log: Log) -> None:
+    held = wanted["confinement_db"]
+    text = f"wanted mode at {wanted['frequency_hz']:.1f} Hz, MAC {wanted['mac']:.3f}"
+    log.info(text + (f", confinement {held:.1f} dB" if held is not None else ", no passive face"))
+    if wanted["mac"] < 0.5:
+        log.alarm(
+            "WEAK_MODE", f"the closest mode has a MAC of {wanted['mac']:.2f} only: the shape is spread over several"
+        )
+
+
+def _bands(case: Case, log: Log, record: dict[str, Any]) -> None:
+    if case.design.pitch_x_m != case.design.pitch_x_m:
+        log.left_out("bands", "the case has no pitch")
+        return
+    found = bands.solve_bands(case, log)
+    corner = found.at("M")
+    record["bands"] = found.json() | {
+        "method": found.model,
+        "bending_at_m_hz": [float(f) for f in corner[:2]] if corner is not None else None,
+    }
+    record["meshes"] += found.meshes
+
+
+def _parts(case: Case, log: Log, record: dict[str, Any]) -> None:
+    """The bare zone and the lone pillar, as the pre-design saw them."""
+    from solvers.analytic.predesign import predesign
+
+    record["predesign"] = predesign(case.design).as_json()
+    lines = case.design.nodal_lines
+    zone = modes.solve_modes(case, modes.Request("zone"), log)
+    index = modes.wanted_row(zone, case)
+    record["zone_modes"] = zone.json() | {"wanted_index": index, "nodal_lines": lines}
+    record["meshes"] += zone.meshes
+    if case.design.pillar:
+        pillar = modes.solve_modes(case, modes.Request("pillar", near_hz=0.0, count=4), log)
+        record["pillar_modes"] = pillar.json()
+        record["meshes"] += pillar.meshes

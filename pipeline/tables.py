@@ -1,0 +1,130 @@
+"""table.csv: one row per case, no times, the same bytes for the same records."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline import store
+from pipeline.records import StoredCase, StoredStudy, read_study
+
+TABLE = "table.csv"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column: its name in the file, its heading and unit for readers, its value, its format."""
+
+    name: str
+    heading: str
+    value: Callable[[StoredCase], Any]
+    format: str = ""
+    unit: str = ""
+
+
+def _wanted(key: str) -> Callable[[StoredCase], Any]:
+    return lambda case: case.wanted.get(key)
+
+
+def _part(part: str, key: str) -> Callable[[StoredCase], Any]:
+    return lambda case: (case.record.get(part) or {}).get(key)
+
+
+def _dof(case: StoredCase) -> int | None:
+    return next((part["dof"] for key in ("modes", "bands") if (part := case.record.get(key)) and part.get("dof")), None)
+
+
+def _count_check(case: StoredCase) -> str | None:
+    check = (case.record.get("modes") or {}).get("count_check")
+    if not check:
+        return None
+    return "holds" if check["expected"] == check["found"] else f"{check['found']} of {check['expected']}"
+
+
+def _confined(case: StoredCase) -> str | None:
+    return None if case.confined is None else ("yes" if case.confined else "no")
+
+
+def widest_gap(case: StoredCase) -> dict[str, Any]:
+    """The widest complete gap of a case's bands, {} when there is none."""
+    gaps = (case.record.get("bands") or {}).get("gaps") or []
+    return max(gaps, key=lambda gap: gap["upper_hz"] - gap["lower_hz"], default={})
+
+
+def _gap(key: str) -> Callable[[StoredCase], Any]:
+    return lambda case: widest_gap(case).get(key)
+
+
+def _bending(index: int) -> Callable[[StoredCase], Any]:
+    def value(case: StoredCase) -> Any:
+        pair = (case.record.get("bands") or {}).get("bending_at_m_hz") or []
+        return pair[index] if index < len(pair) else None
+
+    return value
+
+
+def _cluster_spread(case: StoredCase) -> float | None:
+    cluster = case.wanted.get("cluster") or []
+    tones = [member["frequency_hz"] for member in cluster]
+    return max(tones) - min(tones) if len(tones) > 1 else None
+
+
+MEASURES = (
+    Column("wanted_hz", "wanted mode", _wanted("frequency_hz"), ".2f", "Hz"),
+    Column("confinement_db", "confinement", _wanted("confinement_db"), ".2f", "dB"),
+    Column("confined", "confined (at least 10 dB)", _confined),
+    Column("mac", "MAC", _wanted("mac"), ".4f"),
+    Column("zone_share", "zone share", _wanted("zone_share"), ".4f"),
+    Column("pillar_share", "pillars' share of energy", _wanted("pillar_energy_share"), ".4f"),
+    Column("cluster_modes", "modes sharing the shape", lambda case: len(case.wanted.get("cluster") or []) or None, "d"),
+    Column("cluster_spread_hz", "their spread", _cluster_spread, ".2f", "Hz"),
+    Column("count_check", "count check", _count_check),
+    Column("tet_hz", "wanted mode, tetrahedra", _part("tet_modes", "frequency_hz"), ".2f", "Hz"),
+    Column("tet_difference", "tetrahedra against hexahedra", _part("tet_modes", "relative_difference"), ".2e"),
+    Column("gap_lower_hz", "gap from", _gap("lower_hz"), ".2f", "Hz"),
+    Column("gap_upper_hz", "gap to", _gap("upper_hz"), ".2f", "Hz"),
+    Column("bending_m_1_hz", "bending at M, first", _bending(0), ".2f", "Hz"),
+    Column("bending_m_2_hz", "bending at M, second", _bending(1), ".2f", "Hz"),
+    Column("dof", "unknowns", _dof, "d"),
+    Column("mass_kg", "mass", _part("geometry", "mass_kg"), ".6f", "kg"),
+)
+
+
+def columns_of(study: StoredStudy) -> list[Column]:
+    """Columns of a study's table: id, swept keys, status, measures that some case has, diagnosis."""
+    swept = [Column(key, key, lambda case, key=key: case.sweep.get(key)) for key in study.swept]  # type: ignore[misc]
+    measured = [column for column in MEASURES if any(column.value(case) is not None for case in study.cases)]
+    head, tail = (
+        Column("case", "case", lambda case: case.case_id),
+        Column("diagnosis", "diagnosis", lambda c: c.diagnosis),
+    )
+    return [head, *swept, Column("status", "status", lambda case: case.status), *measured, tail]
+
+
+def cell(column: Column, case: StoredCase) -> str:
+    """A cell's text: '' for what has no value."""
+    value = column.value(case)
+    if value is None:
+        return ""
+    return format(value, column.format) if column.format else str(value)
+
+
+def table_text(study: StoredStudy, columns: Sequence[Column] | None = None) -> str:
+    """The table as CSV."""
+    columns = columns or columns_of(study)
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow([column.name for column in columns])
+    writer.writerows([cell(column, case) for column in columns] for case in study.cases)
+    return buffer.getvalue()
+
+
+def write_table(folder: Path) -> Path:
+    """Write table.csv of a study from its records, atomically. Raises store.BadRecord when nothing is stored."""
+    path = folder / TABLE
+    store.write_atomic(path, table_text(read_study(folder)).encode())
+    return path

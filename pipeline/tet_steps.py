@@ -1,0 +1,62 @@
+"""The same design through CAD and pytetwild, beside the structured meshes: its plate's wanted mode and its unit cell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from geometry.elements import FloatArray
+from pipeline import bands, fields, modes
+from pipeline.case import Case
+from pipeline.logs import Log
+
+PLATE_ACCURACY = 0.03  # a whole plate of tetrahedra as a cross-check, not as the answer
+NEAR_COUNT = 16
+
+
+def add(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
+    """Adds tet_modes, tet_bands and the tet_* arrays to a record."""
+    structured = modes.solve_modes(case, modes.Request("plate", parity=case.parity_wanted), log)
+    index = modes.wanted_row(structured, case)
+    if index is None:
+        log.alarm("NO_MODE", "no mode of the wanted parity lies in the band: nothing to compare tetrahedra with")
+    else:
+        _plate(case, structured.rows[index], log, record, arrays)
+    _cell(case, log, record, arrays)
+
+
+def _plate(
+    case: Case, structured: modes.ModeRow, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]
+) -> None:
+    coarse = replace(case, solve=replace(case.solve, mesh="tet", accuracy=max(PLATE_ACCURACY, case.solve.accuracy)))
+    request = modes.Request("plate", near_hz=structured.frequency_hz, count=NEAR_COUNT, parity=case.parity_wanted)
+    found = modes.solve_modes(coarse, request, log)
+    record["meshes"] += found.meshes
+    index = modes.wanted_row(found, case)
+    if index is None:
+        log.alarm("NO_MODE", "the tetrahedral plate has no mode of the wanted shape near the structured one's frequency")
+        return
+    row = found.rows[index]
+    record["tet_modes"] = {
+        "model": found.model.name,
+        "dof": found.dof,
+        "frequency_hz": row.frequency_hz,
+        "mac": row.mac,
+        "confinement_db": row.confinement_db,
+        "hex_frequency_hz": structured.frequency_hz,
+        "hex_confinement_db": structured.confinement_db,
+        "relative_difference": row.frequency_hz / structured.frequency_hz - 1.0,
+        "count_check": found.json()["count_check"],
+    }
+    log.info(f"wanted mode by tetrahedra {row.frequency_hz:.1f} Hz, structured {structured.frequency_hz:.1f} Hz")
+    skin = found.model.skin(row.parity, found.vectors[row.parity][:, [row.column]]).unfolded(row.parity)
+    surface = fields.surface_arrays([skin])
+    arrays["tet_points"], arrays["tet_triangles"] = surface["surface_points"], surface["surface_triangles"]
+    arrays["tet_u"] = surface["surface_u"][0]
+
+
+def _cell(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
+    corners = replace(case, solve=replace(case.solve, mesh="tet"), bands=replace(case.bands, points=1))
+    found = bands.solve_bands(corners, log)
+    record["tet_bands"] = found.json() | {"method": found.model}
+    record["meshes"] += found.meshes

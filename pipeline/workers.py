@@ -1,0 +1,179 @@
+"""Worker processes that may die without taking anything along: one process, one case at a time, its end known.
+
+concurrent.futures.ProcessPoolExecutor ends every worker when one dies and does not say which; this one fails one
+future and starts a fresh process. Workers end with their parent, whatever ended it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import multiprocessing
+import os
+import queue
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from contextlib import suppress
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+    "RAYON_NUM_THREADS",
+)
+PR_SET_PDEATHSIG = 1
+
+
+class WorkerLost(Exception):
+    """A worker process ended in the middle of a case; the message says how."""
+
+
+class LocalWorkers(Executor):
+    """An Executor of `count` processes with `threads` BLAS threads each. A task that kills its process fails alone."""
+
+    def __init__(self, count: int, threads: int) -> None:
+        self._threads = threads
+        self._tasks: queue.SimpleQueue[tuple[Future[Any], Any] | None] = queue.SimpleQueue()
+        self._processes: dict[int, multiprocessing.process.BaseProcess] = {}
+        self._stopping = False
+        self._keepers = [threading.Thread(target=self._keep, args=(slot,), daemon=True) for slot in range(count)]
+        for keeper in self._keepers:
+            keeper.start()
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Queue a picklable call."""
+        if self._stopping:
+            raise RuntimeError("these workers have been shut down")
+        future: Future[Any] = Future()
+        self._tasks.put((future, (function, args, kwargs)))
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Let the queue drain and end the processes."""
+        self._stopping = True
+        for _ in self._keepers:
+            self._tasks.put(None)
+        if wait:
+            for keeper in self._keepers:
+                keeper.join()
+
+    def kill(self) -> None:
+        """End the processes now; what they were at fails with WorkerLost, what waits is cancelled."""
+        self._stopping = True
+        with suppress(queue.Empty):
+            while True:
+                item = self._tasks.get_nowait()
+                if item:
+                    item[0].cancel()
+        for process in list(self._processes.values()):
+            process.kill()
+        self.shutdown(wait=True)
+
+    def _keep(self, slot: int) -> None:
+        """One slot's life: a process, restarted after a death, fed from the queue."""
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: Ctrl-C is the main process's affair
+        connection: Connection | None = None
+        while (item := self._tasks.get()) is not None:
+            future, call = item
+            if not future.set_running_or_notify_cancel():
+                continue
+            try:
+                if connection is None or not self._processes[slot].is_alive():
+                    connection = self._start(slot)
+                future.set_result(_ask(connection, self._processes[slot], call))
+            except BaseException as error:
+                future.set_exception(error)
+        if connection:
+            connection.close()  # the worker reads the end of its input and leaves
+            self._processes[slot].join()
+
+    def _start(self, slot: int) -> Connection:
+        context = multiprocessing.get_context("spawn")  # no lock, thread or memory of ours is inherited
+        ours, theirs = context.Pipe()
+        process = context.Process(target=_serve, args=(theirs, self._threads), daemon=False)
+        process.start()
+        theirs.close()
+        self._processes[slot] = process
+        return ours
+
+
+def _ask(connection: Connection, process: multiprocessing.process.BaseProcess, call: Any) -> Any:
+    with suppress(BrokenPipeError, ConnectionResetError):
+        connection.send(call)
+    with suppress(EOFError, ConnectionResetError):
+        wait([connection, process.sentinel])
+        if connection.poll():
+            error, value = connection.recv()
+            if error is not None:
+                raise error
+            return value
+    process.join()
+    raise WorkerLost(f"the worker process was lost: {_how_it_ended(process.exitcode)}")
+
+
+def _how_it_ended(code: int | None) -> str:
+    if code is None or code >= 0:
+        return f"it left with exit code {code}"
+    hints = {
+        signal.SIGKILL: " (memory ran out, or someone ended it)",
+        signal.SIGSEGV: " (a fault in a compiled library)",
+    }
+    name = next((known for known in signal.Signals if known == -code), None)
+    return f"ended by {name.name}{hints.get(name, '')}" if name else f"ended by signal {-code}"
+
+
+def _serve(connection: Connection, threads: int) -> None:
+    """A worker's main loop."""
+    _die_with_parent()
+    limit_threads(threads)
+    while True:
+        try:
+            function, args, kwargs = connection.recv()
+        except (EOFError, OSError):
+            return
+        except BaseException as error:  # the function's module cannot be imported
+            connection.send((RuntimeError(f"the worker cannot load the task: {error}"), None))
+            continue
+        answer: tuple[BaseException | None, Any]
+        try:
+            answer = (None, function(*args, **kwargs))
+        except BaseException as error:
+            answer = (error, None)
+        _answer(connection, answer)
+
+
+def _answer(connection: Connection, answer: tuple[BaseException | None, Any]) -> None:
+    try:
+        connection.send(answer)
+    except (TypeError, ValueError, AttributeError) as error:  # what cannot be pickled
+        connection.send((RuntimeError(f"the worker's answer cannot be sent: {error}"), None))
+
+
+def _die_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if sys.platform == "linux":  # the kernel's way works inside a long compiled call, too
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if parent is None:
+        return
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def limit_threads(threads: int) -> None:
+    """Limit the threads of BLAS and its like in this process, loaded or still to be loaded."""
+    for name in THREAD_VARIABLES:
+        os.environ[name] = str(threads)
+    from threadpoolctl import threadpool_limits
+
+    threadpool_limits(threads)

@@ -1,0 +1,1 @@
+"""Numbers: finite elements, waves, beams and plates. Reads meshes, writes nothing."""

@@ -1,0 +1,1 @@
+"""Closed-form and one-dimensional models."""

@@ -1,0 +1,151 @@
+"""Euler-Bernoulli beams: wavenumbers, frequencies and shapes for every pair of end conditions.
+
+The four basis functions are centred and scaled to one at the ends, so nothing overflows at any mode number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from math import pi, sqrt
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from solvers.errors import SolverError
+
+FloatArray = NDArray[np.float64]
+End = Literal["clamped", "pinned", "sliding", "free"]
+# the derivatives of w that vanish: w = 0 deflection, 1 slope, 2 moment, 3 shear force
+VANISHING: dict[str, tuple[int, int]] = {"clamped": (0, 1), "pinned": (0, 2), "sliding": (1, 3), "free": (2, 3)}
+LOWEST = 0.5  # below the smallest root of any pair (pi/2), above the trivial one
+STEP = pi / 16.0  # roots of one pair lie about pi apart
+
+
+@dataclass(frozen=True)
+class BeamMode:
+    """One mode: phi(s) = sum of coefficients times basis, s = x/L in [0, 1], mean of phi^2 equal to 1.
+
+    kappa is beta L, dimensionless; 0 marks a rigid motion. Source: blevins1979.
+    """
+
+    kappa: float
+    coefficients: tuple[float, float, float, float]
+
+    def shape(self, s: ArrayLike, derivative: int = 0) -> FloatArray:
+        """d^n phi/ds^n at s, the shape of s; dimensionless."""
+        return np.asarray(_basis(self.kappa, np.asarray(s, dtype=float), derivative) @ np.array(self.coefficients))
+
+
+def check_ends(*ends: str) -> None:
+    """SolverError when an end condition is not clamped, pinned, sliding or free."""
+    for end in ends:
+        if end not in VANISHING:
+            raise SolverError(f"end condition {end!r}: must be one of {', '.join(VANISHING)}")
+
+
+def _basis(kappa: float, s: FloatArray, derivative: int = 0) -> FloatArray:
+    """cos, sin, scaled cosh and sinh of kappa (s - 1/2), last axis 4; for kappa = 0 the rigid motions 1, 2s - 1."""
+    t = s - 0.5
+    if kappa == 0.0:
+        columns = [np.ones_like(t), 2.0 * t] if derivative == 0 else [np.zeros_like(t), np.full_like(t, 2.0)]
+        columns = columns if derivative <= 1 else [np.zeros_like(t)] * 2
+        return np.stack([*columns, np.zeros_like(t), np.zeros_like(t)], axis=-1)
+    phase = kappa * t + derivative * pi / 2.0
+    rising, falling = np.exp(kappa * (t - 0.5)), np.exp(-kappa * (t + 0.5))
+    even, odd = (rising + falling) / (1.0 + np.exp(-kappa)), (rising - falling) / (1.0 - np.exp(-kappa))
+    if derivative % 2:
+        tanh = np.tanh(kappa / 2.0)
+        even, odd = odd * tanh, even / tanh
+    return kappa**derivative * np.stack([np.cos(phase), np.sin(phase), even, odd], axis=-1)
+
+
+def _end_matrix(kappa: float, left: str, right: str) -> FloatArray:
+    """The four end conditions on the four coefficients, rows scaled by kappa^-n."""
+    rows = [_basis(kappa, np.array(s), n) / kappa**n for s, end in ((0.0, left), (1.0, right)) for n in VANISHING[end]]
+    return np.stack(rows)
+
+
+def _determinant(kappa: float, left: str, right: str) -> float:
+    return float(np.linalg.det(_end_matrix(kappa, left, right)))
+
+
+def rigid_count(left: End, right: End) -> int:
+    """Number of rigid motions the two ends leave: 2 for free-free, 1 for pinned-free, sliding-free, sliding-sliding."""
+    check_ends(left, right)
+    held = np.array(
+        [[1.0, s] if n == 0 else [0.0, 1.0] for s, end in ((0.0, left), (1.0, right)) for n in VANISHING[end] if n < 2]
+    ).reshape(-1, 2)
+    return 2 - int(np.linalg.matrix_rank(held)) if held.size else 2
+
+
+def roots(left: End, right: End, count: int) -> tuple[float, ...]:
+    """The first `count` values of beta L above 0 for the two ends; bracketed sign changes of the determinant.
+
+    Raises SolverError for an unknown end condition or count < 0.
+    """
+    check_ends(left, right)
+    if count < 0:
+        raise SolverError(f"count = {count}: must be 0 or more")
+    return _first_roots(left, right, 1 << max(count - 1, 3).bit_length())[:count]
+
+
+@lru_cache(maxsize=64)
+def _first_roots(left: str, right: str, count: int) -> tuple[float, ...]:
+    grid = np.arange(LOWEST, (count + 2) * pi, STEP)
+    values = [_determinant(float(kappa), left, right) for kappa in grid]
+    brackets = [(a, b) for (a, fa), (b, fb) in pairwise(zip(grid, values, strict=True)) if (fa < 0.0) != (fb < 0.0)]
+    found = [float(brentq(_determinant, a, b, args=(left, right), xtol=1e-13, rtol=1e-15)) for a, b in brackets[:count]]
+    if len(found) < count:
+        raise SolverError(f"{left}-{right} beam: {len(found)} of {count} roots were found")
+    return tuple(found)
+
+
+def _normalised(kappa: float, coefficients: FloatArray) -> BeamMode:
+    s, weights = np.polynomial.legendre.leggauss(int(kappa) + 40)
+    phi = _basis(kappa, (s + 1.0) / 2.0) @ coefficients
+    scale = sqrt(float(weights @ phi**2) / 2.0)
+    tip = float(_basis(kappa, np.array(1.0)) @ coefficients)
+    turn = float(_basis(kappa, np.array(1.0), 1) @ coefficients)
+    sign = np.sign(tip) if abs(tip) > 1e-6 * scale else -np.sign(turn) or 1.0
+    a, b, c, d = coefficients * (float(sign) / scale)
+    return BeamMode(kappa, (float(a), float(b), float(c), float(d)))
+
+
+@lru_cache(maxsize=512)
+def beam_mode(left: End, right: End, number: int) -> BeamMode:
+    """The elastic mode `number` (from 1) of a beam with these ends; its deflection at s = 1 is positive."""
+    if number < 1:
+        raise SolverError(f"mode number {number}: must be 1 or more")
+    kappa = roots(left, right, number)[-1]
+    return _normalised(kappa, np.linalg.svd(_end_matrix(kappa, left, right))[2][-1])
+
+
+def free_free_mode(nodes: int) -> BeamMode:
+    """The free-free shape with this number of nodes: 0 and 1 are rigid motions, N is elastic mode N - 1."""
+    if nodes < 0:
+        raise SolverError(f"nodal lines = {nodes}: must be 0 or more")
+    if nodes < 2:
+        return _normalised(0.0, np.array([1.0, 0.0, 0.0, 0.0]) if nodes == 0 else np.array([0.0, 1.0, 0.0, 0.0]))
+    return beam_mode("free", "free", nodes - 1)
+
+
+def antinodes(mode: BeamMode) -> tuple[float, ...]:
+    """Inner extrema of the shape, s in (0, 1), ascending: sign changes of the slope."""
+    if mode.kappa == 0.0:
+        return ()
+    grid = np.linspace(0.0, 1.0, 32 * (int(mode.kappa / pi) + 2) + 1)[1:-1]
+    slope = mode.shape(grid, 1)
+    return tuple(
+        float(brentq(lambda s: float(mode.shape(s, 1)), a, b, xtol=1e-13))
+        for a, b, fa, fb in zip(grid[:-1], grid[1:], slope[:-1], slope[1:], strict=True)
+        if (fa < 0.0) != (fb < 0.0)
+    )
+
+
+def frequency_hz(kappa: float, length_m: float, bending_n_m2: float, mass_kg_m: float) -> float:
+    """f = kappa^2/(2 pi L^2) sqrt(EI/(rho A)), Hz, from L in m, EI in N m2, rho A in kg/m."""
+    return kappa**2 / (2.0 * pi * length_m**2) * sqrt(bending_n_m2 / mass_kg_m)

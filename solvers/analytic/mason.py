@@ -1,0 +1,249 @@
+"""Mason's equivalent circuit: a bar cut into cells, force as voltage, velocity as current; time factor e^{+j omega t}.
+
+A cell is a T of two arms j Z0 tan(Gl/2) and a shunt -j Z0/sin(Gl), the piezo force E0 in series with the shunt. Its chain
+matrix [[cos, j Z0 sin], [j sin/Z0, cos]](Gl) has no poles, so Gl = pi is harmless. Free ends are shorted, clamped ones open.
+Source: mason1948.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from math import inf, pi, sqrt
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from solvers.errors import SolverError
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+End = Literal["free", "clamped"]
+UNBOUNDED = 1e9  # velocities this many times E0/Z0 are a resonance met to nine digits
+EXACTLY = "a lossless resonance is hit exactly: give the cells a loss or move the frequency"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One piece of bar: length m, section m2, density kg/m3, stiffness Pa, loss factor of C (1 + j loss)."""
+
+    length_m: float
+    area_m2: float
+    density_kg_m3: float
+    stiffness_pa: float
+    loss: float = 0.0
+
+    def __post_init__(self) -> None:
+        sizes = (self.length_m, self.area_m2, self.density_kg_m3, self.stiffness_pa)
+        if not all(np.isfinite(size) and size > 0.0 for size in sizes) or not 0.0 <= self.loss < inf:
+            raise SolverError(f"{self}: sizes must be finite and above 0, the loss 0 or more")
+
+    @property
+    def mass_kg(self) -> float:
+        """rho A l, kg."""
+        return self.density_kg_m3 * self.area_m2 * self.length_m
+
+    @property
+    def impedance(self) -> complex:
+        """Z0 = A sqrt(rho C), N s/m."""
+        return complex(self.area_m2 * np.sqrt(self.density_kg_m3 * self.stiffness_pa * (1.0 + 1j * self.loss)))
+
+    def phase(self, omega: FloatArray) -> ComplexArray:
+        """G l = omega l sqrt(rho/C), rad."""
+        slow = np.sqrt(self.density_kg_m3 / (self.stiffness_pa * (1.0 + 1j * self.loss)))
+        return np.asarray(omega * self.length_m * slow)
+
+    def arms(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Series and shunt arm of the T, each shape (n,): j Z0 tan(Gl/2) and -j Z0/sin(Gl); the poles of both stay."""
+        phase = self.phase(omega)
+        return 1j * self.impedance * np.tan(phase / 2.0), -1j * self.impedance / np.sin(phase)
+
+    def chain(self, omega: FloatArray) -> ComplexArray:
+        """(V, I) at the left from (V, I) at the right, shape (n, 2, 2); with E0 both voltages count from E0."""
+        phase, z0 = self.phase(omega), self.impedance
+        c, s = np.cos(phase), 1j * np.sin(phase)
+        return np.moveaxis(np.array([[c, z0 * s], [s / z0, c]]), -1, 0)
+
+
+@dataclass(frozen=True)
+class Filter:
+    """Parallel L, C and R in series with the line: a mass L on a spring 1/C hung on the bar, R its losses.
+
+    inductance_kg L, capacitance_m_n C, resistance_n_s_m R. Y = 1/(j omega L) + j omega C + 1/R vanishes at the rejected
+    frequency 1/(2 pi sqrt(LC)) without losses.
+    """
+
+    inductance_kg: float
+    capacitance_m_n: float
+    resistance_n_s_m: float = inf
+
+    def __post_init__(self) -> None:
+        if not all(value > 0.0 for value in (self.inductance_kg, self.capacitance_m_n, self.resistance_n_s_m)):
+            raise SolverError(f"{self}: L, C and R must be above 0")
+
+    @property
+    def rejected_hz(self) -> float:
+        """1/(2 pi sqrt(LC)), Hz."""
+        return 1.0 / (2.0 * pi * sqrt(self.inductance_kg * self.capacitance_m_n))
+
+    def admittance(self, omega: FloatArray) -> ComplexArray:
+        """Y, m/(N s), shape (n,)."""
+        reactive = omega * self.capacitance_m_n - 1.0 / (omega * self.inductance_kg)
+        return np.asarray(1j * reactive + 1.0 / self.resistance_n_s_m)
+
+
+@dataclass(frozen=True)
+class Line:
+    """Cells from left to right, their two ends, filters by the number of the joint (1 between cells 1 and 2), forces E0.
+
+    sources: one force per cell in N, 0 where no piezo drives.
+    """
+
+    cells: tuple[Cell, ...]
+    left: End
+    right: End
+    sources: tuple[float, ...]
+    filters: dict[int, Filter] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.cells or len(self.sources) != len(self.cells):
+            raise SolverError("a line needs at least one cell and one source value per cell")
+        if not {self.left, self.right} <= {"free", "clamped"}:
+            raise SolverError(f"ends {self.left!r}, {self.right!r}: must be free or clamped")
+        wrong = [joint for joint in self.filters if not 1 <= joint < len(self.cells)]
+        if wrong:
+            raise SolverError(f"filter at joint {wrong[0]}: must be from 1 to {len(self.cells) - 1}")
+
+
+@dataclass(frozen=True)
+class LineResponse:
+    """Velocities (currents) at the cells + 1 joints, shape (n, cells + 1), m/s; forces on both sides, (n, cells, 2), N."""
+
+    currents: ComplexArray
+    voltages: ComplexArray
+
+
+def nodal_response(line: Line, omega: ArrayLike) -> LineResponse:
+    """Every force and velocity of a driven line, all circuit equations at once; filters enter by their admittance.
+
+    SolverError when a lossless resonance is hit exactly, or a frequency is not above 0.
+    """
+    w = _positive(omega)
+    cells, size = len(line.cells), len(line.cells) + 1
+    z0 = abs(line.cells[0].impedance)
+    matrix = np.zeros((w.size, 3 * cells + 1, 3 * cells + 1), dtype=complex)
+    load = np.zeros((w.size, 3 * cells + 1), dtype=complex)
+    for k, (cell, source) in enumerate(zip(line.cells, line.sources, strict=True)):
+        chain, row, v = cell.chain(w), 2 * k, size + 2 * k
+        matrix[:, row, v], matrix[:, row, v + 1] = 1.0, -chain[:, 0, 0]
+        matrix[:, row, k + 1] = -chain[:, 0, 1] / z0
+        matrix[:, row + 1, k], matrix[:, row + 1, k + 1] = 1.0, -chain[:, 1, 1]
+        matrix[:, row + 1, v + 1] = -chain[:, 1, 0] * z0
+        load[:, row] = (1.0 - chain[:, 0, 0]) * source / z0
+        load[:, row + 1] = -chain[:, 1, 0] * source
+    for joint in range(1, cells):
+        row, left = 2 * cells + joint - 1, size + 2 * joint - 1
+        matrix[:, row, left], matrix[:, row, left + 1] = 1.0, -1.0
+        if joint in line.filters:
+            y = line.filters[joint].admittance(w) * z0
+            scale = 1.0 / (1.0 + np.abs(y))
+            matrix[:, row, left], matrix[:, row, left + 1] = y * scale, -y * scale
+            matrix[:, row, joint] = -scale
+    for row, end, current, voltage in ((-2, line.left, 0, size), (-1, line.right, cells, -1)):
+        matrix[:, row, current if end == "clamped" else voltage] = 1.0
+    found = _solved(matrix, load)
+    response = LineResponse(found[:, :size], found[:, size:].reshape(w.size, cells, 2) * z0)
+    return _bounded(line, response, w)
+
+
+def chain_response(line: Line, omega: ArrayLike) -> LineResponse:
+    """The same by multiplying chain matrices from right to left: the thesis' way, with every sign put right.
+
+    A filter multiplies by [[1, 1/Y], [0, 1]] and must not be lossless at its own frequency. Errors as nodal_response.
+    """
+    w = _positive(omega)
+    start = np.zeros((w.size, 2, 1), dtype=complex)
+    start[:, 1 if line.right == "free" else 0] = 1.0  # the unknown at the right end: I when free, V when clamped
+    state = np.concatenate([start, np.zeros_like(start)], axis=2)  # per unknown, and with it at zero
+    voltages, currents = [], [state[:, 1]]
+    for k in range(len(line.cells) - 1, -1, -1):
+        push, chain = np.array([[line.sources[k]], [0.0]]) * np.array([[0.0, 1.0]]), line.cells[k].chain(w)
+        left = chain @ (state - push) + push
+        voltages.append(np.stack([left[:, 0], state[:, 0]], axis=1))
+        state = left
+        if k in line.filters:
+            state = left.copy()
+            state[:, 0] += left[:, 1] / line.filters[k].admittance(w)[:, None]
+        currents.append(state[:, 1])
+    known = state[:, 0] if line.left == "free" else state[:, 1]
+    if np.any(known[:, 0] == 0.0):
+        raise SolverError(EXACTLY)
+    weight = np.stack([-known[:, 1] / known[:, 0], np.ones(w.size)], axis=1)
+    current = np.stack(currents[::-1], axis=1) @ weight[:, :, None]
+    voltage = np.stack(voltages[::-1], axis=1) @ weight[:, None, :, None]
+    return _bounded(line, LineResponse(current[..., 0], voltage[..., 0]), w)
+
+
+def natural_frequencies_hz(line: Line, low_hz: float, high_hz: float, step_hz: float = 5.0) -> FloatArray:
+    """Lossless natural frequencies between low and high, ascending: sign changes of the end condition, filters' poles
+    multiplied out. Two closer than step_hz are missed.
+    """
+    if not 0.0 < low_hz < high_hz:
+        raise SolverError(f"band {low_hz:g} to {high_hz:g} Hz: must be 0 < low < high")
+    cells = tuple(replace(cell, loss=0.0) for cell in line.cells)
+    filters = {joint: replace(one, resistance_n_s_m=inf) for joint, one in line.filters.items()}
+
+    def mismatch(frequency: FloatArray) -> FloatArray:
+        omega = 2.0 * pi * np.atleast_1d(frequency)
+        state = np.zeros((omega.size, 2, 1), dtype=complex)
+        state[:, 1 if line.right == "free" else 0] = 1.0
+        for k in range(len(cells) - 1, -1, -1):
+            state = cells[k].chain(omega) @ state
+            if k in filters:
+                y = filters[k].admittance(omega)[:, None] * omega[:, None]
+                state = np.stack([y * state[:, 0] + omega[:, None] * state[:, 1], y * state[:, 1]], axis=1) / 1j
+        end = state[:, 0, 0] if line.left == "free" else state[:, 1, 0]
+        return np.asarray(end.real if line.left != line.right else end.imag, dtype=float)
+
+    grid = np.arange(low_hz, high_hz + step_hz, step_hz)
+    values = mismatch(grid)
+    brackets = [(a, b) for (a, fa), (b, fb) in pairwise(zip(grid, values, strict=True)) if (fa < 0.0) != (fb < 0.0)]
+    return np.array([brentq(lambda f: float(mismatch(np.array([f]))[0]), a, b, xtol=1e-9) for a, b in brackets])
+
+
+def absorbed_power_w(line: Line, response: LineResponse, omega: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Mean power given by the sources and taken by the filters' resistors, each shape (n,), W; amplitudes are peak."""
+    w = _positive(omega)
+    into = response.currents[:, :-1] - response.currents[:, 1:]
+    given = -0.5 * np.real(np.sum(np.array(line.sources) * into.conj(), axis=1))
+    taken = np.zeros(w.size)
+    for joint, one in line.filters.items():
+        drop = response.voltages[:, joint - 1, 1] - response.voltages[:, joint, 0]
+        taken += 0.5 * np.abs(drop) ** 2 * np.real(one.admittance(w))
+    return given, taken
+
+
+def _solved(matrix: ComplexArray, load: ComplexArray) -> ComplexArray:
+    try:
+        return np.asarray(np.linalg.solve(matrix, load[:, :, None])[:, :, 0])
+    except np.linalg.LinAlgError:
+        raise SolverError(EXACTLY) from None
+
+
+def _bounded(line: Line, response: LineResponse, omega: FloatArray) -> LineResponse:
+    """The response, unless it is rounding noise divided by the zero of a lossless resonance."""
+    scale = max(map(abs, line.sources)) / min(abs(cell.impedance) for cell in line.cells)
+    peaks = np.abs(response.currents).max(axis=1)
+    if not np.all(np.isfinite(peaks)) or np.any(peaks > UNBOUNDED * scale):
+        worst = float(omega[int(np.nanargmax(np.where(np.isfinite(peaks), peaks, np.inf)))]) / (2.0 * pi)
+        raise SolverError(f"{EXACTLY} (near {worst:.9g} Hz)")
+    return response
+
+
+def _positive(omega: ArrayLike) -> FloatArray:
+    w = np.atleast_1d(np.asarray(omega, dtype=float))
+    if not np.all(np.isfinite(w) & (w > 0.0)):
+        raise SolverError("frequencies must be finite and above 0")
+    return w

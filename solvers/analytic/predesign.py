@@ -1,0 +1,304 @@
+"""Analytic sizing: the zone's mode, the pillar that resonates with it, and how far the theories can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import ceil, isnan, pi, sqrt
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from geometry.layout import Design, Pillar
+from solvers.analytic.beams import frequency_hz, roots
+from solvers.analytic.plates import Strip, beam_function_hz, levy_hz, levy_wavenumber_per_m
+from solvers.analytic.ritz_beams import ritz_frequencies_hz
+from solvers.analytic.ritz_plates import MOST_LINES, kirchhoff_mode, mindlin_mode
+from solvers.analytic.timoshenko import Beam, exact_omegas, round_beam, square_beam
+from solvers.errors import SolverError
+
+FloatArray = NDArray[np.float64]
+Theory = Literal["euler", "timoshenko"]
+FINGER_M = 0.020  # width of a fingertip: the half-wavelength should be smaller
+
+
+@dataclass(frozen=True)
+class ZoneSize:
+    """The zone's mode (0, N), Hz and m. frequency_hz is the exact thin plate with pinned sides (Levy).
+
+    formula_hz: beam function between pinned sides. pinned_hz, clamped_hz: with shear (Mindlin); thin_clamped_hz:
+    Kirchhoff; these three are None beyond N = 40. half_wavelength_m: pi/k of the free-free beam shape.
+    """
+
+    nodal_lines: int
+    frequency_hz: float
+    half_wavelength_m: float | None
+    formula_hz: float
+    node_spacing_m: float | None
+    pinned_hz: float | None
+    thin_clamped_hz: float | None
+    clamped_hz: float | None
+
+
+@dataclass(frozen=True)
+class PillarSize:
+    """The pillar whose first bending (Euler-Bernoulli, foot clamped) meets the zone's frequency; Hz and m.
+
+    timoshenko_height_m does the same with shear. given_*: the case's own pillar by both theories, second bending too.
+    """
+
+    height_m: float
+    frequency_hz: float
+    timoshenko_height_m: float
+    given_height_m: float
+    given_euler_hz: float
+    given_timoshenko_hz: float
+    given_second_hz: float
+
+
+@dataclass(frozen=True)
+class Predesign:
+    """Sizes and the limits of what they are worth; zone or pillar is None when the design has none."""
+
+    zone: ZoneSize | None
+    pillar: PillarSize | None
+    limits: tuple[str, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """The command's document: frequencies in Hz, lengths in mm."""
+        return {
+            "schema": 1,
+            "zone": _millimetres(self.zone),
+            "pillar": _millimetres(self.pillar),
+            "limits": [*self.limits],
+        }
+
+
+@dataclass(frozen=True)
+class SizingChart:
+    """Curves for a chart: pillar frequency over height (points,), zone frequency over nodal lines (lines,). SI."""
+
+    heights_m: FloatArray
+    euler_hz: FloatArray
+    timoshenko_hz: FloatArray
+    nodal_lines: FloatArray
+    half_wavelengths_m: FloatArray
+    zone_hz: FloatArray
+
+
+def predesign(design: Design) -> Predesign:
+    """Size zone and pillar of a design by beam and plate theory; lengths that are NaN count as not given."""
+    strip = strip_of(design)
+    zone = _zone_size(strip, design.nodal_lines) if strip else None
+    pillar = _pillar_size(design.pillar, zone.frequency_hz if zone else None) if design.pillar else None
+    return Predesign(zone, pillar, tuple(_limits(design, zone, pillar)))
+
+
+def strip_of(design: Design) -> Strip | None:
+    """The bare zone of a design, or None when it has no zone or no thickness."""
+    if any(isnan(size) for size in (design.length_m, design.width_m, design.thickness_m)):
+        return None
+    material = design.material
+    sizes = (design.length_m, design.width_m, design.thickness_m)
+    return Strip(*sizes, material.young_pa, material.density_kg_m3, material.poisson)
+
+
+def pillar_beam(pillar: Pillar, height_m: float | None = None) -> Beam:
+    """The pillar as a beam on its clamped foot, fillet left out; a STEP pillar counts as its uniform foot section."""
+    material = pillar.material
+    make = round_beam if pillar.shape == "round" else square_beam
+    height = pillar.height_m if height_m is None else height_m
+    beam = make(height, pillar.base_m, material.young_pa, material.density_kg_m3, material.poisson)
+    if pillar.shape != "tapered" or pillar.tip_m == pillar.base_m:
+        return beam
+    slope = pillar.tip_m / pillar.base_m - 1.0
+    return replace(beam, width_ratio=lambda s: 1.0 + slope * s)
+
+
+def pillar_frequencies_hz(pillar: Pillar, theory: Theory, count: int = 1, height_m: float | None = None) -> FloatArray:
+    """The first `count` bending frequencies of the pillar on its clamped foot, shape (count,), Hz."""
+    beam = pillar_beam(pillar, height_m)
+    if beam.width_ratio is not None:
+        return ritz_frequencies_hz(beam, "clamped", "free", count, rigid_shear=theory == "euler")
+    if theory == "timoshenko":
+        return np.array(exact_omegas(beam, "clamped", "free", count)) * beam.unit_rad_s / (2.0 * pi)
+    kappas = roots("clamped", "free", count)
+    return np.array([frequency_hz(kappa, beam.length_m, beam.bending_n_m2, beam.mass_kg_m) for kappa in kappas])
+
+
+def pillar_height_m(pillar: Pillar, wanted_hz: float, theory: Theory) -> float:
+    """Height whose first bending frequency is wanted_hz, the section kept; SolverError unless wanted_hz > 0."""
+    _above_zero("frequency", wanted_hz)
+
+    def first_hz(height_m: float) -> float:
+        return float(pillar_frequencies_hz(pillar, theory, 1, height_m)[0])
+
+    return _solved(lambda height: first_hz(height) - wanted_hz, pillar.height_m)
+
+
+def zone_width_m(strip: Strip, nodal_lines: int, wanted_hz: float) -> float:
+    """Width between pinned sides that puts the mode (0, N) at wanted_hz (Levy).
+
+    SolverError when even an infinitely wide zone is above: the free-free beam bound of N half-waves along x.
+    """
+    _above_zero("frequency", wanted_hz)
+    try:
+        return _solved(lambda width: levy_hz(replace(strip, width_m=width), nodal_lines) - wanted_hz, strip.width_m)
+    except SolverError:
+        told = f"no width gives {wanted_hz:g} Hz with {nodal_lines} nodal lines on {strip.length_m:g} m"
+        raise SolverError(f"{told}: take fewer lines, a longer or a thinner zone") from None
+
+
+def thickness_m(strip: Strip, nodal_lines: int, wanted_hz: float) -> float:
+    """Thickness that puts the mode (0, N) at wanted_hz: thin-plate frequencies are proportional to it."""
+    _above_zero("frequency", wanted_hz)
+    return strip.thickness_m * wanted_hz / levy_hz(strip, nodal_lines)
+
+
+def fewest_nodal_lines(strip: Strip, half_wavelength_m: float) -> int:
+    """Smallest N whose half-wavelength L/(N - 1/2) is not larger than the one wanted."""
+    _above_zero("half-wavelength", half_wavelength_m)
+    return max(2, ceil(strip.length_m / half_wavelength_m + 0.5 - 1e-9))
+
+
+def sizing_chart(design: Design, points: int = 40) -> SizingChart:
+    """Curves around a design with zone and pillar; SolverError without them."""
+    strip, pillar = strip_of(design), design.pillar
+    if strip is None or pillar is None:
+        raise SolverError("a sizing chart needs a zone and a pillar")
+    heights = np.linspace(0.6, 1.6, points) * pillar.height_m
+    curves = [
+        np.array([pillar_frequencies_hz(pillar, theory, 1, float(height))[0] for height in heights])
+        for theory in ("euler", "timoshenko")
+    ]
+    lines = np.arange(max(2, design.nodal_lines - 4), design.nodal_lines + 5)
+    zone = np.array([levy_hz(strip, int(n)) for n in lines])
+    return SizingChart(
+        heights, curves[0], curves[1], lines.astype(float), np.array([strip.length_m / (n - 0.5) for n in lines]), zone
+    )
+
+
+def _zone_size(strip: Strip, lines: int) -> ZoneSize:
+    kappa = levy_wavenumber_per_m(strip, lines)
+    along = kappa**2 - strip.across_per_m**2
+    ritz = lines <= MOST_LINES
+    return ZoneSize(
+        nodal_lines=lines,
+        frequency_hz=levy_hz(strip, lines),
+        half_wavelength_m=strip.length_m / (lines - 0.5) if lines > 1 else None,
+        formula_hz=beam_function_hz(strip, lines),
+        node_spacing_m=pi / sqrt(along) if along > 0.0 else None,
+        pinned_hz=mindlin_mode(strip, lines, "pinned").frequency_hz if ritz else None,
+        thin_clamped_hz=kirchhoff_mode(strip, lines, "clamped").frequency_hz if ritz else None,
+        clamped_hz=mindlin_mode(strip, lines, "clamped").frequency_hz if ritz else None,
+    )
+
+
+def _pillar_size(pillar: Pillar, wanted_hz: float | None) -> PillarSize:
+    euler = float(pillar_frequencies_hz(pillar, "euler")[0])
+    first, second = (float(f) for f in pillar_frequencies_hz(pillar, "timoshenko", 2))
+    wanted = euler if wanted_hz is None else wanted_hz
+    return PillarSize(
+        height_m=pillar_height_m(pillar, wanted, "euler"),
+        frequency_hz=wanted,
+        timoshenko_height_m=pillar_height_m(pillar, wanted, "timoshenko"),
+        given_height_m=pillar.height_m,
+        given_euler_hz=euler,
+        given_timoshenko_hz=first,
+        given_second_hz=second,
+    )
+
+
+def _solved(excess: Callable[[float], float], start: float) -> float:
+    """The root of a falling function of a length, bracketed by doubling and halving from `start`."""
+    low = high = start
+    for _ in range(40):
+        if excess(low) >= 0.0:
+            break
+        low /= 1.5
+    for _ in range(40):
+        if excess(high) <= 0.0:
+            break
+        high *= 1.5
+    if excess(low) < 0.0 or excess(high) > 0.0:
+        raise SolverError("no such length")
+    return low if low == high else float(brentq(excess, low, high, xtol=1e-9 * start, rtol=1e-10))
+
+
+def _above_zero(what: str, value: float) -> None:
+    if not (np.isfinite(value) and value > 0.0):
+        raise SolverError(f"{what} = {value:g}: must be a finite number above 0")
+
+
+def _millimetres(sizes: ZoneSize | PillarSize | None) -> dict[str, Any] | None:
+    if sizes is None:
+        return None
+    plain = {}
+    for name, value in vars(sizes).items():
+        if name.endswith("_m"):
+            plain[f"{name}m"] = None if value is None else 1e3 * value
+        else:
+            plain[name] = value
+    return plain
+
+
+def _limits(design: Design, zone: ZoneSize | None, pillar: PillarSize | None) -> list[str]:
+    lines = []
+    if zone is not None:
+        lines += _zone_limits(design, zone)
+    if pillar is not None and design.pillar is not None:
+        lines += _pillar_limits(design.pillar, pillar)
+    if zone is not None and zone.half_wavelength_m is not None and not isnan(design.pitch_y_m):
+        pitches = {design.pitch_x_m, design.pitch_y_m}
+        lines += [
+            f"array: the pitch {1e3 * pitch:.3g} mm is 1/{2.0 * zone.half_wavelength_m / pitch:.2g} of the wavelength "
+            f"{2e3 * zone.half_wavelength_m:.3g} mm along the zone"
+            for pitch in sorted(pitches)
+        ]
+    return lines
+
+
+def _zone_limits(design: Design, zone: ZoneSize) -> list[str]:
+    text = zone.formula_hz / zone.frequency_hz - 1.0
+    lines = [
+        f"zone: the beam-function formula gives {zone.formula_hz / 1e3:.2f} kHz, {100 * text:+.1f} % from the exact thin "
+        f"plate {zone.frequency_hz / 1e3:.2f} kHz: it does not meet a plate's free ends"
+    ]
+    if zone.half_wavelength_m is not None:
+        finger = "below" if zone.half_wavelength_m < FINGER_M else "not below"
+        lines.append(
+            f"zone: half-wavelength {1e3 * zone.half_wavelength_m:.2f} mm is {finger} a fingertip's {1e3 * FINGER_M:g} mm "
+            f"and {zone.half_wavelength_m / design.thickness_m:.1f} times the thickness"
+        )
+    if zone.pinned_hz is None or zone.clamped_hz is None or zone.thin_clamped_hz is None:
+        return [*lines, f"zone: shear and clamped sides are not estimated beyond {MOST_LINES} nodal lines"]
+    return [
+        *lines,
+        f"zone: shear and rotary inertia change the frequency by {100 * (zone.pinned_hz / zone.frequency_hz - 1):+.1f} % "
+        f"with pinned sides and {100 * (zone.clamped_hz / zone.thin_clamped_hz - 1):+.1f} % with clamped ones (Mindlin)",
+        f"zone: between {zone.pinned_hz / 1e3:.2f} kHz (pinned sides) and {zone.clamped_hz / 1e3:.2f} kHz (clamped sides), "
+        "whichever the rows of pillars come near to (Mindlin)",
+    ]
+
+
+def _pillar_limits(pillar: Pillar, size: PillarSize) -> list[str]:
+    slenderness = pillar.height_m / pillar.base_m
+    change = size.given_timoshenko_hz / size.given_euler_hz - 1.0
+    lines = [
+        f"pillar: height over width {slenderness:.2f}; shear and rotary inertia change its first frequency by "
+        f"{100 * change:+.1f} % ({size.given_euler_hz / 1e3:.2f} to {size.given_timoshenko_hz / 1e3:.2f} kHz at "
+        f"{1e3 * pillar.height_m:.3g} mm)",
+        f"pillar: {size.frequency_hz / 1e3:.2f} kHz takes {1e3 * size.height_m:.2f} mm without shear, "
+        f"{1e3 * size.timoshenko_height_m:.2f} mm with it; the plate under the foot lowers the frequency further",
+    ]
+    if slenderness < 3.0:
+        lines.append(
+            f"pillar: height over width {slenderness:.2f} is below 3: beam theory is a guess, compute the solid"
+        )
+    if pillar.shape == "step":
+        lines.append("pillar: the STEP solid is sized as a uniform beam of its foot section: compute the solid")
+    if pillar.fillet_m > 0.0:
+        lines.append(f"pillar: the foot fillet of {1e3 * pillar.fillet_m:g} mm stiffens it and is left out here")
+    return lines

@@ -1,0 +1,240 @@
+"""Uniform Timoshenko beams: exact frequencies and shapes for every pair of end conditions.
+
+Below the thickness-shear cut-off the roots lie about pi apart in the bending wavenumber and are bracketed by a scan; above
+it two families interleave, and a Rayleigh-Ritz solution tells where to look.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from math import pi, sqrt
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from solvers.analytic.beams import End, check_ends
+from solvers.errors import SolverError
+
+FloatArray = NDArray[np.float64]
+LOWEST = 0.3  # smallest bending wavenumber times L scanned, below the smallest root of any pair (about pi/2)
+STEP = pi / 16.0
+REFINE = 1e-6  # relative half width of the interval around a Ritz frequency searched for the exact root
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A beam in bending, SI. width_ratio(s), s = x/L, scales every section size against the one at s = 0.
+
+    length_m L; bending_n_m2 EI, shear_n kappa G A, mass_kg_m rho A, rotary_kg_m rho I, all at s = 0.
+    """
+
+    length_m: float
+    bending_n_m2: float
+    shear_n: float
+    mass_kg_m: float
+    rotary_kg_m: float
+    width_ratio: Callable[[FloatArray], FloatArray] | None = None
+
+    @property
+    def flexibility(self) -> float:
+        """E I/(kappa G A L^2), dimensionless: 0 is Euler-Bernoulli's beam."""
+        return self.bending_n_m2 / (self.shear_n * self.length_m**2)
+
+    @property
+    def rotation(self) -> float:
+        """I/(A L^2), dimensionless: rotary inertia."""
+        return self.rotary_kg_m / (self.mass_kg_m * self.length_m**2)
+
+    @property
+    def unit_rad_s(self) -> float:
+        """sqrt(EI/(rho A L^4)), rad/s: omega over this is the dimensionless frequency."""
+        return sqrt(self.bending_n_m2 / self.mass_kg_m) / self.length_m**2
+
+
+@dataclass(frozen=True)
+class BeamModes:
+    """Elastic modes in ascending order: frequencies_hz and omegas (n,), coefficients (n, 4) of the exact solutions."""
+
+    beam: Beam
+    omegas: FloatArray
+    coefficients: FloatArray
+
+    @property
+    def frequencies_hz(self) -> FloatArray:
+        """Natural frequencies, Hz, shape (n,)."""
+        return self.omegas * self.beam.unit_rad_s / (2.0 * pi)
+
+    def shape(self, number: int, s: ArrayLike) -> FloatArray:
+        """Deflection of elastic mode `number` (from 1) at s = x/L, largest value on [0, 1] near 1."""
+        basis = _basis_of(float(self.omegas[number - 1]), self.beam)
+        columns = [basis(at - 0.5)[0] for at in np.asarray(s, dtype=float).ravel()]
+        return np.asarray(np.stack(columns) @ self.coefficients[number - 1]).reshape(np.shape(s))
+
+
+def square_beam(length_m: float, side_m: float, young_pa: float, density_kg_m3: float, poisson: float) -> Beam:
+    """A beam of square section; shear factor 10 (1 + nu)/(12 + 11 nu). Source: cowper1966.
+
+    Raises SolverError for a size or constant that is not above 0.
+    """
+    factor = 10.0 * (1.0 + poisson) / (12.0 + 11.0 * poisson)
+    return _beam(length_m, side_m * abs(side_m), side_m**4 / 12.0, factor, (young_pa, density_kg_m3, poisson))
+
+
+def round_beam(length_m: float, diameter_m: float, young_pa: float, density_kg_m3: float, poisson: float) -> Beam:
+    """A beam of round section; shear factor 6 (1 + nu)/(7 + 6 nu). Source: cowper1966.
+
+    Raises SolverError for a size or constant that is not above 0.
+    """
+    factor = 6.0 * (1.0 + poisson) / (7.0 + 6.0 * poisson)
+    area, inertia = pi * diameter_m * abs(diameter_m) / 4.0, pi * diameter_m**4 / 64.0
+    return _beam(length_m, area, inertia, factor, (young_pa, density_kg_m3, poisson))
+
+
+def _beam(length_m: float, area: float, inertia: float, factor: float, material: tuple[float, float, float]) -> Beam:
+    young, density, poisson = material
+    for what, value in (("length", length_m), ("section", area), ("E", young), ("density", density)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise SolverError(f"beam {what} = {value:g}: must be a finite number above 0")
+    shear = factor * young / (2.0 * (1.0 + poisson)) * area
+    return Beam(length_m, young * inertia, shear, density * area, density * inertia)
+
+
+def beam_modes(beam: Beam, left: End, right: End, count: int) -> BeamModes:
+    """The first `count` elastic modes; rigid motions are left out.
+
+    EI psi'' + kappa G A (w' - psi) + rho I omega^2 psi = 0, kappa G A (w'' - psi') + rho A omega^2 w = 0.
+    Raises SolverError for an unknown end, count < 1, a size that is not above 0 or a tapered beam.
+    Source: timoshenko1921.
+    """
+    omegas = exact_omegas(beam, left, right, count)
+    vectors = [np.linalg.svd(_end_matrix(omega, beam, left, right))[2][-1] for omega in omegas]
+    scaled = [_scaled(vector, omega, beam) for vector, omega in zip(vectors, omegas, strict=True)]
+    return BeamModes(beam, np.array(omegas), np.array(scaled))
+
+
+def exact_omegas(beam: Beam, left: End, right: End, count: int) -> list[float]:
+    """The first `count` elastic frequencies of beam_modes without shapes, in units of beam.unit_rad_s; errors alike."""
+    check_ends(left, right)
+    check_beam(beam, count)
+    if beam.width_ratio is not None:
+        raise SolverError("a tapered beam has no exact solution: use ritz_frequencies_hz")
+    omegas = _scanned(beam, left, right, count)
+    return omegas if len(omegas) == count else _beyond_cutoff(beam, left, right, count, omegas)
+
+
+def check_beam(beam: Beam, count: int) -> None:
+    """SolverError unless every size is finite and above 0 and at least one mode is asked."""
+    sizes = (beam.length_m, beam.bending_n_m2, beam.shear_n, beam.mass_kg_m, beam.rotary_kg_m)
+    if count < 1 or not all(np.isfinite(size) and size > 0.0 for size in sizes):
+        raise SolverError(f"beam {sizes}, count {count}: every number must be finite and above 0")
+
+
+def _scanned(beam: Beam, left: str, right: str, count: int) -> list[float]:
+    """Roots below the cut-off, at most `count`: sign changes over the bending wavenumber."""
+    cutoff = 1.0 / sqrt(beam.flexibility * beam.rotation)
+    found: list[float] = []
+    start, width = LOWEST, STEP * 16
+    while len(found) < count:
+        wavenumbers = np.arange(start, start + width + STEP / 2, STEP)
+        omegas = [omega for omega in (_omega_of(float(a), beam) for a in wavenumbers) if omega < cutoff]
+        omegas += [cutoff * (1.0 - 1e-12)] if len(omegas) < len(wavenumbers) else []
+        found += _sign_changes(omegas, beam, left, right)
+        if len(omegas) < len(wavenumbers):
+            break
+        start += width
+    return found[:count]
+
+
+def _omega_of(wavenumber: float, beam: Beam) -> float:
+    """Dimensionless frequency of the bending wave of this wavenumber times L."""
+    flex, turn, square = beam.flexibility, beam.rotation, wavenumber**2
+    p = (flex + turn) * square + 1.0
+    return sqrt(2.0 * square**2 / (p + sqrt(p**2 - 4.0 * flex * turn * square**2)))
+
+
+def _sign_changes(omegas: list[float], beam: Beam, left: str, right: str) -> list[float]:
+    def determinant(omega: float) -> float:
+        return characteristic(omega, beam, left, right)
+
+    values = [determinant(omega) for omega in omegas]
+    pairs = pairwise(zip(omegas, values, strict=True))
+    return [
+        float(brentq(determinant, low, high, xtol=1e-13 * low, rtol=1e-15))
+        for (low, at_low), (high, at_high) in pairs
+        if (at_low < 0.0) != (at_high < 0.0)
+    ]
+
+
+def _beyond_cutoff(beam: Beam, left: End, right: End, count: int, below: list[float]) -> list[float]:
+    """The first `count` roots when some lie above the cut-off: Ritz estimates, refined where a root is alone."""
+    from solvers.analytic.ritz_beams import ritz_omegas
+
+    estimates = ritz_omegas(beam, left, right, count)
+    refined = list(below)
+    for estimate in estimates[len(below) :]:
+        low, high = estimate * (1.0 - REFINE), estimate * (1.0 + REFINE)
+        roots = _sign_changes([low, high], beam, left, right)
+        refined.append(roots[0] if roots else float(estimate))
+    return refined
+
+
+def _scaled(vector: FloatArray, omega: float, beam: Beam) -> FloatArray:
+    """Coefficients whose deflection peaks at 1 and ends above 0 at s = 1."""
+    basis = _basis_of(omega, beam)
+    grid = np.linspace(-0.5, 0.5, 401)
+    deflection = np.stack([basis(t)[0] for t in grid]) @ vector
+    peak = float(np.abs(deflection).max())
+    tip = deflection[-1] if abs(deflection[-1]) > 1e-6 * peak else deflection[-2]
+    return vector * (np.sign(tip) / peak if peak > 0.0 else 1.0)
+
+
+def characteristic(omega: float, beam: Beam, left: str, right: str) -> float:
+    """Determinant of the four end conditions at the dimensionless frequency omega; 0 at an exact mode.
+
+    lambda^4 + (b + r omega^2) lambda^2 + r omega^2 b - omega^2 = 0, b = flexibility omega^2, r = rotation.
+    """
+    return float(np.linalg.det(_end_matrix(omega, beam, left, right)))
+
+
+def _end_matrix(omega: float, beam: Beam, left: str, right: str) -> FloatArray:
+    basis = _basis_of(omega, beam)
+    rows = []
+    for t, end in ((-0.5, left), (0.5, right)):
+        deflection, rotation, moment, shear = basis(t)
+        rows.append(deflection if end in ("clamped", "pinned") else shear)
+        rows.append(rotation if end in ("clamped", "sliding") else moment)
+    matrix = np.stack(rows)
+    return np.asarray(matrix / np.linalg.norm(matrix, axis=1, keepdims=True))
+
+
+def _basis_of(omega: float, beam: Beam) -> Callable[[float], tuple[FloatArray, FloatArray, FloatArray, FloatArray]]:
+    """w, psi, psi' and (w' - psi)/b of the four exact solutions as a function of t = s - 1/2.
+
+    Two solutions have wavenumber^2 = trig, two lambda^2 = other; these are scaled to one at the ends.
+    """
+    b, turn = beam.flexibility * omega**2, beam.rotation * omega**2
+    half, rest = (b + turn) / 2.0, turn * b - omega**2
+    trig = half + sqrt(half**2 - rest)
+    other = -rest / trig
+    a, root = sqrt(trig), sqrt(abs(other))
+
+    def at(t: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        c, s = np.cos(a * t), np.sin(a * t) / a
+        even, odd = _hyperbolic(root, t) if other >= 0.0 else (np.cos(root * t), np.sin(root * t))
+        over = odd / root if root > 0.0 else t
+        deflection = np.array([c, s, even, other * over])
+        rotation = np.array([(b - trig) * s, (1.0 - b / trig) * c, (other + b) * over, (other + b) * even])
+        moment = np.array([(b - trig) * c, (b - trig) * s, (other + b) * even, (other + b) * other * over])
+        return deflection, rotation, moment, np.array([-s, c / trig, -over, -even])
+
+    return at
+
+
+def _hyperbolic(root: float, t: float) -> tuple[float, float]:
+    """cosh and sinh of root t over cosh(root/2), by decaying exponentials only."""
+    rising, falling = np.exp(root * (abs(t) - 0.5)), np.exp(-root * (abs(t) + 0.5))
+    scale = 1.0 + np.exp(-root)
+    return float((rising + falling) / scale), float(np.sign(t) * (rising - falling) / scale)

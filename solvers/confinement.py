@@ -1,0 +1,81 @@
+"""Which mode is the wanted one, and how well the plate holds it: measures of u_z on the touch face.
+
+zone_share = int_active |u_z|^2 / int_touch |u_z|^2; confinement_db = 20 log10(rms active / rms passive);
+mac = |<u_z, shape>|^2 / (<u_z, u_z> <shape, shape>) on the active touch face, shape = sin(pi (y + W/2)/W) X_N(x).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.elements import FloatArray
+from geometry.layout import Design
+from solvers.analytic.beams import free_free_mode
+
+CONFINED_DB = 10.0
+NEGLIGIBLE = 1e-9  # of the active area: a passive face smaller than that is rounding
+
+
+@dataclass(frozen=True)
+class Confinement:
+    """Measures per mode, each (k,); zone_share and confinement_db are NaN where the plate has no passive face."""
+
+    zone_share: FloatArray
+    confinement_db: FloatArray
+    mac: FloatArray
+
+
+def wanted_shape(design: Design, points: FloatArray) -> FloatArray:
+    """The analytic (0, N) shape at points (q, 2 or 3) in m: half a sine across the zone, a free-free beam along it."""
+    across = np.sin(np.pi * (points[:, 1] + design.width_m / 2.0) / design.width_m)
+    along = free_free_mode(design.nodal_lines).shape(points[:, 0] / design.length_m + 0.5)
+    return np.asarray(across * along)
+
+
+def wanted_parity(nodal_lines: int) -> str:
+    """Signs (x, y) of u_z of the wanted mode: a free-free beam with N nodes is even for even N; half a sine is even."""
+    return ("+" if nodal_lines % 2 == 0 else "-") + "+"
+
+
+@dataclass(frozen=True)
+class TouchField:
+    """u_z at quadrature points of the touch face: points (q, 2) in m, weights (q,) in m2, values (q, k)."""
+
+    points: FloatArray
+    weights: FloatArray
+    values: FloatArray
+
+
+def measure(touch: TouchField, design: Design, parity: str | None) -> Confinement:
+    """Confinement of modes from their normal displacement on the touch face.
+
+    `parity` is the mirror class of a halved model (a shape of another class has no share in it), None for a whole plate.
+    """
+    active = np.abs(touch.points[:, 1]) < design.width_m / 2.0
+    squares = touch.weights[:, None] * touch.values**2
+    inside, everywhere = squares[active].sum(axis=0), squares.sum(axis=0)
+    area, passive_area = touch.weights[active].sum(), touch.weights[~active].sum()
+    has_passive = passive_area > NEGLIGIBLE * area
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(has_passive, inside / everywhere, np.nan)
+        passive = (everywhere - inside) / passive_area if has_passive else np.full_like(inside, np.nan)
+        decibels = 10.0 * np.log10((inside / area) / passive)
+    return Confinement(share, decibels, _mac(touch, active, design, parity))
+
+
+def _mac(touch: TouchField, active: NDArray[np.bool_], design: Design, parity: str | None) -> FloatArray:
+    if parity not in (None, wanted_parity(design.nodal_lines)):
+        return np.zeros(touch.values.shape[1])
+    values, weights = touch.values[active], touch.weights[active]
+    shape = wanted_shape(design, touch.points[active])
+    own = weights @ values**2
+    return np.asarray(((weights * shape) @ values) ** 2 / np.maximum(own * (weights @ shape**2), 1e-300))
+
+
+def wanted_index(measures: Confinement) -> int:
+    """The mode that looks most like the wanted one: largest MAC weighted by the share of vibration inside the zone."""
+    share = np.where(np.isfinite(measures.zone_share), measures.zone_share, 1.0)
+    return int(np.argmax(measures.mac * share))

@@ -1,0 +1,1 @@
+"""Three-dimensional linear elasticity by finite elements."""

@@ -1,0 +1,227 @@
+"""Stiffness and mass matrices of three-dimensional linear elasticity, assembled over node pairs without loops."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from geometry.elements import FloatArray, IntArray
+from geometry.materials import Material
+from geometry.mesh import Mesh, is_affine, jacobians
+
+CHUNK_VALUES = 2_000_000  # element-matrix entries held at once by the quadrature path
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Units in which a pencil is assembled: lengths in `length_m`, moduli in `young_pa`, densities in `density_kg_m3`.
+
+    An eigenvalue lambda of the scaled pencil is the angular frequency squared in units of young/(density length^2).
+    """
+
+    length_m: float
+    young_pa: float
+    density_kg_m3: float
+
+    @property
+    def angular(self) -> float:
+        """rad/s per unit of sqrt(lambda)."""
+        return float(np.sqrt(self.young_pa / self.density_kg_m3) / self.length_m)
+
+    def eigenvalue(self, frequency_hz: float) -> float:
+        """Scaled eigenvalue of a frequency, lambda = (2 pi f / angular)^2."""
+        return (2.0 * np.pi * frequency_hz / self.angular) ** 2
+
+    def frequency(self, eigenvalue: FloatArray) -> FloatArray:
+        """Frequencies in Hz of scaled eigenvalues; rounding below zero counts as zero."""
+        return np.asarray(np.sqrt(np.maximum(eigenvalue, 0.0)) * self.angular / (2.0 * np.pi))
+
+
+@dataclass(frozen=True)
+class System:
+    """Scaled stiffness K (3n, 3n) with unknowns (node, axis), and the scalar mass m (n, n): M = m (x) I3.
+
+    density (e,) is per element, in units of the scale.
+    """
+
+    stiffness: sp.csr_array
+    mass: sp.csr_array
+    scale: Scale
+    mesh: Mesh
+    density: FloatArray
+
+    def region_mass(self, region: str) -> sp.csr_array | None:
+        """Scalar mass of one region alone; None when the mesh has no such region."""
+        if region not in self.mesh.regions:
+            return None
+        density = np.zeros_like(self.density)
+        cells = self.mesh.regions[region]
+        density[cells] = self.density[cells]
+        geometry = _Geometry(self.mesh, self.scale.length_m)
+        return _Pattern(self.mesh.cells, len(self.mesh.nodes)).scalar_matrix(geometry.mass(density))
+
+
+def elasticity(material: Material) -> FloatArray:
+    """Isotropic stiffness tensor C_ikjl = lambda d_ik d_jl + mu (d_ij d_kl + d_il d_kj), shape (3, 3, 3, 3), Pa."""
+    eye = np.eye(3)
+    return np.asarray(
+        material.lame_pa * np.einsum("ik,jl->ikjl", eye, eye)
+        + material.shear_pa * (np.einsum("ij,kl->ikjl", eye, eye) + np.einsum("il,kj->ikjl", eye, eye))
+    )
+
+
+def assemble(mesh: Mesh, materials: dict[str, Material], scale: Scale | None = None) -> System:
+    """Assemble K_(a i)(b j) = int C_ikjl N_a,k N_b,l and m_ab = int rho N_a N_b.
+
+    `materials` names one material per region of the mesh. The pencil is scaled by the mesh's smallest extent and the
+    first material unless a scale is given, so that a micrometre plate and a metre plate condition alike.
+    Raises KeyError for a region without material.
+    """
+    regions = mesh.region_of_cells()
+    first = materials[next(iter(regions))]
+    scale = scale or Scale(float(np.ptp(mesh.nodes, axis=0).min()), first.young_pa, first.density_kg_m3)
+    geometry = _Geometry(mesh, scale.length_m)
+    pattern = _Pattern(mesh.cells, len(mesh.nodes))
+    tensor = np.zeros((len(mesh.cells), 3, 3, 3, 3)) if len(regions) > 1 else None
+    density = np.zeros(len(mesh.cells))
+    single = elasticity(first) / scale.young_pa
+    for name, cells in regions.items():
+        density[cells] = materials[name].density_kg_m3 / scale.density_kg_m3
+        if tensor is not None:
+            tensor[cells] = elasticity(materials[name]) / scale.young_pa
+    blocks = (
+        (i, j, geometry.stiffness(single if tensor is None else tensor, i, j)) for i in range(3) for j in range(3)
+    )
+    return System(pattern.vector_matrix(blocks), pattern.scalar_matrix(geometry.mass(density)), scale, mesh, density)
+
+
+class _Geometry:
+    """Element matrices of a mesh: reference integrals where elements are affine, quadrature where they are curved."""
+
+    def __init__(self, mesh: Mesh, length: float) -> None:
+        self.mesh, self.length = mesh, length
+        element, rule = mesh.element, mesh.element.quadrature
+        value, gradient = element.shape(rule.points)
+        self.count = value.shape[1]
+        self.reference_mass = (value * rule.weights[:, None]).T @ value
+        weighted = gradient * rule.weights[:, None, None]
+        # 3 x 3 reference integrals of d_m N_a d_n N_b, flattened to (9, k k)
+        self.reference_stiffness = np.einsum("qam,qbn->mnab", weighted, gradient, optimize=True).reshape(9, -1)
+        self.affine = np.flatnonzero(is_affine(mesh))
+        self.curved = np.setdiff1d(np.arange(len(mesh.cells)), self.affine)
+        self.inverse, self.volume = self._affine_maps()
+
+    def _affine_maps(self) -> tuple[FloatArray, FloatArray]:
+        """Inverse Jacobians d xi_m / d x_k (e, 3, 3) and determinants (e,) of the affine elements, scaled."""
+        if self.mesh.spans is not None:
+            half = self.mesh.spans / (2.0 * self.length)
+            inverse = np.zeros((len(half), 3, 3))
+            inverse[:, [0, 1, 2], [0, 1, 2]] = 1.0 / half
+            return inverse, half.prod(axis=1)
+        centre = self.mesh.element.quadrature.points.mean(axis=0, keepdims=True)
+        jacobian = jacobians(self.mesh, self.affine, centre)[:, 0] / self.length  # [m, k]
+        return np.linalg.inv(jacobian).transpose(0, 2, 1), np.linalg.det(jacobian)
+
+    def stiffness(self, tensor: FloatArray, i: int, j: int) -> FloatArray:
+        """The (i, j) components of every element's stiffness, shape (e, k k)."""
+        coupling = tensor[..., i, :, j, :]
+        out = np.empty((len(self.mesh.cells), self.count**2))
+        local = coupling[self.affine] if coupling.ndim == 3 else coupling
+        metric = self._metric(local)
+        out[self.affine] = metric.reshape(len(self.affine), 9) @ self.reference_stiffness
+        if len(self.curved):
+            out[self.curved] = self._curved_stiffness(coupling)
+        return out
+
+    def _metric(self, coupling: FloatArray) -> FloatArray:
+        """G_mn = det J (d xi_m / d x_k) C_kl (d xi_n / d x_l), shape (e, 3, 3)."""
+        left = self.inverse @ coupling
+        return np.asarray((left @ self.inverse.transpose(0, 2, 1)) * self.volume[:, None, None])
+
+    def _curved_stiffness(self, coupling: FloatArray) -> FloatArray:
+        rule = self.mesh.element.quadrature
+        _, gradient = self.mesh.element.shape(rule.points)
+        parts = []
+        for cells in _chunks(self.curved, self.count**2):
+            jacobian = jacobians(self.mesh, cells, rule.points) / self.length
+            slope = np.linalg.solve(
+                jacobian, np.broadcast_to(gradient.transpose(0, 2, 1), (len(cells), *gradient.transpose(0, 2, 1).shape))
+            )
+            weight = np.linalg.det(jacobian) * rule.weights
+            local = coupling[cells] if coupling.ndim == 3 else coupling[None]
+            flux = np.einsum("ekl,eqlb->eqkb", np.broadcast_to(local, (len(cells), 3, 3)), slope, optimize=True)
+            flux *= weight[:, :, None, None]
+            points = len(rule.weights) * 3
+            parts.append(
+                slope.reshape(len(cells), points, -1).transpose(0, 2, 1) @ flux.reshape(len(cells), points, -1)
+            )
+        return np.concatenate(parts).reshape(len(self.curved), -1)
+
+    def mass(self, density: FloatArray) -> FloatArray:
+        """Every element's scalar mass matrix, shape (e, k k)."""
+        out = np.empty((len(self.mesh.cells), self.count**2))
+        out[self.affine] = (density[self.affine] * self.volume)[:, None] * self.reference_mass.reshape(1, -1)
+        rule = self.mesh.element.quadrature
+        value, _ = self.mesh.element.shape(rule.points)
+        products = (value[:, :, None] * value[:, None, :]).reshape(len(rule.weights), -1)
+        for cells in _chunks(self.curved, self.count**2):
+            jacobian = jacobians(self.mesh, cells, rule.points) / self.length
+            out[cells] = (np.linalg.det(jacobian) * rule.weights * density[cells, None]) @ products
+        return out
+
+
+def _chunks(cells: IntArray, values_each: int) -> list[IntArray]:
+    if not len(cells):
+        return []
+    return np.array_split(cells, max(1, len(cells) * values_each * 30 // CHUNK_VALUES))
+
+
+class _Pattern:
+    """Sparsity of the node graph, and where each element's entry goes."""
+
+    def __init__(self, cells: IntArray, node_count: int) -> None:
+        elements, width = cells.shape
+        flat = cells.ravel()
+        by_node = np.argsort(flat, kind="stable")
+        indptr = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=node_count) * width)])
+        index_type = np.int32 if flat.size * width < 2**31 else np.int64
+        entries = (by_node[:, None] * width + np.arange(width)).astype(index_type)
+        graph = sp.csr_array(
+            (entries.ravel(), cells[by_node // width].astype(index_type).ravel(), indptr.astype(index_type)),
+            shape=(node_count, node_count),
+        )
+        graph.sort_indices()
+        row = np.repeat(np.arange(node_count, dtype=index_type), np.diff(graph.indptr))
+        fresh = np.ones(len(row), dtype=bool)
+        fresh[1:] = (np.diff(row) != 0) | (np.diff(graph.indices) != 0)
+        self.order, self.starts = graph.data, np.flatnonzero(fresh)
+        self.columns = graph.indices[self.starts]
+        self.rows = row[self.starts]
+        self.node_count = node_count
+        self.indptr = np.concatenate([[0], np.cumsum(np.bincount(self.rows, minlength=node_count))])
+
+    def _reduce(self, values: FloatArray) -> FloatArray:
+        return np.asarray(np.add.reduceat(values.ravel()[self.order], self.starts))
+
+    def scalar_matrix(self, values: FloatArray) -> sp.csr_array:
+        """One value per node pair."""
+        shape = (self.node_count, self.node_count)
+        return sp.csr_array((self._reduce(values), self.columns.astype(np.int32), self.indptr), shape=shape)
+
+    def vector_matrix(self, blocks: NDArray | object) -> sp.csr_array:
+        """A 3 x 3 block per node pair, from an iterable of (i, j, values)."""
+        length = np.diff(self.indptr)
+        indptr = np.concatenate([[0], np.cumsum(np.repeat(3 * length, 3))])
+        index_type = np.int32 if indptr[-1] < 2**31 else np.int64
+        indices = np.empty(indptr[-1], dtype=index_type)
+        data = np.empty(indptr[-1])
+        offset = np.arange(len(self.columns)) - self.indptr[self.rows]
+        for i, j, values in blocks:  # type: ignore[union-attr]
+            place = indptr[3 * self.rows + i] + 3 * offset + j
+            data[place] = self._reduce(values)
+            indices[place] = 3 * self.columns + j
+        size = 3 * self.node_count
+        return sp.csr_array((data, indices, indptr.astype(index_type)), shape=(size, size))

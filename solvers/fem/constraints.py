@@ -1,0 +1,110 @@
+"""Clamps and mirrors: which unknowns stay free, and which rigid motions survive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from geometry.elements import FloatArray
+from geometry.mesh import Mesh
+from solvers.fem.assembly import Scale, System
+
+BoolArray = NDArray[np.bool_]
+AXES = "xyz"
+
+
+def free_mask(mesh: Mesh, clamped: Iterable[str] = (), mirrors: Mapping[str, str] | None = None) -> BoolArray:
+    """Free unknowns, shape (n, 3).
+
+    `clamped` names faces whose displacement is zero. `mirrors` maps a face on a mirror plane to `+` (u_z even: the
+    normal displacement vanishes there) or `-` (u_z odd: both tangential displacements vanish).
+    Raises MeshError for a face that the mesh does not have.
+    """
+    free = np.ones((len(mesh.nodes), 3), dtype=bool)
+    for face in clamped:
+        free[mesh.nodes_of(face)] = False
+    for face, sign in (mirrors or {}).items():
+        normal = AXES.index(face[0])
+        stopped = [normal] if sign == "+" else [axis for axis in range(3) if axis != normal]
+        free[np.ix_(mesh.nodes_of(face), np.array(stopped))] = False
+    return free
+
+
+def rigid_motions(nodes: FloatArray) -> FloatArray:
+    """Three translations and three rotations about the centroid, shape (n, 3, 6), columns of like size."""
+    arm = nodes - nodes.mean(axis=0)
+    arm = arm / max(float(np.abs(arm).max()), 1e-300)
+    motions = np.zeros((len(nodes), 3, 6))
+    motions[:, [0, 1, 2], [0, 1, 2]] = 1.0
+    for axis in range(3):
+        turn = np.zeros(3)
+        turn[axis] = 1.0
+        motions[:, :, 3 + axis] = np.cross(turn, arm)
+    return motions
+
+
+@dataclass(frozen=True)
+class Pencil:
+    """K and M of the free unknowns, with the maps between free and full vectors."""
+
+    stiffness: sp.csc_array
+    mass: sp.csc_array
+    free: BoolArray
+    system: System
+    rigid_count: int
+
+    @property
+    def dof(self) -> int:
+        """Free unknowns."""
+        return int(self.stiffness.shape[0])
+
+    @property
+    def scale(self) -> Scale:
+        """Units of the pencil."""
+        return self.system.scale
+
+    def apply_mass(self, vectors: FloatArray) -> FloatArray:
+        """M x for (dof,) or (dof, k), as the scalar mass on three components."""
+        columns = vectors.reshape(self.dof, -1)
+        full = self.expand(columns)
+        nodes = full.shape[0]
+        product = self.system.mass @ full.reshape(nodes, -1)
+        return np.asarray(product.reshape(nodes, 3, -1)[self.free].reshape(vectors.shape))
+
+    def expand(self, vectors: FloatArray) -> FloatArray:
+        """Free vectors (dof, k) as nodal fields (n, 3, k), zero where held."""
+        full = np.zeros((*self.free.shape, vectors.shape[1]), dtype=vectors.dtype)
+        full[self.free] = vectors
+        return full
+
+
+def constrain(system: System, free: BoolArray) -> Pencil:
+    """Restrict a system to its free unknowns and count the rigid motions that remain."""
+    keep = np.flatnonzero(free.ravel())
+    mass = sp.csr_array(sp.kron(system.mass, sp.eye_array(3), format="csr"))
+    return Pencil(
+        sp.csc_array(_restrict(system.stiffness, keep)),
+        sp.csc_array(_restrict(mass, keep)),
+        free,
+        system,
+        _surviving(system.mesh.nodes, free),
+    )
+
+
+def _restrict(matrix: sp.csr_array, keep: NDArray[np.int64]) -> sp.csr_array:
+    if len(keep) == matrix.shape[0]:
+        return matrix
+    return sp.csr_array(matrix[keep][:, keep])
+
+
+def _surviving(nodes: FloatArray, free: BoolArray) -> int:
+    """Rigid motions that the held unknowns allow: 6 minus the rank of their rows."""
+    held = rigid_motions(nodes)[~free]
+    if not len(held):
+        return 6
+    singular = np.linalg.svd(held.T @ held, compute_uv=False)
+    return int(6 - (singular > 1e-10 * max(len(held), 1)).sum())

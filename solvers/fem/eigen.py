@@ -1,0 +1,356 @@
+"""Eigenpairs of K x = lambda M x by shift-invert Lanczos, counted by inertia so that none is missing.
+
+Every solve proves itself: residuals, M-orthonormality, and Sylvester's count at both ends of the interval (parlett1998).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
+
+from geometry.elements import FloatArray
+from solvers.errors import CountMismatch, SingularShift, SolverError
+from solvers.fem.assembly import Scale
+from solvers.fem.factor import Factor, Factoriser
+
+RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not returned
+ORTHONORMAL = 1e-8
+RIGID = 1e-9  # an elastic eigenvalue lies above this share of the pencil's norm ratio
+SLICE = 120  # eigenpairs a shift at most: Lanczos vectors and their orthogonalisation stay cheap
+NUDGE = 1e-7  # relative move of a shift that fell on an eigenvalue
+
+
+class SymmetricPencil(Protocol):
+    """What a solve needs to know of K and M: symmetric sparse matrices, units, and rigid motions to expect."""
+
+    @property
+    def stiffness(self) -> sp.csc_array:
+        """K."""
+        ...
+
+    @property
+    def mass(self) -> sp.csc_array:
+        """M."""
+        ...
+
+    @property
+    def rigid_count(self) -> int:
+        """Rigid motions to expect among the eigenvalues."""
+        ...
+
+    @property
+    def dof(self) -> int:
+        """Unknowns."""
+        ...
+
+    @property
+    def scale(self) -> Scale:
+        """Units of the eigenvalues."""
+        ...
+
+    def apply_mass(self, vectors: FloatArray) -> FloatArray:
+        """M x."""
+        ...
+
+
+@dataclass(frozen=True)
+class PlainPencil:
+    """K and M as they are, without a mesh behind them."""
+
+    stiffness: sp.csc_array
+    mass: sp.csc_array
+    scale: Scale
+    rigid_count: int = 0
+
+    @property
+    def dof(self) -> int:
+        """Unknowns."""
+        return int(self.stiffness.shape[0])
+
+    def apply_mass(self, vectors: FloatArray) -> FloatArray:
+        """M x."""
+        return np.asarray(self.mass @ vectors)
+
+
+@dataclass(frozen=True)
+class Count:
+    """Sylvester's count of the elastic eigenvalues between two frequencies against what was found."""
+
+    low_hz: float
+    high_hz: float
+    expected: int
+    found: int
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Elastic modes in ascending order.
+
+    frequency_hz (k,), vectors (dof, k) M-orthonormal in the scaled units of the pencil, residual (k,).
+    """
+
+    frequency_hz: FloatArray
+    vectors: FloatArray
+    residual: FloatArray
+    count: Count
+    rigid_count: int
+    factorisations: int
+
+
+def modes_in_band(pencil: SymmetricPencil, low_hz: float, high_hz: float, backend: str | None = None) -> Modes:
+    """Every elastic mode with low <= f <= high. Raises CountMismatch when the count does not close."""
+    solver = _Solver(pencil, backend)
+    scale = pencil.scale
+    low, high = scale.eigenvalue(low_hz), scale.eigenvalue(high_hz)
+    below_low = max(solver.count_below(low), pencil.rigid_count) if low > 0.0 else pencil.rigid_count
+    values, vectors = solver.between(low, high, below_low, solver.count_below(high))
+    return solver.proven(values, vectors, low, high, below_low)
+
+
+def modes_near(pencil: SymmetricPencil, near_hz: float, count: int, backend: str | None = None) -> Modes:
+    """The `count` elastic modes nearest to a frequency, clusters at the rim of the interval kept whole."""
+    solver = _Solver(pencil, backend)
+    target = pencil.scale.eigenvalue(near_hz)
+    count = min(count, pencil.dof - pencil.rigid_count)
+    wanted = count + 1
+    while True:
+        values, vectors = solver.nearest(target, min(wanted + pencil.rigid_count, pencil.dof))
+        elastic = values > solver.rigid_limit
+        kept, low, high = _closed_interval(values[elastic], target, count, pencil, solver.rigid_limit)
+        if kept is not None or wanted >= pencil.dof:
+            break
+        wanted += max(4, count // 4)
+    if kept is None:
+        raise CountMismatch(f"no gap ends the cluster of modes near {near_hz:.1f} Hz; ask for a band instead")
+    below = max(solver.count_below(low), pencil.rigid_count)
+    values, vectors = values[elastic][kept], vectors[:, elastic][:, kept]
+    if solver.count_below(high) - below != len(values):
+        values, vectors = solver.between(low, high, below, solver.count_below(high))
+    return solver.proven(values, vectors, low, high, below)
+
+
+def lowest_values(pencil: SymmetricPencil, count: int, multiplicity: int = 1) -> FloatArray:
+    """The `count` lowest eigenvalues, rigid ones included, each `multiplicity` times over, closed by a count above them.
+
+    The shift lies below zero, where K - sigma M is positive definite. Raises CountMismatch.
+    """
+    solver = _Solver(pencil, None)
+    size = count * multiplicity
+    shift = -solver.rigid_limit * 1e6
+    factor, shift = solver.factor(shift)
+    if factor.negative:
+        raise SolverError(f"{factor.negative} eigenvalue(s) below zero: the stiffness is not positive")
+    values, _ = solver.lanczos(factor.solve, shift, min(size + 4 * multiplicity, pencil.dof - 2))
+    gap = _first_gap(values, size)
+    edge = 0.5 * (values[gap - 1] + values[gap])
+    expected = solver.count_below(edge)
+    if expected != gap:
+        raise CountMismatch(f"{gap} eigenvalues found below {edge:.6g}, the inertia counts {expected}")
+    return np.asarray(values[:size:multiplicity])
+
+
+def _first_gap(values: FloatArray, size: int) -> int:
+    """How many of the values, at least `size`, end in a gap."""
+    for end in range(size, len(values)):
+        if values[end] - values[end - 1] > 1e-6 * values[end]:
+            return end
+    raise CountMismatch("no gap ends the cluster above the bands asked for; ask for more bands")
+
+
+def _closed_interval(
+    values: FloatArray, target: float, count: int, pencil: SymmetricPencil, floor: float
+) -> tuple[FloatArray | None, float, float]:
+    """The nearest `count` values and an interval, ending in gaps, which holds them and nothing else that is known.
+
+    Distances are measured in frequency, as the user means them.
+    """
+    root, aim = np.sqrt(np.maximum(values, 0.0)), np.sqrt(target)
+    order = np.argsort(np.abs(root - aim), kind="stable")
+    everything = len(values) + pencil.rigid_count >= pencil.dof
+    if len(values) <= count and not everything:
+        return None, 0.0, 0.0
+    for size in range(min(count, len(values)), len(values) + 1):
+        if size == len(values) and not everything:
+            return None, 0.0, 0.0
+        inner = np.abs(root - aim)[order[:size]].max()
+        outer = np.abs(root - aim)[order[size]] if size < len(values) else inner * 1.1 + 0.1 * aim
+        if outer - inner > 1e-6 * aim:
+            edge = 0.5 * (inner + outer)
+            low = max(aim - edge, 0.0) ** 2
+            return np.sort(order[:size]), max(low, floor), (aim + edge) ** 2
+    return None, 0.0, 0.0
+
+
+class _Solver:
+    """Shift-invert solves of one pencil, sharing the symbolic analysis between shifts."""
+
+    def __init__(self, pencil: SymmetricPencil, backend: str | None) -> None:
+        self.pencil = pencil
+        self.factorise = Factoriser(backend)
+        self.factorisations = 0
+        self.stiffness_norm = float(abs(pencil.stiffness).sum(axis=0).max())
+        self.mass_norm = float(abs(pencil.mass).sum(axis=0).max())
+        self.rigid_limit = RIGID * self.stiffness_norm / self.mass_norm * 1e-3
+
+    def factor(self, shift: float) -> tuple[Factor, float]:
+        """Factor of K - shift M, and the shift really used: a singular one is moved."""
+        for attempt in range(6):
+            moved = shift * (1.0 + attempt * NUDGE * 3.0**attempt) + attempt * self.rigid_limit
+            try:
+                matrix = sp.csc_array(self.pencil.stiffness - moved * self.pencil.mass)
+                self.factorisations += 1
+                return self.factorise(matrix), moved
+            except SingularShift as fault:
+                last = fault
+        raise last
+
+    def count_below(self, shift: float) -> int:
+        """Eigenvalues below a shift, rigid ones included."""
+        return self.factor(shift)[0].negative
+
+    def nearest(self, target: float, count: int) -> tuple[FloatArray, FloatArray]:
+        """About `count` eigenpairs nearest to the target, ascending; no promise of completeness."""
+        if count >= self.pencil.dof - 1:
+            return self._dense()
+        factor, shift = self.factor(target if target > 0.0 else -self.rigid_limit * 1e3)
+        return self.lanczos(factor.solve, shift, count)
+
+    def _dense(self) -> tuple[FloatArray, FloatArray]:
+        from scipy.linalg import eigh
+
+        values, vectors = eigh(self.pencil.stiffness.toarray(), self.pencil.mass.toarray())
+        return values, vectors
+
+    def lanczos(
+        self, solve: Callable[[FloatArray], FloatArray], shift: float, count: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """`count` eigenpairs nearest to the shift, ascending, from a fixed start vector."""
+        size = self.pencil.dof
+        basis = min(size, max(2 * count + 1, count + 32))
+        shape = (size, size)
+        mass = LinearOperator(shape, matvec=self.pencil.apply_mass, dtype=np.float64)
+        inverse = LinearOperator(shape, matvec=solve, dtype=np.float64)
+        start = np.cos(np.arange(size) * 1.618) + 0.5 * np.sin(np.arange(size) * 0.7)
+        try:
+            values, vectors = eigsh(
+                self.pencil.stiffness, count, mass, sigma=shift, OPinv=inverse, v0=start, ncv=basis, tol=0.0
+            )
+        except ArpackNoConvergence as fault:
+            raise SolverError(
+                f"Lanczos found {len(fault.eigenvalues)} of {count} modes; ask for fewer, or a band"
+            ) from fault
+        order = np.argsort(values, kind="stable")
+        return values[order], vectors[:, order]
+
+    def between(self, low: float, high: float, below_low: int, below_high: int) -> tuple[FloatArray, FloatArray]:
+        """Every eigenpair in [low, high], by as many shifts as the number of pairs asks for."""
+        expected = below_high - below_low
+        if expected <= 0:
+            return np.empty(0), np.empty((self.pencil.dof, 0))
+        if expected > SLICE:
+            return self._halves(low, high, below_low, below_high)
+        factor, shift = self.factor(_middle(low, high))
+        values, vectors = self._inside(factor.solve, shift, low, high, expected + max(4, expected // 10))
+        for _ in range(3):
+            if len(values) >= expected:
+                break
+            values, vectors = self._missing(factor, shift, low, high, values, vectors, expected)
+        if len(values) != expected:
+            found = len(values)
+            raise CountMismatch(self._mismatch(low, high, expected, found))
+        return values, vectors
+
+    def _inside(
+        self, solve: Callable[[FloatArray], FloatArray], shift: float, low: float, high: float, count: int
+    ) -> tuple[FloatArray, FloatArray]:
+        if count >= self.pencil.dof - 1:
+            values, vectors = self._dense()
+        else:
+            values, vectors = self.lanczos(solve, shift, count)
+        keep = (values >= low) & (values <= high)
+        return values[keep], vectors[:, keep]
+
+    def _missing(
+        self,
+        factor: Factor,
+        shift: float,
+        low: float,
+        high: float,
+        values: FloatArray,
+        vectors: FloatArray,
+        expected: int,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Second pass: the same solve with what was found projected out, so that lost members of clusters appear."""
+        weighted = self.pencil.apply_mass(vectors)
+
+        def solve(right: FloatArray) -> FloatArray:
+            solution = factor.solve(right - weighted @ (vectors.T @ right))
+            return np.asarray(solution - vectors @ (weighted.T @ solution))
+
+        more, found = self._inside(solve, shift, low, high, expected - len(values) + 6)
+        fresh = np.linalg.norm(vectors.T @ self.pencil.apply_mass(found), axis=0) < 0.5
+        values, vectors = np.append(values, more[fresh]), np.hstack([vectors, found[:, fresh]])
+        order = np.argsort(values, kind="stable")
+        return values[order], vectors[:, order]
+
+    def _halves(self, low: float, high: float, below_low: int, below_high: int) -> tuple[FloatArray, FloatArray]:
+        """Split at a count-balancing shift: bisect until each part holds a fair share."""
+        left, right = low, high
+        for _ in range(8):
+            middle = _middle(left, right)
+            below = self.count_below(middle)
+            share = (below - below_low) / (below_high - below_low)
+            if 0.25 <= share <= 0.75:
+                break
+            left, right = (middle, right) if share < 0.25 else (left, middle)
+        first = self.between(low, middle, below_low, below)
+        second = self.between(middle, high, below, below_high)
+        return np.append(first[0], second[0]), np.hstack([first[1], second[1]])
+
+    def _mismatch(self, low: float, high: float, expected: int, found: int) -> str:
+        ends = self.pencil.scale.frequency(np.array([low, high]))
+        return (
+            f"{found} modes found between {ends[0]:.1f} and {ends[1]:.1f} Hz where the inertia counts {expected}; "
+            "move the ends of the band away from a mode or ask for a narrower band"
+        )
+
+    def proven(self, values: FloatArray, vectors: FloatArray, low: float, high: float, below_low: int) -> Modes:
+        """Normalise, check residuals and orthonormality, and attach the count."""
+        scale = self.pencil.scale
+        weighted = self.pencil.apply_mass(vectors)
+        length = np.sqrt(np.einsum("ik,ik->k", vectors, weighted)) if len(values) else np.empty(0)
+        vectors, weighted = vectors / length, weighted / length
+        residual = _residual(self.pencil, values, vectors, weighted, self.stiffness_norm)
+        gram = np.abs(vectors.T @ weighted - np.eye(len(values))).max(initial=0.0)
+        if residual.max(initial=0.0) > RESIDUAL or gram > ORTHONORMAL:
+            raise SolverError(
+                f"residual {residual.max(initial=0.0):.1e} (allowed {RESIDUAL:.0e}), "
+                f"orthonormality {gram:.1e} (allowed {ORTHONORMAL:.0e}): refine the mesh or move the band"
+            )
+        ends = scale.frequency(np.array([low, high]))
+        expected = self.count_below(high) - below_low
+        count = Count(float(ends[0]), float(ends[1]), expected, len(values))
+        if expected != len(values):
+            raise CountMismatch(self._mismatch(low, high, expected, len(values)))
+        frequency = scale.frequency(values)
+        return Modes(frequency, vectors, residual, count, self.pencil.rigid_count, self.factorisations)
+
+
+def _middle(low: float, high: float) -> float:
+    """The eigenvalue half-way in frequency."""
+    return float(((np.sqrt(max(low, 0.0)) + np.sqrt(high)) / 2.0) ** 2)
+
+
+def _residual(
+    pencil: SymmetricPencil, values: FloatArray, vectors: FloatArray, weighted: FloatArray, norm: float
+) -> FloatArray:
+    """||K x - l M x|| / (||K|| ||x||) a pair, shape (k,)."""
+    if not len(values):
+        return np.empty(0)
+    defect = pencil.stiffness @ vectors - weighted * values
+    return np.asarray(np.linalg.norm(defect, axis=0) / (norm * np.linalg.norm(vectors, axis=0)))

@@ -1,0 +1,70 @@
+"""A body meshed whole or as its quarter: modes of each mirror class, and what is measured on them."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from geometry.materials import Material
+from geometry.mesh import Mesh
+from solvers.confinement import TouchField
+from solvers.fem.assembly import System, assemble
+from solvers.fem.constraints import Pencil, constrain, free_mask
+from solvers.fem.surface import FaceQuadrature, Skin, face_quadrature, skin_faces
+
+CLASSES = ("++", "+-", "-+", "--")
+
+
+class SolidModel:
+    """Three-dimensional elasticity of a mesh: `clamped` faces, `mirrored` when the mesh is the quarter x, y >= 0."""
+
+    def __init__(self, mesh: Mesh, materials: dict[str, Material], clamped: tuple[str, ...], mirrored: bool) -> None:
+        self.mesh, self.materials, self.clamped, self.mirrored = mesh, materials, clamped, mirrored
+        self.name = f"solid {mesh.kind}{mesh.order}"
+        self.parities: tuple[str | None, ...] = CLASSES if mirrored else (None,)
+
+    @cached_property
+    def system(self) -> System:
+        """K and M before constraints."""
+        return assemble(self.mesh, self.materials)
+
+    def pencil(self, parity: str | None) -> Pencil:
+        """K and M of one mirror class."""
+        mirrors = {"x-": parity[0], "y-": parity[1]} if parity else {}
+        return constrain(self.system, free_mask(self.mesh, self.clamped, mirrors))
+
+    def field(self, parity: str | None, vectors: FloatArray) -> FloatArray:
+        """Nodal displacements (n, 3, k) from free unknowns (dof, k)."""
+        mirrors = {"x-": parity[0], "y-": parity[1]} if parity else {}
+        free = free_mask(self.mesh, self.clamped, mirrors)
+        full = np.zeros((*free.shape, vectors.shape[1]))
+        full[free] = vectors
+        return full
+
+    @cached_property
+    def _touch_rule(self) -> FaceQuadrature:
+        return face_quadrature(self.mesh, "touch")
+
+    def touch(self, parity: str | None, vectors: FloatArray) -> TouchField:
+        """u_z on the touch face of the meshed part."""
+        rule = self._touch_rule
+        normal = self.field(parity, vectors)[:, 2]
+        return TouchField(rule.points[:, :2], rule.weights, np.asarray(rule.interpolation @ normal))
+
+    def pillar_share(self, parity: str | None, vectors: FloatArray) -> FloatArray:
+        """Share of the pillars in the kinetic energy of M-orthonormal modes, (k,)."""
+        mass = self.system.region_mass("pillar")
+        if mass is None:
+            return np.zeros(vectors.shape[1])
+        field = self.field(parity, vectors)
+        heavy = (mass @ field.reshape(len(field), -1)).reshape(field.shape)
+        return np.asarray(np.einsum("nak,nak->k", field, heavy))
+
+    def skin(self, parity: str | None, vectors: FloatArray) -> Skin:
+        """Outer skin of the meshed part."""
+        facets = skin_faces(self.mesh)
+        used, local = np.unique(facets, return_inverse=True)
+        moved = self.field(parity, vectors)[used]
+        return Skin(self.mesh.nodes[used], local.reshape(facets.shape), moved.transpose(2, 0, 1))

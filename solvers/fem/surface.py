@@ -1,0 +1,106 @@
+"""Integrals over a named face: interpolation to quadrature points and their weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.polynomial import legendre
+
+from geometry.elements import TET_FACES, FloatArray, IntArray, gauss_lobatto, lagrange
+from geometry.mesh import Mesh
+
+# Dunavant's rule of degree 4 on the unit triangle, from its two orbits (dunavant1985)
+_TRIANGLE = ((0.44594849091596489, 0.22338158967801147), (0.09157621350977073, 0.10995174365532187))
+
+
+@dataclass(frozen=True)
+class FaceQuadrature:
+    """Points (q, 3) in m, weights (q,) in m2, and the sparse interpolation (q, n) from nodes to points."""
+
+    points: FloatArray
+    weights: FloatArray
+    interpolation: sp.csr_array
+
+
+@dataclass(frozen=True)
+class Skin:
+    """An outer surface that moves: points (p, 3) in m, facets (m, corners), displacements (k, p, 3)."""
+
+    points: FloatArray
+    facets: IntArray
+    displacement: FloatArray
+
+    def unfolded(self, parity: str | None) -> Skin:
+        """The whole body from its quarter x, y >= 0 of a mirror class (two signs of u_z), or itself."""
+        skin = self
+        for axis, mark in enumerate(parity or ""):
+            flip = np.ones(3)
+            flip[axis] = -1.0
+            image = flip * skin.displacement * (1.0 if mark == "+" else -1.0)
+            facets = np.concatenate([skin.facets, skin.facets[:, ::-1] + len(skin.points)])
+            points = np.concatenate([skin.points, skin.points * flip])
+            skin = Skin(points, facets, np.concatenate([skin.displacement, image], axis=1))
+        return skin
+
+
+def face_quadrature(mesh: Mesh, face: str) -> FaceQuadrature:
+    """Quadrature over a named face, exact for squared displacements on flat faces.
+
+    Raises MeshError for a face that the mesh does not have.
+    """
+    mesh.nodes_of(face)
+    faces = mesh.faces[face]
+    value, slopes, weights = _square(mesh.order) if mesh.kind == "hex" else _triangle(mesh.order)
+    corners = mesh.nodes[faces]
+    points = np.einsum("qk,fkj->fqj", value, corners)
+    tangents = np.einsum("mqk,fkj->mfqj", slopes, corners)
+    area = np.linalg.norm(np.cross(tangents[0], tangents[1]), axis=2) * weights
+    rows = np.repeat(np.arange(points.shape[0] * points.shape[1]), value.shape[1])
+    columns = np.repeat(faces[:, None, :], len(weights), axis=1).ravel()
+    data = np.broadcast_to(value, (len(faces), *value.shape)).ravel()
+    matrix = sp.csr_array((data, (rows, columns)), shape=(len(faces) * len(weights), len(mesh.nodes)))
+    return FaceQuadrature(points.reshape(-1, 3), area.ravel(), matrix)
+
+
+def _square(order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    nodes = gauss_lobatto(order)
+    at, weight = legendre.leggauss(order + 1)
+    value, slope = lagrange(nodes, at)
+    return (
+        np.kron(value, value),
+        np.stack([np.kron(value, slope), np.kron(slope, value)]),
+        np.kron(weight, weight),
+    )
+
+
+def _triangle(order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    bary, weights = [], []
+    for a, weight in _TRIANGLE:
+        for place in range(3):
+            point = [a, a, a]
+            point[place] = 1.0 - 2.0 * a
+            bary.append(point)
+            weights.append(weight / 2.0)
+    at, slope = np.array(bary), np.array([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
+    if order == 1:
+        return at, np.repeat(slope[:, None, :], len(at), axis=1), np.array(weights)
+    first, second = np.array([0, 1, 2]), np.array([1, 2, 0])
+    value = np.hstack([at * (2 * at - 1), 4 * at[:, first] * at[:, second]])
+    corner = (4 * at - 1) * slope[:, None, :]
+    edge = 4 * (at[:, first] * slope[:, None, second] + at[:, second] * slope[:, None, first])
+    return value, np.concatenate([corner, edge], axis=2), np.array(weights)
+
+
+def skin_faces(mesh: Mesh) -> IntArray:
+    """Corner nodes of every outer facet, shape (m, 4) for hexahedra (in ring order) or (m, 3) for tetrahedra."""
+    if mesh.kind == "hex":
+        p = mesh.order
+        corners = [0, p, (p + 1) ** 2 - 1, p * (p + 1)]
+        local = mesh.element.faces[:, corners]
+    else:
+        local = TET_FACES
+    facets = mesh.cells[:, local].reshape(-1, local.shape[1])
+    _, index, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
+    return np.asarray(facets[np.sort(index[counts == 1])])

@@ -1,0 +1,138 @@
+"""From a design to reduced cells: how fine each is meshed, which are distinct, and which were computed before."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from geometry.elements import FloatArray
+from geometry.hexmesh import HexSettings, Piece, hex_mesh, piece_boxes
+from geometry.layout import Design, Pillar
+from geometry.materials import Material
+from geometry.mesh import Mesh, check_mesh
+from solvers.confinement import TouchField
+from solvers.fem.assembly import Scale, assemble
+from solvers.fem.eigen import PlainPencil
+from solvers.fem.solid import CLASSES
+from solvers.fem.surface import Skin
+from solvers.superelement.cell import Cell, reduce_cell
+from solvers.superelement.interface import Interface
+from solvers.superelement.plate import JoinedPlate
+from solvers.superelement.tiling import Signature, signature, tile
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a piece is reduced: boundary degrees, fixed-interface modes up to top_hz, mesh, longest bare piece (m)."""
+
+    interface: Interface
+    top_hz: float
+    hexahedra: HexSettings
+    longest_m: float = 6e-3
+
+
+class Shelf(Protocol):
+    """Where reduced cells are kept between runs."""
+
+    def get(self, key: str) -> Cell | None:
+        """A cell kept under this key, or None."""
+        ...
+
+    def put(self, key: str, cell: Cell) -> None:
+        """Keep a cell."""
+        ...
+
+
+Meshes = Callable[[Piece], Mesh]
+
+
+@dataclass
+class Reductions:
+    """Reduces pieces of one plate; equal pieces once, and none that the shelf has. `fresh` counts those computed here."""
+
+    thickness_m: float
+    material: Material
+    pillar: Pillar | None
+    recipe: Recipe
+    shelf: Shelf | None = None
+    mesher: Meshes | None = None
+    fresh: int = 0
+    reused: int = 0
+
+    def cell(self, piece: Piece) -> Cell:
+        """The reduced cell of a piece."""
+        key = self._key(piece)
+        kept = self.shelf.get(key) if self.shelf else None
+        if kept is not None:
+            self.reused += 1
+            return kept
+        cell = self._reduce(piece)
+        self.fresh += 1
+        if self.shelf:
+            self.shelf.put(key, cell)
+        return cell
+
+    def _reduce(self, piece: Piece) -> Cell:
+        settings, halved = self.recipe.hexahedra, piece.halved
+        if self.mesher and piece.foot:
+            mesh, halved = self.mesher(piece), ()  # an arbitrary pillar need not be its own mirror image
+        else:
+            mesh = hex_mesh(piece_boxes(piece, self.thickness_m, self.pillar, settings), settings.order)
+        check_mesh(mesh)
+        pillar_material = self.pillar.material if self.pillar else self.material
+        scale = Scale(self.thickness_m, self.material.young_pa, self.material.density_kg_m3)
+        system = assemble(mesh, {"plate": self.material, "pillar": pillar_material, "body": self.material}, scale)
+        return reduce_cell(system, self.recipe.interface, self.recipe.top_hz, halved, piece.free)
+
+    def _key(self, piece: Piece) -> str:
+        pillar = self.pillar if piece.foot else None
+        text = repr((signature(piece), piece.halved, self.thickness_m, self.material, pillar, self.recipe))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def lattice_piece(design: Design) -> Piece:
+    """The unit cell: pitch_x x pitch_y, its pillar in the middle (bare without one)."""
+    half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
+    return Piece((-half_x, -half_y), (half_x, half_y), (0.0, 0.0) if design.pillar else None, (0, 1))
+
+
+class PlateModel:
+    """A finite plate joined from reduced cells, mirror class by mirror class."""
+
+    def __init__(self, design: Design, reductions: Reductions) -> None:
+        self.tiling = tile(design, reductions.recipe.longest_m)
+        self.cells: dict[Signature, Cell] = {}
+        nx, ny = len(self.tiling.x) - 1, len(self.tiling.y) - 1
+        for i in range(nx // 2, nx):
+            for j in range(ny // 2, ny):
+                piece = self.tiling.piece(i, j)
+                if signature(piece) not in self.cells:
+                    self.cells[signature(piece)] = reductions.cell(piece)
+        self.name = f"superelement hex{reductions.recipe.hexahedra.order}"
+        self.parities: tuple[str | None, ...] = CLASSES
+        self._joined: dict[str, JoinedPlate] = {}
+
+    def joined(self, parity: str | None) -> JoinedPlate:
+        """The joined cells of one mirror class."""
+        assert parity is not None
+        if parity not in self._joined:
+            self._joined[parity] = JoinedPlate(self.tiling, self.cells, parity)
+        return self._joined[parity]
+
+    def pencil(self, parity: str | None) -> PlainPencil:
+        """K and M of one mirror class."""
+        return self.joined(parity).pencil()
+
+    def touch(self, parity: str | None, vectors: FloatArray) -> TouchField:
+        """u_z on the touch face."""
+        return self.joined(parity).touch(vectors)
+
+    def pillar_share(self, parity: str | None, vectors: FloatArray) -> FloatArray:
+        """Share of the pillars in the kinetic energy, (k,)."""
+        return self.joined(parity).pillar_share(vectors)
+
+    def skin(self, parity: str | None, vectors: FloatArray) -> Skin:
+        """Outer skin of the quarter x, y >= 0."""
+        return self.joined(parity).skin(vectors)

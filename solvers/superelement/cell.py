@@ -1,0 +1,238 @@
+"""Craig-Bampton reduction of one finely meshed piece of plate to boundary polynomials and fixed-interface modes.
+
+V = [constraint shapes K_II Psi = -K_IB P, fixed-interface modes of (K_II, M_II)]; K_r = V'KV, M_r = V'MV
+(craig1968, castanier2001). Frequencies converge from above in the degrees and in the number of modes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from geometry.elements import FloatArray, IntArray
+from geometry.mesh import Mesh
+from solvers.errors import SolverError
+from solvers.fem.assembly import Scale, System
+from solvers.fem.constraints import constrain, free_mask, rigid_motions
+from solvers.fem.eigen import modes_in_band
+from solvers.fem.factor import Factoriser
+from solvers.fem.surface import face_quadrature, skin_faces
+from solvers.superelement.interface import SIDES, VERTICES, Interface
+
+RIGID = 1e-8
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """Displacements at fixed points of the cell: u(points) = matrix @ unknowns.
+
+    points (p, 3) in m from the cell's middle, matrix (p, c, dof) for c components, weights (p,) in m2 of a quadrature,
+    facets (m, corners) of a surface between the points.
+    """
+
+    points: FloatArray
+    matrix: FloatArray
+    weights: FloatArray | None = None
+    facets: IntArray | None = None
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A reduced cell: K_r and M_r over [boundary unknowns, fixed-interface modes], in the units of `scale`.
+
+    size_m: edges along x, y and the plate's thickness; fixed_hz: fixed-interface frequencies kept, with their parity
+    (modes, 2) under the cell's mirrors (0 without); touch: u_z at quadrature points of the touch face; skin: corners
+    of the outer skin; pillar_mass: the share of M_r that moves in the pillar.
+    """
+
+    stiffness: FloatArray
+    mass: FloatArray
+    pillar_mass: FloatArray
+    interface: Interface
+    scale: Scale
+    size_m: tuple[float, float, float]
+    fixed_hz: FloatArray
+    fixed_parity: IntArray
+    touch: Expansion
+    skin: Expansion
+    mesh_dof: int
+
+    @property
+    def dof(self) -> int:
+        """Unknowns of the reduced cell."""
+        return len(self.stiffness)
+
+
+def reduce_cell(
+    system: System, interface: Interface, top_hz: float, halved: tuple[int, ...] = (), free: tuple[str, ...] = ()
+) -> Cell:
+    """Reduce a piece whose mesh has its middle at the origin; `halved` lists the axes meshed on their positive side only.
+
+    Sides listed in `free` join nothing: they move as the mesh lets them, and their bubbles carry nothing.
+    Fixed-interface modes up to `top_hz` are kept. Raises SolverError when a rigid motion meets a force or the mass is off.
+    """
+    build = _Builder(system, interface, halved, free)
+    parts = [
+        build.reduce(dict(zip(halved, signs, strict=True)), top_hz) for signs in product((1, -1), repeat=len(halved))
+    ]
+    cell = build.join(parts)
+    _check(cell, float(system.mass.sum()) * build.copies)
+    return cell
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One mirror class: its basis of boundary unknowns, nodal shapes (3n, m) and fixed-interface frequencies."""
+
+    signs: dict[int, int]
+    basis: FloatArray
+    shapes: FloatArray
+    fixed_hz: FloatArray
+
+
+class _Builder:
+    """Reduces the mirror classes of one piece and joins them."""
+
+    def __init__(self, system: System, interface: Interface, halved: tuple[int, ...], free: tuple[str, ...]) -> None:
+        mesh = system.mesh
+        self.system, self.interface, self.halved = system, interface, halved
+        self.copies = 2 ** len(halved)
+        self.half = np.abs(mesh.nodes[:, :2]).max(axis=0)
+        self.planes = {axis: ("x-", "y-")[axis] for axis in halved}
+        self.outer = [face for face in SIDES if face not in self.planes.values() and face not in free]
+        self.boundary = np.unique(np.concatenate([mesh.nodes_of(face) for face in self.outer]))
+        self.thickness = float(mesh.nodes[self.boundary, 2].max())
+        self.inside = free_mask(mesh, self.outer)
+        self.field = self._boundary_field(mesh)
+
+    def _boundary_field(self, mesh: Mesh) -> FloatArray:
+        """Scalar boundary functions at the boundary nodes, shape (b, count / 3)."""
+        nodes = mesh.nodes[self.boundary]
+        return self.interface.evaluate(
+            np.column_stack([nodes[:, :2] / self.half, 2.0 * nodes[:, 2] / self.thickness - 1.0])
+        )
+
+    def reduce(self, signs: dict[int, int], top_hz: float) -> _Part:
+        """Constraint shapes and fixed-interface modes of one mirror class."""
+        mesh = self.system.mesh
+        mirrors = {face: "+" if signs[axis] > 0 else "-" for axis, face in self.planes.items()}
+        inside = self.inside & free_mask(mesh, (), mirrors)
+        basis = self.interface.parity_basis(signs)
+        full = np.zeros((len(mesh.nodes), 3, basis.shape[1]))
+        for axis in range(3):
+            full[self.boundary, axis] = self.field @ basis[axis::3]
+        shapes = full.reshape(-1, basis.shape[1])
+        keep = np.flatnonzero(inside.ravel())
+        pencil = constrain(self.system, inside)
+        shapes[keep] = -Factoriser()(pencil.stiffness).solve((self.system.stiffness @ shapes)[keep])
+        modes = modes_in_band(pencil, 0.0, top_hz)
+        fixed = pencil.expand(modes.vectors).reshape(len(shapes), -1)
+        return _Part(signs, basis, np.hstack([shapes, fixed]), modes.frequency_hz)
+
+    def join(self, parts: list[_Part]) -> Cell:
+        """One cell from its mirror classes: block-diagonal in the classes, then in the sides' own unknowns."""
+        system, interface = self.system, self.interface
+        fixed = np.concatenate([part.fixed_hz for part in parts])
+        places = self._places(parts, interface.count + len(fixed))
+        stiffness, mass, pillar = (np.zeros((places[0].shape[0],) * 2) for _ in range(3))
+        pillar_mass = system.region_mass("pillar")
+        for part, place in zip(parts, places, strict=True):
+            stiffness += self.copies * place @ (part.shapes.T @ (system.stiffness @ part.shapes)) @ place.T
+            mass += self.copies * place @ _weighted(part.shapes, system.mass) @ place.T
+            if pillar_mass is not None:
+                pillar += self.copies * place @ _weighted(part.shapes, pillar_mass) @ place.T
+        parity = [[part.signs.get(axis, 0) for axis in (0, 1)] for part in parts for _ in part.fixed_hz]
+        return Cell(
+            (stiffness + stiffness.T) / 2.0,
+            (mass + mass.T) / 2.0,
+            pillar,
+            interface,
+            system.scale,
+            (2.0 * float(self.half[0]), 2.0 * float(self.half[1]), self.thickness),
+            fixed,
+            np.array(parity, dtype=np.int64).reshape(-1, 2),
+            self._touch(parts, places),
+            self._skin(parts, places),
+            system.mesh.dof * self.copies,
+        )
+
+    def _places(self, parts: list[_Part], count: int) -> list[FloatArray]:
+        """From each class's unknowns to the cell's, (count, m)."""
+        start, places = self.interface.count, []
+        for part in parts:
+            place = np.zeros((count, part.shapes.shape[1]))
+            width = part.basis.shape[1]
+            place[: self.interface.count, :width] = part.basis
+            rows = np.arange(len(part.fixed_hz))
+            place[start + rows, width + rows] = 1.0
+            places.append(place)
+            start += len(rows)
+        return places
+
+    def _mirrored(
+        self, points: FloatArray, rows: list[FloatArray], parts: list[_Part], places: list[FloatArray]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Points and matrices on every mirror image; rows[c] (p, 3 or 1, m) is the class's field at the points."""
+        all_points, all_rows = [], []
+        for images in product((1, -1), repeat=len(self.halved)):
+            flip = np.ones(3)
+            flip[list(self.halved)] = images
+            total = np.zeros((len(points), rows[0].shape[1], places[0].shape[0]))
+            for row, part, place in zip(rows, parts, places, strict=True):
+                sign = np.prod([part.signs[axis] for axis, image in zip(self.halved, images, strict=True) if image < 0])
+                components = flip if row.shape[1] == 3 else np.ones(1)
+                total += float(sign) * components[None, :, None] * (row @ place.T)
+            all_points.append(points * flip)
+            all_rows.append(total)
+        return np.concatenate(all_points), np.concatenate(all_rows)
+
+    def _touch(self, parts: list[_Part], places: list[FloatArray]) -> Expansion:
+        rule = face_quadrature(self.system.mesh, "touch")
+        rows = [(rule.interpolation @ part.shapes[2::3])[:, None, :] for part in parts]
+        points, matrix = self._mirrored(rule.points, rows, parts, places)
+        return Expansion(points, matrix, weights=np.tile(rule.weights, self.copies))
+
+    def _skin(self, parts: list[_Part], places: list[FloatArray]) -> Expansion:
+        mesh = self.system.mesh
+        hidden = [np.isin(skin_faces(mesh), mesh.nodes_of(face)).all(axis=1) for face in SIDES]
+        facets = skin_faces(mesh)[~np.any(hidden, axis=0)]
+        used, local = np.unique(facets, return_inverse=True)
+        rows = [part.shapes.reshape(len(mesh.nodes), 3, -1)[used] for part in parts]
+        points, matrix = self._mirrored(mesh.nodes[used], rows, parts, places)
+        local = local.reshape(facets.shape)
+        return Expansion(
+            points, matrix, facets=np.concatenate([local + copy * len(used) for copy in range(self.copies)])
+        )
+
+
+def _weighted(shapes: FloatArray, mass: object) -> FloatArray:
+    """V' (m (x) I3) V."""
+    nodes = len(shapes) // 3
+    heavy = mass @ shapes.reshape(nodes, -1)  # type: ignore[operator]
+    return np.asarray(shapes.T @ heavy.reshape(shapes.shape))
+
+
+def _check(cell: Cell, whole: float) -> None:
+    """Rigid motions carry no stiffness, translations carry the whole mass."""
+    motions = rigid_boundary(cell)
+    force = np.abs(cell.stiffness @ motions).max() / np.abs(cell.stiffness).max()
+    if force > RIGID:
+        raise SolverError(f"a rigid motion of the reduced cell meets a force of {force:.1e} of its stiffness")
+    carried = np.diag(motions[:, :3].T @ cell.mass @ motions[:, :3])
+    if np.abs(carried / whole - 1.0).max() > RIGID:
+        raise SolverError(f"the reduced cell carries {carried / whole} of its mass")
+
+
+def rigid_boundary(cell: Cell) -> FloatArray:
+    """The six rigid motions in the cell's unknowns, shape (dof, 6); exact, because they are linear in x, y, z."""
+    corners = np.array([[*corner, z] for corner in VERTICES for z in (-1, 1)], dtype=float)
+    motions = rigid_motions(corners * np.array(cell.size_m) / 2.0).reshape(4, 2, 3, 6)
+    out = np.zeros((cell.dof, 6))
+    for vertex in range(4):
+        block = np.zeros((cell.interface.layers, 3, 6))
+        block[0] = motions[vertex].mean(axis=0)
+        block[1] = (motions[vertex, 1] - motions[vertex, 0]) / 2.0
+        out[cell.interface.vertex(vertex)] = block.reshape(-1, 6)
+    return out

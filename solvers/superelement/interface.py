@@ -1,0 +1,111 @@
+"""Boundary functions of a rectangular cell: polynomials along each side and through the thickness.
+
+Vertex lines carry linear hats, sides carry bubbles (integrated Legendre polynomials, szabo1991); both are multiplied by
+Legendre polynomials through the thickness. Opposite sides carry the same functions, so cells join whatever their meshes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from geometry.elements import FloatArray, IntArray
+
+VERTICES = ((-1, -1), (1, -1), (-1, 1), (1, 1))
+SIDES = ("x-", "x+", "y-", "y+")
+
+
+@dataclass(frozen=True)
+class Interface:
+    """Degrees of the boundary functions: `along` each side (at least 1), `through` the thickness (at least 1)."""
+
+    along: int
+    through: int
+
+    @property
+    def bubbles(self) -> int:
+        """Bubble functions of one side, before thickness and components."""
+        return self.along - 1
+
+    @property
+    def layers(self) -> int:
+        """Functions through the thickness."""
+        return self.through + 1
+
+    @property
+    def vertex_block(self) -> int:
+        """Unknowns of one vertex line."""
+        return 3 * self.layers
+
+    @property
+    def side_block(self) -> int:
+        """Unknowns of one side."""
+        return 3 * self.layers * self.bubbles
+
+    @property
+    def count(self) -> int:
+        """Boundary unknowns of a cell."""
+        return 4 * (self.vertex_block + self.side_block)
+
+    def vertex(self, index: int) -> IntArray:
+        """Unknowns of vertex line `index` (order -x-y, +x-y, -x+y, +x+y): component fastest, then thickness."""
+        return np.arange(self.vertex_block) + index * self.vertex_block
+
+    def side(self, index: int) -> IntArray:
+        """Unknowns of side `index` (x-, x+, y-, y+): component fastest, then thickness, then bubble degree."""
+        return np.arange(self.side_block) + 4 * self.vertex_block + index * self.side_block
+
+    def evaluate(self, points: FloatArray) -> FloatArray:
+        """Scalar boundary functions at boundary points (n, 3) in the cell's own coordinates [-1, 1]^3, shape (n, count / 3)."""
+        x, y, z = points.T
+        layers = legendre.legvander(z, self.through)
+        flat = [np.einsum("n,nr->nr", (1 + sx * x) * (1 + sy * y) / 4, layers) for sx, sy in VERTICES]
+        bubbles_x, bubbles_y = bubble_functions(x, self.along), bubble_functions(y, self.along)
+        for sign in (-1, 1):
+            flat.append(self._side((1 + sign * x) / 2, bubbles_y, layers))
+        for sign in (-1, 1):
+            flat.append(self._side((1 + sign * y) / 2, bubbles_x, layers))
+        return np.hstack(flat)
+
+    def _side(self, blend: FloatArray, bubbles: FloatArray, layers: FloatArray) -> FloatArray:
+        return np.asarray(np.einsum("n,nb,nr->nbr", blend, bubbles, layers).reshape(len(blend), -1))
+
+    def mirror(self, axis: int) -> tuple[IntArray, FloatArray]:
+        """Effect of the mirror normal to an axis on the unknowns: u'[i] = sign[i] u[where[i]], shapes (count,)."""
+        where, sign = np.arange(self.count), np.ones(self.count)
+        for index, corner in enumerate(VERTICES):
+            image = list(corner)
+            image[axis] = -image[axis]
+            where[self.vertex(index)] = self.vertex(VERTICES.index((image[0], image[1])))
+        where[self.side(2 * axis)], where[self.side(2 * axis + 1)] = self.side(2 * axis + 1), self.side(2 * axis)
+        degree = np.repeat(np.arange(2, self.along + 1), 3 * self.layers)
+        for side in (2 - 2 * axis, 3 - 2 * axis):
+            sign[self.side(side)] *= (-1.0) ** degree
+        sign[axis::3] *= -1.0
+        return where, sign
+
+    def parity_basis(self, signs: dict[int, int]) -> FloatArray:
+        """Orthonormal combinations with the given parity of u_z under each mirror axis, shape (count, m)."""
+        projector = np.eye(self.count)
+        for axis, parity in signs.items():
+            where, sign = self.mirror(axis)
+            image = np.zeros((self.count, self.count))
+            image[np.arange(self.count), where] = sign
+            projector = projector @ (np.eye(self.count) + parity * image) / 2.0
+        length = np.linalg.norm(projector, axis=0)
+        columns = projector[:, length > 0] / length[length > 0]
+        leading = np.take_along_axis(columns, np.abs(columns).argmax(axis=0)[None], axis=0)
+        columns = columns * np.sign(leading)
+        _, once = np.unique(np.round(columns, 9), axis=1, return_index=True)
+        return np.asarray(columns[:, np.sort(once)])
+
+
+def bubble_functions(s: FloatArray, degree: int) -> FloatArray:
+    """Integrated Legendre polynomials of degree 2 to `degree` on [-1, 1], zero at both ends, shape (n, degree - 1)."""
+    values = legendre.legvander(s, degree)
+    return np.column_stack(
+        [(values[:, k] - values[:, k - 2]) / np.sqrt(2.0 * (2 * k - 1)) for k in range(2, degree + 1)]
+        or [np.empty((len(s), 0))]
+    )

@@ -1,0 +1,205 @@
+"""A finite plate joined from reduced cells: neighbours share vertex lines and sides; mirrors halve it twice.
+
+K = sum T_c' K_c T_c, where T_c places a cell's unknowns among the plate's, with the sign of a mirror image or zero where
+the parity class forbids them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from geometry.elements import FloatArray, IntArray
+from solvers.confinement import TouchField
+from solvers.fem.eigen import PlainPencil
+from solvers.fem.surface import Skin
+from solvers.superelement.cell import Cell, Expansion
+from solvers.superelement.interface import SIDES, VERTICES, Interface
+from solvers.superelement.tiling import Signature, Tiling, signature
+
+RIGID_OF_CLASS = {"++": 1, "+-": 2, "-+": 2, "--": 1}
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A cell in the plate: which reduction, its middle (m), its unknowns among the reduced plate's, their coefficients."""
+
+    cell: Cell
+    middle: tuple[float, float]
+    unknown: IntArray
+    coefficient: FloatArray
+    copies: int
+
+
+class JoinedPlate:
+    """Cells on a tiling, restricted to one mirror class; `parity` = two signs of u_z, x then y."""
+
+    def __init__(self, tiling: Tiling, cells: Mapping[Signature, Cell], parity: str) -> None:
+        self.tiling, self.parity = tiling, parity
+        self.grid = _Grid(tiling, cells)
+        whole, sign = self.grid.representatives(parity)
+        alive = np.unique(whole[sign != 0.0])
+        self.dof = len(alive)
+        number = np.full(self.grid.count, -1, dtype=np.int64)
+        number[alive] = np.arange(len(alive))
+        self.placed = [self._place(i, j, number[whole], sign) for i, j in self.grid.representative_cells()]
+
+    def _place(self, i: int, j: int, number: IntArray, sign: FloatArray) -> Placed:
+        unknowns = self.grid.unknowns(i, j)
+        piece = self.tiling.piece(i, j)
+        copies = self.grid.copies(i, j)
+        return Placed(self.grid.cell(i, j), piece.middle, number[unknowns], sign[unknowns], copies)
+
+    def pencil(self) -> PlainPencil:
+        """K and M of the class, per whole plate."""
+        stiffness = self._assembled([p.cell.stiffness for p in self.placed])
+        mass = self._assembled([p.cell.mass for p in self.placed])
+        return PlainPencil(stiffness, mass, self.placed[0].cell.scale, RIGID_OF_CLASS[self.parity])
+
+    def pillar_share(self, vectors: FloatArray) -> FloatArray:
+        """Share of the pillars in the kinetic energy of M-orthonormal modes, (k,)."""
+        mass = self._assembled([p.cell.pillar_mass for p in self.placed])
+        return np.asarray(np.einsum("ik,ik->k", vectors, mass @ vectors))
+
+    def _assembled(self, matrices: list[FloatArray]) -> sp.csc_array:
+        rows, columns, values = [], [], []
+        for placed, matrix in zip(self.placed, matrices, strict=True):
+            live = np.flatnonzero(placed.coefficient != 0.0)
+            weight = placed.coefficient[live]
+            block = placed.copies * matrix[np.ix_(live, live)] * np.outer(weight, weight)
+            place = placed.unknown[live].astype(np.int32)
+            rows.append(np.repeat(place, len(live)))
+            columns.append(np.tile(place, len(live)))
+            values.append(block.ravel())
+        where = (np.concatenate(rows), np.concatenate(columns))
+        matrix = sp.coo_array((np.concatenate(values), where), shape=(self.dof, self.dof)).tocsc()
+        matrix.sum_duplicates()
+        return matrix
+
+    def cell_vectors(self, placed: Placed, vectors: FloatArray) -> FloatArray:
+        """A cell's unknowns (cell dof, k) from the plate's (dof, k)."""
+        return np.asarray(placed.coefficient[:, None] * vectors[np.maximum(placed.unknown, 0)])
+
+    def touch(self, vectors: FloatArray) -> TouchField:
+        """u_z over the touch faces of the cells of the class, weighted as the whole plate."""
+        points, weights, values = [], [], []
+        for placed in self.placed:
+            expansion = placed.cell.touch
+            assert expansion.weights is not None
+            points.append(expansion.points[:, :2] + np.array(placed.middle))
+            weights.append(expansion.weights * placed.copies)
+            values.append(expansion.matrix[:, 0] @ self.cell_vectors(placed, vectors))
+        return TouchField(np.concatenate(points), np.concatenate(weights), np.concatenate(values))
+
+    def skin(self, vectors: FloatArray) -> Skin:
+        """Outer skin of the cells of the class."""
+        points, facets, values, start = [], [], [], 0
+        for placed in self.placed:
+            expansion: Expansion = placed.cell.skin
+            assert expansion.facets is not None
+            points.append(expansion.points + np.array([*placed.middle, 0.0]))
+            facets.append(expansion.facets + start)
+            field = np.tensordot(expansion.matrix, self.cell_vectors(placed, vectors), axes=(2, 0))
+            values.append(field.transpose(2, 0, 1))
+            start += len(expansion.points)
+        return Skin(np.concatenate(points), np.concatenate(facets), np.concatenate(values, axis=1))
+
+
+class _Grid:
+    """Numbers of the whole plate's unknowns, and what the two mirrors do to them."""
+
+    def __init__(self, tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:
+        self.tiling, self.cells = tiling, cells
+        self.nx, self.ny = len(tiling.x) - 1, len(tiling.y) - 1
+        self.interface: Interface = next(iter(cells.values())).interface
+        vertices, side = (self.nx + 1) * (self.ny + 1), self.interface.side_block
+        self.start_x = vertices * self.interface.vertex_block
+        self.start_y = self.start_x + (self.nx + 1) * self.ny * side
+        self.start_modes = self.start_y + self.nx * (self.ny + 1) * side
+        modes = np.array([[self._modes(i, j) for j in range(self.ny)] for i in range(self.nx)])
+        self.mode_start = self.start_modes + np.concatenate([[0], np.cumsum(modes.ravel())])
+        self.count = int(self.mode_start[-1])
+
+    def cell(self, i: int, j: int) -> Cell:
+        """The reduction of piece (i, j); that of its mirror image for pieces on the negative sides."""
+        return self.cells[signature(self.tiling.piece(*self._positive(i, j)))]
+
+    def _positive(self, i: int, j: int) -> tuple[int, int]:
+        return max(i, self.nx - 1 - i), max(j, self.ny - 1 - j)
+
+    def _modes(self, i: int, j: int) -> int:
+        return len(self.cell(i, j).fixed_hz)
+
+    def _vertex(self, i: int, j: int) -> IntArray:
+        return (i * (self.ny + 1) + j) * self.interface.vertex_block + np.arange(self.interface.vertex_block)
+
+    def _side_x(self, i: int, j: int) -> IntArray:
+        """Unknowns on the line x = x[i], between y[j] and y[j + 1]."""
+        return self.start_x + (i * self.ny + j) * self.interface.side_block + np.arange(self.interface.side_block)
+
+    def _side_y(self, i: int, j: int) -> IntArray:
+        """Unknowns on the line y = y[j], between x[i] and x[i + 1]."""
+        return self.start_y + (i * (self.ny + 1) + j) * self.interface.side_block + np.arange(self.interface.side_block)
+
+    def _fixed(self, i: int, j: int) -> IntArray:
+        cell = i * self.ny + j
+        return np.arange(self.mode_start[cell], self.mode_start[cell + 1])
+
+    def unknowns(self, i: int, j: int) -> IntArray:
+        """Unknowns of piece (i, j) in the order of its cell."""
+        corners = [self._vertex(i, j), self._vertex(i + 1, j), self._vertex(i, j + 1), self._vertex(i + 1, j + 1)]
+        sides = [self._side_x(i, j), self._side_x(i + 1, j), self._side_y(i, j), self._side_y(i, j + 1)]
+        return np.concatenate([*corners, *sides, self._fixed(i, j)])
+
+    def copies(self, i: int, j: int) -> int:
+        """How many pieces a representative one stands for."""
+        return (1 if 2 * i == self.nx - 1 else 2) * (1 if 2 * j == self.ny - 1 else 2)
+
+    def representative_cells(self) -> list[tuple[int, int]]:
+        """Pieces to assemble: those with middle x >= 0 and y >= 0."""
+        return [(i, j) for i in range(self.nx // 2, self.nx) for j in range(self.ny // 2, self.ny)]
+
+    def representatives(self, parity: str) -> tuple[IntArray, FloatArray]:
+        """For every unknown the one it follows and its coefficient: u[d] = sign[d] u[where[d]]; 0 where it must vanish."""
+        here = np.arange(self.count)
+        where, sign = here, np.where(self._idle(), 0.0, 1.0)
+        for axis, mark in enumerate(parity):
+            image, flip = self._mirror(axis)
+            flip = flip if mark == "+" else -flip
+            beyond, forbidden = image > here, (image == here) & (flip < 0.0)
+            factor = np.where(beyond, flip, np.where(forbidden, 0.0, 1.0))
+            sign, where = sign * factor[where], np.where(beyond, image, here)[where]
+        return where, sign
+
+    def _idle(self) -> NDArray[np.bool_]:
+        """Bubbles on the free sides of cells, and vertex lines between two of them: they carry nothing."""
+        idle = np.zeros(self.count, dtype=bool)
+        for i in range(self.nx):
+            for j in range(self.ny):
+                free, unknowns = set(self.tiling.free_sides(i, j)), self.unknowns(i, j)
+                for side in free:
+                    idle[unknowns[self.interface.side(SIDES.index(side))]] = True
+                for index, (x, y) in enumerate(VERTICES):
+                    if {"x+" if x > 0 else "x-", "y+" if y > 0 else "y-"} <= free:
+                        idle[unknowns[self.interface.vertex(index)]] = True
+        return idle
+
+    def _mirror(self, axis: int) -> tuple[IntArray, FloatArray]:
+        """The mirror normal to an axis on the whole plate's unknowns: u'[d] = sign[d] u[image[d]]."""
+        image, sign = np.arange(self.count), np.ones(self.count)
+        local, flips = self.interface.mirror(axis)
+        for i in range(self.nx):
+            for j in range(self.ny):
+                other = (self.nx - 1 - i, j) if axis == 0 else (i, self.ny - 1 - j)
+                mine, theirs = self.unknowns(i, j), self.unknowns(*other)
+                boundary = self.interface.count
+                image[mine[:boundary]] = theirs[:boundary][local]
+                sign[mine[:boundary]] = flips
+                image[mine[boundary:]] = theirs[boundary:]
+                if other == (i, j):
+                    sign[mine[boundary:]] = self.cell(i, j).fixed_parity[:, axis]
+        return image, sign

@@ -1,0 +1,115 @@
+"""How a finite plate is cut into rectangular pieces: grid lines, the pillar of each piece, and equal pieces counted once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from geometry.hexmesh import Piece
+from geometry.layout import Design
+
+Signature = tuple[float | str, ...]
+DIGITS = 9  # of a length in m: pieces that agree to a nanometre are the same
+
+
+@dataclass(frozen=True)
+class Tiling:
+    """Grid lines x (nx + 1) and y (ny + 1) in m, symmetric about 0, and the foot in each piece, {(i, j): (x, y)}."""
+
+    x: FloatArray
+    y: FloatArray
+    feet: dict[tuple[int, int], tuple[float, float]]
+
+    def piece(self, i: int, j: int) -> Piece:
+        """Piece in column i, row j, halved along every axis about which it is its own mirror image.
+
+        The outer sides of a piece with a pillar are left free: its foot may stand flush with the plate's edge, where
+        no polynomial follows it. Bare pieces keep all four sides, so that one reduction serves inside and at the edge.
+        """
+        low, high = (float(self.x[i]), float(self.y[j])), (float(self.x[i + 1]), float(self.y[j + 1]))
+        foot = self.feet.get((i, j))
+        whole = Piece(low, high, foot)
+        free = self.free_sides(i, j)
+        centred = [foot is None or abs(foot[axis] - whole.middle[axis]) < 10.0**-DIGITS for axis in (0, 1)]
+        even = [not {f"{axis}-", f"{axis}+"} & set(free) for axis in "xy"]
+        return Piece(low, high, foot, tuple(axis for axis in (0, 1) if centred[axis] and even[axis]), free)
+
+    def free_sides(self, i: int, j: int) -> tuple[str, ...]:
+        """Sides of piece (i, j) on which nothing is joined and nothing need be."""
+        if (i, j) not in self.feet:
+            return ()
+        ends = {"x-": i == 0, "x+": i == len(self.x) - 2, "y-": j == 0, "y+": j == len(self.y) - 2}
+        return tuple(side for side, at_end in ends.items() if at_end)
+
+
+def signature(piece: Piece) -> Signature:
+    """What a piece's reduction depends on: its edges, where in it the pillar stands, and its free sides."""
+    size = (piece.high[0] - piece.low[0], piece.high[1] - piece.low[1])
+    offset = (piece.foot[0] - piece.middle[0], piece.foot[1] - piece.middle[1]) if piece.foot else (np.inf, np.inf)
+    return (*(round(v, DIGITS) + 0.0 for v in (*size, *offset)), *piece.free)
+
+
+def tile(design: Design, longest_m: float) -> Tiling:
+    """Cut a plate: one piece per pillar, bare pieces no longer than `longest_m` elsewhere."""
+    columns = design.column_centres() if design.rows else np.empty(0)
+    half_x, half_y = design.length_m / 2.0, design.half_span_m
+    x = (
+        _lines_about(columns, design.pitch_x_m, half_x, longest_m)
+        if len(columns)
+        else _bare(-half_x, half_x, longest_m)
+    )
+    inner, outer, rows = design.width_m / 2.0, half_y, design.row_centres() if design.rows else np.empty(0)
+    upper = [inner, outer]
+    if len(rows):
+        starts = rows - design.pitch_y_m / 2.0
+        starts[0] = starts[0] if starts[0] > inner / 4.0 else inner / 2.0
+        upper = [*starts, min(rows[-1] + design.pitch_y_m / 2.0, outer)]
+        if outer - upper[-1] > 10.0**-DIGITS:
+            upper.append(outer)
+    cuts = np.unique(np.round([-c for c in upper] + upper, DIGITS + 3))
+    feet_rows = np.concatenate([-rows[::-1], rows])
+    y = _refined(cuts, feet_rows, longest_m)
+    return Tiling(x, y, _feet(x, y, columns, feet_rows))
+
+
+def _lines_about(centres: FloatArray, pitch: float, end: float, longest: float) -> FloatArray:
+    """Lines half-way between pillars; the last piece reaches the plate's end, cut again when it is much longer."""
+    between = (centres[1:] + centres[:-1]) / 2.0
+    reach = min(centres[-1] + pitch / 2.0, end)
+    lines = [-reach, *between, reach]
+    if end - reach > 10.0**-DIGITS:
+        tail = _bare(reach, end, longest)[1:]
+        lines = [*(-tail[::-1]), *lines, *tail]
+    return np.array(lines)
+
+
+def _bare(low: float, high: float, longest: float) -> FloatArray:
+    return np.linspace(low, high, 1 + max(1, ceil((high - low) / longest - 1e-9)))
+
+
+def _refined(cuts: FloatArray, feet: FloatArray, longest: float) -> FloatArray:
+    """Cut every interval without a pillar into pieces no longer than `longest`, the middle one into an even number."""
+    lines = [cuts[:1]]
+    for low, high in zip(cuts[:-1], cuts[1:], strict=True):
+        if ((feet > low) & (feet < high)).any():
+            lines.append(np.array([high]))
+            continue
+        count = max(1, ceil((high - low) / longest - 1e-9))
+        if low < 0.0 < high:
+            count += count % 2
+        lines.append(np.linspace(low, high, count + 1)[1:])
+    return np.concatenate(lines)
+
+
+def _feet(
+    x: FloatArray, y: FloatArray, columns: FloatArray, rows: FloatArray
+) -> dict[tuple[int, int], tuple[float, float]]:
+    place_x, place_y = np.searchsorted(x, columns) - 1, np.searchsorted(y, rows) - 1
+    return {
+        (int(i), int(j)): (float(cx), float(cy))
+        for i, cx in zip(place_x, columns, strict=True)
+        for j, cy in zip(place_y, rows, strict=True)
+    }

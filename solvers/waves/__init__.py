@@ -1,0 +1,1 @@
+"""Bloch waves in the infinite lattice."""

@@ -1,0 +1,99 @@
+"""Bloch-Floquet waves of a fully meshed unit cell: u(r + a) = u(r) exp(i k.a) on matching opposite faces.
+
+The reduced pencil is a sum of real matrices times cosines and sines of the phases (the real embedding of twice the size
+counts every wave twice), so no complex sparse matrix is ever formed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import cKDTree
+
+from geometry.elements import FloatArray, IntArray
+from geometry.errors import MeshError
+from geometry.mesh import Mesh
+from solvers.fem.assembly import System
+from solvers.fem.eigen import PlainPencil, lowest_values
+
+MATCH = 1e-6  # of the pitch: how far opposite nodes may lie apart
+REAL_PHASE = 1e-12
+
+
+@dataclass(frozen=True)
+class PeriodicNodes:
+    """For every node its master and by how many pitches it lies beyond it, (n,) and (n, 2)."""
+
+    master: IntArray
+    offset: IntArray
+
+
+def periodic_nodes(mesh: Mesh, pitch_x_m: float, pitch_y_m: float) -> PeriodicNodes:
+    """Pair the nodes on x+ with x-, y+ with y-. Raises MeshError when opposite faces do not match node for node."""
+    low = mesh.nodes.min(axis=0)
+    offset = np.zeros((len(mesh.nodes), 2), dtype=np.int64)
+    for axis, face in enumerate(("x+", "y+")):
+        offset[mesh.nodes_of(face), axis] = 1
+    shift = np.column_stack([offset * np.array([pitch_x_m, pitch_y_m]), np.zeros(len(offset))])
+    candidates = np.flatnonzero((offset == 0).all(axis=1))
+    distance, nearest = cKDTree(mesh.nodes[candidates]).query(mesh.nodes - shift)
+    if distance.max() > MATCH * min(pitch_x_m, pitch_y_m):
+        worst = 1e3 * (mesh.nodes[int(distance.argmax())] - np.array([low[0], low[1], 0.0]))
+        raise MeshError(f"opposite faces do not match: the node at {worst.round(4)} mm has no partner one pitch away")
+    return PeriodicNodes(candidates[nearest], offset)
+
+
+class BlochCell:
+    """The cell's K and M split by the phase they carry: K(k) = sum over d of K_d exp(i k.d), d in {-1, 0, 1}^2."""
+
+    def __init__(self, system: System, pitch_x_m: float, pitch_y_m: float) -> None:
+        self.scale = system.scale
+        self.pitch = np.array([pitch_x_m, pitch_y_m])
+        pairs = periodic_nodes(system.mesh, pitch_x_m, pitch_y_m)
+        masters, compact = np.unique(pairs.master, return_inverse=True)
+        self.dof = 3 * len(masters)
+        unknown = (3 * compact[:, None] + np.arange(3)).ravel()
+        offset = np.repeat(pairs.offset, 3, axis=0)
+        self.stiffness = _by_phase(system.stiffness, unknown, offset, self.dof)
+        scalar = _by_phase(system.mass, compact, pairs.offset, len(masters))
+        self.mass = {d: sp.csr_array(sp.kron(m, sp.eye_array(3), format="csr")) for d, m in scalar.items()}
+
+    def pencil(self, wavevector: FloatArray) -> tuple[PlainPencil, int]:
+        """The real pencil at a wavevector (rad/m) and how often it counts each wave: 1 where phases are real, else 2."""
+        parts = [_at_phase(matrices, wavevector * self.pitch) for matrices in (self.stiffness, self.mass)]
+        if all(abs(np.sin(phase)) < REAL_PHASE for phase in wavevector * self.pitch):
+            (k, _), (m, _) = parts
+            return PlainPencil(sp.csc_array(k), sp.csc_array(m), self.scale), 1
+        k, m = (sp.csc_array(sp.block_array([[re, -im], [im, re]], format="csc")) for re, im in parts)
+        return PlainPencil(k, m, self.scale), 2
+
+    def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
+        """The `count` lowest Bloch frequencies at a wavevector (2,) in rad/m, ascending, Hz, every one counted."""
+        pencil, multiplicity = self.pencil(np.asarray(wavevector, dtype=float))
+        return self.scale.frequency(lowest_values(pencil, count, multiplicity))
+
+
+def _by_phase(
+    matrix: sp.csr_array, unknown: IntArray, offset: IntArray, size: int
+) -> dict[tuple[int, int], sp.csr_array]:
+    """Fold slaves onto masters, keeping apart the entries by their difference of offsets (column minus row)."""
+    entries = matrix.tocoo()
+    step = offset[entries.col] - offset[entries.row]
+    folded = {}
+    for dx in (-1, 0, 1):
+        for dy in (-1, 0, 1):
+            pick = (step[:, 0] == dx) & (step[:, 1] == dy)
+            place = (unknown[entries.row[pick]], unknown[entries.col[pick]])
+            part = sp.csr_array(sp.coo_array((entries.data[pick], place), shape=(size, size)))
+            part.sum_duplicates()
+            folded[dx, dy] = part
+    return folded
+
+
+def _at_phase(matrices: dict[tuple[int, int], sp.csr_array], phase: FloatArray) -> tuple[sp.csr_array, sp.csr_array]:
+    """Real and imaginary part of sum K_d exp(i d.phase)."""
+    real = sum(np.cos(d @ phase) * m for d, m in ((np.array(k), m) for k, m in matrices.items()))
+    imaginary = sum(np.sin(d @ phase) * m for d, m in ((np.array(k), m) for k, m in matrices.items()))
+    return sp.csr_array(real), sp.csr_array(imaginary)

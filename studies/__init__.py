@@ -1,0 +1,1 @@
+"""Study files, and the few studies that need a script."""

@@ -1,0 +1,44 @@
+"""The firmware's core, compiled for this machine."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import pytest
+
+
+class Core(NamedTuple):
+    ffi: Any
+    lib: Any
+
+
+@pytest.fixture(scope="session")
+def core() -> Core:
+    pytest.importorskip("cffi", reason="cffi is not installed: pip install cffi")
+    from firmware.host import NoCompiler, load
+
+    try:
+        return Core(*load())
+    except NoCompiler as missing:
+        pytest.skip(str(missing))
+
+
+@pytest.fixture(scope="session")
+def make_image(tmp_path_factory: pytest.TempPathFactory):
+    """Builds an image with a table inside, once for each table."""
+    from firmware import build as builder
+    from firmware.table_format import header_text
+
+    try:
+        builder.toolchain()
+    except builder.BuildError as missing:
+        pytest.skip(str(missing))
+    images: dict[tuple[bytes, str], builder.Image] = {}
+
+    def make(table: bytes, variant: str = "single") -> builder.Image:
+        if (table, variant) not in images:
+            folder = tmp_path_factory.mktemp("image")
+            images[table, variant] = builder.build(header_text(table), folder, variant)
+        return images[table, variant]
+
+    return make

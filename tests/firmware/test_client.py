@@ -1,0 +1,83 @@
+"""The client's command line, its serial port replaced by one that leads to an emulated board."""
+
+from __future__ import annotations
+
+import math
+import sys
+import types
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from firmware import client
+from firmware.emulate.plant import Plate, Resonance
+from pipeline.mode_table import Mode, ModeTable, to_bytes
+
+MODE = Mode(31250.0, 3e-3, -0.75j, 9.3e-6)
+TABLE = to_bytes(ModeTable(250e3, bytes(16), (MODE,)))
+PLATE = Plate((Resonance(31250.0, 3e-3, 0.77),), delay_s=7.3e-6)
+
+
+@pytest.fixture
+def board(make_image, core, monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
+    from firmware.emulate.line import EmulatedPort
+    from firmware.emulate.single import EmulatedSingle
+
+    made = EmulatedSingle(make_image(TABLE).elf, PLATE)
+    made.run(1e-3)
+
+    class Serial(EmulatedPort):
+        def __init__(self, port: str, baud: int, timeout: float) -> None:
+            assert (port, baud) == ("COM7", 921600) and 0.0 < timeout < 0.1
+            super().__init__(made)
+
+        def __enter__(self) -> Serial:
+            return self
+
+        def __exit__(self, *_: object) -> None: ...
+
+    fake = types.ModuleType("serial")
+    fake.Serial, fake.SerialException = Serial, OSError  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "serial", fake)
+    return made
+
+
+def test_status_is_printed(board, capsys) -> None:
+    assert client.main(["COM7", "status"]) == 0
+    text = capsys.readouterr().out
+    assert "state idle" in text and "mode 31250.000 Hz, tau 3 ms, gain 0.75, delay 9.3 us" in text
+
+
+def test_upload_changes_the_mode(board, capsys, tmp_path: Path) -> None:
+    other = to_bytes(ModeTable(250e3, bytes(16), (Mode(30500.0, 3e-3),)))
+    (tmp_path / "table.bin").write_bytes(other)
+    assert client.main(["COM7", "upload", str(tmp_path / "table.bin")]) == 0
+    assert "mode 30500.000 Hz" in capsys.readouterr().out
+    assert bytes(board.sector[: len(other)]) == other
+
+
+def test_refusals_are_one_line_and_an_exit_code(board, capsys, tmp_path: Path) -> None:
+    assert client.main(["COM7", "reference", "0.1"]) == 3
+    assert client.main(["COM7", "upload", str(tmp_path / "none.bin")]) == 3
+    error = capsys.readouterr().err.splitlines()
+    assert len(error) == 2 and "refused in the present state" in error[0] and "none.bin" in error[1]
+
+
+def test_texture_and_stop(board, capsys) -> None:
+    assert client.main(["COM7", "sine", "50", "0.5"]) == 0
+    assert board.app.texture.depth == 0.5 and math.isclose(board.app.texture.step / 2**32 * 5000.0, 50.0, rel_tol=1e-6)
+    assert client.main(["COM7", "stop"]) == 0
+
+
+def test_missing_values_are_named(capsys) -> None:
+    with pytest.raises(SystemExit) as raised:
+        client.main(["COM7", "sine", "50"])
+    assert raised.value.code == 2 and "sine needs 2 value(s)" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(find_spec("serial") is not None, reason="pyserial is installed: its absence cannot be shown")
+def test_without_pyserial_the_way_to_get_it_is_said(capsys) -> None:
+    assert client.main(["COM7", "status"]) == 5
+    assert "pip install pyserial" in capsys.readouterr().err

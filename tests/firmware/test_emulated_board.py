@@ -1,0 +1,220 @@
+"""The unmodified image on the emulated board, joined to a plate with neighbours, noise, dead time and 12 bits."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from firmware.emulate.plant import Plate, Resonance, hold
+from pipeline.mode_table import Mode, ModeTable, to_bytes
+
+GUESS, TRUE, QUALITY, GAIN = 31400.0, 31437.3, 300.0, 0.8
+TAU = QUALITY / math.pi / TRUE
+DROOP = abs(hold(TRUE, 250e3))
+PERIOD, HALF_WINDOW = 200e-6, 92e-6
+NEIGHBOURS = (Resonance(TRUE - 800.0, TAU, 0.03), Resonance(TRUE + 1100.0, TAU, -0.04))
+PLATE = Plate((Resonance(TRUE, TAU, GAIN), *NEIGHBOURS), delay_s=7.3e-6, noise=1e-3, offset=0.03)
+UNKNOWN = to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality(GUESS, 260.0, delay_s=2e-6),)))
+KNOWN = to_bytes(ModeTable(250e3, bytes(16), (Mode(TRUE, TAU, -1j * GAIN * DROOP, 9.3e-6),)))
+IDLE, IDENTIFY, RUN, FAULT = range(4)
+
+
+@pytest.fixture
+def make_single(make_image, core):
+    pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
+    from firmware.emulate.single import EmulatedSingle
+
+    def make(table: bytes = KNOWN, plate: Plate = PLATE, **options):
+        return EmulatedSingle(make_image(table).elf, plate, **options)
+
+    return make
+
+
+def test_image_boots_to_rest(make_single) -> None:
+    board = make_single()
+    board.run(2e-3)
+    assert board.app.state == IDLE and board.app.faults == 0
+    assert bytes(board.received) == b""
+    assert board.dac.value == 2048 | 2048 << 16
+    assert board.resets == 0
+
+
+def test_timer_triggers_both_converters_every_four_microseconds(make_single) -> None:
+    board = make_single()
+    tim2, adc1, dac = 0x40000000, 0x40012000, 0x40007400
+    assert (board.word(tim2 + 0x2C).value + 1) * (board.word(tim2 + 0x28).value + 1) == 90e6 * 4e-6
+    assert board.word(tim2 + 0x04).value >> 4 & 7 == 2  # its update goes out as the trigger
+    assert board.word(adc1 + 0x08).value >> 24 & 0x3F == 0b010110  # rising edge of TIM2_TRGO
+    assert board.word(dac).value & 0x3F == board.word(dac).value >> 16 == 0b100101  # on, triggered, by TIM2_TRGO
+    assert board.clock.words[0x04] & 0x7FFF == 4 | 180 << 6 and board.clock.words[0x08] & 3 == 2
+
+
+def test_unidentified_mode_is_swept_and_then_held_at_the_lowest_useful_level(make_single, core) -> None:
+    """And the whole sweep, its fits included, is on this machine what it is on the Cortex-M4, bit for bit."""
+    from firmware.host.single import HostedSingle
+
+    board, hosted = make_single(UNKNOWN), HostedSingle(UNKNOWN, PLATE)
+    board.run(2e-3)
+    hosted.run(2e-3)
+    assert board.call("an_single_start", board.symbol("app"), 0.0, 0.0) == 1
+    assert hosted.start()
+    assert board.app.state == IDENTIFY
+    assert board.run_until(lambda: board.app.state != IDENTIFY, 3.0)
+    hosted.run_while(IDENTIFY, 3.0)
+    app = board.app
+    assert app.state == RUN, hex(app.faults)
+    assert app.centre / 2**32 * 250e3 == pytest.approx(TRUE, abs=0.1)
+    assert app.mode.tau_s == pytest.approx(TAU, rel=5e-3)
+    assert abs(complex(app.mode.gain.re, app.mode.gain.im)) == pytest.approx(GAIN * DROOP, rel=5e-3)
+    assert app.mode.delay_s == pytest.approx(9.3e-6, abs=5e-8)
+    assert image_of(core, app.ident) == image_of(core, hosted.app.ident)
+    board.run(20e-3)
+    settled = [measured for measured, _, _ in board.reports[-25:]]
+    assert sum(settled) / 25 == pytest.approx(0.2 * GAIN * DROOP, rel=2e-3)
+
+
+def image_of(core, struct) -> bytes:
+    return bytes(core.ffi.buffer(core.ffi.addressof(struct)))
+
+
+def running(make_single, **options):
+    board = make_single(**options)
+    board.run(2e-3)
+    board.push_button()
+    assert board.app.state == RUN
+    board.app.slow.reference = 0.0
+    board.run(30e-3)
+    board.reports.clear()
+    return board
+
+
+def test_small_step_of_the_clean_plate(make_single) -> None:
+    board = running(make_single, plate=replace(PLATE, resonances=PLATE.resonances[:1], noise=0.0))
+    reference = 0.2 * GAIN * DROOP
+    board.app.slow.reference = reference
+    board.run(20e-3)
+    size = [abs(measured) for measured, _, _ in board.reports]
+    first = next(i for i, value in enumerate(size) if value >= 0.95 * reference)
+    assert (first + 1) * PERIOD - HALF_WINDOW <= 2.0e-3  # from the change of the reference to the middle of the window
+    assert max(size) <= 1.02 * reference
+    assert size[-1] == pytest.approx(reference, rel=1e-3)
+
+
+def test_recovery_from_saturation(make_single) -> None:
+    board = running(make_single, plate=replace(PLATE, noise=0.0))
+    reference = 0.6 * GAIN * DROOP
+    board.app.slow.reference = reference
+    board.run(20e-3)
+    size = [abs(measured) for measured, _, _ in board.reports]
+    settled = max(i for i, value in enumerate(size) if abs(value - reference) > 0.05 * reference) + 1
+    assert settled * PERIOD <= 1.5 * -TAU * math.log(1.0 - 0.95 * 0.6)
+    assert max(abs(drive) for _, drive, _ in board.reports) <= 1.0 + 1e-6
+
+
+def test_a_lost_sensor_puts_the_output_to_rest(make_single) -> None:
+    board = running(make_single)
+    board.app.slow.reference = 0.12
+    board.run(20e-3)
+    board.sense = lambda: 0.0
+    assert board.run_until(lambda: board.app.state == FAULT, 0.1)
+    board.run(1e-3)
+    assert board.app.faults == 1 << 6
+    assert board.dac.value == 2048 | 2048 << 16
+
+
+def test_a_slow_step_that_hangs_rests_the_output_and_then_resets_the_chip(make_single) -> None:
+    board = running(make_single)
+    board.app.slow.reference = 0.12
+    board.run(20e-3)
+    board.slow_stuck = True
+    board.run(60 * 4e-6)
+    assert board.dac.value == 2048 | 2048 << 16
+    board.run(15e-3)
+    assert board.resets == 1
+    assert board.app.state == FAULT and board.app.faults == 1 << 13
+    board.slow_stuck = False
+    board.push_button()
+    assert board.app.state == IDLE and board.app.faults == 0
+
+
+def test_a_lost_sample_trips(make_single) -> None:
+    board = running(make_single)
+    board.word(0x40012000).value = 1 << 5
+    board.run(1e-3)
+    assert board.app.state == FAULT and board.app.faults == 1 << 7
+
+
+def test_a_dead_crystal_ends_in_a_fault_that_cannot_be_cleared(make_single) -> None:
+    board = make_single(dead_crystal=True)
+    board.run(2e-3)
+    board.push_button()
+    assert board.app.state == FAULT and board.app.faults == 1 << 1
+    assert board.dac.value == 2048 | 2048 << 16
+
+
+def test_an_unexpected_interrupt_rests_the_outputs(make_single) -> None:
+    board = running(make_single)
+    board.app.slow.reference = 0.12
+    board.run(10e-3)
+    board.uc.emu_start(board.symbol("Unexpected_Handler") | 1, 0, count=100)
+    assert board.dac.value == 2048 | 2048 << 16
+
+
+def test_the_stack_is_large_enough(make_single) -> None:
+    """The deepest use by the main loop leaves room for both interrupts, their frames of 104 bytes included."""
+    board = make_single(UNKNOWN)
+    top, size, frame = board.symbol("stack_top"), 2048, 104
+    idle = board.stack_pointer
+    paint = bytes([0xA5]) * (idle - (top - size) - 256)
+    board.poke(top - size, paint)
+    board.run(2e-3)
+    board.push_button()
+    board.run_until(lambda: board.app.ident.stage == 2, 3.0)  # behind the fit, which is what goes deepest
+    board.send(bytes(range(1, 120)) + b"\0")
+    board.run(5e-3)
+    left = board.peek(top - size, len(paint))
+    untouched = len(left) - len(left.lstrip(b"\xa5"))
+    assert untouched < len(paint)
+    assert untouched > 2 * frame + 300
+
+
+def test_instructions_a_tick(make_single) -> None:
+    """Counted on the Cortex-M4 code of the image, calls included, no fused contraction."""
+    board = running(make_single)
+    board.app.slow.reference = 0.6  # begins on the drive's limit, ends away from it
+    fast, slow = Counter(), Counter()
+    call = board._call
+
+    def counted(stub: int) -> None:
+        kind, name = (fast, "an_fast_tick") if stub == board.fast_stub else (slow, "an_slow_step")
+        kind[board.count_instructions(lambda: call(stub), name)] += 1
+
+    board._call = counted
+    board.run(12e-3)
+    assert max(fast) <= 90, fast
+    assert max(slow) <= 250, slow
+    assert min(fast) > 50 and min(slow) > 100
+
+
+@pytest.mark.parametrize("detuning_hz", [0.0, 300.0])
+def test_host_and_cortex_m4_agree_bit_for_bit(make_single, core, detuning_hz: float) -> None:
+    """Identification begun, loop closed, steps up and down: every DAC code and every byte of the state."""
+    from firmware.host.single import HostedSingle
+
+    board, hosted = make_single(), HostedSingle(KNOWN, PLATE)
+    board.codes, hosted.codes = [], []
+    board.run(2e-3)
+    hosted.run(2e-3)
+    assert board.call("an_single_start", board.symbol("app"), 0.3, detuning_hz) == 1
+    assert hosted.start(0.3, detuning_hz)
+    for reference in (0.3, 0.05, 0.7):
+        board.app.slow.reference = hosted.app.slow.reference = reference
+        board.run(15e-3)
+        hosted.run(15e-3)
+    assert board.codes[1:] == hosted.codes[: len(board.codes) - 1]
+    assert len(set(board.codes)) > 1000
+    bytes_alike = core.ffi.offsetof("an_single", "sample_rate_hz") + 4  # what follows holds a pointer
+    assert bytes(core.ffi.buffer(board.app, bytes_alike)) == bytes(core.ffi.buffer(hosted.app, bytes_alike))

@@ -1,0 +1,107 @@
+"""Frames: both ends agree, and nothing damaged gets through."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware import protocol
+from firmware.protocol import Kind, Message, Result, decode, encode
+
+payloads = st.binary(max_size=protocol.PAYLOAD_MAX)
+
+
+class Reader:
+    def __init__(self, core) -> None:
+        self.core = core
+        self.reader, self.message = core.ffi.new("an_frame_reader *"), core.ffi.new("an_message *")
+        core.lib.an_frame_reader_init(self.reader)
+
+    def feed(self, data: bytes) -> list[Message]:
+        found = []
+        for byte in data:
+            if self.core.lib.an_frame_feed(self.reader, byte, self.message):
+                content = bytes(self.message.payload)[: self.message.length]
+                found.append(Message(self.message.kind, self.message.sequence, content))
+        return found
+
+
+def written(core, message: Message) -> bytes:
+    out = core.ffi.new("uint8_t []", core.lib.AN_FRAME_BYTES)
+    body = {
+        "kind": message.kind,
+        "sequence": message.sequence,
+        "payload": message.payload,
+        "length": len(message.payload),
+    }
+    length = core.lib.an_frame_write(out, core.ffi.new("an_message *", body))
+    return bytes(out)[:length]
+
+
+def test_numbers_are_those_of_the_firmware(core) -> None:
+    for kind in Kind:
+        assert getattr(core.lib, f"AN_{kind.name}") == kind
+    for result in Result:
+        assert getattr(core.lib, f"AN_{result.name}") == result
+    assert core.lib.AN_REPLY == protocol.REPLY
+    assert core.lib.AN_LOG_RECORDS == protocol.LOG_RECORDS
+    assert core.lib.AN_PAYLOAD_MAX == protocol.PAYLOAD_MAX
+    assert len(protocol.TABLE_TEXT) - 1 == core.lib.AN_TABLE_RANGE
+    assert len(protocol.FAULTS) == core.lib.AN_FAULT_COUNT
+    for name in ("TABLE", "CLOCK", "MISMATCH", "FAST_LATE", "HOST_SILENT", "SUPPLY"):
+        assert protocol.fault_names(getattr(core.lib, f"AN_FAULT_{name}")) == (name.lower().replace("_", " "),)
+
+
+@given(kind=st.integers(0, 255), sequence=st.integers(0, 255), payload=payloads)
+def test_both_ends_write_and_read_the_same(core, kind: int, sequence: int, payload: bytes) -> None:
+    message = Message(kind, sequence, payload)
+    frame = encode(message)
+    assert frame == written(core, message)
+    assert frame.count(0) == 1 and frame[-1] == 0
+    assert Reader(core).feed(frame) == [message]
+    assert decode(frame[:-1]) == message
+
+
+def test_a_message_too_long_is_not_written(core) -> None:
+    out = core.ffi.new("uint8_t []", core.lib.AN_FRAME_BYTES)
+    assert core.lib.an_frame_write(out, core.ffi.new("an_message *", {"length": protocol.PAYLOAD_MAX + 1})) == 0
+
+
+MESSAGES = [
+    Message(Kind.START, 7, b"\x00\x00\x00\x3e\x00\x00\x96\x43"),
+    Message(Kind.STOP, 0),
+    Message(Kind.UPLOAD_DATA, 255, bytes(range(120))),
+    Message(Kind.SAMPLES, 1, bytes(120)),
+]
+
+
+@pytest.mark.parametrize("message", MESSAGES)
+def test_every_flipped_bit_is_refused(core, message: Message) -> None:
+    """And costs at most the frame behind it, whose beginning it may have joined."""
+    frame, follower = encode(message), encode(Message(Kind.STATUS, 9))
+    for bit in range(8 * len(frame)):
+        damaged = bytearray(frame)
+        damaged[bit // 8] ^= 1 << bit % 8
+        found = Reader(core).feed(bytes(damaged) + follower + follower)
+        assert message not in found
+        assert set(found) <= {Message(Kind.STATUS, 9)} and found
+
+
+@pytest.mark.parametrize("message", MESSAGES)
+def test_every_truncation_is_refused(core, message: Message) -> None:
+    frame = encode(message)
+    for length in range(len(frame) - 1):
+        reader = Reader(core)
+        assert reader.feed(frame[:length] + b"\0") == []
+        assert reader.feed(frame) == [message]
+
+
+def test_noise_is_survived(core) -> None:
+    random = np.random.default_rng(5)
+    reader = Reader(core)
+    for _ in range(200):
+        assert reader.feed(random.integers(0, 256, 500, dtype=np.uint8).tobytes()) == []
+    assert reader.reader.refused > 100
+    assert reader.feed(b"\0" + encode(MESSAGES[0])) == [MESSAGES[0]]

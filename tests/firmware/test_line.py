@@ -1,0 +1,268 @@
+"""The host and the board over the serial line, the board emulated."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from firmware.client import BoardError, Client
+from firmware.emulate.plant import Plate, Resonance, hold
+from firmware.protocol import Kind, Message, encode
+from firmware.table_format import MAX_BYTES, seal
+from pipeline.mode_table import Mode, ModeTable, to_bytes
+
+TRUE, GAIN = 31437.3, 0.8
+TAU = 300.0 / math.pi / TRUE
+DROOP = abs(hold(TRUE, 250e3))
+PLATE = Plate((Resonance(TRUE, TAU, GAIN),), delay_s=7.3e-6, noise=1e-3)
+KNOWN = to_bytes(ModeTable(250e3, bytes(range(16)), (Mode(TRUE, TAU, -1j * GAIN * DROOP, 9.3e-6),)))
+OTHER = to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality(29000.0, 250.0), Mode(30500.0, 3e-3)), wanted=1))
+
+
+@pytest.fixture
+def talk(make_image, core):
+    pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
+    from firmware.emulate.line import EmulatedPort
+    from firmware.emulate.single import EmulatedSingle
+
+    def make(table: bytes = KNOWN, plate: Plate = PLATE):
+        board = EmulatedSingle(make_image(table).elf, plate)
+        board.run(1e-3)
+        return board, Client(EmulatedPort(board))
+
+    return make
+
+
+def test_identity_and_status(talk) -> None:
+    _, client = talk()
+    assert client.request(Kind.IDENTITY) == bytes([1, 1, 1, 1, *range(16)])
+    status = client.status()
+    assert status.state == "idle" and status.faults == ()
+    assert status.frequency_hz == pytest.approx(TRUE, abs=4e-3)
+    assert status.gain == pytest.approx(-1j * GAIN * DROOP, abs=1e-6)
+    assert status.tau_s == pytest.approx(TAU, rel=1e-6) and status.delay_s == pytest.approx(9.3e-6, rel=1e-6)
+
+
+def test_start_reference_and_stop(talk) -> None:
+    board, client = talk()
+    client.start(0.1, 50.0)
+    board.run(20e-3)
+    status = client.status()
+    assert status.state == "run" and status.reference == pytest.approx(0.1)
+    assert status.detuning_hz == 50.0
+    assert abs(status.measured) == pytest.approx(0.1, rel=0.02)
+    client.reference(0.05)
+    board.run(20e-3)
+    assert abs(client.status().measured) == pytest.approx(0.05, rel=0.03)
+    client.stop()
+    board.run(1e-3)
+    assert client.status().state == "idle" and board.dac.value & 0xFFF == 2048
+
+
+def test_refusals_say_why(talk) -> None:
+    _, client = talk()
+    for payload, words in ((struct.pack("<ff", 2.0, 0.0), "out of range"), (b"\0", "out of range")):
+        with pytest.raises(BoardError, match=words):
+            client.request(Kind.START, payload)
+    with pytest.raises(BoardError, match="present state"):
+        client.reference(0.1)
+    with pytest.raises(BoardError, match="present state"):
+        client.clear()
+    with pytest.raises(BoardError, match="does not know"):
+        client.request(Kind.PATTERN)
+
+
+def test_a_silent_host_stops_the_drive(talk) -> None:
+    board, client = talk()
+    client.start(0.1)
+    board.run(0.45)
+    assert board.app.state == 2
+    client.status()
+    board.run(0.45)
+    assert board.app.state == 2
+    board.run(0.1)
+    assert client.status().faults == ("host silent",)
+    client.clear()
+    board.run(1e-3)
+    assert client.status().state == "idle"
+
+
+def test_a_low_supply_trips(talk) -> None:
+    board, client = talk()
+    board.word(0x40007004).value |= 1 << 2
+    board.run(1e-3)
+    assert client.status().faults == ("supply",)
+    client.clear()
+    board.run(1e-3)
+    assert client.status().faults == ("supply",)
+    board.word(0x40007004).value &= ~(1 << 2)
+    board.run(1e-3)
+    client.clear()
+    board.run(1e-3)
+    assert client.status().state == "idle"
+
+
+def test_texture_is_followed_as_far_as_the_loop_is_fast(talk) -> None:
+    board, client = talk(plate=replace(PLATE, noise=0.0))
+    client.start(0.1)
+    client.sine(100.0, 1.0)
+    board.run(40e-3)
+    board.reports.clear()
+    board.run(40e-3)
+    size = np.array([abs(measured) for measured, _, _ in board.reports])
+    time = np.arange(len(size)) * 200e-6
+    swing = 2.0 * abs(np.mean((size - size.mean()) * np.exp(-2j * np.pi * 100.0 * time))) / 0.1
+    assert size.mean() == pytest.approx(0.05, rel=0.02)
+    assert swing == pytest.approx(0.5 / math.hypot(1.0, 2.0 * math.pi * 100.0 * 0.42e-3), rel=0.1)
+
+
+def test_streamed_texture(talk) -> None:
+    board, client = talk(plate=replace(PLATE, noise=0.0))
+    client.start(0.1)
+    client.stream(50)
+    assert client.samples([1.0, 0.25, 0.75]) == 3
+    board.reports.clear()
+    board.run(30e-3)
+    reference = np.array([reference for _, _, reference in board.reports])
+    assert set(np.round(np.unique(reference), 4)) >= {0.025, 0.075}
+    assert reference[-1] == pytest.approx(0.075, rel=1e-3)
+    assert client.status().starved >= 1
+
+
+def test_log_records_what_happened(talk) -> None:
+    board, client = talk()
+    client.log(10)
+    client.start(0.1)
+    board.run(50e-3)
+    records = client.take_records()
+    assert len(records) >= 20
+    assert {b.window - a.window for a, b in pairwise(records)} == {10}
+    assert records[-1].reference == pytest.approx(0.1)
+    assert abs(records[-1].measured) == pytest.approx(0.1, rel=0.05)
+
+
+def test_a_table_goes_up_and_survives_a_reset(talk) -> None:
+    board, client = talk()
+    client.upload(OTHER)
+    assert bytes(board.sector[: len(OTHER)]) == OTHER
+    assert board.resets == 0
+    for _ in range(2):
+        status = client.status()
+        assert status.frequency_hz == pytest.approx(30500.0, abs=4e-3)
+        assert status.state == "idle" and not status.gain_identified
+        board.reset()
+        board.run(1e-3)
+    assert board.clock is not None and board.resets == 0
+
+
+def test_a_table_is_refused_while_running(talk) -> None:
+    board, client = talk()
+    client.start(0.1)
+    with pytest.raises(BoardError, match="present state"):
+        client.upload(OTHER)
+    assert bytes(board.sector[: len(KNOWN)]) == KNOWN and client.status().state == "run"
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        (OTHER[:-1] + b"\0", "damaged"),
+        (OTHER[:4] + b"\x09" + OTHER[5:], "another version"),
+        (seal(OTHER[:48] + struct.pack("<f", -1.0) + OTHER[52:-4]), "out of range"),
+        (b"\xff" * 100, "not a mode table"),
+        (bytes(4000), "out of range"),
+    ],
+)
+def test_bad_tables_never_reach_the_flash_memory(talk, table: bytes, words: str) -> None:
+    board, client = talk()
+    with pytest.raises(BoardError, match=words):
+        client.upload(table)
+    assert bytes(board.sector[: len(KNOWN)]) == KNOWN
+    assert client.status().state == "idle"
+
+
+def test_an_incomplete_upload_is_not_stored(talk) -> None:
+    board, client = talk()
+    client.request(Kind.UPLOAD_BEGIN, struct.pack("<I", len(OTHER)))
+    client.request(Kind.UPLOAD_DATA, struct.pack("<I", 0) + OTHER[:100])
+    for offset in (101, len(OTHER), 2**32 - 1):
+        with pytest.raises(BoardError, match="out of range"):
+            client.request(Kind.UPLOAD_DATA, struct.pack("<I", offset) + b"xyz")
+    for extra in range(100, len(OTHER) - 100, 100):
+        client.request(Kind.UPLOAD_DATA, struct.pack("<I", extra) + OTHER[extra : extra + 100])
+    with pytest.raises(BoardError, match="out of range"):
+        client.request(Kind.UPLOAD_DATA, struct.pack("<I", len(OTHER) - 2) + b"xyz")
+    with pytest.raises(BoardError, match="out of range"):
+        client.request(Kind.UPLOAD_END)
+    assert bytes(board.sector[: len(KNOWN)]) == KNOWN
+
+
+def test_an_upload_larger_than_the_staging_room_is_refused_at_once(talk) -> None:
+    _, client = talk()
+    client.request(Kind.UPLOAD_BEGIN, struct.pack("<I", MAX_BYTES))
+    for length in (0, MAX_BYTES + 1, 2**32 - 1):
+        with pytest.raises(BoardError, match="out of range"):
+            client.request(Kind.UPLOAD_BEGIN, struct.pack("<I", length))
+
+
+def test_flash_memory_that_does_not_take_it_is_a_fault(talk) -> None:
+    board, client = talk()
+    board.flash.broken = True
+    with pytest.raises(BoardError, match="could not be stored"):
+        client.upload(OTHER)
+    assert set(client.status().faults) == {"flash", "table"}
+    with pytest.raises(BoardError, match="present state"):
+        client.clear()
+    board.flash.broken = False
+    client.upload(OTHER)
+    assert client.status().state == "idle"
+
+
+def test_noise_on_the_line_changes_nothing(talk) -> None:
+    board, client = talk()
+    board.send(np.random.default_rng(2).integers(0, 256, 4000, dtype=np.uint8).tobytes() + b"\0")
+    board.run(60e-3)
+    board.received.clear()
+    assert client.status().state == "idle" and bytes(board.sector[: len(KNOWN)]) == KNOWN
+
+
+def test_a_lost_reply_is_asked_for_again(talk) -> None:
+    _, client = talk()
+    read = client.port.read
+    losses = iter([b""] * client.reads)
+
+    def deaf(size: int) -> bytes:
+        read(size)
+        return next(losses)
+
+    def port_read(size: int) -> bytes:
+        try:
+            return deaf(size)
+        except StopIteration:
+            return read(size)
+
+    client.port.read = port_read
+    assert client.status().state == "idle"
+
+
+def test_a_board_that_stays_silent_is_reported() -> None:
+    class Dead:
+        def write(self, data: bytes) -> None: ...
+
+        def read(self, size: int = 1) -> bytes:
+            return b""
+
+    with pytest.raises(BoardError, match="no answer to status"):
+        Client(Dead()).status()
+
+
+def test_replies_are_not_taken_for_requests(talk) -> None:
+    board, _ = talk()
+    board.send(encode(Message(Kind.STOP | 0x80, 1, b"\0")))
+    board.run(5e-3)
+    assert board.received == b""

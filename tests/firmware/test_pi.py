@@ -1,0 +1,151 @@
+"""Control of one mode against a double-precision model of the same law and of the plate's baseband."""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import numpy as np
+import pytest
+
+PERIOD, AHEAD, RESPONSE = 200e-6, 108e-6, 0.42e-3
+FREQUENCY, TAU, LIMIT = 31400.0, 300.0 / math.pi / 31400.0, 1.0
+
+
+def planned(core, gain: complex, detuning_hz: float = 0.0, delay_s: float = 0.0, proportional_max: float = 1e9):
+    mode = core.ffi.new(
+        "an_mode *",
+        {
+            "frequency_hz": FREQUENCY,
+            "tau_s": TAU,
+            "gain": {"re": gain.real, "im": gain.imag},
+            "delay_s": delay_s,
+            "drive_limit": LIMIT,
+            "amplitude_limit": 0.8,
+        },
+    )
+    step = core.lib.an_dds_step(FREQUENCY + detuning_hz, 250e3)
+    gains = core.ffi.new("an_pi_gains *")
+    asked = {"period_s": PERIOD, "ahead_s": AHEAD, "response_s": RESPONSE, "proportional_max": proportional_max}
+    core.lib.an_pi_plan(gains, mode, step, detuning_hz, core.ffi.new("an_pi_wish *", asked))
+    return gains
+
+
+def as_complex(value) -> complex:
+    return complex(value.re, value.im)
+
+
+class DoubleLaw:
+    """V = Kp (r - U') + I + j tau dw U' / G, limited to a disc; I = U / G while limited; U' = U when V begins to act."""
+
+    def __init__(self, gain: float, detuning_hz: float) -> None:
+        self.gain, self.slope = gain, 2.0 * math.pi * detuning_hz * TAU
+        self.integral, self.drive, self.reference = 0j, 0j, 0.0
+        pole = math.exp(-PERIOD / TAU)
+        self.integral_gain = (pole - math.exp(-PERIOD / RESPONSE)) / gain
+        self.proportional = self.integral_gain / (1.0 - pole)
+
+    def step(self, measured: complex, reference: float) -> complex:
+        decay = cmath.exp(-(1.0 + 1j * self.slope) * AHEAD / TAU)
+        now = decay * measured + (1.0 - decay) * self.gain / (1.0 + 1j * self.slope) * self.drive
+        wanted = self.proportional * (reference - now) + self.integral + 1j * self.slope / self.gain * now
+        then = reference + AHEAD / PERIOD * (self.reference - reference)
+        self.reference = reference
+        if abs(wanted) > LIMIT:
+            self.integral = measured / self.gain
+            self.drive = wanted * LIMIT / abs(wanted)
+        else:
+            self.integral += self.integral_gain * (then - measured)
+            self.drive = wanted
+        return self.drive
+
+
+class Baseband:
+    """tau U' + (1 + j slope) U = G V, exact from tick to tick; U is measured as the mean over ticks 4 to 50 of a period."""
+
+    def __init__(self, gain: float, detuning_hz: float) -> None:
+        self.pole = -(1.0 + 2j * math.pi * detuning_hz * TAU) / TAU
+        self.steady = gain / (1.0 + 2j * math.pi * detuning_hz * TAU)
+        self.decay = cmath.exp(self.pole * PERIOD / 50)
+        self.state, self.old = 0j, 0j
+
+    def step(self, drive: complex) -> complex:
+        path = []
+        for tick in range(50):
+            path.append(self.state)
+            force = self.steady * (self.old if tick < 4 else drive)
+            self.state = force + (self.state - force) * self.decay
+        self.old = drive
+        return sum(path[4:]) / 46
+
+
+def closed_loop(core, gain: float, detuning_hz: float, reference: float, steps: int, law_gain: float = 0.0):
+    """(measured, drive) a period each, by the core and by the double-precision law on plates of their own."""
+    gains, pi = planned(core, law_gain or gain, detuning_hz), core.ffi.new("an_pi *")
+    core.lib.an_pi_init(pi, gains, core.ffi.new("an_complex *")[0])
+    law, plates = DoubleLaw(law_gain or gain, detuning_hz), (Baseband(gain, detuning_hz), Baseband(gain, detuning_hz))
+    measured, found = [0j, 0j], []
+    for _ in range(steps):
+        z = core.ffi.new("an_complex *", {"re": measured[0].real, "im": measured[0].imag})[0]
+        drive = as_complex(core.lib.an_pi_step(pi, gains, z, reference))
+        exact = law.step(measured[1], reference)
+        found.append((measured[0], drive, measured[1], exact))
+        measured = [plates[0].step(drive), plates[1].step(exact)]
+    return np.array(found)
+
+
+@pytest.mark.parametrize("detuning_hz", [0.0, 100.0, -300.0, 300.0])
+@pytest.mark.parametrize("reference", [0.1, 0.5])
+def test_core_follows_the_double_precision_law(core, detuning_hz: float, reference: float) -> None:
+    found = closed_loop(core, 0.8, detuning_hz, reference, 60)
+    assert np.abs(found[:, 0] - found[:, 2]).max() < 2e-5
+    assert np.abs(found[:, 1] - found[:, 3]).max() < 2e-4
+
+
+@pytest.mark.parametrize("detuning_hz", [0.0, 300.0])
+def test_small_steps_reach_95_percent_within_2_ms_without_overshoot(core, detuning_hz: float) -> None:
+    reference = 0.1
+    size = np.abs(closed_loop(core, 0.8, detuning_hz, reference, 100)[:, 0])
+    assert np.argmax(size >= 0.95 * reference) * PERIOD <= 2.0e-3
+    assert size.max() <= 1.02 * reference
+    assert abs(size[-1] - reference) < 1e-4 * reference
+
+
+def test_recovery_from_saturation_is_near_the_bound(core) -> None:
+    gain, reference = 0.8, 0.5
+    size = np.abs(closed_loop(core, gain, 0.0, reference, 100)[:, 0])
+    settled = np.flatnonzero(np.abs(size - reference) > 0.05 * reference)[-1] + 1
+    bound = -TAU * math.log(1.0 - 0.95 * reference / (gain * LIMIT))
+    assert settled * PERIOD <= 1.5 * bound + 2 * PERIOD
+    assert size.max() <= 1.02 * reference
+
+
+def test_drive_never_leaves_the_disc(core) -> None:
+    found = closed_loop(core, 0.8, 300.0, 0.75, 200, law_gain=0.4)
+    assert np.abs(found[:, 1]).max() <= LIMIT * (1.0 + 1e-6)
+
+
+def test_lead_undoes_one_sample_the_delay_and_the_phase_of_the_gain(core) -> None:
+    gain, delay_s = 0.8 * cmath.exp(-1.2j), 9.3e-6
+    lead = as_complex(planned(core, gain, 120.0, delay_s).lead)
+    frequency_hz = FREQUENCY + 120.0
+    expected = cmath.exp(2j * math.pi * frequency_hz * (4e-6 + delay_s) + 1.2j)
+    assert abs(lead - expected) < 2e-5
+
+
+def test_observer_is_the_plate_in_baseband(core) -> None:
+    gains, pi = planned(core, 0.8, 200.0), core.ffi.new("an_pi *")
+    core.lib.an_pi_init(pi, gains, core.ffi.new("an_complex *")[0])
+    plate, measured = Baseband(0.8, 200.0), 0j
+    for _ in range(50):
+        z = core.ffi.new("an_complex *", {"re": measured.real, "im": measured.imag})[0]
+        plate.old = as_complex(core.lib.an_pi_step(pi, gains, z, 0.1))
+        measured = plate.step(plate.old)
+        assert abs(as_complex(pi.model) - plate.state) < 1e-4
+
+
+def test_neighbours_bound_the_gain_and_the_zero_stays_on_the_pole(core) -> None:
+    free, bounded = planned(core, 0.8), planned(core, 0.8, proportional_max=2.0)
+    assert free.proportional > 4.0 and bounded.proportional == 2.0
+    for gains in (free, bounded):
+        assert gains.integral / gains.proportional == pytest.approx(1.0 - math.exp(-PERIOD / TAU), rel=1e-4)

@@ -1,0 +1,353 @@
+"""Six channels on a clamped beam: the core on this machine, the image on the emulated board."""
+
+from __future__ import annotations
+
+import dataclasses
+import struct
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from firmware.client import BoardError, Client
+from firmware.emulate.beam import Beam, _clamped_roots
+from firmware.protocol import Kind
+from pipeline.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
+
+IDLE, IDENTIFY, RUN, FAULT = range(4)
+BEAM = Beam(noise=1e-3)
+WAVELENGTH = 2.0 * np.pi / np.sqrt(2.0 * np.pi * 2400.0 / np.sqrt(210e9 * 1e-6 / 12.0 / 7850.0))
+PATTERNS = (
+    Pattern("left", (1, 0.5, 0, 0, 0, 0)),
+    Pattern("middle", (0, 0, 1, 1, 0, 0)),
+    Pattern("right", (0, 0, 0, 0, 0.5, 1)),
+    Pattern("wave", tuple(np.exp(-2j * np.pi * BEAM.places_m / WAVELENGTH).tolist())),
+)
+
+
+def table(frequency_hz: float = 2400.0, matrix: np.ndarray | None = None, **changes) -> bytes:
+    rows = None if matrix is None else tuple(tuple(row) for row in matrix.tolist())
+    shape = Shape(frequency_hz, BEAM.slowest_s, PATTERNS, rows, **changes)
+    return to_bytes(ModeTable(40e3, bytes(range(16)), (), shapes=(shape,)))
+
+
+def seen_matrix(beam: Beam = BEAM) -> np.ndarray:
+    """T as the firmware defines it: the hold's droop and half sample included, the sample of delay not."""
+    turn = 2j * np.pi * 2400.0 / beam.sample_rate_hz
+    return beam.matrix(2400.0) * (1.0 - np.exp(-turn)) / turn
+
+
+@pytest.fixture
+def hosted(core):
+    from firmware.host.six import HostedSix
+
+    return HostedSix
+
+
+def test_beam_has_the_textbook_frequencies() -> None:
+    """k_1 = 4.730, k_2 = 7.853, k_3 = 10.996 (clamped at both ends), w = (k/L)^2 sqrt(E h^2 / 12 rho)."""
+    assert _clamped_roots(3) == pytest.approx([4.730041, 7.853205, 10.995608], abs=1e-6)
+    assert BEAM.angular[3] / 2.0 / np.pi == pytest.approx(2111.0, abs=1.0)
+
+
+def test_beam_in_time_is_the_beam_in_frequency() -> None:
+    from firmware.emulate.beam import BeamSimulation
+
+    simulation = BeamSimulation(dataclasses.replace(BEAM, noise=0.0))
+    turn = 2.0 * np.pi * 2400.0 / BEAM.sample_rate_hz
+    drive = np.array([0.5, 0, 0, -0.3, 0, 0])
+    found = []
+    for n in range(int(12.0 * BEAM.slowest_s * BEAM.sample_rate_hz)):
+        found.append(simulation.sense())
+        simulation.drive(drive * np.cos(turn * n))
+    n = np.arange(len(found) - 1000, len(found))
+    phasors = 2.0 * np.mean(np.array(found[-1000:]) * np.exp(-1j * turn * n)[:, None], axis=0)
+    assert np.abs(phasors - seen_matrix() @ drive).max() < 1e-3
+
+
+def test_matrix_is_measured_one_actuator_at_a_time(hosted) -> None:
+    board = hosted(table(), BEAM)
+    board.run(5e-3)
+    assert board.lib.an_six_start(board.app, 0, 0.0)
+    assert board.app.state == IDENTIFY
+    board.run_while(IDENTIFY, 5.0)
+    assert board.app.state == RUN
+    matrix = np.array([complex(z.re, z.im) for z in board.app.shaping.matrix]).reshape(6, 6)
+    assert np.abs(matrix - seen_matrix()).max() < 5e-3 * np.abs(seen_matrix()).max()
+    exact = np.linalg.norm(seen_matrix()) * np.linalg.norm(np.linalg.inv(seen_matrix()))
+    assert board.app.shaping.condition == pytest.approx(exact, rel=0.03)
+
+
+@pytest.mark.parametrize(("largest", "level"), [(0.15, 0.16), (2.5, 0.04), (20.0, 0.01), (55.0, 0.0025)])
+def test_the_plate_is_probed_as_hard_as_it_needs(hosted, largest: float, level: float) -> None:
+    beam = dataclasses.replace(BEAM, largest=largest)
+    board = hosted(table(), beam)
+    board.run(5e-3)
+    assert board.lib.an_six_start(board.app, 0, 0.1)
+    board.run_while(IDENTIFY, 10.0)
+    assert board.app.state == RUN and board.app.probe_level == pytest.approx(level)
+    matrix = np.array([complex(z.re, z.im) for z in board.app.shaping.matrix]).reshape(6, 6)
+    assert np.abs(matrix - seen_matrix(beam)).max() < 5e-3 * np.abs(seen_matrix(beam)).max()
+
+
+def field_of(board, at_m: np.ndarray) -> np.ndarray:
+    return np.abs(BEAM.matrix(2400.0, at_m) @ board.drives)
+
+
+def test_confinement_left_middle_and_right_and_a_travelling_wave(hosted) -> None:
+    """Seen along the whole beam, not at the sensors alone: three times as much inside as outside; a wave goes one way."""
+    board = hosted(table(matrix=seen_matrix()), BEAM)
+    board.run(5e-3)
+    at_m = np.linspace(0.0, BEAM.length_m, 301)
+    third = (3.0 * at_m / BEAM.length_m).astype(int).clip(0, 2)
+    assert board.lib.an_six_start(board.app, 0, 0.0)
+    for pattern, zone in ((0, 0), (1, 1), (2, 2), (3, None)):
+        if pattern:
+            assert board.lib.an_six_change(board.app, pattern)
+        board.run(0.5)
+        assert board.app.state == RUN, (pattern, board.app.faults)
+        wanted = board.app.slow.reference * np.array(PATTERNS[pattern].targets)
+        assert np.abs(board.measured - wanted).max() < 0.02 * np.abs(wanted).max()
+        field = field_of(board, at_m)
+        if zone is not None:
+            assert field[third == zone].max() > 3.0 * field[third != zone].max()
+        else:
+            inside = (at_m > BEAM.places_m[0]) & (at_m < BEAM.places_m[-1])
+            assert field[inside].min() > 0.58 * field[inside].max()
+    board.run(0.05)
+    phases = np.unwrap(np.angle(board.measured))
+    assert np.polyfit(BEAM.places_m, phases, 1)[0] == pytest.approx(-2.0 * np.pi / WAVELENGTH, rel=0.02)
+
+
+def test_the_integrals_take_out_what_the_matrix_is_wrong_about(hosted) -> None:
+    random = np.random.default_rng(1)
+    wrong = seen_matrix() * (1.0 + 0.1 * (random.normal(size=(6, 6)) + 1j * random.normal(size=(6, 6))))
+    board = hosted(table(matrix=wrong), BEAM)
+    board.run(5e-3)
+    assert board.lib.an_six_start(board.app, 1, 0.1)
+    board.run(0.02)
+    early = np.abs(board.measured - 0.1 * np.array(PATTERNS[1].targets)).max()
+    board.run(2.5)
+    assert board.app.state == RUN
+    assert np.abs(board.measured - 0.1 * np.array(PATTERNS[1].targets)).max() < 0.002 < early
+
+
+def test_references_beyond_the_drive_are_clipped(hosted) -> None:
+    board = hosted(table(matrix=seen_matrix(), drive_limit=0.5), BEAM)
+    board.run(5e-3)
+    assert board.lib.an_six_start(board.app, 1, 1.0)
+    inverse = np.linalg.inv(seen_matrix()) @ np.array(PATTERNS[1].targets)
+    assert board.app.reachable == pytest.approx(0.9 * 0.5 / np.abs(inverse).max(), rel=1e-3)
+    assert board.app.slow.reference == board.app.reachable
+    board.run(0.5)
+    assert board.app.state == RUN and np.abs(board.drives).max() <= 0.5 * (1.0 + 1e-6)
+
+
+def test_integrals_do_not_grow_while_the_drive_is_limited(hosted) -> None:
+    """The matrix claims 1.6 times the true response: the loop asks for more than there is, for ever."""
+    board = hosted(table(matrix=1.6 * seen_matrix()), BEAM)
+    board.run(5e-3)
+    assert board.lib.an_six_start(board.app, 1, 1.0)
+    board.run(3.0)
+    assert board.app.state == RUN and board.app.slow.limited
+    assert np.abs(board.drives).max() == pytest.approx(1.0, abs=1e-3)
+    assert np.abs([complex(z.re, z.im) for z in board.app.slow.integral]).max() < 0.5 * board.app.slow.reference
+
+
+def test_a_matrix_near_a_resonance_is_not_inverted(hosted) -> None:
+    beam = dataclasses.replace(BEAM, noise=0.0, frequency_hz=2110.8)
+    board = hosted(table(2110.8, drive_limit=0.5), beam)
+    board.run(5e-3)
+    assert board.lib.an_six_start(board.app, 0, 0.0)
+    board.run_while(IDENTIFY, 6.0)
+    board.run(5e-3)
+    assert board.app.state == FAULT and board.app.faults == 1 << 14
+    assert list(board.duties) == [board.middle] * 6
+
+
+def running(hosted, **changes):
+    board = hosted(table(matrix=seen_matrix(), **changes), BEAM)
+    board.run(5e-3)
+    assert board.lib.an_six_start(board.app, 3, 0.15)
+    board.run(0.4)
+    assert board.app.state == RUN
+    return board
+
+
+def broken(board, channel: int, change):
+    sense = board.sense
+
+    def sensed() -> np.ndarray:
+        levels = sense()
+        levels[channel] = change(levels[channel])
+        return levels
+
+    board.sense = sensed
+
+
+@pytest.mark.parametrize(
+    ("change", "faults"),
+    [(lambda level: 0.0, 1 << 6), (lambda level: 1.5, 1 << 3 | 1 << 4), (lambda level: level + 0.3, 1 << 4)],
+)
+def test_a_broken_sensor_rests_all_outputs(hosted, change, faults: int) -> None:
+    board = running(hosted)
+    broken(board, 4, change)
+    board.run_while(RUN, 3.0)
+    board.run(5e-3)
+    assert board.app.state == FAULT and board.app.faults & faults and not board.app.faults & ~faults
+    assert list(board.duties) == [board.middle] * 6
+
+
+def test_a_sensor_at_the_rail_is_seen_in_the_next_window(hosted) -> None:
+    board = running(hosted)
+    broken(board, 2, lambda level: 1.5)
+    board.run(3e-3)
+    assert board.app.state == FAULT and board.app.faults & 1 << 3
+
+
+def test_too_much_motion_at_one_sensor_trips(hosted) -> None:
+    board = running(hosted)
+    broken(board, 2, lambda level: 0.95 / 0.15 * level)
+    board.run(5e-3)
+    assert board.app.state == FAULT and board.app.faults & 1 << 5
+
+
+def test_a_trip_silences_the_drives_without_waiting_for_the_main_loop(hosted) -> None:
+    board = running(hosted)
+    period = board.app.window + board.lib.AN_SIX_GAP
+    board.samples[3] = 4095
+    history = []
+    for _ in range(2 * period + board.lib.AN_SIX_GAP):
+        board.lib.an_six_tick(board.fast, board.samples, board.duties)
+        history.append(list(board.duties))
+        if board.fast.tick == 0:
+            board.lib.an_six_window_end(board.app)
+    assert board.app.slow.trips and board.app.state == RUN
+    assert history[-period:] == [[board.middle] * 6] * period
+
+
+def test_a_late_slow_step_rests_all_outputs(hosted) -> None:
+    board = running(hosted)
+    for _ in range(60):
+        board.lib.an_six_tick(board.fast, board.samples, board.duties)
+    assert board.fast.faults == 1 << 8 and list(board.duties) == [board.middle] * 6
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e30])
+def test_no_drive_that_is_not_a_number_reaches_the_bridges(hosted, value: float) -> None:
+    board = running(hosted)
+    drive = board.fast.drive[board.fast.acting][2]
+    drive.re = drive.im = value
+    board.lib.an_six_tick(board.fast, board.samples, board.duties)
+    assert board.fast.faults == 1 << 2 and board.duties[2] == board.middle
+
+
+def test_tables_without_shapes_are_refused(hosted) -> None:
+    board = hosted(to_bytes(ModeTable(40e3, bytes(16), (Mode(3e3, 3e-3),))), BEAM)
+    assert board.app.state == FAULT and board.app.faults == 1
+    assert not board.lib.an_six_start(board.app, 0, 0.1) and not board.lib.an_six_clear(board.app)
+
+
+@pytest.fixture
+def make_six(make_image, core):
+    pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
+    from firmware.emulate.six import EmulatedSix
+
+    def make(data: bytes, **options):
+        board = EmulatedSix(make_image(data, "six").elf, BEAM, **options)
+        board.run(5e-3)
+        return board
+
+    return make
+
+
+def test_image_fits(make_image) -> None:
+    image = make_image(table(), "six")
+    assert image.flash_bytes <= 32 * 1024 and image.ram_bytes <= 16 * 1024
+
+
+def test_timers_make_40_khz_with_dead_time_and_trigger_the_scan(make_six) -> None:
+    board = make_six(table())
+    for timer in (0x40010000, 0x40010400):
+        assert board.word(timer).value & 0xE0 == 0xA0  # centre-aligned, preloaded
+        assert 180e6 / (2 * board.word(timer + 0x2C).value) == 40e3
+        assert board.word(timer + 0x30).value == 1
+        assert board.word(timer + 0x20).value == 0x555  # three pairs
+        assert 100e-9 < (board.word(timer + 0x44).value & 0x7F) / 180e6 < 1e-6
+        assert board.word(timer + 0x44).value >> 12 & 1 and not board.word(timer + 0x44).value >> 14 & 1
+    assert board.word(0x40010404).value >> 4 & 7 == 2  # TIM8's update goes out as the trigger
+    assert board.word(0x40012008).value >> 24 & 0x3F == 0b011110  # rising edge of TIM8_TRGO
+    assert board.word(0x40026414).value == 6
+    assert not board.driving
+
+
+def test_pattern_over_the_line_on_the_emulated_board(make_six) -> None:
+    from firmware.emulate.line import EmulatedPort
+
+    board = make_six(table(matrix=seen_matrix()))
+    client = Client(EmulatedPort(board))
+    assert client.request(Kind.IDENTITY)[:4] == bytes([1, 6, 1, 1])
+    client.request(Kind.START, struct.pack("<If", 1, 0.15))
+    for _ in range(3):
+        board.run(0.2)
+        client.request(Kind.STATUS)
+    assert board.driving and board.app.state == RUN
+    assert np.abs(board.measured - 0.15 * np.array(PATTERNS[1].targets)).max() < 0.005
+    client.request(Kind.PATTERN, struct.pack("<II", 0, 2))
+    with pytest.raises(BoardError, match="out of range"):
+        client.request(Kind.PATTERN, struct.pack("<II", 0, 4))
+    client.stop()
+    board.run(5e-3)
+    assert board.app.state == IDLE and not board.driving
+    client.request(Kind.START, struct.pack("<If", 1, 0.15))
+    board.run(0.45)
+    assert board.app.state == RUN
+    board.run(0.1)
+    assert board.app.state == FAULT and board.app.faults == 1 << 10 and not board.driving
+
+
+def test_a_pulled_break_is_latched_and_the_gates_stay_open(make_six) -> None:
+    board = make_six(table(matrix=seen_matrix()))
+    assert board.call("an_six_start", board.symbol("app"), 1, 0.15) == 1
+    board.run(20e-3)
+    assert board.driving
+    board.pull_break()
+    board.run(5e-3)
+    assert board.app.state == FAULT and board.app.faults == 1 << 12 and not board.driving
+
+
+def test_a_slow_step_that_hangs_opens_the_gates_and_then_resets_the_chip(make_six) -> None:
+    board = make_six(table(matrix=seen_matrix()))
+    assert board.call("an_six_start", board.symbol("app"), 1, 0.15) == 1
+    board.run(20e-3)
+    board.slow_stuck = True
+    board.run(3e-3)
+    assert not board.driving
+    board.run(12e-3)
+    assert board.resets == 1 and board.app.faults == 1 << 13
+
+
+def test_instructions_a_tick_and_host_and_cortex_m4_alike(make_six, hosted, core) -> None:
+    data = table(matrix=seen_matrix())
+    board, twin = make_six(data), hosted(data, BEAM)
+    twin.run(5e-3)
+    board.history, twin.history = [], []
+    assert board.call("an_six_start", board.symbol("app"), 3, 0.15) == 1
+    assert twin.lib.an_six_start(twin.app, 3, 0.15)
+    for each in (board, twin):
+        each.run(0.1)
+    fast, call = Counter(), board._call
+
+    def counted(stub: int) -> None:
+        if stub == board.fast_stub:
+            fast[board.count_instructions(lambda: call(stub), "an_six_tick")] += 1
+        else:
+            call(stub)
+
+    board._call = counted
+    for each in (board, twin):
+        each.run(10e-3)
+    assert max(fast) <= 300, fast
+    assert board.history[1:] == twin.history[: len(board.history) - 1]
+    alike = core.ffi.offsetof("an_six", "sample_rate_hz") + 4
+    assert bytes(core.ffi.buffer(board.app, alike)) == bytes(core.ffi.buffer(twin.app, alike))

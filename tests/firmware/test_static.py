@@ -1,0 +1,68 @@
+"""What compilers and checkers can tell without running the code."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from firmware import build as builder
+from firmware.host import CORE
+
+ROOT = Path(builder.__file__).parent
+STRICT = (
+    "-Wpedantic -Wcast-qual -Wcast-align -Wundef -Wunused -Wvla -Wformat=2 -Wswitch-default -Wnull-dereference".split()  # noqa: SIM905
+)
+
+
+def run(command: list[str]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+
+
+@pytest.mark.parametrize("source", sorted(path.name for path in CORE.glob("*.c")))
+def test_gcc_finds_nothing(source: str, tmp_path: Path) -> None:
+    if not shutil.which("gcc"):
+        pytest.skip("gcc is not installed: its analyzer is what this test runs")
+    flags = [*builder.LANGUAGE, *builder.WARNINGS, *STRICT, "-fanalyzer", "-Wstack-usage=1024", f"-I{CORE}"]
+    run(["gcc", *flags, "-c", str(CORE / source), "-o", str(tmp_path / "out.o")])
+
+
+def test_cppcheck_finds_nothing() -> None:
+    if not shutil.which("cppcheck"):
+        pytest.skip("cppcheck is not installed")
+    keep = ["--suppress=missingIncludeSystem", "--suppress=unusedFunction", "--inline-suppr", "--quiet"]
+    run(["cppcheck", "--enable=warning,performance,portability", "--error-exitcode=1", *keep, f"-I{CORE}", str(CORE)])
+
+
+def test_clang_tidy_finds_nothing() -> None:
+    if not shutil.which("clang-tidy"):
+        pytest.skip("clang-tidy is not installed")
+    checks = "-*,bugprone-*,cert-*,clang-analyzer-*,-bugprone-easily-swappable-parameters"
+    sources = [str(path) for path in sorted(CORE.glob("*.c"))]
+    run(
+        [
+            "clang-tidy",
+            "--quiet",
+            f"--checks={checks}",
+            "--warnings-as-errors=*",
+            *sources,
+            "--",
+            "-std=c11",
+            f"-I{CORE}",
+        ]
+    )
+
+
+def test_the_core_keeps_to_single_precision_and_has_no_globals_that_change() -> None:
+    for path in sorted(CORE.glob("*.[ch]")):
+        lines = path.read_text().splitlines()
+        assert not any("double" in line.split() for line in lines), path.name
+        state = [
+            line
+            for line in lines
+            if line.startswith("static ") and line.endswith(";") and "(" not in line and "const" not in line
+        ]
+        assert state == [], path.name

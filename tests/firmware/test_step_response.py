@@ -1,0 +1,85 @@
+"""The closed loop as the report shows it, and the plate it is joined to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from firmware.emulate import EmulationError, step_response
+from firmware.emulate.plant import Assumed, Plate, PlateSimulation, Resonance, hold, plate_from_table, response
+from pipeline.mode_table import Mode, ModeTable, to_bytes
+
+TRUE = 31437.3
+TAU = 300.0 / math.pi / TRUE
+DROOP = abs(hold(TRUE, 250e3))
+KNOWN = Mode(TRUE, TAU, -0.8j * DROOP, 9.3e-6)
+TABLE = to_bytes(ModeTable(250e3, bytes(16), (KNOWN, Mode(TRUE + 700.0, TAU)), senses_displacement=True))
+
+
+@pytest.mark.parametrize("displacement", [True, False])
+def test_plate_in_time_is_the_plate_in_frequency(displacement: bool) -> None:
+    resonances = (Resonance(TRUE, TAU, 0.8), Resonance(TRUE + 700.0, TAU, -0.3))
+    plate = Plate(resonances, displacement, delay_s=9.7e-6)
+    frequency_hz = TRUE + 40.0
+    simulation, found = PlateSimulation(plate), []
+    turn = 2.0 * math.pi * frequency_hz / plate.sample_rate_hz
+    for n in range(round(12.0 * TAU * plate.sample_rate_hz)):
+        found.append(simulation.sense())
+        simulation.drive(math.cos(turn * n))
+    n = np.arange(len(found) - 500, len(found))
+    basis = np.stack([np.cos(turn * n), -np.sin(turn * n)], axis=1)
+    re, im = np.linalg.lstsq(basis, np.array(found[-500:]), rcond=None)[0]
+    assert complex(re, im) == pytest.approx(response(plate, [frequency_hz])[0], abs=2e-4)
+
+
+def test_gain_of_a_resonance_is_its_peak() -> None:
+    """|H(w0)| = gain, 90 degrees behind for displacement, in phase for velocity, the hold apart."""
+    for displacement, phase in ((True, -1j), (False, 1.0)):
+        plate = Plate((Resonance(TRUE, TAU, 0.8),), displacement)
+        assert response(plate, [TRUE])[0] / hold(TRUE, 250e3) == pytest.approx(0.8 * phase, rel=1e-5)
+
+
+def test_a_table_is_taken_at_its_word_and_its_gaps_are_assumed() -> None:
+    plate = plate_from_table(TABLE, Assumed(other_gain=0.1, scale=1.0), noise=1e-3)
+    known, other = plate.resonances
+    assert known.gain == pytest.approx(0.8, rel=1e-6) and other.gain == 0.1
+    assert known.frequency_hz == pytest.approx(TRUE, rel=1e-7) and plate.displacement
+    assert plate.delay_s == pytest.approx(7.3e-6, rel=1e-6) and plate.noise == 1e-3
+
+
+@pytest.fixture
+def emulation(core) -> None:
+    pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
+    from firmware import build
+
+    try:
+        build.toolchain()
+    except build.BuildError as missing:
+        pytest.skip(str(missing))
+
+
+def test_step_response_of_the_table_s_own_plate(emulation) -> None:
+    found = step_response(TABLE, plate_from_table(TABLE, Assumed(scale=1.0), noise=1e-3))
+    assert set(found) == {"time_s", "reference", "u_d", "u_q", "drive"}
+    assert len({len(column) for column in found.values()}) == 1
+    before, after = found["time_s"] < 0.0, found["time_s"] > 10e-3
+    reference = 0.2 * 0.8 * DROOP
+    assert found["reference"][after] == pytest.approx(reference, rel=1e-5)
+    assert np.abs(found["u_d"][before]).max() < 0.02 * reference
+    assert found["u_d"][after].mean() == pytest.approx(reference, rel=5e-3)
+    assert np.abs(found["u_q"][after]).mean() < 0.01 * reference
+    assert found["drive"][after].mean() == pytest.approx(0.2, rel=0.02)
+    assert found["drive"].max() > 0.6  # the push that makes it fast
+
+
+def test_a_plate_the_table_does_not_fit_is_an_error_that_names_the_fault(emulation) -> None:
+    wrong = plate_from_table(TABLE, Assumed(scale=1.1))
+    with pytest.raises(EmulationError, match="mismatch"):
+        step_response(TABLE, wrong, share=0.5, seconds=40e-3)
+
+
+def test_a_damaged_table_is_refused() -> None:
+    with pytest.raises(ValueError, match="damaged"):
+        step_response(TABLE[:-1] + bytes([TABLE[-1] ^ 1]))

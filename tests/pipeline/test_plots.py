@@ -1,0 +1,227 @@
+from __future__ import annotations
+
+import sys
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import synthetic
+
+from pipeline import plots, plots_bands, plots_both, plots_fields, plots_mesh, plots_plate, plots_study, renders
+from pipeline.records import StoredCase, StoredStudy, read_study
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> StoredStudy:
+    return read_study(synthetic.put_study(tmp_path_factory.mktemp("plots") / "rows"))
+
+
+@pytest.fixture
+def case(study: StoredStudy) -> StoredCase:
+    return study.cases[1]
+
+
+@pytest.fixture
+def by_hand(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(renders, "_broken", ["not wanted in this test"])
+
+
+def labels(figure) -> str:
+    texts = [figure.get_suptitle(), figure.get_supxlabel()]
+    for axes in figure.axes:
+        texts += [
+            axes.get_xlabel(),
+            axes.get_ylabel(),
+            axes.get_title("left"),
+            axes.get_title(),
+            *(text.get_text() for text in axes.texts),
+        ]
+    return "\n".join(texts)
+
+
+def test_every_picture_is_drawn_named_and_kept(case: StoredCase, by_hand):
+    drawn = plots.draw_case(case)
+    pictures = drawn.pictures
+    assert drawn.troubles == []
+    assert [picture.name for picture in pictures] == list(plots.ORDER)
+    folder = case.folder / plots.PICTURES
+    for picture in pictures:
+        assert len(picture.alt) > 60 and picture.title
+        assert renders.image_fault(renders.read_image(folder / picture.png)) == ""
+        root = ET.parse(folder / picture.svg).getroot()
+        assert root.tag.endswith("svg") and picture.title in (folder / picture.svg).read_text()
+    stamp = {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}
+    assert plots.draw_case(case).pictures == pictures
+    assert {path.name: path.stat().st_mtime_ns for path in folder.iterdir()} == stamp
+    (folder / "touch_face.png").unlink()
+    assert plots.kept_pictures(case) is None  # a lost file, and:
+    plots.draw_case(case)
+    changed = replace(case, record={**case.record, "wanted": {**case.wanted, "confinement_db": 3.0}})
+    assert plots.kept_pictures(case) is not None and plots.kept_pictures(changed) is None
+
+
+def test_units_on_every_axis(case: StoredCase):
+    arrays = case.arrays()
+    with plots.style():
+        drawn = [
+            plots_fields.touch_face(case, arrays),
+            plots_fields.side_view(case, arrays),
+            plots_fields.pillars_in_plane(case, arrays),
+            plots_both.mode_on_both_meshes(case, arrays),
+            plots_bands.dispersion(case, arrays),
+        ]
+    for drawing in drawn:
+        for axes in drawing.figure.axes:
+            shown = [label for label in (axes.get_xlabel(), axes.get_ylabel()) if label]
+            assert all("(" in label or "/" in label for label in shown), (drawing.name, shown)
+        assert "(mm)" in labels(drawing.figure) or "(kHz)" in labels(drawing.figure)
+
+
+def test_the_same_record_gives_the_same_bytes(case: StoredCase, tmp_path: Path):
+    for folder in ("a", "b"):
+        with plots.style():
+            plots.save(plots_fields.touch_face(case, case.arrays()), tmp_path / folder)
+            plots.save(plots_bands.dispersion(case, {}), tmp_path / folder)
+    for one in (tmp_path / "a").iterdir():
+        assert one.read_bytes() == (tmp_path / "b" / one.name).read_bytes(), one.name
+
+
+def test_the_gap_and_the_bending_bands_are_told_with_their_numbers(case: StoredCase):
+    drawing = plots_bands.dispersion(case, {})
+    text = labels(drawing.figure)
+    assert "complete gap 163.10 to 175.84 kHz" in text and "bending at M\n32.54 kHz" in text
+    assert [tick.get_text() for tick in drawing.figure.axes[0].get_xticklabels()] == ["Γ", "X", "M", "Γ"]
+    assert "163.10 and 175.84" in drawing.alt and "32.54" in drawing.alt
+    none = replace(case, record={**case.record, "bands": {**case.record["bands"], "gaps": []}})
+    assert "No complete gap" in labels(plots_bands.dispersion(none, {}).figure)
+
+
+def test_normalised_frequency_is_f_a_over_the_shear_speed(case: StoredCase):
+    speed = np.sqrt(70e9 / (2 * 1.34) / 2700)
+    assert plots_bands.shear_speed(case) == pytest.approx(speed)
+    axes = plots_bands.dispersion(case, {}).figure.axes[0]
+    right = axes.child_axes[0]
+    forward, _ = right._functions
+    assert forward(100.0) == pytest.approx(100e3 * 0.004 / speed) and "f a / c" in right.get_ylabel()
+    (case.folder / "input.json").rename(case.folder / "kept")
+    assert plots_bands.shear_speed(case) is None and not plots_bands.dispersion(case, {}).figure.axes[0].child_axes
+    (case.folder / "kept").rename(case.folder / "input.json")
+
+
+def test_the_path_is_drawn_to_scale():
+    points = synthetic.bands(0.004)["bands"]["points"]
+    s = plots_bands.path_length(points)
+    marks = [x for x, point in zip(s, points, strict=True) if point["label"]]
+    assert np.diff(marks) == pytest.approx(np.pi / 0.004 * np.array([1, 1, np.sqrt(2)]))
+
+
+def test_the_side_view_states_its_factor_truly(case: StoredCase):
+    arrays, design = case.arrays(), case.record["design"]
+    drawing = plots_fields.side_view(case, arrays)
+    told = float(drawing.title.split("drawn ")[1].split(" times")[0].replace("\u202f", ""))
+    largest = np.abs(arrays["surface_u"][0]).max() / plots_plate.zone_peak(arrays, design) * 1e-6
+    drawn = largest * told
+    limit = plots_fields.DRAWN_SHARE * design["pillar"]["height_m"]
+    assert limit / 2.5 < drawn <= limit  # the largest of 1, 2, 5 that fits
+    tips = drawing.figure.axes[0].collections[1].get_paths()
+    reach = max(np.abs(path.vertices[:, 0]).max() for path in tips) / 1e3
+    foot = max(abs(y) for _, y in design["pillar_centres_m"]) + design["pillar"]["base_m"] / 2
+    assert abs(reach - foot) < drawn * 1.01
+
+
+def test_tips_are_found_pillar_by_pillar(case: StoredCase):
+    arrays, design = case.arrays(), case.record["design"]
+    pillars = plots_plate.find_pillars(arrays, design)
+    assert len(pillars.centres) == 2 * 2 * 29
+    tips = arrays["surface_points"][pillars.tips, :2]
+    assert np.abs(tips - pillars.centres[pillars.tip_owner]).max() <= design["pillar"]["base_m"] / 2 * 1.001
+    assert np.bincount(pillars.tip_owner).min() > 0
+
+
+def test_face_quality_by_hand():
+    points = np.array(
+        [[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, np.sqrt(0.75), 0], [3, 0, 0], [3, 1, 0], [2, 0, 0]]
+    )
+    quads, triangles = np.array([[0, 1, 2, 3], [0, 5, 6, 3]]), np.array([[0, 1, 4], [0, 1, 7]])
+    assert plots_mesh.face_quality(points, quads) == pytest.approx([1.0, 2 * 3 / 10])
+    assert plots_mesh.face_quality(points, triangles) == pytest.approx([1.0, 0.0])
+
+
+def test_a_tetrahedral_field_of_the_other_sign_is_turned(case: StoredCase):
+    arrays = case.arrays()
+    drawings = [plots_both.mode_on_both_meshes(case, {**arrays, "tet_u": sign * arrays["tet_u"]}) for sign in (1, -1)]
+    fields = [drawing.figure.axes[1].collections[0].get_array() for drawing in drawings]
+    np.testing.assert_allclose(fields[0], fields[1])
+
+
+def test_confinement_against_what_was_swept(study: StoredStudy):
+    drawing = plots_study.against_sweep(study)
+    level, tone = drawing.figure.axes
+    assert level.get_ylabel() == "confinement (dB)" and tone.get_xlabel() == "array pitch (mm)"
+    assert {line.get_label() for line in tone.lines} == {"array rows = 1", "array rows = 2", "unit cell: bending at M"}
+    assert "3 of 4 reach 10 dB" in drawing.alt
+    lone = StoredStudy(study.folder, study.about, study.cases[:1])
+    assert plots_study.against_sweep(lone) is None
+
+
+@pytest.mark.parametrize(("key", "label"), [("array.pitch_mm", "array pitch (mm)"), ("array.rows", "array rows")])
+def test_swept_keys_in_words(key: str, label: str):
+    assert plots_study.axis_label(key) == label
+
+
+def test_records_with_little_in_them_give_few_pictures(study: StoredStudy, tmp_path: Path, by_hand):
+    case = study.cases[0]
+    bare = StoredCase(tmp_path / "bare", "bare", {}, {"status": "OK", "bands": case.record["bands"]})
+    assert [picture.name for picture in plots.draw_case(bare).pictures] == ["dispersion"]
+    nothing = StoredCase(tmp_path / "none", "none", {}, {"status": "OK"})
+    assert plots.draw_case(nothing).pictures == [] and not (tmp_path / "none").exists()
+    assert plots.draw_case(study.cases[-1]).pictures == []  # the failed one
+
+
+def test_a_bare_plate_has_its_pictures(tmp_path: Path, by_hand):
+    shape = synthetic.design(0, 0.004, 0.005)
+    arrays = synthetic.shapes(shape, 12.0)
+    case = StoredCase(tmp_path, "bare-plate", {}, synthetic.record("bare-plate", {}, shape, 3.0))
+    names = [
+        drawing.name
+        for drawing in (plots_fields.touch_face(case, arrays), plots_fields.side_view(case, arrays))
+        if drawing
+    ]
+    assert names == ["touch_face", "side_view"] and plots_fields.pillars_in_plane(case, arrays) is None
+
+
+def test_nice_below():
+    assert [plots_plate.nice_below(value) for value in (1.0, 1.99, 2.0, 4.9, 5.0, 9.99, 0.07)] == pytest.approx(
+        [1, 1, 2, 2, 5, 5, 0.05]
+    )
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_linear_field_is_cut_exactly_even_through_cells_stored_twice(axis: int):
+    rng = np.random.default_rng(3)
+    xy, quads = synthetic.grid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 7))
+    inner = np.abs(xy).max(axis=1) < 1
+    xy[inner] += rng.uniform(-0.05, 0.05, (inner.sum(), 2))
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    twice = np.concatenate([triangles, triangles + len(xy)])
+    xy = np.concatenate([xy, xy])
+    arrays = {"touch_xy": xy, "touch_triangles": twice, "touch_uz": (2 * xy[:, 0] - 3 * xy[:, 1] + 1)[None]}
+    line = np.linspace(-1, 1, 33)
+    found = plots_fields._along(arrays, line, (axis, 0.3))
+    np.testing.assert_allclose(found, 2 * line - 3 * 0.3 + 1 if axis == 0 else 2 * 0.3 - 3 * line + 1, atol=1e-12)
+
+
+def test_a_skin_without_edge_faces_gets_them_once():
+    shape = synthetic.design(1, 0.004, 0.005)
+    points, faces = synthetic.skin(shape)
+    assert plots_mesh.with_edges(points, faces, shape)[1] is faces  # closed already
+    flat = [np.abs(points[:, axis]) > half * (1 - 1e-9) for axis, half in ((0, 0.1155 / 2), (1, shape["half_span_m"]))]
+    open_faces = faces[~(flat[0][faces].all(axis=1) | flat[1][faces].all(axis=1))]
+    closed_points, closed_faces = plots_mesh.with_edges(points, open_faces, shape)
+    corners = closed_points[closed_faces[len(open_faces) :]]
+    sides = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0]), axis=1)
+    assert sides.sum() == pytest.approx(4 * (0.1155 / 2 + shape["half_span_m"]) * 0.002)

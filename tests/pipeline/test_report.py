@@ -1,0 +1,250 @@
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections import Counter
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import synthetic
+
+from pipeline import report, report_words, store, tables
+from pipeline.records import StoredStudy, read_study
+
+VOID = {"meta", "link", "img", "input", "br", "hr"}
+
+
+class Page(HTMLParser):
+    """Tags with their attributes, and complaints about what does not nest."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str]]] = []
+        self.open: list[str] = []
+        self.complaints: list[str] = []
+        self.words: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.complaints.append(tag)
+
+    def handle_data(self, data):
+        if not self.open or self.open[-1] not in {"style", "script"}:
+            self.words.append(data)
+
+    def all(self, tag: str) -> list[dict[str, str]]:
+        return [attrs for name, attrs in self.tags if name == tag]
+
+    @property
+    def text(self) -> str:
+        return re.sub(r"[ \n]+", " ", " ".join(self.words))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = synthetic.put_study(tmp_path_factory.mktemp("report") / "rows", pitches=(0.004, 0.006), rows=(1,))
+    record = store.read_record(folder / "pitch_mm=4,rows=1")
+    record["comparison"] = [
+        {"quantity": "zone", "thesis": 38.0, "ours": 39.81, "unit": "kHz", "note": "faces <clamped>"}
+    ]
+    record["warnings"] = ["a thin element"]
+    store.write_json(folder / "pitch_mm=4,rows=1/record.json", record)
+    (folder / "pitch_mm=6,rows=1/arrays.npz").unlink()  # nothing but its bands can be drawn
+    tables.write_table(folder)
+    report.build(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path) -> Page:
+    return Page((folder / report.REPORT).read_text())
+
+
+def test_it_is_one_sound_file_that_needs_nothing_else(folder: Path, page: Page):
+    assert page.complaints == [] and page.open == []
+    assert all(image["src"].startswith("data:image/") for image in page.all("img"))
+    assert not page.all("script")[0].get("src") and len(page.all("script")) == 1
+    assert all(link["href"].startswith("data:") for link in page.all("link"))
+    assert not re.search(r"(src|href)=\"(https?:)?//", (folder / report.REPORT).read_text())
+    assert (folder / report.REPORT).stat().st_size < 15e6
+
+
+def test_every_link_leads_somewhere(folder: Path, page: Page):
+    ids = {attrs["id"] for _, attrs in page.tags if "id" in attrs}
+    assert len(ids) == sum("id" in attrs for _, attrs in page.tags)
+    for link in page.all("a"):
+        target = link["href"]
+        assert (target[1:] in ids) if target.startswith("#") else (folder / unquote(target)).is_file(), target
+
+
+def test_every_picture_has_words_and_every_table_headings(page: Page):
+    assert len(page.all("img")) == 1 + 9 + 1
+    assert all(len(image["alt"]) > 60 for image in page.all("img"))
+    assert all(heading.get("scope") in {"col", "row"} for heading in page.all("th"))
+
+
+def test_it_says_what_matters(page: Page):
+    text = page.text
+    assert "31.50\u202fkHz" in text and "confined, best of 2" in text and "163.1–175.8\u202fkHz" in text
+    assert "1 of 2 plates hold the wanted mode by at least 10 dB: pitch_mm=4,rows=1." in text
+    assert "pitch_mm=12,rows=1 gave no answer: the mesh has a cell with a negative Jacobian <7>." in text
+    assert "39.81" in text and "+4.8%" in text and "faces <clamped>" in text
+    assert "a thin element" in text and "patches: no response is asked (2 of 3" in text
+    assert "python 3.11.7" in text and "antinode run rows" in text
+
+
+def test_case_names_and_texts_are_escaped(folder: Path):
+    raw = (folder / report.REPORT).read_text()
+    assert "faces &lt;clamped&gt;" in raw and "<clamped>" not in raw and "Jacobian &lt;7&gt;" in raw
+
+
+def test_again_it_is_the_same_and_quick(folder: Path):
+    before = (folder / report.REPORT).read_bytes()
+    begin = time.perf_counter()
+    report.build(folder)
+    assert time.perf_counter() - begin < 5 and (folder / report.REPORT).read_bytes() == before
+
+
+def test_what_does_not_fit_is_linked(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    copy = Path(shutil.copytree(folder, tmp_path / "rows"))
+    monkeypatch.setattr(report, "EMBEDDED_BYTES", 200_000)
+    page = Page(report.build(copy).read_text())
+    sources = Counter(image["src"].startswith("data:") for image in page.all("img"))
+    assert sources[False] > 5 and f"{sources[False]} pictures are not in this file" in page.text
+    assert (copy / report.REPORT).stat().st_size < 300_000
+    assert all((copy / unquote(i["src"])).is_file() for i in page.all("img") if not i["src"].startswith("data:"))
+
+
+def test_torn_arrays_and_a_lost_record_spoil_nothing_else(folder: Path, tmp_path: Path):
+    copy = Path(shutil.copytree(folder, tmp_path / "rows"))
+    (copy / "pitch_mm=4,rows=1/arrays.npz").write_bytes(b"PK torn")
+    (copy / "pitch_mm=6,rows=1/record.json").write_text("{")
+    page = Page(report.build(copy).read_text())
+    assert page.complaints == [] and "record.json is unreadable" in page.text and "MISSING" in page.text
+
+
+def test_a_picture_that_cannot_be_drawn_is_told_and_spoils_no_other(folder: Path, tmp_path: Path):
+    copy = Path(shutil.copytree(folder, tmp_path / "rows"))
+    record = store.read_record(copy / "pitch_mm=4,rows=1")
+    del record["bands"]["points"][0]["kx_per_m"]
+    arrays = store.load_arrays(copy / "pitch_mm=4,rows=1")
+    store.save_arrays(copy / "pitch_mm=4,rows=1", {key: a for key, a in arrays.items() if key.startswith("touch_")})
+    store.write_json(copy / "pitch_mm=4,rows=1/record.json", record)
+    page = Page(report.build(copy).read_text())
+    assert "A picture could not be drawn: dispersion: KeyError: 'kx_per_m'" in page.text
+    assert len(page.all("img")) == 1 + 1 + 1  # over the study, the touch face, the other case's bands
+
+
+def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Path):
+    folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,))
+    whole = store.read_record(folder / "pitch_mm=4,rows=1")
+    arrays = store.load_arrays(folder / "pitch_mm=4,rows=1")
+    once = {**whole, "case_id": "base", "sweep": {}, "bands": None, "modes": None, "wanted": None}
+    rest = {key: value for key, value in whole.items() if key not in {"tet_modes", "tet_bands", "geometry"}}
+    (folder / "base").mkdir()
+    store.write_json(folder / "base" / store.RECORD, once)
+    store.save_arrays(folder / "base", {k: v for k, v in arrays.items() if k.startswith("tet_")})
+    store.write_json(folder / "pitch_mm=4,rows=1" / store.RECORD, rest)
+    store.save_arrays(folder / "pitch_mm=4,rows=1", {k: v for k, v in arrays.items() if not k.startswith("tet_")})
+    listed = store.read_json(folder / "cases.json")
+    listed["cases"].insert(0, {"case_id": "base", "sweep": {}})
+    store.write_json(folder / "cases.json", listed)
+    study = read_study(folder)
+    shown = study.for_showing(study.cases[1])
+    assert shown.record["tet_bands"] == whole["tet_bands"] and shown.record["tet_modes"] == whole["tet_modes"]
+    assert {"tet_points", "touch_uz"} <= shown.arrays().keys()
+    assert study.for_showing(study.cases[0]).record == once  # what has no answer of its own borrows none
+    other = synthetic.design(2, 0.004, 0.005)
+    stranger = replace(study.cases[1], record={**rest, "design": other})
+    mixed = StoredStudy(folder, {}, (study.cases[0], stranger)).for_showing(stranger)
+    assert "tet_bands" in mixed.record and "tet_modes" not in mixed.record  # the same cell, another plate
+    text = Page(report.build(folder, most_drawn=0).read_text()).text
+    assert "wanted mode, tetrahedra (pytetwild)" in text
+    assert tables.table_text(study).splitlines()[2].count("31520.00") == 0  # the table keeps each case's own numbers
+
+
+def test_a_long_study_draws_the_extremes_and_a_spread(tmp_path: Path):
+    listed = []
+    for number in range(40):
+        level = 5.0 + (number * 7 % 40)
+        record = {"schema": 1, "case_id": f"c{number}", "status": "OK", "sweep": {"n": number}}
+        record["wanted"] = {"frequency_hz": 3e4, "confinement_db": level}
+        (tmp_path / f"c{number}").mkdir()
+        store.write_json(tmp_path / f"c{number}" / store.RECORD, record)
+        listed.append({"case_id": f"c{number}", "sweep": {"n": number}})
+    store.write_json(tmp_path / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
+    study = read_study(tmp_path)
+    picked = report.chosen(study, 12)
+    levels = sorted(case.wanted["confinement_db"] for case in study.cases)
+    assert len(picked) == 12
+    assert {levels[0], levels[-1]} <= {case.wanted["confinement_db"] for case in picked}
+    assert "28 cases have none" in Page(report.build(tmp_path).read_text()).text
+
+
+def test_no_study_is_one_clear_line(tmp_path: Path):
+    with pytest.raises(store.BadRecord, match="no study is stored here"):
+        report.build(tmp_path)
+
+
+def test_numbers_for_reading():
+    assert report_words.si(1234567) == "1\u202f234\u202f567" and report_words.si(None) == "–"
+    assert report_words.si(39.8123) == "39.81" and report_words.khz(31499.9) == "31.50\u202fkHz"
+
+
+def test_the_difference_of_two_meshes_is_the_largest_relative_one(folder: Path):
+    case = read_study(folder).cases[0]
+    assert report_words.band_difference(case) == pytest.approx(0.003)
+
+
+@pytest.fixture(scope="module")
+def browser() -> str:
+    found = next(
+        (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+    )
+    if not found:
+        pytest.skip("no Chromium on this machine (Debian package chromium)")
+    return found
+
+
+def in_browser(browser: str, folder: Path, script: str) -> str:
+    """Run a script at the end of the page; it answers by the page's title. Console errors come with it."""
+    text = (folder / report.REPORT).read_text()
+    watch = "<script>window.faults = []; addEventListener('error', (e) => faults.push(e.message));</script>"
+    trial = folder / "trial.html"
+    trial.write_text(
+        text.replace("<head>", f"<head>{watch}").replace("</body>", f"<script>{{ {script} }}</script></body>")
+    )
+    command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", "--virtual-time-budget=3000"]
+    done = subprocess.run([*command, trial.as_uri()], capture_output=True, text=True, timeout=60, check=True)
+    trial.unlink()
+    return re.search(r"<title>(.*?)</title>", done.stdout, re.DOTALL).group(1)
+
+
+def test_in_chromium_tables_sort_and_filter_without_an_error(browser: str, folder: Path):
+    script = """
+    const column = () => [...document.querySelectorAll('#cases-table tbody tr')].map((r) => r.cells[1].textContent);
+    const button = document.querySelectorAll('#cases-table th button')[1];
+    const seen = [column()]; button.click(); seen.push(column()); button.click(); seen.push(column());
+    const filter = document.querySelector('#filter'); filter.value = 'failed'; filter.dispatchEvent(new Event('input'));
+    const rows = [...document.querySelectorAll('#cases-table tbody tr')];
+    seen.push(rows.filter((r) => !r.hidden).map((r) => r.cells[1].textContent));
+    const broken = [...document.images].filter((i) => i.complete && !i.naturalWidth).length;
+    const wide = document.documentElement.scrollWidth > innerWidth;
+    document.title = JSON.stringify([seen, faults, broken, wide]);
+    """
+    answer = in_browser(browser, folder, script)
+    assert answer == '[[["4","6","12"],["4","6","12"],["12","6","4"],["12"]],[],0,false]'

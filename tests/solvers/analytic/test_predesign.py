@@ -1,0 +1,148 @@
+"""Pre-design: the document, the inverse problems, the limits it states, its speed and what it imports."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from math import nan
+
+import numpy as np
+import pytest
+
+from geometry.layout import Design, Pillar
+from geometry.materials import MATERIALS
+from solvers.analytic.plates import levy_hz
+from solvers.analytic.predesign import (
+    fewest_nodal_lines,
+    pillar_frequencies_hz,
+    pillar_height_m,
+    predesign,
+    sizing_chart,
+    strip_of,
+    thickness_m,
+    zone_width_m,
+)
+from solvers.errors import SolverError
+
+ALUMINIUM = MATERIALS["aluminium"]
+SQUARE = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
+DESIGN = Design(0.1155, 0.02, 2e-3, 8, ALUMINIUM, SQUARE, 4e-3, 4e-3, 3, 25e-3)
+SHAPES = [SQUARE, replace(SQUARE, shape="round"), replace(SQUARE, shape="tapered", tip_m=1e-3)]
+
+
+def test_document_in_the_units_of_its_names():
+    found = json.loads(json.dumps(predesign(DESIGN).as_json(), allow_nan=False))
+    assert found["schema"] == 1
+    assert found["zone"]["frequency_hz"] == pytest.approx(33_980, abs=5)
+    assert found["zone"]["formula_hz"] == pytest.approx(32_980, abs=5)
+    assert found["zone"]["half_wavelength_mm"] == pytest.approx(115.5 / 7.5)
+    assert found["zone"]["clamped_hz"] == pytest.approx(39_807, rel=0.01)
+    assert found["pillar"]["given_euler_hz"] == pytest.approx(32_633 * (7.1 / 6.3) ** 2, rel=1e-4)
+    assert found["pillar"]["height_mm"] == pytest.approx(7.1 * (32_633 / 33_979) ** 0.5, rel=1e-3)
+    assert all(
+        isinstance(line, str) and "\n" not in line and any(c.isdigit() for c in line) for line in found["limits"]
+    )
+
+
+@pytest.mark.parametrize("pillar", SHAPES, ids=lambda pillar: pillar.shape)
+@pytest.mark.parametrize("theory", ["euler", "timoshenko"])
+@pytest.mark.parametrize("wanted", [3e3, 32e3, 60e3])
+def test_pillar_height_gives_back_its_frequency(pillar, theory, wanted):
+    height = pillar_height_m(pillar, wanted, theory)
+    assert pillar_frequencies_hz(pillar, theory, 1, height)[0] == pytest.approx(wanted, rel=1e-7)
+
+
+def test_tapering_raises_the_frequency_and_a_straight_taper_changes_nothing():
+    straight = replace(SQUARE, shape="tapered")
+    assert pillar_frequencies_hz(straight, "euler")[0] == pillar_frequencies_hz(SQUARE, "euler")[0]
+    nearly = replace(SQUARE, shape="tapered", tip_m=2e-3 * (1 - 1e-9))
+    assert pillar_frequencies_hz(nearly, "timoshenko")[0] == pytest.approx(
+        pillar_frequencies_hz(SQUARE, "timoshenko")[0], rel=1e-7
+    )
+    assert pillar_frequencies_hz(SHAPES[2], "euler")[0] > pillar_frequencies_hz(SQUARE, "euler")[0]
+
+
+def test_zone_inverses_give_back_the_frequency():
+    strip = strip_of(DESIGN)
+    for wanted in (30e3, 33e3, 50e3):
+        assert levy_hz(replace(strip, width_m=zone_width_m(strip, 8, wanted)), 8) == pytest.approx(wanted, rel=1e-8)
+        assert levy_hz(replace(strip, thickness_m=thickness_m(strip, 8, wanted)), 8) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_a_frequency_below_the_free_beams_has_no_width():
+    with pytest.raises(SolverError, match="no width gives 10000 Hz with 8 nodal lines"):
+        zone_width_m(strip_of(DESIGN), 8, 10e3)
+
+
+def test_nodal_lines_for_a_fingertip():
+    strip = strip_of(DESIGN)
+    lines = fewest_nodal_lines(strip, 0.020)
+    assert strip.length_m / (lines - 0.5) <= 0.020 < strip.length_m / (lines - 1.5)
+    assert fewest_nodal_lines(strip, strip.length_m / 7.5) == 8
+
+
+@pytest.mark.parametrize("call", [lambda s: pillar_height_m(SQUARE, 0.0, "euler"), lambda s: zone_width_m(s, 8, -1.0),
+                                  lambda s: thickness_m(s, 8, nan), lambda s: fewest_nodal_lines(s, 0.0)])  # fmt: skip
+def test_refused(call):
+    with pytest.raises(SolverError, match="must be a finite number above 0"):
+        call(strip_of(DESIGN))
+
+
+def test_parts_that_are_not_given_are_not_computed():
+    assert predesign(replace(DESIGN, pillar=None, rows=0)).as_json()["pillar"] is None
+    bare = predesign(replace(DESIGN, length_m=nan, width_m=nan))
+    assert bare.zone is None and bare.pillar.height_m == pytest.approx(6.3e-3, rel=1e-6)
+
+
+@pytest.mark.parametrize("lines", [0, 1, 2, 40, 41, 300])
+def test_any_number_of_lines(lines):
+    found = predesign(replace(DESIGN, nodal_lines=lines)).as_json()
+    json.dumps(found, allow_nan=False)
+    assert (found["zone"]["clamped_hz"] is None) == (lines > 40)
+    assert (found["zone"]["half_wavelength_mm"] is None) == (lines < 2)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
+def test_everything_scales(scale):
+    """Elasticity knows no length: frequencies fall as sizes grow."""
+    pillar = replace(SQUARE, base_m=scale * 2e-3, tip_m=scale * 2e-3, height_m=scale * 6.3e-3)
+    sizes = {
+        name: scale * getattr(DESIGN, name) for name in ("length_m", "width_m", "thickness_m", "pitch_x_m", "pitch_y_m")
+    }
+    found, base = predesign(replace(DESIGN, pillar=pillar, **sizes)), predesign(DESIGN)
+    for name in ("frequency_hz", "formula_hz", "pinned_hz", "clamped_hz"):
+        assert getattr(found.zone, name) * scale == pytest.approx(getattr(base.zone, name), rel=1e-9)
+    assert found.pillar.height_m / scale == pytest.approx(base.pillar.height_m, rel=1e-8)
+    assert found.pillar.timoshenko_height_m / scale == pytest.approx(base.pillar.timoshenko_height_m, rel=1e-8)
+
+
+def test_stubby_pillars_are_called_a_guess():
+    lines = predesign(replace(DESIGN, pillar=replace(SQUARE, height_m=4e-3))).limits
+    assert any("beam theory is a guess" in line for line in lines)
+    assert not any("beam theory is a guess" in line for line in predesign(DESIGN).limits)
+
+
+def test_sizing_chart_falls_with_height_and_rises_with_lines():
+    chart = sizing_chart(DESIGN, 12)
+    assert np.all(np.diff(chart.euler_hz) < 0) and np.all(chart.timoshenko_hz < chart.euler_hz)
+    assert np.all(np.diff(chart.zone_hz) > 0)
+
+
+def test_below_50_ms_of_computing():
+    predesign(DESIGN)
+    spent = []
+    for _ in range(7):
+        start = time.process_time()
+        predesign(DESIGN)
+        spent.append(time.process_time() - start)
+    assert min(spent) < 0.050
+
+
+def test_imports_neither_cad_nor_vtk_nor_meshers():
+    banned = {"cadquery", "OCP", "vtk", "vtkmodules", "pyvista", "pytetwild", "meshio", "trimesh", "matplotlib"}
+    code = f"import sys, solvers.analytic.predesign; sys.exit(str({banned!r} & set(sys.modules) or 0).replace('0', '') or 0)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
