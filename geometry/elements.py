@@ -166,4 +166,4 @@ def _tet_degree_five() -> Quadrature:
         return np.vstack(orbits), weights
 
     start = np.array([0.3109, 0.0927, 0.0455, 0.0188, 0.0122, 0.0071])
-    return Quadrature(*rule(fsolve(moments, start, xtol=1e-14)))
+    return Quadrature(*rule(fsolve(moments, start, xtol=1e-12)))

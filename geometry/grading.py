@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import ceil
 
 import numpy as np
@@ -28,7 +29,7 @@ def grid_lines(breaks: dict[float, bool], grading: Grading) -> FloatArray:
     `layers` times into the fractions factor and 1 - factor. Units: m. Source of the idea: babuska1981.
     """
     points = _merged(breaks)
-    pieces = [_interval(a, b, grading) for a, b in zip(points[:-1], points[1:], strict=True)]
+    pieces = [_interval(a, b, grading) for a, b in pairwise(points)]
     return np.concatenate([[points[0][0]], *pieces])
 
 

@@ -30,12 +30,12 @@ def tet_zone(design: Design, edge_m: float, mirrors: str = "", options: TetOptio
     """
     half_x, half_y = design.length_m / 2.0, design.width_m / 2.0
     lines = [[(-half_x, y, z), (half_x, y, z)] for y in (-half_y, half_y) for z in (0.0, design.thickness_m)]
-    return tet_mesh(solids.zone_solid(design, mirrors), edge_m, options=_graded(options, lines, edge_m))
+    return tet_mesh(solids.zone_solid(design, mirrors), edge_m, options=graded(options, lines, edge_m))
 
 
 def tet_pillar(pillar: Pillar, edge_m: float, options: TetOptions = DEFAULTS) -> Mesh:
     """The lone pillar (its foot is face "foot"), finer near the rim of its foot, which a clamp makes singular."""
-    return tet_mesh(solids.pillar_solid(pillar), edge_m, options=_graded(options, _foot_rim(pillar, 0.0), edge_m))
+    return tet_mesh(solids.pillar_solid(pillar), edge_m, options=graded(options, foot_rim(pillar, 0.0), edge_m))
 
 
 def tet_plate(
@@ -62,9 +62,9 @@ def tet_cell(design: Design, edge_m: float, quarter_then_mirror: bool = True, op
     Mirrored from its quarter, opposite faces pair node for node: equal to the last bit but for the sign of x or y.
     Raises GeometryError when the pillar is not symmetric in x = 0 and y = 0.
     """
-    rim = _foot_rim(design.pillar, design.thickness_m) if design.pillar else []
+    rim = foot_rim(design.pillar, design.thickness_m) if design.pillar else []
     body = solids.cell_solid(design, "xy" if quarter_then_mirror else "")
-    mesh = tet_mesh(body, edge_m, options=_graded(options, rim, edge_m))
+    mesh = tet_mesh(body, edge_m, options=graded(options, rim, edge_m))
     return _whole(mesh) if quarter_then_mirror else mesh
 
 
@@ -79,7 +79,7 @@ def _symmetric(design: Design) -> bool:
     return not (design.pillar and design.rows and design.pillar.shape == "step")
 
 
-def _graded(options: TetOptions, lines: Lines, edge_m: float) -> TetOptions:
+def graded(options: TetOptions, lines: Lines, edge_m: float) -> TetOptions:
     """The options with an edge length that grows away from the lines, unless they already have one."""
     if options.size is not None or not lines:
         return options
@@ -87,7 +87,7 @@ def _graded(options: TetOptions, lines: Lines, edge_m: float) -> TetOptions:
     return replace(options, size=NearSegments(np.array(lines), fine, edge_m, GROWTH), finest_m=fine)
 
 
-def _foot_rim(pillar: Pillar, z: float) -> Lines:
+def foot_rim(pillar: Pillar, z: float) -> Lines:
     """The re-entrant edge round a foot at the origin as segments, m; none when a fillet rounds it off."""
     if pillar.fillet_m > 0.0:
         return []

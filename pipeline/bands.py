@@ -118,12 +118,11 @@ def _full(case: Case, log: Log, meshes: list[dict[str, Any]]) -> tuple[str, int,
 def _tetrahedral(design: Design, accuracy: float, log: Log, meshes: list[dict[str, Any]]) -> tuple[str, int, Frequencies]:
     from pipeline.tet_parts import tet_cell
 
-    mesh = tet_cell(design, accuracy, log)
+    mesh, halved = tet_cell(design, accuracy, log)
     meshes.append(mesh_record("cell", mesh))
     recipe = planner.lattice_recipe(design, accuracy)
     reductions = Reductions(design.thickness_m, design.material, design.pillar, recipe, None, lambda piece: mesh)
     with log.step("reduce the cell"):
-        piece = replace(lattice_piece(design), halved=())
-        lattice = Lattice(reductions.cell(piece))
+        lattice = Lattice(reductions.cell(replace(lattice_piece(design), halved=halved)))
     log.info(f"cell of {mesh.dof} unknowns in its mesh, {lattice.dof} at a wavevector; opposite faces need not match")
     return f"superelement tet{mesh.order}", lattice.dof, lattice.frequencies

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from geometry.elements import FloatArray
@@ -11,7 +13,7 @@ from solvers.fem.surface import Skin
 FLAT = 1e-9  # m: corners of the touch face lie on z = 0
 
 
-def plate_arrays(found: PartModes, rows: list[int]) -> dict[str, FloatArray]:
+def plate_arrays(found: PartModes, rows: list[int]) -> dict[str, Any]:
     """surface_*, touch_* and mesh_* arrays of the chosen modes, the first one being the wanted mode."""
     skins = [_skin(found, index) for index in rows]
     first = skins[0]
@@ -27,7 +29,7 @@ def _skin(found: PartModes, index: int) -> Skin:
     return found.model.skin(row.parity, found.vectors[row.parity][:, [row.column]])
 
 
-def surface_arrays(skins: list[Skin]) -> dict[str, FloatArray]:
+def surface_arrays(skins: list[Skin]) -> dict[str, Any]:
     """surface_* arrays of moving skins that share their points, each scaled to a largest component of 1."""
     kind = "quads" if skins[0].facets.shape[1] == 4 else "triangles"
     moved = np.concatenate([_scaled(skin.displacement) for skin in skins]).astype(np.float32)
@@ -43,7 +45,7 @@ def _scaled(displacement: FloatArray) -> FloatArray:
     return displacement / max(float(np.abs(displacement).max()), 1e-300)
 
 
-def touch_arrays(skins: list[Skin]) -> dict[str, FloatArray]:
+def touch_arrays(skins: list[Skin]) -> dict[str, Any]:
     """Triangulated touch face (z = 0) with u_z of every mode."""
     skin = skins[0]
     on_face = (np.abs(skin.points[:, 2]) < FLAT)[skin.facets].all(axis=1)
@@ -53,5 +55,5 @@ def touch_arrays(skins: list[Skin]) -> dict[str, FloatArray]:
     return {
         "touch_xy": skin.points[used, :2],
         "touch_triangles": local.reshape(triangles.shape).astype(np.int32),
-        "touch_uz": np.stack([_scaled(s.displacement)[0, used, 2] for s in skins]).astype(np.float32),
+        "touch_uz": np.stack([_scaled(s.displacement)[0, used, 2] for s in skins]).astype(np.float32).astype(np.float64),
     }

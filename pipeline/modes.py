@@ -166,15 +166,16 @@ def _nearest(rows: list[ModeRow], asked: Request, count: Count) -> tuple[list[Mo
     Every class is complete in its own, wider interval, so the common one is complete too.
     """
     assert asked.near_hz is not None and asked.count is not None
-    ordered = sorted(rows, key=lambda row: abs(row.frequency_hz - asked.near_hz))
+    near = asked.near_hz
+    ordered = sorted(rows, key=lambda row: abs(row.frequency_hz - near))
     size = min(asked.count, len(ordered))
     while size < len(ordered) and _same(ordered[size].frequency_hz, ordered[size - 1].frequency_hz):
         size += 1
     kept = ordered[:size]
-    inner = abs(kept[-1].frequency_hz - asked.near_hz) if kept else 0.0
-    outer = abs(ordered[size].frequency_hz - asked.near_hz) if size < len(ordered) else None
-    reach = (inner + outer) / 2.0 if outer is not None else count.high_hz - asked.near_hz
-    low, high = max(asked.near_hz - reach, 0.0), asked.near_hz + reach
+    inner = abs(kept[-1].frequency_hz - near) if kept else 0.0
+    outer = abs(ordered[size].frequency_hz - near) if size < len(ordered) else None
+    reach = (inner + outer) / 2.0 if outer is not None else count.high_hz - near
+    low, high = max(near - reach, 0.0), near + reach
     missing = count.expected - count.found
     return sorted(kept, key=lambda row: (row.frequency_hz, row.parity or "")), Count(low, high, size + missing, size)
 

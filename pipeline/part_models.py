@@ -88,7 +88,7 @@ def _zone(case: Case, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
     if case.solve.mesh == "tet":
         from pipeline.tet_parts import tet_zone
 
-        return _solid(case, "zone", tet_zone(design, accuracy, log), ("y-", "y+"), False, meshes)
+        return _solid(case, "zone", tet_zone(design, accuracy, log), ("y+",), True, meshes)
     settings = planner.zone_settings(design, accuracy)
     log.left_out("CAD and tetrahedra", "the zone is a box")
     mesh = _hex(zone_boxes(design, settings), settings)

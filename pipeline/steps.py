@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ def jobs_of(study: StudyFile) -> list[Job]:
     """The cases of a study; every fault of every case is raised at once, before any is computed."""
     faults: list[str] = []
     jobs: list[Job] = []
-    wanted = [("base", [], study.once)] if study.once else []
+    wanted: list[tuple[str, list[str], tuple[str, ...]]] = [("base", [], study.once)] if study.once else []
     wanted += [(case_id, overrides, study.measure) for case_id, overrides in study.cases()]
     for case_id, overrides, measure in wanted:
         try:
@@ -112,7 +113,7 @@ def _leave_out(case: Case, log: Log) -> None:
     if case.patches is None:
         log.left_out("piezo patches and their electrical unknowns", "the case has none")
     else:
-        log.alarm("PATCHES", "the case has piezo patches; these modes are those of the plate without them")
+        log.left_out("piezo patches", "they act in the response; these modes are those of the plate without them")
     log.left_out("damping", "no response is asked")
 
 
@@ -151,7 +152,7 @@ def _tell_wanted(wanted: dict[str, Any], log: Log) -> None:
 
 
 def _bands(case: Case, log: Log, record: dict[str, Any]) -> None:
-    if case.design.pitch_x_m != case.design.pitch_x_m:
+    if math.isnan(case.design.pitch_x_m):
         log.left_out("bands", "the case has no pitch")
         return
     found = bands.solve_bands(case, log)

@@ -1,11 +1,8 @@
-"""Parts of a case through CAD and pytetwild."""
+"""Parts of a case through CAD and pytetwild, as quarters where the shape is its own mirror image."""
 
 from __future__ import annotations
 
-import numpy as np
-
-from geometry import solids
-from geometry.elements import FloatArray
+from geometry import solids, tet_scenes
 from geometry.layout import Design
 from geometry.mesh import Mesh
 from geometry.tetmesh import TetOptions, tet_mesh
@@ -15,36 +12,41 @@ from pipeline.planner import tet_edge_m
 SYMMETRIC = ("square", "round", "tapered")
 
 
+def mirrored(design: Design) -> bool:
+    """Whether the scene's solids are their own mirror images in x = 0 and y = 0 (a pillar from CAD need not be)."""
+    return design.pillar is None or design.pillar.shape in SYMMETRIC
+
+
 def tet_zone(design: Design, accuracy: float, log: Log) -> Mesh:
-    """The bare strip, finer towards its clamped side faces."""
-    edge = tet_edge_m(2.0 * design.thickness_m, accuracy)
-
-    def size(points: FloatArray) -> FloatArray:
-        away = design.width_m / 2.0 - np.abs(points[:, 1])
-        return np.asarray(np.clip(edge / 3.0 + 0.4 * away, edge / 3.0, edge))
-
+    """The quarter x, y >= 0 of the bare strip, finer towards its clamped side faces."""
     with log.step("mesh the zone by tetrahedra"):
-        return tet_mesh(solids.zone_solid(design), edge, options=TetOptions(size=size, finest_m=edge / 3.0))
+        return tet_scenes.tet_zone(design, tet_edge_m(2.0 * design.thickness_m, accuracy), "xy")
 
 
 def tet_pillar(design: Design, accuracy: float, log: Log) -> Mesh:
-    """The lone pillar."""
+    """The whole lone pillar, finer towards its clamped foot."""
     assert design.pillar
     with log.step("mesh the pillar by tetrahedra"):
-        return tet_mesh(solids.pillar_solid(design.pillar), tet_edge_m(design.pillar.tip_m, accuracy))
+        return tet_scenes.tet_pillar(design.pillar, tet_edge_m(design.pillar.tip_m, accuracy))
 
 
 def tet_plate(design: Design, accuracy: float, log: Log) -> tuple[Mesh, bool]:
-    """The plate, as its quarter where the pillars are their own mirror images; whether it is the quarter."""
-    mirrored = design.pillar is None or not design.rows or design.pillar.shape in SYMMETRIC
-    smallest = min(design.thickness_m, design.pillar.tip_m) if design.pillar and design.rows else design.thickness_m
+    """The plate, and whether it is the quarter."""
+    quarter = mirrored(design) or not design.rows
+    edge = tet_edge_m(_smallest_m(design) if design.rows else design.thickness_m, max(accuracy, 0.01))
     with log.step("mesh the plate by tetrahedra"):
-        body = solids.plate_solid(design, "xy" if mirrored else "")
-        return tet_mesh(body, tet_edge_m(smallest, max(accuracy, 0.01))), mirrored
+        return tet_scenes.tet_plate(design, edge, quarter), quarter
 
 
-def tet_cell(design: Design, accuracy: float, log: Log) -> Mesh:
-    """The whole unit cell; its opposite faces need not match."""
-    smallest = min(design.thickness_m, design.pillar.tip_m) if design.pillar else design.thickness_m
+def tet_cell(design: Design, accuracy: float, log: Log) -> tuple[Mesh, tuple[int, ...]]:
+    """The unit cell, finer towards the pillar's foot, and the axes along which it is halved."""
+    edge, quarter = tet_edge_m(_smallest_m(design), accuracy), mirrored(design)
     with log.step("mesh the cell by tetrahedra"):
-        return tet_mesh(solids.cell_solid(design), tet_edge_m(smallest, accuracy))
+        if not quarter:
+            return tet_scenes.tet_cell(design, edge, quarter_then_mirror=False), ()
+        rim = tet_scenes.foot_rim(design.pillar, design.thickness_m) if design.pillar else []
+        return tet_mesh(solids.cell_solid(design, "xy"), edge, options=tet_scenes.graded(TetOptions(), rim, edge)), (0, 1)
+
+
+def _smallest_m(design: Design) -> float:
+    return min(design.thickness_m, design.pillar.tip_m) if design.pillar else design.thickness_m

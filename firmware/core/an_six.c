@@ -7,12 +7,10 @@
 #include "an_sine.h"
 
 #define AN_HEADROOM 0.9f     /* of the drive limit, for the integrals */
-#define AN_PROBE_LEVEL 0.01f /* of the drive limit, at first */
-#define AN_PROBE_LEAST 1e-4f /* of the drive limit */
+#define AN_PROBE_LEVEL 0.01f /* of the drive limit, at first, for each actuator */
 #define AN_PROBE_MOST 0.5f   /* of the drive limit */
 #define AN_PROBE_STEP 4.0f
-#define AN_PROBE_HIGH 0.5f /* of the sensor's full scale: more is measured again with less drive */
-#define AN_PROBE_LOW 0.05f /* less with more */
+#define AN_PROBE_LOW 0.05f   /* of the sensor's full scale: less is measured again with more drive */
 #define AN_SETTLE 7.0f       /* time constants */
 #define AN_PATIENCE 8.0f     /* time constants */
 #define AN_SOFT 0.25f      /* time constants that a pattern takes to fade in */
@@ -132,12 +130,17 @@ static void begin_run(an_six *app)
     }
 }
 
+static void begin_column(an_six *app, uint32_t actuator)
+{
+    app->probe = actuator;
+    app->probe_level = AN_PROBE_LEVEL * app->shape.drive_limit;
+}
+
 static void begin_identify(an_six *app)
 {
-    app->probe = 0u;
     app->probing = 0u;
-    app->probe_level = AN_PROBE_LEVEL * app->shape.drive_limit;
     app->state = AN_STATE_IDENTIFY;
+    begin_column(app, 0u);
 }
 
 static void read_matrix(an_six *app)
@@ -271,21 +274,17 @@ static void end_identify(an_six *app)
     }
 }
 
-/* A column of T from one actuator's dwell, or the same again with less or more drive. */
+/* A column of T from one actuator's dwell, or the same again with more drive. */
 static void take_column(an_six *app)
 {
-    const float response = largest_response(app);
-    if (response > AN_PROBE_HIGH) {
-        app->probe_level /= AN_PROBE_STEP;
-        return;
-    }
-    if (response < AN_PROBE_LOW && app->probe_level * AN_PROBE_STEP <= AN_PROBE_MOST * app->shape.drive_limit) {
-        app->probe_level *= AN_PROBE_STEP;
+    const float louder = app->probe_level * AN_PROBE_STEP;
+    if (largest_response(app) < AN_PROBE_LOW && louder <= AN_PROBE_MOST * app->shape.drive_limit) {
+        app->probe_level = louder;
         return;
     }
     const float scale = 1.0f / (app->probe_level * (float)PROBE_AVERAGE);
     an_shaping_set(&app->shaping, app->probe, app->slow.total, scale);
-    app->probe++;
+    begin_column(app, app->probe + 1u);
 }
 
 static void identify(an_six *app)
@@ -296,9 +295,7 @@ static void identify(an_six *app)
         }
         take_column(app);
     }
-    if (app->probe_level < AN_PROBE_LEAST * app->shape.drive_limit) {
-        fail(app, AN_FAULT_IDENTIFY);
-    } else if (app->probe == app->channels) {
+    if (app->probe == app->channels) {
         end_identify(app);
     } else {
         app->probing = post_dwell(app) ? 1u : 0u;

@@ -123,7 +123,7 @@ class _Geometry:
             return inverse, half.prod(axis=1)
         centre = self.mesh.element.quadrature.points.mean(axis=0, keepdims=True)
         jacobian = jacobians(self.mesh, self.affine, centre)[:, 0] / self.length  # [m, k]
-        return np.linalg.inv(jacobian).transpose(0, 2, 1), np.linalg.det(jacobian)
+        return np.asarray(np.linalg.inv(jacobian).transpose(0, 2, 1)), np.asarray(np.linalg.det(jacobian))
 
     def stiffness(self, tensor: FloatArray, i: int, j: int) -> FloatArray:
         """The (i, j) components of every element's stiffness, shape (e, k k)."""
@@ -183,7 +183,7 @@ class _Pattern:
     """Sparsity of the node graph, and where each element's entry goes."""
 
     def __init__(self, cells: IntArray, node_count: int) -> None:
-        elements, width = cells.shape
+        width = cells.shape[1]
         flat = cells.ravel()
         by_node = np.argsort(flat, kind="stable")
         indptr = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=node_count) * width)])

@@ -63,7 +63,7 @@ class Rslab:
             self._factor = self.symbolic.factor(matrix)
         except RuntimeError as fault:
             raise SingularShift(f"the shifted matrix is singular ({fault})") from fault
-        positive, self.negative, zero = self._factor.inertia
+        _, self.negative, zero = self._factor.inertia
         if zero:
             raise SingularShift(f"the shifted matrix has {zero} zero pivot(s)")
 

@@ -68,11 +68,8 @@ def _square(order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     nodes = gauss_lobatto(order)
     at, weight = legendre.leggauss(order + 1)
     value, slope = lagrange(nodes, at)
-    return (
-        np.kron(value, value),
-        np.stack([np.kron(value, slope), np.kron(slope, value)]),
-        np.kron(weight, weight),
-    )
+    slopes = np.stack([np.kron(value, slope), np.kron(slope, value)])
+    return np.asarray(np.kron(value, value)), slopes, np.asarray(np.kron(weight, weight))
 
 
 def _triangle(order: int) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -75,16 +75,16 @@ class Reductions:
         return cell
 
     def _reduce(self, piece: Piece) -> Cell:
-        settings, halved = self.recipe.hexahedra, piece.halved
+        settings = self.recipe.hexahedra
         if self.mesher and piece.foot:
-            mesh, halved = self.mesher(piece), ()  # an arbitrary pillar need not be its own mirror image
+            mesh = self.mesher(piece)
         else:
             mesh = hex_mesh(piece_boxes(piece, self.thickness_m, self.pillar, settings), settings.order)
         check_mesh(mesh)
         pillar_material = self.pillar.material if self.pillar else self.material
         scale = Scale(self.thickness_m, self.material.young_pa, self.material.density_kg_m3)
         system = assemble(mesh, {"plate": self.material, "pillar": pillar_material, "body": self.material}, scale)
-        return reduce_cell(system, self.recipe.interface, self.recipe.top_hz, halved, piece.free)
+        return reduce_cell(system, self.recipe.interface, self.recipe.top_hz, piece.halved, piece.free)
 
     def _key(self, piece: Piece) -> str:
         pillar = self.pillar if piece.foot else None

@@ -9,6 +9,8 @@ from threadpoolctl import threadpool_limits
 from geometry.elements import FloatArray, IntArray
 from solvers.superelement.cell import Cell
 
+ROUNDING = 1e-12  # of the pencil's norms: smaller eigenvalues are rigid motions
+
 
 class Lattice:
     """The reduced cell with one vertex line, one side along each axis and the fixed-interface modes left free."""
@@ -39,7 +41,8 @@ class Lattice:
             values = eigh(
                 stiffness, mass, eigvals_only=True, subset_by_index=[0, min(count, self.dof) - 1], driver="gvx"
             )
-        return self.cell.scale.frequency(values)
+        rounding = ROUNDING * np.abs(self.cell.stiffness).max() / np.abs(self.cell.mass).max()
+        return self.cell.scale.frequency(np.where(np.abs(values) < rounding, 0.0, values))
 
     def transform(self, wavevector: FloatArray) -> FloatArray:
         """T(k) with u_cell = T u_free: u(r + a) = u(r) exp(i k.a), shape (cell dof, dof)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import ceil
 
 import numpy as np
@@ -93,7 +94,7 @@ def _bare(low: float, high: float, longest: float) -> FloatArray:
 def _refined(cuts: FloatArray, feet: FloatArray, longest: float) -> FloatArray:
     """Cut every interval without a pillar into pieces no longer than `longest`, the middle one into an even number."""
     lines = [cuts[:1]]
-    for low, high in zip(cuts[:-1], cuts[1:], strict=True):
+    for low, high in pairwise(cuts.tolist()):
         if ((feet > low) & (feet < high)).any():
             lines.append(np.array([high]))
             continue

@@ -94,6 +94,23 @@ def test_opposite_faces_of_a_mirrored_cell_pair_to_the_last_bit(cell):
         assert np.unique(high[:, axis]).tolist() == [2e-3]
 
 
+def test_face_triangles_point_outward_and_carry_their_own_middles(cell):
+    outward = {
+        "x-": (0, -1),
+        "x+": (0, 1),
+        "y-": (1, -1),
+        "y+": (1, 1),
+        "touch": (2, -1),
+        "back": (2, 1),
+        "top": (2, 1),
+    }
+    for name, (axis, sign) in outward.items():
+        a, b, c, ab, bc, ca = (cell.nodes[nodes] for nodes in cell.faces[name].T)
+        assert (sign * np.cross(b - a, c - a)[:, axis] > 0.0).all()
+        for middle, start, end in ((ab, a, b), (bc, b, c), (ca, c, a)):
+            assert middle == pytest.approx((start + end) / 2.0, abs=1e-15)
+
+
 def test_vtk_measures_every_quadratic_cell_positive(cell):
     grid = pyvista.UnstructuredGrid(
         np.column_stack([np.full(len(cell.cells), 10), cell.cells]).ravel(), np.full(len(cell.cells), 24), cell.nodes

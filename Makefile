@@ -1,0 +1,57 @@
+# Every target makes the environment it needs and reuses it the next time.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STUDY ?= rows
+CASE ?= studies/three-rows.toml
+READY := $(VENV)/.ready
+TABLE := firmware/generated/mode_table.bin
+JOBS ?=
+.DEFAULT_GOAL := help
+.PHONY: help setup study test test-all lint check-gap firmware bench clean
+
+help:  ## what the targets do
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
+
+setup: $(READY)  ## the environment alone
+
+$(READY): pyproject.toml constraints.txt
+	@if command -v uv >/dev/null 2>&1; then \
+	    uv venv --quiet --allow-existing --python "$(PYTHON)" $(VENV) && \
+	    VIRTUAL_ENV=$(VENV) uv pip install --quiet --constraint constraints.txt --editable '.[fast,firmware,dev]'; \
+	else \
+	    "$(PYTHON)" -m venv $(VENV) && \
+	    $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[fast,firmware,dev]'; \
+	fi
+	@touch $@
+
+study: $(READY)  ## the main job, or STUDY=name; ends with where the report is
+	@$(BIN)/antinode run $(STUDY) $(if $(JOBS),--jobs $(JOBS))
+
+test: $(READY)  ## every test not marked slow, firmware and the band-gap check included
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy
+	@$(BIN)/antinode check-gap --quiet
+	@$(BIN)/python -m pytest -q -n 2 --dist loadfile
+
+test-all: $(READY)  ## the slow proofs too
+	@$(BIN)/antinode check-gap --quiet
+	@$(BIN)/python -m pytest -q -n 2 --dist loadfile -m ''
+
+check-gap: $(READY)  ## recompute the reference cell's band gap
+	@$(BIN)/antinode check-gap
+
+$(TABLE): $(READY) $(CASE)
+	@mkdir -p $(@D)
+	@$(BIN)/antinode export table $(CASE) -o $@
+
+firmware: $(TABLE)  ## the STM32F446 image from the exported mode table
+	@$(BIN)/python -m firmware.build --table $(TABLE)
+
+bench: $(READY)  ## error against run time
+	@$(BIN)/antinode report accuracy
+
+clean:  ## what the others made, never results/reference
+	@rm -rf firmware/build firmware/generated .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache build *.egg-info
+	@find results -mindepth 1 -maxdepth 1 ! -name reference ! -name README.md -exec rm -rf {} +
+	@rm -rf $(VENV)

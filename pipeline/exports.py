@@ -1,0 +1,124 @@
+"""Files for others: print and CAD files with their check, meshes with modes, mode tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pipeline.case import Case
+from pipeline.errors import NotAvailable
+from pipeline.logs import Log
+from pipeline.outputs import folder as output_folder
+
+CAD = ("stl", "step", "3mf")
+SUFFIX = {"stl": ".stl", "step": ".step", "3mf": ".3mf", "vtu": ".vtu", "table": ".bin"}
+
+
+def write(case: Case, form: str, output: str | None, log: Log) -> list[Path]:
+    """Write one format; returns the files written. Raises NotAvailable for a format of a later version."""
+    if form not in SUFFIX:
+        raise NotAvailable(f"export {form} is not part of this version yet; export vtu or step carries the same design")
+    path = Path(output) if output else Path(f"{case.name}{SUFFIX[form]}")
+    output_folder(str(path.parent))
+    if form in CAD:
+        return [_cad(case, form, path, log)]
+    return _vtu(case, path, log) if form == "vtu" else _table(case, path, log)
+
+
+def _metadata(case: Case) -> dict[str, str]:
+    from pipeline.fingerprint import input_hash
+
+    return {
+        "Title": case.name,
+        "Description": f"touch plate, {case.design.rows} rows of pillars a side; touch face down on the build plate",
+        "Application": "antinode",
+        "DesignHash": input_hash(case.as_understood()),
+    }
+
+
+def _cad(case: Case, form: str, path: Path, log: Log) -> Path:
+    from geometry import cad_files, printability, solids
+
+    with log.step("build the solid"):
+        body = solids.plate_solid(case.design)
+    with log.step(f"write {form}"):
+        if form == "step":
+            cad_files.write_step(body, path, case.name)
+        elif form == "3mf":
+            cad_files.write_3mf(body, path, _metadata(case))
+        else:
+            cad_files.write_stl(body, path, case.name)
+            _tell(printability.check_print(path, body, case.design), log)
+    return path
+
+
+def print_files(case: Case, folder: Path, log: Log) -> dict[str, Any]:
+    """STL, STEP and 3MF of the plate into a case's folder; what trimesh found in the STL, for the record."""
+    from geometry import cad_files, printability, solids
+
+    with log.step("build the solid"):
+        body = solids.plate_solid(case.design)
+    with log.step("write STL, STEP, 3MF"):
+        cad_files.write_stl(body, folder / "plate_mm.stl", case.name)
+        cad_files.write_step(body, folder / "plate.step", case.name)
+        cad_files.write_3mf(body, folder / "plate.3mf", _metadata(case))
+    with log.step("check the print file"):
+        report = printability.check_print(folder / "plate_mm.stl", body, case.design)
+    _tell(report, log)
+    return {
+        "volume_m3": report.volume_m3,
+        "mass_kg": report.mass_kg,
+        "files": ["plate_mm.stl", "plate.step", "plate.3mf"],
+        "watertight": report.watertight,
+        "bodies": report.bodies,
+        "volume_error": report.volume_error,
+        "smallest_feature": report.smallest_feature[0],
+        "smallest_feature_m": report.smallest_feature[1],
+        "overhang_deg": report.overhang_deg,
+        "overhang": report.overhang_area_m2,
+    }
+
+
+def _tell(report: Any, log: Log) -> None:
+    name, size = report.smallest_feature
+    log.info(
+        f"print file: closed {report.watertight}, {report.bodies} body, volume {report.volume_error:+.1e} of the solid's, "
+        f"mass {1e3 * report.mass_kg:.2f} g, smallest feature {name} {1e3 * size:.3g} mm, "
+        f"overhang {report.overhang_deg:.0f} degrees"
+    )
+    for fault in report.faults:
+        log.alarm("PRINT", fault)
+
+
+def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
+    """The solid quarter of the plate and its wanted mode."""
+    from dataclasses import replace
+
+    from pipeline.mesh_files import write_vtu
+    from pipeline.modes import Request, solve_modes, wanted_row
+    from solvers.fem.solid import SolidModel
+
+    solid = replace(case, solve=replace(case.solve, model="solid", accuracy=max(case.solve.accuracy, 0.02)))
+    found = solve_modes(solid, Request("plate", parity=case.parity_wanted), log)
+    index = wanted_row(found, case)
+    assert isinstance(found.model, SolidModel)
+    data = {}
+    if index is not None:
+        row = found.rows[index]
+        data["displacement"] = found.model.field(row.parity, found.vectors[row.parity][:, [row.column]])[:, :, 0]
+    write_vtu(found.model.mesh, path, data)
+    return [path]
+
+
+def _table(case: Case, path: Path, log: Log) -> list[Path]:
+    """Mode table of the plate's wanted mode and neighbours."""
+    from pipeline.errors import InputFault
+    from pipeline.modes import Request, solve_modes, wanted_row
+    from pipeline.table_export import write_table
+
+    asked = Request("plate", case.solve.band_hz, case.solve.near_hz, case.solve.count, case.parity_wanted)
+    found = solve_modes(case, asked, log)
+    index = wanted_row(found, case)
+    if index is None:
+        raise InputFault(f"{case.name}: solve.band_kHz: no mode of the wanted shape lies in it; widen it")
+    return write_table(case, found, index, path.parent, path.stem)
