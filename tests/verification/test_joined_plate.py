@@ -1,0 +1,85 @@
+"""A finite plate joined from reduced cells against the same plate meshed in one piece."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geometry.hexmesh import VOID, Boxes, HexSettings, hex_mesh, piece_boxes
+from geometry.layout import Design, Pillar
+from geometry.materials import MATERIALS
+from solvers.confinement import measure
+from solvers.fem.eigen import modes_in_band
+from solvers.fem.solid import SolidModel
+from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.superelement.interface import Interface
+
+ALUMINIUM = MATERIALS["aluminium"]
+PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
+DESIGN = Design(24e-3, 16e-3, 2e-3, 2, ALUMINIUM, PILLAR, 4e-3, 4e-3, 1, 0.0)
+ORDER_3 = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=3.15e-3)
+
+
+def joined(settings: HexSettings, through: int = 3) -> PlateModel:
+    """The plate from reduced cells."""
+    recipe = Recipe(Interface(5, through), 600e3, settings, 4e-3)
+    return PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, PILLAR, recipe))
+
+
+def lines_of_pieces(model: PlateModel, settings: HexSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Every line along which some cell of the quarter x, y >= 0 was meshed."""
+    tiling = model.tiling
+    found: list[list[float]] = [[], [], []]
+    for i in range(len(tiling.x) - 1):
+        for j in range(len(tiling.y) - 1):
+            piece = tiling.piece(i, j)
+            boxes = piece_boxes(piece, DESIGN.thickness_m, PILLAR, settings)
+            for axis, lines in enumerate((boxes.x, boxes.y)):
+                both = np.concatenate([lines, -lines]) if axis in piece.halved else lines
+                found[axis].extend(both + piece.middle[axis])
+            found[2].extend(boxes.z)
+    x, y, z = (np.unique(np.round(line, 10)) for line in found)
+    return x[x >= 0.0], y[y >= 0.0], z
+
+
+def in_one_piece(model: PlateModel, settings: HexSettings) -> SolidModel:
+    """The quarter plate on the union of the cells' lines."""
+    x, y, z = lines_of_pieces(model, settings)
+    middles = [(line[1:] + line[:-1]) / 2.0 for line in (x, y, z)]
+    above = middles[2] > DESIGN.thickness_m
+    region = np.where(above, VOID, 0)[None, None, :] * np.ones((len(x) - 1, len(y) - 1, 1), dtype=np.int64)
+    for cx, cy in DESIGN.pillar_centres():
+        foot = (np.abs(middles[0] - cx) < 1e-3)[:, None, None] & (np.abs(middles[1] - cy) < 1e-3)[None, :, None]
+        region[foot & above] = 1
+    mesh = hex_mesh(Boxes(x, y, z, region, ("plate", "pillar")), settings.order)
+    return SolidModel(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}, (), True)
+
+
+def compare(settings: HexSettings, parities: tuple[str, ...], through: int) -> None:
+    """Equal counts, frequencies, kinetic energy in the pillars and confinement measures."""
+    model = joined(settings, through)
+    solid = in_one_piece(model, settings)
+    for parity in parities:
+        ours, truth = (modes_in_band(m.pencil(parity), 20e3, 45e3) for m in (model, solid))
+        assert len(ours.frequency_hz) == len(truth.frequency_hz) > 0, parity
+        assert np.abs(ours.frequency_hz / truth.frequency_hz - 1.0).max() < 0.003, parity
+        share = [m.pillar_share(parity, f.vectors) for m, f in ((model, ours), (solid, truth))]
+        assert np.abs(share[0] - share[1]).max() < 0.02, parity
+        mac = [measure(m.touch(parity, f.vectors), DESIGN, parity).mac for m, f in ((model, ours), (solid, truth))]
+        assert np.abs(mac[0] - mac[1]).max() < 0.02, parity
+
+
+def test_the_joined_plate_has_the_modes_of_the_whole_mesh() -> None:
+    compare(ORDER_3, ("++",), 3)
+
+
+def test_the_joined_plate_weighs_what_the_plate_weighs() -> None:
+    model = joined(ORDER_3)
+    field = model.touch("++", np.eye(model.joined("++").dof)[:, :1])
+    area = 24e-3 * 2.0 * DESIGN.half_span_m
+    assert field.weights.sum() == pytest.approx(area, rel=1e-12)
+
+
+@pytest.mark.slow
+def test_every_mirror_class_agrees() -> None:
+    compare(ORDER_3, ("++", "+-", "-+", "--"), 3)
