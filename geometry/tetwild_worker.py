@@ -1,6 +1,6 @@
 """Runs pytetwild in a process of its own: arrays in on standard input, arrays out on standard output (npz).
 
-Its C++ cannot be interrupted and may print or crash; here neither reaches the caller.
+Its C++ cannot be interrupted, may print or crash, and writes files; here none of that reaches the caller.
 """
 
 from __future__ import annotations
@@ -10,6 +10,9 @@ import io
 import os
 import signal
 import sys
+import tempfile
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 
@@ -19,6 +22,7 @@ PR_SET_PDEATHSIG = 1
 def main() -> None:
     """Read the request, mesh, write vertices and cells."""
     _die_with_parent()
+    _leave_no_file()
     answer = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     with np.load(io.BytesIO(sys.stdin.buffer.read())) as request:
@@ -38,6 +42,14 @@ def main() -> None:
     )
     np.savez(answer, vertices=vertices, cells=np.asarray(cells, dtype=np.int64))
     answer.close()
+
+
+def _leave_no_file() -> None:
+    """The mesher writes its surface into the working directory: give it one that is gone at once."""
+    folder = tempfile.mkdtemp(prefix="antinode-tetwild-")
+    os.chdir(folder)
+    with suppress(OSError):  # systems that keep a directory in use
+        Path(folder).rmdir()
 
 
 def _die_with_parent() -> None:

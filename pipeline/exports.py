@@ -30,9 +30,9 @@ def _metadata(case: Case) -> dict[str, str]:
 
     return {
         "Title": case.name,
-        "Description": f"touch plate, {case.design.rows} rows of pillars a side; touch face down on the build plate",
+        "Description": f"touch plate, {case.design.rows} rows of pillars a side; touch face down on the build plate; "
+        f"design {input_hash(case.as_understood())}",
         "Application": "antinode",
-        "DesignHash": input_hash(case.as_understood()),
     }
 
 

@@ -20,6 +20,8 @@ SHOWING = (
     *(
         "cli*",
         "commands",
+        "comparison",
+        "outputs",
         "study_commands",
         "doctor",
         "logs",

@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
+from pipeline.comparison import compare
 from pipeline.records import CONFINED_DB, StoredCase, StoredStudy
 from pipeline.tables import widest_gap
 
@@ -118,7 +119,8 @@ def _held_sentence(case: StoredCase) -> str:
 def comparison(study: StoredStudy) -> list[dict[str, Any]]:
     """The text's figures beside ours, from the records that carry them, with the difference where both are numbers."""
     rows = []
-    for source in [study.about, *(case.record for case in study.cases)]:
+    ours = {"comparison": compare([case.record for case in study.cases])}
+    for source in [study.about, *(case.record for case in study.cases), ours]:
         for row in source.get("comparison") or []:
             pair = row.get("thesis"), row.get("ours")
             numeric = all(isinstance(value, (int, float)) for value in pair) and pair[0]

@@ -30,9 +30,9 @@ def run(arguments: Namespace) -> int:
         dry_run=arguments.dry_run,
     )
     try:
-        outcome = runner.run_study(
-            jobs, steps.computer(study), folder, options, Progress(arguments.quiet), {"study": study.name}
-        )
+        about = {"name": study.name, "case": study.case_path.name, "measure": list(study.measure)}
+        progress = Progress(arguments.quiet)
+        outcome = runner.run_study(jobs, steps.computer(study), folder, options, progress, about)
     except StudyBusy as fault:
         raise InputFault(str(fault)) from fault
     if arguments.dry_run:

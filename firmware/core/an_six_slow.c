@@ -187,14 +187,12 @@ static void rest(an_six_slow *slow)
 
 static void do_job(an_six_slow *slow, const an_six_job *job)
 {
-    if (slow->trips != 0u || job->kind == AN_SIX_REST) {
-        rest(slow);
+    if (job->kind == AN_SIX_TRACK) {
+        track(slow, job);
     } else if (job->kind == AN_SIX_DWELL) {
         dwell(slow, job);
-    } else {
-        track(slow, job);
     }
-    if (slow->trips != 0u) {
+    if (slow->trips != 0u || job->kind == AN_SIX_REST) {
         rest(slow);
     }
 }

@@ -19,6 +19,9 @@ class EmulatedSingle(EmulatedBoard):
     def __init__(self, image: Path, plate: Plate, seed: int = 1, **options: Any) -> None:
         self.plate = PlateSimulation(plate, seed)
         self.codes: list[int] | None = None
+        self.stalls: list[
+            tuple[bool, int]
+        ] = []  # while the flash memory was busy: was the timer on, what was the DAC told
         self.reports: list[tuple[complex, complex, float]] = []
         super().__init__(image, plate.sample_rate_hz, **options)
         ffi, _ = load()
@@ -46,6 +49,10 @@ class EmulatedSingle(EmulatedBoard):
         if self.codes is not None:
             self.codes.append(code)
         self.adc.value = sample
+
+    def _stall(self, seconds: float) -> None:
+        self.stalls.append((bool(self.timer.value & 1), self.dac.value & 0xFFF))
+        super()._stall(seconds)
 
     def _report(self) -> None:
         slow, running = self.app.slow, self.app.state == RUN

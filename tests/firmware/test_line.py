@@ -151,6 +151,7 @@ def test_a_table_goes_up_and_survives_a_reset(talk) -> None:
     client.upload(OTHER)
     assert bytes(board.sector[: len(OTHER)]) == OTHER
     assert board.resets == 0
+    assert set(board.stalls) == {(False, 2048)}
     for _ in range(2):
         status = client.status()
         assert status.frequency_hz == pytest.approx(30500.0, abs=4e-3)

@@ -276,6 +276,25 @@ def test_noise_is_not_taken_for_a_resonance(hosted) -> None:
     assert board.app.state == board.lib.AN_STATE_FAULT and board.app.faults == 1 << 9
 
 
+def test_a_resonance_buried_in_noise_is_not_vouched_for(hosted) -> None:
+    board = hosted(table(), replace(PLATE, resonances=(Resonance(TRUE, TAU, 0.02),), noise=0.1))
+    board.run(1e-3)
+    assert board.start()
+    board.run_while(IDENTIFY, 8.0)
+    assert board.app.state == board.lib.AN_STATE_FAULT and board.app.faults == 1 << 9
+
+
+@pytest.mark.parametrize("quality", [100.0, 900.0])
+def test_a_badly_guessed_quality_is_found_and_the_sweep_repeated(hosted, quality: float) -> None:
+    board = hosted(table(tau_s=quality / math.pi / GUESS), PLATE)
+    board.run(1e-3)
+    assert board.start()
+    board.run_while(IDENTIFY, 12.0)
+    assert board.app.state == board.lib.AN_STATE_RUN
+    assert board.app.mode.tau_s == pytest.approx(TAU, rel=5e-3)
+    assert abs(board.gain) == pytest.approx(GAIN * DROOP, rel=5e-3)
+
+
 def test_a_very_responsive_plate_is_probed_with_less(hosted) -> None:
     board = hosted(table(), replace(PLATE, resonances=(Resonance(TRUE, TAU, 60.0),)))
     board.run(1e-3)

@@ -1,0 +1,113 @@
+"""The command line from outside: exit codes, one line a fault, one JSON document, the band-gap check both ways."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipeline import cli
+
+ROOT = Path(__file__).resolve().parents[2]
+CASE = str(ROOT / "studies" / "three-rows.toml")
+CHEAP = ("--quiet", "--set", "solve.accuracy=0.05", "--set", "bands.points=1", "--set", "bands.count=8")
+
+
+def run(*arguments: str) -> int:
+    try:
+        return cli.main(list(arguments))
+    except SystemExit as end:
+        return int(end.code or 0)
+
+
+def lines(text: str) -> list[str]:
+    return [line for line in text.splitlines() if line]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("modes", "nothing.toml"), "nothing.toml"),
+        (("modes", CASE, "--near", "-3kHz"), "--near"),
+        (("modes", CASE, "--band", "34kHz:30kHz"), "low end"),
+        (("modes", CASE, "--set", "array.pitch_mm=1.5"), "array.pitch_mm"),
+        (("modes", CASE, "--set", "pilar.side_mm=2"), "pillar"),
+        (("modes", CASE, "--count", "0"), "1 or more"),
+        (("bands", CASE, "--set", "bands.path='GQ'"), "bands.path"),
+        (("run", "rowz"), "rows"),
+        (("doctor", "table", "nothing.bin"), "nothing.bin"),
+        (("frobnicate",), "frobnicate"),
+    ],
+)
+def test_wrong_input_is_one_clear_line_and_exit_code_2(
+    arguments: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(*arguments) == 2
+    told = lines(capsys.readouterr().err)
+    assert len(told) == 1
+    assert said in told[0]
+
+
+def test_what_a_later_version_brings_answers_with_exit_code_5(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (("attenuation", CASE), ("response", CASE), ("active", "mason"), ("export", "aster", CASE)):
+        assert run(*arguments) == 5
+        assert len(lines(capsys.readouterr().err)) == 1
+
+
+def test_every_command_ends_its_help_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in (*"predesign modes bands attenuation response active run report export check-gap doctor".split(),):
+        assert run(name, "--help") == 0
+        assert lines(capsys.readouterr().out)[-1].startswith(f"example: antinode {name}")
+
+
+def test_json_on_standard_output_is_alone_and_holds_the_pillar(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ("modes", CASE, "--part", "pillar", "--count", "2", "--json", "-", "--set", "solve.accuracy=0.02")
+    assert run(*arguments) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == 1
+    assert document["count_check"]["expected"] == document["count_check"]["found"] == 2
+    first, second = (mode["frequency_hz"] for mode in document["modes"])
+    assert first == pytest.approx(second, rel=1e-6)  # a square pillar bends alike both ways
+    assert first == pytest.approx(39115.0, rel=0.02)  # a finer computation of the same pillar
+    assert all(mode["zone_share"] is None and mode["mac"] is None for mode in document["modes"])
+
+
+def test_band_gap_check_holds_on_the_reference_and_fails_when_the_pillar_grows() -> None:
+    assert run("check-gap", "--quiet") == 0
+    assert run("check-gap", "--quiet", "--set", "pillar.height_mm=6.426") == 4
+
+
+def test_bands_of_a_bare_cell_need_no_pillar(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bare = tmp_path / "bare.toml"
+    bare.write_text(
+        'name = "bare"\nmaterial = "steel"\n[plate]\nthickness_mm = 2.0\n[array]\npitch_mm = 4.0\nrows = 0\n'
+    )
+    assert run("bands", str(bare), *CHEAP, "--json", str(tmp_path / "bands.json")) == 0
+    points = json.loads((tmp_path / "bands.json").read_text())["points"]
+    assert [point["label"] for point in points] == ["G", "X", "M", "G"]
+    assert points[0]["frequencies_hz"][:3] == [0.0, 0.0, 0.0]
+
+
+def test_a_table_without_pillar_is_refused_only_where_it_is_needed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bare = tmp_path / "zone.toml"
+    bare.write_text(
+        'name = "zone"\nmaterial = "aluminium"\n[plate]\nthickness_mm = 2.0\n'
+        "[zone]\nlength_mm = 60.0\nwidth_mm = 20.0\nnodal_lines = 4\n"
+    )
+    assert run("predesign", str(bare), "--json", "-") == 0
+    assert json.loads(capsys.readouterr().out)["pillar"] is None
+    assert run("modes", str(bare), "--part", "pillar") == 2
+    assert "[pillar]" in capsys.readouterr().err
+
+
+def test_the_console_script_answers(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "pipeline.cli", "--help"], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.returncode == 0
+    assert "modes" in done.stdout
