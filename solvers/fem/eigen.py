@@ -107,6 +107,7 @@ def modes_in_band(pencil: SymmetricPencil, low_hz: float, high_hz: float, backen
     solver = _Solver(pencil, backend)
     scale = pencil.scale
     low, high = scale.eigenvalue(low_hz), scale.eigenvalue(high_hz)
+    low = max(low, solver.rigid_limit) if pencil.rigid_count else low
     below_low = max(solver.count_below(low), pencil.rigid_count) if low > 0.0 else pencil.rigid_count
     values, vectors = solver.between(low, high, below_low, solver.count_below(high))
     return solver.proven(values, vectors, low, high, below_low)

@@ -276,8 +276,10 @@ def test_noise_is_not_taken_for_a_resonance(hosted) -> None:
     assert board.app.state == board.lib.AN_STATE_FAULT and board.app.faults == 1 << 9
 
 
-def test_a_resonance_buried_in_noise_is_not_vouched_for(hosted) -> None:
-    board = hosted(table(), replace(PLATE, resonances=(Resonance(TRUE, TAU, 0.02),), noise=0.1))
+@pytest.mark.parametrize("half_gap_hz", [30.0, 50.0, 80.0])
+def test_two_resonances_in_one_are_not_vouched_for(hosted, half_gap_hz: float) -> None:
+    pair = tuple(Resonance(TRUE + side * half_gap_hz, TAU, 0.4) for side in (-1.0, 1.0))
+    board = hosted(table(), replace(PLATE, resonances=pair))
     board.run(1e-3)
     assert board.start()
     board.run_while(IDENTIFY, 8.0)

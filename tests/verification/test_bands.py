@@ -110,13 +110,14 @@ def test_the_bare_plate_carries_the_exact_lamb_and_shear_waves(route: str) -> No
     bare = replace(OBLONG, pillar=None, rows=0)
     settings = HexSettings(order=4, size_m=2e-3, layers=0)
     if route == "full":
-        bands = full(bare, settings).frequencies
+        bands, allowed = full(bare, settings).frequencies, 1e-3
     else:
-        bands = reduced(bare, Recipe(Interface(6, 3), 3e6, settings)).frequencies
+        # the reduction may add as much again as it may differ from the full cell
+        bands, allowed = reduced(bare, Recipe(Interface(6, 3), 3e6, settings)).frequencies, 2e-3
     for share in SHARES[1:]:
         k = wavevector(share, bare)
         exact = exact_waves.folded_hz(k, (3e-3, 4e-3), 2e-3, ALUMINIUM, 4)
-        assert np.abs(bands(k, 4) / exact - 1.0).max() < 1e-3, share
+        assert np.abs(bands(k, 4) / exact - 1.0).max() < allowed, share
 
 
 def test_the_bands_are_periodic_and_even_in_the_wavevector() -> None:

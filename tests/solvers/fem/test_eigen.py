@@ -147,7 +147,7 @@ def test_a_mode_that_lanczos_always_loses_is_never_silently_missing(
         return values[keep], vectors[:, keep]
 
     monkeypatch.setattr(eigen._Solver, "lanczos", blind)
-    with pytest.raises(CountMismatch, match="modes found between .* where the inertia counts"):
+    with pytest.raises(CountMismatch, match=r"modes found between .* where the inertia counts"):
         if entry == "band":
             modes_in_band(body, 0.0, (truth[8] + truth[9]) / 2.0)
         else:
@@ -224,7 +224,7 @@ def test_the_inertia_counts_the_eigenvalues_below_the_shift(backend: str) -> Non
 
 
 def test_an_unknown_factorisation_is_refused_with_what_there_is() -> None:
-    with pytest.raises(SolverError, match="'pardiso' is not installed; there is .*superlu"):
+    with pytest.raises(SolverError, match=r"'pardiso' is not installed; there is .*superlu"):
         Factoriser("pardiso")
 
 
