@@ -27,6 +27,7 @@ class EmulatedSix(EmulatedBoard):
     def __init__(self, image: Path, beam: Beam, seed: int = 1, **options: Any) -> None:
         self.beam = BeamSimulation(beam, seed)
         self.history: list[list[int]] | None = None
+        self.stalls: list[bool] = []  # while the flash memory was busy: were the bridges driving
         super().__init__(image, beam.sample_rate_hz, **options)
         ffi, _ = load()
         self.app = ffi.cast("an_six *", self.pointer("app"))
@@ -57,6 +58,10 @@ class EmulatedSix(EmulatedBoard):
     def drives(self) -> np.ndarray:
         """The six drives commanded last."""
         return np.array([complex(z.re, z.im) for z in self.app.slow.drive])
+
+    def _stall(self, seconds: float) -> None:
+        self.stalls.append(self.driving)
+        super()._stall(seconds)
 
     def _exchange(self) -> None:
         if not self.word(TIM1 + CR1).value & 1:

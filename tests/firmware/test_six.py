@@ -382,6 +382,7 @@ def test_a_table_goes_up_and_is_used(make_six) -> None:
     other = table(2600.0)
     client.upload(other)
     assert bytes(board.sector[: len(other)]) == other and board.resets == 0
+    assert set(board.stalls) == {False}
     client.request(Kind.STATUS)
     assert board.app.shape.frequency_hz == 2600.0 and board.app.state == IDLE and not board.app.identified
 

@@ -92,10 +92,10 @@ static void serve_bridges(void)
     }
 }
 
+/* Only when idle or in a fault: serve_bridges has left the gates open. */
 static void store_staged(void)
 {
     NVIC->ICER[DMA2_STREAM0_IRQ / 32] = BIT(DMA2_STREAM0_IRQ % 32);
-    bridges_off();
     const bool done = store_write(line.staged, line.staged_length);
     boot(done ? 0u : AN_FAULT_FLASH);
     scan_complete();
