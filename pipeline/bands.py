@@ -16,7 +16,7 @@ from pipeline.case import Case
 from pipeline.cell_shelf import CellShelf
 from pipeline.errors import InputFault
 from pipeline.logs import Log
-from pipeline.part_models import mesh_record
+from pipeline.part_models import check_model, mesh_record
 from solvers.fem.assembly import assemble
 from solvers.superelement.build import Reductions, lattice_piece
 from solvers.superelement.lattice import Lattice
@@ -45,7 +45,12 @@ class Bands:
     def json(self) -> dict[str, Any]:
         """The contract's fields, without times."""
         points = [
-            {"label": label, "kx_per_m": float(k[0]), "ky_per_m": float(k[1]), "frequencies_hz": [float(f) for f in row]}
+            {
+                "label": label,
+                "kx_per_m": float(k[0]),
+                "ky_per_m": float(k[1]),
+                "frequencies_hz": [float(f) for f in row],
+            }
             for label, k, row in zip(self.path.labels, self.path.wavevectors, self.frequencies_hz, strict=True)
         ]
         gaps = [vars(gap) for gap in self.gaps]
@@ -77,6 +82,7 @@ def _along(path: Path, count: int, frequencies: Frequencies) -> FloatArray:
 
 def _check(case: Case) -> None:
     case.require("plate", "array.pitch_mm", command="bands")
+    check_model(case, box=not (case.design.pillar and not case.design.pillar.is_box))
     if case.design.pillar is None and case.design.rows:
         raise InputFault(f"{case.name}: array.rows = {case.design.rows}: must be 0 when the case has no [pillar]")
 
@@ -115,7 +121,9 @@ def _full(case: Case, log: Log, meshes: list[dict[str, Any]]) -> tuple[str, int,
     return f"solid hex{settings.order}", cell.dof, cell.frequencies
 
 
-def _tetrahedral(design: Design, accuracy: float, log: Log, meshes: list[dict[str, Any]]) -> tuple[str, int, Frequencies]:
+def _tetrahedral(
+    design: Design, accuracy: float, log: Log, meshes: list[dict[str, Any]]
+) -> tuple[str, int, Frequencies]:
     from pipeline.tet_parts import tet_cell
 
     mesh, halved = tet_cell(design, accuracy, log)

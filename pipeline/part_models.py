@@ -60,10 +60,24 @@ def mesh_record(what: str, mesh: Mesh, volume_m3: float | None = None) -> dict[s
 
 
 def build(case: Case, part: str, high_hz: float, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
-    """The model that the case asks for; its meshes are appended to `meshes`."""
+    """The model that the case asks for; its meshes are appended to `meshes`. InputFault for one that cannot serve."""
+    check_model(case, box=part == "zone" or not (case.design.pillar and not case.design.pillar.is_box))
     if part == "plate":
         return _plate(case, high_hz, log, meshes)
     return _zone(case, log, meshes) if part == "zone" else _pillar(case, log, meshes)
+
+
+def check_model(case: Case, box: bool) -> None:
+    """Refuse what no solver here does: an analytic answer to a computed question, hexahedra for what is no box."""
+    faults = []
+    if case.solve.model == "analytic":
+        faults.append(
+            "solve.model = 'analytic': must be auto, superelement or solid here; `antinode predesign` is analytic"
+        )
+    if case.solve.mesh == "hex" and not box:
+        faults.append("solve.mesh = 'hex': must be auto or tet, only square pillars without fillet are boxes")
+    if faults:
+        raise InputFault(f"{case.source or case.name}: {fault}" for fault in faults)
 
 
 def _solid(

@@ -38,6 +38,8 @@ def lines(text: str) -> list[str]:
         (("modes", CASE, "--set", "pilar.side_mm=2"), "pillar"),
         (("modes", CASE, "--count", "0"), "1 or more"),
         (("bands", CASE, "--set", "bands.path='GQ'"), "bands.path"),
+        (("modes", CASE, "--set", "solve.model=analytic"), "solve.model"),
+        (("bands", CASE, "--set", "solve.mesh=hex", "--set", "pillar.fillet_mm=0.2"), "solve.mesh"),
         (("run", "rowz"), "rows"),
         (("doctor", "table", "nothing.bin"), "nothing.bin"),
         (("frobnicate",), "frobnicate"),
