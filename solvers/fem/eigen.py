@@ -102,7 +102,9 @@ class Modes:
     factorisations: int
 
 
-def modes_in_band(pencil: SymmetricPencil, low_hz: float, high_hz: float, backend: str | None = None) -> Modes:
+def modes_in_band(
+    pencil: SymmetricPencil, low_hz: float, high_hz: float, backend: str | Factoriser | None = None
+) -> Modes:
     """Every elastic mode with low <= f <= high. Raises CountMismatch when the count does not close."""
     solver = _Solver(pencil, backend)
     scale = pencil.scale
@@ -190,9 +192,10 @@ def _closed_interval(
 class _Solver:
     """Shift-invert solves of one pencil, sharing the symbolic analysis between shifts."""
 
-    def __init__(self, pencil: SymmetricPencil, backend: str | None) -> None:
+    def __init__(self, pencil: SymmetricPencil, backend: str | Factoriser | None) -> None:
         self.pencil = pencil
-        self.factorise = Factoriser(backend)
+        self.factorise = backend if isinstance(backend, Factoriser) else Factoriser(backend)
+        self._counts: dict[float, int] = {}
         self.factorisations = 0
         self.stiffness_norm = float(abs(pencil.stiffness).sum(axis=0).max())
         self.mass_norm = float(abs(pencil.mass).sum(axis=0).max())
@@ -212,7 +215,9 @@ class _Solver:
 
     def count_below(self, shift: float) -> int:
         """Eigenvalues below a shift, rigid ones included."""
-        return self.factor(shift)[0].negative
+        if shift not in self._counts:
+            self._counts[shift] = self.factor(shift)[0].negative
+        return self._counts[shift]
 
     def nearest(self, target: float, count: int) -> tuple[FloatArray, FloatArray]:
         """About `count` eigenpairs nearest to the target, ascending; no promise of completeness."""

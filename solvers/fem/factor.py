@@ -103,13 +103,15 @@ class Factoriser:
         if self.backend not in available():
             raise SolverError(f"factorisation '{self.backend}' is not installed; there is {', '.join(available())}")
         self._symbolic: Any | None = None
+        self._pattern: tuple[int, bytes] | None = None
 
     def __call__(self, matrix: sp.csc_array) -> Factor:
         """Factor of a symmetric matrix. Raises SingularShift when it is singular to working precision, TooLarge."""
         factor: Factor
         if self.backend == "rslab":
-            factor = Rslab(matrix, self._symbolic)
-            self._symbolic = factor.symbolic
+            pattern = (matrix.nnz, matrix.indices[:: max(1, matrix.nnz // 1000)].tobytes())
+            factor = Rslab(matrix, self._symbolic if pattern == self._pattern else None)
+            self._symbolic, self._pattern = factor.symbolic, pattern
         else:
             factor = SuperLU(matrix)
         _probe(matrix, factor)

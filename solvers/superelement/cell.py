@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import scipy.sparse as sp
 
 from geometry.elements import FloatArray, IntArray
 from geometry.mesh import Mesh
@@ -126,8 +127,10 @@ class _Builder:
         shapes = full.reshape(-1, basis.shape[1])
         keep = np.flatnonzero(inside.ravel())
         pencil = constrain(self.system, inside)
-        shapes[keep] = -Factoriser()(pencil.stiffness).solve((self.system.stiffness @ shapes)[keep])
-        modes = modes_in_band(pencil, 0.0, top_hz)
+        factorise = Factoriser()  # one symbolic analysis for the static and the shifted matrices
+        static = sp.csc_array(pencil.stiffness - 0.0 * pencil.mass)  # stored zeros dropped, as in every shifted matrix
+        shapes[keep] = -factorise(static).solve((self.system.stiffness @ shapes)[keep])
+        modes = modes_in_band(pencil, 0.0, top_hz, factorise)
         fixed = pencil.expand(modes.vectors).reshape(len(shapes), -1)
         return _Part(signs, basis, np.hstack([shapes, fixed]), modes.frequency_hz)
 
