@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 TABLE := firmware/generated/mode_table.bin
 JOBS ?=
 .DEFAULT_GOAL := help
-.PHONY: help setup study test test-all lint check-gap firmware bench clean
+.PHONY: help setup study test test-all check-gap firmware bench clean
 
 help:  ## what the targets do
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14

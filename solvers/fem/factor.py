@@ -5,6 +5,7 @@ scipy's SuperLU is always enough; rslab (an LDL' with Bunch-Kaufman pivots) is t
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import os
 from typing import Any, Protocol
@@ -103,13 +104,13 @@ class Factoriser:
         if self.backend not in available():
             raise SolverError(f"factorisation '{self.backend}' is not installed; there is {', '.join(available())}")
         self._symbolic: Any | None = None
-        self._pattern: tuple[int, bytes] | None = None
+        self._pattern = b""
 
     def __call__(self, matrix: sp.csc_array) -> Factor:
         """Factor of a symmetric matrix. Raises SingularShift when it is singular to working precision, TooLarge."""
         factor: Factor
         if self.backend == "rslab":
-            pattern = (matrix.nnz, matrix.indices[:: max(1, matrix.nnz // 1000)].tobytes())
+            pattern = hashlib.sha256(matrix.indptr.tobytes() + matrix.indices.tobytes()).digest()
             factor = Rslab(matrix, self._symbolic if pattern == self._pattern else None)
             self._symbolic, self._pattern = factor.symbolic, pattern
         else:
