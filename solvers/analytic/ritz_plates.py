@@ -6,6 +6,7 @@ Legendre products over one quadrant, ends x = +-L/2 free, sides y = +-W/2 pinned
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import pi, sqrt
 from typing import Literal
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from solvers.analytic.beams import free_free_mode
 from solvers.analytic.plates import Strip
@@ -98,9 +99,15 @@ def mindlin_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
 def _lowest(stiffness: FloatArray, mass: FloatArray, nodal_lines: int) -> tuple[FloatArray, FloatArray]:
     """Enough modes of one parity class to hold (0, N); one thread, since two only wait for each other at this size."""
     last = min(len(stiffness), ACROSS * (nodal_lines // 2 + 1) + 3) - 1
-    with threadpool_limits(limits=1):
+    with _threads().limit(limits=1):
         values, vectors = eigh(stiffness, mass, subset_by_index=(0, last))
     return np.asarray(values), np.asarray(vectors)
+
+
+@lru_cache(maxsize=1)
+def _threads() -> ThreadpoolController:
+    """Found once: looking up the loaded thread pools takes as long as one of the solves."""
+    return ThreadpoolController()
 
 
 def _power(sides: str) -> int:
@@ -123,7 +130,7 @@ def _across(strip: Strip, power: int, odd: bool = False) -> _Axis:
 
 def _axis(size_m: float, parity: int, count: int, power: int) -> _Axis:
     """(1 - eta^2)^power P_n(eta), n of one parity, with slopes and curves over metres, on a full Gauss rule."""
-    points, weights = legendre.leggauss(2 * count + 10)
+    points, weights = _gauss(2 * count + 10)
     orders = np.arange(parity, 2 * count + parity, 2)
     series = np.eye(2 * count + 2)[:, orders]
     for _ in range(power):
@@ -131,6 +138,13 @@ def _axis(size_m: float, parity: int, count: int, power: int) -> _Axis:
     scale = 2.0 / size_m
     columns = [np.float64(scale**n) * legendre.legval(points, legendre.legder(series, n)).T for n in range(3)]
     return _Axis(weights / scale, *(np.asarray(column, dtype=np.float64) for column in columns))
+
+
+@lru_cache(maxsize=32)
+def _gauss(count: int) -> tuple[FloatArray, FloatArray]:
+    """Points and weights of the Gauss-Legendre rule; a plate asks for the same two rules a dozen times."""
+    points, weights = legendre.leggauss(count)
+    return points, weights
 
 
 def _times_bubble(series: FloatArray) -> FloatArray:
@@ -147,8 +161,8 @@ def _pair(axis: _Axis, left: FloatArray, right: FloatArray) -> FloatArray:
 
 def _wanted(values: FloatArray, vectors: FloatArray, x: _Axis, y: _Axis, nodal_lines: int) -> ZoneMode:
     """The Ritz mode most like sin(pi y/W) times the free-free shape with N nodes."""
-    points_x, _ = legendre.leggauss(len(x.weights))
-    points_y, _ = legendre.leggauss(len(y.weights))
+    points_x, _ = _gauss(len(x.weights))
+    points_y, _ = _gauss(len(y.weights))
     shape_x = free_free_mode(nodal_lines).shape((points_x + 1.0) / 2.0)
     shape_y = np.cos(pi * points_y / 2.0)
     target = np.kron(x.value.T @ (x.weights * shape_x), y.value.T @ (y.weights * shape_y))

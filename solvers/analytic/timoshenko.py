@@ -136,7 +136,7 @@ def _scanned(beam: Beam, left: str, right: str, count: int) -> list[float]:
     """Roots below the cut-off, at most `count`: sign changes over the bending wavenumber."""
     cutoff = 1.0 / sqrt(beam.flexibility * beam.rotation)
     found: list[float] = []
-    start, width = LOWEST, STEP * 16
+    start, width = LOWEST, STEP * 4
     while len(found) < count:
         wavenumbers = np.arange(start, start + width + STEP / 2, STEP)
         omegas = [omega for omega in (_omega_of(float(a), beam) for a in wavenumbers) if omega < cutoff]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from math import nan
 
@@ -14,6 +13,7 @@ import pytest
 
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from solvers.analytic import ritz_plates, timoshenko
 from solvers.analytic.plates import levy_hz
 from solvers.analytic.predesign import (
     fewest_nodal_lines,
@@ -131,14 +131,15 @@ def test_sizing_chart_falls_with_height_and_rises_with_lines():
     assert np.all(np.diff(chart.zone_hz) > 0)
 
 
-def test_below_50_ms_of_computing():
+def test_work_stays_that_of_an_instant_answer(monkeypatch: pytest.MonkeyPatch):
+    """Three dense solves and a few hundred 4 x 4 determinants; `make bench` prints the time they take."""
+    solved, determinants = [], []
+    eigh, characteristic = ritz_plates.eigh, timoshenko.characteristic
+    monkeypatch.setattr(ritz_plates, "eigh", lambda k, m, **kept: solved.append(len(k)) or eigh(k, m, **kept))
+    monkeypatch.setattr(timoshenko, "characteristic", lambda *told: determinants.append(1) or characteristic(*told))
     predesign(DESIGN)
-    spent = []
-    for _ in range(7):
-        start = time.process_time()
-        predesign(DESIGN)
-        spent.append(time.process_time() - start)
-    assert min(spent) < 0.050
+    assert len(solved) == 3 and max(solved) <= 250
+    assert 20 <= len(determinants) <= 400
 
 
 def test_imports_neither_cad_nor_vtk_nor_meshers():
