@@ -23,6 +23,7 @@ SHOWING = (
         "comparison",
         "outputs",
         "study_commands",
+        "script_*",
         "doctor",
         "logs",
         "house",

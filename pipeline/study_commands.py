@@ -4,24 +4,66 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pipeline import house
+from pipeline.case_run import Job
 from pipeline.errors import InputFault, NotAvailable
-from pipeline.study_file import load_study
+from pipeline.study_file import find_study, load_study
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A study of either kind: its cases, what computes one, what to write at the end."""
+
+    name: str
+    jobs: Callable[[], Sequence[Job]]
+    computer: Callable[[], Any]
+    about: dict[str, Any]
+    conclude: Callable[[Path], Sequence[Path]]
+
+
+def _task(path_or_name: str) -> _Task:
+    from pipeline import script_study
+
+    if script := script_study.load_script(find_study(path_or_name)):
+        return _Task(
+            script.name,
+            lambda: script_study.jobs_of(script),
+            lambda: script_study.computer(script),
+            {"name": script.name, "script": script.script},
+            lambda folder: script_study.conclude(script, folder),
+        )
+    study = load_study(path_or_name)
+
+    def jobs() -> Sequence[Job]:
+        from pipeline import steps
+
+        return steps.jobs_of(study)
+
+    def computer() -> Any:
+        from pipeline import steps
+
+        return steps.computer(study)
+
+    about = {"name": study.name, "case": study.case_path.name, "measure": list(study.measure)}
+    return _Task(study.name, jobs, computer, about, _table_and_report)
 
 
 def run(arguments: Namespace) -> int:
     """A batch study: plan, compute what is missing, write the table and the report."""
-    from pipeline import runner, steps
+    from pipeline import runner
     from pipeline.lock import StudyBusy
     from pipeline.progress import Progress
     from pipeline.runner import Options
 
-    study = load_study(arguments.study)
-    folder = house.RESULTS / study.name
-    jobs = steps.jobs_of(study)
+    task = _task(arguments.study)
+    folder = house.RESULTS / task.name
+    jobs = task.jobs()
     options = Options(
         jobs=arguments.jobs,
         executor=_executor(arguments.scheduler),
@@ -30,28 +72,30 @@ def run(arguments: Namespace) -> int:
         dry_run=arguments.dry_run,
     )
     try:
-        about = {"name": study.name, "case": study.case_path.name, "measure": list(study.measure)}
         progress = Progress(arguments.quiet)
-        outcome = runner.run_study(jobs, steps.computer(study), folder, options, progress, about)
+        outcome = runner.run_study(jobs, task.computer(), folder, options, progress, task.about)
     except StudyBusy as fault:
         raise InputFault(str(fault)) from fault
     if arguments.dry_run:
         for planned in outcome.plan:
             print(f"{planned.case_id}: {'would run, ' + planned.why if planned.why else 'stands'}")
         return 0
-    _conclude(folder, arguments.quiet)
+    _tell(task.conclude(folder), arguments.quiet)
     for end in outcome.failed:
         print(f"antinode: case {end.case_id} failed: {end.diagnosis}", file=sys.stderr)
     return outcome.exit_code
 
 
-def _conclude(folder: Path, quiet: bool) -> None:
+def _table_and_report(folder: Path) -> Sequence[Path]:
     from pipeline import report, tables
 
-    table = tables.write_table(folder)
-    page = report.build(folder)
+    return [tables.write_table(folder), report.build(folder)]
+
+
+def _tell(paths: Sequence[Path], quiet: bool) -> None:
     if not quiet:
-        print(f"table  {table}\nreport {page}")
+        for path in paths:
+            print(f"{'report' if path.suffix == '.html' else 'table '} {path}")
 
 
 def _executor(address: str | None) -> Executor | None:
@@ -71,12 +115,11 @@ def _executor(address: str | None) -> Executor | None:
 
 def report(arguments: Namespace) -> int:
     """Rebuild table, pictures and page from what is stored."""
-    if arguments.study in ("accuracy", "extremes"):
-        raise NotAvailable(f"report {arguments.study} is not part of this version yet; `make bench` comes with it")
-    folder = house.RESULTS / load_study(arguments.study).name
+    task = _task(arguments.study)
+    folder = house.RESULTS / task.name
     if not (folder / "cases.json").exists():
         raise InputFault(
             f"{arguments.study}: no results under {folder.name}; run it first: antinode run {arguments.study}"
         )
-    _conclude(folder, arguments.quiet)
+    _tell(task.conclude(folder), arguments.quiet)
     return 0

@@ -1,4 +1,7 @@
-"""table.csv: one row per case, no times, the same bytes for the same records."""
+"""table.csv: one row per case, the same bytes from one run of a study to the next.
+
+So it holds no times, and nothing of pytetwild's meshes, which differ from run to run: the page shows those.
+"""
 
 from __future__ import annotations
 
@@ -83,8 +86,6 @@ MEASURES = (
     Column("cluster_modes", "modes sharing the shape", lambda case: len(case.wanted.get("cluster") or []) or None, "d"),
     Column("cluster_spread_hz", "their spread", _cluster_spread, ".2f", "Hz"),
     Column("count_check", "count check", _count_check),
-    Column("tet_hz", "wanted mode, tetrahedra", _part("tet_modes", "frequency_hz"), ".2f", "Hz"),
-    Column("tet_difference", "tetrahedra against hexahedra", _part("tet_modes", "relative_difference"), ".2e"),
     Column("gap_lower_hz", "gap from", _gap("lower_hz"), ".2f", "Hz"),
     Column("gap_upper_hz", "gap to", _gap("upper_hz"), ".2f", "Hz"),
     Column("bending_m_1_hz", "bending at M, first", _bending(0), ".2f", "Hz"),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -20,7 +21,9 @@ from solvers.fem.factor import Factor, Factoriser
 
 RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not returned
 ORTHONORMAL = 1e-8
-RIGID = 1e-9  # an elastic eigenvalue lies above this share of the pencil's norm ratio
+RIGID = (1e-12, 1e-13, 1e-14, 1e-15)  # shares of the pencil's norm ratio tried as the floor above rigid motions
+LOST = 0.02  # relative error of a frequency by rounding above which it is refused
+EPSILON = float(np.finfo(float).eps)
 SLICE = 120  # eigenpairs a shift at most: Lanczos vectors and their orthogonalisation stay cheap
 NUDGE = 1e-7  # relative move of a shift that fell on an eigenvalue
 
@@ -91,12 +94,14 @@ class Count:
 class Modes:
     """Elastic modes in ascending order.
 
-    frequency_hz (k,), vectors (dof, k) M-orthonormal in the scaled units of the pencil, residual (k,).
+    frequency_hz (k,), vectors (dof, k) M-orthonormal in the scaled units of the pencil, residual (k,), rounding (k,):
+    estimated relative error of each frequency by the rounding of K, eps |x|'|K||x| / (2 lambda).
     """
 
     frequency_hz: FloatArray
     vectors: FloatArray
     residual: FloatArray
+    rounding: FloatArray
     count: Count
     rigid_count: int
     factorisations: int
@@ -109,8 +114,8 @@ def modes_in_band(
     solver = _Solver(pencil, backend)
     scale = pencil.scale
     low, high = scale.eigenvalue(low_hz), scale.eigenvalue(high_hz)
-    low = max(low, solver.rigid_limit) if pencil.rigid_count else low
-    below_low = max(solver.count_below(low), pencil.rigid_count) if low > 0.0 else pencil.rigid_count
+    low = max(low, solver.rigid_limit)
+    below_low = solver.count_below(low) if low > 0.0 else 0
     values, vectors = solver.between(low, high, below_low, solver.count_below(high))
     return solver.proven(values, vectors, low, high, below_low)
 
@@ -124,16 +129,20 @@ def modes_near(pencil: SymmetricPencil, near_hz: float, count: int, backend: str
     while True:
         values, vectors = solver.nearest(target, min(wanted + pencil.rigid_count, pencil.dof))
         elastic = values > solver.rigid_limit
+        if not pencil.rigid_count and not elastic.all():
+            raise SolverError("an eigenvalue below zero: rounding hides the lowest modes of so slender a body")
         kept, low, high = _closed_interval(values[elastic], target, count, pencil, solver.rigid_limit)
         if kept is not None or wanted >= pencil.dof:
             break
         wanted += max(4, count // 4)
     if kept is None:
         raise CountMismatch(f"no gap ends the cluster of modes near {near_hz:.1f} Hz; ask for a band instead")
-    below = max(solver.count_below(low), pencil.rigid_count)
+    below = solver.count_below(low) if low > 0.0 else 0
     values, vectors = values[elastic][kept], vectors[:, elastic][:, kept]
     if solver.count_below(high) - below != len(values):
         values, vectors = solver.between(low, high, below, solver.count_below(high))
+    if len(values) < count:
+        raise CountMismatch(f"{len(values)} of {count} modes near {near_hz:.6g} Hz stand up to the count by inertia")
     return solver.proven(values, vectors, low, high, below)
 
 
@@ -144,7 +153,7 @@ def lowest_values(pencil: SymmetricPencil, count: int, multiplicity: int = 1) ->
     """
     solver = _Solver(pencil, None)
     size = count * multiplicity
-    shift = -solver.rigid_limit * 1e6
+    shift = -1e-6 * solver.norm_ratio
     factor, shift = solver.factor(shift)
     if factor.negative:
         raise SolverError(f"{factor.negative} eigenvalue(s) below zero: the stiffness is not positive")
@@ -199,12 +208,29 @@ class _Solver:
         self.factorisations = 0
         self.stiffness_norm = float(abs(pencil.stiffness).sum(axis=0).max())
         self.mass_norm = float(abs(pencil.mass).sum(axis=0).max())
-        self.rigid_limit = RIGID * self.stiffness_norm / self.mass_norm * 1e-3
+        self.norm_ratio = self.stiffness_norm / self.mass_norm
+
+    @cached_property
+    def rigid_limit(self) -> float:
+        """A floor between rigid motions and elastic modes, proven by a count; 0 where nothing moves rigidly."""
+        if not self.pencil.rigid_count:
+            return 0.0
+        counts = []
+        for share in RIGID:
+            counts.append(self.count_below(share * self.norm_ratio))
+            if counts[-1] == self.pencil.rigid_count:
+                return share * self.norm_ratio
+        raise SolverError(
+            f"{counts[0]} eigenvalues lie where {self.pencil.rigid_count} rigid motions are expected: the lowest modes are "
+            "too soft to be told from rounding; the body is too slender for one solid mesh, or its parts do not hang together"
+        )
 
     def factor(self, shift: float) -> tuple[Factor, float]:
         """Factor of K - shift M, and the shift really used: a singular one is moved."""
         for attempt in range(6):
-            moved = shift * (1.0 + attempt * NUDGE * 3.0**attempt) + attempt * self.rigid_limit
+            moved = shift * (1.0 + attempt * NUDGE * 3.0**attempt) + attempt * RIGID[0] * self.norm_ratio * (
+                shift == 0.0
+            )
             try:
                 matrix = sp.csc_array(self.pencil.stiffness - moved * self.pencil.mass)
                 self.factorisations += 1
@@ -223,7 +249,7 @@ class _Solver:
         """About `count` eigenpairs nearest to the target, ascending; no promise of completeness."""
         if count >= self.pencil.dof - 1:
             return self._dense()
-        factor, shift = self.factor(target if target > 0.0 else -self.rigid_limit * 1e3)
+        factor, shift = self.factor(target if target > 0.0 else -1e-9 * self.norm_ratio)
         return self.lanczos(factor.solve, shift, count)
 
     def _dense(self) -> tuple[FloatArray, FloatArray]:
@@ -338,13 +364,27 @@ class _Solver:
                 f"residual {residual.max(initial=0.0):.1e} (allowed {RESIDUAL:.0e}), "
                 f"orthonormality {gram:.1e} (allowed {ORTHONORMAL:.0e}): refine the mesh or move the band"
             )
+        rounding = self._rounding(values, vectors)
         ends = scale.frequency(np.array([low, high]))
         expected = self.count_below(high) - below_low
         count = Count(float(ends[0]), float(ends[1]), expected, len(values))
         if expected != len(values):
             raise CountMismatch(self._mismatch(low, high, expected, len(values)))
         frequency = scale.frequency(values)
-        return Modes(frequency, vectors, residual, count, self.pencil.rigid_count, self.factorisations)
+        return Modes(frequency, vectors, residual, rounding, count, self.pencil.rigid_count, self.factorisations)
+
+    def _rounding(self, values: FloatArray, vectors: FloatArray) -> FloatArray:
+        """eps |x|'|K||x| / (2 lambda) a mode (a change of K by its own rounding, to first order). SolverError if too large."""
+        if not len(values):
+            return np.empty(0)
+        size = np.abs(vectors)
+        rounding = EPSILON * np.einsum("ik,ik->k", size, abs(self.pencil.stiffness) @ size) / (2.0 * np.abs(values))
+        if rounding.max() > LOST:
+            raise SolverError(
+                f"rounding alone changes a frequency by {100.0 * rounding.max():.2g} % (allowed {100.0 * LOST:.0f} %): "
+                "the body is too slender or its materials are too unlike for one solid mesh; use plate or beam theory"
+            )
+        return np.asarray(rounding)
 
 
 def _middle(low: float, high: float) -> float:

@@ -1,0 +1,113 @@
+"""The page of a scripted study: sections of words, tables and pictures; each table also as CSV, and all as Markdown."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipeline import plots, store
+
+TEMPLATES = Path(__file__).with_name("templates")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text or numbers under headings; `name` is its CSV file."""
+
+    name: str
+    headings: Sequence[str]
+    rows: Sequence[Sequence[Any]]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading, paragraphs, tables and functions that draw pictures."""
+
+    heading: str
+    words: Sequence[str] = ()
+    tables: Sequence[Table] = ()
+    drawings: Sequence[Callable[[], plots.Drawing]] = ()
+
+
+@dataclass(frozen=True)
+class Page:
+    """What a script concludes."""
+
+    sections: Sequence[Section] = field(default_factory=list)
+
+
+def write_page(folder: Path, name: str, title: str, lead: str, page: Page) -> list[Path]:
+    """Write CSV files, pictures, report.html and report.md; returns the tables and the page."""
+    written = []
+    shown = []
+    for section in page.sections:
+        for table in section.tables:
+            path = folder / f"{table.name}.csv"
+            store.write_atomic(path, _csv(table).encode())
+            written.append(path)
+        with plots.style():
+            pictures = [plots.save(draw(), folder / plots.PICTURES) for draw in section.drawings]
+        shown.append((section, [(picture, _data(folder, picture)) for picture in pictures]))
+    html = folder / "report.html"
+    store.write_atomic(html, _html(name, title, lead, shown).encode())
+    store.write_atomic(folder / "report.md", markdown(title, lead, page).encode())
+    return [*written, html]
+
+
+def markdown(title: str, lead: str, page: Page) -> str:
+    """The words and tables as Markdown, without pictures."""
+    lines = [f"# {title}", "", lead, ""]
+    for section in page.sections:
+        lines += [f"## {section.heading}", ""]
+        for words in section.words:
+            lines += [words, ""]
+        for table in section.tables:
+            lines.append("| " + " | ".join(table.headings) + " |")
+            lines.append("|" + "---|" * len(table.headings))
+            lines += ["| " + " | ".join(text(value).replace("|", "\\|") for value in row) + " |" for row in table.rows]
+            lines.append("")
+    return "\n".join(lines)
+
+
+def text(value: Any) -> str:
+    """A cell as text: numbers to five digits, nothing as a dash."""
+    if value is None or value == "":
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.2e}" if value != 0.0 and not 1e-3 <= abs(value) < 1e7 else f"{value:.6g}"
+    return str(value)
+
+
+def _csv(table: Table) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(table.headings)
+    writer.writerows([["" if value is None else value for value in row] for row in table.rows])
+    return out.getvalue()
+
+
+def _data(folder: Path, picture: plots.Picture) -> str:
+    data = (folder / plots.PICTURES / picture.shown).read_bytes()
+    kind = {"svg": "image/svg+xml", "webp": "image/webp"}.get(picture.shown.rsplit(".", 1)[-1], "image/png")
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def _html(name: str, title: str, lead: str, shown: list[Any]) -> str:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    template = environment.get_template("script.html.j2")
+    return template.render(name=name, title=title, lead=lead, sections=shown, text=text, folder=plots.PICTURES)
