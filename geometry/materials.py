@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from geometry.errors import GeometryError
+
 
 @dataclass(frozen=True)
 class Material:
     """An isotropic linear elastic solid.
 
-    Units: young_pa in Pa, density_kg_m3 in kg/m3, poisson without unit.
+    Units: young_pa in Pa, density_kg_m3 in kg/m3, poisson without unit, between -1 and 0.5 with both excluded (a
+    displacement element cannot hold the volume). Raises GeometryError for anything else.
     """
 
     name: str
@@ -17,6 +20,13 @@ class Material:
     density_kg_m3: float
     poisson: float
     source: str = "given in the case file"
+
+    def __post_init__(self) -> None:
+        if not (self.young_pa > 0.0 and self.density_kg_m3 > 0.0 and -1.0 < self.poisson < 0.5):
+            raise GeometryError(
+                f"material {self.name}: E = {self.young_pa:g} Pa, density = {self.density_kg_m3:g} kg/m3, "
+                f"nu = {self.poisson:g}: E and density must be above 0, nu between -1 and 0.5, both excluded"
+            )
 
     @property
     def shear_pa(self) -> float:

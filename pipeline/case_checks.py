@@ -118,6 +118,17 @@ def check_thickness(good: Values, step: StepPillar | None) -> Iterator[Fault]:
         )
 
 
+def check_not_a_block(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+    """The plate is thinner than its zone is wide; else a unit was mistaken."""
+    thickness, width = good.get("plate.thickness_mm"), good.get("zone.width_mm")
+    if thickness is not None and width is not None and thickness > width:
+        yield (
+            "plate.thickness_mm",
+            thickness,
+            f"must be at most zone.width_mm = {width:g}: a plate, not a block (lengths are in mm)",
+        )
+
+
 def check_rows(good: Values, step: StepPillar | None) -> Iterator[Fault]:
     """Rows need a pillar and a pitch."""
     rows = good.get("array.rows")
@@ -168,6 +179,7 @@ CHECKS: tuple[Callable[[Values, StepPillar | None], Iterator[Fault]], ...] = (
     check_zone_width,
     check_row_fits,
     check_thickness,
+    check_not_a_block,
     check_rows,
     check_solve,
     check_path,

@@ -19,6 +19,8 @@ from solvers.fem.solid import SolidModel
 from solvers.fem.surface import Skin
 from solvers.superelement.build import PlateModel, Reductions
 
+LOCKING = 0.45  # Poisson's ratio
+
 
 class PartModel(Protocol):
     """A body whose modes are solved mirror class by mirror class."""
@@ -81,9 +83,10 @@ def check_model(case: Case, box: bool) -> None:
 
 
 def _solid(
-    case: Case, what: str, mesh: Mesh, clamped: tuple[str, ...], mirrored: bool, meshes: list[dict[str, Any]]
+    case: Case, what: str, mesh: Mesh, clamped: tuple[str, ...], mirrored: bool, meshes: list[dict[str, Any]], log: Log
 ) -> SolidModel:
     meshes.append(mesh_record(what, mesh))
+    warn_of_locking(case.design, mesh, log)
     pillar = case.design.pillar
     materials = {
         "plate": case.design.material,
@@ -91,6 +94,17 @@ def _solid(
         "body": case.design.material,
     }
     return SolidModel(mesh, materials, clamped, mirrored)
+
+
+def warn_of_locking(design: Design, mesh: Mesh, log: Log) -> None:
+    """Say where displacement elements are known to be too stiff (`antinode report extremes` has the measurement)."""
+    stiffest = max(design.material.poisson, design.pillar.material.poisson if design.pillar else -1.0)
+    if mesh.kind == "tet" and mesh.order == 2 and stiffest > LOCKING:
+        log.alarm(
+            "LOCKING", f"nu = {stiffest:g}: quadratic tetrahedra lock above {LOCKING:g}; hexahedra of order 4 do not"
+        )
+    if mesh.order == 1:
+        log.alarm("ORDER_1", "elements of order 1 are far too stiff in bending: kept for comparison only")
 
 
 def _hex(boxes: Any, settings: HexSettings) -> Mesh:
@@ -102,11 +116,11 @@ def _zone(case: Case, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
     if case.solve.mesh == "tet":
         from pipeline.tet_parts import tet_zone
 
-        return _solid(case, "zone", tet_zone(design, accuracy, log), ("y+",), True, meshes)
+        return _solid(case, "zone", tet_zone(design, accuracy, log), ("y+",), True, meshes, log)
     settings = planner.zone_settings(design, accuracy)
     log.left_out("CAD and tetrahedra", "the zone is a box")
     mesh = _hex(zone_boxes(design, settings), settings)
-    return _solid(case, "zone", mesh, ("y+",), True, meshes)
+    return _solid(case, "zone", mesh, ("y+",), True, meshes, log)
 
 
 def _pillar(case: Case, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
@@ -115,10 +129,10 @@ def _pillar(case: Case, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
     if case.solve.mesh == "tet" or not design.pillar.is_box:
         from pipeline.tet_parts import tet_pillar
 
-        return _solid(case, "pillar", tet_pillar(design, accuracy, log), ("foot",), False, meshes)
+        return _solid(case, "pillar", tet_pillar(design, accuracy, log), ("foot",), False, meshes, log)
     settings = planner.pillar_settings(design, accuracy)
     log.left_out("CAD and tetrahedra", "the pillar is a box")
-    return _solid(case, "pillar", _hex(pillar_boxes(design.pillar, settings), settings), ("touch",), True, meshes)
+    return _solid(case, "pillar", _hex(pillar_boxes(design.pillar, settings), settings), ("touch",), True, meshes, log)
 
 
 def _plate(case: Case, high_hz: float, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
@@ -133,11 +147,11 @@ def _plate(case: Case, high_hz: float, log: Log, meshes: list[dict[str, Any]]) -
         from pipeline.tet_parts import tet_plate
 
         mesh, mirrored = tet_plate(design, solve.accuracy, log)
-        return _solid(case, "plate", mesh, (), mirrored, meshes)
+        return _solid(case, "plate", mesh, (), mirrored, meshes, log)
     log.left_out("CAD and tetrahedra", "the scene is made of boxes")
     if solve.model == "solid":
         settings = planner.solid_plate_settings(design, solve.accuracy)
-        return _solid(case, "plate", _hex(plate_boxes(design, settings), settings), (), True, meshes)
+        return _solid(case, "plate", _hex(plate_boxes(design, settings), settings), (), True, meshes, log)
     return _joined(design, solve.accuracy, high_hz, log)
 
 
