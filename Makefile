@@ -49,7 +49,9 @@ firmware: $(TABLE)  ## the STM32F446 image from the exported mode table
 	@$(BIN)/python -m firmware.build --table $(TABLE)
 
 bench: $(READY)  ## error against run time
-	@$(BIN)/antinode report accuracy
+	@$(BIN)/antinode run accuracy --jobs 1
+	@$(BIN)/antinode run extremes --jobs 1
+	@$(BIN)/python -m studies.benchmarks
 
 clean:  ## what the others made, never results/reference
 	@rm -rf firmware/build firmware/generated .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache build *.egg-info

@@ -1,0 +1,320 @@
+"""Error against run time and memory: every model and mesh of the ladder against a stated finer reference."""
+
+from __future__ import annotations
+
+import resource
+import statistics
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geometry.errors import GeometryError, MeshError
+from pipeline import plots
+from pipeline.mess import Mess
+from pipeline.script_page import Page, Section, Table
+from solvers.errors import SolverError
+from studies import ladder
+
+TITLE = "Error against run time"
+LEAD = (
+    "The parts of the reference design by every model, element and order: relative error against a finer computation, "
+    "beside the wall time (median of repeats, one process, two threads, meshing included) and the memory it took."
+)
+REPEAT_BELOW_S = 3.0
+TARGETS = (0.03, 0.01, 0.003, 0.001)
+QUANTITIES = {
+    "zone": ("zone",),
+    "pillar": ("pillar",),
+    "cell": ("bending at M", "bending at G", "first at X", "gap lower edge", "gap upper edge"),
+    "plate": ("plate",),
+}
+NAMES = {
+    "zone": "Zone between clamped sides, mode (0, N)",
+    "pillar": "Lone pillar, first bending",
+    "plate": "Plate of one row and 5 mm, wanted mode",
+    "bending at M": "Cell, pillars' bending at M",
+    "bending at G": "Cell, bands 4 and 5 at Γ",
+    "first at X": "Cell, first band at X",
+    "gap lower edge": "Cell, lower edge of the gap (M)",
+    "gap upper edge": "Cell, upper edge of the gap (Γ)",
+}
+REFERENCES: dict[str, list[dict[str, Any]]] = {
+    "zone": [_r for n in (2, 3, 4) for _r in [{"model": "hex", "order": 4, "size_mm": 10.0, "layers": n}]],
+    "pillar": [
+        _r for n in (2, 3, 4) for _r in [{"model": "hex", "order": 4, "size_mm": 2.0, "along_mm": 3.15, "layers": n}]
+    ],
+    "cell": [
+        _r for n in (2, 3, 4) for _r in [{"model": "quarter", "order": 4, "size_mm": 2.0, "along_mm": 3.15, "layers": n}]
+    ],
+    "plate": [
+        {
+            "model": "superelement", "degrees": (6, 3), "modes_over_band": 12.0, "order": 4, "size_mm": 4.0,
+            "along_mm": 3.15, "layers": n,
+        }
+        for n in (1, 2, 3)
+    ],
+}  # fmt: skip
+
+
+def _hex(order: int, size: float, layers: int = 0, along: float | None = None, model: str = "hex") -> dict[str, Any]:
+    rung = {"model": model, "order": order, "size_mm": size, "layers": layers}
+    return rung | ({"along_mm": along} if along else {})
+
+
+def _tet(order: int, size: float, model: str = "tet") -> dict[str, Any]:
+    return {"model": model, "order": order, "size_mm": size}
+
+
+def _joined(order: int, layers: int, degrees: tuple[int, int]) -> dict[str, Any]:
+    return {**_hex(order, 4.0, layers, 3.15, "superelement"), "degrees": degrees, "modes_over_band": 9.0}
+
+
+def rungs() -> dict[str, list[dict[str, Any]]]:
+    """What is measured, part by part, the cheap ones first."""
+    return {
+        "zone": [
+            *({"model": "analytic", "theory": theory} for theory in ("thin_clamped_hz", "clamped_hz")),
+            *(_hex(1, size) for size in (4.0, 2.0, 1.0)),
+            *(_hex(2, size) for size in (8.0, 4.0, 2.0, 1.0)),
+            *(_hex(3, size) for size in (10.0, 5.0, 2.5)),
+            *(_hex(4, size) for size in (10.0, 5.0, 2.5)),
+            *(_hex(order, 10.0 if order > 2 else 4.0, layers) for order in (2, 3, 4) for layers in (1, 2, 3)),
+            *(_tet(1, size) for size in (2.0, 1.0)),
+            *(_tet(2, size) for size in (4.0, 2.0, 1.3)),
+        ],
+        "pillar": [
+            *({"model": "analytic", "theory": theory} for theory in ("euler", "timoshenko")),
+            *(_hex(1, size) for size in (1.0, 0.5, 0.25)),
+            *(_hex(2, size) for size in (1.0, 0.5, 0.25)),
+            *(_hex(3, size, 0, 2.1) for size in (1.0, 0.5)),
+            *(_hex(4, size, 0, 3.15) for size in (1.0, 0.5)),
+            *(_hex(order, 2.0, layers, 3.15 if order > 2 else 1.05) for order in (2, 3, 4) for layers in (1, 2, 3)),
+            *(_tet(1, size) for size in (1.0, 0.5)),
+            *(_tet(2, size) for size in (2.0, 1.0, 0.5)),
+        ],
+        "cell": [
+            *(_hex(1, size, 0, None, "solid") for size in (1.0, 0.5)),
+            *(_hex(2, size, 0, None, "solid") for size in (2.0, 1.0, 0.5)),
+            *(_hex(order, 2.0, 0, 3.15, "solid") for order in (3, 4)),
+            *(_hex(2, 2.0, 2, 2.1, "solid"), _hex(3, 2.0, 1, 3.15, "solid"), _hex(3, 2.0, 2, 3.15, "solid")),
+            _hex(4, 2.0, 1, 3.15, "solid"),
+            *(_hex(order, 2.0, layers, 3.15, "superelement") for order in (2, 3, 4) for layers in (0, 1, 2)),
+            _hex(4, 2.0, 3, 3.15, "superelement"),
+            _tet(1, 0.5, "superelement tet"),
+            *(_tet(2, size, "superelement tet") for size in (1.0, 0.67, 0.5)),
+        ],
+        "plate": [
+            {"model": "analytic", "theory": "frequency_hz"},
+            *(_hex(order, 4.0, 0, 3.15, "solid") for order in (2, 3, 4)),
+            _hex(2, 2.0, 0, 3.15, "solid"),
+            _hex(2, 4.0, 1, 3.15, "solid"),
+            _hex(3, 4.0, 1, 3.15, "solid"),
+            *(_joined(order, layers, (4, 3)) for order, layers in ((2, 1), (3, 0), (3, 1), (3, 2), (4, 2))),
+            _joined(3, 2, (6, 3)),
+            _tet(2, 2.0),
+        ],
+    }  # fmt: skip
+
+
+def cases() -> list[tuple[str, dict[str, Any]]]:
+    """References first, then every rung."""
+    listed = [
+        (f"reference,{part},{level}", {"part": part, "rung": rung, "role": "reference", "level": level})
+        for part, found in REFERENCES.items()
+        for level, rung in enumerate(found)
+    ]
+    for part, found in rungs().items():
+        listed += [(f"{part},{name(rung)}", {"part": part, "rung": rung, "role": "rung"}) for rung in found]
+    return listed
+
+
+def name(rung: dict[str, Any]) -> str:
+    """A rung in a word, such as superelement-hex3,2mm,layers=2."""
+    if rung["model"] == "analytic":
+        return f"analytic-{rung['theory']}"
+    element = "tet" if "tet" in rung["model"] else "hex"
+    model = "" if rung["model"] in ("hex", "tet", "solid") else rung["model"].split()[0] + "-"
+    degrees = "" if "degrees" not in rung else f",degrees={rung['degrees'][0]}"
+    layers = f",layers={rung['layers']}" if rung.get("layers") else ""
+    return f"{model}{element}{rung['order']},{rung['size_mm']:g}mm{layers}{degrees}"
+
+
+def compute(parameters: dict[str, Any], folder: Path, log: Mess) -> dict[str, Any]:
+    """Values of one rung, the median of its wall times, and the memory it took above what was there before."""
+    part, rung = parameters["part"], parameters["rung"]
+    rung = {**rung, "degrees": tuple(rung["degrees"])} if "degrees" in rung else rung
+    ladder.design()
+    solve = ladder.PARTS[part]
+    before = _restart_peak()
+    start = time.perf_counter()
+    try:
+        values, dof = solve(rung)
+    except (SolverError, GeometryError, MeshError, MemoryError) as refusal:
+        return {"refused": " ".join(str(refusal).split()), "values": {}, "dof": None}
+    seconds = [time.perf_counter() - start]
+    peak = max(_peak() - before, 0)
+    while parameters["role"] == "rung" and len(seconds) < 3 and sum(seconds) < REPEAT_BELOW_S:
+        start = time.perf_counter()
+        solve(rung)
+        seconds.append(time.perf_counter() - start)
+    log.info(f"{values}, {dof} unknowns, {statistics.median(seconds):.3f} s, {peak / 1e6:.0f} MB")
+    measured = {"seconds": statistics.median(seconds), "repeats": len(seconds), "peak_bytes": peak}
+    return {"values": values, "dof": dof, "measured": measured}
+
+
+def _restart_peak() -> int:
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+    return _status("VmRSS")
+
+
+def _peak() -> int:
+    return _status("VmHWM")
+
+
+def _status(key: str) -> int:
+    with suppress(OSError, StopIteration, ValueError):
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return 1024 * int(next(line for line in lines if line.startswith(key)).split()[1])
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def extrapolated(levels: list[float]) -> tuple[float, float]:
+    """Limit of three refinements and its uncertainty: Aitken's step, and the step itself (aitken1926).
+
+    Where the differences do not shrink, the last value and the last difference.
+    """
+    first, second, third = levels
+    d1, d2 = second - first, third - second
+    if d1 == d2 or not abs(d2) < abs(d1):
+        return third, abs(d2)
+    limit = third - d2 * d2 / (d2 - d1)
+    return limit, abs(limit - third)
+
+
+def references(records: list[dict[str, Any]]) -> dict[str, tuple[float, float]]:
+    """Reference and uncertainty of every quantity whose three levels were computed."""
+    levels: dict[str, list[float]] = {}
+    for record in records:
+        if record["parameters"]["role"] == "reference":
+            for quantity, value in (record.get("values") or {}).items():
+                levels.setdefault(quantity, []).append(value)
+    return {quantity: extrapolated(values) for quantity, values in levels.items() if len(values) == 3}
+
+
+def conclude(records: list[dict[str, Any]]) -> Page:
+    """The references, the cheapest way to each accuracy, and a table and picture per quantity."""
+    known = references(records)
+    rows = [[NAMES.get(q, q), value, spread, spread / abs(value)] for q, (value, spread) in known.items()]
+    headings = ("quantity", "reference (Hz or dB)", "uncertainty", "relative")
+    words = (
+        "Order 4 with two, three and four layers of elements graded towards the singular edges (the plate: one, two, three, "
+        "through the superelement), carried to the limit; the uncertainty is that last step.",
+    )
+    sections = [
+        Section("The cheapest way to an accuracy", (), [_cheapest(records, known)]),
+        Section("References", words, [Table("references", headings, rows)]),
+    ]
+    for part, quantities in QUANTITIES.items():
+        for quantity in quantities:
+            if quantity in known:
+                sections.append(_section(part, quantity, records, known[quantity]))
+    return Page(sections)
+
+
+def _measured(part: str, quantity: str, records: list[dict[str, Any]], reference: tuple[float, float]) -> list[Any]:
+    """(record, error) of every rung of a part; None where it gave no value."""
+    out = []
+    for record in records:
+        if record["parameters"]["part"] == part and record["parameters"]["role"] == "rung":
+            value = (record.get("values") or {}).get(quantity)
+            out.append((record, None if value is None else value / reference[0] - 1.0))
+    return out
+
+
+def _section(part: str, quantity: str, records: list[dict[str, Any]], reference: tuple[float, float]) -> Section:
+    found = _measured(part, quantity, records, reference)
+    rows = []
+    for record, error in found:
+        measured = record.get("measured") or {}
+        peak = measured.get("peak_bytes")
+        value = (record.get("values") or {}).get(quantity)
+        told = record.get("refused") or ("" if record["status"] == "OK" else record["diagnosis"])
+        rung = name(record["parameters"]["rung"])
+        megabytes = None if peak is None else peak / 1e6
+        rows.append([rung, record.get("dof"), value, error, measured.get("seconds"), megabytes, told])
+    headings = ("model", "unknowns", "value (Hz)", "relative error", "time (s)", "memory (MB)", "note")
+    table = Table(quantity.replace(" ", "_"), headings, rows)
+    uncertainty = reference[1] / abs(reference[0])
+    drawings: list[Callable[[], plots.Drawing]] = [partial(_picture, quantity, found, uncertainty)]
+    return Section(NAMES[quantity], (), [table], drawings)
+
+
+def _cheapest(records: list[dict[str, Any]], known: dict[str, tuple[float, float]]) -> Table:
+    rows = []
+    for part, quantities in QUANTITIES.items():
+        for quantity in quantities:
+            if quantity not in known:
+                continue
+            row: list[Any] = [NAMES[quantity]]
+            found = _measured(part, quantity, records, known[quantity])
+            for target in TARGETS:
+                row.append(_best(found, target, known[quantity][1] / abs(known[quantity][0])))
+            rows.append(row)
+    return Table("cheapest", ("quantity", *(f"within {100 * t:g} %" for t in TARGETS)), rows)
+
+
+def _best(found: list[Any], target: float, uncertainty: float) -> str:
+    """The fastest rung within the target, the reference's own uncertainty counted against it."""
+    good = [(r["measured"]["seconds"], r) for r, e in found if e is not None and abs(e) + uncertainty <= target]
+    if not good:
+        return "none of these"
+    seconds, record = min(good, key=lambda pair: pair[0])
+    return f"{name(record['parameters']['rung'])} ({seconds:.2g} s)"
+
+
+def _family(rung: dict[str, Any]) -> str:
+    element = name(rung).split(",")[0]
+    if rung["model"] == "analytic":
+        return "analytic"
+    graded = " graded" if rung.get("layers") or "tet" in element else ""
+    return element + graded
+
+
+def _picture(quantity: str, found: list[Any], uncertainty: float) -> plots.Drawing:
+    figure = plots.new_figure(plots.WIDTH_IN, 3.6)
+    left, right = figure.subplots(1, 2, sharey=True)
+    families: dict[str, list[tuple[float, float, float]]] = {}
+    for record, error in found:
+        measured = record.get("measured")
+        if error is not None and measured:
+            point = (measured["seconds"], measured["peak_bytes"] / 1e6, max(abs(error), 1e-7))
+            families.setdefault(_family(record["parameters"]["rung"]), []).append(point)
+    for index, (family, points) in enumerate(families.items()):
+        seconds, memory, errors = np.array(sorted(points)).T
+        look = {
+            "marker": plots.MARKERS[index % len(plots.MARKERS)], "color": plots.CYCLE[index % len(plots.CYCLE)],
+            "linestyle": "--" if "superelement" in family else "-", "markersize": 4.0,
+        }  # fmt: skip
+        left.plot(seconds, errors, label=family, **look)
+        right.plot(np.maximum(memory, 0.1), errors, **look)
+    for axes, label in ((left, "wall time (s)"), (right, "memory (MB)")):
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_xlabel(label)
+        axes.grid(True)
+        axes.axhspan(1e-7, max(uncertainty, 1e-7), color=plots.GREY, alpha=0.25, lw=0)
+    left.set_ylabel("relative error")
+    left.set_ylim(bottom=max(uncertainty / 10.0, 1e-7))
+    figure.legend(loc="outside lower center", ncols=4, fontsize=7)
+    left.set_title(NAMES[quantity])
+    alt = (
+        f"{NAMES[quantity]}: relative error against wall time and memory for {', '.join(families)}; "
+        "shaded: the reference's own uncertainty"
+    )
+    return plots.Drawing(f"accuracy_{quantity.replace(' ', '_')}", NAMES[quantity], alt, figure, vector=True)

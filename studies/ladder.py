@@ -1,0 +1,189 @@
+"""The parts of the reference design by every model and mesh of the ladder: what each gives, in hertz."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from geometry import solids, tet_scenes
+from geometry.elements import FloatArray
+from geometry.hexmesh import HexSettings, cell_boxes, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
+from geometry.layout import Design
+from geometry.mesh import Mesh, check_mesh
+from geometry.tetmesh import TetOptions, tet_mesh
+from pipeline import planner
+from pipeline.case import load_case
+from pipeline.house import STUDIES
+from solvers.analytic.predesign import pillar_frequencies_hz, predesign
+from solvers.confinement import measure, wanted_parity
+from solvers.fem.assembly import assemble
+from solvers.fem.constraints import constrain, free_mask
+from solvers.fem.eigen import modes_in_band, modes_near
+from solvers.fem.solid import CLASSES, SolidModel
+from solvers.superelement.build import PlateModel, Recipe, Reductions, lattice_piece
+from solvers.superelement.interface import Interface
+from solvers.superelement.lattice import Lattice
+from solvers.waves.bloch import BlochCell
+
+WINDOW_HZ = (30e3, 38e3)  # where the wanted mode of the plate is looked for
+Values = dict[str, float]
+
+
+@cache
+def design() -> Design:
+    """The reference design: three rows, p = 4 mm."""
+    return load_case(STUDIES / "three-rows.toml").design
+
+
+def plate_design() -> Design:
+    """The yardstick plate: one row and 5 mm."""
+    return replace(design(), rows=1, extension_m=5e-3)
+
+
+def materials() -> dict[str, Any]:
+    """One material for every region."""
+    return dict.fromkeys(("plate", "pillar", "body"), design().material)
+
+
+def settings(rung: dict[str, Any]) -> HexSettings:
+    """Hexahedra of a rung; sizes in mm."""
+    return HexSettings(
+        rung["order"], 1e-3 * rung["size_mm"], rung.get("layers", 0), 0.15, 1e-3 * rung.get("along_mm", rung["size_mm"])
+    )
+
+
+def of_order(mesh: Mesh, order: int) -> Mesh:
+    """Quadratic tetrahedra as they are, or their corners alone."""
+    if order == mesh.order:
+        return mesh
+    used, cells = np.unique(mesh.cells[:, :4], return_inverse=True)
+    number = np.full(len(mesh.nodes), -1)
+    number[used] = np.arange(len(used))
+    faces = {name: number[face[:, :3]] for name, face in mesh.faces.items()}
+    return Mesh(mesh.nodes[used], cells.reshape(-1, 4), "tet", 1, mesh.regions, faces)
+
+
+def zone(rung: dict[str, Any]) -> tuple[Values, int]:
+    """The bare strip, sides clamped: mode (0, N)."""
+    d = design()
+    if rung["model"] == "analytic":
+        return {"zone": float(getattr(predesign(d).zone, rung["theory"]))}, 0
+    if rung["model"] == "tet":
+        mesh = of_order(tet_scenes.tet_zone(d, 1e-3 * rung["size_mm"], "xy"), rung["order"])
+    else:
+        mesh = hex_mesh(zone_boxes(d, settings(rung)), rung["order"])
+    model = SolidModel(check(mesh), materials(), ("y+",), True)
+    pencil = model.pencil(wanted_parity(d.nodal_lines))
+    modes = modes_near(pencil, 39.8e3, 3)
+    mac = measure(model.touch("++", modes.vectors), d, "++").mac
+    return {"zone": float(modes.frequency_hz[int(np.argmax(mac))])}, pencil.dof
+
+
+def pillar(rung: dict[str, Any]) -> tuple[Values, int]:
+    """The lone pillar, foot clamped: first bending."""
+    d = design()
+    assert d.pillar
+    if rung["model"] == "analytic":
+        return {"pillar": float(pillar_frequencies_hz(d.pillar, rung["theory"])[0])}, 0
+    if rung["model"] == "tet":
+        mesh = of_order(tet_scenes.tet_pillar(d.pillar, 1e-3 * rung["size_mm"]), rung["order"])
+        pencil = SolidModel(check(mesh), materials(), ("foot",), False).pencil(None)
+    else:
+        mesh = hex_mesh(pillar_boxes(d.pillar, settings(rung)), rung["order"])
+        pencil = SolidModel(check(mesh), materials(), ("touch",), True).pencil("-+")
+    return {"pillar": float(modes_near(pencil, 0.0, 1).frequency_hz[0])}, pencil.dof
+
+
+def points() -> dict[str, FloatArray]:
+    """Gamma, X and M of the square lattice, rad/m."""
+    edge = pi / design().pitch_x_m
+    return {"G": np.zeros(2), "X": np.array([edge, 0.0]), "M": np.array([edge, edge])}
+
+
+def band_values(rows: dict[str, FloatArray]) -> Values:
+    """The quantities followed: the pillars' bending at M and Gamma, the first band at X, the edges of the gap."""
+    return {
+        "bending at M": float(rows["M"][:2].mean()),
+        "bending at G": float(rows["G"][3:5].mean()),
+        "first at X": float(rows["X"][0]),
+        "gap lower edge": float(rows["M"][5]),
+        "gap upper edge": float(rows["G"][6]),
+    }
+
+
+def cell(rung: dict[str, Any]) -> tuple[Values, int]:
+    """The unit cell at Gamma, X and M: fully meshed, reduced, or its quarter between mirrors."""
+    d = design()
+    if rung["model"] == "quarter":
+        return _quarter_cell(rung)
+    if rung["model"] == "solid":
+        bloch = BlochCell(
+            assemble(check(hex_mesh(cell_boxes(d, settings(rung)), rung["order"])), materials()), 4e-3, 4e-3
+        )
+        return band_values({name: bloch.frequencies(k, 8) for name, k in points().items()}), bloch.dof
+    recipe = replace(planner.lattice_recipe(d, 0.002), hexahedra=settings(rung))
+    mesher = None
+    piece = lattice_piece(d)
+    if rung["model"] == "superelement tet":
+        mesh = check(of_order(tet_cell(d, 1e-3 * rung["size_mm"]), rung["order"]))
+        mesher = lambda _: mesh  # noqa: E731
+    lattice = Lattice(Reductions(d.thickness_m, d.material, d.pillar, recipe, None, mesher).cell(piece))
+    return band_values({name: lattice.frequencies(k, 8) for name, k in points().items()}), lattice.cell.mesh_dof
+
+
+def tet_cell(d: Design, edge_m: float) -> Mesh:
+    """The quarter of the unit cell in tetrahedra, finer towards the pillar's foot."""
+    assert d.pillar
+    rim = tet_scenes.foot_rim(d.pillar, d.thickness_m)
+    return tet_mesh(solids.cell_solid(d, "xy"), edge_m, options=tet_scenes.graded(TetOptions(), rim, edge_m))
+
+
+def _quarter_cell(rung: dict[str, Any]) -> tuple[Values, int]:
+    """Where every phase is 1 or -1 a wave stands between mirrors: the sign at x+ is the sign at x- times the phase."""
+    mesh = check(hex_mesh(cell_boxes(design(), settings(rung), True), rung["order"]))
+    system = assemble(mesh, materials())
+    rows = {}
+    for name, flips in (("G", (1, 1)), ("X", (-1, 1)), ("M", (-1, -1))):
+        found: list[float] = []
+        for parity in CLASSES:
+            far = [sign if flip > 0 else "+-".replace(sign, "") for sign, flip in zip(parity, flips, strict=True)]
+            planes = {"x-": parity[0], "y-": parity[1], "x+": far[0], "y+": far[1]}
+            pencil = constrain(system, free_mask(mesh, (), planes))
+            found += [0.0] * pencil.rigid_count + list(modes_near(pencil, 0.0, 4).frequency_hz)
+        rows[name] = np.sort(found)
+    return band_values(rows), 3 * len(mesh.nodes)
+
+
+def plate(rung: dict[str, Any]) -> tuple[Values, int]:
+    """One row and 5 mm: the wanted mode and how well it is held (dB)."""
+    d, parity = plate_design(), wanted_parity(design().nodal_lines)
+    if rung["model"] == "analytic":
+        return {"plate": float(getattr(predesign(d).zone, rung["theory"]))}, 0
+    if rung["model"] == "superelement":
+        recipe = Recipe(Interface(*rung["degrees"]), rung["modes_over_band"] * WINDOW_HZ[1], settings(rung), 6e-3)
+        model: Any = PlateModel(d, Reductions(d.thickness_m, d.material, d.pillar, recipe))
+    elif rung["model"] == "tet":
+        mesh = of_order(tet_scenes.tet_plate(d, 1e-3 * rung["size_mm"], True), rung["order"])
+        model = SolidModel(check(mesh), materials(), (), True)
+    else:
+        mesh = hex_mesh(plate_boxes(d, settings(rung)), rung["order"])
+        model = SolidModel(check(mesh), materials(), (), True)
+    pencil = model.pencil(parity)
+    modes = modes_in_band(pencil, *WINDOW_HZ)
+    held = measure(model.touch(parity, modes.vectors), d, parity)
+    assert held.zone_share is not None and held.confinement_db is not None
+    best = int(np.argmax(held.mac * held.zone_share))
+    return {"plate": float(modes.frequency_hz[best]), "confinement (dB)": float(held.confinement_db[best])}, pencil.dof
+
+
+def check(mesh: Mesh) -> Mesh:
+    """The mesh, once its Jacobians, nodes and volume stand the checks."""
+    check_mesh(mesh)
+    return mesh
+
+
+PARTS = {"zone": zone, "pillar": pillar, "cell": cell, "plate": plate}

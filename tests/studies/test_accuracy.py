@@ -1,0 +1,73 @@
+"""The accuracy study: extrapolation, what counts as cheapest, and a page from records alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.script_page import write_page
+from studies import accuracy
+
+
+def record(part: str, rung: dict[str, Any], value: float, seconds: float, role: str = "rung") -> dict[str, Any]:
+    measured = {"seconds": seconds, "repeats": 1, "peak_bytes": 5_000_000}
+    quantity = accuracy.QUANTITIES[part][0]
+    parameters = {"part": part, "rung": rung, "role": role}
+    return {
+        "case_id": "c", "status": "OK", "diagnosis": "done", "parameters": parameters,
+        "values": {quantity: value}, "dof": 10, "measured": measured,
+    }  # fmt: skip
+
+
+def test_a_geometric_sequence_is_carried_to_its_limit() -> None:
+    limit, spread = accuracy.extrapolated([100.0 + 8.0, 100.0 + 4.0, 100.0 + 2.0])
+    assert limit == pytest.approx(100.0) and spread == pytest.approx(2.0)
+
+
+def test_what_does_not_settle_keeps_its_last_difference() -> None:
+    assert accuracy.extrapolated([1.0, 2.0, 4.0]) == (4.0, 2.0)
+
+
+def test_every_case_has_a_name_of_its_own() -> None:
+    names = [case for case, _ in accuracy.cases()]
+    assert len(set(names)) == len(names)
+    assert {p["part"] for _, p in accuracy.cases()} == {"zone", "pillar", "cell", "plate"}
+
+
+def test_the_cheapest_way_counts_the_references_uncertainty_against_a_rung(tmp_path: Path) -> None:
+    levels = [
+        record("zone", {"model": "hex", "order": 4, "size_mm": 1.0}, v, 1.0, "reference") for v in (108.0, 104.0, 102.0)
+    ]
+    near = record("zone", {"model": "hex", "order": 2, "size_mm": 1.0}, 100.5, 0.1)  # 0.5 % off, reference +-2 %
+    exact = record("zone", {"model": "hex", "order": 3, "size_mm": 1.0}, 100.0, 9.0)
+    page = accuracy.conclude([*levels, near, exact])
+    row = page.sections[0].tables[0].rows[0]
+    assert "hex2" in row[1] and row[2:] == ["none of these"] * 3  # 3 %, then 1 % and finer
+    paths = write_page(tmp_path, "accuracy", accuracy.TITLE, accuracy.LEAD, page)
+    assert (tmp_path / "pictures" / "accuracy_zone.svg").exists() and paths[-1].name == "report.html"
+
+
+def test_a_refused_rung_is_shown_with_its_reason() -> None:
+    levels = [
+        record("zone", {"model": "hex", "order": 4, "size_mm": 1.0}, v, 1.0, "reference") for v in (8.0, 4.0, 2.0)
+    ]
+    refused = {
+        **record("zone", {"model": "hex", "order": 2, "size_mm": 1.0}, 1.0, 1.0),
+        "values": {},
+        "refused": "too large",
+    }
+    del refused["measured"]
+    section = accuracy.conclude([*levels, refused]).sections[-1]
+    assert section.tables[0].rows[0][-1] == "too large"
+
+
+def test_a_rung_is_measured_and_repeated() -> None:
+    class Quiet:
+        def info(self, *_: Any) -> None:
+            pass
+
+    rung = {"model": "hex", "order": 2, "size_mm": 1.0, "layers": 0}
+    found = accuracy.compute({"part": "pillar", "rung": rung, "role": "rung"}, Path(), Quiet())
+    assert found["measured"]["repeats"] == 3 and 38e3 < found["values"]["pillar"] < 41e3
