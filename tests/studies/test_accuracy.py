@@ -51,7 +51,7 @@ def test_the_cheapest_way_counts_the_references_uncertainty_against_a_rung(tmp_p
 
 def test_a_refused_rung_is_shown_with_its_reason() -> None:
     levels = [
-        record("zone", {"model": "hex", "order": 4, "size_mm": 1.0}, v, 1.0, "reference") for v in (8.0, 4.0, 2.0)
+        record("zone", {"model": "hex", "order": 4, "size_mm": 1.0}, v, 1.0, "reference") for v in (108.0, 104.0, 102.0)
     ]
     refused = {
         **record("zone", {"model": "hex", "order": 2, "size_mm": 1.0}, 1.0, 1.0),
