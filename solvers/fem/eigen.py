@@ -21,7 +21,9 @@ from solvers.fem.factor import Factor, Factoriser
 
 RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not returned
 ORTHONORMAL = 1e-8
-RIGID = (1e-12, 1e-13, 1e-14, 1e-15)  # shares of the pencil's norm ratio tried as the floor above rigid motions
+RIGID = tuple(
+    10.0**-n for n in range(9, 16)
+)  # shares of the pencil's norm ratio tried as the floor above rigid motions
 LOST = 0.02  # relative error of a frequency by rounding above which it is refused
 EPSILON = float(np.finfo(float).eps)
 SLICE = 120  # eigenpairs a shift at most: Lanczos vectors and their orthogonalisation stay cheap
@@ -114,7 +116,7 @@ def modes_in_band(
     solver = _Solver(pencil, backend)
     scale = pencil.scale
     low, high = scale.eigenvalue(low_hz), scale.eigenvalue(high_hz)
-    low = max(low, solver.rigid_limit)
+    low = low if low > RIGID[0] * solver.norm_ratio else max(low, solver.rigid_limit)
     below_low = solver.count_below(low) if low > 0.0 else 0
     values, vectors = solver.between(low, high, below_low, solver.count_below(high))
     return solver.proven(values, vectors, low, high, below_low)
@@ -128,10 +130,11 @@ def modes_near(pencil: SymmetricPencil, near_hz: float, count: int, backend: str
     wanted = count + 1
     while True:
         values, vectors = solver.nearest(target, min(wanted + pencil.rigid_count, pencil.dof))
-        elastic = values > solver.rigid_limit
+        floor = solver.rigid_limit if values.min(initial=np.inf) <= RIGID[0] * solver.norm_ratio else 0.0
+        elastic = values > floor
         if not pencil.rigid_count and not elastic.all():
             raise SolverError("an eigenvalue below zero: rounding hides the lowest modes of so slender a body")
-        kept, low, high = _closed_interval(values[elastic], target, count, pencil, solver.rigid_limit)
+        kept, low, high = _closed_interval(values[elastic], target, count, pencil, floor)
         if kept is not None or wanted >= pencil.dof:
             break
         wanted += max(4, count // 4)
