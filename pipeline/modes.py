@@ -42,6 +42,7 @@ class ModeRow:
     zone_share: float | None
     confinement_db: float | None
     mac: float | None
+    extension_db: float | None = None
 
 
 @dataclass(frozen=True)
@@ -202,6 +203,7 @@ def _rows(case: Case, part: str, model: PartModel, parity: str | None, modes: Mo
             at(measures.zone_share if measures else None, i),
             at(measures.confinement_db if measures else None, i),
             at(measures.mac if measures else None, i),
+            at(measures.extension_db if measures else None, i),
         )
         for i, frequency in enumerate(modes.frequency_hz)
     ]
@@ -235,6 +237,7 @@ def wanted_record(found: PartModes, index: int) -> dict[str, Any]:
         "mac": row.mac,
         "zone_share": row.zone_share,
         "confinement_db": row.confinement_db,
+        "extension_db": row.extension_db,
         "pillar_energy_share": float(found.model.pillar_share(row.parity, vector)[0]),
         "cluster": [
             {"frequency_hz": found.rows[i].frequency_hz, "mac": found.rows[i].mac, "share": score[i] / total}

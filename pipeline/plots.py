@@ -87,7 +87,7 @@ class Drawn:
 
 ORDER = (
     *("geometry", "touch_face", "side_view", "pillars_in_plane", "neighbours"),
-    *("plate_meshes", "mode_on_both_meshes", "dispersion", "cell_meshes"),
+    *("plate_meshes", "mode_on_both_meshes", "dispersion", "attenuation", "cell_meshes"),
 )
 
 
@@ -152,7 +152,7 @@ def _compressed(folder: Path, png: str) -> str:
 
 def draw_case(case: StoredCase) -> Drawn:
     """Draw every picture that a case's records allow, or take the stored ones when nothing they show has changed."""
-    from pipeline import plots_bands, plots_both, plots_fields, plots_mesh
+    from pipeline import plots_attenuation, plots_bands, plots_both, plots_fields, plots_mesh
 
     if case.status not in {"OK", "ALARM"}:
         return Drawn([])
@@ -166,6 +166,7 @@ def draw_case(case: StoredCase) -> Drawn:
         plots_fields.neighbours,
         plots_both.mode_on_both_meshes,
         plots_bands.dispersion,
+        plots_attenuation.attenuation,
     )
     arrays = case.arrays()
     return _draw(case.folder / PICTURES, _case_key(case), [partial(draw, case, arrays) for draw in draws])
@@ -188,7 +189,11 @@ def draw_study(study: StoredStudy) -> Drawn:
     key = _key([study.about, *([case.sweep, case.record] for case in study.cases)], [])
     if (kept := _kept(study.folder / PICTURES, key)) is not None:
         return Drawn(kept)
-    return _draw(study.folder / PICTURES, key, [partial(plots_study.against_sweep, study)])
+    return _draw(
+        study.folder / PICTURES,
+        key,
+        [partial(plots_study.against_sweep, study), partial(plots_study.how_many_rows, study)],
+    )
 
 
 def _draw(folder: Path, key: str, draws: Sequence[Callable[[], Drawing | list[Drawing] | None]]) -> Drawn:

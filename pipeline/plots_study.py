@@ -110,3 +110,35 @@ def _alt(study: StoredStudy, cases: list[StoredCase], key: str) -> str:
         f"{study.name}: from {worst[0]:.1f} dB ({worst[1].case_id}) to {best[0]:.1f} dB ({best[1].case_id}); "
         f"{sum(level >= CONFINED_DB for level, _ in levels)} of {len(levels)} reach {CONFINED_DB:.0f} dB."
     )
+
+
+def how_many_rows(study: StoredStudy) -> Drawing | None:
+    """Decibels from zone to extension: rows times the decay per row (infinite rows) against the finite plates."""
+    cases = [case for case in study.cases if (case.record.get("prediction") or {}).get("rows_db") is not None]
+    cases = [case for case in cases if case.wanted.get("extension_db") is not None]
+    if len(cases) < 2 or "array.rows" not in study.swept:
+        return None
+    others = [key for key in study.swept if key != "array.rows" and len({str(c.sweep.get(key)) for c in cases}) > 1]
+    figure = plots.new_figure(plots.WIDTH_IN, 3.6)
+    axes = figure.subplots()
+    for index, (name, line) in enumerate(_lines(cases, "array.rows", others).items()):
+        colour = plots.CYCLE[index % len(plots.CYCLE)]
+        rows = [case.sweep["array.rows"] for case in line]
+        finite = [case.wanted["extension_db"] for case in line]
+        label = "" if name == "wanted mode" else f", {name}"
+        axes.plot(rows, finite, color=colour, marker="o", label=f"finite plate{label}")
+        told = [case.record["prediction"]["rows_db"] for case in line]
+        axes.plot(rows, told, color=colour, marker="s", mfc="white", ls="--", label=f"rows x decay per row{label}")
+        passed = [case.record["prediction"]["through_db"] for case in line]
+        axes.plot(rows, passed, color=colour, marker="^", mfc="white", ls=":", label=f"through the rows{label}")
+    axes.set_xticks(sorted({case.sweep["array.rows"] for case in cases}))
+    axes.set_xlabel("rows on each side of the zone")
+    axes.set_ylabel("zone to extension (dB)")
+    axes.grid(True)
+    axes.legend(fontsize=7)
+    title = "How many rows: prediction and finite plates"
+    parts = "; ".join(
+        f"{c.case_id}: {c.wanted['extension_db']:.1f} dB, predicted {c.record['prediction']['rows_db']:.1f} dB"
+        for c in cases
+    )
+    return Drawing("how_many_rows", title, f"{title}. {parts}", figure, vector=True)

@@ -19,7 +19,8 @@ from pipeline.mess import Mess
 from pipeline.study_file import StudyFile
 
 NEIGHBOURS = 6
-LATER = ("attenuation", "response")
+ATTENUATION_POINTS = 101
+LATER = ("response",)
 
 
 def jobs_of(study: StudyFile) -> list[Job]:
@@ -74,6 +75,8 @@ def compute(case_path: str, payload: dict[str, Any], folder: Path, log: Mess) ->
         log.left_out("modes of the plate", "no measure asks for them")
     if "bands" in measure:
         _bands(case, log, record)
+    if "attenuation" in measure:
+        _attenuation(case, log, record)
     if "parts" in measure:
         _parts(case, log, record)
     if "geometry" in measure:
@@ -162,6 +165,21 @@ def _bands(case: Case, log: Log, record: dict[str, Any]) -> None:
         "bending_at_m_hz": [float(f) for f in corner[:2]] if corner is not None else None,
     }
     record["meshes"] += found.meshes
+
+
+def _attenuation(case: Case, log: Log, record: dict[str, Any]) -> None:
+    """Complex bands, and beside them what the finite plate does: rows times the decay per row at the wanted mode."""
+    if math.isnan(case.design.pitch_x_m) or case.design.pillar is None:
+        log.left_out("attenuation", "the case has no pillars or no pitch")
+        return
+    from pipeline import attenuation
+
+    found = attenuation.solve(case, log, points=ATTENUATION_POINTS)
+    record["attenuation"] = found.json()
+    record["meshes"] += found.meshes
+    wanted = record.get("wanted")
+    if wanted:
+        record["prediction"] = attenuation.prediction(found, wanted["frequency_hz"], wanted["extension_db"])
 
 
 def _parts(case: Case, log: Log, record: dict[str, Any]) -> None:

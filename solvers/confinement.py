@@ -21,11 +21,15 @@ NEGLIGIBLE = 1e-9  # of the active area: a passive face smaller than that is rou
 
 @dataclass(frozen=True)
 class Confinement:
-    """Measures per mode, each (k,); zone_share and confinement_db are NaN where the plate has no passive face."""
+    """Measures per mode, each (k,); zone_share and confinement_db are NaN where the plate has no passive face.
+
+    extension_db: 20 log10 of rms |u_z| on the active touch face over rms |u_z| beyond the last row; NaN without extension.
+    """
 
     zone_share: FloatArray
     confinement_db: FloatArray
     mac: FloatArray
+    extension_db: FloatArray
 
 
 def wanted_shape(design: Design, points: FloatArray) -> FloatArray:
@@ -63,7 +67,20 @@ def measure(touch: TouchField, design: Design, parity: str | None) -> Confinemen
         share = np.where(has_passive, inside / everywhere, np.nan)
         passive = (everywhere - inside) / passive_area if has_passive else np.full_like(inside, np.nan)
         decibels = 10.0 * np.log10((inside / area) / passive)
-    return Confinement(share, decibels, _mac(touch, active, design, parity))
+    beyond = np.abs(touch.points[:, 1]) > design.half_span_m - design.extension_m
+    return Confinement(share, decibels, _mac(touch, active, design, parity), _ratio_db(touch, active, beyond))
+
+
+def _ratio_db(touch: TouchField, first: NDArray[np.bool_], second: NDArray[np.bool_]) -> FloatArray:
+    """20 log10 of rms |u_z| on one part of the touch face over that on another; NaN where a part is empty."""
+    areas = touch.weights[first].sum(), touch.weights[second].sum()
+    if min(areas) <= NEGLIGIBLE * max(areas):
+        return np.full(touch.values.shape[1], np.nan)
+    means = [
+        touch.weights[part] @ touch.values[part] ** 2 / area for part, area in zip((first, second), areas, strict=True)
+    ]
+    with np.errstate(divide="ignore"):
+        return np.asarray(10.0 * np.log10(means[0] / means[1]))
 
 
 def _mac(touch: TouchField, active: NDArray[np.bool_], design: Design, parity: str | None) -> FloatArray:

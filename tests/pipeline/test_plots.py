@@ -158,6 +158,13 @@ def test_a_tetrahedral_field_of_the_other_sign_is_turned(case: StoredCase):
     np.testing.assert_allclose(fields[0], fields[1])
 
 
+def test_prediction_and_finite_plates_share_a_picture(study: StoredStudy):
+    drawing = plots_study.how_many_rows(study)
+    assert drawing is not None and "predicted 9.0 dB" in drawing.alt
+    words = labels(drawing.figure)
+    assert "zone to extension (dB)" in words and "rows on each side" in words
+
+
 def test_confinement_against_what_was_swept(study: StoredStudy):
     drawing = plots_study.against_sweep(study)
     level, tone = drawing.figure.axes

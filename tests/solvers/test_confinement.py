@@ -77,5 +77,16 @@ def test_a_plate_without_passive_face_has_no_confinement_number() -> None:
 
 def test_the_wanted_mode_looks_right_and_stays_inside() -> None:
     nan = np.full(2, np.nan)
-    assert wanted_index(Confinement(np.array([0.2, 0.9, 0.9]), np.zeros(3), np.array([0.8, 0.7, 0.1]))) == 1
-    assert wanted_index(Confinement(nan, nan, np.array([0.3, 0.6]))) == 1
+    assert (
+        wanted_index(Confinement(np.array([0.2, 0.9, 0.9]), np.zeros(3), np.array([0.8, 0.7, 0.1]), np.zeros(3))) == 1
+    )
+    assert wanted_index(Confinement(nan, nan, np.array([0.3, 0.6]), nan)) == 1
+
+
+def test_the_extension_is_what_lies_beyond_the_last_row() -> None:
+    """u_z of 1 in the zone, 1/10 beyond the rows: 20 dB, whatever moves between."""
+    y = np.array([0.0, 0.5, 0.9, 0.99]) * DESIGN.half_span_m
+    beyond = y > DESIGN.half_span_m - DESIGN.extension_m
+    values = np.where(y < DESIGN.width_m / 2.0, 1.0, np.where(beyond, 0.1, 7.0))[:, None]
+    touch = TouchField(np.column_stack([np.zeros(4), y]), np.ones(4), values)
+    assert measure(touch, DESIGN, None).extension_db == pytest.approx(20.0)

@@ -1,0 +1,1 @@
+"""Active confinement: feedback on pillars, shaping by patches, and the rotating frame."""

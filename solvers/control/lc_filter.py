@@ -1,0 +1,84 @@
+"""The low-pass filter between a half-bridge and its patch, and what undoes its phase.
+
+F(s) = 1/(L C s^2 + R C s + 1), C the patch's capacitance; the corner 1/(2 pi sqrt(LC)) is in Hz. A patch on a moving beam is no
+plain capacitor: with the capacitance matrix C(omega) of all patches, (I + (i omega R - omega^2 L) C) V = V_command.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.errors import SolverError
+
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """inductance_h L, resistance_ohm R, capacitance_f C of the patch, held; all above 0."""
+
+    inductance_h: float
+    resistance_ohm: float
+    capacitance_f: float
+
+    def __post_init__(self) -> None:
+        for name in ("inductance_h", "resistance_ohm", "capacitance_f"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise SolverError(f"filter: {name} = {value:g}: must be a finite number above 0")
+
+    @property
+    def corner_hz(self) -> float:
+        """1/(2 pi sqrt(LC)), Hz."""
+        return 1.0 / (2.0 * pi * sqrt(self.inductance_h * self.capacitance_f))
+
+    @property
+    def quality(self) -> float:
+        """sqrt(L/C)/R; 1/sqrt(2) is maximally flat."""
+        return sqrt(self.inductance_h / self.capacitance_f) / self.resistance_ohm
+
+    def response(self, frequency_hz: float) -> complex:
+        """F(i omega); SolverError for a frequency that is not above 0."""
+        s = _laplace(frequency_hz)
+        lag = self.inductance_h * self.capacitance_f * s**2 + self.resistance_ohm * self.capacitance_f * s
+        return 1.0 / (1.0 + lag)
+
+    def loaded_response(self, frequency_hz: float, capacitance: ComplexArray) -> ComplexArray:
+        """V over V_command (a, a) with every patch on its own filter and C(omega) (a, a) in place of C.
+
+        SolverError for a frequency that is not above 0.
+        """
+        s = _laplace(frequency_hz)
+        size = len(capacitance)
+        impedance = self.resistance_ohm * s + self.inductance_h * s**2
+        return np.asarray(np.linalg.inv(np.eye(size) + impedance * capacitance))
+
+    def compensation(self, frequency_hz: float) -> complex:
+        """1/F(i omega): the factor on each command that undoes gain and phase of the unloaded filter."""
+        return 1.0 / self.response(frequency_hz)
+
+
+def _laplace(frequency_hz: float) -> complex:
+    if not (np.isfinite(frequency_hz) and frequency_hz > 0.0):
+        raise SolverError(f"frequency = {frequency_hz:g} Hz: must be a finite number above 0")
+    return 2j * pi * frequency_hz
+
+
+def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float, quality: float = sqrt(0.5)) -> LowPass:
+    """L and R for a corner half-way (geometrically) between the highest operating and the PWM frequency.
+
+    SolverError unless 0 < highest_hz < pwm_hz and the quality is above 0.
+    """
+    if not 0.0 < highest_hz < pwm_hz:
+        raise SolverError(
+            f"filter: needs 0 < highest operating frequency < PWM frequency, {highest_hz:g} and {pwm_hz:g} Hz came"
+        )
+    if not (quality > 0.0 and capacitance_f > 0.0):
+        raise SolverError(f"filter: quality {quality:g} and capacitance {capacitance_f:g} F must be above 0")
+    corner = 2.0 * pi * sqrt(highest_hz * pwm_hz)
+    inductance = 1.0 / (corner**2 * capacitance_f)
+    return LowPass(inductance, sqrt(inductance / capacitance_f) / quality, capacitance_f)

@@ -1,0 +1,154 @@
+"""Travelling waves along a line: targets, and how much of what comes out travels.
+
+A wave towards +x is e^{-ikx} (time factor e^{+i omega t}). TWR = 1 - SWR, SWR = (A_max - A_min)/(A_max + A_min): for two
+waves a and b it is 1 - |b|/|a|, a ratio of amplitudes. The wave that goes forward then carries 1/(1 + (1 - TWR)^2) of the two
+waves' energy, and the net flux is 1 - (1 - TWR)^2 of the forward wave's.
+A line that moves in step with even amplitude has a TWR of 1 too: the two-wave fit beside it tells the two apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize, minimize_scalar
+
+from solvers.errors import SolverError
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+FEWEST = 8  # points for a two-wave fit
+
+
+def wave_target(places_m: FloatArray, wavelength_m: float) -> ComplexArray:
+    """e^{-2 pi i x/lambda} at the sensors, shape (s,): equal amplitudes, phases by place. SolverError for lambda <= 0."""
+    if not (np.isfinite(wavelength_m) and wavelength_m > 0.0):
+        raise SolverError(f"wavelength = {wavelength_m:g} m: must be a finite number above 0")
+    return np.asarray(np.exp(-2j * pi * np.asarray(places_m) / wavelength_m))
+
+
+def free_wavelength_m(frequency_hz: float, bending_n_m2: float, mass_kg_m: float) -> float:
+    """lambda = 2 pi c/omega of a free flexural wave, c = sqrt(omega) (EI/rho A)^(1/4) its phase velocity, m.
+
+    Source: graff1975. SolverError for a frequency that is not above 0.
+    """
+    if not frequency_hz > 0.0:
+        raise SolverError(f"frequency = {frequency_hz:g} Hz: must be above 0")
+    omega = 2.0 * pi * frequency_hz
+    return float(2.0 * pi * (bending_n_m2 / mass_kg_m) ** 0.25 / np.sqrt(omega))
+
+
+def standing_wave_ratio(displacement: ComplexArray) -> float:
+    """(A_max - A_min)/(A_max + A_min) of |w| over points that leave the near field out. SolverError for a field of zeros."""
+    size = np.abs(displacement)
+    if not size.size or size.max() == 0.0:
+        raise SolverError("the field is zero everywhere: it has no standing-wave ratio")
+    return float((size.max() - size.min()) / (size.max() + size.min()))
+
+
+def travelling_wave_ratio(displacement: ComplexArray) -> float:
+    """TWR = 1 - SWR = 2 A_min/(A_max + A_min)."""
+    return 1.0 - standing_wave_ratio(displacement)
+
+
+def forward_energy_share(ratio: float) -> float:
+    """Share of the two waves' energy that the forward one carries for a TWR, 1/(1 + (1 - TWR)^2)."""
+    return 1.0 / (1.0 + (1.0 - ratio) ** 2)
+
+
+def net_flux_share(ratio: float) -> float:
+    """Net energy flux over the forward wave's for a TWR, 1 - (1 - TWR)^2."""
+    return 1.0 - (1.0 - ratio) ** 2
+
+
+def inner_window(points_m: FloatArray, low_m: float, high_m: float) -> NDArray[np.bool_]:
+    """Points with low <= x <= high, shape (p,): the stretch clear of the ends' near fields. SolverError when it holds none."""
+    x = np.asarray(points_m).reshape(len(points_m), -1)[:, 0]
+    inside = (x >= low_m) & (x <= high_m)
+    if inside.sum() < 2:
+        raise SolverError(f"no two points lie between {low_m:g} and {high_m:g} m")
+    return np.asarray(inside)
+
+
+@dataclass(frozen=True)
+class TwoWaves:
+    """w = forward e^{-ikx} + backward e^{+ikx} fitted: complex amplitudes, k in rad/m, rest = |residual|/|w| (rms)."""
+
+    forward: complex
+    backward: complex
+    wavenumber: float
+    rest: float
+
+    @property
+    def twr(self) -> float:
+        """1 - |b|/|a|, negative never: counted along the stronger wave."""
+        small, large = sorted((abs(self.forward), abs(self.backward)))
+        return 1.0 - small / large
+
+
+def two_wave_fit(x_m: FloatArray, displacement: ComplexArray, guess: float) -> TwoWaves:
+    """Both waves and their wavenumber by least squares, searched within a factor 1.5 of a guess (rad/m).
+
+    What does not fit (near fields of ends and patches) is left in `rest`. SolverError below 8 points or for zeros.
+    """
+    if len(x_m) < FEWEST or not np.abs(displacement).any():
+        raise SolverError(f"a two-wave fit needs {FEWEST} points of a field that is not zero, {len(x_m)} came")
+    size = float(np.linalg.norm(displacement))
+
+    def fit(k: float) -> tuple[ComplexArray, float]:
+        basis = np.exp(np.outer(x_m, [-1j * k, 1j * k]))
+        amplitudes = np.asarray(np.linalg.lstsq(basis, displacement, rcond=None)[0], dtype=np.complex128)
+        return amplitudes, float(np.linalg.norm(displacement - basis @ amplitudes)) / size
+
+    grid = guess * np.geomspace(1.0 / 1.5, 1.5, 41)
+    best = int(np.argmin([fit(float(k))[1] for k in grid]))
+    bounds = (float(grid[max(best - 1, 0)]), float(grid[min(best + 1, 40)]))
+    found = minimize_scalar(lambda k: fit(k)[1], bounds=bounds, method="bounded", options={"xatol": 1e-9 * guess})
+    amplitudes, rest = fit(float(found.x))
+    return TwoWaves(complex(amplitudes[0]), complex(amplitudes[1]), float(found.x), rest)
+
+
+def best_travelling_drive(field: ComplexArray, x_m: FloatArray, guess: float) -> tuple[ComplexArray, float]:
+    """Voltages (a,) of the largest TWR found over points x (p,) with amplitude and phase of every actuator free, and that TWR.
+
+    field (p, a): displacement per volt. Starts from the least-squares waves e^{-ikx} around a guess of k, then raises the
+    smallest amplitude while the largest stays 1. Not convex: what it finds is reached, a larger one cannot be excluded.
+    """
+    scaled = field / np.abs(field).max()
+    starts = []
+    for k in guess * np.geomspace(1.0 / 1.4, 1.4, 21):
+        voltages = np.linalg.lstsq(scaled, np.exp(-1j * k * x_m), rcond=None)[0]
+        starts.append((travelling_wave_ratio(scaled @ voltages), voltages))
+    starts.sort(key=lambda one: -one[0])
+    found = [_raised(scaled, voltages) for _, voltages in starts[:4]] + [voltages for _, voltages in starts[:1]]
+    best = max(found, key=lambda voltages: travelling_wave_ratio(scaled @ voltages))
+    return best, travelling_wave_ratio(scaled @ best)
+
+
+def _raised(field: ComplexArray, start: ComplexArray) -> ComplexArray:
+    """Maximise t with t <= |w(x)|^2 <= 1 at every point, from a start, by sequential quadratic programming."""
+    size = field.shape[1]
+    unit = start / np.abs(field @ start).max()
+    real = np.hstack([field.real, -field.imag])
+    imag = np.hstack([field.imag, field.real])
+
+    def squares(x: FloatArray) -> FloatArray:
+        return np.asarray((real @ x[:-1]) ** 2 + (imag @ x[:-1]) ** 2)
+
+    def slopes(x: FloatArray) -> FloatArray:
+        return np.asarray(2.0 * ((real @ x[:-1])[:, None] * real + (imag @ x[:-1])[:, None] * imag))
+
+    ones = np.ones((len(field), 1))
+    room = [
+        {"type": "ineq", "fun": lambda x: squares(x) - x[-1], "jac": lambda x: np.hstack([slopes(x), -ones])},
+        {"type": "ineq", "fun": lambda x: 1.0 - squares(x), "jac": lambda x: np.hstack([-slopes(x), 0.0 * ones])},
+    ]
+    x0 = np.concatenate([unit.real, unit.imag, [float(np.abs(field @ unit).min()) ** 2]])
+    ascent = np.zeros(2 * size + 1)
+    ascent[-1] = -1.0
+    found = minimize(
+        lambda x: -x[-1], x0, jac=lambda _: ascent, constraints=room, method="SLSQP", options={"maxiter": 200}
+    )
+    return np.asarray(found.x[:size] + 1j * found.x[size:-1])

@@ -1,0 +1,148 @@
+"""The computed cell beside the full solves of the same cell mesh: time, memory, error and reductions, cold, in one process.
+
+`python -m studies.benchmarks.superelement` prints every figure; the full plate is solved last.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from geometry.hexmesh import cell_boxes, hex_mesh, plate_boxes
+from geometry.layout import Design
+from pipeline import planner
+from solvers.fem.assembly import assemble
+from solvers.fem.eigen import modes_in_band
+from solvers.fem.solid import CLASSES, SolidModel
+from solvers.superelement.build import PlateModel, Reductions, lattice_piece
+from solvers.superelement.lattice import Lattice
+from solvers.waves.bloch import BlochCell
+from solvers.waves.brillouin import path_through
+from studies import ladder
+from studies.accuracy import _peak, _restart_peak
+
+ACCURACY = 0.003
+BAND_HZ = (30e3, 34e3)
+
+
+class Shelf:
+    """Cells kept in memory between the plates of one process."""
+
+    def __init__(self) -> None:
+        self.kept: dict[str, Any] = {}
+
+    def get(self, key: str) -> Any:
+        """A cell, or None."""
+        return self.kept.get(key)
+
+    def put(self, key: str, cell: Any) -> None:
+        """Keep a cell."""
+        self.kept[key] = cell
+
+
+def reductions(design: Design, recipe: Any, shelf: Shelf | None = None) -> Reductions:
+    """Reductions that never look at the disk."""
+    return Reductions(design.thickness_m, design.material, design.pillar, recipe, shelf)
+
+
+def bands() -> dict[str, Any]:
+    """25 intervals a segment, 10 bands: reduction and wavevectors, against sparse Bloch solves of the same mesh."""
+    design = ladder.design()
+    start = time.perf_counter()
+    lattice = Lattice(reductions(design, planner.lattice_recipe(design, ACCURACY)).cell(lattice_piece(design)))
+    reduced = time.perf_counter() - start
+    path = path_through("GXMG", 25, design.pitch_x_m, design.pitch_y_m)
+    start = time.perf_counter()
+    found = np.array([lattice.frequencies(k, 10) for k in path.wavevectors])
+    swept = time.perf_counter() - start
+    settings = planner.cell_settings(design, ACCURACY)
+    start = time.perf_counter()
+    full = BlochCell(assemble(hex_mesh(cell_boxes(design, settings), settings.order), ladder.materials()), 4e-3, 4e-3)
+    assembled = time.perf_counter() - start
+    sampled = [0, 12, 25, 37, 50, 62]
+    start = time.perf_counter()
+    exact = np.array([full.frequencies(path.wavevectors[i], 10) for i in sampled])
+    each = (time.perf_counter() - start) / len(sampled)
+    whole = assembled + each * len(path.wavevectors)
+    some = exact > 1.0
+    return {
+        "wavevectors": len(path.wavevectors),
+        "reduction_s": reduced,
+        "per_wavevector_ms": 1e3 * swept / len(path.wavevectors),
+        "reduced_total_s": reduced + swept,
+        "full_dof": full.dof,
+        "full_per_wavevector_s": each,
+        "full_total_s": whole,
+        "ratio": whole / (reduced + swept),
+        "largest_difference": float(np.abs(found[sampled][some] / exact[some] - 1.0).max()),
+    }
+
+
+def plates(with_solid: bool = True) -> dict[str, Any]:
+    """One row and 5 mm joined against the solid of the same cell mesh; three rows and 25 mm; what a change costs."""
+    design, told = ladder.plate_design(), {}
+    recipe = planner.plate_recipe(design, ACCURACY, BAND_HZ[1])
+    shelf = Shelf()
+    before, start = _restart_peak(), time.perf_counter()
+    found = _all_classes(PlateModel(design, reductions(design, recipe, shelf)))
+    told["one row + 5 mm (s)"] = time.perf_counter() - start
+    told["one row + 5 mm (MB)"] = (_peak() - before) / 1e6
+    told["one row + 5 mm, modes"] = sum(len(f) for f in found.values())
+    three = ladder.design()
+    before, start = _restart_peak(), time.perf_counter()
+    modes = _all_classes(PlateModel(three, reductions(three, planner.plate_recipe(three, ACCURACY, BAND_HZ[1]))))
+    told["three rows + 25 mm, cold (s)"] = time.perf_counter() - start
+    told["three rows + 25 mm (MB)"] = (_peak() - before) / 1e6
+    told["three rows + 25 mm, modes"] = sum(len(f) for f in modes.values())
+    for name, changed in (
+        ("one row more", replace(design, rows=2)),
+        ("extension 25 mm", replace(design, extension_m=25e-3)),
+        ("width 24 mm", replace(design, width_m=24e-3)),
+        ("pitch 5 mm", replace(design, pitch_x_m=5e-3, pitch_y_m=5e-3)),
+    ):
+        counted = reductions(changed, recipe, shelf)
+        PlateModel(changed, counted)
+        told[f"new reductions: {name}"] = counted.fresh
+    return told | (_solid(design, found, told["one row + 5 mm (s)"]) if with_solid else {})
+
+
+def _all_classes(model: Any) -> dict[str, Any]:
+    return {parity: modes_in_band(model.pencil(parity), *BAND_HZ).frequency_hz for parity in CLASSES}
+
+
+def _solid(design: Design, joined: dict[str, Any], joined_s: float) -> dict[str, Any]:
+    settings = planner.cell_settings(design, ACCURACY)
+    before, start = _restart_peak(), time.perf_counter()
+    mesh = hex_mesh(plate_boxes(design, settings), settings.order)
+    solid = _all_classes(SolidModel(mesh, ladder.materials(), (), True))
+    spent = time.perf_counter() - start
+    told: dict[str, Any] = {
+        "solid dof": 3 * len(mesh.nodes),
+        "solid (s)": spent,
+        "solid (MB)": (_peak() - before) / 1e6,
+        "ratio": spent / joined_s,
+    }
+    for parity in CLASSES:
+        told[f"counts {parity} (joined, solid)"] = (len(joined[parity]), len(solid[parity]))
+        if len(joined[parity]) == len(solid[parity]):
+            told[f"largest difference {parity}"] = float(np.abs(joined[parity] / solid[parity] - 1.0).max())
+    return told
+
+
+def measure() -> dict[str, Any]:
+    """Everything."""
+    return {"bands": bands(), "plates": plates()}
+
+
+def main() -> None:
+    """Print it."""
+    for name, table in (("bands", bands), ("plates", plates)):
+        for key, value in table().items():
+            print(f"{name}: {key}: {value:.4g}" if isinstance(value, float) else f"{name}: {key}: {value}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
