@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.errors import GeometryError
+from geometry.hexmesh import Piece
 from geometry.layout import Design, Pillar
 from geometry.patches import Patches
 from geometry.step_pillar import load_step_pillar, step_pillar_shape
@@ -101,6 +102,18 @@ def cell_solid(design: Design, mirrors: str = "") -> Body:
     """The unit cell, pitch_x x pitch_y x thickness, centred, its pillar in the middle; bare without a pillar."""
     centres = np.zeros((1, 2)) if design.pillar else np.empty((0, 2))
     block = _block(design.pitch_x_m, design.pitch_y_m, design.thickness_m, mirrors)
+    return _assemble(design, block, centres, mirrors, None)
+
+
+def piece_solid(design: Design, piece: Piece) -> Body:
+    """A rectangular piece of the plate, its own middle at the origin, with its pillar where it has one.
+
+    Along the axes that it lists as halved only the positive side is built. Errors as plate_solid.
+    """
+    size = np.array(piece.high) - np.array(piece.low)
+    mirrors = "".join("xy"[axis] for axis in piece.halved)
+    centres = np.array([piece.foot]) - np.array(piece.middle) if piece.foot else np.empty((0, 2))
+    block = _block(float(size[0]), float(size[1]), design.thickness_m, mirrors)
     return _assemble(design, block, centres, mirrors, None)
 
 

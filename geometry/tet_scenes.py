@@ -8,6 +8,7 @@ from math import pi
 import numpy as np
 
 from geometry import solids
+from geometry.hexmesh import Piece
 from geometry.layout import Design, Pillar
 from geometry.mesh import Mesh, check_mesh
 from geometry.mirror import mirror_mesh
@@ -66,6 +67,15 @@ def tet_cell(design: Design, edge_m: float, quarter_then_mirror: bool = True, op
     body = solids.cell_solid(design, "xy" if quarter_then_mirror else "")
     mesh = tet_mesh(body, edge_m, options=graded(options, rim, edge_m))
     return _whole(mesh) if quarter_then_mirror else mesh
+
+
+def tet_piece(design: Design, piece: Piece, edge_m: float, options: TetOptions = DEFAULTS) -> Mesh:
+    """A rectangular piece of the plate, its middle at the origin, finer near its pillar's foot."""
+    rim: Lines = []
+    if design.pillar and piece.foot:
+        x, y = np.array(piece.foot) - np.array(piece.middle)
+        rim = [[(a + x, b + y, c) for a, b, c in line] for line in foot_rim(design.pillar, design.thickness_m)]
+    return tet_mesh(solids.piece_solid(design, piece), edge_m, options=graded(options, rim, edge_m))
 
 
 def _whole(quarter: Mesh) -> Mesh:

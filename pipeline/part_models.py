@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from geometry.elements import FloatArray
-from geometry.hexmesh import HexSettings, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
+from geometry.hexmesh import HexSettings, Piece, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
 from geometry.layout import Design
 from geometry.mesh import Mesh, check_mesh
 from pipeline import planner
@@ -139,15 +140,15 @@ def _plate(case: Case, high_hz: float, log: Log, meshes: list[dict[str, Any]]) -
     design, solve = case.design, case.solve
     if not design.rows:
         log.left_out("pillars", "the plate has no rows")
-    if solve.mesh == "tet" or design.needs_cad:
-        if solve.model == "superelement":
-            raise InputFault(
-                "solve.model = 'superelement': plates of other than square pillars are solved by model = 'solid'"
-            )
-        from pipeline.tet_parts import tet_plate
+    tetrahedral = solve.mesh == "tet" or design.needs_cad
+    if tetrahedral:
+        from pipeline import tet_parts
 
-        mesh, mirrored = tet_plate(design, solve.accuracy, log)
-        return _solid(case, "plate", mesh, (), mirrored, meshes, log)
+        joinable = tet_parts.mirrored(design) or not design.rows
+        if solve.model == "solid" or not joinable:
+            return _tet_plate(case, joinable, log, meshes)
+        mesher = tet_parts.piece_mesher(design, solve.accuracy, log)
+        return _joined(design, solve.accuracy, high_hz, log, mesher)
     log.left_out("CAD and tetrahedra", "the scene is made of boxes")
     if solve.model == "solid":
         settings = planner.solid_plate_settings(design, solve.accuracy)
@@ -155,9 +156,27 @@ def _plate(case: Case, high_hz: float, log: Log, meshes: list[dict[str, Any]]) -
     return _joined(design, solve.accuracy, high_hz, log)
 
 
-def _joined(design: Design, accuracy: float, high_hz: float, log: Log) -> PlateModel:
+def _tet_plate(case: Case, joinable: bool, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
+    """The whole plate as one body of tetrahedra."""
+    if case.solve.model == "superelement":
+        raise InputFault(
+            f"{case.name}: solve.model = 'superelement': must be auto or solid, a pillar from CAD need not be its own "
+            "mirror image and its plate is solved whole"
+        )
+    if not joinable:
+        log.left_out("joined cells", "a pillar from CAD need not be its own mirror image")
+    from pipeline.tet_parts import tet_plate
+
+    mesh, mirrored = tet_plate(case.design, case.solve.accuracy, log)
+    return _solid(case, "plate", mesh, (), mirrored, meshes, log)
+
+
+def _joined(
+    design: Design, accuracy: float, high_hz: float, log: Log, mesher: Callable[[Piece], Mesh] | None = None
+) -> PlateModel:
     recipe = planner.plate_recipe(design, accuracy, high_hz)
-    reductions = Reductions(design.thickness_m, design.material, design.pillar, recipe, CellShelf())
+    name = f"tet {accuracy!r}" if mesher else ""
+    reductions = Reductions(design.thickness_m, design.material, design.pillar, recipe, CellShelf(), mesher, name)
     with log.step("reduce cells"):
         model = PlateModel(design, reductions)
     log.info(

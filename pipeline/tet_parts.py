@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from geometry import solids, tet_scenes
+from geometry.hexmesh import Piece
 from geometry.layout import Design
 from geometry.mesh import Mesh
 from geometry.tetmesh import TetOptions, tet_mesh
@@ -45,7 +48,21 @@ def tet_cell(design: Design, accuracy: float, log: Log) -> tuple[Mesh, tuple[int
         if not quarter:
             return tet_scenes.tet_cell(design, edge, quarter_then_mirror=False), ()
         rim = tet_scenes.foot_rim(design.pillar, design.thickness_m) if design.pillar else []
-        return tet_mesh(solids.cell_solid(design, "xy"), edge, options=tet_scenes.graded(TetOptions(), rim, edge)), (0, 1)
+        return tet_mesh(solids.cell_solid(design, "xy"), edge, options=tet_scenes.graded(TetOptions(), rim, edge)), (
+            0,
+            1,
+        )
+
+
+def piece_mesher(design: Design, accuracy: float, log: Log) -> Callable[[Piece], Mesh]:
+    """What meshes the pieces of a joined plate that carry a pillar."""
+    edge = tet_edge_m(_smallest_m(design), accuracy)
+
+    def mesh(piece: Piece) -> Mesh:
+        with log.step("mesh a piece by tetrahedra"):
+            return tet_scenes.tet_piece(design, piece, edge)
+
+    return mesh
 
 
 def _smallest_m(design: Design) -> float:

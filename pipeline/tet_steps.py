@@ -28,7 +28,8 @@ def add(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArr
 def _plate(
     case: Case, structured: modes.ModeRow, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]
 ) -> None:
-    coarse = replace(case, solve=replace(case.solve, mesh="tet", accuracy=max(PLATE_ACCURACY, case.solve.accuracy)))
+    accuracy = max(PLATE_ACCURACY, case.solve.accuracy)
+    coarse = replace(case, solve=replace(case.solve, mesh="tet", model="solid", accuracy=accuracy))
     request = modes.Request("plate", near_hz=structured.frequency_hz, count=NEAR_COUNT, parity=case.parity_wanted)
     found = modes.solve_modes(coarse, request, log)
     record["meshes"] += found.meshes

@@ -50,7 +50,10 @@ Meshes = Callable[[Piece], Mesh]
 
 @dataclass
 class Reductions:
-    """Reduces pieces of one plate; equal pieces once, and none that the shelf has. `fresh` counts those computed here."""
+    """Reduces pieces of one plate; equal pieces once, and none that the shelf has. `fresh` counts those computed here.
+
+    `mesher` meshes the pieces with a pillar; without it, and for bare pieces, structured hexahedra do.
+    """
 
     thickness_m: float
     material: Material
@@ -58,6 +61,7 @@ class Reductions:
     recipe: Recipe
     shelf: Shelf | None = None
     mesher: Meshes | None = None
+    mesher_name: str = ""  # tells one mesher's cells from another's on the shelf
     fresh: int = 0
     reused: int = 0
 
@@ -88,7 +92,8 @@ class Reductions:
 
     def _key(self, piece: Piece) -> str:
         pillar = self.pillar if piece.foot else None
-        text = repr((signature(piece), piece.halved, self.thickness_m, self.material, pillar, self.recipe))
+        mesher = self.mesher_name if piece.foot else ""
+        text = repr((signature(piece), piece.halved, self.thickness_m, self.material, pillar, self.recipe, mesher))
         return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -110,7 +115,8 @@ class PlateModel:
                 piece = self.tiling.piece(i, j)
                 if signature(piece) not in self.cells:
                     self.cells[signature(piece)] = reductions.cell(piece)
-        self.name = f"superelement hex{reductions.recipe.hexahedra.order}"
+        order = reductions.recipe.hexahedra.order
+        self.name = "superelement tet2" if reductions.mesher else f"superelement hex{order}"
         self.parities: tuple[str | None, ...] = CLASSES
         self._joined: dict[str, JoinedPlate] = {}
 
