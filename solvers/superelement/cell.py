@@ -74,6 +74,7 @@ def reduce_cell(
     Sides listed in `free` join nothing: they move as the mesh lets them, and their bubbles carry nothing.
     Fixed-interface modes up to `top_hz` are kept. Raises SolverError when a rigid motion meets a force or the mass is off.
     """
+    _carried(system, interface)
     build = _Builder(system, interface, halved, free)
     parts = [
         build.reduce(dict(zip(halved, signs, strict=True)), top_hz) for signs in product((1, -1), repeat=len(halved))
@@ -81,6 +82,18 @@ def reduce_cell(
     cell = build.join(parts)
     _check(cell, float(system.mass.sum()) * build.copies)
     return cell
+
+
+def _carried(system: System, interface: Interface) -> None:
+    """SolverError when the mesh has fewer nodes through the plate than the boundary functions need."""
+    mesh = system.mesh
+    side = mesh.nodes[mesh.nodes_of("x+")]
+    through = len(np.unique(np.round(side[:, 2], 9)))
+    if mesh.kind == "hex" and through <= interface.through:
+        raise SolverError(
+            f"degree {interface.through} through the thickness needs {interface.through + 1} nodes, the mesh has {through}: "
+            "take a higher order or more elements through the plate"
+        )
 
 
 @dataclass(frozen=True)

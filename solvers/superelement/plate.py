@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from geometry.elements import FloatArray, IntArray
 from solvers.confinement import TouchField
+from solvers.errors import SolverError
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.surface import Skin
 from solvers.superelement.cell import Cell, Expansion
@@ -109,11 +110,25 @@ class JoinedPlate:
         return Skin(np.concatenate(points), np.concatenate(facets), np.concatenate(values, axis=1))
 
 
+def _fit(tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:
+    """SolverError unless all cells share boundary functions, units and thickness, and each fills its piece."""
+    first = next(iter(cells.values()))
+    for key, cell in cells.items():
+        same = cell.interface == first.interface and cell.scale == first.scale
+        if not same or abs(cell.size_m[2] - first.size_m[2]) > 1e-9 * first.size_m[2]:
+            raise SolverError(
+                f"cells do not fit together: {cell.interface} beside {first.interface}, or another thickness"
+            )
+        if not np.allclose(cell.size_m[:2], [float(v) for v in key[:2]], rtol=0.0, atol=1e-8):
+            raise SolverError(f"a cell of {cell.size_m[:2]} m does not fill its piece of {key[:2]} m")
+
+
 class _Grid:
     """Numbers of the whole plate's unknowns, and what the two mirrors do to them."""
 
     def __init__(self, tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:
         self.tiling, self.cells = tiling, cells
+        _fit(tiling, cells)
         self.nx, self.ny = len(tiling.x) - 1, len(tiling.y) - 1
         self.interface: Interface = next(iter(cells.values())).interface
         vertices, side = (self.nx + 1) * (self.ny + 1), self.interface.side_block

@@ -12,9 +12,10 @@ from geometry.hexmesh import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.errors import SolverError
-from solvers.superelement.build import Recipe, Reductions, lattice_piece
+from solvers.superelement.build import PlateModel, Recipe, Reductions, lattice_piece
 from solvers.superelement.cell import Cell, _check, rigid_boundary
 from solvers.superelement.interface import Interface, bubble_functions
+from solvers.superelement.plate import JoinedPlate
 from solvers.superelement.tiling import signature, tile
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -114,3 +115,22 @@ def test_equal_pieces_are_reduced_once() -> None:
     tiling = tile(DESIGN, 4e-3)
     kinds = {signature(tiling.piece(i, j)) for i in range(len(tiling.x) - 1) for j in range(len(tiling.y) - 1)}
     assert len(kinds) < (len(tiling.x) - 1) * (len(tiling.y) - 1) / 2
+
+
+def test_cells_that_do_not_fit_together_are_refused() -> None:
+    cut = tile(DESIGN, 6e-3)
+    made = Reductions(2e-3, ALUMINIUM, PILLAR, Recipe(FACE, 200e3, SETTINGS, 6e-3))
+    cells = PlateModel(DESIGN, made).cells
+    key = next(iter(cells))
+    other = replace(cells[key], interface=Interface(3, 3))
+    with pytest.raises(SolverError, match="do not fit together"):
+        JoinedPlate(cut, {**cells, key: other}, "++")
+    with pytest.raises(SolverError, match="does not fill its piece"):
+        JoinedPlate(cut, {**cells, key: replace(cells[key], size_m=(1e-3, 1e-3, 2e-3))}, "++")
+
+
+def test_a_mesh_too_coarse_for_the_boundary_functions_is_refused() -> None:
+    coarse = HexSettings(order=1, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
+    made = Reductions(2e-3, ALUMINIUM, PILLAR, Recipe(Interface(4, 3), 200e3, coarse))
+    with pytest.raises(SolverError, match="through the thickness"):
+        made.cell(lattice_piece(DESIGN))
