@@ -127,9 +127,11 @@ def _add_case_commands(commands: Any) -> None:
     waves.add_argument(
         "--kx", type=float, metavar="K", help="wavenumber along the zone in rad/m (default: the wanted mode's)"
     )
+    waves.add_argument("--points", type=_positive, metavar="N", default=201, help="how many frequencies (default: 201)")
     example = f"response {case} --band 28kHz:35kHz"
     response = _takes_case(_solver(commands, "response", "forced response to the patches", example))
     response.add_argument("--band", metavar="F:F", help="frequencies, such as 28kHz:35kHz")
+    response.add_argument("--points", type=_positive, metavar="N", default=401, help="how many frequencies (default: 401)")
 
 
 def _solver(commands: Any, name: str, text: str, example: str) -> argparse.ArgumentParser:
@@ -144,9 +146,19 @@ def _positive(text: str) -> int:
 
 
 def _add_active(commands: Any) -> None:
-    active = _solver(commands, "active", "analogy and control models", "active mason")
+    active = _solver(commands, "active", "analogy and control models", "active beam --gain 1e7 --gain 1e8 --out beam")
     active.add_argument("model", choices=("mason", "pillar", "beam", "shaping", "dq"), help="which model")
     _takes_case(active, optional=True)
+    again: dict[str, Any] = {"action": "append", "default": []}
+    active.add_argument("--frequency", metavar="F", help="mason, beam, shaping, dq: such as 3kHz (repeatable)", **again)
+    active.add_argument("--gain", metavar="K", help="beam: K' in N/m (repeatable)", **again)
+    active.add_argument("--quality", metavar="Q", help="mason, pillar, beam, dq: quality factor, inf for no losses")
+    active.add_argument("--delay", metavar="T", help="beam (repeatable), dq: dead time, such as 4us", **again)
+    active.add_argument("--within", metavar="T", help="dq: 95 %% response asked for, such as 2ms")
+    active.add_argument("--band", metavar="F:F", help="mason, pillar: frequencies, such as 25kHz:45kHz")
+    active.add_argument("--cell", action="store_true", help="pillar: compare with the computed plate cell (takes seconds)")
+    active.add_argument("--table", metavar="FILE", help="dq: mode table with the mode and its neighbours")
+    active.add_argument("--sweep", metavar="FILE", help="dq: measured sweep (CSV: frequency_hz, re, im) to identify")
 
 
 def _add_study_commands(commands: Any) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from argparse import Namespace
 from pathlib import Path
+from typing import Any
 
 from pipeline import outputs
 from pipeline.case import Case, load_case
-from pipeline.errors import CheckFailed, NotAvailable
+from pipeline.errors import CheckFailed
 from pipeline.house import STUDIES
 from pipeline.logs import TerminalLog
 from pipeline.quantities import parse_band, parse_frequency
@@ -118,21 +119,80 @@ def check_gap(arguments: Namespace) -> int:
 
 def attenuation(arguments: Namespace) -> int:
     """Decay per row."""
-    _case(arguments)
-    raise NotAvailable(f"attenuation {LATER}")
+    case, log = _case(arguments), _log(arguments)
+    band = parse_band(arguments.band, "--band") if arguments.band else None
+    from pipeline import attenuation as rows
+
+    found = rows.solve(case, log, band, arguments.kx, arguments.points)
+    document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    head = ("frequency_hz", "db_per_row", "reflected", "passed_flexural", "passed_shear", "passed_longitudinal")
+    table = [_attenuation_row(point) for point in found.points]
+    step = max(1, len(table) // 20)
+    text = [
+        f"{found.model}, kx = {found.kx_per_m:.1f} rad/m; decay of the least attenuated flexural wave, and shares of an "
+        f"incoming flexural wave's power after {found.rows} rows",
+        outputs.table(head, table[::step]),
+    ]
+    outputs.emit(arguments, "attenuation", document, "\n".join(text))
+    if arguments.out:
+        from pipeline import plots
+        from pipeline.plots_attenuation import complex_bands
+
+        folder = outputs.folder(arguments.out)
+        outputs.write_file(folder / "attenuation.csv", outputs.csv_bytes(head, table))
+        with plots.style():
+            plots.save(complex_bands(document), folder)
+    return 0
+
+
+def _attenuation_row(point: Any) -> list[Any]:
+    passed = point.passage
+    shares = [None] * 4 if passed is None else [passed.reflected, passed.flexural, passed.shear, passed.longitudinal]
+    return [point.frequency_hz, point.db_per_row, *shares]
 
 
 def response(arguments: Namespace) -> int:
     """Forced response."""
-    _case(arguments)
-    raise NotAvailable(f"response {LATER}")
+    case, log = _case(arguments), _log(arguments)
+    band = parse_band(arguments.band, "--band") if arguments.band else None
+    from pipeline import response as forced
+
+    found = forced.solve(case, log, band, arguments.points)
+    document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    head, rows = _response_table(document)
+    near = sorted(range(len(rows)), key=lambda i: abs(i - found.peak))[:15]
+    peak = document["peak"]
+    text = [
+        f"{found.model}, {found.dof} unknowns; around the peak of the zone, per volt of drive:",
+        outputs.table(head, [rows[i] for i in sorted(near)]),
+        f"peak at {peak['frequency_hz']:.1f} Hz, quality factor from the curve: {peak['quality'] or float('nan'):.0f}",
+    ]
+    outputs.emit(arguments, "response", document, "\n".join(text))
+    if arguments.out:
+        from pipeline import plots
+        from pipeline.plots_response import curves
+
+        folder = outputs.folder(arguments.out)
+        outputs.write_file(folder / "response.csv", outputs.csv_bytes(head, rows))
+        with plots.style():
+            plots.save(curves(document, found.shape_points, found.shape), folder)
+    return 0
+
+
+def _response_table(document: dict[str, Any]) -> tuple[tuple[str, ...], list[list[Any]]]:
+    head = ("frequency_hz", "zone_rms_m_per_V", "passive_rms_m_per_V", "sensor_re", "sensor_im")
+    count = len(document["frequency_hz"])
+    passive = document["passive_rms_m_per_V"] or [None] * count
+    sensor = document["sensor_V_per_V"] or [[None, None]] * count
+    columns = zip(document["frequency_hz"], document["zone_rms_m_per_V"], passive, sensor, strict=True)
+    return head, [[f, zone, rest, *pair] for f, zone, rest, pair in columns]
 
 
 def active(arguments: Namespace) -> int:
     """Analogy and control models."""
-    if arguments.case:
-        _case(arguments)
-    raise NotAvailable(f"active {arguments.model} {LATER}")
+    from pipeline.active import run
+
+    return run(arguments)
 
 
 def export(arguments: Namespace) -> int:

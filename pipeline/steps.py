@@ -13,14 +13,13 @@ from geometry.elements import FloatArray
 from pipeline import bands, fields, modes, store, tet_steps
 from pipeline.case import Case, load_case
 from pipeline.case_run import Job
-from pipeline.errors import InputFault, NotAvailable
+from pipeline.errors import InputFault
 from pipeline.logs import Log
 from pipeline.mess import Mess
 from pipeline.study_file import StudyFile
 
 NEIGHBOURS = 6
 ATTENUATION_POINTS = 101
-LATER = ("response",)
 
 
 def jobs_of(study: StudyFile) -> list[Job]:
@@ -52,8 +51,8 @@ def _values(overrides: list[str]) -> list[Any]:
 
 def _check(case: Case, measure: tuple[str, ...]) -> None:
     case.require_plate(command="a study")
-    for name in set(measure) & set(LATER):
-        raise NotAvailable(f"measure '{name}' is not part of this version yet")
+    if "response" in measure:
+        case.require("patches", command="the measure response")
 
 
 def computer(study: StudyFile) -> Any:
@@ -77,6 +76,8 @@ def compute(case_path: str, payload: dict[str, Any], folder: Path, log: Mess) ->
         _bands(case, log, record)
     if "attenuation" in measure:
         _attenuation(case, log, record)
+    if "response" in measure:
+        _response(case, log, record, arrays)
     if "parts" in measure:
         _parts(case, log, record)
     if "geometry" in measure:
@@ -85,7 +86,8 @@ def compute(case_path: str, payload: dict[str, Any], folder: Path, log: Mess) ->
         record["geometry"] = print_files(case, folder, log)
     if "tetrahedra" in measure:
         tet_steps.add(case, log, record, arrays)
-    _leave_out(case, log)
+    if "response" not in measure:
+        _leave_out(case, log)
     if arrays:
         store.save_arrays(folder, arrays)
     return record
@@ -180,6 +182,16 @@ def _attenuation(case: Case, log: Log, record: dict[str, Any]) -> None:
     wanted = record.get("wanted")
     if wanted:
         record["prediction"] = attenuation.prediction(found, wanted["frequency_hz"], wanted["extension_db"])
+
+
+def _response(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
+    """The forced response, its operating shape at the peak among the arrays."""
+    from pipeline import response
+
+    found = response.solve(case, log)
+    record["response"] = found.json()
+    record["meshes"] += found.meshes
+    arrays |= {"response_xy": found.shape_points, "response_uz": found.shape}
 
 
 def _parts(case: Case, log: Log, record: dict[str, Any]) -> None:

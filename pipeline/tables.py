@@ -37,6 +37,14 @@ def _part(part: str, key: str) -> Callable[[StoredCase], Any]:
     return lambda case: (case.record.get(part) or {}).get(key)
 
 
+def _peak(key: str, factor: float = 1.0) -> Callable[[StoredCase], Any]:
+    def value(case: StoredCase) -> Any:
+        found = ((case.record.get("response") or {}).get("peak") or {}).get(key)
+        return None if found is None else factor * found
+
+    return value
+
+
 def _dof(case: StoredCase) -> int | None:
     return next((part["dof"] for key in ("modes", "bands") if (part := case.record.get(key)) and part.get("dof")), None)
 
@@ -93,6 +101,9 @@ MEASURES = (
     Column("gap_upper_hz", "gap to", _gap("upper_hz"), ".2f", "Hz"),
     Column("bending_m_1_hz", "bending at M, first", _bending(0), ".2f", "Hz"),
     Column("bending_m_2_hz", "bending at M, second", _bending(1), ".2f", "Hz"),
+    Column("peak_hz", "peak of the response", _peak("frequency_hz"), ".2f", "Hz"),
+    Column("peak_nm_per_v", "zone at the peak", _peak("zone_rms_m_per_V", 1e9), ".4g", "nm/V"),
+    Column("peak_db", "confinement at the peak", _peak("confinement_db"), ".2f", "dB"),
     Column("dof", "unknowns", _dof, "d"),
     Column("mass_kg", "mass", _part("geometry", "mass_kg"), ".6f", "kg"),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import isfinite, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -72,11 +72,13 @@ class MasonStudy:
         curves = ("clamped", "bare", "filtered", "filter_impedance")
         return {
             "schema": 1,
+            "target_hz": self.data.target_hz,
+            "quality": self.data.quality if isfinite(self.data.quality) else None,
             "cell": {"length_m": cell.length_m, "area_m2": cell.area_m2, "material": self.data.material.name},
             "filter": {
                 "inductance_kg": one.inductance_kg,
                 "capacitance_m_n": one.capacitance_m_n,
-                "resistance_n_s_m": one.resistance_n_s_m,
+                "resistance_n_s_m": one.resistance_n_s_m if isfinite(one.resistance_n_s_m) else None,
                 "rejected_hz": one.rejected_hz,
             },
             "modes_hz": {name: getattr(self, f"{name}_modes_hz").tolist() for name in curves[:3]},

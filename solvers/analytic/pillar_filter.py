@@ -24,6 +24,7 @@ from solvers.analytic.timoshenko import exact_omegas
 from solvers.errors import SolverError
 
 FloatArray = NDArray[np.float64]
+DECAYS_DB = 0.01  # a row: below it a wave counts as passing
 
 
 @dataclass(frozen=True)
@@ -31,8 +32,9 @@ class PillarFilter:
     """Over n frequencies: |t|^2 and |r|^2 of 1 ... rows pillars, shape (rows, n), decay of an endless row (n,), dB.
 
     clamped_hz: the pillar on a rigid foot (Timoshenko); stopped_hz: where one pillar's moment lets nothing through;
-    oscillator_stopped_hz: the same for a vertical oscillator of the pillar's mass and clamped frequency. band_hz: |t|^2 <= 1/2
-    of one pillar, None without any in the window.
+    oscillator_stopped_hz: the same for a vertical oscillator of the pillar's mass and clamped frequency. bands_hz: the
+    widest stretch with |t|^2 <= 1/2 for 1 ... rows pillars; stop_hz: the widest in which the endless row lets no wave
+    through without losses (decay above 0.01 dB a row); None without any in the window.
     """
 
     frequencies_hz: FloatArray
@@ -42,7 +44,18 @@ class PillarFilter:
     clamped_hz: float
     stopped_hz: float
     oscillator_stopped_hz: float
-    band_hz: tuple[float, float] | None
+    bands_hz: tuple[tuple[float, float] | None, ...]
+    stop_hz: tuple[float, float] | None
+
+    @property
+    def band_hz(self) -> tuple[float, float] | None:
+        """The first of bands_hz: one pillar."""
+        return self.bands_hz[0]
+
+    @property
+    def absorbed(self) -> FloatArray:
+        """1 - |t|^2 - |r|^2, shape (rows, n)."""
+        return 1.0 - self.transmitted - self.reflected
 
     def as_json(self) -> dict[str, Any]:
         """A plain document, frequencies in Hz, powers as shares of the incident one."""
@@ -50,7 +63,12 @@ class PillarFilter:
             name: getattr(self, name).tolist() for name in ("frequencies_hz", "transmitted", "reflected", "decay_db")
         }
         numbers = {name: getattr(self, name) for name in ("clamped_hz", "stopped_hz", "oscillator_stopped_hz")}
-        return {"schema": 1, **numbers, "band_hz": list(self.band_hz) if self.band_hz else None, **arrays}
+        bands = {
+            "band_hz": _ends(self.band_hz),
+            "bands_hz": [_ends(band) for band in self.bands_hz],
+            "stop_hz": _ends(self.stop_hz),
+        }
+        return {"schema": 1, **numbers, **bands, **arrays}
 
 
 def strip_host(design: Design, plate: bool = True) -> Host:
@@ -79,19 +97,26 @@ def pillar_filter(
     beam = pillar_beam(pillar)
     clamped = exact_omegas(beam, "clamped", "free", 1)[0] * beam.unit_rad_s
     transmitted = np.stack([np.abs(one.transmission) ** 2 for one in found])
-    band = half_power_band(transmitted[0], frequencies_hz)
+    decay = decay_db_per_row(host, feet, design.pitch_y_m, omega)
+    lossless = feet if loss == 0.0 else design_feet(pillar, omega, 0.0, lever_m)
+    stopping = decay_db_per_row(host, lossless, design.pitch_y_m, omega) > DECAYS_DB
     stopped = moment_total_reflection_rad_s(host, lambda w: design_feet(pillar, np.array([w]), 0.0, lever_m), clamped)
     mass = beam.mass_kg_m * beam.length_m
     return PillarFilter(
         frequencies_hz=frequencies_hz,
         transmitted=transmitted,
         reflected=np.stack([np.abs(one.reflection) ** 2 for one in found]),
-        decay_db=decay_db_per_row(host, feet, design.pitch_y_m, omega),
+        decay_db=decay,
         clamped_hz=clamped / (2.0 * pi),
         stopped_hz=stopped / (2.0 * pi),
         oscillator_stopped_hz=oscillator_total_reflection_rad_s(host, mass, clamped) / (2.0 * pi),
-        band_hz=band,
+        bands_hz=tuple(half_power_band(one, frequencies_hz) for one in transmitted),
+        stop_hz=half_power_band(np.where(stopping, 0.0, 1.0), frequencies_hz),
     )
+
+
+def _ends(band: tuple[float, float] | None) -> list[float] | None:
+    return list(band) if band else None
 
 
 def design_feet(

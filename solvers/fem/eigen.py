@@ -289,7 +289,8 @@ class _Solver:
             return np.empty(0), np.empty((self.pencil.dof, 0))
         if expected > SLICE:
             return self._halves(low, high, below_low, below_high)
-        factor, shift = self.factor(_middle(low, high))
+        # half-way in lambda: the pairs nearest to the shift are then those of the band, not of what lies below it
+        factor, shift = self.factor(0.5 * (low + high))
         values, vectors = self._inside(factor.solve, shift, low, high, expected + max(4, expected // 10))
         for _ in range(3):
             if len(values) >= expected:

@@ -99,6 +99,12 @@ def motion(points: np.ndarray, lines: int, decay: float) -> np.ndarray:
     return u
 
 
+def response_grid(half: float) -> np.ndarray:
+    """Points of the operating shape, x slowest."""
+    lines = np.linspace(-LENGTH / 2, LENGTH / 2, 41), np.linspace(-half, half, 31)
+    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
 def shapes(shape: dict, level_db: float) -> dict[str, np.ndarray]:
     """arrays.npz of a case."""
     points, quads = skin(shape)
@@ -123,6 +129,8 @@ def shapes(shape: dict, level_db: float) -> dict[str, np.ndarray]:
         "tet_points": mesh,
         "tet_triangles": np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]]),
         "tet_u": motion(mesh, 8, decay),
+        "response_xy": response_grid(half),
+        "response_uz": normal_motion(response_grid(half), 8, decay) * (1.0 + 0.1j),
         "cell_points": np.array(box(np.zeros(3), np.array([0.004, 0.004, THICKNESS]), (6, 6, 2))[0]),
         "cell_quads": box(np.zeros(3), np.array([0.004, 0.004, THICKNESS]), (6, 6, 2))[1],
     }
@@ -179,6 +187,25 @@ def attenuation(rows: int, level_db: float | None) -> dict:
     return {
         "attenuation": {"schema": 1, "kx_per_m": 204.0, "pitch_y_m": 0.004, "rows": rows, "points": points},
         "prediction": {**told, "zone_to_extension_db": level_db, "rows_for_10_db": 3},
+    }
+
+
+def response(level_db: float | None) -> dict:
+    """An invented resonance at 31.5 kHz with one sensor."""
+    tone = np.linspace(28e3, 35e3, 141)
+    motion = 3e-8 / np.abs(1.0 - (tone / 31500.0) ** 2 + 1j / 300.0) / 300.0
+    heard = 1.0 / (1.0 - (tone / 31500.0) ** 2 + 1j / 300.0) / 300.0
+    rest = motion / 10.0 ** ((level_db or 0.0) / 20.0)
+    top = int(motion.argmax())
+    peak = {"frequency_hz": tone[top], "zone_rms_m_per_V": motion[top], "passive_rms_m_per_V": rest[top]}
+    return {
+        "schema": 1,
+        "frequency_hz": tone.tolist(),
+        "zone_rms_m_per_V": motion.tolist(),
+        "passive_rms_m_per_V": rest.tolist(),
+        "sensor_V_per_V": np.column_stack([heard.real, heard.imag]).tolist(),
+        "sensors": [7],
+        "peak": {**peak, "confinement_db": level_db, "quality": 298.0},
     }
 
 
@@ -240,6 +267,7 @@ def record(case_id: str, sweep: dict, shape: dict, level_db: float | None) -> di
         "warnings": [],
         **bands(shape["pitch_x_m"]),
         **attenuation(shape["rows"], level_db),
+        "response": response(level_db),
     }
 
 

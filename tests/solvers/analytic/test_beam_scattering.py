@@ -25,6 +25,7 @@ from solvers.analytic.beam_scattering import (
 )
 from solvers.analytic.foot import bending_foot, oscillator_foot, pillar_foot, spring_foot
 from solvers.analytic.pillar_filter import pillar_filter, strip_host
+from solvers.analytic.point_force import point_force
 from solvers.analytic.timoshenko import beam_modes, exact_omegas, square_beam
 from solvers.errors import SolverError
 
@@ -230,8 +231,49 @@ def test_rows_of_a_design_stand_on_a_strip_of_plate_half_a_thickness_up():
         expected = scatter(host, feet, [n * 4e-3 for n in range(count)], OMEGA)
         assert found.transmitted[count - 1] == pytest.approx(np.abs(expected.transmission) ** 2, rel=1e-9)
         assert found.reflected[count - 1] == pytest.approx(np.abs(expected.reflection) ** 2, rel=1e-9)
+    assert found.absorbed == pytest.approx(1.0 - found.transmitted - found.reflected) and found.absorbed.min() > 0.0
+    lossless = pillar_filter(DESIGN, OMEGA / (2 * pi))
+    assert np.abs(lossless.absorbed).max() < 1e-10
     document = json.loads(json.dumps(found.as_json(), allow_nan=False))
     assert document["stopped_hz"] == found.stopped_hz and len(document["transmitted"]) == 3
+
+
+def test_stop_band_is_where_no_bloch_wave_passes():
+    fine = np.linspace(25e3, 45e3, 801)
+    found = pillar_filter(DESIGN, fine)
+    host, feet = strip_host(DESIGN), pillar_foot(PILLAR, 2 * pi * fine, EA, lever_m=1e-3)
+    passing = [
+        np.min(np.abs(np.abs(np.linalg.eigvals(transfer_matrix(host, foot, 4e-3, 2 * pi * f))) - 1.0)) < 1e-4
+        for f, foot in zip(fine, feet, strict=True)
+    ]
+    inside = fine[~np.array(passing)]
+    assert found.stop_hz == pytest.approx((inside[0], inside[-1]), abs=2 * 25.0)
+    assert pillar_filter(DESIGN, fine, loss=0.01).stop_hz == found.stop_hz
+    assert len(found.bands_hz) == 3 and found.bands_hz[0] == found.band_hz
+    assert found.stop_hz[0] < found.stopped_hz < found.stop_hz[1]
+
+
+def test_one_point_on_an_endless_beam():
+    """Figure 3.2: the spring of 4 EI beta^3 leaves its near field only; the printed force doubles the wave instead."""
+    study = point_force(401)
+    powers = {case.name: (case.transmitted, case.reflected, case.absorbed) for case in study.cases}
+    assert powers["spring"] == pytest.approx((0.0, 1.0, 0.0), abs=1e-10)
+    assert powers["pinned"] == pytest.approx((0.5, 0.5, 0.0), abs=1e-8)
+    assert powers["printed damper"] == pytest.approx((0.4, 0.2, 0.4), abs=1e-10)
+    assert powers["moment"] == pytest.approx((0.0, 1.0, 0.0), abs=1e-10)
+    beyond = study.x_over_wavelength > 0
+    spring = study.of("spring").deflection
+    assert spring[beyond] == pytest.approx(-1j * np.exp(-2 * pi * study.x_over_wavelength[beyond]), abs=1e-10)
+    before = 1j * 2 * np.sin(2 * pi * study.x_over_wavelength[:50])  # far from the point: a standing wave
+    assert np.abs(spring[:50] - before).max() == pytest.approx(0.0, abs=1e-3)
+    printed = study.of("printed force")
+    assert np.abs(printed.deflection[-1]) == pytest.approx(2.0, abs=1e-3) and printed.transmitted == 4.0
+    document = json.loads(json.dumps(study.as_json(), allow_nan=False))
+    assert len(document["cases"]) == 5
+    with pytest.raises(SolverError, match="2 or more"):
+        point_force(1)
+    with pytest.raises(SolverError, match="there are spring"):
+        study.of("rope")
 
 
 def test_thin_pillar_foot_closed_form():

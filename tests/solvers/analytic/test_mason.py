@@ -122,7 +122,7 @@ def test_power_given_is_power_taken():
     line = replace(five_free(MasonData(), True), cells=(lossless,) * 5)
     given, taken = absorbed_power_w(line, nodal_response(line, OMEGA), OMEGA)
     assert np.all(taken > 0.0)
-    assert given == pytest.approx(taken, rel=1e-9, abs=1e-10 * np.max(taken))
+    assert given == pytest.approx(taken, rel=1e-10, abs=1e-10 * np.max(taken))
     none = replace(line, filters={})
     response = nodal_response(none, OMEGA)
     power, scale = absorbed_power_w(none, response, OMEGA)[0], np.max(np.abs(response.currents))

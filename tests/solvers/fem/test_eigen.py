@@ -252,3 +252,14 @@ def test_an_empty_band_is_empty_and_counted() -> None:
     assert len(modes.frequency_hz) == 0
     assert modes.vectors.shape == (body.dof, 0)
     assert modes.count.expected == 0
+
+
+def test_a_wide_band_above_a_crowd_is_whole() -> None:
+    """Many modes below the band, few at its upper end: the nearest ones to the shift must be those of the band."""
+    values = np.concatenate([np.linspace(200.0, 340.0, 40), np.linspace(351.0, 900.0, 20), np.linspace(3000.0, 3420.0, 5)])
+    pencil = PlainPencil(
+        sp.csc_array(sp.diags_array(values)), sp.csc_array(sp.eye_array(len(values))), Scale(1.0, 1.0, 1.0)
+    )
+    scale = pencil.scale
+    ends = scale.frequency(np.array([350.0, 3430.0]))
+    assert len(modes_in_band(pencil, *ends).frequency_hz) == 25

@@ -1,0 +1,270 @@
+"""The command `antinode active`: circuit, pillar, active beam, shaping and dq loop, each with its figures."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+from pipeline import outputs
+from pipeline.case import Case, load_case
+from pipeline.errors import InputFault
+from pipeline.house import STUDIES
+from pipeline.logs import Log, TerminalLog
+from pipeline.quantities import parse_band, parse_frequency
+from solvers.errors import SolverError
+
+if TYPE_CHECKING:
+    from pipeline.plots import Drawing
+
+TAKES = {
+    "mason": ("frequency", "quality", "band"),
+    "pillar": ("quality", "band", "cell"),
+    "beam": ("frequency", "gain", "quality", "delay"),
+    "shaping": ("frequency",),
+    "dq": ("frequency", "quality", "delay", "within", "table", "sweep"),
+}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a model gives: its JSON document, its lines of text, its figures (drawn only when asked), further files."""
+
+    document: dict[str, Any]
+    lines: list[str]
+    drawings: Callable[[], list[Drawing]]
+    files: dict[str, bytes] = field(default_factory=dict)
+
+
+def run(arguments: Namespace) -> int:
+    """One model: text or JSON on standard output, JSON, figures and files into --out."""
+    _refuse_foreign_options(arguments)
+    case, log = _case(arguments), TerminalLog(arguments.quiet)
+    try:
+        found = _models()[arguments.model](arguments, case, log)
+    except SolverError as fault:  # these models have no meshes and no iterations: what stops them is what was asked
+        raise InputFault(f"active {arguments.model}: {' '.join(str(fault).split())}") from fault
+    outputs.emit(arguments, f"active_{arguments.model}", found.document, "\n".join(found.lines))
+    if arguments.out:
+        _write(arguments, found)
+    return 0
+
+
+def _write(arguments: Namespace, found: Found) -> None:
+    from pipeline import plots
+
+    folder = outputs.folder(arguments.out)
+    for name, data in found.files.items():
+        outputs.write_file(folder / name, data)
+    with plots.style():
+        for drawing in found.drawings():
+            plots.save(drawing, folder)
+
+
+def _models() -> dict[str, Callable[[Namespace, Case | None, Log], Found]]:
+    from pipeline.active_dq import dq
+
+    return {"mason": _mason, "pillar": _pillar, "beam": _beam, "shaping": _shaping, "dq": dq}
+
+
+def _refuse_foreign_options(arguments: Namespace) -> None:
+    takes = TAKES[arguments.model]
+    for name in sorted({option for options in TAKES.values() for option in options}):
+        if getattr(arguments, name) and name not in takes:
+            told = ", ".join(f"--{option}" for option in takes)
+            raise InputFault(f"--{name}: active {arguments.model} does not take it; it takes {told}")
+
+
+def _case(arguments: Namespace) -> Case | None:
+    if arguments.case is None and arguments.model == "pillar":
+        return load_case(STUDIES / "three-rows.toml", arguments.set)
+    if arguments.case is None:
+        if arguments.set:
+            raise InputFault("--set: needs a CASE to change")
+        return None
+    return load_case(arguments.case, arguments.set)
+
+
+def frequencies_hz(arguments: Namespace, default: tuple[float, ...]) -> tuple[float, ...]:
+    """Every --frequency in Hz, or the default."""
+    return tuple(parse_frequency(text, "--frequency") for text in arguments.frequency or ()) or default
+
+
+def only_frequency_hz(arguments: Namespace, default: float) -> float:
+    """The one --frequency in Hz, or the default. InputFault when there are several."""
+    found = frequencies_hz(arguments, (default,))
+    if len(found) > 1:
+        raise InputFault(f"--frequency: active {arguments.model} takes one, {len(found)} came")
+    return found[0]
+
+
+def quality(arguments: Namespace, default: float) -> float:
+    """--quality, "inf" for no losses, or the default."""
+    if arguments.quality is None:
+        return default
+    value = number(arguments.quality)
+    if not value > 0.0:
+        raise InputFault(f"--quality = {arguments.quality}: must be a number above 0, or inf for no losses")
+    return value
+
+
+def seconds(text: str, what: str) -> float:
+    """Seconds from "2ms", "4us" or "0.002s"; InputFault otherwise or below 0."""
+    for unit in ("ms", "us", "s"):
+        if text.strip().endswith(unit):
+            value = number(text.strip()[: -len(unit)])
+            if 0.0 <= value < inf:
+                return value * SECONDS[unit]
+            break
+    raise InputFault(f"{what} = {text!r}: must be a time of 0 or more in s, ms or us, such as 4us")
+
+
+def number(text: str) -> float:
+    """A float, NaN for anything else."""
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
+
+
+def compared(entries: list[dict[str, str]]) -> list[str]:
+    """One block a quantity: the thesis' value, ours, and how they agree."""
+    lines = []
+    for entry in entries:
+        lines += [
+            entry["quantity"],
+            f"  thesis: {entry['thesis']}",
+            f"  ours:   {entry['ours']}",
+            f"  {entry['agreement']}",
+        ]
+    return lines
+
+
+def _mason(arguments: Namespace, case: Case | None, log: Log) -> Found:
+    from dataclasses import replace
+
+    import numpy as np
+
+    from pipeline import plots_active
+    from pipeline.active_entries import mason_entries
+    from solvers.analytic.mason_study import MasonData, mason_study
+
+    data = MasonData(target_hz=only_frequency_hz(arguments, MasonData.target_hz))
+    data = replace(data, quality=quality(arguments, case.quality if case else data.quality))
+    if case is not None:
+        data = replace(data, material=case.design.material)
+    band = parse_band(arguments.band, "--band") if arguments.band else None
+    study = mason_study(data, None if band is None else np.linspace(*band, 3121))
+    entries = [entry.as_json() for entry in mason_entries(study)]
+    cell, one = data.cell, data.filter
+    lines = [
+        f"five cells of {data.material.name}, each {cell.length_m * 1e3:.3f} mm long, section {cell.area_m2 * 1e6:g} mm2, "
+        f"quality {data.quality:g}; 1 N in the middle one",
+        f"filter: L = {one.inductance_kg:.4g} kg, C = {one.capacitance_m_n:.4g} m/N, rejects {one.rejected_hz:.6g} Hz",
+        *(
+            f"modes, {name}: {', '.join(f'{f:.0f}' for f in modes)} Hz"
+            for name, modes in study.as_json()["modes_hz"].items()
+        ),
+        *compared(entries),
+    ]
+    return Found(study.as_json() | {"comparison": entries}, lines, lambda: [plots_active.mason(study)])
+
+
+def _pillar(arguments: Namespace, case: Case | None, log: Log) -> Found:
+    import numpy as np
+
+    from pipeline import plots_active
+    from pipeline.active_entries import pillar_entries
+    from solvers.analytic.pillar_filter import pillar_filter
+    from solvers.analytic.point_force import point_force
+
+    assert case is not None
+    case.require("plate", "pillar", "array.pitch_mm", command="active pillar")
+    band = parse_band(arguments.band, "--band") if arguments.band else None
+    loss = 1.0 / quality(arguments, case.quality if "damping" in case.given else inf)
+    low, high = band or _pillar_window(case)
+    found = pillar_filter(case.design, np.linspace(low, high, 801), loss)
+    point = point_force()
+    cell = _computed_cell(case, log, (low, high)) if arguments.cell else None
+    entries = [entry.as_json() for entry in pillar_entries(found, point, cell)]
+    document = found.as_json() | {"point_force": point.as_json(), "cell": cell, "comparison": entries}
+    return Found(document, compared(entries), lambda: plots_active.pillar(found, point, cell))
+
+
+def _pillar_window(case: Case) -> tuple[float, float]:
+    """From half to half as much again of the pillar's clamped frequency."""
+    from math import pi
+
+    from solvers.analytic.predesign import pillar_beam
+    from solvers.analytic.timoshenko import exact_omegas
+
+    assert case.design.pillar is not None
+    beam = pillar_beam(case.design.pillar)
+    clamped = exact_omegas(beam, "clamped", "free", 1)[0] * beam.unit_rad_s / (2.0 * pi)
+    return 0.5 * clamped, 1.5 * clamped
+
+
+def _computed_cell(case: Case, log: Log, band_hz: tuple[float, float]) -> dict[str, Any]:
+    """Decay per row of the least attenuated flexural wave of the computed plate cell at normal incidence."""
+    from pipeline import attenuation
+
+    found = attenuation.solve(case, log, band_hz, 0.0, 81)
+    return {
+        "model": found.model,
+        "frequencies_hz": [point.frequency_hz for point in found.points],
+        "db_per_row": [point.db_per_row for point in found.points],
+    }
+
+
+def _beam(arguments: Namespace, case: Case | None, log: Log) -> Found:
+    from dataclasses import replace
+
+    from pipeline import plots_active
+    from solvers.control.active_beam import ActiveBeamData, active_beam_study
+
+    data = ActiveBeamData()
+    if case is not None:
+        data = replace(data, material=case.design.material)
+    gains = tuple(number(text) for text in arguments.gain or ()) or data.gains_n_m
+    for text, gain in zip(arguments.gain or (), gains, strict=False):
+        if not 0.0 < gain < inf:
+            raise InputFault(f"--gain = {text}: must be a number above 0 in N/m (0 leaves the loops open)")
+    delays = tuple(seconds(text, "--delay") for text in arguments.delay or ()) or data.delays_s
+    data = replace(
+        data,
+        frequencies_hz=frequencies_hz(arguments, data.frequencies_hz),
+        gains_n_m=gains,
+        quality=quality(arguments, case.quality if case else data.quality),
+        delays_s=delays,
+    )
+    study = active_beam_study(data)
+    document = study.as_json()
+    shown = f"{data.length_m * 1e3:g} x {data.width_m * 1e3:g} x {data.thickness_m * 1e3:g} mm"
+    head = ("layout", "frequency_hz", "gain_n_m", "strength", "ratio_before", "ratio_after", "largest_force_n")
+    rows = [[case[key] for key in head] for case in document["cases"]]
+    lines = [
+        f"free-free {data.material.name} strip {shown}, 1 N in the middle, loops {study.left_m * 1e3:.1f} mm from both ends; "
+        f"strength = K'/(4 EI beta^3), ratio = rms between the loops over rms beyond",
+        outputs.table(head, rows),
+        *compared(document["comparison"]),
+    ]
+    return Found(document, lines, lambda: plots_active.beam(study))
+
+
+def _shaping(arguments: Namespace, case: Case | None, log: Log) -> Found:
+    from dataclasses import replace
+
+    from pipeline import plots_active_shaping
+    from solvers.control.shaping_study import ShapingData, shaping_study
+
+    if case is not None:
+        log.info("the case is not used: shaping has its own beams, stated in its document")
+    data = ShapingData()
+    data = replace(data, frequencies_hz=frequencies_hz(arguments, data.frequencies_hz))
+    study = shaping_study(data)
+    document = study.as_json()
+    lines = [*(f"assumed: {text}" for text in document["assumptions"]), *compared(document["comparison"])]
+    return Found(document, lines, lambda: plots_active_shaping.drawings(study))

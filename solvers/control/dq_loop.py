@@ -1,0 +1,265 @@
+"""The dq loop in time at the firmware's own rates: samples, windows, converters, delay, limit, neighbouring modes.
+
+Time is cut into periods of `period` samples. A slow step at a period's end fits the window's tone and answers; its drive acts
+`gap` samples later, and the next window begins there. e^{+j omega t}; signals and drives are shares of full scale.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isfinite, pi
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from solvers.control.baseband import ModePlant, SampledPi, sampled_gains
+from solvers.errors import SolverError
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+AntiWindup = Literal["match", "freeze", "none"]
+NEIGHBOUR_LOOP = 0.5  # loop gain that a mode beside the wanted one may have, whatever its phase
+
+
+@dataclass(frozen=True)
+class Rates:
+    """sample_rate_hz; samples in a period and in the gap at its beginning; bits of both converters, 0 for ideal ones."""
+
+    sample_rate_hz: float = 250e3
+    period: int = 50
+    gap: int = 4
+    bits: int = 12
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.sample_rate_hz) and self.sample_rate_hz > 0.0 and 0 < self.gap < self.period - 8):
+            raise SolverError(f"{self}: the sample rate must be above 0, the window at least 8 samples")
+
+    @property
+    def period_s(self) -> float:
+        """Between two slow steps, s."""
+        return self.period / self.sample_rate_hz
+
+    @property
+    def ahead_s(self) -> float:
+        """From the middle of a window to its answer, s."""
+        return ((self.period - self.gap) / 2.0 + self.gap) / self.sample_rate_hz
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What is simulated: the plate, the controller's idea of it, and the imperfections between them.
+
+    modes: the plate's, velocity response from drive to signal (complex gains allowed); wanted: which one is controlled.
+    known: the controller's copy, None for the truth; detuning_hz: of the drive from the known frequency. delay_s: dead time
+    beyond the hold; known_delay_s: what the controller makes good of it and of the hold's half sample, None for all.
+    """
+
+    modes: tuple[ModePlant, ...]
+    wanted: int = 0
+    known: ModePlant | None = None
+    detuning_hz: float = 0.0
+    response_s: float = 0.42e-3
+    drive_limit: float = 1.0
+    delay_s: float = 0.0
+    known_delay_s: float | None = None
+    noise: float = 0.0
+    offset: float = 0.0
+    anti_windup: AntiWindup = "match"
+    rates: Rates = Rates()
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if not self.modes or not 0 <= self.wanted < len(self.modes):
+            raise SolverError("a loop needs at least one mode, and the wanted one among them")
+        top = 0.45 * self.rates.sample_rate_hz
+        if not all(mode.frequency_hz < top for mode in (*self.modes, self.model)):
+            raise SolverError(f"modes must lie below {top:g} Hz, 0.45 of the sample rate")
+        if not (0.0 < self.response_s < inf and self.drive_limit > 0.0 and 0.0 <= self.delay_s < inf):
+            raise SolverError("response time and drive limit must be above 0, the delay 0 or more")
+        if self.anti_windup not in ("match", "freeze", "none"):
+            raise SolverError(f"anti-windup {self.anti_windup!r}: must be match, freeze or none")
+
+    @property
+    def model(self) -> ModePlant:
+        """What the controller works with."""
+        return self.known if self.known is not None else self.modes[self.wanted]
+
+    @property
+    def gains(self) -> SampledPi:
+        """K_p and its integral, bounded by what the strongest neighbour allows."""
+        others = [abs(mode.gain) for i, mode in enumerate(self.modes) if i != self.wanted]
+        bound = NEIGHBOUR_LOOP / max(others) if others else inf
+        return sampled_gains(self.model, self.response_s, self.rates.period_s, bound)
+
+    @property
+    def omega_rad_s(self) -> float:
+        """Of the drive, rad/s."""
+        return 2.0 * pi * (self.model.frequency_hz + self.detuning_hz)
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One value a period, shape (n,): time of the window's middle, s, reference, measured phasor in the mode's frame, drive.
+
+    limited: where the drive met its limit.
+    """
+
+    time_s: FloatArray
+    reference: FloatArray
+    measured: ComplexArray
+    drive: ComplexArray
+    limited: NDArray[np.bool_]
+
+    def reached_s(self, share: float = 0.95) -> float:
+        """First time at which |U| is `share` of the last reference, between windows by interpolation; inf if never."""
+        size, wanted = np.abs(self.measured), share * abs(self.reference[-1])
+        above = np.flatnonzero(size >= wanted)
+        if above.size == 0:
+            return inf
+        i = int(above[0])
+        if i == 0:
+            return float(self.time_s[0])
+        part = (wanted - size[i - 1]) / (size[i] - size[i - 1])
+        return float(self.time_s[i - 1] + part * (self.time_s[i] - self.time_s[i - 1]))
+
+    def settled_s(self, band: float = 0.05) -> float:
+        """From when on U stays within `band` of the last reference; inf if it does not at the end."""
+        off = np.abs(self.measured - self.reference[-1]) > band * abs(self.reference[-1])
+        if off[-1]:
+            return inf
+        late = np.flatnonzero(off)
+        return float(self.time_s[late[-1] + 1]) if late.size else float(self.time_s[0])
+
+    def overshoot(self) -> float:
+        """Largest |U| over the last reference, minus 1, never below 0."""
+        return max(float(np.abs(self.measured).max() / abs(self.reference[-1])) - 1.0, 0.0)
+
+
+def step_response(setup: Setup, reference: float, seconds: float = 20e-3) -> Trace:
+    """From rest to a reference at time 0, right after a slow step: the worst moment. SolverError unless above 0."""
+    if not (isfinite(reference) and reference > 0.0):
+        raise SolverError(f"reference {reference:g}: must be finite and above 0")
+    periods = max(round(seconds / setup.rates.period_s), 1)
+    return run(setup, np.full(periods, reference))
+
+
+def run(setup: Setup, references: FloatArray) -> Trace:
+    """The loop from rest, one reference a period."""
+    plate, control = Plate(setup), Controller(setup)
+    start = (setup.rates.gap + (setup.rates.period - setup.rates.gap - 1) / 2.0) / setup.rates.sample_rate_hz
+    measured, drives, limited = [], [], []
+    command, acting = 0j, 0j
+    for reference in references:
+        samples = plate.period(acting, command)
+        acting = command
+        phasor = control.fit(samples)
+        measured.append(phasor)
+        command, met = control.step(phasor, float(reference))
+        drives.append(control.drive)
+        limited.append(met)
+    time = np.arange(len(references), dtype=np.float64) * setup.rates.period_s + start
+    return Trace(time, np.asarray(references, dtype=float), np.array(measured), np.array(drives), np.array(limited))
+
+
+class Plate:
+    """The modes between two converters: each state z' = p z + u exactly, u held between samples and delayed.
+
+    The signal is Re(r z), r = 2 G (2/tau) p/(p - p*), which answers G to a drive at omega_0.
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        rates = setup.rates
+        ts = 1.0 / rates.sample_rate_hz
+        poles = np.array([-1.0 / m.tau_s + 1j * np.sqrt(m.omega_rad_s**2 - m.tau_s**-2) for m in setup.modes])
+        whole, part = divmod(setup.delay_s / ts, 1.0)
+        held = (np.exp(poles * (1.0 - part) * ts) - 1.0) / poles
+        self.decay = np.exp(poles * ts)
+        self.push = np.stack([held, (self.decay - 1.0) / poles - held], axis=1)
+        self.residue = [4.0 * m.gain / m.tau_s * p / (p - np.conj(p)) for m, p in zip(setup.modes, poles, strict=True)]
+        self.state = np.zeros(len(poles), dtype=complex)
+        self.line = np.zeros(int(whole) + 2)  # levels that are on their way, the code of the last sample among them
+        self.phase, self.turn = 0.0, setup.omega_rad_s * ts
+        self.setup, self.random = setup, np.random.default_rng(setup.seed)
+
+    def period(self, acting: complex, command: complex) -> FloatArray:
+        """The window's samples of one period in which `command` takes over from `acting` after the gap."""
+        rates = self.setup.rates
+        n = np.arange(rates.period)
+        carrier = np.exp(1j * (self.phase + self.turn * n))
+        levels = _dac(np.where(n < rates.gap, acting * carrier, command * carrier).real, rates.bits)
+        on_the_way = np.concatenate([self.line, levels])
+        new, old = on_the_way[1 : rates.period + 1], on_the_way[: rates.period]
+        signal = np.full(rates.period, self.setup.offset)
+        for i, (decay, (now, before)) in enumerate(zip(self.decay, self.push, strict=True)):
+            drive = now * new + before * old
+            path = lfilter([1.0], [1.0, -decay], drive, zi=[decay * self.state[i]])[0]
+            states = np.concatenate([[self.state[i]], path[:-1]])
+            self.state[i] = path[-1]
+            signal += (self.residue[i] * states).real
+        self.line = on_the_way[rates.period :]
+        self.phase = (self.phase + self.turn * rates.period) % (2.0 * pi)
+        if self.setup.noise:
+            signal += self.random.normal(scale=self.setup.noise, size=signal.size)
+        return _adc(signal, rates.bits)[rates.gap :]
+
+
+class Controller:
+    """The slow step: three-parameter fit of the tone, the PI with its model carried on to where the answer acts."""
+
+    def __init__(self, setup: Setup) -> None:
+        rates, model, gains = setup.rates, setup.model, setup.gains
+        self.setup, self.gains, self.size = setup, gains, abs(model.gain)
+        detuning = 2.0 * pi * setup.detuning_hz
+        feedback = gains.proportional - 1j * detuning * model.tau_s / self.size
+        decay = np.exp(-(1.0 / model.tau_s + 1j * detuning) * rates.ahead_s)
+        steady = self.size / (1.0 + 1j * detuning * model.tau_s)
+        self.state, self.feed = feedback * decay, feedback * steady * (1.0 - decay)
+        known = setup.known_delay_s
+        late = setup.delay_s + 0.5 / rates.sample_rate_hz if known is None else known
+        turn = setup.omega_rad_s / rates.sample_rate_hz
+        self.lead = np.exp(1j * (turn + setup.omega_rad_s * late)) * np.conj(model.gain) / self.size
+        n = np.arange(rates.gap, rates.period)
+        tone = np.stack([np.cos(turn * n), -np.sin(turn * n), np.ones(n.size)], axis=1)
+        self.fitting = np.linalg.pinv(tone)
+        self.advance, self.phase = np.exp(-1j * turn * rates.period), 1.0 + 0.0j
+        self.age = rates.ahead_s / rates.period_s
+        self.integral, self.drive, self.last = 0j, 0j, 0.0
+
+    def fit(self, samples: FloatArray) -> complex:
+        """a + j b of a cos - b sin + c over the window, exact at any frequency, turned to the drive's phase."""
+        a, b, _ = self.fitting @ samples
+        found = complex(a, b) * self.phase
+        self.phase *= self.advance
+        return complex(found)
+
+    def step(self, measured: complex, reference: float) -> tuple[complex, bool]:
+        """The next drive, turned ahead for delay and the gain's phase, and whether it met its limit."""
+        drive = self.integral + self.gains.proportional * reference - (self.state * measured + self.feed * self.drive)
+        limited = abs(drive) > self.setup.drive_limit
+        if limited:
+            drive *= self.setup.drive_limit / abs(drive)
+        if limited and self.setup.anti_windup == "match":  # as if the loop had just started from here
+            self.integral = measured / self.size
+        elif not (limited and self.setup.anti_windup == "freeze"):
+            then = reference - self.age * (reference - self.last)
+            self.integral += self.gains.integral * (then - measured)
+        self.drive, self.last = drive, reference
+        return drive * self.lead, limited
+
+
+def _dac(level: FloatArray, bits: int) -> FloatArray:
+    """The level of the nearest code, codes from -(2^(b-1) - 1) to 2^(b-1) - 1 of full scale."""
+    if bits == 0:
+        return level
+    top = 2.0 ** (bits - 1) - 1.0
+    return np.asarray(np.clip(np.round(level * top), -top, top) / top)
+
+
+def _adc(level: FloatArray, bits: int) -> FloatArray:
+    """The same for codes from -2^(b-1) to 2^(b-1) - 1, full scale 2^(b-1)."""
+    if bits == 0:
+        return level
+    half = 2.0 ** (bits - 1)
+    return np.asarray(np.clip(np.round(level * half), -half, half - 1.0) / half)

@@ -1,0 +1,280 @@
+"""The mode's loop as a whole: design, feasibility, identification, and the response at the firmware's own rates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf, isfinite, pi
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from solvers.control.baseband import (
+    Feasibility,
+    FloatArray,
+    ModePlant,
+    Pi,
+    SampledPi,
+    feasibility,
+    pi_gains,
+)
+from solvers.control.comparison import Entry
+from solvers.control.dq_data import THESIS_95_S, DqData
+from solvers.control.dq_loop import AntiWindup, Setup, Trace, step_response
+from solvers.control.dq_margins import Margins, SampledLoop, margins, sampled_loop
+from solvers.control.identification import Identified, Sensor, Sweep, identify, sweep_of
+from solvers.errors import SolverError
+
+SWEEP_WIDTHS = 2.4  # bandwidths on each side of the resonance
+SWEEP_POINTS = 101
+SHARES = (0.1, 0.2, 0.4, 0.6, 0.9)
+SATURATED = 0.5  # of G Vmax, to compare anti-windups
+FIRMWARE_RESPONSE_S = 0.42e-3  # the time constant that the firmware plans with
+
+
+@dataclass(frozen=True)
+class Step:
+    """One simulated step: what was special about it, the reference, and the loop's trace."""
+
+    name: str
+    detuning_hz: float
+    reference: float
+    trace: Trace
+
+    def as_json(self) -> dict[str, Any]:
+        """Times in s, None where never reached."""
+        reached, settled = self.trace.reached_s(), self.trace.settled_s()
+        return {
+            "name": self.name,
+            "detuning_hz": self.detuning_hz,
+            "reference": self.reference,
+            "reached_95_s": reached if isfinite(reached) else None,
+            "settled_5_s": settled if isfinite(settled) else None,
+            "overshoot": self.trace.overshoot(),
+            "limited_periods": int(self.trace.limited.sum()),
+        }
+
+
+@dataclass(frozen=True)
+class DqStudy:
+    """Design, what the drive allows, the identified mode, margins and simulated steps.
+
+    pi: in continuous time; planned_s: the time constant to plan the sampled gains with so that the loop as it is simulated
+    meets the asked time; steps: the asked one for each detuning, with the firmware's own constant, with neighbours; windups:
+    a saturated step for each anti-windup; sweep: as measured for the identification.
+    """
+
+    data: DqData
+    pi: Pi
+    planned_s: float
+    sampled: SampledPi
+    feasible: tuple[Feasibility, ...]
+    sweep: Sweep
+    identified: Identified
+    margins: Margins
+    steps: tuple[Step, ...]
+    windups: tuple[Step, ...]
+
+    @property
+    def asked(self) -> Step:
+        """The step at the smallest detuning, without neighbours."""
+        return min((s for s in self.steps if s.name == "alone"), key=lambda s: abs(s.detuning_hz))
+
+    @property
+    def printed_tau_s(self) -> float:
+        """1/R of (2.44) with R the circle's radius as a number: no time constant at all."""
+        return 1.0 / self.identified.circle.radius
+
+    def sampled_loop(self) -> SampledLoop:
+        """Return ratio and reference response of the sampled loop at resonance, the identified mode alone."""
+        return sampled_loop(
+            replace(_setup(self.data, self.identified), modes=(self.identified.plant,), response_s=self.planned_s)
+        )
+
+    @property
+    def largest_share(self) -> float:
+        """Of the amplitude at full drive: the largest step that does not meet the limit, 1/(K_p G)."""
+        return 1.0 / (self.sampled.proportional * abs(self.identified.plant.gain))
+
+    def entries(self) -> list[Entry]:
+        """The thesis' closed-loop response beside ours."""
+        reached, over = self.asked.trace.reached_s(), self.asked.trace.overshoot()
+        fast = next(step.trace for step in self.steps if step.name == "firmware's constant")
+        ours = (
+            f"{reached * 1e3:.2f} ms, overshoot {100 * over:.1f} %, from the change of the reference, planned with "
+            f"{self.planned_s * 1e3:.2f} ms; {fast.reached_s() * 1e3:.2f} ms by the firmware's {FIRMWARE_RESPONSE_S * 1e3:g} ms"
+        )
+        held = "agrees" if reached <= 1.01 * THESIS_95_S else f"differs, {self.data.within_s * 1e3:g} ms were asked for"
+        told = (
+            f"{held}; without meeting the drive's limit up to {self.largest_share:.2f} of the amplitude at full drive"
+        )
+        return [Entry("closed loop, 95 % response", f"{THESIS_95_S * 1e3:g} ms, no overshoot", ours, told)]
+
+    def table_entry(self) -> dict[str, Any]:
+        """What the mode table carries of this: the plant, from which the firmware plans its gains as `sampled` here."""
+        plant = self.identified.plant
+        return {
+            "frequency_hz": plant.frequency_hz,
+            "tau_s": plant.tau_s,
+            "gain": [plant.gain.real, plant.gain.imag],
+            "delay_s": self.identified.delay_s,
+            "drive_limit": self.data.drive_limit,
+            "amplitude_limit": self.data.amplitude_limit,
+        }
+
+    def as_json(self) -> dict[str, Any]:
+        """A plain document: plant, design, feasibility, identification, margins, steps, table entry, comparison."""
+        data, plant = self.data, self.data.wanted
+        return {
+            "schema": 1,
+            "plant": {
+                "frequency_hz": plant.frequency_hz,
+                "quality": plant.quality,
+                "tau_s": plant.tau_s,
+                "gain": abs(plant.gain),
+                "sensor": data.sensor,
+                "delay_s": data.delay_s,
+            },
+            "neighbours": [{"frequency_hz": m.frequency_hz, "gain": abs(m.gain)} for m in data.neighbours],
+            "design": {
+                "within_s": data.within_s,
+                "latency_s": data.latency_s,
+                "response_s": data.response_s,
+                "proportional": self.pi.proportional,
+                "integral_per_s": self.pi.integral_per_s,
+                "sampled": {
+                    "period_s": data.rates.period_s,
+                    "planned_s": self.planned_s,
+                    "largest_share": self.largest_share,
+                    "proportional": self.sampled.proportional,
+                    "integral": self.sampled.integral,
+                    "bounded_by_neighbours": self.sampled.bounded,
+                },
+            },
+            "feasibility": [_feasible(one, self.identified.plant, data) for one in self.feasible],
+            "margins": self.margins.as_json(),
+            "identified": self.identified.as_json() | {"printed_tau_s": self.printed_tau_s},
+            "steps": [step.as_json() for step in self.steps],
+            "anti_windup": [step.as_json() for step in self.windups],
+            "table_entry": self.table_entry(),
+            "comparison": [entry.as_json() for entry in self.entries()],
+        }
+
+
+def _feasible(one: Feasibility, plant: ModePlant, data: DqData) -> dict[str, Any]:
+    return {
+        "share": one.reference / (abs(plant.gain) * data.drive_limit),
+        "reference": one.reference,
+        "steady_drive": one.steady_drive,
+        "peak_drive": one.peak_drive,
+        "feasible": one.feasible,
+        "largest_reference": one.largest_reference,
+        "least_time_s": one.least_time_s if isfinite(one.least_time_s) else None,
+    }
+
+
+def dq_study(data: DqData | None = None) -> DqStudy:
+    """Everything about the loop of one mode; deterministic.
+
+    SolverError for a response asked faster than the loop's latency, values not above 0, a sweep that shows no circle.
+    """
+    data = DqData() if data is None else data
+    if not (isfinite(data.share) and 0.0 < data.share < 1.0):
+        raise SolverError(f"share {data.share:g} of the amplitude at full drive: must be above 0 and below 1")
+    seen = _measured(data)
+    found = identify(seen, data.sensor, data.delay_guess_s)
+    plant, response = found.plant, data.response_s
+    reach = abs(plant.gain) * data.drive_limit
+    setup = _setup(data, found)
+    setup = replace(setup, response_s=planned_response_s(setup, data.within_s))
+    return DqStudy(
+        data=data,
+        pi=pi_gains(plant, response),
+        planned_s=setup.response_s,
+        sampled=_with_neighbours(setup, data).gains,
+        feasible=tuple(feasibility(plant, share * reach, response, data.drive_limit) for share in SHARES),
+        sweep=seen,
+        identified=found,
+        margins=margins(replace(setup, modes=(plant,), known=None, known_delay_s=None)),
+        steps=tuple(_steps(data, setup, reach)),
+        windups=tuple(_windup(setup, kind, reach) for kind in ("match", "freeze", "none")),
+    )
+
+
+def planned_response_s(setup: Setup, within_s: float) -> float:
+    """The time constant to plan the sampled gains with for 95 % within a time, by simulation without noise and limit.
+
+    The planned pole is not the loop's: the integral and the age of a measurement slow it. SolverError when no gain below a
+    deadbeat answer gets there.
+    """
+    alone = (setup.modes[setup.wanted],)
+    ideal = replace(setup, modes=alone, wanted=0, noise=0.0, drive_limit=inf)
+    ideal = replace(ideal, rates=replace(setup.rates, bits=0), offset=0.0)
+
+    def late(response: float) -> float:
+        trace = step_response(replace(ideal, response_s=response), 1.0, 3.0 * within_s + 10.0 * setup.rates.period_s)
+        return min(trace.reached_s(), 10.0 * within_s) - within_s
+
+    fastest, slowest = 0.2 * setup.rates.period_s, within_s
+    if late(fastest) > 0.0:
+        raise SolverError(f"95 % within {within_s:g} s: the sampled loop is not that fast at any gain")
+    return float(brentq(late, fastest, slowest, rtol=1e-6)) if late(slowest) > 0.0 else slowest
+
+
+def _measured(data: DqData) -> Sweep:
+    """The sweep the loop would measure: all modes, delay, the hold's droop and half sample, noise of a window's fit."""
+    f0, width = data.wanted.frequency_hz, data.wanted.bandwidth_rad_s / (2.0 * pi)
+    frequencies = np.linspace(f0 - SWEEP_WIDTHS * width, f0 + SWEEP_WIDTHS * width, SWEEP_POINTS)
+    turn = 2j * pi * frequencies / data.rates.sample_rate_hz
+    window = data.rates.period - data.rates.gap
+    noise = data.noise * 2.0 / window**0.5  # of a phasor fitted to so many samples, drive 1
+    modes = (data.wanted, *data.neighbours)
+    sweep = sweep_of(modes, frequencies, data.sensor, data.delay_s, data.feedthrough, noise)
+    return replace(sweep, response=sweep.response * (1.0 - np.exp(-turn)) / turn)
+
+
+def _setup(data: DqData, found: Identified) -> Setup:
+    """The loop with the identified mode as what the controller knows."""
+    return Setup(
+        modes=(_sensed(data.wanted, data.sensor),),
+        known=found.plant,
+        response_s=data.response_s,
+        drive_limit=data.drive_limit,
+        delay_s=data.delay_s,
+        known_delay_s=found.delay_s,
+        noise=data.noise,
+        rates=data.rates,
+    )
+
+
+def _sensed(mode: ModePlant, sensor: Sensor) -> ModePlant:
+    return replace(mode, gain=-1j * mode.gain) if sensor == "displacement" else mode
+
+
+def _with_neighbours(setup: Setup, data: DqData) -> Setup:
+    return replace(setup, modes=(*setup.modes, *(_sensed(mode, data.sensor) for mode in data.neighbours)))
+
+
+def _steps(data: DqData, setup: Setup, reach: float) -> list[Step]:
+    found = []
+    for detuning in data.detunings_hz:
+        held = abs(1.0 + 2j * pi * detuning * data.wanted.tau_s)
+        reference = data.share * reach / max(1.0, held * data.response_s / data.wanted.tau_s)
+        found.append(_step("alone", replace(setup, detuning_hz=detuning), reference))
+    found.append(_step("firmware's constant", replace(setup, response_s=FIRMWARE_RESPONSE_S), 0.5 * data.share * reach))
+    if data.neighbours:
+        found.append(_step("with neighbours", _with_neighbours(setup, data), data.share * reach))
+    return found
+
+
+def _step(name: str, setup: Setup, reference: float) -> Step:
+    return Step(name, setup.detuning_hz, reference, step_response(setup, reference))
+
+
+def _windup(setup: Setup, kind: AntiWindup, reach: float) -> Step:
+    return _step(f"anti-windup {kind}", replace(setup, anti_windup=kind), SATURATED * reach)
+
+
+def envelope_frequencies(data: DqData) -> FloatArray:
+    """Frequencies of the Bode diagram, rad/s, up to half the slow step's rate, shape (400,)."""
+    return np.asarray(np.geomspace(2.0 * pi, pi / data.rates.period_s, 400))

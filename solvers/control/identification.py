@@ -1,0 +1,193 @@
+"""Frequency, time constant, gain and delay of a mode from its frequency response: circle fit, then phase fit.
+
+U = e^{-j omega delay} (G/(1 + j tau x) + background), x = (omega^2 - omega_0^2)/(2 omega): once the delay is out, a circle
+of diameter |G| whose polar angle about its centre is theta = theta_0 - 2 atan(tau x).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from solvers.control.baseband import ModePlant, stretched_detuning
+from solvers.errors import SolverError
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Sensor = Literal["velocity", "displacement"]
+MISFIT_MAX = 0.05  # rms distance from the circle over its radius
+ROUNDING_TURNS = 0.01
+ARC_MIN = pi / 2.0  # of the circle that the sweep must cover
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """frequencies_hz (n,), ascending, and response (n,), signal over drive."""
+
+    frequencies_hz: FloatArray
+    response: ComplexArray
+
+    def __post_init__(self) -> None:
+        f, h = self.frequencies_hz, self.response
+        if f.ndim != 1 or f.shape != h.shape or f.size < 8:
+            raise SolverError("a sweep needs at least 8 frequencies and as many responses")
+        if not (np.all(np.isfinite(f)) and np.all(np.isfinite(h)) and np.all(np.diff(f) > 0.0) and f[0] > 0.0):
+            raise SolverError("a sweep's values must be finite, its frequencies ascending and above 0")
+
+
+@dataclass(frozen=True)
+class Circle:
+    """Centre and radius of points of a complex plane, rms distance of the points from it over the radius."""
+
+    centre: complex
+    radius: float
+    misfit: float
+
+
+@dataclass(frozen=True)
+class Identified:
+    """The mode as seen through the drive and the sensor: its gain's phase is what the delay does not explain.
+
+    background: what is left far from resonance; circle: of the response with the delay taken out.
+    """
+
+    plant: ModePlant
+    delay_s: float
+    background: complex
+    circle: Circle
+
+    def as_json(self) -> dict[str, Any]:
+        """Frequency in Hz, times in s, complex numbers as [re, im]."""
+        plant = self.plant
+        return {
+            "frequency_hz": plant.frequency_hz,
+            "tau_s": plant.tau_s,
+            "quality": plant.quality,
+            "gain": [plant.gain.real, plant.gain.imag],
+            "delay_s": self.delay_s,
+            "background": [self.background.real, self.background.imag],
+            "circle": {
+                "centre": [self.circle.centre.real, self.circle.centre.imag],
+                "radius": self.circle.radius,
+                "misfit": self.circle.misfit,
+            },
+        }
+
+
+def fit_circle(points: ComplexArray) -> Circle:
+    """Least-squares circle: algebraic start |z|^2 + b x + c y + d = 0, then distances. SolverError for fewer than 4 points
+    or points on a line.
+    """
+    if points.size < 4:
+        raise SolverError(f"a circle needs at least 4 points, not {points.size}")
+    middle = points.mean()
+    size = float(np.abs(points - middle).max())
+    if size == 0.0:
+        raise SolverError("all points of the circle are one point")
+    z = (points - middle) / size
+    matrix = np.column_stack([z.real, z.imag, np.ones(z.size)])
+    (b, c, d), _, rank, values = np.linalg.lstsq(matrix, -(np.abs(z) ** 2), rcond=None)
+    if rank < 3 or values[-1] < 1e-9 * values[0]:
+        raise SolverError("the points lie on a line, not on a circle")
+    start = np.array([-b / 2.0, -c / 2.0, np.sqrt(max(b**2 / 4.0 + c**2 / 4.0 - d, 1e-30))])
+
+    def distances(p: FloatArray) -> FloatArray:
+        return np.asarray(np.hypot(z.real - p[0], z.imag - p[1]) - p[2])
+
+    found = least_squares(distances, start, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    x, y, radius = found.x
+    misfit = float(np.sqrt(np.mean(found.fun**2)) / abs(radius))
+    return Circle(complex(middle + size * (x + 1j * y)), float(size * abs(radius)), misfit)
+
+
+def fit_phase(frequencies_hz: FloatArray, angles: FloatArray) -> tuple[float, float, float]:
+    """f0 (Hz), tau (s), theta_0 of theta = theta_0 - 2 atan(tau (omega^2 - omega_0^2)/(2 omega)), angles unwrapped."""
+    f = frequencies_hz
+    steepest = int(np.argmax(np.abs(np.diff(angles) / np.diff(f))))
+    start_hz = 0.5 * (f[steepest] + f[steepest + 1])
+    slope = abs(angles[steepest + 1] - angles[steepest]) / (2.0 * pi * (f[steepest + 1] - f[steepest]))
+    span = f[-1] - f[0]
+    start = np.array([0.0, np.log(max(slope / 2.0, 1e-12)), float(np.interp(start_hz, f, angles))])
+
+    def residual(p: FloatArray) -> FloatArray:
+        x = stretched_detuning(2.0 * pi * f, 2.0 * pi * (start_hz + p[0] * span))
+        return np.asarray(p[2] - 2.0 * np.arctan(np.exp(p[1]) * x) - angles)
+
+    found = least_squares(residual, start, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    return float(start_hz + found.x[0] * span), float(np.exp(found.x[1])), float(found.x[2])
+
+
+def identify(sweep: Sweep, sensor: Sensor = "velocity", delay_s: float = 0.0) -> Identified:
+    """The mode of a sweep across its resonance.
+
+    delay_s: what is known of it. A real mode's gain has the phase 0 or pi for velocity, -pi/2 or pi/2 for displacement (that
+    response is taken times j omega/omega_0); what is left of it, within a quarter of a turn, is delay that was not known.
+    SolverError when the points are no circle or cover less than a quarter of one.
+    """
+    velocity = _as_velocity(sweep, sensor)
+    for _ in range(3):
+        plant = _fit(sweep.frequencies_hz, velocity, delay_s)[0]
+        rest = (np.angle(plant.gain) + pi / 2.0) % pi - pi / 2.0
+        delay_s = float(delay_s - rest / plant.omega_rad_s)
+    if delay_s < 0.0:  # noise about none, or half a turn too few
+        delay_s = 0.0 if delay_s * plant.frequency_hz > -ROUNDING_TURNS else delay_s + 0.5 / plant.frequency_hz
+    plant, background, circle = _fit(sweep.frequencies_hz, velocity, delay_s)
+    if sensor == "displacement":
+        plant, background = ModePlant(plant.frequency_hz, plant.tau_s, -1j * plant.gain), -1j * background
+    return Identified(plant, delay_s, background, circle)
+
+
+def _as_velocity(sweep: Sweep, sensor: Sensor) -> ComplexArray:
+    if sensor not in ("velocity", "displacement"):
+        raise SolverError(f"sensor {sensor!r}: must be velocity or displacement")
+    if sensor == "velocity":
+        return sweep.response
+    centre = sweep.frequencies_hz[int(np.argmax(np.abs(sweep.response)))]
+    return np.asarray(1j * sweep.frequencies_hz / centre * sweep.response)
+
+
+def _advanced(frequencies_hz: FloatArray, response: ComplexArray, delay_s: float) -> ComplexArray:
+    return np.asarray(response * np.exp(2j * pi * frequencies_hz * delay_s))
+
+
+def _fit(frequencies_hz: FloatArray, response: ComplexArray, delay_s: float) -> tuple[ModePlant, complex, Circle]:
+    straight = _advanced(frequencies_hz, response, delay_s)
+    circle = fit_circle(straight)
+    angles = np.unwrap(np.angle(straight - circle.centre))
+    if circle.misfit > MISFIT_MAX:
+        raise SolverError(f"the response is no circle: its points lie {100 * circle.misfit:.1f} % of the radius off it")
+    if np.ptp(angles) < ARC_MIN:
+        raise SolverError(
+            f"the sweep covers {np.degrees(np.ptp(angles)):.0f} degrees of the circle, at least 90 are needed"
+        )
+    frequency, tau, theta = fit_phase(frequencies_hz, angles)
+    gain = 2.0 * circle.radius * np.exp(1j * theta)
+    return ModePlant(frequency, tau, complex(gain)), complex(circle.centre - gain / 2.0), circle
+
+
+def sweep_of(
+    modes: Sequence[ModePlant],
+    frequencies_hz: FloatArray,
+    sensor: Sensor = "velocity",
+    delay_s: float = 0.0,
+    feedthrough: complex = 0.0,
+    noise: float = 0.0,
+    seed: int = 1,
+) -> Sweep:
+    """The steady response of several modes through a delay, with complex noise of rms `noise` per point.
+
+    sensor: displacement is velocity over j omega/omega_n of each mode, so that its gain keeps its size.
+    """
+    omega = 2.0 * pi * np.asarray(frequencies_hz, dtype=float)
+    total = np.full(omega.shape, feedthrough, dtype=complex)
+    for mode in modes:
+        total += mode.response(omega) * (mode.omega_rad_s / (1j * omega) if sensor == "displacement" else 1.0)
+    random = np.random.default_rng(seed)
+    scatter = noise * (random.normal(size=omega.shape) + 1j * random.normal(size=omega.shape)) / np.sqrt(2.0)
+    return Sweep(np.asarray(frequencies_hz, dtype=float), total * np.exp(-1j * omega * delay_s) + scatter)

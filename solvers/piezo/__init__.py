@@ -1,0 +1,1 @@
+"""Piezo patches bonded to a plate, and the forced response to them."""

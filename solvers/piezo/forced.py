@@ -1,0 +1,189 @@
+"""Forced response of a patched plate by modal superposition with a quasi-static rest.
+
+u(w) = sum_r phi_r phi_r' theta V / (lambda_r (1 + i/Q) - lambda) + [R + (lambda - lambda_0) R1] V, where R is
+(K - lambda_0 M)^-1 theta less the same modes at lambda_0 and R1 = (K - lambda_0 M)^-1 M R: what lies outside the band
+follows by two terms about its middle. Patches that listen are open: Q_s = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.elements import FloatArray
+from geometry.layout import Design
+from solvers.confinement import measure, wanted_parity
+from solvers.errors import SolverError
+from solvers.fem.eigen import modes_in_band
+from solvers.fem.factor import Factoriser
+from solvers.piezo.patched_plate import Group, PatchedPlate
+
+Complex = NDArray[np.complex128]
+MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are the rest
+
+
+@dataclass(frozen=True)
+class GroupModes:
+    """Modes of a group with the loads' projections: columns [modes, R, R1], eigenvalues and gains (modes, patches)."""
+
+    group: Group
+    frequency_hz: FloatArray
+    eigenvalue: FloatArray
+    gain: FloatArray
+    columns: FloatArray
+    middle: float
+    rest_gain: tuple[FloatArray, FloatArray]
+
+    def amplitudes(self, eigenvalue: float, loss: float, volts: Complex) -> Complex:
+        """Coefficients of the columns at an eigenvalue (scaled frequency squared), per the patches' voltages."""
+        modal = (self.gain @ volts) / (self.eigenvalue * (1.0 + 1j * loss) - eigenvalue)
+        return np.concatenate([modal, volts, (eigenvalue - self.middle) * volts])
+
+    def receptance(self, eigenvalue: float, loss: float) -> Complex:
+        """theta' u per volt, (patches, patches), scaled."""
+        modal = self.gain / (self.eigenvalue * (1.0 + 1j * loss) - eigenvalue)[:, None]
+        rest = self.rest_gain[0] + (eigenvalue - self.middle) * self.rest_gain[1]
+        return np.asarray(self.gain.T @ modal + rest)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Response over frequency: rms |u_z| per volt of drive on zone and passive face (m/V), sensor volts per volt, (n, s)."""
+
+    frequency_hz: FloatArray
+    zone_rms_m_per_v: FloatArray
+    passive_rms_m_per_v: FloatArray | None
+    sensor_v_per_v: Complex
+
+
+class ForcedPlate:
+    """A patched plate driven by some patches, one volt each with the wanted mode's signs; the others listen."""
+
+    def __init__(
+        self, plate: PatchedPlate, design: Design, drivers: tuple[int, ...], sensors: tuple[int, ...],
+        band_hz: tuple[float, float], quality: float,
+    ) -> None:  # fmt: skip
+        if not (quality > 0.0 and 0.0 < band_hz[0] < band_hz[1]):
+            raise SolverError(f"quality {quality}, band {band_hz} Hz: must be above 0 and ascending")
+        if not drivers:
+            raise SolverError("no patch drives: at least one must")
+        self.plate, self.design, self.band_hz = plate, design, band_hz
+        self.drivers, self.sensors, self.loss = list(drivers), list(sensors), 1.0 / quality
+        self.modes = [_group_modes(group, band_hz) for group in plate.groups]
+        self.signs = self._wanted_signs()
+
+    def _wanted_signs(self) -> FloatArray:
+        """Sign of each patch's load on the wanted mode, so that all of them push it the same way; 1 where it has none."""
+        best, gain = -1.0, np.ones(len(self.plate.patches))
+        for found in self.modes:
+            for parity, score in self._scores(found):
+                if parity == wanted_parity(self.design.nodal_lines) and len(score) and score.max() > best:
+                    best, gain = float(score.max()), found.gain[int(score.argmax())]
+        return np.where(gain < 0.0, -1.0, 1.0)
+
+    def _scores(self, found: GroupModes) -> list[tuple[str, FloatArray]]:
+        count = len(found.frequency_hz)
+        fields = found.group.touch(found.columns[:, :count])
+        out = []
+        for parity, field in zip(found.group.parities, fields, strict=True):
+            held = measure(field, self.design, parity)
+            share = np.where(np.isfinite(held.zone_share), held.zone_share, 1.0)
+            out.append((parity, np.nan_to_num(held.mac * share)))
+        return out
+
+    def wanted_hz(self) -> float | None:
+        """Frequency of the patched plate's mode that looks most like the wanted one; None when the band holds none."""
+        best, tone = 0.0, None
+        for found in self.modes:
+            for parity, score in self._scores(found):
+                if parity == wanted_parity(self.design.nodal_lines) and len(score) and score.max() > best:
+                    best, tone = float(score.max()), float(found.frequency_hz[int(score.argmax())])
+        return tone
+
+    def volts(self, eigenvalue: float) -> Complex:
+        """Voltages of all patches: +-1 on those that drive, what opens the circuit of those that listen."""
+        volts = np.zeros(len(self.plate.patches), dtype=complex)
+        volts[self.drivers] = self.signs[self.drivers]
+        if self.sensors:
+            parts = [found.receptance(eigenvalue, self.loss) for found in self.modes]
+            charge = np.sum(parts, axis=0) * self.plate.stiffness_unit
+            s, d = self.sensors, self.drivers
+            held = charge[np.ix_(s, s)] + np.diag(self.plate.capacitance_f[s])
+            volts[s] = -np.linalg.solve(held, charge[np.ix_(s, d)] @ volts[d])
+        return volts
+
+    @cached_property
+    def _grams(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Integrals of u_z^2 over the active and the passive touch face, per pair of columns."""
+        out = []
+        for found in self.modes:
+            inside = np.zeros((found.columns.shape[1],) * 2)
+            outside = inside.copy()
+            for field in found.group.touch(found.columns):
+                active = np.abs(field.points[:, 1]) < self.design.width_m / 2.0
+                for gram, part in ((inside, active), (outside, ~active)):
+                    gram += field.values[part].T @ (field.weights[part, None] * field.values[part])
+            out.append((inside, outside))
+        return out
+
+    def curve(self, frequency_hz: FloatArray) -> Curve:
+        """Response at frequencies in Hz."""
+        design = self.design
+        areas = (design.length_m * design.width_m, design.length_m * (2.0 * design.half_span_m - design.width_m))
+        zone, passive = np.zeros(len(frequency_hz)), np.zeros(len(frequency_hz))
+        sensors = np.zeros((len(frequency_hz), len(self.sensors)), dtype=complex)
+        for row, frequency in enumerate(frequency_hz):
+            eigenvalue = self.plate.scale.eigenvalue(float(frequency))
+            volts = self.volts(eigenvalue)
+            sensors[row] = volts[self.sensors]
+            for found, (inside, outside) in zip(self.modes, self._grams, strict=True):
+                a = found.amplitudes(eigenvalue, self.loss, volts)
+                zone[row] += float((a.conj() @ inside @ a).real)
+                passive[row] += float((a.conj() @ outside @ a).real)
+        held = np.sqrt(passive / areas[1]) if areas[1] > 1e-9 * areas[0] else None
+        return Curve(np.asarray(frequency_hz), np.sqrt(zone / areas[0]), held, sensors)
+
+    def shape(self, frequency_hz: float) -> tuple[FloatArray, Complex]:
+        """Operating shape on the whole touch face: points (q, 2) in m and complex u_z (q,) per volt, m/V."""
+        eigenvalue = self.plate.scale.eigenvalue(frequency_hz)
+        volts = self.volts(eigenvalue)
+        points, values = None, None
+        for found in self.modes:
+            motion = found.columns @ found.amplitudes(eigenvalue, self.loss, volts)
+            for part in (1.0, 1j):
+                real = np.real(motion) if part == 1.0 else np.imag(motion)
+                for parity, field in zip(found.group.parities, found.group.touch(real[:, None]), strict=True):
+                    whole_points, whole = _unfolded(field.points, field.values[:, 0], parity)
+                    points = whole_points
+                    values = part * whole if values is None else values + part * whole
+        assert points is not None and values is not None
+        return points, np.asarray(values)
+
+
+def _unfolded(points: FloatArray, values: FloatArray, parity: str) -> tuple[FloatArray, FloatArray]:
+    for axis, mark in enumerate(parity):
+        flip = np.ones(2)
+        flip[axis] = -1.0
+        points = np.concatenate([points, points * flip])
+        values = np.concatenate([values, values if mark == "+" else -values])
+    return points, values
+
+
+def _group_modes(group: Group, band_hz: tuple[float, float]) -> GroupModes:
+    scale = group.pencil.scale
+    factorise = Factoriser()
+    modes = modes_in_band(group.pencil, MARGIN[0] * band_hz[0], MARGIN[1] * band_hz[1], factorise)
+    values = scale.eigenvalue(1.0) * modes.frequency_hz**2
+    gain = modes.vectors.T @ group.loads
+    middle = scale.eigenvalue(0.5 * (band_hz[0] + band_hz[1]))
+    while len(values) and np.abs(values / middle - 1.0).min() < 1e-6:
+        middle *= 1.0 + 3e-6
+    factor = factorise((group.pencil.stiffness - middle * group.pencil.mass).tocsc())
+    rest = factor.solve(group.loads) - modes.vectors @ (gain / (values - middle)[:, None])
+    slope = factor.solve(group.pencil.apply_mass(rest))
+    columns = np.hstack([modes.vectors, rest, slope])
+    gains = (group.loads.T @ rest, group.loads.T @ slope)
+    return GroupModes(group, modes.frequency_hz, values, gain, columns, middle, gains)

@@ -1,0 +1,126 @@
+"""A joined plate with bonded patches: mirror classes that the patches couple are solved together.
+
+u = sum over classes E_c q_c at the bonded faces; K = diag(K_c) + sum over patches E' K_E E, M alike, loads E' theta.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from geometry.elements import FloatArray
+from solvers.confinement import TouchField
+from solvers.errors import SolverError
+from solvers.fem.assembly import Scale
+from solvers.fem.eigen import PlainPencil
+from solvers.piezo.patch import BondedPatch
+from solvers.superelement.bond import displacement_at
+from solvers.superelement.plate import RIGID_OF_CLASS, JoinedPlate
+
+CLASSES = ("++", "+-", "-+", "--")
+SAME_M = 1e-9
+SILENT = 1e-9  # of the largest load: a class below it is not driven
+
+
+@dataclass(frozen=True)
+class Group:
+    """Mirror classes solved together: K, M, and the load of one volt on each patch, (dof, patches), scaled."""
+
+    plates: tuple[JoinedPlate, ...]
+    pencil: PlainPencil
+    loads: FloatArray
+
+    @property
+    def parities(self) -> tuple[str, ...]:
+        """The classes."""
+        return tuple(plate.parity for plate in self.plates)
+
+    def split(self, vectors: FloatArray) -> list[FloatArray]:
+        """Unknowns of each class."""
+        return np.split(vectors, np.cumsum([plate.dof for plate in self.plates])[:-1])
+
+    def touch(self, vectors: FloatArray) -> list[TouchField]:
+        """u_z on the touch face class by class; integrals over the whole plate add up, cross terms vanish."""
+        return [plate.touch(part) for plate, part in zip(self.plates, self.split(vectors), strict=True)]
+
+
+class PatchedPlate:
+    """Patches on the bare face of a plate; lengths in m, forces and charges in SI after `unscaled`."""
+
+    def __init__(self, joined: Mapping[str, JoinedPlate], patches: Sequence[BondedPatch], back: bool) -> None:
+        if not patches:
+            raise SolverError("no patches: nothing drives the plate")
+        self.patches, self.back = tuple(patches), back
+        self.scale: Scale = next(iter(joined.values())).placed[0].cell.scale
+        everything = [self._group([joined[p] for p in parities]) for parities in coupled_classes(self.patches)]
+        loudest = max(float(np.abs(group.loads).max()) for group in everything)
+        self.groups = [group for group in everything if np.abs(group.loads).max() > SILENT * loudest]
+        self.silent = [p for group in everything if group not in self.groups for p in group.parities]
+
+    @cached_property
+    def stiffness_unit(self) -> float:
+        """N/m of one scaled unit of stiffness, E L."""
+        return self.scale.young_pa * self.scale.length_m
+
+    @cached_property
+    def mass_unit(self) -> float:
+        """kg of one scaled unit of mass, rho L^3."""
+        return self.scale.density_kg_m3 * self.scale.length_m**3
+
+    @property
+    def capacitance_f(self) -> FloatArray:
+        """Capacitance of each patch with its bonded face held, F."""
+        return np.array([patch.capacitance_f for patch in self.patches])
+
+    def _group(self, plates: list[JoinedPlate]) -> Group:
+        pencils = [plate.pencil() for plate in plates]
+        stiffness = sp.block_diag([p.stiffness for p in pencils], format="csc")
+        mass = sp.block_diag([p.mass for p in pencils], format="csc")
+        added_k, added_m, loads = [], [], []
+        for patch in self.patches:
+            motion = sp.hstack([displacement_at(plate, patch.points, self.back) for plate in plates], format="csr")
+            used = np.unique(motion.indices)
+            dense = motion[:, used].toarray()
+            place = (np.repeat(used, len(used)), np.tile(used, len(used)))
+            shape = stiffness.shape
+            added_k.append(
+                sp.coo_array(((dense.T @ patch.stiffness @ dense / self.stiffness_unit).ravel(), place), shape=shape)
+            )
+            added_m.append(sp.coo_array(((dense.T @ patch.mass @ dense / self.mass_unit).ravel(), place), shape=shape))
+            load = np.zeros(shape[0])
+            load[used] = dense.T @ patch.theta / self.stiffness_unit
+            loads.append(load)
+        whole_k, whole_m = sp.csc_array(stiffness + _sum(added_k)), sp.csc_array(mass + _sum(added_m))
+        for matrix in (whole_k, whole_m):
+            matrix.sum_duplicates()
+        rigid = sum(RIGID_OF_CLASS[plate.parity] for plate in plates)
+        return Group(tuple(plates), PlainPencil(whole_k, whole_m, self.scale, rigid), np.column_stack(loads))
+
+
+def _sum(parts: list[sp.coo_array]) -> sp.csc_array:
+    total = parts[0].tocsc()
+    for part in parts[1:]:
+        total = total + part.tocsc()
+    return sp.csc_array(total)
+
+
+def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:
+    """Mirror classes that stay apart: along an axis about which the set of patches is its own mirror image."""
+    boxes = np.array([[*patch.points.min(axis=0), *patch.points.max(axis=0)] for patch in patches])
+    even = [_own_image(boxes, axis) for axis in (0, 1)]
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for parity in CLASSES:
+        key = tuple(mark if even[axis] else "" for axis, mark in enumerate(parity))
+        groups.setdefault(key, []).append(parity)
+    return list(groups.values())
+
+
+def _own_image(boxes: FloatArray, axis: int) -> bool:
+    image = boxes.copy()
+    image[:, axis], image[:, axis + 2] = -boxes[:, axis + 2], -boxes[:, axis]
+    apart = np.abs(boxes[:, None] - image[None]).max(axis=2)
+    return bool((apart.min(axis=1) < SAME_M).all())

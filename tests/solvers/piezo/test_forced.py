@@ -1,0 +1,185 @@
+"""Bonded patches and forced response: exact free patch, a conforming solid mesh beside, direct solves, open sensors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import scipy.sparse.linalg as spla
+
+from geometry.hexmesh import Boxes, HexSettings, hex_mesh
+from geometry.layout import Design
+from geometry.materials import MATERIALS
+from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
+from solvers.errors import SolverError
+from solvers.fem.eigen import modes_in_band
+from solvers.fem.solid import SolidModel
+from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.patch import _matrices, _mesh, bonded_patch
+from solvers.piezo.patched_plate import CLASSES, PatchedPlate, coupled_classes
+from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.superelement.interface import Interface
+
+ALUMINIUM = MATERIALS["aluminium"]
+PZ26 = PIEZO_MATERIALS["pz26"]
+NU, E = ALUMINIUM.poisson, ALUMINIUM.young_pa
+# A "ceramic" with aluminium's elasticity: the bonded body is then a plain solid that any mesh can carry.
+PLAIN = PiezoMaterial(
+    "plain", 2700.0, 1 / E, -NU / E, -NU / E, 1 / E, 2 * (1 + NU) / E, -1e-10, 2e-10, 3e-10, 1e3, 1e3, "invented"
+)  # fmt: skip
+DESIGN = Design(24e-3, 10e-3, 2e-3, 2, ALUMINIUM, None, float("nan"), float("nan"), 0, 3e-3)
+THICK_M, BAND_HZ = 0.5e-3, (10e3, 60e3)
+MIDDLE = np.array([[-4e-3, 4e-3, -2e-3, 2e-3]])
+LOPSIDED = np.array([[2e-3, 10e-3, -1e-3, 3e-3]])
+
+
+@cache
+def joined() -> dict:
+    recipe = Recipe(Interface(6, 3), 900e3, HexSettings(3, 2e-3, 0, 0.2), 4e-3)
+    model = PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, None, recipe))
+    return {parity: model.joined(parity) for parity in CLASSES}
+
+
+def patched(boxes: np.ndarray, material: PiezoMaterial = PLAIN, back: bool = True) -> PatchedPlate:
+    return PatchedPlate(joined(), [bonded_patch(material, box, THICK_M, back) for box in boxes], back)
+
+
+def conforming(box: np.ndarray) -> np.ndarray:
+    """Elastic frequencies of plate and patch meshed as one solid, no mirrors."""
+    x = np.unique(np.round([-12e-3, -6e-3, 0.0, 6e-3, 12e-3, *box[:2]], 9))
+    y = np.unique(np.round([-8e-3, -4e-3, 0.0, 4e-3, 8e-3, *box[2:]], 9))
+    region = np.zeros((len(x) - 1, len(y) - 1, 2), dtype=np.int64)
+    inside_x, inside_y = (x[1:] > box[0]) & (x[:-1] < box[1]), (y[1:] > box[2]) & (y[:-1] < box[3])
+    region[:, :, 1] = np.where(inside_x[:, None] & inside_y[None], 0, -1)
+    mesh = hex_mesh(Boxes(x, y, np.array([0.0, 2e-3, 2e-3 + THICK_M]), region, ("body",)), 3)
+    model = SolidModel(mesh, {"body": ALUMINIUM}, (), False)
+    return modes_in_band(model.pencil(None), *BAND_HZ).frequency_hz
+
+
+def test_a_free_patch_strains_by_d31_and_has_the_free_capacitance() -> None:
+    mesh = _mesh(np.array([0.0, 12e-3, 0.0, 3e-3]), 0.3e-3, 2e-3)
+    stiffness, mass, theta, held = _matrices(mesh, PZ26, 0.3e-3)
+    u = np.linalg.lstsq(stiffness, theta, rcond=1e-12)[0]
+    moved = u.reshape(-1, 3)
+    assert np.ptp(moved[:, 0]) / 12e-3 == pytest.approx(-PZ26.d31 / 0.3e-3, rel=1e-9)
+    assert np.ptp(moved[:, 2]) / 0.3e-3 == pytest.approx(PZ26.d33 / 0.3e-3, rel=1e-9)
+    free = PZ26.permittivity_free_f_m[2, 2] * 36e-6 / 0.3e-3
+    assert held + theta @ u == pytest.approx(free, rel=1e-9)
+    assert mass[::3, ::3].sum() == pytest.approx(7700.0 * 36e-6 * 0.3e-3, rel=1e-12)
+
+
+def test_condensed_it_weighs_the_same_and_rigid_motions_make_no_charge() -> None:
+    patch = bonded_patch(PZ26, MIDDLE[0], THICK_M, True)
+    for axis in range(3):
+        shift = np.zeros((len(patch.points), 3))
+        shift[:, axis] = 1.0
+        assert shift.ravel() @ patch.mass @ shift.ravel() == pytest.approx(7700.0 * 32e-6 * THICK_M, rel=1e-9)
+        assert np.abs(patch.stiffness @ shift.ravel()).max() < 1e-9 * np.abs(patch.stiffness).max()
+        assert abs(patch.theta @ shift.ravel()) < 1e-9 * np.abs(patch.theta).sum()
+
+
+@pytest.mark.parametrize("box", [MIDDLE[0], LOPSIDED[0]], ids=["middle", "lopsided"])
+def test_a_bonded_body_has_the_modes_of_the_same_solid(box: np.ndarray) -> None:
+    """Both are conforming subspaces; the patch's edge is singular, which each mesh meets in its own way: 1 %."""
+    plate = patched(box[None])
+    every = list(plate.groups)
+    mine = np.sort(np.concatenate([modes_in_band(g.pencil, *BAND_HZ).frequency_hz for g in every]))
+    solid = conforming(box)
+    if plate.silent:  # classes that a middle patch does not drive are not solved here
+        solid = solid[[int(np.abs(solid - f).argmin()) for f in mine]]
+    assert len(mine) == len(solid) >= 2
+    assert np.abs(mine / solid - 1.0).max() < 0.01
+
+
+def test_a_middle_patch_keeps_the_classes_apart_and_a_lopsided_one_couples_all() -> None:
+    apart = coupled_classes([bonded_patch(PLAIN, MIDDLE[0], THICK_M, True)])
+    assert sorted(map(len, apart)) == [1, 1, 1, 1]
+    assert [len(c) for c in coupled_classes([bonded_patch(PLAIN, LOPSIDED[0], THICK_M, True)])] == [4]
+    pair = [
+        bonded_patch(PLAIN, np.array([s * 6e-3 - 1e-3, s * 6e-3 + 1e-3, 0.0, 2e-3]), THICK_M, True) for s in (-1, 1)
+    ]
+    assert sorted(map(len, coupled_classes(pair))) == [2, 2]
+
+
+def forced(
+    boxes: np.ndarray, drivers: tuple[int, ...], sensors: tuple[int, ...], quality: float = 100.0
+) -> ForcedPlate:
+    return ForcedPlate(patched(boxes, PZ26), DESIGN, drivers, sensors, (20e3, 45e3), quality)
+
+
+TWO = np.array([[-9e-3, -3e-3, -2e-3, 2e-3], [3e-3, 9e-3, -2e-3, 2e-3]])
+
+
+@pytest.mark.parametrize("frequency", [22e3, 33e3, 44e3])
+def test_superposition_meets_direct_solves(frequency: float) -> None:
+    """Direct solves damp what lies outside the band too: a difference of the order of 1/Q."""
+    plate = forced(TWO, (0,), (1,))
+    eigenvalue = plate.plate.scale.eigenvalue(frequency)
+    volts = plate.volts(eigenvalue)
+    for found in plate.modes:
+        pencil = found.group.pencil
+        matrix = (pencil.stiffness * (1.0 + 0.01j) - eigenvalue * pencil.mass).tocsc()
+        direct = spla.splu(matrix).solve((found.group.loads @ volts).astype(complex))
+        summed = found.columns @ found.amplitudes(eigenvalue, 0.01, volts)
+        assert np.linalg.norm(direct - summed) < 0.02 * np.linalg.norm(direct)
+
+
+def test_an_open_sensor_carries_no_charge_and_the_short_one_is_softer() -> None:
+    plate = forced(TWO, (0,), (1,))
+    eigenvalue = plate.plate.scale.eigenvalue(30e3)
+    volts = plate.volts(eigenvalue)
+    charge = sum(m.receptance(eigenvalue, plate.loss) for m in plate.modes) * plate.plate.stiffness_unit @ volts
+    charge = charge + plate.plate.capacitance_f * volts
+    assert abs(charge[1]) < 1e-12 * abs(charge[0])
+    assert abs(volts[1]) > 0.0
+
+
+def test_driver_and_sensor_may_change_places() -> None:
+    """Reciprocity: the receptance between two patches is symmetric."""
+    plate = forced(TWO, (0,), (1,))
+    whole = sum(m.receptance(plate.plate.scale.eigenvalue(31e3), plate.loss) for m in plate.modes)
+    assert whole[0, 1] == pytest.approx(whole[1, 0], rel=1e-9)
+
+
+def test_a_peak_is_as_wide_as_its_damping() -> None:
+    from pipeline.response import quality_factor
+
+    plate = forced(MIDDLE, (0,), (), 400.0)
+    tone = float(max(plate.modes, key=lambda m: np.abs(m.gain).max()).frequency_hz[0])
+    grid = np.linspace(tone * 0.99, tone * 1.01, 801)
+    curve = plate.curve(grid)
+    peak = int(np.argmax(curve.zone_rms_m_per_v))
+    read = quality_factor(grid, curve.zone_rms_m_per_v, peak)
+    assert read == pytest.approx(400.0, rel=0.03)
+
+
+def test_twice_the_plates_material_costs_displacement_not_sign() -> None:
+    """A patch on the touch face bends the plate the other way than one on the back."""
+    back, touch = patched(MIDDLE, PZ26), patched(MIDDLE, PZ26, back=False)
+    first = next(np.concatenate([m.ravel() for m in (g.loads,)]) for g in back.groups if "++" in g.parities)
+    other = next(g.loads.ravel() for g in touch.groups if "++" in g.parities)
+    pencil = next(g.pencil for g in back.groups if "++" in g.parities)
+    modes = modes_in_band(pencil, *BAND_HZ)
+    gains = [modes.vectors[:, 0] @ load for load in (first, other)]
+    assert gains[0] * gains[1] < 0.0
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [({"quality": 0.0}, "above 0"), ({"drivers": ()}, "at least one"), ({"band_hz": (40e3, 20e3)}, "ascending")],
+)
+def test_what_cannot_be_driven_is_refused(change: dict, words: str) -> None:
+    given = {"drivers": (0,), "sensors": (), "band_hz": (20e3, 40e3), "quality": 100.0} | change
+    with pytest.raises(SolverError, match=words):
+        ForcedPlate(patched(MIDDLE, PZ26), DESIGN, **given)
+
+
+def test_no_patches_and_a_patch_beyond_the_plate_are_refused() -> None:
+    with pytest.raises(SolverError, match="no patches"):
+        PatchedPlate(joined(), [], True)
+    far = replace(bonded_patch(PZ26, MIDDLE[0], THICK_M, True))
+    far = replace(far, points=far.points + np.array([20e-3, 0.0]))
+    with pytest.raises(SolverError, match="outside the plate"):
+        PatchedPlate(joined(), [far], True)
