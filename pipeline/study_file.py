@@ -81,8 +81,7 @@ def load_study(path_or_name: str | Path) -> StudyFile:
         if key not in ("study", "sweep"):
             faults.unknown(key, raw[key], ["study", "sweep"])
     values = _read_study(raw, faults)
-    sweep, paired = _read_sweep(raw.get("sweep", {}), faults)
-    paired = paired or values.get("study.zip", False)
+    sweep, paired = _read_sweep(raw.get("sweep", {}), faults, values.get("study.zip", False))
     _check_counts(sweep, paired, faults)
     case_path = path.parent / values.get("study.case", "")
     if "study.case" in values and not case_path.is_file():
@@ -133,23 +132,24 @@ def _check_measures(key: str, measures: list[Any], faults: Faults) -> None:
         faults.add(f"study.{key}", measures, "must name at least one measure, each once")
 
 
-def _read_sweep(table: Any, faults: Faults) -> tuple[dict[str, tuple[Any, ...]], bool]:
+def _read_sweep(table: Any, faults: Faults, paired: bool) -> tuple[dict[str, tuple[Any, ...]], bool]:
     if not isinstance(table, dict):
         faults.add("sweep", table, "must be a table [sweep] of lists")
         return {}, False
     flat = dict(_flatten(table))
-    paired = flat.pop("zip", False)
-    if not isinstance(paired, bool):
-        faults.add("sweep.zip", paired, "must be true or false")
+    asked = flat.pop("zip", False)
+    if not isinstance(asked, bool):
+        faults.add("sweep.zip", asked, "must be true or false")
+    paired = paired or asked is True
     known = known_keys()
     for key, values in flat.items():
         if key not in known:
             faults.unknown(f'sweep."{key}"', values, known)
         elif not isinstance(values, list) or not values:
             faults.add(f'sweep."{key}"', values, "must be a list of at least one value")
-        elif len({toml_text(value) for value in values}) < len(values):
+        elif not paired and len({toml_text(value) for value in values}) < len(values):
             faults.add(f'sweep."{key}"', values, "must hold each value once")
-    return {key: tuple(values) for key, values in flat.items() if isinstance(values, list) and values}, paired is True
+    return {key: tuple(values) for key, values in flat.items() if isinstance(values, list) and values}, paired
 
 
 def _check_counts(sweep: dict[str, tuple[Any, ...]], paired: bool, faults: Faults) -> None:
@@ -157,6 +157,10 @@ def _check_counts(sweep: dict[str, tuple[Any, ...]], paired: bool, faults: Fault
     if paired and len(set(lengths.values())) > 1:
         told = ", ".join(f"{key} has {count}" for key, count in lengths.items())
         faults.add("sweep.zip", True, f"needs lists of equal length ({told})")
+    elif paired:
+        rows = [toml_text(list(row)) for row in zip(*sweep.values(), strict=True)]
+        for row in sorted({row for row in rows if rows.count(row) > 1}):
+            faults.add("sweep", row, "must hold each combination once")
     total = 1
     for count in lengths.values():
         total *= count
