@@ -100,6 +100,8 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
         asked.band_hz[1] if asked.band_hz else 2.0 * (asked.near_hz or 0.0) or planner.wanted_window_hz(case.design)[1]
     )
     meshes: list[dict[str, Any]] = []
+    if asked.part == "plate" and case.patches:
+        log.left_out("piezo patches", "they act in the response; these modes are those of the plate without them")
     model = part_models.build(case, asked.part, high, log, meshes)
     parities = _classes(model, asked.parity)
     if len(parities) < len(model.parities):

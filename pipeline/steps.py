@@ -117,8 +117,6 @@ def describe(case: Case) -> dict[str, Any]:
 def _leave_out(case: Case, log: Log) -> None:
     if case.patches is None:
         log.left_out("piezo patches and their electrical unknowns", "the case has none")
-    else:
-        log.left_out("piezo patches", "they act in the response; these modes are those of the plate without them")
     log.left_out("damping", "no response is asked")
 
 
