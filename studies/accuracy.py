@@ -49,7 +49,7 @@ REFERENCES: dict[str, list[dict[str, Any]]] = {
         _r for n in (2, 3, 4) for _r in [{"model": "hex", "order": 4, "size_mm": 2.0, "along_mm": 3.15, "layers": n}]
     ],
     "cell": [
-        _r for n in (2, 3, 4) for _r in [{"model": "quarter", "order": 4, "size_mm": 2.0, "along_mm": 3.15, "layers": n}]
+        _r for n in (1, 2, 3) for _r in [{"model": "quarter", "order": 4, "size_mm": 2.0, "along_mm": 3.15, "layers": n}]
     ],
     "plate": [
         {
@@ -213,8 +213,8 @@ def conclude(records: list[dict[str, Any]]) -> Page:
     rows = [[NAMES.get(q, q), value, spread, spread / abs(value)] for q, (value, spread) in known.items()]
     headings = ("quantity", "reference (Hz or dB)", "uncertainty", "relative")
     words = (
-        "Order 4 with two, three and four layers of elements graded towards the singular edges (the plate: one, two, three, "
-        "through the superelement), carried to the limit; the uncertainty is that last step.",
+        "Order 4 with two, three and four layers of elements graded towards the singular edges (cell and plate: one, two, "
+        "three; the plate through the superelement), carried to the limit; the uncertainty is that last step.",
     )
     sections = [
         Section("The cheapest way to an accuracy", (), [_cheapest(records, known)]),

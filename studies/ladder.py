@@ -20,7 +20,7 @@ from pipeline.case import load_case
 from pipeline.house import STUDIES
 from solvers.analytic.predesign import pillar_frequencies_hz, predesign
 from solvers.confinement import measure, wanted_parity
-from solvers.fem.assembly import assemble
+from solvers.fem.assembly import System, assemble
 from solvers.fem.constraints import constrain, free_mask
 from solvers.fem.eigen import modes_in_band, modes_near
 from solvers.fem.solid import CLASSES, SolidModel
@@ -142,20 +142,52 @@ def tet_cell(d: Design, edge_m: float) -> Mesh:
     return tet_mesh(solids.cell_solid(d, "xy"), edge_m, options=tet_scenes.graded(TetOptions(), rim, edge_m))
 
 
+POINTS = {"G": (1, 1), "X": (-1, 1), "M": (-1, -1)}  # phases over one pitch
+FOLLOWED = {"bending at M": ("M", 0), "bending at G": ("G", 3), "first at X": ("X", 0)} | {
+    "gap lower edge": ("M", 5),
+    "gap upper edge": ("G", 6),
+}  # band numbers from 0
+
+
 def _quarter_cell(rung: dict[str, Any]) -> tuple[Values, int]:
-    """Where every phase is 1 or -1 a wave stands between mirrors: the sign at x+ is the sign at x- times the phase."""
+    """Where every phase is 1 or -1 a wave stands between mirrors: the sign at x+ is the sign at x- times the phase.
+
+    A coarse mesh tells in which mirror class each quantity is, and as which of its modes; the fine one solves no other.
+    """
+    places = _classes_of_quantities()
     mesh = check(hex_mesh(cell_boxes(design(), settings(rung), True), rung["order"]))
     system = assemble(mesh, materials())
-    rows = {}
-    for name, flips in (("G", (1, 1)), ("X", (-1, 1)), ("M", (-1, -1))):
-        found: list[float] = []
-        for parity in CLASSES:
-            far = [sign if flip > 0 else "+-".replace(sign, "") for sign, flip in zip(parity, flips, strict=True)]
-            planes = {"x-": parity[0], "y-": parity[1], "x+": far[0], "y+": far[1]}
-            pencil = constrain(system, free_mask(mesh, (), planes))
-            found += [0.0] * pencil.rigid_count + list(modes_near(pencil, 0.0, 4).frequency_hz)
-        rows[name] = np.sort(found)
-    return band_values(rows), 3 * len(mesh.nodes)
+    values = {}
+    for quantity, (parity, point, index) in places.items():
+        values[quantity] = float(_standing(system, parity, point, index + 1)[index])
+    return values, 3 * len(mesh.nodes)
+
+
+def _standing(system: System, parity: str, point: str, count: int) -> FloatArray:
+    """The lowest frequencies of one mirror class at a point, rigid motions as zeros."""
+    far = [sign if flip > 0 else "+-".replace(sign, "") for sign, flip in zip(parity, POINTS[point], strict=True)]
+    planes = {"x-": parity[0], "y-": parity[1], "x+": far[0], "y+": far[1]}
+    pencil = constrain(system, free_mask(system.mesh, (), planes))
+    elastic = modes_near(pencil, 0.0, max(count - pencil.rigid_count, 1)).frequency_hz
+    return np.concatenate([np.zeros(pencil.rigid_count), elastic])
+
+
+@cache
+def _classes_of_quantities() -> dict[str, tuple[str, str, int]]:
+    """{quantity: (mirror class, point, which mode of the class)}."""
+    coarse = {"order": 3, "size_mm": 2.0, "along_mm": 3.15}
+    system = assemble(hex_mesh(cell_boxes(design(), settings(coarse), True), 3), materials())
+    found: dict[str, list[tuple[float, str, int]]] = {
+        point: sorted(
+            (float(f), parity, i) for parity in CLASSES for i, f in enumerate(_standing(system, parity, point, 5))
+        )
+        for point in POINTS
+    }
+    places = {}
+    for quantity, (point, band) in FOLLOWED.items():
+        _, parity, index = found[point][band]
+        places[quantity] = (parity, point, index)
+    return places
 
 
 def plate(rung: dict[str, Any]) -> tuple[Values, int]:

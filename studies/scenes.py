@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geometry.elements import TET_EDGES, FloatArray
+from geometry.elements import TET_EDGES
 from geometry.hexmesh import Boxes, hex_mesh
 from geometry.materials import Material
 from geometry.mesh import Mesh
@@ -19,8 +19,8 @@ SIDES = ("x-", "x+", "y-", "y+")
 
 def box(edges_m: Sequence[float], cuts: Sequence[int], order: int) -> Mesh:
     """A box from the origin, cut evenly into hexahedra."""
-    lines = [np.linspace(0.0, edge, n + 1) for edge, n in zip(edges_m, cuts, strict=True)]
-    return hex_mesh(Boxes(*lines, np.zeros(tuple(cuts), dtype=np.int64), ("body",)), order)
+    x, y, z = (np.linspace(0.0, edge, n + 1) for edge, n in zip(edges_m, cuts, strict=True))
+    return hex_mesh(Boxes(x, y, z, np.zeros(tuple(cuts), dtype=np.int64), ("body",)), order)
 
 
 def tetrahedra(mesh: Mesh, order: int) -> Mesh:
@@ -70,8 +70,3 @@ def copies(mesh: Mesh, count: int, step_m: float) -> Mesh:
     cells = (mesh.cells[None] + number).reshape(-1, mesh.cells.shape[1])
     spans = None if mesh.spans is None else np.tile(mesh.spans, (count, 1))
     return Mesh(nodes, cells, mesh.kind, mesh.order, {"body": np.arange(len(cells))}, faces, spans)
-
-
-def half_power_sizes(low: float, high: float, count: int) -> FloatArray:
-    """Sizes evenly spread on a logarithmic scale."""
-    return np.geomspace(low, high, count)

@@ -130,7 +130,7 @@ def modes_near(pencil: SymmetricPencil, near_hz: float, count: int, backend: str
     wanted = count + 1
     while True:
         values, vectors = solver.nearest(target, min(wanted + pencil.rigid_count, pencil.dof))
-        floor = solver.rigid_limit if values.min(initial=np.inf) <= RIGID[0] * solver.norm_ratio else 0.0
+        floor = solver.floor_among(values) if values.min(initial=np.inf) <= RIGID[0] * solver.norm_ratio else 0.0
         elastic = values > floor
         if not pencil.rigid_count and not elastic.all():
             raise SolverError("an eigenvalue below zero: rounding hides the lowest modes of so slender a body")
@@ -227,6 +227,15 @@ class _Solver:
             f"{counts[0]} eigenvalues lie where {self.pencil.rigid_count} rigid motions are expected: the lowest modes are "
             "too soft to be told from rounding; the body is too slender for one solid mesh, or its parts do not hang together"
         )
+
+    def floor_among(self, values: FloatArray) -> float:
+        """The same floor from eigenvalues at hand: one count proves the gap above the rigid ones, else as rigid_limit."""
+        count = self.pencil.rigid_count
+        if 0 < count < len(values) and values[count] > 1e3 * abs(values[count - 1]):
+            between = float(np.sqrt(max(abs(values[count - 1]), RIGID[-1] * self.norm_ratio) * values[count]))
+            if self.count_below(between) == count:
+                return between
+        return self.rigid_limit
 
     def factor(self, shift: float) -> tuple[Factor, float]:
         """Factor of K - shift M, and the shift really used: a singular one is moved."""

@@ -97,7 +97,9 @@ def degrees() -> list[tuple[Any, ...]]:
                 lattice = Lattice(reductions(design, recipe).cell(lattice_piece(design)))
                 found = np.array([lattice.frequencies(k, 10) for k in ladder.points().values()])
                 error = np.where(some, found / np.where(some, exact, 1.0) - 1.0, 0.0)
-                rows.append((q, r, len(lattice.cell.fixed_hz), lattice.dof, np.abs(error[:, :6]).max(), np.abs(error).max()))
+                rows.append(
+                    (q, r, len(lattice.cell.fixed_hz), lattice.dof, np.abs(error[:, :6]).max(), np.abs(error).max())
+                )
     return rows
 
 
