@@ -224,8 +224,8 @@ def test_the_inertia_counts_the_eigenvalues_below_the_shift(backend: str) -> Non
 
 
 def test_an_unknown_factorisation_is_refused_with_what_there_is() -> None:
-    with pytest.raises(SolverError, match=r"'pardiso' is not installed; there is .*superlu"):
-        Factoriser("pardiso")
+    with pytest.raises(SolverError, match=r"'abacus' is not installed; there is .*superlu"):
+        Factoriser("abacus")
 
 
 def test_the_lowest_values_are_closed_by_a_count() -> None:

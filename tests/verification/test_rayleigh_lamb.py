@@ -1,0 +1,49 @@
+"""Empty-lattice bands: a bare plate seen as a lattice of oblong cells carries the exact Lamb and shear waves."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+import bodies
+
+from geometry.materials import Material
+from solvers.analytic import lamb
+from solvers.fem.assembly import assemble
+from solvers.waves.bloch import BlochCell
+
+STEEL = Material("steel", 200e9, 8000.0, 0.3)
+PITCH_M, THICKNESS_M = (3e-3, 4e-3), 1e-3
+SHARES = ((1.0, 0.0), (1.0, 1.0), (0.37, 0.81), (0.8, -0.3))
+COUNT = 6
+
+
+def cell(order: int) -> BlochCell:
+    """Two by two elements, one through the thickness."""
+    mesh = bodies.bricks(bodies.even((*PITCH_M, THICKNESS_M), (2, 2, 1)), order)
+    return BlochCell(assemble(mesh, {"body": STEEL}), *PITCH_M)
+
+
+def errors(order: int) -> np.ndarray:
+    """Relative errors of the lowest bands at every wavevector, (wavevectors, bands)."""
+    lattice, found = cell(order), []
+    for share in SHARES:
+        k = np.array(share) * np.pi / np.array(PITCH_M)
+        exact = lamb.folded_hz(k, PITCH_M, THICKNESS_M, STEEL, COUNT)
+        found.append(lattice.frequencies(k, COUNT) / exact - 1.0)
+    return np.array(found)
+
+
+def check_bands() -> None:
+    """Within 2e-4 by elements of order 4, from above, and ten times closer than by order 3."""
+    fine = errors(4)
+    assert fine.min() > -1e-9
+    assert fine.max() < 2e-4
+    assert fine.max() < errors(3).max() / 10.0
+
+
+def test_a_bare_plate_carries_the_exact_waves() -> None:
+    check_bands()
