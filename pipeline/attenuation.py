@@ -8,7 +8,6 @@ from math import pi
 from typing import Any
 
 import numpy as np
-from solvers.waves.polarisation import label_of
 
 from geometry.elements import IntArray
 from pipeline import planner
@@ -18,6 +17,7 @@ from pipeline.errors import InputFault
 from pipeline.logs import Log
 from pipeline.part_models import check_model
 from solvers.waves.evanescent import Row, RowWaves
+from solvers.waves.polarisation import label_of
 from solvers.waves.scattering import scatter, stacked
 
 POINTS = 201

@@ -1,30 +1,71 @@
-"""Bloch bands of a case's unit cell along a path, and the complete gaps on it."""
+"""Bloch bands of a case's unit cell along a path and over a grid: waves, their branches and labels, and the gaps."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from geometry.elements import FloatArray
+from geometry.elements import FloatArray, IntArray
 from geometry.hexmesh import cell_boxes, hex_mesh
 from geometry.layout import Design
 from pipeline import planner
 from pipeline.case import Case
-from pipeline.cell_shelf import CellShelf
+from pipeline.cells import by_tetrahedra
 from pipeline.errors import InputFault
+from pipeline.lattice_cell import LatticeModel, lattice_model
 from pipeline.logs import Log
 from pipeline.part_models import check_model, mesh_record
 from solvers.fem.assembly import assemble
-from solvers.superelement.build import Reductions, lattice_piece
-from solvers.superelement.lattice import Lattice
 from solvers.waves.bloch import BlochCell
-from solvers.waves.brillouin import Path, path_through
-from solvers.waves.gaps import Gap, complete_gaps
+from solvers.waves.branches import Branches, Solved, follow
+from solvers.waves.brillouin import Path, path_through, zone_grid
+from solvers.waves.gaps import Gap, LegGap, ZoneGap, complete_gaps, leg_gaps, path_gaps, path_lines, sampled_zone_gaps
+from solvers.waves.gaps import zone_gaps as refined_zone_gaps
+from solvers.waves.polarisation import Label
+from solvers.waves.polarisation_gaps import PolarisationGap, labels_along, polarisation_gaps
+from solvers.waves.symmetry import Mirrors
 
 Frequencies = Callable[[FloatArray, int], FloatArray]
+FINEST = 24  # intervals of a leg on which branches are followed and gaps looked for, at least
+MOVED = 1e-6  # relative: an edge of the zone's gap that lies off the path
+DIGITS = 7
+
+
+@dataclass(frozen=True)
+class Detail:
+    """What the reduced cell tells beside frequencies: rows for wavevectors, columns for bands.
+
+    labels and parity as lists of rows, branch (n, bands) from 1, velocity (n, bands, 2) in m/s (NaN for still waves).
+    """
+
+    labels: list[list[Label]]
+    parity: list[list[str]]
+    branch: IntArray
+    velocity: FloatArray
+    leg_gaps: list[LegGap]
+    polarisation_gaps: list[PolarisationGap]
+    reduction_error: float
+
+    def point(self, index: int) -> dict[str, Any]:
+        """The fields of one wavevector."""
+        return {
+            "polarisation": [label.name for label in self.labels[index]],
+            "plate_polarisation": [label.plate for label in self.labels[index]],
+            "parity": self.parity[index],
+            "branch": [int(number) for number in self.branch[index]],
+            "group_velocity_m_s": [_pair(pair) for pair in self.velocity[index]],
+        }
+
+    def json(self) -> dict[str, Any]:
+        """The fields of the whole path."""
+        return {
+            "reduction_error": self.reduction_error,
+            "directional_gaps": [vars(gap) for gap in self.leg_gaps],
+            "polarisation_gaps": [vars(gap) for gap in self.polarisation_gaps],
+        }
 
 
 @dataclass(frozen=True)
@@ -37,13 +78,15 @@ class Bands:
     frequencies_hz: FloatArray
     gaps: list[Gap]
     meshes: list[dict[str, Any]] = field(default_factory=list)
+    detail: Detail | None = None
+    zone_gaps: list[ZoneGap] | None = None
 
     def at(self, label: str) -> FloatArray | None:
         """Frequencies at the first point with a label, or None when the path does not pass it."""
         return self.frequencies_hz[self.path.labels.index(label)] if label in self.path.labels else None
 
     def json(self) -> dict[str, Any]:
-        """The contract's fields, without times."""
+        """The contract's fields and the detail, without times."""
         points = [
             {
                 "label": label,
@@ -51,33 +94,33 @@ class Bands:
                 "ky_per_m": float(k[1]),
                 "frequencies_hz": [float(f) for f in row],
             }
-            for label, k, row in zip(self.path.labels, self.path.wavevectors, self.frequencies_hz, strict=True)
+            | (self.detail.point(index) if self.detail else {})
+            for index, (label, k, row) in enumerate(
+                zip(self.path.labels, self.path.wavevectors, self.frequencies_hz, strict=True)
+            )
         ]
-        gaps = [vars(gap) for gap in self.gaps]
-        return {"schema": 1, "model": self.model, "dof": self.dof, "points": points, "gaps": gaps}
+        found = {"schema": 1, "model": self.model, "dof": self.dof, "points": points}
+        found["gaps"] = [vars(gap) for gap in self.gaps]
+        found |= self.detail.json() if self.detail else {}
+        return found if self.zone_gaps is None else found | {"zone_gaps": [vars(gap) for gap in self.zone_gaps]}
+
+
+def _pair(pair: FloatArray) -> list[float] | None:
+    return None if np.isnan(pair).any() else [float(f"{value:.{DIGITS}g}") for value in pair]
 
 
 def solve_bands(case: Case, log: Log) -> Bands:
     """Every band asked for, at every wavevector of the case's path."""
     _check(case)
-    meshes: list[dict[str, Any]] = []
-    model, dof, frequencies = _cell(case, log, meshes)
     design, asked = case.design, case.bands
     path = path_through(asked.path, asked.points, design.pitch_x_m, design.pitch_y_m)
-    log.left_out("wavevectors off the path", f"{asked.path} bounds the irreducible Brillouin zone")
-    with log.step(f"{len(path.wavevectors)} wavevectors"):
-        rows = _along(path, asked.count, frequencies)
-    return Bands(model, dof, path, rows, complete_gaps(rows), meshes)
-
-
-def _along(path: Path, count: int, frequencies: Frequencies) -> FloatArray:
-    """Solve each distinct wavevector once."""
-    known: dict[tuple[float, float], FloatArray] = {}
-    for k in path.wavevectors:
-        key = (float(k[0]), float(k[1]))
-        if key not in known:
-            known[key] = frequencies(k, count)
-    return np.array([known[float(k[0]), float(k[1])] for k in path.wavevectors])
+    if design.pillar is None:
+        log.left_out("pillars", "the case has none: the cell is bare")
+    if not asked.grid:
+        log.left_out("wavevectors off the path", f"{asked.path} bounds the irreducible Brillouin zone")
+    if case.solve.model == "solid" and not by_tetrahedra(case):
+        return _full(case, path, log)
+    return _reduced(case, path, log)
 
 
 def _check(case: Case) -> None:
@@ -87,50 +130,117 @@ def _check(case: Case) -> None:
         raise InputFault(f"{case.name}: array.rows = {case.design.rows}: must be 0 when the case has no [pillar]")
 
 
-def _cell(case: Case, log: Log, meshes: list[dict[str, Any]]) -> tuple[str, int, Frequencies]:
-    design, solve = case.design, case.solve
-    if design.pillar is None:
-        log.left_out("pillars", "the case has none: the cell is bare")
-    if solve.mesh == "tet" or (design.pillar and not design.pillar.is_box):
-        return _tetrahedral(design, solve.accuracy, log, meshes)
-    log.left_out("CAD and tetrahedra", "the cell is made of boxes")
-    return _full(case, log, meshes) if solve.model == "solid" else _reduced(design, solve.accuracy, log)
-
-
 def _materials(design: Design) -> dict[str, Any]:
     return {"plate": design.material, "pillar": design.pillar.material if design.pillar else design.material}
 
 
-def _reduced(design: Design, accuracy: float, log: Log) -> tuple[str, int, Frequencies]:
-    recipe = planner.lattice_recipe(design, accuracy)
-    reductions = Reductions(design.thickness_m, design.material, design.pillar, recipe, CellShelf())
-    with log.step("reduce the cell"):
-        lattice = Lattice(reductions.cell(lattice_piece(design)))
-    source = "reduced now" if reductions.fresh else "taken from the shelf"
-    log.info(f"cell of {lattice.cell.mesh_dof} unknowns in its mesh, {lattice.dof} at a wavevector, {source}")
-    return f"superelement hex{recipe.hexahedra.order}", lattice.dof, lattice.frequencies
-
-
-def _full(case: Case, log: Log, meshes: list[dict[str, Any]]) -> tuple[str, int, Frequencies]:
-    design = case.design
-    settings = planner.cell_settings(design, case.solve.accuracy)
+def _full(case: Case, path: Path, log: Log) -> Bands:
+    """The cell as meshed: frequencies and sampled gaps only."""
+    design, settings = case.design, planner.cell_settings(case.design, case.solve.accuracy)
+    log.left_out("CAD and tetrahedra", "the cell is made of boxes")
+    log.left_out("polarisation, branches and group velocity", "the full cell gives frequencies only")
     mesh = hex_mesh(cell_boxes(design, settings), settings.order)
-    meshes.append(mesh_record("cell", mesh))
     with log.step("assemble the cell"):
         cell = BlochCell(assemble(mesh, _materials(design)), design.pitch_x_m, design.pitch_y_m)
-    return f"solid hex{settings.order}", cell.dof, cell.frequencies
+    with log.step(f"{len(path.wavevectors)} wavevectors"):
+        rows = _each_once(path.wavevectors, case.bands.count, cell.frequencies)
+    gaps, zone = complete_gaps(rows), None
+    if case.bands.grid:
+        grid = zone_grid(case.bands.grid, design.pitch_x_m, design.pitch_y_m, True, False)
+        with log.step(f"grid of {len(grid)} wavevectors"):
+            values = _each_once(grid, case.bands.count, cell.frequencies)
+        zone = sampled_zone_gaps(np.vstack([path.wavevectors, grid]), np.vstack([rows, values]), gaps)
+        _tell_zone(gaps, zone, log)
+    return Bands(f"solid hex{settings.order}", cell.dof, path, rows, gaps, [mesh_record("cell", mesh)], None, zone)
 
 
-def _tetrahedral(
-    design: Design, accuracy: float, log: Log, meshes: list[dict[str, Any]]
-) -> tuple[str, int, Frequencies]:
-    from pipeline.tet_parts import tet_cell
+def _each_once(wavevectors: FloatArray, count: int, frequencies: Frequencies) -> FloatArray:
+    """Solve each distinct wavevector once."""
+    known: dict[tuple[float, float], FloatArray] = {}
+    for k in wavevectors:
+        key = (float(k[0]), float(k[1]))
+        if key not in known:
+            known[key] = frequencies(k, count)
+    return np.array([known[float(k[0]), float(k[1])] for k in wavevectors])
 
-    mesh, halved = tet_cell(design, accuracy, log)
-    meshes.append(mesh_record("cell", mesh))
-    recipe = planner.lattice_recipe(design, accuracy)
-    reductions = Reductions(design.thickness_m, design.material, design.pillar, recipe, None, lambda piece: mesh)
-    with log.step("reduce the cell"):
-        lattice = Lattice(reductions.cell(replace(lattice_piece(design), halved=halved)))
-    log.info(f"cell of {mesh.dof} unknowns in its mesh, {lattice.dof} at a wavevector; opposite faces need not match")
-    return f"superelement tet{mesh.order}", lattice.dof, lattice.frequencies
+
+def _reduced(case: Case, path: Path, log: Log) -> Bands:
+    """The cell reduced: waves followed on a path fine enough for it, gaps between the samples too."""
+    meshes: list[dict[str, Any]] = []
+    corners = path.wavevectors[[leg.last for leg in path.legs]]
+    model = lattice_model(case, corners, log, meshes)
+    count = min(case.bands.count, model.lattice.dof)
+    solved, factor = Solved(model.lattice, count), -(-FINEST // case.bands.points)
+    fine = path.finer(factor)
+    with log.step(f"{len(fine.wavevectors)} wavevectors"):
+        for k in fine.wavevectors:
+            solved(k)
+    with log.step("branches"):
+        branches = follow(solved, fine.wavevectors)
+    with log.step("gaps"):
+        labels, lines = labels_along(solved, branches), path_lines(solved, fine)
+        gaps, along_legs = path_gaps(lines), leg_gaps(fine, lines)
+        polarised = polarisation_gaps(solved, branches, labels)
+    rows = np.array([waves.frequency_hz[:count] for waves in branches.waves])[::factor]
+    detail = _detail(model, branches, labels, factor, count, along_legs, polarised)
+    zone = _over_the_zone(case, model, solved, gaps, log) if case.bands.grid else None
+    return Bands(model.name, model.lattice.dof, path, rows, gaps, meshes, detail, zone)
+
+
+def _detail(
+    model: LatticeModel, branches: Branches, labels: list[list[Label]], factor: int, count: int,
+    along_legs: list[LegGap], polarised: list[PolarisationGap],
+) -> Detail:  # fmt: skip
+    """Labels, parity, branches and group velocities at the wavevectors asked for."""
+    mirrors, waves = Mirrors(model.lattice.cell), branches.waves[::factor]
+    parity = []
+    for each in waves:
+        signs = {name: mirrors.parity(name, each.unknowns[:, :count]) for name in mirrors.keeping(each.wavevector)}
+        parity.append(["".join(f"{n}{'-?+'[v[i] + 1]}" for n, v in signs.items()) for i in range(count)])
+    velocity = np.array([model.lattice.group_velocity(each)[:count] for each in waves])
+    number = branches.number[::factor, :count]
+    shown = [row[:count] for row in labels[::factor]]
+    return Detail(shown, parity, number, velocity, along_legs, polarised, model.reduction_error)
+
+
+def _over_the_zone(case: Case, model: LatticeModel, solved: Solved, gaps: list[Gap], log: Log) -> list[ZoneGap]:
+    """The path's gaps over the whole irreducible zone, from a grid and from the path's best points."""
+    design, names = case.design, Mirrors(model.lattice.cell).names
+    grid = zone_grid(case.bands.grid, design.pitch_x_m, design.pitch_y_m, bool({"x", "y"} & set(names)), "d" in names)
+    with log.step(f"grid of {len(grid)} wavevectors"):
+        values = np.array([model.lattice.eigenvalues(k, solved.count) for k in grid])
+        found = refined_zone_gaps(solved, grid, values, gaps)
+    _tell_zone(gaps, found, log)
+    return found
+
+
+def _tell_zone(along: list[Gap], zone: list[ZoneGap], log: Log) -> None:
+    """Whether the path told the truth about the zone."""
+    left = {gap.lower_band: gap for gap in zone}
+    for gap in along:
+        name = f"the gap between bands {gap.lower_band} and {gap.upper_band}"
+        whole = left.get(gap.lower_band)
+        if whole is None:
+            log.alarm("ZONE", f"{name} is open along the path only: waves off the path fill it")
+            continue
+        for edge, path_hz, hz, at in (
+            ("lower", gap.lower_hz, whole.lower_hz, whole.lower_at),
+            ("upper", gap.upper_hz, whole.upper_hz, whole.upper_at),
+        ):
+            if abs(hz / path_hz - 1.0) > MOVED:
+                where = f"k = ({at[0]:.1f}, {at[1]:.1f}) rad/m, off the path"
+                log.alarm(
+                    "ZONE", f"{name} has its {edge} edge at {hz:.1f} Hz, {where}; along the path {path_hz:.1f} Hz"
+                )
+    if along and not _moved(along, zone):
+        log.info("every gap along the path is one of the whole zone, with the same edges")
+
+
+def _moved(along: list[Gap], zone: list[ZoneGap]) -> bool:
+    """Whether an edge of the zone's gaps differs from the path's."""
+    edges = {gap.lower_band: (gap.lower_hz, gap.upper_hz) for gap in zone}
+    return any(
+        gap.lower_band not in edges
+        or np.abs(np.array(edges[gap.lower_band]) / (gap.lower_hz, gap.upper_hz) - 1.0).max() > MOVED
+        for gap in along
+    )

@@ -32,11 +32,12 @@ class SolveSettings:
 
 @dataclass(frozen=True)
 class BandSettings:
-    """The wavevector path, its intervals per segment and the number of bands."""
+    """The wavevector path, its intervals per segment, the number of bands, and a grid's intervals (0: none)."""
 
     path: str
     points: int
     count: int
+    grid: int = 0
 
 
 @dataclass(frozen=True)
@@ -178,9 +179,8 @@ def _solve(values: Values) -> SolveSettings:
 def _bands(values: Values, design: Design) -> BandSettings:
     good = values.good
     square = design.pitch_x_m == design.pitch_y_m or isnan(design.pitch_x_m)
-    return BandSettings(
-        good["bands.path"] or ("GXMG" if square else "GXMYG"), good["bands.points"], good["bands.count"]
-    )
+    path = good["bands.path"] or ("GXMG" if square else "GXMYG")
+    return BandSettings(path, good["bands.points"], good["bands.count"], good["bands.grid"])
 
 
 def _plain(value: Any) -> Any:

@@ -80,6 +80,7 @@ class BandsTable(Table):
     )
     points: int = Field(default=25, ge=1, le=10_000, description="a whole number from 1 to 10000")
     count: int = Field(default=10, ge=1, le=1000, description="a whole number from 1 to 1000")
+    grid: int = Field(default=0, ge=0, le=200, description="a whole number from 0 (the path alone) to 200")
 
 
 class DampingTable(Table):

@@ -100,9 +100,9 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
         asked.band_hz[1] if asked.band_hz else 2.0 * (asked.near_hz or 0.0) or planner.wanted_window_hz(case.design)[1]
     )
     meshes: list[dict[str, Any]] = []
+    model = part_models.build(case, asked.part, high, log, meshes)
     if asked.part == "plate" and case.patches:
         log.left_out("piezo patches", "they act in the response; these modes are those of the plate without them")
-    model = part_models.build(case, asked.part, high, log, meshes)
     parities = _classes(model, asked.parity)
     if len(parities) < len(model.parities):
         log.left_out("mirror classes other than " + ", ".join(str(p) for p in parities), "not asked for")

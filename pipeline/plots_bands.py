@@ -17,7 +17,15 @@ if TYPE_CHECKING:
 
 KHZ = 1e-3
 NAMES = {"G": "Γ"}
+MOST_COLUMNS = 3
 ZOOM = 1.6  # of the bending frequency at M
+PILLAR = "pillar"
+# colour, marker and size of the plate's polarisation: told apart in grey too
+POLARISATIONS = {
+    "flexural": (plots.BLUE, "o", 2.8),
+    "shear": (plots.SKY, "s", 2.8),
+    "longitudinal": (plots.PURPLE, "^", 3.4),
+}
 
 
 def path_length(points: list[dict[str, Any]]) -> FloatArray:
@@ -67,26 +75,38 @@ def _bands(axes: Axes, case: StoredCase, bands: dict[str, Any]) -> None:
     points = bands["points"]
     s = path_length(points)
     values = np.array([point["frequencies_hz"] for point in points]) * KHZ
-    axes.plot(s, values, color=plots.BLUE, lw=1.0, marker=".", ms=2.2)
-    axes.lines[0].set_label("structured hexahedra" if case.record.get("tet_bands") else "bands")
+    if all(point.get("plate_polarisation") for point in points):
+        axes.plot(s, values, color="#C8C8C8", lw=0.7)
+        _polarised(axes, s, values, points)
+    else:
+        axes.plot(s, values, color=plots.BLUE, lw=1.0, marker=".", ms=2.2)
+        axes.lines[0].set_label("structured hexahedra" if case.record.get("tet_bands") else "bands")
     marks = [(x, NAMES.get(p["label"], p["label"])) for x, p in zip(s, points, strict=True) if p["label"]]
     axes.set_xticks([x for x, _ in marks], [name for _, name in marks])
     axes.grid(True, axis="x")
     axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])  # room for the marks at both ends
     axes.set_xlabel("wavevector along the path (to scale)")
+    _tetrahedra(axes, case, s, points)
+
+
+def _polarised(axes: Axes, s: FloatArray, values: FloatArray, points: list[dict[str, Any]]) -> None:
+    """A mark for every wave by how it moves the plate, hollow where the pillar has most of its kinetic energy."""
+    plate, whole = (np.array([point[key] for point in points]) for key in ("plate_polarisation", "polarisation"))
+    x, hollow = np.broadcast_to(s[:, None], values.shape), whole == PILLAR
+    for name, (color, marker, size) in POLARISATIONS.items():
+        for here, fill, label in ((~hollow, color, name), (hollow, "white", f"{name}, mostly in the pillar")):
+            here = here & (plate == name)
+            if here.any():
+                axes.plot(x[here], values[here], marker, color=color, mfc=fill, ms=size, mew=0.6, label=label)
+
+
+def _tetrahedra(axes: Axes, case: StoredCase, s: FloatArray, points: list[dict[str, Any]]) -> None:
+    label = "tetrahedra (pytetwild)"
     for point in (case.record.get("tet_bands") or {}).get("points", []):
+        tones = np.array(point["frequencies_hz"]) * KHZ
         for x in (x for x, p in zip(s, points, strict=True) if p["label"] == point["label"]):
-            tones = np.array(point["frequencies_hz"]) * KHZ
-            label = "" if axes.get_legend_handles_labels()[1][1:] else "tetrahedra (pytetwild)"
-            axes.plot(
-                np.full(tones.size, x),
-                tones,
-                "o",
-                mfc="none",
-                color=plots.VERMILION,
-                ms=4.5,
-                label=label,
-            )
+            axes.plot(np.full(tones.size, x), tones, "o", mfc="none", color=plots.VERMILION, ms=4.5, label=label)
+            label = ""
 
 
 def _gaps(axes: Axes, bands: dict[str, Any]) -> None:
@@ -154,7 +174,8 @@ def _legend(figure: Any, axes: Axes) -> None:
     for panel in figure.axes:
         handles |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
     if len(handles) > 1:
-        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=len(handles), fontsize=8)
+        columns = min(len(handles), MOST_COLUMNS)
+        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns, fontsize=8)
 
 
 def _alt(case: StoredCase, bending: list[float]) -> str:
@@ -165,7 +186,10 @@ def _alt(case: StoredCase, bending: list[float]) -> str:
         if gap
         else "no complete gap opens along the path"
     )
+    kinds = {name for point in case.record["bands"]["points"] for name in point.get("plate_polarisation") or ()}
+    told = ", ".join(name for name in POLARISATIONS if name in kinds)
+    marked = f"; waves are marked as {told}" if told else ""
     at_m = (
         f"; the bending bands meet M at {' and '.join(f'{tone * KHZ:.2f}' for tone in bending)} kHz" if bending else ""
     )
-    return f"Frequency in kHz against wavevector for the unit cell of {case.case_id}: {edges}{at_m}."
+    return f"Frequency in kHz against wavevector for the unit cell of {case.case_id}: {edges}{at_m}{marked}."

@@ -1,15 +1,39 @@
-"""Bloch waves of the infinite lattice of one reduced cell: a phase per side, one dense Hermitian pencil a wavevector."""
+"""Bloch waves of the infinite lattice of one reduced cell: a phase per side, one dense Hermitian pencil a wavevector.
+
+K(k) = sum over d of K_d exp(i k.d), d in {-1, 0, 1}^2 pitches, with real K_d folded once from the reduced cell.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from functools import cached_property
+
 import numpy as np
-from scipy.linalg import eigh
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, eigh
 from threadpoolctl import threadpool_limits
 
 from geometry.elements import FloatArray, IntArray
-from solvers.superelement.cell import Cell
+from solvers.errors import SolverError
+from solvers.superelement.cell import Cell, Expansion
+from solvers.superelement.interface import Interface
 
+Complex = NDArray[np.complex128]
 ROUNDING = 1e-12  # of the pencil's norms: smaller eigenvalues are rigid motions
+OFFSETS = ((0, 0), (1, 0), (0, 1), (1, 1))
+
+
+@dataclass(frozen=True)
+class Waves:
+    """The lowest waves at a wavevector (2,) in rad/m: scaled eigenvalues and frequencies in Hz, both (n,) ascending.
+
+    unknowns (cell dof, n): the cell's, u^H M u = 1, orthogonal within a degenerate group.
+    """
+
+    wavevector: FloatArray
+    eigenvalue: FloatArray
+    frequency_hz: FloatArray
+    unknowns: Complex
 
 
 class Lattice:
@@ -20,34 +44,138 @@ class Lattice:
         face = cell.interface
         width = face.vertex_block + 2 * face.side_block
         self.dof = width + len(cell.fixed_hz)
-        vertex = np.arange(face.vertex_block, dtype=np.int64)
-        side = np.arange(face.side_block, dtype=np.int64)
-        self._place: list[tuple[IntArray, IntArray, tuple[int, int]]] = []
-        for index, offset in enumerate(((0, 0), (1, 0), (0, 1), (1, 1))):
-            self._place.append((face.vertex(index), vertex, offset))
-        for index, offset in enumerate(((0, 0), (1, 0), (0, 0), (0, 1))):
+        self.column = np.empty(cell.dof, dtype=np.int64)  # the free unknown that each of the cell's follows
+        self.offset = np.zeros((cell.dof, 2))  # and by how many pitches it lies beyond it
+        for index, offset in enumerate(OFFSETS):
+            self.column[face.vertex(index)] = np.arange(face.vertex_block)
+            self.offset[face.vertex(index)] = offset
+        for index, offset in enumerate((OFFSETS[0], OFFSETS[1], OFFSETS[0], OFFSETS[2])):
             start = face.vertex_block + (index // 2) * face.side_block
-            self._place.append((face.side(index), start + side, offset))
-        modes = np.arange(len(cell.fixed_hz), dtype=np.int64)
-        self._place.append((face.count + modes, width + modes, (0, 0)))
+            self.column[face.side(index)] = start + np.arange(face.side_block)
+            self.offset[face.side(index)] = offset
+        self.column[face.count :] = width + np.arange(len(cell.fixed_hz))
+
+    @cached_property
+    def _steps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Steps d (9, 2), and K_d and M_d (9, dof^2) of a column's offset less a row's."""
+        steps = np.array([(dx, dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)], dtype=float)
+        return steps, self._folded(self.cell.stiffness), self._folded(self.cell.mass)
+
+    def _folded(self, matrix: FloatArray) -> FloatArray:
+        out = np.zeros((3, 3, self.dof, self.dof))
+        groups = [np.flatnonzero((self.offset == offset).all(axis=1)) for offset in OFFSETS]
+        for row, here in zip(OFFSETS, groups, strict=True):
+            for column, there in zip(OFFSETS, groups, strict=True):
+                step = out[1 + column[0] - row[0], 1 + column[1] - row[1]]
+                step[np.ix_(self.column[here], self.column[there])] += matrix[np.ix_(here, there)]
+        return out.reshape(9, -1)
+
+    def pencil(self, wavevector: FloatArray) -> tuple[Complex, Complex]:
+        """Hermitian K(k) and M(k), (dof, dof) each."""
+        steps, *matrices = self._steps
+        angle = steps @ (np.asarray(wavevector, dtype=float) * np.array(self.cell.size_m[:2]))
+        turn = np.vstack([np.cos(angle), np.sin(angle)])
+        parts = (turn @ matrix for matrix in matrices)
+        stiffness, mass = ((real + 1j * imaginary).reshape(self.dof, self.dof) for real, imaginary in parts)
+        return stiffness, mass
 
     def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
-        """The `count` lowest Bloch frequencies at a wavevector (2,) in rad/m, ascending, Hz (a dense solve misses none)."""
-        transform = self.transform(np.asarray(wavevector, dtype=float))
-        stiffness, mass = (
-            transform.conj().T @ (matrix @ transform) for matrix in (self.cell.stiffness, self.cell.mass)
-        )
-        with threadpool_limits(1):
-            values = eigh(
-                stiffness, mass, eigvals_only=True, subset_by_index=[0, min(count, self.dof) - 1], driver="gvx"
-            )
-        rounding = ROUNDING * np.abs(self.cell.stiffness).max() / np.abs(self.cell.mass).max()
-        return self.cell.scale.frequency(np.where(np.abs(values) < rounding, 0.0, values))
+        """The `count` lowest Bloch frequencies at a wavevector (2,) in rad/m, ascending, Hz (a dense solve misses none).
 
-    def transform(self, wavevector: FloatArray) -> FloatArray:
+        Raises SolverError where the mass is not positive: more boundary functions than the mesh can tell apart.
+        """
+        return self.cell.scale.frequency(self.eigenvalues(wavevector, count))
+
+    def eigenvalues(self, wavevector: FloatArray, count: int) -> FloatArray:
+        """The same in the cell's scale, (2 pi f / angular)^2."""
+        return self._solve(wavevector, count, False)[0]
+
+    def waves(self, wavevector: FloatArray, count: int) -> Waves:
+        """The `count` lowest waves at a wavevector (2,) in rad/m, every one counted. Errors as frequencies."""
+        wavevector = np.asarray(wavevector, dtype=float)
+        values, vectors = self._solve(wavevector, count, True)
+        unknowns = self._phases(wavevector)[:, None] * vectors[self.column]
+        return Waves(wavevector, values, self.cell.scale.frequency(values), unknowns)
+
+    def slopes(self, waves: Waves) -> Complex:
+        """d lambda / d k between the waves: u_i^H (dK/dk - lambda dM/dk) u_j, Hermitian, (2, n, n), scaled over rad/m.
+
+        Its diagonal is Hellmann-Feynman's derivative; in a degenerate group the eigenvalues of the group's block along a
+        direction are. dT/dk_x = i a o_x T with o_x the offsets of the cell's unknowns.
+        """
+        u = waves.unknowns
+        stiff, heavy = _times(self.cell.stiffness, u), _times(self.cell.mass, u)
+        out = []
+        for axis in (0, 1):
+            turned = -1j * self.cell.size_m[axis] * (self.offset[:, axis, None] * u).conj().T
+            middle = (waves.eigenvalue[:, None] + waves.eigenvalue) / 2.0  # equal within a degenerate group
+            part = turned @ stiff - (turned @ heavy) * middle
+            out.append(part + part.conj().T)
+        return np.array(out)
+
+    def group_velocity(self, waves: Waves) -> FloatArray:
+        """d omega / d k = (d lambda / d k) / (2 omega) of each wave as it stands, m/s, (n, 2); NaN for still waves."""
+        rate = np.einsum("aii->ia", self.slopes(waves)).real
+        root = np.sqrt(np.where(waves.eigenvalue > self.rounding, waves.eigenvalue, np.nan))
+        return np.asarray(self.cell.scale.angular * rate / (2.0 * root[:, None]))
+
+    @cached_property
+    def rounding(self) -> float:
+        """Scaled eigenvalues below it are rigid motions."""
+        return float(ROUNDING * np.abs(self.cell.stiffness).max() / np.abs(self.cell.mass).max())
+
+    def _solve(self, wavevector: FloatArray, count: int, vectors: bool) -> tuple[FloatArray, Complex]:
+        stiffness, mass = self.pencil(wavevector)
+        subset = [0, min(count, self.dof) - 1]
+        try:
+            with threadpool_limits(1):
+                found = eigh(stiffness, mass, eigvals_only=not vectors, subset_by_index=subset, driver="gvx")
+        except LinAlgError as fault:
+            face = self.cell.interface
+            told = f"boundary functions of degree {face.along} along and {face.through} through the thickness"
+            raise SolverError(f"{told} are more than the cell's mesh can hold: refine it or lower them") from fault
+        values, waves = found if vectors else (found, np.empty((self.dof, 0), dtype=complex))
+        return np.where(np.abs(values) < self.rounding, 0.0, values), waves
+
+    def _phases(self, wavevector: FloatArray) -> Complex:
+        return np.asarray(np.exp(1j * self.offset @ (wavevector * np.array(self.cell.size_m[:2]))))
+
+    def transform(self, wavevector: FloatArray) -> Complex:
         """T(k) with u_cell = T u_free: u(r + a) = u(r) exp(i k.a), shape (cell dof, dof)."""
-        phase = wavevector * np.array(self.cell.size_m[:2])
         transform = np.zeros((self.cell.dof, self.dof), dtype=complex)
-        for rows, columns, offset in self._place:
-            transform[rows, columns] = np.exp(1j * (offset[0] * phase[0] + offset[1] * phase[1]))
+        transform[np.arange(self.cell.dof), self.column] = self._phases(np.asarray(wavevector, dtype=float))
         return transform
+
+    def truncated(self, degrees: int = 1, modes: float = 1 / 3) -> Lattice:
+        """The same cell without its highest bubbles and the upper share of its fixed-interface modes.
+
+        A subspace of the same matrices (Galerkin): its frequencies lie above ours.
+        """
+        cell = self.cell
+        face = Interface(max(cell.interface.along - degrees, 1), cell.interface.through)
+        order = np.argsort(cell.fixed_hz, kind="stable")
+        kept = np.sort(order[: len(order) - int(np.ceil(modes * len(order)))])
+        sides = [cell.interface.side(index)[: face.side_block] for index in range(4)]
+        keep = np.concatenate([np.arange(4 * face.vertex_block), *sides, cell.interface.count + kept])
+        square = np.ix_(keep, keep)
+        small = {name: getattr(cell, name)[square] for name in ("stiffness", "mass", "pillar_mass")}
+        return Lattice(
+            replace(
+                cell,
+                **small,
+                interface=face,
+                fixed_hz=cell.fixed_hz[kept],
+                fixed_parity=cell.fixed_parity[kept],
+                touch=_kept(cell.touch, keep),
+                skin=_kept(cell.skin, keep),
+            )
+        )
+
+
+def _times(matrix: FloatArray, vectors: Complex) -> Complex:
+    """A real matrix times complex vectors, without a complex copy of the matrix."""
+    return np.asarray(matrix @ vectors.real + 1j * (matrix @ vectors.imag))
+
+
+def _kept(field: Expansion, keep: IntArray) -> Expansion:
+    return replace(field, matrix=field.matrix[..., keep])

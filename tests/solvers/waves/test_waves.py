@@ -11,7 +11,7 @@ from geometry.materials import MATERIALS
 from geometry.mesh import Mesh
 from solvers.fem.assembly import assemble
 from solvers.waves.bloch import BlochCell, periodic_nodes
-from solvers.waves.brillouin import path_through
+from solvers.waves.brillouin import Leg, path_through, zone_grid
 from solvers.waves.gaps import Gap, complete_gaps
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -39,6 +39,29 @@ def test_a_path_passes_its_corners_with_labels_and_its_length() -> None:
 def test_a_path_with_an_unknown_corner_or_too_few_is_refused(corners: str) -> None:
     with pytest.raises(ValueError, match="corners are G, X, M, Y, at least two of them"):
         path_through(corners, 3, *PITCH)
+
+
+def test_a_finer_path_keeps_the_wavevectors_and_the_legs() -> None:
+    path = path_through("GXMYG", 3, *PITCH)
+    fine = path.finer(4)
+    assert (fine.wavevectors[::4] == path.wavevectors).all() and fine.labels[::4] == path.labels
+    assert np.allclose(np.diff(fine.arc)[:12], path.arc[3] / 12.0)
+    assert path.legs == [Leg("G", "X", 0, 3), Leg("X", "M", 3, 6), Leg("M", "Y", 6, 9), Leg("Y", "G", 9, 12)]
+    assert [(leg.first, leg.last) for leg in fine.legs] == [(0, 12), (12, 24), (24, 36), (36, 48)]
+    assert (path.finer(1).wavevectors == path.wavevectors).all()
+
+
+@pytest.mark.parametrize(
+    ("mirrored", "diagonal", "count"), [(True, True, 15), (True, False, 25), (False, False, 45), (False, True, 45)]
+)
+def test_a_grid_covers_the_irreducible_zone_with_its_border(mirrored: bool, diagonal: bool, count: int) -> None:
+    grid = zone_grid(4, *PITCH, mirrored, diagonal) * np.array(PITCH) / np.pi
+    assert len(grid) == len(np.unique(grid.round(9), axis=0)) == count
+    assert grid.min(axis=0) == pytest.approx([0.0 if mirrored else -1.0, 0.0]) and grid.max(axis=0) == pytest.approx(
+        [1, 1]
+    )
+    if mirrored and diagonal:
+        assert (grid[:, 1] <= grid[:, 0] + 1e-9).all()
 
 
 def test_gaps_are_complete_only_when_no_wavevector_fills_them() -> None:

@@ -1,0 +1,151 @@
+"""Waves followed along a path through their crossings, by the likeness of their shapes.
+
+The likeness of two waves is the modal assurance criterion |u^H M v|^2 of their fields on one and the same cell (allemang2003);
+there the phases exp(i k.r) of neighbouring wavevectors differ little, and the global phase drops out. Degenerate waves are
+first turned into those that continue to each side: eigenvectors of d lambda / d k along the step within their group.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from geometry.elements import FloatArray, IntArray
+from solvers.superelement.lattice import Lattice, Waves
+
+Complex = NDArray[np.complex128]
+EQUAL = 1e-7  # relative distance of eigenvalues that count as one
+CLEAR = 0.5  # likeness from which a wave is followed without looking closer
+LOST = 0.1  # below it a wave is another one
+DEEPEST = 4  # halvings of a step
+EXTRA = 4  # waves followed above those asked for, so that a branch may come down
+
+
+class Solved:
+    """The waves of a lattice, each wavevector solved once: `count` asked for and some above."""
+
+    def __init__(self, lattice: Lattice, count: int) -> None:
+        self.lattice, self.count = lattice, min(count, lattice.dof)
+        self._known: dict[tuple[float, float], Waves] = {}
+
+    def __call__(self, wavevector: FloatArray) -> Waves:
+        """Waves at a wavevector (2,) in rad/m."""
+        key = (float(wavevector[0]), float(wavevector[1]))
+        if key not in self._known:
+            self._known[key] = self.lattice.waves(np.array(key), self.count + EXTRA)
+        return self._known[key]
+
+
+@dataclass(frozen=True)
+class Branches:
+    """Waves at each wavevector, degenerate ones turned, and the number (wavevectors, waves) of each one's branch, from 1."""
+
+    waves: tuple[Waves, ...]
+    number: IntArray
+
+
+def follow(solved: Solved, wavevectors: FloatArray) -> Branches:
+    """Number the waves at successive wavevectors (n, 2) so that a branch keeps its number across crossings.
+
+    A branch that leaves the waves computed loses its number, one that enters gets a new one.
+    """
+    lattice = solved.lattice
+    kept: list[Waves] = []
+    numbers: list[IntArray] = []
+    for here, there in pairwise(wavevectors):
+        start = turned(lattice, solved(here), there - here, solved(there))
+        if not kept:
+            kept, numbers = [start], [np.arange(1, len(start.eigenvalue) + 1, dtype=np.int64)]
+        leaving = numbers[-1][_partner(likeness(lattice, kept[-1], start)).argsort()]
+        partner, likely = _step(solved, start, there, DEEPEST)
+        new = 1 + max(int(number.max()) for number in numbers)
+        arriving = np.empty_like(leaving)
+        arriving[partner] = np.where(likely >= LOST, leaving, new + np.arange(len(leaving)))
+        kept.append(turned(lattice, solved(there), there - here, start))
+        numbers.append(arriving)
+    return Branches(tuple(kept), _dense(numbers))
+
+
+def likeness(lattice: Lattice, one: Waves, two: Waves) -> FloatArray:
+    """|u_i^H M v_j|^2 on the cell, (n, m)."""
+    heavy = lattice.cell.mass @ two.unknowns.real + 1j * (lattice.cell.mass @ two.unknowns.imag)
+    return np.asarray(np.abs(one.unknowns.conj().T @ heavy) ** 2)
+
+
+def groups(lattice: Lattice, eigenvalue: FloatArray) -> list[slice]:
+    """Degenerate groups of ascending eigenvalues, those of one wave included."""
+    apart = np.diff(eigenvalue) > np.maximum(EQUAL * np.abs(eigenvalue[1:]), lattice.rounding)
+    bounds = [0, *(np.flatnonzero(apart) + 1), len(eigenvalue)]
+    return [slice(int(low), int(high)) for low, high in pairwise(bounds)]
+
+
+def one_sided(lattice: Lattice, waves: Waves, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Slopes d lambda / d s of the sorted bands along a direction (2,), beyond the wavevector and before it, (n,) each."""
+    slope = np.tensordot(direction, lattice.slopes(waves), axes=1)
+    beyond, before = np.empty(len(slope)), np.empty(len(slope))
+    for group in groups(lattice, waves.eigenvalue):
+        beyond[group] = np.linalg.eigvalsh(slope[group, group])
+        before[group] = beyond[group][::-1]
+    return beyond, before
+
+
+def turned(lattice: Lattice, waves: Waves, direction: FloatArray, neighbour: Waves) -> Waves:
+    """Degenerate waves turned into those with a slope each along a direction; of equal slopes, towards the neighbour's."""
+    several = [group for group in groups(lattice, waves.eigenvalue) if group.stop - group.start > 1]
+    if not several:
+        return waves
+    unknowns = waves.unknowns.copy()
+    slope = np.tensordot(np.asarray(direction) / np.linalg.norm(direction), lattice.slopes(waves), axes=1)
+    close = 1e-6 * np.abs(slope).max()
+    for group in several:
+        values, vectors = np.linalg.eigh(slope[group, group])
+        unknowns[:, group] = unknowns[:, group] @ vectors
+        bounds = [0, *(np.flatnonzero(np.diff(values) > close) + 1), len(values)]
+        for low, high in pairwise(bounds):
+            if high - low > 1:
+                part = slice(group.start + low, group.start + high)
+                unknowns[:, part] = _aligned(lattice, unknowns[:, part], neighbour.unknowns)
+    return replace(waves, unknowns=unknowns)
+
+
+def _aligned(lattice: Lattice, waves: Complex, neighbour: Complex) -> Complex:
+    """The waves turned among themselves to be likest those of the neighbour's that lie most in their span (Procrustes)."""
+    overlap = neighbour.conj().T @ (lattice.cell.mass @ waves)
+    nearest = np.sort(np.argsort(-np.linalg.norm(overlap, axis=1), kind="stable")[: waves.shape[1]])
+    left, _, right = np.linalg.svd(overlap[nearest])
+    return np.asarray(waves @ (right.conj().T @ left.conj().T))
+
+
+def _partner(like: FloatArray) -> IntArray:
+    """For each row the column assigned so that the sum of the likenesses is largest."""
+    _, column = linear_sum_assignment(like, maximize=True)
+    return np.asarray(column, dtype=np.int64)
+
+
+def _step(solved: Solved, start: Waves, end: FloatArray, halvings: int) -> tuple[IntArray, FloatArray]:
+    """For each wave at the start its partner at the end and how like they are, looking closer where that is not clear."""
+    lattice, step = solved.lattice, end - start.wavevector
+    there = turned(lattice, solved(end), step, start)
+    like = likeness(lattice, start, there)
+    partner = _partner(like)
+    found = like[np.arange(len(partner)), partner]
+    if halvings == 0 or found[: solved.count].min() >= CLEAR:
+        return partner, found
+    middle = turned(lattice, solved(start.wavevector + step / 2.0), step, start)
+    first, near = _step(solved, start, middle.wavevector, halvings - 1)
+    second, far = _step(solved, middle, end, halvings - 1)
+    return second[first], np.minimum(near, far[first])
+
+
+def _dense(numbers: Sequence[IntArray]) -> IntArray:
+    """Branch numbers without holes, in the order of their first appearance."""
+    flat = np.concatenate(numbers)
+    seen, first, where = np.unique(flat, return_index=True, return_inverse=True)
+    rank = np.empty(len(seen), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(1, len(seen) + 1)
+    return np.asarray(rank[where].reshape(len(numbers), -1))

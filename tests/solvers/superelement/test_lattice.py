@@ -1,0 +1,198 @@
+"""Bloch waves of one reduced cell: the folded pencil, the waves' phases and energy, group velocity, what truncation tells."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from geometry.hexmesh import HexSettings, Piece, hex_mesh, piece_boxes
+from geometry.layout import Pillar
+from geometry.materials import MATERIALS
+from solvers.analytic.lamb import lamb_hz, shear_speed
+from solvers.errors import SolverError
+from solvers.fem.assembly import assemble
+from solvers.superelement.build import Recipe, Reductions
+from solvers.superelement.estimate import reduction_error
+from solvers.superelement.interface import Interface
+from solvers.superelement.lattice import Lattice, Waves
+from solvers.waves.bloch import BlochCell
+from solvers.waves.branches import one_sided
+
+ALUMINIUM = MATERIALS["aluminium"]
+PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
+THICK_M, BARE = 2e-3, (3e-3, 4e-3)
+COARSE = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
+GENERIC = np.array([310.0, 520.0])
+
+
+def piece(pitch: tuple[float, float], pillar: bool, halved: tuple[int, ...] = (0, 1)) -> Piece:
+    """One cell about the origin."""
+    low, high = (-pitch[0] / 2.0, -pitch[1] / 2.0), (pitch[0] / 2.0, pitch[1] / 2.0)
+    return Piece(low, high, (0.0, 0.0) if pillar else None, halved)
+
+
+@cache
+def lattice(
+    pitch: tuple[float, float] = (4e-3, 4e-3), pillar: bool = True, top_hz: float = 1.2e6, face: Interface | None = None,
+    settings: HexSettings = COARSE,
+) -> Lattice:  # fmt: skip
+    recipe = Recipe(face or Interface(4, 3), top_hz, settings)
+    return Lattice(Reductions(THICK_M, ALUMINIUM, PILLAR, recipe).cell(piece(pitch, pillar)))
+
+
+@cache
+def full(pitch: tuple[float, float], pillar: bool) -> BlochCell:
+    """The same mesh, whole and not reduced."""
+    boxes = piece_boxes(piece(pitch, pillar), THICK_M, PILLAR, COARSE)
+
+    def whole(lines: np.ndarray) -> np.ndarray:
+        return np.concatenate([-lines[:0:-1], lines])
+
+    region = np.concatenate([boxes.region[::-1], boxes.region])
+    region = np.concatenate([region[:, ::-1], region], axis=1)
+    mesh = hex_mesh(replace(boxes, x=whole(boxes.x), y=whole(boxes.y), region=region), COARSE.order)
+    return BlochCell(assemble(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}), *pitch)
+
+
+def corners(pitch: tuple[float, float]) -> np.ndarray:
+    """G, X, M and Y."""
+    return np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * np.pi / np.array(pitch)
+
+
+def test_the_folded_pencil_is_that_of_the_transformed_cell() -> None:
+    one = lattice()
+    transform = one.transform(GENERIC)
+    for found, matrix in zip(one.pencil(GENERIC), (one.cell.stiffness, one.cell.mass), strict=True):
+        truth = transform.conj().T @ matrix @ transform
+        assert np.abs(found - truth).max() < 1e-13 * np.abs(truth).max()
+        assert np.abs(found - found.conj().T).max() < 1e-13 * np.abs(truth).max()
+
+
+def test_waves_carry_the_phase_of_each_side_and_their_own_energy() -> None:
+    one = lattice()
+    waves, face = one.waves(GENERIC, 8), one.cell.interface
+    assert np.allclose(waves.frequency_hz, one.frequencies(GENERIC, 8), rtol=1e-10)
+    u = waves.unknowns
+    assert np.allclose(u.conj().T @ one.cell.mass @ u, np.eye(8), atol=1e-10)
+    assert np.allclose(np.diag(u.conj().T @ one.cell.stiffness @ u), waves.eigenvalue, rtol=1e-9)
+    turn = np.exp(1j * GENERIC * 4e-3)
+    for axis, (near, far) in enumerate(((0, 1), (2, 3))):
+        assert np.allclose(u[face.side(far)], turn[axis] * u[face.side(near)])
+    assert np.allclose(u[face.vertex(3)], turn[0] * turn[1] * u[face.vertex(0)])
+
+
+@pytest.mark.parametrize("side", [1, 3])
+def test_a_wrong_phase_on_one_side_is_seen(side: int) -> None:
+    """What the comparison with the full cell would say of a fault: bands off by far more than the reduction's error."""
+    pitch = (3e-3, 4e-3)
+    truth = full(pitch, True).frequencies(GENERIC, 6)
+    broken = Lattice(lattice(pitch).cell)
+    broken.offset[broken.cell.interface.side(side)] = 0.0
+    assert np.abs(lattice(pitch).frequencies(GENERIC, 6) / truth - 1.0).max() < 2e-3
+    assert np.abs(broken.frequencies(GENERIC, 6) / truth - 1.0).max() > 2e-2
+
+
+def test_group_velocity_is_the_derivative_of_the_frequency() -> None:
+    one, step = lattice((3e-3, 4e-3)), 1e-2
+    velocity = one.group_velocity(one.waves(GENERIC, 8))
+    for axis in (0, 1):
+        shift = step * np.eye(2)[axis]
+        change = one.frequencies(GENERIC + shift, 8) - one.frequencies(GENERIC - shift, 8)
+        assert np.allclose(velocity[:, axis], 2.0 * np.pi * change / (2.0 * step), atol=1e-2, rtol=1e-5)
+
+
+def test_degenerate_waves_have_the_slopes_of_the_bands_that_leave_the_point() -> None:
+    """Where the pillar's torsion crosses the flexural wave on the way to X; slopes of sorted bands against differences."""
+    one, direction, step = lattice(), np.array([1.0, 0.0]), 1e-2
+
+    def distance(k: float) -> float:
+        return float(np.diff(one.eigenvalues(k * direction, 4)[2:])[0])
+
+    cross = float(minimize_scalar(distance, bounds=(350.0, 700.0), method="bounded", options={"xatol": 1e-9}).x)
+    here = one.waves(cross * direction, 4)
+    assert distance(cross) < 1e-8 * here.eigenvalue[2]  # they do cross
+    beyond = (one.eigenvalues((cross + step) * direction, 4) - here.eigenvalue) / step
+    before = (here.eigenvalue - one.eigenvalues((cross - step) * direction, 4)) / step
+    assert abs(beyond[3] - beyond[2]) > 0.1 * abs(beyond).max()
+    for found, truth in zip(one_sided(one, here, direction), (beyond, before), strict=True):
+        assert np.allclose(found, truth, rtol=1e-3, atol=1e-3 * abs(beyond).max())
+
+
+def test_at_a_corner_no_wave_of_a_mirror_symmetric_cell_goes_anywhere() -> None:
+    """w(k) = w(-k) and M = -M up to a reciprocal vector: sorted bands are flat there, the two bending pairs included."""
+    one, corner = lattice(), np.full(2, np.pi / 4e-3)
+    waves = one.waves(corner, 6)
+    assert np.allclose(waves.eigenvalue[[0, 4]], waves.eigenvalue[[1, 5]], rtol=1e-8)
+    scale = np.abs(one.slopes(one.waves(GENERIC, 6))).max()
+    for slopes in one_sided(one, waves, np.array([0.6, -0.8])):
+        assert np.abs(slopes).max() < 1e-6 * scale
+
+
+def test_still_waves_have_no_group_velocity() -> None:
+    velocity = lattice().group_velocity(lattice().waves(np.zeros(2), 5))
+    assert np.isnan(velocity[:3]).all() and np.isfinite(velocity[3:]).all()
+
+
+def test_group_velocity_of_the_bare_plate_is_that_of_the_exact_waves() -> None:
+    """d(2 pi f)/dk of Rayleigh-Lamb and SH0, all along k; the frequencies themselves agree to 1e-4 here."""
+    bare = lattice(BARE, False, 3e6, Interface(6, 3), HexSettings(order=4, size_m=2e-3, layers=0))
+    k = 350.0
+    direction = np.array([0.8, 0.6])
+
+    def slope(symmetric: bool) -> float:
+        return (
+            2.0
+            * np.pi
+            * float(np.diff([lamb_hz(q, THICK_M, ALUMINIUM, symmetric) for q in (k - 0.1, k + 0.1)])[0])
+            / 0.2
+        )
+
+    exact = np.array([slope(False), shear_speed(ALUMINIUM), slope(True)])
+    velocity = bare.group_velocity(bare.waves(k * direction, 3))
+    assert np.allclose(velocity, exact[:, None] * direction, rtol=1e-3, atol=1e-3 * exact[0])
+
+
+def test_truncated_is_a_subspace_and_lies_above() -> None:
+    one = lattice()
+    small = one.truncated(1, 0.5)
+    assert small.cell.interface == Interface(3, 3)
+    assert len(small.cell.fixed_hz) == len(one.cell.fixed_hz) // 2
+    assert small.cell.fixed_hz.max() <= np.median(one.cell.fixed_hz)
+    assert small.cell.touch.matrix.shape[-1] == small.cell.dof == small.cell.skin.matrix.shape[-1]
+    assert (small.frequencies(GENERIC, 8) >= one.frequencies(GENERIC, 8) * (1.0 - 1e-10)).all()
+    same = one.truncated(0, 0.0)
+    assert np.allclose(same.frequencies(GENERIC, 8), one.frequencies(GENERIC, 8), rtol=1e-12)
+
+
+@pytest.mark.parametrize("count", [6, 10])
+@pytest.mark.parametrize("top_hz", [1.17e6, 1.5e6])
+@pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3), (8e-3, 8e-3)])
+def test_the_estimate_bounds_the_reductions_error(pitch: tuple[float, float], top_hz: float, count: int) -> None:
+    """Against the same mesh, not reduced; and it is no more than some times the truth, or it would be of no use."""
+    one = lattice(pitch, True, top_hz * 4e-3 / max(pitch), Interface(6 if pitch[0] > 5e-3 else 4, 3))
+    truth = 0.0
+    for k in corners(pitch):
+        ours, exact = one.frequencies(k, count), full(pitch, True).frequencies(k, count)
+        moving = exact > 1e-4 * exact[-1]
+        truth = max(truth, float((ours[moving] / exact[moving] - 1.0).max()))
+    found = reduction_error(one, corners(pitch), count)
+    assert truth <= found.total <= 20.0 * truth
+    assert found.total == found.modes + found.degrees
+
+
+def test_more_boundary_functions_than_the_mesh_can_hold_are_refused_in_words() -> None:
+    one = lattice()
+    dead = one.cell.mass.copy()
+    dead[0] = dead[:, 0] = 0.0
+    with pytest.raises(SolverError, match="degree 4 along and 3 through the thickness"):
+        Lattice(replace(one.cell, mass=dead - 1e-3 * np.eye(len(dead)))).frequencies(GENERIC, 4)
+
+
+def test_a_wavevector_costs_one_solve_and_asks_for_no_more_than_there_is() -> None:
+    one = lattice()
+    found = one.waves(GENERIC, 10_000)
+    assert isinstance(found, Waves) and len(found.frequency_hz) == one.dof

@@ -1,0 +1,187 @@
+"""Gap edges between the samples, over the whole zone, and of one polarisation; on made-up bands and on a cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from geometry.hexmesh import HexSettings, Piece
+from geometry.layout import Pillar
+from geometry.materials import MATERIALS
+from solvers.fem.assembly import Scale
+from solvers.superelement.build import Recipe, Reductions
+from solvers.superelement.interface import Interface
+from solvers.superelement.lattice import Lattice, Waves
+from solvers.waves.branches import Solved, follow
+from solvers.waves.brillouin import path_through, zone_grid
+from solvers.waves.gaps import leg_gaps, path_gaps, path_lines, sampled_zone_gaps, zone_gaps
+from solvers.waves.polarisation_gaps import labels_along, polarisation_gaps
+from solvers.waves.refine import Line, cubic_top, tent_top
+
+ALUMINIUM = MATERIALS["aluminium"]
+PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
+PITCH = (3e-3, 4e-3)
+ONE = Scale(1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class MadeUp:
+    """Bands lambda_n(k) given as functions on a cell of 1 x 1 m, in the place of a lattice."""
+
+    bands: tuple[Any, ...]
+    rounding: float = 1e-14
+
+    @property
+    def cell(self) -> Any:
+        return type("C", (), {"size_m": (1.0, 1.0, 0.1), "scale": ONE})
+
+    @property
+    def dof(self) -> int:
+        return len(self.bands)
+
+    def eigenvalues(self, k: np.ndarray, count: int) -> np.ndarray:
+        return np.sort([band(*k) for band in self.bands])[:count]
+
+    def waves(self, k: np.ndarray, count: int) -> Waves:
+        value = self.eigenvalues(k, count)
+        return Waves(k, value, ONE.frequency(value), np.eye(len(value), dtype=complex))
+
+    def slopes(self, waves: Waves) -> np.ndarray:
+        k, h = waves.wavevector, 1e-6
+        order = np.argsort([band(*k) for band in self.bands])
+        rows = []
+        for shift in h * np.eye(2):
+            rise = [(self.bands[i](*(k + shift)) - self.bands[i](*(k - shift))) / (2 * h) for i in order]
+            rows.append(np.diag(rise).astype(complex)[: len(waves.eigenvalue), : len(waves.eigenvalue)])
+        return np.array(rows)
+
+
+def made_up(*bands: Any) -> Solved:
+    return Solved(MadeUp(bands), len(bands))  # type: ignore[arg-type]
+
+
+def hump(x: float, y: float) -> float:
+    """Largest, 2, at kx = 1.1 on the way to X, off every sample."""
+    return 2.0 - 0.3 * (x - 1.1) ** 2 + 0.03 * (x - 1.1) ** 3 - 0.2 * y
+
+
+@pytest.mark.parametrize("points", [3, 5, 25])
+def test_an_edge_between_the_samples_is_found(points: int) -> None:
+    solved = made_up(hump, lambda x, y: 4.0 + 0.1 * np.cos(x))
+    line = Line(solved, path_through("GX", points, 1.0, 1.0).wavevectors)
+    found = line.extreme(0, 1)
+    assert found.hz == pytest.approx(float(ONE.frequency(np.array(2.0))), rel=1e-8)
+    assert found.wavevector == pytest.approx([1.1, 0.0], abs=1e-4)
+    assert line.value[:, 0].max() < 2.0 - 1e-4  # the samples alone would not do
+
+
+@pytest.mark.parametrize("points", [3, 4, 7, 25])
+def test_bands_that_cross_between_the_samples_leave_no_gap(points: int) -> None:
+    solved = made_up(lambda x, y: 1.0 + 0.9 * x, lambda x, y: 4.0 - 1.2 * x)
+    line = Line(solved, path_through("GX", points, 1.0, 1.0).wavevectors)
+    assert line.value[:, 0].max() < line.value[:, 1].min()  # sampled, a gap
+    assert path_gaps([line]) == []
+
+
+def test_cubics_and_tents_stand_where_they_should() -> None:
+    at, value = np.array([0.0, 1.0, 3.0]), np.array([0.0, 0.0, 0.0])
+    slope = np.array([1.0, 1.0, 1.0])
+    assert cubic_top(at, value, slope, -slope) == pytest.approx([0.25, 0.5], rel=0.02)
+    assert tent_top(at, value, slope, -slope) == pytest.approx([0.5, 1.0])
+    assert tent_top(at, value, slope, slope).tolist() == [-np.inf, -np.inf]
+
+
+def test_an_edge_off_the_path_is_found_over_the_zone() -> None:
+    """The lower band peaks inside the zone, the upper has its least value at M: along G-X-M-G the gap looks wider."""
+
+    def inner(x: float, y: float) -> float:
+        return 1.0 + np.exp(-((x - 2.1) ** 2 + (y - 1.03) ** 2) / 0.08)
+
+    solved = made_up(inner, lambda x, y: 3.5 + 0.2 * np.cos(x) + 0.2 * np.cos(y))
+    path = path_through("GXMG", 25, 1.0, 1.0)
+    along = path_gaps(path_lines(solved, path))
+    grid = zone_grid(12, 1.0, 1.0, True, True)
+    values = np.array([solved.lattice.eigenvalues(k, 2) for k in grid])
+    (found,) = zone_gaps(solved, grid, values, along)
+    assert found.lower_hz == pytest.approx(float(ONE.frequency(np.array(2.0))), rel=1e-6)
+    assert found.lower_at == pytest.approx((2.1, 1.03), abs=1e-3)
+    assert found.upper_at == pytest.approx((np.pi, np.pi), abs=1e-3)
+    assert found.upper_hz == pytest.approx(along[0].upper_hz, rel=1e-9)
+    assert along[0].lower_hz < 0.9 * found.lower_hz
+    (sampled,) = sampled_zone_gaps(grid, ONE.frequency(values), along)
+    assert along[0].lower_hz < sampled.lower_hz < found.lower_hz
+
+
+def test_a_gap_that_the_zone_fills_is_no_gap_of_the_zone() -> None:
+    solved = made_up(
+        lambda x, y: 1.0 + 2.0 * np.exp(-((x - 2.1) ** 2 + (y - 1.03) ** 2) / 0.05), lambda x, y: 2.0 + 0.1 * y
+    )
+    along = path_gaps(path_lines(solved, path_through("GXMG", 25, 1.0, 1.0)))
+    grid = zone_grid(16, 1.0, 1.0, True, True)
+    assert len(along) == 1
+    assert zone_gaps(solved, grid, np.array([solved.lattice.eigenvalues(k, 2) for k in grid]), along) == []
+
+
+@cache
+def lattice() -> Lattice:
+    half = np.array(PITCH) / 2.0
+    recipe = Recipe(Interface(4, 3), 1.2e6, HexSettings(3, 4e-3, 0, 0.2, 6.3e-3))
+    piece = Piece(tuple(-half), tuple(half), (0.0, 0.0), (0, 1))
+    return Lattice(Reductions(2e-3, ALUMINIUM, PILLAR, recipe).cell(piece))
+
+
+def test_three_points_a_leg_give_the_edges_of_twenty_five_and_of_a_brute_search() -> None:
+    """An oblong cell: edges inside legs, not only at their ends."""
+    found = []
+    for points, factor in ((3, 8), (25, 1)):
+        path = path_through("GXMYG", points, *PITCH).finer(factor)
+        lines = path_lines(Solved(lattice(), 10), path)
+        found.append((path_gaps(lines), leg_gaps(path, lines)))
+    for coarse, fine in zip(*found, strict=True):
+        assert len(coarse) == len(fine) > 0
+        for one, two in zip(coarse, fine, strict=True):
+            assert one.lower_band == two.lower_band
+            assert one.lower_hz == pytest.approx(two.lower_hz, rel=1e-6)
+            assert one.upper_hz == pytest.approx(two.upper_hz, rel=1e-6)
+    first = next(gap for gap in found[0][1] if (gap.start, gap.end) == ("G", "X"))
+    k = np.column_stack([np.linspace(0.5, 1.0, 120) * np.pi / PITCH[0], np.zeros(120)])
+    brute = max(float(lattice().frequencies(each, first.lower_band)[-1]) for each in k)
+    assert first.lower_hz == pytest.approx(brute, rel=2e-5) and first.lower_hz >= brute * (1.0 - 1e-9)
+    assert first.lower_hz > float(lattice().frequencies(k[-1], first.lower_band)[-1]) * (1.0 + 1e-4)  # not at X
+
+
+def test_directional_gaps_contain_the_complete_ones() -> None:
+    path = path_through("GXMYG", 12, *PITCH)
+    lines = path_lines(Solved(lattice(), 10), path)
+    complete, directional = path_gaps(lines), leg_gaps(path, lines)
+    for gap in complete:
+        legs = [leg for leg in directional if leg.lower_band == gap.lower_band]
+        assert [(leg.start, leg.end) for leg in legs] == [("G", "X"), ("X", "M"), ("M", "Y"), ("Y", "G")]
+        assert max(leg.lower_hz for leg in legs) == gap.lower_hz
+        assert min(leg.upper_hz for leg in legs) == gap.upper_hz
+
+
+def test_no_wave_of_a_polarisation_lies_in_its_gaps_and_some_lie_at_their_edges() -> None:
+    solved, path = Solved(lattice(), 10), path_through("GXMYG", 24, *PITCH)
+    branches = follow(solved, path.wavevectors)
+    gaps = polarisation_gaps(solved, branches, labels_along(solved, branches))
+    assert {gap.polarisation for gap in gaps} >= {"flexural", "shear"}
+    other = follow(
+        solved, path_through("GXMYG", 37, *PITCH).wavevectors
+    )  # other wavevectors than the search began with
+    labels = labels_along(solved, other)
+    for gap in gaps:
+        tones = np.array([
+            hz
+            for waves, row in zip(other.waves, labels, strict=True)
+            for hz, label in zip(waves.frequency_hz, row, strict=True)
+            if label.plate == gap.polarisation
+        ])  # fmt: skip
+        inside = tones[(tones > gap.lower_hz * 1.001) & (tones < gap.upper_hz * 0.999)]
+        assert len(inside) == 0, gap
+        for edge in (gap.lower_hz, gap.upper_hz):
+            assert np.abs(tones / edge - 1.0).min() < 0.1  # a step of a steep band away at most
