@@ -12,10 +12,12 @@ import numpy as np
 from geometry.elements import IntArray
 from pipeline import planner
 from pipeline.case import Case
-from pipeline.cells import bare_cell, unit_cell
+from pipeline.cells import bare_cell
 from pipeline.errors import InputFault
+from pipeline.lattice_cell import lattice_model
 from pipeline.logs import Log
 from pipeline.part_models import check_model
+from solvers.waves.brillouin import path_through
 from solvers.waves.evanescent import Row, RowWaves
 from solvers.waves.polarisation import label_of
 from solvers.waves.scattering import scatter, stacked
@@ -120,13 +122,15 @@ def solve(
     kx = _checked_kx(case, wanted_kx(case) if kx_per_m is None else kx_per_m)
     low, high = band_hz or case.solve.band_hz or planner.wanted_window_hz(case.design)
     meshes: list[dict[str, Any]] = []
-    cell, model = unit_cell(case, log, meshes)
-    row, bare = Row(cell, kx), Row(bare_cell(case, log), kx)
+    path = path_through(case.bands.path, 1, case.design.pitch_x_m, case.design.pitch_y_m)
+    model = lattice_model(case, path.wavevectors[[leg.last for leg in path.legs]], log, meshes)
+    cell = model.lattice.cell  # the one that the bands use: reduced once for both
+    row, bare = Row(cell, kx), Row(bare_cell(case, cell.interface, log), kx)
     rows = case.design.rows
     with log.step(f"{points} frequencies"):
         found = tuple(_point(row, bare, rows, float(f)) for f in np.linspace(low, high, points))
     _tell(found, kx, log)
-    return Attenuation(model, kx, rows, case.design.pitch_y_m, found, meshes)
+    return Attenuation(model.name, kx, rows, case.design.pitch_y_m, found, meshes)
 
 
 def _checked_kx(case: Case, kx: float) -> float:
