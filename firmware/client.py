@@ -21,12 +21,15 @@ from firmware.protocol import (
     Message,
     Record,
     Result,
+    SixStatus,
     Status,
     decode,
     encode,
+    parse_any_status,
     parse_log,
     parse_status,
 )
+from firmware.table_format import with_drive_limit
 
 
 class Port(Protocol):
@@ -63,6 +66,27 @@ class Client:
     def status(self) -> Status:
         """What the board does now; also tells it that the host is alive."""
         return parse_status(self.request(Kind.STATUS))
+
+    def look(self) -> Status | SixStatus:
+        """The same of a board of either build."""
+        return parse_any_status(self.request(Kind.STATUS))
+
+    def pattern(self, number: int, reference: float = 0.0) -> None:
+        """Six channels: holds a pattern of the present shape; 0 asks for half of what is reachable. Talk on as after start."""
+        if self.look().state == "run":
+            self.request(Kind.PATTERN, struct.pack("<II", self.shape(), number))
+        else:
+            self.request(Kind.START, struct.pack("<If", number, reference))
+
+    def choose(self, shape: int) -> None:
+        """Six channels: another shape, which is another frequency; only when idle."""
+        if shape != self.shape():
+            self.request(Kind.PATTERN, struct.pack("<II", shape, 0))
+
+    def shape(self) -> int:
+        """Six channels: the present shape."""
+        status = self.look()
+        return status.shape if isinstance(status, SixStatus) else 0
 
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> None:
         """Drives the wanted mode; 0 asks for the lowest useful level. From then on talk at least twice a second."""
@@ -143,8 +167,10 @@ class Client:
         raise BoardError(f"{kind.name.lower()}: {RESULT_TEXT[result]}{more}")
 
 
-def describe(status: Status) -> str:
+def describe(status: Status | SixStatus) -> str:
     """A status for a reader."""
+    if isinstance(status, SixStatus):
+        return _describe_six(status)
     gain = f"{abs(status.gain):.5g}" if status.gain_identified else "unidentified"
     return "\n".join(
         [
@@ -158,11 +184,24 @@ def describe(status: Status) -> str:
     )
 
 
+def _describe_six(status: SixStatus) -> str:
+    matrix = f"condition {status.condition:.3g}" if status.identified else "not measured yet"
+    sensors = ", ".join(f"{abs(z):.4g}" for z in status.sensors)
+    return "\n".join(
+        [
+            f"state {status.state}" + (f", faults: {', '.join(status.faults)}" if status.faults else ""),
+            f"shape {status.shape} at {status.frequency_hz:.3f} Hz, matrix {matrix}, pattern {status.pattern}",
+            f"reference {status.reference:.4g}, at most {status.reachable:.4g}; sensors {sensors} of full scale",
+            f"worst fast interrupt {status.worst_cycles} cycles of 4500",
+        ]
+    )
+
+
 def keep_running(client: Client, seconds: float) -> None:
     """Prints a line ten times a second and thereby keeps the board from stopping."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
-        status = client.status()
+        status = client.look()
         print(f"{status.state}  reference {status.reference:.4f}  measured {abs(status.measured):.4f}", flush=True)
         if status.state not in ("identify", "run"):
             break
@@ -175,18 +214,34 @@ def obey(client: Client, command: argparse.Namespace) -> None:
     if command.action == "start":
         client.start(*map(float, values[:2]))
         keep_running(client, float("inf"))
+    elif command.action == "pattern":
+        client.pattern(int(values[0]), *map(float, values[1:2]))
+        keep_running(client, float("inf"))
+    elif command.action == "shape":
+        client.choose(int(values[0]))
     elif command.action == "upload":
-        client.upload(Path(values[0]).read_bytes())
+        table = Path(values[0]).read_bytes()
+        client.upload(with_drive_limit(table, float(values[1])) if len(values) > 1 else table)
     elif command.action == "sine":
         client.sine(float(values[0]), float(values[1]))
     elif command.action == "reference":
         client.reference(float(values[0]))
     elif command.action in ("stop", "clear"):
         getattr(client, command.action)()
-    print(describe(client.status()))
+    print(describe(client.look()))
 
 
-WANTED = {"status": 0, "start": 0, "stop": 0, "clear": 0, "reference": 1, "sine": 2, "upload": 1}
+WANTED = {
+    "status": 0,
+    "start": 0,
+    "stop": 0,
+    "clear": 0,
+    "reference": 1,
+    "sine": 2,
+    "upload": 1,
+    "pattern": 1,
+    "shape": 1,
+}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -199,7 +254,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("port", help="serial port of the board")
     parser.add_argument("action", choices=WANTED)
     parser.add_argument(
-        "values", nargs="*", help="start [reference [detuning_Hz]], reference LEVEL, sine HZ DEPTH, upload FILE"
+        "values",
+        nargs="*",
+        help="start [REFERENCE [DETUNING_HZ]], reference LEVEL, sine HZ DEPTH, upload FILE [DRIVE_LIMIT]; "
+        "six channels: pattern NUMBER [REFERENCE], shape NUMBER",
     )
     command = parser.parse_args(arguments)
     if len(command.values) < WANTED[command.action]:

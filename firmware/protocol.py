@@ -171,6 +171,56 @@ def parse_status(payload: bytes) -> Status:
     )
 
 
+_SIX_STATUS = struct.Struct("<BBBBIIII16f")
+
+
+@dataclass(frozen=True)
+class SixStatus:
+    """The state of the six-channel image; condition, of T, 0 while it is not known; reachable, the largest reference."""
+
+    state: str
+    faults: tuple[str, ...]
+    windows: int
+    starved: int
+    worst_cycles: int
+    shape: int
+    pattern: int
+    identified: bool
+    frequency_hz: float
+    condition: float
+    reachable: float
+    reference: float
+    sensors: tuple[complex, ...]
+
+    @property
+    def measured(self) -> complex:
+        """The sensor that moves most."""
+        return max(self.sensors, key=abs)
+
+
+def parse_any_status(payload: bytes) -> Status | SixStatus:
+    """The state of either image, told apart by its length. Raises struct.error when it is neither's."""
+    if len(payload) != _SIX_STATUS.size:
+        return parse_status(payload)
+    state, shape, pattern, identified, faults, windows, starved, cycles, *numbers = _SIX_STATUS.unpack(payload)
+    frequency, condition, reachable, reference, *parts = numbers
+    return SixStatus(
+        state=STATES[state],
+        faults=fault_names(faults),
+        windows=windows,
+        starved=starved,
+        worst_cycles=cycles,
+        shape=shape,
+        pattern=pattern,
+        identified=bool(identified),
+        frequency_hz=frequency,
+        condition=condition,
+        reachable=reachable,
+        reference=reference,
+        sensors=tuple(complex(re, im) for re, im in zip(parts[::2], parts[1::2], strict=True)),
+    )
+
+
 def fault_names(bits: int) -> tuple[str, ...]:
     """The names of the faults whose bits are set."""
     return tuple(name for index, name in enumerate(FAULTS) if bits >> index & 1)

@@ -82,6 +82,20 @@ def verify(data: bytes) -> None:
         raise ValueError("damaged: the CRC-32 does not fit")
 
 
+def with_drive_limit(data: bytes, limit: float) -> bytes:
+    """The same table with another drive limit, 0.001 to 1 of full scale, in all modes and shapes. Raises ValueError."""
+    verify(data)
+    if not 1e-3 <= limit <= 1.0:
+        raise ValueError(f"drive limit {limit:g}, allowed 0.001 to 1")
+    header, body = dict(zip(HEADER_FIELDS, HEADER.unpack_from(data), strict=True)), bytearray(data[: -CRC.size])
+    modes_end = HEADER.size + header["mode_count"] * MODE.size
+    for at in range(HEADER.size, modes_end, MODE.size):
+        struct.pack_into("<f", body, at + 4 * MODE_FIELDS.index("drive_limit"), limit)
+    for at in range(modes_end, len(body), SHAPE.size):
+        struct.pack_into("<f", body, at + 4 * SHAPE_FIELDS.index("drive_limit"), limit)
+    return seal(bytes(body))
+
+
 def header_text(data: bytes) -> str:
     """A C header that holds the given table, byte for byte."""
     rows = [", ".join(f"0x{byte:02x}" for byte in data[at : at + 16]) for at in range(0, len(data), 16)]

@@ -119,6 +119,10 @@ def _add_case_commands(commands: Any) -> None:
     modes.add_argument(
         "--parity", choices=("++", "+-", "-+", "--"), help="one mirror class: u_z even (+) or odd (-) in x, y"
     )
+    modes.add_argument("--mesh-file", metavar="FILE", help="solve this mesh instead of a part: .med, .msh or .inp")
+    modes.add_argument("--unit", choices=("m", "mm"), default="m", help="length unit of the mesh file (default: m)")
+    clamp = "hold this group of faces or nodes of the mesh file (repeatable)"
+    modes.add_argument("--clamp", action="append", default=[], metavar="NAME", help=clamp)
     _takes_case(_solver(commands, "bands", "Bloch bands and gaps of the unit cell", f"bands {case}"))
     waves = _takes_case(
         _solver(commands, "attenuation", "decay per row across the zone's border", f"attenuation {case}")
@@ -131,7 +135,9 @@ def _add_case_commands(commands: Any) -> None:
     example = f"response {case} --band 28kHz:35kHz"
     response = _takes_case(_solver(commands, "response", "forced response to the patches", example))
     response.add_argument("--band", metavar="F:F", help="frequencies, such as 28kHz:35kHz")
-    response.add_argument("--points", type=_positive, metavar="N", default=401, help="how many frequencies (default: 401)")
+    response.add_argument(
+        "--points", type=_positive, metavar="N", default=401, help="how many frequencies (default: 401)"
+    )
 
 
 def _solver(commands: Any, name: str, text: str, example: str) -> argparse.ArgumentParser:
@@ -156,7 +162,9 @@ def _add_active(commands: Any) -> None:
     active.add_argument("--delay", metavar="T", help="beam (repeatable), dq: dead time, such as 4us", **again)
     active.add_argument("--within", metavar="T", help="dq: 95 %% response asked for, such as 2ms")
     active.add_argument("--band", metavar="F:F", help="mason, pillar: frequencies, such as 25kHz:45kHz")
-    active.add_argument("--cell", action="store_true", help="pillar: compare with the computed plate cell (takes seconds)")
+    active.add_argument(
+        "--cell", action="store_true", help="pillar: compare with the computed plate cell (takes seconds)"
+    )
     active.add_argument("--table", metavar="FILE", help="dq: mode table with the mode and its neighbours")
     active.add_argument("--sweep", metavar="FILE", help="dq: measured sweep (CSV: frequency_hz, re, im) to identify")
 
@@ -186,6 +194,8 @@ def _add_export(commands: Any) -> None:
     export.add_argument(
         "-o", "--output", metavar="FILE", help="where to write (default: the case's name in this folder)"
     )
+    part = "aster, calculix: which part (default: the plate)"
+    export.add_argument("--part", choices=("plate", "zone", "pillar"), default="plate", help=part)
 
 
 def _add_checks(commands: Any) -> None:

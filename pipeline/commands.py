@@ -39,10 +39,16 @@ def modes(arguments: Namespace) -> int:
     case, log = _case(arguments), _log(arguments)
     band = parse_band(arguments.band, "--band") if arguments.band else None
     near = parse_frequency(arguments.near, "--near") if arguments.near else None
-    _require_part(case, arguments.part)
     from pipeline.modes import Request, solve_modes, wanted_row
 
-    found = solve_modes(case, Request(arguments.part, band, near, arguments.count, arguments.parity), log)
+    asked = Request(arguments.part, band, near, arguments.count, arguments.parity)
+    if arguments.mesh_file:
+        from pipeline import own_mesh
+
+        found = own_mesh.solve(case, arguments.mesh_file, arguments.unit, arguments.clamp, asked, log)
+    else:
+        _require_part(case, arguments.part)
+        found = solve_modes(case, asked, log)
     document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
     head = ("frequency_hz", "parity", "zone_share", "confinement_db", "mac", "residual")
     rows = [[getattr(row, key) for key in head] for row in found.rows]
@@ -198,10 +204,13 @@ def active(arguments: Namespace) -> int:
 def export(arguments: Namespace) -> int:
     """Files for others."""
     case, log = _case(arguments), _log(arguments)
-    case.require_plate(command=f"export {arguments.format}")
     from pipeline import exports
 
-    written = exports.write(case, arguments.format, arguments.output, log)
+    if arguments.part == "plate":
+        case.require_plate(command=f"export {arguments.format}")
+    else:
+        _require_part(case, arguments.part)
+    written = exports.write(case, arguments.format, arguments.output, log, arguments.part)
     document = {"schema": 1, "files": [str(path) for path in written]}
     outputs.emit(arguments, "export", document, "\n".join(f"wrote {path}" for path in written))
     return 0

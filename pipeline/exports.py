@@ -6,23 +6,33 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.case import Case
-from pipeline.errors import NotAvailable
+from pipeline.errors import InputFault
 from pipeline.logs import Log
 from pipeline.outputs import folder as output_folder
 
 CAD = ("stl", "step", "3mf")
+SOLVER_FILES = ("aster", "calculix")
 SUFFIX = {"stl": ".stl", "step": ".step", "3mf": ".3mf", "vtu": ".vtu", "table": ".bin"}
 
 
-def write(case: Case, form: str, output: str | None, log: Log) -> list[Path]:
-    """Write one format; returns the files written. Raises NotAvailable for a format of a later version."""
-    if form not in SUFFIX:
-        raise NotAvailable(f"export {form} is not part of this version yet; export vtu or step carries the same design")
-    path = Path(output) if output else Path(f"{case.name}{SUFFIX[form]}")
+def write(case: Case, form: str, output: str | None, log: Log, part: str = "plate") -> list[Path]:
+    """Write one format; returns the files written. Parts other than the plate go to finite-element programs only."""
+    if form not in SOLVER_FILES and part != "plate":
+        raise InputFault(f"export {form} --part {part}: must be plate; {' and '.join(SOLVER_FILES)} take any part")
+    path = Path(output) if output else Path(f"{case.name}{SUFFIX.get(form, '')}")
     output_folder(str(path.parent))
+    if form in SOLVER_FILES:
+        return _solver_files(case, form, part, path, log)
     if form in CAD:
         return [_cad(case, form, path, log)]
     return _vtu(case, path, log) if form == "vtu" else _table(case, path, log)
+
+
+def _solver_files(case: Case, form: str, part: str, path: Path, log: Log) -> list[Path]:
+    """The study of another finite-element program."""
+    from pipeline import aster, calculix
+
+    return (aster if form == "aster" else calculix).write(case, part, path, log)
 
 
 def _metadata(case: Case) -> dict[str, str]:
@@ -112,7 +122,6 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
 
 def _table(case: Case, path: Path, log: Log) -> list[Path]:
     """Mode table of the plate's wanted mode and neighbours."""
-    from pipeline.errors import InputFault
     from pipeline.modes import Request, solve_modes, wanted_row
     from pipeline.table_export import write_table
 
@@ -121,4 +130,4 @@ def _table(case: Case, path: Path, log: Log) -> list[Path]:
     index = wanted_row(found, case)
     if index is None:
         raise InputFault(f"{case.name}: solve.band_kHz: no mode of the wanted shape lies in it; widen it")
-    return write_table(case, found, index, path.parent, path.stem)
+    return write_table(case, found, index, path.parent, path.stem, log)

@@ -18,7 +18,9 @@ def plate_arrays(found: PartModes, rows: list[int]) -> dict[str, Any]:
     skins = [_skin(found, index) for index in rows]
     first = skins[0]
     whole = [skin.unfolded(found.rows[index].parity) for skin, index in zip(skins, rows, strict=True)]
-    arrays = surface_arrays(whole) | {"surface_frequency_hz": np.array([found.rows[index].frequency_hz for index in rows])}
+    arrays = surface_arrays(whole) | {
+        "surface_frequency_hz": np.array([found.rows[index].frequency_hz for index in rows])
+    }
     arrays |= touch_arrays(whole)
     kind = "quads" if first.facets.shape[1] == 4 else "triangles"
     return arrays | {"mesh_points": first.points, f"mesh_{kind}": first.facets}
@@ -55,5 +57,7 @@ def touch_arrays(skins: list[Skin]) -> dict[str, Any]:
     return {
         "touch_xy": skin.points[used, :2],
         "touch_triangles": local.reshape(triangles.shape).astype(np.int32),
-        "touch_uz": np.stack([_scaled(s.displacement)[0, used, 2] for s in skins]).astype(np.float32).astype(np.float64),
+        "touch_uz": np.stack([_scaled(s.displacement)[0, used, 2] for s in skins])
+        .astype(np.float32)
+        .astype(np.float64),
     }

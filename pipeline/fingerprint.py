@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 HOUSE = Path(__file__).resolve().parent.parent
-COMPUTING_FOLDERS = ("geometry", "solvers", "pipeline")
+COMPUTING_FOLDERS = ("geometry", "solvers", "pipeline", "firmware")
+TABLE_LAYOUT = "firmware/table_format.py"  # all of firmware/ that decides bytes of a record
 # Files of pipeline/ that only dispatch, show or file away: editing them leaves every number as it is.
 SHOWING = (
     *(
@@ -97,6 +98,8 @@ def computing_sources(house: Path = HOUSE) -> list[Path]:
 
 
 def _only_shows(relative: Path) -> bool:
+    if relative.parts[0] == "firmware":
+        return relative.as_posix() != TABLE_LAYOUT
     return relative.parts[0] == "pipeline" and any(fnmatch(relative.stem, pattern) for pattern in SHOWING)
 
 

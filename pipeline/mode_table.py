@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 
 from firmware import table_format as layout
-from pipeline.mode_table_model import Mode, ModeTable, Pattern, Shape, TableError, channel_counts, check
+from pipeline.mode_table_model import GAIN, Mode, ModeTable, Pattern, Shape, TableError, channel_counts, check
 
 __all__ = [
+    "GAIN",
     "Mode",
     "ModeTable",
     "Pattern",

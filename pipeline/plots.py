@@ -87,7 +87,7 @@ class Drawn:
 
 ORDER = (
     *("geometry", "touch_face", "side_view", "pillars_in_plane", "neighbours"),
-    *("plate_meshes", "mode_on_both_meshes", "dispersion", "attenuation", "response", "cell_meshes"),
+    *("plate_meshes", "mode_on_both_meshes", "dispersion", "attenuation", "response", "board", "cell_meshes"),
 )
 
 
@@ -152,7 +152,15 @@ def _compressed(folder: Path, png: str) -> str:
 
 def draw_case(case: StoredCase) -> Drawn:
     """Draw every picture that a case's records allow, or take the stored ones when nothing they show has changed."""
-    from pipeline import plots_attenuation, plots_bands, plots_both, plots_fields, plots_mesh, plots_response
+    from pipeline import (
+        plots_attenuation,
+        plots_bands,
+        plots_board,
+        plots_both,
+        plots_fields,
+        plots_mesh,
+        plots_response,
+    )
 
     if case.status not in {"OK", "ALARM"}:
         return Drawn([])
@@ -168,6 +176,7 @@ def draw_case(case: StoredCase) -> Drawn:
         plots_bands.dispersion,
         plots_attenuation.attenuation,
         plots_response.response,
+        plots_board.board,
     )
     arrays = case.arrays()
     return _draw(case.folder / PICTURES, _case_key(case), [partial(draw, case, arrays) for draw in draws])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline import bands, fields, modes, store, tet_steps
+from pipeline import bands, board, fields, modes, store, tet_steps
 from pipeline.case import Case, load_case
 from pipeline.case_run import Job
 from pipeline.errors import InputFault
@@ -37,6 +37,8 @@ def jobs_of(study: StudyFile) -> list[Job]:
             continue
         sweep = dict(zip(study.sweep, _values(overrides), strict=True)) if overrides else {}
         payload = {"name": case.name, "case": case.as_understood(), "overrides": overrides, "measure": list(measure)}
+        if "board" in measure:
+            payload["firmware"] = board.sources_hash()
         jobs.append(Job(case_id, payload, sweep))
     if faults:
         raise InputFault(faults)
@@ -53,6 +55,8 @@ def _check(case: Case, measure: tuple[str, ...]) -> None:
     case.require_plate(command="a study")
     if "response" in measure:
         case.require("patches", command="the measure response")
+    if "board" in measure and not {"modes", "confinement"} & set(measure):
+        raise InputFault("the measure board plays the modes' table: measure must hold modes too")
 
 
 def computer(study: StudyFile) -> Any:
@@ -78,6 +82,8 @@ def compute(case_path: str, payload: dict[str, Any], folder: Path, log: Mess) ->
         _attenuation(case, log, record)
     if "response" in measure:
         _response(case, log, record, arrays)
+    if "board" in measure:
+        _board(case, log, record, arrays, folder, "response" in measure)
     if "parts" in measure:
         _parts(case, log, record)
     if "geometry" in measure:
@@ -190,6 +196,22 @@ def _response(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, Fl
     record["response"] = found.json()
     record["meshes"] += found.meshes
     arrays |= {"response_xy": found.shape_points, "response_uz": found.shape}
+
+
+def _board(
+    case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray], folder: Path, with_patches: bool
+) -> None:
+    """The case's mode table, its gains computed when the response was, played by the firmware on the emulated board."""
+    from pipeline import table_export
+    from pipeline.mode_table_gains import can_be_computed
+
+    if "wanted" not in record:
+        log.left_out("closed loop on the emulated board", "no mode of the wanted shape: there is no mode table")
+        return
+    if with_patches and can_be_computed(case):
+        table_export.write_gains(case, folder, log)
+    record["board"], found = board.solve(folder, log)
+    arrays |= found
 
 
 def _parts(case: Case, log: Log, record: dict[str, Any]) -> None:

@@ -20,8 +20,10 @@ from pipeline.faults import Faults, check_table, nearest
 from pipeline.toml_input import read_toml
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies"
-MEASURES = ("modes", "confinement", "bands", "attenuation", "response", "parts", "geometry", "tetrahedra")
-Measure = Literal["modes", "confinement", "bands", "attenuation", "response", "parts", "geometry", "tetrahedra"]
+MEASURES = ("modes", "confinement", "bands", "attenuation", "response", "parts", "geometry", "tetrahedra", "board")
+Measure = Literal[
+    "modes", "confinement", "bands", "attenuation", "response", "parts", "geometry", "tetrahedra", "board"
+]
 LONGEST_ID = 120
 MOST_CASES = 100_000
 

@@ -35,7 +35,9 @@ def _plate(
     record["meshes"] += found.meshes
     index = modes.wanted_row(found, case)
     if index is None:
-        log.alarm("NO_MODE", "the tetrahedral plate has no mode of the wanted shape near the structured one's frequency")
+        log.alarm(
+            "NO_MODE", "the tetrahedral plate has no mode of the wanted shape near the structured one's frequency"
+        )
         return
     row = found.rows[index]
     record["tet_modes"] = {

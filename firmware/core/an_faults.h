@@ -17,7 +17,7 @@ enum {
     AN_FAULT_FLASH = 1 << 11,         /* the table's sector could not be erased or written */
     AN_FAULT_BREAK = 1 << 12,         /* the power stage pulled its break line */
     AN_FAULT_WATCHDOG = 1 << 13,      /* the watchdog had to reset the chip */
-    AN_FAULT_SHAPING = 1 << 14,       /* the matrix of shaping cannot be inverted, or would saturate */
+    AN_FAULT_SHAPING = 1 << 14,       /* the matrix of shaping cannot be inverted with any confidence */
     AN_FAULT_SUPPLY = 1 << 15,        /* the supply fell below 2.9 V */
     AN_FAULT_COUNT = 16
 };

@@ -100,17 +100,16 @@ void an_ident_probe(const an_ident *ident, an_probe *probe)
 static void end_coarse(an_ident *ident)
 {
     const bool inside = ident->best > 0u && ident->best + 1u < ident->points;
-    if (!(ident->best_size > 0.0f)) {
+    const bool widest = 2.0f * ident->span_hz > AN_WIDEST_SPAN * 1.05f * ident->mode.frequency_hz;
+    if (!(ident->best_size > 0.0f) || (!inside && widest)) {
         ident->stage = AN_IDENT_FAILED;
     } else if (inside) {
         const float wanted = AN_AIM * ident->mode.amplitude_limit * ident->level / ident->best_size;
         ident->centre = step_of(ident, ident->best);
         ident->level = wanted < ident->mode.drive_limit ? wanted : ident->mode.drive_limit;
         begin_fine(ident);
-    } else if (2.0f * ident->span_hz <= AN_WIDEST_SPAN * 1.05f * ident->mode.frequency_hz) {
-        begin_coarse(ident, 2.0f * ident->span_hz);
     } else {
-        ident->stage = AN_IDENT_FAILED;
+        begin_coarse(ident, 2.0f * ident->span_hz);
     }
 }
 

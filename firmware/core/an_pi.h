@@ -1,9 +1,11 @@
 /* Control of one mode in its rotating frame.
  *
  * The plant, seen from a drive at w: tau dU/dt + (1 + j tau (w - w0)) U = G V. Proportional and integral gains
- * cancel its pole a = exp(-T/tau) and put p = exp(-T/response) in its place:
+ * cancel its pole a = exp(-T/tau):
  *
- *     Kp = (a - p) / (1 - a) / G,    Ki = (1 - a) Kp a step.
+ *     Kp = (a - p) / (1 - a) / G,    Ki = (1 - a) Kp a step,    p = exp(-T/response).
+ *
+ * The open loop is then (a - p)/(z - 1), the closed loop's pole p + 1 - a: a little slower than p.
  *
  * V += j tau (w - w0) / G U cancels its cross-coupling, and the drive is turned ahead by the known delay and the
  * mode's own phase, so that G counts as real here. A measurement is half a window old when its answer begins to
@@ -40,7 +42,7 @@ typedef struct {
 typedef struct {
     float period_s;         /* of the slow step */
     float ahead_s;          /* from the moment a measurement stands for to its answer */
-    float response_s;       /* wanted time constant of the closed loop */
+    float response_s;       /* gives p */
     float proportional_max; /* drive over sensor: what the neighbours of the mode allow */
 } an_pi_wish;
 

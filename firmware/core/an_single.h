@@ -67,8 +67,8 @@ void an_single_record(const an_single *app, float *record);
 bool an_single_may_start(float reference, float detuning_hz);
 
 /* Drives the wanted mode at reference (fraction of full scale at the sensor, 0: lowest useful level), detuning_hz
- * away from its resonance; identifies first when the gain is not known. False unless idle and the values are in
- * range. */
+ * away from its resonance; identifies first unless gain and frequency were measured. False unless idle and the
+ * values are in range. */
 bool an_single_start(an_single *app, float reference, float detuning_hz);
 
 /* A new reference while running; clipped to what the amplitude limit leaves. */

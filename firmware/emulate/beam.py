@@ -1,6 +1,7 @@
-"""A clamped beam under six point actuators and six sensors at the same places, for the six-channel build.
+"""Beams under six actuators and six sensors, for the six-channel build.
 
-Euler-Bernoulli modes, w_n = (k_n/L)^2 sqrt(E h^2 / (12 rho)), cos k cosh k = 1; each sensor follows the displacement under it.
+`Structure` is any plate or beam given by its modes; `Beam` a clamped Euler-Bernoulli one under points:
+w_n = (k_n/L)^2 sqrt(E h^2 / (12 rho)), cos k cosh k = 1; each sensor follows the displacement under it.
 Amplitudes are full scales: the drives are multiplied by a gain so chosen that the largest |T| at one frequency is as asked.
 """
 
@@ -15,6 +16,34 @@ from numpy.typing import NDArray
 CHANNELS = 6
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Structure:
+    """m modes under six drives, six sensors: sensors' ((w_m^2 - w^2 + i w w_m/Q)^-1) actuators + residual, full scales.
+
+    angular (m,), rad/s; actuators and sensors (m, 6); residual (6, 6) answers at once; noise, rms in full scales.
+    """
+
+    angular: Floats
+    quality: float
+    actuators: Floats
+    sensors: Floats
+    residual: Floats | None = None
+    noise: float = 0.0
+    sample_rate_hz: float = 40e3
+
+    @property
+    def slowest_s(self) -> float:
+        """Longest decay time of an amplitude, tau = 2 Q / w_1, s."""
+        return float(2.0 * self.quality / self.angular.min())
+
+    def matrix(self, frequency_hz: float) -> Complexes:
+        """T, sensors over drives, (6, 6), at a frequency."""
+        omega = 2.0 * math.pi * frequency_hz
+        modal = 1.0 / (self.angular**2 - omega**2 + 1j * omega * self.angular / self.quality)
+        rest = 0.0 if self.residual is None else self.residual
+        return np.asarray(np.einsum("ms,m,ma->sa", self.sensors, modal, self.actuators) + rest)
 
 
 @dataclass(frozen=True)
@@ -49,16 +78,29 @@ class Beam:
         return float(2.0 * self.quality / self.angular[0])
 
     def shapes(self, at_m: Floats) -> Floats:
-        """Mode shapes (modes, places), of rms 1 along the beam."""
+        """Mode shapes (modes, places), of rms 1 along the beam.
+
+        cosh(k s)/cosh(k/2) - cos(k s)/cos(k/2), or sin and sinh alike, with s from the middle: no difference of large
+        numbers, whatever the mode. Their square means (w''/k^2)^2/4 = 1 at a clamp.
+        """
         roots = _clamped_roots(self.modes)[:, None]
-        ratio = (np.cosh(roots) - np.cos(roots)) / (np.sinh(roots) - np.sin(roots))
-        t = roots * at_m[None, :] / self.length_m
-        return np.asarray(np.cosh(t) - np.cos(t) - ratio * (np.sinh(t) - np.sin(t)))
+        s = at_m[None, :] / self.length_m - 0.5
+        grown, mirrored = np.exp(roots * (np.abs(s) - 0.5)), np.exp(-2.0 * roots * np.abs(s))
+        even = grown * (1.0 + mirrored) / (1.0 + np.exp(-roots)) - np.cos(roots * s) / np.cos(roots / 2.0)
+        steep = np.sign(s) * grown * (1.0 - mirrored) / (1.0 - np.exp(-roots))
+        odd = np.sin(roots * s) / np.sin(roots / 2.0) - steep
+        return np.where(np.arange(self.modes)[:, None] % 2 == 0, even, odd)
 
     @property
     def gain(self) -> float:
         """Modal force per drive, for which max |T(frequency_hz)| = largest."""
         return self.largest / float(np.abs(self._unscaled(self.frequency_hz, self.places_m)).max())
+
+    @property
+    def structure(self) -> Structure:
+        """The beam by its modes."""
+        shapes = self.shapes(self.places_m)
+        return Structure(self.angular, self.quality, self.gain * shapes, shapes, None, self.noise, self.sample_rate_hz)
 
     def matrix(self, frequency_hz: float, at_m: Floats | None = None) -> Complexes:
         """Displacement at places (the sensors', if not given) over drives, (places, 6), at a frequency."""
@@ -71,36 +113,38 @@ class Beam:
 
 
 def _clamped_roots(count: int) -> Floats:
-    """The first roots of cos k cosh k = 1, by Newton from (n + 1/2) pi."""
+    """The first roots of cos k cosh k = 1, by Newton on cos k - 1/cosh k from (n + 1/2) pi."""
     k = (np.arange(1, count + 1) + 0.5) * math.pi
     for _ in range(8):
-        k = k - (np.cos(k) - 1.0 / np.cosh(k)) / (-np.sin(k) + np.sinh(k) / np.cosh(k) ** 2)
+        k = k - (np.cos(k) - 1.0 / np.cosh(k)) / (-np.sin(k) + np.tanh(k) / np.cosh(k))
     return np.asarray(k)
 
 
 class BeamSimulation:
-    """A Beam in time: one call a sample, drives held between samples, solved exactly."""
+    """A Beam or Structure in time: one call a sample, drives held between samples, solved exactly."""
 
-    def __init__(self, beam: Beam, seed: int = 1) -> None:
-        self.beam = beam
-        rate = beam.angular / (2.0 * beam.quality)
-        pole = -rate + 1j * np.sqrt(beam.angular**2 - rate**2)
-        shapes = beam.shapes(beam.places_m)
-        step = 1.0 / beam.sample_rate_hz
+    def __init__(self, beam: Beam | Structure, seed: int = 1) -> None:
+        self.beam = beam.structure if isinstance(beam, Beam) else beam
+        rate = self.beam.angular / (2.0 * self.beam.quality)
+        pole = -rate + 1j * np.sqrt(self.beam.angular**2 - rate**2)
+        step = 1.0 / self.beam.sample_rate_hz
         self.decay = np.exp(pole * step)
-        self.push = ((self.decay - 1.0) / pole)[:, None] * shapes * beam.gain
-        self.pull = shapes.T / pole.imag
-        self.state = np.zeros(beam.modes, complex)
+        self.push = ((self.decay - 1.0) / pole)[:, None] * self.beam.actuators
+        self.pull = self.beam.sensors.T / pole.imag
+        self.state = np.zeros(len(pole), complex)
+        self.at_once = np.zeros(CHANNELS)
         self.random = np.random.default_rng(seed)
 
     def sense(self) -> Floats:
         """The six sensors' levels at this sample, in full scales."""
-        levels = (self.pull @ self.state).imag
+        levels = (self.pull @ self.state).imag + self.at_once
         return levels + self.random.normal(0.0, self.beam.noise, CHANNELS) if self.beam.noise else levels
 
     def drive(self, levels: Floats) -> None:
         """Holds six drives from now to the next sample."""
         self.state = self.decay * self.state + self.push @ levels
+        if self.beam.residual is not None:
+            self.at_once = self.beam.residual @ levels
 
 
 def adc_codes(levels: Floats) -> list[int]:

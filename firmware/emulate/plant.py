@@ -65,17 +65,20 @@ def plate_from_table(data: bytes, assumed: Assumed | None = None, **imperfection
         )
     ]
     rate_hz, wanted = header["sample_rate_hz"], header["wanted"]
+    displacement = bool(header["flags"] & layout.SENSES_DISPLACEMENT)
+    turn = 1j if displacement else 1.0  # makes a mode's gain real
     plate = Plate(
-        tuple(_resonance(mode, index == wanted, rate_hz, open_ends) for index, mode in enumerate(modes)),
-        displacement=bool(header["flags"] & layout.SENSES_DISPLACEMENT),
+        tuple(_resonance(mode, turn, index == wanted, rate_hz, open_ends) for index, mode in enumerate(modes)),
+        displacement=displacement,
         delay_s=max(modes[wanted]["delay_s"] - 0.5 / rate_hz, 0.0),
         sample_rate_hz=rate_hz,
     )
     return replace(plate, **imperfections)
 
 
-def _resonance(mode: dict[str, float], wanted: bool, rate_hz: float, assumed: Assumed) -> Resonance:
-    identified = abs(complex(mode["gain_re"], mode["gain_im"])) / abs(hold(mode["frequency_hz"], rate_hz))
+def _resonance(mode: dict[str, float], turn: complex, wanted: bool, rate_hz: float, assumed: Assumed) -> Resonance:
+    gain = turn * complex(mode["gain_re"], mode["gain_im"])
+    identified = math.copysign(abs(gain), gain.real) / abs(hold(mode["frequency_hz"], rate_hz))
     open_gain = assumed.wanted_gain if wanted else assumed.other_gain
     return Resonance(mode["frequency_hz"] * assumed.scale, mode["tau_s"], identified or open_gain)
 

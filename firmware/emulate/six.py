@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from firmware.emulate.beam import CHANNELS, Beam, BeamSimulation, adc_codes
+from firmware.emulate.beam import CHANNELS, Beam, BeamSimulation, Structure, adc_codes
 from firmware.emulate.board import EmulatedBoard
 from firmware.host import load
 
@@ -24,7 +24,7 @@ class EmulatedSix(EmulatedBoard):
 
     FAST_HANDLER = "DMA2_Stream0_IRQHandler"
 
-    def __init__(self, image: Path, beam: Beam, seed: int = 1, **options: Any) -> None:
+    def __init__(self, image: Path, beam: Beam | Structure, seed: int = 1, **options: Any) -> None:
         self.beam = BeamSimulation(beam, seed)
         self.history: list[list[int]] | None = None
         self.stalls: list[bool] = []  # while the flash memory was busy: were the bridges driving

@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from firmware.emulate.beam import CHANNELS, Beam, BeamSimulation, adc_codes
+from firmware.emulate.beam import CHANNELS, Beam, BeamSimulation, Structure, adc_codes
 from firmware.host import load
 
 
 class HostedSix:
     """an_six and a beam in lock step: run(seconds) advances both."""
 
-    def __init__(self, table: bytes, beam: Beam, seed: int = 1, faults: int = 0) -> None:
+    def __init__(self, table: bytes, beam: Beam | Structure, seed: int = 1, faults: int = 0) -> None:
         self.ffi, self.lib = load()
         self.table = self.ffi.from_buffer("uint8_t[]", table)
         self.app: Any = self.ffi.new("an_six *")

@@ -194,7 +194,7 @@ def _closed_interval(
             return None, 0.0, 0.0
         inner = np.abs(root - aim)[order[:size]].max()
         outer = np.abs(root - aim)[order[size]] if size < len(values) else inner * 1.1 + 0.1 * aim
-        if outer - inner > 1e-6 * aim:
+        if outer - inner > 1e-6 * max(aim, outer):
             edge = 0.5 * (inner + outer)
             low = max(aim - edge, 0.0) ** 2
             return np.sort(order[:size]), max(low, floor), (aim + edge) ** 2

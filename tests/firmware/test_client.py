@@ -14,7 +14,8 @@ from firmware import client
 from firmware.emulate.plant import Plate, Resonance
 from pipeline.mode_table import Mode, ModeTable, to_bytes
 
-MODE = Mode(31250.0, 3e-3, -0.75j, 9.3e-6)
+MODE = Mode(31250.0, 3e-3, -0.75j, 9.3e-6, frequency_identified=True)
+MODE_40K = Mode(3e3, 3e-3)
 TABLE = to_bytes(ModeTable(250e3, bytes(16), (MODE,)))
 PLATE = Plate((Resonance(31250.0, 3e-3, 0.77),), delay_s=7.3e-6)
 
@@ -56,6 +57,28 @@ def test_upload_changes_the_mode(board, capsys, tmp_path: Path) -> None:
     assert client.main(["COM7", "upload", str(tmp_path / "table.bin")]) == 0
     assert "mode 30500.000 Hz" in capsys.readouterr().out
     assert bytes(board.sector[: len(other)]) == other
+
+
+def test_upload_with_another_drive_limit(board, capsys, tmp_path: Path) -> None:
+    (tmp_path / "table.bin").write_bytes(TABLE)
+    assert client.main(["COM7", "upload", str(tmp_path / "table.bin"), "0.1"]) == 0
+    assert math.isclose(board.app.mode.drive_limit, 0.1, rel_tol=1e-6)
+    assert client.main(["COM7", "upload", str(tmp_path / "table.bin"), "1.5"]) == 3
+    assert "drive limit 1.5, allowed 0.001 to 1" in capsys.readouterr().err
+
+
+def test_a_drive_limit_reaches_every_mode_and_shape() -> None:
+    from dataclasses import replace
+
+    from firmware.table_format import with_drive_limit
+    from pipeline.mode_table import Pattern, Shape, from_bytes
+
+    table = ModeTable(40e3, bytes(16), (MODE_40K, MODE_40K), shapes=(Shape(2e3, 1e-2, (Pattern("all", (1.0,)),)),))
+    changed = from_bytes(with_drive_limit(to_bytes(table), 0.25))
+    assert {mode.drive_limit for mode in changed.modes} == {shape.drive_limit for shape in changed.shapes} == {0.25}
+    one = replace(changed, modes=tuple(replace(mode, drive_limit=1.0) for mode in changed.modes))
+    whole = replace(one, shapes=tuple(replace(shape, drive_limit=1.0) for shape in one.shapes))
+    assert to_bytes(whole) == to_bytes(table)
 
 
 def test_refusals_are_one_line_and_an_exit_code(board, capsys, tmp_path: Path) -> None:

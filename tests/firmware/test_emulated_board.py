@@ -18,7 +18,8 @@ PERIOD, HALF_WINDOW = 200e-6, 92e-6
 NEIGHBOURS = (Resonance(TRUE - 800.0, TAU, 0.03), Resonance(TRUE + 1100.0, TAU, -0.04))
 PLATE = Plate((Resonance(TRUE, TAU, GAIN), *NEIGHBOURS), delay_s=7.3e-6, noise=1e-3, offset=0.03)
 UNKNOWN = to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality(GUESS, 260.0, delay_s=2e-6),)))
-KNOWN = to_bytes(ModeTable(250e3, bytes(16), (Mode(TRUE, TAU, -1j * GAIN * DROOP, 9.3e-6),)))
+MEASURED = Mode(TRUE, TAU, -1j * GAIN * DROOP, 9.3e-6, frequency_identified=True)
+KNOWN = to_bytes(ModeTable(250e3, bytes(16), (MEASURED,)))
 IDLE, IDENTIFY, RUN, FAULT = range(4)
 
 

@@ -34,7 +34,7 @@ def table(**changes) -> bytes:
 
 def known_table(**changes) -> bytes:
     exact = {"frequency_hz": TRUE, "tau_s": TAU, "gain": -1j * GAIN * DROOP, "delay_s": 9.3e-6}
-    return table(**(exact | changes))
+    return table(**({"frequency_identified": True} | exact | changes))
 
 
 @pytest.fixture
@@ -77,6 +77,13 @@ def test_unidentified_gain_is_swept_before_the_loop_closes(hosted) -> None:
     board.run(20e-3)
     assert board.app.state == board.lib.AN_STATE_RUN
     assert board.reports[-1][0] == pytest.approx(0.2 * GAIN * DROOP, rel=0.02)
+
+
+@pytest.mark.parametrize("flags", [{"gain": -0.5j}, {"frequency_identified": True, "tau_identified": True}])
+def test_what_was_only_computed_is_measured_first(hosted, flags: dict) -> None:
+    board = hosted(table(**flags), PLATE)
+    board.run(1e-3)
+    assert board.start() and board.app.state == IDENTIFY
 
 
 @pytest.mark.parametrize("gains", [(0.48, -0.6), (-0.7, 0.3)])

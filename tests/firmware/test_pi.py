@@ -12,7 +12,14 @@ PERIOD, AHEAD, RESPONSE = 200e-6, 108e-6, 0.42e-3
 FREQUENCY, TAU, LIMIT = 31400.0, 300.0 / math.pi / 31400.0, 1.0
 
 
-def planned(core, gain: complex, detuning_hz: float = 0.0, delay_s: float = 0.0, proportional_max: float = 1e9):
+def planned(
+    core,
+    gain: complex,
+    detuning_hz: float = 0.0,
+    delay_s: float = 0.0,
+    proportional_max: float = 1e9,
+    ahead_s: float = AHEAD,
+):
     mode = core.ffi.new(
         "an_mode *",
         {
@@ -26,7 +33,7 @@ def planned(core, gain: complex, detuning_hz: float = 0.0, delay_s: float = 0.0,
     )
     step = core.lib.an_dds_step(FREQUENCY + detuning_hz, 250e3)
     gains = core.ffi.new("an_pi_gains *")
-    asked = {"period_s": PERIOD, "ahead_s": AHEAD, "response_s": RESPONSE, "proportional_max": proportional_max}
+    asked = {"period_s": PERIOD, "ahead_s": ahead_s, "response_s": RESPONSE, "proportional_max": proportional_max}
     core.lib.an_pi_plan(gains, mode, step, detuning_hz, core.ffi.new("an_pi_wish *", asked))
     return gains
 
@@ -100,6 +107,20 @@ def test_core_follows_the_double_precision_law(core, detuning_hz: float, referen
     found = closed_loop(core, 0.8, detuning_hz, reference, 60)
     assert np.abs(found[:, 0] - found[:, 2]).max() < 2e-5
     assert np.abs(found[:, 1] - found[:, 3]).max() < 2e-4
+
+
+def test_the_closed_loop_has_the_pole_that_its_description_states(core) -> None:
+    """On the plant U -> a U + (1 - a) G V, measured without age, the error falls by p + 1 - a a step."""
+    gains = planned(core, 0.8, ahead_s=0.0)
+    pi, measured, errors = core.ffi.new("an_pi *"), 0.0, []
+    core.lib.an_pi_init(pi, gains, core.ffi.new("an_complex *")[0])
+    pole, p = math.exp(-PERIOD / TAU), math.exp(-PERIOD / RESPONSE)
+    for _ in range(12):
+        z = core.ffi.new("an_complex *", {"re": measured, "im": 0.0})[0]
+        drive = as_complex(core.lib.an_pi_step(pi, gains, z, 0.1)).real
+        errors.append(0.1 - measured)
+        measured = pole * measured + (1.0 - pole) * 0.8 * drive
+    assert np.array(errors[3:]) / np.array(errors[2:-1]) == pytest.approx(p + 1.0 - pole, rel=2e-3)
 
 
 @pytest.mark.parametrize("detuning_hz", [0.0, 300.0])

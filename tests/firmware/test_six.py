@@ -9,7 +9,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from firmware.client import BoardError, Client
+from firmware.client import BoardError, Client, describe
 from firmware.emulate.beam import Beam, _clamped_roots
 from firmware.protocol import Kind
 from pipeline.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
@@ -321,7 +321,13 @@ def test_pattern_over_the_line_on_the_emulated_board(make_six) -> None:
         client.request(Kind.STATUS)
     assert board.driving and board.app.state == RUN
     assert np.abs(board.measured - 0.15 * np.array(PATTERNS[1].targets)).max() < 0.005
-    client.request(Kind.PATTERN, struct.pack("<II", 0, 2))
+    status = client.look()
+    assert status.state == "run" and status.pattern == 1 and status.frequency_hz == pytest.approx(2400.0, abs=1e-3)
+    assert [abs(z) for z in status.sensors] == pytest.approx([0, 0, 0.15, 0.15, 0, 0], abs=0.005)
+    assert status.measured in status.sensors[2:4] and status.reachable > status.reference == pytest.approx(0.15)
+    assert "matrix condition 1" in describe(status) and "pattern 1" in describe(status)
+    client.pattern(2)
+    assert client.look().pattern == 2
     with pytest.raises(BoardError, match="out of range"):
         client.request(Kind.PATTERN, struct.pack("<II", 0, 4))
     with pytest.raises(BoardError, match="present state"):
@@ -329,6 +335,9 @@ def test_pattern_over_the_line_on_the_emulated_board(make_six) -> None:
     client.stop()
     board.run(5e-3)
     assert board.app.state == IDLE and not board.driving
+    client.choose(0)
+    with pytest.raises(BoardError, match="out of range"):
+        client.choose(1)
     client.request(Kind.START, struct.pack("<If", 1, 0.15))
     board.run(0.45)
     assert board.app.state == RUN
@@ -385,6 +394,24 @@ def test_a_table_goes_up_and_is_used(make_six) -> None:
     assert set(board.stalls) == {False}
     client.request(Kind.STATUS)
     assert board.app.shape.frequency_hz == 2600.0 and board.app.state == IDLE and not board.app.identified
+
+
+def test_a_dead_crystal_keeps_the_gates_open_for_good(make_six) -> None:
+    board = make_six(table(matrix=seen_matrix()), dead_crystal=True)
+    assert board.app.state == FAULT and board.app.faults == 1 << 1 and not board.driving
+    assert board.call("an_six_clear", board.symbol("app")) == 0
+    assert board.call("an_six_start", board.symbol("app"), 1, 0.15) == 0
+
+
+def test_flash_memory_that_does_not_take_a_table_is_a_fault(make_six) -> None:
+    from firmware.emulate.line import EmulatedPort
+
+    board = make_six(table(matrix=seen_matrix()))
+    client = Client(EmulatedPort(board))
+    board.flash.broken = True
+    with pytest.raises(BoardError, match="could not be stored"):
+        client.upload(table(2600.0))
+    assert set(client.look().faults) == {"flash", "table"} and not board.driving
 
 
 def test_a_slow_step_that_hangs_opens_the_gates_and_then_resets_the_chip(make_six) -> None:

@@ -50,6 +50,9 @@ def test_clang_tidy_finds_nothing() -> None:
             "--warnings-as-errors=*",
             *sources,
             "--",
+            "--target=thumbv7em-none-eabihf",  # where it runs: 32-bit offsets are offsets
+            "-mcpu=cortex-m4",
+            "-ffreestanding",
             "-std=c11",
             f"-I{CORE}",
         ]

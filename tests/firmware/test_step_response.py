@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from firmware.emulate import EmulationError, step_response
+from firmware.emulate import EmulationError, board_run, step_response
 from firmware.emulate.plant import Assumed, Plate, PlateSimulation, Resonance, hold, plate_from_table, response
 from pipeline.mode_table import Mode, ModeTable, to_bytes
 
 TRUE = 31437.3
 TAU = 300.0 / math.pi / TRUE
 DROOP = abs(hold(TRUE, 250e3))
-KNOWN = Mode(TRUE, TAU, -0.8j * DROOP, 9.3e-6)
+KNOWN = Mode(TRUE, TAU, -0.8j * DROOP, 9.3e-6, frequency_identified=True)
 TABLE = to_bytes(ModeTable(250e3, bytes(16), (KNOWN, Mode(TRUE + 700.0, TAU)), senses_displacement=True))
 
 
@@ -72,6 +72,26 @@ def test_step_response_of_the_table_s_own_plate(emulation) -> None:
     assert np.abs(found["u_q"][after]).mean() < 0.01 * reference
     assert found["drive"][after].mean() == pytest.approx(0.2, rel=0.02)
     assert found["drive"].max() > 0.6  # the push that makes it fast
+
+
+def test_a_computed_gain_is_not_trusted_before_the_board_has_measured(emulation) -> None:
+    """The plate is 0.2 % off the table: the image finds it, its own gain and delay, and is as fast as it should be."""
+    computed = Mode(TRUE, TAU, -0.5j * DROOP, 2e-6)
+    neighbour = Mode(TRUE + 900.0, TAU, 0.02j * DROOP, 2e-6)
+    run = board_run(to_bytes(ModeTable(250e3, bytes(16), (computed, neighbour))))
+    assert run.swept
+    assert run.frequency_hz == pytest.approx(1.002 * TRUE, abs=0.1)
+    assert run.tau_s == pytest.approx(TAU, rel=5e-3)
+    assert abs(run.gain) == pytest.approx(0.5 * abs(hold(1.002 * TRUE, 250e3)), rel=5e-3)
+    assert run.delay_s == pytest.approx(2e-6, abs=5e-8)
+    assert run.t95_s <= 2.0e-3
+
+
+def test_signs_of_computed_gains_reach_the_plate() -> None:
+    """A displacement sensor is 90 degrees behind: -j G is a positive mode, +j G one of opposite sign."""
+    modes = (Mode(TRUE, TAU, -0.5j * DROOP), Mode(TRUE + 700.0, TAU, 0.3j * DROOP))
+    gains = [one.gain for one in plate_from_table(to_bytes(ModeTable(250e3, bytes(16), modes))).resonances]
+    assert gains[0] == pytest.approx(0.5, rel=1e-3) and gains[1] == pytest.approx(-0.3, rel=3e-3)
 
 
 def test_a_plate_the_table_does_not_fit_is_an_error_that_names_the_fault(emulation) -> None:

@@ -131,6 +131,7 @@ def shapes(shape: dict, level_db: float) -> dict[str, np.ndarray]:
         "tet_u": motion(mesh, 8, decay),
         "response_xy": response_grid(half),
         "response_uz": normal_motion(response_grid(half), 8, decay) * (1.0 + 0.1j),
+        **board_arrays(),
         "cell_points": np.array(box(np.zeros(3), np.array([0.004, 0.004, THICKNESS]), (6, 6, 2))[0]),
         "cell_quads": box(np.zeros(3), np.array([0.004, 0.004, THICKNESS]), (6, 6, 2))[1],
     }
@@ -209,6 +210,29 @@ def response(level_db: float | None) -> dict:
     }
 
 
+BOARD = {
+    "compiler": "none",
+    "swept": True,
+    "frequency_hz": 31500.0,
+    "tau_s": 3e-3,
+    "gain": [0.0, -0.8],
+    "delay_s": 2e-6,
+}
+
+
+def board() -> dict:
+    """An invented step of an emulated board."""
+    return {**BOARD, "reference": 0.16, "t95_s": 1.7e-3, "overshoot": 0.01}
+
+
+def board_arrays() -> dict[str, np.ndarray]:
+    """Its columns: a first-order rise."""
+    time = 2e-4 * np.arange(-10, 75)
+    size = 0.16 * (1.0 - np.exp(-np.maximum(time, 0.0) / 0.53e-3))
+    columns = {"time_s": time, "reference": 0.16 * (time >= 0.0), "u_d": size, "u_q": 0.002 * np.sin(1e4 * time)}
+    return {f"board_{name}": array for name, array in {**columns, "drive": 0.2 + 0.7 * (0.16 - size)}.items()}
+
+
 def record(case_id: str, sweep: dict, shape: dict, level_db: float | None) -> dict:
     """A case's record."""
     mode = {"frequency_hz": 31500.0, "residual": 1e-11, "parity": "++", "zone_share": 0.82, "mac": 0.93}
@@ -268,6 +292,7 @@ def record(case_id: str, sweep: dict, shape: dict, level_db: float | None) -> di
         **bands(shape["pitch_x_m"]),
         **attenuation(shape["rows"], level_db),
         "response": response(level_db),
+        "board": board(),
     }
 
 

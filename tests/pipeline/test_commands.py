@@ -54,11 +54,6 @@ def test_wrong_input_is_one_clear_line_and_exit_code_2(
     assert said in told[0]
 
 
-def test_what_a_later_version_brings_answers_with_exit_code_5(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("export", "aster", CASE) == 5
-    assert len(lines(capsys.readouterr().err)) == 1
-
-
 def test_every_command_ends_its_help_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:
     for name in COMMANDS:
         assert run(name, "--help") == 0

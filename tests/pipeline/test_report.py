@@ -91,7 +91,7 @@ def test_every_link_leads_somewhere(folder: Path, page: Page):
 
 
 def test_every_picture_has_words_and_every_table_headings(page: Page):
-    assert len(page.all("img")) == 2 + 11 + 3
+    assert len(page.all("img")) == 2 + 12 + 3
     assert all(len(image["alt"]) > 60 for image in page.all("img"))
     assert all(heading.get("scope") in {"col", "row"} for heading in page.all("th"))
 

@@ -1,0 +1,111 @@
+"""A user's own mesh through the same chain: read, put into our order, clamp a named group, solve."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from geometry.materials import Material
+from geometry.mesh import Mesh
+from pipeline.case import Case
+from pipeline.errors import InputFault
+from pipeline.faults import nearest
+from pipeline.logs import Log
+from pipeline.mesh_input import load
+from pipeline.modes import DEFAULT_COUNT, ModeRow, PartModes, Request, understood
+from pipeline.part_models import mesh_record, warn_of_locking
+from pipeline.raw_mesh import VOLUME
+from solvers.confinement import Confinement, measure
+from solvers.fem.eigen import Modes, modes_in_band, modes_near
+from solvers.fem.solid import SolidModel
+
+LARGE_M = 5.0
+
+
+def solve(case: Case, file: str, unit: str, clamps: Sequence[str], asked: Request, log: Log) -> PartModes:
+    """Modes of the mesh in a file with the case's material. Raises InputFault for a mesh that cannot serve, SolverError."""
+    if asked.parity:
+        raise InputFault(f"--parity {asked.parity}: a mesh from a file has no mirror classes; leave --parity out")
+    with log.step("read the mesh"):
+        mesh = load(file, unit)
+    for name in clamps:
+        _known(name, mesh, file)
+    pillar = case.design.pillar
+    materials = dict.fromkeys(mesh.regions, case.design.material)
+    if pillar:
+        materials |= {name: pillar.material for name in mesh.regions if name.casefold() == "pillar"}
+    _tell(mesh, materials, file, log)
+    warn_of_locking(case.design, mesh, log)
+    model = SolidModel(_with_touch(mesh), materials, tuple(clamps), False)
+    request = _request(case, asked)
+    pencil = model.pencil(None)
+    with log.step("solve"):
+        if request.band_hz:
+            found = modes_in_band(pencil, *request.band_hz)
+        else:
+            found = modes_near(pencil, request.near_hz or 0.0, request.count or DEFAULT_COUNT)
+    rows = _rows(case, model, found)
+    meshes = [mesh_record("own mesh", mesh)]
+    return PartModes("mesh", model, rows, {None: found.vectors}, pencil.dof, found.rigid_count, found.count, meshes)
+
+
+def _with_touch(mesh: Mesh) -> Mesh:
+    """The mesh whose group TOUCH, however written, is the face that is measured."""
+    named = [name for name, nodes in mesh.faces.items() if name.casefold() == "touch" and nodes.shape[1] > 1]
+    return replace(mesh, faces=mesh.faces | {"touch": mesh.faces[named[0]]}) if named else mesh
+
+
+def _request(case: Case, asked: Request) -> Request:
+    """What to look for: the command line, else the case, else the lowest modes."""
+    solve = case.solve
+    if not any((asked.band_hz, asked.near_hz, asked.count, solve.band_hz, solve.near_hz, solve.count)):
+        return replace(asked, near_hz=0.0, count=DEFAULT_COUNT)
+    return understood(case, asked)
+
+
+def _tell(mesh: Mesh, materials: dict[str, Material], file: str, log: Log) -> None:
+    size = 1e3 * np.ptp(mesh.nodes, axis=0)
+    log.info(
+        f"{file}: {len(mesh.cells)} {VOLUME[mesh.kind, mesh.order]}, {mesh.dof} unknowns, "
+        f"{size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g} mm; faces {', '.join(sorted(mesh.faces)) or 'none'}; "
+        + ", ".join(f"{name}: {material.name}" for name, material in materials.items())
+    )
+    if size.max() > 1e3 * LARGE_M:
+        log.alarm("UNIT", f"{file}: {size.max() / 1e3:.3g} m long; if the file is in millimetres, add --unit mm")
+
+
+def _known(name: str, mesh: Mesh, file: str) -> None:
+    if name not in mesh.faces:
+        there = ", ".join(sorted(mesh.faces)) or "none"
+        raise InputFault(
+            f"{file}: --clamp {name}: no such group of faces or nodes{nearest(name, list(mesh.faces))}; it has {there}"
+        )
+
+
+def _rows(case: Case, model: SolidModel, found: Modes) -> tuple[ModeRow, ...]:
+    """Frequencies, and the measures of the touch face where the mesh names one and the case has a zone."""
+    measures: Confinement | None = None
+    if "touch" in model.mesh.faces and "zone" in case.given and len(found.frequency_hz):
+        measures = measure(model.touch(None, found.vectors), case.design, None)
+
+    def at(values: FloatArray | None, index: int) -> float | None:
+        value = float(values[index]) if values is not None else math.nan
+        return value if math.isfinite(value) else None
+
+    return tuple(
+        ModeRow(
+            float(frequency),
+            float(found.residual[i]),
+            None,
+            i,
+            at(measures.zone_share if measures else None, i),
+            at(measures.confinement_db if measures else None, i),
+            at(measures.mac if measures else None, i),
+            at(measures.extension_db if measures else None, i),
+        )
+        for i, frequency in enumerate(found.frequency_hz)
+    )
