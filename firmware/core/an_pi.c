@@ -45,7 +45,7 @@ void an_pi_plan(an_pi_gains *gains, const an_mode *mode, uint32_t step, float de
     const float late = (mode->frequency_hz + detuning_hz) * mode->delay_s;
     const float pole = decay_of(wish->period_s / mode->tau_s);
     const float wanted_pole = decay_of(wish->period_s / wish->response_s);
-    const float proportional = (pole - wanted_pole) / ((1.0f - pole) * size);
+    const float proportional = (1.0f - wanted_pole) / ((1.0f - pole) * size);
     const float least = AN_LEAST_SHARE / size;
     const float bounded = proportional < wish->proportional_max ? proportional : wish->proportional_max;
     gains->proportional = bounded > least ? bounded : least;

@@ -3,9 +3,9 @@
  * The plant, seen from a drive at w: tau dU/dt + (1 + j tau (w - w0)) U = G V. Proportional and integral gains
  * cancel its pole a = exp(-T/tau):
  *
- *     Kp = (a - p) / (1 - a) / G,    Ki = (1 - a) Kp a step,    p = exp(-T/response).
+ *     Kp = (1 - p) / (1 - a) / G,    Ki = (1 - a) Kp a step,    p = exp(-T/response).
  *
- * The open loop is then (a - p)/(z - 1), the closed loop's pole p + 1 - a: a little slower than p.
+ * The open loop is then (1 - p)/(z - 1) and the closed loop's pole p, whatever the mode's own tau.
  *
  * V += j tau (w - w0) / G U cancels its cross-coupling, and the drive is turned ahead by the known delay and the
  * mode's own phase, so that G counts as real here. A measurement is half a window old when its answer begins to

@@ -5,7 +5,7 @@
 #include "an_faults.h"
 #include "an_sine.h"
 
-#define AN_RESPONSE_S 0.42e-3f   /* the loop's pole, p + 1 - a, then is one of 0.53 ms for tau = 3 ms: 95 % in 1.6 ms */
+#define AN_RESPONSE_S 0.53e-3f   /* the loop's time constant: 95 % in 1.6 ms, plus the age of a measurement */
 #define AN_NEIGHBOUR_LOOP 0.5f   /* loop gain that a mode beside the wanted one may have, whatever its phase */
 #define AN_NO_BOUND 1e9f
 #define AN_USEFUL 0.2f             /* of G Vmax: the largest level that still rises at full speed */

@@ -128,8 +128,7 @@ def pi_gains(plant: ModePlant, response_s: float, detuning_rad_s: float = 0.0) -
 class SampledPi:
     """The PI of a step every T, as the firmware plans it, a = e^{-T/tau}, p = e^{-T/tau_d}; bounded: for the neighbours' sake.
 
-    K_p = (a - p)/((1 - a) G) alone moves the plant's pole a to p; the integral, (1 - a) K_p a step, cancels a and leaves
-    p + 1 - a.
+    K_p = (1 - p)/((1 - a) G) with the integral (1 - a) K_p a step cancels the plant's pole a and leaves p.
     """
 
     proportional: float
@@ -143,7 +142,7 @@ def sampled_gains(plant: ModePlant, response_s: float, period_s: float, proporti
     _check_response(period_s)
     pole, wanted = exp(-period_s / plant.tau_s), exp(-period_s / response_s)
     size = abs(plant.gain)
-    proportional = (pole - wanted) / ((1.0 - pole) * size)
+    proportional = (1.0 - wanted) / ((1.0 - pole) * size)
     bounded = max(min(proportional, proportional_max), 0.1 / size)
     return SampledPi(bounded, (1.0 - pole) * bounded, bounded < proportional)
 

@@ -60,7 +60,7 @@ class Setup:
     wanted: int = 0
     known: ModePlant | None = None
     detuning_hz: float = 0.0
-    response_s: float = 0.42e-3
+    response_s: float = 0.53e-3
     drive_limit: float = 1.0
     delay_s: float = 0.0
     known_delay_s: float | None = None

@@ -29,7 +29,7 @@ SWEEP_WIDTHS = 2.4  # bandwidths on each side of the resonance
 SWEEP_POINTS = 101
 SHARES = (0.1, 0.2, 0.4, 0.6, 0.9)
 SATURATED = 0.5  # of G Vmax, to compare anti-windups
-FIRMWARE_RESPONSE_S = 0.42e-3  # the time constant that the firmware plans with
+FIRMWARE_RESPONSE_S = 0.53e-3  # the time constant that the firmware plans with
 
 
 @dataclass(frozen=True)

@@ -119,7 +119,7 @@ def test_texture_is_followed_as_far_as_the_loop_is_fast(talk) -> None:
     time = np.arange(len(size)) * 200e-6
     swing = 2.0 * abs(np.mean((size - size.mean()) * np.exp(-2j * np.pi * 100.0 * time))) / 0.1
     assert size.mean() == pytest.approx(0.05, rel=0.02)
-    assert swing == pytest.approx(0.5 / math.hypot(1.0, 2.0 * math.pi * 100.0 * 0.42e-3), rel=0.1)
+    assert swing == pytest.approx(0.5 / math.hypot(1.0, 2.0 * math.pi * 100.0 * 0.53e-3), rel=0.1)
 
 
 def test_streamed_texture(talk) -> None:
