@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.case import Case
-from pipeline.logs import Log
 from pipeline.mode_table_model import GAIN
 from solvers.piezo.forced import ForcedPlate
 
@@ -49,28 +48,6 @@ def can_be_computed(case: Case) -> bool:
     """Whether some patch drives and another listens."""
     patches = case.patches
     return patches is not None and bool(patches.sensors) and bool(patches.drivers)
-
-
-def forced_plate(case: Case, log: Log) -> ForcedPlate:
-    """The plate with its patches bonded, its modes solved over the case's band. Raises what its solvers raise."""
-    from pipeline import part_models, planner
-    from pipeline.errors import InputFault
-    from solvers.piezo.patch import bonded_patch
-    from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-    from solvers.superelement.build import PlateModel
-
-    patches = case.patches
-    assert patches is not None
-    band = case.solve.band_hz or planner.wanted_window_hz(case.design)
-    model = part_models.build(case, "plate", band[1], log, [])
-    if not isinstance(model, PlateModel):
-        raise InputFault(f"{case.name}: solve.model: patches are bonded to joined cells, must be auto or superelement")
-    with log.step("bond the patches"):
-        back = patches.face == "back"
-        bonded = [bonded_patch(patches.material, box, patches.size_m[2], back) for box in patches.boxes_m()]
-        plate = PatchedPlate({parity: model.joined(parity) for parity in CLASSES}, bonded, back)
-    with log.step("modes of the patched plate"):
-        return ForcedPlate(plate, case.design, patches.drivers, patches.sensors, band, case.quality)
 
 
 def modal_gains(forced: ForcedPlate) -> ModalGains:

@@ -8,14 +8,10 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline import part_models, planner
 from pipeline.case import Case
-from pipeline.errors import InputFault
 from pipeline.logs import Log
+from pipeline.patched import forced_plate
 from solvers.piezo.forced import Curve, ForcedPlate
-from solvers.piezo.patch import bonded_patch
-from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.superelement.build import PlateModel
 
 POINTS = 401
 GRID = 160
@@ -24,7 +20,7 @@ PER_WIDTH = 6  # points over a resonance's half-power width about the peak
 
 @dataclass(frozen=True)
 class Response:
-    """The curve, its peak, the quality factor read back from it, and the operating shape there."""
+    """The curve, its peak, the quality factor read back from it, the operating shape there, and the plate behind it."""
 
     model: str
     dof: int
@@ -37,6 +33,7 @@ class Response:
     sensors: tuple[int, ...]
     shape_points: FloatArray
     shape: Any
+    forced: ForcedPlate
     meshes: list[dict[str, Any]] = field(default_factory=list)
 
     @property
@@ -80,25 +77,14 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
     case.require("patches", command="response")
     patches = case.patches
     assert patches is not None
-    low, high = band_hz or case.solve.band_hz or planner.wanted_window_hz(case.design)
     meshes: list[dict[str, Any]] = []
-    model = part_models.build(case, "plate", high, log, meshes)
-    if not isinstance(model, PlateModel):
-        raise InputFault(f"{case.name}: solve.model: patches are bonded to joined cells, must be auto or superelement")
-    with log.step("bond the patches"):
-        bonded = [
-            bonded_patch(patches.material, box, patches.size_m[2], patches.face == "back") for box in patches.boxes_m()
-        ]
-        plate = PatchedPlate({parity: model.joined(parity) for parity in CLASSES}, bonded, patches.face == "back")
-    if plate.silent:
-        log.left_out("mirror classes " + ", ".join(plate.silent), "the patches do not drive them")
-    with log.step("modes of the patched plate"):
-        forced = ForcedPlate(plate, case.design, patches.drivers, patches.sensors, (low, high), case.quality)
+    forced = forced_plate(case, log, band_hz, meshes)
+    plate, (low, high) = forced.plate, forced.band_hz
     with log.step("sum the modes"):
         curve, peak = _curve(forced, low, high, points)
         shape_points, shape = _gridded(*forced.shape(float(curve.frequency_hz[peak])))
     found = Response(
-        f"{model.name} with {patches.count} patches",
+        f"{plate.name} with {patches.count} patches",
         sum(group.pencil.dof for group in plate.groups),
         curve,
         peak,
@@ -109,6 +95,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
         patches.sensors,
         shape_points,
         shape,
+        forced,
         meshes,
     )
     _tell(found, log)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from pipeline.errors import InputFault
 from pipeline.logs import Log
 from pipeline.mess import Mess
 from pipeline.study_file import StudyFile
+
+if TYPE_CHECKING:
+    from solvers.piezo.forced import ForcedPlate
 
 NEIGHBOURS = 6
 ATTENUATION_POINTS = 101
@@ -80,10 +83,9 @@ def compute(case_path: str, payload: dict[str, Any], folder: Path, log: Mess) ->
         _bands(case, log, record)
     if "attenuation" in measure:
         _attenuation(case, log, record)
-    if "response" in measure:
-        _response(case, log, record, arrays)
+    forced = _response(case, log, record, arrays) if "response" in measure else None
     if "board" in measure:
-        _board(case, log, record, arrays, folder, "response" in measure)
+        _board(case, log, record, arrays, folder, forced)
     if "parts" in measure:
         _parts(case, log, record)
     if "geometry" in measure:
@@ -188,18 +190,24 @@ def _attenuation(case: Case, log: Log, record: dict[str, Any]) -> None:
         record["prediction"] = attenuation.prediction(found, wanted["frequency_hz"], wanted["extension_db"])
 
 
-def _response(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
-    """The forced response, its operating shape at the peak among the arrays."""
+def _response(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> ForcedPlate:
+    """The forced response, its operating shape at the peak among the arrays; returns the plate that it solved."""
     from pipeline import response
 
     found = response.solve(case, log)
     record["response"] = found.json()
     record["meshes"] += found.meshes
     arrays |= {"response_xy": found.shape_points, "response_uz": found.shape}
+    return found.forced
 
 
 def _board(
-    case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray], folder: Path, with_patches: bool
+    case: Case,
+    log: Log,
+    record: dict[str, Any],
+    arrays: dict[str, FloatArray],
+    folder: Path,
+    forced: ForcedPlate | None,
 ) -> None:
     """The case's mode table, its gains computed when the response was, played by the firmware on the emulated board."""
     from pipeline import table_export
@@ -208,8 +216,8 @@ def _board(
     if "wanted" not in record:
         log.left_out("closed loop on the emulated board", "no mode of the wanted shape: there is no mode table")
         return
-    if with_patches and can_be_computed(case):
-        table_export.write_gains(case, folder, log)
+    if forced and can_be_computed(case):
+        table_export.write_gains(case, folder, log, forced=forced)
     record["board"], found = board.solve(folder, log)
     arrays |= found
 

@@ -19,6 +19,7 @@ from pipeline.store import write_atomic
 
 if TYPE_CHECKING:
     from pipeline.mode_table_gains import ModalGains
+    from solvers.piezo.forced import ForcedPlate
 
 SAMPLE_RATE_HZ = 250e3
 HOLD_S = 0.5 / SAMPLE_RATE_HZ  # half a sample: all of the delay that is known before filters are chosen
@@ -105,11 +106,17 @@ def write_table(
     return write_gains(case, folder, log, stem)
 
 
-def write_gains(case: Case, folder: Path, log: Log, stem: str = "mode_table") -> list[Path]:
-    """STEM.bin and STEM.h of the patched plate, its gains computed; the log tells them and how to wire the patches."""
-    from pipeline.mode_table_gains import forced_plate, modal_gains
+def write_gains(
+    case: Case, folder: Path, log: Log, stem: str = "mode_table", forced: ForcedPlate | None = None
+) -> list[Path]:
+    """STEM.bin and STEM.h of the patched plate, its gains computed; the log tells them and how to wire the patches.
 
-    gains = modal_gains(forced_plate(case, log))
+    `forced`: the plate that a response has solved already.
+    """
+    from pipeline.mode_table_gains import modal_gains
+    from pipeline.patched import forced_plate
+
+    gains = modal_gains(forced or forced_plate(case, log))
     table = table_with_gains(case, gains)
     _tell(case, gains, table, log)
     return write(table, folder, stem)

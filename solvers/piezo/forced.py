@@ -75,14 +75,22 @@ class ForcedPlate:
         self.modes = [_group_modes(group, band_hz) for group in plate.groups]
         self.signs = self._wanted_signs()
 
-    def _wanted_signs(self) -> FloatArray:
-        """Sign of each patch's load on the wanted mode, so that all of them push it the same way; 1 where it has none."""
-        best, gain = -1.0, np.ones(len(self.plate.patches))
+    @cached_property
+    def _wanted(self) -> tuple[GroupModes, int] | None:
+        """The mode that looks most like the wanted one: its group and number; None when the band holds none."""
+        best, place = 0.0, None
         for found in self.modes:
             for parity, score in self._scores(found):
                 if parity == wanted_parity(self.design.nodal_lines) and len(score) and score.max() > best:
-                    best, gain = float(score.max()), found.gain[int(score.argmax())]
-        return np.where(gain < 0.0, -1.0, 1.0)
+                    best, place = float(score.max()), (found, int(score.argmax()))
+        return place
+
+    def _wanted_signs(self) -> FloatArray:
+        """Sign of each patch's load on the wanted mode, so that all of them push it the same way; 1 where it has none."""
+        if self._wanted is None:
+            return np.ones(len(self.plate.patches))
+        found, index = self._wanted
+        return np.where(found.gain[index] < 0.0, -1.0, 1.0)
 
     def _scores(self, found: GroupModes) -> list[tuple[str, FloatArray]]:
         count = len(found.frequency_hz)
@@ -96,12 +104,7 @@ class ForcedPlate:
 
     def wanted_hz(self) -> float | None:
         """Frequency of the patched plate's mode that looks most like the wanted one; None when the band holds none."""
-        best, tone = 0.0, None
-        for found in self.modes:
-            for parity, score in self._scores(found):
-                if parity == wanted_parity(self.design.nodal_lines) and len(score) and score.max() > best:
-                    best, tone = float(score.max()), float(found.frequency_hz[int(score.argmax())])
-        return tone
+        return float(self._wanted[0].frequency_hz[self._wanted[1]]) if self._wanted else None
 
     def volts(self, eigenvalue: float) -> Complex:
         """Voltages of all patches: +-1 on those that drive, what opens the circuit of those that listen."""

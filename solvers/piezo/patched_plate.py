@@ -51,10 +51,12 @@ class Group:
 class PatchedPlate:
     """Patches on the bare face of a plate; lengths in m, forces and charges in SI after `unscaled`."""
 
-    def __init__(self, joined: Mapping[str, JoinedPlate], patches: Sequence[BondedPatch], back: bool) -> None:
+    def __init__(
+        self, joined: Mapping[str, JoinedPlate], patches: Sequence[BondedPatch], back: bool, name: str = "superelement"
+    ) -> None:
         if not patches:
             raise SolverError("no patches: nothing drives the plate")
-        self.patches, self.back = tuple(patches), back
+        self.patches, self.back, self.name = tuple(patches), back, name
         self.scale: Scale = next(iter(joined.values())).placed[0].cell.scale
         everything = [self._group([joined[p] for p in parities]) for parities in coupled_classes(self.patches)]
         loudest = max(float(np.abs(group.loads).max()) for group in everything)

@@ -11,7 +11,8 @@ from pipeline.case import Case, load_case
 from pipeline.cli import main
 from pipeline.logs import TerminalLog
 from pipeline.mode_table import from_bytes
-from pipeline.mode_table_gains import ModalGains, can_be_computed, forced_plate, hold, modal_gains
+from pipeline.mode_table_gains import ModalGains, can_be_computed, hold, modal_gains
+from pipeline.patched import forced_plate
 from pipeline.table_export import SAMPLE_RATE_HZ, table_with_gains
 from solvers.piezo.forced import ForcedPlate
 

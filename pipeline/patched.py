@@ -1,0 +1,37 @@
+"""A case's plate with its patches bonded and its modes solved: what the response and the mode table's gains start from."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipeline import part_models, planner
+from pipeline.case import Case
+from pipeline.errors import InputFault
+from pipeline.logs import Log
+from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.patch import bonded_patch
+from solvers.piezo.patched_plate import CLASSES, PatchedPlate
+from solvers.superelement.build import PlateModel
+
+
+def forced_plate(
+    case: Case, log: Log, band_hz: tuple[float, float] | None = None, meshes: list[dict[str, Any]] | None = None
+) -> ForcedPlate:
+    """The patched plate, driven and heard as the case says, over a band (default: the case's); meshes are added to `meshes`.
+
+    InputFault for a model that cannot carry patches; raises what its solvers raise.
+    """
+    patches = case.patches
+    assert patches is not None
+    band = band_hz or case.solve.band_hz or planner.wanted_window_hz(case.design)
+    model = part_models.build(case, "plate", band[1], log, [] if meshes is None else meshes)
+    if not isinstance(model, PlateModel):
+        raise InputFault(f"{case.name}: solve.model: patches are bonded to joined cells, must be auto or superelement")
+    back = patches.face == "back"
+    with log.step("bond the patches"):
+        bonded = [bonded_patch(patches.material, box, patches.size_m[2], back) for box in patches.boxes_m()]
+        plate = PatchedPlate({parity: model.joined(parity) for parity in CLASSES}, bonded, back, model.name)
+    if plate.silent:
+        log.left_out("mirror classes " + ", ".join(plate.silent), "the patches do not drive them")
+    with log.step("modes of the patched plate"):
+        return ForcedPlate(plate, case.design, patches.drivers, patches.sensors, band, case.quality)
