@@ -43,6 +43,11 @@ class Pillar:
         return self.shape == "square" and self.fillet_m == 0.0
 
     @property
+    def is_own_image(self) -> bool:
+        """True when the pillar is its own mirror image in x and y; one from a CAD file need not be."""
+        return self.shape != "step"
+
+    @property
     def section_area_m2(self) -> float:
         """Foot section without fillet, m2."""
         return self.base_m**2 * (pi / 4.0 if self.shape == "round" else 1.0)
@@ -73,6 +78,11 @@ class Design:
         """Half of the plate's whole width across the zone, m."""
         rows_m = (self.rows - 1) * self.pitch_y_m + self.footprint_m if self.rows else 0.0
         return self.width_m / 2.0 + rows_m + self.extension_m
+
+    @property
+    def is_mirrored(self) -> bool:
+        """True when the plate is its own mirror image in x = 0 and y = 0: its quarter stands for the whole."""
+        return not (self.pillar and self.rows) or self.pillar.is_own_image
 
     @property
     def needs_cad(self) -> bool:

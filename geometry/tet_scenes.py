@@ -51,7 +51,7 @@ def tet_plate(
     A whole plate without patches is its quarter mirrored twice when its pillar is its own mirror image.
     Raises GeometryError when a quarter cuts a pillar that is not.
     """
-    if quarter or (patches is None and _symmetric(design)):
+    if quarter or (patches is None and design.is_mirrored):
         part = tet_mesh(solids.plate_solid(design, "xy", patches), edge_m, options=options)
         return part if quarter else _whole(part)
     return tet_mesh(solids.plate_solid(design, "", patches), edge_m, options=options)
@@ -83,10 +83,6 @@ def _whole(quarter: Mesh) -> Mesh:
     whole = mirror_mesh(mirror_mesh(quarter, 0), 1)
     check_mesh(whole, 4.0 * check_mesh(quarter).volume_m3, ROUNDING)
     return whole
-
-
-def _symmetric(design: Design) -> bool:
-    return not (design.pillar and design.rows and design.pillar.shape == "step")
 
 
 def graded(options: TetOptions, lines: Lines, edge_m: float) -> TetOptions:

@@ -12,7 +12,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from pipeline import fingerprint, store
+from pipeline import fingerprint, peak_memory, store
 from pipeline.mess import Mess, close_abandoned
 
 Compute = Callable[[dict[str, Any], Path, Mess], dict[str, Any]]
@@ -77,13 +77,16 @@ def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerpr
     folder = store.case_folder(study, job.case_id)
     start = time.perf_counter()
     try:
-        _forget_peak_memory()
+        peak_memory.restart()
         store.begin(folder, job.payload)
         with Mess(folder / store.MESS) as log:
             log.banner(job.case_id, _program_version(), mark.versions)
             log.echo(job.payload)
             record = _dressed(job, _guarded(compute, job, folder, log, mark), mark)
-            timing = {"seconds": {**log.seconds, "total": log.elapsed}, "peak_memory_bytes": _peak_memory()}
+            timing = {
+                "seconds": {**log.seconds, "total": log.elapsed},
+                "peak_memory_bytes": peak_memory.told_peak_bytes(),
+            }
             store.finish(folder, record, timing)
             log.close(record["status"])
     except (store.StoreError, OSError) as error:
@@ -134,16 +137,3 @@ def _program_version() -> str:
         return metadata.version("antinode")
     except metadata.PackageNotFoundError:
         return "unknown"
-
-
-def _forget_peak_memory() -> None:
-    with suppress(OSError):  # Linux: restart the high-water mark, a worker serves many cases
-        Path("/proc/self/clear_refs").write_text("5")
-
-
-def _peak_memory() -> int | None:
-    """Largest resident memory of this process since the case began, bytes; None where the system does not tell."""
-    with suppress(OSError, StopIteration, ValueError):
-        lines = Path("/proc/self/status").read_text().splitlines()
-        return 1024 * int(next(line for line in lines if line.startswith("VmHWM")).split()[1])
-    return None

@@ -25,6 +25,8 @@ SHOWING = (
         "outputs",
         "study_commands",
         "script_*",
+        "pages",
+        "peak_memory",
         "doctor",
         "logs",
         "house",

@@ -144,7 +144,7 @@ def _plate(case: Case, high_hz: float, log: Log, meshes: list[dict[str, Any]]) -
     if tetrahedral:
         from pipeline import tet_parts
 
-        joinable = tet_parts.mirrored(design) or not design.rows
+        joinable = design.is_mirrored
         if solve.model == "solid" or not joinable:
             return _tet_plate(case, joinable, log, meshes)
         mesher = tet_parts.piece_mesher(design, solve.accuracy, log)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import mimetypes
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
@@ -12,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from pipeline import plots, report_words, store, tables
+from pipeline.pages import data_url, environment
 from pipeline.records import StoredCase, StoredStudy, read_study
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 REPORT = "report.html"
-TEMPLATES = Path(__file__).with_name("templates")
 EMBEDDED_BYTES = 11_000_000  # pictures beyond are linked, so that the page stays below 15 MB
 MOST_DRAWN = 12
 FILES = ("run.mess", "input.json", "record.json", "timing.json", "arrays.npz")
@@ -137,18 +135,11 @@ class _Embedder:
         data = (self.study / folder / picture.shown).read_bytes()
         source = link(folder, picture.shown)
         if len(data) * 4 / 3 <= self.left:
-            text = base64.b64encode(data).decode()
-            self.left -= len(text)
-            source = f"data:{_media(picture.shown)};base64,{text}"
+            source = data_url(picture.shown, data)
+            self.left -= len(source)
         else:
             self.linked += 1
         return Shown(source, link(folder, picture.svg), link(folder, picture.png), picture.title, picture.alt)
-
-
-def _media(name: str) -> str:
-    return {"webp": "image/webp", "svg": "image/svg+xml"}.get(name.rsplit(".", 1)[-1]) or str(
-        mimetypes.guess_type(name)[0]
-    )
 
 
 def link(*parts: str) -> str:
@@ -182,14 +173,6 @@ def _files(case: StoredCase) -> Iterator[tuple[str, str]]:
 
 
 def _environment() -> Environment:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["si"] = report_words.si
-    return environment
+    made = environment()
+    made.filters["si"] = report_words.si
+    return made

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import csv
 import io
 from collections.abc import Callable, Sequence
@@ -11,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline import plots, store
-
-TEMPLATES = Path(__file__).with_name("templates")
+from pipeline.pages import data_url, environment
 
 
 @dataclass(frozen=True)
@@ -94,20 +92,9 @@ def _csv(table: Table) -> str:
 
 
 def _data(folder: Path, picture: plots.Picture) -> str:
-    data = (folder / plots.PICTURES / picture.shown).read_bytes()
-    kind = {"svg": "image/svg+xml", "webp": "image/webp"}.get(picture.shown.rsplit(".", 1)[-1], "image/png")
-    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+    return data_url(picture.shown, (folder / plots.PICTURES / picture.shown).read_bytes())
 
 
 def _html(name: str, title: str, lead: str, shown: list[Any]) -> str:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    template = environment.get_template("script.html.j2")
+    template = environment().get_template("script.html.j2")
     return template.render(name=name, title=title, lead=lead, sections=shown, text=text, folder=plots.PICTURES)

@@ -12,13 +12,6 @@ from geometry.tetmesh import TetOptions, tet_mesh
 from pipeline.logs import Log
 from pipeline.planner import tet_edge_m
 
-SYMMETRIC = ("square", "round", "tapered")
-
-
-def mirrored(design: Design) -> bool:
-    """Whether the scene's solids are their own mirror images in x = 0 and y = 0 (a pillar from CAD need not be)."""
-    return design.pillar is None or design.pillar.shape in SYMMETRIC
-
 
 def tet_zone(design: Design, accuracy: float, log: Log) -> Mesh:
     """The quarter x, y >= 0 of the bare strip, finer towards its clamped side faces."""
@@ -35,7 +28,7 @@ def tet_pillar(design: Design, accuracy: float, log: Log) -> Mesh:
 
 def tet_plate(design: Design, accuracy: float, log: Log) -> tuple[Mesh, bool]:
     """The plate, and whether it is the quarter."""
-    quarter = mirrored(design) or not design.rows
+    quarter = design.is_mirrored
     edge = tet_edge_m(_smallest_m(design) if design.rows else design.thickness_m, max(accuracy, 0.01))
     with log.step("mesh the plate by tetrahedra"):
         return tet_scenes.tet_plate(design, edge, quarter), quarter
@@ -43,7 +36,8 @@ def tet_plate(design: Design, accuracy: float, log: Log) -> tuple[Mesh, bool]:
 
 def tet_cell(design: Design, accuracy: float, log: Log) -> tuple[Mesh, tuple[int, ...]]:
     """The unit cell, finer towards the pillar's foot, and the axes along which it is halved."""
-    edge, quarter = tet_edge_m(_smallest_m(design), accuracy), mirrored(design)
+    edge = tet_edge_m(_smallest_m(design), accuracy)
+    quarter = design.pillar is None or design.pillar.is_own_image
     with log.step("mesh the cell by tetrahedra"):
         if not quarter:
             return tet_scenes.tet_cell(design, edge, quarter_then_mirror=False), ()

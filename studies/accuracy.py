@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import resource
 import statistics
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from geometry.errors import GeometryError, MeshError
-from pipeline import plots
+from pipeline import peak_memory, plots
 from pipeline.mess import Mess
 from pipeline.script_page import Page, Section, Table
 from solvers.errors import SolverError
@@ -150,14 +148,15 @@ def compute(parameters: dict[str, Any], folder: Path, log: Mess) -> dict[str, An
     rung = {**rung, "degrees": tuple(rung["degrees"])} if "degrees" in rung else rung
     ladder.design()
     solve = ladder.PARTS[part]
-    before = _restart_peak()
+    peak_memory.restart()
+    before = peak_memory.resident_bytes()
     start = time.perf_counter()
     try:
         values, dof = solve(rung)
     except (SolverError, GeometryError, MeshError, MemoryError) as refusal:
         return {"refused": " ".join(str(refusal).split()), "values": {}, "dof": None}
     seconds = [time.perf_counter() - start]
-    peak = max(_peak() - before, 0)
+    peak = max(peak_memory.peak_bytes() - before, 0)
     while parameters["role"] == "rung" and len(seconds) < 3 and sum(seconds) < REPEAT_BELOW_S:
         start = time.perf_counter()
         solve(rung)
@@ -165,23 +164,6 @@ def compute(parameters: dict[str, Any], folder: Path, log: Mess) -> dict[str, An
     log.info(f"{values}, {dof} unknowns, {statistics.median(seconds):.3f} s, {peak / 1e6:.0f} MB")
     measured = {"seconds": statistics.median(seconds), "repeats": len(seconds), "peak_bytes": peak}
     return {"values": values, "dof": dof, "measured": measured}
-
-
-def _restart_peak() -> int:
-    with suppress(OSError):
-        Path("/proc/self/clear_refs").write_text("5")
-    return _status("VmRSS")
-
-
-def _peak() -> int:
-    return _status("VmHWM")
-
-
-def _status(key: str) -> int:
-    with suppress(OSError, StopIteration, ValueError):
-        lines = Path("/proc/self/status").read_text().splitlines()
-        return 1024 * int(next(line for line in lines if line.startswith(key)).split()[1])
-    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def extrapolated(levels: list[float]) -> tuple[float, float]:

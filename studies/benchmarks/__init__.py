@@ -7,30 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
-
-import psutil
-
-
-def peak_bytes() -> int:
-    """Largest resident size of this process so far.
-
-    The kernel's figure for this program alone where it is told; getrusage's would begin with the parent's.
-    """
-    status = Path("/proc/self/status")
-    if status.exists():
-        line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
-        return int(line.split()[1]) * 1024
-    import resource
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else peak * 1024
-
-
-def resident_bytes() -> int:
-    """Resident size of this process now."""
-    return int(psutil.Process().memory_info().rss)
 
 
 def timed(action: Callable[[], Any], repeats: int) -> float:

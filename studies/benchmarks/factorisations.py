@@ -19,9 +19,10 @@ import scipy.sparse as sp
 from geometry.hexmesh import HexSettings, hex_mesh, plate_boxes
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from pipeline.peak_memory import peak_bytes, resident_bytes
 from solvers.fem.factor import Factoriser, available
 from solvers.fem.solid import SolidModel
-from studies.benchmarks import in_a_process, peak_bytes, resident_bytes, timed
+from studies.benchmarks import in_a_process, timed
 from studies.benchmarks.meshes import cube_tetrahedra
 
 MODULE = "studies.benchmarks.factorisations"

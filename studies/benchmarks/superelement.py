@@ -13,7 +13,7 @@ import numpy as np
 
 from geometry.hexmesh import HexSettings, cell_boxes, hex_mesh, plate_boxes
 from geometry.layout import Design
-from pipeline import planner
+from pipeline import peak_memory, planner
 from solvers.fem.assembly import assemble
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import CLASSES, SolidModel
@@ -23,7 +23,6 @@ from solvers.superelement.lattice import Lattice
 from solvers.waves.bloch import BlochCell
 from solvers.waves.brillouin import path_through
 from studies import ladder
-from studies.accuracy import _peak, _restart_peak
 
 ACCURACY = 0.003
 BAND_HZ = (30e3, 34e3)
@@ -108,16 +107,18 @@ def plates(with_solid: bool = True) -> dict[str, Any]:
     design, told = ladder.plate_design(), {}
     recipe = planner.plate_recipe(design, ACCURACY, BAND_HZ[1])
     shelf = Shelf()
-    before, start = _restart_peak(), time.perf_counter()
+    peak_memory.restart()
+    before, start = peak_memory.resident_bytes(), time.perf_counter()
     found = _all_classes(PlateModel(design, reductions(design, recipe, shelf)))
     told["one row + 5 mm (s)"] = time.perf_counter() - start
-    told["one row + 5 mm (MB)"] = (_peak() - before) / 1e6
+    told["one row + 5 mm (MB)"] = (peak_memory.peak_bytes() - before) / 1e6
     told["one row + 5 mm, modes"] = sum(len(f) for f in found.values())
     three = ladder.design()
-    before, start = _restart_peak(), time.perf_counter()
+    peak_memory.restart()
+    before, start = peak_memory.resident_bytes(), time.perf_counter()
     modes = _all_classes(PlateModel(three, reductions(three, planner.plate_recipe(three, ACCURACY, BAND_HZ[1]))))
     told["three rows + 25 mm, cold (s)"] = time.perf_counter() - start
-    told["three rows + 25 mm (MB)"] = (_peak() - before) / 1e6
+    told["three rows + 25 mm (MB)"] = (peak_memory.peak_bytes() - before) / 1e6
     told["three rows + 25 mm, modes"] = sum(len(f) for f in modes.values())
     for name, changed in (
         ("one row more", replace(design, rows=2)),
@@ -137,14 +138,15 @@ def _all_classes(model: Any) -> dict[str, Any]:
 
 def _solid(design: Design, joined: dict[str, Any], joined_s: float) -> dict[str, Any]:
     settings = planner.cell_settings(design, ACCURACY)
-    before, start = _restart_peak(), time.perf_counter()
+    peak_memory.restart()
+    before, start = peak_memory.resident_bytes(), time.perf_counter()
     mesh = hex_mesh(plate_boxes(design, settings), settings.order)
     solid = _all_classes(SolidModel(mesh, ladder.materials(), (), True))
     spent = time.perf_counter() - start
     told: dict[str, Any] = {
         "solid dof": 3 * len(mesh.nodes),
         "solid (s)": spent,
-        "solid (MB)": (_peak() - before) / 1e6,
+        "solid (MB)": (peak_memory.peak_bytes() - before) / 1e6,
         "ratio": spent / joined_s,
     }
     for parity in CLASSES:

@@ -1,0 +1,33 @@
+"""What every HTML page is made with: the template environment, and pictures put into the page."""
+
+from __future__ import annotations
+
+import base64
+import mimetypes
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+TEMPLATES = Path(__file__).with_name("templates")
+
+
+def environment() -> Environment:
+    """Templates of this program; whatever a name holds is escaped, and a name that is missing is an error."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    return Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def data_url(name: str, data: bytes) -> str:
+    """A picture's bytes as an address that stands in the page."""
+    suffix = name.rsplit(".", 1)[-1]
+    media = {"webp": "image/webp", "svg": "image/svg+xml"}.get(suffix) or str(mimetypes.guess_type(name)[0])
+    return f"data:{media};base64,{base64.b64encode(data).decode()}"
