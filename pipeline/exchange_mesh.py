@@ -10,6 +10,7 @@ import numpy as np
 
 from geometry import tet_scenes
 from geometry.elements import IntArray
+from geometry.hex_split import split_hexahedra
 from geometry.hexmesh import Boxes, HexSettings, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
 from geometry.layout import Design
 from geometry.materials import Material
@@ -17,7 +18,6 @@ from geometry.mesh import Mesh, check_mesh
 from geometry.solids import Body, pillar_solid, plate_solid, zone_solid
 from pipeline import part_models, planner
 from pipeline.case import Case
-from pipeline.hex_split import split_hexahedra
 from pipeline.logs import Log
 from pipeline.modes import Request, understood
 from pipeline.raw_mesh import outer_facets

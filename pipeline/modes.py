@@ -191,6 +191,11 @@ def _rows(case: Case, part: str, model: PartModel, parity: str | None, modes: Mo
     measures: Confinement | None = None
     if part != "pillar" and len(modes.frequency_hz):
         measures = measure(model.touch(parity, modes.vectors), case.design, parity)
+    return mode_rows(modes, parity, measures)
+
+
+def mode_rows(modes: Modes, parity: str | None, measures: Confinement | None) -> list[ModeRow]:
+    """One row a mode; a measure that has no meaning, or none at all, is None."""
 
     def at(values: FloatArray | None, index: int) -> float | None:
         value = float(values[index]) if values is not None else math.nan

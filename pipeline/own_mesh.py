@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from geometry.elements import FloatArray
 from geometry.materials import Material
 from geometry.mesh import Mesh
 from pipeline.case import Case
@@ -16,7 +14,7 @@ from pipeline.errors import InputFault
 from pipeline.faults import nearest
 from pipeline.logs import Log
 from pipeline.mesh_input import load
-from pipeline.modes import DEFAULT_COUNT, ModeRow, PartModes, Request, understood
+from pipeline.modes import DEFAULT_COUNT, ModeRow, PartModes, Request, mode_rows, understood
 from pipeline.part_models import mesh_record, warn_of_locking
 from pipeline.raw_mesh import VOLUME
 from solvers.confinement import Confinement, measure
@@ -91,21 +89,4 @@ def _rows(case: Case, model: SolidModel, found: Modes) -> tuple[ModeRow, ...]:
     measures: Confinement | None = None
     if "touch" in model.mesh.faces and "zone" in case.given and len(found.frequency_hz):
         measures = measure(model.touch(None, found.vectors), case.design, None)
-
-    def at(values: FloatArray | None, index: int) -> float | None:
-        value = float(values[index]) if values is not None else math.nan
-        return value if math.isfinite(value) else None
-
-    return tuple(
-        ModeRow(
-            float(frequency),
-            float(found.residual[i]),
-            None,
-            i,
-            at(measures.zone_share if measures else None, i),
-            at(measures.confinement_db if measures else None, i),
-            at(measures.mac if measures else None, i),
-            at(measures.extension_db if measures else None, i),
-        )
-        for i, frequency in enumerate(found.frequency_hz)
-    )
+    return tuple(mode_rows(found, None, measures))

@@ -12,7 +12,8 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, onenormest
 
 from geometry.errors import GeometryError
-from geometry.hexmesh import HexSettings, Piece, hex_mesh, piece_boxes, pillar_boxes
+from geometry.hex_split import split_hexahedra
+from geometry.hexmesh import Boxes, HexSettings, Piece, hex_mesh, piece_boxes, pillar_boxes
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS, Material
 from geometry.mesh import Mesh, check_mesh
@@ -139,7 +140,7 @@ def poisson(element: str, poisson: float) -> Result:
     through = {1: 4, 2: 2, 3: 1, 4: 1}[order]
     edges = (PLATE_M, PLATE_M, PLATE_M / 10.0)
     if element.startswith("tet"):
-        mesh = scenes.tetrahedra(scenes.box(edges, (cuts, cuts, through), 1), order)
+        mesh = split_hexahedra(scenes.box(edges, (cuts, cuts, through), order))
     else:
         mesh = scenes.box(edges, (cuts, cuts, through), order)
     pencil = scenes.supported(mesh, material)
@@ -184,11 +185,10 @@ def sliver(dihedral_deg: float) -> Result:
     """The supported plate with a layer of flat tetrahedra in its middle; exact in three dimensions."""
     thickness, cuts = PLATE_M / 10.0, 8
     flat = PLATE_M / cuts * np.tan(np.radians(dihedral_deg))
-    base = scenes.box((PLATE_M, PLATE_M, thickness), (cuts, cuts, 3), 1)
-    nodes = base.nodes.copy()
-    level = np.round(nodes[:, 2] / thickness * 3.0).astype(int)
-    nodes[:, 2] = np.array([0.0, (thickness - flat) / 2.0, (thickness + flat) / 2.0, thickness])[level]
-    mesh = scenes.tetrahedra(Mesh(nodes, base.cells, "hex", 1, base.regions, base.faces), 2)
+    line = np.linspace(0.0, PLATE_M, cuts + 1)
+    levels = np.array([0.0, (thickness - flat) / 2.0, (thickness + flat) / 2.0, thickness])
+    boxes = Boxes(line, line, levels, np.zeros((cuts, cuts, 3), dtype=np.int64), ("body",))
+    mesh = split_hexahedra(hex_mesh(boxes, 2))
     check_mesh(mesh, PLATE_M**2 * thickness, 1e-9)
     pencil = scenes.supported(mesh, ALUMINIUM)
     exact = supported_plate_hz(1, 1, (PLATE_M, PLATE_M), thickness, ALUMINIUM)

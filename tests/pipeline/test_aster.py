@@ -12,12 +12,12 @@ import h5py
 import numpy as np
 import pytest
 
+from geometry.hex_split import split_hexahedra
 from geometry.hexmesh import Boxes, hex_mesh
 from geometry.mesh import Mesh, cell_volumes, check_mesh
 from pipeline import aster, cli
 from pipeline.case import Case, case_from_dict
 from pipeline.exchange_mesh import MOST_UNKNOWNS, Exchange, exchange, modes_below
-from pipeline.hex_split import split_hexahedra
 from pipeline.logs import TerminalLog
 from pipeline.med_file import KINDS, read_med, write_med
 from pipeline.raw_mesh import RawMesh, local_nodes, outer_facets

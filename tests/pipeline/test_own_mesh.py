@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from geometry.hex_split import split_hexahedra
 from geometry.hexmesh import HexSettings, hex_mesh, pillar_boxes
 from geometry.mesh import Mesh
 from pipeline import aster, calculix, cli
 from pipeline.case import Case, case_from_dict
 from pipeline.exchange_mesh import exchange
-from pipeline.hex_split import split_hexahedra
 from pipeline.logs import TerminalLog
 from pipeline.med_file import write_med
 from pipeline.mesh_input import load

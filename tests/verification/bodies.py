@@ -6,14 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from geometry.elements import TET_EDGES
+from geometry.hex_split import split_hexahedra
 from geometry.hexmesh import Boxes, hex_mesh
 from geometry.materials import Material
 from geometry.mesh import Mesh
 from solvers.fem.assembly import assemble
 from solvers.fem.constraints import Pencil, constrain
 
-SIX_TETS = np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]])
 Lines = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -36,14 +35,7 @@ def mapped(mesh: Mesh, move: Callable[[np.ndarray], np.ndarray]) -> Mesh:
 
 def tetrahedra(lines: Lines, order: int) -> Mesh:
     """The box with each hexahedron cut into six tetrahedra."""
-    base = bricks(lines, 1)
-    corners = base.cells[:, SIX_TETS].reshape(-1, 4)
-    if order == 1:
-        return Mesh(base.nodes, corners, "tet", 1)
-    ends = np.sort(corners[:, TET_EDGES].reshape(-1, 2), axis=1)
-    pairs, number = np.unique(ends, axis=0, return_inverse=True)
-    nodes = np.vstack([base.nodes, base.nodes[pairs].mean(axis=1)])
-    return Mesh(nodes, np.hstack([corners, len(base.nodes) + number.reshape(-1, 6)]), "tet", 2)
+    return split_hexahedra(bricks(lines, order))
 
 
 def joined(parts: list[Mesh]) -> Mesh:

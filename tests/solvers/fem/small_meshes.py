@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry.elements import TET_EDGES
+from geometry.hex_split import split_hexahedra
 from geometry.hexmesh import Boxes, hex_mesh
 from geometry.materials import Material
 from geometry.mesh import Mesh
 
 SOFT = Material("soft", 2.5e9, 1200.0, 0.31)
-SIX_TETS = np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]])
 EDGES_M = (2.0e-3, 1.5e-3, 1.1e-3)
 
 
@@ -52,14 +51,7 @@ def skewed(order: int) -> Mesh:
 
 def tets(order: int, cuts: tuple[int, int, int] = (2, 2, 2), edges: tuple[float, ...] = EDGES_M) -> Mesh:
     """A box of hexahedra, each cut into six tetrahedra about its diagonal."""
-    base = hexes(1, cuts, edges)
-    corners = base.cells[:, SIX_TETS].reshape(-1, 4)
-    if order == 1:
-        return Mesh(base.nodes, corners, "tet", 1)
-    ends = np.sort(corners[:, TET_EDGES].reshape(-1, 2), axis=1)
-    pairs, number = np.unique(ends, axis=0, return_inverse=True)
-    nodes = np.vstack([base.nodes, base.nodes[pairs].mean(axis=1)])
-    return Mesh(nodes, np.hstack([corners, len(base.nodes) + number.reshape(-1, 6)]), "tet", 2)
+    return split_hexahedra(hexes(order, cuts, edges))
 
 
 def wavy_tets(amount: float = 0.03) -> Mesh:
