@@ -99,12 +99,6 @@ class Attenuation:
         return float(np.interp(frequency_hz, *np.array(known).T))
 
 
-def wanted_kx(case: Case) -> float:
-    """Wavenumber of the wanted mode along the zone, (N - 1/2) pi / L; 0 for a shape that is rigid along it."""
-    design = case.design
-    return (design.nodal_lines - 0.5) * pi / design.length_m if design.nodal_lines > 1 else 0.0
-
-
 def solve(
     case: Case,
     log: Log,
@@ -119,7 +113,7 @@ def solve(
     check_model(case, box=not (case.design.pillar and not case.design.pillar.is_box))
     if case.solve.model == "solid":
         raise InputFault(f"{case.name}: solve.model = 'solid': must be auto or superelement for attenuation")
-    kx = _checked_kx(case, wanted_kx(case) if kx_per_m is None else kx_per_m)
+    kx = _checked_kx(case, case.kx_wanted_per_m if kx_per_m is None else kx_per_m)
     low, high = band_hz or case.solve.band_hz or planner.wanted_window_hz(case.design)
     meshes: list[dict[str, Any]] = []
     path = path_through(case.bands.path, 1, case.design.pitch_x_m, case.design.pitch_y_m)

@@ -26,11 +26,6 @@ def supported(mesh: Mesh, material: Material) -> Pencil:
     return constrain(assemble(mesh, {"body": material}), free_mask(mesh, (), dict.fromkeys(SIDES, "-")))
 
 
-def sliding(mesh: Mesh, material: Material) -> Pencil:
-    """A box whose sides x-, x+, y-, y+ slide on their planes: pressure and shear waves between mirrors."""
-    return constrain(assemble(mesh, {"body": material}), free_mask(mesh, (), dict.fromkeys(SIDES, "+")))
-
-
 def copies(mesh: Mesh, count: int, step_m: float) -> Mesh:
     """The same body `count` times beside itself, not touching: every frequency `count` times over."""
     shift = np.arange(count)[:, None, None] * np.array([step_m, 0.0, 0.0])
