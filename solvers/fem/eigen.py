@@ -261,7 +261,8 @@ class _Solver:
         """About `count` eigenpairs nearest to the target, ascending; no promise of completeness."""
         if count >= self.pencil.dof - 1:
             return self._dense()
-        factor, shift = self.factor(target if target > 0.0 else -1e-9 * self.norm_ratio)
+        # near 0 Hz the shift lies between rigid and elastic modes: anything relative to the norms may lie far beyond both
+        factor, shift = self.factor(target if target > 0.0 else self.rigid_limit)
         return self.lanczos(factor.solve, shift, count)
 
     def _dense(self) -> tuple[FloatArray, FloatArray]:
