@@ -110,10 +110,17 @@ class Modes:
 
 
 def modes_in_band(
-    pencil: SymmetricPencil, low_hz: float, high_hz: float, backend: str | Factoriser | None = None
+    pencil: SymmetricPencil,
+    low_hz: float,
+    high_hz: float,
+    backend: str | Factoriser | None = None,
+    static: Factor | None = None,
 ) -> Modes:
-    """Every elastic mode with low <= f <= high. Raises CountMismatch when the count does not close."""
-    solver = _Solver(pencil, backend)
+    """Every elastic mode with low <= f <= high. Raises CountMismatch when the count does not close.
+
+    `static`: a factor of K itself, where there is one already; it serves a band that begins at 0.
+    """
+    solver = _Solver(pencil, backend, static)
     scale = pencil.scale
     low, high = scale.eigenvalue(low_hz), scale.eigenvalue(high_hz)
     low = low if low > RIGID[0] * solver.norm_ratio else max(low, solver.rigid_limit)
@@ -204,8 +211,8 @@ def _closed_interval(
 class _Solver:
     """Shift-invert solves of one pencil, sharing the symbolic analysis between shifts."""
 
-    def __init__(self, pencil: SymmetricPencil, backend: str | Factoriser | None) -> None:
-        self.pencil = pencil
+    def __init__(self, pencil: SymmetricPencil, backend: str | Factoriser | None, static: Factor | None = None) -> None:
+        self.pencil, self.static = pencil, static
         self.factorise = backend if isinstance(backend, Factoriser) else Factoriser(backend)
         self._counts: dict[float, int] = {}
         self.factorisations = 0
@@ -299,8 +306,11 @@ class _Solver:
             return np.empty(0), np.empty((self.pencil.dof, 0))
         if expected > SLICE:
             return self._halves(low, high, below_low, below_high)
-        # half-way in lambda: the pairs nearest to the shift are then those of the band, not of what lies below it
-        factor, shift = self.factor(0.5 * (low + high))
+        if self.static is not None and below_low == 0:
+            factor, shift = self.static, 0.0
+        else:
+            # half-way in lambda: the pairs nearest to the shift are then those of the band, not of what lies below it
+            factor, shift = self.factor(0.5 * (low + high))
         values, vectors = self._inside(factor.solve, shift, low, high, expected + max(4, expected // 10))
         for _ in range(3):
             if len(values) >= expected:

@@ -11,6 +11,7 @@ from geometry.elements import FloatArray
 from solvers.errors import SingularShift
 from solvers.fem.factor_memory import foresee, threads
 
+AMD = 40_000  # unknowns up to which minimum degree fills as little as the race of orderings that takes 3 to 7 times longer
 DISSECT = 100_000  # unknowns above which rslab's race of orderings always ended with nested dissection
 ANALYSIS_BYTES = 60  # measured peak of the analysis an entry of the matrix
 COPY_BYTES = 30  # what of it is still held, an entry, while the factor is made; rslab's own plan leaves it out
@@ -25,7 +26,7 @@ class Rslab:
         unknowns = matrix.shape[0]
         if symbolic is None:
             foresee(ANALYSIS_BYTES * matrix.nnz, unknowns)
-        ordering = "metis" if unknowns > DISSECT else "auto"
+        ordering = "amd" if unknowns <= AMD else ("metis" if unknowns > DISSECT else "auto")
         self.symbolic = symbolic or rslab.analyze(matrix, path="ldlt", threads=threads(), ordering=ordering)
         plan = self.symbolic.memory_plan()
         self.foreseen_bytes = foresee(plan["peak_bytes"] + COPY_BYTES * matrix.nnz, unknowns)

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import spilu, splu
-from threadpoolctl import threadpool_limits
 
 from geometry.elements import FloatArray, IntArray
 from solvers.errors import SingularShift, TooLarge
 from solvers.fem.factor_memory import foresee
 from solvers.fem.factor_symbolic import alike, postordered, quotient
+from solvers.one_thread import one_thread
 
 DENSE = 3000  # unknowns up to which even a full triangle is small: SuperLU orders by itself
 WORTH = 0.5  # classes of alike unknowns are ordered instead of unknowns when they are this few
@@ -54,7 +54,7 @@ def _minimum_degree(graph: sp.csc_array) -> IntArray:
     """
     ones = sp.csc_array((np.full(graph.nnz, -1.0), graph.indices, graph.indptr), shape=graph.shape)
     dominant = sp.csc_array(ones + sp.diags_array(np.diff(graph.indptr) + 2.0))
-    with threadpool_limits(1):
+    with one_thread():
         trial = spilu(dominant, 1.0, 1.0, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=SYMMETRIC)
     return np.asarray(trial.perm_c, dtype=np.int64)
 
@@ -81,7 +81,7 @@ class SuperLU:
         order = self.symbolic.order
         column = "NATURAL" if order is not None else "MMD_AT_PLUS_A"
         kept = matrix if order is None else _reordered(matrix, order)
-        with threadpool_limits(1):
+        with one_thread():
             try:
                 self._lu = splu(kept, permc_spec=column, diag_pivot_thresh=0.0, options=SYMMETRIC)
             except RuntimeError as fault:

@@ -90,6 +90,11 @@ def _triangle(order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     return value, np.concatenate([corner, edge], axis=2), np.array(weights)
 
 
+def triangles(facets: IntArray) -> IntArray:
+    """Facets as triangles, (m, 3) as they are, (m, 4) cut in two, (2 m, 3)."""
+    return np.concatenate([facets[:, [0, 1, 2]], facets[:, [0, 2, 3]]]) if facets.shape[1] == 4 else facets
+
+
 def skin_faces(mesh: Mesh) -> IntArray:
     """Corner nodes of every outer facet, shape (m, 4) for hexahedra (in ring order) or (m, 3) for tetrahedra."""
     if mesh.kind == "hex":

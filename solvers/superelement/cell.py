@@ -7,6 +7,7 @@ V = [constraint shapes K_II Psi = -K_IB P, fixed-interface modes of (K_II, M_II)
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -20,6 +21,7 @@ from solvers.fem.constraints import constrain, free_mask, rigid_motions
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.factor import Factoriser
 from solvers.fem.surface import face_quadrature, skin_faces
+from solvers.superelement.diagonal import diagonal_mirror
 from solvers.superelement.interface import SIDES, VERTICES, Interface
 
 RIGID = 1e-8
@@ -76,12 +78,18 @@ def reduce_cell(
     """
     _carried(system, interface)
     build = _Builder(system, interface, halved, free)
-    parts = [
-        build.reduce(dict(zip(halved, signs, strict=True)), top_hz) for signs in product((1, -1), repeat=len(halved))
-    ]
-    cell = build.join(parts)
+    cell = build.join(_mirror_classes(build, top_hz))
     _check(cell, float(system.mass.sum()) * build.copies)
     return cell
+
+
+def _mirror_classes(build: _Builder, top_hz: float) -> list[_Part]:
+    """Every mirror class reduced; where x and y are alike, the class (-, +) is (+, -) turned over."""
+    classes = list(product((1, -1), repeat=len(build.halved)))
+    turned = {(-1, 1)} if build.halved == (0, 1) and build.diagonal is not None else set()
+    wanted = [signs for signs in classes if signs not in turned]
+    parts = {signs: build.reduce(dict(zip(build.halved, signs, strict=True)), top_hz) for signs in wanted}
+    return [parts[signs] if signs in parts else build.swapped(parts[signs[::-1]]) for signs in classes]
 
 
 def _carried(system: System, interface: Interface) -> None:
@@ -128,6 +136,18 @@ class _Builder:
             np.column_stack([nodes[:, :2] / self.half, 2.0 * nodes[:, 2] / self.thickness - 1.0])
         )
 
+    @cached_property
+    def diagonal(self) -> IntArray | None:
+        """Nodes under the mirror x <-> y, (n,); None where mesh or materials differ along x and y."""
+        return diagonal_mirror(self.system)
+
+    def swapped(self, part: _Part) -> _Part:
+        """The same class with x and y exchanged: u'_x(x, y) = u_y(y, x)."""
+        assert self.diagonal is not None
+        shapes = part.shapes.reshape(len(self.diagonal), 3, -1)[self.diagonal][:, [1, 0, 2]]
+        signs = {0: part.signs[1], 1: part.signs[0]}
+        return _Part(signs, part.basis[self.interface.diagonal()], shapes.reshape(part.shapes.shape), part.fixed_hz)
+
     def reduce(self, signs: dict[int, int], top_hz: float) -> _Part:
         """Constraint shapes and fixed-interface modes of one mirror class."""
         mesh = self.system.mesh
@@ -142,8 +162,10 @@ class _Builder:
         pencil = constrain(self.system, inside)
         factorise = Factoriser()  # one symbolic analysis for the static and the shifted matrices
         static = sp.csc_array(pencil.stiffness - 0.0 * pencil.mass)  # stored zeros dropped, as in every shifted matrix
-        shapes[keep] = -factorise(static).solve((self.system.stiffness @ shapes)[keep])
-        modes = modes_in_band(pencil, 0.0, top_hz, factorise)
+        factor = factorise(static)
+        held = np.flatnonzero(shapes.any(axis=1))  # few rows: K_IB P without a product over the whole piece
+        shapes[keep] = -factor.solve((self.system.stiffness[held].T @ shapes[held])[keep])
+        modes = modes_in_band(pencil, 0.0, top_hz, factorise, factor)
         fixed = pencil.expand(modes.vectors).reshape(len(shapes), -1)
         return _Part(signs, basis, np.hstack([shapes, fixed]), modes.frequency_hz)
 

@@ -86,6 +86,16 @@ class Interface:
         sign[axis::3] *= -1.0
         return where, sign
 
+    def diagonal(self) -> IntArray:
+        """Effect of the mirror x <-> y on the unknowns: u'[i] = u[where[i]], shape (count,)."""
+        where = np.arange(self.count)
+        for index, corner in enumerate(VERTICES):
+            where[self.vertex(index)] = self.vertex(VERTICES.index((corner[1], corner[0])))
+        for index in range(4):
+            where[self.side(index)] = self.side((index + 2) % 4)
+        components = where.reshape(-1, 3)
+        return np.asarray(components[:, [1, 0, 2]].ravel())
+
     def parity_basis(self, signs: dict[int, int]) -> FloatArray:
         """Orthonormal combinations with the given parity of u_z under each mirror axis, shape (count, m)."""
         projector = np.eye(self.count)

@@ -11,10 +11,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, eigh
-from threadpoolctl import threadpool_limits
 
 from geometry.elements import FloatArray, IntArray
 from solvers.errors import SolverError
+from solvers.one_thread import one_thread
 from solvers.superelement.cell import Cell, Expansion
 from solvers.superelement.interface import Interface
 
@@ -128,7 +128,7 @@ class Lattice:
         stiffness, mass = self.pencil(wavevector)
         subset = [0, min(count, self.dof) - 1]
         try:
-            with threadpool_limits(1):
+            with one_thread():
                 found = eigh(stiffness, mass, eigvals_only=not vectors, subset_by_index=subset, driver="gvx")
         except LinAlgError as fault:
             face = self.cell.interface

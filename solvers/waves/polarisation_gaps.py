@@ -18,7 +18,8 @@ from solvers.waves.gaps import SMALLEST
 from solvers.waves.polarisation import Label, label_of
 from solvers.waves.refine import CLOSE, tent_top
 
-KNOWN = 1e-5  # relative: an edge where a label changes
+SHARP = 1e-5  # of a step: a label's change is no smooth extreme
+KNOWN = 1e-4  # relative: an edge where a label changes, well below what the reduction is good for
 
 
 @dataclass(frozen=True)
@@ -166,7 +167,7 @@ def _change(solved: Solved, step: _Step, name: str) -> float:
     held, lost = (0.0, step.ends[0]), (1.0, step.ends[1])
     if not step.holds[0]:
         held, lost = lost, held
-    while abs(held[0] - lost[0]) > CLOSE and abs(held[1] - lost[1]) > KNOWN * held[1]:
+    while abs(held[0] - lost[0]) > SHARP and abs(held[1] - lost[1]) > KNOWN * held[1]:
         middle = (held[0] + lost[0]) / 2.0
         value, label = _between(solved, step, middle)
         held, lost = ((middle, value), lost) if label.plate == name else (held, (middle, value))

@@ -15,7 +15,7 @@ from geometry.elements import FloatArray
 from solvers.superelement.lattice import Lattice
 from solvers.waves.branches import Solved, one_sided
 
-CLOSE = 1e-5  # of an interval: where a search stops; a smooth extreme is then known to its square
+CLOSE = 1e-3  # of an interval: where a search stops; a smooth extreme is then known to its square
 INSIDE = np.linspace(0.0, 1.0, 18)[1:-1]
 STARTS = 4  # grid points from which an extreme over the zone is sought
 

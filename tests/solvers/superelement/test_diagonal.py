@@ -1,0 +1,58 @@
+"""The mirror x <-> y of a square cell: a class turned over equals the class reduced, and what is not alike is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh, subspace_angles
+
+from geometry.hexmesh import HexSettings, Piece, hex_mesh, piece_boxes
+from geometry.layout import Pillar
+from geometry.materials import MATERIALS
+from solvers.fem.assembly import Scale, System, assemble
+from solvers.superelement import cell as reduction
+from solvers.superelement.cell import reduce_cell
+from solvers.superelement.diagonal import diagonal_mirror
+from solvers.superelement.interface import Interface
+
+ALUMINIUM = MATERIALS["aluminium"]
+PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
+FACE = Interface(3, 2)
+SQUARE = Piece((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))
+
+
+def system(piece: Piece = SQUARE, stiffer: bool = False) -> System:
+    """A quarter cell, or one with a stiffer element off the diagonal."""
+    mesh = hex_mesh(piece_boxes(piece, 2e-3, PILLAR, HexSettings(2, 2e-3, 1)), 2)
+    materials = {"plate": ALUMINIUM, "pillar": ALUMINIUM, "odd": MATERIALS["steel"]}
+    if stiffer:
+        corner = np.argmax(mesh.nodes[mesh.cells].mean(axis=1) @ [1.0, -1.0, 0.0])
+        regions = {name: np.setdiff1d(cells, corner) for name, cells in mesh.regions.items()}
+        mesh = replace(mesh, regions=regions | {"odd": np.array([corner])})
+    return assemble(mesh, materials, Scale(2e-3, ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3))
+
+
+def test_a_class_turned_over_is_the_class_reduced(monkeypatch: pytest.MonkeyPatch) -> None:
+    turned = reduce_cell(system(), FACE, 300e3, (0, 1))
+    monkeypatch.setattr(reduction, "diagonal_mirror", lambda system: None)
+    direct = reduce_cell(system(), FACE, 300e3, (0, 1))
+    assert np.array_equal(turned.fixed_parity, direct.fixed_parity)
+    assert np.allclose(turned.fixed_hz, direct.fixed_hz, rtol=1e-10)
+    ours, theirs = (eigh(c.stiffness, c.mass, eigvals_only=True)[6:] for c in (turned, direct))
+    assert np.allclose(ours, theirs, rtol=1e-8)
+    boundary = slice(0, FACE.count)
+    largest = np.abs(direct.stiffness).max()
+    assert np.abs(turned.stiffness[boundary, boundary] - direct.stiffness[boundary, boundary]).max() < 1e-10 * largest
+    shapes = [c.touch.matrix[:, 0, FACE.count :][:, c.fixed_parity[:, 0] == -1] for c in (turned, direct)]
+    assert subspace_angles(*shapes).max() < 1e-6
+
+
+def test_unequal_sides_have_no_diagonal_mirror() -> None:
+    assert diagonal_mirror(system()) is not None
+    assert diagonal_mirror(system(replace(SQUARE, high=(3e-3, 2e-3), low=(-3e-3, -2e-3)))) is None
+
+
+def test_equal_nodes_with_unequal_materials_have_none() -> None:
+    assert diagonal_mirror(system(stiffer=True)) is None
