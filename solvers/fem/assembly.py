@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -53,11 +52,6 @@ class System:
     scale: Scale
     mesh: Mesh
     density: FloatArray
-
-    @cached_property
-    def vector_mass(self) -> sp.csr_array:
-        """M = m (x) I3 written out."""
-        return sp.csr_array(sp.kron(self.mass, sp.eye_array(3), format="csr"))
 
     def region_mass(self, region: str) -> sp.csr_array | None:
         """Scalar mass of one region alone; None when the mesh has no such region."""

@@ -93,13 +93,19 @@ class Pencil:
 def constrain(system: System, free: BoolArray) -> Pencil:
     """Restrict a system to its free unknowns and count the rigid motions that remain."""
     keep = np.flatnonzero(free.ravel())
+    mass = sp.csr_array(sp.kron(system.mass, sp.eye_array(3), format="csr"))
     return Pencil(
-        sp.csc_array(_restrict(system.stiffness, keep)),
-        sp.csc_array(_restrict(system.vector_mass, keep)),
+        _symmetric(_restrict(system.stiffness, keep)),
+        _symmetric(_restrict(mass, keep)),
         free,
         system,
         _surviving(system.mesh.nodes, free),
     )
+
+
+def _symmetric(matrix: sp.csr_array) -> sp.csc_array:
+    """Rows read as columns: the same matrix without a copy."""
+    return sp.csc_array((matrix.data, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
 def _restrict(matrix: sp.csr_array, keep: NDArray[np.int64]) -> sp.csr_array:

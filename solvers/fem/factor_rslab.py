@@ -11,8 +11,7 @@ from geometry.elements import FloatArray
 from solvers.errors import SingularShift
 from solvers.fem.factor_memory import foresee, threads
 
-AMD = 40_000  # unknowns up to which minimum degree fills as little as the race of orderings that takes 3 to 7 times longer
-DISSECT = 100_000  # unknowns above which rslab's race of orderings always ended with nested dissection
+FILLED = 10.0  # factor over matrix, bytes: beyond, the body is no plate, and nested dissection fills less than minimum degree
 ANALYSIS_BYTES = 60  # measured peak of the analysis an entry of the matrix
 COPY_BYTES = 30  # what of it is still held, an entry, while the factor is made; rslab's own plan leaves it out
 
@@ -21,13 +20,10 @@ class Rslab:
     """L D L' with the inertia of D's blocks of one and two."""
 
     def __init__(self, matrix: sp.csc_array, symbolic: Any | None = None) -> None:
-        import rslab
-
         unknowns = matrix.shape[0]
         if symbolic is None:
             foresee(ANALYSIS_BYTES * matrix.nnz, unknowns)
-        ordering = "amd" if unknowns <= AMD else ("metis" if unknowns > DISSECT else "auto")
-        self.symbolic = symbolic or rslab.analyze(matrix, path="ldlt", threads=threads(), ordering=ordering)
+        self.symbolic = symbolic or _analysed(matrix)
         plan = self.symbolic.memory_plan()
         self.foreseen_bytes = foresee(plan["peak_bytes"] + COPY_BYTES * matrix.nnz, unknowns)
         self.memory_bytes = int(plan["factor_bytes"])
@@ -47,3 +43,14 @@ class Rslab:
     def free(self) -> None:
         """Give the memory back; the factor cannot be used afterwards."""
         del self._factor
+
+
+def _analysed(matrix: sp.csc_array) -> Any:
+    """Ordered by minimum degree, which takes a fifth of the time of others; by nested dissection where that fills too much."""
+    import rslab
+
+    symbolic = rslab.analyze(matrix, path="ldlt", threads=threads(), ordering="amd")
+    if symbolic.memory_plan()["factor_bytes"] <= FILLED * 8.0 * matrix.nnz / 2.0:
+        return symbolic
+    other = rslab.analyze(matrix, path="ldlt", threads=threads(), ordering="metis")
+    return min(symbolic, other, key=lambda found: found.memory_plan()["factor_bytes"])

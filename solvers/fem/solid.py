@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
 from geometry.elements import FloatArray
 from geometry.materials import Material
@@ -14,6 +16,7 @@ from solvers.fem.assembly import System, assemble
 from solvers.fem.constraints import Pencil, constrain, free_mask
 from solvers.fem.surface import FaceQuadrature, Skin, face_quadrature, skin_faces
 
+LARGE = 200_000  # unknowns
 CLASSES = ("++", "+-", "-+", "--")
 
 
@@ -33,7 +36,11 @@ class SolidModel:
     def pencil(self, parity: str | None) -> Pencil:
         """K and M of one mirror class."""
         mirrors = {"x-": parity[0], "y-": parity[1]} if parity else {}
-        return constrain(self.system, free_mask(self.mesh, self.clamped, mirrors))
+        pencil = constrain(self.system, free_mask(self.mesh, self.clamped, mirrors))
+        if self.mesh.dof > LARGE:  # assembled anew for the next class: both stiffnesses at once are a quarter of the peak
+            del self.system
+            pencil = replace(pencil, system=replace(pencil.system, stiffness=sp.csr_array(pencil.stiffness.shape)))
+        return pencil
 
     def field(self, parity: str | None, vectors: FloatArray) -> FloatArray:
         """Nodal displacements (n, 3, k) from free unknowns (dof, k)."""

@@ -1,0 +1,48 @@
+"""docs/verification.md from the stored studies: `python -m studies.verification` after `make bench`.
+
+Nothing here computes: the tables are those of results/extremes and results/accuracy, word for word.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+from pipeline.house import RESULTS
+from pipeline.store import write_atomic
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "verification.md"
+INTRODUCTION = """# Verification
+
+Written by `python -m studies.verification` from what `make bench` stored; times and memory are those of the machine that ran it
+(two cores). What is compared with exact solutions and published benchmarks is in `tests/verification/`, one file a proof:
+Navier's plate in three dimensions and its families, the rods, the cantilever against Timoshenko, Rayleigh-Lamb waves, NAFEMS FV32
+and FV52, hexahedra against tetrahedra, joined against whole plates, and faults planted on purpose, each of which a proof must see.
+"""
+
+
+def text(names: tuple[str, ...] = ("accuracy", "extremes")) -> str:
+    """The page. Raises FileNotFoundError for a study that was not run."""
+    return INTRODUCTION + "".join("\n" + _lowered((RESULTS / name / "report.md").read_text()) for name in names)
+
+
+def _lowered(page: str) -> str:
+    """Headings one level down, pictures left out: they are beside the stored report."""
+    lines = [line for line in page.splitlines() if not line.startswith("![")]
+    return re.sub(r"^(#+) ", r"#\1 ", "\n".join(lines), flags=re.MULTILINE).rstrip() + "\n"
+
+
+def main() -> int:
+    """Write the page, or say which study is missing."""
+    try:
+        write_atomic(PAGE, text().encode())
+    except FileNotFoundError as fault:
+        print(f"{fault.filename}: not there; run `make bench` first", file=sys.stderr)
+        return 2
+    print(f"verification {PAGE}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
