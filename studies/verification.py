@@ -15,10 +15,11 @@ from pipeline.store import write_atomic
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "verification.md"
 INTRODUCTION = """# Verification
 
-Written by `python -m studies.verification` from what `make bench` stored; times and memory are those of the machine that ran it
-(two cores). What is compared with exact solutions and published benchmarks is in `tests/verification/`, one file a proof:
-Navier's plate in three dimensions and its families, the rods, the cantilever against Timoshenko, Rayleigh-Lamb waves, NAFEMS FV32
-and FV52, hexahedra against tetrahedra, joined against whole plates, and faults planted on purpose, each of which a proof must see.
+Written by `python -m studies.verification` from what `make bench` stored; times and memory are those of the machine
+that ran it (two cores). What is compared with exact solutions and published benchmarks is in `tests/verification/`,
+one file a proof: Navier's plate in three dimensions and its families, the rods, the cantilever against Timoshenko,
+Rayleigh-Lamb waves, NAFEMS FV32 and FV52, hexahedra against tetrahedra, joined against whole plates, and faults
+planted on purpose, each of which a proof must see.
 """
 
 
