@@ -66,6 +66,7 @@ def _figure(key: str, record: dict[str, Any]) -> float | str | None:
         return ((record.get("predesign") or {}).get("zone") or {}).get("formula_hz")
     return {
         "wanted": wanted.get("frequency_hz"),
+        "peak": ((record.get("response") or {}).get("peak") or {}).get("frequency_hz"),
         "gap_lower": gaps[0].get("lower_hz"),
         "gap_upper": gaps[0].get("upper_hz"),
     }[key]

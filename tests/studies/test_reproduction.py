@@ -1,0 +1,35 @@
+"""The page of the thesis' figures: verdicts follow the numbers, missing studies are named, pillars are computed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from studies import reproduction
+
+
+@pytest.mark.parametrize(
+    ("thesis", "ours", "verdict"),
+    [(32.0, 32.5, "agrees"), (32.0, 33.0, "differs by +3.1%"), ("leaks", "leaks (5.7 dB)", "agrees")]
+    + [("confined", "leaks (9.9 dB)", "differs")],
+)
+def test_the_verdict_follows_the_figures(thesis: object, ours: object, verdict: str) -> None:
+    assert reproduction.judged(thesis, ours) == verdict
+
+
+def test_pillars_get_lower_as_they_get_longer() -> None:
+    rows = {row[0]: row[2] for row in reproduction.pillars()}
+    tones = [float(text.split(" kHz")[0]) for text in rows.values()]
+    assert tones == sorted(tones)
+    assert tones[0] == pytest.approx(32.633, abs=0.005)  # (1.8751)^2 / 2 pi * h / l^2 sqrt(E / 12 rho)
+
+
+def test_studies_that_were_not_run_are_named(tmp_path: Path) -> None:
+    found, missing = reproduction.plates(tmp_path)
+    assert found == []
+    assert missing == list(reproduction.STUDIES)
+
+
+def test_a_bar_in_a_cell_does_not_break_the_table() -> None:
+    assert "\\|t\\|2" in reproduction.table([("force", "|t|2", "0", "agrees")])
