@@ -13,8 +13,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
+from solvers.analytic.bracketing import root_between
 from solvers.errors import SolverError
 
 FloatArray = NDArray[np.float64]
@@ -98,7 +98,7 @@ def _first_roots(left: str, right: str, count: int) -> tuple[float, ...]:
     grid = np.arange(LOWEST, (count + 2) * pi, STEP)
     values = [_determinant(float(kappa), left, right) for kappa in grid]
     brackets = [(a, b) for (a, fa), (b, fb) in pairwise(zip(grid, values, strict=True)) if (fa < 0.0) != (fb < 0.0)]
-    found = [float(brentq(_determinant, a, b, args=(left, right), xtol=1e-13, rtol=1e-15)) for a, b in brackets[:count]]
+    found = [root_between(lambda kappa: _determinant(kappa, left, right), a, b, 1e-13) for a, b in brackets[:count]]
     if len(found) < count:
         raise SolverError(f"{left}-{right} beam: {len(found)} of {count} roots were found")
     return tuple(found)
@@ -140,7 +140,7 @@ def antinodes(mode: BeamMode) -> tuple[float, ...]:
     grid = np.linspace(0.0, 1.0, 32 * (int(mode.kappa / pi) + 2) + 1)[1:-1]
     slope = mode.shape(grid, 1)
     return tuple(
-        float(brentq(lambda s: float(mode.shape(s, 1)), a, b, xtol=1e-13))
+        root_between(lambda s: float(mode.shape(s, 1)), a, b, 1e-13)
         for a, b, fa, fb in zip(grid[:-1], grid[1:], slope[:-1], slope[1:], strict=True)
         if (fa < 0.0) != (fb < 0.0)
     )

@@ -7,9 +7,9 @@ from itertools import pairwise
 from math import cos, pi, sin, sqrt, tanh
 
 import numpy as np
-from scipy.optimize import brentq
 
 from solvers.analytic.beams import free_free_mode
+from solvers.analytic.bracketing import root_between
 from solvers.errors import SolverError
 
 
@@ -98,7 +98,7 @@ def levy_wavenumber_per_m(strip: Strip, nodal_lines: int) -> float:
         if (edges(a) < 0.0) != (edges(b) < 0.0):
             found += 1
             if found == nodal_lines // 2 + 1:
-                return float(brentq(edges, a, b, xtol=1e-14 * b, rtol=1e-15))
+                return root_between(edges, a, b, 1e-14 * b)
     raise SolverError(f"Levy's equation: the mode with {nodal_lines} nodal lines was not found for {strip}")
 
 

@@ -9,12 +9,11 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from geometry.layout import Design, Pillar
 from solvers.analytic.beams import frequency_hz, roots
+from solvers.analytic.bracketing import root_between
 from solvers.analytic.plates import Strip, beam_function_hz, levy_hz, levy_wavenumber_per_m
-from solvers.analytic.ritz_beams import ritz_frequencies_hz
 from solvers.analytic.ritz_plates import MOST_LINES, kirchhoff_mode, mindlin_mode
 from solvers.analytic.timoshenko import Beam, exact_omegas, round_beam, square_beam
 from solvers.errors import SolverError
@@ -121,6 +120,8 @@ def pillar_frequencies_hz(pillar: Pillar, theory: Theory, count: int = 1, height
     """The first `count` bending frequencies of the pillar on its clamped foot, shape (count,), Hz."""
     beam = pillar_beam(pillar, height_m)
     if beam.width_ratio is not None:
+        from solvers.analytic.ritz_beams import ritz_frequencies_hz
+
         return ritz_frequencies_hz(beam, "clamped", "free", count, rigid_shear=theory == "euler")
     if theory == "timoshenko":
         return np.array(exact_omegas(beam, "clamped", "free", count)) * beam.unit_rad_s / (2.0 * pi)
@@ -224,7 +225,7 @@ def _solved(excess: Callable[[float], float], start: float) -> float:
         high *= 1.5
     if excess(low) < 0.0 or excess(high) > 0.0:
         raise SolverError("no such length")
-    return low if low == high else float(brentq(excess, low, high, xtol=1e-9 * start, rtol=1e-10))
+    return low if low == high else root_between(excess, low, high, 1e-9 * start)
 
 
 def _above_zero(what: str, value: float) -> None:

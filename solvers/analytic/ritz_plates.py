@@ -13,7 +13,6 @@ from typing import Literal
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 from threadpoolctl import ThreadpoolController
 
 from solvers.analytic.beams import free_free_mode
@@ -99,9 +98,11 @@ def mindlin_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
 def _lowest(stiffness: FloatArray, mass: FloatArray, nodal_lines: int) -> tuple[FloatArray, FloatArray]:
     """Enough modes of one parity class to hold (0, N); one thread, since two only wait for each other at this size."""
     last = min(len(stiffness), ACROSS * (nodal_lines // 2 + 1) + 3) - 1
-    with _threads().limit(limits=1):
-        values, vectors = eigh(stiffness, mass, subset_by_index=(0, last))
-    return np.asarray(values), np.asarray(vectors)
+    with _threads().limit(limits=1):  # by numpy alone: importing scipy.linalg takes several times as long as the solve
+        lower = np.linalg.cholesky(mass)
+        standard = np.linalg.solve(lower, np.linalg.solve(lower, stiffness).T)
+        values, vectors = np.linalg.eigh((standard + standard.T) / 2.0)
+        return values[: last + 1], np.linalg.solve(lower.T, vectors[:, : last + 1])
 
 
 @lru_cache(maxsize=1)

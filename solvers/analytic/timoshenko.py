@@ -13,9 +13,9 @@ from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from solvers.analytic.beams import End, check_ends
+from solvers.analytic.bracketing import root_between
 from solvers.errors import SolverError
 
 FloatArray = NDArray[np.float64]
@@ -162,7 +162,7 @@ def _sign_changes(omegas: list[float], beam: Beam, left: str, right: str) -> lis
     values = [determinant(omega) for omega in omegas]
     pairs = pairwise(zip(omegas, values, strict=True))
     return [
-        float(brentq(determinant, low, high, xtol=1e-13 * low, rtol=1e-15))
+        root_between(determinant, low, high, 1e-13 * low)
         for (low, at_low), (high, at_high) in pairs
         if (at_low < 0.0) != (at_high < 0.0)
     ]

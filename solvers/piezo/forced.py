@@ -2,13 +2,16 @@
 
 u(w) = sum_r phi_r phi_r' theta V / (lambda_r (1 + i/Q) - lambda) + [R + (lambda - lambda_0) R1] V, where R is
 (K - lambda_0 M)^-1 theta less the same modes at lambda_0 and R1 = (K - lambda_0 M)^-1 M R: what lies outside the band
-follows by two terms about its middle. Patches that listen are open: Q_s = 0.
+follows by two terms about its middle. Patches that listen are open, Q_s = 0; those that drive hold their voltage (short)
+or their charge (open).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +20,10 @@ from geometry.elements import FloatArray
 from geometry.layout import Design
 from solvers.confinement import measure, wanted_parity
 from solvers.errors import SolverError
+from solvers.fem.assembly import Scale
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.factor import Factoriser
-from solvers.piezo.patched_plate import Group, PatchedPlate
+from solvers.piezo.patched_plate import Group
 
 Complex = NDArray[np.complex128]
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are the rest
@@ -59,20 +63,48 @@ class Curve:
     sensor_v_per_v: Complex
 
 
+class DrivenPlate(Protocol):
+    """A plate that loads drive: its mirror classes solved together, each load a patch or a pressure."""
+
+    name: str
+    scale: Scale
+    groups: list[Group]
+    everything: list[Group]  # with those that no load drives
+
+    @property
+    def patches(self) -> Sequence[object]:
+        """One a load."""
+        ...
+
+    @property
+    def stiffness_unit(self) -> float:
+        """N/m of one scaled unit of stiffness."""
+        ...
+
+    @property
+    def capacitance_f(self) -> FloatArray:
+        """Of each patch with its bonded face held, F."""
+        ...
+
+
 class ForcedPlate:
     """A patched plate driven by some patches, one volt each with the wanted mode's signs; the others listen."""
 
     def __init__(
-        self, plate: PatchedPlate, design: Design, drivers: tuple[int, ...], sensors: tuple[int, ...],
-        band_hz: tuple[float, float], quality: float,
+        self, plate: DrivenPlate, design: Design, drivers: tuple[int, ...], sensors: tuple[int, ...],
+        band_hz: tuple[float, float], quality: float, circuit: str = "short", margin: tuple[float, float] = MARGIN,
     ) -> None:  # fmt: skip
         if not (quality > 0.0 and 0.0 < band_hz[0] < band_hz[1]):
             raise SolverError(f"quality {quality}, band {band_hz} Hz: must be above 0 and ascending")
         if not drivers:
             raise SolverError("no patch drives: at least one must")
+        if circuit not in ("short", "open"):
+            raise SolverError(f"circuit {circuit!r}: must be short (a voltage drives) or open (a charge does)")
         self.plate, self.design, self.band_hz = plate, design, band_hz
         self.drivers, self.sensors, self.loss = list(drivers), list(sensors), 1.0 / quality
-        self.modes = [_group_modes(group, band_hz) for group in plate.groups]
+        self.circuit = circuit
+        self.margin = margin
+        self.modes = [group_modes(group, band_hz, margin) for group in plate.groups]
         self.signs = self._wanted_signs()
 
     @cached_property
@@ -106,36 +138,50 @@ class ForcedPlate:
         """Frequency of the patched plate's mode that looks most like the wanted one; None when the band holds none."""
         return float(self._wanted[0].frequency_hz[self._wanted[1]]) if self._wanted else None
 
+    def wanted_column(self) -> int | None:
+        """Place of the wanted mode among the columns of all groups, one after another; None when the band holds none."""
+        if self._wanted is None:
+            return None
+        first = 0
+        for found in self.modes:
+            if found is self._wanted[0]:
+                break
+            first += found.columns.shape[1]
+        return first + self._wanted[1]
+
     def volts(self, eigenvalue: float) -> Complex:
-        """Voltages of all patches: +-1 on those that drive, what opens the circuit of those that listen."""
-        volts = np.zeros(len(self.plate.patches), dtype=complex)
-        volts[self.drivers] = self.signs[self.drivers]
-        if self.sensors:
+        """Voltages of all patches: of those that drive +-1, or what +-1 V on the held patch would charge them with when
+        the circuit is open; of those that listen what leaves them without charge.
+        """
+
+        def charge() -> Complex:
             parts = [found.receptance(eigenvalue, self.loss) for found in self.modes]
-            charge = np.sum(parts, axis=0) * self.plate.stiffness_unit
-            s, d = self.sensors, self.drivers
-            held = charge[np.ix_(s, s)] + np.diag(self.plate.capacitance_f[s])
-            volts[s] = -np.linalg.solve(held, charge[np.ix_(s, d)] @ volts[d])
+            return np.asarray(np.sum(parts, axis=0) * self.plate.stiffness_unit)
+
+        return self.patch_volts(charge)
+
+    def patch_volts(self, charge: Callable[[], Complex]) -> Complex:
+        """The same from theta' u per volt, (patches, patches) in C/V, which is asked for only when a circuit is open."""
+        capacitance = self.plate.capacitance_f
+        volts = np.zeros(len(self.plate.patches), dtype=complex)
+        charged = np.zeros(len(self.plate.patches))
+        fed, left = (self.drivers, self.sensors) if self.circuit == "short" else ([], self.drivers + self.sensors)
+        if self.circuit == "open":
+            charged[self.drivers] = (self.signs * capacitance)[self.drivers]
+        volts[fed] = self.signs[fed]
+        if left:
+            moved = charge()
+            held = moved[np.ix_(left, left)] + np.diag(capacitance[left])
+            volts[left] = np.linalg.solve(held, charged[left] - moved[np.ix_(left, fed)] @ volts[fed])
         return volts
 
     @cached_property
     def _grams(self) -> list[tuple[FloatArray, FloatArray]]:
         """Integrals of u_z^2 over the active and the passive touch face, per pair of columns."""
-        out = []
-        for found in self.modes:
-            inside = np.zeros((found.columns.shape[1],) * 2)
-            outside = inside.copy()
-            for field in found.group.touch(found.columns):
-                active = np.abs(field.points[:, 1]) < self.design.width_m / 2.0
-                for gram, part in ((inside, active), (outside, ~active)):
-                    gram += field.values[part].T @ (field.weights[part, None] * field.values[part])
-            out.append((inside, outside))
-        return out
+        return [touch_grams(found, self.design) for found in self.modes]
 
     def curve(self, frequency_hz: FloatArray) -> Curve:
         """Response at frequencies in Hz."""
-        design = self.design
-        areas = (design.length_m * design.width_m, design.length_m * (2.0 * design.half_span_m - design.width_m))
         zone, passive = np.zeros(len(frequency_hz)), np.zeros(len(frequency_hz))
         sensors = np.zeros((len(frequency_hz), len(self.sensors)), dtype=complex)
         for row, frequency in enumerate(frequency_hz):
@@ -146,8 +192,7 @@ class ForcedPlate:
                 a = found.amplitudes(eigenvalue, self.loss, volts)
                 zone[row] += float((a.conj() @ inside @ a).real)
                 passive[row] += float((a.conj() @ outside @ a).real)
-        held = np.sqrt(passive / areas[1]) if areas[1] > 1e-9 * areas[0] else None
-        return Curve(np.asarray(frequency_hz), np.sqrt(zone / areas[0]), held, sensors)
+        return Curve(np.asarray(frequency_hz), *rms(zone, passive, self.design), sensors)
 
     def shape(self, frequency_hz: float) -> tuple[FloatArray, Complex]:
         """Operating shape on the whole touch face: points (q, 2) in m and complex u_z (q,) per volt, m/V."""
@@ -166,6 +211,24 @@ class ForcedPlate:
         return points, np.asarray(values)
 
 
+def rms(zone_m4: FloatArray, passive_m4: FloatArray, design: Design) -> tuple[FloatArray, FloatArray | None]:
+    """rms |u_z| from the integrals of |u_z|^2 over the active and the passive touch face; None without a passive face."""
+    active = design.length_m * design.width_m
+    passive = design.length_m * (2.0 * design.half_span_m - design.width_m)
+    return np.sqrt(zone_m4 / active), np.sqrt(passive_m4 / passive) if passive > 1e-9 * active else None
+
+
+def touch_grams(found: GroupModes, design: Design) -> tuple[FloatArray, FloatArray]:
+    """Integrals of u_z^2 over the active and the passive touch face per pair of columns, (columns, columns) each."""
+    inside = np.zeros((found.columns.shape[1],) * 2)
+    outside = inside.copy()
+    for field in found.group.touch(found.columns):
+        active = np.abs(field.points[:, 1]) < design.width_m / 2.0
+        for gram, part in ((inside, active), (outside, ~active)):
+            gram += field.values[part].T @ (field.weights[part, None] * field.values[part])
+    return inside, outside
+
+
 def _unfolded(points: FloatArray, values: FloatArray, parity: str) -> tuple[FloatArray, FloatArray]:
     for axis, mark in enumerate(parity):
         flip = np.ones(2)
@@ -175,10 +238,11 @@ def _unfolded(points: FloatArray, values: FloatArray, parity: str) -> tuple[Floa
     return points, values
 
 
-def _group_modes(group: Group, band_hz: tuple[float, float]) -> GroupModes:
+def group_modes(group: Group, band_hz: tuple[float, float], margin: tuple[float, float]) -> GroupModes:
+    """Modes of a group within the band widened by the margin, and its rests about the band's middle."""
     scale = group.pencil.scale
     factorise = Factoriser()
-    modes = modes_in_band(group.pencil, MARGIN[0] * band_hz[0], MARGIN[1] * band_hz[1], factorise)
+    modes = modes_in_band(group.pencil, margin[0] * band_hz[0], margin[1] * band_hz[1], factorise)
     values = scale.eigenvalue(1.0) * modes.frequency_hz**2
     gain = modes.vectors.T @ group.loads
     middle = scale.eigenvalue(0.5 * (band_hz[0] + band_hz[1]))

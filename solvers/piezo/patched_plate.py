@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geometry.elements import FloatArray
+from geometry.patches import mirrored_axes
 from solvers.confinement import TouchField
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
@@ -22,7 +23,6 @@ from solvers.superelement.bond import displacement_at
 from solvers.superelement.plate import RIGID_OF_CLASS, JoinedPlate
 
 CLASSES = ("++", "+-", "-+", "--")
-SAME_M = 1e-9
 SILENT = 1e-9  # of the largest load: a class below it is not driven
 
 
@@ -58,10 +58,10 @@ class PatchedPlate:
             raise SolverError("no patches: nothing drives the plate")
         self.patches, self.back, self.name = tuple(patches), back, name
         self.scale: Scale = next(iter(joined.values())).placed[0].cell.scale
-        everything = [self._group([joined[p] for p in parities]) for parities in coupled_classes(self.patches)]
-        loudest = max(float(np.abs(group.loads).max()) for group in everything)
-        self.groups = [group for group in everything if np.abs(group.loads).max() > SILENT * loudest]
-        self.silent = [p for group in everything if group not in self.groups for p in group.parities]
+        self.everything = [self._group([joined[p] for p in parities]) for parities in coupled_classes(self.patches)]
+        loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
+        self.groups = [group for group in self.everything if np.abs(group.loads).max() > SILENT * loudest]
+        self.silent = [p for group in self.everything if group not in self.groups for p in group.parities]
 
     @cached_property
     def stiffness_unit(self) -> float:
@@ -112,17 +112,11 @@ def _sum(parts: list[sp.coo_array]) -> sp.csc_array:
 
 def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:
     """Mirror classes that stay apart: along an axis about which the set of patches is its own mirror image."""
-    boxes = np.array([[*patch.points.min(axis=0), *patch.points.max(axis=0)] for patch in patches])
-    even = [_own_image(boxes, axis) for axis in (0, 1)]
+    low = np.array([patch.points.min(axis=0) for patch in patches])
+    high = np.array([patch.points.max(axis=0) for patch in patches])
+    even = mirrored_axes(np.column_stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]]))
     groups: dict[tuple[str, ...], list[str]] = {}
     for parity in CLASSES:
         key = tuple(mark if even[axis] else "" for axis, mark in enumerate(parity))
         groups.setdefault(key, []).append(parity)
     return list(groups.values())
-
-
-def _own_image(boxes: FloatArray, axis: int) -> bool:
-    image = boxes.copy()
-    image[:, axis], image[:, axis + 2] = -boxes[:, axis + 2], -boxes[:, axis]
-    apart = np.abs(boxes[:, None] - image[None]).max(axis=2)
-    return bool((apart.min(axis=1) < SAME_M).all())

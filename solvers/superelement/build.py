@@ -20,6 +20,7 @@ from solvers.fem.surface import Skin
 from solvers.superelement.cell import Cell, reduce_cell
 from solvers.superelement.interface import Interface
 from solvers.superelement.plate import JoinedPlate
+from solvers.superelement.plate_estimate import mode_errors
 from solvers.superelement.tiling import Signature, signature, tile
 
 
@@ -130,6 +131,10 @@ class PlateModel:
     def pencil(self, parity: str | None) -> PlainPencil:
         """K and M of one mirror class."""
         return self.joined(parity).pencil()
+
+    def reduction_error(self, parity: str | None, vectors: FloatArray) -> float:
+        """How far the reduction may put these modes too high, relative: the worst of them."""
+        return float(mode_errors(self.joined(parity), vectors).total.max(initial=0.0))
 
     def touch(self, parity: str | None, vectors: FloatArray) -> TouchField:
         """u_z on the touch face."""

@@ -17,7 +17,7 @@ from geometry.elements import FloatArray, IntArray
 from solvers.confinement import TouchField
 from solvers.errors import SolverError
 from solvers.fem.eigen import PlainPencil
-from solvers.fem.surface import Skin
+from solvers.fem.surface import Skin, triangles
 from solvers.superelement.cell import Cell, Expansion
 from solvers.superelement.interface import SIDES, VERTICES, Interface
 from solvers.superelement.tiling import Signature, Tiling, signature
@@ -107,6 +107,8 @@ class JoinedPlate:
             field = np.tensordot(expansion.matrix, self.cell_vectors(placed, vectors), axes=(2, 0))
             values.append(field.transpose(2, 0, 1))
             start += len(expansion.points)
+        if len({part.shape[1] for part in facets}) > 1:  # tetrahedra beside bare pieces of hexahedra
+            facets = [triangles(part) for part in facets]
         return Skin(np.concatenate(points), np.concatenate(facets), np.concatenate(values, axis=1))
 
 

@@ -144,14 +144,14 @@ def test_driver_and_sensor_may_change_places() -> None:
 
 
 def test_a_peak_is_as_wide_as_its_damping() -> None:
-    from pipeline.response import quality_factor
+    from solvers.measured_sweep import half_power_quality
 
     plate = forced(MIDDLE, (0,), (), 400.0)
     tone = float(max(plate.modes, key=lambda m: np.abs(m.gain).max()).frequency_hz[0])
     grid = np.linspace(tone * 0.99, tone * 1.01, 801)
     curve = plate.curve(grid)
     peak = int(np.argmax(curve.zone_rms_m_per_v))
-    read = quality_factor(grid, curve.zone_rms_m_per_v, peak)
+    read = half_power_quality(grid, curve.zone_rms_m_per_v, peak)
     assert read == pytest.approx(400.0, rel=0.03)
 
 

@@ -1,0 +1,42 @@
+"""Response of a patched plate at one point of its touch face, as a laser vibrometer sees it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from solvers.piezo.forced import Complex, ForcedPlate, GroupModes
+
+
+def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_hz: FloatArray) -> Complex:
+    """u_z per volt of drive, (n,) in m/V, at the quadrature point of the touch face nearest to a point in m."""
+    rows = [_row(found, point_m) for found in forced.modes]
+    out = np.zeros(len(frequency_hz), dtype=complex)
+    for index, frequency in enumerate(frequency_hz):
+        eigenvalue = forced.plate.scale.eigenvalue(float(frequency))
+        volts = forced.volts(eigenvalue)
+        for found, row in zip(forced.modes, rows, strict=True):
+            out[index] += row @ found.amplitudes(eigenvalue, forced.loss, volts)
+    return out
+
+
+def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float) -> tuple[float, float]:
+    """Where |u_z| of the operating shape is largest on |y| < half_width_m, (x, y) in m; the first of equals from x, y >= 0."""
+    points, values = forced.shape(frequency_hz)
+    size = np.where(np.abs(points[:, 1]) < half_width_m, np.abs(values), 0.0)
+    equal = np.flatnonzero(size >= (1.0 - 1e-6) * size.max())
+    best = equal[np.lexsort((points[equal, 0], points[equal].min(axis=1) < 0.0))[0]]
+    return float(points[best, 0]), float(points[best, 1])
+
+
+def _row(found: GroupModes, point_m: tuple[float, float]) -> FloatArray:
+    """u_z at the point per unit of each column, (columns,): the mirror classes of the group added up."""
+    target, total = np.array(point_m), np.zeros(found.columns.shape[1])
+    for parity, field in zip(found.group.parities, found.group.touch(found.columns), strict=True):
+        folded, sign = target.copy(), 1.0
+        for axis, mark in enumerate(parity):
+            if target[axis] < 0.0:
+                folded[axis], sign = -target[axis], sign * (1.0 if mark == "+" else -1.0)
+        nearest = int(np.argmin(((field.points - folded) ** 2).sum(axis=1)))
+        total += sign * field.values[nearest]
+    return total

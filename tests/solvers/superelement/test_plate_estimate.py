@@ -1,0 +1,44 @@
+"""The estimate of a joined plate's reduction error against a plate reduced much finer from the same meshes."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from geometry.hexmesh import HexSettings
+from geometry.layout import Design, Pillar
+from geometry.materials import MATERIALS
+from solvers.fem.eigen import modes_near
+from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.superelement.interface import Interface
+from solvers.superelement.plate_estimate import mode_errors
+
+ALUMINIUM = MATERIALS["aluminium"]
+PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
+DESIGN = Design(16e-3, 8e-3, 2e-3, 2, ALUMINIUM, PILLAR, 4e-3, 5e-3, 1, 3e-3)
+MESH = HexSettings(order=4, size_m=2e-3, layers=0, pillar_size_m=3.15e-3)
+COUNT = 12
+
+
+@lru_cache
+def plate(along: int, top_hz: float) -> tuple[np.ndarray, float, float]:
+    """Lowest frequencies of a class, and the worst estimates by modes and by degrees."""
+    recipe = Recipe(Interface(along, 3), top_hz, MESH)
+    joined = PlateModel(DESIGN, Reductions(2e-3, ALUMINIUM, PILLAR, recipe)).joined("++")
+    modes = modes_near(joined.pencil(), 0.0, COUNT)
+    errors = mode_errors(joined, modes.vectors[:, :COUNT])
+    return modes.frequency_hz[:COUNT], float(errors.modes.max()), float(errors.degrees.max())
+
+
+@pytest.mark.parametrize(("along", "top_hz"), [(2, 900e3), (3, 400e3), (4, 400e3), (4, 800e3)])
+def test_the_worst_error_stays_below_the_worst_estimate(along: int, top_hz: float) -> None:
+    fine, coarse = plate(7, 1.5e6), plate(along, top_hz)
+    actual = (coarse[0] / fine[0] - 1.0).max()
+    assert 0.0 < actual <= coarse[1] + coarse[2]
+
+
+def test_each_estimate_answers_to_its_own_cause() -> None:
+    assert plate(2, 900e3)[2] > 3.0 * plate(4, 900e3)[2]  # degrees
+    assert plate(4, 300e3)[1] > 3.0 * plate(4, 900e3)[1]  # fixed-interface modes
