@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from geometry.piezo_materials import PiezoMaterial
 
 FloatArray = NDArray[np.float64]
+SAME_M = 1e-9  # places that agree to a nanometre are the same
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class Patches:
     lengths_m: tuple[float, ...]
     sensors: tuple[int, ...]
     drive_v: float
+    circuit: Literal["short", "open"] = "short"  # of those that drive: a voltage holds them, or a charge
 
     @property
     def count(self) -> int:
@@ -49,6 +51,17 @@ class Patches:
     def z_range_m(self, thickness_m: float) -> tuple[float, float]:
         """The patches' extent along z on a plate of this thickness, m."""
         return (thickness_m, thickness_m + self.size_m[2]) if self.face == "back" else (-self.size_m[2], 0.0)
+
+
+def mirrored_axes(boxes_m: FloatArray) -> tuple[bool, bool]:
+    """Along x and y: whether footprints (n, 4) as boxes_m gives them are together their own mirror image."""
+    found = []
+    for axis in (0, 1):
+        image = boxes_m.copy()
+        image[:, 2 * axis], image[:, 2 * axis + 1] = -boxes_m[:, 2 * axis + 1], -boxes_m[:, 2 * axis]
+        apart = np.abs(boxes_m[:, None] - image[None]).max(axis=2)
+        found.append(bool((apart.min(axis=1) < SAME_M).all()))
+    return found[0], found[1]
 
 
 def antinode_places(

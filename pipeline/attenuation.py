@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import IntArray
-from pipeline import planner
+from pipeline import omissions
+from pipeline.asked import driven_band_hz
 from pipeline.case import Case
 from pipeline.cells import bare_cell
 from pipeline.errors import InputFault
 from pipeline.lattice_cell import lattice_model
 from pipeline.logs import Log
-from pipeline.part_models import check_model
+from pipeline.ways import SOLID, cell_way
+from solvers.one_thread import one_thread
 from solvers.waves.brillouin import path_through
 from solvers.waves.evanescent import Row, RowWaves
 from solvers.waves.polarisation import label_of
@@ -110,18 +112,19 @@ def solve(
     case.require("plate", "array.pitch_mm", "pillar", command="attenuation")
     if kx_per_m is None:
         case.require("zone", command="attenuation without --kx")
-    check_model(case, box=not (case.design.pillar and not case.design.pillar.is_box))
-    if case.solve.model == "solid":
+    way = cell_way(case)
+    if case.solve.model == SOLID:
         raise InputFault(f"{case.name}: solve.model = 'solid': must be auto or superelement for attenuation")
+    omissions.told((*way.left_out, omissions.waves_downwards(case.design)), log)
     kx = _checked_kx(case, case.kx_wanted_per_m if kx_per_m is None else kx_per_m)
-    low, high = band_hz or case.solve.band_hz or planner.wanted_window_hz(case.design)
+    low, high = driven_band_hz(case, band_hz)
     meshes: list[dict[str, Any]] = []
     path = path_through(case.bands.path, 1, case.design.pitch_x_m, case.design.pitch_y_m)
     model = lattice_model(case, path.wavevectors[[leg.last for leg in path.legs]], log, meshes)
     cell = model.lattice.cell  # the one that the bands use: reduced once for both
     row, bare = Row(cell, kx), Row(bare_cell(case, cell.interface, log), kx)
     rows = case.design.rows
-    with log.step(f"{points} frequencies"):
+    with log.step(f"{points} frequencies"), one_thread():
         found = tuple(_point(row, bare, rows, float(f)) for f in np.linspace(low, high, points))
     _tell(found, kx, log)
     return Attenuation(model.name, kx, rows, case.design.pitch_y_m, found, meshes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,14 @@ import numpy as np
 from geometry.elements import FloatArray, IntArray
 from geometry.hexmesh import cell_boxes, hex_mesh
 from geometry.layout import Design
-from pipeline import planner
+from pipeline import error_model, omissions
 from pipeline.case import Case
-from pipeline.cells import by_tetrahedra
 from pipeline.errors import InputFault
 from pipeline.lattice_cell import LatticeModel, lattice_model
 from pipeline.logs import Log
-from pipeline.part_models import check_model, mesh_record
+from pipeline.part_models import mesh_record
+from pipeline.wave_shapes import wave_shapes
+from pipeline.ways import SOLID, Way, cell_way
 from solvers.fem.assembly import assemble
 from solvers.waves.bloch import BlochCell
 from solvers.waves.branches import Branches, Solved, follow
@@ -80,6 +81,8 @@ class Bands:
     meshes: list[dict[str, Any]] = field(default_factory=list)
     detail: Detail | None = None
     zone_gaps: list[ZoneGap] | None = None
+    shapes: dict[str, Any] = field(default_factory=dict)
+    expected_error: float | None = None
 
     def at(self, label: str) -> FloatArray | None:
         """Frequencies at the first point with a label, or None when the path does not pass it."""
@@ -99,7 +102,8 @@ class Bands:
                 zip(self.path.labels, self.path.wavevectors, self.frequencies_hz, strict=True)
             )
         ]
-        found = {"schema": 1, "model": self.model, "dof": self.dof, "points": points}
+        found: dict[str, Any] = {"schema": 1, "model": self.model, "dof": self.dof, "points": points}
+        found["expected_error"] = self.expected_error
         found["gaps"] = [vars(gap) for gap in self.gaps]
         found |= self.detail.json() if self.detail else {}
         return found if self.zone_gaps is None else found | {"zone_gaps": [vars(gap) for gap in self.zone_gaps]}
@@ -109,23 +113,23 @@ def _pair(pair: FloatArray) -> list[float] | None:
     return None if np.isnan(pair).any() else [float(f"{value:.{DIGITS}g}") for value in pair]
 
 
-def solve_bands(case: Case, log: Log) -> Bands:
-    """Every band asked for, at every wavevector of the case's path."""
+def solve_bands(case: Case, log: Log, shapes: bool = False) -> Bands:
+    """Every band asked for, at every wavevector of the case's path; where asked, shapes of the waves as a page shows them."""
     _check(case)
-    design, asked = case.design, case.bands
+    design, asked, way = case.design, case.bands, cell_way(case)
     path = path_through(asked.path, asked.points, design.pitch_x_m, design.pitch_y_m)
-    if design.pillar is None:
-        log.left_out("pillars", "the case has none: the cell is bare")
-    if not asked.grid:
-        log.left_out("wavevectors off the path", f"{asked.path} bounds the irreducible Brillouin zone")
-    if case.solve.model == "solid" and not by_tetrahedra(case):
-        return _full(case, path, log)
-    return _reduced(case, path, log)
+    border = omissions.off_path(design, asked.path, asked.grid)
+    omissions.told((*way.left_out, border), log)
+    if not (border or asked.grid):
+        log.info(
+            f"{asked.path} does not bound the irreducible zone: gaps are those of the path; [bands] grid looks beyond"
+        )
+    found = _full(case, way, path, log) if way.model == SOLID else _reduced(case, path, log, shapes)
+    return replace(found, expected_error=error_model.told(way, case, log))
 
 
 def _check(case: Case) -> None:
     case.require("plate", "array.pitch_mm", command="bands")
-    check_model(case, box=not (case.design.pillar and not case.design.pillar.is_box))
     if case.design.pillar is None and case.design.rows:
         raise InputFault(f"{case.name}: array.rows = {case.design.rows}: must be 0 when the case has no [pillar]")
 
@@ -134,10 +138,10 @@ def _materials(design: Design) -> dict[str, Any]:
     return {"plate": design.material, "pillar": design.pillar.material if design.pillar else design.material}
 
 
-def _full(case: Case, path: Path, log: Log) -> Bands:
+def _full(case: Case, way: Way, path: Path, log: Log) -> Bands:
     """The cell as meshed: frequencies and sampled gaps only."""
-    design, settings = case.design, planner.cell_settings(case.design, case.solve.accuracy)
-    log.left_out("CAD and tetrahedra", "the cell is made of boxes")
+    design, settings = case.design, way.hexahedra
+    assert settings
     log.left_out("polarisation, branches and group velocity", "the full cell gives frequencies only")
     mesh = hex_mesh(cell_boxes(design, settings), settings.order)
     with log.step("assemble the cell"):
@@ -164,7 +168,7 @@ def _each_once(wavevectors: FloatArray, count: int, frequencies: Frequencies) ->
     return np.array([known[float(k[0]), float(k[1])] for k in wavevectors])
 
 
-def _reduced(case: Case, path: Path, log: Log) -> Bands:
+def _reduced(case: Case, path: Path, log: Log, shapes: bool) -> Bands:
     """The cell reduced: waves followed on a path fine enough for it, gaps between the samples too."""
     meshes: list[dict[str, Any]] = []
     corners = path.wavevectors[[leg.last for leg in path.legs]]
@@ -184,7 +188,8 @@ def _reduced(case: Case, path: Path, log: Log) -> Bands:
     rows = np.array([waves.frequency_hz[:count] for waves in branches.waves])[::factor]
     detail = _detail(model, branches, labels, factor, count, along_legs, polarised)
     zone = _over_the_zone(case, model, solved, gaps, log) if case.bands.grid else None
-    return Bands(model.name, model.lattice.dof, path, rows, gaps, meshes, detail, zone)
+    moved = wave_shapes(model.lattice, path, count) if shapes else {}
+    return Bands(model.name, model.lattice.dof, path, rows, gaps, meshes, detail, zone, moved)
 
 
 def _detail(
@@ -205,8 +210,9 @@ def _detail(
 
 def _over_the_zone(case: Case, model: LatticeModel, solved: Solved, gaps: list[Gap], log: Log) -> list[ZoneGap]:
     """The path's gaps over the whole irreducible zone, from a grid and from the path's best points."""
-    design, names = case.design, Mirrors(model.lattice.cell).names
-    grid = zone_grid(case.bands.grid, design.pitch_x_m, design.pitch_y_m, bool({"x", "y"} & set(names)), "d" in names)
+    design = case.design
+    names = {*omissions.lattice_mirrors(design)} & {*Mirrors(model.lattice.cell).names}
+    grid = zone_grid(case.bands.grid, design.pitch_x_m, design.pitch_y_m, bool({"x", "y"} & names), "d" in names)
     with log.step(f"grid of {len(grid)} wavevectors"):
         values = np.array([model.lattice.eigenvalues(k, solved.count) for k in grid])
         found = refined_zone_gaps(solved, grid, values, gaps)

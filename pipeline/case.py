@@ -41,6 +41,34 @@ class BandSettings:
 
 
 @dataclass(frozen=True)
+class Tolerance:
+    """How far one pillar differs from another: standard deviations in m, how many plates are drawn, the draw's seed."""
+
+    height_m: float
+    side_m: float
+    position_m: float
+    samples: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class MeasuredFiles:
+    """What was measured of the plate: the paths of a sweep and of a map, and where the sweep's laser stood, m."""
+
+    sweep: Path | None
+    map: Path | None
+    at_m: tuple[float, float] | None
+
+    def as_understood(self) -> dict[str, Any]:
+        """Names and SHA-256 of the files, and the place."""
+        plain: dict[str, Any] = {"at_m": _plain(self.at_m)}
+        for name, path in (("sweep", self.sweep), ("map", self.map)):
+            if path is not None:
+                plain |= {name: path.name, f"{name}_sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+        return plain
+
+
+@dataclass(frozen=True)
 class Case:
     """One scene in SI, as understood. Lengths of tables that the file does not have are NaN: ask `require` first."""
 
@@ -52,6 +80,8 @@ class Case:
     quality: float
     patches: Patches | None
     given: frozenset[str]
+    tolerance: Tolerance | None = None
+    measured: MeasuredFiles | None = None
 
     @property
     def parity_wanted(self) -> str | None:
@@ -86,6 +116,10 @@ class Case:
         plain: dict[str, Any] = {
             name: _plain(getattr(self, name)) for name in ("design", "solve", "bands", "quality", "patches")
         }
+        if self.tolerance:
+            plain["tolerance"] = _plain(self.tolerance)
+        if self.measured:
+            plain["measured"] = self.measured.as_understood()
         pillar = self.design.pillar
         if pillar and pillar.file:
             plain["design"]["pillar"]["file"] = Path(pillar.file).name
@@ -103,7 +137,7 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
     """The case of a parsed file; STEP paths are taken from the folder of `source`. InputFault as load_case."""
     settings = _parsed(overrides)
     values = read_values(apply_overrides(raw, settings), source, [key for key, _ in settings])
-    patches = None
+    patches, measured = None, _measured(values, source)
     if not values.faults.touch("material", "plate", "zone", "pillar", "array"):
         patches = read_patches(values, _design(values))
     values.faults.stop()
@@ -117,6 +151,8 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
         quality=values.good["damping.quality"],
         patches=patches,
         given=values.given,
+        tolerance=_tolerance(values),
+        measured=measured,
     )
 
 
@@ -174,6 +210,28 @@ def _solve(values: Values) -> SolveSettings:
         model=good["solve.model"],
         mesh=good["solve.mesh"],
     )
+
+
+def _measured(values: Values, source: Path | None) -> MeasuredFiles | None:
+    good = values.good
+    if "measured" not in good:
+        return None
+    found: dict[str, Path | None] = {}
+    for name in ("sweep", "map"):
+        given = good.get(f"measured.{name}")
+        found[name] = path = None if given is None else (source.parent if source else Path()) / given
+        if path is not None and not path.is_file():
+            values.faults.add(f"measured.{name}", given, f"no such file {path}")
+    place = good.get("measured.at_mm")
+    return MeasuredFiles(found["sweep"], found["map"], (MM * place[0], MM * place[1]) if place else None)
+
+
+def _tolerance(values: Values) -> Tolerance | None:
+    good = values.good
+    if "tolerance" not in good:
+        return None
+    height, side, position = (MM * good[f"tolerance.{name}_mm"] for name in ("height", "side", "position"))
+    return Tolerance(height, side, position, good["tolerance.samples"], good["tolerance.seed"])
 
 
 def _bands(values: Values, design: Design) -> BandSettings:

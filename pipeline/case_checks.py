@@ -172,6 +172,46 @@ def check_patch_keys(good: Values, step: StepPillar | None) -> Iterator[Fault]:
         yield "patches.sensors", sensors, "must name each patch once"
 
 
+def check_measured(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+    """Something was measured, on a plate with patches; a laser's place belongs to a sweep."""
+    if "measured" not in good:
+        return
+    sweep, field, place = (good.get(f"measured.{name}") for name in ("sweep", "map", "at_mm"))
+    if not (sweep or field):
+        yield "measured.sweep", None, "a [measured] table names a sweep, a map or both"
+    if place and not sweep:
+        yield "measured.at_mm", place, "must be left out without measured.sweep"
+    if "patches" not in good:
+        yield "measured.sweep", sweep, "needs [patches]: what was measured is compared with their response"
+
+
+def check_tolerance(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+    """Something varies, on square pillars, and three standard deviations leave each pillar a body and its place."""
+    if "tolerance" not in good:
+        return
+    sizes = {name: good.get(f"tolerance.{name}_mm") for name in ("height", "side", "position")}
+    height, side, position = sizes.values()
+    if height is None or side is None or position is None:
+        return
+    if not (height or side or position):
+        yield "tolerance.height_mm", height, "nothing varies: height_mm, side_mm or position_mm must be above 0"
+    if good.get("pillar.shape") in SECTIONS and (good["pillar.shape"] != "square" or good.get("pillar.fillet_mm")):
+        yield "tolerance.height_mm", height, "only square pillars without fillet can be varied"
+        return
+    if "pillar" not in good or good.get("array.rows") == 0:
+        yield "tolerance.height_mm", height, "needs a [pillar] and array.rows above 0"
+        return
+    tall, wide = good.get("pillar.height_mm"), good.get("pillar.side_mm")
+    for name, given, whole in (("height", height, tall), ("side", side, wide)):
+        if whole and 3.0 * given >= whole:
+            yield f"tolerance.{name}_mm", given, f"must be below {whole / 3.0:g}, a third of pillar.{name}_mm"
+    pitches = [good.get(f"array.{name}") for name in ("pitch_mm", "pitch_x_mm", "pitch_y_mm")]
+    room = min((pitch - wide for pitch in pitches if pitch and wide), default=None)
+    if room is not None and 3.0 * side + 6.0 * position >= room > 0.0:
+        text = f"pillars may touch: 3 side_mm + 6 position_mm must be below the room {room:g} mm between two of them"
+        yield "tolerance.position_mm", position, text
+
+
 CHECKS: tuple[Callable[[Values, StepPillar | None], Iterator[Fault]], ...] = (
     check_pillar_keys,
     check_fillet,
@@ -184,4 +224,6 @@ CHECKS: tuple[Callable[[Values, StepPillar | None], Iterator[Fault]], ...] = (
     check_solve,
     check_path,
     check_patch_keys,
+    check_measured,
+    check_tolerance,
 )

@@ -35,6 +35,7 @@ def read_patches(values: CaseValues, design: Design) -> Patches | None:
         lengths_m=lengths,
         sensors=tuple(good["patches.sensors"]),
         drive_v=float(good["patches.drive_V"]),
+        circuit=good["patches.circuit"],
     )
     _check_sensors(patches, faults)
     if "zone" in good:

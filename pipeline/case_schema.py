@@ -101,6 +101,25 @@ class PatchesTable(Table):
         default_factory=list, description="a list of patch numbers, counted from 0"
     )
     drive_V: float = Field(default=1.0, gt=0, description=ABOVE_0)
+    circuit: Literal["short", "open"] = Field(
+        default="short", description="short (a voltage drives the patches) or open (a charge does)"
+    )
+
+
+class MeasuredTable(Table):
+    sweep: str | None = Field(default=None, min_length=1, description="the path of a CSV file")
+    map: str | None = Field(default=None, min_length=1, description="the path of a CSV file")
+    at_mm: Annotated[list[float], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description="two numbers [x, y], where the sweep's laser stood"
+    )
+
+
+class ToleranceTable(Table):
+    height_mm: float = Field(default=0.0, ge=0, description=NOT_NEGATIVE)
+    side_mm: float = Field(default=0.0, ge=0, description=NOT_NEGATIVE)
+    position_mm: float = Field(default=0.0, ge=0, description=NOT_NEGATIVE)
+    samples: int = Field(default=20, ge=1, le=10_000, description="a whole number from 1 to 10000")
+    seed: int = Field(default=1, ge=0, description="a whole number of 0 or more")
 
 
 TABLES: dict[str, type[Table]] = {
@@ -112,6 +131,8 @@ TABLES: dict[str, type[Table]] = {
     "bands": BandsTable,
     "damping": DampingTable,
     "patches": PatchesTable,
+    "tolerance": ToleranceTable,
+    "measured": MeasuredTable,
 }
 MATERIAL_OWNERS = ("", "pillar")  # the tables that may hold a material; "" is the top of the file
 MATERIAL_ALLOWED = "the name of a material or a table with young_GPa, density_kg_m3 and poisson"

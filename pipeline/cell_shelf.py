@@ -19,6 +19,7 @@ from solvers.fem.assembly import Scale
 from solvers.superelement.cell import Cell, Expansion
 from solvers.superelement.interface import Interface
 
+MOST_BYTES = 200_000_000  # of all cells: a long sweep must not fill the disk with cells that it never meets again
 PARTS = {"scale": Scale, "interface": Interface, "touch": Expansion, "skin": Expansion}
 
 
@@ -28,10 +29,10 @@ def _salt() -> str:
 
 
 class CellShelf:
-    """A folder of .npz files, one per cell; a torn or foreign file counts as absent."""
+    """A folder of .npz files, one per cell, the longest unused ones removed; a torn or foreign file counts as absent."""
 
-    def __init__(self, folder: Path = RESULTS / ".cells") -> None:
-        self.folder = folder
+    def __init__(self, folder: Path = RESULTS / ".cells", most_bytes: int = MOST_BYTES) -> None:
+        self.folder, self.most_bytes = folder, most_bytes
 
     def get(self, key: str) -> Cell | None:
         """A cell kept under this key by the same code, or None."""
@@ -39,7 +40,9 @@ class CellShelf:
             contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile),
             np.load(self._path(key)) as file,
         ):
-            return _unpacked({name: file[name] for name in file.files})
+            found = _unpacked({name: file[name] for name in file.files})
+            os.utime(self._path(key))  # used now: the last to go
+            return found
         return None
 
     def put(self, key: str, cell: Cell) -> None:
@@ -53,6 +56,18 @@ class CellShelf:
                 Path(name).replace(self._path(key))
             finally:
                 Path(name).unlink(missing_ok=True)
+            self._make_room(self._path(key))
+
+    def _make_room(self, newest: Path) -> None:
+        """Remove what was not used for longest until the cells fit; never the one just kept."""
+        cells = sorted(((path.stat(), path) for path in self.folder.glob("*.npz")), key=lambda pair: pair[0].st_mtime)
+        total = sum(stat.st_size for stat, _ in cells)
+        for stat, path in cells:
+            if total <= self.most_bytes:
+                return
+            if path != newest:
+                path.unlink(missing_ok=True)
+                total -= stat.st_size
 
     def _path(self, key: str) -> Path:
         return self.folder / f"{key[:32]}-{_salt()}.npz"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pipeline import planner
+from pipeline import omissions, planner
 from pipeline.case import Case
 from pipeline.cell_shelf import CellShelf
 from pipeline.logs import Log
@@ -15,8 +15,7 @@ from solvers.superelement.interface import Interface
 
 def by_tetrahedra(case: Case) -> bool:
     """Whether the cell goes through CAD: it is no set of boxes, or the case wants tetrahedra."""
-    pillar = case.design.pillar
-    return case.solve.mesh == "tet" or (pillar is not None and not pillar.is_box)
+    return omissions.boxes(case, "cell") is None
 
 
 def bare_cell(case: Case, interface: Interface, log: Log) -> Cell:

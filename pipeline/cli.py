@@ -78,7 +78,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.set_defaults(debug=False)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for add in (_add_case_commands, _add_active, _add_study_commands, _add_export, _add_checks):
+    for add in (_add_case_commands, _add_search, _add_active, _add_study_commands, _add_export, _add_checks):
         add(commands)
     return parser
 
@@ -123,7 +123,10 @@ def _add_case_commands(commands: Any) -> None:
     modes.add_argument("--unit", choices=("m", "mm"), default="m", help="length unit of the mesh file (default: m)")
     clamp = "hold this group of faces or nodes of the mesh file (repeatable)"
     modes.add_argument("--clamp", action="append", default=[], metavar="NAME", help=clamp)
-    _takes_case(_solver(commands, "bands", "Bloch bands and gaps of the unit cell", f"bands {case}"))
+    every = "write the field of every mode into --out DIR (fields.npz)"
+    modes.add_argument("--fields", action="store_true", help=every)
+    _explains(modes)
+    _explains(_takes_case(_solver(commands, "bands", "Bloch bands and gaps of the unit cell", f"bands {case}")))
     waves = _takes_case(
         _solver(commands, "attenuation", "decay per row across the zone's border", f"attenuation {case}")
     )
@@ -132,12 +135,48 @@ def _add_case_commands(commands: Any) -> None:
         "--kx", type=float, metavar="K", help="wavenumber along the zone in rad/m (default: the wanted mode's)"
     )
     waves.add_argument("--points", type=_positive, metavar="N", default=201, help="how many frequencies (default: 201)")
+    _explains(waves)
     example = f"response {case} --band 28kHz:35kHz"
     response = _takes_case(_solver(commands, "response", "forced response to the patches", example))
     response.add_argument("--band", metavar="F:F", help="frequencies, such as 28kHz:35kHz")
     response.add_argument(
         "--points", type=_positive, metavar="N", default=401, help="how many frequencies (default: 401)"
     )
+    _explains(response)
+    _add_measured(response)
+    _add_tolerance(commands)
+
+
+def _add_tolerance(commands: Any) -> None:
+    text = "how far peak and confinement move when no two pillars are alike ([tolerance] in the case)"
+    example = "tolerance studies/three-rows.toml --set tolerance.height_mm=0.05 --samples 20 --out spread"
+    spread = _takes_case(_command(commands, "tolerance", text, example, "pipeline.tolerance_command:tolerance"))
+    spread.add_argument("--band", metavar="F:F", help="frequencies, such as 28kHz:38kHz")
+    spread.add_argument("--samples", type=_positive, metavar="N", help="how many plates (default: the case's, 20)")
+    spread.add_argument("--seed", type=_positive, metavar="N", help="of the draw (default: the case's, 1)")
+    _explains(spread)
+
+
+def _explains(sub: argparse.ArgumentParser) -> None:
+    text = "tell what would be computed, what is left out, and why; compute nothing"
+    sub.add_argument("--explain", action="store_true", help=text)
+
+
+def _add_measured(response: argparse.ArgumentParser) -> None:
+    columns = "CSV with frequency_Hz (or kHz) and real, imag or amplitude, phase_deg"
+    response.add_argument("--measured", metavar="FILE", help=f"a measured sweep to compare with: {columns}")
+    columns = "CSV with x_mm, y_mm and real, imag or amplitude, phase_deg"
+    response.add_argument("--map", metavar="FILE", help=f"a vibrometer's map of the touch face: {columns}")
+    response.add_argument(
+        "--at", metavar="X,Y", help="where the sweep's laser stood, mm (default: where the zone moves most)"
+    )
+    response.add_argument(
+        "--synthesise", metavar="DIR", help="write sweep.csv and field.csv as if measured, marked SYNTHETIC"
+    )
+    response.add_argument(
+        "--seed", type=_positive, default=1, metavar="N", help="of the noise of --synthesise (default: 1)"
+    )
+    response.add_argument("--noise", type=_share, metavar="R", help="rms of that noise over the peak (default: 0.01)")
 
 
 def _solver(commands: Any, name: str, text: str, example: str) -> argparse.ArgumentParser:
@@ -148,6 +187,36 @@ def _positive(text: str) -> int:
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text}: must be 1 or more")
+    return value
+
+
+def _add_search(commands: Any) -> None:
+    text = "the design that holds the wanted mode best"
+    example = "search studies/three-rows.toml --vary pillar.height_mm=5:8 --vary array.pitch_mm=4:8 --out found"
+    search = _command(commands, "search", text, example, "pipeline.search_command:search")
+    _takes_case(search)
+    varied = "a key of plate, zone, pillar or array between two ends (repeatable)"
+    search.add_argument("--vary", action="append", default=[], metavar="KEY=LOW:HIGH", help=varied)
+    goal = (
+        "what to raise: dB on the zone over the passive face, or over the plate beyond the rows (default: confinement)"
+    )
+    search.add_argument("--goal", choices=("confinement", "extension"), default="confinement", help=goal)
+    budget = "joined plates to spend, three columns of cells to each (default: 16)"
+    search.add_argument("--evaluations", type=_positive, metavar="N", default=16, help=budget)
+    search.add_argument("--above", metavar="F", default="25kHz", help="least frequency (default: 25kHz)")
+    half = "largest half-wavelength along the zone (default: 20)"
+    search.add_argument("--half-wave", type=float, metavar="MM", default=20.0, help=half)
+    search.add_argument("--feature", type=float, metavar="MM", default=0.4, help="least printable size (default: 0.4)")
+    mac = "least modal assurance to the wanted shape (default: 0.8)"
+    search.add_argument("--mac", type=float, metavar="SHARE", default=0.8, help=mac)
+    proof = "solve the design as it was and the best one by this model, too (solid: minutes each)"
+    search.add_argument("--confirm", choices=("plate", "solid"), default="plate", help=proof)
+
+
+def _share(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value < 1.0:
+        raise argparse.ArgumentTypeError(f"{text}: must be 0 or more and below 1")
     return value
 
 
@@ -179,10 +248,23 @@ def _add_study_commands(commands: Any) -> None:
     run.add_argument("--force", action="store_true", help="compute again what stands")
     run.add_argument("--fail-fast", action="store_true", help="stop at the first failure")
     run.add_argument("--keep-going", action="store_true", help="finish the other cases after a failure (the default)")
-    run.add_argument("--dry-run", action="store_true", help="list what would run, and why")
+    run.add_argument("--dry-run", action="store_true", help="list what would run, and why, and each case's plan")
+    run.add_argument(
+        "--fields", action="store_true", help="keep the field of every mode, too (fields.npz in each case)"
+    )
     text = "rebuild pages and pictures from records"
     report = _command(commands, "report", text, "report rows", "pipeline.study_commands:report")
     report.add_argument("study", metavar="STUDY|accuracy|extremes", help="study file or name")
+    text = "a window on a plate and its modes"
+    view = _command(commands, "view", text, "view rows --case pitch_mm=4,rows=3", "pipeline.view:view")
+    view.add_argument(
+        "target", metavar="CASE|FILE.vtu|STUDY", help="case file, mesh file, or study with stored results"
+    )
+    view.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="CASE: override a key, such as array.rows=2"
+    )
+    view.add_argument("--solve", action="store_true", help="CASE: compute its wanted mode, too (takes seconds)")
+    view.add_argument("--case", dest="case_id", metavar="ID", help="STUDY: which case (default: the one held best)")
 
 
 def _add_export(commands: Any) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from pipeline import outputs
 from pipeline.case import Case, load_case
-from pipeline.errors import CheckFailed
+from pipeline.errors import CheckFailed, InputFault
 from pipeline.house import STUDIES
 from pipeline.logs import TerminalLog
 from pipeline.quantities import parse_band, parse_frequency
@@ -39,9 +39,18 @@ def modes(arguments: Namespace) -> int:
     case, log = _case(arguments), _log(arguments)
     band = parse_band(arguments.band, "--band") if arguments.band else None
     near = parse_frequency(arguments.near, "--near") if arguments.near else None
-    from pipeline.modes import Request, solve_modes, wanted_row
+    from pipeline.asked import Request
 
     asked = Request(arguments.part, band, near, arguments.count, arguments.parity)
+    if arguments.explain:
+        if arguments.mesh_file:
+            raise InputFault("--explain: must be left out beside --mesh-file, whose mesh is solved whole as it is")
+        _require_part(case, arguments.part)
+        return _explained(arguments, "of_modes", case, asked)
+    if arguments.fields and not arguments.out:
+        raise InputFault("--fields: needs --out DIR, the folder that fields.npz goes to")
+    from pipeline.modes import solve_modes, wanted_row
+
     if arguments.mesh_file:
         from pipeline import own_mesh
 
@@ -62,6 +71,10 @@ def modes(arguments: Namespace) -> int:
     outputs.emit(arguments, "modes", document, "\n".join(text))
     if arguments.out:
         outputs.write_file(Path(arguments.out) / "modes.csv", outputs.csv_bytes(head, rows))
+    if arguments.fields:
+        from pipeline import fields, store
+
+        store.save_arrays(outputs.folder(arguments.out), fields.full_fields(found), store.FIELDS)
     return 0
 
 
@@ -74,9 +87,20 @@ def _require_part(case: Case, part: str) -> None:
         case.require("pillar", command="modes --part pillar")
 
 
+def _explained(arguments: Namespace, which: str, *about: Any) -> int:
+    """Tell the plan of a command instead of following it."""
+    from pipeline import plan
+
+    planned = getattr(plan, which)(*about)
+    outputs.emit(arguments, "plan", planned.json(), planned.text())
+    return 0
+
+
 def bands(arguments: Namespace) -> int:
     """Bloch bands and complete gaps."""
     case, log = _case(arguments), _log(arguments)
+    if arguments.explain:
+        return _explained(arguments, "of_bands", case)
     from pipeline.bands import solve_bands
 
     found = solve_bands(case, log)
@@ -127,6 +151,8 @@ def attenuation(arguments: Namespace) -> int:
     """Decay per row."""
     case, log = _case(arguments), _log(arguments)
     band = parse_band(arguments.band, "--band") if arguments.band else None
+    if arguments.explain:
+        return _explained(arguments, "of_attenuation", case, band, arguments.kx, arguments.points, bool(arguments.out))
     from pipeline import attenuation as rows
 
     found = rows.solve(case, log, band, arguments.kx, arguments.points)
@@ -161,10 +187,17 @@ def response(arguments: Namespace) -> int:
     """Forced response."""
     case, log = _case(arguments), _log(arguments)
     band = parse_band(arguments.band, "--band") if arguments.band else None
+    if arguments.explain:
+        return _explained(arguments, "of_response", case, band, arguments.points, bool(arguments.out))
+    from pipeline import measured_response, synthetic_measurement
     from pipeline import response as forced
 
+    measured = measured_response.read(case, arguments.measured, arguments.map, arguments.at)
     found = forced.solve(case, log, band, arguments.points)
-    document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    beside = measured_response.compare(case, found, measured, log) if measured else None
+    made = synthetic_measurement.write(arguments, case, found) if arguments.synthesise else []
+    document = found.json() | ({"measured": beside.document} if beside else {})
+    document |= {"seconds": log.seconds | {"total": log.elapsed}}
     head, rows = _response_table(document)
     near = sorted(range(len(rows)), key=lambda i: abs(i - found.peak))[:15]
     peak = document["peak"]
@@ -172,6 +205,8 @@ def response(arguments: Namespace) -> int:
         f"{found.model}, {found.dof} unknowns; around the peak of the zone, per volt of drive:",
         outputs.table(head, [rows[i] for i in sorted(near)]),
         f"peak at {peak['frequency_hz']:.1f} Hz, quality factor from the curve: {peak['quality'] or float('nan'):.0f}",
+        *(beside.lines if beside else []),
+        *(f"wrote {path}" for path in made),
     ]
     outputs.emit(arguments, "response", document, "\n".join(text))
     if arguments.out:
@@ -182,6 +217,11 @@ def response(arguments: Namespace) -> int:
         outputs.write_file(folder / "response.csv", outputs.csv_bytes(head, rows))
         with plots.style():
             plots.save(curves(document, found.shape_points, found.shape), folder)
+            if beside:
+                from pipeline.plots_measured import drawing
+                from pipeline.steps import describe
+
+                plots.save(drawing(beside.document, beside.arrays, describe(case)), folder)
     return 0
 
 

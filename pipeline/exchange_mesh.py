@@ -21,6 +21,7 @@ from pipeline.case import Case
 from pipeline.logs import Log
 from pipeline.modes import Request, understood
 from pipeline.raw_mesh import outer_facets
+from pipeline.ways import check_model
 from solvers.fem.factor import Factoriser
 
 MOST_UNKNOWNS = 300_000  # what a desktop solves in another program without thinking about memory
@@ -142,7 +143,7 @@ def _tell(found: Exchange, log: Log) -> None:
 def _mesh(case: Case, part: str, log: Log) -> Mesh:
     pillar = case.design.pillar
     boxes = part == "zone" or pillar is None or pillar.is_box or (part == "plate" and not case.design.rows)
-    part_models.check_model(replace(case, solve=replace(case.solve, model="solid")), boxes)
+    check_model(replace(case, solve=replace(case.solve, model="solid")), boxes)
     if boxes and case.solve.mesh != "tet":
         return hex_mesh(_boxes(case, part, log), 2)
     return _tetrahedra(case, part, log)

@@ -8,7 +8,6 @@ import platform
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from functools import lru_cache
-from importlib import metadata
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -38,6 +37,7 @@ SHOWING = (
         "lock",
         "mess",
         "progress",
+        "view",
     ),
     *("records", "tables", "plots*", "renders*", "report*"),
 )
@@ -115,6 +115,8 @@ def code_hash(house: Path = HOUSE) -> str:
 
 def package_versions() -> dict[str, str]:
     """Versions of Python and of the packages that compute; one that is not installed is left out."""
+    from importlib import metadata  # slow to import, and only a record needs it
+
     versions = {"python": platform.python_version()}
     for name in COMPUTING_PACKAGES:
         try:

@@ -48,7 +48,6 @@ def lattice_model(case: Case, corners: FloatArray, log: Log, meshes: list[dict[s
     if by_tetrahedra(case):
         name, reduce = _from_tetrahedra(design, accuracy, log, meshes)
     else:
-        log.left_out("CAD and tetrahedra", "the cell is made of boxes")
         name, reduce = f"superelement hex{recipe.hexahedra.order}", _from_hexahedra(design, log)
     lattice, error = _good_enough(reduce, recipe, corners, case, log)
     return LatticeModel(name, lattice, error)

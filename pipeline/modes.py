@@ -9,26 +9,18 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline import part_models, planner
+from pipeline import error_model, omissions, part_models
+from pipeline.asked import DEFAULT_COUNT, Request, model_high_hz, understood
 from pipeline.case import Case
 from pipeline.errors import InputFault
 from pipeline.logs import Log
 from pipeline.part_models import PartModel
+from pipeline.ways import way_of
 from solvers.confinement import Confinement, measure, wanted_parity
 from solvers.fem.eigen import Count, Modes, modes_in_band, modes_near
+from solvers.superelement.build import PlateModel
 
-DEFAULT_COUNT = 20
-
-
-@dataclass(frozen=True)
-class Request:
-    """What to solve: a band, or `count` modes near a frequency (0: the lowest); one mirror class or all."""
-
-    part: str = "plate"
-    band_hz: tuple[float, float] | None = None
-    near_hz: float | None = None
-    count: int | None = None
-    parity: str | None = None
+__all__ = ["DEFAULT_COUNT", "ModeRow", "PartModes", "Request", "mode_rows", "solve_modes", "understood", "wanted_row"]
 
 
 @dataclass(frozen=True)
@@ -57,6 +49,8 @@ class PartModes:
     rigid_count: int
     count: Count
     meshes: list[dict[str, Any]]
+    reduction_error: float | None = None
+    expected_error: float | None = None
 
     def json(self) -> dict[str, Any]:
         """The contract's fields, without times."""
@@ -74,38 +68,19 @@ class PartModes:
                 "expected": self.count.expected,
                 "found": self.count.found,
             },
+            "reduction_error": self.reduction_error,
+            "expected_error": self.expected_error,
         }
-
-
-def understood(case: Case, request: Request) -> Request:
-    """Fill what the command line left out from the case, then from pre-design."""
-    solve, asked = case.solve, request
-    if asked.band_hz is None and asked.near_hz is None and asked.count is None:
-        asked = replace(asked, band_hz=solve.band_hz, near_hz=solve.near_hz, count=solve.count)
-    if asked.band_hz is not None:
-        return asked
-    if asked.near_hz is not None:
-        return replace(asked, count=asked.count or solve.count or DEFAULT_COUNT)
-    if asked.count is not None:
-        return replace(asked, near_hz=0.0)
-    if asked.part == "pillar":
-        return replace(asked, near_hz=0.0, count=4)
-    return replace(asked, band_hz=planner.wanted_window_hz(case.design), parity=asked.parity or case.parity_wanted)
 
 
 def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     """Solve a part's modes. Raises SolverError (not trusted), MeshError, InputFault (a class the part does not have)."""
     asked = understood(case, request)
-    high = (
-        asked.band_hz[1] if asked.band_hz else 2.0 * (asked.near_hz or 0.0) or planner.wanted_window_hz(case.design)[1]
-    )
     meshes: list[dict[str, Any]] = []
-    model = part_models.build(case, asked.part, high, log, meshes)
-    if asked.part == "plate" and case.patches:
-        log.left_out("piezo patches", "they act in the response; these modes are those of the plate without them")
+    model = part_models.build(case, asked.part, model_high_hz(case, asked), log, meshes)
+    unpatched = omissions.no_patches(case.patches, ()) if asked.part == "plate" and case.patches else None
     parities = _classes(model, asked.parity)
-    if len(parities) < len(model.parities):
-        log.left_out("mirror classes other than " + ", ".join(str(p) for p in parities), "not asked for")
+    omissions.told((unpatched, omissions.other_classes(model.parities, asked.parity)), log)
     solved: dict[str | None, Modes] = {}
     dof = 0
     for parity in parities:
@@ -114,7 +89,25 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
             dof += pencil.dof
             solved[parity] = _solve(pencil, asked)
         log.info(f"class {parity or 'whole'}: {pencil.dof} unknowns, {len(solved[parity].frequency_hz)} modes")
-    return _merged(case, asked, model, solved, dof, meshes)
+    merged = _merged(case, asked, model, solved, dof, meshes)
+    expected = error_model.told(way_of(case, asked.part, model_high_hz(case, asked)), case, log)
+    return replace(merged, reduction_error=_judged(case, model, solved, log), expected_error=expected)
+
+
+def _judged(case: Case, model: PartModel, solved: dict[str | None, Modes], log: Log) -> float | None:
+    """How far the reduction may put the worst of the modes too high; None for a body that was not reduced."""
+    if not isinstance(model, PlateModel):
+        return None
+    accuracy = case.solve.accuracy
+    error = max((model.reduction_error(parity, modes.vectors) for parity, modes in solved.items()), default=0.0)
+    log.info(f"modes at most {error:.2%} high by the reduction, as their own truncations tell")
+    if error > accuracy:
+        log.alarm(
+            "REDUCTION",
+            f"the reduction may put a mode {error:.2%} too high, solve.accuracy asks for {accuracy:.2%}: "
+            "narrow the band, raise solve.accuracy, or take solve.model = 'solid'",
+        )
+    return error
 
 
 def _classes(model: PartModel, parity: str | None) -> tuple[str | None, ...]:

@@ -1,14 +1,16 @@
-"""What every HTML page is made with: the template environment, and pictures put into the page."""
+"""What every HTML page is made with: the template environment; pictures, data and scripts put into the page."""
 
 from __future__ import annotations
 
 import base64
+import json
 import mimetypes
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+    from markupsafe import Markup
 
 TEMPLATES = Path(__file__).with_name("templates")
 
@@ -24,6 +26,21 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+
+
+def script_data(value: Any) -> Markup:
+    """A value as JSON that may stand in a script element."""
+    from markupsafe import Markup
+
+    text = json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return Markup(text.replace("<", "\\u003c"))
+
+
+def vendored(name: str) -> Markup:
+    """A script that others wrote, as it is in templates/vendor; it must not end a script element."""
+    from markupsafe import Markup
+
+    return Markup((TEMPLATES / "vendor" / name).read_text(encoding="utf-8"))
 
 
 def data_url(name: str, data: bytes) -> str:

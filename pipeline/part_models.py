@@ -9,16 +9,16 @@ from geometry.elements import FloatArray
 from geometry.hexmesh import HexSettings, Piece, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
 from geometry.layout import Design
 from geometry.mesh import Mesh, check_mesh
-from pipeline import planner
+from pipeline import omissions
 from pipeline.case import Case
 from pipeline.cell_shelf import CellShelf
-from pipeline.errors import InputFault
 from pipeline.logs import Log
+from pipeline.ways import TET, Way, way_of
 from solvers.confinement import TouchField
 from solvers.fem.eigen import SymmetricPencil
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import Skin
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.build import PlateModel, Recipe, Reductions
 
 LOCKING = 0.45  # Poisson's ratio
 
@@ -64,23 +64,9 @@ def mesh_record(what: str, mesh: Mesh, volume_m3: float | None = None) -> dict[s
 
 def build(case: Case, part: str, high_hz: float, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
     """The model that the case asks for; its meshes are appended to `meshes`. InputFault for one that cannot serve."""
-    check_model(case, box=part == "zone" or not (case.design.pillar and not case.design.pillar.is_box))
-    if part == "plate":
-        return _plate(case, high_hz, log, meshes)
-    return _zone(case, log, meshes) if part == "zone" else _pillar(case, log, meshes)
-
-
-def check_model(case: Case, box: bool) -> None:
-    """Refuse what no solver here does: an analytic answer to a computed question, hexahedra for what is no box."""
-    faults = []
-    if case.solve.model == "analytic":
-        faults.append(
-            "solve.model = 'analytic': must be auto, superelement or solid here; `antinode predesign` is analytic"
-        )
-    if case.solve.mesh == "hex" and not box:
-        faults.append("solve.mesh = 'hex': must be auto or tet, only square pillars without fillet are boxes")
-    if faults:
-        raise InputFault(f"{case.source or case.name}: {fault}" for fault in faults)
+    way = way_of(case, part, high_hz)
+    omissions.told(way.left_out, log)
+    return {"plate": _plate, "zone": _zone, "pillar": _pillar}[part](case, way, log, meshes)
 
 
 def _solid(
@@ -112,69 +98,53 @@ def _hex(boxes: Any, settings: HexSettings) -> Mesh:
     return hex_mesh(boxes, settings.order)
 
 
-def _zone(case: Case, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
-    design, accuracy = case.design, case.solve.accuracy
-    if case.solve.mesh == "tet":
+def _zone(case: Case, way: Way, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
+    if way.kind == TET:
         from pipeline.tet_parts import tet_zone
 
-        return _solid(case, "zone", tet_zone(design, accuracy, log), ("y+",), True, meshes, log)
-    settings = planner.zone_settings(design, accuracy)
-    log.left_out("CAD and tetrahedra", "the zone is a box")
-    mesh = _hex(zone_boxes(design, settings), settings)
-    return _solid(case, "zone", mesh, ("y+",), True, meshes, log)
+        mesh = tet_zone(case.design, case.solve.accuracy, log)
+    else:
+        assert way.hexahedra
+        mesh = _hex(zone_boxes(case.design, way.hexahedra), way.hexahedra)
+    return _solid(case, "zone", mesh, ("y+",), way.mirrored, meshes, log)
 
 
-def _pillar(case: Case, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
-    design, accuracy = case.design, case.solve.accuracy
-    assert design.pillar
-    if case.solve.mesh == "tet" or not design.pillar.is_box:
+def _pillar(case: Case, way: Way, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
+    assert case.design.pillar
+    if way.kind == TET:
         from pipeline.tet_parts import tet_pillar
 
-        return _solid(case, "pillar", tet_pillar(design, accuracy, log), ("foot",), False, meshes, log)
-    settings = planner.pillar_settings(design, accuracy)
-    log.left_out("CAD and tetrahedra", "the pillar is a box")
-    return _solid(case, "pillar", _hex(pillar_boxes(design.pillar, settings), settings), ("touch",), True, meshes, log)
-
-
-def _plate(case: Case, high_hz: float, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
-    design, solve = case.design, case.solve
-    if not design.rows:
-        log.left_out("pillars", "the plate has no rows")
-    tetrahedral = solve.mesh == "tet" or design.needs_cad
-    if tetrahedral:
-        from pipeline import tet_parts
-
-        joinable = design.is_mirrored
-        if solve.model == "solid" or not joinable:
-            return _tet_plate(case, joinable, log, meshes)
-        mesher = tet_parts.piece_mesher(design, solve.accuracy, log)
-        return _joined(design, solve.accuracy, high_hz, log, mesher)
-    log.left_out("CAD and tetrahedra", "the scene is made of boxes")
-    if solve.model == "solid":
-        settings = planner.solid_plate_settings(design, solve.accuracy)
-        return _solid(case, "plate", _hex(plate_boxes(design, settings), settings), (), True, meshes, log)
-    return _joined(design, solve.accuracy, high_hz, log)
-
-
-def _tet_plate(case: Case, joinable: bool, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
-    """The whole plate as one body of tetrahedra."""
-    if case.solve.model == "superelement":
-        raise InputFault(
-            f"{case.name}: solve.model = 'superelement': must be auto or solid, a pillar from CAD need not be its own "
-            "mirror image and its plate is solved whole"
+        return _solid(
+            case, "pillar", tet_pillar(case.design, case.solve.accuracy, log), ("foot",), way.mirrored, meshes, log
         )
-    if not joinable:
-        log.left_out("joined cells", "a pillar from CAD need not be its own mirror image")
-    from pipeline.tet_parts import tet_plate
+    assert way.hexahedra
+    mesh = _hex(pillar_boxes(case.design.pillar, way.hexahedra), way.hexahedra)
+    return _solid(case, "pillar", mesh, ("touch",), way.mirrored, meshes, log)
 
-    mesh, mirrored = tet_plate(case.design, case.solve.accuracy, log)
-    return _solid(case, "plate", mesh, (), mirrored, meshes, log)
+
+def _plate(case: Case, way: Way, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
+    design, accuracy = case.design, case.solve.accuracy
+    if way.recipe:
+        mesher = None
+        if way.kind == TET:
+            from pipeline.tet_parts import piece_mesher
+
+            mesher = piece_mesher(design, accuracy, log)
+        return _joined(design, accuracy, way.recipe, log, mesher)
+    if way.kind == TET:
+        from pipeline.tet_parts import tet_plate
+
+        mesh, mirrored = tet_plate(design, accuracy, log)
+        assert mirrored == way.mirrored
+    else:
+        assert way.hexahedra
+        mesh = _hex(plate_boxes(design, way.hexahedra), way.hexahedra)
+    return _solid(case, "plate", mesh, (), way.mirrored, meshes, log)
 
 
 def _joined(
-    design: Design, accuracy: float, high_hz: float, log: Log, mesher: Callable[[Piece], Mesh] | None = None
+    design: Design, accuracy: float, recipe: Recipe, log: Log, mesher: Callable[[Piece], Mesh] | None = None
 ) -> PlateModel:
-    recipe = planner.plate_recipe(design, accuracy, high_hz)
     name = f"tet {accuracy!r}" if mesher else ""
     reductions = Reductions(design.thickness_m, design.material, design.pillar, recipe, CellShelf(), mesher, name)
     with log.step("reduce cells"):

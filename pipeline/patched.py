@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from pipeline import part_models, planner
+from pipeline import part_models
+from pipeline.asked import driven_band_hz
 from pipeline.case import Case
 from pipeline.errors import InputFault
 from pipeline.logs import Log
@@ -21,12 +22,17 @@ def forced_plate(
 
     InputFault for a model that cannot carry patches; raises what its solvers raise.
     """
-    patches = case.patches
-    assert patches is not None
-    band = band_hz or case.solve.band_hz or planner.wanted_window_hz(case.design)
+    band = driven_band_hz(case, band_hz)
     model = part_models.build(case, "plate", band[1], log, [] if meshes is None else meshes)
     if not isinstance(model, PlateModel):
         raise InputFault(f"{case.name}: solve.model: patches are bonded to joined cells, must be auto or superelement")
+    return driven(case, model, band, log)
+
+
+def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log) -> ForcedPlate:
+    """A joined plate with the case's patches, and its modes about the band."""
+    patches = case.patches
+    assert patches is not None
     back = patches.face == "back"
     with log.step("bond the patches"):
         bonded = [bonded_patch(patches.material, box, patches.size_m[2], back) for box in patches.boxes_m()]
@@ -34,4 +40,4 @@ def forced_plate(
     if plate.silent:
         log.left_out("mirror classes " + ", ".join(plate.silent), "the patches do not drive them")
     with log.step("modes of the patched plate"):
-        return ForcedPlate(plate, case.design, patches.drivers, patches.sensors, band, case.quality)
+        return ForcedPlate(plate, case.design, patches.drivers, patches.sensors, band_hz, case.quality, patches.circuit)

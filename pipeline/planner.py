@@ -102,6 +102,20 @@ def tet_edge_m(smallest_m: float, accuracy: float) -> float:
     return smallest_m / across
 
 
+def tet_cell_edge_m(design: Design, accuracy: float) -> float:
+    """Edge length in a unit cell, or in a joined plate's piece, with its pillar."""
+    return tet_edge_m(_smallest_m(design), accuracy)
+
+
+def tet_plate_edge_m(design: Design, accuracy: float) -> float:
+    """Edge length in a plate meshed whole, which cannot afford more than 1 %."""
+    return tet_edge_m(_smallest_m(design) if design.rows else design.thickness_m, max(accuracy, 0.01))
+
+
+def _smallest_m(design: Design) -> float:
+    return min(design.thickness_m, design.pillar.tip_m) if design.pillar else design.thickness_m
+
+
 def wanted_window_hz(design: Design) -> tuple[float, float]:
     """Where to look for the wanted mode when the case does not say: about the zone's exact thin-plate frequency."""
     material = design.material

@@ -87,7 +87,8 @@ class Drawn:
 
 ORDER = (
     *("geometry", "touch_face", "side_view", "pillars_in_plane", "neighbours"),
-    *("plate_meshes", "mode_on_both_meshes", "dispersion", "attenuation", "response", "board", "cell_meshes"),
+    *("plate_meshes", "mode_on_both_meshes", "dispersion", "attenuation", "response"),
+    *("measured", "tolerance", "board", "cell_meshes"),
 )
 
 
@@ -158,8 +159,10 @@ def draw_case(case: StoredCase) -> Drawn:
         plots_board,
         plots_both,
         plots_fields,
+        plots_measured,
         plots_mesh,
         plots_response,
+        plots_tolerance,
     )
 
     if case.status not in {"OK", "ALARM"}:
@@ -176,6 +179,8 @@ def draw_case(case: StoredCase) -> Drawn:
         plots_bands.dispersion,
         plots_attenuation.attenuation,
         plots_response.response,
+        plots_measured.measured,
+        plots_tolerance.tolerance,
         plots_board.board,
     )
     arrays = case.arrays()

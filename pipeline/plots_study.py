@@ -9,32 +9,21 @@ import numpy as np
 from pipeline import plots
 from pipeline.plots import Drawing
 from pipeline.records import CONFINED_DB, StoredCase, StoredStudy
+from pipeline.sweep_lines import axis_label, lines_along, main_key
 
 MOST_TICKS = 12
-UNITS = {"mm": "mm", "kHz": "kHz", "GPa": "GPa", "kg": "kg", "deg": "°"}
-
-
-def axis_label(key: str) -> str:
-    """A swept key in words: array.pitch_mm -> array pitch (mm)."""
-    words = key.replace(".", " ").split("_")
-    unit = UNITS.get(words[-1])
-    text = " ".join(words[:-1] if unit else words)
-    return f"{text} ({unit})" if unit else text
 
 
 def against_sweep(study: StoredStudy) -> Drawing | None:
     """Confinement and the wanted mode's frequency against the most varied numeric key, one line per set of the others."""
     cases = [case for case in study.cases if case.wanted.get("frequency_hz")]
-    numeric = [key for key in study.swept if all(_is_number(case.sweep.get(key)) for case in cases)]
-    varied = {key: len({case.sweep[key] for case in cases}) for key in numeric}
-    if not varied or max(varied.values()) < 2:
+    key = main_key(study, cases) if cases else None
+    if key is None:
         return None
-    key = max(varied, key=lambda name: varied[name])
-    others = [name for name in study.swept if name != key and len({str(case.sweep.get(name)) for case in cases}) > 1]
     figure = plots.new_figure(plots.WIDTH_IN, 5.2)
     level, tone = figure.subplots(2, 1, sharex=True)
-    for index, (name, line) in enumerate(_lines(cases, key, others).items()):
-        _draw_line(level, tone, line, key, name, index)
+    for index, (name, line) in enumerate(lines_along(study, cases, key).items()):
+        _draw_line(level, tone, line, key, name or "wanted mode", index)
     _finish(level, tone, key)
     _bending_at_m(tone, cases, key)
     handles, labels = tone.get_legend_handles_labels()
@@ -42,18 +31,6 @@ def against_sweep(study: StoredStudy) -> Drawing | None:
         figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), fontsize=8)
     title = f"Confinement and frequency against {axis_label(key)}"
     return Drawing("against_sweep", title, _alt(study, cases, key), figure, vector=True)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
-def _lines(cases: list[StoredCase], key: str, others: list[str]) -> dict[str, list[StoredCase]]:
-    lines: dict[str, list[StoredCase]] = {}
-    for case in sorted(cases, key=lambda case: case.sweep[key]):
-        name = ", ".join(f"{axis_label(other)} = {case.sweep.get(other)}" for other in others)
-        lines.setdefault(name or "wanted mode", []).append(case)
-    return dict(sorted(lines.items()))
 
 
 def _draw_line(level: Any, tone: Any, line: list[StoredCase], key: str, name: str, index: int) -> None:
@@ -118,14 +95,13 @@ def how_many_rows(study: StoredStudy) -> Drawing | None:
     cases = [case for case in cases if case.wanted.get("extension_db") is not None]
     if len(cases) < 2 or "array.rows" not in study.swept:
         return None
-    others = [key for key in study.swept if key != "array.rows" and len({str(c.sweep.get(key)) for c in cases}) > 1]
     figure = plots.new_figure(plots.WIDTH_IN, 3.6)
     axes = figure.subplots()
-    for index, (name, line) in enumerate(_lines(cases, "array.rows", others).items()):
+    for index, (name, line) in enumerate(lines_along(study, cases, "array.rows").items()):
         colour = plots.CYCLE[index % len(plots.CYCLE)]
         rows = [case.sweep["array.rows"] for case in line]
         finite = [case.wanted["extension_db"] for case in line]
-        label = "" if name == "wanted mode" else f", {name}"
+        label = f", {name}" if name else ""
         axes.plot(rows, finite, color=colour, marker="o", label=f"finite plate{label}")
         told = [case.record["prediction"]["rows_db"] for case in line]
         axes.plot(rows, told, color=colour, marker="s", mfc="white", ls="--", label=f"rows x decay per row{label}")

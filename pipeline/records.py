@@ -67,8 +67,10 @@ class StoredCase:
 
 
 def _arrays(folder: Path) -> dict[str, np.ndarray]:
+    from pipeline.folded import unfolded
+
     try:
-        return store.load_arrays(folder)
+        return unfolded(store.load_arrays(folder))
     except store.BadRecord:
         return {}
 

@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import quote
 
-from pipeline import plots, report_words, store, tables
-from pipeline.pages import data_url, environment
-from pipeline.records import StoredCase, StoredStudy, read_study
+from pipeline import plots, report_bands, report_shapes, report_words, store, tables
+from pipeline.pages import environment, script_data, vendored
+from pipeline.records import CASES, StoredCase, StoredStudy, read_study
+from pipeline.report_beside import beside
+from pipeline.report_pictures import Embedder, Shown, link
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 REPORT = "report.html"
-EMBEDDED_BYTES = 11_000_000  # pictures beyond are linked, so that the page stays below 15 MB
 MOST_DRAWN = 12
 FILES = ("run.mess", "input.json", "record.json", "timing.json", "arrays.npz")
-
-
-@dataclass(frozen=True)
-class Shown:
-    """A picture in the page: where its pixels come from (data or file), its links and words."""
-
-    source: str
-    svg: str
-    png: str
-    title: str
-    alt: str
+STILLS = ("side_view", "touch_face", "geometry")  # what stands for a moving shape, the first that is drawn
+OF_BEST = {"attenuation": "Attenuation", "response": "Response"}
+OTHER_VERSION = (KeyError, TypeError, AttributeError, ValueError, IndexError)
 
 
 @dataclass(frozen=True)
@@ -45,6 +38,22 @@ class CasePage:
     seconds: dict[str, float]
     troubles: list[str] = field(default_factory=list)
     modes: list[dict[str, Any]] = field(default_factory=list)
+    overrides: list[str] = field(default_factory=list)
+    drawn: bool = True
+
+
+@dataclass(frozen=True)
+class Moving:
+    """Interactive parts of a page as JSON text ('' for none), the cells' names, and what could not be made of records.
+
+    `moves` tells whether any shape is there, so that the page needs its viewer.
+    """
+
+    shapes: Any
+    bands: Any
+    cells: list[str]
+    moves: bool
+    troubles: list[str]
 
 
 def build(folder: Path, most_drawn: int = MOST_DRAWN, say: Callable[[str], None] | None = None) -> Path:
@@ -52,36 +61,133 @@ def build(folder: Path, most_drawn: int = MOST_DRAWN, say: Callable[[str], None]
 
     `say` is told when drawing takes its time. Solves nothing. Raises store.BadRecord when the folder holds no study.
     """
-    study = read_study(folder)
+    study = _readable(_read(folder))
     shown = StoredStudy(folder, study.about, tuple(study.for_showing(case) for case in study.cases))
     drawn = draw_cases(chosen(shown, most_drawn), say)
-    embedder = _Embedder(folder)
+    embedder = Embedder(folder)
     compared = _told(partial(plots.draw_study, study))
-    pages = [_case_page(case, index, drawn.get(case.case_id), embedder) for index, case in enumerate(shown.cases)]
-    page = (
-        _environment()
-        .get_template("report.html.j2")
-        .render(
-            study=study,
-            cards=report_words.cards(study),
-            sentences=report_words.sentences(study),
-            comparison=report_words.comparison(study),
-            columns=tables.columns_of(study),
-            cell=tables.cell,
-            pages=pages,
-            pictures=[embedder.show(plots.PICTURES, picture) for picture in compared.pictures],
-            troubles=compared.troubles,
-            best=report_words.best_case(study),
-            undrawn=sum(page.case.status in {"OK", "ALARM"} and page.case.case_id not in drawn for page in pages),
-            linked=embedder.linked,
-            versions=next((case.record["versions"] for case in study.cases if case.record.get("versions")), {}),
-            left_out=report_words.left_out(study),
-            repeat=f"antinode run {study.about['name']}" if study.about.get("name") else "",
-        )
-    )
+    pictures = [embedder.show(plots.PICTURES, picture) for picture in compared.pictures]
+    pages = _case_pages(shown, drawn, embedder)
+    moving = _moving(shown, [page for page in pages if page.drawn])
     path = folder / REPORT
-    store.write_atomic(path, page.encode())
+    store.write_atomic(path, _page(study, pages, embedder, moving, (pictures, compared.troubles)).encode())
     return path
+
+
+def _read(folder: Path) -> StoredStudy:
+    """The stored study; BadRecord in one line when another version wrote its list of cases."""
+    try:
+        return read_study(folder)
+    except OTHER_VERSION as fault:
+        raise store.BadRecord(f"{folder / CASES}: {_other_version(fault)}") from fault
+
+
+def _other_version(fault: Exception) -> str:
+    return f"written by another version ({type(fault).__name__}: {fault}); run the study again"
+
+
+def _readable(study: StoredStudy) -> StoredStudy:
+    """The study with a complaint in place of every record whose fields are not those of this version."""
+    return replace(study, cases=tuple(_checked(study, case) for case in study.cases))
+
+
+def _checked(study: StoredStudy, case: StoredCase) -> StoredCase:
+    alone = replace(study, cases=(case,))
+    try:
+        alone.for_showing(case)
+        tables.table_text(alone)
+        for told in (report_words.cards, report_words.sentences, report_words.left_out, report_words.plans):
+            told(alone)
+        report_words.facts(case)
+        for mode in report_words.modes(case):
+            float(mode["frequency_hz"])
+    except OTHER_VERSION as fault:
+        return replace(case, record={}, complaint=f"{store.RECORD}: {_other_version(fault)}")
+    return case
+
+
+def _page(
+    study: StoredStudy,
+    pages: list[CasePage],
+    embedder: Embedder,
+    moving: Moving,
+    compared: tuple[list[Shown], list[str]],
+) -> str:
+    """The page's HTML; `compared` holds the pictures over the study and what could not be drawn."""
+    columns = tables.columns_of(study)
+    template = _environment().get_template("study.html.j2")
+    return template.render(
+        study=study,
+        cards=report_words.cards(study),
+        sentences=report_words.sentences(study),
+        comparison=report_words.comparison(study),
+        columns=columns,
+        example="confinement>10" if any(column.name == "confinement_db" for column in columns) else columns[1].heading,
+        cell=tables.cell,
+        pages=pages,
+        pictures=compared[0],
+        troubles=[*compared[1], *moving.troubles],
+        best=report_words.best_case(study),
+        of_best=_of_best(study, pages),
+        beside=beside(study.folder, embedder),
+        undrawn=sum(page.case.status in {"OK", "ALARM"} and not page.drawn for page in pages),
+        linked=embedder.linked,
+        versions=next((case.record["versions"] for case in study.cases if case.record.get("versions")), {}),
+        left_out=report_words.left_out(study),
+        plans=report_words.plans(study),
+        repeat=f"antinode run {study.about['name']}" if study.about.get("name") else "",
+        understood=_understood(study),
+        shapes=moving.shapes,
+        bands=moving.cells,
+        bands_data=moving.bands,
+        three=vendored("three.min.js") if moving.moves else "",
+    )
+
+
+def _moving(study: StoredStudy, pages: list[CasePage]) -> Moving:
+    """Mode shapes of the drawn cases and the dispersion diagrams; records that cannot be read are told, not raised."""
+    best = report_words.best_case(study)
+    stills = {page.case.case_id: f"{page.anchor}-{still}" for page in pages if (still := _still(page))}
+    troubles: list[str] = []
+    gallery = report_shapes.Gallery()
+    diagrams: dict[str, Any] = {"cells": [], "shapes": []}
+    try:
+        gallery = report_shapes.plates([page.case for page in pages], best, stills)
+    except OTHER_VERSION as fault:
+        troubles.append(f"moving mode shapes: {type(fault).__name__}: {fault}")
+    try:
+        diagrams = report_bands.diagrams(study, best)
+    except OTHER_VERSION as fault:
+        troubles.append(f"interactive dispersion diagram: {type(fault).__name__}: {fault}")
+    cells = [cell["name"] for cell in diagrams["cells"]]
+    shapes = script_data(vars(gallery)) if gallery.shapes else ""
+    return Moving(shapes, script_data(diagrams), cells, bool(gallery.shapes or diagrams["shapes"]), troubles)
+
+
+def _still(page: CasePage) -> str:
+    names = {picture.name for picture in page.pictures}
+    return next((name for name in STILLS if name in names), "")
+
+
+def _of_best(study: StoredStudy, pages: list[CasePage]) -> list[tuple[str, str]]:
+    """Titles and anchors of the best case's attenuation and response, or of the first case that has them."""
+    best = report_words.best_case(study)
+    ordered = sorted(pages, key=lambda page: best is None or page.case.case_id != best.case_id)
+    found = []
+    for name, title in OF_BEST.items():
+        page = next((page for page in ordered if any(picture.name == name for picture in page.pictures)), None)
+        if page:
+            found.append((title, f"{page.anchor}-{name}"))
+    return found
+
+
+def _understood(study: StoredStudy) -> str:
+    """The first stored input as readable text."""
+    for case in study.cases:
+        stored = case.read(store.INPUT)
+        if isinstance(stored, dict) and stored:
+            return json.dumps(stored.get("case", stored), indent=1, ensure_ascii=False)
+    return ""
 
 
 def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
@@ -124,42 +230,28 @@ def _told(draw: Callable[[], plots.Drawn]) -> plots.Drawn:
         return plots.Drawn([], [f"{type(error).__name__}: {error}"])
 
 
-class _Embedder:
-    """Puts pictures into the page until its budget is spent; links the rest."""
-
-    def __init__(self, study: Path) -> None:
-        self.study, self.left, self.linked = study, EMBEDDED_BYTES, 0
-
-    def show(self, folder: str, picture: plots.Picture) -> Shown:
-        """The picture of a folder (relative to the study), embedded or linked."""
-        data = (self.study / folder / picture.shown).read_bytes()
-        source = link(folder, picture.shown)
-        if len(data) * 4 / 3 <= self.left:
-            source = data_url(picture.shown, data)
-            self.left -= len(source)
-        else:
-            self.linked += 1
-        return Shown(source, link(folder, picture.svg), link(folder, picture.png), picture.title, picture.alt)
+def _case_pages(study: StoredStudy, drawn: dict[str, plots.Drawn], embedder: Embedder) -> list[CasePage]:
+    """Every case's part of the page in the study's order; the best case's pictures are embedded first."""
+    best = report_words.best_case(study)
+    order = sorted(range(len(study.cases)), key=lambda i: best is None or study.cases[i].case_id != best.case_id)
+    made = {i: _case_page(study.cases[i], i, drawn.get(study.cases[i].case_id), embedder) for i in order}
+    return [made[i] for i in range(len(study.cases))]
 
 
-def link(*parts: str) -> str:
-    """A relative address whose folder names may hold = and commas."""
-    return "/".join(quote(piece) for part in parts for piece in part.split("/"))
-
-
-def _case_page(case: StoredCase, index: int, drawn: plots.Drawn | None, embedder: _Embedder) -> CasePage:
-    timing = case.read(store.TIMING) or {}
+def _case_page(case: StoredCase, index: int, drawn: plots.Drawn | None, embedder: Embedder) -> CasePage:
+    timing, stored = case.read(store.TIMING) or {}, case.read(store.INPUT)
+    folder = f"{case.case_id}/{plots.PICTURES}"
     return CasePage(
         case=case,
         anchor=f"case-{index + 1}",
         facts=report_words.facts(case),
-        pictures=[
-            embedder.show(f"{case.case_id}/{plots.PICTURES}", picture) for picture in (drawn.pictures if drawn else [])
-        ],
+        pictures=[embedder.show(folder, picture) for picture in (drawn.pictures if drawn else [])],
         files=list(_files(case)),
         seconds=timing.get("seconds") or {},
         troubles=drawn.troubles if drawn else [],
-        modes=report_words.modes(case),
+        modes=report_words.modes(case) if drawn is not None else [],
+        overrides=[str(text) for text in (stored.get("overrides") or [])] if isinstance(stored, dict) else [],
+        drawn=drawn is not None,
     )
 
 

@@ -11,6 +11,7 @@ from pipeline.records import CONFINED_DB, StoredCase, StoredStudy
 from pipeline.tables import widest_gap
 
 MOST_MODES = 40
+MOST_PLANS = 12
 WIDE = "\u202f"
 
 
@@ -66,6 +67,10 @@ def cards(study: StoredStudy) -> list[Card]:
         where = f", best of {sum(case.confined is not None for case in study.cases)}: {best.case_id}" if several else ""
         level = f"{best.wanted['confinement_db']:.1f}{WIDE}dB"
         found.append(Card("Held in the zone", level, verdict + where, "good" if best.confined else "bad"))
+    rows = (best.record.get("prediction") or {}) if best else {}
+    if rows.get("rows_for_10_db"):
+        note = f"{rows['db_per_row']:.1f}{WIDE}dB a row at the wanted mode" if rows.get("db_per_row") else ""
+        found.append(Card(f"Rows for {CONFINED_DB:.0f}{WIDE}dB", str(rows["rows_for_10_db"]), note))
     gap = next((gap for case in study.cases if (gap := widest_gap(case))), None)
     if gap:
         value = f"{gap['lower_hz'] / 1e3:.1f}–{gap['upper_hz'] / 1e3:.1f}{WIDE}kHz"
@@ -131,7 +136,8 @@ def comparison(study: StoredStudy) -> list[dict[str, Any]]:
 
 def facts(case: StoredCase) -> list[tuple[str, str]]:
     """A case's results in words and numbers."""
-    return [*_mode_facts(case), *_band_facts(case), *_part_facts(case), *_plate_facts(case), *_mesh_facts(case)]
+    told = (_mode_facts, _response_facts, _band_facts, _part_facts, _plate_facts, _mesh_facts)
+    return [fact for tell in told for fact in tell(case)]
 
 
 def _mode_facts(case: StoredCase) -> list[tuple[str, str]]:
@@ -167,6 +173,34 @@ def _mode_facts(case: StoredCase) -> list[tuple[str, str]]:
             ("wanted mode, tetrahedra (pytetwild)", f"{khz(tet['frequency_hz'])}{gap}, {si(tet.get('dof'))} unknowns")
         )
     return found
+
+
+def _response_facts(case: StoredCase) -> list[tuple[str, str]]:
+    """What was measured beside the response, and what unlike pillars do to it."""
+    found: list[tuple[str, str]] = []
+    measured, spread = case.record.get("measured") or {}, case.record.get("tolerance") or {}
+    if sweep := measured.get("sweep"):
+        marked = ", synthetic" if sweep["synthetic"] else ""
+        quality = "" if sweep["quality"] is None else f", quality factor {sweep['quality']:.0f}"
+        shift = f"{sweep['frequency_shift_hz']:+.0f} Hz from the computed one"
+        found.append(
+            (f"measured resonance ({sweep['file']}{marked})", f"{khz(sweep['frequency_hz'])}, {shift}{quality}")
+        )
+    if field := measured.get("map"):
+        level = "no passive face" if field["confinement_db"] is None else f"{field['confinement_db']:.1f} dB"
+        marked = ", synthetic" if field["synthetic"] else ""
+        name = f"measured confinement ({field['file']}{marked})"
+        found.append((name, f"{level}; MAC {field['mac_operating']:.3f} to the computed operating shape"))
+    if spread:
+        peak, level = spread["peak_hz"], spread["confinement_db"]
+        found.append((f"peak of {len(spread['samples'])} plates of unlike pillars", _spread_words(peak, "Hz", 1)))
+        if level:
+            found.append(("their confinement", f"{_spread_words(level, 'dB', 1)}; worst {level['lowest']:.1f} dB"))
+    return found
+
+
+def _spread_words(found: dict[str, Any], unit: str, digits: int) -> str:
+    return f"{found['mean']:.{digits}f}{WIDE}{unit}, spread {found['deviation']:.{digits}f}{WIDE}{unit}"
 
 
 def _band_facts(case: StoredCase) -> list[tuple[str, str]]:
@@ -265,11 +299,26 @@ def left_out(study: StoredStudy) -> list[dict[str, str]]:
     for case in study.cases:
         for text in case.record.get("left_out") or []:
             told.setdefault(text, []).append(case.case_id)
+    return [{"text": text, "cases": _which(names, study)} for text, names in told.items()]
+
+
+def _which(names: list[str], study: StoredStudy) -> str:
     total = len(study.cases)
+    return "all cases" if len(names) == total else f"{len(names)} of {total}: {', '.join(names[:4])}"
+
+
+def plans(study: StoredStudy) -> list[dict[str, Any]]:
+    """What was computed and why, step by step: every distinct plan with the cases that followed it."""
+    told: dict[str, tuple[list[str], list[list[str]]]] = {}
+    for case in study.cases:
+        steps = [_step(step) for step in (case.record.get("plan") or {}).get("steps") or []]
+        if steps:
+            told.setdefault(str(steps), ([], steps))[0].append(case.case_id)
+    return [{"cases": _which(names, study), "steps": steps} for names, steps in list(told.values())[:MOST_PLANS]]
+
+
+def _step(step: dict[str, Any]) -> list[str]:
     return [
-        {
-            "text": text,
-            "cases": "all cases" if len(names) == total else f"{len(names)} of {total}: {', '.join(names[:4])}",
-        }
-        for text, names in told.items()
+        *(str(step.get(key) or "–") for key in ("name", "model", "mesh", "looks_for")),
+        "; ".join(step.get("why") or []),
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from geometry.elements import FloatArray
 from pipeline.case import Case
 from pipeline.logs import Log
 from pipeline.patched import forced_plate
+from solvers.measured_sweep import half_power_quality
+from solvers.piezo.circuit import CircuitShift, circuit_shift
 from solvers.piezo.forced import Curve, ForcedPlate
 
 POINTS = 401
@@ -34,6 +36,7 @@ class Response:
     shape_points: FloatArray
     shape: Any
     forced: ForcedPlate
+    circuit: CircuitShift | None
     meshes: list[dict[str, Any]] = field(default_factory=list)
 
     @property
@@ -43,6 +46,16 @@ class Response:
         if passive is None:
             return None
         return float(20.0 * np.log10(self.curve.zone_rms_m_per_v[self.peak] / passive[self.peak]))
+
+    def _circuit(self) -> dict[str, Any]:
+        """How the drivers are fed, and what opening every patch does to the wanted mode."""
+        shift = self.circuit
+        return {
+            "drivers": self.forced.circuit,
+            "short_hz": shift.short_hz if shift else None,
+            "open_hz": shift.open_hz if shift else None,
+            "coupling": shift.coupling if shift else None,
+        }
 
     def json(self) -> dict[str, Any]:
         """The contract's fields and what was read from the curve, without times."""
@@ -61,6 +74,7 @@ class Response:
             "polarisation_signs": list(self.signs),
             "wanted_hz": self.wanted_hz,
             "quality_given": self.quality_given,
+            "circuit": self._circuit(),
             "peak": {
                 "frequency_hz": float(curve.frequency_hz[peak]),
                 "zone_rms_m_per_V": float(curve.zone_rms_m_per_v[peak]),
@@ -81,14 +95,14 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
     forced = forced_plate(case, log, band_hz, meshes)
     plate, (low, high) = forced.plate, forced.band_hz
     with log.step("sum the modes"):
-        curve, peak = _curve(forced, low, high, points)
+        curve, peak = peaked_curve(forced, low, high, points)
         shape_points, shape = _gridded(*forced.shape(float(curve.frequency_hz[peak])))
     found = Response(
         f"{plate.name} with {patches.count} patches",
         sum(group.pencil.dof for group in plate.groups),
         curve,
         peak,
-        quality_factor(curve.frequency_hz, curve.zone_rms_m_per_v, peak),
+        half_power_quality(curve.frequency_hz, curve.zone_rms_m_per_v, peak),
         case.quality,
         forced.wanted_hz(),
         tuple(int(sign) for sign in forced.signs),
@@ -96,13 +110,27 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
         shape_points,
         shape,
         forced,
+        circuit_shift(forced),
         meshes,
     )
     _tell(found, log)
     return found
 
 
-def _curve(forced: ForcedPlate, low: float, high: float, points: int) -> tuple[Curve, int]:
+class Driven(Protocol):
+    """What answers a sweep."""
+
+    @property
+    def loss(self) -> float:
+        """1/Q."""
+        ...
+
+    def curve(self, frequency_hz: FloatArray) -> Curve:
+        """Response at frequencies in Hz."""
+        ...
+
+
+def peaked_curve(forced: Driven, low: float, high: float, points: int) -> tuple[Curve, int]:
     """An even grid, then a fine one about its highest point, as narrow as the damping makes the peak."""
     even = np.linspace(low, high, points)
     top = float(even[int(np.argmax(forced.curve(even).zone_rms_m_per_v))])
@@ -125,27 +153,17 @@ def _gridded(points: FloatArray, values: Any) -> tuple[FloatArray, Any]:
     return grid, values[cKDTree(points).query(grid)[1]]
 
 
-def quality_factor(frequency_hz: FloatArray, amplitude: FloatArray, peak: int) -> float | None:
-    """f0 over the width at 1/sqrt(2) of the peak, between interpolated crossings; None when a side does not fall that far."""
-    level = amplitude[peak] / np.sqrt(2.0)
-    sides = []
-    for step in (-1, 1):
-        i = peak
-        while 0 <= i + step < len(amplitude) and amplitude[i] > level:
-            i += step
-        if amplitude[i] > level:
-            return None
-        inner = i - step
-        share = (amplitude[inner] - level) / (amplitude[inner] - amplitude[i])
-        sides.append(float(frequency_hz[inner] + share * (frequency_hz[i] - frequency_hz[inner])))
-    return float(frequency_hz[peak] / (sides[1] - sides[0]))
-
-
 def _tell(found: Response, log: Log) -> None:
     top = found.curve.zone_rms_m_per_v[found.peak]
     held = "" if found.confinement_db is None else f", {found.confinement_db:.1f} dB above the passive face"
     tone = found.curve.frequency_hz[found.peak]
     log.info(f"peak at {tone:.1f} Hz: {1e9 * top:.2f} nm/V rms on the zone{held}")
+    if found.circuit:
+        shift = found.circuit
+        log.info(
+            f"wanted mode at {shift.short_hz:.1f} Hz with all patches short, {shift.open_hz:.1f} Hz with all open: "
+            f"coupling factor squared {shift.coupling:.2e}"
+        )
     if found.peak in (0, len(found.curve.frequency_hz) - 1):
         log.alarm("PEAK_AT_END", "the response is largest at the end of the band: widen it")
     if found.quality and abs(found.quality / found.quality_given - 1.0) > 0.2:

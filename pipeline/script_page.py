@@ -5,12 +5,17 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pipeline import plots, store
-from pipeline.pages import data_url, environment
+from pipeline.pages import environment
+from pipeline.report_pictures import Embedder, Shown
+
+PAGE = "page.json"  # what the page holds, for the pages of other studies
+SCHEMA = 1
+EMBEDDED_BYTES = 12_000_000
 
 
 @dataclass(frozen=True)
@@ -40,9 +45,9 @@ class Page:
 
 
 def write_page(folder: Path, name: str, title: str, lead: str, page: Page) -> list[Path]:
-    """Write CSV files, pictures, report.html and report.md; returns the tables and the page."""
-    written = []
-    shown = []
+    """Write CSV files, pictures, report.html, report.md and page.json; returns the tables and the page."""
+    written, shown, kept = [], [], []
+    embedder = Embedder(folder, EMBEDDED_BYTES)
     for section in page.sections:
         for table in section.tables:
             path = folder / f"{table.name}.csv"
@@ -50,11 +55,22 @@ def write_page(folder: Path, name: str, title: str, lead: str, page: Page) -> li
             written.append(path)
         with plots.style():
             pictures = [plots.save(draw(), folder / plots.PICTURES) for draw in section.drawings]
-        shown.append((section, [(picture, _data(folder, picture)) for picture in pictures]))
+        shown.append((section, [embedder.show(plots.PICTURES, picture) for picture in pictures]))
+        kept.append(_kept(section, pictures))
     html = folder / "report.html"
     store.write_atomic(html, _html(name, title, lead, shown).encode())
     store.write_atomic(folder / "report.md", markdown(title, lead, page).encode())
+    store.write_json(folder / PAGE, {"schema": SCHEMA, "name": name, "title": title, "lead": lead, "sections": kept})
     return [*written, html]
+
+
+def _kept(section: Section, pictures: list[plots.Picture]) -> dict[str, Any]:
+    return {
+        "heading": section.heading,
+        "words": list(section.words),
+        "tables": [table.name for table in section.tables],
+        "pictures": [asdict(picture) for picture in pictures],
+    }
 
 
 def markdown(title: str, lead: str, page: Page) -> str:
@@ -91,10 +107,6 @@ def _csv(table: Table) -> str:
     return out.getvalue()
 
 
-def _data(folder: Path, picture: plots.Picture) -> str:
-    return data_url(picture.shown, (folder / plots.PICTURES / picture.shown).read_bytes())
-
-
-def _html(name: str, title: str, lead: str, shown: list[Any]) -> str:
-    template = environment().get_template("script.html.j2")
-    return template.render(name=name, title=title, lead=lead, sections=shown, text=text, folder=plots.PICTURES)
+def _html(name: str, title: str, lead: str, shown: list[tuple[Section, list[Shown]]]) -> str:
+    template = environment().get_template("scripted.html.j2")
+    return template.render(name=name, title=title, lead=lead, sections=shown, text=text)

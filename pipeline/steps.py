@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline import bands, board, fields, modes, store, tet_steps
+from pipeline import fields, modes, omissions, plan, shapes, store
+from pipeline.asked import of_case
 from pipeline.case import Case, load_case
 from pipeline.case_run import Job
 from pipeline.errors import InputFault
@@ -22,11 +23,11 @@ if TYPE_CHECKING:
     from solvers.piezo.forced import ForcedPlate
 
 NEIGHBOURS = 6
-ATTENUATION_POINTS = 101
+KEPT = 4  # shapes of them in a record: what a page draws and moves
 
 
-def jobs_of(study: StudyFile) -> list[Job]:
-    """The cases of a study; every fault of every case is raised at once, before any is computed."""
+def jobs_of(study: StudyFile, fields_too: bool = False) -> list[Job]:
+    """The cases of a study, with every mode's field on demand; every fault of every case is raised before any is computed."""
     faults: list[str] = []
     jobs: list[Job] = []
     wanted: list[tuple[str, list[str], tuple[str, ...]]] = [("base", [], study.once)] if study.once else []
@@ -39,8 +40,13 @@ def jobs_of(study: StudyFile) -> list[Job]:
             faults += [f"case {case_id}: {line}" for line in fault.lines]
             continue
         sweep = dict(zip(study.sweep, _values(overrides), strict=True)) if overrides else {}
-        payload = {"name": case.name, "case": case.as_understood(), "overrides": overrides, "measure": list(measure)}
+        payload: dict[str, Any] = {"name": case.name, "case": case.as_understood(), "overrides": overrides}
+        payload["measure"] = list(measure)
+        if fields_too and {"modes", "confinement"} & set(measure):
+            payload["fields"] = True
         if "board" in measure:
+            from pipeline import board
+
             payload["firmware"] = board.sources_hash()
         jobs.append(Job(case_id, payload, sweep))
     if faults:
@@ -58,6 +64,8 @@ def _check(case: Case, measure: tuple[str, ...]) -> None:
     case.require_plate(command="a study")
     if "response" in measure:
         case.require("patches", command="the measure response")
+    if "tolerance" in measure:
+        case.require("tolerance", command="the measure tolerance")
     if "board" in measure and not {"modes", "confinement"} & set(measure):
         raise InputFault("the measure board plays the modes' table: measure must hold modes too")
 
@@ -72,30 +80,26 @@ def compute(case_path: str, payload: dict[str, Any], folder: Path, log: Mess) ->
     case = load_case(case_path, payload["overrides"])
     if case.as_understood() != payload["case"]:
         raise InputFault(f"{Path(case_path).name}: changed while the study was running; run the study again")
-    measure = set(payload["measure"])
     record: dict[str, Any] = {"design": describe(case), "meshes": []}
     arrays: dict[str, FloatArray] = {}
-    if measure & {"modes", "confinement"}:
-        _plate(case, log, record, arrays, folder)
-    else:
-        log.left_out("modes of the plate", "no measure asks for them")
-    if "bands" in measure:
-        _bands(case, log, record)
-    if "attenuation" in measure:
-        _attenuation(case, log, record)
-    forced = _response(case, log, record, arrays) if "response" in measure else None
-    if "board" in measure:
-        _board(case, log, record, arrays, folder, forced)
-    if "parts" in measure:
-        _parts(case, log, record)
-    if "geometry" in measure:
-        from pipeline.exports import print_files
-
-        record["geometry"] = print_files(case, folder, log)
-    if "tetrahedra" in measure:
-        tet_steps.add(case, log, record, arrays)
-    if "response" not in measure:
-        _leave_out(case, log)
+    planned = plan.of_measures(case, payload["measure"])
+    log.info(planned.text(), "PLAN")
+    omissions.told(planned.whole, log)
+    record["plan"] = planned.json()
+    solved: dict[str, ForcedPlate] = {}
+    run: dict[str, Callable[[], None]] = {
+        "modes": lambda: _in_full(_plate(case, log, record, arrays, folder), payload, folder, log),
+        "bands": lambda: _bands(case, log, record, arrays),
+        "attenuation": lambda: _attenuation(case, log, record),
+        "response": lambda: solved.update(forced=_response(case, log, record, arrays)),
+        "tolerance": lambda: _tolerance(case, log, record, arrays),
+        "board": lambda: _board(case, log, record, arrays, folder, solved.get("forced")),
+        "parts": lambda: _parts(case, log, record),
+        "geometry": lambda: _geometry(case, log, record, folder),
+        "tetrahedra": lambda: _tetrahedra(case, log, record, arrays),
+    }
+    for step in planned.steps:
+        run[step.measure]()
     if arrays:
         store.save_arrays(folder, arrays)
     return record
@@ -122,28 +126,32 @@ def describe(case: Case) -> dict[str, Any]:
     return plain | {"pillar": shape, "pillar_centres_m": design.pillar_centres().tolist()}
 
 
-def _leave_out(case: Case, log: Log) -> None:
-    if case.patches is None:
-        log.left_out("piezo patches and their electrical unknowns", "the case has none")
-    log.left_out("damping", "no response is asked")
+def _in_full(found: modes.PartModes, payload: dict[str, Any], folder: Path, log: Log) -> None:
+    """Every mode's field into the case's folder, where the run asked for it."""
+    if payload.get("fields"):
+        with log.step("fields in full"):
+            store.save_arrays(folder, fields.full_fields(found), store.FIELDS)
 
 
-def _plate(case: Case, log: Mess, record: dict[str, Any], arrays: dict[str, FloatArray], folder: Path) -> None:
-    request = modes.Request("plate", case.solve.band_hz, case.solve.near_hz, case.solve.count, case.parity_wanted)
-    found = modes.solve_modes(case, request, log)
+def _plate(
+    case: Case, log: Mess, record: dict[str, Any], arrays: dict[str, FloatArray], folder: Path
+) -> modes.PartModes:
+    found = modes.solve_modes(case, of_case(case), log)
     record["modes"] = found.json()
     record["meshes"] += found.meshes
     index = modes.wanted_row(found, case)
     if index is None:
         log.alarm("NO_MODE", "no mode of the wanted parity lies in the band: widen solve.band_kHz")
-        return
+        return found
     record["wanted"] = modes.wanted_record(found, index)
+    record["shapes"] = shapes.shapes_record(found, index, case.design)
     with log.step("fields"):
-        arrays |= fields.plate_arrays(found, nearest_rows(found, index))
+        arrays |= fields.kept_arrays(found, nearest_rows(found, index)[:KEPT])
     _tell_wanted(record["wanted"], log)
     from pipeline.table_export import write_table
 
     write_table(case, found, index, folder)
+    return found
 
 
 def nearest_rows(found: modes.PartModes, index: int) -> list[int]:
@@ -162,27 +170,24 @@ def _tell_wanted(wanted: dict[str, Any], log: Log) -> None:
         )
 
 
-def _bands(case: Case, log: Log, record: dict[str, Any]) -> None:
-    if math.isnan(case.design.pitch_x_m):
-        log.left_out("bands", "the case has no pitch")
-        return
-    found = bands.solve_bands(case, log)
+def _bands(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
+    from pipeline import bands
+
+    found = bands.solve_bands(case, log, shapes=True)
     corner = found.at("M")
     record["bands"] = found.json() | {
         "method": found.model,
         "bending_at_m_hz": [float(f) for f in corner[:2]] if corner is not None else None,
     }
     record["meshes"] += found.meshes
+    arrays |= found.shapes
 
 
 def _attenuation(case: Case, log: Log, record: dict[str, Any]) -> None:
     """Complex bands, and beside them what the finite plate does: rows times the decay per row at the wanted mode."""
-    if math.isnan(case.design.pitch_x_m) or case.design.pillar is None:
-        log.left_out("attenuation", "the case has no pillars or no pitch")
-        return
     from pipeline import attenuation
 
-    found = attenuation.solve(case, log, points=ATTENUATION_POINTS)
+    found = attenuation.solve(case, log, points=plan.ATTENUATION_POINTS)
     record["attenuation"] = found.json()
     record["meshes"] += found.meshes
     wanted = record.get("wanted")
@@ -192,13 +197,26 @@ def _attenuation(case: Case, log: Log, record: dict[str, Any]) -> None:
 
 def _response(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> ForcedPlate:
     """The forced response, its operating shape at the peak among the arrays; returns the plate that it solved."""
-    from pipeline import response
+    from pipeline import measured_response, response
 
-    found = response.solve(case, log)
+    measured = measured_response.read(case, None, None, None)
+    found = response.solve(case, log, points=plan.RESPONSE_POINTS)
     record["response"] = found.json()
+    if measured:
+        beside = measured_response.compare(case, found, measured, log)
+        record["measured"] = beside.document
+        arrays |= beside.arrays
     record["meshes"] += found.meshes
-    arrays |= {"response_xy": found.shape_points, "response_uz": found.shape}
+    arrays |= {"response_xy": found.shape_points.astype(np.float32), "response_uz": found.shape.astype(np.complex64)}
     return found.forced
+
+
+def _tolerance(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
+    from pipeline import tolerance
+
+    found = tolerance.solve(case, log)
+    record["tolerance"] = found.json()
+    arrays |= found.arrays()
 
 
 def _board(
@@ -210,7 +228,7 @@ def _board(
     forced: ForcedPlate | None,
 ) -> None:
     """The case's mode table, its gains computed when the response was, played by the firmware on the emulated board."""
-    from pipeline import table_export
+    from pipeline import board, table_export
     from pipeline.mode_table_gains import can_be_computed
 
     if "wanted" not in record:
@@ -220,6 +238,18 @@ def _board(
         table_export.write_gains(case, folder, log, forced=forced)
     record["board"], found = board.solve(folder, log)
     arrays |= found
+
+
+def _geometry(case: Case, log: Log, record: dict[str, Any], folder: Path) -> None:
+    from pipeline.exports import print_files
+
+    record["geometry"] = print_files(case, folder, log)
+
+
+def _tetrahedra(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
+    from pipeline import tet_steps
+
+    tet_steps.add(case, log, record, arrays)
 
 
 def _parts(case: Case, log: Log, record: dict[str, Any]) -> None:

@@ -18,6 +18,7 @@ from pipeline.fingerprint import Fingerprint, file_hash, input_hash, plain
 if TYPE_CHECKING:
     import numpy as np
 
+FIELDS = "fields.npz"  # every mode in full: written on demand only
 INPUT, RECORD, ARRAYS, TIMING, MANIFEST, MESS = (
     "input.json",
     "record.json",
@@ -100,13 +101,13 @@ def read_json(path: Path) -> Any:
         raise BadRecord(f"{path.name} is unreadable ({error})") from error
 
 
-def save_arrays(folder: Path, arrays: dict[str, np.ndarray]) -> None:
-    """Write arrays.npz of a case, compressed and atomically; the same arrays give the same bytes."""
+def save_arrays(folder: Path, arrays: dict[str, np.ndarray], name: str = ARRAYS) -> None:
+    """Write arrays.npz (or another .npz) of a case, compressed and atomically; the same arrays give the same bytes."""
     import numpy as np
 
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **arrays)
-    write_atomic(folder / ARRAYS, buffer.getvalue())
+    write_atomic(folder / name, buffer.getvalue())
 
 
 def load_arrays(folder: Path) -> dict[str, np.ndarray]:
@@ -127,7 +128,7 @@ def begin(folder: Path, payload: dict[str, Any]) -> None:
     """Open a case: what proved an earlier run goes first, then the leftovers of killed ones, then the input is kept."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in (RECORD, MANIFEST, TIMING, ARRAYS):
+        for name in (RECORD, MANIFEST, TIMING, ARRAYS, FIELDS):
             (folder / name).unlink(missing_ok=True)
     except OSError as error:
         raise _named(error, folder, 0) from error

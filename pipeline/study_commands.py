@@ -25,9 +25,10 @@ class _Task:
     computer: Callable[[], Any]
     about: dict[str, Any]
     conclude: Callable[[Path], Sequence[Path]]
+    explain: Callable[[Job], str] = lambda job: ""
 
 
-def _task(path_or_name: str) -> _Task:
+def _task(path_or_name: str, fields_too: bool = False) -> _Task:
     from pipeline import script_study
 
     if script := script_study.load_script(find_study(path_or_name)):
@@ -43,15 +44,22 @@ def _task(path_or_name: str) -> _Task:
     def jobs() -> Sequence[Job]:
         from pipeline import steps
 
-        return steps.jobs_of(study)
+        return steps.jobs_of(study, fields_too)
 
     def computer() -> Any:
         from pipeline import steps
 
         return steps.computer(study)
 
+    def explain(job: Job) -> str:
+        from pipeline import plan
+        from pipeline.case import load_case
+
+        case = load_case(study.case_path, job.payload["overrides"])
+        return plan.of_measures(case, job.payload["measure"]).short()
+
     about = {"name": study.name, "case": study.case_path.name, "measure": list(study.measure)}
-    return _Task(study.name, jobs, computer, about, _table_and_report)
+    return _Task(study.name, jobs, computer, about, _table_and_report, explain)
 
 
 def run(arguments: Namespace) -> int:
@@ -61,7 +69,7 @@ def run(arguments: Namespace) -> int:
     from pipeline.progress import Progress
     from pipeline.runner import Options
 
-    task = _task(arguments.study)
+    task = _task(arguments.study, arguments.fields)
     folder = house.RESULTS / task.name
     jobs = task.jobs()
     options = Options(
@@ -77,8 +85,10 @@ def run(arguments: Namespace) -> int:
     except StudyBusy as fault:
         raise InputFault(str(fault)) from fault
     if arguments.dry_run:
-        for planned in outcome.plan:
+        for planned, job in zip(outcome.plan, jobs, strict=True):
             print(f"{planned.case_id}: {'would run, ' + planned.why if planned.why else 'stands'}")
+            if told := task.explain(job):
+                print("  " + told.replace("\n", "\n  "))
         return 0
     _tell(task.conclude(folder), arguments.quiet)
     for end in outcome.failed:

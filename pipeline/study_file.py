@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -20,10 +20,10 @@ from pipeline.faults import Faults, check_table, nearest
 from pipeline.toml_input import read_toml
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies"
-MEASURES = ("modes", "confinement", "bands", "attenuation", "response", "parts", "geometry", "tetrahedra", "board")
 Measure = Literal[
-    "modes", "confinement", "bands", "attenuation", "response", "parts", "geometry", "tetrahedra", "board"
+    "modes", "confinement", "bands", "attenuation", "response", "tolerance", "parts", "geometry", "tetrahedra", "board"
 ]
+MEASURES: tuple[str, ...] = get_args(Measure)
 LONGEST_ID = 120
 MOST_CASES = 100_000
 

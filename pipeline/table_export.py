@@ -96,14 +96,13 @@ def write_table(
     With a log, a case in which a patch drives and another listens has its gains computed; any other leaves them to the
     board's own identification, and nothing is computed.
     """
-    from pipeline.mode_table_gains import can_be_computed
+    if log is not None:
+        from pipeline.mode_table_gains import can_be_computed
 
-    if log is None or not can_be_computed(case):
-        table = table_of(case, found, wanted)
-        if log is not None:
-            log.info("mode table: gains unidentified, no patch drives while another listens; the board finds them")
-        return write(table, folder, stem)
-    return write_gains(case, folder, log, stem)
+        if can_be_computed(case):
+            return write_gains(case, folder, log, stem)
+        log.info("mode table: gains unidentified, no patch drives while another listens; the board finds them")
+    return write(table_of(case, found, wanted), folder, stem)
 
 
 def write_gains(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline import store
+from pipeline import following, store
 from pipeline.records import StoredCase, StoredStudy, read_study
 
 TABLE = "table.csv"
@@ -43,6 +43,14 @@ def _peak(key: str, factor: float = 1.0) -> Callable[[StoredCase], Any]:
         return None if found is None else factor * found
 
     return value
+
+
+def _spread(figure: str, key: str) -> Callable[[StoredCase], Any]:
+    return lambda case: ((case.record.get("tolerance") or {}).get(figure) or {}).get(key)
+
+
+def _beside(kind: str, key: str) -> Callable[[StoredCase], Any]:
+    return lambda case: ((case.record.get("measured") or {}).get(kind) or {}).get(key)
 
 
 def _dof(case: StoredCase) -> int | None:
@@ -104,6 +112,16 @@ MEASURES = (
     Column("peak_hz", "peak of the response", _peak("frequency_hz"), ".2f", "Hz"),
     Column("peak_nm_per_v", "zone at the peak", _peak("zone_rms_m_per_V", 1e9), ".4g", "nm/V"),
     Column("peak_db", "confinement at the peak", _peak("confinement_db"), ".2f", "dB"),
+    Column("measured_hz", "measured resonance", _beside("sweep", "frequency_hz"), ".2f", "Hz"),
+    Column("measured_shift_hz", "measured less computed", _beside("sweep", "frequency_shift_hz"), "+.2f", "Hz"),
+    Column("measured_quality", "measured quality factor", _beside("sweep", "quality"), ".1f"),
+    Column("measured_db", "measured confinement", _beside("map", "confinement_db"), ".2f", "dB"),
+    Column("measured_mac", "MAC, measured to computed", _beside("map", "mac_operating"), ".4f"),
+    Column("tolerance_peak_hz", "peak, pillars unlike: mean", _spread("peak_hz", "mean"), ".1f", "Hz"),
+    Column("tolerance_peak_spread_hz", "its spread", _spread("peak_hz", "deviation"), ".1f", "Hz"),
+    Column("tolerance_db", "confinement, pillars unlike: mean", _spread("confinement_db", "mean"), ".2f", "dB"),
+    Column("tolerance_spread_db", "its spread", _spread("confinement_db", "deviation"), ".2f", "dB"),
+    Column("tolerance_worst_db", "the worst", _spread("confinement_db", "lowest"), ".2f", "dB"),
     Column("dof", "unknowns", _dof, "d"),
     Column("mass_kg", "mass", _part("geometry", "mass_kg"), ".6f", "kg"),
 )
@@ -112,12 +130,27 @@ MEASURES = (
 def columns_of(study: StoredStudy) -> list[Column]:
     """Columns of a study's table: id, swept keys, status, measures that some case has, diagnosis."""
     swept = [Column(key, key, lambda case, key=key: case.sweep.get(key)) for key in study.swept]  # type: ignore[misc]
-    measured = [column for column in MEASURES if any(column.value(case) is not None for case in study.cases)]
+    known = (*MEASURES, *_followed(study))
+    measured = [column for column in known if any(column.value(case) is not None for case in study.cases)]
     head, tail = (
         Column("case", "case", lambda case: case.case_id),
         Column("diagnosis", "diagnosis", lambda c: c.diagnosis),
     )
     return [head, *swept, Column("status", "status", lambda case: case.status), *measured, tail]
+
+
+def _followed(study: StoredStudy) -> tuple[Column, ...]:
+    """Columns of the mode that is followed along the sweep from where the wanted one is plainest."""
+    found = following.along_sweep(study)
+
+    def told(key: str) -> Callable[[StoredCase], Any]:
+        return lambda case: getattr(found.get(case.case_id), key, None)
+
+    return (
+        Column("followed_hz", "followed mode", told("frequency_hz"), ".2f", "Hz"),
+        Column("followed_mac", "MAC with the case before", told("mac"), ".4f"),
+        Column("identity", "identity along the sweep", told("identity")),
+    )
 
 
 def cell(column: Column, case: StoredCase) -> str:

@@ -10,7 +10,7 @@ from geometry.layout import Design
 from geometry.mesh import Mesh
 from geometry.tetmesh import TetOptions, tet_mesh
 from pipeline.logs import Log
-from pipeline.planner import tet_edge_m
+from pipeline.planner import tet_cell_edge_m, tet_edge_m, tet_plate_edge_m
 
 
 def tet_zone(design: Design, accuracy: float, log: Log) -> Mesh:
@@ -29,14 +29,14 @@ def tet_pillar(design: Design, accuracy: float, log: Log) -> Mesh:
 def tet_plate(design: Design, accuracy: float, log: Log) -> tuple[Mesh, bool]:
     """The plate, and whether it is the quarter."""
     quarter = design.is_mirrored
-    edge = tet_edge_m(_smallest_m(design) if design.rows else design.thickness_m, max(accuracy, 0.01))
+    edge = tet_plate_edge_m(design, accuracy)
     with log.step("mesh the plate by tetrahedra"):
         return tet_scenes.tet_plate(design, edge, quarter), quarter
 
 
 def tet_cell(design: Design, accuracy: float, log: Log) -> tuple[Mesh, tuple[int, ...]]:
     """The unit cell, finer towards the pillar's foot, and the axes along which it is halved."""
-    edge = tet_edge_m(_smallest_m(design), accuracy)
+    edge = tet_cell_edge_m(design, accuracy)
     quarter = design.pillar is None or design.pillar.is_own_image
     with log.step("mesh the cell by tetrahedra"):
         if not quarter:
@@ -50,14 +50,10 @@ def tet_cell(design: Design, accuracy: float, log: Log) -> tuple[Mesh, tuple[int
 
 def piece_mesher(design: Design, accuracy: float, log: Log) -> Callable[[Piece], Mesh]:
     """What meshes the pieces of a joined plate that carry a pillar."""
-    edge = tet_edge_m(_smallest_m(design), accuracy)
+    edge = tet_cell_edge_m(design, accuracy)
 
     def mesh(piece: Piece) -> Mesh:
         with log.step("mesh a piece by tetrahedra"):
             return tet_scenes.tet_piece(design, piece, edge)
 
     return mesh
-
-
-def _smallest_m(design: Design) -> float:
-    return min(design.thickness_m, design.pillar.tip_m) if design.pillar else design.thickness_m

@@ -74,7 +74,8 @@ def judged(thesis: Any, ours: Any) -> str:
 def pillars() -> list[Row]:
     """The lone pillar of three lengths, foot clamped, in three dimensions; the longest by beam theory too."""
     case = load_case(Path(__file__).parent / "three-rows.toml", [])
-    rows = []
+    rows: list[Row] = []
+    assert case.design.pillar
     for height_mm, thesis_khz in PILLARS_MM.items():
         pillar = replace(case.design.pillar, height_m=1e-3 * height_mm)
         design = replace(case.design, pillar=pillar)

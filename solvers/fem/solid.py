@@ -37,7 +37,9 @@ class SolidModel:
         """K and M of one mirror class."""
         mirrors = {"x-": parity[0], "y-": parity[1]} if parity else {}
         pencil = constrain(self.system, free_mask(self.mesh, self.clamped, mirrors))
-        if self.mesh.dof > LARGE:  # assembled anew for the next class: both stiffnesses at once are a quarter of the peak
+        if (
+            self.mesh.dof > LARGE
+        ):  # assembled anew for the next class: both stiffnesses at once are a quarter of the peak
             del self.system
             pencil = replace(pencil, system=replace(pencil.system, stiffness=sp.csr_array(pencil.stiffness.shape)))
         return pencil

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.cli import main
-from pipeline.response import quality_factor
+from solvers.measured_sweep import half_power_quality
 
 CASE = """name = "small"
 material = "aluminium"
@@ -68,6 +68,22 @@ def test_the_peak_is_the_curves_highest_point(document: dict) -> None:
     assert document["peak"]["confinement_db"] == pytest.approx(20.0 * np.log10(ratio))
 
 
+def test_opening_the_patches_stiffens_the_wanted_mode(document: dict) -> None:
+    circuit = document["circuit"]
+    assert circuit["drivers"] == "short" and circuit["short_hz"] == document["wanted_hz"]
+    assert circuit["open_hz"] > circuit["short_hz"]
+    assert circuit["coupling"] == pytest.approx(1.0 - (circuit["short_hz"] / circuit["open_hz"]) ** 2)
+
+
+def test_a_charge_drives_where_the_case_says_so(case: Path, document: dict, tmp_path: Path) -> None:
+    file = tmp_path / "r.json"
+    fed = ["--points", "101", "--set", 'patches.circuit="open"', "--json", str(file)]
+    assert main(["response", str(case), "--quiet", *fed]) == 0
+    found = json.loads(file.read_text())
+    assert found["circuit"]["drivers"] == "open"
+    assert document["peak"]["frequency_hz"] < found["peak"]["frequency_hz"] <= document["circuit"]["open_hz"] * 1.001
+
+
 def test_without_sensors_there_is_no_voltage(case: Path, tmp_path: Path) -> None:
     file = tmp_path / "r.json"
     assert (
@@ -80,8 +96,8 @@ def test_without_sensors_there_is_no_voltage(case: Path, tmp_path: Path) -> None
 def test_the_quality_of_a_lorentzian_is_read_back() -> None:
     f = np.linspace(900.0, 1100.0, 4001)
     curve = np.abs(1.0 / (1000.0**2 * (1.0 + 1j / 50.0) - f**2))
-    assert quality_factor(f, curve, int(curve.argmax())) == pytest.approx(50.0, rel=0.01)
-    assert quality_factor(f[1900:2100], curve[1900:2100], int(curve[1900:2100].argmax())) is None
+    assert half_power_quality(f, curve, int(curve.argmax())) == pytest.approx(50.0, rel=0.01)
+    assert half_power_quality(f[1900:2100], curve[1900:2100], int(curve[1900:2100].argmax())) is None
 
 
 @pytest.mark.parametrize(
@@ -91,6 +107,7 @@ def test_the_quality_of_a_lorentzian_is_read_back() -> None:
         (CASE, ["--set", 'solve.model="solid"'], "must be auto or superelement"),
         (CASE, ["--band", "30kHz"], "--band"),
         (CASE, ["--set", "patches.sensors=[9]"], "no such patch"),
+        (CASE, ["--set", 'patches.circuit="opened"'], "short (a voltage drives the patches) or open"),
     ],
 )
 def test_wrong_input_is_one_line(

@@ -103,7 +103,9 @@ def test_what_a_map_does_not_cover_is_told() -> None:
     weights = weigh(right, DESIGN)
     assert weights.active == pytest.approx(0.5, abs=0.02) and weights.passive == pytest.approx(0.5, abs=0.02)
     upper = weigh(points[points[:, 1] > -10.5e-3], DESIGN)
-    assert upper.active == pytest.approx(1.0, rel=1e-5) and upper.passive == pytest.approx(0.5 + 0.25e-3 * 2 / 24e-3, abs=1e-3)
+    assert upper.active == pytest.approx(1.0, rel=1e-5) and upper.passive == pytest.approx(
+        0.5 + 0.25e-3 * 2 / 24e-3, abs=1e-3
+    )
     with pytest.raises(SolverError, match="active touch face"):
         weigh(points[np.abs(points[:, 1]) > 12e-3], DESIGN)
 

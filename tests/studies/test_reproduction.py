@@ -11,8 +11,12 @@ from studies import reproduction
 
 @pytest.mark.parametrize(
     ("thesis", "ours", "verdict"),
-    [(32.0, 32.5, "agrees"), (32.0, 33.0, "differs by +3.1%"), ("leaks", "leaks (5.7 dB)", "agrees")]
-    + [("confined", "leaks (9.9 dB)", "differs")],
+    [
+        (32.0, 32.5, "agrees"),
+        (32.0, 33.0, "differs by +3.1%"),
+        ("leaks", "leaks (5.7 dB)", "agrees"),
+        ("confined", "leaks (9.9 dB)", "differs"),
+    ],
 )
 def test_the_verdict_follows_the_figures(thesis: object, ours: object, verdict: str) -> None:
     assert reproduction.judged(thesis, ours) == verdict

@@ -1,0 +1,57 @@
+"""What to look for in a part: what the command line said, completed by the case, then by pre-design."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from pipeline import planner
+from pipeline.case import Case
+
+DEFAULT_COUNT = 20
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to solve: a band, or `count` modes near a frequency (0: the lowest); one mirror class or all."""
+
+    part: str = "plate"
+    band_hz: tuple[float, float] | None = None
+    near_hz: float | None = None
+    count: int | None = None
+    parity: str | None = None
+
+    @property
+    def highest_hz(self) -> float | None:
+        """Up to where a model has to be good, Hz; None where the request does not say."""
+        return self.band_hz[1] if self.band_hz else 2.0 * (self.near_hz or 0.0) or None
+
+
+def understood(case: Case, request: Request) -> Request:
+    """Fill what the command line left out from the case, then from pre-design."""
+    solve, asked = case.solve, request
+    if asked.band_hz is None and asked.near_hz is None and asked.count is None:
+        asked = replace(asked, band_hz=solve.band_hz, near_hz=solve.near_hz, count=solve.count)
+    if asked.band_hz is not None:
+        return asked
+    if asked.near_hz is not None:
+        return replace(asked, count=asked.count or solve.count or DEFAULT_COUNT)
+    if asked.count is not None:
+        return replace(asked, near_hz=0.0)
+    if asked.part == "pillar":
+        return replace(asked, near_hz=0.0, count=4)
+    return replace(asked, band_hz=planner.wanted_window_hz(case.design), parity=asked.parity or case.parity_wanted)
+
+
+def of_case(case: Case) -> Request:
+    """The plate's modes as a study asks for them: the case's window, the wanted mode's class."""
+    return Request("plate", case.solve.band_hz, case.solve.near_hz, case.solve.count, case.parity_wanted)
+
+
+def model_high_hz(case: Case, asked: Request) -> float:
+    """Up to where the part's model has to be good, Hz."""
+    return asked.highest_hz or planner.wanted_window_hz(case.design)[1]
+
+
+def driven_band_hz(case: Case, band_hz: tuple[float, float] | None) -> tuple[float, float]:
+    """The band of a response or an attenuation: asked for, else the case's, else about the wanted mode."""
+    return band_hz or case.solve.band_hz or planner.wanted_window_hz(case.design)

@@ -1,0 +1,67 @@
+"use strict";
+// Tables sort at a press on a heading and show the rows that match a filter; without scripts everything is still readable.
+(() => {
+  for (const words of document.querySelectorAll("[data-without-scripts]")) words.remove();
+  const value = (row, column) => row.cells[column].dataset.value ?? row.cells[column].textContent.trim();
+  const nothing = (text) => text === "" || text === "–";
+  const number = (text) => (nothing(text) ? NaN : Number(text));
+  const compare = (a, b) => {
+    const [x, y] = [number(a), number(b)];
+    return Number.isNaN(x) || Number.isNaN(y) ? a.localeCompare(b, undefined, { numeric: true }) : x - y;
+  };
+  const order = (down) => (a, b) => {
+    if (nothing(a) || nothing(b)) return nothing(a) - nothing(b); // what has no value stays at the end
+    return down ? compare(b, a) : compare(a, b);
+  };
+
+  function sort(table, heading) {
+    const down = heading.getAttribute("aria-sort") === "ascending";
+    for (const other of heading.parentElement.cells) other.removeAttribute("aria-sort");
+    heading.setAttribute("aria-sort", down ? "descending" : "ascending");
+    const by = order(down);
+    const rows = [...table.tBodies[0].rows];
+    rows.sort((a, b) => by(value(a, heading.cellIndex), value(b, heading.cellIndex)));
+    table.tBodies[0].append(...rows);
+  }
+
+  // A word stands in the row somewhere; `column>10` compares a column, named by the beginning of its heading without blanks.
+  const plain = (text) => text.toLowerCase().replace(/[^\p{L}\p{N}]/gu, "");
+  const COMPARE = { "<": (a, b) => a < b, ">": (a, b) => a > b, "<=": (a, b) => a <= b, ">=": (a, b) => a >= b, "=": (a, b) => a === b };
+  function test(table, word) {
+    const [, name, sign, limit] = word.match(/^(.+?)(<=|>=|<|>|=)(-?[\d.]+(?:e-?\d+)?)$/) ?? [];
+    const headings = [...table.tHead.rows[0].cells];
+    const named = (heading) => [heading.dataset.name ?? "", heading.textContent].some((text) => plain(text).startsWith(plain(name)));
+    const column = name && plain(name) ? headings.findIndex(named) : -1;
+    if (column < 0) return (row) => row.textContent.toLowerCase().includes(word);
+    return (row) => COMPARE[sign](number(value(row, column)), Number(limit));
+  }
+
+  function filter(field) {
+    const table = document.getElementById(field.dataset.filter);
+    const tests = field.value.toLowerCase().split(/\s+/).filter(Boolean).map((word) => test(table, word));
+    const rows = [...table.tBodies[0].rows];
+    for (const row of rows) row.hidden = !tests.every((holds) => holds(row));
+    const shown = rows.filter((row) => !row.hidden).length;
+    document.querySelector(`[data-shown="${field.dataset.filter}"]`).textContent = `${shown} of ${rows.length} shown`;
+  }
+
+  for (const table of document.querySelectorAll("table.sortable")) {
+    table.tHead.addEventListener("click", (event) => {
+      const button = event.target.closest("button");
+      if (button) sort(table, button.closest("th"));
+    });
+  }
+  for (const field of document.querySelectorAll("input[data-filter]")) field.addEventListener("input", () => filter(field));
+
+  const open_target = () => {
+    const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    const fold = target && target.closest("details");
+    if (fold) { fold.open = true; target.scrollIntoView(); }
+  };
+  addEventListener("hashchange", open_target);
+  addEventListener("beforeprint", () => {
+    for (const fold of document.querySelectorAll("details")) fold.open = true;
+    for (const image of document.images) image.loading = "eager";
+  });
+  open_target();
+})();

@@ -1,0 +1,155 @@
+"""How each part of a scene is modelled: what a plan lists and what `part_models`, `bands` and `attenuation` then build."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from geometry.hexmesh import HexSettings
+from pipeline import omissions, planner
+from pipeline.case import Case
+from pipeline.errors import InputFault
+from pipeline.omissions import CLASSES, Omission
+from solvers.superelement.build import Recipe
+
+SUPERELEMENT, SOLID = "superelement", "solid"
+HEX, TET = "hex", "tet"
+TET_ORDER = 2
+
+
+@dataclass(frozen=True)
+class Way:
+    """Model and mesh of one part: superelement or solid, hexahedra (settings) or tetrahedra (edge, m), the reduction's recipe.
+
+    `classes` are the mirror classes that are solved apart, (None,) for a body meshed whole; `why` gives the reasons.
+    """
+
+    part: str
+    model: str
+    kind: str
+    hexahedra: HexSettings | None
+    edge_m: float | None
+    recipe: Recipe | None
+    classes: tuple[str | None, ...]
+    left_out: tuple[Omission, ...]
+    why: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """As results name it: superelement hex3, solid tet2."""
+        order = self.hexahedra.order if self.hexahedra and self.kind == HEX else TET_ORDER
+        return f"{self.model} {self.kind}{order}"
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether a quarter stands for the whole."""
+        return self.classes != (None,)
+
+    @property
+    def mesh(self) -> str:
+        """The mesh in words."""
+        if self.kind == TET:
+            return f"tetrahedra of order {TET_ORDER}, {_mm(self.edge_m or 0.0)} edges"
+        assert self.hexahedra
+        graded = f", {self.hexahedra.layers} graded layers at singular edges" if self.hexahedra.layers else ""
+        return f"hexahedra of order {self.hexahedra.order}, {_mm(self.hexahedra.size_m)}{graded}"
+
+
+def way_of(case: Case, part: str, high_hz: float) -> Way:
+    """How a part of a case is modelled for modes up to a frequency. InputFault for a model that cannot serve."""
+    check_model(case, box=part == "zone" or not (case.design.pillar and not case.design.pillar.is_box))
+    return {"plate": _plate, "zone": _zone, "pillar": _pillar}[part](case, high_hz)
+
+
+def check_model(case: Case, box: bool) -> None:
+    """Refuse what no solver here does: an analytic answer to a computed question, hexahedra for what is no box."""
+    faults = []
+    if case.solve.model == "analytic":
+        faults.append(
+            "solve.model = 'analytic': must be auto, superelement or solid here; `antinode predesign` is analytic"
+        )
+    if case.solve.mesh == HEX and not box:
+        faults.append("solve.mesh = 'hex': must be auto or tet, only square pillars without fillet are boxes")
+    if faults:
+        raise InputFault(f"{case.source or case.name}: {fault}" for fault in faults)
+
+
+def _zone(case: Case, high_hz: float) -> Way:
+    design, accuracy = case.design, case.solve.accuracy
+    no_cad, quarter = omissions.boxes(case, "zone"), omissions.mirror_images(case.design, "zone")
+    hexahedra = planner.zone_settings(design, accuracy) if no_cad else None
+    edge = None if no_cad else planner.tet_edge_m(2.0 * design.thickness_m, accuracy)
+    return _way("zone", SOLID, hexahedra, edge, None, bool(quarter), (no_cad, quarter), _because(case, bool(no_cad)))
+
+
+def _pillar(case: Case, high_hz: float) -> Way:
+    design, accuracy = case.design, case.solve.accuracy
+    assert design.pillar
+    no_cad = omissions.boxes(case, "pillar")
+    quarter = omissions.mirror_images(design, "pillar") if no_cad else None  # tetrahedra mesh the whole pillar
+    hexahedra = planner.pillar_settings(design, accuracy) if no_cad else None
+    edge = None if no_cad else planner.tet_edge_m(design.pillar.tip_m, accuracy)
+    return _way("pillar", SOLID, hexahedra, edge, None, bool(quarter), (no_cad, quarter), _because(case, bool(no_cad)))
+
+
+def _plate(case: Case, high_hz: float) -> Way:
+    design, solve = case.design, case.solve
+    bare, no_cad = omissions.no_pillars(design, "plate"), omissions.boxes(case, "plate")
+    quarter = omissions.mirror_images(design, "plate")
+    if solve.model == SUPERELEMENT and not quarter:
+        raise InputFault(
+            f"{case.name}: solve.model = 'superelement': must be auto or solid, a pillar from CAD need not be its own "
+            "mirror image and its plate is solved whole"
+        )
+    taken: tuple[Omission | None, ...] = (bare, no_cad, quarter)
+    if solve.model == SOLID or not quarter:
+        hexahedra = planner.solid_plate_settings(design, solve.accuracy) if no_cad else None
+        edge = None if no_cad else planner.tet_plate_edge_m(design, solve.accuracy)
+        if not quarter:
+            reason = "a pillar from CAD need not be its own mirror image"
+            taken = (*taken, Omission("joined_cells", "joined cells", reason))
+        reason = "the case asks for it" if solve.model == SOLID else "cells are joined by their mirror images only"
+        return _way(
+            "plate", SOLID, hexahedra, edge, None, bool(quarter), taken, (reason, *_because(case, bool(no_cad)))
+        )
+    recipe = planner.plate_recipe(design, solve.accuracy, high_hz)
+    edge = None if no_cad else planner.tet_cell_edge_m(design, solve.accuracy)
+    taken = (*taken, omissions.alike_cells(design))
+    why = ("cells joined cost one reduction a kind", *_because(case, bool(no_cad)))
+    return _way("plate", SUPERELEMENT, recipe.hexahedra, edge, recipe, True, taken, why)
+
+
+def cell_way(case: Case) -> Way:
+    """How the unit cell is modelled: reduced, or as meshed when the case asks for the solid and boxes allow it. InputFault."""
+    check_model(case, box=not (case.design.pillar and not case.design.pillar.is_box))
+    design, solve = case.design, case.solve
+    no_cad = omissions.boxes(case, "cell")
+    taken = (omissions.no_pillars(design, "cell"), no_cad)
+    if solve.model == SOLID and no_cad:
+        settings = planner.cell_settings(design, solve.accuracy)
+        return _way("cell", SOLID, settings, None, None, False, taken, ("the case asks for it", *_because(case, True)))
+    recipe = planner.lattice_recipe(design, solve.accuracy)
+    edge = None if no_cad else planner.tet_cell_edge_m(design, solve.accuracy)
+    why = ("one reduced pair serves every wavevector", *_because(case, bool(no_cad)))
+    return _way("cell", SUPERELEMENT, recipe.hexahedra, edge, recipe, False, taken, why)
+
+
+def _way(
+    part: str, model: str, hexahedra: HexSettings | None, edge_m: float | None, recipe: Recipe | None, quarter: bool,
+    taken: tuple[Omission | None, ...], why: tuple[str, ...],
+) -> Way:  # fmt: skip
+    classes: tuple[str | None, ...] = CLASSES if quarter else (None,)
+    kind = HEX if edge_m is None else TET
+    return Way(part, model, kind, hexahedra, edge_m, recipe, classes, tuple(o for o in taken if o), why)
+
+
+def _because(case: Case, box: bool) -> tuple[str, ...]:
+    accuracy = f"accuracy {case.solve.accuracy:g}"
+    if box:
+        row = planner.rung(case.solve.accuracy)
+        return (f"{accuracy} asks for order {row.order} or more with {row.layers} graded layers",)
+    shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "the pillar is no box"
+    return (shape, f"{accuracy} sets their edges")
+
+
+def _mm(length_m: float) -> str:
+    return f"{1e3 * length_m:.3g} mm"

@@ -1,0 +1,60 @@
+"""What a command costs before it computes: wall time of a fresh process, and the modules that take longest to import.
+
+`python -m studies.benchmarks.cold_start` prints both for the commands that people type while they think.
+"""
+
+from __future__ import annotations
+
+import re
+import statistics
+import subprocess
+import sys
+import time
+
+from pipeline.house import ROOT
+
+CASE = "studies/three-rows.toml"
+COMMANDS = (
+    ("--help",),
+    ("predesign", CASE),
+    ("doctor",),
+    ("modes", CASE, "--explain"),
+    ("run", "rows", "--dry-run"),
+    ("search", CASE, "--vary", "pillar.height_mm=8:5"),
+)
+REPEATS = 5
+SHOWN = 4
+LINE = re.compile(r"import time:\s*(\d+) \|\s*(\d+) \| ( *)(\S+)")
+
+
+def seconds(arguments: tuple[str, ...]) -> float:
+    """Median wall time of a fresh process, s."""
+    times = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        subprocess.run([sys.executable, "-m", "pipeline.cli", *arguments], cwd=ROOT, capture_output=True)
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def slowest(arguments: tuple[str, ...]) -> list[tuple[str, float]]:
+    """The packages whose import took longest, with what they import themselves, ms (the interpreter's own accounting)."""
+    command = [sys.executable, "-X", "importtime", "-m", "pipeline.cli", *arguments]
+    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stderr
+    found: dict[str, float] = {}
+    for match in LINE.finditer(told):
+        name = match.group(4)
+        if "." not in name:
+            found[name] = float(match.group(2)) / 1e3
+    return sorted(found.items(), key=lambda pair: -pair[1])[:SHOWN]
+
+
+def main() -> None:
+    """One line a command."""
+    for arguments in COMMANDS:
+        parts = ", ".join(f"{name} {spent:.0f} ms" for name, spent in slowest(arguments))
+        print(f"antinode {' '.join(arguments)}: {seconds(arguments):.2f} s ({parts})", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,110 @@
+"""What each command loads: nothing heavy before it is needed. Times are measured by studies.benchmarks.cold_start, not here."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+CASE = "studies/three-rows.toml"
+RUN = """
+import json, sys
+import pipeline.cli
+try:
+    code = pipeline.cli.main(json.loads(sys.argv[1]))
+except SystemExit as end:
+    code = end.code
+print(json.dumps({"code": code, "loaded": sorted(sys.modules)}), file=sys.stderr)
+"""
+CAD = {"cadquery", "OCP"}
+MESHERS = {"pytetwild", "meshio", "trimesh", "gmsh"}
+RENDERERS = {"vtk", "vtkmodules", "pyvista", "matplotlib", "PIL"}
+BOARDS = {"unicorn", "cffi", "ziglang"}
+CLUSTER = {"distributed", "dask"}
+NUMBERS = {"numpy", "scipy"}
+ALWAYS_LATE = CAD | MESHERS | RENDERERS | BOARDS | CLUSTER
+OURS = {"geometry", "solvers"}
+
+
+def loaded_by(*arguments: str, code: int = 0, results: Path | None = None) -> set[str]:
+    """Modules in a fresh process after a command that ended with a code."""
+    environment = os.environ | ({"ANTINODE_RESULTS": str(results)} if results else {})
+    command = [sys.executable, "-c", RUN, json.dumps(arguments)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=environment)
+    told = json.loads(done.stderr.splitlines()[-1])
+    assert told["code"] == code, done.stderr
+    return set(told["loaded"])
+
+
+def packages(modules: set[str]) -> set[str]:
+    return {name.partition(".")[0] for name in modules}
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("modes", "--help"), ("search", "--help"), ("run", "--help")])
+def test_help_loads_the_standard_library_alone(arguments: tuple[str, ...]) -> None:
+    found = packages(loaded_by(*arguments))
+    assert not found & (ALWAYS_LATE | NUMBERS | OURS | {"pydantic", "rich", "jinja2", "psutil"})
+
+
+def test_predesign_loads_numpy_and_no_scipy() -> None:
+    found = packages(loaded_by("predesign", CASE, "--json", "-"))
+    assert "numpy" in found
+    assert not found & (ALWAYS_LATE | {"scipy", "rich", "jinja2", "psutil"})
+
+
+def test_a_tapered_pillar_asks_for_what_it_needs() -> None:
+    """The exact shapes of a uniform pillar need no scipy; the series of a tapered one does, and then gets it."""
+    tapered = ("--set", "pillar.shape=tapered", "--set", "pillar.base_mm=2", "--set", "pillar.tip_mm=1")
+    assert "scipy" in packages(loaded_by("predesign", CASE, *tapered, "--json", "-"))
+
+
+def test_faults_of_the_input_are_told_before_anything_heavy_is_loaded() -> None:
+    for arguments in (
+        ("modes", "nothing.toml"),
+        ("search", CASE, "--vary", "pillar.height_mm=8:5"),
+        ("run", "nothing"),
+    ):
+        found = packages(loaded_by(*arguments, code=2))
+        assert not found & (ALWAYS_LATE | {"scipy"}), arguments
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("modes", CASE, "--explain"),
+        ("bands", CASE, "--explain"),
+        ("response", CASE, "--explain"),
+        ("run", "rows", "--dry-run"),
+    ],
+)
+def test_a_plan_loads_no_cad_mesher_or_renderer(arguments: tuple[str, ...]) -> None:
+    assert not packages(loaded_by(*arguments)) & ALWAYS_LATE
+
+
+def test_doctor_asks_for_versions_without_importing() -> None:
+    assert not packages(loaded_by("doctor")) & ALWAYS_LATE
+
+
+def test_a_solve_of_boxes_loads_no_cad_mesher_or_renderer(tmp_path: Path) -> None:
+    coarse = ("--set", "solve.accuracy=0.1", "--count", "1", "--quiet", "--json", str(tmp_path / "m.json"))
+    found = loaded_by("modes", CASE, "--part", "pillar", *coarse)
+    assert "scipy" in packages(found) and not packages(found) & ALWAYS_LATE
+    assert not {name for name in found if name.startswith(("solvers.piezo", "solvers.control", "pipeline.plots"))}
+
+
+def test_a_report_whose_pictures_stand_draws_nothing(tmp_path: Path) -> None:
+    """The second time: tables and page from records, no renderer, no mesher, no solver."""
+    code = (
+        "import sys; sys.path.insert(0, 'tests/pipeline'); import synthetic; from pathlib import Path; "
+        "from pipeline import report; folder = synthetic.put_study(Path(sys.argv[1]) / 'rows', pitches=(0.004,), rows=(1,)); "
+        "report.build(folder)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = packages(loaded_by("report", "rows", results=tmp_path))
+    assert not found & (CAD | MESHERS | {"vtk", "vtkmodules", "pyvista"})

@@ -1,0 +1,288 @@
+"""A study's page as people use it: pointer, keyboard, phone, dark, print, without scripts and without WebGL."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Visits = Callable[..., Any]
+CANVAS = '[data-viewer="plate"] canvas'
+WAVES = '[data-viewer="waves"]'
+
+
+def moving(page: Any, viewer: str = '[data-viewer="plate"]') -> Any:
+    """The canvas of a viewer once it has drawn."""
+    canvas = page.locator(f"{viewer} canvas")
+    canvas.scroll_into_view_if_needed()
+    page.wait_for_function("(it) => Number(it.dataset.frames) > 0", arg=canvas.element_handle())
+    return canvas
+
+
+def frames(canvas: Any) -> int:
+    return int(canvas.get_attribute("data-frames"))
+
+
+def column(page: Any, number: int) -> list[str]:
+    rows = "[...document.querySelectorAll('#cases-table tbody tr')]"
+    script = f"(n) => {rows}.filter((r) => !r.hidden).map((r) => r.cells[n].textContent)"
+    return page.evaluate(script, number)
+
+
+def drawn(page: Any) -> None:
+    """Wait until what was asked for is on the screen."""
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def zoom_of(page: Any) -> float:
+    drawn(page)
+    return float(page.locator("#dispersion-diagram svg").get_attribute("data-zoom"))
+
+
+def place_of_wave(page: Any, number: int) -> tuple[float, float]:
+    """Where on the screen a wave's mark is."""
+    page.locator("#dispersion-diagram").scroll_into_view_if_needed()
+    box = page.locator("#dispersion-diagram .wave").nth(number).bounding_box()
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def test_it_loads_without_a_fault_and_asks_for_nothing_else(visit: Visits, study: Path) -> None:
+    seen = visit(study)
+    moving(seen.page)
+    for fold in seen.page.locator("details").all():
+        fold.evaluate("(it) => { it.open = true; }")
+    seen.page.evaluate("scrollTo(0, document.body.scrollHeight)")
+    seen.page.wait_for_timeout(300)
+    assert seen.faults == []
+    assert [url for url in seen.asked if not url.startswith("data:")] == [study.as_uri()[:80]]
+    broken = "[...document.images].filter((i) => i.complete && !i.naturalWidth).length"
+    assert seen.page.evaluate(broken) == 0
+
+
+def test_a_press_on_a_heading_sorts_by_pointer_and_by_keyboard(visit: Visits, study: Path) -> None:
+    page = visit(study).page
+    heading = page.locator("#cases-table th").nth(1)
+    assert column(page, 1) == ["4", "6", "12"]
+    heading.locator("button").focus()
+    page.keyboard.press("Enter")
+    assert heading.get_attribute("aria-sort") == "ascending"
+    page.keyboard.press("Space")
+    assert heading.get_attribute("aria-sort") == "descending" and column(page, 1) == ["12", "6", "4"]
+    page.locator("#cases-table th").nth(0).locator("button").click()
+    assert heading.get_attribute("aria-sort") is None
+
+
+def test_what_has_no_value_stays_last_in_both_directions(visit: Visits, study: Path) -> None:
+    page = visit(study).page
+    names = page.locator("#cases-table th").all_inner_texts()
+    number = next(i for i, name in enumerate(names) if name.startswith("confinement"))
+    for _ in range(2):  # the case without a value comes first
+        page.locator("#cases-table th").nth(1).locator("button").click()
+    assert column(page, number)[0] == ""
+    for _ in range(2):
+        page.locator("#cases-table th").nth(number).locator("button").click()
+        assert column(page, number)[-1] == ""
+
+
+def test_the_filter_takes_words_and_comparisons(visit: Visits, study: Path) -> None:
+    page = visit(study).page
+    field = page.locator('[data-filter="cases-table"]')
+    for words, left in (
+        ("failed", ["12"]),
+        ("confinement>10", ["4"]),
+        ("array.pitch_mm<=6 ok", ["4", "6"]),
+        ("", ["4", "6", "12"]),
+    ):
+        field.fill(words)
+        assert column(page, 1) == left, words
+        assert page.locator('[data-shown="cases-table"]').inner_text() == f"{len(left)} of 3 shown"
+    assert page.locator('section#table a[href="table.csv"]').is_visible()
+
+
+def test_a_mode_moves_and_stops_by_keyboard(visit: Visits, study: Path) -> None:
+    page = visit(study).page
+    canvas = moving(page)
+    assert not page.get_by_text("need scripts").count()
+    start, first = frames(canvas), canvas.screenshot()
+    page.wait_for_function("([it, n]) => Number(it.dataset.frames) > n + 3", arg=[canvas.element_handle(), start])
+    assert canvas.screenshot() != first
+    canvas.focus()
+    page.keyboard.press("Space")
+    assert page.locator('[data-viewer="plate"]').get_attribute("data-state") == "paused"
+    drawn(page)
+    still, shown = frames(canvas), canvas.screenshot()
+    page.wait_for_timeout(250)
+    assert frames(canvas) == still and canvas.screenshot() == shown
+    page.keyboard.press("ArrowLeft")
+    drawn(page)
+    turned = canvas.screenshot()
+    assert turned != shown
+    page.keyboard.press("+")
+    drawn(page)
+    assert canvas.screenshot() != turned
+
+
+def test_another_shape_is_another_picture_with_other_words(visit: Visits, study: Path) -> None:
+    page = visit(study, reduced_motion="reduce").page
+    canvas = moving(page)
+    words, shown = canvas.get_attribute("aria-label"), canvas.screenshot()
+    assert page.locator('[data-viewer="plate"] option').count() > 1
+    page.locator('[data-viewer="plate"] select').select_option(index=1)
+    drawn(page)
+    assert canvas.get_attribute("aria-label") != words and canvas.screenshot() != shown
+
+
+def test_who_wants_less_motion_gets_none_until_asked_for(visit: Visits, study: Path) -> None:
+    page = visit(study, reduced_motion="reduce").page
+    canvas = moving(page)
+    drawn(page)
+    still = frames(canvas)
+    page.wait_for_timeout(250)
+    assert frames(canvas) == still
+    button = page.locator('[data-viewer="plate"] button[data-do="play"]')
+    assert button.inner_text() == "Play" and button.get_attribute("aria-pressed") == "false"
+    button.click()
+    page.wait_for_function("([it, n]) => Number(it.dataset.frames) > n + 3", arg=[canvas.element_handle(), still])
+
+
+def test_without_webgl_a_still_picture_stands_in(visit_without_gl: Visits, study: Path) -> None:
+    seen = visit_without_gl(study)
+    viewer = seen.page.locator('[data-viewer="plate"]')
+    viewer.scroll_into_view_if_needed()
+    seen.page.wait_for_function("(it) => it.dataset.state === 'still'", arg=viewer.element_handle())
+    image = viewer.locator(".stage img")
+    assert image.is_visible() and len(image.get_attribute("alt")) > 60 and not viewer.locator("canvas").is_visible()
+    assert "WebGL is not available" in viewer.locator(".about").inner_text() and seen.faults == []
+
+
+def test_the_diagram_tells_the_wave_under_the_pointer(visit: Visits, study: Path) -> None:
+    page = visit(study).page
+    page.mouse.move(*place_of_wave(page, 9))  # the tenth wave at the first wavevector
+    tip = page.locator("#dispersion-diagram .tip")
+    data = json.loads(page.locator("#bands-data").inner_text())["cells"][0]
+    said = tip.inner_text()
+    assert said.startswith("band 10") and f"{data['hz'][0][9] / 1e3:.2f} kHz" in said
+    assert "Γ" in said and "k = (0.0, 0.0) rad/m" in said and "flexural" in said and "450 m/s" in said
+    page.mouse.move(0, 0)
+    assert not tip.is_visible()
+
+
+def test_the_diagram_goes_by_keyboard(visit: Visits, study: Path) -> None:
+    page = visit(study).page
+    page.locator("#dispersion-diagram svg").focus()
+    for key in ("ArrowRight", "ArrowRight", "ArrowUp"):
+        page.keyboard.press(key)
+    said = page.locator("#dispersion-diagram .tip").inner_text()
+    assert said.startswith("band 2") and "between Γ and X" in said and "shear" in said
+    page.keyboard.press("+")
+    assert zoom_of(page) == pytest.approx(1.5)
+    page.keyboard.press("0")
+    assert zoom_of(page) == 1.0
+    page.keyboard.press("Escape")
+    assert not page.locator("#dispersion-diagram .tip").is_visible()
+
+
+def test_the_diagram_zooms_by_wheel_and_buttons_and_shades_its_gap(visit: Visits, study: Path) -> None:
+    page = visit(study).page
+    waves = int(page.locator("#dispersion-diagram svg").get_attribute("data-waves"))
+    page.mouse.move(*place_of_wave(page, 100))
+    page.mouse.wheel(0, -100)
+    assert zoom_of(page) == pytest.approx(1.25)
+    page.locator("#dispersion-in").click()
+    assert zoom_of(page) > 1.8 and int(page.locator("#dispersion-diagram svg").get_attribute("data-waves")) < waves
+    page.locator("#dispersion-all").click()
+    assert zoom_of(page) == 1.0
+    small = page.locator("#dispersion-diagram rect.gap").bounding_box()["height"]
+    page.locator("#dispersion-gap").click()
+    drawn(page)
+    assert page.locator("#dispersion-diagram rect.gap").bounding_box()["height"] > 3 * small
+    assert "163.10 to 175.84 kHz" in page.locator("#dispersion-diagram .gap-label").text_content()
+
+
+def test_marks_tell_polarisations_apart_without_colour(visit: Visits, study: Path) -> None:
+    page = visit(study).page
+    kinds = "(name) => [...new Set([...document.querySelectorAll(`#dispersion-diagram .wave.${name}`)].map((m) => m.tagName))]"
+    assert [page.evaluate(kinds, name) for name in ("flexural", "shear", "longitudinal")] == [
+        ["circle"],
+        ["rect"],
+        ["path"],
+    ]
+    assert page.locator("#dispersion-diagram .wave.hollow").count() > 0
+    legend = page.locator("#dispersion-legend").inner_text()
+    assert "longitudinal" in legend and "mostly in the pillar" in legend and "wanted mode of the plate" in legend
+
+
+def test_a_click_on_a_wave_shows_its_shape_at_the_nearest_stored_point(visit: Visits, study: Path) -> None:
+    seen = visit(study)
+    page = seen.page
+    assert not page.locator(WAVES).is_visible()
+    page.mouse.click(*place_of_wave(page, 2 * 10 + 2))  # third wavevector, third band
+    assert "band 3 at Γ" in page.locator("#dispersion-told").inner_text()
+    canvas = moving(page, WAVES)
+    start = frames(canvas)
+    page.wait_for_function("([it, n]) => Number(it.dataset.frames) > n + 3", arg=[canvas.element_handle(), start])
+    assert "Wave of band 3 at Γ" in canvas.get_attribute("aria-label") and seen.faults == []
+
+
+def test_bands_of_an_older_record_are_drawn_and_what_they_lack_is_told(visit: Visits, study: Path) -> None:
+    seen = visit(study)
+    page = seen.page
+    page.locator("#dispersion-cell").select_option(index=1)
+    drawn(page)
+    assert "polarisation: not in this record" in page.locator("#dispersion-legend").inner_text()
+    page.mouse.click(*place_of_wave(page, 5))
+    assert "run the study with this version" in page.locator("#dispersion-told").inner_text() and seen.faults == []
+
+
+def test_everything_shown_has_words(visit: Visits, study: Path) -> None:
+    page = visit(study).page
+    moving(page)
+    assert page.evaluate("[...document.images].filter((i) => !(i.alt.length > 60)).length") == 0
+    assert (
+        page.evaluate("[...document.querySelectorAll('canvas')].filter((c) => !c.getAttribute('aria-label')).length")
+        == 0
+    )
+    lonely = """[...document.querySelectorAll('button, input, select, summary')]
+        .filter((it) => !(it.textContent.trim() || it.labels?.length || it.getAttribute('aria-label'))).length"""
+    assert page.evaluate(lonely) == 0
+
+
+@pytest.mark.parametrize("width", [360, 768])
+def test_a_phone_scrolls_in_one_direction_only(visit: Visits, study: Path, width: int) -> None:
+    page = visit(study, viewport={"width": width, "height": 740}, is_mobile=True, has_touch=True).page
+    for fold in page.locator("details").all():
+        fold.evaluate("(it) => { it.open = true; }")
+    page.wait_for_timeout(100)
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+
+
+def test_it_is_dark_where_dark_is_wanted(visit: Visits, study: Path) -> None:
+    shade = (
+        "getComputedStyle(document.body).backgroundColor.match(/\\d+/g).slice(0, 3).map(Number).reduce((a, b) => a + b)"
+    )
+    light, dark = (visit(study, color_scheme=scheme).page.evaluate(shade) for scheme in ("light", "dark"))
+    assert light > 700 and dark < 120
+
+
+def test_it_prints_with_every_case_open_and_without_controls(visit: Visits, study: Path) -> None:
+    page = visit(study).page
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    page.emulate_media(media="print")
+    assert page.locator("details:not([open])").count() == 0
+    assert not page.locator('[data-viewer="plate"]').is_visible() and not page.locator("nav").is_visible()
+    assert page.locator("#dispersion-diagram svg").is_visible() and page.locator("#cases-table").is_visible()
+    assert page.pdf().startswith(b"%PDF")
+
+
+def test_without_scripts_words_tables_and_pictures_are_there(visit: Visits, study: Path) -> None:
+    page = visit(study, java_script_enabled=False).page
+    assert page.locator("#cases-table tbody tr").count() == 3
+    assert page.locator("#summary .card").count() >= 4
+    assert (
+        page.get_by_text("The diagram needs scripts").is_visible()
+        and page.get_by_text("Moving shapes need").first.is_visible()
+    )
+    assert all(image.get_attribute("src") for image in page.locator("img").all())

@@ -1,0 +1,53 @@
+"""Every command of the tutorials, and every example script, run as a reader would run them."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
+BLOCK = re.compile(r"```sh\n(.*?)```", re.DOTALL)
+
+
+def commands(page: Path) -> list[str]:
+    """The lines of a page's shell blocks."""
+    return [line for block in BLOCK.findall(page.read_text()) for line in block.splitlines() if line.strip()]
+
+
+def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """A line run in a folder that holds the examples, with this environment's commands first."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT)}
+    environment |= {"ANTINODE_RESULTS": str(folder / "results"), "OMP_NUM_THREADS": "1"}
+    return subprocess.run(line, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+
+
+@pytest.mark.parametrize("page", [page for page in TUTORIALS if commands(page)], ids=lambda page: page.stem)
+def test_a_tutorial_runs(page: Path, tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    for line in commands(page):
+        ended = shell(line, tmp_path)
+        assert ended.returncode == 0, f"{line}\n{ended.stdout[-800:]}\n{ended.stderr[-1500:]}"
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_an_example_runs(script: Path, tmp_path: Path) -> None:
+    ended = shell(f'"{sys.executable}" "{script}"', tmp_path)
+    assert ended.returncode == 0, ended.stderr[-1500:]
+    assert ended.stdout.strip()
+
+
+def test_every_tutorial_is_listed_and_every_link_leads_somewhere() -> None:
+    index = (ROOT / "docs" / "tutorials" / "README.md").read_text()
+    for page in TUTORIALS:
+        assert page.name == "README.md" or f"({page.name})" in index
+        for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text()):
+            assert (page.parent / link).exists(), f"{page.name}: {link}"
