@@ -23,9 +23,23 @@ class _Parser(argparse.ArgumentParser):
         raise SystemExit(WRONG_INPUT)
 
 
+def _with_signs(argv: Sequence[str]) -> list[str]:
+    """The command line with `--parity -+` as one word, m for -: argparse takes what begins with a dash for an option."""
+    words = list(argv)
+    if "--parity" in words[:-1]:
+        at = words.index("--parity")
+        words[at : at + 2] = [f"--parity={words[at + 1]}"]
+    name = "--parity="
+    return [name + word[len(name) :].replace("-", "m") if word.startswith(name) else word for word in words]
+
+
+def _signs(text: str) -> str:
+    return text.replace("m", "-")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; the exit code is the contract with scripts."""
-    arguments = _parser().parse_args(argv)
+    arguments = _parser().parse_args(_with_signs(sys.argv[1:] if argv is None else argv))
     try:
         return _run(arguments)
     except KeyboardInterrupt:
@@ -117,7 +131,10 @@ def _add_case_commands(commands: Any) -> None:
     modes.add_argument("--count", type=_positive, metavar="N", help="how many (with --near, or the lowest)")
     modes.add_argument("--band", metavar="F:F", help="every mode between two frequencies, such as 30kHz:34kHz")
     modes.add_argument(
-        "--parity", choices=("++", "+-", "-+", "--"), help="one mirror class: u_z even (+) or odd (-) in x, y"
+        "--parity",
+        type=_signs,
+        choices=("++", "+-", "-+", "--"),
+        help="one mirror class: u_z even (+) or odd (-) in x, y",
     )
     modes.add_argument("--mesh-file", metavar="FILE", help="solve this mesh instead of a part: .med, .msh or .inp")
     modes.add_argument("--unit", choices=("m", "mm"), default="m", help="length unit of the mesh file (default: m)")

@@ -97,6 +97,7 @@ def test_a_solve_of_boxes_loads_no_cad_mesher_or_renderer(tmp_path: Path) -> Non
     assert not {name for name in found if name.startswith(("solvers.piezo", "solvers.control", "pipeline.plots"))}
 
 
+@pytest.mark.slow
 def test_a_report_whose_pictures_stand_draws_nothing(tmp_path: Path) -> None:
     """The second time: tables and page from records, no renderer, no mesher, no solver."""
     code = (

@@ -72,6 +72,7 @@ def test_json_on_standard_output_is_alone_and_holds_the_pillar(capsys: pytest.Ca
     assert all(mode["zone_share"] is None and mode["mac"] is None for mode in document["modes"])
 
 
+@pytest.mark.slow
 def test_band_gap_check_holds_on_the_reference_and_fails_when_the_pillar_grows() -> None:
     assert run("check-gap", "--quiet") == 0
     assert run("check-gap", "--quiet", "--set", "pillar.height_mm=6.426") == 4
@@ -108,3 +109,9 @@ def test_the_console_script_answers(tmp_path: Path) -> None:
     )
     assert done.returncode == 0
     assert "modes" in done.stdout
+
+
+@pytest.mark.parametrize("words", [["--parity", "-+"], ["--parity=-+"], ["--parity", "--"], ["--parity=--"]])
+def test_a_parity_that_begins_with_a_dash_is_no_option(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["modes", CASE, *words, "--explain"]) == 0
+    assert f"class {words[-1][-2:]}" in capsys.readouterr().out

@@ -85,6 +85,7 @@ def test_the_same_seed_draws_the_same_plates_and_more_samples_go_on(case: Path, 
     assert other_seed["nominal"]["peak_hz"] == pytest.approx(document["nominal"]["peak_hz"], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_with_patches_they_drive(case: Path, tmp_path: Path) -> None:
     path = tmp_path / "patched.toml"
     path.write_text(CASE + PATCHES)

@@ -22,6 +22,7 @@ def test_the_verdict_follows_the_figures(thesis: object, ours: object, verdict: 
     assert reproduction.judged(thesis, ours) == verdict
 
 
+@pytest.mark.slow
 def test_pillars_get_lower_as_they_get_longer() -> None:
     rows = {row[0]: row[2] for row in reproduction.pillars()}
     tones = [float(text.split(" kHz")[0]) for text in rows.values()]
