@@ -15,6 +15,10 @@ from solvers.superelement.build import Recipe
 from solvers.superelement.interface import Interface
 
 WINDOW = (0.72, 1.35)  # of the exact thin-plate frequency: where the wanted mode of plates with pillars was found
+ALONG = {
+    4: 0.3,
+    5: 0.4,
+}  # degree along a side: the longest side over the wanted half-wavelength; the log checks each solve
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
 
 
@@ -92,7 +96,8 @@ def lattice_recipe(design: Design, accuracy: float) -> Recipe:
 def plate_recipe(design: Design, accuracy: float, high_hz: float) -> Recipe:
     """Reduction of a plate's pieces: nine times the highest frequency bounds the fixed-interface modes."""
     longest = max(design.pitch_x_m, design.pitch_y_m) if design.rows else 3.0 * design.thickness_m
-    along = 4 if longest <= half_wavelength_m(design) / 2.5 else 6
+    share = longest / half_wavelength_m(design)
+    along = next((degree for degree, limit in ALONG.items() if share <= limit), 6)
     return Recipe(Interface(along, 3), 9.0 * high_hz, cell_settings(design, accuracy), 3.0 * design.thickness_m)
 
 
