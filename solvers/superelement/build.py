@@ -132,9 +132,9 @@ class PlateModel:
         """K and M of one mirror class."""
         return self.joined(parity).pencil()
 
-    def reduction_error(self, parity: str | None, vectors: FloatArray) -> float:
-        """How far the reduction may put these modes too high, relative: the worst of them."""
-        return float(mode_errors(self.joined(parity), vectors).total.max(initial=0.0))
+    def reduction_error(self, parity: str | None, vectors: FloatArray) -> FloatArray:
+        """How far the reduction may put each of these modes too high, relative, (k,)."""
+        return mode_errors(self.joined(parity), vectors).total
 
     def touch(self, parity: str | None, vectors: FloatArray) -> TouchField:
         """u_z on the touch face."""
