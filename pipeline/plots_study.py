@@ -9,14 +9,14 @@ import numpy as np
 from pipeline import plots
 from pipeline.plots import Drawing
 from pipeline.records import CONFINED_DB, StoredCase, StoredStudy
-from pipeline.sweep_lines import axis_label, lines_along, main_key
+from pipeline.sweep_lines import axis_label, lines_along, main_key, swept
 
 MOST_TICKS = 12
 
 
 def against_sweep(study: StoredStudy) -> Drawing | None:
     """Confinement and the wanted mode's frequency against the most varied numeric key, one line per set of the others."""
-    cases = [case for case in study.cases if case.wanted.get("frequency_hz")]
+    cases = [case for case in swept(list(study.cases)) if case.wanted.get("frequency_hz")]
     key = main_key(study, cases) if cases else None
     if key is None:
         return None

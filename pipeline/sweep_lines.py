@@ -17,8 +17,14 @@ def axis_label(key: str) -> str:
     return f"{text} ({unit})" if unit else text
 
 
+def swept(cases: list[StoredCase]) -> list[StoredCase]:
+    """Without the case that a study computes once beside its sweep."""
+    return [case for case in cases if case.sweep]
+
+
 def main_key(study: StoredStudy, cases: list[StoredCase]) -> str | None:
     """The numeric key that takes the most values over these cases; None where none takes two."""
+    cases = swept(cases)
     numeric = [key for key in study.swept if all(_is_number(case.sweep.get(key)) for case in cases)]
     varied = {key: len({case.sweep[key] for case in cases}) for key in numeric}
     return max(varied, key=lambda name: varied[name]) if varied and max(varied.values()) > 1 else None
@@ -26,6 +32,7 @@ def main_key(study: StoredStudy, cases: list[StoredCase]) -> str | None:
 
 def lines_along(study: StoredStudy, cases: list[StoredCase], key: str) -> dict[str, list[StoredCase]]:
     """Cases in ascending order of a key, by the values of the other keys in words ('' where no other varies)."""
+    cases = swept(cases)
     others = [name for name in study.swept if name != key and len({str(case.sweep.get(name)) for case in cases}) > 1]
     lines: dict[str, list[StoredCase]] = {}
     for case in sorted(cases, key=lambda case: case.sweep[key]):

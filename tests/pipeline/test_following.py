@@ -63,3 +63,11 @@ def test_the_table_carries_it_and_a_single_case_has_no_such_columns() -> None:
     assert "followed_hz,followed_mac,identity" in header
     assert "30000.00,1.0000,kept" in rows[1]
     assert "identity" not in tables.table_text(study(line.cases[0])).splitlines()[0]
+
+
+def test_the_case_that_is_computed_once_is_no_part_of_the_sweep() -> None:
+    base = case(4, [FIRST, SECOND], 0, 0.99)
+    once = StoredCase(Path("base"), "base", {}, base.record)
+    found = following.along_sweep(study(once, case(4, [FIRST, SECOND], 0, 0.98), case(5, [FIRST, SECOND], 0, 0.9)))
+    assert [found[name].identity for name in ("p4r1", "p5r1")] == ["start", "kept"]
+    assert "base" not in found
