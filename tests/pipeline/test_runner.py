@@ -146,6 +146,12 @@ def start(folder: Path, *more: str) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, env=env, stderr=subprocess.PIPE, start_new_session=True)
 
 
+def living(family: list[psutil.Process]) -> list[psutil.Process]:
+    """Those that still run after a while; a zombie is dead, only nobody has read its exit yet."""
+    left = psutil.wait_procs(family, timeout=5)[1]
+    return [process for process in left if process.is_running() and process.status() != psutil.STATUS_ZOMBIE]
+
+
 def kill_at(folder: Path, delay: float) -> None:
     """Kill the main process only; its workers must follow by themselves."""
     process = start(folder)
@@ -153,8 +159,7 @@ def kill_at(folder: Path, delay: float) -> None:
     family = psutil.Process(process.pid).children(recursive=True) if process.poll() is None else []
     process.send_signal(signal.SIGKILL)
     process.wait()  # not communicate(): orphans would hold the pipe open and hide themselves
-    left = psutil.wait_procs(family, timeout=5)[1]
-    assert [p for p in left if p.is_running() and p.status() != psutil.STATUS_ZOMBIE] == []  # a zombie is dead, only unread
+    assert living(family) == []
 
 
 def prove_resumption(tmp_path: Path, kills: int, seed: int) -> None:
@@ -209,7 +214,7 @@ def test_workers_of_a_killed_run_do_not_go_on(tmp_path: Path):
     family = psutil.Process(process.pid).children(recursive=True)
     process.send_signal(signal.SIGKILL)
     process.wait()  # not communicate(): orphans would hold the pipe open and hide themselves
-    assert len(family) >= 2 and psutil.wait_procs(family, timeout=5)[1] == []
+    assert len(family) >= 2 and living(family) == []
 
 
 def test_workers_leave_ctrl_c_to_the_main_process():
