@@ -39,6 +39,7 @@
     tip.hidden = true;
     document.querySelector("#dispersion-gap").hidden = !cell.gaps.length;
     zoom_to(whole);
+    draw(); // at once: who comes early, by hand or by keyboard, finds the diagram there
     write_legend();
   }
 
