@@ -42,7 +42,7 @@ def complex_bands(found: dict[str, Any], predicted_hz: float | None = None) -> D
         axes.grid(True)
         if predicted_hz:
             axes.axvline(KHZ * predicted_hz, color=plots.GREY, ls=":")
-    decay.legend(loc="lower right", fontsize=7)
+    figure.legend(*decay.get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=7, markerscale=2.5)
     return Drawing("attenuation", "Attenuation per row and power through the rows", _alt(found), figure, vector=True)
 
 

@@ -22,10 +22,11 @@ def against_sweep(study: StoredStudy) -> Drawing | None:
         return None
     figure = plots.new_figure(plots.WIDTH_IN, 5.2)
     level, tone = figure.subplots(2, 1, sharex=True)
-    for index, (name, line) in enumerate(lines_along(study, cases, key).items()):
+    lines = lines_along(study, cases, key)
+    for index, (name, line) in enumerate(lines.items()):
         _draw_line(level, tone, line, key, name or "wanted mode", index)
     _finish(level, tone, key)
-    _bending_at_m(tone, cases, key)
+    _bending_at_m(tone, list(lines.values()), key)
     handles, labels = tone.get_legend_handles_labels()
     if len(labels) > 1:
         figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), fontsize=8)
@@ -63,18 +64,24 @@ def _finish(level: Any, tone: Any, key: str) -> None:
         tone.set_xticks(values, [f"{value:g}" for value in values])
 
 
-def _bending_at_m(tone: Any, cases: list[StoredCase], key: str) -> None:
-    """The cell's bending frequency at M, where the cases computed bands."""
-    known = {
-        case.sweep[key]: (case.record.get("bands") or {}).get("bending_at_m_hz")
-        for case in cases
-        if case.record.get("bands")
-    }
-    points = sorted((x, min(pair) / 1e3) for x, pair in known.items() if pair)
-    if points:
-        tone.plot(
-            *zip(*points, strict=True), color=plots.GREY, ls=":", marker="x", ms=5, label="unit cell: bending at M"
-        )
+def _bending_at_m(tone: Any, lines: list[list[StoredCase]], key: str) -> None:
+    """The cell's lower bending frequency at M, where the cases computed bands: in a line's colour where the lines differ."""
+    known = [{case.sweep[key]: khz for case in line if (khz := _bending_khz(case))} for line in lines]
+    shared = {x: khz for curve in known for x, khz in curve.items()}
+    if not shared:
+        return
+    look = {"ls": ":", "marker": "x", "ms": 5}
+    alike = all(shared[x] == khz for curve in known for x, khz in curve.items())
+    for index, curve in enumerate([] if alike else known):
+        colour = plots.CYCLE[index % len(plots.CYCLE)]
+        tone.plot(sorted(curve), [curve[x] for x in sorted(curve)], color=colour, **look, label="_cell")
+    x = sorted(shared) if alike else []
+    tone.plot(x, [shared[at] for at in x], color=plots.GREY, **look, label="unit cell: bending at M")
+
+
+def _bending_khz(case: StoredCase) -> float | None:
+    pair = (case.record.get("bands") or {}).get("bending_at_m_hz")
+    return min(pair) / 1e3 if pair else None
 
 
 def _alt(study: StoredStudy, cases: list[StoredCase], key: str) -> str:

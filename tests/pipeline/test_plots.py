@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -177,6 +178,20 @@ def test_confinement_against_what_was_swept(study: StoredStudy):
     assert "3 of 4 reach 10 dB" in drawing.alt
     lone = StoredStudy(study.folder, study.about, study.cases[:1])
     assert plots_study.against_sweep(lone) is None
+
+
+def test_each_line_has_its_own_cell_where_the_cells_differ(tmp_path: Path):
+    folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004, 0.006), rows=(1, 2, 3))
+    for path in folder.glob("pitch_mm=6*/record.json"):
+        record = json.loads(path.read_text())
+        record["bands"]["bending_at_m_hz"] = [31000.0, 31100.0]
+        path.write_text(json.dumps(record))
+    study = read_study(folder)
+    _, tone = plots_study.against_sweep(study).figure.axes
+    cells = [line for line in tone.lines if line.get_label() == "_cell"]
+    pitches = [line for line in tone.lines if line.get_label().startswith("array pitch")]
+    assert [line.get_color() for line in cells] == [line.get_color() for line in pitches] and len(cells) == 2
+    assert {float(line.get_ydata()[0]) for line in cells} == {32.541, 31.0}
 
 
 @pytest.mark.parametrize(("key", "label"), [("array.pitch_mm", "array pitch (mm)"), ("array.rows", "array rows")])
