@@ -17,9 +17,9 @@ from geometry.elements import FloatArray, IntArray
 from geometry.mesh import Mesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System
-from solvers.fem.constraints import constrain, free_mask, rigid_motions
+from solvers.fem.constraints import Pencil, constrain, free_mask, rigid_motions
 from solvers.fem.eigen import modes_in_band
-from solvers.fem.factor import Factoriser
+from solvers.fem.factor import Factor, Factoriser
 from solvers.fem.surface import face_quadrature, skin_faces
 from solvers.superelement.diagonal import diagonal_mirror
 from solvers.superelement.interface import SIDES, VERTICES, Interface
@@ -77,19 +77,10 @@ def reduce_cell(
     Fixed-interface modes up to `top_hz` are kept. Raises SolverError when a rigid motion meets a force or the mass is off.
     """
     _carried(system, interface)
-    build = _Builder(system, interface, halved, free)
-    cell = build.join(_mirror_classes(build, top_hz))
+    build = CellBuilder(system, interface, halved, free)
+    cell = build.join(build.classes(top_hz))
     _check(cell, float(system.mass.sum()) * build.copies)
     return cell
-
-
-def _mirror_classes(build: _Builder, top_hz: float) -> list[_Part]:
-    """Every mirror class reduced; where x and y are alike, the class (-, +) is (+, -) turned over."""
-    classes = list(product((1, -1), repeat=len(build.halved)))
-    turned = {(-1, 1)} if build.halved == (0, 1) and build.diagonal is not None else set()
-    wanted = [signs for signs in classes if signs not in turned]
-    parts = {signs: build.reduce(dict(zip(build.halved, signs, strict=True)), top_hz) for signs in wanted}
-    return [parts[signs] if signs in parts else build.swapped(parts[signs[::-1]]) for signs in classes]
 
 
 def _carried(system: System, interface: Interface) -> None:
@@ -105,7 +96,7 @@ def _carried(system: System, interface: Interface) -> None:
 
 
 @dataclass(frozen=True)
-class _Part:
+class MirrorClass:
     """One mirror class: its basis of boundary unknowns, nodal shapes (3n, m) and fixed-interface frequencies."""
 
     signs: dict[int, int]
@@ -114,7 +105,19 @@ class _Part:
     fixed_hz: FloatArray
 
 
-class _Builder:
+@dataclass(frozen=True)
+class HeldClass:
+    """One mirror class with its boundary held: its basis, constraint shapes (3n, m), free unknowns, pencil and K_II^-1."""
+
+    basis: FloatArray
+    shapes: FloatArray
+    keep: IntArray
+    pencil: Pencil
+    factorise: Factoriser
+    factor: Factor
+
+
+class CellBuilder:
     """Reduces the mirror classes of one piece and joins them."""
 
     def __init__(self, system: System, interface: Interface, halved: tuple[int, ...], free: tuple[str, ...]) -> None:
@@ -141,15 +144,25 @@ class _Builder:
         """Nodes under the mirror x <-> y, (n,); None where mesh or materials differ along x and y."""
         return diagonal_mirror(self.system)
 
-    def swapped(self, part: _Part) -> _Part:
+    def swapped(self, part: MirrorClass) -> MirrorClass:
         """The same class with x and y exchanged: u'_x(x, y) = u_y(y, x)."""
         assert self.diagonal is not None
         shapes = part.shapes.reshape(len(self.diagonal), 3, -1)[self.diagonal][:, [1, 0, 2]]
         signs = {0: part.signs[1], 1: part.signs[0]}
-        return _Part(signs, part.basis[self.interface.diagonal()], shapes.reshape(part.shapes.shape), part.fixed_hz)
+        return MirrorClass(
+            signs, part.basis[self.interface.diagonal()], shapes.reshape(part.shapes.shape), part.fixed_hz
+        )
 
-    def reduce(self, signs: dict[int, int], top_hz: float) -> _Part:
-        """Constraint shapes and fixed-interface modes of one mirror class."""
+    def classes(self, top_hz: float) -> list[MirrorClass]:
+        """Every mirror class reduced; where x and y are alike, the class (-, +) is (+, -) turned over."""
+        classes = list(product((1, -1), repeat=len(self.halved)))
+        turned = {(-1, 1)} if self.halved == (0, 1) and self.diagonal is not None else set()
+        wanted = [signs for signs in classes if signs not in turned]
+        parts = {signs: self.reduce(dict(zip(self.halved, signs, strict=True)), top_hz) for signs in wanted}
+        return [parts[signs] if signs in parts else self.swapped(parts[signs[::-1]]) for signs in classes]
+
+    def hold(self, signs: dict[int, int]) -> HeldClass:
+        """The constraint shapes of one mirror class: K_II Psi = -K_IB P."""
         mesh = self.system.mesh
         mirrors = {face: "+" if signs[axis] > 0 else "-" for axis, face in self.planes.items()}
         inside = self.inside & free_mask(mesh, (), mirrors)
@@ -163,13 +176,18 @@ class _Builder:
         factorise = Factoriser()  # one symbolic analysis for the static and the shifted matrices
         static = sp.csc_array(pencil.stiffness - 0.0 * pencil.mass)  # stored zeros dropped, as in every shifted matrix
         factor = factorise(static)
-        held = np.flatnonzero(shapes.any(axis=1))  # few rows: K_IB P without a product over the whole piece
-        shapes[keep] = -factor.solve((self.system.stiffness[held].T @ shapes[held])[keep])
-        modes = modes_in_band(pencil, 0.0, top_hz, factorise, factor)
-        fixed = pencil.expand(modes.vectors).reshape(len(shapes), -1)
-        return _Part(signs, basis, np.hstack([shapes, fixed]), modes.frequency_hz)
+        moved = np.flatnonzero(shapes.any(axis=1))  # few rows: K_IB P without a product over the whole piece
+        shapes[keep] = -factor.solve((self.system.stiffness[moved].T @ shapes[moved])[keep])
+        return HeldClass(basis, shapes, keep, pencil, factorise, factor)
 
-    def join(self, parts: list[_Part]) -> Cell:
+    def reduce(self, signs: dict[int, int], top_hz: float) -> MirrorClass:
+        """Constraint shapes and fixed-interface modes of one mirror class."""
+        held = self.hold(signs)
+        modes = modes_in_band(held.pencil, 0.0, top_hz, held.factorise, held.factor)
+        fixed = held.pencil.expand(modes.vectors).reshape(len(held.shapes), -1)
+        return MirrorClass(signs, held.basis, np.hstack([held.shapes, fixed]), modes.frequency_hz)
+
+    def join(self, parts: list[MirrorClass]) -> Cell:
         """One cell from its mirror classes: block-diagonal in the classes, then in the sides' own unknowns."""
         system, interface = self.system, self.interface
         fixed = np.concatenate([part.fixed_hz for part in parts])
@@ -178,9 +196,9 @@ class _Builder:
         pillar_mass = system.region_mass("pillar")
         for part, place in zip(parts, places, strict=True):
             stiffness += self.copies * place @ (part.shapes.T @ (system.stiffness @ part.shapes)) @ place.T
-            mass += self.copies * place @ _weighted(part.shapes, system.mass) @ place.T
+            mass += self.copies * place @ weighted(part.shapes, system.mass) @ place.T
             if pillar_mass is not None:
-                pillar += self.copies * place @ _weighted(part.shapes, pillar_mass) @ place.T
+                pillar += self.copies * place @ weighted(part.shapes, pillar_mass) @ place.T
         parity = [[part.signs.get(axis, 0) for axis in (0, 1)] for part in parts for _ in part.fixed_hz]
         return Cell(
             (stiffness + stiffness.T) / 2.0,
@@ -196,7 +214,7 @@ class _Builder:
             system.mesh.dof * self.copies,
         )
 
-    def _places(self, parts: list[_Part], count: int) -> list[FloatArray]:
+    def _places(self, parts: list[MirrorClass], count: int) -> list[FloatArray]:
         """From each class's unknowns to the cell's, (count, m)."""
         start, places = self.interface.count, []
         for part in parts:
@@ -210,7 +228,7 @@ class _Builder:
         return places
 
     def _mirrored(
-        self, points: FloatArray, rows: list[FloatArray], parts: list[_Part], places: list[FloatArray]
+        self, points: FloatArray, rows: list[FloatArray], parts: list[MirrorClass], places: list[FloatArray]
     ) -> tuple[FloatArray, FloatArray]:
         """Points and matrices on every mirror image; rows[c] (p, 3 or 1, m) is the class's field at the points."""
         all_points, all_rows = [], []
@@ -226,13 +244,13 @@ class _Builder:
             all_rows.append(total)
         return np.concatenate(all_points), np.concatenate(all_rows)
 
-    def _touch(self, parts: list[_Part], places: list[FloatArray]) -> Expansion:
+    def _touch(self, parts: list[MirrorClass], places: list[FloatArray]) -> Expansion:
         rule = face_quadrature(self.system.mesh, "touch")
         rows = [(rule.interpolation @ part.shapes[2::3])[:, None, :] for part in parts]
         points, matrix = self._mirrored(rule.points, rows, parts, places)
         return Expansion(points, matrix, weights=np.tile(rule.weights, self.copies))
 
-    def _skin(self, parts: list[_Part], places: list[FloatArray]) -> Expansion:
+    def _skin(self, parts: list[MirrorClass], places: list[FloatArray]) -> Expansion:
         mesh = self.system.mesh
         hidden = [np.isin(skin_faces(mesh), mesh.nodes_of(face)).all(axis=1) for face in SIDES]
         facets = skin_faces(mesh)[~np.any(hidden, axis=0)]
@@ -245,7 +263,7 @@ class _Builder:
         )
 
 
-def _weighted(shapes: FloatArray, mass: object) -> FloatArray:
+def weighted(shapes: FloatArray, mass: object) -> FloatArray:
     """V' (m (x) I3) V."""
     nodes = len(shapes) // 3
     heavy = mass @ shapes.reshape(nodes, -1)  # type: ignore[operator]

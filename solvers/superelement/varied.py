@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from geometry.elements import FloatArray
@@ -24,9 +23,7 @@ from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System, assemble
-from solvers.fem.constraints import constrain, free_mask
-from solvers.fem.factor import Factoriser
-from solvers.superelement.cell import Cell, _Builder, _mirror_classes, _weighted
+from solvers.superelement.cell import Cell, CellBuilder, HeldClass, weighted
 from solvers.superelement.interface import Interface
 
 HEIGHT, SIDE, X, Y = range(4)  # the parameters of a pillar, m
@@ -119,8 +116,8 @@ class _Sampler:
         self.setting, self.piece = setting, piece
         self.boxes = piece_boxes(piece, setting.thickness_m, setting.pillar, setting.hexahedra)
         nominal = self._system(self.boxes)
-        build = _Builder(nominal, setting.interface, piece.halved, piece.free)
-        self.parts = _mirror_classes(build, setting.top_hz)
+        build = CellBuilder(nominal, setting.interface, piece.halved, piece.free)
+        self.parts = build.classes(setting.top_hz)
         self.cell: Cell = build.join(self.parts)
         self.nodes = nominal.mesh.nodes
 
@@ -149,17 +146,20 @@ class _Sampler:
         for axis in opened:
             boxes = unfolded(boxes, axis)
         still, moved = self._mesh(boxes), self._system(moved_boxes(boxes, self.setting, self.piece, change_m))
-        build = _Builder(moved, self.setting.interface, kept, self.piece.free)
+        build = CellBuilder(moved, self.setting.interface, kept, self.piece.free)
         stiffness, mass = (np.zeros((self.cell.dof,) * 2) for _ in range(2))
         for signs in product((1, -1), repeat=len(kept)):
             wanted = dict(zip(kept, signs, strict=True))
             modes, fixed = self._fixed(still, opened, wanted)
-            basis, shapes = _shapes(build, wanted, fixed, moved.scale.eigenvalue(1.0) * self.cell.fixed_hz[modes] ** 2)
+            held = build.hold(wanted)
+            eigenvalue = moved.scale.eigenvalue(1.0) * self.cell.fixed_hz[modes] ** 2
+            shapes = np.hstack([held.shapes, _carried_over(build, held, fixed, eigenvalue)])
+            width = held.basis.shape[1]
             place = np.zeros((self.cell.dof, shapes.shape[1]))
-            place[: len(basis), : basis.shape[1]] = basis
-            place[self.cell.interface.count + modes, basis.shape[1] + np.arange(len(modes))] = 1.0
+            place[: len(held.basis), :width] = held.basis
+            place[self.cell.interface.count + modes, width + np.arange(len(modes))] = 1.0
             stiffness += build.copies * place @ (shapes.T @ (moved.stiffness @ shapes)) @ place.T
-            mass += build.copies * place @ _weighted(shapes, moved.mass) @ place.T
+            mass += build.copies * place @ weighted(shapes, moved.mass) @ place.T
         return (stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0
 
     def _mesh(self, boxes: Boxes) -> Mesh:
@@ -195,27 +195,13 @@ class _Sampler:
         return np.concatenate(numbers), np.hstack(columns)
 
 
-def _shapes(
-    build: _Builder, signs: dict[int, int], fixed: FloatArray, eigenvalue: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Basis of a mirror class's boundary unknowns; constraint shapes, then K_II^-1 M_II Phi_0 Lambda_0, (3n, m)."""
-    system, mesh = build.system, build.system.mesh
-    mirrors = {face: "+" if signs[axis] > 0 else "-" for axis, face in build.planes.items()}
-    inside = build.inside & free_mask(mesh, (), mirrors)
-    basis = build.interface.parity_basis(signs)
-    full = np.zeros((len(mesh.nodes), 3, basis.shape[1]))
-    for axis in range(3):
-        full[build.boundary, axis] = build.field @ basis[axis::3]
-    shapes = full.reshape(-1, basis.shape[1])
-    keep = np.flatnonzero(inside.ravel())
-    pencil = constrain(system, inside)
-    static = sp.csc_array(pencil.stiffness - 0.0 * pencil.mass)
-    heavy = (system.mass @ (fixed * eigenvalue).reshape(len(mesh.nodes), -1)).reshape(fixed.shape)
-    answers = Factoriser()(static).solve(np.hstack([-(system.stiffness @ shapes)[keep], heavy[keep]]))
-    shapes[keep] = answers[:, : basis.shape[1]]
+def _carried_over(build: CellBuilder, held: HeldClass, fixed: FloatArray, eigenvalue: FloatArray) -> FloatArray:
+    """K_II^-1 M_II Phi_0 Lambda_0 at every node, (3n, m)."""
+    nodes = len(build.system.mesh.nodes)
+    heavy = (build.system.mass @ (fixed * eigenvalue).reshape(nodes, -1)).reshape(fixed.shape)
     own = np.zeros_like(fixed)
-    own[keep] = answers[:, basis.shape[1] :]
-    return basis, np.hstack([shapes, own])
+    own[held.keep] = held.factor.solve(heavy[held.keep])
+    return own
 
 
 def unfolded(boxes: Boxes, axis: int) -> Boxes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import sys
 import tomllib
 from itertools import pairwise
 from pathlib import Path
@@ -24,6 +25,9 @@ from pipeline.raw_mesh import RawMesh, local_nodes, outer_facets
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
 
+sys.path.insert(0, str(Path(__file__).parent))
+from scenes import STEEL_PILLARS
+
 CATALOGUE = tomllib.loads((Path(__file__).parent / "aster_catalogue.toml").read_text())
 GEOMETRY = {"T10": 310, "H27": 327, "TR6": 206, "QU9": 209}  # numbers of MED's geometry types (med.h)
 # corners of MED's volumes whose middle a node is: read off medcoupling's sub-cells, typed in here on purpose
@@ -32,15 +36,7 @@ MED_H27 = (
     *((0, 1), (1, 2), (2, 3), (0, 3), (4, 5), (5, 6), (6, 7), (4, 7), (0, 4), (1, 5), (2, 6), (3, 7)),
     *((0, 1, 2, 3), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0), (4, 7, 6, 5), tuple(range(8))),
 )
-SCENE: dict[str, Any] = {
-    "name": "small",
-    "material": "aluminium",
-    "plate": {"thickness_mm": 2.0},
-    "zone": {"length_mm": 20.0, "width_mm": 10.0, "nodal_lines": 3},
-    "pillar": {"shape": "square", "side_mm": 2.0, "height_mm": 6.0, "material": "steel"},
-    "array": {"pitch_mm": 5.0, "rows": 1, "extension_mm": 4.0},
-    "solve": {"band_kHz": [5.0, 60.0], "accuracy": 0.03},
-}
+SCENE = STEEL_PILLARS | {"solve": {"band_kHz": [5.0, 60.0], "accuracy": 0.03}}
 
 
 def scene(**solve: Any) -> Case:

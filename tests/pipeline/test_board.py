@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,25 +16,10 @@ from pipeline.mess import Mess
 from pipeline.mode_table import Mode, ModeTable, from_bytes, to_bytes
 from pipeline.study_file import load_study
 
-CASE = """name = "small"
-material = "aluminium"
-[plate]
-thickness_mm = 2.0
-[zone]
-length_mm = 30.0
-width_mm = 10.0
-nodal_lines = 3
-[array]
-rows = 0
-extension_mm = 3.0
-[solve]
-band_kHz = [20.0, 40.0]
-accuracy = 0.05
-[patches]
-size_mm = [4.0, 2.0, 0.3]
-centres_mm = [[-7.5, 0.0], [7.5, 0.0], [12.0, 1.0]]
-sensors = [2]
-"""
+sys.path.insert(0, str(Path(__file__).parent))
+from scenes import three_patches
+
+CASE = three_patches((20.0, 40.0), 0.05)
 
 
 class Told:

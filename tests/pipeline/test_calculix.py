@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +20,11 @@ from pipeline.logs import TerminalLog
 from solvers.fem.eigen import Modes, modes_in_band
 from solvers.fem.solid import SolidModel
 
+sys.path.insert(0, str(Path(__file__).parent))
+from scenes import STEEL_PILLARS
+
 AGREEMENT = 1e-3
 SPARE = 8  # modes asked for beyond those of the band
-SCENE: dict[str, Any] = {
-    "name": "small",
-    "material": "aluminium",
-    "plate": {"thickness_mm": 2.0},
-    "zone": {"length_mm": 20.0, "width_mm": 10.0, "nodal_lines": 3},
-    "pillar": {"shape": "square", "side_mm": 2.0, "height_mm": 6.0, "material": "steel"},
-    "array": {"pitch_mm": 5.0, "rows": 1, "extension_mm": 4.0},
-}
 # C3D10's faces as CalculiX numbers them (its manual, *DLOAD), corners from 1
 CCX_FACES = {"S1": (1, 2, 3), "S2": (1, 4, 2), "S3": (2, 4, 3), "S4": (3, 4, 1)}
 CCX = shutil.which("ccx")
@@ -36,7 +32,10 @@ needs_ccx = pytest.mark.skipif(CCX is None, reason="CalculiX is not installed: a
 
 
 def part(name: str, band_khz: list[float], accuracy: float, **pillar: Any) -> Exchange:
-    raw = SCENE | {"solve": {"band_kHz": band_khz, "accuracy": accuracy}, "pillar": pillar or SCENE["pillar"]}
+    raw = STEEL_PILLARS | {
+        "solve": {"band_kHz": band_khz, "accuracy": accuracy},
+        "pillar": pillar or STEEL_PILLARS["pillar"],
+    }
     return exchange(case_from_dict(raw), name, TerminalLog(True), tetrahedra=True)
 
 
