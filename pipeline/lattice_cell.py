@@ -14,6 +14,7 @@ from pipeline import planner
 from pipeline.case import Case
 from pipeline.cell_shelf import CellShelf
 from pipeline.cells import by_tetrahedra
+from pipeline.climb import higher_degree, more_modes, told
 from pipeline.logs import Log
 from pipeline.part_models import mesh_record
 from solvers.errors import SolverError
@@ -26,8 +27,6 @@ from solvers.superelement.lattice import Lattice
 ROUNDS = 8
 MARGIN = 0.9  # of the accuracy, for what coarse and fine mesh differ by
 MOST_DOF = 400  # at a wavevector: beyond, a dense solve costs more than the accuracy is worth
-RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_hz^3
-STEP = (1.08, 2.0)  # least and largest factor on top_hz at once
 
 Reduce = Callable[[Recipe], Cell]
 
@@ -111,12 +110,12 @@ def _good_enough(reduce: Reduce, recipe: Recipe, corners: FloatArray, case: Case
     count, accuracy = case.bands.count, case.solve.accuracy
     advised = _piloted(case.design, recipe, corners, count, MARGIN * accuracy, log)
     if advised != recipe:
-        log.info(f"for {count} bands within {accuracy:.2%}: {_told(recipe, advised)}")
+        log.info(f"for {count} bands within {accuracy:.2%}: {told(recipe, advised)}")
     lattice = Lattice(reduce(advised))
     error = reduction_error(lattice, corners, count)
     finer = advised if error.total <= accuracy else _raised(advised, lattice, error, MARGIN * accuracy)
     if finer != advised:
-        log.info(f"bands up to {error.total:.2%} high by the reduction, {accuracy:.2%} wanted: {_told(advised, finer)}")
+        log.info(f"bands up to {error.total:.2%} high by the reduction, {accuracy:.2%} wanted: {told(advised, finer)}")
         with suppress(SolverError):  # more than the mesh can hold
             trial = Lattice(reduce(finer))
             lattice, error = trial, reduction_error(trial, corners, count)
@@ -134,22 +133,12 @@ def _raised(recipe: Recipe, lattice: Lattice, error: ReductionError, wanted: flo
     """More fixed-interface modes or a higher degree along the sides, whichever more error comes from; the same at the limit."""
     face, modes = recipe.interface, len(lattice.cell.fixed_hz)
     if error.degrees > error.modes:
-        face = Interface(face.along + 1, face.through)
-        return replace(recipe, interface=face) if _boundary(face) + modes <= MOST_DOF else recipe
-    factor = (error.modes / max(wanted - error.degrees, wanted / 4.0)) ** (1.0 / RATE)
+        finer = higher_degree(recipe)
+        return finer if _boundary(finer.interface) + modes <= MOST_DOF else recipe
     limit = (max(MOST_DOF - _boundary(face), modes) / max(modes, 1)) ** (1.0 / 3.0)  # modes go as top_hz^3
-    return replace(recipe, top_hz=recipe.top_hz * min(max(factor, STEP[0]), STEP[1], limit))
+    return more_modes(recipe, error.modes, max(wanted - error.degrees, wanted / 4.0), limit)
 
 
 def _boundary(face: Interface) -> int:
     """Boundary unknowns of the lattice."""
     return face.vertex_block + 2 * face.side_block
-
-
-def _told(recipe: Recipe, finer: Recipe) -> str:
-    words = []
-    if finer.top_hz > recipe.top_hz:
-        words.append(f"fixed-interface modes up to {finer.top_hz / 1e6:.2f} MHz instead of {recipe.top_hz / 1e6:.2f}")
-    if finer.interface != recipe.interface:
-        words.append(f"degree {finer.interface.along} along the sides instead of {recipe.interface.along}")
-    return ", ".join(words)

@@ -12,18 +12,16 @@ from geometry.elements import FloatArray
 from pipeline import error_model, omissions, part_models
 from pipeline.asked import DEFAULT_COUNT, Request, model_high_hz, understood
 from pipeline.case import Case
+from pipeline.climb import climbed, refused, warn
 from pipeline.errors import InputFault
 from pipeline.logs import Log
 from pipeline.part_models import PartModel
-from pipeline.ways import way_of
+from pipeline.ways import Way, way_of
 from solvers.confinement import Confinement, measure, wanted_parity
 from solvers.fem.eigen import Count, Modes, modes_in_band, modes_near
 from solvers.superelement.build import PlateModel
 
 __all__ = ["DEFAULT_COUNT", "ModeRow", "PartModes", "Request", "mode_rows", "solve_modes", "understood", "wanted_row"]
-
-
-MARGIN = 2.0  # single modes may lie somewhat above their estimate, the worst of a class never did
 
 
 @dataclass(frozen=True)
@@ -79,44 +77,67 @@ class PartModes:
 def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     """Solve a part's modes. Raises SolverError (not trusted), MeshError, InputFault (a class the part does not have)."""
     asked = understood(case, request)
-    meshes: list[dict[str, Any]] = []
-    model = part_models.build(case, asked.part, model_high_hz(case, asked), log, meshes)
+    way = way_of(case, asked.part, model_high_hz(case, asked))
     unpatched = omissions.no_patches(case.patches, ()) if asked.part == "plate" and case.patches else None
-    parities = _classes(model, asked.parity)
-    omissions.told((unpatched, omissions.other_classes(model.parities, asked.parity)), log)
+    omissions.told((*way.left_out, unpatched, omissions.other_classes(way.classes, asked.parity)), log)
+    found = _solved(case, asked, way, log)
+    judged = _judged(case, found)
+    finer = climbed(way, judged.modes, judged.degrees, case, log) if judged else None
+    if finer:
+        with refused(log):
+            found, way = _solved(case, asked, finer, log), finer
+            judged = _judged(case, found)
+    if judged:
+        log.info(
+            f"high by the reduction, as truncations tell: the wanted mode {judged.total:.2%}, "
+            f"any mode {judged.worst:.2%} at most"
+        )
+        warn(judged.total, case, log)
+    expected = error_model.told(way, case, log)
+    return replace(found, reduction_error=judged.worst if judged else None, expected_error=expected)
+
+
+def _solved(case: Case, asked: Request, way: Way, log: Log) -> PartModes:
+    """The modes by one way."""
+    meshes: list[dict[str, Any]] = []
+    model = part_models.built(case, way, log, meshes)
     solved: dict[str | None, Modes] = {}
     dof = 0
-    for parity in parities:
+    for parity in _classes(model, asked.parity):
         with log.step(f"solve class {parity or 'whole'}"):
             pencil = model.pencil(parity)
             dof += pencil.dof
             solved[parity] = _solve(pencil, asked)
         log.info(f"class {parity or 'whole'}: {pencil.dof} unknowns, {len(solved[parity].frequency_hz)} modes")
-    merged = _merged(case, asked, model, solved, dof, meshes)
-    expected = error_model.told(way_of(case, asked.part, model_high_hz(case, asked)), case, log)
-    return replace(merged, reduction_error=_judged(case, merged, log), expected_error=expected)
+    return _merged(case, asked, model, solved, dof, meshes)
 
 
-def _judged(case: Case, found: PartModes, log: Log) -> float | None:
-    """How far the reduction may put the worst of the modes too high; None for a body that was not reduced.
+@dataclass(frozen=True)
+class _Judged:
+    """How far the reduction may put modes too high, relative: the worst of all; the wanted one's by modes and by degrees."""
 
-    The alarm is about the mode that everything else is measured on, with twice its own estimate.
-    """
+    worst: float
+    modes: float
+    degrees: float
+
+    @property
+    def total(self) -> float:
+        return self.modes + self.degrees
+
+
+def _judged(case: Case, found: PartModes) -> _Judged | None:
+    """The reduction's estimate; None for a body that was not reduced. Without a wanted mode the worst one stands for it."""
     if not isinstance(found.model, PlateModel):
         return None
-    errors = {parity: found.model.reduction_error(parity, vectors) for parity, vectors in found.vectors.items()}
-    worst = max((float(each.max(initial=0.0)) for each in errors.values()), default=0.0)
+    errors = {parity: found.model.mode_errors(parity, vectors) for parity, vectors in found.vectors.items()}
+    every = np.hstack([np.vstack([each.modes, each.degrees]) for each in errors.values()])
+    if not every.shape[1]:
+        return _Judged(0.0, 0.0, 0.0)
+    worst = every[:, int(np.argmax(every.sum(axis=0)))]
     index = wanted_row(found, case)
     row = found.rows[index] if index is not None else None
-    own = float(errors[row.parity][row.column]) if row else worst
-    log.info(f"high by the reduction, as truncations tell: the wanted mode {own:.2%}, any mode {worst:.2%} at most")
-    if MARGIN * own > case.solve.accuracy:
-        log.alarm(
-            "REDUCTION",
-            f"the reduction may put the wanted mode {MARGIN * own:.2%} too high, solve.accuracy asks for "
-            f"{case.solve.accuracy:.2%}: narrow the band, raise solve.accuracy, or take solve.model = 'solid'",
-        )
-    return worst
+    own = (errors[row.parity].modes[row.column], errors[row.parity].degrees[row.column]) if row else worst
+    return _Judged(float(worst.sum()), float(own[0]), float(own[1]))
 
 
 def _classes(model: PartModel, parity: str | None) -> tuple[str | None, ...]:

@@ -66,7 +66,12 @@ def build(case: Case, part: str, high_hz: float, log: Log, meshes: list[dict[str
     """The model that the case asks for; its meshes are appended to `meshes`. InputFault for one that cannot serve."""
     way = way_of(case, part, high_hz)
     omissions.told(way.left_out, log)
-    return {"plate": _plate, "zone": _zone, "pillar": _pillar}[part](case, way, log, meshes)
+    return built(case, way, log, meshes)
+
+
+def built(case: Case, way: Way, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
+    """The model of a way that is decided already."""
+    return {"plate": _plate, "zone": _zone, "pillar": _pillar}[way.part](case, way, log, meshes)
 
 
 def _solid(

@@ -114,7 +114,10 @@ def _plate(case: Case, high_hz: float) -> Way:
     recipe = planner.plate_recipe(design, solve.accuracy, high_hz)
     edge = None if no_cad else planner.tet_cell_edge_m(design, solve.accuracy)
     taken = (*taken, omissions.alike_cells(design))
-    why = ("cells joined cost one reduction a kind", *_because(case, bool(no_cad)))
+    why = (
+        "cells joined cost one reduction a kind; one rung up where their own estimate asks for it",
+        *_because(case, bool(no_cad)),
+    )
     return _way("plate", SUPERELEMENT, recipe.hexahedra, edge, recipe, True, taken, why)
 
 

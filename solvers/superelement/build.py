@@ -20,7 +20,7 @@ from solvers.fem.surface import Skin
 from solvers.superelement.cell import Cell, reduce_cell
 from solvers.superelement.interface import Interface
 from solvers.superelement.plate import JoinedPlate
-from solvers.superelement.plate_estimate import mode_errors
+from solvers.superelement.plate_estimate import ModeErrors, mode_errors
 from solvers.superelement.tiling import Signature, signature, tile
 
 
@@ -132,9 +132,9 @@ class PlateModel:
         """K and M of one mirror class."""
         return self.joined(parity).pencil()
 
-    def reduction_error(self, parity: str | None, vectors: FloatArray) -> FloatArray:
-        """How far the reduction may put each of these modes too high, relative, (k,)."""
-        return mode_errors(self.joined(parity), vectors).total
+    def mode_errors(self, parity: str | None, vectors: FloatArray) -> ModeErrors:
+        """How far the reduction may put each of these modes too high."""
+        return mode_errors(self.joined(parity), vectors)
 
     def touch(self, parity: str | None, vectors: FloatArray) -> TouchField:
         """u_z on the touch face."""

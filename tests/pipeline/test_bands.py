@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from contextlib import contextmanager
+import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -22,30 +22,11 @@ from solvers.superelement.build import Recipe
 from solvers.superelement.interface import Interface
 from solvers.waves.gaps import Gap, ZoneGap
 
+sys.path.insert(0, str(Path(__file__).parent))
+from told import Told
+
 CASE = Path(__file__).resolve().parents[2] / "studies" / "three-rows.toml"
 COARSE = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
-
-
-class Told:
-    """A log that keeps what it hears."""
-
-    def __init__(self) -> None:
-        self.facts: list[str] = []
-        self.alarms: dict[str, str] = {}
-        self.omitted: dict[str, str] = {}
-
-    def info(self, text: str, id: str = "") -> None:
-        self.facts.append(text)
-
-    def alarm(self, id: str, text: str) -> None:
-        self.alarms[id] = text
-
-    def left_out(self, what: str, why: str) -> None:
-        self.omitted[what] = why
-
-    @contextmanager
-    def step(self, name: str) -> Any:
-        yield
 
 
 class NoShelf:

@@ -18,29 +18,9 @@ from pipeline.study_file import load_study
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenes import three_patches
+from told import Told
 
 CASE = three_patches((20.0, 40.0), 0.05)
-
-
-class Told:
-    """A log that keeps what it is told."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def info(self, text: str, id: str = "") -> None:
-        self.lines.append(text)
-
-    def alarm(self, id: str, text: str) -> None:
-        self.lines.append(f"{id}: {text}")
-
-    def left_out(self, what: str, why: str) -> None:
-        self.lines.append(f"left out {what}: {why}")
-
-    def step(self, name: str):
-        from contextlib import nullcontext
-
-        return nullcontext()
 
 
 @pytest.fixture
@@ -79,7 +59,7 @@ def test_record_and_arrays(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     # 95 % of 1 - exp(-t/0.5 ms) is passed at 1.498 ms, by the window that begins at 1.6 and stands for 0.108 ms later
     assert record["t95_s"] == pytest.approx(1.6e-3 + 0.108e-3)
     assert set(arrays) == {f"board_{name}" for name in board.COLUMNS}
-    assert "identified" in told.lines[-1] and "1.71 ms" in told.lines[-1]
+    assert "identified" in told.facts[-1] and "1.71 ms" in told.facts[-1]
 
 
 def test_a_step_that_is_never_reached_says_so(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,7 +67,7 @@ def test_a_step_that_is_never_reached_says_so(folder: Path, monkeypatch: pytest.
     run.columns["u_d"] *= 0.5
     monkeypatch.setattr(emulate, "board_run", lambda table: run)
     record, _ = board.solve(folder, told := Told())
-    assert record is not None and record["t95_s"] is None and "not reached" in told.lines[-1]
+    assert record is not None and record["t95_s"] is None and "not reached" in told.facts[-1]
 
 
 def test_what_is_not_installed_is_left_out_and_a_fault_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,9 +79,11 @@ def test_what_is_not_installed_is_left_out_and_a_fault_is_told(folder: Path, mon
 
     told = Told()
     monkeypatch.setattr(emulate, "board_run", fails(BuildError("no compiler", 5)))
-    assert board.solve(folder, told) == (None, {}) and "no compiler" in told.lines[-1]
+    assert (
+        board.solve(folder, told) == (None, {}) and "no compiler" in told.omitted["closed loop on the emulated board"]
+    )
     monkeypatch.setattr(emulate, "board_run", fails(emulate.EmulationError("identify")))
-    assert board.solve(folder, told) == ({"fault": "identify"}, {}) and told.lines[-1].startswith("BOARD")
+    assert board.solve(folder, told) == ({"fault": "identify"}, {}) and "BOARD" in told.alarms
     monkeypatch.setattr(emulate, "board_run", fails(BuildError("the compiler refused", 3)))
     with pytest.raises(BuildError):
         board.solve(folder, told)
