@@ -20,6 +20,7 @@ from pipeline.ways import Way, way_of
 from solvers.confinement import Confinement, measure, wanted_parity
 from solvers.fem.eigen import Count, Modes, modes_in_band, modes_near
 from solvers.superelement.build import PlateModel
+from solvers.superelement.plate_estimate import ModeErrors
 
 __all__ = ["DEFAULT_COUNT", "ModeRow", "PartModes", "Request", "mode_rows", "solve_modes", "understood", "wanted_row"]
 
@@ -80,13 +81,13 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     way = way_of(case, asked.part, model_high_hz(case, asked))
     unpatched = omissions.no_patches(case.patches, ()) if asked.part == "plate" and case.patches else None
     omissions.told((*way.left_out, unpatched, omissions.other_classes(way.classes, asked.parity)), log)
-    found = _solved(case, asked, way, log)
-    judged = _judged(case, found)
+    found, errors = _solved(case, asked, way, log)
+    judged = _judged(case, found, errors)
     finer = climbed(way, judged.modes, judged.degrees, case, log) if judged else None
     if finer:
         with refused(log):
-            found, way = _solved(case, asked, finer, log), finer
-            judged = _judged(case, found)
+            (found, errors), way = _solved(case, asked, finer, log), finer
+            judged = _judged(case, found, errors)
     if judged:
         log.info(
             f"high by the reduction, as truncations tell: the wanted mode {judged.total:.2%}, "
@@ -97,19 +98,22 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     return replace(found, reduction_error=judged.worst if judged else None, expected_error=expected)
 
 
-def _solved(case: Case, asked: Request, way: Way, log: Log) -> PartModes:
-    """The modes by one way."""
+def _solved(case: Case, asked: Request, way: Way, log: Log) -> tuple[PartModes, dict[str | None, ModeErrors]]:
+    """The modes by one way, and for a reduced body the errors by its reduction, class by class."""
     meshes: list[dict[str, Any]] = []
     model = part_models.built(case, way, log, meshes)
     solved: dict[str | None, Modes] = {}
+    errors: dict[str | None, ModeErrors] = {}
     dof = 0
     for parity in _classes(model, asked.parity):
         with log.step(f"solve class {parity or 'whole'}"):
             pencil = model.pencil(parity)
             dof += pencil.dof
             solved[parity] = _solve(pencil, asked)
+            if isinstance(model, PlateModel):
+                errors[parity] = model.mode_errors(parity, pencil, solved[parity].vectors)
         log.info(f"class {parity or 'whole'}: {pencil.dof} unknowns, {len(solved[parity].frequency_hz)} modes")
-    return _merged(case, asked, model, solved, dof, meshes)
+    return _merged(case, asked, model, solved, dof, meshes), errors
 
 
 @dataclass(frozen=True)
@@ -125,11 +129,10 @@ class _Judged:
         return self.modes + self.degrees
 
 
-def _judged(case: Case, found: PartModes) -> _Judged | None:
+def _judged(case: Case, found: PartModes, errors: dict[str | None, ModeErrors]) -> _Judged | None:
     """The reduction's estimate; None for a body that was not reduced. Without a wanted mode the worst one stands for it."""
-    if not isinstance(found.model, PlateModel):
+    if not errors:
         return None
-    errors = {parity: found.model.mode_errors(parity, vectors) for parity, vectors in found.vectors.items()}
     every = np.hstack([np.vstack([each.modes, each.degrees]) for each in errors.values()])
     if not every.shape[1]:
         return _Judged(0.0, 0.0, 0.0)

@@ -17,6 +17,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 from geometry.elements import FloatArray
 from solvers.errors import CountMismatch, SingularShift, SolverError
 from solvers.fem.assembly import Scale
+from solvers.fem.block_lanczos import block_lanczos, fits
 from solvers.fem.factor import Factor, Factoriser
 
 RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not returned
@@ -283,6 +284,11 @@ class _Solver:
     ) -> tuple[FloatArray, FloatArray]:
         """`count` eigenpairs nearest to the shift, ascending, from a fixed start vector."""
         size = self.pencil.dof
+        found = block_lanczos(solve, self.pencil.apply_mass, size, count) if fits(size, count) else None
+        if found is not None:
+            values = shift + 1.0 / found[0]
+            order = np.argsort(values, kind="stable")
+            return values[order], found[1][:, order]
         basis = min(size, max(2 * count + 1, count + 32))
         shape = (size, size)
         mass = LinearOperator(shape, matvec=self.pencil.apply_mass, dtype=np.float64)

@@ -14,7 +14,7 @@ from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
 from solvers.confinement import TouchField
 from solvers.fem.assembly import Scale, assemble
-from solvers.fem.eigen import PlainPencil
+from solvers.fem.eigen import PlainPencil, SymmetricPencil
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.superelement.cell import Cell, reduce_cell
@@ -132,9 +132,9 @@ class PlateModel:
         """K and M of one mirror class."""
         return self.joined(parity).pencil()
 
-    def mode_errors(self, parity: str | None, vectors: FloatArray) -> ModeErrors:
-        """How far the reduction may put each of these modes too high."""
-        return mode_errors(self.joined(parity), vectors)
+    def mode_errors(self, parity: str | None, pencil: SymmetricPencil, vectors: FloatArray) -> ModeErrors:
+        """How far the reduction may put each of these modes of the class's pencil too high."""
+        return mode_errors(self.joined(parity), pencil, vectors)
 
     def touch(self, parity: str | None, vectors: FloatArray) -> TouchField:
         """u_z on the touch face."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.elements import FloatArray, IntArray
+from solvers.fem.eigen import SymmetricPencil
 from solvers.superelement.cell import Cell
 from solvers.superelement.estimate import RATE, SHARES
 from solvers.superelement.plate import JoinedPlate
@@ -33,18 +34,23 @@ class ModeErrors:
         return self.modes + self.degrees
 
 
-def mode_errors(plate: JoinedPlate, vectors: FloatArray) -> ModeErrors:
-    """Estimate for M-orthonormal modes (dof, k) of a mirror class."""
-    pencil = plate.pencil()
+def mode_errors(plate: JoinedPlate, pencil: SymmetricPencil, vectors: FloatArray) -> ModeErrors:
+    """Estimate for M-orthonormal modes (dof, k) of a mirror class and its pencil."""
+    stiff, heavy = pencil.stiffness @ vectors, pencil.mass @ vectors
+    value = np.einsum("ik,ik->k", vectors, stiff)
 
     def rise(part: NDArray[np.bool_]) -> FloatArray:
-        dropped = np.where(part[:, None], vectors, 0.0)
-        left = vectors - dropped
-        stiff = np.einsum("ik,ik->k", left, pencil.stiffness @ left)
-        heavy = np.einsum("ik,ik->k", left, pencil.mass @ left)
-        return np.asarray(np.sqrt(np.maximum(stiff / heavy / value, 1.0)) - 1.0)
+        """By Rayleigh's quotient of u - d: K and M on the part alone tell what d itself holds."""
+        where = np.flatnonzero(part)
+        dropped = vectors[where]
+        left = [
+            np.einsum("ik,ik->k", vectors, image)
+            - 2.0 * np.einsum("ik,ik->k", dropped, image[where])
+            + np.einsum("ik,ik->k", dropped, matrix[where][:, where] @ dropped)
+            for matrix, image in ((pencil.stiffness, stiff), (pencil.mass, heavy))
+        ]
+        return np.asarray(np.sqrt(np.maximum(left[0] / left[1] / value, 1.0)) - 1.0)
 
-    value = np.einsum("ik,ik->k", vectors, pencil.stiffness @ vectors)
     modes = np.zeros_like(value)
     for share in SHARES:
         upper = _unknowns(plate, partial(_upper_modes, share))

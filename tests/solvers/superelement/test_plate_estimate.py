@@ -28,7 +28,7 @@ def plate(along: int, top_hz: float) -> tuple[np.ndarray, float, float]:
     recipe = Recipe(Interface(along, 3), top_hz, MESH)
     joined = PlateModel(DESIGN, Reductions(2e-3, ALUMINIUM, PILLAR, recipe)).joined("++")
     modes = modes_near(joined.pencil(), 0.0, COUNT)
-    errors = mode_errors(joined, modes.vectors[:, :COUNT])
+    errors = mode_errors(joined, joined.pencil(), modes.vectors[:, :COUNT])
     return modes.frequency_hz[:COUNT], float(errors.modes.max()), float(errors.degrees.max())
 
 

@@ -1,0 +1,116 @@
+"""Block Lanczos with full orthogonalisation for (K - sigma M)^-1 M: a factor serves a block for little more than one vector.
+
+A triangular solve reads the whole factor; read once for several right-hand sides instead of once for each, most of the time of
+single-vector Lanczos goes away. Nothing is restarted: the basis is held whole (grimes1994).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from geometry.elements import FloatArray
+
+BLOCK = 8
+MOST = 6.0  # vectors of the basis over pairs wanted: beyond, restarts are the better way
+TOLERANCE = 1e-11  # residual over the inverse's eigenvalue; the errors of eigenvalues go with its square
+WIDE = 15  # unknowns a pair at least: below, the basis would be most of the space
+MASSLESS = 1e-14  # v'Mv over the largest seen: v'v is 1 for each, and such a direction moves no mass
+BYTES = 512e6  # of a basis that is still held whole
+EVERY = 2  # blocks between looks at the residuals
+
+Operator = Callable[[FloatArray], FloatArray]
+
+
+def fits(size: int, count: int) -> bool:
+    """Whether the whole basis for `count` pairs of `size` unknowns may be held."""
+    return WIDE * count <= size and 16.0 * size * _most(size, count) <= BYTES
+
+
+def _most(size: int, count: int) -> int:
+    return min(size, int(MOST * count) + 8 * BLOCK)
+
+
+def block_lanczos(inverse: Operator, mass: Operator, size: int, count: int) -> tuple[FloatArray, FloatArray] | None:
+    """`count` eigenpairs of (K - sigma M)^-1 M, largest in size first, with M-orthonormal vectors (size, count).
+
+    `inverse` and `mass` apply (K - sigma M)^-1 and M to blocks (size, k). None when the basis would grow too large.
+    """
+    most = _most(size, count)
+    basis = _Basis(size, most, mass)
+    basis.append(inverse(mass(_start(size))))
+    projected = np.zeros((most, most))
+    first, turn = 0, 0
+    while True:
+        last, turn = basis.count, turn + 1
+        images = inverse(basis.weighted[:, first:last])
+        projected[:last, first:last] = basis.strip(images)
+        coupling = basis.append(images)
+        full = basis.count == last
+        if full or (last >= 1.5 * count and turn % EVERY == 0):
+            found = _converged(projected[:last, :last], first, coupling, count)
+            if found is not None or full:
+                return found and (found[0], basis.vectors[:, :last] @ found[1])
+        first = last
+
+
+def _start(size: int) -> FloatArray:
+    """A fixed block without the symmetries that modes have."""
+    number = np.arange(size, dtype=float)[:, None]
+    tone = 1.0 + np.arange(BLOCK) * (np.sqrt(5.0) - 1.0) / 2.0
+    return np.cos(number * 1.618 * tone) + 0.5 * np.sin(number * 0.7 * tone)
+
+
+def _converged(
+    projected: FloatArray, first: int, coupling: FloatArray, count: int
+) -> tuple[FloatArray, FloatArray] | None:
+    """The `count` largest Ritz values with their mixes of the basis, (m, count), if the residuals let them pass."""
+    upper = np.triu(projected)
+    values, mix = np.linalg.eigh(upper + np.triu(upper, 1).T)
+    order = np.argsort(-np.abs(values), kind="stable")[:count]
+    residual = np.linalg.norm(coupling @ mix[first:, order], axis=0)
+    if (residual > TOLERANCE * np.abs(values[order])).any():
+        return None
+    return values[order], mix[:, order]
+
+
+class _Basis:
+    """M-orthonormal vectors (size, count) and M times them, filled block by block."""
+
+    def __init__(self, size: int, most: int, mass: Operator) -> None:
+        self.mass, self.count, self.heaviest = mass, 0, 0.0
+        self._vectors, self._weighted = (np.empty((size, most), order="F") for _ in range(2))
+
+    @property
+    def vectors(self) -> FloatArray:
+        """The basis."""
+        return self._vectors[:, : self.count]
+
+    @property
+    def weighted(self) -> FloatArray:
+        """M times the basis."""
+        return self._weighted[:, : self.count]
+
+    def strip(self, block: FloatArray) -> FloatArray:
+        """Take the basis out of a block; its coefficients (count, k)."""
+        part = self.weighted.T @ block
+        block -= self.vectors @ part
+        return np.asarray(part)
+
+    def append(self, block: FloatArray) -> FloatArray:
+        """Orthonormalise a stripped block and take it in where there is room; what it is in the new vectors, (m, k)."""
+        block, coupling = np.linalg.qr(block)
+        self.strip(block)  # what rounding left of the basis is no longer small beside a block of unit length
+        weighted = self.mass(block)
+        gram = block.T @ weighted
+        square, turn = np.linalg.eigh((gram + gram.T) / 2.0)
+        self.heaviest = max(self.heaviest, float(square[-1]))
+        kept = square > MASSLESS * self.heaviest
+        length, turn = np.sqrt(square[kept]), turn[:, kept]
+        block, weighted = block @ (turn / length), weighted @ (turn / length)
+        end = self.count + block.shape[1]
+        if end <= self._vectors.shape[1]:
+            self._vectors[:, self.count : end], self._weighted[:, self.count : end] = block, weighted
+            self.count = end
+        return np.asarray((length[:, None] * turn.T) @ coupling)

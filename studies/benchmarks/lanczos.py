@@ -1,0 +1,67 @@
+"""Block against single-vector Lanczos on the pencils that Antinode solves: `python -m studies.benchmarks.lanczos`.
+
+The same modes of a band, counted, by `solvers.fem.block_lanczos` and by ARPACK (scipy's `eigsh`), both with the same factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from pipeline import part_models
+from pipeline.case import Case, load_case
+from pipeline.house import STUDIES
+from pipeline.logs import TerminalLog
+from solvers.fem import block_lanczos
+from solvers.fem.eigen import SymmetricPencil, modes_in_band
+from studies.benchmarks import timed
+
+CASE = STUDIES / "three-rows.toml"
+BAND_HZ = (25e3, 45e3)
+REPEATS = 3
+
+
+def _case(*overrides: str) -> Case:
+    return load_case(CASE, overrides)
+
+
+def _pencil(part: str, parity: str, *overrides: str) -> SymmetricPencil:
+    model = part_models.build(_case(*overrides), part, BAND_HZ[1], TerminalLog(quiet=True), [])
+    return model.pencil(parity)
+
+
+PROBLEMS: dict[str, tuple[Callable[[], SymmetricPencil], tuple[float, float]]] = {
+    "lone pillar": (lambda: _pencil("pillar", "++", "solve.accuracy=0.003"), (0.0, 900e3)),
+    "bare zone": (lambda: _pencil("zone", "++", "solve.accuracy=0.003"), (0.0, 250e3)),
+    "joined plate": (lambda: _pencil("plate", "++", "solve.accuracy=0.01"), BAND_HZ),
+    "solid plate": (
+        lambda: _pencil(
+            "plate", "++", "solve.model=solid", "solve.accuracy=0.03", "array.rows=1", "array.extension_mm=0"
+        ),
+        BAND_HZ,
+    ),
+}
+
+
+def main() -> None:
+    """Print a line a problem."""
+    print(
+        f"{'problem':14} {'unknowns':>8} {'modes':>5} {'block':>8} {'single':>8} {'ratio':>6} {'largest difference':>19}"
+    )
+    held = block_lanczos.BYTES
+    for name, (make, band_hz) in PROBLEMS.items():
+        pencil = make()
+        solve = partial(modes_in_band, pencil, *band_hz)
+        ours, block = solve(), timed(solve, REPEATS)
+        block_lanczos.BYTES = 0.0
+        theirs, single = solve(), timed(solve, REPEATS)
+        block_lanczos.BYTES = held
+        apart = float(np.abs(ours.frequency_hz / theirs.frequency_hz - 1.0).max())
+        count = len(ours.frequency_hz)
+        print(f"{name:14} {pencil.dof:8} {count:5} {block:6.2f} s {single:6.2f} s {single / block:6.2f} {apart:19.1e}")
+
+
+if __name__ == "__main__":
+    main()
