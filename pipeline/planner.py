@@ -1,6 +1,6 @@
 """What a scene needs: model, mesh, degrees, window of frequencies; each choice with its reason.
 
-The mesh settings come from convergence studies of the parts (`make bench` prints them); `accuracy` picks the row.
+`accuracy` picks the cheapest mesh that the calibration expects to meet it.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from math import sqrt
 
 from geometry.hexmesh import HexSettings
 from geometry.layout import Design
+from pipeline import calibration
 from solvers.analytic.plates import Strip, levy_hz, thin_plate_hz
 from solvers.superelement.build import Recipe
 from solvers.superelement.interface import Interface
@@ -24,20 +25,29 @@ TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the
 
 @dataclass(frozen=True)
 class Rung:
-    """Order, layers towards re-entrant edges and shrink factor that met an accuracy on the reference parts."""
+    """Order, layers towards re-entrant edges and their shrink factor."""
 
-    accuracy: float
     order: int
     layers: int
     factor: float
 
 
-RUNGS = (Rung(0.01, 3, 1, 0.2), Rung(0.002, 3, 2, 0.15), Rung(0.0005, 4, 2, 0.15), Rung(0.0, 4, 3, 0.15))
+RUNGS = (  # by the unknowns they give a cell
+    Rung(3, 1, 0.2),
+    Rung(4, 1, 0.2),
+    Rung(3, 2, 0.15),
+    Rung(4, 2, 0.15),
+    Rung(4, 3, 0.15),
+)
 
 
-def rung(accuracy: float) -> Rung:
-    """The cheapest row that met the accuracy."""
-    return next(row for row in RUNGS if accuracy >= row.accuracy)
+def rung(part: str, accuracy: float) -> Rung:
+    """The cheapest rung expected to meet the accuracy on a part (zone, pillar, cell); the finest where none is."""
+    for row in RUNGS:
+        expected = calibration.by_hexahedra(part, row.order, row.layers)
+        if expected is not None and expected <= accuracy:
+            return row
+    return RUNGS[-1]
 
 
 def half_wavelength_m(design: Design) -> float:
@@ -47,28 +57,28 @@ def half_wavelength_m(design: Design) -> float:
 
 def zone_settings(design: Design, accuracy: float) -> HexSettings:
     """Elements of the bare strip: its clamped faces are singular edges."""
-    row = rung(accuracy)
+    row = rung("zone", accuracy)
     size = min(half_wavelength_m(design) * 2.0 / 3.0, design.width_m / 2.0)
-    return HexSettings(max(row.order, 4 if accuracy < 0.01 else 3), size, row.layers, row.factor)
+    return HexSettings(row.order, size, row.layers, row.factor)
 
 
 def pillar_settings(design: Design, accuracy: float) -> HexSettings:
     """Elements of the lone pillar: two along the section, graded towards the clamped foot."""
     assert design.pillar
-    row = rung(accuracy)
-    return HexSettings(4, design.pillar.base_m, max(2, row.layers), row.factor, _along(design))
+    row = rung("pillar", accuracy)
+    return HexSettings(row.order, design.pillar.base_m, row.layers, row.factor, _along(design))
 
 
 def cell_settings(design: Design, accuracy: float) -> HexSettings:
     """Elements of plate and cells: two thicknesses wide, graded towards the pillars' feet."""
-    row = rung(accuracy)
+    row = rung("cell", accuracy)
     along = _along(design) if design.pillar else None
     return HexSettings(row.order, 2.0 * design.thickness_m, row.layers, row.factor, along)
 
 
 def solid_plate_settings(design: Design, accuracy: float) -> HexSettings:
     """Elements of a whole plate: grading is dear there, since its lines run across the plate."""
-    row = rung(accuracy)
+    row = rung("cell", accuracy)
     layers = 0 if accuracy > 0.01 else row.layers
     return HexSettings(
         row.order, 2.0 * design.thickness_m, layers, row.factor, _along(design) if design.pillar else None

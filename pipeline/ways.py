@@ -6,14 +6,13 @@ from dataclasses import dataclass
 
 from geometry.hexmesh import HexSettings
 from pipeline import omissions, planner
+from pipeline.calibration import HEX, TET, TET_ORDER
 from pipeline.case import Case
 from pipeline.errors import InputFault
 from pipeline.omissions import CLASSES, Omission
 from solvers.superelement.build import Recipe
 
 SUPERELEMENT, SOLID = "superelement", "solid"
-HEX, TET = "hex", "tet"
-TET_ORDER = 2
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ def _zone(case: Case, high_hz: float) -> Way:
     no_cad, quarter = omissions.boxes(case, "zone"), omissions.mirror_images(case.design, "zone")
     hexahedra = planner.zone_settings(design, accuracy) if no_cad else None
     edge = None if no_cad else planner.tet_edge_m(2.0 * design.thickness_m, accuracy)
-    return _way("zone", SOLID, hexahedra, edge, None, bool(quarter), (no_cad, quarter), _because(case, bool(no_cad)))
+    return _way("zone", SOLID, hexahedra, edge, None, bool(quarter), (no_cad, quarter), _because(case, hexahedra))
 
 
 def _pillar(case: Case, high_hz: float) -> Way:
@@ -88,7 +87,7 @@ def _pillar(case: Case, high_hz: float) -> Way:
     quarter = omissions.mirror_images(design, "pillar") if no_cad else None  # tetrahedra mesh the whole pillar
     hexahedra = planner.pillar_settings(design, accuracy) if no_cad else None
     edge = None if no_cad else planner.tet_edge_m(design.pillar.tip_m, accuracy)
-    return _way("pillar", SOLID, hexahedra, edge, None, bool(quarter), (no_cad, quarter), _because(case, bool(no_cad)))
+    return _way("pillar", SOLID, hexahedra, edge, None, bool(quarter), (no_cad, quarter), _because(case, hexahedra))
 
 
 def _plate(case: Case, high_hz: float) -> Way:
@@ -108,15 +107,13 @@ def _plate(case: Case, high_hz: float) -> Way:
             reason = "a pillar from CAD need not be its own mirror image"
             taken = (*taken, Omission("joined_cells", "joined cells", reason))
         reason = "the case asks for it" if solve.model == SOLID else "cells are joined by their mirror images only"
-        return _way(
-            "plate", SOLID, hexahedra, edge, None, bool(quarter), taken, (reason, *_because(case, bool(no_cad)))
-        )
+        return _way("plate", SOLID, hexahedra, edge, None, bool(quarter), taken, (reason, *_because(case, hexahedra)))
     recipe = planner.plate_recipe(design, solve.accuracy, high_hz)
     edge = None if no_cad else planner.tet_cell_edge_m(design, solve.accuracy)
     taken = (*taken, omissions.alike_cells(design))
     why = (
         "cells joined cost one reduction a kind; one rung up where their own estimate asks for it",
-        *_because(case, bool(no_cad)),
+        *_because(case, recipe.hexahedra if no_cad else None),
     )
     return _way("plate", SUPERELEMENT, recipe.hexahedra, edge, recipe, True, taken, why)
 
@@ -129,10 +126,12 @@ def cell_way(case: Case) -> Way:
     taken = (omissions.no_pillars(design, "cell"), no_cad)
     if solve.model == SOLID and no_cad:
         settings = planner.cell_settings(design, solve.accuracy)
-        return _way("cell", SOLID, settings, None, None, False, taken, ("the case asks for it", *_because(case, True)))
+        return _way(
+            "cell", SOLID, settings, None, None, False, taken, ("the case asks for it", *_because(case, settings))
+        )
     recipe = planner.lattice_recipe(design, solve.accuracy)
     edge = None if no_cad else planner.tet_cell_edge_m(design, solve.accuracy)
-    why = ("one reduced pair serves every wavevector", *_because(case, bool(no_cad)))
+    why = ("one reduced pair serves every wavevector", *_because(case, recipe.hexahedra if no_cad else None))
     return _way("cell", SUPERELEMENT, recipe.hexahedra, edge, recipe, False, taken, why)
 
 
@@ -145,11 +144,10 @@ def _way(
     return Way(part, model, kind, hexahedra, edge_m, recipe, classes, tuple(o for o in taken if o), why)
 
 
-def _because(case: Case, box: bool) -> tuple[str, ...]:
+def _because(case: Case, hexahedra: HexSettings | None) -> tuple[str, ...]:
     accuracy = f"accuracy {case.solve.accuracy:g}"
-    if box:
-        row = planner.rung(case.solve.accuracy)
-        return (f"{accuracy} asks for order {row.order} or more with {row.layers} graded layers",)
+    if hexahedra:
+        return (f"{accuracy} asks for order {hexahedra.order} with {hexahedra.layers} graded layers",)
     shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "the pillar is no box"
     return (shape, f"{accuracy} sets their edges")
 

@@ -7,7 +7,7 @@ import io
 import sys
 from typing import Any
 
-from pipeline.error_model import FIELDS, TABLE
+from pipeline.calibration import FIELDS, TABLE
 from pipeline.house import RESULTS
 from pipeline.records import read_study
 from pipeline.store import BadRecord, write_atomic

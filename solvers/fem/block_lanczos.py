@@ -29,7 +29,7 @@ def fits(size: int, count: int) -> bool:
 
 
 def _most(size: int, count: int) -> int:
-    return min(size, int(MOST * count) + 8 * BLOCK)
+    return min(size, int(MOST * count) + 24 * BLOCK)
 
 
 def block_lanczos(inverse: Operator, mass: Operator, size: int, count: int) -> tuple[FloatArray, FloatArray] | None:

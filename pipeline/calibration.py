@@ -1,0 +1,57 @@
+"""What each mesh did to the frequencies of the reference parts: the committed table that planner and error bars read.
+
+`python -m studies.calibration` writes `calibration.csv` from the stored accuracy study: the largest relative error of each part
+by element, order, graded layers or tetrahedra across. Other scenes than those of the study are given SAFETY times as much.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+TABLE = Path(__file__).with_name("calibration.csv")
+FIELDS = ("part", "kind", "order", "layers", "across", "error")
+SAFETY = 2.0  # tests/verification/test_error_bars.py counts how often the bar holds on other scenes
+HEX, TET, TET_ORDER = "hex", "tet", 2
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Largest relative error of a reference part by one mesh; across = elements over the smallest dimension (tetrahedra)."""
+
+    part: str
+    kind: str
+    order: int
+    layers: int
+    across: float
+    error: float
+
+
+@lru_cache(maxsize=1)
+def table() -> tuple[Measured, ...]:
+    """The committed calibration."""
+    with TABLE.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return tuple(
+        Measured(
+            row["part"], row["kind"], int(row["order"]), int(row["layers"]), float(row["across"]), float(row["error"])
+        )
+        for row in rows
+    )
+
+
+def by_hexahedra(part: str, order: int, layers: int) -> float | None:
+    """Error to expect of graded hexahedra; None where nothing like them was measured."""
+    return _least([row for row in table() if (row.part, row.kind, row.order, row.layers) == (part, HEX, order, layers)])
+
+
+def by_tetrahedra(part: str, across: float) -> float | None:
+    """Error to expect of quadratic tetrahedra, so many over the smallest dimension; None below the coarsest measured."""
+    rows = [row for row in table() if (row.part, row.kind, row.order) == (part, TET, TET_ORDER)]
+    return _least([row for row in rows if row.across <= across * 1.01])
+
+
+def _least(rows: list[Measured]) -> float | None:
+    return SAFETY * min(row.error for row in rows) if rows else None
