@@ -103,6 +103,7 @@ class MirrorClass:
     basis: FloatArray
     shapes: FloatArray
     fixed_hz: FloatArray
+    turned: MirrorClass | None = None  # the class that this one is, turned over: its matrices are the same
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,7 @@ class CellBuilder:
         shapes = part.shapes.reshape(len(self.diagonal), 3, -1)[self.diagonal][:, [1, 0, 2]]
         signs = {0: part.signs[1], 1: part.signs[0]}
         return MirrorClass(
-            signs, part.basis[self.interface.diagonal()], shapes.reshape(part.shapes.shape), part.fixed_hz
+            signs, part.basis[self.interface.diagonal()], shapes.reshape(part.shapes.shape), part.fixed_hz, part
         )
 
     def classes(self, top_hz: float) -> list[MirrorClass]:
@@ -193,12 +194,10 @@ class CellBuilder:
         fixed = np.concatenate([part.fixed_hz for part in parts])
         places = self._places(parts, interface.count + len(fixed))
         stiffness, mass, pillar = (np.zeros((places[0].shape[0],) * 2) for _ in range(3))
-        pillar_mass = system.region_mass("pillar")
+        projected = {id(part): self._projected(part) for part in parts if part.turned is None}
         for part, place in zip(parts, places, strict=True):
-            stiffness += self.copies * place @ (part.shapes.T @ (system.stiffness @ part.shapes)) @ place.T
-            mass += self.copies * place @ weighted(part.shapes, system.mass) @ place.T
-            if pillar_mass is not None:
-                pillar += self.copies * place @ weighted(part.shapes, pillar_mass) @ place.T
+            for whole, own in zip((stiffness, mass, pillar), projected[id(part.turned or part)], strict=True):
+                whole += self.copies * place @ own @ place.T
         parity = [[part.signs.get(axis, 0) for axis in (0, 1)] for part in parts for _ in part.fixed_hz]
         return Cell(
             (stiffness + stiffness.T) / 2.0,
@@ -213,6 +212,13 @@ class CellBuilder:
             self._skin(parts, places),
             system.mesh.dof * self.copies,
         )
+
+    def _projected(self, part: MirrorClass) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """V'KV, V'MV and V'MV of the pillar alone, (m, m) each."""
+        system, shapes = self.system, part.shapes
+        pillar = system.region_mass("pillar")
+        stiffness, mass = shapes.T @ (system.stiffness @ shapes), weighted(shapes, system.mass)
+        return stiffness, mass, np.zeros_like(mass) if pillar is None else weighted(shapes, pillar)
 
     def _places(self, parts: list[MirrorClass], count: int) -> list[FloatArray]:
         """From each class's unknowns to the cell's, (count, m)."""

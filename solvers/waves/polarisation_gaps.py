@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq
 
 from geometry.elements import FloatArray
 from solvers.superelement.lattice import Waves
@@ -153,13 +153,19 @@ def _inside(solved: Solved, step: _Step, sign: int) -> float:
     rates = _rates(solved, step)
     if not sign * rates[0] > 0.0 > sign * rates[1]:
         return -np.inf
-    found = minimize_scalar(
-        lambda share: -sign * _between(solved, step, float(share))[0],
-        bounds=(0.0, 1.0),
-        method="bounded",
-        options={"xatol": CLOSE},
-    )
-    return float(-found.fun)
+    along = step.end.wavevector - step.start.wavevector
+    best = -np.inf
+
+    def rate(share: float) -> float:
+        nonlocal best
+        if share in (0.0, 1.0):
+            return rates[int(share)]
+        waves, place = _on_the_way(solved, step, share)
+        best = max(best, sign * float(waves.eigenvalue[place]))
+        return float(np.tensordot(along, solved.lattice.slopes(waves), axes=1)[place, place].real)
+
+    brentq(rate, 0.0, 1.0, xtol=CLOSE)
+    return best
 
 
 def _change(solved: Solved, step: _Step, name: str) -> float:
@@ -175,12 +181,17 @@ def _change(solved: Solved, step: _Step, name: str) -> float:
 
 
 def _between(solved: Solved, step: _Step, share: float) -> tuple[float, Label]:
-    """Eigenvalue and label of the step's wave on the way: the likest to its two ends, each by how near it is."""
+    """Eigenvalue and label of the step's wave on the way."""
+    waves, place = _on_the_way(solved, step, share)
+    return float(waves.eigenvalue[place]), _labels(solved, waves, waves.wavevector)[place]
+
+
+def _on_the_way(solved: Solved, step: _Step, share: float) -> tuple[Waves, int]:
+    """The waves between the samples, and which is the step's: the likest to its two ends, each by how near it is."""
     waves = solved(step.start.wavevector + share * (step.end.wavevector - step.start.wavevector))
     like = (1.0 - share) * likeness(solved.lattice, step.start, waves)[step.at_start]
     like = like + share * likeness(solved.lattice, step.end, waves)[step.at_end]
-    place = int(like.argmax())
-    return float(waves.eigenvalue[place]), _labels(solved, waves, waves.wavevector)[place]
+    return waves, int(like.argmax())
 
 
 def _labels(solved: Solved, waves: Waves, wavevector: FloatArray) -> list[Label]:
