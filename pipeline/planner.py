@@ -20,6 +20,7 @@ ALONG = {
     4: 0.3,
     5: 0.4,
 }  # degree along a side: the longest side over the wanted half-wavelength; the log checks each solve
+FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too few are noticed and raised
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
 
 
@@ -96,9 +97,10 @@ def shear_cutoff_hz(design: Design) -> float:
 
 
 def lattice_recipe(design: Design, accuracy: float) -> Recipe:
-    """Reduction of the unit cell for its lowest bands."""
+    """Reduction of the unit cell for its lowest bands: where a coarse cell starts to look for what the accuracy needs."""
     longest = max(design.pitch_x_m, design.pitch_y_m)
     top = 1.5 * shear_cutoff_hz(design) * 2.0 * design.thickness_m / max(2.0 * design.thickness_m, longest)
+    top *= (0.01 / min(accuracy, 0.01)) ** FINER
     along = 4 if longest <= 2.5 * design.thickness_m else 6
     return Recipe(Interface(along, 3), top, cell_settings(design, accuracy))
 
