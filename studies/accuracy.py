@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from geometry.errors import GeometryError, MeshError
-from pipeline import peak_memory, plots
+from pipeline import peak_memory, planner, plots
 from pipeline.mess import Mess
 from pipeline.script_page import Page, Section, Table
 from solvers.errors import SolverError
@@ -24,6 +24,10 @@ LEAD = (
     "beside the wall time (median of repeats, one process, two threads, meshing included) and the memory it took."
 )
 REPEAT_BELOW_S = 3.0
+ENVELOPE = (
+    "Each mesh that `solve.accuracy` may choose: its time over that of the quickest model whose error is no larger. 1 is the "
+    "lower envelope of the pictures; errors within the reference's own uncertainty say little."
+)
 TARGETS = (0.03, 0.01, 0.003, 0.001)
 QUANTITIES = {
     "zone": ("zone",),
@@ -200,6 +204,7 @@ def conclude(records: list[dict[str, Any]]) -> Page:
     )
     sections = [
         Section("The cheapest way to an accuracy", (), [_cheapest(records, known)]),
+        Section("The planner's meshes beside the lower envelope", (ENVELOPE,), [_envelope(records, known)]),
         Section("References", words, [Table("references", headings, rows)]),
     ]
     for part, quantities in QUANTITIES.items():
@@ -249,6 +254,29 @@ def _cheapest(records: list[dict[str, Any]], known: dict[str, tuple[float, float
                 row.append(_best(found, target, known[quantity][1] / abs(known[quantity][0])))
             rows.append(row)
     return Table("cheapest", ("quantity", *(f"within {100 * t:g} %" for t in TARGETS)), rows)
+
+
+def _envelope(records: list[dict[str, Any]], known: dict[str, tuple[float, float]]) -> Table:
+    rows: list[list[Any]] = []
+    for part, quantities in QUANTITIES.items():
+        for quantity in [each for each in quantities if each in known]:
+            found = [(r, abs(e)) for r, e in _measured(part, quantity, records, known[quantity]) if e is not None]
+            for record, error in found:
+                rung = record["parameters"]["rung"]
+                if not _planned(part, rung):
+                    continue
+                own = record["measured"]["seconds"]
+                least = min(other["measured"]["seconds"] for other, theirs in found if theirs <= error)
+                rows.append([NAMES[quantity], name(rung), error, own, own / least])
+    return Table("envelope", ("quantity", "mesh", "relative error", "time (s)", "over the envelope"), rows)
+
+
+def _planned(part: str, rung: dict[str, Any]) -> bool:
+    """Whether the planner would take a rung's mesh and model for the part."""
+    model = "hex" if part in ("zone", "pillar") else "superelement"
+    meshes = {(row.order, row.layers) for row in planner.RUNGS}
+    degrees = tuple(rung.get("degrees", (4, 3))) == (4, 3)
+    return rung["model"] == model and degrees and (rung.get("order"), rung.get("layers")) in meshes
 
 
 def _best(found: list[Any], target: float, uncertainty: float) -> str:

@@ -27,6 +27,7 @@ from solvers.piezo.patched_plate import Group
 
 Complex = NDArray[np.complex128]
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are the rest
+COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
 
 
 @dataclass(frozen=True)
@@ -118,11 +119,14 @@ class ForcedPlate:
         return place
 
     def _wanted_signs(self) -> FloatArray:
-        """Sign of each patch's load on the wanted mode, so that all of them push it the same way; 1 where it has none."""
+        """Sign of each patch's load on the wanted mode, so that all of them push it the same way; 1 where it has none.
+
+        The first driving patch that moves the mode has sign 1: an eigenvector's own sign means nothing.
+        """
         if self._wanted is None:
             return np.ones(len(self.plate.patches))
         found, index = self._wanted
-        return np.where(found.gain[index] < 0.0, -1.0, 1.0)
+        return same_way(found.gain[index], self.drivers)
 
     def _scores(self, found: GroupModes) -> list[tuple[str, FloatArray]]:
         count = len(found.frequency_hz)
@@ -209,6 +213,13 @@ class ForcedPlate:
                     values = part * whole if values is None else values + part * whole
         assert points is not None and values is not None
         return points, np.asarray(values)
+
+
+def same_way(gain: FloatArray, drivers: list[int]) -> FloatArray:
+    """Signs (patches,) with which loads `gain` on a mode add up, 1 for the first driver that counts."""
+    strong = [index for index in drivers if abs(gain[index]) > COUNTS * np.abs(gain).max(initial=0.0)]
+    turn = -1.0 if strong and gain[strong[0]] < 0.0 else 1.0
+    return np.where(turn * gain < 0.0, -1.0, 1.0)
 
 
 def rms(zone_m4: FloatArray, passive_m4: FloatArray, design: Design) -> tuple[FloatArray, FloatArray | None]:
