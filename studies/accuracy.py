@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from geometry.errors import GeometryError, MeshError
-from pipeline import peak_memory, planner, plots
+from pipeline import calibration, peak_memory, planner, plots
 from pipeline.mess import Mess
 from pipeline.script_page import Page, Section, Table
 from solvers.errors import SolverError
@@ -272,11 +272,15 @@ def _envelope(records: list[dict[str, Any]], known: dict[str, tuple[float, float
 
 
 def _planned(part: str, rung: dict[str, Any]) -> bool:
-    """Whether the planner would take a rung's mesh and model for the part."""
+    """Whether there is an accuracy for which the planner takes a rung's mesh and model for the part."""
     model = "hex" if part in ("zone", "pillar") else "superelement"
-    meshes = {(row.order, row.layers) for row in planner.RUNGS}
-    degrees = tuple(rung.get("degrees", (4, 3))) == (4, 3)
-    return rung["model"] == model and degrees and (rung.get("order"), rung.get("layers")) in meshes
+    mesh = rung.get("order"), rung.get("layers")
+    if rung["model"] != model or tuple(rung.get("degrees", (4, 3))) != (4, 3):
+        return False
+    known = "cell" if part == "plate" else part
+    expected = [calibration.by_hexahedra(known, row.order, row.layers) for row in planner.RUNGS]
+    taken = [planner.rung(known, each) for each in expected if each is not None]
+    return mesh in {(row.order, row.layers) for row in taken}
 
 
 def _best(found: list[Any], target: float, uncertainty: float) -> str:
