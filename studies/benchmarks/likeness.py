@@ -13,7 +13,7 @@ from scipy.linalg import subspace_angles
 from geometry.elements import FloatArray
 from solvers.confinement import TouchField
 
-ALONG, ACROSS = 24, 16  # cosines along x and y
+ALONG, ACROSS = 12, 8  # cosines along x and y: more would alias on the coarser quadrature
 CLUSTER = 0.003  # relative distance of neighbours in a cluster
 QUALITY = 300.0
 
@@ -26,8 +26,13 @@ class Fields:
     coefficients: FloatArray
 
 
-def fields(frequency_hz: FloatArray, touch: TouchField, parity: str, half_m: tuple[float, float]) -> Fields:
-    """Project u_z of a mirror class on orthonormal cosines of |x| and |y|; half_m: half the plate's length and width."""
+def fields(
+    frequency_hz: FloatArray, touch: TouchField, parity: str, half_m: tuple[float, float], mass_kg: float
+) -> Fields:
+    """Project u_z of a mirror class on orthonormal cosines of |x| and |y|, for modes of 1 kg modal mass.
+
+    half_m: half the plate's length and width; mass_kg: the whole plate's modal mass that the vectors were normalised to.
+    """
     values = touch.values.copy()
     for axis, sign in enumerate(parity):
         if sign == "-":
@@ -35,7 +40,7 @@ def fields(frequency_hz: FloatArray, touch: TouchField, parity: str, half_m: tup
     x, y = np.abs(touch.points).T
     functions = np.einsum("pm,pn->pmn", _cosines(x / half_m[0], ALONG), _cosines(y / half_m[1], ACROSS))
     weights = touch.weights / touch.weights.sum()
-    return Fields(frequency_hz, functions.reshape(len(x), -1).T @ (weights[:, None] * values))
+    return Fields(frequency_hz, functions.reshape(len(x), -1).T @ (weights[:, None] * values) / np.sqrt(mass_kg))
 
 
 def _cosines(share: FloatArray, count: int) -> FloatArray:
@@ -58,12 +63,9 @@ def cluster_angles(ours: Fields, theirs: Fields) -> list[tuple[float, int, float
     return found
 
 
-def receptance(modes: Fields, tones_hz: FloatArray, mass_share: float = 1.0) -> FloatArray:
-    """|u_z / F| at the plate's middle by the modes of the band, (f,), up to a factor that both models share.
-
-    H = sum phi^2 / (w_i^2 (1 + i / Q) - w^2), modes normalised to mass_share of the plate's mass.
-    """
+def receptance(modes: Fields, tones_hz: FloatArray) -> FloatArray:
+    """|u_z / F| at the plate's middle by the modes of the band, (f,) in m/N: |sum phi^2 / (w_i^2 (1 + i / Q) - w^2)|."""
     middle = np.einsum("m,n->mn", _cosines(np.zeros(1), ALONG)[0], _cosines(np.zeros(1), ACROSS)[0]).ravel()
     phi = middle @ modes.coefficients
     square = (2.0 * np.pi * modes.frequency_hz) ** 2 * (1.0 + 1j / QUALITY)
-    return np.abs(mass_share * (phi**2 / (square - (2.0 * np.pi * tones_hz[:, None]) ** 2)).sum(axis=1))
+    return np.abs((phi**2 / (square - (2.0 * np.pi * tones_hz[:, None]) ** 2)).sum(axis=1))

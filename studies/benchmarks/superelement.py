@@ -163,8 +163,10 @@ def _solid(design: Design, model: PlateModel, joined: dict[str, Modes], joined_s
             continue
         told[f"largest difference {parity}"] = float(np.abs(ours.frequency_hz / theirs.frequency_hz - 1.0).max())
         pair = [
-            likeness.fields(modes.frequency_hz, each.touch(parity, modes.vectors), parity, half)
-            for each, modes in ((model, ours), (full, theirs))
+            likeness.fields(
+                modes.frequency_hz, each.touch(parity, modes.vectors), parity, half, copies * _unit_kg(each)
+            )
+            for each, modes, copies in ((model, ours, 1), (full, theirs, 4))  # a solid's vectors belong to its quarter
         ]
         for first_hz, count, angle in likeness.cluster_angles(*pair):
             told[f"angle {parity}, {count} from {first_hz:.0f} Hz (degrees)"] = angle
@@ -173,10 +175,15 @@ def _solid(design: Design, model: PlateModel, joined: dict[str, Modes], joined_s
     return told
 
 
+def _unit_kg(model: PartModel) -> float:
+    """The unit of mass in which a model's vectors are normalised."""
+    scale = model.pencil("++").scale
+    return float(scale.density_kg_m3 * scale.length_m**3)
+
+
 def _receptances(ours: likeness.Fields, theirs: likeness.Fields) -> dict[str, Any]:
     """The peaks of both curves, and how far apart they are with the solid's frequencies put under both."""
-    share = 4.0  # a solid quarter's modes are normalised to the mass of the quarter
-    curves = [likeness.receptance(ours, TONES_HZ), likeness.receptance(theirs, TONES_HZ, 1.0 / share)]
+    curves = [likeness.receptance(ours, TONES_HZ), likeness.receptance(theirs, TONES_HZ)]
     aligned = likeness.receptance(likeness.Fields(theirs.frequency_hz, ours.coefficients), TONES_HZ)
     tops = [(float(TONES_HZ[int(curve.argmax())]), float(curve.max() / curves[1].max())) for curve in curves]
     return {
