@@ -15,7 +15,7 @@ from geometry.hexmesh import HexSettings, cell_boxes, hex_mesh, plate_boxes
 from geometry.layout import Design
 from pipeline import peak_memory, planner
 from pipeline.part_models import PartModel
-from solvers.fem.assembly import assemble
+from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import Modes, modes_in_band
 from solvers.fem.solid import CLASSES, SolidModel
 from solvers.superelement.build import PlateModel, Recipe, Reductions, lattice_piece
@@ -156,6 +156,8 @@ def _solid(design: Design, model: PlateModel, joined: dict[str, Modes], joined_s
         "ratio": spent / joined_s,
     }
     half = (design.length_m / 2.0, design.half_span_m)
+    cell = next(iter(model.cells.values()))
+    units = (_unit_kg(cell.scale), 4.0 * _unit_kg(full.system.scale))  # a solid's vectors belong to its quarter
     for parity in CLASSES:
         ours, theirs = joined[parity], solid[parity]
         told[f"counts {parity} (joined, solid)"] = (len(ours.frequency_hz), len(theirs.frequency_hz))
@@ -163,10 +165,8 @@ def _solid(design: Design, model: PlateModel, joined: dict[str, Modes], joined_s
             continue
         told[f"largest difference {parity}"] = float(np.abs(ours.frequency_hz / theirs.frequency_hz - 1.0).max())
         pair = [
-            likeness.fields(
-                modes.frequency_hz, each.touch(parity, modes.vectors), parity, half, copies * _unit_kg(each)
-            )
-            for each, modes, copies in ((model, ours, 1), (full, theirs, 4))  # a solid's vectors belong to its quarter
+            likeness.fields(modes.frequency_hz, each.touch(parity, modes.vectors), parity, half, mass_kg)
+            for each, modes, mass_kg in ((model, ours, units[0]), (full, theirs, units[1]))
         ]
         for first_hz, count, angle in likeness.cluster_angles(*pair):
             told[f"angle {parity}, {count} from {first_hz:.0f} Hz (degrees)"] = angle
@@ -175,10 +175,9 @@ def _solid(design: Design, model: PlateModel, joined: dict[str, Modes], joined_s
     return told
 
 
-def _unit_kg(model: PartModel) -> float:
+def _unit_kg(scale: Scale) -> float:
     """The unit of mass in which a model's vectors are normalised."""
-    scale = model.pencil("++").scale
-    return float(scale.density_kg_m3 * scale.length_m**3)
+    return scale.density_kg_m3 * scale.length_m**3
 
 
 def _receptances(ours: likeness.Fields, theirs: likeness.Fields) -> dict[str, Any]:
