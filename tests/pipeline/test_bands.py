@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geometry.hexmesh import HexSettings
 from pipeline import bands, lattice_cell, planner, plots, plots_bands
 from pipeline.bands import Bands, solve_bands
 from pipeline.case import Case, load_case
@@ -23,27 +22,16 @@ from solvers.superelement.interface import Interface
 from solvers.waves.gaps import Gap, ZoneGap
 
 sys.path.insert(0, str(Path(__file__).parent))
+import coarse_cells
 from told import Told
 
 CASE = Path(__file__).resolve().parents[2] / "studies" / "three-rows.toml"
-COARSE = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
-
-
-class NoShelf:
-    """Nothing is kept between tests."""
-
-    def get(self, key: str) -> None:
-        return None
-
-    def put(self, key: str, cell: Any) -> None:
-        return None
 
 
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every cell on the coarsest mesh: what is looked at here does not depend on it."""
-    monkeypatch.setattr(planner, "cell_settings", lambda design, accuracy: COARSE)
-    monkeypatch.setattr(lattice_cell, "CellShelf", NoShelf)
+    coarse_cells.put_in(monkeypatch)
 
 
 def case(*settings: str) -> Case:
@@ -136,7 +124,7 @@ def test_a_grid_that_is_no_count_of_intervals_is_refused(value: str) -> None:
 
 def poor(accuracy: float) -> Recipe:
     """Degrees and modes that are too few on purpose."""
-    return Recipe(Interface(2, 3), 6e5, COARSE)
+    return Recipe(Interface(2, 3), 6e5, coarse_cells.COARSE)
 
 
 def test_a_reduction_too_poor_for_the_accuracy_is_raised_and_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,31 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geometry.hexmesh import HexSettings
-from pipeline import lattice_cell, planner
 from pipeline.bands import Bands, solve_bands
 from pipeline.case import load_case
 
 sys.path.insert(0, str(Path(__file__).parent))
+import coarse_cells
 from told import Told
 
 CASE = Path(__file__).resolve().parents[2] / "studies" / "three-rows.toml"
-COARSE = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
-
-
-class NoShelf:
-    def get(self, key: str) -> None:
-        return None
-
-    def put(self, key: str, cell: object) -> None:
-        pass
 
 
 @pytest.fixture(scope="module")
 def found() -> Bands:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planner, "cell_settings", lambda design, accuracy: COARSE)
-        patch.setattr(lattice_cell, "CellShelf", NoShelf)
+        coarse_cells.put_in(patch)
         case = load_case(CASE, ["solve.accuracy=0.05", "bands.points=2", "bands.count=6"])
         return solve_bands(case, Told(), shapes=True)
 
@@ -72,7 +61,6 @@ def test_opposite_sides_move_alike_or_against_each_other(found: Bands) -> None:
 
 def test_shapes_are_made_only_when_asked_for() -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planner, "cell_settings", lambda design, accuracy: COARSE)
-        patch.setattr(lattice_cell, "CellShelf", NoShelf)
+        coarse_cells.put_in(patch)
         case = load_case(CASE, ["solve.accuracy=0.05", "bands.points=1", "bands.count=4"])
         assert solve_bands(case, Told()).shapes == {}
