@@ -93,14 +93,21 @@ class Pencil:
 def constrain(system: System, free: BoolArray) -> Pencil:
     """Restrict a system to its free unknowns and count the rigid motions that remain."""
     keep = np.flatnonzero(free.ravel())
-    mass = sp.csr_array(sp.kron(system.mass, sp.eye_array(3), format="csr"))
     return Pencil(
         _symmetric(_restrict(system.stiffness, keep)),
-        _symmetric(_restrict(mass, keep)),
+        _symmetric(sp.csr_array(mass_rows(system, keep)[:, keep])),
         free,
         system,
         _surviving(system.mesh.nodes, free),
     )
+
+
+def mass_rows(system: System, rows: NDArray[np.int64]) -> sp.csr_array:
+    """Rows of the mass of three components, m (x) I3, (r, 3n)."""
+    scalar = sp.csr_array(system.mass[rows // 3])
+    component = np.repeat(rows % 3, np.diff(scalar.indptr)).astype(scalar.indices.dtype)
+    shape = (len(rows), 3 * system.mass.shape[1])
+    return sp.csr_array((scalar.data, 3 * scalar.indices + component, scalar.indptr), shape=shape)
 
 
 def _symmetric(matrix: sp.csr_array) -> sp.csc_array:

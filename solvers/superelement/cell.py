@@ -17,11 +17,12 @@ from geometry.elements import FloatArray, IntArray
 from geometry.mesh import Mesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System
-from solvers.fem.constraints import Pencil, constrain, free_mask, rigid_motions
-from solvers.fem.eigen import modes_in_band
+from solvers.fem.constraints import BoolArray, Pencil, constrain, free_mask, rigid_motions
+from solvers.fem.eigen import SymmetricPencil, modes_in_band
 from solvers.fem.factor import Factor, Factoriser
 from solvers.fem.surface import face_quadrature, skin_faces
-from solvers.superelement.diagonal import diagonal_mirror
+from solvers.one_thread import one_thread
+from solvers.superelement.diagonal import Half, diagonal_mirror
 from solvers.superelement.interface import SIDES, VERTICES, Interface
 
 RIGID = 1e-8
@@ -77,8 +78,9 @@ def reduce_cell(
     Fixed-interface modes up to `top_hz` are kept. Raises SolverError when a rigid motion meets a force or the mass is off.
     """
     _carried(system, interface)
-    build = CellBuilder(system, interface, halved, free)
-    cell = build.join(build.classes(top_hz))
+    with one_thread():  # blocks of eight columns: a second thread mostly waits, and another case can use its core
+        build = CellBuilder(system, interface, halved, free)
+        cell = build.join(build.classes(top_hz))
     _check(cell, float(system.mass.sum()) * build.copies)
     return cell
 
@@ -162,31 +164,58 @@ class CellBuilder:
         parts = {signs: self.reduce(dict(zip(self.halved, signs, strict=True)), top_hz) for signs in wanted}
         return [parts[signs] if signs in parts else self.swapped(parts[signs[::-1]]) for signs in classes]
 
-    def hold(self, signs: dict[int, int]) -> HeldClass:
-        """The constraint shapes of one mirror class: K_II Psi = -K_IB P."""
-        mesh = self.system.mesh
+    def _inside(self, signs: dict[int, int]) -> BoolArray:
+        """Free unknowns (n, 3) of one mirror class."""
         mirrors = {face: "+" if signs[axis] > 0 else "-" for axis, face in self.planes.items()}
-        inside = self.inside & free_mask(mesh, (), mirrors)
-        basis = self.interface.parity_basis(signs)
-        full = np.zeros((len(mesh.nodes), 3, basis.shape[1]))
+        return self.inside & free_mask(self.system.mesh, (), mirrors)
+
+    def _at_boundary(self, basis: FloatArray) -> FloatArray:
+        """The boundary's motion P, zero inside, (3n, m)."""
+        full = np.zeros((len(self.system.mesh.nodes), 3, basis.shape[1]))
         for axis in range(3):
             full[self.boundary, axis] = self.field @ basis[axis::3]
-        shapes = full.reshape(-1, basis.shape[1])
+        return full.reshape(-1, basis.shape[1])
+
+    def _pull(self, shapes: FloatArray) -> FloatArray:
+        """K_IB P at every node, (3n, m): few rows move, and no product over the whole piece is needed."""
+        moved = np.flatnonzero(shapes.any(axis=1))
+        return np.asarray(self.system.stiffness[moved].T @ shapes[moved])
+
+    def hold(self, signs: dict[int, int]) -> HeldClass:
+        """The constraint shapes of one mirror class: K_II Psi = -K_IB P."""
+        inside, basis = self._inside(signs), self.interface.parity_basis(signs)
+        shapes = self._at_boundary(basis)
         keep = np.flatnonzero(inside.ravel())
         pencil = constrain(self.system, inside)
-        factorise = Factoriser()  # one symbolic analysis for the static and the shifted matrices
-        static = sp.csc_array(pencil.stiffness - 0.0 * pencil.mass)  # stored zeros dropped, as in every shifted matrix
-        factor = factorise(static)
-        moved = np.flatnonzero(shapes.any(axis=1))  # few rows: K_IB P without a product over the whole piece
-        shapes[keep] = -factor.solve((self.system.stiffness[moved].T @ shapes[moved])[keep])
+        factorise, factor = _static(pencil)
+        shapes[keep] = -factor.solve(self._pull(shapes)[keep])
         return HeldClass(basis, shapes, keep, pencil, factorise, factor)
 
     def reduce(self, signs: dict[int, int], top_hz: float) -> MirrorClass:
-        """Constraint shapes and fixed-interface modes of one mirror class."""
+        """Constraint shapes and fixed-interface modes of one mirror class, by halves where x and y are alike in it."""
+        if len(set(signs.values())) == 1 and self.halved == (0, 1) and self.diagonal is not None:
+            return self._by_halves(signs, top_hz)
         held = self.hold(signs)
         modes = modes_in_band(held.pencil, 0.0, top_hz, held.factorise, held.factor)
         fixed = held.pencil.expand(modes.vectors).reshape(len(held.shapes), -1)
         return MirrorClass(signs, held.basis, np.hstack([held.shapes, fixed]), modes.frequency_hz)
+
+    def _by_halves(self, signs: dict[int, int], top_hz: float) -> MirrorClass:
+        """The same from what the mirror x <-> y leaves alone and what it turns over, each of half the size."""
+        assert self.diagonal is not None
+        inside, bases, shapes, fixed, found = self._inside(signs), [], [], [], []
+        for sign in (1, -1):
+            half = Half(self.system, self.diagonal, inside, sign)
+            bases.append(self.interface.parity_basis(signs, sign))
+            boundary = self._at_boundary(bases[-1])
+            factorise, factor = _static(half.pencil)
+            shapes.append(boundary - half.spread(factor.solve(half.gathered(self._pull(boundary)))))
+            modes = modes_in_band(half.pencil, 0.0, top_hz, factorise, factor)
+            fixed.append(half.spread(modes.vectors))
+            found.append(modes.frequency_hz)
+        order = np.argsort(np.concatenate(found), kind="stable")
+        whole = np.hstack([*shapes, np.hstack(fixed)[:, order]])
+        return MirrorClass(signs, np.hstack(bases), whole, np.concatenate(found)[order])
 
     def join(self, parts: list[MirrorClass]) -> Cell:
         """One cell from its mirror classes: block-diagonal in the classes, then in the sides' own unknowns."""
@@ -267,6 +296,13 @@ class CellBuilder:
         return Expansion(
             points, matrix, facets=np.concatenate([local + copy * len(used) for copy in range(self.copies)])
         )
+
+
+def _static(pencil: SymmetricPencil) -> tuple[Factoriser, Factor]:
+    """K_II^-1, and the factoriser whose one symbolic analysis serves the shifted matrices too."""
+    factorise = Factoriser()
+    # stored zeros dropped, as in every shifted matrix
+    return factorise, factorise(sp.csc_array(pencil.stiffness - 0.0 * pencil.mass))
 
 
 def weighted(shapes: FloatArray, mass: object) -> FloatArray:

@@ -96,11 +96,15 @@ class Interface:
         components = where.reshape(-1, 3)
         return np.asarray(components[:, [1, 0, 2]].ravel())
 
-    def parity_basis(self, signs: dict[int, int]) -> FloatArray:
-        """Orthonormal combinations with the given parity of u_z under each mirror axis, shape (count, m)."""
+    def parity_basis(self, signs: dict[int, int], diagonal: int = 0) -> FloatArray:
+        """Orthonormal combinations with the given parity of u_z under each mirror axis, shape (count, m).
+
+        `diagonal`: the parity under x <-> y too, where both axes have the same; 0 for either.
+        """
+        mirrors = [(*self.mirror(axis), parity) for axis, parity in signs.items()]
+        mirrors += [(self.diagonal(), np.ones(self.count), diagonal)] if diagonal else []
         projector = np.eye(self.count)
-        for axis, parity in signs.items():
-            where, sign = self.mirror(axis)
+        for where, sign, parity in mirrors:
             image = np.zeros((self.count, self.count))
             image[np.arange(self.count), where] = sign
             projector = projector @ (np.eye(self.count) + parity * image) / 2.0

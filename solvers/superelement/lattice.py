@@ -1,6 +1,7 @@
-"""Bloch waves of the infinite lattice of one reduced cell: a phase per side, one dense Hermitian pencil a wavevector.
+"""Bloch waves of the infinite lattice of one reduced cell: a phase per side, one dense pencil a wavevector.
 
-K(k) = sum over d of K_d exp(i k.d), d in {-1, 0, 1}^2 pitches, with real K_d folded once from the reduced cell.
+K(k) = sum over d of K_d exp(i k.d), d in {-1, 0, 1}^2 pitches, with real K_d folded once from the reduced cell. It is
+Hermitian, and real symmetric in other unknowns where half a turn leaves the cell as it is.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from geometry.elements import FloatArray, IntArray
 from solvers.errors import SolverError
 from solvers.one_thread import one_thread
 from solvers.superelement.cell import Cell, Expansion
+from solvers.superelement.half_turn import HalfTurn, half_turn
 from solvers.superelement.interface import Interface
 
 Complex = NDArray[np.complex128]
@@ -79,6 +81,15 @@ class Lattice:
         stiffness, mass = ((real + 1j * imaginary).reshape(self.dof, self.dof) for real, imaginary in parts)
         return stiffness, mass
 
+    @cached_property
+    def half_turn(self) -> HalfTurn | None:
+        """What makes the pencil real; None where the cell has no such turn, as a wavevector without symmetries tells."""
+        turn = half_turn(self.cell, self.column, self.offset)
+        wavevector = np.array([1.0, np.sqrt(2.0)]) / np.array(self.cell.size_m[:2])
+        if turn is None or not all(turn.is_real(matrix, wavevector) for matrix in self.pencil(wavevector)):
+            return None
+        return turn
+
     def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
         """The `count` lowest Bloch frequencies at a wavevector (2,) in rad/m, ascending, Hz (a dense solve misses none).
 
@@ -125,7 +136,8 @@ class Lattice:
         return float(ROUNDING * np.abs(self.cell.stiffness).max() / np.abs(self.cell.mass).max())
 
     def _solve(self, wavevector: FloatArray, count: int, vectors: bool) -> tuple[FloatArray, Complex]:
-        stiffness, mass = self.pencil(wavevector)
+        turn, matrices = self.half_turn, self.pencil(wavevector)
+        stiffness, mass = (turn.turned(matrix, wavevector).real for matrix in matrices) if turn else matrices
         subset = [0, min(count, self.dof) - 1]
         try:
             with one_thread():
@@ -135,6 +147,7 @@ class Lattice:
             told = f"boundary functions of degree {face.along} along and {face.through} through the thickness"
             raise SolverError(f"{told} are more than the cell's mesh can hold: refine it or lower them") from fault
         values, waves = found if vectors else (found, np.empty((self.dof, 0), dtype=complex))
+        waves = turn.diagonal(wavevector)[:, None] * waves if turn else waves
         return np.where(np.abs(values) < self.rounding, 0.0, values), waves
 
     def _phases(self, wavevector: FloatArray) -> Complex:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from geometry.elements import FloatArray, IntArray
 from solvers.superelement.cell import Cell
-from solvers.superelement.interface import VERTICES, Interface
 
 Complex = NDArray[np.complex128]
 AXES = {"x": 0, "y": 1}
@@ -39,13 +38,14 @@ class Mirrors:
     def image(self, name: str, unknowns: Complex) -> Complex:
         """The mirrored waves, (cell dof, n)."""
         face, out = self.cell.interface, np.empty_like(unknowns)
-        where, sign = diagonal_mirror(face) if name == "d" else face.mirror(AXES[name])
-        out[: face.count] = sign[:, None] * unknowns[where]
         inner = unknowns[face.count :]
         if name == "d":
             assert self._diagonal is not None
+            out[: face.count] = unknowns[face.diagonal()]
             out[face.count :] = self._diagonal @ inner
         else:
+            where, sign = face.mirror(AXES[name])
+            out[: face.count] = sign[:, None] * unknowns[where]
             out[face.count :] = self.cell.fixed_parity[:, AXES[name], None] * inner
         return out
 
@@ -61,29 +61,19 @@ class Mirrors:
         cell, count = self.cell, self.cell.interface.count
         if not np.isclose(*cell.size_m[:2], rtol=SAME, atol=0.0):
             return None
-        where, sign = diagonal_mirror(cell.interface)
+        where = cell.interface.diagonal()
         coupling = cell.mass[:count, count:]
-        exchange = np.linalg.lstsq(coupling, sign[:, None] * coupling[where], rcond=None)[0]
+        exchange = np.linalg.lstsq(coupling, coupling[where], rcond=None)[0]
         modes = cell.stiffness[count:, count:]
         checks = [
             (exchange.T @ exchange, np.eye(len(exchange))),
             (exchange.T @ modes @ exchange, modes),
-            (coupling @ exchange, sign[:, None] * coupling[where]),
+            (coupling @ exchange, coupling[where]),
         ]
         for matrix in (cell.stiffness, cell.mass):
             edge = matrix[:count, :count]
-            checks.append((sign[:, None] * edge[np.ix_(where, where)] * sign, edge))
+            checks.append((edge[np.ix_(where, where)], edge))
         holds = all(
             np.abs(one - two).max(initial=0.0) <= TOLERANCE * np.abs(two).max(initial=1.0) for one, two in checks
         )
         return np.asarray(exchange) if holds else None
-
-
-def diagonal_mirror(face: Interface) -> tuple[IntArray, FloatArray]:
-    """Effect of exchanging x and y on the boundary unknowns: u'[i] = sign[i] u[where[i]], shapes (count,)."""
-    where = np.arange(face.count)
-    for index, (x, y) in enumerate(VERTICES):
-        where[face.vertex(index)] = face.vertex(VERTICES.index((y, x)))
-    for index in range(4):
-        where[face.side(index)] = face.side((index + 2) % 4)
-    return where.reshape(-1, 3)[:, [1, 0, 2]].ravel(), np.ones(face.count)

@@ -16,7 +16,7 @@ import small_meshes as small
 from geometry.materials import Material
 from geometry.mesh import Mesh, is_affine
 from solvers.fem.assembly import Scale, assemble, elasticity
-from solvers.fem.constraints import rigid_motions
+from solvers.fem.constraints import mass_rows, rigid_motions
 
 SI = Scale(1.0, 1.0, 1.0)
 BODY = {"body": small.SOFT}
@@ -182,3 +182,10 @@ def test_eigenvalues_agree_with_scikit_fem(kind: str) -> None:
     found = eigh(system.stiffness.toarray(), np.kron(system.mass.toarray(), np.eye(3)), eigvals_only=True)
     assert len(found) == len(oracle)
     assert np.abs(found[6:] / oracle[6:] - 1.0).max() < 1e-9
+
+
+def test_rows_of_the_mass_of_three_components_are_those_of_the_kronecker_product() -> None:
+    system = assemble(small.ALL[KINDS[0]](), BODY)
+    rows = np.random.default_rng(0).permutation(3 * len(system.mesh.nodes))[:7]
+    truth = np.kron(system.mass.toarray(), np.eye(3))[rows]
+    assert np.array_equal(mass_rows(system, rows).toarray(), truth)

@@ -14,7 +14,7 @@ from geometry.materials import MATERIALS
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.superelement import cell as reduction
 from solvers.superelement.cell import reduce_cell
-from solvers.superelement.diagonal import diagonal_mirror
+from solvers.superelement.diagonal import Half, diagonal_mirror
 from solvers.superelement.interface import Interface
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -47,6 +47,31 @@ def test_a_class_turned_over_is_the_class_reduced(monkeypatch: pytest.MonkeyPatc
     assert np.abs(turned.stiffness[boundary, boundary] - direct.stiffness[boundary, boundary]).max() < 1e-10 * largest
     shapes = [c.touch.matrix[:, 0, FACE.count :][:, c.fixed_parity[:, 0] == -1] for c in (turned, direct)]
     assert subspace_angles(*shapes).max() < 1e-6
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_halves_are_what_the_mirror_leaves_alone_and_what_it_turns_over(sign: int) -> None:
+    body = system()
+    image, inside = diagonal_mirror(body), np.ones_like(body.mesh.nodes, dtype=bool)
+    inside[body.mesh.nodes_of("x-"), 0] = inside[body.mesh.nodes_of("y-"), 1] = False  # even about both axes
+    half = Half(body, image, inside, sign)
+    fold = half.fold.toarray()
+    assert np.allclose(fold.T @ fold, np.eye(half.pencil.dof))
+    assert not fold[~inside.ravel()].any()
+    fields = fold.reshape(-1, 3, half.pencil.dof)
+    assert np.array_equal(fields[image][:, [1, 0, 2]], sign * fields)
+    mass = np.kron(body.mass.toarray(), np.eye(3))
+    for found, whole in ((half.pencil.stiffness, body.stiffness.toarray()), (half.pencil.mass, mass)):
+        truth = fold.T @ whole @ fold
+        assert np.abs(found.toarray() - truth).max() < 1e-12 * np.abs(truth).max()
+    assert np.allclose(half.gathered(fold), np.eye(half.pencil.dof))
+
+
+def test_both_halves_together_are_the_whole() -> None:
+    body = system()
+    inside = np.ones_like(body.mesh.nodes, dtype=bool)
+    halves = [Half(body, diagonal_mirror(body), inside, sign).fold.toarray() for sign in (1, -1)]
+    assert np.allclose(np.hstack(halves).T @ np.hstack(halves), np.eye(inside.size))
 
 
 def test_unequal_sides_have_no_diagonal_mirror() -> None:

@@ -96,6 +96,31 @@ def test_a_wrong_phase_on_one_side_is_seen(side: int) -> None:
     assert np.abs(broken.frequencies(GENERIC, 6) / truth - 1.0).max() > 2e-2
 
 
+@pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3)])
+def test_half_a_turn_makes_the_waves_real_and_changes_none(pitch: tuple[float, float]) -> None:
+    one, hermitian = lattice(pitch), Lattice(lattice(pitch).cell)
+    assert one.half_turn is not None
+    hermitian.__dict__["half_turn"] = None
+    for wavevector in (np.zeros(2), GENERIC, np.array([np.pi / pitch[0], 200.0])):
+        real, truth = one.waves(wavevector, 8), hermitian.waves(wavevector, 8)
+        moving = truth.frequency_hz > 1.0
+        assert np.allclose(real.frequency_hz[moving], truth.frequency_hz[moving], rtol=1e-10)
+        u, stiffness, mass = real.unknowns, one.cell.stiffness, one.cell.mass
+        assert np.allclose(u.conj().T @ mass @ u, np.eye(8), atol=1e-10)
+        transform = one.transform(wavevector)
+        defect = transform.conj().T @ (stiffness @ u - (mass @ u) * real.eigenvalue)
+        assert np.abs(defect).max() < 1e-10 * np.abs(stiffness).max() * np.abs(u).max()
+
+
+def test_a_cell_of_unknown_or_broken_symmetry_keeps_its_hermitian_pencil() -> None:
+    """Reduced without mirrors nothing tells the modes' parity; with the wrong parities the turned pencil is not real."""
+    cell = lattice().cell
+    assert Lattice(replace(cell, fixed_parity=np.zeros_like(cell.fixed_parity))).half_turn is None
+    swapped = cell.fixed_parity.copy()
+    swapped[0, 0] *= -1
+    assert Lattice(replace(cell, fixed_parity=swapped)).half_turn is None
+
+
 def test_group_velocity_is_the_derivative_of_the_frequency() -> None:
     one, step = lattice((3e-3, 4e-3)), 1e-2
     velocity = one.group_velocity(one.waves(GENERIC, 8))
