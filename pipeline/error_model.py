@@ -13,8 +13,8 @@ def expected_error(way: Way, design: Design) -> float | None:
     """Relative error of a frequency that the way's mesh is expected to make; None where nothing like it was measured."""
     if way.kind == TET:
         return calibration.by_tetrahedra(way.part, _smallest_m(way, design) / (way.edge_m or 1.0))
-    assert way.hexahedra
-    return calibration.by_hexahedra(way.part, way.hexahedra.order, way.hexahedra.layers)
+    assert way.hexahedra and way.rung
+    return calibration.by_hexahedra(way.part, way.rung.order, way.hexahedra.layers, way.rung.share)
 
 
 def told(way: Way, case: Case, log: Log) -> float | None:

@@ -11,8 +11,9 @@ from pipeline.errors import InputFault
 from pipeline.logs import Log
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.patch import bonded_patch
-from solvers.piezo.patched_plate import CLASSES, PatchedPlate
+from solvers.piezo.patched_plate import PatchedPlate
 from solvers.superelement.build import PlateModel
+from solvers.superelement.plate import WHOLE
 
 
 def forced_plate(
@@ -36,7 +37,7 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
     back = patches.face == "back"
     with log.step("bond the patches"):
         bonded = [bonded_patch(patches.material, box, patches.size_m[2], back) for box in patches.boxes_m()]
-        plate = PatchedPlate({parity: model.joined(parity) for parity in CLASSES}, bonded, back, model.name)
+        plate = PatchedPlate({p or WHOLE: model.joined(p) for p in model.parities}, bonded, back, model.name)
     if plate.silent:
         log.left_out("mirror classes " + ", ".join(plate.silent), "the patches do not drive them")
     with log.step("modes of the patched plate"):

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 
 from geometry.hexmesh import HexSettings
@@ -26,29 +26,39 @@ TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the
 
 @dataclass(frozen=True)
 class Rung:
-    """Order, layers towards re-entrant edges and their shrink factor."""
+    """Order, layers towards re-entrant edges, their shrink factor, and the elements' size in a plate over the part's own."""
 
     order: int
     layers: int
     factor: float
+    share: float = 1.0
 
 
-RUNGS = (  # by the unknowns they give a cell
-    Rung(3, 1, 0.2),
-    Rung(4, 1, 0.2),
-    Rung(3, 2, 0.15),
-    Rung(4, 2, 0.15),
-    Rung(4, 3, 0.15),
-)
+RUNGS = {  # by their unknowns; a plate is meshed as its cell is
+    "zone": (
+        Rung(3, 1, 0.1), Rung(3, 1, 0.1, 0.8), Rung(3, 1, 0.1, 0.667), Rung(4, 1, 0.1), Rung(4, 1, 0.1, 0.667),
+        Rung(4, 2, 0.15, 0.667),
+    ),
+    "pillar": (Rung(3, 1, 0.1), Rung(4, 1, 0.1), Rung(4, 2, 0.15), Rung(4, 3, 0.15)),
+    "cell": (
+        Rung(3, 1, 0.1), Rung(3, 1, 0.12, 0.45), Rung(3, 2, 0.2), Rung(3, 2, 0.2, 0.45), Rung(4, 2, 0.15), Rung(4, 3, 0.15),
+    ),
+}  # fmt: skip
+
+
+def rungs(part: str) -> tuple[Rung, ...]:
+    """The meshes of a part: zone, pillar, cell or plate."""
+    return RUNGS["cell" if part == "plate" else part]
 
 
 def rung(part: str, accuracy: float) -> Rung:
-    """The cheapest rung expected to meet the accuracy on a part (zone, pillar, cell); the finest where none is."""
-    for row in RUNGS:
-        expected = calibration.by_hexahedra(part, row.order, row.layers)
+    """The cheapest rung expected to meet the accuracy on a part; the finest where none is."""
+    measured = "cell" if part == "plate" else part
+    for row in rungs(part):
+        expected = calibration.by_hexahedra(measured, row.order, row.layers, row.share)
         if expected is not None and expected <= accuracy:
             return row
-    return RUNGS[-1]
+    return rungs(part)[-1]
 
 
 def half_wavelength_m(design: Design) -> float:
@@ -56,39 +66,42 @@ def half_wavelength_m(design: Design) -> float:
     return design.length_m / design.nodal_lines if design.nodal_lines > 1 else design.width_m
 
 
-def zone_settings(design: Design, accuracy: float) -> HexSettings:
+def zone_mesh(design: Design, row: Rung) -> HexSettings:
     """Elements of the bare strip: its clamped faces are singular edges."""
-    row = rung("zone", accuracy)
     size = min(half_wavelength_m(design) * 2.0 / 3.0, design.width_m / 2.0)
-    return HexSettings(row.order, size, row.layers, row.factor)
+    return _settings(row, size)
 
 
-def pillar_settings(design: Design, accuracy: float) -> HexSettings:
+def pillar_mesh(design: Design, row: Rung) -> HexSettings:
     """Elements of the lone pillar: two along the section, graded towards the clamped foot."""
     assert design.pillar
-    row = rung("pillar", accuracy)
-    return HexSettings(row.order, design.pillar.base_m, row.layers, row.factor, _along(design))
+    return _settings(row, design.pillar.base_m, _along(design))
+
+
+def cell_mesh(design: Design, row: Rung) -> HexSettings:
+    """Elements of plate and cells: two thicknesses wide, graded towards the pillars' feet."""
+    return _settings(row, 2.0 * design.thickness_m, _along(design) if design.pillar else None)
 
 
 def cell_settings(design: Design, accuracy: float) -> HexSettings:
-    """Elements of plate and cells: two thicknesses wide, graded towards the pillars' feet."""
-    row = rung("cell", accuracy)
-    along = _along(design) if design.pillar else None
-    return HexSettings(row.order, 2.0 * design.thickness_m, row.layers, row.factor, along)
+    """The same for an accuracy."""
+    return cell_mesh(design, rung("cell", accuracy))
 
 
-def solid_plate_settings(design: Design, accuracy: float) -> HexSettings:
+def solid_plate_mesh(design: Design, row: Rung, accuracy: float) -> HexSettings:
     """Elements of a whole plate: grading is dear there, since its lines run across the plate."""
-    row = rung("cell", accuracy)
-    layers = 0 if accuracy > 0.01 else row.layers
-    return HexSettings(
-        row.order, 2.0 * design.thickness_m, layers, row.factor, _along(design) if design.pillar else None
-    )
+    settings = cell_mesh(design, row)
+    return replace(settings, layers=0) if accuracy > 0.01 else settings
+
+
+def _settings(row: Rung, size_m: float, along_m: float | None = None) -> HexSettings:
+    return HexSettings(row.order, row.share * size_m, row.layers, row.factor, along_m)
 
 
 def _along(design: Design) -> float:
+    """Elements along a pillar, m: four bend with its third mode, which lies among the lowest bands of a slender pillar."""
     assert design.pillar
-    return min(2.0 * design.pillar.base_m, design.pillar.height_m / 2.0)
+    return min(design.pillar.base_m, design.pillar.height_m / 4.0)
 
 
 def shear_cutoff_hz(design: Design) -> float:

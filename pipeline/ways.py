@@ -10,6 +10,7 @@ from pipeline.calibration import HEX, TET, TET_ORDER
 from pipeline.case import Case
 from pipeline.errors import InputFault
 from pipeline.omissions import CLASSES, Omission
+from pipeline.planner import Rung
 from solvers.superelement.build import Recipe
 
 SUPERELEMENT, SOLID = "superelement", "solid"
@@ -31,6 +32,7 @@ class Way:
     classes: tuple[str | None, ...]
     left_out: tuple[Omission, ...]
     why: tuple[str, ...]
+    rung: Rung | None = None  # of hexahedra
 
     @property
     def name(self) -> str:
@@ -75,9 +77,9 @@ def check_model(case: Case, box: bool) -> None:
 def _zone(case: Case, high_hz: float) -> Way:
     design, accuracy = case.design, case.solve.accuracy
     no_cad, quarter = omissions.boxes(case, "zone"), omissions.mirror_images(case.design, "zone")
-    hexahedra = planner.zone_settings(design, accuracy) if no_cad else None
+    hexahedra = planner.zone_mesh(design, planner.rung("zone", accuracy)) if no_cad else None
     edge = None if no_cad else planner.tet_edge_m(2.0 * design.thickness_m, accuracy)
-    return _way("zone", SOLID, hexahedra, edge, None, bool(quarter), (no_cad, quarter), _because(case, hexahedra))
+    return _way(case, "zone", SOLID, hexahedra, edge, None, bool(quarter), (no_cad, quarter), _because(case, hexahedra))
 
 
 def _pillar(case: Case, high_hz: float) -> Way:
@@ -85,29 +87,26 @@ def _pillar(case: Case, high_hz: float) -> Way:
     assert design.pillar
     no_cad = omissions.boxes(case, "pillar")
     quarter = omissions.mirror_images(design, "pillar") if no_cad else None  # tetrahedra mesh the whole pillar
-    hexahedra = planner.pillar_settings(design, accuracy) if no_cad else None
+    hexahedra = planner.pillar_mesh(design, planner.rung("pillar", accuracy)) if no_cad else None
     edge = None if no_cad else planner.tet_edge_m(design.pillar.tip_m, accuracy)
-    return _way("pillar", SOLID, hexahedra, edge, None, bool(quarter), (no_cad, quarter), _because(case, hexahedra))
+    return _way(
+        case, "pillar", SOLID, hexahedra, edge, None, bool(quarter), (no_cad, quarter), _because(case, hexahedra)
+    )
 
 
 def _plate(case: Case, high_hz: float) -> Way:
     design, solve = case.design, case.solve
     bare, no_cad = omissions.no_pillars(design, "plate"), omissions.boxes(case, "plate")
     quarter = omissions.mirror_images(design, "plate")
-    if solve.model == SUPERELEMENT and not quarter:
-        raise InputFault(
-            f"{case.name}: solve.model = 'superelement': must be auto or solid, a pillar from CAD need not be its own "
-            "mirror image and its plate is solved whole"
-        )
     taken: tuple[Omission | None, ...] = (bare, no_cad, quarter)
-    if solve.model == SOLID or not quarter:
-        hexahedra = planner.solid_plate_settings(design, solve.accuracy) if no_cad else None
+    if solve.model == SOLID:
+        rung = planner.rung("plate", solve.accuracy)
+        hexahedra = planner.solid_plate_mesh(design, rung, solve.accuracy) if no_cad else None
         edge = None if no_cad else planner.tet_plate_edge_m(design, solve.accuracy)
-        if not quarter:
-            reason = "a pillar from CAD need not be its own mirror image"
-            taken = (*taken, Omission("joined_cells", "joined cells", reason))
-        reason = "the case asks for it" if solve.model == SOLID else "cells are joined by their mirror images only"
-        return _way("plate", SOLID, hexahedra, edge, None, bool(quarter), taken, (reason, *_because(case, hexahedra)))
+        reason = "the case asks for it"
+        return _way(
+            case, "plate", SOLID, hexahedra, edge, None, bool(quarter), taken, (reason, *_because(case, hexahedra))
+        )
     recipe = planner.plate_recipe(design, solve.accuracy, high_hz)
     edge = None if no_cad else planner.tet_cell_edge_m(design, solve.accuracy)
     taken = (*taken, omissions.alike_cells(design))
@@ -115,7 +114,7 @@ def _plate(case: Case, high_hz: float) -> Way:
         "cells joined cost one reduction a kind; one rung up where their own estimate asks for it",
         *_because(case, recipe.hexahedra if no_cad else None),
     )
-    return _way("plate", SUPERELEMENT, recipe.hexahedra, edge, recipe, True, taken, why)
+    return _way(case, "plate", SUPERELEMENT, recipe.hexahedra, edge, recipe, bool(quarter), taken, why)
 
 
 def cell_way(case: Case) -> Way:
@@ -127,21 +126,22 @@ def cell_way(case: Case) -> Way:
     if solve.model == SOLID and no_cad:
         settings = planner.cell_settings(design, solve.accuracy)
         return _way(
-            "cell", SOLID, settings, None, None, False, taken, ("the case asks for it", *_because(case, settings))
+            case, "cell", SOLID, settings, None, None, False, taken, ("the case asks for it", *_because(case, settings))
         )
     recipe = planner.lattice_recipe(design, solve.accuracy)
     edge = None if no_cad else planner.tet_cell_edge_m(design, solve.accuracy)
     why = ("one reduced pair serves every wavevector", *_because(case, recipe.hexahedra if no_cad else None))
-    return _way("cell", SUPERELEMENT, recipe.hexahedra, edge, recipe, False, taken, why)
+    return _way(case, "cell", SUPERELEMENT, recipe.hexahedra, edge, recipe, False, taken, why)
 
 
 def _way(
-    part: str, model: str, hexahedra: HexSettings | None, edge_m: float | None, recipe: Recipe | None, quarter: bool,
-    taken: tuple[Omission | None, ...], why: tuple[str, ...],
+    case: Case, part: str, model: str, hexahedra: HexSettings | None, edge_m: float | None, recipe: Recipe | None,
+    quarter: bool, taken: tuple[Omission | None, ...], why: tuple[str, ...],
 ) -> Way:  # fmt: skip
     classes: tuple[str | None, ...] = CLASSES if quarter else (None,)
     kind = HEX if edge_m is None else TET
-    return Way(part, model, kind, hexahedra, edge_m, recipe, classes, tuple(o for o in taken if o), why)
+    rung = planner.rung(part, case.solve.accuracy) if kind == HEX else None
+    return Way(part, model, kind, hexahedra, edge_m, recipe, classes, tuple(o for o in taken if o), why, rung)
 
 
 def _because(case: Case, hexahedra: HexSettings | None) -> tuple[str, ...]:

@@ -31,13 +31,15 @@ ENVELOPE = (
 TARGETS = (0.03, 0.01, 0.003, 0.001)
 QUANTITIES = {
     "zone": ("zone",),
-    "pillar": ("pillar",),
+    "pillar": ("pillar", "second bending", "third bending"),
     "cell": ("bending at M", "bending at G", "first at X", "gap lower edge", "gap upper edge"),
     "plate": ("plate",),
 }
 NAMES = {
     "zone": "Zone between clamped sides, mode (0, N)",
     "pillar": "Lone pillar, first bending",
+    "second bending": "Lone pillar, second bending",
+    "third bending": "Lone pillar, third bending",
     "plate": "Plate of one row and 5 mm, wanted mode",
     "bending at M": "Cell, pillars' bending at M",
     "bending at G": "Cell, bands 4 and 5 at Γ",
@@ -46,12 +48,13 @@ NAMES = {
     "gap upper edge": "Cell, upper edge of the gap (Γ)",
 }
 REFERENCES: dict[str, list[dict[str, Any]]] = {
-    "zone": [_r for n in (2, 3, 4) for _r in [{"model": "hex", "order": 4, "size_mm": 10.0, "layers": n}]],
+    "zone": [{"model": "hex", "order": 4, "size_mm": size, "layers": 3} for size in (10.0, 6.67, 4.44)],
     "pillar": [
-        _r for n in (2, 3, 4) for _r in [{"model": "hex", "order": 4, "size_mm": 2.0, "along_mm": 3.15, "layers": n}]
+        {"model": "hex", "order": 4, "size_mm": size, "along_mm": along, "layers": n}
+        for size, along, n in ((2.0, 1.575, 2), (1.0, 0.8, 3), (0.5, 0.4, 4))
     ],
     "cell": [
-        _r for n in (1, 2, 3) for _r in [{"model": "quarter", "order": 4, "size_mm": 2.0, "along_mm": 3.15, "layers": n}]
+        {"model": "quarter", "order": 4, "size_mm": 2.0, "along_mm": 1.575, "layers": n} for n in (1, 2, 3)
     ],
     "plate": [
         {
@@ -73,7 +76,18 @@ def _tet(order: int, size: float, model: str = "tet") -> dict[str, Any]:
 
 
 def _joined(order: int, layers: int, degrees: tuple[int, int]) -> dict[str, Any]:
-    return {**_hex(order, 4.0, layers, 3.15, "superelement"), "degrees": degrees, "modes_over_band": 9.0}
+    return {**_hex(order, 4.0, layers, 3.15, "superelement"), **_joining(degrees)}
+
+
+def _joining(degrees: tuple[int, int]) -> dict[str, Any]:
+    return {"degrees": degrees, "modes_over_band": 9.0}
+
+
+def _planners(part: str, model: str, **more: Any) -> list[dict[str, Any]]:
+    """The meshes that an accuracy may choose, and those of order 2 beside them; not the finest of a plate, which is dear."""
+    below = () if part == "plate" else tuple(planner.Rung(2, layers, 0.15) for layers in (1, 2))
+    rows = (*below, *(planner.rungs(part)[:-1] if part == "plate" else planner.rungs(part)))
+    return [{"model": model, **ladder.of_the_planner(part, row), **more} for row in rows]
 
 
 def rungs() -> dict[str, list[dict[str, Any]]]:
@@ -85,7 +99,7 @@ def rungs() -> dict[str, list[dict[str, Any]]]:
             *(_hex(2, size) for size in (8.0, 4.0, 2.0, 1.0)),
             *(_hex(3, size) for size in (10.0, 5.0, 2.5)),
             *(_hex(4, size) for size in (10.0, 5.0, 2.5)),
-            *(_hex(order, 10.0, layers) for order in (2, 3, 4) for layers in (1, 2, 3)),
+            *_planners("zone", "hex"),
             *(_tet(1, size) for size in (2.0, 1.0)),
             *(_tet(2, size) for size in (4.0, 2.0, 1.3)),
         ],
@@ -95,7 +109,7 @@ def rungs() -> dict[str, list[dict[str, Any]]]:
             *(_hex(2, size) for size in (1.0, 0.5, 0.25)),
             *(_hex(3, size, 0, 2.1) for size in (1.0, 0.5)),
             *(_hex(4, size, 0, 3.15) for size in (1.0, 0.5)),
-            *(_hex(order, 2.0, layers, 3.15) for order in (2, 3, 4) for layers in (1, 2, 3)),
+            *_planners("pillar", "hex"),
             *(_tet(1, size) for size in (1.0, 0.5)),
             *(_tet(2, size) for size in (2.0, 1.0, 0.5)),
         ],
@@ -105,8 +119,8 @@ def rungs() -> dict[str, list[dict[str, Any]]]:
             *(_hex(order, 2.0, 0, 3.15, "solid") for order in (3, 4)),
             *(_hex(2, 2.0, 2, 2.1, "solid"), _hex(3, 2.0, 1, 3.15, "solid"), _hex(3, 2.0, 2, 3.15, "solid")),
             _hex(4, 2.0, 1, 3.15, "solid"),
-            *(_hex(order, 2.0, layers, 3.15, "superelement") for order in (2, 3, 4) for layers in (0, 1, 2)),
-            _hex(4, 2.0, 3, 3.15, "superelement"),
+            *(_hex(order, 2.0, 0, 3.15, "superelement") for order in (2, 3, 4)),
+            *_planners("cell", "superelement"),
             _tet(1, 0.5, "superelement tet"),
             *(_tet(2, size, "superelement tet") for size in (1.0, 0.67, 0.5)),
         ],
@@ -116,7 +130,8 @@ def rungs() -> dict[str, list[dict[str, Any]]]:
             _hex(2, 2.0, 0, 3.15, "solid"),
             _hex(2, 4.0, 1, 3.15, "solid"),
             _hex(3, 4.0, 1, 3.15, "solid"),
-            *(_joined(order, layers, (4, 3)) for order, layers in ((2, 1), (3, 0), (3, 1), (3, 2), (4, 2))),
+            _joined(3, 0, (4, 3)),
+            *_planners("plate", "superelement", **_joining((4, 3))),
             _joined(3, 2, (6, 3)),
             _tet(2, 2.0),
         ],
@@ -199,8 +214,9 @@ def conclude(records: list[dict[str, Any]]) -> Page:
     rows = [[NAMES.get(q, q), value, spread, spread / abs(value)] for q, (value, spread) in known.items()]
     headings = ("quantity", "reference (Hz or dB)", "uncertainty", "relative")
     words = (
-        "Order 4 with two, three and four layers of elements graded towards the singular edges (cell and plate: one, two, "
-        "three; the plate through the superelement), carried to the limit; the uncertainty is that last step.",
+        "Order 4, carried to the limit of three meshes; the uncertainty is that last step. The zone's elements shrink by a "
+        "third at a time, with three layers graded towards the singular edges; the pillar's by half, with two, three and four "
+        "layers; the cell and the plate (through the superelement) have one, two and three layers.",
     )
     sections = [
         Section("The cheapest way to an accuracy", (), [_cheapest(records, known)]),
@@ -272,15 +288,13 @@ def _envelope(records: list[dict[str, Any]], known: dict[str, tuple[float, float
 
 
 def _planned(part: str, rung: dict[str, Any]) -> bool:
-    """Whether there is an accuracy for which the planner takes a rung's mesh and model for the part."""
-    model = "hex" if part in ("zone", "pillar") else "superelement"
-    mesh = rung.get("order"), rung.get("layers")
-    if rung["model"] != model or tuple(rung.get("degrees", (4, 3))) != (4, 3):
+    """Whether there is an accuracy for which the planner takes a rung's mesh for the part."""
+    if "share" not in rung:
         return False
     known = "cell" if part == "plate" else part
-    expected = [calibration.by_hexahedra(known, row.order, row.layers) for row in planner.RUNGS]
+    expected = [calibration.by_hexahedra(known, row.order, row.layers, row.share) for row in planner.rungs(part)]
     taken = [planner.rung(known, each) for each in expected if each is not None]
-    return mesh in {(row.order, row.layers) for row in taken}
+    return (rung["order"], rung["layers"], rung["share"]) in {(row.order, row.layers, row.share) for row in taken}
 
 
 def _best(found: list[Any], target: float, uncertainty: float) -> str:

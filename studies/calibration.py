@@ -18,8 +18,8 @@ SMALLEST_MM = {"zone": 4.0, "pillar": 2.0, "cell": 2.0, "plate": 2.0}  # of the 
 
 
 def rows(records: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
-    """One row a part and mesh: the worst of its quantities, the best of equal meshes by different models."""
-    known, best = references(records), dict[tuple[Any, ...], float]()
+    """One row a part and mesh: the worst of its quantities."""
+    known, found = references(records), dict[tuple[Any, ...], float]()
     for record in records:
         given, values = record["parameters"], record.get("values") or {}
         rung = given["rung"]
@@ -29,11 +29,12 @@ def rows(records: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
         error = max(abs(values[name] / known[name][0] - 1.0) for name in asked)
         kind = KINDS[rung["model"]]
         across = SMALLEST_MM[given["part"]] / rung["size_mm"] if kind == "tet" else 0.0
-        key = (given["part"], kind, rung["order"], int(rung.get("layers") or 0), round(across, 2))
-        if kind == "hex" and not key[3]:
-            continue  # without graded layers the size decides, and no plan asks for that but where accuracy hardly matters
-        best[key] = min(error, best.get(key, error))
-    return [(*key, float(f"{error:.2g}")) for key, error in sorted(best.items())]
+        share = rung.get("share", 0.0)
+        key = (given["part"], kind, rung["order"], int(rung.get("layers") or 0), share, round(across, 2))
+        if kind == "hex" and not share:
+            continue  # no mesh of the planner's
+        found[key] = error
+    return [(*key, float(f"{error:.2g}")) for key, error in sorted(found.items())]
 
 
 def text(records: list[dict[str, Any]]) -> str:

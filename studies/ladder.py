@@ -30,6 +30,7 @@ from solvers.superelement.lattice import Lattice
 from solvers.waves.bloch import BlochCell
 
 WINDOW_HZ = (30e3, 38e3)  # where the wanted mode of the plate is looked for
+BENDING = ("pillar", "second bending", "third bending")
 Values = dict[str, float]
 
 
@@ -51,9 +52,21 @@ def materials() -> dict[str, Any]:
 
 def settings(rung: dict[str, Any]) -> HexSettings:
     """Hexahedra of a rung; sizes in mm."""
-    return HexSettings(
-        rung["order"], 1e-3 * rung["size_mm"], rung.get("layers", 0), 0.15, 1e-3 * rung.get("along_mm", rung["size_mm"])
-    )
+    along = 1e-3 * rung.get("along_mm", rung["size_mm"])
+    return HexSettings(rung["order"], 1e-3 * rung["size_mm"], rung.get("layers", 0), rung.get("factor", 0.15), along)
+
+
+def of_the_planner(part: str, row: planner.Rung) -> dict[str, Any]:
+    """A rung with the very elements that the planner gives the part."""
+    mesh = {"zone": planner.zone_mesh, "pillar": planner.pillar_mesh}.get(part, planner.cell_mesh)(design(), row)
+    rung = {
+        "order": row.order,
+        "size_mm": 1e3 * mesh.size_m,
+        "layers": row.layers,
+        "factor": row.factor,
+        "share": row.share,
+    }
+    return rung | ({"along_mm": 1e3 * mesh.pillar_size_m} if mesh.pillar_size_m else {})
 
 
 def of_order(mesh: Mesh, order: int) -> Mesh:
@@ -84,18 +97,22 @@ def zone(rung: dict[str, Any]) -> tuple[Values, int]:
 
 
 def pillar(rung: dict[str, Any]) -> tuple[Values, int]:
-    """The lone pillar, foot clamped: first bending."""
+    """The lone pillar, foot clamped: first, second and third bending."""
     d = design()
     assert d.pillar
     if rung["model"] == "analytic":
-        return {"pillar": float(pillar_frequencies_hz(d.pillar, rung["theory"])[0])}, 0
-    if rung["model"] == "tet":
+        return _bending(pillar_frequencies_hz(d.pillar, rung["theory"], 3)), 0
+    if rung["model"] == "tet":  # a body meshed whole: every bending twice, with a twist and a stretch between
         mesh = of_order(tet_scenes.tet_pillar(d.pillar, 1e-3 * rung["size_mm"]), rung["order"])
         pencil = SolidModel(check(mesh), materials(), ("foot",), False).pencil(None)
-    else:
-        mesh = hex_mesh(pillar_boxes(d.pillar, settings(rung)), rung["order"])
-        pencil = SolidModel(check(mesh), materials(), ("touch",), True).pencil("-+")
-    return {"pillar": float(modes_near(pencil, 0.0, 1).frequency_hz[0])}, pencil.dof
+        return _bending(modes_near(pencil, 0.0, 1).frequency_hz), pencil.dof
+    mesh = hex_mesh(pillar_boxes(d.pillar, settings(rung)), rung["order"])
+    pencil = SolidModel(check(mesh), materials(), ("touch",), True).pencil("-+")
+    return _bending(modes_near(pencil, 0.0, len(BENDING)).frequency_hz), pencil.dof
+
+
+def _bending(hz: FloatArray) -> Values:
+    return {name: float(each) for name, each in zip(BENDING, hz, strict=False)}
 
 
 def points() -> dict[str, FloatArray]:

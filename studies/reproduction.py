@@ -79,7 +79,7 @@ def pillars() -> list[Row]:
     for height_mm, thesis_khz in PILLARS_MM.items():
         pillar = replace(case.design.pillar, height_m=1e-3 * height_mm)
         design = replace(case.design, pillar=pillar)
-        settings = planner.pillar_settings(design, 1e-3)
+        settings = planner.pillar_mesh(design, planner.rung("pillar", 1e-3))
         model = SolidModel(
             hex_mesh(pillar_boxes(pillar, settings), settings.order), ladder.materials(), ("touch",), True
         )

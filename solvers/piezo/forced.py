@@ -24,6 +24,7 @@ from solvers.fem.assembly import Scale
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.factor import Factoriser
 from solvers.piezo.patched_plate import Group
+from solvers.superelement.plate import WHOLE
 
 Complex = NDArray[np.complex128]
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are the rest
@@ -114,7 +115,7 @@ class ForcedPlate:
         best, place = 0.0, None
         for found in self.modes:
             for parity, score in self._scores(found):
-                if parity == wanted_parity(self.design.nodal_lines) and len(score) and score.max() > best:
+                if parity in (WHOLE, wanted_parity(self.design.nodal_lines)) and len(score) and score.max() > best:
                     best, place = float(score.max()), (found, int(score.argmax()))
         return place
 
@@ -133,7 +134,7 @@ class ForcedPlate:
         fields = found.group.touch(found.columns[:, :count])
         out = []
         for parity, field in zip(found.group.parities, fields, strict=True):
-            held = measure(field, self.design, parity)
+            held = measure(field, self.design, parity or None)
             share = np.where(np.isfinite(held.zone_share), held.zone_share, 1.0)
             out.append((parity, np.nan_to_num(held.mac * share)))
         return out

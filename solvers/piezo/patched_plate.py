@@ -20,7 +20,7 @@ from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
 from solvers.piezo.patch import BondedPatch
 from solvers.superelement.bond import displacement_at
-from solvers.superelement.plate import RIGID_OF_CLASS, JoinedPlate
+from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, JoinedPlate
 
 CLASSES = ("++", "+-", "-+", "--")
 SILENT = 1e-9  # of the largest load: a class below it is not driven
@@ -49,7 +49,10 @@ class Group:
 
 
 class PatchedPlate:
-    """Patches on the bare face of a plate; lengths in m, forces and charges in SI after `unscaled`."""
+    """Patches on the bare face of a plate; lengths in m, forces and charges in SI after `unscaled`.
+
+    `joined`: the plate by mirror class, or the whole one alone under WHOLE.
+    """
 
     def __init__(
         self, joined: Mapping[str, JoinedPlate], patches: Sequence[BondedPatch], back: bool, name: str = "superelement"
@@ -58,7 +61,8 @@ class PatchedPlate:
             raise SolverError("no patches: nothing drives the plate")
         self.patches, self.back, self.name = tuple(patches), back, name
         self.scale: Scale = next(iter(joined.values())).placed[0].cell.scale
-        self.everything = [self._group([joined[p] for p in parities]) for parities in coupled_classes(self.patches)]
+        classes = [[WHOLE]] if WHOLE in joined else coupled_classes(self.patches)
+        self.everything = [self._group([joined[p] for p in parities]) for parities in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
         self.groups = [group for group in self.everything if np.abs(group.loads).max() > SILENT * loudest]
         self.silent = [p for group in self.everything if group not in self.groups for p in group.parities]

@@ -9,7 +9,7 @@ from scipy.interpolate import make_interp_spline
 from geometry.elements import FloatArray
 from solvers.errors import SolverError
 from solvers.superelement.cell import Cell
-from solvers.superelement.plate import JoinedPlate, Placed
+from solvers.superelement.plate import WHOLE, JoinedPlate, Placed
 
 SAME_M = 1e-9
 
@@ -21,7 +21,7 @@ def displacement_at(plate: JoinedPlate, points_m: FloatArray, back: bool) -> sp.
     that carries a pillar.
     """
     flip = np.where(points_m < 0.0, -1.0, 1.0)
-    folded = np.abs(points_m)
+    folded = points_m if plate.parity == WHOLE else np.abs(points_m)
     rows = sp.lil_array((3 * len(points_m), plate.dof))
     left = np.ones(len(points_m), dtype=bool)
     for placed in plate.placed:

@@ -19,7 +19,7 @@ from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.superelement.cell import Cell, reduce_cell
 from solvers.superelement.interface import Interface
-from solvers.superelement.plate import JoinedPlate
+from solvers.superelement.plate import WHOLE, JoinedPlate
 from solvers.superelement.plate_estimate import ModeErrors, mode_errors
 from solvers.superelement.tiling import Signature, signature, tile
 
@@ -105,28 +105,29 @@ def lattice_piece(design: Design) -> Piece:
 
 
 class PlateModel:
-    """A finite plate joined from reduced cells, mirror class by mirror class."""
+    """A finite plate joined from reduced cells, mirror class by mirror class; whole where it is not its own mirror image."""
 
     def __init__(self, design: Design, reductions: Reductions) -> None:
         self.tiling = tile(design, reductions.recipe.longest_m)
         self.cells: dict[Signature, Cell] = {}
         nx, ny = len(self.tiling.x) - 1, len(self.tiling.y) - 1
-        for i in range(nx // 2, nx):
-            for j in range(ny // 2, ny):
+        mirrored = self.tiling.mirrored
+        for i in range(nx // 2 if mirrored else 0, nx):
+            for j in range(ny // 2 if mirrored else 0, ny):
                 piece = self.tiling.piece(i, j)
                 if signature(piece) not in self.cells:
                     self.cells[signature(piece)] = reductions.cell(piece)
         order = reductions.recipe.hexahedra.order
         self.name = "superelement tet2" if reductions.mesher else f"superelement hex{order}"
-        self.parities: tuple[str | None, ...] = CLASSES
+        self.parities: tuple[str | None, ...] = CLASSES if mirrored else (None,)
         self._joined: dict[str, JoinedPlate] = {}
 
     def joined(self, parity: str | None) -> JoinedPlate:
-        """The joined cells of one mirror class."""
-        assert parity is not None
-        if parity not in self._joined:
-            self._joined[parity] = JoinedPlate(self.tiling, self.cells, parity)
-        return self._joined[parity]
+        """The joined cells of one mirror class, of the whole plate for None."""
+        name = parity or WHOLE
+        if name not in self._joined:
+            self._joined[name] = JoinedPlate(self.tiling, self.cells, name)
+        return self._joined[name]
 
     def pencil(self, parity: str | None) -> PlainPencil:
         """K and M of one mirror class."""
@@ -145,5 +146,5 @@ class PlateModel:
         return self.joined(parity).pillar_share(vectors)
 
     def skin(self, parity: str | None, vectors: FloatArray) -> Skin:
-        """Outer skin of the quarter x, y >= 0."""
+        """Outer skin of the quarter x, y >= 0, or of the whole plate."""
         return self.joined(parity).skin(vectors)

@@ -1,4 +1,4 @@
-"""A finite plate joined from reduced cells: neighbours share vertex lines and sides; mirrors halve it twice.
+"""A finite plate joined from reduced cells: neighbours share vertex lines and sides; mirrors halve it twice where it has them.
 
 K = sum T_c' K_c T_c, where T_c places a cell's unknowns among the plate's, with the sign of a mirror image or zero where
 the parity class forbids them.
@@ -22,7 +22,8 @@ from solvers.superelement.cell import Cell, Expansion
 from solvers.superelement.interface import SIDES, VERTICES, Interface
 from solvers.superelement.tiling import Signature, Tiling, signature
 
-RIGID_OF_CLASS = {"++": 1, "+-": 2, "-+": 2, "--": 1}
+WHOLE = ""  # no mirror: every piece is assembled
+RIGID_OF_CLASS = {"++": 1, "+-": 2, "-+": 2, "--": 1, WHOLE: 6}
 
 
 @dataclass(frozen=True)
@@ -37,11 +38,16 @@ class Placed:
 
 
 class JoinedPlate:
-    """Cells on a tiling, restricted to one mirror class; `parity` = two signs of u_z, x then y."""
+    """Cells on a tiling, restricted to one mirror class; `parity` = two signs of u_z, x then y; WHOLE for all of them at once.
+
+    Raises SolverError for cells that do not fit, and for a class of a plate that is not its own mirror image.
+    """
 
     def __init__(self, tiling: Tiling, cells: Mapping[Signature, Cell], parity: str) -> None:
         self.tiling, self.parity = tiling, parity
-        self.grid = _Grid(tiling, cells)
+        if parity != WHOLE and not tiling.mirrored:
+            raise SolverError("the plate is not its own mirror image: it has no mirror classes")
+        self.grid = _Grid(tiling, cells, parity == WHOLE)
         whole, sign = self.grid.representatives(parity)
         alive = np.unique(whole[sign != 0.0])
         self.dof = len(alive)
@@ -126,10 +132,10 @@ def _fit(tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:
 
 
 class _Grid:
-    """Numbers of the whole plate's unknowns, and what the two mirrors do to them."""
+    """Numbers of the whole plate's unknowns, and what the two mirrors do to them; `whole`: no piece stands for its image."""
 
-    def __init__(self, tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:
-        self.tiling, self.cells = tiling, cells
+    def __init__(self, tiling: Tiling, cells: Mapping[Signature, Cell], whole: bool = False) -> None:
+        self.tiling, self.cells, self.whole = tiling, cells, whole
         _fit(tiling, cells)
         self.nx, self.ny = len(tiling.x) - 1, len(tiling.y) - 1
         self.interface: Interface = next(iter(cells.values())).interface
@@ -142,10 +148,12 @@ class _Grid:
         self.count = int(self.mode_start[-1])
 
     def cell(self, i: int, j: int) -> Cell:
-        """The reduction of piece (i, j); that of its mirror image for pieces on the negative sides."""
+        """The reduction of piece (i, j); that of its mirror image for pieces on the negative sides of a mirrored plate."""
         return self.cells[signature(self.tiling.piece(*self._positive(i, j)))]
 
     def _positive(self, i: int, j: int) -> tuple[int, int]:
+        if self.whole:
+            return i, j
         return max(i, self.nx - 1 - i), max(j, self.ny - 1 - j)
 
     def _modes(self, i: int, j: int) -> int:
@@ -174,11 +182,14 @@ class _Grid:
 
     def copies(self, i: int, j: int) -> int:
         """How many pieces a representative one stands for."""
+        if self.whole:
+            return 1
         return (1 if 2 * i == self.nx - 1 else 2) * (1 if 2 * j == self.ny - 1 else 2)
 
     def representative_cells(self) -> list[tuple[int, int]]:
-        """Pieces to assemble: those with middle x >= 0 and y >= 0."""
-        return [(i, j) for i in range(self.nx // 2, self.nx) for j in range(self.ny // 2, self.ny)]
+        """Pieces to assemble: those with middle x >= 0 and y >= 0, or all."""
+        first = (0, 0) if self.whole else (self.nx // 2, self.ny // 2)
+        return [(i, j) for i in range(first[0], self.nx) for j in range(first[1], self.ny)]
 
     def representatives(self, parity: str) -> tuple[IntArray, FloatArray]:
         """For every unknown the one it follows and its coefficient: u[d] = sign[d] u[where[d]]; 0 where it must vanish."""

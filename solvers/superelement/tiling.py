@@ -18,11 +18,15 @@ DIGITS = 9  # of a length in m: pieces that agree to a nanometre are the same
 
 @dataclass(frozen=True)
 class Tiling:
-    """Grid lines x (nx + 1) and y (ny + 1) in m, symmetric about 0, and the foot in each piece, {(i, j): (x, y)}."""
+    """Grid lines x (nx + 1) and y (ny + 1) in m, symmetric about 0, and the foot in each piece, {(i, j): (x, y)}.
+
+    mirrored: whether a pillar is its own mirror image, and with it the plate.
+    """
 
     x: FloatArray
     y: FloatArray
     feet: dict[tuple[int, int], tuple[float, float]]
+    mirrored: bool = True
 
     def piece(self, i: int, j: int) -> Piece:
         """Piece in column i, row j, halved along every axis about which it is its own mirror image.
@@ -34,7 +38,9 @@ class Tiling:
         foot = self.feet.get((i, j))
         whole = Piece(low, high, foot)
         free = self.free_sides(i, j)
-        centred = [foot is None or abs(foot[axis] - whole.middle[axis]) < 10.0**-DIGITS for axis in (0, 1)]
+        centred = [
+            foot is None or (self.mirrored and abs(foot[axis] - whole.middle[axis]) < 10.0**-DIGITS) for axis in (0, 1)
+        ]
         even = [not {f"{axis}-", f"{axis}+"} & set(free) for axis in "xy"]
         return Piece(low, high, foot, tuple(axis for axis in (0, 1) if centred[axis] and even[axis]), free)
 
@@ -73,7 +79,7 @@ def tile(design: Design, longest_m: float) -> Tiling:
     cuts = np.unique(np.round([-c for c in upper] + upper, DIGITS + 3))
     feet_rows = np.concatenate([-rows[::-1], rows])
     y = _refined(cuts, feet_rows, longest_m)
-    return Tiling(x, y, _feet(x, y, columns, feet_rows))
+    return Tiling(x, y, _feet(x, y, columns, feet_rows), design.is_mirrored)
 
 
 def _lines_about(centres: FloatArray, pitch: float, end: float, longest: float) -> FloatArray:

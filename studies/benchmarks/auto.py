@@ -12,10 +12,12 @@ import os
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
+
+from pipeline.planner import Rung, rungs
 
 MODULE = "studies.benchmarks.auto"
 CASE = """name = "scene"
@@ -39,11 +41,11 @@ path = "GXMG"
 points = 25
 count = 10
 """
-FIXED = ((2, 1), (2, 2), (3, 1), (3, 2), (4, 1), (4, 2))  # order, graded layers
-FINEST = (4, 3)
-FACTORS = {1: 0.2, 2: 0.15, 3: 0.15}  # of the layers, as the planner grades
+COARSE = (Rung(2, 1, 0.15), Rung(2, 2, 0.15))  # fixed meshes beside those that the planner may take
+FINEST = Rung(4, 3, 0.15)
 REPEATS = 2
 ALLOWED = 1.5
+ENDS = 2  # modes that may cross an end of the band
 QUICK = 1.3  # times the quickest so far: worth repeating
 
 
@@ -76,7 +78,7 @@ SCENES = (
 )
 
 
-def run(scene: Scene, mesh: tuple[int, int] | None) -> tuple[float, list[float]]:
+def run(scene: Scene, mesh: Rung | None) -> tuple[float, list[float]]:
     """Seconds of the whole command, and its frequencies in Hz."""
     with tempfile.TemporaryDirectory() as folder:
         told = Path(folder) / "told.json"
@@ -86,7 +88,7 @@ def run(scene: Scene, mesh: tuple[int, int] | None) -> tuple[float, list[float]]
         words = [scene.command[0], str(case), *scene.command[1:], *(w for each in settings for w in ("--set", each))]
         start = perf_counter()
         done = subprocess.run(
-            [sys.executable, "-m", MODULE, json.dumps(mesh), *words, "--quiet", "--json", str(told)],
+            [sys.executable, "-m", MODULE, json.dumps(mesh and astuple(mesh)), *words, "--quiet", "--json", str(told)],
             env={**os.environ, "ANTINODE_RESULTS": folder}, capture_output=True, text=True,
         )  # fmt: skip
         seconds = perf_counter() - start
@@ -104,14 +106,26 @@ def frequencies(document: dict[str, Any]) -> list[float]:
 
 
 def error(found: list[float], reference: list[float]) -> float:
-    """The largest relative difference of the frequencies that both have."""
-    return max(abs(a / b - 1.0) for a, b in zip(found, reference, strict=False))
+    """The largest relative difference of the frequencies that both have, lined up as closely as they can be.
+
+    A mode near an end of the band may lie within it for one mesh and beyond it for another.
+    """
+    pairs = [(found[step:], reference) for step in range(ENDS + 1)]
+    pairs += [(found, reference[step:]) for step in range(1, ENDS + 1)]
+    return min(max(abs(a / b - 1.0) for a, b in zip(ours, theirs, strict=False)) for ours, theirs in pairs if ours)
 
 
-def compare(scene: Scene, reference: list[float]) -> tuple[float, float, tuple[int, int], float]:
+def fixed_meshes(scene: Scene) -> tuple[Rung, ...]:
+    """What a user might have fixed: every mesh of the part's ladder but the finest, and two of order 2."""
+    words = scene.command
+    part = words[words.index("--part") + 1] if "--part" in words else "cell"
+    return (*COARSE, *rungs(part)[:-1])
+
+
+def compare(scene: Scene, reference: list[float]) -> tuple[float, float, Rung, float]:
     """Auto's seconds and error, the best fixed mesh and its seconds. ValueError where none serves."""
     auto_s, auto_hz = run(scene, None)
-    fixed = {mesh: run(scene, mesh) for mesh in FIXED}
+    fixed = {mesh: run(scene, mesh) for mesh in fixed_meshes(scene)}
     serving = {mesh: seconds for mesh, (seconds, hz) in fixed.items() if error(hz, reference) <= scene.accuracy}
     quickest = min(serving.values())
     for mesh in [mesh for mesh, seconds in serving.items() if seconds <= QUICK * quickest]:
@@ -123,7 +137,7 @@ def compare(scene: Scene, reference: list[float]) -> tuple[float, float, tuple[i
 
 def main() -> int:
     """Print a line a scene; 1 where the choice misses its accuracy or costs more than allowed."""
-    print(f"{'scene':15} {'accuracy':>8}  {'auto':>8} {'error':>8}  {'best fixed':>12} {'time':>8}  {'ratio':>5}")
+    print(f"{'scene':15} {'accuracy':>8}  {'auto':>8} {'error':>8}  {'best fixed':>14} {'time':>8}  {'ratio':>5}")
     references: dict[str, list[float]] = {}
     worst, missed = 0.0, 0
     for scene in SCENES:
@@ -131,9 +145,9 @@ def main() -> int:
             references[scene.name] = run(Scene(scene.name, scene.command, scene.overrides, 3e-4), FINEST)[1]
         auto_s, wrong, best, best_s = compare(scene, references[scene.name])
         worst, missed = max(worst, auto_s / best_s), missed + (wrong > scene.accuracy)
-        named = f"hex{best[0]}, {best[1]}"
+        named = f"hex{best.order}, {best.layers}, {best.share:g}"
         print(
-            f"{scene.name:15} {scene.accuracy:8.3%}  {auto_s:6.2f} s {wrong:8.4%}  {named:>12} {best_s:6.2f} s  "
+            f"{scene.name:15} {scene.accuracy:8.3%}  {auto_s:6.2f} s {wrong:8.4%}  {named:>14} {best_s:6.2f} s  "
             f"{auto_s / best_s:5.2f}",
             flush=True,
         )
@@ -141,19 +155,15 @@ def main() -> int:
     return int(worst > ALLOWED or missed > 0)
 
 
-def _fixed(mesh: list[int] | None, words: list[str]) -> int:
+def _fixed(mesh: list[float] | None, words: list[str]) -> int:
     """The command with one mesh for every part, or as the planner chooses."""
-    from dataclasses import replace
-
     from pipeline import planner
     from pipeline.cli import main as command
 
     if mesh:
-        order, layers = mesh
-        fixed = {"order": order, "layers": layers, "factor": FACTORS[layers]}
-        for name in ("zone_settings", "pillar_settings", "cell_settings", "solid_plate_settings"):
-            chosen = getattr(planner, name)
-            setattr(planner, name, lambda *asked, chosen=chosen: replace(chosen(*asked), **fixed))
+        order, layers, factor, share = mesh
+        fixed = Rung(int(order), int(layers), factor, share)
+        planner.rung = lambda part, accuracy: fixed
     return command(words)
 
 

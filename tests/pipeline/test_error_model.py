@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from geometry.hexmesh import HexSettings, cell_boxes, hex_mesh
+from geometry.hexmesh import cell_boxes, hex_mesh, pillar_boxes, zone_boxes
 from pipeline import calibration, planner
-from pipeline.calibration import Measured, table
+from pipeline.calibration import HEX, SAFETY, Measured, table
 from pipeline.case import load_case
 from pipeline.error_model import expected_error
 from pipeline.ways import cell_way, way_of
@@ -26,24 +26,37 @@ def test_what_the_planner_takes_is_expected_to_meet_the_accuracy(part: str, accu
 
 
 def test_the_cheapest_mesh_that_serves_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    errors = {(3, 1): 4e-3, (4, 1): 2e-3, (3, 2): 1e-3, (4, 2): 2e-4}
-    rows = tuple(Measured("zone", "hex", order, layers, 0.0, error) for (order, layers), error in errors.items())
-    monkeypatch.setattr(calibration, "table", lambda: rows)
-    taken = [planner.rung("zone", accuracy) for accuracy in (0.01, 0.005, 0.003, 0.001, 1e-5)]
-    assert [(row.order, row.layers) for row in taken] == [(3, 1), (4, 1), (3, 2), (4, 2), (4, 3)]
+    errors = (4e-3, 2e-3, 1e-3, 2e-4)
+    ladder = planner.rungs("zone")
+    rows = [Measured("zone", "hex", r.order, r.layers, r.share, 0.0, e) for r, e in zip(ladder, errors, strict=False)]
+    monkeypatch.setattr(calibration, "table", lambda: tuple(rows))
+    taken = [planner.rung("zone", SAFETY[HEX] * (error + 1e-9)) for error in (1.0, *errors, 1e-5)]
+    assert taken == [ladder[0], *ladder[: len(errors)], ladder[-1]]
 
 
-def test_the_rungs_ascend_in_unknowns() -> None:
+def test_a_plate_is_meshed_as_its_cell() -> None:
+    assert all(planner.rung("plate", accuracy) == planner.rung("cell", accuracy) for accuracy in (0.03, 0.003, 3e-4))
+
+
+MESHES = {
+    "zone": lambda design, row: zone_boxes(design, planner.zone_mesh(design, row)),
+    "pillar": lambda design, row: pillar_boxes(design.pillar, planner.pillar_mesh(design, row)),
+    "cell": lambda design, row: cell_boxes(design, planner.cell_mesh(design, row)),
+}
+
+
+@pytest.mark.parametrize("part", MESHES)
+def test_the_rungs_ascend_in_unknowns(part: str) -> None:
     design = load_case(CASE, []).design
-    settings = [HexSettings(r.order, 4e-3, r.layers, r.factor, 3.15e-3) for r in planner.RUNGS]
-    sizes = [hex_mesh(cell_boxes(design, each), each.order).dof for each in settings]
-    assert sizes == sorted(sizes)
+    sizes = [hex_mesh(MESHES[part](design, row), row.order).dof for row in planner.rungs(part)]
+    assert sizes == sorted(sizes) and len(set(sizes)) == len(sizes)
 
 
 def test_a_finer_mesh_of_one_kind_is_never_worse() -> None:
     for part in ("zone", "pillar", "cell", "plate"):
         for order in (2, 3, 4):
-            graded = [row.error for row in table() if (row.part, row.kind, row.order) == (part, "hex", order)]
+            rows = [row for row in table() if (row.part, row.kind, row.order) == (part, "hex", order)]
+            graded = [row.error for row in sorted(rows, key=lambda row: (row.layers, -row.share))]
             assert graded == sorted(graded, reverse=True)
         tets = [row.error for row in table() if (row.part, row.kind, row.order) == (part, "tet", 2)]
         assert tets == sorted(tets, reverse=True)

@@ -190,8 +190,8 @@ def test_models() -> None:
     assert way_of(case(), "plate", 45e3).name == "superelement hex3"
     assert way_of(case("solve.model='solid'"), "plate", 45e3).name == "solid hex3"
     step = way_of(with_pillar("step"), "plate", 45e3)
-    assert (step.name, step.classes) == ("solid tet2", (None,))
-    assert "joined_cells" in {each.rule for each in step.left_out}
+    assert (step.name, step.classes) == ("superelement tet2", (None,))
+    assert "mirror_images" not in {each.rule for each in step.left_out}
     assert cell_way(case("solve.model='solid'")).name == "solid hex3"
     assert cell_way(case("solve.model='solid'", "solve.mesh='tet'")).name == "superelement tet2"
 

@@ -33,7 +33,7 @@ def every_class(model: SolidModel, low_hz: float, high_hz: float) -> np.ndarray:
 
 def zone(accuracy: float) -> np.ndarray:
     """Frequencies of the strip between 15 and 67 kHz."""
-    settings = planner.zone_settings(design(), accuracy)
+    settings = planner.zone_mesh(design(), planner.rung("zone", accuracy))
     mesh = hex_mesh(zone_boxes(design(), settings), settings.order)
     return every_class(SolidModel(mesh, {"plate": ALUMINIUM}, ("y+",), True), 15e3, 67e3)
 
@@ -51,7 +51,7 @@ def test_zone_fine_settings_meet_all_fourteen_frequencies() -> None:
 
 @pytest.mark.parametrize(("height_m", "parity"), [(6.3e-3, "+-"), (6.3e-3, "-+"), (6.5e-3, "+-")])
 def test_pillar_bends_once_below_80_khz_at_the_known_frequency(height_m: float, parity: str) -> None:
-    settings = planner.pillar_settings(design(height_m), 0.01)
+    settings = planner.pillar_mesh(design(height_m), planner.rung("pillar", 0.01))
     pillar = design(height_m).pillar
     assert pillar
     mesh = hex_mesh(pillar_boxes(pillar, settings), settings.order)

@@ -21,6 +21,7 @@ from solvers.piezo.patch import _matrices, _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, coupled_classes
 from solvers.superelement.build import PlateModel, Recipe, Reductions
 from solvers.superelement.interface import Interface
+from solvers.superelement.plate import WHOLE, JoinedPlate
 
 ALUMINIUM = MATERIALS["aluminium"]
 PZ26 = PIEZO_MATERIALS["pz26"]
@@ -36,10 +37,13 @@ LOPSIDED = np.array([[2e-3, 10e-3, -1e-3, 3e-3]])
 
 
 @cache
-def joined() -> dict:
+def model() -> PlateModel:
     recipe = Recipe(Interface(6, 3), 900e3, HexSettings(3, 2e-3, 0, 0.2), 4e-3)
-    model = PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, None, recipe))
-    return {parity: model.joined(parity) for parity in CLASSES}
+    return PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, None, recipe))
+
+
+def joined() -> dict:
+    return {parity: model().joined(parity) for parity in CLASSES}
 
 
 def patched(boxes: np.ndarray, material: PiezoMaterial = PLAIN, back: bool = True) -> PatchedPlate:
@@ -124,6 +128,24 @@ def test_superposition_meets_direct_solves(frequency: float) -> None:
         direct = spla.splu(matrix).solve((found.group.loads @ volts).astype(complex))
         summed = found.columns @ found.amplitudes(eigenvalue, 0.01, volts)
         assert np.linalg.norm(direct - summed) < 0.02 * np.linalg.norm(direct)
+
+
+def test_the_plate_joined_whole_answers_as_its_mirror_classes() -> None:
+    """Patches on the negative sides, where the classes fold and the whole plate does not."""
+    bonded = [bonded_patch(PZ26, box, THICK_M, True) for box in np.vstack([-LOPSIDED[:, [1, 0, 3, 2]], MIDDLE])]
+    whole = JoinedPlate(model().tiling, model().cells, WHOLE)
+    forced = [
+        ForcedPlate(PatchedPlate(plates, bonded, True), DESIGN, (0,), (1,), BAND_HZ, 100.0)
+        for plates in ({WHOLE: whole}, joined())
+    ]
+    tones = np.linspace(12e3, 55e3, 40)
+    (ours, truth), (point, value) = (each.curve(tones) for each in forced), forced[0].shape(30e3)
+    assert np.allclose(ours.zone_rms_m_per_v, truth.zone_rms_m_per_v, rtol=1e-6)
+    assert np.allclose(ours.sensor_v_per_v, truth.sensor_v_per_v, rtol=1e-6)
+    assert forced[0].wanted_hz() == pytest.approx(forced[1].wanted_hz(), rel=1e-8)
+    points, values = forced[1].shape(30e3)
+    there = np.lexsort(np.round(points, 9).T), np.lexsort(np.round(point, 9).T)
+    assert np.allclose(value[there[1]], values[there[0]], atol=1e-6 * np.abs(values).max())
 
 
 def test_an_open_sensor_carries_no_charge_and_the_short_one_is_softer() -> None:

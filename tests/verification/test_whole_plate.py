@@ -1,0 +1,105 @@
+"""A plate that is not its own mirror image, joined whole: against its mirror classes and against the plate in one piece."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geometry.hexmesh import VOID, Boxes, HexSettings, Piece, hex_mesh, piece_boxes
+from geometry.layout import Design, Pillar
+from geometry.materials import MATERIALS
+from geometry.mesh import Mesh
+from solvers.errors import SolverError
+from solvers.fem.eigen import modes_in_band
+from solvers.fem.solid import CLASSES, SolidModel
+from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.superelement.interface import Interface
+from solvers.superelement.plate import WHOLE, JoinedPlate
+from solvers.superelement.tiling import signature
+
+ALUMINIUM = MATERIALS["aluminium"]
+BOX = Pillar("square", 1.4e-3, 1.4e-3, 5e-3, ALUMINIUM)
+CAD = replace(BOX, shape="step", file="skewed.step")
+SHIFT = np.array([0.5e-3, 0.2e-3])  # of the file's pillar from its own axis
+DESIGN = Design(16e-3, 12e-3, 2e-3, 2, ALUMINIUM, CAD, 4e-3, 4e-3, 1, 2e-3)
+MESH = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=2.5e-3)
+BAND_HZ = (20e3, 70e3)
+
+
+def skewed(piece: Piece) -> Mesh:
+    """A piece whose pillar stands beside the place that it was given."""
+    foot = tuple((np.array(piece.foot) + SHIFT).tolist())
+    return hex_mesh(piece_boxes(replace(piece, foot=foot), DESIGN.thickness_m, BOX, MESH), MESH.order)
+
+
+def joined(design: Design, mesher: object = None) -> PlateModel:
+    recipe = Recipe(Interface(5, 3), 700e3, MESH, 4e-3)
+    return PlateModel(design, Reductions(design.thickness_m, ALUMINIUM, design.pillar, recipe, None, mesher))
+
+
+def in_one_piece(model: PlateModel) -> SolidModel:
+    """The whole plate on the union of its pieces' lines."""
+    tiling, found = model.tiling, ([], [], [])
+    for i in range(len(tiling.x) - 1):
+        for j in range(len(tiling.y) - 1):
+            piece = tiling.piece(i, j)
+            foot = tuple((np.array(piece.foot) + SHIFT).tolist()) if piece.foot else None
+            boxes = piece_boxes(replace(piece, foot=foot), DESIGN.thickness_m, BOX, MESH)
+            for axis, lines in enumerate((boxes.x, boxes.y)):
+                both = np.concatenate([lines, -lines]) if axis in piece.halved else lines
+                found[axis].extend(both + piece.middle[axis])
+            found[2].extend(boxes.z)
+    x, y, z = (np.unique(np.round(line, 10)) for line in found)
+    middles = [(line[1:] + line[:-1]) / 2.0 for line in (x, y, z)]
+    above = middles[2] > DESIGN.thickness_m
+    region = np.where(above, VOID, 0)[None, None, :] * np.ones((len(x) - 1, len(y) - 1, 1), dtype=np.int64)
+    for cx, cy in DESIGN.pillar_centres() + SHIFT:
+        foot = (np.abs(middles[0] - cx) < BOX.base_m / 2)[:, None, None] & (np.abs(middles[1] - cy) < BOX.base_m / 2)[
+            :, None
+        ]
+        region[foot & above] = 1
+    mesh = hex_mesh(Boxes(x, y, z, region, ("plate", "pillar")), MESH.order)
+    return SolidModel(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}, (), False)
+
+
+def test_a_skewed_plate_is_the_solid_of_its_meshes() -> None:
+    model = joined(DESIGN, skewed)
+    solid = in_one_piece(model)
+    assert model.parities == solid.parities == (None,)
+    ours, truth = (modes_in_band(m.pencil(None), *BAND_HZ) for m in (model, solid))
+    assert ours.rigid_count == truth.rigid_count == 6
+    assert len(ours.frequency_hz) == len(truth.frequency_hz) > 10
+    assert np.abs(ours.frequency_hz / truth.frequency_hz - 1.0).max() < 0.003
+    apart = np.flatnonzero(np.diff(truth.frequency_hz) > 0.01 * truth.frequency_hz[:-1]) + 1  # near ones mix
+    sums = [np.add.reduceat(m.pillar_share(None, f.vectors), [0, *apart]) for m, f in ((model, ours), (solid, truth))]
+    assert len(apart) > 5 and np.abs(sums[0] - sums[1]).max() < 0.02
+    skins = [m.skin(None, f.vectors[:, :1]) for m, f in ((model, ours), (solid, truth))]
+    assert np.allclose(np.ptp(skins[0].points, axis=0), np.ptp(skins[1].points, axis=0))
+    errors = model.mode_errors(None, model.pencil(None), ours.vectors).total
+    assert (errors >= 0.0).all() and errors.max() < 0.01
+
+
+def test_the_whole_plate_has_the_modes_of_all_mirror_classes() -> None:
+    design = replace(DESIGN, pillar=BOX)
+    model = joined(design)
+    whole = JoinedPlate(model.tiling, every_piece(model), WHOLE)
+    apart = np.sort(np.concatenate([modes_in_band(model.pencil(p), *BAND_HZ).frequency_hz for p in CLASSES]))
+    together = modes_in_band(whole.pencil(), *BAND_HZ)
+    assert together.rigid_count == 6
+    assert np.allclose(together.frequency_hz, apart, rtol=1e-7)
+
+
+def every_piece(model: PlateModel) -> dict:
+    """The cells of the negative sides too, each reduced for itself."""
+    recipe = Recipe(Interface(5, 3), 700e3, MESH, 4e-3)
+    reductions = Reductions(DESIGN.thickness_m, ALUMINIUM, BOX, recipe)
+    pieces = [model.tiling.piece(i, j) for i in range(len(model.tiling.x) - 1) for j in range(len(model.tiling.y) - 1)]
+    return {signature(piece): reductions.cell(piece) for piece in {signature(p): p for p in pieces}.values()}
+
+
+def test_mirror_classes_of_a_skewed_plate_are_refused() -> None:
+    model = joined(DESIGN, skewed)
+    with pytest.raises(SolverError, match="not its own mirror image"):
+        model.joined("++")
