@@ -68,6 +68,15 @@ def test_tetrahedra_say_that_they_miss_a_fine_accuracy() -> None:
     assert error is not None and error > 0.003
 
 
+def test_a_plate_joined_from_tetrahedra_has_the_bar_of_its_cell_and_a_whole_one_its_own() -> None:
+    joined = load_case(CASE, ["solve.mesh=tet", "solve.accuracy=0.01"])
+    cell = expected_error(cell_way(joined), joined.design)
+    assert cell is not None and expected_error(way_of(joined, "plate", 45e3), joined.design) == cell
+    whole = load_case(CASE, ["solve.mesh=tet", "solve.accuracy=0.01", "solve.model=solid"])
+    error = expected_error(way_of(whole, "plate", 45e3), whole.design)
+    assert error is not None and error > cell
+
+
 def test_what_was_never_measured_has_no_bar() -> None:
     case = load_case(CASE, ["solve.mesh=tet", "solve.accuracy=0.03"])
     way = way_of(case, "zone", 45e3)
