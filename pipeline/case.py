@@ -85,8 +85,11 @@ class Case:
 
     @property
     def parity_wanted(self) -> str | None:
-        """Mirror signs of u_z in the wanted mode, x then y: N nodes are even when N is; None without a zone."""
-        if "zone" not in self.given:
+        """Mirror signs of u_z in the wanted mode, x then y: N nodes are even when N is.
+
+        None without a zone, and where the plate is not its own mirror image: its modes have no such signs.
+        """
+        if "zone" not in self.given or not self.design.is_mirrored:
             return None
         return ("-" if self.design.nodal_lines % 2 else "+") + "+"
 

@@ -12,7 +12,8 @@ from pipeline.ways import SUPERELEMENT, TET, Way
 def expected_error(way: Way, design: Design) -> float | None:
     """Relative error of a frequency that the way's mesh is expected to make; None where nothing like it was measured."""
     if way.kind == TET:
-        measured = "cell" if way.model == SUPERELEMENT else way.part  # a joined plate is as good as its cells with a pillar
+        # a joined plate is as good as its pieces with a pillar
+        measured = "cell" if way.model == SUPERELEMENT else way.part
         return calibration.by_tetrahedra(measured, _smallest_m(way, design) / (way.edge_m or 1.0))
     assert way.hexahedra and way.rung
     return calibration.by_hexahedra(way.part, way.rung.order, way.hexahedra.layers, way.rung.share)

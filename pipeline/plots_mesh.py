@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 CORNER_M = 0.022
 PLATE_PREFIXES = ("mesh", "tet")
+MIXED = "pieces with a pillar in tetrahedra,\nbare ones in hexahedra"
 TITLES = {"plate": "Meshes of the plate, one corner", "cell": "Meshes of the unit cell"}
 
 
@@ -43,8 +44,6 @@ def _surfaces(case: StoredCase, arrays: dict[str, Any]) -> dict[str, Surface | N
 
 def with_edges(points: FloatArray, faces: IntArray, design: dict[str, Any]) -> tuple[FloatArray, IntArray]:
     """The skin with the plate's outer edge faces, which a skin put together from plate cells does not have."""
-    if faces.shape[1] != 4:
-        return points, faces
     walls = []
     for axis, half in ((0, design["length_m"] / 2), (1, design["half_span_m"])):
         for side in (-half, half):
@@ -58,6 +57,7 @@ def with_edges(points: FloatArray, faces: IntArray, design: dict[str, Any]) -> t
     up = points[rim] + np.array([0.0, 0.0, design["thickness_m"]])
     quads = np.concatenate([points[rim], up[:, ::-1]], axis=1)
     added = len(points) + np.arange(4 * len(rim)).reshape(-1, 4)
+    added = added if faces.shape[1] == 4 else np.concatenate([added[:, [0, 1, 2]], added[:, [0, 2, 3]]])
     return np.concatenate([points, quads.reshape(-1, 3)]), np.concatenate([faces, added])
 
 
@@ -151,7 +151,8 @@ def _meshes(
     words = []
     for axes, image, kind in zip(panels, images, kinds, strict=True):
         _show(axes, image)
-        label = _mesh_words(case, what, kind)
+        of_triangles = shown[f"{what} {kind}"].faces.shape[1] == 3
+        label = MIXED if kind == "hex" and of_triangles else _mesh_words(case, what, kind)
         axes.set_title(label)
         quality = shown[f"{what} {kind}"].values
         worst = (

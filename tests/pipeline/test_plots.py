@@ -241,13 +241,16 @@ def test_a_linear_field_is_cut_exactly_even_through_cells_stored_twice(axis: int
     np.testing.assert_allclose(found, 2 * line - 3 * 0.3 + 1 if axis == 0 else 2 * 0.3 - 3 * line + 1, atol=1e-12)
 
 
-def test_a_skin_without_edge_faces_gets_them_once():
+@pytest.mark.parametrize("corners", [3, 4])
+def test_a_skin_without_edge_faces_gets_them_once(corners: int):
     shape = synthetic.design(1, 0.004, 0.005)
     points, faces = synthetic.skin(shape)
+    faces = faces if corners == 4 else np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
     assert plots_mesh.with_edges(points, faces, shape)[1] is faces  # closed already
     flat = [np.abs(points[:, axis]) > half * (1 - 1e-9) for axis, half in ((0, 0.1155 / 2), (1, shape["half_span_m"]))]
     open_faces = faces[~(flat[0][faces].all(axis=1) | flat[1][faces].all(axis=1))]
     closed_points, closed_faces = plots_mesh.with_edges(points, open_faces, shape)
-    corners = closed_points[closed_faces[len(open_faces) :]]
-    sides = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0]), axis=1)
+    added = closed_points[closed_faces[len(open_faces) :]]
+    sides = np.linalg.norm(np.cross(added[:, 1] - added[:, 0], added[:, -1] - added[:, 0]), axis=1)
+    sides *= 1.0 if corners == 4 else 0.5
     assert sides.sum() == pytest.approx(4 * (0.1155 / 2 + shape["half_span_m"]) * 0.002)
