@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from pipeline import planner
 from pipeline.case import Case
+from solvers.confinement import wanted_parity
 
 DEFAULT_COUNT = 20
 
@@ -39,7 +40,8 @@ def understood(case: Case, request: Request) -> Request:
         return replace(asked, near_hz=0.0)
     if asked.part == "pillar":
         return replace(asked, near_hz=0.0, count=4)
-    return replace(asked, band_hz=planner.wanted_window_hz(case.design), parity=asked.parity or case.parity_wanted)
+    wanted = case.parity_wanted if asked.part == "plate" else wanted_parity(case.design.nodal_lines)
+    return replace(asked, band_hz=planner.wanted_window_hz(case.design), parity=asked.parity or wanted)
 
 
 def of_case(case: Case) -> Request:

@@ -8,12 +8,13 @@ the study are given SAFETY times as much.
 from __future__ import annotations
 
 import csv
+import dataclasses
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
 TABLE = Path(__file__).with_name("calibration.csv")
-FIELDS = ("part", "kind", "order", "layers", "share", "across", "error")
+FIELDS = ("part", "kind", "order", "layers", "factor", "share", "across", "error")
 HEX, TET, TET_ORDER = "hex", "tet", 2
 # tests/verification/test_error_bars.py counts how often the bar holds on other scenes; tetrahedra differ from run to run
 SAFETY = {HEX: 1.5, TET: 2.0}
@@ -23,13 +24,15 @@ SAFETY = {HEX: 1.5, TET: 2.0}
 class Measured:
     """Largest relative error of a reference part by one mesh.
 
-    Of hexahedra: layers, and share of the planner's element size; of tetrahedra: how many across the smallest dimension.
+    Of hexahedra: layers, their factor, and share of the planner's element size; of tetrahedra: how many across the smallest
+    dimension.
     """
 
     part: str
     kind: str
     order: int
     layers: int
+    factor: float
     share: float
     across: float
     error: float
@@ -40,24 +43,18 @@ def table() -> tuple[Measured, ...]:
     """The committed calibration."""
     with TABLE.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    return tuple(
-        Measured(
-            row["part"],
-            row["kind"],
-            int(row["order"]),
-            int(row["layers"]),
-            float(row["share"]),
-            float(row["across"]),
-            float(row["error"]),
-        )
-        for row in rows
-    )
+    return tuple(_measured(row) for row in rows)
 
 
-def by_hexahedra(part: str, order: int, layers: int, share: float = 1.0) -> float | None:
+def _measured(row: dict[str, str]) -> Measured:
+    numbers = [float(row[name]) for name in ("factor", "share", "across", "error")]
+    return Measured(row["part"], row["kind"], int(row["order"]), int(row["layers"]), *numbers)
+
+
+def by_hexahedra(part: str, order: int, layers: int, factor: float, share: float = 1.0) -> float | None:
     """Error to expect of graded hexahedra; None where nothing like them was measured."""
-    wanted = (part, HEX, order, layers, share)
-    return _least(HEX, [row for row in table() if (row.part, row.kind, row.order, row.layers, row.share) == wanted])
+    wanted = (part, HEX, order, layers, factor, share)
+    return _least(HEX, [row for row in table() if dataclasses.astuple(row)[:6] == wanted])
 
 
 def by_tetrahedra(part: str, across: float) -> float | None:

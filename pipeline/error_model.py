@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from geometry.layout import Design
-from pipeline import calibration
+from pipeline import calibration, planner
 from pipeline.case import Case
 from pipeline.logs import Log
 from pipeline.ways import SUPERELEMENT, TET, Way
@@ -16,7 +18,7 @@ def expected_error(way: Way, design: Design) -> float | None:
         measured = "cell" if way.model == SUPERELEMENT else way.part
         return calibration.by_tetrahedra(measured, _smallest_m(way, design) / (way.edge_m or 1.0))
     assert way.hexahedra and way.rung
-    return calibration.by_hexahedra(way.part, way.rung.order, way.hexahedra.layers, way.rung.share)
+    return planner.expected_error(way.part, replace(way.rung, layers=way.hexahedra.layers))
 
 
 def told(way: Way, case: Case, log: Log) -> float | None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Protocol
 
 from geometry.elements import FloatArray
 from geometry.hexmesh import HexSettings, Piece, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
 from geometry.layout import Design
 from geometry.mesh import Mesh, check_mesh
-from pipeline import omissions
+from pipeline import fingerprint, omissions
 from pipeline.case import Case
 from pipeline.cell_shelf import CellShelf
 from pipeline.logs import Log
@@ -150,7 +151,8 @@ def _plate(case: Case, way: Way, log: Log, meshes: list[dict[str, Any]]) -> Part
 def _joined(
     design: Design, accuracy: float, recipe: Recipe, log: Log, mesher: Callable[[Piece], Mesh] | None = None
 ) -> PlateModel:
-    name = f"tet {accuracy!r}" if mesher else ""
+    file = design.pillar.file if design.pillar else None
+    name = f"tet {accuracy!r} {fingerprint.file_hash(Path(file)) if file else ''}" if mesher else ""
     reductions = Reductions(design.thickness_m, design.material, design.pillar, recipe, CellShelf(), mesher, name)
     with log.step("reduce cells"):
         model = PlateModel(design, reductions)

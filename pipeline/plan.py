@@ -206,10 +206,12 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int) 
     assert patches is not None
     low, high = driven_band_hz(case, band_hz)
     way = way_of(case, "plate", high)
-    silent = omissions.silent_classes(patches)
-    groups = [group for group in omissions.patch_groups(patches) if not (silent and set(group) <= _named(silent))]
     looks = f"{points} frequencies and more at the peak, from {khz(low)} to {khz(high)}; {patches.count} patches"
     numbers = {"band_hz": [low, high], "frequencies": points, "patches": patches.count, "quality": case.quality}
+    if not way.mirrored:
+        return _step("response", "forced response", way, ("whole",), looks, way.left_out, numbers)
+    silent = omissions.silent_classes(patches)
+    groups = [group for group in omissions.patch_groups(patches) if not (silent and set(group) <= _named(silent))]
     classes = tuple(" with ".join(group) for group in groups)
     apart = [axis for axis, kept in zip("xy", omissions.patch_mirrors(patches), strict=True) if not kept]
     step = _step("response", "forced response", way, classes, looks, (*way.left_out, silent), numbers)

@@ -20,6 +20,7 @@ ALONG = {
     4: 0.3,
     5: 0.4,
 }  # degree along a side: the longest side over the wanted half-wavelength; the log checks each solve
+ACROSS = 2.05  # elements over the zone's width, a little more than two: two in each half
 FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too few are noticed and raised
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
 
@@ -53,12 +54,19 @@ def rungs(part: str) -> tuple[Rung, ...]:
 
 def rung(part: str, accuracy: float) -> Rung:
     """The cheapest rung expected to meet the accuracy on a part; the finest where none is."""
-    measured = "cell" if part == "plate" else part
     for row in rungs(part):
-        expected = calibration.by_hexahedra(measured, row.order, row.layers, row.share)
+        expected = expected_error(part, row)
         if expected is not None and expected <= accuracy:
             return row
     return rungs(part)[-1]
+
+
+def expected_error(part: str, row: Rung) -> float | None:
+    """Error to expect of a rung; a plate's is that of its cell too. None where it was not measured."""
+    parts = ("cell", "plate") if part == "plate" else (part,)
+    found = [calibration.by_hexahedra(each, row.order, row.layers, row.factor, row.share) for each in parts]
+    known = [error for error in found if error is not None]
+    return max(known) if len(known) == len(parts) else None
 
 
 def half_wavelength_m(design: Design) -> float:
@@ -68,7 +76,7 @@ def half_wavelength_m(design: Design) -> float:
 
 def zone_mesh(design: Design, row: Rung) -> HexSettings:
     """Elements of the bare strip: its clamped faces are singular edges."""
-    size = min(half_wavelength_m(design) * 2.0 / 3.0, design.width_m / 2.0)
+    size = min(half_wavelength_m(design) * 2.0 / 3.0, design.width_m / ACROSS)
     return _settings(row, size)
 
 
@@ -123,7 +131,8 @@ def plate_recipe(design: Design, accuracy: float, high_hz: float) -> Recipe:
     longest = max(design.pitch_x_m, design.pitch_y_m) if design.rows else 3.0 * design.thickness_m
     share = longest / half_wavelength_m(design)
     along = next((degree for degree, limit in ALONG.items() if share <= limit), 6)
-    return Recipe(Interface(along, 3), 9.0 * high_hz, cell_settings(design, accuracy), 3.0 * design.thickness_m)
+    mesh = cell_mesh(design, rung("plate", accuracy))
+    return Recipe(Interface(along, 3), 9.0 * high_hz, mesh, 3.0 * design.thickness_m)
 
 
 def tet_edge_m(smallest_m: float, accuracy: float) -> float:

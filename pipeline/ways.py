@@ -20,7 +20,7 @@ SUPERELEMENT, SOLID = "superelement", "solid"
 class Way:
     """Model and mesh of one part: superelement or solid, hexahedra (settings) or tetrahedra (edge, m), the reduction's recipe.
 
-    `classes` are the mirror classes that are solved apart, (None,) for a body meshed whole; `why` gives the reasons.
+    `classes` are the mirror classes that are solved apart, (None,) for a body without mirrors; `why` gives the reasons.
     """
 
     part: str
@@ -108,11 +108,11 @@ def _plate(case: Case, high_hz: float) -> Way:
             case, "plate", SOLID, hexahedra, edge, None, bool(quarter), taken, (reason, *_because(case, hexahedra))
         )
     recipe = planner.plate_recipe(design, solve.accuracy, high_hz)
-    edge = None if no_cad else planner.tet_cell_edge_m(design, solve.accuracy)
+    edge = None if no_cad or bare else planner.tet_cell_edge_m(design, solve.accuracy)
     taken = (*taken, omissions.alike_cells(design))
     why = (
         "cells joined cost one reduction a kind; one rung up where their own estimate asks for it",
-        *_because(case, recipe.hexahedra if no_cad else None),
+        *_because(case, None if edge else recipe.hexahedra),
     )
     return _way(case, "plate", SUPERELEMENT, recipe.hexahedra, edge, recipe, bool(quarter), taken, why)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import sys
 from typing import Any
 
@@ -30,7 +31,8 @@ def rows(records: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
         kind = KINDS[rung["model"]]
         across = SMALLEST_MM[given["part"]] / rung["size_mm"] if kind == "tet" else 0.0
         share = rung.get("share", 0.0)
-        key = (given["part"], kind, rung["order"], int(rung.get("layers") or 0), share, round(across, 2))
+        factor = rung.get("factor", 0.0)
+        key = (given["part"], kind, rung["order"], int(rung.get("layers") or 0), factor, share, round(across, 2))
         if kind == "hex" and not share:
             continue  # no mesh of the planner's
         found[key] = error
@@ -46,14 +48,23 @@ def text(records: list[dict[str, Any]]) -> str:
     return buffer.getvalue()
 
 
+def _asked(name: str) -> Any:
+    """The parameters that a stored case was computed with."""
+    return json.loads((RESULTS / "accuracy" / name / "input.json").read_text(encoding="utf-8"))["parameters"]
+
+
 def main() -> int:
-    """Write the table, or say that the study was not run."""
+    """Write the table, or say that the study was not run, or not as it stands."""
     try:
         stored = {case.case_id: case.record for case in read_study(RESULTS / "accuracy").cases}
     except BadRecord as fault:
         print(f"calibration: {fault}", file=sys.stderr)
         return 2
     records = [{"parameters": given, **stored.get(name, {})} for name, given in cases()]
+    other = [name for name, given in cases() if name in stored and _asked(name) != json.loads(json.dumps(given))]
+    if other:
+        print(f"calibration: {other[0]} was computed with another mesh: run `antinode run accuracy`", file=sys.stderr)
+        return 2
     write_atomic(TABLE, text(records).encode())
     print(f"calibration {TABLE}")
     return 0

@@ -31,6 +31,7 @@ from solvers.waves.bloch import BlochCell
 
 WINDOW_HZ = (30e3, 38e3)  # where the wanted mode of the plate is looked for
 BENDING = ("pillar", "second bending", "third bending")
+WHOLE_BENDING = [0, 3, 7]  # among all modes: every bending twice, with a twist, a stretch and a twist between
 Values = dict[str, float]
 
 
@@ -102,10 +103,11 @@ def pillar(rung: dict[str, Any]) -> tuple[Values, int]:
     assert d.pillar
     if rung["model"] == "analytic":
         return _bending(pillar_frequencies_hz(d.pillar, rung["theory"], 3)), 0
-    if rung["model"] == "tet":  # a body meshed whole: every bending twice, with a twist and a stretch between
+    if rung["model"] == "tet":
         mesh = of_order(tet_scenes.tet_pillar(d.pillar, 1e-3 * rung["size_mm"]), rung["order"])
         pencil = SolidModel(check(mesh), materials(), ("foot",), False).pencil(None)
-        return _bending(modes_near(pencil, 0.0, 1).frequency_hz), pencil.dof
+        hz = modes_near(pencil, 0.0, WHOLE_BENDING[-1] + 1).frequency_hz
+        return _bending(hz[WHOLE_BENDING if rung["order"] > 1 else WHOLE_BENDING[:1]]), pencil.dof
     mesh = hex_mesh(pillar_boxes(d.pillar, settings(rung)), rung["order"])
     pencil = SolidModel(check(mesh), materials(), ("touch",), True).pencil("-+")
     return _bending(modes_near(pencil, 0.0, len(BENDING)).frequency_hz), pencil.dof

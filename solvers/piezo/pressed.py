@@ -13,7 +13,7 @@ from geometry.elements import FloatArray
 from geometry.layout import Design
 from solvers.confinement import wanted_parity, wanted_shape
 from solvers.piezo.patched_plate import Group
-from solvers.superelement.plate import WHOLE, JoinedPlate
+from solvers.superelement.plate import JoinedPlate
 
 
 class PressedPlate:
@@ -26,10 +26,9 @@ class PressedPlate:
         self.stiffness_unit = self.scale.young_pa * self.scale.length_m
         self.capacitance_f: FloatArray = np.ones(1)  # no circuit: never open
         wanted = wanted_parity(design.nodal_lines)
-        felt = WHOLE if WHOLE in joined else wanted
-        self.everything = [self._group(plate, design, parity == felt) for parity, plate in joined.items()]
-        self.groups = [group for group in self.everything if group.parities == (felt,)]
-        self.silent = [parity for parity in joined if parity != felt]
+        self.everything = [self._group(plate, design, parity == wanted) for parity, plate in joined.items()]
+        self.groups = [group for group in self.everything if group.parities == (wanted,)]
+        self.silent = [parity for parity in joined if parity != wanted]
 
     def _group(self, plate: JoinedPlate, design: Design, pressed: bool) -> Group:
         load = _pressure(plate, design) / self.stiffness_unit if pressed else np.zeros(plate.dof)

@@ -17,8 +17,8 @@ SAME_M = 1e-9
 def displacement_at(plate: JoinedPlate, points_m: FloatArray, back: bool) -> sp.csr_array:
     """Rows (3 p, dof) that give u at points (p, 2) in m of the back (z = thickness) or the touch face of the whole plate.
 
-    Points on the negative sides follow from the mirrors. Raises SolverError for a point outside the plate or on a piece
-    that carries a pillar.
+    In a mirror class points on the negative sides follow from the mirrors. Raises SolverError for a point outside the plate
+    or on a piece that carries a pillar.
     """
     flip = np.where(points_m < 0.0, -1.0, 1.0)
     folded = points_m if plate.parity == WHOLE else np.abs(points_m)

@@ -144,8 +144,9 @@ class CellBuilder:
 
     @cached_property
     def diagonal(self) -> IntArray | None:
-        """Nodes under the mirror x <-> y, (n,); None where mesh or materials differ along x and y."""
-        return diagonal_mirror(self.system)
+        """Nodes under the mirror x <-> y, (n,); None where mesh, materials or held sides differ along x and y."""
+        held = {face.translate(str.maketrans("xy", "yx")) for face in self.outer}
+        return diagonal_mirror(self.system) if held == set(self.outer) else None
 
     def swapped(self, part: MirrorClass) -> MirrorClass:
         """The same class with x and y exchanged: u'_x(x, y) = u_y(y, x)."""

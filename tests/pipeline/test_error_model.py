@@ -16,8 +16,8 @@ from pipeline.ways import cell_way, way_of
 CASE = Path(__file__).resolve().parents[2] / "studies" / "three-rows.toml"
 
 
-@pytest.mark.parametrize("accuracy", [0.03, 0.01, 0.003, 0.001])
-@pytest.mark.parametrize("part", ["zone", "pillar", "cell"])
+@pytest.mark.parametrize("accuracy", [0.03, 0.01, 0.003, 0.0015, 0.001])
+@pytest.mark.parametrize("part", ["zone", "pillar", "cell", "plate"])
 def test_what_the_planner_takes_is_expected_to_meet_the_accuracy(part: str, accuracy: float) -> None:
     case = load_case(CASE, [f"solve.accuracy={accuracy}"])
     way = cell_way(case) if part == "cell" else way_of(case, part, 45e3)
@@ -28,14 +28,33 @@ def test_what_the_planner_takes_is_expected_to_meet_the_accuracy(part: str, accu
 def test_the_cheapest_mesh_that_serves_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = (4e-3, 2e-3, 1e-3, 2e-4)
     ladder = planner.rungs("zone")
-    rows = [Measured("zone", "hex", r.order, r.layers, r.share, 0.0, e) for r, e in zip(ladder, errors, strict=False)]
+    rows = [
+        Measured("zone", "hex", r.order, r.layers, r.factor, r.share, 0.0, e)
+        for r, e in zip(ladder, errors, strict=False)
+    ]
     monkeypatch.setattr(calibration, "table", lambda: tuple(rows))
     taken = [planner.rung("zone", SAFETY[HEX] * (error + 1e-9)) for error in (1.0, *errors, 1e-5)]
     assert taken == [ladder[0], *ladder[: len(errors)], ladder[-1]]
 
 
-def test_a_plate_is_meshed_as_its_cell() -> None:
-    assert all(planner.rung("plate", accuracy) == planner.rung("cell", accuracy) for accuracy in (0.03, 0.003, 3e-4))
+@pytest.mark.parametrize("accuracy", [0.03, 0.003, 0.0015])
+def test_a_plates_bar_is_that_of_the_mesh_it_is_reduced_on(accuracy: float) -> None:
+    case = load_case(CASE, [f"solve.accuracy={accuracy}"])
+    way = way_of(case, "plate", 45e3)
+    assert way.recipe is not None and way.rung is not None
+    assert way.recipe.hexahedra == way.hexahedra == planner.cell_mesh(case.design, way.rung)
+
+
+def test_every_mesh_but_a_plates_finest_was_measured() -> None:
+    for part in ("zone", "pillar", "cell", "plate"):
+        rows = planner.rungs(part)[:-1] if part == "plate" else planner.rungs(part)
+        assert all(planner.expected_error(part, row) is not None for row in rows)
+
+
+def test_a_plate_without_pillars_has_no_tetrahedra_and_no_bar_of_theirs() -> None:
+    case = load_case(CASE, ["solve.mesh=tet", "array.rows=0", "patches.sensors=[0]"])
+    way = way_of(case, "plate", 45e3)
+    assert way.kind == "hex" and expected_error(way, case.design) is not None
 
 
 MESHES = {

@@ -22,10 +22,11 @@ from solvers.superelement.tiling import signature
 ALUMINIUM = MATERIALS["aluminium"]
 BOX = Pillar("square", 1.4e-3, 1.4e-3, 5e-3, ALUMINIUM)
 CAD = replace(BOX, shape="step", file="skewed.step")
-SHIFT = np.array([0.5e-3, 0.2e-3])  # of the file's pillar from its own axis
+SHIFT = np.array([1.1e-3, 0.7e-3])  # of the file's pillar from its own axis
 DESIGN = Design(16e-3, 12e-3, 2e-3, 2, ALUMINIUM, CAD, 4e-3, 4e-3, 1, 2e-3)
 MESH = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=2.5e-3)
 BAND_HZ = (20e3, 70e3)
+ALIKE = 0.006
 
 
 def skewed(piece: Piece) -> Mesh:
@@ -71,14 +72,15 @@ def test_a_skewed_plate_is_the_solid_of_its_meshes() -> None:
     ours, truth = (modes_in_band(m.pencil(None), *BAND_HZ) for m in (model, solid))
     assert ours.rigid_count == truth.rigid_count == 6
     assert len(ours.frequency_hz) == len(truth.frequency_hz) > 10
-    assert np.abs(ours.frequency_hz / truth.frequency_hz - 1.0).max() < 0.003
+    above = ours.frequency_hz / truth.frequency_hz - 1.0  # fewer lines than the union of them all, and a reduction
+    assert above.min() > 0.0 and above.max() < ALIKE
     apart = np.flatnonzero(np.diff(truth.frequency_hz) > 0.01 * truth.frequency_hz[:-1]) + 1  # near ones mix
     sums = [np.add.reduceat(m.pillar_share(None, f.vectors), [0, *apart]) for m, f in ((model, ours), (solid, truth))]
     assert len(apart) > 5 and np.abs(sums[0] - sums[1]).max() < 0.02
-    skins = [m.skin(None, f.vectors[:, :1]) for m, f in ((model, ours), (solid, truth))]
-    assert np.allclose(np.ptp(skins[0].points, axis=0), np.ptp(skins[1].points, axis=0))
-    errors = model.mode_errors(None, model.pencil(None), ours.vectors).total
-    assert (errors >= 0.0).all() and errors.max() < 0.01
+    assert 0.0 < model.mode_errors(None, model.pencil(None), ours.vectors).total.max() < 0.01
+    upright = joined(replace(DESIGN, pillar=BOX))  # a negative control: the feet where the design has them
+    others = np.sort(np.concatenate([modes_in_band(upright.pencil(p), *BAND_HZ).frequency_hz for p in CLASSES]))
+    assert len(others) != len(truth.frequency_hz) or np.abs(others / truth.frequency_hz - 1.0).max() > 2.0 * ALIKE
 
 
 def test_the_whole_plate_has_the_modes_of_all_mirror_classes() -> None:
