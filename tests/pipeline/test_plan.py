@@ -196,6 +196,12 @@ def test_models() -> None:
     assert cell_way(case("solve.model='solid'", "solve.mesh='tet'")).name == "superelement tet2"
 
 
+def test_a_response_with_pillars_from_a_step_file_is_planned_whole() -> None:
+    step = plan.response_step(with_pillar("step"), None, 11)
+    assert step.classes == ("whole",)
+    assert not {"mirror_images", "silent_classes"} & {each.rule for each in step.left_out}
+
+
 # -- what is planned is what happens -----------------------------------------------------------------------------------
 
 
