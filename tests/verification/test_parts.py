@@ -9,7 +9,7 @@ from geometry.hexmesh import hex_mesh, pillar_boxes, zone_boxes
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from pipeline import planner
-from solvers.fem.eigen import modes_in_band
+from solvers.fem.eigen import modes_in_band, modes_near
 from solvers.fem.solid import SolidModel
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -59,3 +59,19 @@ def test_pillar_bends_once_below_80_khz_at_the_known_frequency(height_m: float, 
     bending = modes_in_band(model.pencil(parity), 1e3, 80e3).frequency_hz
     assert len(bending) == 1
     assert abs(bending[0] / PILLAR_HZ[height_m] - 1.0) < 0.003
+
+
+def test_three_bendings_of_the_pillar_lie_within_their_bar() -> None:
+    """Elements too long for the third would keep the first one right and the bar small."""
+
+    def bending(row: planner.Rung) -> np.ndarray:
+        settings = planner.pillar_mesh(design(6.3e-3), row)
+        mesh = hex_mesh(pillar_boxes(design(6.3e-3).pillar, settings), settings.order)
+        return modes_near(SolidModel(mesh, {"pillar": ALUMINIUM}, ("touch",), True).pencil("-+"), 0.0, 3).frequency_hz[
+            :3
+        ]
+
+    coarse, fine = planner.rung("pillar", 0.01), planner.rungs("pillar")[-2]
+    error = np.abs(bending(coarse) / bending(fine) - 1.0)
+    bar = planner.expected_error("pillar", coarse)
+    assert bar is not None and (error <= bar).all(), (error, bar)
