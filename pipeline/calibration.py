@@ -8,7 +8,6 @@ the study are given SAFETY times as much.
 from __future__ import annotations
 
 import csv
-import dataclasses
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -54,7 +53,8 @@ def _measured(row: dict[str, str]) -> Measured:
 def by_hexahedra(part: str, order: int, layers: int, factor: float, share: float = 1.0) -> float | None:
     """Error to expect of graded hexahedra; None where nothing like them was measured."""
     wanted = (part, HEX, order, layers, factor, share)
-    return _least(HEX, [row for row in table() if dataclasses.astuple(row)[:6] == wanted])
+    rows = [row for row in table() if (row.part, row.kind, row.order, row.layers, row.factor, row.share) == wanted]
+    return _least(HEX, rows)
 
 
 def by_tetrahedra(part: str, across: float) -> float | None:

@@ -16,6 +16,7 @@ from pipeline.case_values import KHZ, MM, read_values
 from pipeline.case_values import CaseValues as Values
 from pipeline.errors import InputFault
 from pipeline.toml_input import SECTIONS, apply_overrides, parse_override, read_toml
+from solvers.confinement import wanted_parity
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ class Case:
         """
         if "zone" not in self.given or not self.design.is_mirrored:
             return None
-        return ("-" if self.design.nodal_lines % 2 else "+") + "+"
+        return wanted_parity(self.design.nodal_lines)
 
     @property
     def kx_wanted_per_m(self) -> float:

@@ -13,7 +13,6 @@ from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import PatchedPlate
 from solvers.superelement.build import PlateModel
-from solvers.superelement.plate import WHOLE
 
 
 def forced_plate(
@@ -37,7 +36,8 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
     back = patches.face == "back"
     with log.step("bond the patches"):
         bonded = [bonded_patch(patches.material, box, patches.size_m[2], back) for box in patches.boxes_m()]
-        plate = PatchedPlate({p or WHOLE: model.joined(p) for p in model.parities}, bonded, back, model.name)
+        joined = {plate.parity: plate for plate in map(model.joined, model.parities)}
+        plate = PatchedPlate(joined, bonded, back, model.name)
     if plate.silent:
         log.left_out("mirror classes " + ", ".join(plate.silent), "the patches do not drive them")
     with log.step("modes of the patched plate"):

@@ -110,13 +110,11 @@ class PlateModel:
     def __init__(self, design: Design, reductions: Reductions) -> None:
         self.tiling = tile(design, reductions.recipe.longest_m)
         self.cells: dict[Signature, Cell] = {}
-        nx, ny = len(self.tiling.x) - 1, len(self.tiling.y) - 1
         mirrored = self.tiling.mirrored
-        for i in range(nx // 2 if mirrored else 0, nx):
-            for j in range(ny // 2 if mirrored else 0, ny):
-                piece = self.tiling.piece(i, j)
-                if signature(piece) not in self.cells:
-                    self.cells[signature(piece)] = reductions.cell(piece)
+        for place in self.tiling.representatives(not mirrored):
+            piece = self.tiling.piece(*place)
+            if signature(piece) not in self.cells:
+                self.cells[signature(piece)] = reductions.cell(piece)
         order = reductions.recipe.hexahedra.order
         self.name = "superelement tet2" if reductions.mesher else f"superelement hex{order}"
         self.parities: tuple[str | None, ...] = CLASSES if mirrored else (None,)

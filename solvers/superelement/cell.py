@@ -144,9 +144,10 @@ class CellBuilder:
 
     @cached_property
     def diagonal(self) -> IntArray | None:
-        """Nodes under the mirror x <-> y, (n,); None where mesh, materials or held sides differ along x and y."""
-        held = {face.translate(str.maketrans("xy", "yx")) for face in self.outer}
-        return diagonal_mirror(self.system) if held == set(self.outer) else None
+        """Nodes under the mirror x <-> y of a quarter, (n,); None where mesh, materials or held sides differ along x and y."""
+        turned = {face.translate(str.maketrans("xy", "yx")) for face in self.outer}
+        square = self.halved == (0, 1) and turned == set(self.outer)
+        return diagonal_mirror(self.system) if square else None
 
     def swapped(self, part: MirrorClass) -> MirrorClass:
         """The same class with x and y exchanged: u'_x(x, y) = u_y(y, x)."""
@@ -160,7 +161,7 @@ class CellBuilder:
     def classes(self, top_hz: float) -> list[MirrorClass]:
         """Every mirror class reduced; where x and y are alike, the class (-, +) is (+, -) turned over."""
         classes = list(product((1, -1), repeat=len(self.halved)))
-        turned = {(-1, 1)} if self.halved == (0, 1) and self.diagonal is not None else set()
+        turned = {(-1, 1)} if self.diagonal is not None else set()
         wanted = [signs for signs in classes if signs not in turned]
         parts = {signs: self.reduce(dict(zip(self.halved, signs, strict=True)), top_hz) for signs in wanted}
         return [parts[signs] if signs in parts else self.swapped(parts[signs[::-1]]) for signs in classes]
@@ -194,7 +195,7 @@ class CellBuilder:
 
     def reduce(self, signs: dict[int, int], top_hz: float) -> MirrorClass:
         """Constraint shapes and fixed-interface modes of one mirror class, by halves where x and y are alike in it."""
-        if len(set(signs.values())) == 1 and self.halved == (0, 1) and self.diagonal is not None:
+        if self.diagonal is not None and signs[0] == signs[1]:
             return self._by_halves(signs, top_hz)
         held = self.hold(signs)
         modes = modes_in_band(held.pencil, 0.0, top_hz, held.factorise, held.factor)

@@ -187,9 +187,8 @@ class _Grid:
         return (1 if 2 * i == self.nx - 1 else 2) * (1 if 2 * j == self.ny - 1 else 2)
 
     def representative_cells(self) -> list[tuple[int, int]]:
-        """Pieces to assemble: those with middle x >= 0 and y >= 0, or all."""
-        first = (0, 0) if self.whole else (self.nx // 2, self.ny // 2)
-        return [(i, j) for i in range(first[0], self.nx) for j in range(first[1], self.ny)]
+        """Pieces to assemble."""
+        return self.tiling.representatives(self.whole)
 
     def representatives(self, parity: str) -> tuple[IntArray, FloatArray]:
         """For every unknown the one it follows and its coefficient: u[d] = sign[d] u[where[d]]; 0 where it must vanish."""

@@ -44,6 +44,12 @@ class Tiling:
         even = [not {f"{axis}-", f"{axis}+"} & set(free) for axis in "xy"]
         return Piece(low, high, foot, tuple(axis for axis in (0, 1) if centred[axis] and even[axis]), free)
 
+    def representatives(self, whole: bool) -> list[tuple[int, int]]:
+        """Pieces (i, j) that stand for the others: those with middle x >= 0 and y >= 0, or all."""
+        nx, ny = len(self.x) - 1, len(self.y) - 1
+        first = (0, 0) if whole else (nx // 2, ny // 2)
+        return [(i, j) for i in range(first[0], nx) for j in range(first[1], ny)]
+
     def free_sides(self, i: int, j: int) -> tuple[str, ...]:
         """Sides of piece (i, j) on which nothing is joined and nothing need be."""
         if (i, j) not in self.feet:
