@@ -27,7 +27,10 @@ TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the
 
 @dataclass(frozen=True)
 class Rung:
-    """Order, layers towards re-entrant edges, their shrink factor, and the elements' size in a plate over the part's own."""
+    """Order, layers towards singular edges, their shrink factor, and the elements' size over the part's own.
+
+    The size is that in the plate; of a lone pillar, whose section takes two elements, that along it.
+    """
 
     order: int
     layers: int
@@ -35,14 +38,15 @@ class Rung:
     share: float = 1.0
 
 
-RUNGS = {  # by their unknowns; a plate is meshed as its cell is
+RUNGS = {  # by their unknowns; a plate is meshed as its cell is, never on order 2, which does not hold its sides' functions
     "zone": (
         Rung(3, 1, 0.1), Rung(3, 1, 0.1, 0.8), Rung(3, 1, 0.1, 0.667), Rung(4, 1, 0.1), Rung(4, 1, 0.1, 0.667),
         Rung(4, 2, 0.15, 0.667),
     ),
-    "pillar": (Rung(3, 1, 0.1), Rung(4, 1, 0.1), Rung(4, 2, 0.15), Rung(4, 3, 0.15)),
+    "pillar": (Rung(2, 1, 0.15, 0.5), Rung(3, 1, 0.1), Rung(4, 1, 0.1), Rung(4, 2, 0.15), Rung(4, 3, 0.15)),
     "cell": (
-        Rung(3, 1, 0.1), Rung(3, 1, 0.12, 0.45), Rung(3, 2, 0.2), Rung(3, 2, 0.2, 0.45), Rung(4, 2, 0.15), Rung(4, 3, 0.15),
+        Rung(2, 1, 0.15, 0.45), Rung(3, 1, 0.1), Rung(3, 1, 0.12, 0.45), Rung(3, 2, 0.2), Rung(3, 2, 0.2, 0.45),
+        Rung(4, 2, 0.15), Rung(4, 3, 0.15),
     ),
 }  # fmt: skip
 
@@ -83,7 +87,7 @@ def zone_mesh(design: Design, row: Rung) -> HexSettings:
 def pillar_mesh(design: Design, row: Rung) -> HexSettings:
     """Elements of the lone pillar: two along the section, graded towards the clamped foot."""
     assert design.pillar
-    return _settings(row, design.pillar.base_m, _along(design))
+    return HexSettings(row.order, design.pillar.base_m, row.layers, row.factor, row.share * _along(design))
 
 
 def cell_mesh(design: Design, row: Rung) -> HexSettings:

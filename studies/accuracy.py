@@ -84,9 +84,9 @@ def _joining(degrees: tuple[int, int]) -> dict[str, Any]:
 
 
 def _planners(part: str, model: str, **more: Any) -> list[dict[str, Any]]:
-    """The meshes that an accuracy may choose, and those of order 2 beside them; not the finest of a plate, which is dear."""
-    below = () if part == "plate" else tuple(planner.Rung(2, layers, 0.15) for layers in (1, 2))
-    rows = (*below, *(planner.rungs(part)[:-1] if part == "plate" else planner.rungs(part)))
+    """The meshes that an accuracy may choose, and those of order 2 beside them; not a plate's finest, which is dear."""
+    below = tuple(planner.Rung(2, layers, 0.15) for layers in (1, 2))
+    rows = planner.rungs(part)[1:-1] if part == "plate" else (*below, *planner.rungs(part))
     return [{"model": model, **ladder.of_the_planner(part, row), **more} for row in rows]
 
 
@@ -151,14 +151,15 @@ def cases() -> list[tuple[str, dict[str, Any]]]:
 
 
 def name(rung: dict[str, Any]) -> str:
-    """A rung in a word, such as superelement-hex3,2mm,layers=2."""
+    """A rung in a word, such as superelement-hex3,2x1.6mm,layers=2: elements 2 mm in the plate, 1.6 mm along a pillar."""
     if rung["model"] == "analytic":
         return f"analytic-{rung['theory']}"
     element = "tet" if "tet" in rung["model"] else "hex"
     model = "" if rung["model"] in ("hex", "tet", "solid") else rung["model"].split()[0] + "-"
     degrees = "" if "degrees" not in rung else f",degrees={rung['degrees'][0]}"
     layers = f",layers={rung['layers']}" if rung.get("layers") else ""
-    return f"{model}{element}{rung['order']},{rung['size_mm']:g}mm{layers}{degrees}"
+    along = f"x{rung['along_mm']:.3g}" if "along_mm" in rung else ""
+    return f"{model}{element}{rung['order']},{rung['size_mm']:g}{along}mm{layers}{degrees}"
 
 
 def compute(parameters: dict[str, Any], folder: Path, log: Mess) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -45,10 +46,15 @@ def test_a_plates_bar_is_that_of_the_mesh_it_is_reduced_on(accuracy: float) -> N
     assert way.recipe.hexahedra == way.hexahedra == planner.cell_mesh(case.design, way.rung)
 
 
-def test_every_mesh_but_a_plates_finest_was_measured() -> None:
+def test_every_mesh_but_a_plates_coarsest_and_finest_was_measured() -> None:
     for part in ("zone", "pillar", "cell", "plate"):
-        rows = planner.rungs(part)[:-1] if part == "plate" else planner.rungs(part)
+        rows = planner.rungs(part)[1:-1] if part == "plate" else planner.rungs(part)
         assert all(planner.expected_error(part, row) is not None for row in rows)
+
+
+def test_a_plate_is_never_as_coarse_as_a_cell() -> None:
+    assert planner.rung("cell", 0.05).order == 2
+    assert planner.rung("plate", 0.05).order == 3
 
 
 def test_a_plate_without_pillars_has_no_tetrahedra_and_no_bar_of_theirs() -> None:
@@ -75,8 +81,8 @@ def test_a_finer_mesh_of_one_kind_is_never_worse() -> None:
     for part in ("zone", "pillar", "cell", "plate"):
         for order in (2, 3, 4):
             rows = [row for row in table() if (row.part, row.kind, row.order) == (part, "hex", order)]
-            graded = [row.error for row in sorted(rows, key=lambda row: (row.layers, -row.share))]
-            assert graded == sorted(graded, reverse=True)
+            finer = [(a, b) for a, b in product(rows, rows) if a.layers >= b.layers and a.share <= b.share]
+            assert all(a.error <= b.error for a, b in finer)
         tets = [row for row in table() if (row.part, row.kind, row.order) == (part, "tet", 2)]
         finest = max(tets, key=lambda row: row.across)  # between the others pytetwild's chance decides
         assert finest.error == min(row.error for row in tets)
