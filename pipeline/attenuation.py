@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import IntArray
-from pipeline import omissions
+from pipeline import error_model, omissions
 from pipeline.asked import driven_band_hz
 from pipeline.case import Case
 from pipeline.cells import bare_cell
@@ -65,7 +65,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Attenuation:
-    """Complex bands over frequency at one wavenumber along the zone."""
+    """Complex bands over frequency at one wavenumber along the zone; errors are those of the cell's bands, relative."""
 
     model: str
     kx_per_m: float
@@ -73,6 +73,8 @@ class Attenuation:
     pitch_y_m: float
     points: tuple[Point, ...]
     meshes: list[dict[str, Any]] = field(default_factory=list)
+    expected_error: float | None = None
+    reduction_error: float | None = None
 
     def json(self) -> dict[str, Any]:
         """The contract's fields and what the rows let through, without times."""
@@ -82,6 +84,8 @@ class Attenuation:
             "kx_per_m": self.kx_per_m,
             "pitch_y_m": self.pitch_y_m,
             "rows": self.rows,
+            "expected_error": self.expected_error,
+            "reduction_error": self.reduction_error,
             "points": [
                 {
                     "frequency_hz": point.frequency_hz,
@@ -127,7 +131,8 @@ def solve(
     with log.step(f"{points} frequencies"), one_thread():
         found = tuple(_point(row, bare, rows, float(f)) for f in np.linspace(low, high, points))
     _tell(found, kx, log)
-    return Attenuation(model.name, kx, rows, case.design.pitch_y_m, found, meshes)
+    expected = error_model.told(way, case, log, high)
+    return Attenuation(model.name, kx, rows, case.design.pitch_y_m, found, meshes, expected, model.reduction_error)
 
 
 def _checked_kx(case: Case, kx: float) -> float:

@@ -125,7 +125,7 @@ def solve_bands(case: Case, log: Log, shapes: bool = False) -> Bands:
             f"{asked.path} does not bound the irreducible zone: gaps are those of the path; [bands] grid looks beyond"
         )
     found = _full(case, way, path, log) if way.model == SOLID else _reduced(case, path, log, shapes)
-    return replace(found, expected_error=error_model.told(way, case, log))
+    return replace(found, expected_error=error_model.told(way, case, log, float(found.frequencies_hz.max())))
 
 
 def _check(case: Case) -> None:

@@ -1,8 +1,9 @@
 """What each mesh did to the frequencies of the reference parts: the committed table that planner and error bars read.
 
 `python -m studies.calibration` writes `calibration.csv` from the stored accuracy study: the largest relative error of each part
-by element, order, graded layers and share of the planner's own element size, or tetrahedra across. Other scenes than those of
-the study are given SAFETY times as much.
+by element, order, graded layers and share of the planner's own element size, or tetrahedra across; that of a theory's first
+frequency; how much of what may move a confinement at most does move it. Other scenes than those of the study are given SAFETY
+times as much.
 """
 
 from __future__ import annotations
@@ -15,8 +16,11 @@ from pathlib import Path
 TABLE = Path(__file__).with_name("calibration.csv")
 FIELDS = ("part", "kind", "order", "layers", "factor", "share", "across", "error")
 HEX, TET, TET_ORDER = "hex", "tet", 2
+PLATE, MIXING = "plate", "mixing"
+# of the study's parts: thickness over half-wavelength, side over height
+SLENDER = {"zone": 8 * 2.0 / 115.5, "pillar": 2.0 / 6.3}
 # tests/verification/test_error_bars.py counts how often the bar holds on other scenes; tetrahedra differ from run to run
-SAFETY = {HEX: 1.5, TET: 2.0}
+SAFETY = {HEX: 1.5, TET: 2.0, PLATE: 1.25}  # a plate's modes lie far below the highest bands that a cell is asked for
 
 
 @dataclass(frozen=True)
@@ -50,17 +54,33 @@ def _measured(row: dict[str, str]) -> Measured:
     return Measured(row["part"], row["kind"], int(row["order"]), int(row["layers"]), *numbers)
 
 
-def by_hexahedra(part: str, order: int, layers: int, factor: float, share: float = 1.0) -> float | None:
-    """Error to expect of graded hexahedra; None where nothing like them was measured."""
+def by_hexahedra(
+    part: str, order: int, layers: int, factor: float, share: float = 1.0, kind: str = HEX
+) -> float | None:
+    """Error to expect of graded hexahedra, with the safety of a kind; None where nothing like them was measured."""
     wanted = (part, HEX, order, layers, factor, share)
     rows = [row for row in table() if (row.part, row.kind, row.order, row.layers, row.factor, row.share) == wanted]
-    return _least(HEX, rows)
+    return _least(kind, rows)
 
 
 def by_tetrahedra(part: str, across: float) -> float | None:
     """Error to expect of quadratic tetrahedra, so many over the smallest dimension; None below the coarsest measured."""
     rows = [row for row in table() if (row.part, row.kind, row.order) == (part, TET, TET_ORDER)]
     return _least(TET, [row for row in rows if row.across <= across * 1.01])
+
+
+def by_theory(part: str, theory: str, slender: float) -> float | None:
+    """Error to expect of an analytic frequency of a part with a ratio of its sides; None for a theory that was not measured.
+
+    What a beam or a plate theory leaves out, shear, rotary inertia or a foot's Poisson strain, grows as the ratio squared.
+    """
+    rows = [row.error for row in table() if (row.part, row.kind) == (part, theory)]
+    return SAFETY[HEX] * rows[0] * max(1.0, slender / SLENDER[part]) ** 2 if rows else None
+
+
+def mixing() -> float | None:
+    """Share of the largest change that neighbours mixed in may bring to a confinement (`solvers.mixing`) to expect."""
+    return _least(HEX, [row for row in table() if (row.part, row.kind) == (PLATE, MIXING)])
 
 
 def _least(kind: str, rows: list[Measured]) -> float | None:

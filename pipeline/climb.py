@@ -1,4 +1,6 @@
-"""One rung up: a reduction whose own estimate exceeds the accuracy gets more fixed-interface modes or a higher degree."""
+"""One rung up: more fixed-interface modes or a higher degree where the reduction's own estimate exceeds the accuracy; shorter
+elements where a lone part's modes lie higher than its mesh was meant for.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +10,10 @@ from dataclasses import replace
 from math import inf
 
 from pipeline.case import Case
+from pipeline.error_model import expected_error
 from pipeline.logs import Log
-from pipeline.ways import Way
+from pipeline.omissions import khz
+from pipeline.ways import HEX, Way, way_of
 from solvers.errors import SolverError
 from solvers.superelement.build import Recipe
 from solvers.superelement.interface import Interface
@@ -53,6 +57,18 @@ def climbed(way: Way, modes: float, degrees: float, case: Case, log: Log) -> Way
         f"the reduction may put the wanted mode {total:.2%} too high, {accuracy:.2%} wanted: {told(way.recipe, finer)}"
     )
     return replace(way, recipe=finer)
+
+
+def remeshed(way: Way, highest_hz: float, case: Case, log: Log) -> Way | None:
+    """The way of a lone part with elements for the highest mode found, where its own are expected to miss the accuracy."""
+    error = expected_error(way, case.design, highest_hz)
+    short = error is not None and error > case.solve.accuracy and highest_hz > way.good_to_hz
+    if not short or way.part == "plate" or way.kind != HEX:
+        return None
+    log.info(
+        f"modes up to {khz(highest_hz)}: expected error {error:.2%} on elements for {khz(way.good_to_hz)}, meshed again"
+    )
+    return way_of(case, way.part, highest_hz)
 
 
 @contextmanager

@@ -67,6 +67,8 @@ def modes(arguments: Namespace) -> int:
         text.append(
             f"closest to the wanted (0, {case.design.nodal_lines}) mode: {found.rows[wanted].frequency_hz:.1f} Hz"
         )
+    if found.bar:
+        text.append(f"expected errors: {found.bar.text()}")
     text.append(f"count by inertia: {found.count.expected}, found: {found.count.found}")
     outputs.emit(arguments, "modes", document, "\n".join(text))
     if arguments.out:
@@ -118,6 +120,8 @@ def bands(arguments: Namespace) -> int:
         for g in found.gaps
     ] or ["No complete gap along the path"]
     text = [f"{found.model}, {found.dof} unknowns a wavevector", outputs.table(head, labelled), *gaps]
+    if found.expected_error is not None:
+        text.append(f"expected error of a frequency: {found.expected_error:.2%} by the mesh")
     outputs.emit(arguments, "bands", document, "\n".join(text))
     if arguments.out:
         outputs.write_file(Path(arguments.out) / "bands.csv", outputs.csv_bytes(head, rows))

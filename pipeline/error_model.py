@@ -1,34 +1,78 @@
-"""The error that a way's mesh is expected to make in a frequency, said in the log and kept with the result."""
+"""The error that a way's mesh is expected to make, said in the log and kept with the result."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
+from typing import Any
 
 from geometry.layout import Design
 from pipeline import calibration, planner
+from pipeline.calibration import TET_ORDER
 from pipeline.case import Case
 from pipeline.logs import Log
+from pipeline.omissions import khz
 from pipeline.ways import SUPERELEMENT, TET, Way
 
 
-def expected_error(way: Way, design: Design) -> float | None:
-    """Relative error of a frequency that the way's mesh is expected to make; None where nothing like it was measured."""
+@dataclass(frozen=True)
+class ErrorBar:
+    """What a result may be off by: a frequency by its mesh and by the reduction, relative, and a confinement, dB.
+
+    None where nothing like the mesh was measured, the body was not reduced, or nothing is confined.
+    """
+
+    mesh: float | None
+    reduction: float | None = None
+    confinement_db: float | None = None
+
+    @property
+    def frequency(self) -> float | None:
+        """Mesh and reduction together."""
+        return None if self.mesh is None else self.mesh + (self.reduction or 0.0)
+
+    def text(self) -> str:
+        """In words."""
+        held = "" if self.confinement_db is None else f", {self.confinement_db:.2f} dB of its confinement"
+        return (
+            "none measured" if self.frequency is None else f"{self.frequency:.2%} of the wanted mode's frequency{held}"
+        )
+
+    def json(self) -> dict[str, Any]:
+        """As results and records keep it."""
+        return {"frequency": self.frequency, "confinement_db": self.confinement_db}
+
+
+def expected_error(way: Way, design: Design, highest_hz: float = 0.0) -> float | None:
+    """Relative error that the way's mesh is expected to make in frequencies up to one; None where none was measured.
+
+    Beyond what was measured it grows as (k h)^2p, with the order p, the element h, and k as the root of the frequency.
+    """
+    measured = _measured(way, design)
+    if measured is None:
+        return None
+    order = TET_ORDER if way.kind == TET else way.rung.order if way.rung else 1
+    return measured * max(1.0, highest_hz / way.good_to_hz) ** order
+
+
+def _measured(way: Way, design: Design) -> float | None:
     if way.kind == TET:
         # a joined plate is as good as its pieces with a pillar
         measured = "cell" if way.model == SUPERELEMENT else way.part
         return calibration.by_tetrahedra(measured, _smallest_m(way, design) / (way.edge_m or 1.0))
-    assert way.hexahedra and way.rung
-    return planner.expected_error(way.part, replace(way.rung, layers=way.hexahedra.layers))
+    assert way.rung
+    whole = way.part == "plate" and way.model != SUPERELEMENT
+    return planner.expected_error("whole" if whole else way.part, way.rung)
 
 
-def told(way: Way, case: Case, log: Log) -> float | None:
-    """The expected error, said in the log; with what to do where the case asks for less."""
-    error = expected_error(way, case.design)
+def told(way: Way, case: Case, log: Log, highest_hz: float = 0.0) -> float | None:
+    """The expected error up to a frequency, said in the log; with what to do where the case asks for less."""
+    error = expected_error(way, case.design, highest_hz)
     if error is None:
         log.info(f"no error was measured for {way.name} of the {way.part}: compare with a finer solve.accuracy")
         return None
     short = f"; solve.accuracy asks for {case.solve.accuracy:.2%}" if error > case.solve.accuracy else ""
-    log.info(f"expected error of a frequency by the mesh {error:.2%} or less{short}")
+    beyond = f"; measured up to {khz(way.good_to_hz)}, foreseen beyond" if highest_hz > way.good_to_hz else ""
+    log.info(f"expected error of a frequency by the mesh {error:.2%} or less{short}{beyond}")
     return error
 
 

@@ -9,16 +9,18 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline import error_model, omissions, part_models
+from pipeline import calibration, error_model, omissions, part_models
 from pipeline.asked import DEFAULT_COUNT, Request, model_high_hz, understood
 from pipeline.case import Case
-from pipeline.climb import climbed, refused, warn
+from pipeline.climb import MARGIN, climbed, refused, remeshed, warn
+from pipeline.error_model import ErrorBar
 from pipeline.errors import InputFault
 from pipeline.logs import Log
 from pipeline.part_models import PartModel
 from pipeline.ways import Way, way_of
 from solvers.confinement import Confinement, measure, wanted_parity
 from solvers.fem.eigen import Count, Modes, modes_in_band, modes_near
+from solvers.mixing import mixing_db
 from solvers.superelement.build import PlateModel
 from solvers.superelement.plate_estimate import ModeErrors
 
@@ -41,7 +43,10 @@ class ModeRow:
 
 @dataclass(frozen=True)
 class PartModes:
-    """Modes of a part in ascending order, with the model and the vectors behind them."""
+    """Modes of a part in ascending order, with the model and the vectors behind them.
+
+    reduction_error and expected_error (by the mesh) are those of any mode, relative; `bar` is the wanted mode's.
+    """
 
     part: str
     model: PartModel
@@ -53,6 +58,12 @@ class PartModes:
     meshes: list[dict[str, Any]]
     reduction_error: float | None = None
     expected_error: float | None = None
+    bar: ErrorBar | None = None
+
+    @property
+    def highest_hz(self) -> float:
+        """The highest frequency, 0 without modes."""
+        return self.rows[-1].frequency_hz if self.rows else 0.0
 
     def json(self) -> dict[str, Any]:
         """The contract's fields, without times."""
@@ -72,6 +83,7 @@ class PartModes:
             },
             "reduction_error": self.reduction_error,
             "expected_error": self.expected_error,
+            "error_bar": self.bar.json() if self.bar else None,
         }
 
 
@@ -82,6 +94,8 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     unpatched = omissions.no_patches(case.patches, ()) if asked.part == "plate" and case.patches else None
     omissions.told((*way.left_out, unpatched, omissions.other_classes(way.classes, asked.parity)), log)
     found, errors = _solved(case, asked, way, log)
+    if higher := remeshed(way, found.highest_hz, case, log):
+        (found, errors), way = _solved(case, asked, higher, log), higher
     judged = _judged(case, found, errors)
     finer = climbed(way, judged.modes, judged.degrees, case, log) if judged else None
     if finer:
@@ -94,8 +108,9 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
             f"any mode {judged.worst:.2%} at most"
         )
         warn(judged.total, case, log)
-    expected = error_model.told(way, case, log)
-    return replace(found, reduction_error=judged.worst if judged else None, expected_error=expected)
+    expected = error_model.told(way, case, log, found.highest_hz)
+    bar = _bar(case, way, found, MARGIN * judged.total if judged else None)
+    return replace(found, reduction_error=judged.worst if judged else None, expected_error=expected, bar=bar)
 
 
 def _solved(case: Case, asked: Request, way: Way, log: Log) -> tuple[PartModes, dict[str | None, ModeErrors]]:
@@ -141,6 +156,22 @@ def _judged(case: Case, found: PartModes, errors: dict[str | None, ModeErrors]) 
     row = found.rows[index] if index is not None else None
     own = (errors[row.parity].modes[row.column], errors[row.parity].degrees[row.column]) if row else worst
     return _Judged(float(worst.sum()), float(own[0]), float(own[1]))
+
+
+def _bar(case: Case, way: Way, found: PartModes, reduction: float | None) -> ErrorBar | None:
+    """What the wanted mode's frequency and confinement may be off by; None without one."""
+    index = wanted_row(found, case)
+    if index is None:
+        return None
+    row = found.rows[index]
+    bar = ErrorBar(error_model.expected_error(way, case.design, row.frequency_hz), reduction)
+    if bar.frequency is None or row.confinement_db is None:
+        return bar
+    kin = [each for each in found.rows if each.parity == row.parity]
+    touch = found.model.touch(row.parity, found.vectors[row.parity][:, [each.column for each in kin]])
+    tones = np.array([each.frequency_hz for each in kin])
+    most, share = mixing_db(touch, tones, kin.index(row), case.design, bar.frequency), calibration.mixing()
+    return replace(bar, confinement_db=None if most is None or share is None else share * most)
 
 
 def _classes(model: PartModel, parity: str | None) -> tuple[str | None, ...]:
@@ -271,6 +302,8 @@ def wanted_record(found: PartModes, index: int) -> dict[str, Any]:
         "zone_share": row.zone_share,
         "confinement_db": row.confinement_db,
         "extension_db": row.extension_db,
+        "frequency_error": found.bar.frequency if found.bar else None,
+        "confinement_error_db": found.bar.confinement_db if found.bar else None,
         "pillar_energy_share": float(found.model.pillar_share(row.parity, vector)[0]),
         "cluster": [
             {"frequency_hz": found.rows[i].frequency_hz, "mac": found.rows[i].mac, "share": score[i] / total}

@@ -73,8 +73,8 @@ class Plan:
         return "\n".join(lines)
 
     def short(self) -> str:
-        """One line a step, and the rules taken."""
-        lines = [step.text() for step in self.steps]
+        """One line a step with its reasons, and the rules taken."""
+        lines = [f"{step.text()}; because {', '.join(step.why)}" for step in self.steps]
         return "\n".join([*lines, f"left out: {', '.join(dict.fromkeys(each.rule for each in self.left_out))}"])
 
     def json(self) -> dict[str, Any]:
@@ -247,12 +247,13 @@ def parts_step(case: Case) -> Step:
     if not case.design.pillar:
         return Step(**{**vars(zone), "measure": "parts"})
     pillar = modes_step(case, Request("pillar", near_hz=0.0, count=4))
-    looks = f"{zone.looks_for}; pillar: {pillar.looks_for}"
-    left_out = (*zone.left_out, *pillar.left_out)
-    mesh = f"{zone.mesh}; pillar: {pillar.mesh}"
-    return Step(
-        "parts", "zone and lone pillar", zone.model, mesh, zone.classes, looks, zone.why, left_out, zone.numbers
+    model, mesh, looks = (
+        f"{getattr(zone, key)}; pillar: {getattr(pillar, key)}" for key in ("model", "mesh", "looks_for")
     )
+    why = (*zone.why, *(f"pillar: {reason}" for reason in pillar.why))
+    numbers = zone.numbers | {"pillar": pillar.numbers}
+    left_out = (*zone.left_out, *pillar.left_out)
+    return Step("parts", "zone and lone pillar", model, mesh, zone.classes, looks, why, left_out, numbers)
 
 
 def tetrahedra_step(case: Case) -> Step:

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import sqrt
 
 from geometry.hexmesh import HexSettings
 from geometry.layout import Design
 from pipeline import calibration
 from solvers.analytic.plates import Strip, levy_hz, thin_plate_hz
+from solvers.analytic.predesign import pillar_frequencies_hz
 from solvers.superelement.build import Recipe
 from solvers.superelement.interface import Interface
 
@@ -21,6 +22,7 @@ ALONG = {
     5: 0.4,
 }  # degree along a side: the longest side over the wanted half-wavelength; the log checks each solve
 ACROSS = 2.05  # elements over the zone's width, a little more than two: two in each half
+ELEMENT = 0.26  # of a shear wave: what an element of a cell spans at the tenth band of the calibrated one
 FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too few are noticed and raised
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
 
@@ -38,7 +40,7 @@ class Rung:
     share: float = 1.0
 
 
-RUNGS = {  # by their unknowns; a plate is meshed as its cell is, never on order 2, which does not hold its sides' functions
+RUNGS = {  # by their unknowns; a joined plate is meshed as its cell is; a whole one's grading would run across it
     "zone": (
         Rung(3, 1, 0.1), Rung(3, 1, 0.1, 0.8), Rung(3, 1, 0.1, 0.667), Rung(4, 1, 0.1), Rung(4, 1, 0.1, 0.667),
         Rung(4, 2, 0.15, 0.667),
@@ -48,11 +50,12 @@ RUNGS = {  # by their unknowns; a plate is meshed as its cell is, never on order
         Rung(2, 1, 0.15, 0.45), Rung(3, 1, 0.1), Rung(3, 1, 0.12, 0.45), Rung(3, 2, 0.2), Rung(3, 2, 0.2, 0.45),
         Rung(4, 2, 0.15), Rung(4, 3, 0.15),
     ),
+    "whole": (Rung(3, 0, 0.1), Rung(4, 0, 0.1), Rung(3, 1, 0.1), Rung(3, 1, 0.12, 0.45)),
 }  # fmt: skip
 
 
 def rungs(part: str) -> tuple[Rung, ...]:
-    """The meshes of a part: zone, pillar, cell or plate."""
+    """The meshes of a part: zone, pillar, cell, joined plate, or plate meshed as a whole."""
     return RUNGS["cell" if part == "plate" else part]
 
 
@@ -65,10 +68,25 @@ def rung(part: str, accuracy: float) -> Rung:
     return rungs(part)[-1]
 
 
+def reaching(part: str, design: Design, accuracy: float, high_hz: float) -> tuple[Rung, float]:
+    """The cheapest rung expected to meet the accuracy for a lone part's modes up to a frequency, and what to mesh it for, Hz.
+
+    Errors grow as (k h)^2p beyond what was measured; where every rung misses, the elements shrink with the waves.
+    """
+    good = good_to_hz(part, design)
+    growth = max(1.0, high_hz / good)
+    for row in rungs(part):
+        expected = expected_error(part, row)
+        if expected is not None and expected * growth**row.order <= accuracy:
+            return row, good
+    return rung(part, accuracy), max(good, high_hz)
+
+
 def expected_error(part: str, row: Rung) -> float | None:
-    """Error to expect of a rung; a plate's is that of its cell too. None where it was not measured."""
+    """Error to expect of a rung; a joined plate's is that of its cell too. None where it was not measured."""
     parts = ("cell", "plate") if part == "plate" else (part,)
-    found = [calibration.by_hexahedra(each, row.order, row.layers, row.factor, row.share) for each in parts]
+    kind = calibration.PLATE if part in ("plate", "whole") else calibration.HEX
+    found = [calibration.by_hexahedra(each, row.order, row.layers, row.factor, row.share, kind) for each in parts]
     known = [error for error in found if error is not None]
     return max(known) if len(known) == len(parts) else None
 
@@ -78,16 +96,36 @@ def half_wavelength_m(design: Design) -> float:
     return design.length_m / design.nodal_lines if design.nodal_lines > 1 else design.width_m
 
 
-def zone_mesh(design: Design, row: Rung) -> HexSettings:
-    """Elements of the bare strip: its clamped faces are singular edges."""
+def good_to_hz(part: str, design: Design) -> float:
+    """Up to where the error of a part's meshes was measured, Hz: the wanted mode, three bendings, ten bands of a cell."""
+    if part == "zone":
+        return wanted_window_hz(design)[1]
+    if part == "pillar":
+        assert design.pillar
+        return float(pillar_frequencies_hz(design.pillar, "timoshenko", 3)[-1])
+    size = 2.0 * design.thickness_m
+    if design.pillar:
+        size = min(size, design.pitch_x_m / 2.0, design.pitch_y_m / 2.0)
+    return ELEMENT * _shear_speed(design) / size
+
+
+def zone_mesh(design: Design, row: Rung, high_hz: float = 0.0) -> HexSettings:
+    """Elements of the bare strip for modes up to a frequency: its clamped faces are singular edges."""
     size = min(half_wavelength_m(design) * 2.0 / 3.0, design.width_m / ACROSS)
-    return _settings(row, size)
+    return _settings(row, size * _shrunk("zone", design, high_hz))
 
 
-def pillar_mesh(design: Design, row: Rung) -> HexSettings:
-    """Elements of the lone pillar: two along the section, graded towards the clamped foot."""
+def pillar_mesh(design: Design, row: Rung, high_hz: float = 0.0) -> HexSettings:
+    """Elements of the lone pillar for modes up to a frequency: two along the section, graded towards the clamped foot."""
     assert design.pillar
-    return HexSettings(row.order, design.pillar.base_m, row.layers, row.factor, row.share * _along(design))
+    shrunk = _shrunk("pillar", design, high_hz)
+    along = row.share * shrunk * _along(design)
+    return HexSettings(row.order, shrunk * design.pillar.base_m, row.layers, row.factor, along)
+
+
+def _shrunk(part: str, design: Design, high_hz: float) -> float:
+    """Factor on the elements' size: a bending wave is as long as one over the root of its frequency."""
+    return min(1.0, sqrt(good_to_hz(part, design) / high_hz)) if high_hz > 0.0 else 1.0
 
 
 def cell_mesh(design: Design, row: Rung) -> HexSettings:
@@ -98,12 +136,6 @@ def cell_mesh(design: Design, row: Rung) -> HexSettings:
 def cell_settings(design: Design, accuracy: float) -> HexSettings:
     """The same for an accuracy."""
     return cell_mesh(design, rung("cell", accuracy))
-
-
-def solid_plate_mesh(design: Design, row: Rung, accuracy: float) -> HexSettings:
-    """Elements of a whole plate: grading is dear there, since its lines run across the plate."""
-    settings = cell_mesh(design, row)
-    return replace(settings, layers=0) if accuracy > 0.01 else settings
 
 
 def _settings(row: Rung, size_m: float, along_m: float | None = None) -> HexSettings:
@@ -118,7 +150,11 @@ def _along(design: Design) -> float:
 
 def shear_cutoff_hz(design: Design) -> float:
     """First thickness-shear resonance c_t / (2 h), Hz: plate theory ends there."""
-    return sqrt(design.material.shear_pa / design.material.density_kg_m3) / (2.0 * design.thickness_m)
+    return _shear_speed(design) / (2.0 * design.thickness_m)
+
+
+def _shear_speed(design: Design) -> float:
+    return sqrt(design.material.shear_pa / design.material.density_kg_m3)
 
 
 def lattice_recipe(design: Design, accuracy: float) -> Recipe:

@@ -4,16 +4,44 @@ from __future__ import annotations
 
 from typing import Any
 
+from geometry.layout import Design
+from pipeline import calibration
 from pipeline.case import Case
 from solvers.analytic.predesign import predesign
 
+THEORIES = {  # what the document and what the calibration call them
+    "zone": {"thin_clamped_hz": "thin_clamped_hz", "clamped_hz": "clamped_hz"},
+    "pillar": {"given_euler_hz": "euler", "given_timoshenko_hz": "timoshenko"},
+}
+
 
 def run(case: Case) -> tuple[dict[str, Any], str]:
-    """The JSON document and the text of a case's analytic sizing."""
+    """The JSON document and the text of a case's analytic sizing, with what each theory may be off the clamped solid by."""
     found = predesign(case.design)
     document = found.as_json()
-    lines = [f"{part}: {', '.join(_pairs(document[part]))}" for part in ("zone", "pillar") if document[part]]
+    lines = []
+    for part in [each for each in THEORIES if document[each]]:
+        lines.append(f"{part}: {', '.join(_pairs(document[part]))}")
+        known = expected_errors(part, case.design)
+        errors = {name: error for name, error in known.items() if document[part].get(name) is not None}
+        if errors:
+            told = ", ".join(f"{name} {error:.1%}" for name, error in errors.items())
+            lines.append(f"{part}, expected error beside a solid with clamped faces: {told}")
+        document[part] = document[part] | {"expected_error": errors}
     return document, "\n".join([*lines, *(f"limit: {text}" for text in found.limits)])
+
+
+def expected_errors(part: str, design: Design) -> dict[str, float]:
+    """Relative error of each theory's frequency of a part beside the solid's; {} where nothing like it was measured."""
+    slender = design.nodal_lines * design.thickness_m / design.length_m
+    if part == "pillar":
+        if not design.pillar or not design.pillar.is_box:
+            return {}
+        slender = design.pillar.base_m / design.pillar.height_m
+    elif design.nodal_lines < 2:
+        return {}
+    found = {name: calibration.by_theory(part, theory, slender) for name, theory in THEORIES[part].items()}
+    return {name: error for name, error in found.items() if error is not None}
 
 
 def _pairs(values: dict[str, Any]) -> list[str]:

@@ -45,6 +45,19 @@ def khz(frequency_hz: float | None) -> str:
     return "–" if frequency_hz is None else f"{frequency_hz / 1e3:.2f}{WIDE}kHz"
 
 
+def verdict(case: StoredCase) -> str:
+    """Whether the wanted mode is held, and whether the expected error leaves that open."""
+    held = "confined" if case.confined else "leaking"
+    error = case.wanted.get("confinement_error_db")
+    close = error is not None and abs(case.wanted["confinement_db"] - CONFINED_DB) <= error
+    return f"{held}, but nearer to {CONFINED_DB:.0f} dB than its expected error" if close else held
+
+
+def _level(wanted: dict[str, Any]) -> str:
+    error = wanted.get("confinement_error_db")
+    return f"{wanted['confinement_db']:.1f}" + (" dB" if error is None else f" ± {error:.1f} dB")
+
+
 def best_case(study: StoredStudy) -> StoredCase | None:
     """The case whose wanted mode is held best; without any, the first that has one."""
     held = [case for case in study.cases if case.confined is not None]
@@ -63,10 +76,9 @@ def cards(study: StoredStudy) -> list[Card]:
         note = "" if mac is None else f"MAC {mac:.2f} to the analytic shape"
         found.append(Card("Wanted mode", khz(best.wanted.get("frequency_hz")), note))
     if best and best.confined is not None:
-        verdict = "confined" if best.confined else "leaking"
         where = f", best of {sum(case.confined is not None for case in study.cases)}: {best.case_id}" if several else ""
         level = f"{best.wanted['confinement_db']:.1f}{WIDE}dB"
-        found.append(Card("Held in the zone", level, verdict + where, "good" if best.confined else "bad"))
+        found.append(Card("Held in the zone", level, verdict(best) + where, "good" if best.confined else "bad"))
     rows = (best.record.get("prediction") or {}) if best else {}
     if rows.get("rows_for_10_db"):
         note = f"{rows['db_per_row']:.1f}{WIDE}dB a row at the wanted mode" if rows.get("db_per_row") else ""
@@ -143,10 +155,12 @@ def facts(case: StoredCase) -> list[tuple[str, str]]:
 def _mode_facts(case: StoredCase) -> list[tuple[str, str]]:
     wanted, found = case.wanted, []
     if wanted:
-        found.append(("wanted mode", f"{khz(wanted.get('frequency_hz'))}, MAC {si(wanted.get('mac'), digits=3)}"))
+        error = "" if wanted.get("frequency_error") is None else f" ± {wanted['frequency_error']:.2%}"
+        found.append(
+            ("wanted mode", f"{khz(wanted.get('frequency_hz'))}{error}, MAC {si(wanted.get('mac'), digits=3)}")
+        )
     if case.confined is not None:
-        verdict = "confined" if case.confined else "leaking"
-        found.append(("confinement", f"{wanted['confinement_db']:.1f} dB: {verdict} (at least {CONFINED_DB:.0f} dB)"))
+        found.append(("confinement", f"{_level(wanted)}: {verdict(case)} (at least {CONFINED_DB:.0f} dB)"))
     for key, name in (
         ("zone_share", "share of the touch face's u_z² in the zone"),
         ("pillar_energy_share", "pillars' share of energy"),
@@ -159,10 +173,10 @@ def _mode_facts(case: StoredCase) -> list[tuple[str, str]]:
         found.append(("modes that share the wanted shape", ", ".join(told)))
     check = (case.record.get("modes") or {}).get("count_check")
     if check:
-        verdict = "holds" if check["expected"] == check["found"] else "does not hold"
+        outcome = "holds" if check["expected"] == check["found"] else "does not hold"
         band = f"{khz(check['low_hz'])} to {khz(check['high_hz'])}"
         found.append(
-            ("count check by inertia", f"{verdict}: {check['found']} found, {check['expected']} expected in {band}")
+            ("count check by inertia", f"{outcome}: {check['found']} found, {check['expected']} expected in {band}")
         )
     tet = case.record.get("tet_modes") or {}
     if tet.get("frequency_hz"):

@@ -8,9 +8,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from geometry.elements import FloatArray
+from pipeline import error_model
 from pipeline.case import Case
 from pipeline.logs import Log
 from pipeline.patched import forced_plate
+from pipeline.ways import way_of
 from solvers.measured_sweep import half_power_quality
 from solvers.piezo.circuit import CircuitShift, circuit_shift
 from solvers.piezo.forced import Curve, ForcedPlate
@@ -22,7 +24,10 @@ PER_WIDTH = 6  # points over a resonance's half-power width about the peak
 
 @dataclass(frozen=True)
 class Response:
-    """The curve, its peak, the quality factor read back from it, the operating shape there, and the plate behind it."""
+    """The curve, its peak, the quality factor read back from it, the operating shape there, and the plate behind it.
+
+    expected_error is that of a frequency by the plate's mesh, relative; bonding the patches and the reduction add their own.
+    """
 
     model: str
     dof: int
@@ -38,6 +43,7 @@ class Response:
     forced: ForcedPlate
     circuit: CircuitShift | None
     meshes: list[dict[str, Any]] = field(default_factory=list)
+    expected_error: float | None = None
 
     @property
     def confinement_db(self) -> float | None:
@@ -74,6 +80,7 @@ class Response:
             "polarisation_signs": list(self.signs),
             "wanted_hz": self.wanted_hz,
             "quality_given": self.quality_given,
+            "expected_error": self.expected_error,
             "circuit": self._circuit(),
             "peak": {
                 "frequency_hz": float(curve.frequency_hz[peak]),
@@ -112,6 +119,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
         forced,
         circuit_shift(forced),
         meshes,
+        error_model.told(way_of(case, "plate", high), case, log, high),
     )
     _tell(found, log)
     return found

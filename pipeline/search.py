@@ -184,7 +184,10 @@ class _Search:
     def _confirmed(self, values: Values, near_hz: float | None) -> Evaluation:
         """A design (none: as the file has it) by the joined plate in the case's own window, which must hold the mode found."""
         with self.log.step("solve the design as it was" if not values else "solve the best design again"):
-            return self._judged(values, PLATE, None, window_around(self.space.case(values), near_hz))
+            found = self._judged(values, PLATE, None, window_around(self.space.case(values), near_hz))
+        for id, text in found.judged.alarms:
+            self.log.alarm(id, text)
+        return found
 
     def _best(self) -> Evaluation:
         """The best joined plate that stands when solved in the case's own window."""

@@ -86,6 +86,7 @@ def as_json(found: Any) -> dict[str, Any]:
         "base": design_json(found, found.base),
         "best": design_json(found, found.best),
         "gain_db": found.gain_db,
+        "gain_error_db": found.gain_error_db,
         "tradeoff": [design_json(found, each) for each in found.tradeoff],
         "evaluations": [design_json(found, each) for each in all_judged(found)],
     }
@@ -106,6 +107,8 @@ def design_json(found: Any, each: Any) -> dict[str, Any]:
         "confinement_db": judged.confinement_db,
         "extension_db": judged.extension_db,
         "mac": judged.mac,
+        "frequency_error": judged.frequency_error,
+        "confinement_error_db": judged.confinement_error_db,
         "mass_kg": each.mass_kg,
         "breaks": list(each.broken),
         "why_not": judged.why_not or None,

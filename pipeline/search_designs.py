@@ -52,6 +52,11 @@ class Evaluation:
         """Whether it was judged and keeps every limit."""
         return self.goal_db is not None and not self.broken
 
+    @property
+    def goal_error_db(self) -> float | None:
+        """What the goal may be off by, where it is the confinement."""
+        return self.judged.confinement_error_db if self.goal_db == self.judged.confinement_db else None
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -71,6 +76,12 @@ class Outcome:
         if self.best.goal_db is None or self.base.goal_db is None:
             return None
         return self.best.goal_db - self.base.goal_db
+
+    @property
+    def gain_error_db(self) -> float | None:
+        """What the gain may be off by: both designs' own expected errors."""
+        base, best = self.base.goal_error_db, self.best.goal_error_db
+        return None if base is None or best is None else base + best
 
     @property
     def tradeoff(self) -> list[Evaluation]:
@@ -114,4 +125,5 @@ def told(each: Evaluation) -> str:
     if each.goal_db is None or each.judged.frequency_hz is None:
         return f"not judged: {each.judged.why_not}"
     broken = f"; breaks: {'; '.join(each.broken)}" if each.broken else ""
-    return f"{each.goal_db:.2f} dB at {each.judged.frequency_hz / 1e3:.2f} kHz, MAC {each.judged.mac:.2f}{broken}"
+    bar = "" if each.goal_error_db is None else f" +-{each.goal_error_db:.2f}"
+    return f"{each.goal_db:.2f}{bar} dB at {each.judged.frequency_hz / 1e3:.2f} kHz, MAC {each.judged.mac:.2f}{broken}"

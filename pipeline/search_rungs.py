@@ -26,14 +26,18 @@ MODELS = {
 SLACK = {STRIP: 0.1, COLUMN: 0.02, PLATE: 0.0, SOLID: 0.0}  # how far a rung's frequency may be off, for the limits
 COLUMN_ACCURACY = 0.01  # a coarser mesh than this ranks designs no faster
 AROUND = 0.07  # of the column's frequency: where the plate's wanted mode is looked for
-SOLID_ACCURACY = 0.02  # a finer whole plate does not fit into the memory of a desktop
+SOLID_ACCURACY = 0.04  # a finer whole plate does not fit into the memory of a desktop
 NEAREST = 30  # modes of the solid about it
 GRID_HZ = 2500.0  # windows begin and end on it, so that neighbours in the search share their bare cells
 
 
 @dataclass(frozen=True)
 class Judged:
-    """The wanted mode of one design by one rung; None where it has none, and then why."""
+    """The wanted mode of one design by one rung; None where it has none, and then why.
+
+    frequency_error (relative) and confinement_error_db are what plates are expected to be off by; `alarms` holds (id, text)
+    of its solve.
+    """
 
     rung: str
     frequency_hz: float | None
@@ -41,6 +45,9 @@ class Judged:
     extension_db: float | None
     mac: float | None
     why_not: str = ""
+    frequency_error: float | None = None
+    confinement_error_db: float | None = None
+    alarms: tuple[tuple[str, str], ...] = ()
 
 
 def by_strip(case: Case, softness: float) -> Judged:
@@ -116,12 +123,15 @@ def _by_plate(case: Case, rung: str, near_hz: float | None) -> Judged:
         request = of_case(case)
     elif rung == SOLID:  # a whole mesh pays for every mode
         request = modes.Request("plate", near_hz=near_hz, count=NEAREST, parity=case.parity_wanted)
-    found = modes.solve_modes(case, request, SilentLog())
+    log = SilentLog()
+    found = modes.solve_modes(case, request, log)
     index = modes.wanted_row(found, case)
     if index is None:
         return Judged(rung, None, None, None, None, "no mode of the wanted shape in the window")
-    row = found.rows[index]
-    return Judged(rung, row.frequency_hz, row.confinement_db, row.extension_db, row.mac)
+    row, bar = found.rows[index], found.bar
+    held = (row.frequency_hz, row.confinement_db, row.extension_db, row.mac)
+    errors = (bar.frequency, bar.confinement_db) if bar else (None, None)
+    return Judged(rung, *held, "", *errors, tuple(log.alarms))
 
 
 def window_around(case: Case, near_hz: float | None) -> tuple[str, ...]:
@@ -140,13 +150,17 @@ def _outwards(low: float, high: float) -> tuple[float, float]:
 
 
 class SilentLog:
-    """A log that nobody reads: a search tells what it found, not how each design was solved."""
+    """A log that nobody reads: a search tells what it found, not how each design was solved; alarms are kept."""
+
+    def __init__(self) -> None:
+        self.alarms: list[tuple[str, str]] = []
 
     def info(self, text: str, id: str = "") -> None:
         """Not told."""
 
     def alarm(self, id: str, text: str) -> None:
-        """Not told: a design near a limit is judged like any other, and the best one is solved again at the end."""
+        """Kept: a design near a limit is judged like any other, those of the best one are told at the end."""
+        self.alarms.append((id, text))
 
     def left_out(self, what: str, why: str) -> None:
         """Not told."""
@@ -166,8 +180,9 @@ class EvaluationShelf:
 
     def get(self, question: dict[str, Any]) -> Judged | None:
         """What was judged before by the same code, or None."""
-        with suppress(store.BadRecord, TypeError):
-            found = Judged(**store.read_json(self._path(question)))
+        with suppress(store.BadRecord, TypeError, KeyError, ValueError):
+            plain = store.read_json(self._path(question))
+            found = Judged(**plain | {"alarms": tuple((id, text) for id, text in plain["alarms"])})
             self.reused += 1
             return found
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from geometry.hexmesh import HexSettings
 from pipeline import omissions, planner
@@ -20,7 +20,8 @@ SUPERELEMENT, SOLID = "superelement", "solid"
 class Way:
     """Model and mesh of one part: superelement or solid, hexahedra (settings) or tetrahedra (edge, m), the reduction's recipe.
 
-    `classes` are the mirror classes that are solved apart, (None,) for a body without mirrors; `why` gives the reasons.
+    `classes` are the mirror classes that are solved apart, (None,) for a body without mirrors; `why` gives the reasons;
+    up to `good_to_hz` the mesh makes no larger error than its calibration tells.
     """
 
     part: str
@@ -32,6 +33,7 @@ class Way:
     classes: tuple[str | None, ...]
     left_out: tuple[Omission, ...]
     why: tuple[str, ...]
+    good_to_hz: float
     rung: Rung | None = None  # of hexahedra
 
     @property
@@ -77,9 +79,10 @@ def check_model(case: Case, box: bool) -> None:
 def _zone(case: Case, high_hz: float) -> Way:
     design, accuracy = case.design, case.solve.accuracy
     no_cad, quarter = omissions.boxes(case, "zone"), omissions.mirror_images(case.design, "zone")
-    hexahedra = planner.zone_mesh(design, planner.rung("zone", accuracy)) if no_cad else None
+    rung, top_hz = planner.reaching("zone", design, accuracy, high_hz)
+    hexahedra = planner.zone_mesh(design, rung, top_hz) if no_cad else None
     edge = None if no_cad else planner.tet_edge_m(2.0 * design.thickness_m, accuracy)
-    return _way(case, "zone", SOLID, hexahedra, edge, None, bool(quarter), (no_cad, quarter), _because(case, hexahedra))
+    return _lone(case, "zone", rung, hexahedra, edge, bool(quarter), (no_cad, quarter), top_hz)
 
 
 def _pillar(case: Case, high_hz: float) -> Way:
@@ -87,11 +90,19 @@ def _pillar(case: Case, high_hz: float) -> Way:
     assert design.pillar
     no_cad = omissions.boxes(case, "pillar")
     quarter = omissions.mirror_images(design, "pillar") if no_cad else None  # tetrahedra mesh the whole pillar
-    hexahedra = planner.pillar_mesh(design, planner.rung("pillar", accuracy)) if no_cad else None
+    rung, top_hz = planner.reaching("pillar", design, accuracy, high_hz)
+    hexahedra = planner.pillar_mesh(design, rung, top_hz) if no_cad else None
     edge = None if no_cad else planner.tet_edge_m(design.pillar.tip_m, accuracy)
-    return _way(
-        case, "pillar", SOLID, hexahedra, edge, None, bool(quarter), (no_cad, quarter), _because(case, hexahedra)
-    )
+    return _lone(case, "pillar", rung, hexahedra, edge, bool(quarter), (no_cad, quarter), top_hz)
+
+
+def _lone(
+    case: Case, part: str, rung: Rung, hexahedra: HexSettings | None, edge_m: float | None, quarter: bool,
+    taken: tuple[Omission | None, ...], top_hz: float,
+) -> Way:  # fmt: skip
+    """A part by itself, as a solid: its mesh depends on how high its modes lie."""
+    way = _way(case, part, SOLID, hexahedra, edge_m, None, quarter, taken, _because(case, part, hexahedra, rung))
+    return replace(way, rung=rung, good_to_hz=top_hz) if way.kind == HEX else way
 
 
 def _plate(case: Case, high_hz: float) -> Way:
@@ -100,19 +111,19 @@ def _plate(case: Case, high_hz: float) -> Way:
     quarter = omissions.mirror_images(design, "plate")
     taken: tuple[Omission | None, ...] = (bare, no_cad, quarter)
     if solve.model == SOLID:
-        rung = planner.rung("plate", solve.accuracy)
-        hexahedra = planner.solid_plate_mesh(design, rung, solve.accuracy) if no_cad else None
+        rung = planner.rung("whole", solve.accuracy)
+        hexahedra = planner.cell_mesh(design, rung) if no_cad else None
         edge = None if no_cad else planner.tet_plate_edge_m(design, solve.accuracy)
         reason = "the case asks for it"
-        return _way(
-            case, "plate", SOLID, hexahedra, edge, None, bool(quarter), taken, (reason, *_because(case, hexahedra))
-        )
+        why = (reason, *_because(case, "whole", hexahedra, rung))
+        way = _way(case, "plate", SOLID, hexahedra, edge, None, bool(quarter), taken, why)
+        return replace(way, rung=rung) if no_cad else way
     recipe = planner.plate_recipe(design, solve.accuracy, high_hz)
     edge = None if no_cad or bare else planner.tet_cell_edge_m(design, solve.accuracy)
     taken = (*taken, omissions.alike_cells(design))
     why = (
         "cells joined cost one reduction a kind; one rung up where their own estimate asks for it",
-        *_because(case, None if edge else recipe.hexahedra),
+        *_because(case, "plate", None if edge else recipe.hexahedra, planner.rung("plate", solve.accuracy)),
     )
     return _way(case, "plate", SUPERELEMENT, recipe.hexahedra, edge, recipe, bool(quarter), taken, why)
 
@@ -122,15 +133,17 @@ def cell_way(case: Case) -> Way:
     check_model(case, box=not (case.design.pillar and not case.design.pillar.is_box))
     design, solve = case.design, case.solve
     no_cad = omissions.boxes(case, "cell")
-    taken = (omissions.no_pillars(design, "cell"), no_cad)
+    taken, rung = (omissions.no_pillars(design, "cell"), no_cad), planner.rung("cell", solve.accuracy)
     if solve.model == SOLID and no_cad:
         settings = planner.cell_settings(design, solve.accuracy)
-        return _way(
-            case, "cell", SOLID, settings, None, None, False, taken, ("the case asks for it", *_because(case, settings))
-        )
+        why = ("the case asks for it", *_because(case, "cell", settings, rung))
+        return _way(case, "cell", SOLID, settings, None, None, False, taken, why)
     recipe = planner.lattice_recipe(design, solve.accuracy)
     edge = None if no_cad else planner.tet_cell_edge_m(design, solve.accuracy)
-    why = ("one reduced pair serves every wavevector", *_because(case, recipe.hexahedra if no_cad else None))
+    why = (
+        "one reduced pair serves every wavevector",
+        *_because(case, "cell", recipe.hexahedra if no_cad else None, rung),
+    )
     return _way(case, "cell", SUPERELEMENT, recipe.hexahedra, edge, recipe, False, taken, why)
 
 
@@ -141,13 +154,17 @@ def _way(
     classes: tuple[str | None, ...] = CLASSES if quarter else (None,)
     kind = HEX if edge_m is None else TET
     rung = planner.rung(part, case.solve.accuracy) if kind == HEX else None
-    return Way(part, model, kind, hexahedra, edge_m, recipe, classes, tuple(o for o in taken if o), why, rung)
+    good = planner.good_to_hz(part, case.design)
+    left_out = tuple(omission for omission in taken if omission)
+    return Way(part, model, kind, hexahedra, edge_m, recipe, classes, left_out, why, good, rung)
 
 
-def _because(case: Case, hexahedra: HexSettings | None) -> tuple[str, ...]:
+def _because(case: Case, part: str, hexahedra: HexSettings | None, rung: Rung, joined: bool = True) -> tuple[str, ...]:
     accuracy = f"accuracy {case.solve.accuracy:g}"
     if hexahedra:
-        return (f"{accuracy} asks for order {hexahedra.order} with {hexahedra.layers} graded layers",)
+        error = planner.expected_error(part, rung)
+        told = "not calibrated" if error is None else f"expected error {error:.2%} by the calibration"
+        return (f"{accuracy} asks for order {hexahedra.order} with {hexahedra.layers} graded layers: {told}",)
     shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "the pillar is no box"
     return (shape, f"{accuracy} sets their edges")
 

@@ -28,6 +28,8 @@ ENVELOPE = (
     "Each mesh that `solve.accuracy` may choose: its time over that of the quickest model whose error is no larger. 1 is the "
     "lower envelope of the pictures; errors within the reference's own uncertainty say little."
 )
+HELD = "confinement (dB)"
+CHOSEN = "what solve.accuracy may choose"
 TARGETS = (0.03, 0.01, 0.003, 0.001)
 QUANTITIES = {
     "zone": ("zone",),
@@ -86,7 +88,7 @@ def _joining(degrees: tuple[int, int]) -> dict[str, Any]:
 def _planners(part: str, model: str, **more: Any) -> list[dict[str, Any]]:
     """The meshes that an accuracy may choose, and those of order 2 beside them; not a plate's finest, which is dear."""
     below = tuple(planner.Rung(2, layers, 0.15) for layers in (1, 2))
-    rows = planner.rungs(part)[1:-1] if part == "plate" else (*below, *planner.rungs(part))
+    rows = planner.rungs(part)[:-1] if part in ("plate", "whole") else (*below, *planner.rungs(part))
     return [{"model": model, **ladder.of_the_planner(part, row), **more} for row in rows]
 
 
@@ -126,10 +128,9 @@ def rungs() -> dict[str, list[dict[str, Any]]]:
         ],
         "plate": [
             {"model": "analytic", "theory": "frequency_hz"},
-            *(_hex(order, 4.0, 0, 3.15, "solid") for order in (2, 3, 4)),
-            _hex(2, 2.0, 0, 3.15, "solid"),
+            *(_hex(2, size, 0, 3.15, "solid") for size in (4.0, 2.0)),
+            *_planners("whole", "solid"),
             _hex(2, 4.0, 1, 3.15, "solid"),
-            _hex(3, 4.0, 1, 3.15, "solid"),
             _joined(3, 0, (4, 3)),
             *_planners("plate", "superelement", **_joining((4, 3))),
             _joined(3, 2, (6, 3)),
@@ -205,7 +206,8 @@ def references(records: list[dict[str, Any]]) -> dict[str, tuple[float, float]]:
     for record in records:
         if record["parameters"]["role"] == "reference":
             for quantity, value in (record.get("values") or {}).items():
-                levels.setdefault(quantity, []).append(value)
+                if quantity in (*NAMES, HELD):
+                    levels.setdefault(quantity, []).append(value)
     return {quantity: extrapolated(values) for quantity, values in levels.items() if len(values) == 3}
 
 
@@ -229,7 +231,22 @@ def conclude(records: list[dict[str, Any]]) -> Page:
         for quantity in quantities:
             if quantity in known:
                 sections.append(_section(part, quantity, records, known[quantity]))
+    if HELD in known:
+        sections.append(_held(records, known[HELD]))
     return Page(sections)
+
+
+def _held(records: list[dict[str, Any]], reference: tuple[float, float]) -> Section:
+    """The plate's confinement by every rung, and how far each is from the reference."""
+    rows: list[list[Any]] = []
+    for record, error in _measured("plate", HELD, records, reference):
+        if error is not None:
+            rung = record["parameters"]["rung"]
+            value = record["values"][HELD]
+            rows.append([name(rung), value, value - reference[0], record["values"]["plate"]])
+    words = f"Reference {reference[0]:.3f} dB, uncertain by {reference[1]:.3f} dB."
+    headings = ("model", "confinement (dB)", "error (dB)", "wanted mode (Hz)")
+    return Section("Plate of one row and 5 mm, confinement", (words,), [Table("confinement", headings, rows)])
 
 
 def _measured(part: str, quantity: str, records: list[dict[str, Any]], reference: tuple[float, float]) -> list[Any]:
@@ -290,8 +307,8 @@ def _envelope(records: list[dict[str, Any]], known: dict[str, tuple[float, float
 
 
 def _planned(part: str, rung: dict[str, Any]) -> bool:
-    """Whether there is an accuracy for which the planner takes a rung's mesh for the part."""
-    if "share" not in rung:
+    """Whether there is an accuracy for which the planner takes a rung's mesh for the part; of a plate, joined from cells."""
+    if "share" not in rung or (part, rung["model"]) == ("plate", "solid"):
         return False
     expected = [planner.expected_error(part, row) for row in planner.rungs(part)]
     taken = {planner.rung(part, each) for each in expected if each is not None}
@@ -315,6 +332,18 @@ def _family(rung: dict[str, Any]) -> str:
     return element + graded
 
 
+def _point(measured: dict[str, Any], error: float) -> tuple[float, float, float]:
+    """Seconds, megabytes, relative error."""
+    return measured["seconds"], max(measured["peak_bytes"] / 1e6, 0.1), max(abs(error), 1e-7)
+
+
+def _chosen_point(record: dict[str, Any], error: float | None) -> tuple[float, float, float] | None:
+    """The same of a mesh that `solve.accuracy` may choose; None of any other."""
+    given, measured = record["parameters"], record.get("measured")
+    planned = error is not None and measured and _planned(given["part"], given["rung"])
+    return _point(measured, error) if planned and error is not None else None
+
+
 def _picture(quantity: str, found: list[Any], uncertainty: float) -> plots.Drawing:
     figure = plots.new_figure(plots.WIDTH_IN, 3.6)
     left, right = figure.subplots(1, 2, sharey=True)
@@ -322,8 +351,7 @@ def _picture(quantity: str, found: list[Any], uncertainty: float) -> plots.Drawi
     for record, error in found:
         measured = record.get("measured")
         if error is not None and measured:
-            point = (measured["seconds"], measured["peak_bytes"] / 1e6, max(abs(error), 1e-7))
-            families.setdefault(_family(record["parameters"]["rung"]), []).append(point)
+            families.setdefault(_family(record["parameters"]["rung"]), []).append(_point(measured, error))
     for index, (family, points) in enumerate(families.items()):
         seconds, memory, errors = np.array(sorted(points)).T
         look = {
@@ -331,13 +359,19 @@ def _picture(quantity: str, found: list[Any], uncertainty: float) -> plots.Drawi
             "linestyle": "--" if "superelement" in family else "-", "markersize": 4.0,
         }  # fmt: skip
         left.plot(seconds, errors, label=family, **look)
-        right.plot(np.maximum(memory, 0.1), errors, **look)
+        right.plot(memory, errors, **look)
     for axes, label in ((left, "wall time (s)"), (right, "memory (MB)")):
         axes.set_xscale("log")
         axes.set_yscale("log")
         axes.set_xlabel(label)
         axes.grid(True)
         axes.axhspan(1e-7, max(uncertainty, 1e-7), color=plots.GREY, alpha=0.25, lw=0)
+    chosen = [point for record, error in found if (point := _chosen_point(record, error))]
+    for axes, column in ((left, 0), (right, 1)) if chosen else ():
+        places, errors = [point[column] for point in chosen], [point[2] for point in chosen]
+        axes.plot(
+            places, errors, "o", label=CHOSEN, color="black", markersize=9.0, markerfacecolor="none", linestyle="none"
+        )
     left.set_ylabel("relative error")
     left.set_ylim(bottom=max(uncertainty / 10.0, 1e-7))
     figure.legend(loc="outside lower center", ncols=4, fontsize=7)

@@ -8,35 +8,55 @@ import json
 import sys
 from typing import Any
 
-from pipeline.calibration import FIELDS, TABLE
+from pipeline.calibration import FIELDS, MIXING, TABLE
 from pipeline.house import RESULTS
 from pipeline.records import read_study
 from pipeline.store import BadRecord, write_atomic
-from studies.accuracy import QUANTITIES, cases, references
+from studies.accuracy import HELD, QUANTITIES, cases, references
 
 KINDS = {"hex": "hex", "solid": "hex", "superelement": "hex", "tet": "tet", "superelement tet": "tet"}
+ANALYTIC = "analytic"
 SMALLEST_MM = {"zone": 4.0, "pillar": 2.0, "cell": 2.0, "plate": 2.0}  # of the reference design
 
 
 def rows(records: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
-    """One row a part and mesh: the worst of its quantities."""
+    """One row a part and mesh: the worst of its quantities; of a theory the first one."""
     known, found = references(records), dict[tuple[Any, ...], float]()
     for record in records:
         given, values = record["parameters"], record.get("values") or {}
         rung = given["rung"]
-        if given["role"] != "rung" or rung["model"] not in KINDS or not values:
+        if given["role"] != "rung" or not values:
             continue
         asked = [name for name in QUANTITIES[given["part"]] if name in values and name in known]
-        error = max(abs(values[name] / known[name][0] - 1.0) for name in asked)
+        errors = [abs(values[name] / known[name][0] - 1.0) for name in asked]
+        if rung["model"] == ANALYTIC:
+            found[(given["part"], rung["theory"], 0, 0, 0.0, 0.0, 0.0)] = errors[0]
+            continue
         kind = KINDS[rung["model"]]
         across = SMALLEST_MM[given["part"]] / rung["size_mm"] if kind == "tet" else 0.0
         share = rung.get("share", 0.0)
         factor = rung.get("factor", 0.0)
-        key = (given["part"], kind, rung["order"], int(rung.get("layers") or 0), factor, share, round(across, 2))
+        part = "whole" if (given["part"], rung["model"]) == ("plate", "solid") else given["part"]
+        key = (part, kind, rung["order"], int(rung.get("layers") or 0), factor, share, round(across, 2))
         if kind == "hex" and not share:
             continue  # no mesh of the planner's
-        found[key] = error
+        found[key] = max(errors)
+    share = _mixing(records, known)
+    if share:
+        found[("plate", MIXING, 0, 0, 0.0, 0.0, 0.0)] = share
     return [(*key, float(f"{error:.2g}")) for key, error in sorted(found.items())]
+
+
+def _mixing(records: list[dict[str, Any]], known: dict[str, tuple[float, float]]) -> float:
+    """The largest change of a confinement by whole meshes over what their error of the frequency may bring at most."""
+    shares = [0.0]
+    for record in records:
+        given, values = record["parameters"], record.get("values") or {}
+        whole = given["role"] == "rung" and given["rung"]["model"] == "solid" and "mixing (dB)" in values
+        if whole and {HELD, "plate"} <= known.keys():
+            error = abs(values["plate"] / known["plate"][0] - 1.0)
+            shares.append(abs(values[HELD] - known[HELD][0]) / (values["mixing (dB)"] * error))
+    return max(shares)
 
 
 def text(records: list[dict[str, Any]]) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import ceil
 from typing import Protocol
 
 from geometry.elements import FloatArray
@@ -84,6 +85,7 @@ class Reductions:
         if self.mesher and piece.foot:
             mesh = self.mesher(piece)
         else:
+            settings = _holding(settings, piece, self.recipe.interface)
             mesh = hex_mesh(piece_boxes(piece, self.thickness_m, self.pillar, settings), settings.order)
         check_mesh(mesh)
         pillar_material = self.pillar.material if self.pillar else self.material
@@ -96,6 +98,18 @@ class Reductions:
         mesher = self.mesher_name if piece.foot else ""
         text = repr((signature(piece), piece.halved, self.thickness_m, self.material, pillar, self.recipe, mesher))
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _holding(settings: HexSettings, piece: Piece, interface: Interface) -> HexSettings:
+    """Elements short enough for a bare piece's sides to hold the boundary functions; a foot cuts them anyway.
+
+    A polynomial of a degree needs one node more along the side: with fewer, functions are one, and the mass is singular.
+    """
+    if piece.foot:
+        return settings
+    least = ceil(interface.along / settings.order)
+    sides = [high - low for low, high in zip(piece.low, piece.high, strict=True)]
+    return replace(settings, size_m=min(settings.size_m, min(sides) / least))
 
 
 def lattice_piece(design: Design) -> Piece:

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from studies import verification
+from studies import accuracy, verification
+
+NEAR = 1.25  # times the envelope's own time: what a repeat may differ by
 
 
 def test_headings_go_down_and_tables_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -35,3 +37,20 @@ def test_the_committed_page_has_both_studies() -> None:
     assert "## Error against run time" in page
     assert "## Stiff and extreme cases" in page
     assert "WRONG" not in page
+
+
+def test_every_mesh_that_an_accuracy_may_choose_is_on_the_committed_envelope_or_near_it() -> None:
+    rows = [
+        line.strip("| ").split(" | ") for line in verification.PAGE.read_text().splitlines() if line.startswith("| ")
+    ]
+    names = {title: part for part, listed in accuracy.QUANTITIES.items() for title in map(accuracy.NAMES.get, listed)}
+    start = next(i for i, row in enumerate(rows) if row[-1] == "over the envelope")
+    table = [row for row in rows[start + 1 :] if len(row) == 5 and row[0] in names]
+    chosen = {
+        (part, accuracy.name(rung))
+        for part, listed in accuracy.rungs().items()
+        for rung in listed
+        if accuracy._planned(part, rung)
+    }
+    assert {(names[row[0]], row[1]) for row in table} == chosen
+    assert all(float(row[4]) <= NEAR for row in table), [row for row in table if float(row[4]) > NEAR]

@@ -10,10 +10,11 @@ import pytest
 from pipeline.bands import solve_bands
 from pipeline.case import load_case
 from pipeline.logs import TerminalLog
-from pipeline.modes import Request, solve_modes
+from pipeline.modes import Request, solve_modes, wanted_row
 
 CASE = Path(__file__).resolve().parents[2] / "studies" / "three-rows.toml"
-COARSE, FINE = (0.01, 0.003), 0.0005
+COARSE, FINE = (0.03, 0.01, 0.003), 0.0005
+FINE_PLATE = 0.001  # the finest rung of a plate that was measured
 HOLDS = 0.95
 CALM = TerminalLog(True)
 SEED = 20
@@ -36,18 +37,28 @@ def scenes(count: int) -> list[list[str]]:
                 f"array.pitch_mm={side * draw.uniform(1.6, 3.0):.3f}",
                 "patches.sensors=[0]",
                 "bands.points=1",
-                "bands.count=8",
+                "bands.count=10",
             ]
         )
     return found
 
 
-def part(name: str, overrides: list[str], accuracy: float) -> tuple[np.ndarray, float]:
-    """Some frequencies of a lone part and their bar."""
+def part(name: str, overrides: list[str], accuracy: float, count: int = 4) -> tuple[np.ndarray, float]:
+    """The lowest frequencies of a lone part and their bar."""
     case = load_case(CASE, [*overrides, f"solve.accuracy={accuracy}"])
-    found = solve_modes(case, Request(name, near_hz=0.0, count=4), CALM)
+    found = solve_modes(case, Request(name, near_hz=0.0, count=count), CALM)
     assert found.expected_error is not None
-    return np.array([row.frequency_hz for row in found.rows[:4]]), found.expected_error
+    return np.array([row.frequency_hz for row in found.rows[:count]]), found.expected_error
+
+
+def wanted(name: str, overrides: list[str], accuracy: float) -> tuple[float, float, float | None, float | None]:
+    """The wanted mode's frequency and confinement (dB), and the bars of both."""
+    case = load_case(CASE, [*overrides, f"solve.accuracy={accuracy}"])
+    found = solve_modes(case, Request(name, parity=case.parity_wanted), CALM)
+    index = wanted_row(found, case)
+    assert index is not None and found.bar and found.bar.frequency is not None
+    row = found.rows[index]
+    return row.frequency_hz, found.bar.frequency, row.confinement_db, found.bar.confinement_db
 
 
 def bands(overrides: list[str], accuracy: float) -> tuple[np.ndarray, float]:
@@ -76,8 +87,62 @@ def test_bars_of_lone_parts(name: str) -> None:
     for overrides in scenes(12):
         fine = part(name, overrides, FINE)
         pairs += [held(part(name, overrides, accuracy), fine) for accuracy in COARSE]
-    assert sum(count for _, count in pairs) >= 90
+    assert sum(count for _, count in pairs) >= 130
     assert share(pairs) >= HOLDS, pairs
+
+
+@pytest.mark.slow
+def test_bars_of_the_bare_zones_wanted_mode() -> None:
+    for overrides in scenes(8):
+        fine, fine_bar, _, _ = wanted("zone", overrides, FINE)
+        for accuracy in COARSE:
+            coarse, bar, _, _ = wanted("zone", overrides, accuracy)
+            assert abs(coarse / fine - 1.0) <= bar + fine_bar, overrides
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "count"), [("pillar", 30), ("zone", 60)])
+def test_bars_of_modes_far_above_those_of_the_calibration(name: str, count: int) -> None:
+    overrides = ["zone.length_mm=60", "zone.nodal_lines=4", "patches.sensors=[0]"]
+    fine = part(name, overrides, 0.001, count)
+    for accuracy in (0.03, 0.01):
+        coarse = part(name, overrides, accuracy, count)
+        assert coarse[1] <= accuracy
+        assert held(coarse, fine)[0] >= HOLDS * count
+
+
+def plates(count: int) -> list[list[str]]:
+    """Small plates of one row; their wanted mode is held by 3 to 15 dB."""
+    draw = np.random.default_rng(SEED)
+    found = []
+    for _ in range(count):
+        thickness, lines = draw.uniform(1.6, 2.4), int(draw.integers(3, 6))
+        sizes = {
+            "plate.thickness_mm": thickness,
+            "zone.width_mm": draw.uniform(17, 22),
+            "zone.length_mm": lines * draw.uniform(13, 16),
+            "zone.nodal_lines": lines,
+            "pillar.height_mm": draw.uniform(5.6, 6.6),
+            "array.pitch_mm": draw.uniform(3.6, 5.0),
+            "array.extension_mm": draw.uniform(3.0, 8.0),
+            "array.rows": 1,
+        }
+        found.append([*(f"{key}={round(value, 3)}" for key, value in sizes.items()), "patches.sensors=[0]"])
+    return found
+
+
+@pytest.mark.slow
+def test_bars_of_plates_and_of_their_confinement() -> None:
+    inside, levels = 0, []
+    cases = [(overrides, accuracy) for overrides in plates(6) for accuracy in COARSE]
+    for overrides, accuracy in cases:
+        fine, fine_bar, fine_db, fine_db_bar = wanted("plate", overrides, FINE_PLATE)
+        coarse, bar, db, db_bar = wanted("plate", overrides, accuracy)
+        assert None not in (fine_db, fine_db_bar, db, db_bar)
+        inside += abs(coarse / fine - 1.0) <= bar + fine_bar
+        levels.append((abs(db - fine_db), db_bar + fine_db_bar))
+    assert inside >= HOLDS * len(cases)
+    assert sum(off <= bar for off, bar in levels) >= HOLDS * len(cases), levels
 
 
 @pytest.mark.slow
@@ -86,5 +151,5 @@ def test_bars_of_bands() -> None:
     for overrides in scenes(5):
         fine = bands(overrides, FINE)
         pairs += [held(bands(overrides, accuracy), fine) for accuracy in COARSE]
-    assert sum(count for _, count in pairs) >= 100
+    assert sum(count for _, count in pairs) >= 300
     assert share(pairs) >= HOLDS, pairs

@@ -1,0 +1,66 @@
+"""The committed calibration is what the stored accuracy study says, and a study of other meshes is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from studies import accuracy, calibration
+
+SECONDS = {"seconds": 1.0, "repeats": 1, "peak_bytes": 1_000_000}
+
+
+def stored(part: str, rung: dict[str, Any], values: dict[str, float], role: str = "rung") -> dict[str, Any]:
+    return {"parameters": {"part": part, "rung": rung, "role": role}, "values": values, "measured": SECONDS}
+
+
+def pillar(values: tuple[float, float, float]) -> dict[str, float]:
+    return dict(zip(accuracy.QUANTITIES["pillar"], values, strict=True))
+
+
+REFERENCES = [
+    stored(
+        "pillar", {"model": "hex", "order": 4, "size_mm": 1.0}, pillar((100.0 + d, 200.0 + d, 300.0 + d)), "reference"
+    )
+    for d in (4.0, 2.0, 1.0)
+]  # their limit: 100, 200, 300
+
+
+def test_a_mesh_has_its_worst_quantity_and_a_theory_its_first() -> None:
+    planned = {"model": "hex", "order": 3, "size_mm": 2.0, "layers": 1, "factor": 0.1, "share": 0.5}
+    other = {"model": "hex", "order": 3, "size_mm": 2.0}
+    tets = {"model": "tet", "order": 2, "size_mm": 1.0}
+    theory = {"model": "analytic", "theory": "euler"}
+    found = calibration.rows(
+        [
+            *REFERENCES,
+            stored("pillar", planned, pillar((101.0, 200.0, 297.0))),
+            stored("pillar", other, pillar((150.0, 200.0, 300.0))),
+            stored("pillar", tets, pillar((100.0, 206.0, 300.0))),
+            stored("pillar", theory, pillar((102.0, 260.0, 500.0))),
+        ]
+    )
+    assert found == [
+        ("pillar", "euler", 0, 0, 0.0, 0.0, 0.0, 0.02),
+        ("pillar", "hex", 3, 1, 0.1, 0.5, 0.0, 0.01),
+        ("pillar", "tet", 2, 0, 0.0, 0.0, 2.0, 0.03),
+    ]
+
+
+def test_a_study_of_other_meshes_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name, given = next((name, given) for name, given in accuracy.cases() if given["role"] == "rung")
+    folder = tmp_path / "accuracy" / name
+    folder.mkdir(parents=True)
+    other = {**given, "rung": {**given["rung"], "size_mm": 123.0}}
+    (folder / "input.json").write_text(json.dumps({"parameters": other}))
+    (folder / "record.json").write_text(json.dumps({"case_id": name, "status": "OK"}))
+    monkeypatch.setattr(calibration, "RESULTS", tmp_path)
+    monkeypatch.setattr(calibration, "TABLE", tmp_path / "calibration.csv")
+    assert calibration.main() == 2
+    assert name in capsys.readouterr().err
+    assert not (tmp_path / "calibration.csv").exists()
