@@ -94,9 +94,9 @@ def _cluster_spread(case: StoredCase) -> float | None:
 
 MEASURES = (
     Column("wanted_hz", "wanted mode", _wanted("frequency_hz"), ".2f", "Hz"),
-    Column("wanted_error", "its expected error", _wanted("frequency_error"), ".2%"),
+    Column("wanted_error", "expected error of the wanted mode", _wanted("frequency_error"), ".2%"),
     Column("confinement_db", "confinement", _wanted("confinement_db"), ".2f", "dB"),
-    Column("confinement_error_db", "its expected error", _wanted("confinement_error_db"), ".2f", "dB"),
+    Column("confinement_error_db", "expected error of the confinement", _wanted("confinement_error_db"), ".2f", "dB"),
     Column("confined", "confined (at least 10 dB)", _confined),
     Column("zone_to_extension_db", "zone to extension", _wanted("extension_db"), ".2f", "dB"),
     Column("db_per_row", "decay per row", _part("prediction", "db_per_row"), ".2f", "dB"),

@@ -313,9 +313,9 @@ from pipeline.case import load_case
 calls = Counter()
 def count(frame, event, argument):
     if event == "call":
-        calls[frame.f_code.co_filename] += 1
-case, folder = sys.argv[1], Path(sys.argv[2])
-payload = {"case": load_case(case).as_understood(), "overrides": [], "measure": ["modes", "confinement"]}
+        calls[frame.f_code.co_filename + ":" + frame.f_code.co_name] += 1
+case, folder, measures = sys.argv[1], Path(sys.argv[2]), sys.argv[3:]
+payload = {"case": load_case(case).as_understood(), "overrides": [], "measure": measures}
 sys.setprofile(count)
 with Mess(folder / "run.mess") as log:
     record = steps.compute(case, payload, folder, log)
@@ -325,9 +325,9 @@ ours = {name[len(root):]: n for name, n in calls.items() if name.startswith(root
 print(json.dumps({"calls": ours, "modules": sorted(sys.modules), "record": record["plan"]}))
 """
 WORK = {
-    "pillars": ("solvers/analytic/foot.py", "solvers/analytic/standing_pillar.py", "geometry/step_pillar.py"),
+    "pillars": ("geometry/hexmesh.py:pillar_grading", "pipeline/planner.py:_along", "geometry/step_pillar.py"),
     "lattice": ("solvers/superelement/lattice.py", "solvers/waves/", "pipeline/bands.py", "pipeline/attenuation.py"),
-    "patches": ("solvers/piezo/", "pipeline/patched.py", "pipeline/case_patches.py:bonded"),
+    "patches": ("solvers/piezo/", "pipeline/patched.py"),
     "response": ("pipeline/response.py", "pipeline/mode_table_gains.py"),
     "CAD": ("geometry/solids.py", "geometry/tet", "pipeline/tet_"),
     "drawing": ("pipeline/plots", "pipeline/renders", "pipeline/report"),
@@ -335,9 +335,10 @@ WORK = {
 HEAVY = {"cadquery", "OCP", "pytetwild", "vtk", "vtkmodules", "pyvista", "matplotlib", "trimesh", "meshio", "unicorn"}
 
 
-def traced(folder: Path, text: str) -> dict:
+def traced(folder: Path, text: str, *more: str) -> dict:
+    """Calls by file and function, and the modules, of a case with modes and confinement, and with more measures."""
     (folder / "scene.toml").write_text(text)
-    command = [sys.executable, "-c", TRACE, str(folder / "scene.toml"), str(folder)]
+    command = [sys.executable, "-c", TRACE, str(folder / "scene.toml"), str(folder), "modes", "confinement", *more]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
@@ -361,14 +362,19 @@ def test_a_scene_without_pillars_patches_and_response_does_none_of_their_work(tm
     assert {"no_pillars", "boxes", "mirror_images", "no_patches", "no_response", "nothing_drawn"} <= {
         each["rule"] for each in found["record"]["left_out"]
     }
-    assert found["calls"]["solvers/superelement/plate.py"] > 0  # the trace does count
 
 
-def test_the_trace_sees_what_a_scene_does_ask_for(tmp_path: Path) -> None:
-    """The same trace over a scene whose pillars are round: CAD is loaded and called, so an empty count means something."""
-    pillars = '[pillar]\nshape = "round"\ndiameter_mm = 2.0\nheight_mm = 4.0\n[array]\npitch_mm = 8.0\nrows = 1\n'
-    found = traced(tmp_path, BARE.replace("accuracy = 0.05", "accuracy = 0.1") + pillars)
-    assert any(name.startswith("geometry/solids.py") for name in found["calls"])
-    assert (
-        "pytetwild" in {name.partition(".")[0] for name in found["modules"]} or found["calls"]["pipeline/tet_parts.py"]
-    )
+FULL = (
+    '[pillar]\nshape = "square"\nside_mm = 2.0\nheight_mm = 4.0\n[array]\npitch_mm = 8.0\nrows = 1\nextension_mm = 8.0\n'
+    '[patches]\nmaterial = "pz26"\nsize_mm = [6.0, 3.0, 0.3]\nface = "back"\nat = "antinodes"\nsensors = [0]\n'
+    "[bands]\npoints = 1\ncount = 4\n"
+)
+
+
+def test_the_trace_sees_all_of_what_a_scene_does_ask_for(tmp_path: Path) -> None:
+    """The same trace over a scene that has and asks for everything: so an empty count means something."""
+    measures = ("bands", "attenuation", "response", "geometry")
+    found = traced(tmp_path, BARE.replace("accuracy = 0.05", "accuracy = 0.1") + FULL, *measures)
+    for what in WORK.keys() - {"drawing"}:  # a case never draws: its page does
+        assert any(name.startswith(WORK[what]) for name in found["calls"]), what
+    assert "cadquery" in found["modules"]

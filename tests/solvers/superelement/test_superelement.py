@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from geometry.hexmesh import HexSettings
+from geometry.hexmesh import HexSettings, Piece
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.errors import SolverError
@@ -86,6 +86,16 @@ def test_frequencies_fall_as_unknowns_are_added_and_converge() -> None:
     )
     assert (middle <= coarse * (1.0 + 1e-9)).all() and (fine <= middle * (1.0 + 1e-9)).all()
     assert (coarse > middle * 1.0001).any()
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_a_narrow_piece_is_meshed_so_that_its_sides_hold_their_functions(order: int) -> None:
+    size = {2: 1.8e-3, 3: 4e-3}[order]  # one element over the narrow side would make functions of degree 6 one
+    recipe = Recipe(Interface(6, 3), 1e5, HexSettings(order, size, 0))
+    narrow = Piece((0.0, 0.0), (1.8e-3, 6e-3))
+    mass = Reductions(2e-3, ALUMINIUM, None, recipe).cell(narrow).mass
+    values = np.linalg.eigvalsh(mass)
+    assert values[0] > 1e-9 * values[-1]
 
 
 def test_a_cell_that_lost_mass_or_holds_rigid_motions_is_refused() -> None:
