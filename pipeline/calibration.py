@@ -55,12 +55,26 @@ def _measured(row: dict[str, str]) -> Measured:
 
 
 def by_hexahedra(
-    part: str, order: int, layers: int, factor: float, share: float = 1.0, kind: str = HEX
+    part: str, order: int, layers: int, factor: float, share: float = 1.0, kind: str = HEX, growth: float = 1.0
 ) -> float | None:
-    """Error to expect of graded hexahedra, with the safety of a kind; None where nothing like them was measured."""
-    wanted = (part, HEX, order, layers, factor, share)
-    rows = [row for row in table() if (row.part, row.kind, row.order, row.layers, row.factor, row.share) == wanted]
-    return _least(kind, rows)
+    """Error to expect of graded hexahedra, with the safety of a kind; None where nothing like them was measured.
+
+    At `growth` times the frequencies measured, bending waves are sqrt(growth) shorter: as on elements so much longer, of which
+    the next measured ones tell, and beyond the longest the power 2 order of their length.
+    """
+    if growth < 1.0:
+        raise ValueError(f"growth = {growth}: must be 1 or more")
+    alike = [
+        row
+        for row in table()
+        if (row.part, row.kind, row.order, row.layers, row.factor) == (part, HEX, order, layers, factor)
+    ]
+    if not any(row.share == share for row in alike):
+        return None
+    length = share * growth**0.5
+    longer = [row for row in alike if row.share >= length * (1.0 - 1e-9)]
+    nearest = min(longer, key=lambda row: row.share) if longer else max(alike, key=lambda row: row.share)
+    return SAFETY[kind] * nearest.error * max(1.0, length / nearest.share) ** (2 * order)
 
 
 def by_tetrahedra(part: str, across: float) -> float | None:

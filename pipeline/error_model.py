@@ -47,21 +47,15 @@ def expected_error(way: Way, design: Design, highest_hz: float = 0.0) -> float |
 
     Beyond what was measured it grows as (k h)^2p, with the order p, the element h, and k as the root of the frequency.
     """
-    measured = _measured(way, design)
-    if measured is None:
-        return None
-    order = TET_ORDER if way.kind == TET else way.rung.order if way.rung else 1
-    return measured * max(1.0, highest_hz / way.good_to_hz) ** order
-
-
-def _measured(way: Way, design: Design) -> float | None:
+    growth = max(1.0, highest_hz / way.good_to_hz)
     if way.kind == TET:
         # a joined plate is as good as its pieces with a pillar
         measured = "cell" if way.model == SUPERELEMENT else way.part
-        return calibration.by_tetrahedra(measured, _smallest_m(way, design) / (way.edge_m or 1.0))
+        error = calibration.by_tetrahedra(measured, _smallest_m(way, design) / (way.edge_m or 1.0))
+        return None if error is None else error * growth**TET_ORDER
     assert way.rung
     whole = way.part == "plate" and way.model != SUPERELEMENT
-    return planner.expected_error("whole" if whole else way.part, way.rung)
+    return planner.expected_error("whole" if whole else way.part, way.rung, growth)
 
 
 def told(way: Way, case: Case, log: Log, highest_hz: float = 0.0) -> float | None:

@@ -71,22 +71,26 @@ def rung(part: str, accuracy: float) -> Rung:
 def reaching(part: str, design: Design, accuracy: float, high_hz: float) -> tuple[Rung, float]:
     """The cheapest rung expected to meet the accuracy for a lone part's modes up to a frequency, and what to mesh it for, Hz.
 
-    Errors grow as (k h)^2p beyond what was measured; where every rung misses, the elements shrink with the waves.
+    Where every rung misses beyond the frequencies that were measured, the elements shrink with the waves.
     """
     good = good_to_hz(part, design)
     growth = max(1.0, high_hz / good)
     for row in rungs(part):
-        expected = expected_error(part, row)
-        if expected is not None and expected * growth**row.order <= accuracy:
+        expected = expected_error(part, row, growth)
+        if expected is not None and expected <= accuracy:
             return row, good
     return rung(part, accuracy), max(good, high_hz)
 
 
-def expected_error(part: str, row: Rung) -> float | None:
-    """Error to expect of a rung; a joined plate's is that of its cell too. None where it was not measured."""
+def expected_error(part: str, row: Rung, growth: float = 1.0) -> float | None:
+    """Error to expect of a rung at `growth` times the frequencies measured; None where it was not measured.
+
+    A joined plate's is that of its cell too.
+    """
     parts = ("cell", "plate") if part == "plate" else (part,)
     kind = calibration.PLATE if part in ("plate", "whole") else calibration.HEX
-    found = [calibration.by_hexahedra(each, row.order, row.layers, row.factor, row.share, kind) for each in parts]
+    mesh = (row.order, row.layers, row.factor, row.share)
+    found = [calibration.by_hexahedra(each, *mesh, kind, growth) for each in parts]
     known = [error for error in found if error is not None]
     return max(known) if len(known) == len(parts) else None
 

@@ -132,3 +132,19 @@ def test_a_whole_plate_has_a_bar_though_it_is_not_graded() -> None:
     case = load_case(CASE, ["solve.model=solid", "solve.accuracy=0.04", "array.rows=1"])
     way = way_of(case, "plate", 45e3)
     assert way.hexahedra and way.hexahedra.layers == 0 and expected_error(way, case.design) is not None
+
+
+def test_a_shorter_wave_is_a_longer_element(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = {0.5: 1e-4, 1.0: 1e-3}
+    rows = tuple(Measured("zone", "hex", 3, 1, 0.1, share, 0.0, error) for share, error in errors.items())
+    monkeypatch.setattr(calibration, "table", lambda: rows)
+
+    def error(share: float, growth: float) -> float:
+        found = calibration.by_hexahedra("zone", 3, 1, 0.1, share, growth=growth)
+        assert found is not None
+        return found / SAFETY[HEX]
+
+    assert error(0.5, 1.0) == pytest.approx(1e-4)
+    assert error(0.5, 2.0) == error(0.5, 4.0) == error(1.0, 1.0) == pytest.approx(1e-3)
+    assert error(1.0, 4.0) == error(0.5, 16.0) == pytest.approx(1e-3 * 2.0**6)
+    assert calibration.by_hexahedra("zone", 3, 1, 0.1, 0.7) is None
