@@ -176,7 +176,12 @@ def plate_recipe(design: Design, accuracy: float, high_hz: float) -> Recipe:
     share = longest / half_wavelength_m(design)
     along = next((degree for degree, limit in ALONG.items() if share <= limit), 6)
     mesh = cell_mesh(design, rung("plate", accuracy))
-    return Recipe(Interface(along, 3), 9.0 * high_hz, mesh, 3.0 * design.thickness_m)
+    return Recipe(Interface(along, 3), 9.0 * high_hz, mesh, 3.0 * design.thickness_m, bare_size_m(design, mesh.order))
+
+
+def bare_size_m(design: Design, order: int) -> float | None:
+    """Elements of a plate's pieces without a pillar, m: nothing is singular there, and order 3 follows the wave."""
+    return 2.0 * design.thickness_m if order > 2 else None
 
 
 def tet_edge_m(smallest_m: float, accuracy: float) -> float:

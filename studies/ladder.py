@@ -217,7 +217,8 @@ def plate(rung: dict[str, Any]) -> tuple[Values, int]:
     if rung["model"] == "analytic":
         return {"plate": float(getattr(predesign(d).zone, rung["theory"]))}, 0
     if rung["model"] == "superelement":
-        recipe = Recipe(Interface(*rung["degrees"]), rung["modes_over_band"] * WINDOW_HZ[1], settings(rung), 6e-3)
+        bare = planner.bare_size_m(d, rung["order"]) if "share" in rung else None
+        recipe = Recipe(Interface(*rung["degrees"]), rung["modes_over_band"] * WINDOW_HZ[1], settings(rung), 6e-3, bare)
         model: Any = PlateModel(d, Reductions(d.thickness_m, d.material, d.pillar, recipe))
     elif rung["model"] == "tet":
         mesh = of_order(tet_scenes.tet_plate(d, 1e-3 * rung["size_mm"], True), rung["order"])

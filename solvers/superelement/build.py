@@ -27,12 +27,16 @@ from solvers.superelement.tiling import Signature, signature, tile
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a piece is reduced: boundary degrees, fixed-interface modes up to top_hz, mesh, longest bare piece (m)."""
+    """How a piece is reduced: boundary degrees, fixed-interface modes up to top_hz, mesh, longest bare piece (m).
+
+    bare_size_m: elements of pieces without a pillar, where they may be longer than those about a foot.
+    """
 
     interface: Interface
     top_hz: float
     hexahedra: HexSettings
     longest_m: float = 6e-3
+    bare_size_m: float | None = None
 
 
 class Shelf(Protocol):
@@ -85,7 +89,7 @@ class Reductions:
         if self.mesher and piece.foot:
             mesh = self.mesher(piece)
         else:
-            settings = _holding(settings, piece, self.recipe.interface)
+            settings = settings if piece.foot else self._bare(piece)
             mesh = hex_mesh(piece_boxes(piece, self.thickness_m, self.pillar, settings), settings.order)
         check_mesh(mesh)
         pillar_material = self.pillar.material if self.pillar else self.material
@@ -93,23 +97,21 @@ class Reductions:
         system = assemble(mesh, {"plate": self.material, "pillar": pillar_material, "body": self.material}, scale)
         return reduce_cell(system, self.recipe.interface, self.recipe.top_hz, piece.halved, piece.free)
 
+    def _bare(self, piece: Piece) -> HexSettings:
+        """Elements of a bare piece, short enough for its sides to hold the boundary functions; a foot would cut them anyway.
+
+        A polynomial of a degree needs one node more along the side: with fewer, functions are one, and the mass is singular.
+        """
+        settings, along = self.recipe.hexahedra, self.recipe.interface.along
+        sides = [high - low for low, high in zip(piece.low, piece.high, strict=True)]
+        size = self.recipe.bare_size_m or settings.size_m
+        return replace(settings, size_m=min(size, min(sides) / ceil(along / settings.order)))
+
     def _key(self, piece: Piece) -> str:
         pillar = self.pillar if piece.foot else None
         mesher = self.mesher_name if piece.foot else ""
         text = repr((signature(piece), piece.halved, self.thickness_m, self.material, pillar, self.recipe, mesher))
         return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _holding(settings: HexSettings, piece: Piece, interface: Interface) -> HexSettings:
-    """Elements short enough for a bare piece's sides to hold the boundary functions; a foot cuts them anyway.
-
-    A polynomial of a degree needs one node more along the side: with fewer, functions are one, and the mass is singular.
-    """
-    if piece.foot:
-        return settings
-    least = ceil(interface.along / settings.order)
-    sides = [high - low for low, high in zip(piece.low, piece.high, strict=True)]
-    return replace(settings, size_m=min(settings.size_m, min(sides) / least))
 
 
 def lattice_piece(design: Design) -> Piece:
