@@ -367,11 +367,9 @@ def _picture(quantity: str, found: list[Any], uncertainty: float) -> plots.Drawi
         axes.grid(True)
         axes.axhspan(1e-7, max(uncertainty, 1e-7), color=plots.GREY, alpha=0.25, lw=0)
     chosen = [point for record, error in found if (point := _chosen_point(record, error))]
-    for axes, column in ((left, 0), (right, 1)) if chosen else ():
+    for axes, column, label in ((left, 0, CHOSEN), (right, 1, None)) if chosen else ():
         places, errors = [point[column] for point in chosen], [point[2] for point in chosen]
-        axes.plot(
-            places, errors, "o", label=CHOSEN, color="black", markersize=9.0, markerfacecolor="none", linestyle="none"
-        )
+        axes.plot(places, errors, "o", label=label, color="black", markersize=9.0, markerfacecolor="none")
     left.set_ylabel("relative error")
     left.set_ylim(bottom=max(uncertainty / 10.0, 1e-7))
     figure.legend(loc="outside lower center", ncols=4, fontsize=7)
