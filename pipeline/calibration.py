@@ -17,6 +17,7 @@ TABLE = Path(__file__).with_name("calibration.csv")
 FIELDS = ("part", "kind", "order", "layers", "factor", "share", "across", "error")
 HEX, TET, TET_ORDER = "hex", "tet", 2
 PLATE, MIXING = "plate", "mixing"
+EDGE = 1.5  # power of an element's length in a frequency's error by the field at a clamped edge
 # of the study's parts: thickness over half-wavelength, side over height
 SLENDER = {"zone": 8 * 2.0 / 115.5, "pillar": 2.0 / 6.3}
 # tests/verification/test_error_bars.py counts how often the bar holds on other scenes; tetrahedra differ from run to run
@@ -60,7 +61,7 @@ def by_hexahedra(
     """Error to expect of graded hexahedra, with the safety of a kind; None where nothing like them was measured.
 
     At `growth` times the frequencies measured, bending waves are sqrt(growth) shorter: as on elements so much longer, of which
-    the next measured ones tell, and beyond the longest the power 2 order of their length.
+    the next measured ones tell. Beyond the longest, S h^EDGE + C h^(2 order) through the two longest, or the latter alone.
     """
     if growth < 1.0:
         raise ValueError(f"growth = {growth}: must be 1 or more")
@@ -73,8 +74,18 @@ def by_hexahedra(
         return None
     length = share * growth**0.5
     longer = [row for row in alike if row.share >= length * (1.0 - 1e-9)]
-    nearest = min(longer, key=lambda row: row.share) if longer else max(alike, key=lambda row: row.share)
-    return SAFETY[kind] * nearest.error * max(1.0, length / nearest.share) ** (2 * order)
+    error = min(longer, key=lambda row: row.share).error if longer else _extrapolated(alike, length, 2 * order)
+    return SAFETY[kind] * error
+
+
+def _extrapolated(rows: list[Measured], length: float, smooth: int) -> float:
+    """Error on longer elements than any measured; two sizes tell that of singular edges from that of the smooth wave."""
+    longest, *shorter = sorted(rows, key=lambda row: -row.share)
+    stretch, share_smooth = length / longest.share, 1.0
+    if shorter:
+        ratio, fall = shorter[0].share / longest.share, shorter[0].error / longest.error
+        share_smooth = min(max((ratio**EDGE - fall) / (ratio**EDGE - ratio**smooth), 0.0), 1.0)
+    return longest.error * ((1.0 - share_smooth) * stretch**EDGE + share_smooth * stretch**smooth)
 
 
 def by_tetrahedra(part: str, across: float) -> float | None:

@@ -109,13 +109,13 @@ def test_what_was_never_measured_has_no_bar() -> None:
 def test_the_bar_grows_with_the_frequency_and_elements_shrink_where_no_rung_serves() -> None:
     case = load_case(CASE, ["solve.accuracy=0.01"])
     good = planner.good_to_hz("zone", case.design)
-    low, high, far = (way_of(case, "zone", factor * good) for factor in (1.0, 1.5, 6.0))
+    low, high, far = (way_of(case, "zone", factor * good) for factor in (1.0, 2.0, 20.0))
     assert low.rung and far.hexahedra and low.hexahedra
     within, beyond = expected_error(low, case.design, good), expected_error(low, case.design, 2.0 * good)
-    assert within and beyond == pytest.approx(within * 2.0**low.rung.order)
+    assert within and beyond and 2.0 * within < beyond <= within * 2.0**low.rung.order
     assert high.rung != low.rung and high.good_to_hz == good
-    assert far.hexahedra.size_m == pytest.approx(low.hexahedra.size_m / 6.0**0.5) and far.good_to_hz == 6.0 * good
-    for way, factor in ((high, 1.5), (far, 6.0)):
+    assert far.hexahedra.size_m == pytest.approx(low.hexahedra.size_m / 20.0**0.5) and far.good_to_hz == 20.0 * good
+    for way, factor in ((high, 2.0), (far, 20.0)):
         error = expected_error(way, case.design, factor * good)
         assert error is not None and error <= 0.01
 
@@ -146,5 +146,22 @@ def test_a_shorter_wave_is_a_longer_element(monkeypatch: pytest.MonkeyPatch) -> 
 
     assert error(0.5, 1.0) == pytest.approx(1e-4)
     assert error(0.5, 2.0) == error(0.5, 4.0) == error(1.0, 1.0) == pytest.approx(1e-3)
-    assert error(1.0, 4.0) == error(0.5, 16.0) == pytest.approx(1e-3 * 2.0**6)
+    assert error(1.0, 4.0) == error(0.5, 16.0)
     assert calibration.by_hexahedra("zone", 3, 1, 0.1, 0.7) is None
+
+
+def test_two_sizes_tell_the_error_of_edges_from_that_of_the_wave(monkeypatch: pytest.MonkeyPatch) -> None:
+    def made(length: float, edges: float, wave: float) -> float:
+        return edges * length**calibration.EDGE + wave * length**6
+
+    def error(rows: dict[float, float], growth: float) -> float:
+        listed = tuple(Measured("zone", "hex", 3, 1, 0.1, share, 0.0, each) for share, each in rows.items())
+        monkeypatch.setattr(calibration, "table", lambda: listed)
+        found = calibration.by_hexahedra("zone", 3, 1, 0.1, 1.0, growth=growth)
+        assert found is not None
+        return found / SAFETY[HEX]
+
+    for edges, wave in ((1e-3, 0.0), (0.0, 1e-3), (3e-4, 7e-4)):
+        rows = {share: made(share, edges, wave) for share in (1.0, 0.7)}
+        assert error(rows, 4.0) == pytest.approx(made(2.0, edges, wave))
+    assert error({1.0: 1e-3}, 4.0) == pytest.approx(1e-3 * 2.0**6)  # one size alone: the steeper of the two
