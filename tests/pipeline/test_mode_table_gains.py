@@ -56,9 +56,11 @@ def fitted(forced: ForcedPlate, gains: ModalGains, index: int) -> complex:
 
 
 def test_residues_are_what_the_forced_response_shows(forced: ForcedPlate, gains: ModalGains) -> None:
-    """Within the rest's own error: it is taken at the wanted mode, where both agree best."""
+    """Within the rest's own error: it is taken at the wanted mode, where both agree best; above the band nobody asks."""
     largest = np.abs(gains.gain).max()
-    for index in range(len(gains.frequency_hz)):
+    inside = np.flatnonzero(gains.frequency_hz <= forced.band_hz[1])
+    assert len(inside) >= 4
+    for index in inside:
         wanted = index == gains.wanted
         error = abs(fitted(forced, gains, index) - gains.gain[index, 0])
         assert error < (1e-3 if wanted else 2e-2) * abs(gains.gain[index, 0]) + 1e-5 * largest, index
