@@ -45,7 +45,7 @@ class ErrorBar:
 def expected_error(way: Way, design: Design, highest_hz: float = 0.0) -> float | None:
     """Relative error that the way's mesh is expected to make in frequencies up to one; None where none was measured.
 
-    Beyond what was measured it grows as (k h)^2p, with the order p, the element h, and k as the root of the frequency.
+    Beyond what was measured it grows as `calibration.by_hexahedra` tells; of tetrahedra as (k h)^2p, k as the frequency's root.
     """
     growth = max(1.0, highest_hz / way.good_to_hz)
     if way.kind == TET:

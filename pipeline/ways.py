@@ -101,8 +101,8 @@ def _lone(
     taken: tuple[Omission | None, ...], top_hz: float,
 ) -> Way:  # fmt: skip
     """A part by itself, as a solid: its mesh depends on how high its modes lie."""
-    way = _way(case, part, SOLID, hexahedra, edge_m, None, quarter, taken, _because(case, part, hexahedra, rung))
-    return replace(way, rung=rung, good_to_hz=top_hz) if way.kind == HEX else way
+    way = _way(case, part, SOLID, hexahedra, edge_m, None, quarter, taken, _because(case, part, hexahedra, rung), rung)
+    return replace(way, good_to_hz=top_hz) if way.kind == HEX else way
 
 
 def _plate(case: Case, high_hz: float) -> Way:
@@ -116,16 +116,15 @@ def _plate(case: Case, high_hz: float) -> Way:
         edge = None if no_cad else planner.tet_plate_edge_m(design, solve.accuracy)
         reason = "the case asks for it"
         why = (reason, *_because(case, "whole", hexahedra, rung))
-        way = _way(case, "plate", SOLID, hexahedra, edge, None, bool(quarter), taken, why)
-        return replace(way, rung=rung) if no_cad else way
-    recipe = planner.plate_recipe(design, solve.accuracy, high_hz)
+        return _way(case, "plate", SOLID, hexahedra, edge, None, bool(quarter), taken, why, rung)
+    recipe, rung = planner.plate_recipe(design, solve.accuracy, high_hz), planner.rung("plate", solve.accuracy)
     edge = None if no_cad or bare else planner.tet_cell_edge_m(design, solve.accuracy)
     taken = (*taken, omissions.alike_cells(design))
     why = (
         "cells joined cost one reduction a kind; one rung up where their own estimate asks for it",
-        *_because(case, "plate", None if edge else recipe.hexahedra, planner.rung("plate", solve.accuracy)),
+        *_because(case, "plate", None if edge else recipe.hexahedra, rung),
     )
-    return _way(case, "plate", SUPERELEMENT, recipe.hexahedra, edge, recipe, bool(quarter), taken, why)
+    return _way(case, "plate", SUPERELEMENT, recipe.hexahedra, edge, recipe, bool(quarter), taken, why, rung)
 
 
 def cell_way(case: Case) -> Way:
@@ -137,29 +136,30 @@ def cell_way(case: Case) -> Way:
     if solve.model == SOLID and no_cad:
         settings = planner.cell_settings(design, solve.accuracy)
         why = ("the case asks for it", *_because(case, "cell", settings, rung))
-        return _way(case, "cell", SOLID, settings, None, None, False, taken, why)
+        return _way(case, "cell", SOLID, settings, None, None, False, taken, why, rung)
     recipe = planner.lattice_recipe(design, solve.accuracy)
     edge = None if no_cad else planner.tet_cell_edge_m(design, solve.accuracy)
     why = (
         "one reduced pair serves every wavevector",
         *_because(case, "cell", recipe.hexahedra if no_cad else None, rung),
     )
-    return _way(case, "cell", SUPERELEMENT, recipe.hexahedra, edge, recipe, False, taken, why)
+    return _way(case, "cell", SUPERELEMENT, recipe.hexahedra, edge, recipe, False, taken, why, rung)
 
 
 def _way(
     case: Case, part: str, model: str, hexahedra: HexSettings | None, edge_m: float | None, recipe: Recipe | None,
-    quarter: bool, taken: tuple[Omission | None, ...], why: tuple[str, ...],
+    quarter: bool, taken: tuple[Omission | None, ...], why: tuple[str, ...], rung: Rung,
 ) -> Way:  # fmt: skip
     classes: tuple[str | None, ...] = CLASSES if quarter else (None,)
     kind = HEX if edge_m is None else TET
-    rung = planner.rung(part, case.solve.accuracy) if kind == HEX else None
     good = planner.good_to_hz(part, case.design)
     left_out = tuple(omission for omission in taken if omission)
-    return Way(part, model, kind, hexahedra, edge_m, recipe, classes, left_out, why, good, rung)
+    return Way(
+        part, model, kind, hexahedra, edge_m, recipe, classes, left_out, why, good, rung if kind == HEX else None
+    )
 
 
-def _because(case: Case, part: str, hexahedra: HexSettings | None, rung: Rung, joined: bool = True) -> tuple[str, ...]:
+def _because(case: Case, part: str, hexahedra: HexSettings | None, rung: Rung) -> tuple[str, ...]:
     accuracy = f"accuracy {case.solve.accuracy:g}"
     if hexahedra:
         error = planner.expected_error(part, rung)
