@@ -74,13 +74,17 @@ def _outer_faces(mesh: Mesh, boxes: Boxes, solid: IntArray) -> dict[str, IntArra
 
 @dataclass(frozen=True)
 class HexSettings:
-    """Order, element size in the plate and along a pillar (m), layers and shrink factor at singular edges."""
+    """Order, element size in the plate and along a pillar (m), layers and shrink factor at singular edges.
+
+    `through` is how many elements at least lie through the thickness of a plate with pillars, layers not counted.
+    """
 
     order: int = 3
     size_m: float = 4e-3
     layers: int = 1
     factor: float = 0.25
     pillar_size_m: float | None = None  # along its height; the plate's size when left out
+    through: int = 1
 
     @property
     def grading(self) -> Grading:
@@ -91,6 +95,10 @@ class HexSettings:
     def pillar_grading(self) -> Grading:
         """Grading along the pillar's height."""
         return Grading(self.pillar_size_m or self.size_m, self.layers, self.factor)
+
+    def through_grading(self, thickness_m: float) -> Grading:
+        """Grading through the thickness of a plate with pillars."""
+        return Grading(min(self.size_m, thickness_m / self.through), self.layers, self.factor)
 
 
 def zone_boxes(design: Design, settings: HexSettings, quarter: bool = True) -> Boxes:
@@ -185,7 +193,7 @@ def _plate_with_pillars(
         for centre in np.unique(centres[:, column]):
             breaks |= {edge: True for edge in (centre - half, centre + half) if low < edge < high}
     lines_x, lines_y = grid_lines(x, settings.grading), grid_lines(y, settings.grading)
-    z = grid_lines({0.0: False, thickness_m: has}, settings.grading)
+    z = grid_lines({0.0: False, thickness_m: has}, settings.through_grading(thickness_m) if has else settings.grading)
     layers = len(z) - 1
     if pillar is not None and has:
         top = thickness_m + pillar.height_m

@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 
 TABLE = Path(__file__).with_name("calibration.csv")
-FIELDS = ("part", "kind", "order", "layers", "factor", "share", "across", "error")
+FIELDS = ("part", "kind", "order", "layers", "factor", "share", "through", "across", "error")
 HEX, TET, TET_ORDER = "hex", "tet", 2
 PLATE, MIXING = "plate", "mixing"
 EDGE = 1.5  # power of an element's length in a frequency's error by the field at a clamped edge
@@ -28,8 +28,8 @@ SAFETY = {HEX: 1.5, TET: 2.0, PLATE: 1.25}  # a plate's modes lie far below the 
 class Measured:
     """Largest relative error of a reference part by one mesh.
 
-    Of hexahedra: layers, their factor, and share of the planner's element size; of tetrahedra: how many across the smallest
-    dimension.
+    Of hexahedra: layers, their factor, share of the planner's element size and how many through a plate; of tetrahedra: how
+    many across the smallest dimension.
     """
 
     part: str
@@ -38,6 +38,7 @@ class Measured:
     layers: int
     factor: float
     share: float
+    through: int
     across: float
     error: float
 
@@ -51,12 +52,20 @@ def table() -> tuple[Measured, ...]:
 
 
 def _measured(row: dict[str, str]) -> Measured:
-    numbers = [float(row[name]) for name in ("factor", "share", "across", "error")]
-    return Measured(row["part"], row["kind"], int(row["order"]), int(row["layers"]), *numbers)
+    order, layers, through = (int(row[name]) for name in ("order", "layers", "through"))
+    factor, share, across, error = (float(row[name]) for name in ("factor", "share", "across", "error"))
+    return Measured(row["part"], row["kind"], order, layers, factor, share, through, across, error)
 
 
 def by_hexahedra(
-    part: str, order: int, layers: int, factor: float, share: float = 1.0, kind: str = HEX, growth: float = 1.0
+    part: str,
+    order: int,
+    layers: int,
+    factor: float,
+    share: float = 1.0,
+    through: int = 1,
+    kind: str = HEX,
+    growth: float = 1.0,
 ) -> float | None:
     """Error to expect of graded hexahedra, with the safety of a kind; None where nothing like them was measured.
 
@@ -68,7 +77,8 @@ def by_hexahedra(
     alike = [
         row
         for row in table()
-        if (row.part, row.kind, row.order, row.layers, row.factor) == (part, HEX, order, layers, factor)
+        if (row.part, row.kind, row.order, row.layers, row.factor, row.through)
+        == (part, HEX, order, layers, factor, through)
     ]
     if not any(row.share == share for row in alike):
         return None

@@ -281,6 +281,7 @@ def _step(
         )
         details["degrees"] = [face.along, face.through]
     if way.hexahedra and way.kind == "hex":
-        details |= {"order": way.hexahedra.order, "size_m": way.hexahedra.size_m, "layers": way.hexahedra.layers}
+        mesh = way.hexahedra
+        details |= {"order": mesh.order, "size_m": mesh.size_m, "layers": mesh.layers, "through": mesh.through}
     shown = tuple("whole" if parity is None else parity for parity in classes)
     return Step(measure, name, model, way.mesh, shown, looks, way.why, tuple(o for o in left_out if o), details)

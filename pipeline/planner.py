@@ -29,7 +29,8 @@ TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the
 
 @dataclass(frozen=True)
 class Rung:
-    """Order, layers towards singular edges, their shrink factor, and the elements' size over the part's own.
+    """Order, layers towards singular edges, their shrink factor, the elements' size over the part's own, and how many at
+    least lie through a plate that has pillars.
 
     The size is that in the plate; of a lone pillar, whose section takes two elements, that along it.
     """
@@ -38,6 +39,7 @@ class Rung:
     layers: int
     factor: float
     share: float = 1.0
+    through: int = 1
 
 
 RUNGS = {  # by their unknowns; a joined plate is meshed as its cell is; a whole one's grading would run across it
@@ -47,7 +49,7 @@ RUNGS = {  # by their unknowns; a joined plate is meshed as its cell is; a whole
     ),
     "pillar": (Rung(2, 1, 0.15, 0.5), Rung(3, 1, 0.1), Rung(4, 1, 0.1), Rung(4, 2, 0.15), Rung(4, 3, 0.15)),
     "cell": (
-        Rung(2, 1, 0.15, 0.45), Rung(3, 1, 0.1), Rung(3, 1, 0.12, 0.45), Rung(3, 2, 0.2), Rung(3, 2, 0.2, 0.45),
+        Rung(2, 1, 0.15, 0.45), Rung(3, 1, 0.1), Rung(3, 1, 0.12, 0.7, 2), Rung(3, 2, 0.2), Rung(3, 2, 0.2, 0.7, 2),
         Rung(4, 2, 0.15), Rung(4, 3, 0.15),
     ),
     "whole": (Rung(3, 0, 0.1), Rung(4, 0, 0.1), Rung(3, 1, 0.1), Rung(3, 1, 0.12, 0.45)),
@@ -89,7 +91,7 @@ def expected_error(part: str, row: Rung, growth: float = 1.0) -> float | None:
     """
     parts = ("cell", "plate") if part == "plate" else (part,)
     kind = calibration.PLATE if part in ("plate", "whole") else calibration.HEX
-    mesh = (row.order, row.layers, row.factor, row.share)
+    mesh = (row.order, row.layers, row.factor, row.share, row.through)
     found = [calibration.by_hexahedra(each, *mesh, kind, growth) for each in parts]
     known = [error for error in found if error is not None]
     return max(known) if len(known) == len(parts) else None
@@ -143,7 +145,7 @@ def cell_settings(design: Design, accuracy: float) -> HexSettings:
 
 
 def _settings(row: Rung, size_m: float, along_m: float | None = None) -> HexSettings:
-    return HexSettings(row.order, row.share * size_m, row.layers, row.factor, along_m)
+    return HexSettings(row.order, row.share * size_m, row.layers, row.factor, along_m, row.through)
 
 
 def _along(design: Design) -> float:

@@ -54,7 +54,8 @@ class Way:
             return f"tetrahedra of order {TET_ORDER}, {_mm(self.edge_m or 0.0)} edges"
         assert self.hexahedra
         graded = f", {self.hexahedra.layers} graded layers at singular edges" if self.hexahedra.layers else ""
-        return f"hexahedra of order {self.hexahedra.order}, {_mm(self.hexahedra.size_m)}{graded}"
+        through = f", {self.hexahedra.through} through the plate" if self.hexahedra.through > 1 else ""
+        return f"hexahedra of order {self.hexahedra.order}, {_mm(self.hexahedra.size_m)}{through}{graded}"
 
 
 def way_of(case: Case, part: str, high_hz: float) -> Way:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -160,7 +161,8 @@ def name(rung: dict[str, Any]) -> str:
     degrees = "" if "degrees" not in rung else f",degrees={rung['degrees'][0]}"
     layers = f",layers={rung['layers']}" if rung.get("layers") else ""
     along = f"x{rung['along_mm']:.3g}" if "along_mm" in rung else ""
-    return f"{model}{element}{rung['order']},{rung['size_mm']:g}{along}mm{layers}{degrees}"
+    through = f",through={rung['through']}" if rung.get("through", 1) > 1 else ""
+    return f"{model}{element}{rung['order']},{rung['size_mm']:g}{along}mm{layers}{through}{degrees}"
 
 
 def compute(parameters: dict[str, Any], folder: Path, log: Mess) -> dict[str, Any]:
@@ -312,7 +314,7 @@ def _planned(part: str, rung: dict[str, Any]) -> bool:
         return False
     expected = [planner.expected_error(part, row) for row in planner.rungs(part)]
     taken = {planner.rung(part, each) for each in expected if each is not None}
-    return planner.Rung(rung["order"], rung["layers"], rung["factor"], rung["share"]) in taken
+    return planner.Rung(*(rung[field.name] for field in fields(planner.Rung))) in taken
 
 
 def _best(found: list[Any], target: float, uncertainty: float) -> str:

@@ -16,6 +16,7 @@ from studies.accuracy import HELD, QUANTITIES, cases, references
 
 KINDS = {"hex": "hex", "solid": "hex", "superelement": "hex", "tet": "tet", "superelement tet": "tet"}
 ANALYTIC = "analytic"
+NO_MESH = (0, 0, 0.0, 0.0, 0, 0.0)
 SMALLEST_MM = {"zone": 4.0, "pillar": 2.0, "cell": 2.0, "plate": 2.0}  # of the reference design
 
 
@@ -30,20 +31,20 @@ def rows(records: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
         asked = [name for name in QUANTITIES[given["part"]] if name in values and name in known]
         errors = [abs(values[name] / known[name][0] - 1.0) for name in asked]
         if rung["model"] == ANALYTIC:
-            found[(given["part"], rung["theory"], 0, 0, 0.0, 0.0, 0.0)] = errors[0]
+            found[(given["part"], rung["theory"], *NO_MESH)] = errors[0]
             continue
         kind = KINDS[rung["model"]]
         across = SMALLEST_MM[given["part"]] / rung["size_mm"] if kind == "tet" else 0.0
         share = rung.get("share", 0.0)
-        factor = rung.get("factor", 0.0)
+        factor, through = rung.get("factor", 0.0), rung.get("through", 0)
         part = "whole" if (given["part"], rung["model"]) == ("plate", "solid") else given["part"]
-        key = (part, kind, rung["order"], int(rung.get("layers") or 0), factor, share, round(across, 2))
+        key = (part, kind, rung["order"], int(rung.get("layers") or 0), factor, share, through, round(across, 2))
         if kind == "hex" and not share:
             continue  # no mesh of the planner's
         found[key] = max(errors)
     share = _mixing(records, known)
     if share:
-        found[("plate", MIXING, 0, 0, 0.0, 0.0, 0.0)] = share
+        found[("plate", MIXING, *NO_MESH)] = share
     return [(*key, float(f"{error:.2g}")) for key, error in sorted(found.items())]
 
 

@@ -56,7 +56,8 @@ def materials() -> dict[str, Any]:
 def settings(rung: dict[str, Any]) -> HexSettings:
     """Hexahedra of a rung; sizes in mm."""
     along = 1e-3 * rung.get("along_mm", rung["size_mm"])
-    return HexSettings(rung["order"], 1e-3 * rung["size_mm"], rung.get("layers", 0), rung.get("factor", 0.15), along)
+    layers, factor, through = rung.get("layers", 0), rung.get("factor", 0.15), rung.get("through", 1)
+    return HexSettings(rung["order"], 1e-3 * rung["size_mm"], layers, factor, along, through)
 
 
 def of_the_planner(part: str, row: planner.Rung) -> dict[str, Any]:
@@ -68,6 +69,7 @@ def of_the_planner(part: str, row: planner.Rung) -> dict[str, Any]:
         "layers": row.layers,
         "factor": row.factor,
         "share": row.share,
+        "through": row.through,
     }
     return rung | ({"along_mm": 1e3 * mesh.pillar_size_m} if mesh.pillar_size_m else {})
 

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import signal
+
+from pipeline.workers import THREAD_VARIABLES
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # a worker a core: their libraries' own threads would wait for each other
+    os.environ |= {name: os.environ.get(name, "1") for name in THREAD_VARIABLES}
 
 
 def pytest_configure() -> None:

@@ -156,7 +156,7 @@ def compare(scene: Scene, reference: list[float]) -> tuple[float, float, Rung, f
 def main(names: list[str]) -> int:
     """Print a line a scene, all or those named; 1 where the choice misses its accuracy or costs more than allowed."""
     scenes = [scene for scene in SCENES if not names or scene.name in names]
-    print(f"{'scene':15} {'accuracy':>8}  {'auto':>8} {'error':>8}  {'best fixed':>14} {'time':>8}  {'ratio':>5}")
+    print(f"{'scene':15} {'accuracy':>8}  {'auto':>8} {'error':>8}  {'best fixed':>16} {'time':>8}  {'ratio':>5}")
     references: dict[str, list[float]] = {}
     worst, missed = 0.0, 0
     for scene in scenes:
@@ -166,9 +166,9 @@ def main(names: list[str]) -> int:
             )[1]
         auto_s, wrong, best, best_s = compare(scene, references[scene.name])
         worst, missed = max(worst, auto_s / best_s), missed + (wrong > scene.accuracy)
-        named = f"hex{best.order}, {best.layers}, {best.share:g}"
+        named = f"hex{best.order}, {best.layers}, {best.share:g}" + (f", {best.through}" if best.through > 1 else "")
         print(
-            f"{scene.name:15} {scene.accuracy:8.3%}  {auto_s:6.2f} s {wrong:8.4%}  {named:>14} {best_s:6.2f} s  "
+            f"{scene.name:15} {scene.accuracy:8.3%}  {auto_s:6.2f} s {wrong:8.4%}  {named:>16} {best_s:6.2f} s  "
             f"{auto_s / best_s:5.2f}",
             flush=True,
         )
@@ -176,14 +176,13 @@ def main(names: list[str]) -> int:
     return int(worst > ALLOWED or missed > 0)
 
 
-def _fixed(mesh: list[float] | None, words: list[str]) -> int:
+def _fixed(mesh: list[Any] | None, words: list[str]) -> int:
     """The command with one mesh for every part, or as the planner chooses."""
     from pipeline import planner
     from pipeline.cli import main as command
 
     if mesh:
-        order, layers, factor, share = mesh
-        fixed = Rung(int(order), int(layers), factor, share)
+        fixed = Rung(*mesh)
         planner.rung = lambda part, accuracy: fixed
         planner.reaching = lambda part, design, accuracy, high_hz: (fixed, planner.good_to_hz(part, design))
     return command(words)

@@ -30,7 +30,7 @@ def test_the_cheapest_mesh_that_serves_is_taken(monkeypatch: pytest.MonkeyPatch)
     errors = (4e-3, 2e-3, 1e-3, 2e-4)
     ladder = planner.rungs("zone")
     rows = [
-        Measured("zone", "hex", r.order, r.layers, r.factor, r.share, 0.0, e)
+        Measured("zone", "hex", r.order, r.layers, r.factor, r.share, r.through, 0.0, e)
         for r, e in zip(ladder, errors, strict=False)
     ]
     monkeypatch.setattr(calibration, "table", lambda: tuple(rows))
@@ -76,7 +76,11 @@ def test_a_finer_mesh_of_one_kind_is_never_worse() -> None:
     for part in ("zone", "pillar", "cell", "plate"):
         for order in (2, 3, 4):
             rows = [row for row in table() if (row.part, row.kind, row.order) == (part, "hex", order)]
-            finer = [(a, b) for a, b in product(rows, rows) if a.layers >= b.layers and a.share <= b.share]
+            finer = [
+                (a, b)
+                for a, b in product(rows, rows)
+                if a.layers >= b.layers and a.share <= b.share and a.through >= b.through
+            ]
             assert all(a.error <= b.error for a, b in finer)
         tets = [row for row in table() if (row.part, row.kind, row.order) == (part, "tet", 2)]
         finest = max(tets, key=lambda row: row.across)  # between the others pytetwild's chance decides
@@ -136,7 +140,7 @@ def test_a_whole_plate_has_a_bar_though_it_is_not_graded() -> None:
 
 def test_a_shorter_wave_is_a_longer_element(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = {0.5: 1e-4, 1.0: 1e-3}
-    rows = tuple(Measured("zone", "hex", 3, 1, 0.1, share, 0.0, error) for share, error in errors.items())
+    rows = tuple(Measured("zone", "hex", 3, 1, 0.1, share, 1, 0.0, error) for share, error in errors.items())
     monkeypatch.setattr(calibration, "table", lambda: rows)
 
     def error(share: float, growth: float) -> float:
@@ -155,7 +159,7 @@ def test_two_sizes_tell_the_error_of_edges_from_that_of_the_wave(monkeypatch: py
         return edges * length**calibration.EDGE + wave * length**6
 
     def error(rows: dict[float, float], growth: float) -> float:
-        listed = tuple(Measured("zone", "hex", 3, 1, 0.1, share, 0.0, each) for share, each in rows.items())
+        listed = tuple(Measured("zone", "hex", 3, 1, 0.1, share, 1, 0.0, each) for share, each in rows.items())
         monkeypatch.setattr(calibration, "table", lambda: listed)
         found = calibration.by_hexahedra("zone", 3, 1, 0.1, 1.0, growth=growth)
         assert found is not None

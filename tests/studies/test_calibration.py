@@ -30,7 +30,7 @@ REFERENCES = [
 
 
 def test_a_mesh_has_its_worst_quantity_and_a_theory_its_first() -> None:
-    planned = {"model": "hex", "order": 3, "size_mm": 2.0, "layers": 1, "factor": 0.1, "share": 0.5}
+    planned = {"model": "hex", "order": 3, "size_mm": 2.0, "layers": 1, "factor": 0.1, "share": 0.5, "through": 2}
     other = {"model": "hex", "order": 3, "size_mm": 2.0}
     tets = {"model": "tet", "order": 2, "size_mm": 1.0}
     theory = {"model": "analytic", "theory": "euler"}
@@ -44,9 +44,9 @@ def test_a_mesh_has_its_worst_quantity_and_a_theory_its_first() -> None:
         ]
     )
     assert found == [
-        ("pillar", "euler", 0, 0, 0.0, 0.0, 0.0, 0.02),
-        ("pillar", "hex", 3, 1, 0.1, 0.5, 0.0, 0.01),
-        ("pillar", "tet", 2, 0, 0.0, 0.0, 2.0, 0.03),
+        ("pillar", "euler", 0, 0, 0.0, 0.0, 0, 0.0, 0.02),
+        ("pillar", "hex", 3, 1, 0.1, 0.5, 2, 0.0, 0.01),
+        ("pillar", "tet", 2, 0, 0.0, 0.0, 0, 2.0, 0.03),
     ]
 
 
