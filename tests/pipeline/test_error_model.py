@@ -138,6 +138,14 @@ def test_a_whole_plate_has_a_bar_though_it_is_not_graded() -> None:
     assert way.hexahedra and way.hexahedra.layers == 0 and expected_error(way, case.design) is not None
 
 
+def test_each_mesh_has_the_error_of_its_own_elements_through_the_plate(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = tuple(Measured("cell", "hex", 3, 1, 0.1, 1.0, through, 0.0, 1e-3 / through) for through in (1, 2))
+    for listed in (rows, rows[::-1]):
+        monkeypatch.setattr(calibration, "table", lambda listed=listed: listed)
+        found = [planner.expected_error("cell", planner.Rung(3, 1, 0.1, 1.0, through)) for through in (1, 2, 3)]
+        assert found == [SAFETY[HEX] * 1e-3, SAFETY[HEX] * 5e-4, None]
+
+
 def test_a_shorter_wave_is_a_longer_element(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = {0.5: 1e-4, 1.0: 1e-3}
     rows = tuple(Measured("zone", "hex", 3, 1, 0.1, share, 1, 0.0, error) for share, error in errors.items())
