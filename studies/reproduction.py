@@ -27,7 +27,7 @@ from solvers.fem.solid import SolidModel
 from studies import ladder
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "thesis-reproduction.md"
-STUDIES = ("rows", "extension", "periodicity", "prototype", "prototype-plate", "height", "cell")
+STUDIES = ("rows", "extension", "periodicity", "prototype", "height", "cell")
 ACTIVE = ("mason", "pillar", "beam", "shaping", "dq")
 PILLARS_MM = {7.1: 32.0, 6.5: 35.0, 6.3: 38.0}
 NEAR = 0.02

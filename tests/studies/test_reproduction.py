@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.study_file import load_study
 from studies import reproduction
 
 
@@ -34,6 +35,11 @@ def test_studies_that_were_not_run_are_named(tmp_path: Path) -> None:
     found, missing = reproduction.plates(tmp_path)
     assert found == []
     assert missing == list(reproduction.STUDIES)
+
+
+@pytest.mark.parametrize("name", reproduction.STUDIES)
+def test_what_the_page_asks_to_run_is_a_study(name: str) -> None:
+    assert load_study(name).name == name
 
 
 def test_a_bar_in_a_cell_does_not_break_the_table() -> None:
