@@ -342,8 +342,9 @@ def _point(measured: dict[str, Any], error: float) -> tuple[float, float, float]
 def _chosen_point(record: dict[str, Any], error: float | None) -> tuple[float, float, float] | None:
     """The same of a mesh that `solve.accuracy` may choose; None of any other."""
     given, measured = record["parameters"], record.get("measured")
-    planned = error is not None and measured and _planned(given["part"], given["rung"])
-    return _point(measured, error) if planned and error is not None else None
+    if error is None or not measured or not _planned(given["part"], given["rung"]):
+        return None
+    return _point(measured, error)
 
 
 def _picture(quantity: str, found: list[Any], uncertainty: float) -> plots.Drawing:
@@ -369,9 +370,9 @@ def _picture(quantity: str, found: list[Any], uncertainty: float) -> plots.Drawi
         axes.grid(True)
         axes.axhspan(1e-7, max(uncertainty, 1e-7), color=plots.GREY, alpha=0.25, lw=0)
     chosen = [point for record, error in found if (point := _chosen_point(record, error))]
-    for axes, column, label in ((left, 0, CHOSEN), (right, 1, None)) if chosen else ():
+    for axes, column, legend in ((left, 0, CHOSEN), (right, 1, None)) if chosen else ():
         places, errors = [point[column] for point in chosen], [point[2] for point in chosen]
-        axes.plot(places, errors, "o", label=label, color="black", markersize=9.0, markerfacecolor="none")
+        axes.plot(places, errors, "o", label=legend, color="black", markersize=9.0, markerfacecolor="none")
     left.set_ylabel("relative error")
     left.set_ylim(bottom=max(uncertainty / 10.0, 1e-7))
     figure.legend(loc="outside lower center", ncols=4, fontsize=7)

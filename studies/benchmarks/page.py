@@ -39,7 +39,7 @@ def measure(page_file: Path, browser: Any) -> tuple[float, float | None]:
 def main(study: str) -> int:
     """Print what was measured; say what is missing where it cannot be."""
     page_file = house.RESULTS / study / "report.html"
-    chromium = next((found for name in ("chromium", "google-chrome") if (found := shutil.which(name))), None)
+    chromium = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
     try:
         from playwright.sync_api import sync_playwright
     except ModuleNotFoundError:
