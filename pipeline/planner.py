@@ -105,7 +105,7 @@ def half_wavelength_m(design: Design) -> float:
 def good_to_hz(part: str, design: Design) -> float:
     """Up to where the error of a part's meshes was measured, Hz: the wanted mode, three bendings, ten bands of a cell."""
     if part == "zone":
-        return wanted_window_hz(design)[1]
+        return _wanted_hz(design)
     if part == "pillar":
         assert design.pillar
         return float(pillar_frequencies_hz(design.pillar, "timoshenko", 3)[-1])
@@ -208,6 +208,12 @@ def _smallest_m(design: Design) -> float:
 
 def wanted_window_hz(design: Design) -> tuple[float, float]:
     """Where to look for the wanted mode when the case does not say: about the zone's exact thin-plate frequency."""
+    estimate = _wanted_hz(design)
+    return WINDOW[0] * estimate, WINDOW[1] * estimate
+
+
+def _wanted_hz(design: Design) -> float:
+    """The zone's exact thin-plate frequency."""
     material = design.material
     strip = Strip(
         design.length_m,
@@ -218,5 +224,4 @@ def wanted_window_hz(design: Design) -> tuple[float, float]:
         material.poisson,
     )
     pinned = design.nodal_lines < 2  # a rigid shape along x: cylindrical bending across the zone
-    estimate = thin_plate_hz(strip, strip.across_per_m) if pinned else levy_hz(strip, design.nodal_lines)
-    return WINDOW[0] * estimate, WINDOW[1] * estimate
+    return thin_plate_hz(strip, strip.across_per_m) if pinned else levy_hz(strip, design.nodal_lines)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import product
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from geometry.hexmesh import cell_boxes, hex_mesh, pillar_boxes, zone_boxes
@@ -13,6 +14,7 @@ from pipeline.calibration import HEX, SAFETY, Measured, table
 from pipeline.case import load_case
 from pipeline.error_model import expected_error
 from pipeline.ways import cell_way, way_of
+from studies import ladder
 
 CASE = Path(__file__).resolve().parents[2] / "studies" / "three-rows.toml"
 
@@ -63,6 +65,23 @@ MESHES = {
     "pillar": lambda design, row: pillar_boxes(design.pillar, planner.pillar_mesh(design, row)),
     "cell": lambda design, row: cell_boxes(design, planner.cell_mesh(design, row)),
 }
+
+
+@pytest.mark.parametrize("part", MESHES)
+def test_the_study_measures_the_very_elements_of_the_planner(part: str) -> None:
+    boxes = {"zone": zone_boxes, "pillar": lambda design, mesh: pillar_boxes(design.pillar, mesh), "cell": cell_boxes}
+    for row in planner.rungs(part):
+        planned, measured = MESHES[part](ladder.design(), row), ladder.settings(ladder.of_the_planner(part, row))
+        studied = boxes[part](ladder.design(), measured)
+        assert all(np.allclose(getattr(planned, axis), getattr(studied, axis), rtol=1e-12) for axis in "xyz")
+
+
+def test_a_zones_error_counts_from_the_mode_at_which_it_was_measured() -> None:
+    """Modes above the wanted one, those of its own window too, are given more: the reference's (0, N) stands at 1, not 1.35."""
+    design = ladder.design()
+    measured_hz = ladder.zone({"model": "hex", **ladder.of_the_planner("zone", planner.rungs("zone")[0])})[0]["zone"]
+    good = planner.good_to_hz("zone", design)
+    assert good <= 1.15 * measured_hz and good < planner.wanted_window_hz(design)[1]
 
 
 @pytest.mark.parametrize("part", MESHES)
