@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache
 from math import pi
 from typing import Any
@@ -63,14 +63,7 @@ def settings(rung: dict[str, Any]) -> HexSettings:
 def of_the_planner(part: str, row: planner.Rung) -> dict[str, Any]:
     """A rung with the very elements that the planner gives the part."""
     mesh = {"zone": planner.zone_mesh, "pillar": planner.pillar_mesh}.get(part, planner.cell_mesh)(design(), row)
-    rung = {
-        "order": row.order,
-        "size_mm": 1e3 * mesh.size_m,
-        "layers": row.layers,
-        "factor": row.factor,
-        "share": row.share,
-        "through": row.through,
-    }
+    rung = asdict(row) | {"size_mm": 1e3 * mesh.size_m}
     return rung | ({"along_mm": 1e3 * mesh.pillar_size_m} if mesh.pillar_size_m else {})
 
 

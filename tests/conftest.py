@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import signal
 
-from pipeline.workers import THREAD_VARIABLES
+from pipeline.workers import limit_threads
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # a worker a core: their libraries' own threads would wait for each other
-    os.environ |= {name: os.environ.get(name, "1") for name in THREAD_VARIABLES}
+    limit_threads(1)
 
 
 def pytest_configure() -> None:

@@ -30,14 +30,14 @@ def test_what_the_planner_takes_is_expected_to_meet_the_accuracy(part: str, accu
 
 def test_the_cheapest_mesh_that_serves_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = (4e-3, 2e-3, 1e-3, 2e-4)
-    ladder = planner.rungs("zone")
+    ladder_of_zone = planner.rungs("zone")
     rows = [
         Measured("zone", "hex", r.order, r.layers, r.factor, r.share, r.through, 0.0, e)
-        for r, e in zip(ladder, errors, strict=False)
+        for r, e in zip(ladder_of_zone, errors, strict=False)
     ]
     monkeypatch.setattr(calibration, "table", lambda: tuple(rows))
     taken = [planner.rung("zone", SAFETY[HEX] * (error + 1e-9)) for error in (1.0, *errors, 1e-5)]
-    assert taken == [ladder[0], *ladder[: len(errors)], ladder[-1]]
+    assert taken == [ladder_of_zone[0], *ladder_of_zone[: len(errors)], ladder_of_zone[-1]]
 
 
 @pytest.mark.parametrize("accuracy", [0.03, 0.003, 0.0015])
@@ -77,11 +77,11 @@ def test_the_study_measures_the_very_elements_of_the_planner(part: str) -> None:
 
 
 def test_a_zones_error_counts_from_the_mode_at_which_it_was_measured() -> None:
-    """Modes above the wanted one, those of its own window too, are given more: the reference's (0, N) stands at 1, not 1.35."""
+    """Modes above the wanted one are given more, those within its window too: what was measured lies no lower than good."""
     design = ladder.design()
     measured_hz = ladder.zone({"model": "hex", **ladder.of_the_planner("zone", planner.rungs("zone")[0])})[0]["zone"]
     good = planner.good_to_hz("zone", design)
-    assert good <= 1.15 * measured_hz and good < planner.wanted_window_hz(design)[1]
+    assert 0.0 < good <= measured_hz
 
 
 @pytest.mark.parametrize("part", MESHES)
