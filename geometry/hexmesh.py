@@ -102,9 +102,11 @@ class HexSettings:
 
 
 def zone_boxes(design: Design, settings: HexSettings, quarter: bool = True) -> Boxes:
-    """The bare strip length x width x thickness, graded towards its clamped long side faces; x, y >= 0 when quartered."""
+    """The bare strip length x width x thickness, graded towards its clamped long side faces and the free ends that meet them
+    in singular corners; x, y >= 0 when quartered.
+    """
     half_x, half_y = design.length_m / 2.0, design.width_m / 2.0
-    x = grid_lines(_span(half_x, False, quarter), settings.grading)
+    x = grid_lines(_span(half_x, True, quarter), settings.grading)
     y = grid_lines(_span(half_y, True, quarter), settings.grading)
     z = grid_lines({0.0: True, design.thickness_m: True}, settings.grading)
     return _filled(x, y, z, "plate")

@@ -11,13 +11,14 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import accumulate, pairwise
+from math import log
 from pathlib import Path
 
 TABLE = Path(__file__).with_name("calibration.csv")
-FIELDS = ("part", "kind", "order", "layers", "factor", "share", "through", "across", "error")
+FIELDS = ("part", "kind", "order", "layers", "factor", "share", "through", "across", "growth", "error")
 HEX, TET, TET_ORDER = "hex", "tet", 2
 PLATE, MIXING = "plate", "mixing"
-EDGE = 1.5  # power of an element's length in a frequency's error by the field at a clamped edge
 # of the study's parts: thickness over half-wavelength, side over height
 SLENDER = {"zone": 8 * 2.0 / 115.5, "pillar": 2.0 / 6.3}
 # tests/verification/test_error_bars.py counts how often the bar holds on other scenes; tetrahedra differ from run to run
@@ -25,11 +26,26 @@ SAFETY = {HEX: 1.5, TET: 2.0, PLATE: 1.25}  # a plate's modes lie far below the 
 
 
 @dataclass(frozen=True)
+class Rung:
+    """Order, layers towards singular edges, their shrink factor, the elements' size over the part's own, and how many at
+    least lie through a plate that has pillars.
+
+    The size is that in the plate; of a lone pillar, whose section takes two elements, that along it.
+    """
+
+    order: int
+    layers: int
+    factor: float
+    share: float = 1.0
+    through: int = 1
+
+
+@dataclass(frozen=True)
 class Measured:
     """Largest relative error of a reference part by one mesh.
 
     Of hexahedra: layers, their factor, share of the planner's element size and how many through a plate; of tetrahedra: how
-    many across the smallest dimension.
+    many across the smallest dimension. `growth`: the frequency over that up to which the planner calls the mesh good.
     """
 
     part: str
@@ -40,7 +56,13 @@ class Measured:
     share: float
     through: int
     across: float
+    growth: float
     error: float
+
+    @property
+    def rung(self) -> Rung:
+        """The mesh of hexahedra."""
+        return Rung(self.order, self.layers, self.factor, self.share, self.through)
 
 
 @lru_cache(maxsize=1)
@@ -53,49 +75,32 @@ def table() -> tuple[Measured, ...]:
 
 def _measured(row: dict[str, str]) -> Measured:
     order, layers, through = (int(row[name]) for name in ("order", "layers", "through"))
-    factor, share, across, error = (float(row[name]) for name in ("factor", "share", "across", "error"))
-    return Measured(row["part"], row["kind"], order, layers, factor, share, through, across, error)
+    factor, share, across, growth, error = (float(row[name]) for name in FIELDS[4:6] + FIELDS[7:])
+    return Measured(row["part"], row["kind"], order, layers, factor, share, through, across, growth, error)
 
 
-def by_hexahedra(
-    part: str,
-    order: int,
-    layers: int,
-    factor: float,
-    share: float = 1.0,
-    through: int = 1,
-    kind: str = HEX,
-    growth: float = 1.0,
-) -> float | None:
-    """Error to expect of graded hexahedra, with the safety of a kind; None where nothing like them was measured.
+def by_hexahedra(part: str, rung: Rung, kind: str = HEX, growth: float = 1.0) -> float | None:
+    """Error to expect of graded hexahedra, with the safety of a kind; None where the mesh was not measured.
 
-    At `growth` times the frequencies measured, bending waves are sqrt(growth) shorter: as on elements so much longer, of which
-    the next measured ones tell. Beyond the longest, S h^EDGE + C h^(2 order) through the two longest, or the latter alone.
+    At `growth` times the frequency that the planner calls the mesh good for, bending waves are sqrt(growth) shorter. Between
+    two measured modes the straight line over logarithms, which no sum of powers exceeds; beyond the last h^(2 order).
     """
     if growth < 1.0:
         raise ValueError(f"growth = {growth}: must be 1 or more")
-    alike = [
-        row
-        for row in table()
-        if (row.part, row.kind, row.order, row.layers, row.factor, row.through)
-        == (part, HEX, order, layers, factor, through)
-    ]
-    if not any(row.share == share for row in alike):
-        return None
-    length = share * growth**0.5
-    longer = [row for row in alike if row.share >= length * (1.0 - 1e-9)]
-    error = min(longer, key=lambda row: row.share).error if longer else _extrapolated(alike, length, 2 * order)
-    return SAFETY[kind] * error
+    rows = [row for row in table() if (row.part, row.kind, row.rung) == (part, HEX, rung)]
+    return SAFETY[kind] * _grown(sorted(rows, key=lambda row: row.growth), growth) if rows else None
 
 
-def _extrapolated(rows: list[Measured], length: float, smooth: int) -> float:
-    """Error on longer elements than any measured; two sizes tell that of singular edges from that of the smooth wave."""
-    longest, *shorter = sorted(rows, key=lambda row: -row.share)
-    stretch, share_smooth = length / longest.share, 1.0
-    if shorter:
-        ratio, fall = shorter[0].share / longest.share, shorter[0].error / longest.error
-        share_smooth = min(max((ratio**EDGE - fall) / (ratio**EDGE - ratio**smooth), 0.0), 1.0)
-    return longest.error * ((1.0 - share_smooth) * stretch**EDGE + share_smooth * stretch**smooth)
+def _grown(rows: list[Measured], growth: float) -> float:
+    """The error at a growth from those of one mesh in ascending order; it never falls."""
+    points = list(zip((row.growth for row in rows), accumulate((row.error for row in rows), max), strict=True))
+    if growth <= points[0][0]:
+        return points[0][1]
+    for (low, least), (high, most) in pairwise(points):
+        if growth <= high:
+            return least * (most / least) ** (log(growth / low) / log(high / low))
+    last, error = points[-1]
+    return error * max(growth / last, 1.0) ** rows[0].order  # h^2 goes as the frequency
 
 
 def by_tetrahedra(part: str, across: float) -> float | None:

@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import sqrt
 
 from geometry.hexmesh import HexSettings
 from geometry.layout import Design
 from pipeline import calibration
+from pipeline.calibration import Rung
 from solvers.analytic.plates import Strip, levy_hz, thin_plate_hz
 from solvers.analytic.predesign import pillar_frequencies_hz
 from solvers.superelement.build import Recipe
@@ -27,25 +27,10 @@ FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too fe
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
 
 
-@dataclass(frozen=True)
-class Rung:
-    """Order, layers towards singular edges, their shrink factor, the elements' size over the part's own, and how many at
-    least lie through a plate that has pillars.
-
-    The size is that in the plate; of a lone pillar, whose section takes two elements, that along it.
-    """
-
-    order: int
-    layers: int
-    factor: float
-    share: float = 1.0
-    through: int = 1
-
-
 RUNGS = {  # by their unknowns; a joined plate is meshed as its cell is; a whole one's grading would run across it
     "zone": (
-        Rung(3, 1, 0.1), Rung(3, 1, 0.1, 0.8), Rung(3, 1, 0.1, 0.667), Rung(4, 1, 0.1), Rung(4, 1, 0.1, 0.667),
-        Rung(4, 2, 0.15, 0.667),
+        Rung(3, 1, 0.1), Rung(3, 1, 0.1, 0.8), Rung(3, 1, 0.1, 0.6), Rung(3, 1, 0.1, 0.5), Rung(4, 1, 0.1, 0.9),
+        Rung(4, 2, 0.15, 0.8),
     ),
     "pillar": (Rung(2, 1, 0.15, 0.5), Rung(3, 1, 0.1), Rung(4, 1, 0.1), Rung(4, 2, 0.15), Rung(4, 3, 0.15)),
     "cell": (
@@ -91,8 +76,7 @@ def expected_error(part: str, row: Rung, growth: float = 1.0) -> float | None:
     """
     parts = ("cell", "plate") if part == "plate" else (part,)
     kind = calibration.PLATE if part in ("plate", "whole") else calibration.HEX
-    mesh = (row.order, row.layers, row.factor, row.share, row.through)
-    found = [calibration.by_hexahedra(each, *mesh, kind, growth) for each in parts]
+    found = [calibration.by_hexahedra(each, row, kind, growth) for each in parts]
     known = [error for error in found if error is not None]
     return max(known) if len(known) == len(parts) else None
 

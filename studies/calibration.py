@@ -6,22 +6,26 @@ import csv
 import io
 import json
 import sys
+from math import floor
 from typing import Any
 
+from pipeline import planner
 from pipeline.calibration import FIELDS, MIXING, TABLE
 from pipeline.house import RESULTS
 from pipeline.records import read_study
 from pipeline.store import BadRecord, write_atomic
+from studies import ladder
 from studies.accuracy import HELD, QUANTITIES, cases, references
 
 KINDS = {"hex": "hex", "solid": "hex", "superelement": "hex", "tet": "tet", "superelement tet": "tet"}
 ANALYTIC = "analytic"
-NO_MESH = (0, 0, 0.0, 0.0, 0, 0.0)
+FIRST = 1.0  # growth of what a part's error counts from
+NO_MESH = (0, 0, 0.0, 0.0, 0, 0.0, FIRST)
 SMALLEST_MM = {"zone": 4.0, "pillar": 2.0, "cell": 2.0, "plate": 2.0}  # of the reference design
 
 
 def rows(records: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
-    """One row a part and mesh: the worst of its quantities; of a theory the first one."""
+    """One row a part, mesh and growth: the worst of its quantities; of a theory the first one."""
     known, found = references(records), dict[tuple[Any, ...], float]()
     for record in records:
         given, values = record["parameters"], record.get("values") or {}
@@ -29,9 +33,9 @@ def rows(records: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
         if given["role"] != "rung" or not values:
             continue
         asked = [name for name in QUANTITIES[given["part"]] if name in values and name in known]
-        errors = [abs(values[name] / known[name][0] - 1.0) for name in asked]
+        errors = {name: abs(values[name] / known[name][0] - 1.0) for name in asked}
         if rung["model"] == ANALYTIC:
-            found[(given["part"], rung["theory"], *NO_MESH)] = errors[0]
+            found[(given["part"], rung["theory"], *NO_MESH)] = errors[asked[0]]
             continue
         kind = KINDS[rung["model"]]
         across = SMALLEST_MM[given["part"]] / rung["size_mm"] if kind == "tet" else 0.0
@@ -41,11 +45,21 @@ def rows(records: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
         key = (part, kind, rung["order"], int(rung.get("layers") or 0), factor, share, through, round(across, 2))
         if kind == "hex" and not share:
             continue  # no mesh of the planner's
-        found[key] = max(errors)
+        for quantity, error in errors.items():
+            at = growth(quantity, known[quantity][0]) if kind == "hex" else FIRST
+            if kind == "hex" or quantity != ladder.ZONE[1]:
+                found[(*key, at)] = max(error, found.get((*key, at), 0.0))
     share = _mixing(records, known)
     if share:
         found[("plate", MIXING, *NO_MESH)] = share
     return [(*key, float(f"{error:.2g}")) for key, error in sorted(found.items())]
+
+
+def growth(quantity: str, reference_hz: float) -> float:
+    """A zone's mode over the frequency up to which the planner calls its mesh good, rounded down; 1 for other parts."""
+    if quantity not in ladder.ZONE:
+        return FIRST
+    return floor(100.0 * reference_hz / planner.good_to_hz("zone", ladder.design())) / 100.0
 
 
 def _mixing(records: list[dict[str, Any]], known: dict[str, tuple[float, float]]) -> float:

@@ -112,12 +112,15 @@ def test_a_line_runs_along_the_zones_border() -> None:
         assert np.abs(boxes.y - border).min() < 1e-15
 
 
-def test_zone_is_graded_towards_its_clamped_sides_and_not_along_its_length() -> None:
+def test_zone_is_graded_towards_its_clamped_sides_and_its_free_ends_and_not_at_the_mirrors() -> None:
     settings = HexSettings(order=3, size_m=5e-3, layers=2, factor=0.2)
     boxes = zone_boxes(DESIGN, settings)
     assert np.diff(boxes.y)[-1] == pytest.approx(0.04 * 5e-3)
-    assert np.ptp(np.diff(boxes.x)) < 1e-12
+    assert np.diff(boxes.x)[-1] == pytest.approx(0.04 * np.diff(boxes.x)[0])
+    assert np.ptp(np.diff(boxes.x)[:-3]) < 1e-12
     assert np.allclose(np.diff(boxes.z), np.diff(boxes.z)[::-1])
+    whole = zone_boxes(DESIGN, settings, False)
+    assert np.allclose(whole.x, -whole.x[::-1]) and np.allclose(whole.x[whole.x >= -1e-12], boxes.x)
 
 
 def test_so_many_elements_lie_through_a_plate_with_pillars_and_one_through_a_bare_one() -> None:

@@ -32,7 +32,7 @@ def test_the_cheapest_mesh_that_serves_is_taken(monkeypatch: pytest.MonkeyPatch)
     errors = (4e-3, 2e-3, 1e-3, 2e-4)
     ladder_of_zone = planner.rungs("zone")
     rows = [
-        Measured("zone", "hex", r.order, r.layers, r.factor, r.share, r.through, 0.0, e)
+        Measured("zone", "hex", r.order, r.layers, r.factor, r.share, r.through, 0.0, 1.0, e)
         for r, e in zip(ladder_of_zone, errors, strict=False)
     ]
     monkeypatch.setattr(calibration, "table", lambda: tuple(rows))
@@ -98,7 +98,7 @@ def test_a_finer_mesh_of_one_kind_is_never_worse() -> None:
             finer = [
                 (a, b)
                 for a, b in product(rows, rows)
-                if a.layers >= b.layers and a.share <= b.share and a.through >= b.through
+                if a.growth == b.growth and a.layers >= b.layers and a.share <= b.share and a.through >= b.through
             ]
             assert all(a.error <= b.error for a, b in finer)
         tets = [row for row in table() if (row.part, row.kind, row.order) == (part, "tet", 2)]
@@ -132,13 +132,13 @@ def test_what_was_never_measured_has_no_bar() -> None:
 def test_the_bar_grows_with_the_frequency_and_elements_shrink_where_no_rung_serves() -> None:
     case = load_case(CASE, ["solve.accuracy=0.01"])
     good = planner.good_to_hz("zone", case.design)
-    low, high, far = (way_of(case, "zone", factor * good) for factor in (1.0, 2.0, 20.0))
+    low, high, far = (way_of(case, "zone", factor * good) for factor in (1.0, 3.0, 20.0))
     assert low.rung and far.hexahedra and low.hexahedra
-    within, beyond = expected_error(low, case.design, good), expected_error(low, case.design, 2.0 * good)
-    assert within and beyond and 2.0 * within < beyond <= within * 2.0**low.rung.order
+    within, beyond = expected_error(low, case.design, good), expected_error(low, case.design, 3.0 * good)
+    assert within and beyond and 3.0 * within < beyond <= within * 3.0**low.rung.order
     assert high.rung != low.rung and high.good_to_hz == good
     assert far.hexahedra.size_m == pytest.approx(low.hexahedra.size_m / 20.0**0.5) and far.good_to_hz == 20.0 * good
-    for way, factor in ((high, 2.0), (far, 20.0)):
+    for way, factor in ((high, 3.0), (far, 20.0)):
         error = expected_error(way, case.design, factor * good)
         assert error is not None and error <= 0.01
 
@@ -158,41 +158,56 @@ def test_a_whole_plate_has_a_bar_though_it_is_not_graded() -> None:
 
 
 def test_each_mesh_has_the_error_of_its_own_elements_through_the_plate(monkeypatch: pytest.MonkeyPatch) -> None:
-    rows = tuple(Measured("cell", "hex", 3, 1, 0.1, 1.0, through, 0.0, 1e-3 / through) for through in (1, 2))
+    rows = tuple(Measured("cell", "hex", 3, 1, 0.1, 1.0, through, 0.0, 1.0, 1e-3 / through) for through in (1, 2))
     for listed in (rows, rows[::-1]):
         monkeypatch.setattr(calibration, "table", lambda listed=listed: listed)
         found = [planner.expected_error("cell", planner.Rung(3, 1, 0.1, 1.0, through)) for through in (1, 2, 3)]
         assert found == [SAFETY[HEX] * 1e-3, SAFETY[HEX] * 5e-4, None]
 
 
-def test_a_shorter_wave_is_a_longer_element(monkeypatch: pytest.MonkeyPatch) -> None:
-    errors = {0.5: 1e-4, 1.0: 1e-3}
-    rows = tuple(Measured("zone", "hex", 3, 1, 0.1, share, 1, 0.0, error) for share, error in errors.items())
+MESH = calibration.Rung(3, 1, 0.1)
+
+
+def at_growth(monkeypatch: pytest.MonkeyPatch, errors: dict[float, float], growth: float) -> float:
+    """The error that is expected of a mesh at a growth, without the safety."""
+    rows = tuple(Measured("zone", "hex", 3, 1, 0.1, 1.0, 1, 0.0, each, error) for each, error in errors.items())
     monkeypatch.setattr(calibration, "table", lambda: rows)
-
-    def error(share: float, growth: float) -> float:
-        found = calibration.by_hexahedra("zone", 3, 1, 0.1, share, growth=growth)
-        assert found is not None
-        return found / SAFETY[HEX]
-
-    assert error(0.5, 1.0) == pytest.approx(1e-4)
-    assert error(0.5, 2.0) == error(0.5, 4.0) == error(1.0, 1.0) == pytest.approx(1e-3)
-    assert error(1.0, 4.0) == error(0.5, 16.0)
-    assert calibration.by_hexahedra("zone", 3, 1, 0.1, 0.7) is None
+    found = calibration.by_hexahedra("zone", MESH, growth=growth)
+    assert found is not None
+    return found / SAFETY[HEX]
 
 
-def test_two_sizes_tell_the_error_of_edges_from_that_of_the_wave(monkeypatch: pytest.MonkeyPatch) -> None:
-    def made(length: float, edges: float, wave: float) -> float:
-        return edges * length**calibration.EDGE + wave * length**6
+@pytest.mark.parametrize(("edges", "wave"), [(1e-3, 0.0), (0.0, 1e-3), (3e-4, 7e-4), (9e-4, 1e-4)])
+def test_two_modes_bound_the_error_of_edges_and_waves(
+    monkeypatch: pytest.MonkeyPatch, edges: float, wave: float
+) -> None:
+    def made(growth: float) -> float:
+        return edges * growth**0.75 + wave * growth**3
 
-    def error(rows: dict[float, float], growth: float) -> float:
-        listed = tuple(Measured("zone", "hex", 3, 1, 0.1, share, 1, 0.0, each) for share, each in rows.items())
-        monkeypatch.setattr(calibration, "table", lambda: listed)
-        found = calibration.by_hexahedra("zone", 3, 1, 0.1, 1.0, growth=growth)
-        assert found is not None
-        return found / SAFETY[HEX]
+    measured = {2.0: made(2.0), 1.0: made(1.0)}
+    for growth in measured:
+        assert at_growth(monkeypatch, measured, growth) == pytest.approx(made(growth))
+    for growth in (1.2, 1.6, 3.0, 5.0):
+        assert at_growth(monkeypatch, measured, growth) >= made(growth) * (1.0 - 1e-9)
+    assert at_growth(monkeypatch, measured, 1.5) < made(2.0)
 
-    for edges, wave in ((1e-3, 0.0), (0.0, 1e-3), (3e-4, 7e-4)):
-        rows = {share: made(share, edges, wave) for share in (1.0, 0.7)}
-        assert error(rows, 4.0) == pytest.approx(made(2.0, edges, wave))
-    assert error({1.0: 1e-3}, 4.0) == pytest.approx(1e-3 * 2.0**6)  # one size alone: the steeper of the two
+
+def test_one_mode_alone_grows_as_the_smooth_wave(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert at_growth(monkeypatch, {1.0: 1e-3}, 2.0) == pytest.approx(8e-3)
+
+
+def test_a_higher_mode_is_never_expected_to_be_better(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert at_growth(monkeypatch, {1.0: 1e-3, 2.0: 8e-4}, 1.5) == pytest.approx(1e-3)
+
+
+def test_a_mesh_that_was_not_measured_has_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    at_growth(monkeypatch, {1.0: 1e-3}, 1.0)
+    assert calibration.by_hexahedra("zone", calibration.Rung(3, 1, 0.1, 0.7)) is None
+    with pytest.raises(ValueError, match="growth"):
+        calibration.by_hexahedra("zone", MESH, growth=0.9)
+
+
+def test_a_zones_higher_mode_was_measured() -> None:
+    for row in planner.rungs("zone"):
+        found = [each.growth for each in table() if (each.part, each.kind, each.rung) == ("zone", "hex", row)]
+        assert len(found) == 2 and 1.0 <= min(found) < 1.5 < max(found)

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from studies import accuracy, calibration
+from pipeline import planner
+from studies import accuracy, calibration, ladder
 
 SECONDS = {"seconds": 1.0, "repeats": 1, "peak_bytes": 1_000_000}
 
@@ -44,9 +45,34 @@ def test_a_mesh_has_its_worst_quantity_and_a_theory_its_first() -> None:
         ]
     )
     assert found == [
-        ("pillar", "euler", 0, 0, 0.0, 0.0, 0, 0.0, 0.02),
-        ("pillar", "hex", 3, 1, 0.1, 0.5, 2, 0.0, 0.01),
-        ("pillar", "tet", 2, 0, 0.0, 0.0, 0, 2.0, 0.03),
+        ("pillar", "euler", 0, 0, 0.0, 0.0, 0, 0.0, 1.0, 0.02),
+        ("pillar", "hex", 3, 1, 0.1, 0.5, 2, 0.0, 1.0, 0.01),
+        ("pillar", "tet", 2, 0, 0.0, 0.0, 0, 2.0, 1.0, 0.03),
+    ]
+
+
+def test_a_zones_two_modes_tell_what_hexahedra_do_at_two_frequencies_and_tetrahedra_at_the_first() -> None:
+    good = planner.good_to_hz("zone", ladder.design())
+    low, high = 1.2005 * good, 1.7509 * good
+
+    def zone(rung: dict[str, Any], errors: tuple[float, ...], role: str = "rung") -> dict[str, Any]:
+        tones = [hz * (1.0 + error) for hz, error in zip((low, high), errors, strict=False)]
+        return stored("zone", rung, dict(zip(ladder.ZONE, tones, strict=False)), role)
+
+    planned = {"model": "hex", "order": 3, "size_mm": 8.0, "layers": 1, "factor": 0.1, "share": 0.8, "through": 1}
+    found = calibration.rows(
+        [
+            *(zone({"model": "hex", "order": 4, "size_mm": 1.0}, (d, d), "reference") for d in (4e-6, 2e-6, 1e-6)),
+            zone(planned, (0.01, 0.04)),
+            zone({**planned, "share": 1.0}, (0.02,)),
+            zone({"model": "tet", "order": 2, "size_mm": 2.0}, (0.03, 0.08)),
+        ]
+    )
+    assert found == [
+        ("zone", "hex", 3, 1, 0.1, 0.8, 1, 0.0, 1.2, 0.01),
+        ("zone", "hex", 3, 1, 0.1, 0.8, 1, 0.0, 1.75, 0.04),
+        ("zone", "hex", 3, 1, 0.1, 1.0, 1, 0.0, 1.2, 0.02),
+        ("zone", "tet", 2, 0, 0.0, 0.0, 0, 2.0, 1.0, 0.03),
     ]
 
 
