@@ -22,6 +22,7 @@ ALONG = {
     5: 0.4,
 }  # degree along a side: the longest side over the wanted half-wavelength; the log checks each solve
 ACROSS = 2.05  # elements over the zone's width, a little more than two: two in each half
+LONGEST = 5.0  # thicknesses that an element of the zone is long at most: about as in the calibration, longer ones lock
 ELEMENT = 0.26  # of a shear wave: what an element of a cell spans at the tenth band of the calibrated one
 FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too few are noticed and raised
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
@@ -101,7 +102,7 @@ def good_to_hz(part: str, design: Design) -> float:
 
 def zone_mesh(design: Design, row: Rung, high_hz: float = 0.0) -> HexSettings:
     """Elements of the bare strip for modes up to a frequency: its clamped faces are singular edges."""
-    size = min(half_wavelength_m(design) * 2.0 / 3.0, design.width_m / ACROSS)
+    size = min(half_wavelength_m(design) * 2.0 / 3.0, design.width_m / ACROSS, LONGEST * design.thickness_m)
     return _settings(row, size * _shrunk("zone", design, high_hz))
 
 

@@ -27,21 +27,22 @@ LEAD = (
 REPEAT_BELOW_S = 3.0
 ENVELOPE = (
     "Each mesh that `solve.accuracy` may choose: its time over that of the quickest model whose error is no larger. 1 is the "
-    "lower envelope of the pictures; errors within the reference's own uncertainty say little. The zone's mode (0, N + 4) is "
-    "not what its meshes are made for: it tells how their error grows with the frequency."
+    "lower envelope of the pictures; errors within the reference's own uncertainty say little. The zone's modes beyond "
+    "(0, N) are not what its meshes are made for: they tell how the error grows with the frequency."
 )
 HELD = "confinement (dB)"
 CHOSEN = "what solve.accuracy may choose"
 TARGETS = (0.03, 0.01, 0.003, 0.001)
 QUANTITIES = {
-    "zone": ladder.ZONE,
+    "zone": tuple(ladder.ZONE),
     "pillar": ("pillar", "second bending", "third bending"),
     "cell": ("bending at M", "bending at G", "first at X", "gap lower edge", "gap upper edge"),
     "plate": ("plate",),
 }
 NAMES = {
     "zone": "Zone between clamped sides, mode (0, N)",
-    "zone above": "Zone between clamped sides, mode (0, N + 4)",
+    "zone two lines up": "Zone between clamped sides, mode (0, N + 2)",
+    "zone four lines up": "Zone between clamped sides, mode (0, N + 4)",
     "pillar": "Lone pillar, first bending",
     "second bending": "Lone pillar, second bending",
     "third bending": "Lone pillar, third bending",
@@ -298,7 +299,7 @@ def _cheapest(records: list[dict[str, Any]], known: dict[str, tuple[float, float
 def _envelope(records: list[dict[str, Any]], known: dict[str, tuple[float, float]]) -> Table:
     rows: list[list[Any]] = []
     for part, quantities in QUANTITIES.items():
-        for quantity in [each for each in quantities if each in known and each != ladder.ZONE[1]]:
+        for quantity in [each for each in quantities if each in known and not ladder.ZONE.get(each)]:
             found = [(r, abs(e)) for r, e in _measured(part, quantity, records, known[quantity]) if e is not None]
             for record, error in found:
                 rung = record["parameters"]["rung"]

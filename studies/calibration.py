@@ -47,7 +47,7 @@ def rows(records: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
             continue  # no mesh of the planner's
         for quantity, error in errors.items():
             at = growth(quantity, known[quantity][0]) if kind == "hex" else FIRST
-            if kind == "hex" or quantity != ladder.ZONE[1]:
+            if kind == "hex" or not ladder.ZONE.get(quantity):
                 found[(*key, at)] = max(error, found.get((*key, at), 0.0))
     share = _mixing(records, known)
     if share:

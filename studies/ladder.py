@@ -32,7 +32,7 @@ from solvers.waves.bloch import BlochCell
 
 WINDOW_HZ = (30e3, 38e3)  # where the wanted mode of the plate is looked for
 SMALL = 1e-6  # an error to which a confinement answers in proportion
-ZONE = ("zone", "zone above")
+ZONE = {"zone": 0, "zone two lines up": 2, "zone four lines up": 4}  # nodal lines beyond the wanted mode's
 ALIKE = 0.5  # modal assurance of a mode with the shape it is called after: a coarse mesh may have none
 BENDING = ("pillar", "second bending", "third bending")
 WHOLE_BENDING = [0, 3, 7]  # among all modes: every bending twice, with a twist, a stretch and a twist between
@@ -81,7 +81,7 @@ def of_order(mesh: Mesh, order: int) -> Mesh:
 
 
 def zone(rung: dict[str, Any]) -> tuple[Values, int]:
-    """The bare strip, sides clamped: modes (0, N) and (0, N + 4), whose waves are shorter."""
+    """The bare strip, sides clamped: modes (0, N), (0, N + 2) and (0, N + 4), whose waves are shorter."""
     d = design()
     if rung["model"] == "analytic":
         return {"zone": float(getattr(predesign(d).zone, rung["theory"]))}, 0
@@ -93,7 +93,7 @@ def zone(rung: dict[str, Any]) -> tuple[Values, int]:
     pencil = model.pencil(wanted_parity(d.nodal_lines))
     modes = modes_near(pencil, 50e3, 6)
     touch = model.touch("++", modes.vectors)
-    like = [measure(touch, replace(d, nodal_lines=d.nodal_lines + more), "++").mac for more in (0, 4)]
+    like = [measure(touch, replace(d, nodal_lines=d.nodal_lines + more), "++").mac for more in ZONE.values()]
     found = {name: modes.frequency_hz[mac > ALIKE] for name, mac in zip(ZONE, like, strict=True)}
     return {name: float(hz[0]) for name, hz in found.items() if len(hz)}, pencil.dof
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -82,6 +83,16 @@ def test_a_zones_error_counts_from_the_mode_at_which_it_was_measured() -> None:
     measured_hz = ladder.zone({"model": "hex", **ladder.of_the_planner("zone", planner.rungs("zone")[0])})[0]["zone"]
     good = planner.good_to_hz("zone", design)
     assert 0.0 < good <= measured_hz
+
+
+def test_elements_of_a_thin_zone_are_no_longer_over_its_thickness_than_those_that_were_measured() -> None:
+    """Elements of order 3 that bend lock as they grow longer than they are thick."""
+    row, given = planner.rungs("zone")[0], ladder.design()
+    measured, thin = (
+        planner.zone_mesh(replace(given, thickness_m=t), row).size_m / t for t in (given.thickness_m, 1e-3)
+    )
+    assert measured < planner.LONGEST and thin == pytest.approx(planner.LONGEST)
+    assert 1.1 * measured > planner.LONGEST
 
 
 @pytest.mark.parametrize("part", MESHES)
@@ -207,7 +218,7 @@ def test_a_mesh_that_was_not_measured_has_no_error(monkeypatch: pytest.MonkeyPat
         calibration.by_hexahedra("zone", MESH, growth=0.9)
 
 
-def test_a_zones_higher_mode_was_measured() -> None:
+def test_a_zones_higher_modes_were_measured() -> None:
     for row in planner.rungs("zone"):
         found = [each.growth for each in table() if (each.part, each.kind, each.rung) == ("zone", "hex", row)]
-        assert len(found) == 2 and 1.0 <= min(found) < 1.5 < max(found)
+        assert len(found) == 3 and 1.0 <= min(found) < 1.5 < max(found)

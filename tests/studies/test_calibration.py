@@ -51,7 +51,7 @@ def test_a_mesh_has_its_worst_quantity_and_a_theory_its_first() -> None:
     ]
 
 
-def test_a_zones_two_modes_tell_what_hexahedra_do_at_two_frequencies_and_tetrahedra_at_the_first() -> None:
+def test_a_zones_modes_tell_what_hexahedra_do_at_their_frequencies_and_tetrahedra_at_the_first() -> None:
     good = planner.good_to_hz("zone", ladder.design())
     low, high = 1.2005 * good, 1.7509 * good
 
