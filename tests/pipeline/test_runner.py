@@ -147,8 +147,11 @@ def start(folder: Path, *more: str) -> subprocess.Popen[bytes]:
 
 
 def living(family: list[psutil.Process]) -> list[psutil.Process]:
-    """Those that still run after a while; a zombie is dead, only nobody has read its exit yet."""
-    left = psutil.wait_procs(family, timeout=5)[1]
+    """Those that still run after a while; a zombie is dead, only nobody has read its exit yet.
+
+    A worker that was still importing looks for its parent when it is done, which takes long on a busy machine.
+    """
+    left = psutil.wait_procs(family, timeout=60)[1]
     return [process for process in left if process.is_running() and process.status() != psutil.STATUS_ZOMBIE]
 
 
