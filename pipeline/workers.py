@@ -16,6 +16,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from contextlib import suppress
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
@@ -77,6 +78,7 @@ class LocalWorkers(Executor):
 
     def _keep(self, slot: int) -> None:
         """One slot's life: a process, restarted after a death, fed from the queue."""
+        resource_tracker.ensure_running()  # its start unblocks SIGINT in the thread that happens to cause it
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: Ctrl-C is the main process's affair
         connection: Connection | None = None
         while (item := self._tasks.get()) is not None:
