@@ -1,9 +1,9 @@
 """What each mesh did to the frequencies of the reference parts: the committed table that planner and error bars read.
 
 `python -m studies.calibration` writes `calibration.csv` from the stored accuracy study: the largest relative error of each part
-by element, order, graded layers and share of the planner's own element size, or tetrahedra across; that of a theory's first
-frequency; how much of what may move a confinement at most does move it. Other scenes than those of the study are given SAFETY
-times as much.
+by element, order, graded layers and share of the planner's own element size, or tetrahedra across; of the zone's hexahedra at
+higher modes too; that of a theory's first frequency; how much of what may move a confinement at most does move it. Other
+scenes than those of the study are given SAFETY times as much.
 """
 
 from __future__ import annotations
@@ -75,7 +75,9 @@ def table() -> tuple[Measured, ...]:
 
 def _measured(row: dict[str, str]) -> Measured:
     order, layers, through = (int(row[name]) for name in ("order", "layers", "through"))
-    factor, share, across, growth, error = (float(row[name]) for name in FIELDS[4:6] + FIELDS[7:])
+    factor, share, across, growth, error = (
+        float(row[name]) for name in ("factor", "share", "across", "growth", "error")
+    )
     return Measured(row["part"], row["kind"], order, layers, factor, share, through, across, growth, error)
 
 

@@ -23,6 +23,9 @@ ALONG = {
 }  # degree along a side: the longest side over the wanted half-wavelength; the log checks each solve
 ACROSS = 2.05  # elements over the zone's width, a little more than two: two in each half
 LONGEST = 5.0  # thicknesses that an element of the zone is long at most: about as in the calibration, longer ones lock
+LOCKED = (
+    0.5  # of the length that waves allow: however thin the zone, elements so short make no more than those measured
+)
 ELEMENT = 0.26  # of a shear wave: what an element of a cell spans at the tenth band of the calibrated one
 FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too few are noticed and raised
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
@@ -102,7 +105,8 @@ def good_to_hz(part: str, design: Design) -> float:
 
 def zone_mesh(design: Design, row: Rung, high_hz: float = 0.0) -> HexSettings:
     """Elements of the bare strip for modes up to a frequency: its clamped faces are singular edges."""
-    size = min(half_wavelength_m(design) * 2.0 / 3.0, design.width_m / ACROSS, LONGEST * design.thickness_m)
+    longest = min(half_wavelength_m(design) * 2.0 / 3.0, design.width_m / ACROSS)
+    size = min(longest, max(LONGEST * design.thickness_m, LOCKED * longest))
     return _settings(row, size * _shrunk("zone", design, high_hz))
 
 

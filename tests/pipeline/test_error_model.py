@@ -95,6 +95,13 @@ def test_elements_of_a_thin_zone_are_no_longer_over_its_thickness_than_those_tha
     assert 1.1 * measured > planner.LONGEST
 
 
+def test_the_elements_of_a_foil_do_not_shrink_with_its_thickness_for_ever() -> None:
+    """Locking ends where shear vanishes: a zone of 20 um would otherwise have millions of unknowns."""
+    row, given = planner.rungs("zone")[0], ladder.design()
+    foil, thinner = (planner.zone_mesh(replace(given, thickness_m=t), row).size_m for t in (2e-5, 1e-5))
+    assert foil == thinner == pytest.approx(planner.LOCKED * planner.zone_mesh(given, row).size_m)
+
+
 @pytest.mark.parametrize("part", MESHES)
 def test_the_rungs_ascend_in_unknowns(part: str) -> None:
     design = load_case(CASE, []).design
