@@ -5,14 +5,14 @@ from pathlib import Path
 from pipeline.bands import solve_bands
 from pipeline.case import load_case
 from pipeline.logs import TerminalLog
-from pipeline.modes import Request, solve_modes, wanted_row
+from pipeline.modes import Request, solve_modes
 from solvers.analytic.predesign import predesign
 
 case = load_case(Path(__file__).parent / "small.toml", ["array.rows=2"])
 log = TerminalLog(quiet=True)
 print(f"zone by plate theory: {predesign(case.design).as_json()['zone']['frequency_hz']:.0f} Hz")
 found = solve_modes(case, Request("plate"), log)
-wanted = found.rows[wanted_row(found, case)]
+wanted = found.wanted.row
 print(f"wanted mode: {wanted.frequency_hz:.0f} Hz, MAC {wanted.mac:.2f}, {wanted.confinement_db:.1f} dB")
 bands = solve_bands(case, log)
 print("gaps:", [(round(gap.lower_hz), round(gap.upper_hz)) for gap in bands.gaps])

@@ -9,17 +9,22 @@ from pipeline.case import Case
 from solvers.confinement import wanted_parity
 
 DEFAULT_COUNT = 20
+MEASURED = ("plate", "zone")  # parts whose touch face tells which mode is the wanted one
 
 
 @dataclass(frozen=True)
 class Request:
-    """What to solve: a band, or `count` modes near a frequency (0: the lowest); one mirror class or all."""
+    """What to solve: a band, or `count` modes near a frequency (0: the lowest); one mirror class or all.
+
+    search: look for the wanted mode in its own window, beyond what is asked for; else among the modes found alone.
+    """
 
     part: str = "plate"
     band_hz: tuple[float, float] | None = None
     near_hz: float | None = None
     count: int | None = None
     parity: str | None = None
+    search: bool = True
 
     @property
     def highest_hz(self) -> float | None:
@@ -46,12 +51,22 @@ def understood(case: Case, request: Request) -> Request:
 
 def of_case(case: Case) -> Request:
     """The plate's modes as a study asks for them: the case's window, the wanted mode's class."""
-    return Request("plate", case.solve.band_hz, case.solve.near_hz, case.solve.count, case.parity_wanted)
+    solve = case.solve
+    return Request("plate", solve.band_hz, solve.near_hz, solve.count, case.parity_wanted)
+
+
+def wanted_window_hz(case: Case, asked: Request) -> tuple[float, float] | None:
+    """Where the wanted mode is looked for first; None where that has no meaning: other parts and symmetry classes."""
+    own = asked.part in MEASURED and asked.parity in (None, wanted_parity(case.design.nodal_lines))
+    return planner.wanted_window_hz(case.design) if own else None
 
 
 def model_high_hz(case: Case, asked: Request) -> float:
-    """Up to where the part's model has to be good, Hz."""
-    return asked.highest_hz or planner.wanted_window_hz(case.design)[1]
+    """Up to where the part's model has to be good, Hz: what is asked for, and the wanted mode's window where they meet."""
+    high = asked.highest_hz or planner.wanted_window_hz(case.design)[1]
+    window = wanted_window_hz(case, asked) if asked.search else None
+    meets = window and window[0] <= high and (asked.band_hz is None or asked.band_hz[0] <= window[1])
+    return max(high, window[1]) if window and meets else high
 
 
 def driven_band_hz(case: Case, band_hz: tuple[float, float] | None) -> tuple[float, float]:

@@ -92,4 +92,5 @@ def _unpacked(flat: dict[str, Any]) -> Cell:
         plain[name] = kind(**{key: value.item() if value.ndim == 0 else value for key, value in inner.items()})
     plain["size_m"] = tuple(float(v) for v in plain["size_m"])
     plain["mesh_dof"] = int(plain["mesh_dof"])
+    plain["dropped_hz"] = float(plain["dropped_hz"])
     return Cell(**plain)

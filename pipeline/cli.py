@@ -153,9 +153,9 @@ def _add_case_commands(commands: Any) -> None:
     )
     waves.add_argument("--points", type=_positive, metavar="N", default=201, help="how many frequencies (default: 201)")
     _explains(waves)
-    example = f"response {case} --band 28kHz:35kHz"
+    example = f"response {case} --band 28kHz:38kHz"
     response = _takes_case(_solver(commands, "response", "forced response to the patches", example))
-    response.add_argument("--band", metavar="F:F", help="frequencies, such as 28kHz:35kHz")
+    response.add_argument("--band", metavar="F:F", help="frequencies, such as 28kHz:38kHz")
     response.add_argument(
         "--points", type=_positive, metavar="N", default=401, help="how many frequencies (default: 401)"
     )
@@ -294,6 +294,9 @@ def _add_export(commands: Any) -> None:
         "-o", "--output", metavar="FILE", help="where to write (default: the case's name in this folder)"
     )
     part = "aster, calculix: which part (default: the plate)"
+    export.add_argument(
+        "--force", action="store_true", help="a mode table even where no mode is the wanted one: of the most similar"
+    )
     export.add_argument("--part", choices=("plate", "zone", "pillar"), default="plate", help=part)
 
 

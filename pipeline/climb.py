@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from math import inf
 
+from pipeline import planner
 from pipeline.case import Case
 from pipeline.error_model import expected_error
 from pipeline.logs import Log
@@ -20,6 +21,7 @@ from solvers.superelement.interface import Interface
 
 MARGIN = 2.0  # a joined plate's single modes may lie somewhat above their estimate, the worst of a class never did
 RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_hz^3
+SLIGHT = 1e-9
 STEP = (1.08, 2.0)  # least and largest factor on top_hz at once
 
 
@@ -69,6 +71,15 @@ def remeshed(way: Way, highest_hz: float, case: Case, log: Log) -> Way | None:
         f"modes up to {khz(highest_hz)}: expected error {error:.2%} on elements for {khz(way.good_to_hz)}, meshed again"
     )
     return way_of(case, way.part, highest_hz)
+
+
+def rereduced(way: Way, highest_hz: float, log: Log) -> Way | None:
+    """The way of a reduced plate with fixed-interface modes for the highest mode found, where it was made for lower ones."""
+    if way.recipe is None or way.recipe.top_hz >= planner.REACH * highest_hz * (1.0 - SLIGHT):
+        return None
+    made_for = way.recipe.top_hz / planner.REACH
+    log.info(f"modes up to {khz(round(highest_hz))}: cells reduced for {khz(round(made_for))}, reduced again")
+    return replace(way, recipe=replace(way.recipe, top_hz=planner.REACH * highest_hz))
 
 
 @contextmanager

@@ -49,7 +49,8 @@ def modes(arguments: Namespace) -> int:
         return _explained(arguments, "of_modes", case, asked)
     if arguments.fields and not arguments.out:
         raise InputFault("--fields: needs --out DIR, the folder that fields.npz goes to")
-    from pipeline.modes import solve_modes, wanted_row
+    from pipeline import wanted_words
+    from pipeline.modes import solve_modes
 
     if arguments.mesh_file:
         from pipeline import own_mesh
@@ -59,17 +60,10 @@ def modes(arguments: Namespace) -> int:
         _require_part(case, arguments.part)
         found = solve_modes(case, asked, log)
     document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
-    head = ("frequency_hz", "parity", "zone_share", "confinement_db", "mac", "residual")
+    head = ("frequency_hz", "parity", "zone_share", "confinement_db", "mac", "strength", "residual")
     rows = [[getattr(row, key) for key in head] for row in found.rows]
-    wanted = wanted_row(found, case) if arguments.part != "pillar" else None
     text = [f"{found.model.name}, {found.dof} unknowns, {found.rigid_count} rigid motions", outputs.table(head, rows)]
-    if wanted is not None:
-        text.append(
-            f"closest to the wanted (0, {case.design.nodal_lines}) mode: {found.rows[wanted].frequency_hz:.1f} Hz"
-        )
-    if found.bar:
-        text.append(f"expected errors: {found.bar.text()}")
-    text.append(f"count by inertia: {found.count.expected}, found: {found.count.found}")
+    text += wanted_words.lines(found, case.design)
     outputs.emit(arguments, "modes", document, "\n".join(text))
     if arguments.out:
         outputs.write_file(Path(arguments.out) / "modes.csv", outputs.csv_bytes(head, rows))
@@ -203,12 +197,13 @@ def response(arguments: Namespace) -> int:
     document = found.json() | ({"measured": beside.document} if beside else {})
     document |= {"seconds": log.seconds | {"total": log.elapsed}}
     head, rows = _response_table(document)
-    near = sorted(range(len(rows)), key=lambda i: abs(i - found.peak))[:15]
-    peak = document["peak"]
+    peak_hz = found.peak.frequency_hz
+    near = sorted(range(len(rows)), key=lambda i: abs(rows[i][0] - peak_hz))[:15]
     text = [
-        f"{found.model}, {found.dof} unknowns; around the peak of the zone, per volt of drive:",
+        f"{found.model}, {found.dof} unknowns; around the peak of the {'wanted mode' if found.wanted else 'zone'}, "
+        "per volt of drive:",
         outputs.table(head, [rows[i] for i in sorted(near)]),
-        f"peak at {peak['frequency_hz']:.1f} Hz, quality factor from the curve: {peak['quality'] or float('nan'):.0f}",
+        *forced.lines(found),
         *(beside.lines if beside else []),
         *(f"wrote {path}" for path in made),
     ]
@@ -254,7 +249,7 @@ def export(arguments: Namespace) -> int:
         case.require_plate(command=f"export {arguments.format}")
     else:
         _require_part(case, arguments.part)
-    written = exports.write(case, arguments.format, arguments.output, log, arguments.part)
+    written = exports.write(case, arguments.format, arguments.output, log, arguments.part, arguments.force)
     document = {"schema": 1, "files": [str(path) for path in written]}
     outputs.emit(arguments, "export", document, "\n".join(f"wrote {path}" for path in written))
     return 0

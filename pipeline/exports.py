@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from pipeline import wanted_words
 from pipeline.case import Case
 from pipeline.errors import InputFault
 from pipeline.logs import Log
@@ -15,8 +16,11 @@ SOLVER_FILES = ("aster", "calculix")
 SUFFIX = {"stl": ".stl", "step": ".step", "3mf": ".3mf", "vtu": ".vtu", "table": ".bin"}
 
 
-def write(case: Case, form: str, output: str | None, log: Log, part: str = "plate") -> list[Path]:
-    """Write one format; returns the files written. Parts other than the plate go to finite-element programs only."""
+def write(case: Case, form: str, output: str | None, log: Log, part: str = "plate", force: bool = False) -> list[Path]:
+    """Write one format; returns the files written. Parts other than the plate go to finite-element programs only.
+
+    `force`: a mode table even where no mode is the wanted one.
+    """
     if form not in SOLVER_FILES and part != "plate":
         raise InputFault(f"export {form} --part {part}: must be plate; {' and '.join(SOLVER_FILES)} take any part")
     path = Path(output) if output else Path(f"{case.name}{SUFFIX.get(form, '')}")
@@ -25,7 +29,7 @@ def write(case: Case, form: str, output: str | None, log: Log, part: str = "plat
         return _solver_files(case, form, part, path, log)
     if form in CAD:
         return [_cad(case, form, path, log)]
-    return _vtu(case, path, log) if form == "vtu" else _table(case, path, log)
+    return _vtu(case, path, log) if form == "vtu" else _table(case, path, log, force)
 
 
 def _solver_files(case: Case, form: str, part: str, path: Path, log: Log) -> list[Path]:
@@ -105,29 +109,39 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
     from dataclasses import replace
 
     from pipeline.mesh_files import write_vtu
-    from pipeline.modes import Request, solve_modes, wanted_row
+    from pipeline.modes import Request, solve_modes
+    from pipeline.steps import warn_of_wanted
     from solvers.fem.solid import SolidModel
 
     solid = replace(case, solve=replace(case.solve, model="solid", accuracy=max(case.solve.accuracy, 0.02)))
     found = solve_modes(solid, Request("plate", parity=case.parity_wanted), log)
-    index = wanted_row(found, case)
-    assert isinstance(found.model, SolidModel)
-    data = {}
-    if index is not None:
-        row = found.rows[index]
+    assert isinstance(found.model, SolidModel) and found.wanted
+    warn_of_wanted(found.wanted, case, log)
+    data, row = {}, found.wanted.row
+    if row is not None:
         data["displacement"] = found.model.field(row.parity, found.vectors[row.parity][:, [row.column]])[:, :, 0]
     write_vtu(found.model.mesh, path, data)
     return [path]
 
 
-def _table(case: Case, path: Path, log: Log) -> list[Path]:
-    """Mode table of the plate's wanted mode and neighbours."""
-    from pipeline.modes import Request, solve_modes, wanted_row
+def _table(case: Case, path: Path, log: Log, force: bool) -> list[Path]:
+    """Mode table of the wanted mode and its neighbours; `force` takes the most similar mode where none is the wanted one."""
+    from pipeline.asked import of_case
+    from pipeline.modes import solve_modes
+    from pipeline.steps import warn_of_wanted
     from pipeline.table_export import write_table
 
-    asked = Request("plate", case.solve.band_hz, case.solve.near_hz, case.solve.count, case.parity_wanted)
-    found = solve_modes(case, asked, log)
-    index = wanted_row(found, case)
+    found = solve_modes(case, of_case(case), log).whole_window
+    assert found.wanted
+    index = found.index(found.wanted.row)
+    if index is not None or force:
+        warn_of_wanted(found.wanted, case, log)
+    if index is None and force and found.rows:
+        index = max(range(len(found.rows)), key=lambda i: found.rows[i].mac or 0.0)
     if index is None:
-        raise InputFault(f"{case.name}: solve.band_kHz: no mode of the wanted shape lies in it; widen it")
+        (said,) = wanted_words.verdict(found.wanted, case.design)
+        raise InputFault(
+            f"{case.name}: {said} A table would drive another mode: change the design or solve.band_kHz, or take the most "
+            "similar mode with --force"
+        )
     return write_table(case, found, index, path.parent, path.stem, log)

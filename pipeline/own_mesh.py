@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from geometry.elements import FloatArray
 from geometry.materials import Material
 from geometry.mesh import Mesh
 from pipeline.case import Case
@@ -17,6 +18,7 @@ from pipeline.mesh_input import load
 from pipeline.modes import DEFAULT_COUNT, ModeRow, PartModes, Request, mode_rows, understood
 from pipeline.part_models import mesh_record, warn_of_locking
 from pipeline.raw_mesh import VOLUME
+from pipeline.wanted_search import look_among
 from solvers.confinement import Confinement, measure
 from solvers.fem.eigen import Modes, modes_in_band, modes_near
 from solvers.fem.solid import SolidModel
@@ -48,7 +50,16 @@ def solve(case: Case, file: str, unit: str, clamps: Sequence[str], asked: Reques
             found = modes_near(pencil, request.near_hz or 0.0, request.count or DEFAULT_COUNT)
     rows = _rows(case, model, found)
     meshes = [mesh_record("own mesh", mesh)]
-    return PartModes("mesh", model, rows, {None: found.vectors}, pencil.dof, found.rigid_count, found.count, meshes)
+    wanted = look_among(rows, found.count) if _has_touch(case, model) else None
+    vectors: dict[str | None, FloatArray] = {None: found.vectors}
+    return PartModes(
+        "mesh", model, rows, vectors, pencil.dof, found.rigid_count, found.count, meshes, wanted=wanted, more_in_mesh=0
+    )
+
+
+def _has_touch(case: Case, model: SolidModel) -> bool:
+    """Whether there is a touch face, and a zone on it."""
+    return "touch" in model.mesh.faces and "zone" in case.given
 
 
 def _with_touch(mesh: Mesh) -> Mesh:
@@ -87,6 +98,6 @@ def _known(name: str, mesh: Mesh, file: str) -> None:
 def _rows(case: Case, model: SolidModel, found: Modes) -> tuple[ModeRow, ...]:
     """Frequencies, and the measures of the touch face where the mesh names one and the case has a zone."""
     measures: Confinement | None = None
-    if "touch" in model.mesh.faces and "zone" in case.given and len(found.frequency_hz):
+    if _has_touch(case, model) and len(found.frequency_hz):
         measures = measure(model.touch(None, found.vectors), case.design, None)
     return tuple(mode_rows(found, None, measures))

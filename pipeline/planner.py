@@ -27,6 +27,7 @@ LOCKED = (
     0.5  # of the length that waves allow: however thin the zone, elements so short make no more than those measured
 )
 ELEMENT = 0.26  # of a shear wave: what an element of a cell spans at the tenth band of the calibrated one
+REACH = 9.0  # fixed-interface modes of a plate's pieces go up to so many times the highest frequency looked for
 FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too few are noticed and raised
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
 
@@ -162,12 +163,12 @@ def lattice_recipe(design: Design, accuracy: float) -> Recipe:
 
 
 def plate_recipe(design: Design, accuracy: float, high_hz: float) -> Recipe:
-    """Reduction of a plate's pieces: nine times the highest frequency bounds the fixed-interface modes."""
+    """Reduction of a plate's pieces: REACH times the highest frequency bounds the fixed-interface modes."""
     longest = max(design.pitch_x_m, design.pitch_y_m) if design.rows else 3.0 * design.thickness_m
     share = longest / half_wavelength_m(design)
     along = next((degree for degree, limit in ALONG.items() if share <= limit), 6)
     mesh = cell_mesh(design, rung("plate", accuracy))
-    return Recipe(Interface(along, 3), 9.0 * high_hz, mesh, 3.0 * design.thickness_m, bare_size_m(design, mesh.order))
+    return Recipe(Interface(along, 3), REACH * high_hz, mesh, 3.0 * design.thickness_m, bare_size_m(design, mesh.order))
 
 
 def bare_size_m(design: Design, order: int) -> float | None:

@@ -101,7 +101,9 @@ def _by_column(case: Case, rung: str, near_hz: float | None) -> Judged:
 def _of_held(rung: str, frequency_hz: Any, held: Any) -> Judged:
     if not len(frequency_hz):
         return Judged(rung, None, None, None, None, "no mode of the wanted parity in the window")
-    at = held.wanted
+    at = held.wanted.index
+    if at is None:
+        return Judged(rung, None, None, None, None, "no mode of the wanted shape in the window")
     confinement, extension, mac = (
         None if value != value else float(value)
         for value in (held.confinement_db[at], held.extension_db[at], held.mac[at])
@@ -118,17 +120,16 @@ def _by_plate(case: Case, rung: str, near_hz: float | None) -> Judged:
         solve = replace(case.solve, model="solid", accuracy=max(SOLID_ACCURACY, case.solve.accuracy))
     case = replace(case, solve=solve)
     band = _outwards(near_hz * (1.0 - AROUND), near_hz * (1.0 + AROUND)) if near_hz else None
-    request = modes.Request("plate", band_hz=band, parity=case.parity_wanted)
+    request = modes.Request("plate", band_hz=band, parity=case.parity_wanted, search=False)
     if band is None:
         request = of_case(case)
     elif rung == SOLID:  # a whole mesh pays for every mode
-        request = modes.Request("plate", near_hz=near_hz, count=NEAREST, parity=case.parity_wanted)
+        request = modes.Request("plate", near_hz=near_hz, count=NEAREST, parity=case.parity_wanted, search=False)
     log = SilentLog()
     found = modes.solve_modes(case, request, log)
-    index = modes.wanted_row(found, case)
-    if index is None:
+    row, bar = found.wanted.row if found.wanted else None, found.bar
+    if row is None:
         return Judged(rung, None, None, None, None, "no mode of the wanted shape in the window")
-    row, bar = found.rows[index], found.bar
     held = (row.frequency_hz, row.confinement_db, row.extension_db, row.mac)
     errors = (bar.frequency, bar.confinement_db) if bar else (None, None)
     return Judged(rung, *held, "", *errors, tuple(log.alarms))

@@ -1,4 +1,4 @@
-"""Shapes of the modes that look most like the wanted one, small enough to stay in every record of a sweep."""
+"""Shapes of the modes that carry most of the wanted one, small enough to stay in every record of a sweep."""
 
 from __future__ import annotations
 
@@ -7,35 +7,35 @@ from typing import Any
 import numpy as np
 
 from geometry.layout import Design
-from pipeline.modes import PartModes
+from pipeline.modes import ModeRow, PartModes
 from solvers.following import zone_coefficients
 
 KEPT_MODES = 12
 DIGITS = 5
 
 
-def shapes_record(found: PartModes, index: int, design: Design) -> dict[str, Any]:
-    """Shapes of the modes that look most like the wanted one, on the active face, for the record."""
-    wanted = found.rows[index]
-    rows = [i for i, row in enumerate(found.rows) if row.parity == wanted.parity]
-    rows = sorted(rows, key=lambda i: -_score(found, i))[:KEPT_MODES]
-    rows.sort()
-    columns = [found.rows[i].column for i in rows]
+def shapes_record(found: PartModes, design: Design) -> dict[str, Any]:
+    """Shapes of the modes that carry most of the wanted one, on the active face, for the record."""
+    assert found.wanted
+    wanted = found.wanted.row
+    assert wanted
+    rows = sorted(found.wanted.rows, key=_score, reverse=True)[:KEPT_MODES]
+    rows.sort(key=lambda row: row.frequency_hz)
+    columns = [row.column for row in rows]
     touch = found.model.touch(wanted.parity, found.vectors[wanted.parity][:, columns])
     shapes = zone_coefficients(touch, design, wanted.parity)
     shapes = shapes / np.maximum(np.linalg.norm(shapes, axis=1, keepdims=True), 1e-300)
     return {
-        "wanted": rows.index(index),
-        "frequency_hz": [found.rows[i].frequency_hz for i in rows],
-        "share": [_share(found, i) for i in rows],
+        "wanted": rows.index(wanted),
+        "frequency_hz": [row.frequency_hz for row in rows],
+        "share": [_share(row) for row in rows],
         "coefficients": [[float(f"{value:.{DIGITS}g}") for value in row] for row in shapes],
     }
 
 
-def _share(found: PartModes, index: int) -> float:
-    share = found.rows[index].zone_share
-    return 1.0 if share is None else share
+def _share(row: ModeRow) -> float:
+    return 1.0 if row.zone_share is None else row.zone_share
 
 
-def _score(found: PartModes, index: int) -> float:
-    return (found.rows[index].mac or 0.0) * _share(found, index)
+def _score(row: ModeRow) -> float:
+    return (row.strength or 0.0) * (row.mac or 0.0) * _share(row)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline import fields, modes, omissions, plan, shapes, store
+from pipeline import fields, modes, omissions, plan, shapes, store, wanted_words
 from pipeline.asked import of_case
 from pipeline.case import Case, load_case
 from pipeline.case_run import Job
@@ -18,6 +18,7 @@ from pipeline.errors import InputFault
 from pipeline.logs import Log
 from pipeline.mess import Mess
 from pipeline.study_file import StudyFile
+from pipeline.wanted_search import Wanted
 
 if TYPE_CHECKING:
     from solvers.piezo.forced import ForcedPlate
@@ -136,18 +137,18 @@ def _in_full(found: modes.PartModes, payload: dict[str, Any], folder: Path, log:
 def _plate(
     case: Case, log: Mess, record: dict[str, Any], arrays: dict[str, FloatArray], folder: Path
 ) -> modes.PartModes:
-    found = modes.solve_modes(case, of_case(case), log)
+    found = modes.solve_modes(case, of_case(case), log).whole_window
     record["modes"] = found.json()
     record["meshes"] += found.meshes
-    index = modes.wanted_row(found, case)
+    assert found.wanted
+    record["wanted"] = modes.wanted_record(found)
+    index = found.index(found.wanted.row)
+    warn_of_wanted(found.wanted, case, log)
     if index is None:
-        log.alarm("NO_MODE", "no mode of the wanted parity lies in the band: widen solve.band_kHz")
         return found
-    record["wanted"] = modes.wanted_record(found, index)
-    record["shapes"] = shapes.shapes_record(found, index, case.design)
+    record["shapes"] = shapes.shapes_record(found, case.design)
     with log.step("fields"):
         arrays |= fields.kept_arrays(found, nearest_rows(found, index)[:KEPT])
-    _tell_wanted(record["wanted"], log)
     from pipeline.table_export import write_table
 
     write_table(case, found, index, folder)
@@ -160,14 +161,13 @@ def nearest_rows(found: modes.PartModes, index: int) -> list[int]:
     return [int(i) for i in np.argsort(distance, kind="stable")[: NEIGHBOURS + 1]]
 
 
-def _tell_wanted(wanted: dict[str, Any], log: Log) -> None:
-    held = wanted["confinement_db"]
-    text = f"wanted mode at {wanted['frequency_hz']:.1f} Hz, MAC {wanted['mac']:.3f}"
-    log.info(text + (f", confinement {held:.1f} dB" if held is not None else ", no passive face"))
-    if wanted["mac"] < 0.5:
-        log.alarm(
-            "WEAK_MODE", f"the closest mode has a MAC of {wanted['mac']:.2f} only: the shape is spread over several"
-        )
+def warn_of_wanted(wanted: Wanted, case: Case, log: Log) -> None:
+    """Say which mode is the wanted one; an alarm where none is, or where several share its shape."""
+    (said,) = wanted_words.verdict(wanted, case.design)
+    if wanted.status == "single":
+        log.info(said)
+    else:
+        log.alarm("NO_MODE" if wanted.status == "none" else "SPLIT_MODE", said)
 
 
 def _bands(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
@@ -190,8 +190,8 @@ def _attenuation(case: Case, log: Log, record: dict[str, Any]) -> None:
     found = attenuation.solve(case, log, points=plan.ATTENUATION_POINTS)
     record["attenuation"] = found.json()
     record["meshes"] += found.meshes
-    wanted = record.get("wanted")
-    if wanted:
+    wanted = record.get("wanted") or {}
+    if wanted.get("frequency_hz"):
         record["prediction"] = attenuation.prediction(found, wanted["frequency_hz"], wanted["extension_db"])
 
 
@@ -231,7 +231,7 @@ def _board(
     from pipeline import board, table_export
     from pipeline.mode_table_gains import can_be_computed
 
-    if "wanted" not in record:
+    if not (record.get("wanted") or {}).get("frequency_hz"):
         log.left_out("closed loop on the emulated board", "no mode of the wanted shape: there is no mode table")
         return
     if forced and can_be_computed(case):
@@ -259,8 +259,7 @@ def _parts(case: Case, log: Log, record: dict[str, Any]) -> None:
     record["predesign"] = predesign(case.design).as_json()
     lines = case.design.nodal_lines
     zone = modes.solve_modes(case, modes.Request("zone"), log)
-    index = modes.wanted_row(zone, case)
-    record["zone_modes"] = zone.json() | {"wanted_index": index, "nodal_lines": lines}
+    record["zone_modes"] = zone.json() | {"nodal_lines": lines}
     record["meshes"] += zone.meshes
     if case.design.pillar:
         pillar = modes.solve_modes(case, modes.Request("pillar", near_hz=0.0, count=4), log)

@@ -17,11 +17,11 @@ NEAR_COUNT = 16
 def add(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
     """Adds tet_modes, tet_bands and the tet_* arrays to a record."""
     structured = modes.solve_modes(case, modes.Request("plate", parity=case.parity_wanted), log)
-    index = modes.wanted_row(structured, case)
-    if index is None:
-        log.alarm("NO_MODE", "no mode of the wanted parity lies in the band: nothing to compare tetrahedra with")
+    row = structured.wanted.row if structured.wanted else None
+    if row is None:
+        log.alarm("NO_MODE", "no mode has the wanted shape: nothing to compare tetrahedra with")
     else:
-        _plate(case, structured.rows[index], log, record, arrays)
+        _plate(case, row, log, record, arrays)
     _cell(case, log, record, arrays)
 
 
@@ -30,16 +30,17 @@ def _plate(
 ) -> None:
     accuracy = max(PLATE_ACCURACY, case.solve.accuracy)
     coarse = replace(case, solve=replace(case.solve, mesh="tet", model="solid", accuracy=accuracy))
-    request = modes.Request("plate", near_hz=structured.frequency_hz, count=NEAR_COUNT, parity=case.parity_wanted)
+    request = modes.Request(
+        "plate", near_hz=structured.frequency_hz, count=NEAR_COUNT, parity=case.parity_wanted, search=False
+    )
     found = modes.solve_modes(coarse, request, log)
     record["meshes"] += found.meshes
-    index = modes.wanted_row(found, case)
-    if index is None:
+    row = found.wanted.row if found.wanted else None
+    if row is None:
         log.alarm(
             "NO_MODE", "the tetrahedral plate has no mode of the wanted shape near the structured one's frequency"
         )
         return
-    row = found.rows[index]
     record["tet_modes"] = {
         "model": found.model.name,
         "dof": found.dof,

@@ -157,9 +157,10 @@ def of_case(arguments: Namespace) -> Scene:
     if not arguments.solve:
         return _solid(case, log)
     found = modes.solve_modes(case, modes.Request("plate", parity=case.parity_wanted), log)
-    index = modes.wanted_row(found, case)
+    found = found.whole_window
+    index = found.index(found.wanted.row) if found.wanted else None
     if index is None:
-        raise InputFault(f"{case.name}: no mode of the wanted parity lies in the band: widen solve.band_kHz")
+        raise InputFault(f"{case.name}: no mode of the plate has the wanted shape; antinode modes tells what is there")
     return of_arrays(case.name, fields.plate_arrays(found, steps.nearest_rows(found, index)), steps.describe(case))
 
 

@@ -13,16 +13,21 @@ from numpy.typing import NDArray
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
+from solvers.wanted import Verdict, verdict
 
 
 @dataclass(frozen=True)
 class Profile:
-    """u_z over y: places y_m (q,), weights (q,), values (q, k) real or complex, and the wanted motion there, shape (q,)."""
+    """u_z over y: places y_m (q,), weights (q,), values (q, k) real or complex, and the wanted motion there, shape (q,).
+
+    modal_mass: of each mode, kg over the weights' unit (kg/m for weights in m, kg for weights in m2).
+    """
 
     y_m: FloatArray
     weights: FloatArray
     values: NDArray[Any]
     shape: NDArray[Any]
+    modal_mass: float
 
 
 @dataclass(frozen=True)
@@ -33,12 +38,12 @@ class Held:
     confinement_db: FloatArray
     extension_db: FloatArray
     mac: FloatArray
+    strength: FloatArray
 
     @property
-    def wanted(self) -> int:
-        """The mode that looks most like the wanted one, weighted by its share inside the zone."""
-        share = np.where(np.isfinite(self.zone_share), self.zone_share, 1.0)
-        return int(np.argmax(self.mac * share))
+    def wanted(self) -> Verdict:
+        """The wanted mode among them, by the rule of `solvers.wanted`."""
+        return verdict(self.strength, self.zone_share, self.mac)
 
 
 def held(profile: Profile, design: Design) -> Held:
@@ -56,6 +61,7 @@ def held(profile: Profile, design: Design) -> Held:
         _decibels(squares, weights, active, ~active),
         _decibels(squares, weights, active, beyond),
         projection / np.maximum(inside * own, 1e-300),
+        design.material.density_kg_m3 * design.thickness_m * projection / own / profile.modal_mass,
     )
 
 

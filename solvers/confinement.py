@@ -1,7 +1,10 @@
 """Which mode is the wanted one, and how well the plate holds it: measures of u_z on the touch face.
 
 zone_share = int_active |u_z|^2 / int_touch |u_z|^2; confinement_db = 20 log10(rms active / rms passive);
-mac = |<u_z, shape>|^2 / (<u_z, u_z> <shape, shape>) on the active touch face, shape = sin(pi (y + W/2)/W) X_N(x).
+mac = |<u_z, shape>|^2 / (<u_z, u_z> <shape, shape>) on the active touch face, shape = sin(pi (y + W/2)/W) X_N(x);
+strength = rho h <u_z, shape>^2 / <shape, shape> at unit modal mass: the mode's effective-mass fraction for the zone's plate
+pushed in the wanted shape (girard2008). Over all modes of a class it sums to one, whatever the window, and it is small for a
+mode that hardly moves the zone, however well that little looks.
 """
 
 from __future__ import annotations
@@ -24,12 +27,14 @@ class Confinement:
     """Measures per mode, each (k,); zone_share and confinement_db are NaN where the plate has no passive face.
 
     extension_db: 20 log10 of rms |u_z| on the active touch face over rms |u_z| beyond the last row; NaN without extension.
+    strength: NaN where the field's modal mass is not known.
     """
 
     zone_share: FloatArray
     confinement_db: FloatArray
     mac: FloatArray
     extension_db: FloatArray
+    strength: FloatArray
 
 
 def wanted_shape(design: Design, points: FloatArray) -> FloatArray:
@@ -46,11 +51,15 @@ def wanted_parity(nodal_lines: int) -> str:
 
 @dataclass(frozen=True)
 class TouchField:
-    """u_z at quadrature points of the touch face: points (q, 2) in m, weights (q,) in m2, values (q, k)."""
+    """u_z at quadrature points of the touch face: points (q, 2) in m, weights (q,) in m2, values (q, k).
+
+    modal_mass_kg: of each field, where it is a mode; NaN where that is not known, as of a measured map.
+    """
 
     points: FloatArray
     weights: FloatArray
     values: FloatArray
+    modal_mass_kg: float = np.nan
 
 
 def measure(touch: TouchField, design: Design, parity: str | None) -> Confinement:
@@ -68,7 +77,9 @@ def measure(touch: TouchField, design: Design, parity: str | None) -> Confinemen
         passive = (everywhere - inside) / passive_area if has_passive else np.full_like(inside, np.nan)
         decibels = 10.0 * np.log10((inside / area) / passive)
     beyond = np.abs(touch.points[:, 1]) > design.half_span_m - design.extension_m
-    return Confinement(share, decibels, _mac(touch, active, design, parity), _ratio_db(touch, active, beyond))
+    squared, mac = _projection(touch, active, design, parity)
+    strength = design.material.density_kg_m3 * design.thickness_m * squared / touch.modal_mass_kg
+    return Confinement(share, decibels, mac, _ratio_db(touch, active, beyond), strength)
 
 
 def _ratio_db(touch: TouchField, first: NDArray[np.bool_], second: NDArray[np.bool_]) -> FloatArray:
@@ -83,16 +94,13 @@ def _ratio_db(touch: TouchField, first: NDArray[np.bool_], second: NDArray[np.bo
         return np.asarray(10.0 * np.log10(means[0] / means[1]))
 
 
-def _mac(touch: TouchField, active: NDArray[np.bool_], design: Design, parity: str | None) -> FloatArray:
+def _projection(
+    touch: TouchField, active: NDArray[np.bool_], design: Design, parity: str | None
+) -> tuple[FloatArray, FloatArray]:
+    """<u_z, shape>^2 / <shape, shape> and its share of <u_z, u_z>, the MAC, on the active touch face, (k,) each."""
     if parity not in (None, wanted_parity(design.nodal_lines)):
-        return np.zeros(touch.values.shape[1])
+        return np.zeros(touch.values.shape[1]), np.zeros(touch.values.shape[1])
     values, weights = touch.values[active], touch.weights[active]
     shape = wanted_shape(design, touch.points[active])
-    own = weights @ values**2
-    return np.asarray(((weights * shape) @ values) ** 2 / np.maximum(own * (weights @ shape**2), 1e-300))
-
-
-def wanted_index(measures: Confinement) -> int:
-    """The mode that looks most like the wanted one: largest MAC weighted by the share of vibration inside the zone."""
-    share = np.where(np.isfinite(measures.zone_share), measures.zone_share, 1.0)
-    return int(np.argmax(measures.mac * share))
+    squared = np.asarray(((weights * shape) @ values) ** 2 / (weights @ shape**2))
+    return squared, squared / np.maximum(weights @ values**2, 1e-300)

@@ -162,4 +162,4 @@ def _profile(nodes: FloatArray, vectors: FloatArray, design: Design) -> Profile:
     moved = np.einsum("eqi,eik->eqk", value, vectors[unknowns])
     y = (nodes[:-1, None] + np.diff(nodes)[:, None] * (_GAUSS[0] + 1.0) / 2.0).ravel()
     shape = np.cos(pi * y / design.width_m)
-    return Profile(y, weight.ravel(), moved.reshape(len(y), -1), shape)
+    return Profile(y, weight.ravel(), moved.reshape(len(y), -1), shape, 1.0)

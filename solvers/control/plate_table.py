@@ -44,7 +44,7 @@ def whole_touch(touch: TouchField, parity: str) -> TouchField:
 
 def mass_normalised(touch: TouchField, scale: Scale) -> TouchField:
     """Modes that are M-orthonormal in a pencil's scaled units as 1/sqrt(kg): values over sqrt(density length^3)."""
-    return TouchField(touch.points, touch.weights, touch.values / np.sqrt(scale.density_kg_m3 * scale.length_m**3))
+    return TouchField(touch.points, touch.weights, touch.values / np.sqrt(scale.mass_kg), 1.0)
 
 
 def laplacian_integrals(points: FloatArray, values: FloatArray, boxes_m: FloatArray) -> FloatArray:

@@ -31,6 +31,11 @@ class Scale:
         """rad/s per unit of sqrt(lambda)."""
         return float(np.sqrt(self.young_pa / self.density_kg_m3) / self.length_m)
 
+    @property
+    def mass_kg(self) -> float:
+        """kg of one scaled unit of mass: the modal mass of an M-orthonormal mode."""
+        return self.density_kg_m3 * self.length_m**3
+
     def eigenvalue(self, frequency_hz: float) -> float:
         """Scaled eigenvalue of a frequency, lambda = (2 pi f / angular)^2."""
         return (2.0 * np.pi * frequency_hz / self.angular) ** 2

@@ -85,12 +85,13 @@ class PlainPencil:
 
 @dataclass(frozen=True)
 class Count:
-    """Sylvester's count of the elastic eigenvalues between two frequencies against what was found."""
+    """Sylvester's count of the elastic eigenvalues between two frequencies against what was found; below: all up to low_hz."""
 
     low_hz: float
     high_hz: float
     expected: int
     found: int
+    below: int | None = None
 
 
 @dataclass(frozen=True)
@@ -175,6 +176,17 @@ def lowest_values(pencil: SymmetricPencil, count: int, multiplicity: int = 1) ->
     if expected != gap:
         raise CountMismatch(f"{gap} eigenvalues found below {edge:.6g}, the inertia counts {expected}")
     return np.asarray(values[:size:multiplicity])
+
+
+def lowest_hz(pencil: SymmetricPencil, static: Factor) -> float:
+    """The lowest frequency of a body without rigid-body motion, Hz, from a factor of K; less what Lanczos may be off by."""
+    values, _ = _Solver(pencil, None).lanczos(static.solve, 0.0, 1) if pencil.dof > 2 else (np.array([np.inf]), None)
+    return float(pencil.scale.frequency(values)[0]) * (1.0 - 1e-6)
+
+
+def count_below(pencil: SymmetricPencil, frequency_hz: float) -> int:
+    """Eigenvalues below a frequency by Sylvester's law of inertia, rigid-body modes included."""
+    return _Solver(pencil, None).count_below(pencil.scale.eigenvalue(frequency_hz))
 
 
 def _first_gap(values: FloatArray, size: int) -> int:
@@ -397,7 +409,7 @@ class _Solver:
         rounding = self._rounding(values, vectors)
         ends = scale.frequency(np.array([low, high]))
         expected = self.count_below(high) - below_low
-        count = Count(float(ends[0]), float(ends[1]), expected, len(values))
+        count = Count(float(ends[0]), float(ends[1]), expected, len(values), below_low)
         if expected != len(values):
             raise CountMismatch(self._mismatch(low, high, expected, len(values)))
         frequency = scale.frequency(values)

@@ -12,7 +12,7 @@ from geometry.elements import FloatArray
 from geometry.materials import Material
 from geometry.mesh import Mesh
 from solvers.confinement import TouchField
-from solvers.fem.assembly import System, assemble
+from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.constraints import Pencil, constrain, free_mask
 from solvers.fem.surface import FaceQuadrature, Skin, face_quadrature, skin_faces
 
@@ -33,14 +33,17 @@ class SolidModel:
         """K and M before constraints."""
         return assemble(self.mesh, self.materials)
 
+    @cached_property
+    def scale(self) -> Scale:
+        """Units of the pencils; kept when a large system is let go."""
+        return self.system.scale
+
     def pencil(self, parity: str | None) -> Pencil:
         """K and M of one mirror class."""
         mirrors = {"x-": parity[0], "y-": parity[1]} if parity else {}
         pencil = constrain(self.system, free_mask(self.mesh, self.clamped, mirrors))
-        if (
-            self.mesh.dof > LARGE
-        ):  # assembled anew for the next class: both stiffnesses at once are a quarter of the peak
-            del self.system
+        if self.mesh.dof > LARGE and self.scale:
+            del self.system  # assembled anew for the next class: both stiffnesses at once are a quarter of the peak
             pencil = replace(pencil, system=replace(pencil.system, stiffness=sp.csr_array(pencil.stiffness.shape)))
         return pencil
 
@@ -60,7 +63,8 @@ class SolidModel:
         """u_z on the touch face of the meshed part."""
         rule = self._touch_rule
         normal = self.field(parity, vectors)[:, 2]
-        return TouchField(rule.points[:, :2], rule.weights, np.asarray(rule.interpolation @ normal))
+        values = np.asarray(rule.interpolation @ normal)
+        return TouchField(rule.points[:, :2], rule.weights, values, self.scale.mass_kg)
 
     def pillar_share(self, parity: str | None, vectors: FloatArray) -> FloatArray:
         """Share of the pillars in the kinetic energy of M-orthonormal modes, (k,)."""

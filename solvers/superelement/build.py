@@ -21,6 +21,7 @@ from solvers.fem.surface import Skin
 from solvers.superelement.cell import Cell, reduce_cell
 from solvers.superelement.interface import Interface
 from solvers.superelement.plate import WHOLE, JoinedPlate
+from solvers.superelement.plate_count import more_below
 from solvers.superelement.plate_estimate import ModeErrors, mode_errors
 from solvers.superelement.tiling import Signature, signature, tile
 
@@ -150,6 +151,12 @@ class PlateModel:
     def mode_errors(self, parity: str | None, pencil: SymmetricPencil, vectors: FloatArray) -> ModeErrors:
         """How far the reduction may put each of these modes of the class's pencil too high."""
         return mode_errors(self.joined(parity), pencil, vectors)
+
+    def more_below(
+        self, parity: str | None, pencil: SymmetricPencil, edge_hz: float, reduced: int | None = None
+    ) -> int | None:
+        """How many more modes the meshes have at most below a frequency than the class's pencil; None without a bound."""
+        return more_below(self.joined(parity), pencil, edge_hz, reduced)
 
     def touch(self, parity: str | None, vectors: FloatArray) -> TouchField:
         """u_z on the touch face."""

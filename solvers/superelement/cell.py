@@ -6,19 +6,21 @@ V = [constraint shapes K_II Psi = -K_IB P, fixed-interface modes of (K_II, M_II)
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import block_diag
 
 from geometry.elements import FloatArray, IntArray
 from geometry.mesh import Mesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System
 from solvers.fem.constraints import BoolArray, Pencil, constrain, free_mask, rigid_motions
-from solvers.fem.eigen import SymmetricPencil, modes_in_band
+from solvers.fem.eigen import Modes, SymmetricPencil, lowest_hz, modes_in_band
 from solvers.fem.factor import Factor, Factoriser
 from solvers.fem.surface import face_quadrature, skin_faces
 from solvers.one_thread import one_thread
@@ -47,8 +49,12 @@ class Cell:
     """A reduced cell: K_r and M_r over [boundary unknowns, fixed-interface modes], in the units of `scale`.
 
     size_m: edges along x, y and the plate's thickness; fixed_hz: fixed-interface frequencies kept, with their parity
-    (modes, 2) under the cell's mirrors (0 without); touch: u_z at quadrature points of the touch face; skin: corners
-    of the outer skin; pillar_mass: the share of M_r that moves in the pillar.
+    (modes, 2) under the cell's mirrors (0 without); touch: u_z at quadrature points of the touch face; skin: corners of
+    the outer skin; pillar_mass: the share of M_r that moves in the pillar.
+
+    No fixed-interface mode below dropped_hz was left out. What those left out take from the dynamic stiffness of the
+    boundary at an eigenvalue l lies between l^2 and l^2 L / (L - l) times `dropped` (boundary, boundary), L that of
+    dropped_hz: (M Psi)' K_II^-1 (M Psi) less the same of the modes kept (their residual flexibility, macneal1971).
     """
 
     stiffness: FloatArray
@@ -59,6 +65,8 @@ class Cell:
     size_m: tuple[float, float, float]
     fixed_hz: FloatArray
     fixed_parity: IntArray
+    dropped_hz: float
+    dropped: FloatArray
     touch: Expansion
     skin: Expansion
     mesh_dof: int
@@ -67,6 +75,18 @@ class Cell:
     def dof(self) -> int:
         """Unknowns of the reduced cell."""
         return len(self.stiffness)
+
+    def growth(self, eigenvalue: FloatArray | float) -> FloatArray:
+        """L / (L - l) at eigenvalues l (k,), L that of dropped_hz; infinite from there on."""
+        edge, values = self.scale.eigenvalue(self.dropped_hz), np.asarray(eigenvalue, dtype=float)
+        below = values < edge
+        return np.where(below, edge / np.where(below, edge - values, 1.0), np.inf)
+
+    def on_boundary(self, matrix: FloatArray) -> FloatArray:
+        """A matrix (boundary, boundary) among all unknowns, (dof, dof)."""
+        out = np.zeros_like(self.mass)
+        out[: len(matrix), : len(matrix)] = matrix
+        return out
 
 
 def reduce_cell(
@@ -99,12 +119,18 @@ def _carried(system: System, interface: Interface) -> None:
 
 @dataclass(frozen=True)
 class MirrorClass:
-    """One mirror class: its basis of boundary unknowns, nodal shapes (3n, m) and fixed-interface frequencies."""
+    """One mirror class: its basis of boundary unknowns, nodal shapes (3n, m) and fixed-interface frequencies.
+
+    No fixed-interface mode of the class below dropped_hz was left out; flexibility (boundary, boundary) is
+    (M Psi)' K_II^-1 (M Psi), what all of its modes together answer to the boundary's motion.
+    """
 
     signs: dict[int, int]
     basis: FloatArray
     shapes: FloatArray
     fixed_hz: FloatArray
+    dropped_hz: float
+    flexibility: FloatArray
     turned: MirrorClass | None = None  # the class that this one is, turned over: its matrices are the same
 
 
@@ -155,7 +181,13 @@ class CellBuilder:
         shapes = part.shapes.reshape(len(self.diagonal), 3, -1)[self.diagonal][:, [1, 0, 2]]
         signs = {0: part.signs[1], 1: part.signs[0]}
         return MirrorClass(
-            signs, part.basis[self.interface.diagonal()], shapes.reshape(part.shapes.shape), part.fixed_hz, part
+            signs,
+            part.basis[self.interface.diagonal()],
+            shapes.reshape(part.shapes.shape),
+            part.fixed_hz,
+            part.dropped_hz,
+            part.flexibility,
+            part,
         )
 
     def classes(self, top_hz: float) -> list[MirrorClass]:
@@ -200,12 +232,20 @@ class CellBuilder:
         held = self.hold(signs)
         modes = modes_in_band(held.pencil, 0.0, top_hz, held.factorise, held.factor)
         fixed = held.pencil.expand(modes.vectors).reshape(len(held.shapes), -1)
-        return MirrorClass(signs, held.basis, np.hstack([held.shapes, fixed]), modes.frequency_hz)
+        dropped = _dropped_hz(held.pencil, modes, top_hz, held.factor)
+        flexible = _flexibility(self._pushed(held.shapes)[held.keep], held.factor)
+        return MirrorClass(signs, held.basis, np.hstack([held.shapes, fixed]), modes.frequency_hz, dropped, flexible)
+
+    def _pushed(self, shapes: FloatArray) -> FloatArray:
+        """M Psi at every node, (3n, m)."""
+        nodes = len(self.system.mesh.nodes)
+        return np.asarray(self.system.mass @ shapes.reshape(nodes, -1)).reshape(shapes.shape)
 
     def _by_halves(self, signs: dict[int, int], top_hz: float) -> MirrorClass:
         """The same from what the mirror x <-> y leaves alone and what it turns over, each of half the size."""
         assert self.diagonal is not None
-        inside, bases, shapes, fixed, found = self._inside(signs), [], [], [], []
+        inside, bases, shapes, fixed, found, dropped = self._inside(signs), [], [], [], [], []
+        flexible: list[FloatArray] = []
         for sign in (1, -1):
             half = Half(self.system, self.diagonal, inside, sign)
             bases.append(self.interface.parity_basis(signs, sign))
@@ -215,9 +255,13 @@ class CellBuilder:
             modes = modes_in_band(half.pencil, 0.0, top_hz, factorise, factor)
             fixed.append(half.spread(modes.vectors))
             found.append(modes.frequency_hz)
+            dropped.append(_dropped_hz(half.pencil, modes, top_hz, factor))
+            flexible.append(_flexibility(half.gathered(self._pushed(shapes[-1])), factor))
         order = np.argsort(np.concatenate(found), kind="stable")
         whole = np.hstack([*shapes, np.hstack(fixed)[:, order]])
-        return MirrorClass(signs, np.hstack(bases), whole, np.concatenate(found)[order])
+        return MirrorClass(
+            signs, np.hstack(bases), whole, np.concatenate(found)[order], min(dropped), block_diag(*flexible)
+        )
 
     def join(self, parts: list[MirrorClass]) -> Cell:
         """One cell from its mirror classes: block-diagonal in the classes, then in the sides' own unknowns."""
@@ -239,10 +283,25 @@ class CellBuilder:
             (2.0 * float(self.half[0]), 2.0 * float(self.half[1]), self.thickness),
             fixed,
             np.array(parity, dtype=np.int64).reshape(-1, 2),
+            min(part.dropped_hz for part in parts),
+            self._dropped(parts, places, projected),
             self._touch(parts, places),
             self._skin(parts, places),
             system.mesh.dof * self.copies,
         )
+
+    def _dropped(
+        self, parts: list[MirrorClass], places: list[FloatArray], projected: Mapping[int, tuple[FloatArray, ...]]
+    ) -> FloatArray:
+        """Cell.dropped, (boundary, boundary): the flexibility of all fixed-interface modes less that of the modes kept."""
+        own = self.interface.count
+        out = np.zeros((own, own))
+        for part, place in zip(parts, places, strict=True):
+            width = part.basis.shape[1]
+            basis, pushed = place[:own, :width], projected[id(part.turned or part)][1][:width, width:]
+            kept = (pushed / self.system.scale.eigenvalue(1.0) / part.fixed_hz**2) @ pushed.T
+            out += self.copies * basis @ (part.flexibility - kept) @ basis.T
+        return (out + out.T) / 2.0
 
     def _projected(self, part: MirrorClass) -> tuple[FloatArray, FloatArray, FloatArray]:
         """V'KV, V'MV and V'MV of the pillar alone, (m, m) each."""
@@ -305,6 +364,16 @@ def _static(pencil: SymmetricPencil) -> tuple[Factoriser, Factor]:
     factorise = Factoriser()
     # stored zeros dropped, as in every shifted matrix
     return factorise, factorise(sp.csc_array(pencil.stiffness - 0.0 * pencil.mass))
+
+
+def _flexibility(pushed: FloatArray, factor: Factor) -> FloatArray:
+    """(M Psi)' K_II^-1 (M Psi) from M Psi at the free unknowns, (m, m)."""
+    return np.asarray(pushed.T @ factor.solve(pushed))
+
+
+def _dropped_hz(pencil: SymmetricPencil, modes: Modes, top_hz: float, static: Factor) -> float:
+    """Below it no mode was left out, Hz: the top of the count, or the lowest mode where that lies above it."""
+    return top_hz if len(modes.frequency_hz) else max(top_hz, lowest_hz(pencil, static))
 
 
 def weighted(shapes: FloatArray, mass: object) -> FloatArray:

@@ -2,13 +2,16 @@
 
 Subspaces of the same matrices without the highest bubbles, and without the upper modes, give frequencies from above
 (Galerkin). The error by N fixed-interface modes falls as N^-RATE, hence from a rise S without the upper share s of them
-E = S / ((1 - s)^-RATE - 1); of several shares the largest counts, since single modes couple more or less. The degree's error
-falls exponentially: what the last degree brought bounds what the next ones would.
+E = S / ((1 - s)^-RATE - 1); of several shares the largest counts, since single modes couple more or less. A cell that keeps no
+mode gives nothing to extrapolate from: the residual flexibility of its modes tells (`Cell.dropped`). The degree's error falls
+exponentially: what the last degree brought bounds what the next ones would.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+import numpy as np
 
 from geometry.elements import FloatArray
 from solvers.superelement.lattice import Lattice
@@ -33,11 +36,23 @@ class ReductionError:
 
 def reduction_error(lattice: Lattice, wavevectors: FloatArray, count: int) -> ReductionError:
     """Estimate for the `count` lowest bands at wavevectors (n, 2) in rad/m: the worst of them."""
-    modes = 0.0
-    for share in SHARES:
+    modes = 0.0 if len(lattice.cell.fixed_hz) else _without_modes(lattice, wavevectors, count)
+    for share in SHARES if len(lattice.cell.fixed_hz) else ():
         rise = _rise(lattice, lattice.truncated(0, share), wavevectors, count)
         modes = max(modes, rise / ((1.0 - share) ** -RATE - 1.0))
     return ReductionError(modes, _rise(lattice, lattice.truncated(1, 0.0), wavevectors, count))
+
+
+def _without_modes(lattice: Lattice, wavevectors: FloatArray, count: int) -> float:
+    """Half of l u^H D u over the waves at l, D the residual flexibility of a cell that keeps no fixed-interface mode."""
+    lost, worst = lattice.cell.on_boundary(lattice.cell.dropped), 0.0
+    for k in wavevectors:
+        waves = lattice.waves(k, count)
+        energy = np.einsum("in,in->n", waves.unknowns.conj(), lost @ waves.unknowns).real
+        moving = waves.frequency_hz > STILL * waves.frequency_hz[-1]
+        rise = 0.5 * waves.eigenvalue * lattice.cell.growth(waves.eigenvalue) * energy
+        worst = max(worst, float(rise[moving].max(initial=0.0)))
+    return worst
 
 
 def _rise(lattice: Lattice, small: Lattice, wavevectors: FloatArray, count: int) -> float:

@@ -162,7 +162,7 @@ class Lattice:
     def truncated(self, degrees: int = 1, modes: float = 1 / 3) -> Lattice:
         """The same cell without its highest bubbles and the upper share of its fixed-interface modes.
 
-        A subspace of the same matrices (Galerkin): its frequencies lie above ours.
+        A subspace of the same matrices (Galerkin): its frequencies lie above ours. How much it leaves out is not known.
         """
         cell = self.cell
         face = Interface(max(cell.interface.along - degrees, 1), cell.interface.through)
@@ -179,6 +179,7 @@ class Lattice:
                 interface=face,
                 fixed_hz=cell.fixed_hz[kept],
                 fixed_parity=cell.fixed_parity[kept],
+                dropped_hz=0.0,
                 touch=_kept(cell.touch, keep),
                 skin=_kept(cell.skin, keep),
             )

@@ -6,7 +6,7 @@ the parity class forbids them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,18 +63,26 @@ class JoinedPlate:
 
     def pencil(self) -> PlainPencil:
         """K and M of the class, per whole plate."""
-        stiffness = self._assembled([p.cell.stiffness for p in self.placed])
-        mass = self._assembled([p.cell.mass for p in self.placed])
+        stiffness = self._assembled(self.placed, [p.cell.stiffness for p in self.placed])
+        mass = self._assembled(self.placed, [p.cell.mass for p in self.placed])
         return PlainPencil(stiffness, mass, self.placed[0].cell.scale, RIGID_OF_CLASS[self.parity])
 
     def pillar_share(self, vectors: FloatArray) -> FloatArray:
         """Share of the pillars in the kinetic energy of M-orthonormal modes, (k,)."""
-        mass = self._assembled([p.cell.pillar_mass for p in self.placed])
+        mass = self._assembled(self.placed, [p.cell.pillar_mass for p in self.placed])
         return np.asarray(np.einsum("ik,ik->k", vectors, mass @ vectors))
 
-    def _assembled(self, matrices: list[FloatArray]) -> sp.csc_array:
+    def of_cells(self, matrix: Callable[[Cell], FloatArray]) -> sp.csc_array:
+        """The cells' matrices (cell dof, cell dof) summed over the plate, (dof, dof); cells of zeros are passed over."""
+        known = {id(cell): matrix(cell) for cell in {id(p.cell): p.cell for p in self.placed}.values()}
+        chosen = [p for p in self.placed if known[id(p.cell)].any()]
+        return self._assembled(chosen, [known[id(p.cell)] for p in chosen])
+
+    def _assembled(self, chosen: list[Placed], matrices: list[FloatArray]) -> sp.csc_array:
+        if not chosen:
+            return sp.csc_array((self.dof, self.dof))
         rows, columns, values = [], [], []
-        for placed, matrix in zip(self.placed, matrices, strict=True):
+        for placed, matrix in zip(chosen, matrices, strict=True):
             live = np.flatnonzero(placed.coefficient != 0.0)
             weight = placed.coefficient[live]
             block = placed.copies * matrix[np.ix_(live, live)] * np.outer(weight, weight)
@@ -100,7 +108,8 @@ class JoinedPlate:
             points.append(expansion.points[:, :2] + np.array(placed.middle))
             weights.append(expansion.weights * placed.copies)
             values.append(expansion.matrix[:, 0] @ self.cell_vectors(placed, vectors))
-        return TouchField(np.concatenate(points), np.concatenate(weights), np.concatenate(values))
+        mass = self.placed[0].cell.scale.mass_kg
+        return TouchField(np.concatenate(points), np.concatenate(weights), np.concatenate(values), mass)
 
     def skin(self, vectors: FloatArray) -> Skin:
         """Outer skin of the cells of the class."""

@@ -1,15 +1,14 @@
-"""How far a mode of a joined plate lies above that of its meshes, told by what the last degree and the upper modes add.
+"""How far a mode of a joined plate lies above that of its meshes: by the modes left out, and by the degrees along the sides.
 
-Without a part d of the eigenvector u, Rayleigh's quotient rises by d'(K - lambda M)d / (u - d)'M(u - d): at most what leaving
-the part out would cost, to first order, since the rest is not adjusted. Modes left out are extrapolated as in `estimate`, the
-next degrees are bounded by what the last one brought.
+Fixed-interface modes left out take l^2 D from the boundary's dynamic stiffness, D their residual flexibility, which each
+cell knows (`Cell.dropped`): an eigenvalue l falls by l^2 u'D u, to first order. Without a part d of the eigenvector u, its
+last degree, Rayleigh's quotient rises by d'(K - l M)d / (u - d)'M(u - d): what that degree brought bounds the next ones.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +16,15 @@ from numpy.typing import NDArray
 from geometry.elements import FloatArray, IntArray
 from solvers.fem.eigen import SymmetricPencil
 from solvers.superelement.cell import Cell
-from solvers.superelement.estimate import RATE, SHARES
 from solvers.superelement.plate import JoinedPlate
 
 
 @dataclass(frozen=True)
 class ModeErrors:
-    """Relative errors of frequencies, (k,) each, from above: by the fixed-interface modes and by the degrees left out."""
+    """Relative errors of frequencies, (k,) each, from above: by the fixed-interface modes and by the degrees left out.
+
+    Infinite from the lowest mode on that may have been left out: nothing is known there.
+    """
 
     modes: FloatArray
     degrees: FloatArray
@@ -51,11 +52,17 @@ def mode_errors(plate: JoinedPlate, pencil: SymmetricPencil, vectors: FloatArray
         ]
         return np.asarray(np.sqrt(np.maximum(left[0] / left[1] / value, 1.0)) - 1.0)
 
-    modes = np.zeros_like(value)
-    for share in SHARES:
-        upper = _unknowns(plate, partial(_upper_modes, share))
-        modes = np.maximum(modes, rise(upper) / ((1.0 - share) ** -RATE - 1.0))
-    return ModeErrors(modes, rise(_unknowns(plate, _last_bubbles)))
+    return ModeErrors(_by_modes(plate, value, vectors), rise(_unknowns(plate, _last_bubbles)))
+
+
+def _by_modes(plate: JoinedPlate, value: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Half of l u' D u over the modes' l, D the residual flexibility of every cell, as large as it may be at l, (k,)."""
+    total = np.zeros_like(value)
+    for edge in sorted({placed.cell.dropped_hz for placed in plate.placed}):
+        alike = next(placed.cell for placed in plate.placed if placed.cell.dropped_hz == edge)
+        lost = plate.of_cells(lambda cell, edge=edge: cell.on_boundary((cell.dropped_hz == edge) * cell.dropped))  # type: ignore[misc]
+        total += 0.5 * value * alike.growth(value) * np.einsum("ik,ik->k", vectors, lost @ vectors)
+    return total
 
 
 def _unknowns(plate: JoinedPlate, of_cell: Callable[[Cell], IntArray]) -> NDArray[np.bool_]:
@@ -66,12 +73,6 @@ def _unknowns(plate: JoinedPlate, of_cell: Callable[[Cell], IntArray]) -> NDArra
         local = local[placed.coefficient[local] != 0.0]
         found[placed.unknown[local]] = True
     return found
-
-
-def _upper_modes(share: float, cell: Cell) -> IntArray:
-    """The upper share of a cell's fixed-interface modes."""
-    order = np.argsort(cell.fixed_hz, kind="stable")
-    return np.asarray(cell.interface.count + order[len(order) - int(np.ceil(share * len(order))) :])
 
 
 def _last_bubbles(cell: Cell) -> IntArray:

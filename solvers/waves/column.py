@@ -109,8 +109,8 @@ class Column:
             places.append(y)
             weights.append(touch.weights)
             shapes.append(np.exp(1j * self.kx * touch.points[:, 0]) * np.cos(pi * y / self.design.width_m))
-        parts = (np.concatenate(part) for part in (places, weights, values, shapes))
-        return Profile(*parts)
+        y_m, area_m2, moved, wanted = (np.concatenate(part) for part in (places, weights, values, shapes))
+        return Profile(y_m, area_m2, moved, wanted, self.scale.mass_kg)
 
 
 def column_pieces(design: Design, longest_m: float) -> list[Piece]:

@@ -16,7 +16,7 @@ from solvers.errors import SolverError
 sys.path.insert(0, str(Path(__file__).parent))
 from told import Told
 
-BAND_HZ = (15e3, 30e3)
+BAND_HZ = (25e3, 45e3)
 
 
 def case(accuracy: float) -> Case:
@@ -25,7 +25,7 @@ def case(accuracy: float) -> Case:
             "name": "small",
             "material": "aluminium",
             "plate": {"thickness_mm": 2.0},
-            "zone": {"length_mm": 22.0, "width_mm": 10.0, "nodal_lines": 2},
+            "zone": {"length_mm": 30.0, "width_mm": 20.0, "nodal_lines": 2},
             "pillar": {"shape": "square", "side_mm": 2.0, "height_mm": 6.3},
             "array": {"pitch_mm": 4.0, "rows": 1, "extension_mm": 3.0},
             "solve": {"accuracy": accuracy},

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from solvers.confinement import Confinement, TouchField, measure, wanted_index, wanted_parity, wanted_shape
+from solvers.confinement import TouchField, measure, wanted_parity, wanted_shape
 
 DESIGN = Design(60e-3, 20e-3, 2e-3, 6, MATERIALS["aluminium"], None, 4e-3, 4e-3, 0, 10e-3)
 
@@ -75,12 +77,15 @@ def test_a_plate_without_passive_face_has_no_confinement_number() -> None:
     assert np.isnan(found.zone_share[0]) and np.isnan(found.confinement_db[0])
 
 
-def test_the_wanted_mode_looks_right_and_stays_inside() -> None:
-    nan = np.full(2, np.nan)
-    assert (
-        wanted_index(Confinement(np.array([0.2, 0.9, 0.9]), np.zeros(3), np.array([0.8, 0.7, 0.1]), np.zeros(3))) == 1
-    )
-    assert wanted_index(Confinement(nan, nan, np.array([0.3, 0.6]), nan)) == 1
+def test_strength_is_one_for_a_plate_that_moves_in_the_wanted_shape_alone() -> None:
+    """Modal mass rho h int w^2: the effective-mass fraction of a mode that is the shape itself, whatever its amplitude."""
+    for size in (1.0, 1e-3):
+        shaped = field(lambda p, size=size: np.where(np.abs(p[:, 1]) < 10e-3, size * wanted_shape(DESIGN, p), 0.0))
+        mass = DESIGN.material.density_kg_m3 * DESIGN.thickness_m * float(shaped.weights @ shaped.values[:, 0] ** 2)
+        assert measure(replace(shaped, modal_mass_kg=mass), DESIGN, None).strength[0] == pytest.approx(1.0, rel=1e-12)
+        heavier = measure(replace(shaped, modal_mass_kg=4.0 * mass), DESIGN, None)
+        assert heavier.strength[0] == pytest.approx(0.25, rel=1e-12) and heavier.mac[0] == pytest.approx(1.0)
+    assert np.isnan(measure(shaped, DESIGN, None).strength[0]), "of no known mass, no strength"
 
 
 def test_the_extension_is_what_lies_beyond_the_last_row() -> None:

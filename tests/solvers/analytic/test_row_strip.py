@@ -67,7 +67,7 @@ def test_rows_hold_the_wanted_mode_better_the_more_there_are() -> None:
     levels = []
     for rows in (1, 2, 3):
         found = strip_modes(replace(DESIGN, rows=rows), 25e3, 45e3)
-        levels.append(found.held.confinement_db[found.held.wanted])
+        levels.append(found.held.confinement_db[found.held.wanted.index])
     assert levels[0] < levels[1] < levels[2]
 
 
@@ -101,7 +101,7 @@ def test_measures_of_a_known_profile() -> None:
         value.append(inside if level is None else np.full(2000, level / sqrt(2.0)))
     places = np.concatenate(y)
     shape = np.cos(pi * places / design.width_m)
-    found = held(Profile(places, np.concatenate(weights), 1j * np.concatenate(value)[:, None], shape), design)
+    found = held(Profile(places, np.concatenate(weights), 1j * np.concatenate(value)[:, None], shape, 1.0), design)
     passive = (0.5**2 * 10.0 + 0.1**2 * 25.0) / 35.0
     assert found.confinement_db[0] == pytest.approx(-10.0 * log10(passive), abs=1e-4)
     assert found.extension_db[0] == pytest.approx(20.0, abs=1e-4)

@@ -17,6 +17,7 @@ from solvers.confinement import measure
 from solvers.fem.eigen import modes_in_band
 from solvers.superelement.build import PlateModel, Recipe, Reductions
 from solvers.superelement.interface import Interface
+from solvers.wanted import verdict
 from solvers.waves.column import Column, column_pieces
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -74,12 +75,14 @@ def test_a_column_finds_the_plates_wanted_mode_and_ranks_its_heights() -> None:
         zone = {"length_m": 80e-3, "nodal_lines": 6, "width_m": 20e-3}
         design = replace(DESIGN, **zone, rows=2, extension_m=8e-3, pillar=pillar)
         column = Column(design, reductions(design), 5.5 * pi / design.length_m).modes(28e3, 44e3)
-        at = column.held.wanted
+        at = column.held.wanted.index
+        assert at is not None
         around = (0.95 * column.frequency_hz[at], 1.05 * column.frequency_hz[at])
         model = PlateModel(design, reductions(design))
         found = modes_in_band(model.pencil("++"), *around)
         plate = measure(model.touch("++", found.vectors), design, "++")
-        best = int(np.argmax(plate.mac * plate.zone_share))
+        best = verdict(plate.strength, plate.zone_share, plate.mac).index
+        assert best is not None
         assert column.frequency_hz[at] == pytest.approx(found.frequency_hz[best], rel=0.02)
         assert column.held.mac[at] > 0.95
         levels.append((column.held.confinement_db[at], plate.confinement_db[best]))

@@ -1,0 +1,73 @@
+"""What a reduced plate may miss of its meshes: counted, and told without any fixed-interface mode to extrapolate from."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from geometry.hexmesh import HexSettings
+from geometry.layout import Design, Pillar
+from geometry.materials import MATERIALS
+from solvers.fem.eigen import modes_in_band
+from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.superelement.interface import Interface
+
+STEEL = MATERIALS["steel"]
+PILLAR = Pillar("square", 1.8e-3, 1.8e-3, 5e-3, STEEL)
+DESIGN = Design(16e-3, 8e-3, 1.5e-3, 2, STEEL, PILLAR, 4e-3, 4e-3, 1, 3e-3)
+BARE = Design(16e-3, 8e-3, 1.5e-3, 2, STEEL, None, 4e-3, 4e-3, 0, 8e-3)
+MESH = HexSettings(order=3, size_m=2e-3, layers=0, pillar_size_m=2.5e-3)
+FINE_HZ = 3e6
+
+
+@lru_cache
+def model(top_hz: float, pillars: bool) -> PlateModel:
+    design = DESIGN if pillars else BARE
+    recipe = Recipe(Interface(3, 3), top_hz, MESH)
+    return PlateModel(design, Reductions(design.thickness_m, STEEL, design.pillar, recipe))
+
+
+def count(top_hz: float, edge_hz: float, pillars: bool) -> int:
+    return len(modes_in_band(model(top_hz, pillars).pencil("++"), 100.0, edge_hz).frequency_hz)
+
+
+@pytest.mark.parametrize("edge_hz", [60e3, 90e3, 120e3])
+@pytest.mark.parametrize("pillars", [True, False])
+def test_the_meshes_have_no_more_modes_than_the_bound_allows(edge_hz: float, pillars: bool) -> None:
+    """The same meshes with all modes to 3 MHz stand for themselves; a model made for a sixth of the frequency misses some."""
+    top_hz = 1.2 * edge_hz
+    coarse = model(top_hz, pillars)
+    more = coarse.more_below("++", coarse.pencil("++"), edge_hz)
+    missing = count(FINE_HZ, edge_hz, pillars) - count(top_hz, edge_hz, pillars)
+    assert more is not None and 0 <= missing <= more
+
+
+def test_a_reduction_that_loses_modes_says_so() -> None:
+    """Bare panels reduced for 2 kHz have no mode of their own left: what they miss below 300 kHz is not small, and is told."""
+    coarse = model(2e3, False)
+    assert all(not len(cell.fixed_hz) for cell in coarse.cells.values())
+    edge_hz = 300e3
+    more = coarse.more_below("++", coarse.pencil("++"), edge_hz)
+    assert more is not None and more >= count(FINE_HZ, edge_hz, False) - count(2e3, edge_hz, False) >= 1
+
+
+def test_above_the_modes_left_out_nothing_is_bounded() -> None:
+    coarse = model(2e3, True)
+    lowest = min(cell.dropped_hz for cell in coarse.cells.values())
+    assert coarse.more_below("++", coarse.pencil("++"), 1.01 * lowest) is None
+
+
+@pytest.mark.parametrize(("top_hz", "pillars"), [(2e3, False), (400e3, True), (700e3, False)])
+def test_the_estimate_is_the_true_error_to_first_order(top_hz: float, pillars: bool) -> None:
+    """Residual flexibility: within 5 % of the rise over the same meshes with all modes to 3 MHz, where that is below 0.5 %."""
+    coarse, fine = model(top_hz, pillars), model(FINE_HZ, pillars)
+    band = (15e3, 60e3) if pillars else (15e3, 110e3)
+    ours, theirs = (modes_in_band(each.pencil("++"), *band) for each in (coarse, fine))
+    assert len(ours.frequency_hz) == len(theirs.frequency_hz) > 1
+    rise = ours.frequency_hz / theirs.frequency_hz - 1.0
+    told = coarse.mode_errors("++", coarse.pencil("++"), ours.vectors).modes
+    small = (rise < 0.005) & (rise > 1e-7)
+    assert small.any() and np.abs(told[small] / rise[small] - 1.0).max() < 0.05
+    assert (told[~small] >= 0.0).all()
