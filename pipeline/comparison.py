@@ -48,16 +48,27 @@ def _same_design(entry: dict[str, str], design: dict[str, Any]) -> bool:
     )
 
 
+def held_words(mode_db: float | None, driven_db: float | None) -> str | None:
+    """Whether a plate holds its mode, as the thesis looked at it, and whether it does so driven; None without passive face."""
+    if mode_db is None:
+        return None
+    said = f"{'confined' if mode_db >= CONFINED_DB else 'leaks'} ({mode_db:.1f} dB as a mode"
+    if driven_db is None:
+        return f"{said})"
+    apart = mode_db >= CONFINED_DB > driven_db
+    return f"{said}, {driven_db:.1f} dB driven by its patches{', which is not confined' if apart else ''})"
+
+
 def _figure(key: str, record: dict[str, Any]) -> float | str | None:
     """A figure in Hz, or the verdict."""
     wanted, bands = record.get("wanted") or {}, record.get("bands") or {}
     gaps = bands.get("gaps") or [{}]
     zone, pillar = record.get("zone_modes") or {}, record.get("pillar_modes") or {}
     if key == "verdict":
-        held = wanted.get("confinement_db")
-        return None if held is None else f"{'confined' if held >= CONFINED_DB else 'leaks'} ({held:.1f} dB)"
+        peak = (record.get("response") or {}).get("wanted_peak") or {}
+        return held_words(wanted.get("confinement_db"), peak.get("confinement_db"))
     if key == "zone":
-        return zone["modes"][zone["wanted_index"]]["frequency_hz"] if zone.get("wanted_index") is not None else None
+        return (zone.get("wanted") or {}).get("frequency_hz")
     if key == "pillar":
         return pillar["modes"][0]["frequency_hz"] if pillar else None
     if key == "bending":
@@ -66,7 +77,7 @@ def _figure(key: str, record: dict[str, Any]) -> float | str | None:
         return ((record.get("predesign") or {}).get("zone") or {}).get("formula_hz")
     return {
         "wanted": wanted.get("frequency_hz"),
-        "peak": ((record.get("response") or {}).get("peak") or {}).get("frequency_hz"),
+        "peak": ((record.get("response") or {}).get("wanted_peak") or {}).get("frequency_hz"),
         "gap_lower": gaps[0].get("lower_hz"),
         "gap_upper": gaps[0].get("upper_hz"),
     }[key]

@@ -36,7 +36,7 @@ def along_sweep(study: StoredStudy) -> dict[str, Followed]:
 
 def _line(line: list[StoredCase]) -> dict[str, Followed]:
     """From the case with the plainest wanted mode to both ends of the line."""
-    start = max(range(len(line)), key=lambda i: line[i].wanted.get("mac") or 0.0)
+    start = max(range(len(line)), key=lambda i: line[i].wanted.get("share") or 0.0)
     first = line[start]
     found = {first.case_id: Followed(first.wanted["frequency_hz"], None, "start")}
     for way in (line[start:], line[start::-1]):

@@ -149,7 +149,7 @@ def _computed(
     tone = found.curve.frequency_hz
     if measured.quantity == "sensor":
         return None, found.curve.sensor_v_per_v[:, 0]
-    place = at_m or loudest_point(found.forced, float(tone[found.peak]), case.design.width_m / 2.0)
+    place = at_m or loudest_point(found.forced, found.peak.frequency_hz, case.design.width_m / 2.0)
     moved = point_response(found.forced, place, tone)
     return place, 2j * np.pi * tone * moved if measured.quantity == "velocity" else moved
 
@@ -183,7 +183,7 @@ def _marked(synthetic: bool) -> str:
 def _map(
     case: Case, found: Response, measured: MeasuredField, weights: Weights, log: Log
 ) -> tuple[dict[str, Any], dict[str, Any], str]:
-    design, tone = case.design, float(found.curve.frequency_hz[found.peak])
+    design, tone = case.design, found.peak.frequency_hz
     computed = sampled(*found.forced.shape(tone), measured.points_m)
     held, seen = confinement_of(weights, measured.values, design), confinement_of(weights, computed, design)
     alike = assurance(weights.area_m2, measured.values[weights.index], computed[weights.index])
@@ -202,7 +202,7 @@ def _map(
         "mac_operating": alike,
         "computed": {
             "frequency_hz": tone,
-            "confinement_db": found.confinement_db,
+            "confinement_db": found.peak.confinement_db,
             "confinement_at_points_db": seen.confinement_db,
             "zone_share_at_points": seen.zone_share,
             "mac": seen.mac,
@@ -229,4 +229,4 @@ def _tell_cover(measured: MeasuredField, weights: Weights, log: Log) -> None:
 
 def operating_field(found: Response, points_m: FloatArray) -> Complex:
     """Computed u_z per volt at the peak, (n,) in m/V, at points (n, 2) in m."""
-    return sampled(*found.forced.shape(float(found.curve.frequency_hz[found.peak])), points_m)
+    return sampled(*found.forced.shape(found.peak.frequency_hz), points_m)

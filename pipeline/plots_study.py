@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from pipeline import plots
+from pipeline import following, plots
+from pipeline.following import Followed
 from pipeline.plots import Drawing
 from pipeline.records import CONFINED_DB, StoredCase, StoredStudy
 from pipeline.sweep_lines import axis_label, lines_along, main_key, swept
@@ -22,9 +24,9 @@ def against_sweep(study: StoredStudy) -> Drawing | None:
         return None
     figure = plots.new_figure(plots.WIDTH_IN, 5.2)
     level, tone = figure.subplots(2, 1, sharex=True)
-    lines = lines_along(study, cases, key)
+    lines, tracked = lines_along(study, cases, key), following.along_sweep(study)
     for index, (name, line) in enumerate(lines.items()):
-        _draw_line(level, tone, line, key, name or "wanted mode", index)
+        _draw_line(level, tone, line, key, name or "wanted mode", index, tracked)
     _finish(level, tone, key)
     _bending_at_m(tone, list(lines.values()), key)
     handles, labels = tone.get_legend_handles_labels()
@@ -34,16 +36,27 @@ def against_sweep(study: StoredStudy) -> Drawing | None:
     return Drawing("against_sweep", title, _alt(study, cases, key), figure, vector=True)
 
 
-def _draw_line(level: Any, tone: Any, line: list[StoredCase], key: str, name: str, index: int) -> None:
+def _draw_line(
+    level: Any, tone: Any, line: list[StoredCase], key: str, name: str, index: int, tracked: dict[str, Followed]
+) -> None:
     colour, marker = plots.CYCLE[index % len(plots.CYCLE)], plots.MARKERS[index % len(plots.MARKERS)]
     x = np.array([case.sweep[key] for case in line], dtype=float)
     held = np.array([case.wanted.get("confinement_db") for case in line], dtype=float)
-    level.plot(x, held, color=colour, lw=1.1)
+    khz = np.array([case.wanted["frequency_hz"] / 1e3 for case in line])
+    for axes, values in ((level, held), (tone, khz)):
+        for first, last in _same_mode(line, tracked):
+            axes.plot(x[first:last], values[first:last], color=colour, lw=1.1)
     for filled in (True, False):
         shown = (held >= CONFINED_DB) == filled
         level.plot(x[shown], held[shown], marker, color=colour, mfc=colour if filled else "white", ms=6)
-    khz = [case.wanted["frequency_hz"] / 1e3 for case in line]
-    tone.plot(x, khz, color=colour, marker=marker, ms=5, label=name)
+    tone.plot(x, khz, color=colour, marker=marker, ms=5, ls="none", label=name)
+
+
+def _same_mode(line: list[StoredCase], tracked: dict[str, Followed]) -> list[tuple[int, int]]:
+    """Stretches of a line over which the wanted mode is one and the same, tracked by its shape: slices of two or more."""
+    same = [getattr(tracked.get(case.case_id), "identity", "") in ("start", "kept") for case in line]
+    edges = [i for i in range(len(line) + 1) if i in (0, len(line)) or same[i] != same[i - 1]]
+    return [(a, b) for a, b in pairwise(edges) if same[a] and b - a > 1]
 
 
 def _finish(level: Any, tone: Any, key: str) -> None:
@@ -55,7 +68,7 @@ def _finish(level: Any, tone: Any, key: str) -> None:
     level.set_ylabel("confinement (dB)")
     level.set_title(f"Confined: at least {CONFINED_DB:.0f} dB (shaded, filled marks)")
     tone.set_ylabel("frequency (kHz)")
-    tone.set_title("Wanted mode")
+    tone.set_title("Wanted mode (joined by a line where it is the same one, tracked by its shape)")
     tone.set_xlabel(axis_label(key))
     for axes in (level, tone):
         axes.grid(True)

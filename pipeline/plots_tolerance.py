@@ -38,15 +38,19 @@ def _curves(axes: Any, found: dict[str, Any], arrays: dict[str, Any]) -> None:
     axes.set_xlabel("frequency (kHz)")
     axes.set_ylabel(f"zone rms u_z (n{found['rms_unit']})")
     peak = found["peak_hz"]
+    count = len(found["samples"]) - found["lost"]
     axes.set_title(
-        f"Peak {KHZ * peak['mean']:.2f} kHz, spread {peak['deviation']:.0f} Hz over {len(found['samples'])} plates"
+        f"Wanted mode's peak {KHZ * peak['mean']:.2f} kHz, spread {peak['deviation']:.0f} Hz over {count} plates"
+        if peak
+        else "No plate kept the wanted mode"
     )
     axes.grid(True)
     axes.legend(fontsize=8, frameon=True, framealpha=0.9, edgecolor="none")
 
 
 def _peaks(axes: Any, found: dict[str, Any]) -> None:
-    samples, nominal, level = found["samples"], found["nominal"], found["confinement_db"]
+    samples = [one for one in found["samples"] if one["peak_hz"] is not None]
+    nominal, level = found["nominal"], found["confinement_db"]
     axes.plot(
         [KHZ * one["peak_hz"] for one in samples],
         [one["confinement_db"] for one in samples],
@@ -71,6 +75,8 @@ def _peaks(axes: Any, found: dict[str, Any]) -> None:
 
 def _alt(found: dict[str, Any]) -> str:
     peak, level = found["peak_hz"], found["confinement_db"]
+    if not peak:
+        return f"None of {len(found['samples'])} plates whose pillars differ kept the wanted mode."
     said = (
         f"Response of {len(found['samples'])} plates whose pillars differ: the peak lies at {KHZ * peak['mean']:.2f} kHz "
         f"with a spread of {peak['deviation']:.0f} Hz, nominally at {KHZ * found['nominal']['peak_hz']:.2f} kHz"

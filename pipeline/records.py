@@ -43,13 +43,28 @@ class StoredCase:
     @property
     def wanted(self) -> dict[str, Any]:
         """The wanted mode's measures, empty when there is none."""
-        return self.record.get("wanted") or {}
+        found = self.record.get("wanted") or {}
+        return found if found.get("frequency_hz") is not None else {}
+
+    @property
+    def wanted_status(self) -> str | None:
+        """single, split or none; None where no mode was looked for."""
+        return (self.record.get("wanted") or {}).get("status")
 
     @property
     def confined(self) -> bool | None:
-        """Whether the wanted mode is held in the zone: at least 10 dB; None where the question has no meaning."""
-        level = self.wanted.get("confinement_db")
-        return None if level is None else level >= CONFINED_DB
+        """Whether the zone holds the wanted mode by at least 10 dB: as a mode and, where patches drive it, at its own peak.
+
+        None where the question has no meaning.
+        """
+        level, driven = self.wanted.get("confinement_db"), self.driven_db
+        return None if level is None else min(level, level if driven is None else driven) >= CONFINED_DB
+
+    @property
+    def driven_db(self) -> float | None:
+        """Confinement at the wanted mode's peak as the patches drive it, dB; None without a response or without that peak."""
+        found = (self.record.get("response") or {}).get("wanted_peak") or {}
+        return found.get("confinement_db")
 
     def read(self, name: str) -> Any:
         """A JSON file of the case, {} when it is missing or torn."""

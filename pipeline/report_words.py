@@ -46,8 +46,9 @@ def khz(frequency_hz: float | None) -> str:
 
 
 def verdict(case: StoredCase) -> str:
-    """Whether the wanted mode is held, and whether the expected error leaves that open."""
-    held = "confined" if case.confined else "leaking"
+    """Whether the wanted mode is held, as a mode and driven, and whether the expected error leaves that open."""
+    as_mode = case.wanted["confinement_db"] >= CONFINED_DB
+    held = "confined" if case.confined else "confined as a mode, not as driven" if as_mode else "leaking"
     error = case.wanted.get("confinement_error_db")
     close = error is not None and abs(case.wanted["confinement_db"] - CONFINED_DB) <= error
     return f"{held}, but nearer to {CONFINED_DB:.0f} dB than its expected error" if close else held
@@ -60,7 +61,7 @@ def _level(wanted: dict[str, Any]) -> str:
 
 def best_case(study: StoredStudy) -> StoredCase | None:
     """The case whose wanted mode is held best; without any, the first that has one."""
-    held = [case for case in study.cases if case.confined is not None]
+    held = [case for case in plates(study) if case.confined is not None]
     if held:
         return max(held, key=lambda case: case.wanted["confinement_db"])
     return next((case for case in study.cases if case.wanted), None)
@@ -68,26 +69,79 @@ def best_case(study: StoredStudy) -> StoredCase | None:
 
 def cards(study: StoredStudy) -> list[Card]:
     """Headlines of a study: wanted mode, how well it is held, gap, how the cases ended."""
-    found = []
     best = best_case(study)
-    several = len(study.cases) > 1
-    if best:
-        mac = best.wanted.get("mac")
-        note = "" if mac is None else f"MAC {mac:.2f} to the analytic shape"
-        found.append(Card("Wanted mode", khz(best.wanted.get("frequency_hz")), note))
-    if best and best.confined is not None:
-        where = f", best of {sum(case.confined is not None for case in study.cases)}: {best.case_id}" if several else ""
-        level = f"{best.wanted['confinement_db']:.1f}{WIDE}dB"
-        found.append(Card("Held in the zone", level, verdict(best) + where, "good" if best.confined else "bad"))
-    rows = (best.record.get("prediction") or {}) if best else {}
-    if rows.get("rows_for_10_db"):
-        note = f"{rows['db_per_row']:.1f}{WIDE}dB a row at the wanted mode" if rows.get("db_per_row") else ""
-        found.append(Card(f"Rows for {CONFINED_DB:.0f}{WIDE}dB", str(rows["rows_for_10_db"]), note))
-    gap = next((gap for case in study.cases if (gap := widest_gap(case))), None)
-    if gap:
-        value = f"{gap['lower_hz'] / 1e3:.1f}–{gap['upper_hz'] / 1e3:.1f}{WIDE}kHz"
-        found.append(Card("Complete gap", value, f"between bands {gap['lower_band']} and {gap['upper_band']}"))
-    return [*found, _ended(study)]
+    told = (_wanted_card, _held_card, _rows_card, _gap_card) if best else ()
+    cards = [tell(study, best) for tell in told if best]
+    return [*(card for card in cards if card), _ended(study)]
+
+
+def _source(study: StoredStudy, case: StoredCase) -> str:
+    """Which design a figure is of, where the study has several: all headlines are of one."""
+    return f"; plate {case.case_id}" if len(plates(study)) > 1 else ""
+
+
+def _wanted_card(study: StoredStudy, best: StoredCase) -> Card:
+    mac, status = best.wanted.get("mac"), best.wanted_status
+    note = "" if mac is None else f"MAC {mac:.2f} to the analytic shape"
+    split = ", shape split among several modes" if status == "split" else ""
+    return Card("Wanted mode", khz(best.wanted.get("frequency_hz")), note + split + _source(study, best))
+
+
+def _held_card(study: StoredStudy, best: StoredCase) -> Card | None:
+    if best.confined is None:
+        return None
+    driven = "" if best.driven_db is None else f"; driven at its own peak {best.driven_db:.1f}{WIDE}dB"
+    count = sum(case.confined is not None for case in plates(study))
+    where = f", best of {count} plates" if count > 1 else ""
+    level = f"{best.wanted['confinement_db']:.1f}{WIDE}dB"
+    note = verdict(best) + where + driven + _source(study, best)
+    return Card("Held in the zone", level, note, "good" if best.confined else "bad")
+
+
+def _rows_card(study: StoredStudy, best: StoredCase) -> Card | None:
+    """The fewest rows on which a finite plate like the best holds its mode; without any, the estimate of endless rows."""
+    told = best.record.get("prediction") or {}
+    estimate = told.get("rows_for_10_db")
+    per_row = f"{told['db_per_row']:.1f}{WIDE}dB a row at the wanted mode, " if told.get("db_per_row") else ""
+    name = f"Rows for {CONFINED_DB:.0f}{WIDE}dB"
+    enough = [case.sweep["array.rows"] for case in _like(study, best) if case.confined]
+    if enough:
+        endless = f"; {per_row}endless rows would take {estimate}" if estimate else ""
+        return Card(name, str(min(enough)), f"the fewest that hold it on a finite plate{endless}{_source(study, best)}")
+    if estimate:
+        return Card(name, f"≥ {estimate}", f"{per_row}an estimate for endless rows{_source(study, best)}")
+    return None
+
+
+def _like(study: StoredStudy, best: StoredCase) -> list[StoredCase]:
+    """Plates that differ from the best in their rows alone."""
+    rest = {key: value for key, value in best.sweep.items() if key != "array.rows"}
+    return [
+        case
+        for case in study.cases
+        if "array.rows" in case.sweep and {k: v for k, v in case.sweep.items() if k != "array.rows"} == rest
+    ]
+
+
+def _gap_card(study: StoredStudy, best: StoredCase) -> Card | None:
+    gap = widest_gap(best)
+    if not gap:
+        return None
+    value = f"{gap['lower_hz'] / 1e3:.1f}–{gap['upper_hz'] / 1e3:.1f}{WIDE}kHz"
+    note = f"of its unit cell, between bands {gap['lower_band']} and {gap['upper_band']}{_source(study, best)}"
+    return Card("Complete gap", value, note)
+
+
+def plates(study: StoredStudy) -> list[StoredCase]:
+    """The study's cases, each design once: a plate computed beside a sweep may be one of the sweep's own."""
+    seen: list[Any] = []
+    kept = []
+    for case in sorted(study.cases, key=lambda case: not case.sweep):
+        design = case.record.get("design")
+        if design is None or design not in seen:
+            kept.append(case)
+            seen.append(design)
+    return [case for case in study.cases if case in kept]
 
 
 def _ended(study: StoredStudy) -> Card:
@@ -105,7 +159,7 @@ def _ended(study: StoredStudy) -> Card:
 def sentences(study: StoredStudy) -> list[str]:
     """The study's answer in a few sentences."""
     said = []
-    held = [case for case in study.cases if case.confined is not None]
+    held = [case for case in plates(study) if case.confined is not None]
     if len(held) > 1:
         confined = [case.case_id for case in held if case.confined]
         names = f": {', '.join(confined)}" if 0 < len(confined) <= 6 else ""
@@ -114,12 +168,12 @@ def sentences(study: StoredStudy) -> list[str]:
         )
     for case in held[: 1 if len(held) == 1 else 0]:
         said.append(_held_sentence(case))
-    bending = next(
-        (pair for case in study.cases if (pair := (case.record.get("bands") or {}).get("bending_at_m_hz"))), None
-    )
-    if bending:
+    best = best_case(study)
+    bending = (best.record.get("bands") or {}).get("bending_at_m_hz") if best else None
+    if best and bending:
         tones = " and ".join(dict.fromkeys(f"{tone / 1e3:.2f}" for tone in bending))
-        said.append(f"The pillars' bending bands of the unit cell meet M at {tones} kHz.")
+        whose = f" of plate {best.case_id}" if len(plates(study)) > 1 else ""
+        said.append(f"The pillars' bending bands of the unit cell{whose} meet M at {tones} kHz.")
     for case in study.cases:
         if case.status in {"FAILED", "MISSING"}:
             said.append(f"{case.case_id} gave no answer: {case.diagnosis}.")
@@ -160,17 +214,19 @@ def _mode_facts(case: StoredCase) -> list[tuple[str, str]]:
             ("wanted mode", f"{khz(wanted.get('frequency_hz'))}{error}, MAC {si(wanted.get('mac'), digits=3)}")
         )
     if case.confined is not None:
-        found.append(("confinement", f"{_level(wanted)}: {verdict(case)} (at least {CONFINED_DB:.0f} dB)"))
+        driven = "" if case.driven_db is None else f" as a mode, {case.driven_db:.1f} dB driven at its own peak"
+        found.append(("confinement", f"{_level(wanted)}{driven}: {verdict(case)} (at least {CONFINED_DB:.0f} dB)"))
     for key, name in (
         ("zone_share", "share of the touch face's u_z² in the zone"),
         ("pillar_energy_share", "pillars' share of energy"),
     ):
         if wanted.get(key) is not None:
             found.append((name, f"{wanted[key]:.1%}"))
-    cluster = wanted.get("cluster") or []
-    if len(cluster) > 1:
-        told = [f"{khz(member['frequency_hz'])} ({member['share']:.0%})" for member in cluster if "share" in member]
-        found.append(("modes that share the wanted shape", ", ".join(told)))
+    if wanted.get("status") == "split":
+        told = [f"{khz(rival['frequency_hz'])} (strength {rival['strength']:.3f})" for rival in wanted["rivals"]]
+        found.append(
+            ("the wanted shape is split: other modes that carry it", ", ".join(told) or "none a quarter as strong")
+        )
     check = (case.record.get("modes") or {}).get("count_check")
     if check:
         outcome = "holds" if check["expected"] == check["found"] else "does not hold"
@@ -207,7 +263,11 @@ def _response_facts(case: StoredCase) -> list[tuple[str, str]]:
         found.append((name, f"{level}; MAC {field['mac_operating']:.3f} to the computed operating shape"))
     if spread:
         peak, level = spread["peak_hz"], spread["confinement_db"]
-        found.append((f"peak of {len(spread['samples'])} plates of unlike pillars", _spread_words(peak, "Hz", 1)))
+        if peak:
+            kept = len(spread["samples"]) - spread["lost"]
+            found.append((f"wanted mode's peak of {kept} plates of unlike pillars", _spread_words(peak, "Hz", 1)))
+        if spread["lost"]:
+            found.append(("plates that lost the wanted mode", f"{spread['lost']} of {len(spread['samples'])}"))
         if level:
             found.append(("their confinement", f"{_spread_words(level, 'dB', 1)}; worst {level['lowest']:.1f} dB"))
     return found
@@ -245,9 +305,9 @@ def _part_facts(case: StoredCase) -> list[tuple[str, str]]:
         height = f", {pillar['height_mm']:.2f} mm high" if pillar.get("height_mm") else ""
         found.append(("pre-design: pillar", f"{khz(pillar['frequency_hz'])}{height}"))
     zone = case.record.get("zone_modes") or {}
-    if zone.get("modes") and zone.get("wanted_index") is not None:
+    if (zone.get("wanted") or {}).get("frequency_hz"):
         name = f"bare zone, long sides clamped, {zone.get('nodal_lines')} nodal lines"
-        found.append((name, khz(zone["modes"][zone["wanted_index"]]["frequency_hz"])))
+        found.append((name, khz(zone["wanted"]["frequency_hz"])))
     pillars = (case.record.get("pillar_modes") or {}).get("modes") or []
     if pillars:
         found.append(("lone pillar, foot clamped", ", ".join(khz(mode["frequency_hz"]) for mode in pillars[:4])))

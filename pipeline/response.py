@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -12,28 +12,28 @@ from pipeline import error_model
 from pipeline.case import Case
 from pipeline.logs import Log
 from pipeline.patched import forced_plate
+from pipeline.peaks import Peak, curve_about, highest_hz, near_hz, peak_of
 from pipeline.ways import way_of
-from solvers.measured_sweep import half_power_quality
 from solvers.piezo.circuit import CircuitShift, circuit_shift
 from solvers.piezo.forced import Curve, ForcedPlate
 
 POINTS = 401
 GRID = 160
-PER_WIDTH = 6  # points over a resonance's half-power width about the peak
 
 
 @dataclass(frozen=True)
 class Response:
-    """The curve, its peak, the quality factor read back from it, the operating shape there, and the plate behind it.
+    """The curve, the wanted mode's peak (None where the band has none) and the highest of all, and the plate behind it.
 
-    expected_error is that of a frequency by the plate's mesh, relative; bonding the patches and the reduction add their own.
+    The operating shape is that at `peak`. expected_error is that of a frequency by the plate's mesh, relative; bonding the
+    patches and the reduction add their own.
     """
 
     model: str
     dof: int
     curve: Curve
-    peak: int
-    quality: float | None
+    wanted: Peak | None
+    highest: Peak
     quality_given: float
     wanted_hz: float | None
     signs: tuple[int, ...]
@@ -46,12 +46,14 @@ class Response:
     expected_error: float | None = None
 
     @property
-    def confinement_db(self) -> float | None:
-        """20 log10 of zone over passive rms at the peak."""
-        passive = self.curve.passive_rms_m_per_v
-        if passive is None:
-            return None
-        return float(20.0 * np.log10(self.curve.zone_rms_m_per_v[self.peak] / passive[self.peak]))
+    def peak(self) -> Peak:
+        """The wanted mode's peak; the highest one where there is none."""
+        return self.wanted or self.highest
+
+    @property
+    def same(self) -> bool:
+        """Whether the wanted mode's peak is the highest."""
+        return self.wanted is not None and self.highest.is_at(self.wanted.frequency_hz, self.forced.loss)
 
     def _circuit(self) -> dict[str, Any]:
         """How the drivers are fed, and what opening every patch does to the wanted mode."""
@@ -65,7 +67,7 @@ class Response:
 
     def json(self) -> dict[str, Any]:
         """The contract's fields and what was read from the curve, without times."""
-        curve, peak = self.curve, self.peak
+        curve = self.curve
         passive = curve.passive_rms_m_per_v
         first = curve.sensor_v_per_v[:, 0] if self.sensors else None
         return {
@@ -82,13 +84,9 @@ class Response:
             "quality_given": self.quality_given,
             "expected_error": self.expected_error,
             "circuit": self._circuit(),
-            "peak": {
-                "frequency_hz": float(curve.frequency_hz[peak]),
-                "zone_rms_m_per_V": float(curve.zone_rms_m_per_v[peak]),
-                "passive_rms_m_per_V": None if passive is None else float(passive[peak]),
-                "confinement_db": self.confinement_db,
-                "quality": self.quality,
-            },
+            "wanted_status": self.forced.verdict.status,
+            "wanted_peak": self.wanted.json() if self.wanted else None,
+            "highest_peak": self.highest.json(),
         }
 
 
@@ -102,14 +100,17 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
     forced = forced_plate(case, log, band_hz, meshes)
     plate, (low, high) = forced.plate, forced.band_hz
     with log.step("sum the modes"):
-        curve, peak = peaked_curve(forced, low, high, points)
-        shape_points, shape = _gridded(*forced.shape(float(curve.frequency_hz[peak])))
+        tone, highest = _driven_hz(forced), highest_hz(forced, low, high, points, forced.resonances_hz)
+        peaks_hz = [near_hz(forced, tone), highest] if tone and low <= tone <= high else [highest]
+        curve = curve_about(forced, low, high, points, peaks_hz)
+        wanted = peak_of(curve, peaks_hz[0]) if len(peaks_hz) > 1 else None
+        shape_points, shape = _gridded(*forced.shape(peaks_hz[0]))
     found = Response(
         f"{plate.name} with {patches.count} patches",
         sum(group.pencil.dof for group in plate.groups),
         curve,
-        peak,
-        half_power_quality(curve.frequency_hz, curve.zone_rms_m_per_v, peak),
+        wanted,
+        peak_of(curve, highest),
         case.quality,
         forced.wanted_hz(),
         tuple(int(sign) for sign in forced.signs),
@@ -125,29 +126,11 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
     return found
 
 
-class Driven(Protocol):
-    """What answers a sweep."""
-
-    @property
-    def loss(self) -> float:
-        """1/Q."""
-        ...
-
-    def curve(self, frequency_hz: FloatArray) -> Curve:
-        """Response at frequencies in Hz."""
-        ...
-
-
-def peaked_curve(forced: Driven, low: float, high: float, points: int) -> tuple[Curve, int]:
-    """An even grid, then a fine one about its highest point, as narrow as the damping makes the peak."""
-    even = np.linspace(low, high, points)
-    top = float(even[int(np.argmax(forced.curve(even).zone_rms_m_per_v))])
-    for reach in (2.0 * (high - low) / points, 2.0 * top * forced.loss):
-        fine = np.linspace(max(low, top - reach), min(high, top + reach), 4 * PER_WIDTH + 1)
-        top = float(fine[int(np.argmax(forced.curve(fine).zone_rms_m_per_v))])
-        even = np.union1d(even, fine)
-    curve = forced.curve(even)
-    return curve, int(np.argmax(curve.zone_rms_m_per_v))
+def _driven_hz(forced: ForcedPlate) -> float | None:
+    """The wanted mode's frequency with the patches as they are wired: those that listen open, those that drive as fed."""
+    opened = forced.sensors if forced.circuit == "short" else [*forced.drivers, *forced.sensors]
+    shift = circuit_shift(forced, opened) if opened else None
+    return shift.open_hz if shift else forced.wanted_hz()
 
 
 def _gridded(points: FloatArray, values: Any) -> tuple[FloatArray, Any]:
@@ -162,20 +145,54 @@ def _gridded(points: FloatArray, values: Any) -> tuple[FloatArray, Any]:
 
 
 def _tell(found: Response, log: Log) -> None:
-    top = found.curve.zone_rms_m_per_v[found.peak]
-    held = "" if found.confinement_db is None else f", {found.confinement_db:.1f} dB above the passive face"
-    tone = found.curve.frequency_hz[found.peak]
-    log.info(f"peak at {tone:.1f} Hz: {1e9 * top:.2f} nm/V rms on the zone{held}")
+    log.info(lines(found)[0])
     if found.circuit:
         shift = found.circuit
         log.info(
             f"wanted mode at {shift.short_hz:.1f} Hz with all patches short, {shift.open_hz:.1f} Hz with all open: "
             f"coupling factor squared {shift.coupling:.2e}"
         )
-    if found.peak in (0, len(found.curve.frequency_hz) - 1):
+    _warn_of_wanted(found, log)
+    if found.highest.frequency_hz in (found.curve.frequency_hz[0], found.curve.frequency_hz[-1]):
         log.alarm("PEAK_AT_END", "the response is largest at the end of the band: widen it")
-    if found.quality and abs(found.quality / found.quality_given - 1.0) > 0.2:
+    quality = found.peak.quality
+    if quality and abs(quality / found.quality_given - 1.0) > 0.2:
         log.alarm(
             "SHARED_PEAK",
-            f"the peak's width tells a quality of {found.quality:.0f}, given is {found.quality_given:.0f}: modes overlap",
+            f"the peak's width tells a quality factor of {quality:.0f}, given is {found.quality_given:.0f}: modes overlap",
         )
+
+
+def _warn_of_wanted(found: Response, log: Log) -> None:
+    """An alarm where the highest peak is not the wanted mode's, or the band has no wanted mode."""
+    (low, high), highest = found.forced.band_hz, found.highest.frequency_hz
+    if found.wanted is None:
+        where = f"it lies at {found.wanted_hz:.1f} Hz" if found.wanted_hz else "no mode about the band has its shape"
+        log.alarm(
+            "NO_MODE",
+            f"the band from {low:.0f} to {high:.0f} Hz does not hold the wanted mode, {where}: the peak is another mode's",
+        )
+    elif not found.same:
+        log.alarm(
+            "OTHER_PEAK",
+            f"the response is highest at {highest:.1f} Hz, which is not the wanted mode at {found.wanted.frequency_hz:.1f} Hz",
+        )
+    if found.forced.verdict.status == "split":
+        log.alarm(
+            "SPLIT_MODE", "the wanted shape is split among several modes of the patched plate: the strongest is meant"
+        )
+
+
+def lines(found: Response) -> list[str]:
+    """What the response says, for people: the wanted mode's peak, and the highest where it is another."""
+    said = [_told("wanted mode's peak", found.wanted)] if found.wanted else []
+    return said if found.same else [*said, _told("highest peak", found.highest)]
+
+
+def _told(name: str, peak: Peak) -> str:
+    held = "" if peak.confinement_db is None else f", {peak.confinement_db:.1f} dB above the passive face"
+    quality = "none" if peak.quality is None else f"{peak.quality:.0f}"
+    return (
+        f"{name} at {peak.frequency_hz:.1f} Hz: {1e9 * peak.zone_rms:.2f} nm/V rms on the zone{held}; "
+        f"quality factor from the curve: {quality}"
+    )

@@ -57,7 +57,7 @@ def _scattered(values: Complex, noise: float, random: np.random.Generator) -> Co
 
 def _sweep(case: Case, found: Response, noise: float, random: np.random.Generator) -> str:
     """Velocity per volt where the zone moves most, amplitude and phase."""
-    peak = float(found.curve.frequency_hz[found.peak])
+    peak = found.peak.frequency_hz
     reach = REACH * peak / case.quality / 2.0
     tone = np.linspace(peak - reach, peak + reach, TONES)
     place = loudest_point(found.forced, peak, case.design.width_m / 2.0)
@@ -70,7 +70,7 @@ def _sweep(case: Case, found: Response, noise: float, random: np.random.Generato
 
 def _field(case: Case, found: Response, noise: float, random: np.random.Generator) -> str:
     """Velocity per volt over the touch face at the peak, real and imaginary."""
-    peak = float(found.curve.frequency_hz[found.peak])
+    peak = found.peak.frequency_hz
     points = grid(case.design)
     seen = _scattered(2j * pi * peak * operating_field(found, points), noise, random)
     lines = [f"# at {peak:.3f} Hz", "x_mm,y_mm,velocity_real_m_per_s_per_V,velocity_imag_m_per_s_per_V"]

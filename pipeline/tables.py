@@ -37,9 +37,9 @@ def _part(part: str, key: str) -> Callable[[StoredCase], Any]:
     return lambda case: (case.record.get(part) or {}).get(key)
 
 
-def _peak(key: str, factor: float = 1.0) -> Callable[[StoredCase], Any]:
+def _peak(which: str, key: str, factor: float = 1.0) -> Callable[[StoredCase], Any]:
     def value(case: StoredCase) -> Any:
-        found = ((case.record.get("response") or {}).get("peak") or {}).get(key)
+        found = ((case.record.get("response") or {}).get(which) or {}).get(key)
         return None if found is None else factor * found
 
     return value
@@ -86,13 +86,13 @@ def _bending(index: int) -> Callable[[StoredCase], Any]:
     return value
 
 
-def _cluster_spread(case: StoredCase) -> float | None:
-    cluster = case.wanted.get("cluster") or []
-    tones = [member["frequency_hz"] for member in cluster]
-    return max(tones) - min(tones) if len(tones) > 1 else None
+def _rivals(case: StoredCase) -> str | None:
+    rivals = case.wanted.get("rivals") or []
+    return "; ".join(f"{rival['frequency_hz']:.0f} Hz" for rival in rivals) or None
 
 
 MEASURES = (
+    Column("wanted_status", "wanted mode: single, split or none", lambda case: case.wanted_status),
     Column("wanted_hz", "wanted mode", _wanted("frequency_hz"), ".2f", "Hz"),
     Column("wanted_error", "expected error of the wanted mode", _wanted("frequency_error"), ".2%"),
     Column("confinement_db", "confinement", _wanted("confinement_db"), ".2f", "dB"),
@@ -104,16 +104,22 @@ MEASURES = (
     Column("mac", "MAC", _wanted("mac"), ".4f"),
     Column("zone_share", "zone share", _wanted("zone_share"), ".4f"),
     Column("pillar_share", "pillars' share of energy", _wanted("pillar_energy_share"), ".4f"),
-    Column("cluster_modes", "modes sharing the shape", lambda case: len(case.wanted.get("cluster") or []) or None, "d"),
-    Column("cluster_spread_hz", "their spread", _cluster_spread, ".2f", "Hz"),
+    Column("strength", "strength in the wanted shape", _wanted("strength"), ".4f"),
+    Column("shape_share", "share of the wanted shape", _wanted("share"), ".4f"),
+    Column("rivals", "other modes that carry it", _rivals),
     Column("count_check", "count check", _count_check),
     Column("gap_lower_hz", "gap from", _gap("lower_hz"), ".2f", "Hz"),
     Column("gap_upper_hz", "gap to", _gap("upper_hz"), ".2f", "Hz"),
     Column("bending_m_1_hz", "bending at M, first", _bending(0), ".2f", "Hz"),
     Column("bending_m_2_hz", "bending at M, second", _bending(1), ".2f", "Hz"),
-    Column("peak_hz", "peak of the response", _peak("frequency_hz"), ".2f", "Hz"),
-    Column("peak_nm_per_v", "zone at the peak", _peak("zone_rms_m_per_V", 1e9), ".4g", "nm/V"),
-    Column("peak_db", "confinement at the peak", _peak("confinement_db"), ".2f", "dB"),
+    Column("wanted_peak_hz", "wanted mode's peak, driven", _peak("wanted_peak", "frequency_hz"), ".2f", "Hz"),
+    Column("wanted_peak_nm_per_v", "zone at that peak", _peak("wanted_peak", "zone_rms_m_per_V", 1e9), ".4g", "nm/V"),
+    Column("wanted_peak_db", "confinement at that peak", _peak("wanted_peak", "confinement_db"), ".2f", "dB"),
+    Column("highest_peak_hz", "highest peak of the response", _peak("highest_peak", "frequency_hz"), ".2f", "Hz"),
+    Column(
+        "highest_peak_nm_per_v", "zone at the highest", _peak("highest_peak", "zone_rms_m_per_V", 1e9), ".4g", "nm/V"
+    ),
+    Column("highest_peak_db", "confinement at the highest", _peak("highest_peak", "confinement_db"), ".2f", "dB"),
     Column("measured_hz", "measured resonance", _beside("sweep", "frequency_hz"), ".2f", "Hz"),
     Column("measured_shift_hz", "measured less computed", _beside("sweep", "frequency_shift_hz"), "+.2f", "Hz"),
     Column("measured_quality", "measured quality factor", _beside("sweep", "quality"), ".1f"),
@@ -149,9 +155,9 @@ def _followed(study: StoredStudy) -> tuple[Column, ...]:
         return lambda case: getattr(found.get(case.case_id), key, None)
 
     return (
-        Column("followed_hz", "followed mode", told("frequency_hz"), ".2f", "Hz"),
-        Column("followed_mac", "MAC with the case before", told("mac"), ".4f"),
-        Column("identity", "identity along the sweep", told("identity")),
+        Column("tracked_hz", "tracked mode", told("frequency_hz"), ".2f", "Hz"),
+        Column("tracked_mac", "MAC with the case before", told("mac"), ".4f"),
+        Column("tracking", "tracking along the sweep", told("identity")),
     )
 
 

@@ -6,7 +6,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from geometry.elements import FloatArray
 from pipeline import patched
@@ -16,10 +15,10 @@ from pipeline.cell_shelf import CellShelf
 from pipeline.errors import InputFault
 from pipeline.family_shelf import FamilyShelf
 from pipeline.logs import Log
+from pipeline.omissions import khz
+from pipeline.peaks import curve_about, near_hz, peak_of
 from pipeline.records import CONFINED_DB
-from pipeline.response import peaked_curve
 from pipeline.ways import HEX, SUPERELEMENT, way_of
-from solvers.measured_sweep import half_power_quality
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.patched_plate import CLASSES
 from solvers.piezo.pressed import PressedPlate
@@ -27,27 +26,35 @@ from solvers.superelement.build import PlateModel
 from solvers.superelement.families import VariedReductions
 from solvers.tolerance import CUT, Deviations, VariedPlate, VariedSample, spread
 
-POINTS = 301  # frequencies of each sample's curve, and more at its peak
 DRAWN = 241  # of the curves kept for the picture
 AROUND = 0.08  # of the nominal peak, on both sides: what the picture shows
 NARROWER = (0.875, 1.15)  # of the band: the smaller space that tells how far the space decides the answer
-SHARP = 1e-3  # of a half-power width: how finely a peak is found
+DECAYED = 4.0  # half-power widths to both sides of a peak: where its quality factor is read
+AROUND_PEAK = 65  # points over them, and more at the peak
 MOVED = 0.1  # of the peaks' spread: more, and the space is too small
 
 
 @dataclass(frozen=True)
 class Measured:
-    """One plate's response: its peak, the zone's rms there (m/V or m/N), confinement and quality factor."""
+    """One plate's response at the mode that the wanted one has become: its peak, the zone's rms there (m/V or m/N),
+    confinement and quality factor; None where no mode has its shape.
 
-    peak_hz: float
-    zone_rms: float
+    tracking: single, split among several modes (the strongest is measured), or none.
+    """
+
+    peak_hz: float | None
+    zone_rms: float | None
     confinement_db: float | None
     quality: float | None
+    tracking: str
 
 
 @dataclass(frozen=True)
 class ToleranceStudy:
-    """The nominal plate and the samples, measured; curves (samples + 1, n) over frequency, the nominal one first."""
+    """The nominal plate and the samples, each measured at its wanted mode, followed by its shape.
+
+    Curves (samples + 1, n) over frequency, the nominal one first. Statistics leave out what was lost, and `lost` counts it.
+    """
 
     tolerance: Tolerance
     drive: str
@@ -56,7 +63,7 @@ class ToleranceStudy:
     unknowns: int
     nominal: Measured
     samples: tuple[Measured, ...]
-    space_change_hz: float
+    space_change_hz: float | None
     space_change_db: float | None
     frequency_hz: FloatArray
     curves: FloatArray
@@ -66,6 +73,7 @@ class ToleranceStudy:
         """Everything but curves and times."""
         given = self.tolerance
         levels = [one.confinement_db for one in self.samples if one.confinement_db is not None]
+        peaks, nominal = self.peaks_hz, self.nominal.peak_hz
         return {
             "schema": 1,
             "tolerance": {
@@ -81,12 +89,19 @@ class ToleranceStudy:
             "unknowns": self.unknowns,
             "nominal": asdict(self.nominal),
             "samples": [asdict(one) for one in self.samples],
-            "peak_hz": asdict(spread(np.array([one.peak_hz for one in self.samples]))),
-            "peak_shift_hz": asdict(spread(np.array([one.peak_hz - self.nominal.peak_hz for one in self.samples]))),
+            "lost": len(self.samples) - len(peaks),
+            "split": sum(one.tracking == "split" for one in self.samples),
+            "peak_hz": asdict(spread(peaks)) if len(peaks) else None,
+            "peak_shift_hz": asdict(spread(peaks - nominal)) if len(peaks) and nominal else None,
             "confinement_db": asdict(spread(np.array(levels))) if levels else None,
             "confined": sum(level >= CONFINED_DB for level in levels) if levels else None,
             "space_check": {"peak_hz": self.space_change_hz, "confinement_db": self.space_change_db},
         }
+
+    @property
+    def peaks_hz(self) -> FloatArray:
+        """Peaks of the samples that were not lost."""
+        return np.array([one.peak_hz for one in self.samples if one.peak_hz is not None])
 
     def arrays(self) -> dict[str, FloatArray]:
         """What a picture draws."""
@@ -105,14 +120,19 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> T
     changes = Deviations(given.height_m, given.side_m, given.position_m).draw(count, given.samples, given.seed)
     with log.step("nominal plate"):
         still = plate.sample(np.zeros((count, 4)))
-        nominal = _measured(still, band)
+        nominal = _measured(still)
+        if nominal.peak_hz is None:
+            raise InputFault(
+                f"{case.name}: no mode about {khz(band[0])} to {khz(band[1])} has the wanted shape, which a tolerance follows: "
+                "antinode modes tells where it is; give another --band or solve.band_kHz"
+            )
         shown = _shown(nominal.peak_hz, band)
         first = still.curve(shown).zone_rms_m_per_v
     log.info(_told("nominal", nominal))
-    samples, more = _sampled(plate, changes, band, shown, log)
+    samples, more = _sampled(plate, changes, shown, log)
     with log.step("a sample in a smaller space"):
         low, high = (factor * edge for factor, edge in zip(NARROWER, band, strict=True))
-        narrow = _measured(plate.sample(changes[0], (low, high)), band)
+        narrow = _measured(plate.sample(changes[0], (low, high)))
     found = ToleranceStudy(
         given,
         "patches" if case.patches else "pressure in the wanted shape",
@@ -121,7 +141,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> T
         plate.size,
         nominal,
         tuple(samples),
-        abs(narrow.peak_hz - samples[0].peak_hz),
+        _apart(narrow.peak_hz, samples[0].peak_hz),
         _apart(narrow.confinement_db, samples[0].confinement_db),
         shown,
         np.array([first, *more]),
@@ -132,14 +152,14 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> T
 
 
 def _sampled(
-    plate: VariedPlate, changes: FloatArray, band: tuple[float, float], shown: FloatArray, log: Log
+    plate: VariedPlate, changes: FloatArray, shown: FloatArray, log: Log
 ) -> tuple[list[Measured], list[FloatArray]]:
     """Every plate measured, and the zone's rms at the frequencies that the picture shows."""
     samples, curves = [], []
     for number, change in enumerate(changes, start=1):
         with log.step(f"sample {number} of {len(changes)}"):
             sample = plate.sample(change)
-            samples.append(_measured(sample, band))
+            samples.append(_measured(sample))
             curves.append(sample.curve(shown).zone_rms_m_per_v)
         log.info(_told(f"sample {number}", samples[-1]))
     return samples, curves
@@ -182,22 +202,16 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
     return plate
 
 
-def _measured(sample: VariedSample, band: tuple[float, float]) -> Measured:
-    """The peak between the points of a grid, since samples differ by less than a grid is wide."""
-    curve, peak = peaked_curve(sample, *band, POINTS)
-    tone = curve.frequency_hz
-    ends = (tone[max(peak - 1, 0)], tone[min(peak + 1, len(tone) - 1)])
-    best = minimize_scalar(
-        lambda hz: -float(sample.curve(np.array([hz])).zone_rms_m_per_v[0]),
-        bounds=ends,
-        method="bounded",
-        options={"xatol": SHARP * tone[peak] * sample.loss},
-    )
-    top = sample.curve(np.array([best.x]))
-    passive = top.passive_rms_m_per_v
-    held = None if passive is None else float(20.0 * np.log10(top.zone_rms_m_per_v[0] / passive[0]))
-    quality = half_power_quality(tone, curve.zone_rms_m_per_v, peak)
-    return Measured(float(best.x), float(top.zone_rms_m_per_v[0]), held, quality)
+def _measured(sample: VariedSample) -> Measured:
+    """The response at the mode that the nominal plate's wanted one has become, between the points of any grid."""
+    tone, tracking = sample.tracked_hz, sample.tracked.status
+    if tone is None:
+        return Measured(None, None, None, None, tracking)
+    top = near_hz(sample, tone)
+    reach = DECAYED * top * sample.loss
+    curve = curve_about(sample, top - reach, top + reach, AROUND_PEAK, [top])
+    peak = peak_of(curve, top)
+    return Measured(peak.frequency_hz, peak.zone_rms, peak.confinement_db, peak.quality, tracking)
 
 
 def _shown(peak_hz: float, band: tuple[float, float]) -> FloatArray:
@@ -210,35 +224,43 @@ def _apart(first: float | None, second: float | None) -> float | None:
 
 
 def _told(name: str, found: Measured) -> str:
+    if found.peak_hz is None:
+        return f"{name}: lost, no mode has the wanted mode's shape"
     held = "" if found.confinement_db is None else f", confinement {found.confinement_db:.1f} dB"
-    return f"{name}: peak at {found.peak_hz:.1f} Hz{held}"
+    split = ", split among several modes" if found.tracking == "split" else ""
+    return f"{name}: peak at {found.peak_hz:.1f} Hz{held}{split}"
 
 
 def lines(found: ToleranceStudy) -> list[str]:
     """What the study says, for people."""
     shown = found.json()
     peak, shift, held = shown["peak_hz"], shown["peak_shift_hz"], shown["confinement_db"]
-    out = [
-        _told("nominal", found.nominal),
-        f"{len(found.samples)} plates: peak {peak['mean']:.1f} Hz, spread {peak['deviation']:.1f} Hz, "
-        f"{peak['lowest']:.1f} to {peak['highest']:.1f} Hz; moved by {shift['mean']:+.1f} Hz on average",
-    ]
+    out, count = [_told("nominal", found.nominal)], len(found.peaks_hz)
+    if peak and shift:
+        out.append(
+            f"{count} plates: peak {peak['mean']:.1f} Hz, spread {peak['deviation']:.1f} Hz, "
+            f"{peak['lowest']:.1f} to {peak['highest']:.1f} Hz; moved by {shift['mean']:+.1f} Hz on average"
+        )
     if held:
         out.append(
             f"confinement {held['mean']:.1f} dB, spread {held['deviation']:.1f} dB, worst {held['lowest']:.1f} dB; "
-            f"{shown['confined']} of {len(found.samples)} confined"
+            f"{shown['confined']} of {count} confined"
         )
+    if shown["lost"]:
+        out.append(f"{shown['lost']} of {len(found.samples)} plates lost the wanted mode: no mode has its shape")
     return out
 
 
 def _tell(found: ToleranceStudy, forced: ForcedPlate, band: tuple[float, float], log: Log) -> None:
     for line in lines(found):
         log.info(line)
-    peaks = np.array([one.peak_hz for one in found.samples])
-    if (peaks <= band[0]).any() or (peaks >= band[1]).any():
-        log.alarm("PEAK_AT_END", "a sample's response is largest at the end of the band: widen it")
-    if found.space_change_hz > max(MOVED * spread(peaks).deviation, 0.1 * found.nominal.peak_hz * forced.loss):
+    peaks, nominal = found.peaks_hz, found.nominal.peak_hz
+    if ((peaks <= band[0]) | (peaks >= band[1])).any():
+        log.alarm("PEAK_AT_END", "a sample's wanted mode lies outside the band: widen it")
+    if len(peaks) < len(found.samples):
+        log.alarm("LOST", lines(found)[-1])
+    change = found.space_change_hz
+    if change is not None and nominal and change > max(MOVED * spread(peaks).deviation, 0.1 * nominal * forced.loss):
         log.alarm(
-            "SPACE_TOO_SMALL",
-            f"a narrower space of modes moves a sample's peak by {found.space_change_hz:.1f} Hz: widen the band",
+            "SPACE_TOO_SMALL", f"a narrower space of modes moves a sample's peak by {change:.1f} Hz: widen the band"
         )

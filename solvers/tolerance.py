@@ -19,6 +19,7 @@ from solvers.errors import SolverError
 from solvers.piezo.forced import Complex, Curve, ForcedPlate, GroupModes, group_modes, rms, touch_grams
 from solvers.superelement.tiling import Signature, signature
 from solvers.superelement.varied import HEIGHT, SIDE, CellFamily, X, Y
+from solvers.wanted import Verdict, verdict
 
 CUT = 3.0  # standard deviations: a part beyond is no part of the batch
 SAME = 1e-10  # of the largest: directions of the space that are combinations of the others
@@ -76,6 +77,8 @@ class VariedPlate:
         found = [*forced.modes, *(group_modes(group, forced.band_hz, forced.margin) for group in silent)]
         self._spaces = [_orthonormal(one) for one in found]
         self._starts = np.cumsum([0, *(len(space.eigenvalue) for space in self._spaces)])
+        place = forced.wanted_place()
+        self.wanted = None if place is None else int(self._starts[place[0]]) + place[1]
         self.size = int(self._starts[-1])
         self.stiffness = scipy.linalg.block_diag(*(space.stiffness for space in self._spaces))
         self.loads = np.vstack([space.loads for space in self._spaces])
@@ -101,7 +104,11 @@ class VariedPlate:
         cut = np.ix_(held, held)
         values, vectors = scipy.linalg.eigh((stiffness + stiffness.T)[cut] / 2.0, (mass + mass.T)[cut] / 2.0)
         grams = tuple(vectors.T @ gram[cut] @ vectors for gram in (self.inside, self.outside))
-        return VariedSample(self.forced, values, vectors.T @ self.loads[held], grams[0], grams[1])
+        alike = self.inside[self.wanted, held] @ vectors if self.wanted is not None else np.zeros(len(values))
+        own = float(self.inside[self.wanted, self.wanted]) if self.wanted is not None else 1.0
+        return VariedSample(
+            self.forced, values, vectors.T @ self.loads[held], grams[0], grams[1], np.asarray(alike**2 / own)
+        )
 
     def _within(self, band_hz: tuple[float, float]) -> IntArray:
         """Numbers of the columns that are modes in the band or no modes at all."""
@@ -201,18 +208,35 @@ def _orthonormal(found: GroupModes) -> _Space:
 
 @dataclass(frozen=True)
 class VariedSample:
-    """One plate's modes in the nominal space: eigenvalues (n,), gains (n, patches), touch-face integrals (n, n) per pair."""
+    """One plate's modes in the nominal space: eigenvalues (n,), gains (n, patches), touch-face integrals (n, n) per pair.
+
+    alike (n,): <u, w>^2 / <w, w> over the active touch face, w the nominal plate's wanted mode; zero where it has none.
+    """
 
     forced: ForcedPlate
     eigenvalue: FloatArray
     gain: FloatArray
     inside: FloatArray
     outside: FloatArray
+    alike: FloatArray
 
     @property
     def loss(self) -> float:
         """1/Q."""
         return self.forced.loss
+
+    @property
+    def tracked(self) -> Verdict:
+        """Which mode the nominal plate's wanted one has become, by its shape (`solvers.wanted`)."""
+        inside, outside = np.diag(self.inside), np.diag(self.outside)
+        share = inside / np.maximum(inside + outside, 1e-300)
+        return verdict(self.alike, share, self.alike / np.maximum(inside, 1e-300))
+
+    @property
+    def tracked_hz(self) -> float | None:
+        """Its frequency; None where no mode is like it."""
+        at = self.tracked.index
+        return None if at is None else float(self.forced.plate.scale.frequency(self.eigenvalue[at : at + 1])[0])
 
     def curve(self, frequency_hz: FloatArray) -> Curve:
         """Response at frequencies in Hz."""

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
-from solvers.confinement import measure, wanted_parity
+from solvers.confinement import measure
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.factor import Factoriser
 from solvers.piezo.patched_plate import Group
-from solvers.superelement.plate import WHOLE
+from solvers.wanted import Verdict, verdict
 
 Complex = NDArray[np.complex128]
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are the rest
@@ -110,14 +110,22 @@ class ForcedPlate:
         self.signs = self._wanted_signs()
 
     @cached_property
+    def verdict(self) -> Verdict:
+        """Which of the patched plate's modes is the wanted one, group after group (`solvers.wanted`)."""
+        parts = [self._measures(found) for found in self.modes]
+        return verdict(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+    @cached_property
     def _wanted(self) -> tuple[GroupModes, int] | None:
-        """The mode that looks most like the wanted one: its group and number; None when the band holds none."""
-        best, place = 0.0, None
+        """The wanted mode's group and its number there; None when no mode about the band is the wanted one."""
+        left = self.verdict.index
+        if left is None:
+            return None
         for found in self.modes:
-            for parity, score in self._scores(found):
-                if parity in (WHOLE, wanted_parity(self.design.nodal_lines)) and len(score) and score.max() > best:
-                    best, place = float(score.max()), (found, int(score.argmax()))
-        return place
+            if left < len(found.frequency_hz):
+                return found, left
+            left -= len(found.frequency_hz)
+        raise SolverError("the wanted mode is in no group of the patched plate")
 
     def _wanted_signs(self) -> FloatArray:
         """Sign of each patch's load on the wanted mode, so that all of them push it the same way; 1 where it has none.
@@ -129,30 +137,41 @@ class ForcedPlate:
         found, index = self._wanted
         return same_way(found.gain[index], self.drivers)
 
-    def _scores(self, found: GroupModes) -> list[tuple[str, FloatArray]]:
+    def _measures(self, found: GroupModes) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Strength, zone share and MAC of a group's modes, (k,) each.
+
+        Classes that the patches couple move together: the wanted class alone has a part in the shape, all have one in the rest.
+        """
         count = len(found.frequency_hz)
+        inside, outside = (np.diag(gram)[:count] for gram in touch_grams(found, self.design))
+        strength = np.zeros(count)
         fields = found.group.touch(found.columns[:, :count])
-        out = []
         for parity, field in zip(found.group.parities, fields, strict=True):
-            held = measure(field, self.design, parity or None)
-            share = np.where(np.isfinite(held.zone_share), held.zone_share, 1.0)
-            out.append((parity, np.nan_to_num(held.mac * share)))
-        return out
+            strength += measure(field, self.design, parity or None).strength if count else 0.0
+        per_area = self.design.material.density_kg_m3 * self.design.thickness_m / self.plate.scale.mass_kg
+        whole = np.maximum(inside + outside, 1e-300)
+        share = inside / whole if rms(inside, outside, self.design)[1] is not None else np.full(count, np.nan)
+        return strength, share, strength / np.maximum(per_area * inside, 1e-300)
+
+    @property
+    def resonances_hz(self) -> FloatArray:
+        """Frequencies of the patched plate's modes about the band, group after group."""
+        return np.concatenate([found.frequency_hz for found in self.modes])
 
     def wanted_hz(self) -> float | None:
-        """Frequency of the patched plate's mode that looks most like the wanted one; None when the band holds none."""
+        """Frequency of the patched plate's wanted mode; None when no mode about the band is the wanted one."""
         return float(self._wanted[0].frequency_hz[self._wanted[1]]) if self._wanted else None
+
+    def wanted_place(self) -> tuple[int, int] | None:
+        """Number of the wanted mode's group, and its own among that group's modes; None when the band holds none."""
+        if self._wanted is None:
+            return None
+        return next(i for i, found in enumerate(self.modes) if found is self._wanted[0]), self._wanted[1]
 
     def wanted_column(self) -> int | None:
         """Place of the wanted mode among the columns of all groups, one after another; None when the band holds none."""
-        if self._wanted is None:
-            return None
-        first = 0
-        for found in self.modes:
-            if found is self._wanted[0]:
-                break
-            first += found.columns.shape[1]
-        return first + self._wanted[1]
+        place = self.wanted_place()
+        return None if place is None else sum(one.columns.shape[1] for one in self.modes[: place[0]]) + place[1]
 
     def volts(self, eigenvalue: float) -> Complex:
         """Voltages of all patches: of those that drive +-1, or what +-1 V on the held patch would charge them with when

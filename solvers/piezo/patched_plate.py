@@ -72,11 +72,6 @@ class PatchedPlate:
         """N/m of one scaled unit of stiffness, E L."""
         return self.scale.young_pa * self.scale.length_m
 
-    @cached_property
-    def mass_unit(self) -> float:
-        """kg of one scaled unit of mass, rho L^3."""
-        return self.scale.density_kg_m3 * self.scale.length_m**3
-
     @property
     def capacitance_f(self) -> FloatArray:
         """Capacitance of each patch with its bonded face held, F."""
@@ -96,7 +91,9 @@ class PatchedPlate:
             added_k.append(
                 sp.coo_array(((dense.T @ patch.stiffness @ dense / self.stiffness_unit).ravel(), place), shape=shape)
             )
-            added_m.append(sp.coo_array(((dense.T @ patch.mass @ dense / self.mass_unit).ravel(), place), shape=shape))
+            added_m.append(
+                sp.coo_array(((dense.T @ patch.mass @ dense / self.scale.mass_kg).ravel(), place), shape=shape)
+            )
             load = np.zeros(shape[0])
             load[used] = dense.T @ patch.theta / self.stiffness_unit
             loads.append(load)

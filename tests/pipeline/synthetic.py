@@ -206,7 +206,9 @@ def response(level_db: float | None) -> dict:
         "passive_rms_m_per_V": rest.tolist(),
         "sensor_V_per_V": np.column_stack([heard.real, heard.imag]).tolist(),
         "sensors": [7],
-        "peak": {**peak, "confinement_db": level_db, "quality": 298.0},
+        "wanted_status": "single",
+        "wanted_peak": {**peak, "confinement_db": level_db, "quality": 298.0},
+        "highest_peak": {**peak, "confinement_db": level_db, "quality": 298.0},
     }
 
 
@@ -239,10 +241,7 @@ def record(case_id: str, sweep: dict, shape: dict, level_db: float | None) -> di
     near = [{**mode, "frequency_hz": f, "confinement_db": 3.0, "mac": 0.2} for f in (31320.0, 31810.0, 32050.0)]
     confined = {**mode, "confinement_db": level_db}
     check = {"low_hz": 25e3, "high_hz": 45e3, "expected": 4, "found": 4}
-    cluster = [
-        {"frequency_hz": 31500.0, "mac": 0.93, "share": 0.8},
-        {"frequency_hz": 31320.0, "mac": 0.2, "share": 0.2},
-    ]
+    rivals = [{"frequency_hz": 27300.0, "strength": 0.08, "mac": 0.9, "confinement_db": 3.0}]
     return {
         "schema": 1,
         "case_id": case_id,
@@ -285,7 +284,16 @@ def record(case_id: str, sweep: dict, shape: dict, level_db: float | None) -> di
             },
         ],
         "modes": {"model": "solid", "dof": 120000, "rigid_count": 6, "modes": [confined, *near], "count_check": check},
-        "wanted": {"index": 0, **confined, "extension_db": level_db, "pillar_energy_share": 0.4, "cluster": cluster},
+        "wanted": {
+            "status": "single",
+            "index": 0,
+            **confined,
+            "strength": 0.3,
+            "share": 0.7,
+            "rivals": rivals,
+            "extension_db": level_db,
+            "pillar_energy_share": 0.4,
+        },
         "tet_modes": {"dof": 210000, "frequency_hz": 31520.0, "hex_frequency_hz": 31500.0, "relative_difference": 6e-4},
         "left_out": ["patches: no response is asked", "mirror halves: the plate is symmetric in x and y"],
         "warnings": [],

@@ -15,7 +15,7 @@ def case(pitch: float, shapes: list[list[float]], wanted: int, mac: float, rows:
     tones = [30e3 + 1e3 * i for i in range(len(shapes))]
     record = {
         "status": "OK",
-        "wanted": {"frequency_hz": tones[wanted], "mac": mac, "confinement_db": 12.0},
+        "wanted": {"status": "single", "frequency_hz": tones[wanted], "mac": mac, "share": mac, "confinement_db": 12.0},
         "shapes": {"wanted": wanted, "frequency_hz": tones, "share": [0.9] * len(shapes), "coefficients": shapes},
     }
     sweep = {"array.pitch_mm": pitch, "array.rows": rows}
@@ -60,9 +60,9 @@ def test_both_ways_from_the_start_and_line_by_line() -> None:
 def test_the_table_carries_it_and_a_single_case_has_no_such_columns() -> None:
     line = study(case(4, [FIRST, SECOND], 0, 0.98), case(5, [FIRST, SECOND], 0, 0.9))
     header, *rows = tables.table_text(line).splitlines()
-    assert "followed_hz,followed_mac,identity" in header
+    assert "tracked_hz,tracked_mac,tracking" in header
     assert "30000.00,1.0000,kept" in rows[1]
-    assert "identity" not in tables.table_text(study(line.cases[0])).splitlines()[0]
+    assert "tracking" not in tables.table_text(study(line.cases[0])).splitlines()[0]
 
 
 def test_the_case_that_is_computed_once_is_no_part_of_the_sweep() -> None:

@@ -52,7 +52,7 @@ def test_a_row_per_case_in_the_study_s_order(study: Path):
 
 def test_columns_only_where_some_case_has_them_and_no_times(study: Path):
     header = tables.write_table(study).read_text().splitlines()[0].split(",")
-    assert not {"mass_kg", "pillar_share", "cluster_modes"} & set(header)
+    assert not {"mass_kg", "pillar_share", "rivals"} & set(header)
     assert not [name for name in header if "second" in name or "time" in name]
 
 
