@@ -4,7 +4,7 @@ A mode's score is its strength times its zone share (`solvers.confinement`): how
 it carries, and how much of its own motion stays there. Both are of the mode alone, so no window decides. It must look like
 the wanted shape (MAC) to stand for it at all.
 
-The constants are argued on the 54 plates of studies/grid.toml (`python -m studies.benchmarks.wanted` prints them): all
+The constants are argued on the 54 plates of studies/grid.toml, whose table lists status, strength and share of each: all
 plates that hold their mode by 10 dB are single, those whose shape is spread over several modes are split.
 """
 
