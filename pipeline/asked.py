@@ -50,9 +50,12 @@ def understood(case: Case, request: Request) -> Request:
 
 
 def of_case(case: Case) -> Request:
-    """The plate's modes as a study asks for them: the case's window, the wanted mode's class."""
+    """The plate's modes as a study asks for them: the case's window and the wanted mode's in one, the wanted mode's class."""
     solve = case.solve
-    return Request("plate", solve.band_hz, solve.near_hz, solve.count, case.parity_wanted)
+    band, window = solve.band_hz, planner.wanted_window_hz(case.design)
+    if band and band[0] <= window[1] and window[0] <= band[1]:
+        band = (min(band[0], window[0]), max(band[1], window[1]))
+    return Request("plate", band, solve.near_hz, solve.count, case.parity_wanted)
 
 
 def wanted_window_hz(case: Case, asked: Request) -> tuple[float, float] | None:

@@ -132,16 +132,19 @@ def check_gap(arguments: Namespace) -> int:
     document = gap_check.as_json(edges)
     head = ("edge", "reference_hz", "found_hz", "change", "allowed", "holds")
     rows = [
-        [e.name, e.reference_hz, e.found_hz, f"{100 * e.relative_change:+.3f} %", f"{100 * e.allowed:.1f} %", e.holds]
+        [
+            e.name,
+            e.reference_hz,
+            e.found_hz,
+            None if e.relative_change is None else f"{100 * e.relative_change:+.3f} %",
+            f"{100 * e.allowed:.1f} %",
+            e.holds,
+        ]
         for e in edges
     ]
     outputs.emit(arguments, "check-gap", document, outputs.table(head, rows))
     if not document["holds"]:
-        raise CheckFailed(
-            f"{e.name} moved by {100 * e.relative_change:+.2f} %, allowed is {100 * e.allowed:.1f} %"
-            for e in edges
-            if not e.holds
-        )
+        raise CheckFailed(e.words for e in edges if not e.holds)
     return 0
 
 

@@ -18,32 +18,39 @@ FILE = REFERENCE / "band_gap.csv"
 
 @dataclass(frozen=True)
 class Edge:
-    """One checked frequency: committed, found, and the relative change allowed."""
+    """One checked frequency: committed, found (None where there is no such edge), and the relative change allowed."""
 
     name: str
     reference_hz: float
-    found_hz: float
+    found_hz: float | None
     allowed: float
 
     @property
-    def relative_change(self) -> float:
+    def relative_change(self) -> float | None:
         """found/reference - 1."""
-        return self.found_hz / self.reference_hz - 1.0
+        return None if self.found_hz is None else self.found_hz / self.reference_hz - 1.0
 
     @property
     def holds(self) -> bool:
-        """Whether the change is within what is allowed (a missing edge, NaN, is not)."""
-        return abs(self.relative_change) <= self.allowed
+        """Whether the change is within what is allowed; an edge that is gone does not hold."""
+        return self.relative_change is not None and abs(self.relative_change) <= self.allowed
+
+    @property
+    def words(self) -> str:
+        """What became of it."""
+        if self.relative_change is None:
+            return f"{self.name} is gone: none was found beside the committed {self.reference_hz / 1e3:.2f} kHz"
+        return f"{self.name} moved by {100 * self.relative_change:+.2f} %, allowed is {100 * self.allowed:.1f} %"
 
 
-def edges_of(bands: Bands) -> dict[str, float]:
-    """Edges of the lowest complete gap and the cell's bending frequency at M, Hz; NaN where there is none."""
+def edges_of(bands: Bands) -> dict[str, float | None]:
+    """Edges of the lowest complete gap and the cell's bending frequency at M, Hz; None where there is none."""
     gap = bands.gaps[0] if bands.gaps else None
     corner = bands.at("M")
     return {
-        "gap lower edge": gap.lower_hz if gap else float("nan"),
-        "gap upper edge": gap.upper_hz if gap else float("nan"),
-        "bending at M": float(corner[:2].mean()) if corner is not None else float("nan"),
+        "gap lower edge": gap.lower_hz if gap else None,
+        "gap upper edge": gap.upper_hz if gap else None,
+        "bending at M": float(corner[:2].mean()) if corner is not None else None,
     }
 
 
@@ -59,7 +66,7 @@ def read_reference(path: Path = FILE) -> dict[str, tuple[float, float]]:
 def check_gap(case: Case, log: Log) -> list[Edge]:
     """Every committed edge beside what is found now."""
     found = edges_of(solve_bands(case, log))
-    return [Edge(name, hz, found.get(name, float("nan")), allowed) for name, (hz, allowed) in read_reference().items()]
+    return [Edge(name, hz, found.get(name), allowed) for name, (hz, allowed) in read_reference().items()]
 
 
 def as_json(edges: list[Edge]) -> dict[str, Any]:
@@ -71,14 +78,10 @@ def as_json(edges: list[Edge]) -> dict[str, Any]:
             {
                 "name": edge.name,
                 "reference_hz": edge.reference_hz,
-                "found_hz": _number(edge.found_hz),
-                "relative_change": _number(edge.relative_change),
+                "found_hz": edge.found_hz,
+                "relative_change": edge.relative_change,
                 "allowed": edge.allowed,
             }
             for edge in edges
         ],
     }
-
-
-def _number(value: float) -> float | None:
-    return value if value == value else None

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from pipeline import cli
+from pipeline.gap_check import Edge
 
 ROOT = Path(__file__).resolve().parents[2]
 CASE = str(ROOT / "studies" / "three-rows.toml")
@@ -70,6 +71,13 @@ def test_json_on_standard_output_is_alone_and_holds_the_pillar(capsys: pytest.Ca
     assert first == pytest.approx(second, rel=1e-6)  # a square pillar bends alike both ways
     assert first == pytest.approx(39115.0, rel=0.02)  # a finer computation of the same pillar
     assert all(mode["zone_share"] is None and mode["mac"] is None for mode in document["modes"])
+
+
+def test_an_edge_that_is_gone_is_said_in_words_and_never_as_a_number() -> None:
+    gone = Edge("gap lower edge", 163083.0, None, 0.005)
+    assert gone.relative_change is None and not gone.holds
+    assert "is gone" in gone.words and "163.08 kHz" in gone.words and "nan" not in gone.words
+    assert "moved by +1.00 %" in Edge("bending at M", 100.0, 101.0, 0.005).words
 
 
 @pytest.mark.slow
