@@ -12,7 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import synthetic
 
-from pipeline import plots, plots_bands, plots_both, plots_fields, plots_mesh, plots_plate, plots_study, renders
+from pipeline import plots, plots_bands, plots_both, plots_fields, plots_mesh, plots_plate, plots_study, renders, store
 from pipeline.records import StoredCase, StoredStudy, read_study
 
 
@@ -185,7 +185,7 @@ def test_each_line_has_its_own_cell_where_the_cells_differ(tmp_path: Path):
     for path in folder.glob("pitch_mm=6*/record.json"):
         record = json.loads(path.read_text())
         record["bands"]["bending_at_m_hz"] = [31000.0, 31100.0]
-        path.write_text(json.dumps(record))
+        store.seal(path.parent, record)
     study = read_study(folder)
     _, tone = plots_study.against_sweep(study).figure.axes
     cells = [line for line in tone.lines if line.get_label() == "_cell"]
