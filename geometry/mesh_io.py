@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import zlib
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -46,7 +47,7 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
         )
     except FileNotFoundError as fault:
         raise MeshError(f"{Path(path)}: no such mesh file") from fault
-    except (OSError, ValueError, KeyError, EOFError, AttributeError, BadZipFile) as fault:
+    except (OSError, ValueError, KeyError, EOFError, AttributeError, MemoryError, BadZipFile, zlib.error) as fault:
         raise MeshError(f"{Path(path)}: not a readable mesh file ({type(fault).__name__})") from fault
     if found != FORMAT:
         raise MeshError(f"{Path(path)}: mesh format {found}, this version reads {FORMAT}")

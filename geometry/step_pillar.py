@@ -9,6 +9,7 @@ from typing import Any
 
 from geometry.cad_quiet import silence_kernel
 from geometry.errors import GeometryError
+from geometry.files import read_by_command
 
 MM = 1e3
 ON_PLANE_MM = 1e-4  # a foot this close to z = 0 is on it: CAD systems write about seven digits
@@ -45,6 +46,7 @@ def step_pillar_shape(path: str | os.PathLike[str]) -> Any:
     file = Path(path)
     if not file.is_file():
         raise GeometryError(f"{file}: no such STEP file")
+    read_by_command(file)
     solid = _only_solid(_read(file), file)
     if not solid.isValid():
         raise GeometryError(f"{file}: the solid is not valid (self-intersecting or badly stitched faces)")

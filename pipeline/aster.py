@@ -12,7 +12,7 @@ from pipeline.case import Case
 from pipeline.exchange_mesh import CLAMP, Exchange, exchange, modes_below
 from pipeline.logs import Log
 from pipeline.med_file import write_med
-from pipeline.outputs import write_file
+from pipeline.outputs import delivered, write_file
 from pipeline.raw_mesh import FACET, VOLUME, RawMesh, local_nodes
 
 ENDINGS = (".med", ".comm", ".export", "_README.txt")
@@ -27,16 +27,22 @@ RESULTS = {".mess": ("mess", 6), ".resu": ("resu", 8), ".rmed": ("rmed", 80)}
 def write(case: Case, part: str, output: Path, log: Log) -> list[Path]:
     """Write NAME.med, NAME.comm, NAME.export and NAME_README.txt; `output` gives folder and name."""
     found = exchange(case, part, log)
-    stem = output.with_suffix("") if output.suffix in ENDINGS else output
-    med, comm, export, note = (stem.with_name(stem.name + ending) for ending in ENDINGS)
-    with log.step("write MED"):
-        write_med(raw_mesh(found), med, mesh_name(found))
+    med, comm, export, note = places(output)
+    stem = med.with_suffix("")
+    with log.step("write MED"), delivered(med) as temporary:
+        write_med(raw_mesh(found), temporary, mesh_name(found))
     bounds = _bounds(case, found, log)
     write_file(comm, commands(found, bounds).encode())
     write_file(export, export_file(stem.name).encode())
     write_file(note, _note(found, stem.name).encode())
     log.info(f"run it with: run_aster {export.name}")
     return [med, comm, export, note]
+
+
+def places(output: Path) -> list[Path]:
+    """Where the study goes: NAME.med, NAME.comm, NAME.export, NAME_README.txt."""
+    name = output.stem if output.suffix in ENDINGS else output.name
+    return [output.with_name(name + ending) for ending in ENDINGS]
 
 
 def mesh_name(found: Exchange) -> str:

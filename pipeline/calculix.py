@@ -11,7 +11,7 @@ from geometry.elements import IntArray
 from pipeline.case import Case
 from pipeline.exchange_mesh import CLAMP, Exchange, exchange, modes_below
 from pipeline.logs import Log
-from pipeline.outputs import write_file
+from pipeline.outputs import delivered, is_standard_output
 
 PER_LINE = 12  # numbers on a line of a set; CalculiX allows 16
 SPARE = 1.05  # more modes than were counted: the counting model differs a little from the mesh written
@@ -22,11 +22,18 @@ def write(case: Case, part: str, output: Path, log: Log) -> list[Path]:
     """Write NAME.inp with everything a run needs (ccx NAME)."""
     found = exchange(case, part, log, tetrahedra=True)
     count = _count(case, found, log)
-    path = output if output.suffix == ".inp" else output.with_name(output.name + ".inp")
-    with log.step("write the input file"):
-        write_file(path, input_deck(found, count).encode())
+    path = place(output)
+    with log.step("write the input file"), delivered(path) as temporary:
+        temporary.write_text(input_deck(found, count))
     log.info(f"run it with: ccx {path.stem}")
     return [path]
+
+
+def place(output: Path) -> Path:
+    """Where the input file goes: NAME.inp, or what stands there and is no regular file, such as standard output."""
+    if is_standard_output(output) or output.suffix == ".inp" or (output.exists() and not output.is_file()):
+        return output
+    return output.with_name(output.name + ".inp")
 
 
 def _count(case: Case, found: Exchange, log: Log) -> int:

@@ -12,6 +12,11 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
+from pipeline.errors import one_line
+from pipeline.process import lend_cache_folders, terminable
+
+# What commands read, by the names of their arguments: never written over.
+READ = ("case", "study", "target", "mesh_file", "measured", "map", "table", "sweep", "file")
 DONE, WRONG_INPUT, NOT_TRUSTED, NOT_HELD, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4, 5, 130
 
 
@@ -19,7 +24,7 @@ class _Parser(argparse.ArgumentParser):
     """argparse, with one line for a fault instead of a usage block."""
 
     def error(self, message: str) -> NoReturn:
-        print(f"{self.prog}: {message} (see {self.prog} --help)", file=sys.stderr)
+        print(one_line(f"{self.prog}: {message} (see {self.prog} --help)"), file=sys.stderr)
         raise SystemExit(WRONG_INPUT)
 
 
@@ -41,7 +46,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; the exit code is the contract with scripts."""
     arguments = _parser().parse_args(_with_signs(sys.argv[1:] if argv is None else argv))
     try:
-        return _run(arguments)
+        with terminable():
+            return _run(arguments)
     except KeyboardInterrupt:
         print("antinode: interrupted; what was finished is kept", file=sys.stderr)
         return INTERRUPTED
@@ -55,8 +61,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from geometry.files import inputs_kept, read_by_command
+    from pipeline import outputs
+
+    lend_cache_folders()
     module, _, function = arguments.handler.partition(":")
-    return int(getattr(importlib.import_module(module), function)(arguments))
+    with inputs_kept():
+        read_by_command(*(place for name in READ if isinstance(place := getattr(arguments, name, None), str)))
+        outputs.check_places(arguments)
+        return int(getattr(importlib.import_module(module), function)(arguments))
 
 
 def _told(fault: Exception) -> int:
@@ -79,7 +92,7 @@ def _told(fault: Exception) -> int:
             NOT_TRUSTED,
         )
     for line in lines:
-        print(f"antinode: {line}", file=sys.stderr)
+        print(f"antinode: {one_line(line)}", file=sys.stderr)
     return code
 
 
@@ -137,7 +150,7 @@ def _add_case_commands(commands: Any) -> None:
         help="one mirror class: u_z even (+) or odd (-) in x, y",
     )
     modes.add_argument("--mesh-file", metavar="FILE", help="solve this mesh instead of a part: .med, .msh or .inp")
-    modes.add_argument("--unit", choices=("m", "mm"), default="m", help="length unit of the mesh file (default: m)")
+    modes.add_argument("--unit", choices=("m", "mm"), help="length unit of the mesh file (default: m)")
     clamp = "hold this group of faces or nodes of the mesh file (repeatable)"
     modes.add_argument("--clamp", action="append", default=[], metavar="NAME", help=clamp)
     every = "write the field of every mode into --out DIR (fields.npz)"

@@ -17,7 +17,9 @@ LATER = "is not part of this version yet; the commands that are there: antinode 
 
 
 def _case(arguments: Namespace) -> Case:
-    return load_case(arguments.case, arguments.set)
+    case = load_case(arguments.case, arguments.set)
+    outputs.check_places(arguments)  # once more: now it is known what else the case reads
+    return case
 
 
 def _log(arguments: Namespace) -> TerminalLog:
@@ -36,6 +38,7 @@ def predesign(arguments: Namespace) -> int:
 
 def modes(arguments: Namespace) -> int:
     """Modes of a part."""
+    _refuse_options_without_effect(arguments)
     case, log = _case(arguments), _log(arguments)
     band = parse_band(arguments.band, "--band") if arguments.band else None
     near = parse_frequency(arguments.near, "--near") if arguments.near else None
@@ -55,7 +58,7 @@ def modes(arguments: Namespace) -> int:
     if arguments.mesh_file:
         from pipeline import own_mesh
 
-        found = own_mesh.solve(case, arguments.mesh_file, arguments.unit, arguments.clamp, asked, log)
+        found = own_mesh.solve(case, arguments.mesh_file, arguments.unit or "m", arguments.clamp, asked, log)
     else:
         _require_part(case, arguments.part)
         found = solve_modes(case, asked, log)
@@ -72,6 +75,21 @@ def modes(arguments: Namespace) -> int:
 
         store.save_arrays(outputs.folder(arguments.out), fields.full_fields(found), store.FIELDS)
     return 0
+
+
+def _refuse_options_without_effect(arguments: Namespace) -> None:
+    """InputFault for options of `modes` that the others would leave without any effect."""
+    lines = []
+    if arguments.near and arguments.band:
+        lines.append(
+            f"--near = {arguments.near}: must be left out beside --band, which asks for every mode between its ends"
+        )
+    if not arguments.mesh_file:
+        if arguments.unit:
+            lines.append(f"--unit = {arguments.unit}: needs --mesh-file FILE, whose lengths it is for")
+        lines += [f"--clamp = {name}: needs --mesh-file FILE, one of whose groups it names" for name in arguments.clamp]
+    if lines:
+        raise InputFault(lines)
 
 
 def _require_part(case: Case, part: str) -> None:
@@ -252,6 +270,7 @@ def export(arguments: Namespace) -> int:
         case.require_plate(command=f"export {arguments.format}")
     else:
         _require_part(case, arguments.part)
+    outputs.check_apart(arguments.json, arguments.output)
     written = exports.write(case, arguments.format, arguments.output, log, arguments.part, arguments.force)
     document = {"schema": 1, "files": [str(path) for path in written]}
     outputs.emit(arguments, "export", document, "\n".join(f"wrote {path}" for path in written))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import json
 import os
 import platform
 import shutil
@@ -13,6 +12,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from pipeline import outputs
 from pipeline.errors import InputFault
 
 NEEDED = (
@@ -41,18 +41,13 @@ def doctor(arguments: Namespace) -> int:
     if arguments.what == "table":
         return _table(arguments)
     findings = examine()
-    if arguments.json == "-":
-        print(json.dumps({"schema": 1, **findings}, indent=1))
-        return 0
-    if arguments.json:
-        from pipeline.outputs import write_file
-
-        write_file(Path(arguments.json), json.dumps({"schema": 1, **findings}, indent=1).encode())
-    for group, entries in findings.items():
-        print(group)
-        for name, text in entries.items():
-            print(f"   {name:14} {text}")
+    lines = [line for group, found in findings.items() for line in (group, *_entries(found))]
+    outputs.emit(arguments, "doctor", {"schema": 1, **findings}, "\n".join(lines))
     return 0
+
+
+def _entries(found: dict[str, str]) -> list[str]:
+    return [f"   {name:14} {text}" for name, text in found.items()]
 
 
 def examine() -> dict[str, dict[str, str]]:
@@ -108,15 +103,12 @@ def _table(arguments: Namespace) -> int:
         table = from_bytes(Path(arguments.file).read_bytes())
     except (OSError, TableError) as fault:
         raise InputFault(f"{arguments.file}: {fault}") from fault
-    if arguments.json == "-":
-        document: dict[str, Any] = {
-            "schema": 1,
-            "version": table.version,
-            "modes": len(table.modes),
-            "wanted": table.wanted,
-        }
-        document["frequencies_hz"] = [mode.frequency_hz for mode in table.modes]
-        print(json.dumps(document, indent=1))
-    else:
-        print(describe(table))
+    document: dict[str, Any] = {
+        "schema": 1,
+        "version": table.version,
+        "modes": len(table.modes),
+        "wanted": table.wanted,
+        "frequencies_hz": [mode.frequency_hz for mode in table.modes],
+    }
+    outputs.emit(arguments, "table", document, describe(table))
     return 0

@@ -4,6 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+LONGEST_LINE, LONGEST_END = 2000, 400
+
+
+def one_line(text: str) -> str:
+    """A message as one line that any terminal shows: control characters escaped, the middle of a very long one left out."""
+    if len(text) > LONGEST_LINE:
+        text = f"{text[: LONGEST_LINE - LONGEST_END]} ... {text[-LONGEST_END:]}"
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
 
 class CommandError(Exception):
     """A refusal or failure told to the user in one line per reason, without a traceback."""
@@ -11,7 +20,7 @@ class CommandError(Exception):
     exit_code = 1
 
     def __init__(self, lines: str | Iterable[str]) -> None:
-        self.lines: list[str] = [lines] if isinstance(lines, str) else list(lines)
+        self.lines = [one_line(line) for line in ([lines] if isinstance(lines, str) else lines)]
         super().__init__("\n".join(self.lines))
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pipeline import wanted_words
+from pipeline import outputs, wanted_words
 from pipeline.case import Case
 from pipeline.errors import InputFault
 from pipeline.logs import Log
-from pipeline.outputs import folder as output_folder
 
 CAD = ("stl", "step", "3mf")
 SOLVER_FILES = ("aster", "calculix")
@@ -23,13 +22,29 @@ def write(case: Case, form: str, output: str | None, log: Log, part: str = "plat
     """
     if form not in SOLVER_FILES and part != "plate":
         raise InputFault(f"export {form} --part {part}: must be plate; {' and '.join(SOLVER_FILES)} take any part")
-    path = Path(output) if output else Path(f"{case.name}{SUFFIX.get(form, '')}")
-    output_folder(str(path.parent))
+    path = Path(f"{case.name}{SUFFIX.get(form, '')}" if output is None else output)
+    outputs.check_files("-o", places(form, output if output == "" else path))
     if form in SOLVER_FILES:
         return _solver_files(case, form, part, path, log)
     if form in CAD:
         return [_cad(case, form, path, log)]
     return _vtu(case, path, log) if form == "vtu" else _table(case, path, log, force)
+
+
+def places(form: str, output: str | Path) -> list[str | Path]:
+    """The files that one format goes to. Raises InputFault for several files at what is no regular file's name."""
+    path = Path(output)
+    if not path.name or form in CAD or form == "vtu":
+        return [output]
+    from pipeline import aster, calculix, table_export
+
+    if form == "calculix":
+        return [calculix.place(path)]
+    several = aster.places(path) if form == "aster" else table_export.places(path.parent, path.stem)
+    if outputs.is_standard_output(output) or (path.exists() and not (path.is_file() or path.is_dir())):
+        names = ", ".join(each.name for each in several)
+        raise InputFault(f"-o {output}: export {form} writes several files ({names}); must be a file's name")
+    return [*several]
 
 
 def _solver_files(case: Case, form: str, part: str, path: Path, log: Log) -> list[Path]:
@@ -55,14 +70,14 @@ def _cad(case: Case, form: str, path: Path, log: Log) -> Path:
 
     with log.step("build the solid"):
         body = solids.plate_solid(case.design)
-    with log.step(f"write {form}"):
+    with log.step(f"write {form}"), outputs.delivered(path) as temporary:
         if form == "step":
-            cad_files.write_step(body, path, case.name)
+            cad_files.write_step(body, temporary, case.name)
         elif form == "3mf":
-            cad_files.write_3mf(body, path, _metadata(case))
+            cad_files.write_3mf(body, temporary, _metadata(case))
         else:
-            cad_files.write_stl(body, path, case.name)
-            _tell(printability.check_print(path, body, case.design), log)
+            cad_files.write_stl(body, temporary, case.name)
+            _tell(printability.check_print(temporary, body, case.design), log)
     return path
 
 
@@ -120,7 +135,8 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
     data, row = {}, found.wanted.row
     if row is not None:
         data["displacement"] = found.model.field(row.parity, found.vectors[row.parity][:, [row.column]])[:, :, 0]
-    write_vtu(found.model.mesh, path, data)
+    with outputs.delivered(path) as temporary:
+        write_vtu(found.model.mesh, temporary, data)
     return [path]
 
 

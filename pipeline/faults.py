@@ -11,6 +11,7 @@ from pydantic import BaseModel, ValidationError
 from pipeline.errors import InputFault
 
 LONGEST = 60
+LONGEST_KEY = 100
 
 
 def shown(value: Any) -> str:
@@ -30,11 +31,18 @@ def shown(value: Any) -> str:
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
+def shown_key(key: str) -> str:
+    """A key as written, the middle of one that no line could hold left out."""
+    return key if len(key) <= LONGEST_KEY else f"{key[:70]}...{key[-25:]}"
+
+
 def nearest(word: str, known: Collection[str]) -> str:
     """' (did you mean X?)' with the known word nearest to `word`, or nothing when none resembles it.
 
-    A dotted key is compared whole first, then by its last part.
+    A dotted key is compared whole first, then by its last part. What is far longer than any known word resembles none.
     """
+    if len(word) > LONGEST_KEY:
+        return ""
     match = get_close_matches(word, known, n=1, cutoff=0.6)
     if not match:
         leaves: dict[str, str] = {}
@@ -60,7 +68,7 @@ class Faults:
 
     def add(self, key: str, value: Any, text: str) -> None:
         """One line: origin: key = value: text."""
-        self._note(key, f"{self.origin(key)}: {key} = {shown(value)}: {text}")
+        self._note(key, f"{self.origin(key)}: {shown_key(key)} = {shown(value)}: {text}")
 
     def missing(self, key: str, text: str) -> None:
         """One line for a key that is not there."""

@@ -36,6 +36,7 @@ SHOWING = (
         "journal",
         "lock",
         "mess",
+        "process",
         "progress",
         "view",
     ),

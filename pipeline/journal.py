@@ -6,6 +6,7 @@ import json
 import os
 from contextlib import suppress
 from datetime import UTC, datetime
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -47,13 +48,24 @@ def read(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
             if not line.strip():
                 continue
             try:
-                entry = json.loads(line)
-                if not isinstance(entry, dict):
-                    raise ValueError("not an object")
-                entries.append(entry)
-            except ValueError:
+                entries.append(_checked(json.loads(line)))
+            except (ValueError, RecursionError):
                 complaints.append(f"{JOURNAL}, line {number}: torn, passed over")
+            except TypeError:
+                complaints.append(f"{JOURNAL}, line {number}: not an entry of a journal, passed over")
     return entries, complaints
+
+
+def _checked(entry: Any) -> dict[str, Any]:
+    """The entry. Raises TypeError when it, its event, its case or its seconds are of another type, or no time."""
+    if not isinstance(entry, dict) or not isinstance(entry.get("event"), str):
+        raise TypeError("no event")
+    if not isinstance(entry.get("case", ""), str):
+        raise TypeError("no case")
+    seconds = entry.get("seconds", 0.0)
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not 0.0 <= seconds < inf:
+        raise TypeError("no time")
+    return entry
 
 
 def seconds_by_case(entries: list[dict[str, Any]]) -> dict[str, float]:

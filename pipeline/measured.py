@@ -17,6 +17,7 @@ from typing import Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.files import read_by_command
 from geometry.layout import Design
 from pipeline.errors import InputFault
 from pipeline.faults import nearest, shown
@@ -239,6 +240,7 @@ def _spelled_hint(hint: str) -> str:
 
 
 def _text(path: Path) -> str:
+    read_by_command(path)
     try:
         return path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as fault:

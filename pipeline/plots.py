@@ -183,8 +183,8 @@ def draw_case(case: StoredCase) -> Drawn:
         plots_tolerance.tolerance,
         plots_board.board,
     )
-    arrays = case.arrays()
-    return _draw(case.folder / PICTURES, _case_key(case), [partial(draw, case, arrays) for draw in draws])
+    arrays, complaints = case.read_arrays()
+    return _draw(case.folder / PICTURES, _case_key(case), [partial(draw, case, arrays) for draw in draws], complaints)
 
 
 def kept_pictures(case: StoredCase) -> list[Picture] | None:
@@ -211,10 +211,15 @@ def draw_study(study: StoredStudy) -> Drawn:
     )
 
 
-def _draw(folder: Path, key: str, draws: Sequence[Callable[[], Drawing | list[Drawing] | None]]) -> Drawn:
-    """Draw and save; one that cannot be drawn is told and spoils no other."""
+def _draw(
+    folder: Path,
+    key: str,
+    draws: Sequence[Callable[[], Drawing | list[Drawing] | None]],
+    complaints: Sequence[str] = (),
+) -> Drawn:
+    """Draw and save; one that cannot be drawn is told beside the complaints about its data and spoils no other."""
     pictures: list[Picture] = []
-    troubles: list[str] = []
+    troubles = list(complaints)
     for draw in draws:
         try:
             with style():

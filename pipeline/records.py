@@ -17,6 +17,7 @@ SAME_PLATE = ("tet_modes", "geometry")  # what a case shows of another one with 
 SAME_CELL = ("tet_bands",)  # ... with the same unit cell
 CELL_KEYS = ("pitch_x_m", "pitch_y_m", "thickness_m", "pillar")
 KIN_ARRAYS = ("tet_", "cell_")
+OTHER_VERSION = (KeyError, TypeError, AttributeError, ValueError, IndexError)
 
 
 @dataclass(frozen=True)
@@ -67,27 +68,32 @@ class StoredCase:
         return found.get("confinement_db")
 
     def read(self, name: str) -> Any:
-        """A JSON file of the case, {} when it is missing or torn."""
+        """A JSON file of the case, {} when it is missing or torn, no object, or not what the record proves."""
         try:
-            return store.read_json(self.folder / name)
+            found = store.read_listed(self.folder, name)
         except store.BadRecord:
             return {}
+        return found if isinstance(found, dict) else {}
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The stored arrays and those borrowed from kin; {} when there are none or they are torn."""
-        borrowed = {
-            name: array for folder in self.kin for name, array in _arrays(folder).items() if name.startswith(KIN_ARRAYS)
-        }
-        return borrowed | _arrays(self.folder)
+        """The stored arrays and those borrowed from kin; {} when there are none or they cannot be believed."""
+        return self.read_arrays()[0]
 
+    def read_arrays(self) -> tuple[dict[str, np.ndarray], list[str]]:
+        """The same, and a line for each file of arrays that cannot be believed."""
+        from pipeline.folded import unfolded
 
-def _arrays(folder: Path) -> dict[str, np.ndarray]:
-    from pipeline.folded import unfolded
-
-    try:
-        return unfolded(store.load_arrays(folder))
-    except store.BadRecord:
-        return {}
+        found: dict[str, np.ndarray] = {}
+        complaints = []
+        for folder in (*self.kin, self.folder):
+            try:
+                arrays = unfolded(store.load_arrays(folder))
+            except store.BadRecord as error:
+                complaints.append(f"{folder.name}: {error}")
+                continue
+            own = folder == self.folder
+            found |= {name: array for name, array in arrays.items() if own or name.startswith(KIN_ARRAYS)}
+        return found, complaints
 
 
 @dataclass(frozen=True)
@@ -139,7 +145,19 @@ def _cell(design: dict[str, Any] | None) -> list[Any] | None:
 
 
 def read_study(folder: Path) -> StoredStudy:
-    """Read a study's records. Raises store.BadRecord when the folder holds none at all."""
+    """Read a study's records. Raises store.BadRecord when the folder holds none, or another version's list of cases."""
+    try:
+        return _read_study(folder)
+    except OTHER_VERSION as fault:
+        raise store.BadRecord(f"{folder / CASES}: {other_version(fault)}") from fault
+
+
+def other_version(fault: Exception) -> str:
+    """What is told of stored fields that are not those of this version."""
+    return f"written by another version ({type(fault).__name__}: {fault}); run the study again"
+
+
+def _read_study(folder: Path) -> StoredStudy:
     about: dict[str, Any] = {}
     listed: list[dict[str, Any]] = []
     if (folder / CASES).exists():

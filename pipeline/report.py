@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline import plots, report_bands, report_shapes, report_words, store, tables
 from pipeline.pages import environment, script_data, vendored
-from pipeline.records import CASES, StoredCase, StoredStudy, read_study
+from pipeline.records import OTHER_VERSION, StoredCase, StoredStudy, other_version, read_study
 from pipeline.report_beside import beside
 from pipeline.report_pictures import Embedder, Shown, link
 
@@ -23,7 +23,6 @@ MOST_DRAWN = 12
 FILES = ("run.mess", "input.json", "record.json", "timing.json", "arrays.npz")
 STILLS = ("side_view", "touch_face", "geometry")  # what stands for a moving shape, the first that is drawn
 OF_BEST = {"attenuation": "Attenuation", "response": "Response"}
-OTHER_VERSION = (KeyError, TypeError, AttributeError, ValueError, IndexError)
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ def build(folder: Path, most_drawn: int = MOST_DRAWN, say: Callable[[str], None]
 
     `say` is told when drawing takes its time. Solves nothing. Raises store.BadRecord when the folder holds no study.
     """
-    study = _readable(_read(folder))
+    study = _readable(read_study(folder))
     shown = StoredStudy(folder, study.about, tuple(study.for_showing(case) for case in study.cases))
     drawn = draw_cases(chosen(shown, most_drawn), say)
     embedder = Embedder(folder)
@@ -72,18 +71,6 @@ def build(folder: Path, most_drawn: int = MOST_DRAWN, say: Callable[[str], None]
     path = folder / REPORT
     store.write_atomic(path, _page(study, pages, embedder, moving, (pictures, compared.troubles)).encode())
     return path
-
-
-def _read(folder: Path) -> StoredStudy:
-    """The stored study; BadRecord in one line when another version wrote its list of cases."""
-    try:
-        return read_study(folder)
-    except OTHER_VERSION as fault:
-        raise store.BadRecord(f"{folder / CASES}: {_other_version(fault)}") from fault
-
-
-def _other_version(fault: Exception) -> str:
-    return f"written by another version ({type(fault).__name__}: {fault}); run the study again"
 
 
 def _readable(study: StoredStudy) -> StoredStudy:
@@ -102,7 +89,7 @@ def _checked(study: StoredStudy, case: StoredCase) -> StoredCase:
         for mode in report_words.modes(case):
             float(mode["frequency_hz"])
     except OTHER_VERSION as fault:
-        return replace(case, record={}, complaint=f"{store.RECORD}: {_other_version(fault)}")
+        return replace(case, record={}, complaint=f"{store.RECORD}: {other_version(fault)}")
     return case
 
 
@@ -247,12 +234,19 @@ def _case_page(case: StoredCase, index: int, drawn: plots.Drawn | None, embedder
         facts=report_words.facts(case),
         pictures=[embedder.show(folder, picture) for picture in (drawn.pictures if drawn else [])],
         files=list(_files(case)),
-        seconds=timing.get("seconds") or {},
+        seconds=_seconds(timing.get("seconds")),
         troubles=drawn.troubles if drawn else [],
         modes=report_words.modes(case) if drawn is not None else [],
         overrides=[str(text) for text in (stored.get("overrides") or [])] if isinstance(stored, dict) else [],
         drawn=drawn is not None,
     )
+
+
+def _seconds(told: Any) -> dict[str, float]:
+    """Times by step; they stand outside of the record's proof, so what is no time is left out."""
+    if not isinstance(told, dict):
+        return {}
+    return {name: value for name, value in told.items() if isinstance(value, int | float)}
 
 
 def _files(case: StoredCase) -> Iterator[tuple[str, str]]:

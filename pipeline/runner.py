@@ -30,12 +30,13 @@ class Planned:
 
 @dataclass(frozen=True)
 class StudyOutcome:
-    """What a run did: its plan, the cases it computed, and those that --fail-fast left undone."""
+    """What a run did: its plan, the cases it computed, and those left undone by --fail-fast or a lost executor."""
 
     folder: Path
     plan: tuple[Planned, ...]
     ended: tuple[CaseEnd, ...] = ()
     undone: tuple[str, ...] = ()
+    given_up: tuple[str, ...] = ()  # those of the undone that the executor cancelled
 
     @property
     def reused(self) -> tuple[str, ...]:
@@ -141,6 +142,7 @@ class _Run:
         self.waiting = [job for job in jobs if why[job.case_id] is not None]
         self.ended: list[CaseEnd] = []
         self.running: dict[Future[CaseEnd], Job] = {}
+        self.given_up: list[Job] = []
         self.journal = journal.Journal(folder)
         at_once = len(jobs) if options.executor else default_jobs(len(jobs))  # a cluster queues by itself
         self.workers = options.jobs or max(1, at_once)
@@ -162,11 +164,15 @@ class _Run:
             if executor and not self.options.executor:
                 executor.shutdown(wait=True)
             self.progress.end()
-        self.journal.write("end", failed=sum(end.status == "FAILED" for end in self.ended), undone=len(self.waiting))
+        lost = {job.case_id for job in self.given_up}
+        given_up = tuple(item.case_id for item in self.planned if item.case_id in lost)
+        if given_up:
+            self.journal.write("executor_lost", at_work=given_up)
+        undone = given_up + tuple(job.case_id for job in self.waiting)
+        self.journal.write("end", failed=sum(end.status == "FAILED" for end in self.ended), undone=len(undone))
         if self.journal.complaint:
             self.progress.say(self.journal.complaint)
-        undone = tuple(job.case_id for job in self.waiting)
-        return StudyOutcome(self.folder, self.planned, tuple(self.ended), undone)
+        return StudyOutcome(self.folder, self.planned, tuple(self.ended), undone, given_up)
 
     def _drain(self, executor: Executor) -> None:
         while self.waiting or self.running:
@@ -180,7 +186,7 @@ class _Run:
             self.progress.tick()
 
     def _stopped(self) -> bool:
-        return self.options.fail_fast and any(end.status == "FAILED" for end in self.ended)
+        return bool(self.given_up) or (self.options.fail_fast and any(end.status == "FAILED" for end in self.ended))
 
     def _next_that_fits(self) -> Job | None:
         """The next case, unless all workers are busy or its memory is taken; one case alone always fits."""
@@ -201,7 +207,13 @@ class _Run:
         job = self.running.pop(future)
         try:
             end = future.result()
-        except (Exception, CancelledError) as error:
+        except CancelledError as error:  # no cancellation of ours is collected: the executor gave the case up
+            if store.why_recompute(self.folder / job.case_id, job.payload, fingerprint.current()) is not None:
+                self.given_up.append(job)
+                self._abandon(job, "the executor gave this case up; the next run computes it again")
+                return
+            end = record_loss(job, self.folder, error)
+        except Exception as error:
             end = record_loss(job, self.folder, error)
         self.ended.append(end)
         event = "failed" if end.status == "FAILED" else "finished"
@@ -213,13 +225,15 @@ class _Run:
             executor.kill()
         for future, job in self.running.items():
             future.cancel()
-            folder = self.folder / job.case_id
-            store.sweep_leftovers(folder)
-            if not (folder / store.RECORD).exists():
-                close_abandoned(
-                    folder / store.MESS, "INTERRUPTED", "interrupted; the next run computes this case again"
-                )
+            self._abandon(job, "interrupted; the next run computes this case again")
         self.journal.write("interrupted", at_work=[job.case_id for job in self.running.values()])
+
+    def _abandon(self, job: Job, text: str) -> None:
+        """Close the log of a case that was begun and not finished."""
+        folder = self.folder / job.case_id
+        store.sweep_leftovers(folder)
+        if (folder / store.MESS).exists() and not (folder / store.RECORD).exists():
+            close_abandoned(folder / store.MESS, "INTERRUPTED", text)
 
 
 def _local(count: int) -> workers.LocalWorkers:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline import plots, store
+from pipeline.outputs import no_formula
 from pipeline.pages import environment
 from pipeline.report_pictures import Embedder, Shown
 
@@ -103,8 +104,12 @@ def _csv(table: Table) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(table.headings)
-    writer.writerows([["" if value is None else value for value in row] for row in table.rows])
+    writer.writerows([[_cell(value) for value in row] for row in table.rows])
     return out.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    return no_formula(value) if isinstance(value, str) else "" if value is None else value
 
 
 def _html(name: str, title: str, lead: str, shown: list[tuple[Section, list[Shown]]]) -> str:

@@ -19,6 +19,7 @@ def search(arguments: Namespace) -> int:
     """Search the design that holds the wanted mode best."""
     limits = limits_of(arguments)
     space = read_space(arguments.case, arguments.set, arguments.vary)
+    outputs.check_places(arguments)
     from pipeline.search import search as find
     from pipeline.search_designs import Settings
 

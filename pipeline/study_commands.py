@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline import house
 from pipeline.case_run import Job
 from pipeline.errors import InputFault, NotAvailable
 from pipeline.study_file import find_study, load_study
+
+if TYPE_CHECKING:
+    from pipeline.runner import StudyOutcome
 
 
 @dataclass(frozen=True)
@@ -91,9 +95,20 @@ def run(arguments: Namespace) -> int:
                 print("  " + told.replace("\n", "\n  "))
         return 0
     _tell(task.conclude(folder), arguments.quiet)
+    if outcome.given_up:
+        print(f"antinode: {_lost(arguments.scheduler, outcome)}", file=sys.stderr)
     for end in outcome.failed:
         print(f"antinode: case {end.case_id} failed: {end.diagnosis}", file=sys.stderr)
     return outcome.exit_code
+
+
+def _lost(address: str, outcome: StudyOutcome) -> str:
+    total, lost = len(outcome.plan), len(outcome.given_up)
+    return (
+        f"--scheduler = {address}: the Dask scheduler was lost, or cancelled cases: {lost} of {total} were at work there. "
+        f"The {total - len(outcome.undone)} finished ones are kept. Start a scheduler again and repeat the command, or leave "
+        "--scheduler out to go on here: only what is missing is computed"
+    )
 
 
 def _table_and_report(folder: Path) -> Sequence[Path]:
@@ -119,12 +134,16 @@ def _executor(address: str | None) -> Executor | None:
         client = Client(address, timeout="10s")
     except (OSError, TimeoutError, ValueError) as fault:
         raise InputFault(f"--scheduler = {address}: no Dask scheduler answers there ({fault})") from fault
+    for name in ("distributed", "distributed.client"):  # a lost scheduler is told in one line, not in its traceback
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     executor: Executor = client.get_executor()
     return executor
 
 
 def report(arguments: Namespace) -> int:
-    """Rebuild table, pictures and page from what is stored."""
+    """Rebuild table, pictures and page from what is stored; cases whose records cannot be believed are told."""
+    from pipeline.records import read_study
+
     task = _task(arguments.study)
     folder = house.RESULTS / task.name
     if not (folder / "cases.json").exists():
@@ -132,4 +151,7 @@ def report(arguments: Namespace) -> int:
             f"{arguments.study}: no results under {folder.name}; run it first: antinode run {arguments.study}"
         )
     _tell(task.conclude(folder), arguments.quiet)
+    for case in read_study(folder).cases:
+        if case.complaint:
+            print(f"antinode: case {case.case_id} is not shown: {case.complaint}; run the study again", file=sys.stderr)
     return 0

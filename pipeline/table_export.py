@@ -137,9 +137,14 @@ def _tell(case: Case, gains: ModalGains, table: ModeTable, log: Log) -> None:
             log.info(f"wiring: patches {', '.join(group)} on {pin}")
 
 
+def places(folder: Path, stem: str) -> list[Path]:
+    """Where a table goes: STEM.bin and STEM.h."""
+    return [folder / f"{stem}.bin", folder / f"{stem}.h"]
+
+
 def write(table: ModeTable, folder: Path, stem: str) -> list[Path]:
     """A table as STEM.bin and STEM.h."""
-    files = [folder / f"{stem}.bin", folder / f"{stem}.h"]
+    files = places(folder, stem)
     write_atomic(files[0], mode_table.to_bytes(table))
     write_atomic(files[1], mode_table.to_header(table).encode())
     return files

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline import following, store
+from pipeline.outputs import no_formula
 from pipeline.records import StoredCase, StoredStudy, read_study
 
 TABLE = "table.csv"
@@ -174,8 +175,8 @@ def table_text(study: StoredStudy, columns: Sequence[Column] | None = None) -> s
     columns = columns or columns_of(study)
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow([column.name for column in columns])
-    writer.writerows([cell(column, case) for column in columns] for case in study.cases)
+    writer.writerow([no_formula(column.name) for column in columns])
+    writer.writerows([no_formula(cell(column, case)) for column in columns] for case in study.cases)
     return buffer.getvalue()
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from geometry.files import read_by_command
 from pipeline.errors import InputFault
 
 # keys that stand for one another: setting one drops the others that the file gave
@@ -28,6 +29,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The file as a dictionary; InputFault for what cannot be read or parsed, with the line number where known."""
+    read_by_command(path)
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError:

@@ -126,11 +126,11 @@ def of_study(target: str, case_id: str | None = None) -> Scene:
 
 
 def _stored(case: StoredCase) -> Scene:
-    arrays = case.arrays()
+    arrays, complaints = case.read_arrays()
     if skin_faces(arrays, "surface") is None or "surface_u" not in arrays:
         ended = case.status in {"OK", "ALARM"}
         why = "its record holds no moving surface; measure modes and run the study again" if ended else case.diagnosis
-        raise InputFault(f"{case.case_id}: {why}")
+        raise InputFault(complaints or f"{case.case_id}: {why}")
     return of_arrays(case.case_id, arrays, case.record.get("design") or {})
 
 

@@ -29,6 +29,8 @@ THREAD_VARIABLES = (
     "RAYON_NUM_THREADS",
 )
 PR_SET_PDEATHSIG = 1
+# Sent to a whole process group by terminals, `timeout` and service managers; the main process ends its workers itself.
+MAIN_ALONE = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 
 
 class WorkerLost(Exception):
@@ -64,6 +66,13 @@ class LocalWorkers(Executor):
             for keeper in self._keepers:
                 keeper.join()
 
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """End well, or at once after an error or an interruption."""
+        if kind is None:
+            self.shutdown()
+        else:
+            self.kill()
+
     def kill(self) -> None:
         """End the processes now; what they were at fails with WorkerLost, what waits is cancelled."""
         self._stopping = True
@@ -79,7 +88,7 @@ class LocalWorkers(Executor):
     def _keep(self, slot: int) -> None:
         """One slot's life: a process, restarted after a death, fed from the queue."""
         resource_tracker.ensure_running()  # its start unblocks SIGINT in the thread that happens to cause it
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: Ctrl-C is the main process's affair
+        signal.pthread_sigmask(signal.SIG_BLOCK, MAIN_ALONE)  # inherited: they are the main process's affair
         connection: Connection | None = None
         while (item := self._tasks.get()) is not None:
             future, call = item

@@ -9,7 +9,7 @@ import sys
 from math import floor
 from typing import Any
 
-from pipeline import planner
+from pipeline import planner, store
 from pipeline.calibration import FIELDS, MIXING, TABLE
 from pipeline.house import RESULTS
 from pipeline.records import read_study
@@ -85,18 +85,18 @@ def text(records: list[dict[str, Any]]) -> str:
 
 def _asked(name: str) -> Any:
     """The parameters that a stored case was computed with."""
-    return json.loads((RESULTS / "accuracy" / name / "input.json").read_text(encoding="utf-8"))["parameters"]
+    return store.read_listed(RESULTS / "accuracy" / name, store.INPUT)["parameters"]
 
 
 def main() -> int:
     """Write the table, or say that the study was not run, or not as it stands."""
     try:
         stored = {case.case_id: case.record for case in read_study(RESULTS / "accuracy").cases}
+        other = [name for name, given in cases() if name in stored and _asked(name) != json.loads(json.dumps(given))]
     except BadRecord as fault:
         print(f"calibration: {fault}", file=sys.stderr)
         return 2
     records = [{"parameters": given, **stored.get(name, {})} for name, given in cases()]
-    other = [name for name, given in cases() if name in stored and _asked(name) != json.loads(json.dumps(given))]
     if other:
         print(f"calibration: {other[0]} was computed with another mesh: run `antinode run accuracy`", file=sys.stderr)
         return 2

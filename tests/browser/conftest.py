@@ -116,4 +116,4 @@ def put_waves(case: Path) -> None:
         shapes[:, band, 0, :, 2] = np.cos((band + 1) * 400.0 * points[:, 0])
     waves = {"bands_points": points.astype(np.float32), "bands_quads": quads.astype(np.int32)}
     store.save_arrays(case, {**arrays, **waves, "bands_labels": np.array(["G", "X", "M"]), "bands_u": shapes})
-    store.write_json(case / store.RECORD, record)
+    store.seal(case, record)

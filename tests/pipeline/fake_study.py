@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline import runner, store, tables
 from pipeline.lock import StudyBusy
+from pipeline.process import terminable
 from pipeline.progress import Progress
 from solvers.errors import SolverError
 
@@ -69,7 +70,8 @@ def main() -> int:
         todo = jobs(args.cases, args.seconds)
         if args.first is not None:
             todo[0].payload["seconds"] = args.first
-        outcome = runner.run_study(todo, compute, args.folder, runner.Options(jobs=2), Progress())
+        with terminable():
+            outcome = runner.run_study(todo, compute, args.folder, runner.Options(jobs=2), Progress())
     except KeyboardInterrupt:
         return 130
     except StudyBusy as error:

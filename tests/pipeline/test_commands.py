@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from pipeline import cli
+from pipeline import cli, house, predesign, process, store, study_commands
 from pipeline.gap_check import Edge
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -117,6 +119,43 @@ def test_the_console_script_answers(tmp_path: Path) -> None:
     )
     assert done.returncode == 0
     assert "modes" in done.stdout
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_command_that_is_ended_says_so_and_leaves_the_signals_as_they_were(
+    number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(predesign, "run", lambda case: os.kill(os.getpid(), number))
+    before = signal.getsignal(number)
+    assert run("predesign", CASE) == 130
+    assert lines(capsys.readouterr().err) == ["antinode: interrupted; what was finished is kept"]
+    assert signal.getsignal(number) is before
+
+
+def test_a_signal_that_the_parent_has_ignored_stays_ignored(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As nohup asks for."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with process.terminable():
+            os.kill(os.getpid(), signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_a_report_names_the_cases_that_it_does_not_believe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(house, "RESULTS", tmp_path)
+    monkeypatch.setattr(study_commands, "_table_and_report", lambda folder: [])
+    (tmp_path / "rows/a").mkdir(parents=True)
+    store.seal(tmp_path / "rows/a", {"schema": 1, "case_id": "a", "status": "OK"})
+    store.write_json(tmp_path / "rows/cases.json", {"about": {}, "cases": [{"case_id": "a"}]})
+    assert run("report", "rows") == 0 and capsys.readouterr().err == ""
+    record = tmp_path / "rows/a/record.json"
+    record.write_text(record.read_text().replace("OK", "ALARM"))
+    assert run("report", "rows") == 0
+    told = lines(capsys.readouterr().err)
+    assert len(told) == 1 and "case a is not shown" in told[0] and "not what was written" in told[0]
 
 
 @pytest.mark.parametrize("words", [["--parity", "-+"], ["--parity=-+"], ["--parity", "--"], ["--parity=--"]])

@@ -74,7 +74,7 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     payload = {"case": case.as_understood(), "overrides": SMALL, "measure": ["modes", "bands"], "fields": True}
     with Mess(folder / store.MESS) as log:
         record = steps.compute(CASE, payload, folder, log)
-    store.write_json(folder / store.RECORD, record)
+    store.seal(folder, {**record, "schema": 1, "case_id": folder.name})
     return folder
 
 

@@ -12,7 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import synthetic
 
-from pipeline import plots, plots_bands, plots_both, plots_fields, plots_mesh, plots_plate, plots_study, renders
+from pipeline import plots, plots_bands, plots_both, plots_fields, plots_mesh, plots_plate, plots_study, renders, store
 from pipeline.records import StoredCase, StoredStudy, read_study
 
 
@@ -189,7 +189,7 @@ def test_only_points_of_one_and_the_same_mode_are_joined(tmp_path: Path):
         (path,) = folder.glob(f"pitch_mm={pitch}*/record.json")
         record = json.loads(path.read_text())
         record["shapes"] = {"wanted": 0, "frequency_hz": [31e3, 33e3], "share": [0.9] * 2, "coefficients": coefficients}
-        path.write_text(json.dumps(record))
+        store.seal(path.parent, record)
     level, tone = plots_study.against_sweep(read_study(folder)).figure.axes
     for axes in (level, tone):
         joined = [line.get_xdata().tolist() for line in axes.lines if line.get_linestyle() == "-"]
@@ -204,7 +204,7 @@ def test_each_line_has_its_own_cell_where_the_cells_differ(tmp_path: Path):
     for path in folder.glob("pitch_mm=6*/record.json"):
         record = json.loads(path.read_text())
         record["bands"]["bending_at_m_hz"] = [31000.0, 31100.0]
-        path.write_text(json.dumps(record))
+        store.seal(path.parent, record)
     study = read_study(folder)
     _, tone = plots_study.against_sweep(study).figure.axes
     cells = [line for line in tone.lines if line.get_label() == "_cell"]

@@ -11,6 +11,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -64,7 +65,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         {"quantity": "zone", "thesis": 38.0, "ours": 39.81, "unit": "kHz", "note": "faces <clamped>"}
     ]
     record["warnings"] = ["a thin element"]
-    store.write_json(folder / "pitch_mm=4,rows=1/record.json", record)
+    store.seal(folder / "pitch_mm=4,rows=1", record)
     (folder / "pitch_mm=6,rows=1/arrays.npz").unlink()  # nothing but its bands can be drawn
     tables.write_table(folder)
     report.build(folder)
@@ -149,7 +150,7 @@ def test_a_picture_that_cannot_be_drawn_is_told_and_spoils_no_other(folder: Path
     del record["bands"]["points"][0]["kx_per_m"]
     arrays = store.load_arrays(copy / "pitch_mm=4,rows=1")
     store.save_arrays(copy / "pitch_mm=4,rows=1", {key: a for key, a in arrays.items() if key.startswith("touch_")})
-    store.write_json(copy / "pitch_mm=4,rows=1/record.json", record)
+    store.seal(copy / "pitch_mm=4,rows=1", record)
     page = Page(report.build(copy).read_text())
     assert "A picture could not be drawn: dispersion: KeyError: 'kx_per_m'" in page.text
     assert (
@@ -164,10 +165,10 @@ def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Pat
     once = {**whole, "case_id": "base", "sweep": {}, "bands": None, "modes": None, "wanted": None}
     rest = {key: value for key, value in whole.items() if key not in {"tet_modes", "tet_bands", "geometry"}}
     (folder / "base").mkdir()
-    store.write_json(folder / "base" / store.RECORD, once)
     store.save_arrays(folder / "base", {k: v for k, v in arrays.items() if k.startswith("tet_")})
-    store.write_json(folder / "pitch_mm=4,rows=1" / store.RECORD, rest)
+    store.seal(folder / "base", once)
     store.save_arrays(folder / "pitch_mm=4,rows=1", {k: v for k, v in arrays.items() if not k.startswith("tet_")})
+    store.seal(folder / "pitch_mm=4,rows=1", rest)
     listed = store.read_json(folder / "cases.json")
     listed["cases"].insert(0, {"case_id": "base", "sweep": {}})
     store.write_json(folder / "cases.json", listed)
@@ -192,7 +193,7 @@ def test_a_long_study_draws_the_extremes_and_a_spread(tmp_path: Path):
         record = {"schema": 1, "case_id": f"c{number}", "status": "OK", "sweep": {"n": number}}
         record["wanted"] = {"frequency_hz": 3e4, "confinement_db": level}
         (tmp_path / f"c{number}").mkdir()
-        store.write_json(tmp_path / f"c{number}" / store.RECORD, record)
+        store.seal(tmp_path / f"c{number}", record)
         listed.append({"case_id": f"c{number}", "sweep": {"n": number}})
     store.write_json(tmp_path / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
     study = read_study(tmp_path)
@@ -213,7 +214,7 @@ def test_a_thousand_cases_stay_a_light_page(tmp_path: Path):
         names = [f"c{number}" for number in range(count)]
         for number, name in enumerate(names):
             (folder / name).mkdir(parents=True)
-            store.write_json(folder / name / store.RECORD, {**record, "case_id": name, "sweep": {"n": number}})
+            store.seal(folder / name, {**record, "case_id": name, "sweep": {"n": number}})
         listed = [{"case_id": name, "sweep": {"n": number}} for number, name in enumerate(names)]
         store.write_json(folder / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
         sizes.append(report.build(folder, most_drawn=1).stat().st_size)
@@ -270,10 +271,28 @@ def test_the_vendored_viewer_is_the_one_its_readme_names():
 def test_a_record_of_another_version_is_one_line_and_spoils_no_other(folder: Path, tmp_path: Path, harm: dict):
     copy = Path(shutil.copytree(folder, tmp_path / "rows"))
     path = copy / "pitch_mm=6,rows=1/record.json"
-    store.write_json(path, {**json.loads(path.read_text()), **harm})
+    store.seal(path.parent, {**json.loads(path.read_text()), **harm})
     page = Page(report.build(copy).read_text())
     assert page.complaints == [] and ("another version" in page.text or "has schema 0" in page.text)
     assert "31.50\u202fkHz" in page.text
+
+
+def test_an_edited_record_is_named_and_its_numbers_are_not_shown(folder: Path, tmp_path: Path):
+    copy = Path(shutil.copytree(folder, tmp_path / "rows"))
+    path = copy / "pitch_mm=4,rows=1/record.json"
+    record = json.loads(path.read_text())
+    record["wanted"]["confinement_db"] = 99.25
+    path.write_text(json.dumps(record))
+    text = Page(report.build(copy).read_text()).text
+    assert "99.25" not in text and "record.json and files.json are not what was written" in text
+    assert "99.25" not in tables.table_text(read_study(copy))
+
+
+def test_arrays_of_another_case_are_named_and_not_drawn(folder: Path, tmp_path: Path):
+    copy = Path(shutil.copytree(folder, tmp_path / "rows"))
+    store.save_arrays(copy / "pitch_mm=4,rows=1", {"touch_xy": np.zeros((3, 2))})
+    page = Page(report.build(copy).read_text())
+    assert "pitch_mm=4,rows=1: arrays.npz is unreadable (its content is not what was written)" in page.text
 
 
 @pytest.mark.parametrize("stored", ["[]", '{"cases": [{"name": "a"}]}', '{"about": 3, "cases": 4}'])

@@ -9,7 +9,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import psutil
@@ -19,7 +19,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 import fake_study  # noqa: E402
 
-from pipeline import case_run, fingerprint, journal, records, runner, store, tables  # noqa: E402
+from pipeline import case_run, fingerprint, journal, records, runner, store, study_commands, tables  # noqa: E402
 from pipeline.progress import Progress  # noqa: E402
 from pipeline.workers import LocalWorkers  # noqa: E402
 
@@ -198,10 +198,12 @@ def wait_for(condition: Callable[[], object], seconds: float = 20.0) -> None:
         time.sleep(0.02)
 
 
-def test_ctrl_c_ends_within_seconds_and_keeps_what_was_finished(tmp_path: Path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interruption_ends_within_seconds_and_keeps_what_was_finished(tmp_path: Path, number: signal.Signals):
     process = start(tmp_path, "--cases", "4", "--seconds", "60", "--first", "0.1")
     wait_for(lambda: list(tmp_path.glob("*/record.json")) and len(starts(tmp_path)) == 3)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers, too
+    for _ in range(1 if number == signal.SIGINT else 2):  # `timeout` sends its signal twice
+        os.killpg(process.pid, number)  # as a terminal does: to the workers, too
     errors = process.communicate(timeout=20)[1].decode()  # a third of what one case at work would still take
     assert process.returncode == 130
     assert "Traceback" not in errors
@@ -222,7 +224,55 @@ def test_workers_of_a_killed_run_do_not_go_on(tmp_path: Path):
 
 def test_workers_leave_ctrl_c_to_the_main_process():
     with LocalWorkers(1, 1) as pool:
-        assert "SIGINT" in pool.submit(fake_study.signals_held_back).result(timeout=30)
+        assert {"SIGINT", "SIGTERM", "SIGHUP"} <= set(pool.submit(fake_study.signals_held_back).result(timeout=30))
+
+
+def test_workers_of_an_interrupted_block_are_ended_at_once():
+    begin = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), LocalWorkers(1, 1) as pool:
+        for _ in range(2):
+            pool.submit(time.sleep, 60)
+        raise KeyboardInterrupt
+    assert time.monotonic() - begin < 50
+
+
+class LosesItsScheduler(ThreadPoolExecutor):
+    """Answers the first cases and cancels all others, as a Dask client does whose scheduler is gone."""
+
+    def __init__(self, answered: int) -> None:
+        super().__init__(1)
+        self.answered = answered
+
+    def submit(self, function, /, *args, **kwargs):
+        self.answered -= 1
+        if self.answered >= 0:
+            return super().submit(function, *args, **kwargs)
+        future: Future = Future()
+        future.cancel()
+        future.set_running_or_notify_cancel()
+        return future
+
+
+def test_a_lost_scheduler_fails_no_case_and_the_next_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")  # told by the cases, which run in this process
+    jobs = fake_study.jobs(5)
+    with LosesItsScheduler(2) as pool:
+        lost = run(tmp_path, jobs, executor=pool)
+    assert lost.failed == () and lost.exit_code == 3
+    assert set(lost.given_up) <= set(lost.undone) == {"value=2", "value=3", "value=4"} and lost.given_up
+    assert {"executor_lost", "end"} <= {entry["event"] for entry in journal.read(tmp_path)[0]}
+    statuses = Counter(case.status for case in records.read_study(tmp_path).cases)
+    assert statuses == {"OK": 2, "MISSING": 3}
+    again = run(tmp_path, jobs, jobs=1)
+    assert len(again.reused) == 2 and len(again.ended) == 3 and again.exit_code == 0
+
+
+def test_a_lost_scheduler_is_told_in_one_line_with_what_to_do():
+    planned = tuple(runner.Planned(f"c{i}", "new") for i in range(5))
+    outcome = runner.StudyOutcome(Path("x"), planned, (), ("c3", "c4"), ("c3",))
+    told = study_commands._lost("tcp://host:8786", outcome)
+    assert "tcp://host:8786" in told and "1 of 5 were at work" in told and "The 3 finished ones are kept" in told
+    assert "repeat the command" in told and "CancelledError" not in told
 
 
 def test_a_worker_with_other_sources_is_refused(tmp_path: Path):
@@ -273,3 +323,34 @@ def test_a_dask_cluster_of_processes_one_of_them_killed(tmp_path: Path, monkeypa
     assert sum(starts(tmp_path / "dask").values()) > 8  # the lost worker's case went to another one
     local, remote = (tables.write_table(tmp_path / name).read_text() for name in ("local", "dask"))
     assert local == remote
+
+
+@pytest.mark.slow
+def test_a_dask_scheduler_killed_in_the_middle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    distributed = pytest.importorskip(
+        "distributed", reason="Dask distributed is an optional extra and not installed here"
+    )
+    monkeypatch.setenv("PYTHONPATH", f"{HERE}{os.pathsep}{HERE.parent.parent}")
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    told = tmp_path / "scheduler.json"
+    common = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path}
+    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--no-dashboard"]
+    scheduler = subprocess.Popen([*dask, "--scheduler-file", str(told)], **common)
+    wait_for(told.exists, 60)
+    dask = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny", "--no-dashboard"]
+    worker = subprocess.Popen([*dask, "--death-timeout", "5", "--scheduler-file", str(told)], **common)
+    try:
+        jobs = fake_study.jobs(4, seconds=0.1)
+        for job in jobs[1:]:
+            job.payload["seconds"] = 20.0
+        with distributed.Client(scheduler_file=str(told)) as client, ThreadPoolExecutor(1) as beside:
+            going = beside.submit(run, tmp_path / "study", jobs, jobs=None, executor=client.get_executor())
+            wait_for(lambda: len(starts(tmp_path / "study")) == 2, 60)
+            scheduler.kill()
+            lost = going.result(timeout=60)
+    finally:
+        worker.kill()
+        scheduler.kill()
+    assert lost.failed == () and lost.exit_code == 3 and [end.case_id for end in lost.ended] == ["value=0"]
+    assert lost.undone == lost.given_up == tuple(f"value={i}" for i in (1, 2, 3))
+    assert (tmp_path / "study/value=1/run.mess").read_text().endswith("--- DIAGNOSTIC JOB : <S>_INTERRUPTED\n")

@@ -1,5 +1,9 @@
 import errno
+import io
+import json
 import os
+import zipfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +75,125 @@ def test_a_changed_byte_is_seen(tmp_path: Path):
     data[len(data) // 2] ^= 1
     (folder / store.ARRAYS).write_bytes(data)
     assert "arrays.npz is unreadable" in why(folder)
+
+
+def flipped_bits(data: bytes, step: int) -> Iterator[bytes]:
+    for place in range(0, len(data), step):
+        for bit in (0, 1, 4):
+            yield data[:place] + bytes([data[place] ^ (1 << bit)]) + data[place + 1 :]
+
+
+@pytest.mark.parametrize("name", [store.RECORD, store.MANIFEST])
+def test_no_flipped_bit_changes_what_is_read(tmp_path: Path, name: str):
+    """Every third byte, three of its bits: the record is refused, or reads as it was (a blank for another)."""
+    folder = tmp_path / "c"
+    record = finished_case(folder)
+    whole = (folder / name).read_bytes()
+    refused = 0
+    for data in flipped_bits(whole, 3):
+        (folder / name).write_bytes(data)
+        try:
+            assert store.read_record(folder) == record
+            store.load_arrays(folder)
+        except store.BadRecord:
+            refused += 1
+            assert why(folder)
+    assert refused > len(whole) / 2
+
+
+def edited(folder: Path, name: str, edit: Callable[[dict], object]) -> None:
+    stored = json.loads((folder / name).read_text())
+    edit(stored)
+    (folder / name).write_text(json.dumps(stored))
+
+
+@pytest.mark.parametrize(
+    ("name", "edit"),
+    [
+        (store.RECORD, lambda stored: stored.update(status="ALARM")),
+        (store.RECORD, lambda stored: stored.update(wanted={"confinement_db": 99.0})),
+        (store.RECORD, lambda stored: stored.update(wanted=float("inf"))),
+        (store.RECORD, lambda stored: stored.pop("proof")),
+        (store.RECORD, lambda stored: stored.update(proof=None)),
+        (store.RECORD, lambda stored: stored.update(case_id="another")),
+        (store.MANIFEST, dict.clear),
+        (store.MANIFEST, lambda stored: stored.pop(store.ARRAYS)),
+        (store.MANIFEST, lambda stored: stored.update(x=3)),
+        (store.MANIFEST, lambda stored: stored[store.ARRAYS].update(sha256="0")),
+    ],
+)
+def test_an_edited_record_or_list_is_computed_again_and_not_read(tmp_path: Path, name: str, edit: Callable):
+    folder = tmp_path / "c"
+    finished_case(folder)
+    edited(folder, name, edit)
+    assert why(folder)
+    with pytest.raises(store.BadRecord, match=r"record\.json"):
+        store.read_record(folder)
+    with pytest.raises(store.BadRecord):
+        store.load_arrays(folder)
+
+
+def test_a_record_of_an_earlier_version_is_computed_again(tmp_path: Path):
+    folder = tmp_path / "c"
+    finished_case(folder)
+    edited(folder, store.RECORD, lambda stored: stored.pop("proof"))
+    assert why(folder) == "record.json carries no proof; an earlier version wrote it"
+
+
+def test_arrays_of_another_case_do_not_stand(tmp_path: Path):
+    for name in ("c", "other", "none"):
+        finished_case(tmp_path / name)
+    store.save_arrays(tmp_path / "other", {"a": np.zeros(5)})
+    (tmp_path / "none" / store.ARRAYS).unlink()
+    record = store.read_record(tmp_path / "none")
+    store.seal(tmp_path / "none", record)
+    assert store.load_arrays(tmp_path / "none") == {}
+    for name in ("c", "none"):
+        (tmp_path / name / store.ARRAYS).write_bytes((tmp_path / "other" / store.ARRAYS).read_bytes())
+        edited(tmp_path / name, store.MANIFEST, dict.clear) if name == "c" else None
+        assert why(tmp_path / name)
+        with pytest.raises(store.BadRecord):
+            store.load_arrays(tmp_path / name)
+
+
+def test_a_file_that_is_not_the_listed_one_is_not_read(tmp_path: Path):
+    folder = tmp_path / "c"
+    finished_case(folder)
+    assert store.read_listed(folder, store.INPUT) == PAYLOAD
+    store.write_json(folder / store.INPUT, {**PAYLOAD, "value": 2.0})
+    with pytest.raises(store.BadRecord, match=r"input\.json"):
+        store.read_listed(folder, store.INPUT)
+
+
+def test_arrays_that_cannot_be_read_raise_nothing_else(tmp_path: Path):
+    """Random bytes in the file, the proof made anew over them: zlib.error, MemoryError and their like are BadRecord."""
+    folder, random = tmp_path / "c", np.random.default_rng(5)
+    record = finished_case(folder)
+    store.save_arrays(folder, {"a": random.normal(size=60), "b": np.arange(40)})
+    whole = np.frombuffer((folder / store.ARRAYS).read_bytes(), np.uint8)
+    refused = 0
+    for _ in range(300):
+        torn = whole.copy()
+        torn[random.integers(0, len(torn), 3)] = random.integers(0, 256, 3)
+        (folder / store.ARRAYS).write_bytes(torn.tobytes())
+        store.seal(folder, record)
+        try:
+            store.load_arrays(folder)
+        except store.BadRecord:
+            refused += 1
+    assert refused > 100
+
+
+def test_a_header_of_many_gigabytes_is_refused(tmp_path: Path):
+    folder = tmp_path / "c"
+    record = finished_case(folder)
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (1 << 50,)})
+    with zipfile.ZipFile(folder / store.ARRAYS, "w") as file:
+        file.writestr("a.npy", header.getvalue())
+    store.seal(folder, record)
+    with pytest.raises(store.BadRecord, match=r"arrays\.npz is unreadable"):
+        store.load_arrays(folder)
 
 
 def test_a_reader_keeps_the_old_file_whole(tmp_path: Path):

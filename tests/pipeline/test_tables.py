@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import store, tables
+from pipeline import outputs, store, tables
 
 RECORD = {"schema": 1, "status": "OK", "diagnosis": "done", "modes": None, "wanted": None}
 
@@ -11,7 +11,7 @@ RECORD = {"schema": 1, "status": "OK", "diagnosis": "done", "modes": None, "want
 def put(study: Path, case_id: str, sweep: dict, **record: object) -> dict:
     folder = study / case_id
     folder.mkdir(parents=True)
-    store.write_json(folder / store.RECORD, {**RECORD, "case_id": case_id, "sweep": sweep, **record})
+    store.seal(folder, {**RECORD, "case_id": case_id, "sweep": sweep, **record})
     return {"case_id": case_id, "sweep": sweep}
 
 
@@ -62,10 +62,33 @@ def test_the_same_records_give_the_same_bytes(study: Path):
     assert tables.write_table(study).read_bytes() == first
 
 
+@pytest.mark.parametrize("text", ["=cmd|'/C calc'!A0", "+1+1", "-2+3", "@SUM(A1)", "\t=1", "\n=1"])
+def test_a_swept_text_is_no_formula_of_a_spreadsheet(study: Path, text: str):
+    put(study, "formula", {"name": text}, status="FAILED", diagnosis=text)
+    listed = store.read_json(study / "cases.json")["cases"]
+    listed.append({"case_id": "formula", "sweep": {"name": text, "array.rows": -1}})
+    store.write_json(study / "cases.json", {"schema": 1, "about": {}, "cases": listed})
+    row = read(tables.write_table(study))[-1]
+    assert row["name"] == row["diagnosis"] == f"'{text}"
+    assert row["array.rows"] == "-1"  # numbers stay numbers
+
+
+def test_a_return_in_a_swept_text_ends_no_row(study: Path):
+    listed = [{"case_id": "gone", "sweep": {"name": "a\rb"}}]
+    store.write_json(study / "cases.json", {"schema": 1, "about": {}, "cases": listed})
+    assert [row["name"] for row in read(tables.write_table(study))] == ["a\\rb"]
+
+
+def test_a_signed_number_is_no_formula():
+    assert [outputs.no_formula(text) for text in ("-1.5", "+12.30", "-3e-05", "a=b", "")] == [
+        "-1.5", "+12.30", "-3e-05", "a=b", "",
+    ]  # fmt: skip
+
+
 def test_a_count_that_does_not_hold_is_told(study: Path):
     record = store.read_record(study / "b")
     record["modes"]["count_check"]["found"] = 6
-    store.write_json(study / "b" / store.RECORD, record)
+    store.seal(study / "b", record)
     assert read(tables.write_table(study))[0]["count_check"] == "6 of 7"
 
 

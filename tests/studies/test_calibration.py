@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from pipeline import planner
+from pipeline import planner, store
 from studies import accuracy, calibration, ladder
 
 SECONDS = {"seconds": 1.0, "repeats": 1, "peak_bytes": 1_000_000}
@@ -84,7 +84,7 @@ def test_a_study_of_other_meshes_is_refused(
     folder.mkdir(parents=True)
     other = {**given, "rung": {**given["rung"], "size_mm": 123.0}}
     (folder / "input.json").write_text(json.dumps({"parameters": other}))
-    (folder / "record.json").write_text(json.dumps({"case_id": name, "status": "OK"}))
+    store.seal(folder, {"schema": 1, "case_id": name, "status": "OK"})
     monkeypatch.setattr(calibration, "RESULTS", tmp_path)
     monkeypatch.setattr(calibration, "TABLE", tmp_path / "calibration.csv")
     assert calibration.main() == 2
