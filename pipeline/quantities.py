@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from math import inf, isfinite, nan
+from math import inf, nan
 
+from pipeline.case_limits import FREQUENCY_KHZ, span
 from pipeline.errors import InputFault
 
 HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6}
 FREQUENCY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*([A-Za-z]*)\s*")
-ALLOWED = "a frequency above 0 with its unit Hz, kHz or MHz, such as 32kHz"
+ALLOWED = f"a frequency above 0 with its unit Hz, kHz or MHz, such as 32kHz, {span(FREQUENCY_KHZ)} kHz"
 
 
 def parse_frequency(text: str, what: str = "frequency") -> float:
@@ -21,10 +22,10 @@ def parse_frequency(text: str, what: str = "frequency") -> float:
     match = FREQUENCY.fullmatch(text)
     number, unit = match.groups() if match else ("nan", "")
     value = float(number) * HERTZ.get(unit.lower(), 1.0 if not unit else nan)
-    if not (isfinite(value) and value > 0.0):
-        raise InputFault(f"{what} = {text!r}: must be {ALLOWED}")
-    if not unit:
+    if not unit and 0.0 < value < inf:
         raise InputFault(f"{what} = {text!r}: {number} could mean {number} Hz or {number} kHz: write the unit")
+    if not FREQUENCY_KHZ[0] <= value / 1e3 <= FREQUENCY_KHZ[1]:
+        raise InputFault(f"{what} = {text!r}: must be {ALLOWED}")
     return value
 
 
