@@ -44,7 +44,11 @@ def load_step_pillar(path: str | os.PathLike[str]) -> StepPillar:
 def step_pillar_shape(path: str | os.PathLike[str]) -> Any:
     """The one solid of a STEP file (cadquery, mm) once it is known to stand on z = 0; errors as load_step_pillar."""
     file = Path(path)
-    if not file.is_file():
+    try:
+        there = file.is_file()
+    except (OSError, ValueError):  # a name that no file can have
+        there = False
+    if not there:
         raise GeometryError(f"{file}: no such STEP file")
     read_by_command(file)
     solid = _only_solid(_read(file), file)

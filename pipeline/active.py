@@ -18,6 +18,7 @@ from solvers.errors import SolverError
 
 if TYPE_CHECKING:
     from pipeline.plots import Drawing
+    from solvers.analytic.mason_study import MasonStudy
 
 TAKES = {
     "mason": ("frequency", "quality", "band"),
@@ -26,6 +27,7 @@ TAKES = {
     "shaping": ("frequency",),
     "dq": ("frequency", "quality", "delay", "within", "table", "sweep"),
 }
+MASON_HIGHEST = 100  # of the mode to confine: the wavelength of 5/3 cells is 2 mm, the bar's thickness, for the default
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 
@@ -156,21 +158,42 @@ def _mason(arguments: Namespace, case: Case | None, log: Log) -> Found:
     data = replace(data, quality=quality(arguments, case.quality if case else data.quality))
     if case is not None:
         data = replace(data, material=case.design.material)
-    band = parse_band(arguments.band, "--band") if arguments.band else None
-    study = mason_study(data, None if band is None else np.linspace(*band, 3121))
-    entries = [entry.as_json() for entry in mason_entries(study)]
+    whole = study = mason_study(data)
+    if arguments.band:
+        study = mason_study(data, np.linspace(*_mason_band(arguments.band, data.target_hz), 3121))
+        _refuse_empty(arguments.band, study, whole)
+    entries = [entry.as_json() for entry in mason_entries(whole)]
     cell, one = data.cell, data.filter
     lines = [
         f"five cells of {data.material.name}, each {cell.length_m * 1e3:.3f} mm long, section {cell.area_m2 * 1e6:g} mm2, "
         f"quality {data.quality:g}; 1 N in the middle one",
         f"filter: L = {one.inductance_kg:.4g} kg, C = {one.capacitance_m_n:.4g} m/N, rejects {one.rejected_hz:.6g} Hz",
         *(
-            f"modes, {name}: {', '.join(f'{f:.0f}' for f in modes)} Hz"
-            for name, modes in study.as_json()["modes_hz"].items()
+            f"modes, {name}: {', '.join(f'{f:.0f}' for f in modes) + ' Hz' if len(modes) else 'none in the band'}"
+            for name, modes in study.modes_hz.items()
         ),
         *compared(entries),
     ]
     return Found(study.as_json() | {"comparison": entries}, lines, lambda: [plots_active.mason(study)])
+
+
+def _mason_band(text: str, target_hz: float) -> tuple[float, float]:
+    """The band to show, Hz. InputFault beyond what a bar of one dimension has modes for."""
+    low, high = parse_band(text, "--band")
+    if high > MASON_HIGHEST * target_hz:
+        limit = (
+            f"must end at {MASON_HIGHEST * target_hz / 1e3:g} kHz or below, {MASON_HIGHEST} times the mode to confine"
+        )
+        raise InputFault(f"--band = {text!r}: {limit}: the waves beyond are shorter than the bar is thick")
+    return low, high
+
+
+def _refuse_empty(text: str, study: MasonStudy, whole: MasonStudy) -> None:
+    """InputFault, with where the modes are, when neither of the three lines has one in the band."""
+    if not any(len(modes) for modes in study.modes_hz.values()):
+        every = [float(mode) for modes in whole.modes_hz.values() for mode in modes]
+        told = f"from {min(every) / 1e3:.4g} to {max(every) / 1e3:.4g} kHz, {len(every)} of them"
+        raise InputFault(f"--band = {text!r}: holds no mode of the three bars; they have modes {told}")
 
 
 def _pillar(arguments: Namespace, case: Case | None, log: Log) -> Found:

@@ -18,13 +18,16 @@ STOPS_DB = 1.0  # a row: from here on the computed cell's flexural wave counts a
 
 
 def mason_entries(study: MasonStudy) -> list[Entry]:
-    """The mode that is confined, the bare beam without it, the filtered beam with it."""
+    """The mode that is confined, the bare beam without it, the filtered beam with it.
+
+    The study has to hold the modes about its target: the default window of mason_study does, a band to show need not.
+    """
     target, f = study.data.target_hz, study.frequencies_hz
     peak = np.abs(study.clamped).max()
     answers = [
         m for m in study.clamped_modes_hz if np.abs(study.clamped[np.argmin(np.abs(f - m))]).max() > SILENT * peak
     ]
-    number = int(np.argmin(np.abs(study.clamped_modes_hz - target))) + 1 if study.clamped_modes_hz.size else 0
+    number = int(np.argmin(np.abs(study.clamped_modes_hz - target))) + 1
     nearest = _nearest(study.bare_modes_hz, target)
     added = _nearest(study.filtered_modes_hz, target)
     first = f"mode {number} of the three clamped cells; answering: {', '.join(f'{m / 1e3:.2f}' for m in answers)} kHz"
@@ -50,7 +53,7 @@ def mason_entries(study: MasonStudy) -> list[Entry]:
 
 
 def _nearest(modes: Any, target: float) -> float:
-    return float(modes[np.argmin(np.abs(modes - target))]) if modes.size else float("nan")
+    return float(modes[np.argmin(np.abs(modes - target))])
 
 
 def pillar_entries(found: PillarFilter, point: PointForce, cell: dict[str, Any] | None) -> list[Entry]:

@@ -15,7 +15,7 @@ from pipeline.case_patches import read_patches
 from pipeline.case_values import KHZ, MM, read_values
 from pipeline.case_values import CaseValues as Values
 from pipeline.errors import InputFault
-from pipeline.toml_input import SECTIONS, apply_overrides, parse_override, read_toml
+from pipeline.toml_input import SECTIONS, apply_overrides, is_file, parse_override, read_toml
 from solvers.confinement import wanted_parity
 
 
@@ -224,7 +224,7 @@ def _measured(values: Values, source: Path | None) -> MeasuredFiles | None:
     for name in ("sweep", "map"):
         given = good.get(f"measured.{name}")
         found[name] = path = None if given is None else (source.parent if source else Path()) / given
-        if path is not None and not path.is_file():
+        if path is not None and not is_file(path):
             values.faults.add(f"measured.{name}", given, f"no such file {path}")
     place = good.get("measured.at_mm")
     return MeasuredFiles(found["sweep"], found["map"], (MM * place[0], MM * place[1]) if place else None)

@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 from geometry.step_pillar import StepPillar
+from pipeline import case_limits as limits
 from pipeline.toml_input import SECTIONS
 
 Values = dict[str, Any]
@@ -77,6 +78,54 @@ def check_pitch(good: Values, step: StepPillar | None) -> Iterator[Fault]:
         pitch = good[f"array.{name}"]
         if pitch <= widest:
             yield f"array.{name}", pitch, f"pillars overlap: must exceed the pillar's footprint {widest:g} mm"
+        elif pitch - widest < limits.MIN_GAP * widest:
+            text = f"pillars all but touch: must exceed the footprint {widest:g} mm by {limits.MIN_GAP:g} of it"
+            yield f"array.{name}", pitch, f"{text}, a gap that a mesh can hold"
+
+
+def check_slenderness(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+    """Pillar height, sides and foot fillet differ by no more than beams and elements can follow."""
+    height, most = good.get("pillar.height_mm"), limits.MAX_SLENDERNESS
+    for name in ("side_mm", "diameter_mm", "base_mm", "tip_mm"):
+        side = good.get(f"pillar.{name}")
+        if height and side and not 1.0 / most <= height / side <= most:
+            allowed = f"must be from {side / most:g} to {side * most:g}, {1.0 / most:g} to {most:g} times pillar.{name}"
+            yield "pillar.height_mm", height, allowed
+    base, tip = good.get("pillar.base_mm"), good.get("pillar.tip_mm")
+    if base and tip and not 1.0 / most <= tip / base <= most:
+        yield "pillar.tip_mm", tip, f"must be from {base / most:g} to {base * most:g}, beside pillar.base_mm = {base:g}"
+    fillet, section = good.get("pillar.fillet_mm"), section_mm(good, step)
+    if fillet and section and fillet < section / most:
+        yield "pillar.fillet_mm", fillet, f"must be 0, or at least {section / most:g}, {1.0 / most:g} of the foot"
+
+
+def check_pillar_on_plate(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+    """The pillars' feet and the passive rim are no needles beside the plate's thickness; fewer than a million pillars."""
+    thickness, section, most = good.get("plate.thickness_mm"), section_mm(good, step), limits.MAX_SLENDERNESS
+    if thickness and section and good.get("array.rows") != 0 and thickness > most * section:
+        limit = f"must be at most {most * section:g}, {most:g} times the pillar's foot of {section:g} mm"
+        yield "plate.thickness_mm", thickness, limit
+    rim = good.get("array.extension_mm")
+    if thickness and rim and rim < thickness / most:
+        limit = f"must be 0, or at least {thickness / most:g}, {1.0 / most:g} of plate.thickness_mm"
+        yield "array.extension_mm", rim, limit
+    rows, length, pitch = good.get("array.rows"), good.get("zone.length_mm"), _pitch_along(good)
+    if rows and length and pitch and 2.0 * rows * (length / pitch + 1.0) > limits.MAX_PILLARS:
+        count = int(2.0 * rows * (length / pitch + 1.0))
+        yield "array.rows", rows, f"{count} pillars: no more than {limits.MAX_PILLARS} can be joined (rows x columns)"
+
+
+def _pitch_along(good: Values) -> float | None:
+    return good.get("array.pitch_mm") or good.get("array.pitch_x_mm")
+
+
+def check_nodal_lines(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+    """The wanted mode's flexural wave is longer than the plate is thick: a shorter one is two separate surface waves."""
+    lines, length, thickness = (good.get(key) for key in ("zone.nodal_lines", "zone.length_mm", "plate.thickness_mm"))
+    if lines and length and thickness and lines > 1 and 2.0 * length / lines < thickness:
+        most = max(1, int(2.0 * length / thickness))
+        text = f"must be at most {most}: the wave would be shorter than the plate is thick, {thickness:g} mm"
+        yield "zone.nodal_lines", lines, text
 
 
 def check_zone_width(good: Values, step: StepPillar | None) -> Iterator[Fault]:
@@ -144,8 +193,9 @@ def check_rows(good: Values, step: StepPillar | None) -> Iterator[Fault]:
 def check_solve(good: Values, step: StepPillar | None) -> Iterator[Fault]:
     """A rising band, or a target with a count, not both."""
     band, near, count = (good.get(f"solve.{name}") for name in ("band_kHz", "near_kHz", "count"))
-    if band is not None and not band[0] < band[1]:
-        yield "solve.band_kHz", band, "must be two numbers [low, high], 0 <= low < high"
+    if band is not None and not (band[0] < band[1] and band[1] >= limits.FREQUENCY_KHZ[0]):
+        least = f"high from {limits.FREQUENCY_KHZ[0]:g} on"
+        yield "solve.band_kHz", band, f"must be two numbers [low, high], 0 <= low < high, {least}"
     if band is not None and near is not None:
         yield "solve.near_kHz", near, "must be left out beside band_kHz"
     if band is not None and near is None and count is not None:
@@ -215,7 +265,10 @@ def check_tolerance(good: Values, step: StepPillar | None) -> Iterator[Fault]:
 CHECKS: tuple[Callable[[Values, StepPillar | None], Iterator[Fault]], ...] = (
     check_pillar_keys,
     check_fillet,
+    check_slenderness,
     check_pitch,
+    check_pillar_on_plate,
+    check_nodal_lines,
     check_zone_width,
     check_row_fits,
     check_thickness,

@@ -5,14 +5,16 @@ from __future__ import annotations
 from math import inf
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geometry.layout import Design
-from geometry.patches import Patches, antinode_places
+from geometry.patches import FloatArray, Patches, antinode_places
 from geometry.piezo_materials import PIEZO_MATERIALS
 from pipeline.case_values import MM, CaseValues
 from pipeline.faults import Faults, nearest
 from solvers.analytic.beams import antinodes, free_free_mode
 
+MOST_TOLD = 3  # patches or pairs of them that are named
 TOUCHING = 1e-9  # relative to the patch: boxes that share an edge do not overlap
 
 
@@ -75,10 +77,9 @@ def _check_places(patches: Patches, design: Design, good: dict[str, object], fau
         ("patches.size_mm", size) if patches.at == "antinodes" else ("patches.centres_mm", good["patches.centres_mm"])
     )
     outside = (np.abs(boxes[:, :2]) > half_x).any(axis=1) | (np.abs(boxes[:, 2:]) > half_y).any(axis=1)
-    for number in np.flatnonzero(outside):
+    for number in np.flatnonzero(outside)[:MOST_TOLD]:
         faults.add(key, value, f"patch {number} reaches beyond the plate, which is {length_mm:g} x {width_mm:g} mm")
-    pairs = _overlaps(boxes, boxes, slack)
-    for i, j in [(i, j) for i, j in pairs if i < j][:3]:
+    for i, j in _first_overlaps(boxes, slack):
         faults.add(key, value, f"patches {i} and {j} overlap")
     if patches.face == "back":
         _check_pillars(patches, design, key, value, faults, slack)
@@ -87,15 +88,30 @@ def _check_places(patches: Patches, design: Design, good: dict[str, object], fau
 
 
 def _check_pillars(patches: Patches, design: Design, key: str, value: object, faults: Faults, slack: float) -> None:
-    centres, half = design.pillar_centres(), design.footprint_m / 2.0
-    feet = np.column_stack([centres[:, 0] - half, centres[:, 0] + half, centres[:, 1] - half, centres[:, 1] + half])
-    hit = sorted({i for i, _ in _overlaps(patches.boxes_m(), feet, slack)})
-    if hit:
-        faults.add(key, value, f"patch {hit[0]} on the back overlaps a pillar's foot")
+    if not design.pillar or not design.rows:
+        return
+    rows, half = design.row_centres(), design.footprint_m / 2.0
+    x0, x1, y0, y1 = patches.boxes_m().T
+    hit = _holds(design.column_centres(), x0 - half + slack, x1 + half - slack)
+    hit &= _holds(np.concatenate([-rows[::-1], rows]), y0 - half + slack, y1 + half - slack)
+    if hit.any():
+        faults.add(key, value, f"patch {np.flatnonzero(hit)[0]} on the back overlaps a pillar's foot")
 
 
-def _overlaps(first: np.ndarray, second: np.ndarray, slack: float) -> list[tuple[int, int]]:
-    a, b = first[:, None, :], second[None, :, :]
-    apart = (a[..., 1] <= b[..., 0] + slack) | (b[..., 1] <= a[..., 0] + slack)
-    apart |= (a[..., 3] <= b[..., 2] + slack) | (b[..., 3] <= a[..., 2] + slack)
-    return [(int(i), int(j)) for i, j in np.argwhere(~apart)]
+def _holds(ascending: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:
+    """For each open interval, (n,), whether one of the ascending numbers lies in it."""
+    first = np.searchsorted(ascending, low, side="right")
+    return np.asarray(np.append(ascending, np.inf)[first] < high)
+
+
+def _first_overlaps(boxes_m: FloatArray, slack: float) -> list[tuple[int, int]]:
+    """The first MOST_TOLD pairs i < j of footprints x0, x1, y0, y1 that share more than an edge."""
+    found: list[tuple[int, int]] = []
+    for i, (x0, x1, y0, y1) in enumerate(boxes_m):
+        later = boxes_m[i + 1 :]
+        apart = (x1 <= later[:, 0] + slack) | (later[:, 1] <= x0 + slack)
+        apart |= (y1 <= later[:, 2] + slack) | (later[:, 3] <= y0 + slack)
+        found += [(i, i + 1 + int(j)) for j in np.flatnonzero(~apart)[:MOST_TOLD]]
+        if len(found) >= MOST_TOLD:
+            break
+    return found[:MOST_TOLD]

@@ -4,18 +4,46 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from pipeline import case_limits as limits
+from pipeline.case_limits import LENGTH_MM, Range, span
 
 ABOVE_0 = "a finite number above 0"
 NOT_NEGATIVE = "a finite number of 0 or more"
 
 
-def _number(allowed: str, **limits: Any) -> Any:
-    return Field(default=None, description=allowed, **limits)
+def positive(within: Range) -> Any:
+    """A field for a number that must be given, within the limits."""
+    return Field(ge=within[0], le=within[1], description=f"{ABOVE_0}, {span(within)}")
 
 
-def _needed(allowed: str, **limits: Any) -> Any:
-    return Field(description=allowed, **limits)
+def optional(within: Range) -> Any:
+    """The same, None where it is left out."""
+    return Field(default=None, ge=within[0], le=within[1], description=f"{ABOVE_0}, {span(within)}")
+
+
+def _zero_or(within: Range) -> AfterValidator:
+    """Refuses what is neither 0 nor within the limits."""
+
+    def check(value: float) -> float:
+        if value != 0.0 and not within[0] <= value <= within[1]:
+            raise ValueError("out of range")
+        return value
+
+    return AfterValidator(check)
+
+
+def whole(low: int, high: int, **more: Any) -> Any:
+    """A field for a whole number."""
+    return Field(ge=low, le=high, description=f"a whole number from {low} to {high}", **more)
+
+
+Length = Annotated[float, _zero_or(LENGTH_MM), Field(description=f"{NOT_NEGATIVE}: 0, or {span(LENGTH_MM)}")]
+Deviation = Annotated[
+    float, _zero_or(limits.DEVIATION_MM), Field(description=f"{NOT_NEGATIVE}: 0, or {span(limits.DEVIATION_MM)}")
+]
+Coordinate = Annotated[float, Field(ge=-LENGTH_MM[1], le=LENGTH_MM[1])]
 
 
 class Table(BaseModel):
@@ -25,49 +53,62 @@ class Table(BaseModel):
 
 
 class MaterialTable(Table):
-    young_GPa: float = _needed(ABOVE_0, gt=0)
-    density_kg_m3: float = _needed(ABOVE_0, gt=0)
-    poisson: float = _needed("a number between -1 and 0.5, both excluded", gt=-1, lt=0.5)
+    young_GPa: float = positive(limits.YOUNG_GPA)
+    density_kg_m3: float = positive(limits.DENSITY_KG_M3)
+    poisson: float = Field(
+        ge=-1.0 + limits.POISSON_MARGIN,
+        le=0.5 - limits.POISSON_MARGIN,
+        description=f"a number between -1 and 0.5, both excluded and {limits.POISSON_MARGIN:g} away",
+    )
 
 
 class PlateTable(Table):
-    thickness_mm: float = _needed(ABOVE_0, gt=0)
+    thickness_mm: float = positive(LENGTH_MM)
 
 
 class ZoneTable(Table):
-    length_mm: float = _needed(ABOVE_0, gt=0)
-    width_mm: float = _needed(ABOVE_0, gt=0)
-    nodal_lines: int = _needed("a whole number from 0 to 1000", ge=0, le=1000)
+    length_mm: float = positive(LENGTH_MM)
+    width_mm: float = positive(LENGTH_MM)
+    nodal_lines: int = whole(0, 1000)
 
 
 class PillarTable(Table):
     shape: Literal["square", "round", "tapered", "step"] = Field(
         default="square", description="square, round, tapered or step"
     )
-    side_mm: float | None = _number(ABOVE_0, gt=0)
-    diameter_mm: float | None = _number(ABOVE_0, gt=0)
-    base_mm: float | None = _number(ABOVE_0, gt=0)
-    tip_mm: float | None = _number(ABOVE_0, gt=0)
+    side_mm: float | None = optional(LENGTH_MM)
+    diameter_mm: float | None = optional(LENGTH_MM)
+    base_mm: float | None = optional(LENGTH_MM)
+    tip_mm: float | None = optional(LENGTH_MM)
     file: str | None = Field(default=None, min_length=1, description="the path of a STEP file")
-    height_mm: float | None = _number(ABOVE_0, gt=0)
-    fillet_mm: float = Field(default=0.0, ge=0, description=NOT_NEGATIVE)
+    height_mm: float | None = optional(LENGTH_MM)
+    fillet_mm: Length = 0.0
 
 
 class ArrayTable(Table):
-    pitch_mm: float | None = _number(ABOVE_0, gt=0)
-    pitch_x_mm: float | None = _number(ABOVE_0, gt=0)
-    pitch_y_mm: float | None = _number(ABOVE_0, gt=0)
-    rows: int | None = _number("a whole number from 0 to 1000", ge=0, le=1000)
-    extension_mm: float = Field(default=0.0, ge=0, description=NOT_NEGATIVE)
+    pitch_mm: float | None = optional(LENGTH_MM)
+    pitch_x_mm: float | None = optional(LENGTH_MM)
+    pitch_y_mm: float | None = optional(LENGTH_MM)
+    rows: int | None = whole(0, 1000, default=None)
+    extension_mm: Length = 0.0
 
 
 class SolveTable(Table):
-    band_kHz: Annotated[list[Annotated[float, Field(ge=0)]], Field(min_length=2, max_length=2)] | None = Field(
-        default=None, description="two numbers [low, high], 0 <= low < high"
+    band_kHz: (
+        Annotated[list[Annotated[float, Field(ge=0, le=limits.FREQUENCY_KHZ[1])]], Field(min_length=2, max_length=2)]
+        | None
+    ) = Field(
+        default=None,
+        description=f"two numbers [low, high], 0 <= low < high, high {span(limits.FREQUENCY_KHZ)}",
     )
-    near_kHz: float | None = _number(ABOVE_0, gt=0)
-    count: int | None = _number("a whole number from 1 to 10000", ge=1, le=10_000)
-    accuracy: float = Field(default=0.003, gt=0, le=0.1, description="a number above 0, at most 0.1")
+    near_kHz: float | None = optional(limits.FREQUENCY_KHZ)
+    count: int | None = whole(1, limits.MAX_MODES, default=None)
+    accuracy: float = Field(
+        default=0.003,
+        ge=limits.ACCURACY[0],
+        le=limits.ACCURACY[1],
+        description=f"a number above 0, at most {limits.ACCURACY[1]:g} and at least {limits.ACCURACY[0]:g}",
+    )
     model: Literal["auto", "analytic", "superelement", "solid"] = Field(
         default="auto", description="auto, analytic, superelement or solid"
     )
@@ -76,31 +117,51 @@ class SolveTable(Table):
 
 class BandsTable(Table):
     path: str | None = Field(
-        default=None, pattern=r"^[GXMY]{2,}$", description="at least two of the letters G, X, M and Y, such as GXMG"
+        default=None,
+        pattern=rf"^[GXMY]{{2,{limits.MAX_PATH}}}$",
+        description=f"at least two of the letters G, X, M and Y, such as GXMG, and at most {limits.MAX_PATH}",
     )
-    points: int = Field(default=25, ge=1, le=10_000, description="a whole number from 1 to 10000")
-    count: int = Field(default=10, ge=1, le=1000, description="a whole number from 1 to 1000")
+    points: int = whole(1, 10_000, default=25)
+    count: int = whole(1, 1000, default=10)
     grid: int = Field(default=0, ge=0, le=200, description="a whole number from 0 (the path alone) to 200")
 
 
 class DampingTable(Table):
-    quality: float = Field(default=300.0, gt=0.5, description="a number above 0.5 (at 0.5 nothing resonates)")
+    quality: float = Field(
+        default=300.0,
+        gt=limits.QUALITY[0],
+        le=limits.QUALITY[1],
+        description=f"a number above 0.5 (at 0.5 nothing resonates), at most {limits.QUALITY[1]:g}",
+    )
 
 
 class PatchesTable(Table):
     material: str = Field(default="pz26", description="the name of a piezo material")
-    size_mm: Annotated[list[Annotated[float, Field(gt=0)]], Field(min_length=3, max_length=3)] = Field(
-        description="three numbers above 0, along x, y and z"
-    )
+    size_mm: Annotated[
+        list[Annotated[float, Field(ge=LENGTH_MM[0], le=LENGTH_MM[1])]], Field(min_length=3, max_length=3)
+    ] = Field(description=f"three numbers above 0, {span(LENGTH_MM)}, along x, y and z")
     face: Literal["back", "touch"] = Field(default="back", description="back or touch")
     at: Literal["antinodes"] | None = Field(default=None, description="antinodes (or give centres_mm instead)")
     centres_mm: (
-        Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=1)] | None
-    ) = Field(default=None, description="a list of [x, y], at least one")
-    sensors: list[Annotated[int, Field(ge=0)]] = Field(
+        Annotated[
+            list[Annotated[list[Coordinate], Field(min_length=2, max_length=2)]],
+            Field(min_length=1, max_length=limits.MAX_PATCHES),
+        ]
+        | None
+    ) = Field(
+        default=None,
+        description=f"a list of [x, y], at least one, at most {limits.MAX_PATCHES}, "
+        f"each within {LENGTH_MM[1]:g} mm of the plate's centre",
+    )
+    sensors: Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=limits.MAX_PATCHES)] = Field(
         default_factory=list, description="a list of patch numbers, counted from 0"
     )
-    drive_V: float = Field(default=1.0, gt=0, description=ABOVE_0)
+    drive_V: float = Field(
+        default=1.0,
+        ge=limits.VOLTS[0],
+        le=limits.VOLTS[1],
+        description=f"{ABOVE_0}, {span(limits.VOLTS)}",
+    )
     circuit: Literal["short", "open"] = Field(
         default="short", description="short (a voltage drives the patches) or open (a charge does)"
     )
@@ -109,17 +170,17 @@ class PatchesTable(Table):
 class MeasuredTable(Table):
     sweep: str | None = Field(default=None, min_length=1, description="the path of a CSV file")
     map: str | None = Field(default=None, min_length=1, description="the path of a CSV file")
-    at_mm: Annotated[list[float], Field(min_length=2, max_length=2)] | None = Field(
+    at_mm: Annotated[list[Coordinate], Field(min_length=2, max_length=2)] | None = Field(
         default=None, description="two numbers [x, y], where the sweep's laser stood"
     )
 
 
 class ToleranceTable(Table):
-    height_mm: float = Field(default=0.0, ge=0, description=NOT_NEGATIVE)
-    side_mm: float = Field(default=0.0, ge=0, description=NOT_NEGATIVE)
-    position_mm: float = Field(default=0.0, ge=0, description=NOT_NEGATIVE)
-    samples: int = Field(default=20, ge=1, le=10_000, description="a whole number from 1 to 10000")
-    seed: int = Field(default=1, ge=0, description="a whole number of 0 or more")
+    height_mm: Deviation = 0.0
+    side_mm: Deviation = 0.0
+    position_mm: Deviation = 0.0
+    samples: int = whole(1, limits.MAX_SAMPLES, default=20)
+    seed: int = whole(0, limits.MAX_SEED, default=1)
 
 
 TABLES: dict[str, type[Table]] = {

@@ -11,6 +11,7 @@ from geometry.errors import GeometryError
 from geometry.materials import MATERIALS, Material
 from geometry.step_pillar import StepPillar, load_step_pillar
 from pipeline.case_checks import CHECKS
+from pipeline.case_limits import MAX_CONTRAST
 from pipeline.case_schema import MATERIAL_ALLOWED, MATERIAL_OWNERS, NAME_ALLOWED, TABLES, MaterialTable, known_keys
 from pipeline.faults import Faults, check_table, nearest
 
@@ -52,6 +53,7 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
         good |= {table: True} | check_table(model, _without_material(table, content), f"{table}.", known, faults)
     for owner in MATERIAL_OWNERS:
         _read_material(raw if owner == "" else raw.get(owner, {}), owner, materials, known, faults)
+    _check_contrast(materials, faults)
     name = _read_name(raw, source, faults)
     step_file, step = _read_step(good, source, faults)
     _check_across(good, step, faults)
@@ -85,6 +87,16 @@ def _read_material(
             materials[owner] = Material("given", GPA * young, float(density), float(poisson))
     else:
         faults.add(key, value, f"must be {MATERIAL_ALLOWED}")
+
+
+def _check_contrast(materials: dict[str, Material], faults: Faults) -> None:
+    """One line where plate and pillar differ in stiffness by more than one matrix can hold."""
+    if set(materials) != {"", "pillar"}:
+        return
+    plate, pillar = (materials[owner].young_pa / GPA for owner in ("", "pillar"))
+    if max(plate, pillar) > MAX_CONTRAST * min(plate, pillar):
+        limit = f"must be within a factor of {MAX_CONTRAST:g} of the plate's {plate:g} GPa"
+        faults.add("pillar.material.young_GPa", pillar, limit)
 
 
 def _read_name(raw: dict[str, Any], source: Path | None, faults: Faults) -> str:

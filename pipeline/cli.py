@@ -9,14 +9,16 @@ import argparse
 import importlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
+from pipeline import case_limits as limits
 from pipeline.errors import one_line
 from pipeline.process import lend_cache_folders, terminable
 
 # What commands read, by the names of their arguments: never written over.
 READ = ("case", "study", "target", "mesh_file", "measured", "map", "table", "sweep", "file")
+LONGEST_NUMBER = 40  # characters
 DONE, WRONG_INPUT, NOT_TRUSTED, NOT_HELD, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4, 5, 130
 
 
@@ -141,7 +143,9 @@ def _add_case_commands(commands: Any) -> None:
     modes = _takes_case(_solver(commands, "modes", "modes of plate, zone or pillar", example))
     modes.add_argument("--part", choices=("plate", "zone", "pillar"), default="plate", help="default: the plate")
     modes.add_argument("--near", metavar="F", help="modes nearest to a frequency, such as 32kHz")
-    modes.add_argument("--count", type=_positive, metavar="N", help="how many (with --near, or the lowest)")
+    modes.add_argument(
+        "--count", type=_up_to(limits.MAX_MODES), metavar="N", help="how many (with --near, or the lowest)"
+    )
     modes.add_argument("--band", metavar="F:F", help="every mode between two frequencies, such as 30kHz:34kHz")
     modes.add_argument(
         "--parity",
@@ -162,15 +166,25 @@ def _add_case_commands(commands: Any) -> None:
     )
     waves.add_argument("--band", metavar="F:F", help="frequencies, such as 25kHz:45kHz")
     waves.add_argument(
-        "--kx", type=float, metavar="K", help="wavenumber along the zone in rad/m (default: the wanted mode's)"
+        "--kx", type=_wavenumber, metavar="K", help="wavenumber along the zone in rad/m (default: the wanted mode's)"
     )
-    waves.add_argument("--points", type=_positive, metavar="N", default=201, help="how many frequencies (default: 201)")
+    waves.add_argument(
+        "--points",
+        type=_up_to(limits.MAX_FREQUENCIES),
+        metavar="N",
+        default=201,
+        help="how many frequencies (default: 201)",
+    )
     _explains(waves)
     example = f"response {case} --band 28kHz:38kHz"
     response = _takes_case(_solver(commands, "response", "forced response to the patches", example))
     response.add_argument("--band", metavar="F:F", help="frequencies, such as 28kHz:38kHz")
     response.add_argument(
-        "--points", type=_positive, metavar="N", default=401, help="how many frequencies (default: 401)"
+        "--points",
+        type=_up_to(limits.MAX_FREQUENCIES),
+        metavar="N",
+        default=401,
+        help="how many frequencies (default: 401)",
     )
     _explains(response)
     _add_measured(response)
@@ -182,8 +196,12 @@ def _add_tolerance(commands: Any) -> None:
     example = "tolerance studies/three-rows.toml --set tolerance.height_mm=0.05 --samples 20 --out spread"
     spread = _takes_case(_command(commands, "tolerance", text, example, "pipeline.tolerance_command:tolerance"))
     spread.add_argument("--band", metavar="F:F", help="frequencies, such as 28kHz:38kHz")
-    spread.add_argument("--samples", type=_positive, metavar="N", help="how many plates (default: the case's, 20)")
-    spread.add_argument("--seed", type=_positive, metavar="N", help="of the draw (default: the case's, 1)")
+    spread.add_argument(
+        "--samples", type=_up_to(limits.MAX_SAMPLES), metavar="N", help="how many plates (default: the case's, 20)"
+    )
+    spread.add_argument(
+        "--seed", type=_up_to(limits.MAX_SEED), metavar="N", help="of the draw (default: the case's, 1)"
+    )
     _explains(spread)
 
 
@@ -204,7 +222,7 @@ def _add_measured(response: argparse.ArgumentParser) -> None:
         "--synthesise", metavar="DIR", help="write sweep.csv and field.csv as if measured, marked SYNTHETIC"
     )
     response.add_argument(
-        "--seed", type=_positive, default=1, metavar="N", help="of the noise of --synthesise (default: 1)"
+        "--seed", type=_up_to(limits.MAX_SEED), default=1, metavar="N", help="of the noise of --synthesise (default: 1)"
     )
     response.add_argument("--noise", type=_share, metavar="R", help="rms of that noise over the peak (default: 0.01)")
 
@@ -213,10 +231,22 @@ def _solver(commands: Any, name: str, text: str, example: str) -> argparse.Argum
     return _command(commands, name, text, example, f"pipeline.commands:{name.replace('-', '_')}")
 
 
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text}: must be 1 or more")
+def _up_to(most: int) -> Callable[[str], int]:
+    """The type of an option that counts something, from 1 to `most`, as the same key of a case file does."""
+
+    def number(text: str) -> int:
+        value = int(text) if len(text) < LONGEST_NUMBER else 0
+        if not 1 <= value <= most:
+            raise argparse.ArgumentTypeError(f"{text[:LONGEST_NUMBER]}: must be 1 or more, at most {most}")
+        return value
+
+    return number
+
+
+def _wavenumber(text: str) -> float:
+    value = float(text)
+    if not abs(value) <= limits.MAX_WAVENUMBER:
+        raise argparse.ArgumentTypeError(f"{text}: must be a number of at most {limits.MAX_WAVENUMBER:g} rad/m")
     return value
 
 
@@ -232,7 +262,7 @@ def _add_search(commands: Any) -> None:
     )
     search.add_argument("--goal", choices=("confinement", "extension"), default="confinement", help=goal)
     budget = "joined plates to spend, three columns of cells to each (default: 16)"
-    search.add_argument("--evaluations", type=_positive, metavar="N", default=16, help=budget)
+    search.add_argument("--evaluations", type=_up_to(limits.MAX_EVALUATIONS), metavar="N", default=16, help=budget)
     search.add_argument("--above", metavar="F", default="25kHz", help="least frequency (default: 25kHz)")
     half = "largest half-wavelength along the zone (default: 20)"
     search.add_argument("--half-wave", type=float, metavar="MM", default=20.0, help=half)
@@ -271,7 +301,9 @@ def _add_active(commands: Any) -> None:
 def _add_study_commands(commands: Any) -> None:
     run = _command(commands, "run", "a batch study", "run studies/rows.toml --jobs 2", "pipeline.study_commands:run")
     run.add_argument("study", metavar="STUDY", help="study file, or the name of one in studies/")
-    run.add_argument("--jobs", type=_positive, metavar="N", help="cases at a time (default: one per core)")
+    run.add_argument(
+        "--jobs", type=_up_to(limits.MAX_JOBS), metavar="N", help="cases at a time (default: one per core)"
+    )
     run.add_argument(
         "--scheduler", metavar="ADDRESS", help="hand the cases to a Dask scheduler, such as tcp://host:8786"
     )

@@ -11,7 +11,11 @@ def one_line(text: str) -> str:
     """A message as one line that any terminal shows: control characters escaped, the middle of a very long one left out."""
     if len(text) > LONGEST_LINE:
         text = f"{text[: LONGEST_LINE - LONGEST_END]} ... {text[-LONGEST_END:]}"
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return text if text.isprintable() else "".join(c if c.isprintable() else _escaped(c) for c in text)
+
+
+def _escaped(letter: str) -> str:
+    return letter.encode("unicode_escape", "backslashreplace").decode()
 
 
 class CommandError(Exception):

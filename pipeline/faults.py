@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from difflib import get_close_matches
+from itertools import islice
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
 from pipeline.errors import InputFault
 
-LONGEST = 60
-LONGEST_KEY = 100
+LONGEST = 60  # characters of a value or key that are shown
+MOST_LINES = 50  # faults told one by one; a file with more is no case file
 
 
 def shown(value: Any) -> str:
@@ -19,11 +20,14 @@ def shown(value: Any) -> str:
     if isinstance(value, bool):
         text = str(value).lower()
     elif isinstance(value, str):
-        text = '"' + value.encode("unicode_escape").decode().replace('"', '\\"') + '"'
+        text = '"' + value[:LONGEST].encode("unicode_escape").decode().replace('"', '\\"') + '"'
+        text = text if len(value) <= LONGEST else text[:-1].ljust(LONGEST + 1, ".")
     elif isinstance(value, dict):
-        text = "{" + ", ".join(f"{key} = {shown(item)}" for key, item in value.items()) + "}"
+        text = (
+            "{" + ", ".join(f"{key_shown(key)} = {shown(item)}" for key, item in islice(value.items(), LONGEST)) + "}"
+        )
     elif isinstance(value, (list, tuple)):
-        text = "[" + ", ".join(shown(item) for item in value) + "]"
+        text = "[" + ", ".join(shown(item) for item in value[:LONGEST]) + "]"
     elif isinstance(value, float):
         text = f"{value:.12g}"
     else:
@@ -31,17 +35,17 @@ def shown(value: Any) -> str:
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
-def shown_key(key: str) -> str:
-    """A key as written, the middle of one that no line could hold left out."""
-    return key if len(key) <= LONGEST_KEY else f"{key[:70]}...{key[-25:]}"
+def key_shown(key: str) -> str:
+    """A key as it stands in a file, cut to one short line."""
+    return key if len(key) <= LONGEST else f"{key[: LONGEST - 3]}..."
 
 
 def nearest(word: str, known: Collection[str]) -> str:
     """' (did you mean X?)' with the known word nearest to `word`, or nothing when none resembles it.
 
-    A dotted key is compared whole first, then by its last part. What is far longer than any known word resembles none.
+    A dotted key is compared whole first, then by its last part; what is longer than any key resembles none.
     """
-    if len(word) > LONGEST_KEY:
+    if len(word) > LONGEST:
         return ""
     match = get_close_matches(word, known, n=1, cutoff=0.6)
     if not match:
@@ -60,6 +64,7 @@ class Faults:
         self.overridden = frozenset(overridden)
         self.lines: list[str] = []
         self.keys: set[str] = set()
+        self.untold = 0
 
     def origin(self, key: str) -> str:
         """The file's name, or --set when the key or a part of it was set on the command line."""
@@ -68,7 +73,7 @@ class Faults:
 
     def add(self, key: str, value: Any, text: str) -> None:
         """One line: origin: key = value: text."""
-        self._note(key, f"{self.origin(key)}: {shown_key(key)} = {shown(value)}: {text}")
+        self._note(key, f"{self.origin(key)}: {key_shown(key)} = {shown(value)}: {text}")
 
     def missing(self, key: str, text: str) -> None:
         """One line for a key that is not there."""
@@ -80,17 +85,21 @@ class Faults:
 
     def _note(self, key: str, line: str) -> None:
         self.keys.add(key)
-        if line not in self.lines:
+        if len(self.lines) >= MOST_LINES:
+            self.untold += 1
+        elif line not in self.lines:
             self.lines.append(line)
 
     def unknown(self, key: str, value: Any, known: Collection[str]) -> None:
         """One line for a key that does not exist, with the nearest known one."""
-        self.add(key, value, f"unknown {'table' if isinstance(value, dict) else 'key'}{nearest(key, known)}")
+        hint = nearest(key, known) if len(self.lines) < MOST_LINES else ""
+        self.add(key, value, f"unknown {'table' if isinstance(value, dict) else 'key'}{hint}")
 
     def stop(self) -> None:
-        """InputFault with every line, if there is any."""
+        """InputFault with every line, if there is any; beyond MOST_LINES of them with how many there are."""
         if self.lines:
-            raise InputFault(self.lines)
+            more = [f"{self.file}: {self.untold} faults more"] if self.untold else []
+            raise InputFault([*self.lines, *more])
 
 
 def check_table(

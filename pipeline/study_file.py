@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from pipeline.case_schema import known_keys
 from pipeline.errors import InputFault
 from pipeline.faults import Faults, check_table, nearest
-from pipeline.toml_input import read_toml
+from pipeline.toml_input import is_file, read_toml
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies"
 Measure = Literal[
@@ -26,6 +26,7 @@ Measure = Literal[
 MEASURES: tuple[str, ...] = get_args(Measure)
 LONGEST_ID = 120
 MOST_CASES = 100_000
+MOST_BYTES = 10_000_000  # of a study file: the values of as many cases
 
 
 class StudyTable(BaseModel):
@@ -75,7 +76,7 @@ class StudyFile:
 def load_study(path_or_name: str | Path) -> StudyFile:
     """The study of a file, or of studies/NAME.toml of the checkout; InputFault with one line for every fault."""
     path = find_study(path_or_name)
-    raw = read_toml(path)
+    raw = read_toml(path, MOST_BYTES)
     faults = Faults(str(path))
     if "study" not in raw and {"plate", "zone", "material"} & set(raw):
         raise InputFault(f"{path}: a case file, must be a study file with a [study] table")
@@ -86,7 +87,7 @@ def load_study(path_or_name: str | Path) -> StudyFile:
     sweep, paired = _read_sweep(raw.get("sweep", {}), faults, values.get("study.zip", False))
     _check_counts(sweep, paired, faults)
     case_path = path.parent / values.get("study.case", "")
-    if "study.case" in values and not case_path.is_file():
+    if "study.case" in values and not is_file(case_path):
         faults.add("study.case", values["study.case"], f"no such file {case_path}")
     faults.stop()
     name = values.get("study.name") or path.stem
@@ -97,10 +98,10 @@ def load_study(path_or_name: str | Path) -> StudyFile:
 def find_study(path_or_name: str | Path) -> Path:
     """The file meant: a path as it is, or the bare name of a study of the checkout."""
     path, text = Path(path_or_name), str(path_or_name)
-    if path.is_file() or path.suffix == ".toml" or path.parent != Path():
+    if is_file(path) or path.suffix == ".toml" or path.parent != Path():
         return path
     named = STUDIES / f"{text}.toml"
-    if not named.is_file():
+    if not is_file(named):
         names = sorted(file.stem for file in STUDIES.glob("*.toml"))
         near = get_close_matches(text, names, n=1, cutoff=0.5)
         hint = f" (did you mean {near[0]}?)" if near else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 from geometry.files import read_by_command
 from pipeline.errors import InputFault
+from pipeline.faults import shown
 
 # keys that stand for one another: setting one drops the others that the file gave
 ALTERNATIVES: dict[str, tuple[str, ...]] = {
@@ -19,6 +21,11 @@ ALTERNATIVES: dict[str, tuple[str, ...]] = {
     "patches.centres_mm": ("patches.at",),
     "patches.at": ("patches.centres_mm",),
 }
+MOST_BYTES = 200_000  # of a case file: the most patches that it may hold take half
+DEEPEST = 8  # tables and lists inside one another; a case has four
+TOO_DEEP = f"tables or lists nested deeper than {DEEPEST}, which nothing in it may be"
+# a key of so many parts costs tomllib the square of their number before its depth could be seen
+LONG_KEY = re.compile(r"""(?<![\w"'-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){50}""")
 SECTIONS: dict[str, tuple[str, ...]] = {
     "square": ("side_mm",),
     "round": ("diameter_mm",),
@@ -27,11 +34,16 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 }
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """The file as a dictionary; InputFault for what cannot be read or parsed, with the line number where known."""
+def read_toml(path: Path, most_bytes: int = MOST_BYTES) -> dict[str, Any]:
+    """The file as a dictionary; InputFault for what cannot be read or parsed, with the line number where known.
+
+    A file of more than `most_bytes`, or nested deeper than DEEPEST, is refused as well.
+    """
     read_by_command(path)
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        with path.open("rb") as file:
+            content = file.read(most_bytes + 1)
+        text = content.decode("utf-8-sig")
     except FileNotFoundError:
         raise InputFault(f"{path}: no such file") from None
     except IsADirectoryError:
@@ -40,16 +52,45 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise InputFault(f"{path}: not UTF-8 text at byte {error.start}, must be a TOML file in UTF-8") from None
     except (OSError, ValueError) as error:
         raise InputFault(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if len(content) > most_bytes:
+        raise InputFault(f"{path}: more than {most_bytes} bytes: must be a TOML file of at most so many")
+    if LONG_KEY.search(text):
+        raise InputFault(f"{path}: {TOO_DEEP}")
     try:
-        return tomllib.loads(text)
+        found = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputFault(f"{path}: not valid TOML: {error}") from None
     except (ValueError, RecursionError) as error:
         raise InputFault(f"{path}: not valid TOML: {type(error).__name__} {str(error)[:80]}") from None
+    if _is_deeper(found):
+        raise InputFault(f"{path}: {TOO_DEEP}")
+    return found
+
+
+def is_file(path: Path) -> bool:
+    """Whether a file stands there; a name that no file can have is none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _is_deeper(value: Any, limit: int = DEEPEST) -> bool:
+    """Whether dictionaries and lists stand inside one another more than `limit` times."""
+    level = [value]
+    for _ in range(limit + 1):
+        level = [item for each in level if isinstance(each, (dict, list)) for item in _items(each)]
+    return bool(level)
+
+
+def _items(owner: dict[str, Any] | list[Any]) -> Iterable[Any]:
+    return owner.values() if isinstance(owner, dict) else owner
 
 
 def parse_value(text: str) -> Any:
     """A TOML value, or the bare word as a string."""
+    if len(text) > MOST_BYTES:
+        return text.strip()
     try:
         found = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
@@ -62,8 +103,11 @@ def parse_override(text: str) -> tuple[str, Any]:
     key, equals, value = text.partition("=")
     parts = [part.strip() for part in key.split(".")]
     if not equals or not all(parts) or not value.strip():
-        raise InputFault(f"--set {text}: must be key.path=value, such as array.pitch_mm=6")
-    return ".".join(parts), parse_value(value)
+        raise InputFault(f"--set {shown(text)[1:-1]}: must be key.path=value, such as array.pitch_mm=6")
+    found = parse_value(value)
+    if len(parts) > DEEPEST or _is_deeper(found):
+        raise InputFault(f"--set {shown(text)[1:-1]}: nested deeper than {DEEPEST}, which no key is")
+    return ".".join(parts), found
 
 
 def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -> dict[str, Any]:
@@ -74,7 +118,7 @@ def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -
             _split_pitch(result)
         for other in ALTERNATIVES.get(key, ()):
             _drop(result, other)
-        if key == "pillar.shape" and value in SECTIONS:
+        if key == "pillar.shape" and isinstance(value, str) and value in SECTIONS:
             _keep_section(result, str(value))
         _put(result, key.split("."), value)
     return result

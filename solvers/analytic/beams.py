@@ -23,6 +23,9 @@ End = Literal["clamped", "pinned", "sliding", "free"]
 VANISHING: dict[str, tuple[int, int]] = {"clamped": (0, 1), "pinned": (0, 2), "sliding": (1, 3), "free": (2, 3)}
 LOWEST = 0.5  # below the smallest root of any pair (pi/2), above the trivial one
 STEP = pi / 16.0  # roots of one pair lie about pi apart
+BRACKETED = 16  # from the root of this number on, near 50, exp(-beta L) is below rounding and roots lie pi apart
+PANEL, PANEL_PHASE = np.polynomial.legendre.leggauss(16), 4.0  # a Gauss rule for so much of kappa s: exact to rounding
+HALVINGS = 40  # of a bracket of 1/(32 half-waves): below 1e-13
 
 
 @dataclass(frozen=True)
@@ -95,19 +98,23 @@ def roots(left: End, right: End, count: int) -> tuple[float, ...]:
 
 @lru_cache(maxsize=64)
 def _first_roots(left: str, right: str, count: int) -> tuple[float, ...]:
-    grid = np.arange(LOWEST, (count + 2) * pi, STEP)
+    """Bracketed roots; beyond BRACKETED those of trigonometry alone, quarters of pi: what is left out is below exp(-50)."""
+    bracketed = min(count, BRACKETED)
+    grid = np.arange(LOWEST, (bracketed + 2) * pi, STEP)
     values = [_determinant(float(kappa), left, right) for kappa in grid]
     brackets = [(a, b) for (a, fa), (b, fb) in pairwise(zip(grid, values, strict=True)) if (fa < 0.0) != (fb < 0.0)]
-    found = [root_between(lambda kappa: _determinant(kappa, left, right), a, b, 1e-13) for a, b in brackets[:count]]
-    if len(found) < count:
-        raise SolverError(f"{left}-{right} beam: {len(found)} of {count} roots were found")
-    return tuple(found)
+    found = [root_between(lambda kappa: _determinant(kappa, left, right), a, b, 1e-13) for a, b in brackets[:bracketed]]
+    if len(found) < bracketed:
+        raise SolverError(f"{left}-{right} beam: {len(found)} of {bracketed} roots were found")
+    quarters = round(4.0 * found[-1] / pi)
+    return (*found, *(pi / 4.0 * (quarters + 4 * n) for n in range(1, count - bracketed + 1)))
 
 
 def _normalised(kappa: float, coefficients: FloatArray) -> BeamMode:
-    s, weights = np.polynomial.legendre.leggauss(int(kappa) + 40)
-    phi = _basis(kappa, (s + 1.0) / 2.0) @ coefficients
-    scale = sqrt(float(weights @ phi**2) / 2.0)
+    panels = int(kappa / PANEL_PHASE) + 1
+    s = ((PANEL[0] + 1.0) / 2.0 + np.arange(panels)[:, None]).ravel() / panels
+    phi = _basis(kappa, s) @ coefficients
+    scale = sqrt(float(np.tile(PANEL[1], panels) @ phi**2) / 2.0 / panels)
     tip = float(_basis(kappa, np.array(1.0)) @ coefficients)
     turn = float(_basis(kappa, np.array(1.0), 1) @ coefficients)
     sign = np.sign(tip) if abs(tip) > 1e-6 * scale else -np.sign(turn) or 1.0
@@ -138,12 +145,14 @@ def antinodes(mode: BeamMode) -> tuple[float, ...]:
     if mode.kappa == 0.0:
         return ()
     grid = np.linspace(0.0, 1.0, 32 * (int(mode.kappa / pi) + 2) + 1)[1:-1]
-    slope = mode.shape(grid, 1)
-    return tuple(
-        root_between(lambda s: float(mode.shape(s, 1)), a, b, 1e-13)
-        for a, b, fa, fb in zip(grid[:-1], grid[1:], slope[:-1], slope[1:], strict=True)
-        if (fa < 0.0) != (fb < 0.0)
-    )
+    rising = mode.shape(grid, 1) > 0.0
+    at = np.flatnonzero(rising[:-1] != rising[1:])
+    low, high = grid[at], grid[at + 1]
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2.0
+        below = (mode.shape(middle, 1) > 0.0) == rising[at]
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return tuple(((low + high) / 2.0).tolist())
 
 
 def frequency_hz(kappa: float, length_m: float, bending_n_m2: float, mass_kg_m: float) -> float:

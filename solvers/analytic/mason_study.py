@@ -66,6 +66,11 @@ class MasonStudy:
     confinement_bare_db: float
     confinement_filtered_db: float
 
+    @property
+    def modes_hz(self) -> dict[str, FloatArray]:
+        """Lossless natural frequencies in the window by line: clamped, bare, filtered."""
+        return {"clamped": self.clamped_modes_hz, "bare": self.bare_modes_hz, "filtered": self.filtered_modes_hz}
+
     def as_json(self) -> dict[str, Any]:
         """A plain document: cell and filter data in SI, velocities per newton as magnitudes, impedance in N s/m."""
         cell, one = self.data.cell, self.data.filter
@@ -81,7 +86,7 @@ class MasonStudy:
                 "resistance_n_s_m": one.resistance_n_s_m if isfinite(one.resistance_n_s_m) else None,
                 "rejected_hz": one.rejected_hz,
             },
-            "modes_hz": {name: getattr(self, f"{name}_modes_hz").tolist() for name in curves[:3]},
+            "modes_hz": {name: modes.tolist() for name, modes in self.modes_hz.items()},
             "confinement_db": {"bare": self.confinement_bare_db, "filtered": self.confinement_filtered_db},
             "frequencies_hz": self.frequencies_hz.tolist(),
             **{f"{name}_abs": np.abs(getattr(self, name)).tolist() for name in curves},

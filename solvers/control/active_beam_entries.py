@@ -23,7 +23,7 @@ def _first(study: ActiveBeamStudy, layout: str) -> Case:
 
 
 def _where(case: Case) -> str:
-    return f"{case.frequency_hz / 1e3:g} kHz, K' = {case.gain_n_m:.0e} N/m"
+    return f"{case.frequency_hz / 1e3:g} kHz, K' = {case.gain_n_m:g} N/m"
 
 
 def _equal(study: ActiveBeamStudy) -> Entry:
@@ -73,30 +73,32 @@ def _opposed(study: ActiveBeamStudy) -> Entry:
 
 
 def _gain(study: ActiveBeamStudy) -> Entry:
-    weak, strong = (study.case("point", study.data.frequencies_hz[0], g) for g in _ends(study.data.gains_n_m))
+    gains = sorted(set(study.data.gains_n_m))
+    cases = [study.case("point", study.data.frequencies_hz[0], gain) for gain in dict.fromkeys((gains[0], gains[-1]))]
     ours = ", ".join(
-        f"K' = {case.gain_n_m:.0e}: {case.strength:.1f} x 4EIb3, rms ratio {case.after.ratio:.2f}"
-        for case in (weak, strong)
+        f"K' = {case.gain_n_m:g}: {case.strength:.1f} x 4EIb3, rms ratio {case.after.ratio:.2f}" for case in cases
     )
-    same = (weak.after.ratio >= CONFINED) == (strong.after.ratio >= CONFINED)
-    told = (
-        "differs: on this strip both gains lie on the same side of 4EI beta^3; their contrast asks for a stiffer beam"
-        if same
-        else "agrees: the two gains lie on both sides of 4EI beta^3"
-    )
+    if len(cases) == 1:
+        told = "not compared: one gain was given, the contrast takes two"
+    elif len({case.after.ratio >= CONFINED for case in cases}) == 1:
+        told = "differs: on this strip both gains lie on the same side of 4EI beta^3; their contrast asks for a stiffer beam"
+    else:
+        told = "agrees: the two gains lie on both sides of 4EI beta^3"
     return Entry("the larger gain confines, the smaller does not", "1e8 works, 1e7 does not", ours, told)
 
 
 def _higher(study: ActiveBeamStudy) -> Entry:
-    cases = {
-        name: study.case(name, study.data.frequencies_hz[-1], study.data.gains_n_m[-1]) for name in ("point", "pair")
-    }
+    tones = sorted(set(study.data.frequencies_hz))
+    cases = {name: study.case(name, tones[-1], study.data.gains_n_m[-1]) for name in ("point", "pair")}
     ours = ", ".join(f"{name} {case.after.ratio:.2f}" for name, case in cases.items())
     fails = [name for name, case in cases.items() if case.after.ratio < CONFINED]
-    told = (
-        f"agrees for {' and '.join(fails)}: the loops stand near nodes now" if fails else "differs: it is confined here"
-    )
-    if len(fails) == 1:
+    if len(tones) == 1:
+        told = "not compared: one frequency was given, the contrast takes two"
+    elif fails:
+        told = f"agrees for {' and '.join(fails)}: the loops stand near nodes now"
+    else:
+        told = "differs: it is confined here"
+    if len(tones) > 1 and len(fails) == 1:
         told += "; a second point within half a wavelength holds what the first one misses"
     return Entry(f"the same at {_where(cases['point'])}", "fails", f"rms ratio: {ours}", told)
 
@@ -122,7 +124,3 @@ def _delay(study: ActiveBeamStudy) -> Entry:
 
 def _limit(gain: float) -> str:
     return f"K' < {gain:.2g} N/m" if gain > 0.0 else "no gain"
-
-
-def _ends(values: tuple[float, ...]) -> tuple[float, float]:
-    return values[0], values[-1]

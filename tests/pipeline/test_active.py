@@ -15,6 +15,7 @@ from pipeline import active, cli, mode_table
 from pipeline.active_dq import _plant
 from pipeline.errors import InputFault
 from solvers.analytic.mason_study import MasonData
+from solvers.control import active_beam_entries
 from solvers.control.active_beam import ActiveBeamData
 from solvers.control.baseband import ModePlant
 from solvers.control.identification import sweep_of
@@ -143,6 +144,9 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
         (("mason", "--quality", "inf"), "hit exactly"),
         (("mason", "--quality", "0"), "--quality"),
         (("mason", "--gain", "1"), "does not take it"),
+        (("mason", "--band", "1kHz:30MHz"), "must end at 2500 kHz or below"),
+        (("pillar", "--band", "30:34"), "30:34 could mean 30 Hz to 34 Hz or 30 kHz to 34 kHz: write the unit"),
+        (("beam", "--frequency", "3"), "3 could mean 3 Hz or 3 kHz: write the unit"),
         (("mason", "--set", "plate.thickness_mm=1"), "needs a CASE"),
         (("pillar", "--band", "0Hz:3kHz"), "--band"),
         (("pillar", "--set", "pillar.height_mm=-1"), "pillar.height_mm"),
@@ -165,9 +169,50 @@ def test_what_is_wrong_is_told_in_one_line(arguments: tuple[str, ...], said: str
 
 def test_lossless_resonance_of_the_beam_is_told(capsys) -> None:
     exact = float(ActiveBeamData(quality=inf).beam.natural_rad_s(7)[6]) / (2 * pi)
-    assert run("beam", "--quality", "inf", "--frequency", repr(exact)) == 2
+    assert run("beam", "--quality", "inf", "--frequency", f"{exact!r}Hz") == 2
     assert "hit exactly" in capsys.readouterr().err
     assert MasonData(quality=inf).cell.loss == 0.0
+
+
+@pytest.mark.parametrize("band", ["24.9kHz:25.1kHz", "5kHz:8kHz"])
+def test_the_circuits_verdicts_are_those_of_its_modes_whatever_band_is_shown(band: str, capsys) -> None:
+    assert run("mason", "--json", "-") == 0
+    whole = json.loads(capsys.readouterr().out)
+    assert run("mason", "--band", band, "--quiet") == 0
+    told = capsys.readouterr().out
+    assert "nan" not in told
+    for entry in whole["comparison"]:
+        assert entry["ours"] in told and entry["agreement"] in told
+
+
+def test_a_band_without_modes_says_where_they_are(capsys) -> None:
+    assert run("mason", "--band", "30Hz:34Hz") == 2
+    told = capsys.readouterr()
+    assert told.out == "" and "holds no mode of the three bars" in told.err and "from 7.101 to 39.57 kHz" in told.err
+
+
+class OneBeam:
+    """A study whose loops confine from K' = 1e6 N/m on, at any frequency: what the comparison reads, and no more."""
+
+    def __init__(self, gains: tuple[float, ...], tones: tuple[float, ...]) -> None:
+        self.data = SimpleNamespace(gains_n_m=gains, frequencies_hz=tones)
+
+    def case(self, layout: str, frequency_hz: float, gain_n_m: float) -> SimpleNamespace:
+        after = SimpleNamespace(ratio=3.0 if gain_n_m > 1e6 else 1.0)
+        return SimpleNamespace(frequency_hz=frequency_hz, gain_n_m=gain_n_m, strength=gain_n_m / 1e6, after=after)
+
+
+def test_one_gain_or_one_frequency_is_not_compared_with_itself() -> None:
+    one = OneBeam((1e7,), (3e3,))
+    gains, tones = active_beam_entries._gain(one), active_beam_entries._higher(one)
+    assert gains.ours.count("K' =") == 1 and gains.agreement.startswith("not compared: one gain")
+    assert tones.agreement == "not compared: one frequency was given, the contrast takes two"
+
+
+def test_gains_are_compared_by_size_in_any_order() -> None:
+    entry = active_beam_entries._gain(OneBeam((1e8, 1e5), (3e3,)))
+    assert entry.ours.index("K' = 100000") < entry.ours.index("K' = 1e+08")
+    assert entry.agreement == "agrees: the two gains lie on both sides of 4EI beta^3"
 
 
 @pytest.mark.parametrize(("text", "value"), [("2ms", 2e-3), ("4us", 4e-6), ("0.5 s", 0.5), ("0us", 0.0)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import tomllib
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 
 from pipeline.case import case_from_dict, load_case
 from pipeline.errors import InputFault
+from solvers.analytic.beams import antinodes, free_free_mode
 
 CASE = Path(__file__).parents[2] / "studies" / "three-rows.toml"
 RAW = tomllib.loads(CASE.read_text())
@@ -79,6 +81,111 @@ def lines_of(overrides: list[str], raw: dict | None = None) -> list[str]:
 )  # fmt: skip
 def test_one_fault_one_line(override, expected):
     assert any(expected in line for line in lines_of([override]))
+
+
+LENGTHS = ("plate.thickness_mm", "zone.length_mm", "zone.width_mm", "pillar.side_mm", "pillar.height_mm",
+           "array.pitch_mm")  # fmt: skip
+SPANS = [
+    *((key, 1e-3, 1e4) for key in LENGTHS),
+    ("material.young_GPa", 1e-9, 2000.0),
+    ("material.density_kg_m3", 1.0, 1e5),
+    ("solve.near_kHz", 1e-6, 1e6),
+    ("solve.accuracy", 1e-6, 0.1),
+    ("patches.drive_V", 1e-9, 1e6),
+]
+
+
+@pytest.mark.parametrize(("key", "low", "high"), SPANS)
+def test_every_number_has_physical_limits_that_its_line_names(key, low, high):
+    for value in (low / 2.0, 1e-300, 2.0 * high, 1e308):
+        (line,) = [line for line in lines_of([f"{key}={value!r}"]) if f" {key} = " in line]
+        assert (
+            line.startswith(f"--set: {key} = {value:.12g}: must be a ") and f"{low:g}" in line and f"{high:g}" in line
+        )
+
+
+@pytest.mark.parametrize(
+    ("override", "expected"),
+    [
+        ("pillar.shape=[]", "pillar.shape = []: must be square, round"),
+        ("pillar.shape={a=1}", "pillar.shape = {a = 1}: must be square, round"),
+        ("solve.band_kHz=[0,1e300]", "solve.band_kHz = [0, 1e+300]: must be two numbers [low, high]"),
+        ("solve.band_kHz=[0,1e-300]", "high from 1e-06 on"),
+        ("pillar.fillet_mm=1e-300", "pillar.fillet_mm = 1e-300: must be a finite number of 0 or more: 0, or from 0.001"),
+        ("array.extension_mm=1e-9", "array.extension_mm = 1e-09: must be a finite number of 0 or more: 0, or from 0.001"),
+        ("array.extension_mm=0.0011", "must be 0, or at least 0.002, 0.001 of plate.thickness_mm"),
+        ("damping.quality=1e300", "damping.quality = 1e+300: must be a number above 0.5 (at 0.5 nothing resonates), at most"),
+        ("pillar.height_mm=0.0015", "pillar.height_mm = 0.0015: must be from 0.002 to 2000, 0.001 to 1000 times pillar.side"),
+        ("array.pitch_mm=2.0000001", "pillars all but touch: must exceed the footprint 2 mm by 0.0001 of it"),
+        ("array.pitch_mm=2.01", None),
+        ("zone.nodal_lines=116", "zone.nodal_lines = 116: must be at most 115: the wave would be shorter than the plate"),
+        ("material.poisson=0.4999999", "must be a number between -1 and 0.5, both excluded and 1e-06 away"),
+        ("pillar.material={young_GPa=1e-7,density_kg_m3=1000,poisson=0.3}", "within a factor of 1e+08 of the plate's 70"),
+        ("bands.path=" + "GX" * 11, "at most 20"),
+        ("tolerance.seed=" + "9" * 30, "tolerance.seed = 999"),
+        ("a" + ".a" * 900 + "=1", "nested deeper than 8, which no key is"),
+        ("x=" + "[" * 60 + "]" * 60, "nested deeper than 8, which no key is"),
+        ("measured.sweep=" + "s" * 5000, "measured.sweep = "),
+        ('pillar.side_mm="\\n"', 'pillar.side_mm = "\\n"'),
+        ("'a\nb'", "must be key.path=value"),
+    ],
+)  # fmt: skip
+def test_no_value_is_too_odd_for_one_line(override, expected):
+    if expected is None:
+        assert load_case(CASE, ["array.pitch_mm=2.01", "zone.nodal_lines=8", "patches.size_mm=[6,2,0.3]"])
+        return
+    lines = lines_of([override])
+    assert any(expected in line for line in lines) and all(len(line) <= 2100 for line in lines)
+
+
+def test_a_million_pillars_are_too_many():
+    small = ["array.pitch_mm=0.02", "pillar.side_mm=0.01", "pillar.height_mm=1", "array.rows=1000"]
+    assert any("no more than 1000000 can be joined" in line for line in lines_of(small))
+
+
+def timed_lines(tmp_path, text: str, *overrides: str) -> list[str]:
+    """The faults of a file, found within a second of work: what took 14 s to minutes did so by growing squares."""
+    (tmp_path / "case.toml").write_text(text)
+    start = time.process_time()
+    with pytest.raises(InputFault) as fault:
+        load_case(tmp_path / "case.toml", overrides)
+    assert time.process_time() - start < 3.0
+    return fault.value.lines
+
+
+class TestWorkOfLoading:
+    """A case file is refused at once, however much it asks for."""
+
+    text = CASE.read_text()
+
+    def test_a_thousand_nodal_lines_with_patches(self, tmp_path):
+        lines = timed_lines(tmp_path, self.text, "zone.nodal_lines=1000")
+        assert any("zone.nodal_lines = 1000: must be at most 115" in line for line in lines)
+
+    def test_antinodes_of_a_thousand_nodal_lines(self):
+        start = time.process_time()
+        assert len(antinodes(free_free_mode(1000))) == 999
+        assert time.process_time() - start < 3.0
+
+    def test_unknown_keys(self, tmp_path):
+        lines = timed_lines(tmp_path, "\n".join(f"k{i} = 1" for i in range(15_000)) + "\n" + self.text)
+        assert len(lines) == 51 and lines[-1].endswith(": 14950 faults more")
+
+    def test_more_bytes_than_a_case_has(self, tmp_path):
+        lines = timed_lines(tmp_path, "\n".join(f"k{i} = 1" for i in range(100_000)))
+        assert lines == [f"{tmp_path / 'case.toml'}: more than 200000 bytes: must be a TOML file of at most so many"]
+
+    def test_patch_centres(self, tmp_path):
+        def centred(count: int) -> str:
+            return self.text.replace('at = "antinodes"', f"centres_mm = [{', '.join(['[0, 0]'] * count)}]")
+
+        assert any("at most 2000" in line for line in timed_lines(tmp_path, centred(20_000)))
+        assert any("patches 0 and 1 overlap" in line for line in timed_lines(tmp_path, centred(2000)))
+
+    def test_a_key_of_many_parts(self, tmp_path):
+        for text in ("a." * 900 + "a = 1\n", "a." * 90_000 + "a = 1\n", "x = " + "[" * 300 + "]" * 300 + "\n"):
+            (line,) = timed_lines(tmp_path, text + self.text)
+            assert "nested deeper than 8" in line
 
 
 @pytest.mark.parametrize("override", ["array.pitch_mm", "=3", "array..rows=3", "array.rows="])
