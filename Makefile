@@ -7,6 +7,7 @@ CASE ?= studies/three-rows.toml
 READY := $(VENV)/.ready
 TABLE := firmware/generated/mode_table.bin
 JOBS ?=
+EXTRAS ?= fast,firmware,dev
 .DEFAULT_GOAL := help
 .PHONY: help setup study test test-all check-gap firmware bench clean
 
@@ -18,10 +19,10 @@ setup: $(READY)  ## the environment alone
 $(READY): pyproject.toml constraints.txt
 	@if command -v uv >/dev/null 2>&1; then \
 	    uv venv --quiet --allow-existing --python "$(PYTHON)" $(VENV) && \
-	    VIRTUAL_ENV=$(VENV) uv pip install --quiet --constraint constraints.txt --editable '.[fast,firmware,dev]'; \
+	    VIRTUAL_ENV=$(VENV) uv pip install --quiet --constraint constraints.txt --editable '.[$(EXTRAS)]'; \
 	else \
 	    "$(PYTHON)" -m venv $(VENV) && \
-	    $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[fast,firmware,dev]'; \
+	    $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[$(EXTRAS)]'; \
 	fi
 	@touch $@
 

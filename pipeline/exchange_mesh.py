@@ -22,6 +22,7 @@ from pipeline.logs import Log
 from pipeline.modes import Request, understood
 from pipeline.raw_mesh import outer_facets
 from pipeline.ways import check_model
+from solvers.fem.eigen import factor_near
 from solvers.fem.factor import Factoriser
 
 MOST_UNKNOWNS = 300_000  # what a desktop solves in another program without thinking about memory
@@ -219,6 +220,5 @@ def modes_below(case: Case, part: str, frequencies_hz: Sequence[float], log: Log
             pencil = model.pencil(parity)
             factorise = Factoriser()
             for i, frequency in enumerate(frequencies_hz):
-                shifted = pencil.stiffness - pencil.scale.eigenvalue(frequency) * pencil.mass
-                counts[i] += factorise(shifted.tocsc()).negative
+                counts[i] += factor_near(pencil, pencil.scale.eigenvalue(frequency), factorise)[0].negative
     return counts

@@ -17,18 +17,21 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 from geometry.elements import FloatArray
 from solvers.errors import CountMismatch, SingularShift, SolverError
 from solvers.fem.assembly import Scale
-from solvers.fem.block_lanczos import block_lanczos, fits
+from solvers.fem.block_lanczos import Operator, block_lanczos, fits
 from solvers.fem.factor import Factor, Factoriser
 
 RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not returned
 ORTHONORMAL = 1e-8
+CLEAN = RESIDUAL / 100.0  # above it a solve was disturbed: rounding leaves 1e-16, the stop rule of Lanczos 1e-13
+PASSES = 3  # over the pairs that are not clean
 RIGID = tuple(
     10.0**-n for n in range(9, 16)
 )  # shares of the pencil's norm ratio tried as the floor above rigid motions
 LOST = 0.02  # relative error of a frequency by rounding above which it is refused
 EPSILON = float(np.finfo(float).eps)
 SLICE = 120  # eigenpairs a shift at most: Lanczos vectors and their orthogonalisation stay cheap
-NUDGE = 1e-7  # relative move of a shift that fell on an eigenvalue
+NUDGE = 1e-7  # relative move of a shift that fell on an eigenvalue, or at which a factorisation is refused
+SHIFTS = 6  # tried before a shift is given up: the last is moved by 1e-4
 
 
 class SymmetricPencil(Protocol):
@@ -158,6 +161,22 @@ def modes_near(pencil: SymmetricPencil, near_hz: float, count: int, backend: str
     return solver.proven(values, vectors, low, high, below)
 
 
+def factor_near(
+    pencil: SymmetricPencil, shift: float, factorise: Callable[[sp.csc_array], Factor], least: float = 0.0
+) -> tuple[Factor, float]:
+    """Factor of K - s M, and s: the shift, or the nearest of a few beside it that the factorisation can vouch for.
+
+    `least` is the first step away from a shift of 0. Raises SingularShift.
+    """
+    for attempt in range(SHIFTS):
+        moved = shift * (1.0 + attempt * NUDGE * 3.0**attempt) if shift else attempt * least
+        try:
+            return factorise(sp.csc_array(pencil.stiffness - moved * pencil.mass)), moved
+        except SingularShift as fault:
+            last = fault
+    raise last
+
+
 def lowest_values(pencil: SymmetricPencil, count: int, multiplicity: int = 1) -> FloatArray:
     """The `count` lowest eigenvalues, rigid ones included, each `multiplicity` times over, closed by a count above them.
 
@@ -169,8 +188,11 @@ def lowest_values(pencil: SymmetricPencil, count: int, multiplicity: int = 1) ->
     factor, shift = solver.factor(shift)
     if factor.negative:
         raise SolverError(f"{factor.negative} eigenvalue(s) below zero: the stiffness is not positive")
-    values, _ = solver.lanczos(factor.solve, shift, min(size + 4 * multiplicity, pencil.dof - 2))
+    values, vectors = solver.lanczos(factor.solve, shift, min(size + 4 * multiplicity, pencil.dof - 2))
     gap = _first_gap(values, size)
+    residual = solver.residual(values[:gap], vectors[:, :gap]).max()
+    if residual > RESIDUAL:
+        raise SolverError(f"residual {residual:.1e} (allowed {RESIDUAL:.0e}): refine the mesh or ask for fewer bands")
     edge = 0.5 * (values[gap - 1] + values[gap])
     expected = solver.count_below(edge)
     if expected != gap:
@@ -259,17 +281,12 @@ class _Solver:
 
     def factor(self, shift: float) -> tuple[Factor, float]:
         """Factor of K - shift M, and the shift really used: a singular one is moved."""
-        for attempt in range(6):
-            moved = shift * (1.0 + attempt * NUDGE * 3.0**attempt) + attempt * RIGID[0] * self.norm_ratio * (
-                shift == 0.0
-            )
-            try:
-                matrix = sp.csc_array(self.pencil.stiffness - moved * self.pencil.mass)
-                self.factorisations += 1
-                return self.factorise(matrix), moved
-            except SingularShift as fault:
-                last = fault
-        raise last
+
+        def counted(matrix: sp.csc_array) -> Factor:
+            self.factorisations += 1
+            return self.factorise(matrix)
+
+        return factor_near(self.pencil, shift, counted, RIGID[0] * self.norm_ratio)
 
     def count_below(self, shift: float) -> int:
         """Eigenvalues below a shift, rigid ones included."""
@@ -291,16 +308,43 @@ class _Solver:
         values, vectors = eigh(self.pencil.stiffness.toarray(), self.pencil.mass.toarray())
         return values, vectors
 
-    def lanczos(
-        self, solve: Callable[[FloatArray], FloatArray], shift: float, count: int
-    ) -> tuple[FloatArray, FloatArray]:
+    def lanczos(self, solve: Operator, shift: float, count: int) -> tuple[FloatArray, FloatArray]:
+        """`count` eigenpairs nearest to the shift, ascending; pairs that rounding disturbed are found again.
+
+        A solve's rounding grows with the largest 1 / |lambda - shift|. For a shift just above the rigid motions, or on
+        a mode, that is millions of times the one of the other pairs, and they lose as many digits. The pairs without
+        such a loss are kept and projected out, so that they disturb the others no more (parlett1998, chapter 5).
+        """
+        values, vectors = self._krylov(solve, shift, count)
+        for _ in range(PASSES):
+            clean = self.residual(values, vectors) <= CLEAN
+            if clean.all() or not clean.any():
+                break
+            kept = vectors[:, clean]
+            more, found = self._krylov(self._without(solve, kept), shift, count - kept.shape[1])
+            values, vectors = _ascending(np.append(values[clean], more), np.hstack([kept, found]))
+        return values, vectors
+
+    def _without(self, solve: Operator, vectors: FloatArray) -> Operator:
+        """The solve with M-orthonormal eigenvectors (dof, k) projected out before and after it."""
+        weighted = self.pencil.apply_mass(vectors)
+
+        def deflated(right: FloatArray) -> FloatArray:
+            solution = solve(right - weighted @ (vectors.T @ right))
+            return np.asarray(solution - vectors @ (weighted.T @ solution))
+
+        return deflated
+
+    def residual(self, values: FloatArray, vectors: FloatArray) -> FloatArray:
+        """||K x - l M x|| / (||K|| ||x||) a pair, shape (k,)."""
+        return _residual(self.pencil, values, vectors, self.pencil.apply_mass(vectors), self.stiffness_norm)
+
+    def _krylov(self, solve: Operator, shift: float, count: int) -> tuple[FloatArray, FloatArray]:
         """`count` eigenpairs nearest to the shift, ascending, from a fixed start vector."""
         size = self.pencil.dof
         found = block_lanczos(solve, self.pencil.apply_mass, size, count) if fits(size, count) else None
         if found is not None:
-            values = shift + 1.0 / found[0]
-            order = np.argsort(values, kind="stable")
-            return values[order], found[1][:, order]
+            return _ascending(shift + 1.0 / found[0], found[1])
         basis = min(size, max(2 * count + 1, count + 32))
         shape = (size, size)
         mass = LinearOperator(shape, matvec=self.pencil.apply_mass, dtype=np.float64)
@@ -314,8 +358,7 @@ class _Solver:
             raise SolverError(
                 f"Lanczos found {len(fault.eigenvalues)} of {count} modes; ask for fewer, or a band"
             ) from fault
-        order = np.argsort(values, kind="stable")
-        return values[order], vectors[:, order]
+        return _ascending(values, vectors)
 
     def between(self, low: float, high: float, below_low: int, below_high: int) -> tuple[FloatArray, FloatArray]:
         """Every eigenpair in [low, high], by as many shifts as the number of pairs asks for."""
@@ -340,7 +383,7 @@ class _Solver:
         return values, vectors
 
     def _inside(
-        self, solve: Callable[[FloatArray], FloatArray], shift: float, low: float, high: float, count: int
+        self, solve: Operator, shift: float, low: float, high: float, count: int
     ) -> tuple[FloatArray, FloatArray]:
         if count >= self.pencil.dof - 1:
             values, vectors = self._dense()
@@ -360,17 +403,9 @@ class _Solver:
         expected: int,
     ) -> tuple[FloatArray, FloatArray]:
         """Second pass: the same solve with what was found projected out, so that lost members of clusters appear."""
-        weighted = self.pencil.apply_mass(vectors)
-
-        def solve(right: FloatArray) -> FloatArray:
-            solution = factor.solve(right - weighted @ (vectors.T @ right))
-            return np.asarray(solution - vectors @ (weighted.T @ solution))
-
-        more, found = self._inside(solve, shift, low, high, expected - len(values) + 6)
+        more, found = self._inside(self._without(factor.solve, vectors), shift, low, high, expected - len(values) + 6)
         fresh = np.linalg.norm(vectors.T @ self.pencil.apply_mass(found), axis=0) < 0.5
-        values, vectors = np.append(values, more[fresh]), np.hstack([vectors, found[:, fresh]])
-        order = np.argsort(values, kind="stable")
-        return values[order], vectors[:, order]
+        return _ascending(np.append(values, more[fresh]), np.hstack([vectors, found[:, fresh]]))
 
     def _halves(self, low: float, high: float, below_low: int, below_high: int) -> tuple[FloatArray, FloatArray]:
         """Split at a count-balancing shift: bisect until each part holds a fair share."""
@@ -427,6 +462,11 @@ class _Solver:
                 "the body is too slender or its materials are too unlike for one solid mesh; use plate or beam theory"
             )
         return np.asarray(rounding)
+
+
+def _ascending(values: FloatArray, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    order = np.argsort(values, kind="stable")
+    return values[order], vectors[:, order]
 
 
 def _middle(low: float, high: float) -> float:

@@ -21,7 +21,7 @@ from geometry.layout import Design
 from solvers.confinement import measure
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
-from solvers.fem.eigen import modes_in_band
+from solvers.fem.eigen import factor_near, modes_in_band
 from solvers.fem.factor import Factoriser
 from solvers.piezo.patched_plate import Group
 from solvers.wanted import Verdict, verdict
@@ -279,7 +279,7 @@ def group_modes(group: Group, band_hz: tuple[float, float], margin: tuple[float,
     middle = scale.eigenvalue(0.5 * (band_hz[0] + band_hz[1]))
     while len(values) and np.abs(values / middle - 1.0).min() < 1e-6:
         middle *= 1.0 + 3e-6
-    factor = factorise((group.pencil.stiffness - middle * group.pencil.mass).tocsc())
+    factor, middle = factor_near(group.pencil, middle, factorise)
     rest = factor.solve(group.loads) - modes.vectors @ (gain / (values - middle)[:, None])
     slope = factor.solve(group.pencil.apply_mass(rest))
     columns = np.hstack([modes.vectors, rest, slope])
