@@ -18,10 +18,10 @@ setup: $(READY)  ## the environment alone
 $(READY): pyproject.toml constraints.txt
 	@if command -v uv >/dev/null 2>&1; then \
 	    uv venv --quiet --allow-existing --python "$(PYTHON)" $(VENV) && \
-	    VIRTUAL_ENV=$(VENV) uv pip install --quiet --constraint constraints.txt --editable '.[fast,firmware,dev]'; \
+	    VIRTUAL_ENV=$(VENV) uv pip install --quiet --constraint constraints.txt --editable '.[fast,firmware,client,dev]'; \
 	else \
 	    "$(PYTHON)" -m venv $(VENV) && \
-	    $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[fast,firmware,dev]'; \
+	    $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[fast,firmware,client,dev]'; \
 	fi
 	@touch $@
 
