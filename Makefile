@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 TABLE := firmware/generated/mode_table.bin
 JOBS ?=
 .DEFAULT_GOAL := help
-.PHONY: help setup study test test-all check-gap firmware bench clean
+.PHONY: help setup study test test-all check-gap firmware bench licences clean
 
 help:  ## what the targets do
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -52,6 +52,9 @@ bench: $(READY)  ## error against run time
 	@$(BIN)/antinode run accuracy --jobs 1
 	@$(BIN)/antinode run extremes --jobs 1
 	@$(BIN)/python -m studies.benchmarks
+
+licences: $(READY)  ## docs/licences.md from the installed packages' own words
+	@$(BIN)/python -m studies.licences
 
 clean:  ## what the others made, never results/reference
 	@rm -rf firmware/build firmware/generated .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache build *.egg-info
