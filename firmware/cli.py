@@ -4,52 +4,27 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
+import signal
 import sys
-import time
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from firmware.client import BoardError, Client, describe, figure
-from firmware.protocol import BAUD
+from firmware import actions, selftest
+from firmware.client import BoardError, Client, describe
+from firmware.port import NotHere, SerialPort
 from firmware.table_format import verify, with_drive_limit
 
-EPILOG = """example: python -m firmware.client /dev/ttyACM0 start 0.1
+EPILOG = """examples: python -m firmware.client /dev/ttyACM0 start 0.1
+          python -m firmware.client watch            (the only board that is plugged in)
 
-Exit codes: 0 done, 2 wrong input, 3 the board refused or did not answer, 5 no port or no pyserial, 130 interrupted."""
+Exit codes: 0 done, 2 wrong input, 3 the board refused or did not answer, 4 a check failed,
+5 no port or no pyserial, 130 interrupted."""
 
 
 MOST = 1e9  # no value that the board understands comes near; larger ones may not fit into its single precision
-
-
-class NotHere(RuntimeError):
-    """Something that this machine lacks; the message says how to get it."""
-
-
-def start(client: Client, told: argparse.Namespace) -> None:
-    """Drives the wanted mode and holds it."""
-    client.start(told.reference, told.detuning)
-    keep_running(client)
-
-
-def pattern(client: Client, told: argparse.Namespace) -> None:
-    """Holds a pattern of the present shape."""
-    client.pattern(told.number, told.reference)
-    keep_running(client)
-
-
-def keep_running(client: Client) -> None:
-    """Prints a line ten times a second and thereby keeps the board from stopping, until it rests."""
-    state = "run"
-    while state in ("identify", "run"):
-        status = client.look()
-        state = status.state
-        measured = figure(abs(status.measured), ".4f")
-        print(f"{state}  reference {figure(status.reference, '.4f')}  measured {measured}", flush=True)
-        time.sleep(0.1)
 
 
 def finite(text: str) -> float:
@@ -69,6 +44,19 @@ def _number(text: str, low: float, high: float) -> float:
         value = math.nan
     if not low <= value <= high:
         raise argparse.ArgumentTypeError(f"{text!r}, allowed a number from {low:g} to {high:g}")
+    return value
+
+
+def positive(text: str) -> float:
+    """A time of the command line, seconds."""
+    return _number(text, 1e-3, 1e6)
+
+
+def count(text: str) -> int:
+    """How many windows something lasts."""
+    value = index(text)
+    if not 1 <= value <= 50000:
+        raise argparse.ArgumentTypeError(f"{text!r}, allowed 1 to 50000")
     return value
 
 
@@ -102,28 +90,57 @@ def argument(name: str, **options: Any) -> Argument:
 
 @dataclass(frozen=True)
 class Action:
-    """What the client can be asked: for the reader, what is done, the values it takes."""
+    """What the client can be asked: for the reader, what is done, the values it takes.
+
+    tells: it has said all that there is to say itself.
+    """
 
     text: str
     act: Act
     values: tuple[Argument, ...] = ()
+    tells: bool = False
 
 
 LEVEL = argument("reference", type=share, metavar="REFERENCE", help="amplitude, 0 to 1 full scales of the sensor")
 ANY_LEVEL = argument("reference", nargs="?", default=0.0, **LEVEL[1])
 NUMBER = argument("number", type=index, metavar="NUMBER", help="counted from 0")
+SECONDS = argument("--seconds", type=positive, metavar="S", help="end after so long (else at Ctrl-C)")
+DETUNING = argument(
+    "detuning", type=finite, nargs="?", default=0.0, metavar="DETUNING_HZ", help="off the resonance, Hz"
+)
 
 ACTIONS = {
-    "status": Action("tell what the board does", lambda client, told: None),
-    "start": Action(
-        "drive the wanted mode and hold it (without REFERENCE: the lowest useful level) until Ctrl-C",
-        start,
+    "status": Action("tell what the board does", actions.status),
+    "identity": Action("tell which image and table the board has", actions.identity, tells=True),
+    "health": Action("tell clock, longest interrupts, and what was unexpected", actions.health, tells=True),
+    "watch": Action("show bars of what the board measures", actions.watch, (SECONDS,), tells=True),
+    "log": Action(
+        "write what the board measures into a file of comma-separated values",
+        actions.log,
         (
-            ANY_LEVEL,
+            argument("file", type=Path, metavar="FILE.csv"),
             argument(
-                "detuning", type=finite, nargs="?", default=0.0, metavar="DETUNING_HZ", help="off the resonance, Hz"
+                "--every", type=count, default=5, metavar="N", help="a record each N windows (0.2 ms), 5 if not given"
+            ),
+            SECONDS,
+        ),
+        tells=True,
+    ),
+    "selftest": Action(
+        "go through the first steps of docs/bring-up.md; prints pass or FAIL, exit code 4 when one fails",
+        selftest.selftest,
+        (
+            argument(
+                "step", nargs="?", choices=selftest.STEPS, metavar="STEP", help=f"{', '.join(selftest.STEPS)}; else all"
             ),
         ),
+        tells=True,
+    ),
+    "identify": Action("measure the plate again, then rest", actions.identify),
+    "start": Action(
+        "drive the wanted mode and hold it (without REFERENCE: the lowest useful level) until Ctrl-C",
+        actions.start,
+        (ANY_LEVEL, DETUNING),
     ),
     "stop": Action("back to rest", lambda client, told: client.stop()),
     "clear": Action("leave the fault state", lambda client, told: client.clear()),
@@ -134,6 +151,17 @@ ACTIONS = {
         "let the amplitude swing between 1 and 1 - DEPTH of the reference",
         lambda client, told: client.sine(told.rate, told.depth),
         (argument("rate", type=finite, metavar="HZ"), argument("depth", type=share, metavar="DEPTH")),
+    ),
+    "stream": Action(
+        "start, play a sound file as the amplitude (-1 is none, 1 the reference), stop",
+        actions.stream,
+        (
+            argument("file", type=Path, metavar="FILE.wav"),
+            ANY_LEVEL,
+            argument(
+                "--every", type=count, default=2, metavar="N", help="windows (0.2 ms) a sample lasts, 2 if not given"
+            ),
+        ),
     ),
     "upload": Action(
         "put another mode table into the board's flash memory",
@@ -147,7 +175,7 @@ ACTIONS = {
     ),
     "pattern": Action(
         "six channels: hold a pattern (without REFERENCE: half of what is reachable) until Ctrl-C",
-        pattern,
+        actions.pattern,
         (NUMBER, ANY_LEVEL),
     ),
     "shape": Action(
@@ -166,53 +194,90 @@ def parser_of_all() -> argparse.ArgumentParser:
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("port", help="serial port of the board")
-    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    parser.add_argument("port", help="serial port of the board (also --port PORT), or auto: the one that is plugged in")
+    words = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     for name, action in ACTIONS.items():
-        own = actions.add_parser(name, help=action.text, description=action.text)
+        own = words.add_parser(name, help=action.text, description=action.text)
         for value, options in action.values:
             own.add_argument(value, **options)
     return parser
 
 
-def open_port(name: str) -> Any:
-    """The board's serial port. Raises NotHere."""
-    try:
-        from serial import Serial
-    except ImportError:
-        raise NotHere("pyserial is not installed: pip install pyserial") from None
-    try:
-        return Serial(name, BAUD, timeout=0.02, write_timeout=1.0)
-    except (OSError, ValueError) as error:  # pyserial's SerialException is an OSError
-        number = getattr(error, "errno", None)
-        reason = os.strerror(number) if number else str(error)
-        raise NotHere(
-            f"{name}: {reason}; is the board plugged in, its port called so, and used by no other program?"
-        ) from None
+def with_port(arguments: list[str]) -> list[str]:
+    """The arguments with the port in front: as it stands there, after --port, or "auto" when none is named."""
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--port")
+    named, rest = parser.parse_known_args(arguments)
+    if named.port is not None:
+        return [named.port, *rest]
+    return ["auto", *rest] if rest and rest[0] in ACTIONS else rest
+
+
+def prepare(told: argparse.Namespace) -> None:
+    """Reads and checks the files that an action names, before the board is spoken to. Raises ValueError."""
+    if told.action == "upload":
+        told.table = table_of(told)
+    elif told.action == "stream":
+        told.factors = actions.factors_of(told.file, actions.WINDOW_HZ / told.every)
+    elif told.action == "log" and (told.file.exists() or not told.file.parent.is_dir()):
+        raise ValueError(f"{told.file}: {'is there already' if told.file.exists() else 'no such folder'}")
 
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    told = parser_of_all().parse_args(arguments)
+    told = parser_of_all().parse_args(with_port(sys.argv[1:] if arguments is None else arguments))
     try:
-        if told.action == "upload":
-            told.table = table_of(told)
+        prepare(told)
+        with closing(SerialPort(told.port)) as port, _ended_like_interrupted():
+            return carry_out(Client(port), told)
     except ValueError as error:
         return _failed(error, 2)
-    try:
-        with closing(open_port(told.port)) as port:
-            client = Client(port)
-            ACTIONS[told.action].act(client, told)
-            print(describe(client.look()))
     except NotHere as error:
         return _failed(error, 5)
-    except (BoardError, OSError) as error:
+    except OSError as error:
         return _failed(error, 3)
     except KeyboardInterrupt:
         return 130
-    return 0
 
 
-def _failed(error: Exception, code: int) -> int:
+def carry_out(client: Client, told: argparse.Namespace) -> int:
+    """Does what was asked; returns the exit code. What was started here is stopped when it ends early, by Ctrl-C too."""
+    action = ACTIONS[told.action]
+    try:
+        action.act(client, told)
+        if not action.tells:
+            print(describe(client.look()))
+        return 0
+    except (BoardError, OSError) as error:
+        return _failed(f"{error}{_rested(client)}", 3)
+    except selftest.ChecksFailed as error:
+        return _failed(f"{error}{_rested(client)}", 4)
+    except KeyboardInterrupt:
+        print(f"client: interrupted{_rested(client)}", file=sys.stderr)
+        return 130
+
+
+def _rested(client: Client) -> str:
+    """Stops what was started here; what to say of it."""
+    if not client.drives:
+        return ""
+    try:
+        client.stop()
+        return "; stopped"
+    except (BoardError, OSError):
+        return "; it could not be stopped, but stops by itself half a second after the last word it heard"
+
+
+@contextmanager
+def _ended_like_interrupted() -> Iterator[None]:
+    """SIGTERM ends as Ctrl-C does."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _failed(error: object, code: int) -> int:
     print(f"client: {' '.join(str(error).split())}", file=sys.stderr)
     return code

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
@@ -16,6 +17,7 @@ from firmware.protocol import (
     REPLY,
     RESULT_TEXT,
     TABLE_TEXT,
+    Health,
     Identity,
     Kind,
     Message,
@@ -28,13 +30,15 @@ from firmware.protocol import (
     decode,
     encode,
     parse_any_status,
+    parse_health,
     parse_identity,
     parse_log,
     parse_status,
 )
 
 READ_BYTES = 256
-BUSY_READS = 300  # reads that bring something else than the reply, 0.8 s of a line that never rests
+BUSY_READS = 300  # full reads in a row, 0.8 s of a line that never rests
+BUSY_S = 2.0  # how long a line that brings something else than the reply is heard
 
 
 class Port(Protocol):
@@ -48,14 +52,22 @@ class BoardError(RuntimeError):
     """The board refused, did not answer, or answered something that the protocol does not allow."""
 
 
+class Refused(BoardError):
+    """The board understood, and said no."""
+
+
 class Client:
-    """One board on a port. Requests are repeated when nothing comes back; all of them may be repeated safely."""
+    """One board on a port. Requests are repeated when nothing comes back; all of them may be repeated safely.
+
+    drives: it may be at work because of what was asked here, and has not been asked to rest since.
+    """
 
     def __init__(self, port: Port, attempts: int = 3, reads: int = 50) -> None:
         self.port, self.attempts, self.reads = port, attempts, reads
         self.sequence = 0
         self.buffer = b""
         self.records: list[Record] = []
+        self.drives = False
 
     def request(self, kind: Kind, payload: bytes = b"") -> bytes:
         """The reply's payload behind its result, of the length that its kind has. Raises BoardError otherwise."""
@@ -78,6 +90,15 @@ class Client:
         with _told(Kind.IDENTITY):
             return parse_identity(self.request(Kind.IDENTITY))
 
+    def health(self) -> Health:
+        """Clock, longest interrupts, what was unexpected since power-on."""
+        with _told(Kind.HEALTH):
+            return parse_health(self.request(Kind.HEALTH))
+
+    def identify(self) -> None:
+        """Measures the plate again, then rests. From then on talk at least twice a second."""
+        self._drive(Kind.IDENTIFY)
+
     def look(self) -> Status | SixStatus:
         """The same of a board of either build."""
         with _told(Kind.STATUS):
@@ -88,7 +109,7 @@ class Client:
         if self.look().state == "run":
             self.request(Kind.PATTERN, struct.pack("<II", self.shape(), number))
         else:
-            self.request(Kind.START, struct.pack("<If", number, reference))
+            self._drive(Kind.START, struct.pack("<If", number, reference))
 
     def choose(self, shape: int) -> None:
         """Six channels: another shape, which is another frequency; only when idle."""
@@ -102,11 +123,12 @@ class Client:
 
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> None:
         """Drives the wanted mode; 0 asks for the lowest useful level. From then on talk at least twice a second."""
-        self.request(Kind.START, struct.pack("<ff", reference, detuning_hz))
+        self._drive(Kind.START, struct.pack("<ff", reference, detuning_hz))
 
     def stop(self) -> None:
         """Back to rest."""
         self.request(Kind.STOP)
+        self.drives = False
 
     def clear(self) -> None:
         """Leaves the fault state."""
@@ -152,12 +174,22 @@ class Client:
         taken, self.records = self.records, []
         return taken
 
+    def _drive(self, kind: Kind, payload: bytes = b"") -> None:
+        """A request that makes the board move; one without an answer may have done so, too."""
+        before, self.drives = self.drives, True
+        try:
+            self.request(kind, payload)
+        except Refused:
+            self.drives = before
+            raise
+
     def _reply(self, kind: Kind) -> Message | None:
-        silent = busy = 0
-        while silent < self.reads and busy < BUSY_READS:
-            data = self._read()
-            silent, busy = silent + (not data), busy + bool(data)
-            reply = None
+        silent, end = 0, time.monotonic() + BUSY_S
+        while silent < self.reads:
+            data, reply = self._read(), None
+            if data and time.monotonic() > end:
+                break
+            silent += not data
             for message in self._messages(data):
                 if message.kind == kind | REPLY and message.sequence == self.sequence:
                     reply = message
@@ -190,7 +222,7 @@ class Client:
             with _told(kind):
                 check_length(kind, more)
             return more
-        raise BoardError(f"{kind.name.lower()}: {_refusal(result, more)}")
+        raise Refused(f"{kind.name.lower()}: {_refusal(result, more)}")
 
 
 OTHER_VERSION = "so the image may be of another version than this client"
@@ -241,6 +273,26 @@ def _six_lines(status: SixStatus) -> list[str]:
         f"sensors {sensors} of full scale",
         f"worst fast interrupt {status.worst_cycles} cycles of 4500",
     ]
+
+
+def describe_identity(identity: Identity) -> str:
+    """An identity for a reader."""
+    what = "modes" if identity.build == "single" else "shapes"
+    table = f"{identity.count} {what}, design {identity.design.hex()}" if identity.count else "no sound mode table"
+    return f"build {identity.build}, protocol {identity.protocol}, table version {identity.table_version}: {table}"
+
+
+def describe_health(health: Health) -> str:
+    """A health for a reader."""
+    lines = [
+        f"clock {health.core_hz / 1e6:g} MHz, resets by the watchdog in a row {health.watchdog_resets}",
+        f"longest fast interrupt {health.fast_cycles} cycles, slow {health.slow_cycles}, main loop {health.main_cycles}",
+        f"stack never used {health.stack_unused} bytes",
+    ]
+    if health.exception:
+        place = f"at 0x{health.pc:08x}, called from 0x{health.lr:08x}, CFSR 0x{health.cfsr:08x}"
+        lines.append(f"unexpected exception {health.exception} {place}")
+    return "\n".join(lines)
 
 
 def figure(value: float, digits: str) -> str:

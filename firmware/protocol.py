@@ -13,6 +13,7 @@ FRAME_MAX = PAYLOAD_MAX + 8  # kind, sequence, CRC-32, the stuffing's first code
 REPLY = 0x80
 LOG_RECORDS = 0xC0
 BAUD = 921600
+PROTOCOL = 1  # that this side speaks
 
 
 class ProtocolError(ValueError):
@@ -36,6 +37,8 @@ class Kind(IntEnum):
     UPLOAD_DATA = 12
     UPLOAD_END = 13
     PATTERN = 14
+    IDENTIFY = 15
+    HEALTH = 16
 
 
 class Result(IntEnum):
@@ -245,6 +248,33 @@ def _has_length(payload: bytes, *allowed: int) -> None:
         raise ProtocolError(f"{len(payload)} bytes, expected {' or '.join(map(str, allowed))}")
 
 
+_HEALTH = struct.Struct("<10I")
+
+
+@dataclass(frozen=True)
+class Health:
+    """What the board tells of itself: resets by the watchdog in a row; number, address, return address and status word
+    (CFSR) of the last interrupt that nobody expected, zeros when there was none; its clock, Hz; the longest fast and slow
+    interrupt and main loop pass so far, cycles; bytes of the stack never used (0 in the first second)."""
+
+    watchdog_resets: int
+    exception: int
+    pc: int
+    lr: int
+    cfsr: int
+    core_hz: int
+    fast_cycles: int
+    slow_cycles: int
+    main_cycles: int
+    stack_unused: int
+
+
+def parse_health(payload: bytes) -> Health:
+    """A Health from a reply's payload behind its result. Raises ProtocolError when the length differs."""
+    _has_length(payload, _HEALTH.size)
+    return Health(*_HEALTH.unpack(payload))
+
+
 _RECORD = struct.Struct("<I5f")
 
 
@@ -295,7 +325,12 @@ def parse_identity(payload: bytes) -> Identity:
     return Identity(protocol, BUILDS[build], table_version, count, design)
 
 
-REPLY_BYTES = {Kind.IDENTITY: (_IDENTITY.size,), Kind.STATUS: (_STATUS.size, _SIX_STATUS.size), Kind.SAMPLES: (1,)}
+REPLY_BYTES = {
+    Kind.IDENTITY: (_IDENTITY.size,),
+    Kind.STATUS: (_STATUS.size, _SIX_STATUS.size),
+    Kind.SAMPLES: (1,),
+    Kind.HEALTH: (_HEALTH.size,),
+}
 
 
 def check_length(kind: Kind, payload: bytes) -> None:

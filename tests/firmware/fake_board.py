@@ -6,14 +6,17 @@ import os
 import struct
 import threading
 import tty
+import wave
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
-from firmware.protocol import LOG_RECORDS, REPLY, Kind, Message, decode, encode
+from firmware.protocol import LOG_RECORDS, PROTOCOL, REPLY, Kind, Message, decode, encode
 
 STATUS = struct.pack("<BBBBIIII13f", 0, 0, 0, 1, 0, 7, 0, 300, 31250.0, 0.0, 3e-3, 0.75, *[0.0] * 9)
 SIX_STATUS = struct.pack("<BBBBIIII16f", 0, 1, 2, 1, 0, 7, 0, 900, 2400.0, 1.5, 0.3, 0.0, *[0.1] * 12)
-IDENTITY = bytes([1, 1, 1, 3]) + bytes(range(16))
+IDENTITY = bytes([PROTOCOL, 1, 1, 3]) + bytes(range(16))
+HEALTH = struct.pack("<10I", 1, 3, 0x08000123, 0x08000200, 0x400, 180_000_000, 210, 900, 90_000, 512)
 RECORD = struct.pack("<I5f", 7, 0.1, 0.0, 0.2, 0.0, 0.1)
 
 Spoil = Callable[[Message], bytes]
@@ -21,7 +24,8 @@ Spoil = Callable[[Message], bytes]
 
 def sound(request: Message, status: bytes = STATUS) -> Message:
     """The reply of a board that grants everything."""
-    more = {Kind.STATUS: status, Kind.IDENTITY: IDENTITY, Kind.SAMPLES: bytes([len(request.payload) // 2])}
+    samples = bytes([len(request.payload) // 2])
+    more = {Kind.STATUS: status, Kind.IDENTITY: IDENTITY, Kind.HEALTH: HEALTH, Kind.SAMPLES: samples}
     return Message(request.kind | REPLY, request.sequence, b"\0" + more.get(Kind(request.kind), b""))
 
 
@@ -43,8 +47,12 @@ class FakePort:
             request = decode(frame)
             assert request is not None, "the client sent a damaged frame"
             self.requests.append(request)
-            self.outward += self.spoil(sound(request, self.status))
+            answer = self.spoil(self.reply(request))
+            self.outward += answer
         return len(data)
+
+    def reply(self, request: Message) -> Message:
+        return sound(request, self.status)
 
     def read(self, size: int = 1) -> bytes:
         while self.flood and len(self.outward) < size:
@@ -52,7 +60,21 @@ class FakePort:
         taken, self.outward = self.outward[:size], self.outward[size:]
         return taken
 
+    @property
+    def in_waiting(self) -> int:
+        return 4096 if self.flood else len(self.outward)
+
     def close(self) -> None: ...
+
+
+def write_sound(path: Path, samples: list[int], rate_hz: int = 2500, width: int = 2, channels: int = 1) -> None:
+    """A WAV file; 8-bit samples are unsigned, others signed, all channels but the first are silent."""
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(channels)
+        file.setsampwidth(width)
+        file.setframerate(rate_hz)
+        one = [sample.to_bytes(width, "little", signed=width > 1) for sample in samples]
+        file.writeframes(b"".join(sample + bytes(width * (channels - 1)) for sample in one))
 
 
 @contextmanager

@@ -33,6 +33,10 @@ def board(make_image, core, monkeypatch: pytest.MonkeyPatch):
             assert (port, baud) == ("COM7", 921600) and 0.0 < timeout < 0.1 and write_timeout > 0.0
             super().__init__(made)
 
+        @property
+        def in_waiting(self) -> int:
+            return len(made.received)
+
         def close(self) -> None: ...
 
     fake = types.ModuleType("serial")
