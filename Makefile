@@ -6,10 +6,11 @@ STUDY ?= rows
 CASE ?= studies/three-rows.toml
 READY := $(VENV)/.ready
 TABLE := firmware/generated/mode_table.bin
+SIX_TABLE := firmware/generated/six_table.bin
 JOBS ?=
-EXTRAS ?= fast,firmware,dev
+EXTRAS ?= fast,firmware,client,dev
 .DEFAULT_GOAL := help
-.PHONY: help setup study test test-all check-gap firmware bench clean
+.PHONY: help setup study test test-all check-gap firmware flash flash-six bench licences clean
 
 help:  ## what the targets do
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -46,13 +47,27 @@ $(TABLE): $(READY) $(CASE)
 	@mkdir -p $(@D)
 	@$(BIN)/antinode export table $(CASE) -o $@
 
-firmware: $(TABLE)  ## the STM32F446 image from the exported mode table
+$(SIX_TABLE): $(READY)
+	@mkdir -p $(@D)
+	@$(BIN)/python -m pipeline.mode_table_shaping $@ --unmeasured
+
+firmware: $(TABLE) $(SIX_TABLE)  ## both STM32F446 images from exported mode tables
 	@$(BIN)/python -m firmware.build --table $(TABLE)
+	@$(BIN)/python -m firmware.build --table $(SIX_TABLE) --variant six
+
+flash: firmware  ## put the one-mode image onto a board (OpenOCD, pyOCD, probe-rs or st-flash)
+	@$(BIN)/python -m firmware.flash single
+
+flash-six: firmware  ## the same with the six-channel image
+	@$(BIN)/python -m firmware.flash six
 
 bench: $(READY)  ## error against run time
 	@$(BIN)/antinode run accuracy --jobs 1
 	@$(BIN)/antinode run extremes --jobs 1
 	@$(BIN)/python -m studies.benchmarks
+
+licences: $(READY)  ## docs/licences.md from the installed packages' own words
+	@$(BIN)/python -m studies.licences
 
 clean:  ## what the others made, never results/reference
 	@rm -rf firmware/build firmware/generated .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache build *.egg-info

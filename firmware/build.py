@@ -12,9 +12,11 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from firmware import table_format
-from firmware.elf import Elf, flash_image
+from firmware.elf import Elf, flash_image, map_text
+from firmware.svd import svd_text
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
 CORE = HERE / "core"
 BOARD = HERE / "board" / "f446"
 GENERATED = HERE / "generated"
@@ -25,7 +27,7 @@ VARIANTS = {"single": "antinode", "six": "antinode-six"}  # one mode by DAC; six
 FLASH_START, RAM_START = 0x08000000, 0x20000000
 FLASH_LIMIT, RAM_LIMIT = 32 * 1024, 16 * 1024
 
-LANGUAGE = ("-std=c11", "-O2", "-ffreestanding", "-ffp-contract=off", "-fno-math-errno", "-fomit-frame-pointer", "-g0")
+LANGUAGE = ("-std=c11", "-O2", "-ffreestanding", "-ffp-contract=off", "-fno-math-errno", "-fomit-frame-pointer", "-g")
 SECTIONS = ("-ffunction-sections", "-fdata-sections", "-fno-unwind-tables", "-fno-asynchronous-unwind-tables")
 WARNINGS = (
     "-Wall",
@@ -39,7 +41,7 @@ WARNINGS = (
     "-Wmissing-prototypes",
     "-Werror",
 )
-LINK = ("-nostdlib", "-Wl,--gc-sections", "-Wl,--build-id=none")
+LINK = ("-nostdlib", "-Wl,--gc-sections", "-Wl,--build-id=none", "-Wl,--entry=Reset_Handler")
 
 
 class BuildError(RuntimeError):
@@ -52,10 +54,15 @@ class BuildError(RuntimeError):
 
 @dataclass(frozen=True)
 class Image:
-    """A built image: the two files, their sizes in bytes (gaps not counted, stack included in ram), the compiler used."""
+    """A built image: its files, their sizes in bytes (gaps not counted, stack included in ram), the compiler used.
+
+    elf has debug information, binary is flash memory from its start, map lists what lies where, svd names the registers.
+    """
 
     elf: Path
     binary: Path
+    map: Path
+    svd: Path
     flash_bytes: int
     ram_bytes: int
     compiler: str
@@ -65,7 +72,7 @@ def toolchain() -> tuple[str, list[str]]:
     """(name, command) of a compiler for the Cortex-M4F: arm-none-eabi-gcc when on PATH, zig from pip otherwise."""
     if shutil.which("arm-none-eabi-gcc"):
         machine = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
-        own = ["-fno-tree-loop-distribute-patterns", "-nostartfiles"]
+        own = ["-fno-tree-loop-distribute-patterns", "-nostartfiles", "-gno-record-gcc-switches"]
         return "arm-none-eabi-gcc", ["arm-none-eabi-gcc", *machine, *own]
     if find_spec("ziglang"):
         machine = ["-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4+vfp4d16sp"]
@@ -76,23 +83,46 @@ def toolchain() -> tuple[str, list[str]]:
 def build(header: str, folder: Path = BUILD, variant: str = "single") -> Image:
     """Compiles core and board with the table in a C header and links them: "single" or "six". Raises BuildError."""
     name, command = toolchain()
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "mode_table.h").write_text(header)
+    own = folder.resolve() / variant
+    own.mkdir(parents=True, exist_ok=True)
+    (own / "mode_table.h").write_text(header)
     elf = folder / f"{VARIANTS[variant]}.elf"
-    binary = elf.with_suffix(".bin")
     parts = (CORE, BOARD, BOARD / variant)
     sources = [source for part in parts for source in sorted(part.glob("*.c"))]
-    places = [*(f"-I{part}" for part in parts), f"-I{folder}", f"-ffile-prefix-map={HERE}=firmware"]
+    places = [*(f"-I{part}" for part in parts), f"-I{own}", *mapped(folder.resolve())]
     link = [*LINK, f"-Wl,-T,{BOARD / 'memory.ld'}"]
-    run([*command, *LANGUAGE, *SECTIONS, *WARNINGS, *places, *map(str, sources), *link, "-o", str(elf)])
+    run([*command, *LANGUAGE, *SECTIONS, *WARNINGS, *places, *map(str, sources), *link, "-o", str(elf.resolve())])
+    return _with_its_files(elf, name)
+
+
+def _with_its_files(elf: Path, compiler: str) -> Image:
     linked = Elf.read(elf)
+    binary, listing, registers = (elf.with_suffix(suffix) for suffix in (".bin", ".map", ".svd"))
     binary.write_bytes(flash_image(linked, FLASH_START))
-    return Image(elf, binary, *sizes(linked), name)
+    listing.write_text(map_text(linked))
+    registers.write_text(svd_text((BOARD / "registers.h").read_text()))
+    return Image(elf, binary, listing, registers, *sizes(linked), compiler)
+
+
+def mapped(folder: Path) -> list[str]:
+    """Options that keep this machine's paths out of the debug information; the compiler has to run in the root."""
+    places = {ROOT: ".", folder: "build", _own_headers(): "compiler"}
+    return [f"-ffile-prefix-map={place}={name}" for place, name in places.items()]
+
+
+def _own_headers() -> Path:
+    """Where the compiler has its own headers."""
+    gcc = shutil.which("arm-none-eabi-gcc")
+    if gcc:
+        told = subprocess.run([gcc, "-print-file-name=include"], capture_output=True, text=True).stdout
+        return Path(told.strip()).resolve()
+    spec = find_spec("ziglang")
+    return Path(spec.origin or "").resolve().parent if spec else Path()
 
 
 def run(command: list[str]) -> None:
-    """Runs a compiler; its words become the error's."""
-    done = subprocess.run(command, capture_output=True, text=True)
+    """Runs a compiler in the root; its words become the error's."""
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     if done.returncode:
         raise BuildError(f"the compiler refused:\n{done.stderr.strip()}", 3)
 
@@ -133,7 +163,7 @@ def main(arguments: list[str] | None = None) -> int:
     except BuildError as error:
         print(f"firmware: {error}", file=sys.stderr)
         return error.exit_code
-    print(f"{os.path.relpath(image.elf)} and .bin, by {image.compiler}")
+    print(f"{os.path.relpath(image.elf)}, .bin, .map and .svd, by {image.compiler}")
     print(f"flash {image.flash_bytes} bytes of {FLASH_LIMIT}, RAM {image.ram_bytes} bytes of {RAM_LIMIT} allowed")
     if image.flash_bytes > FLASH_LIMIT or image.ram_bytes > RAM_LIMIT:
         print("firmware: the image is larger than allowed", file=sys.stderr)

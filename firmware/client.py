@@ -1,35 +1,44 @@
-"""Talks to a board over its serial line: `python -m firmware.client PORT status`, `start 0.1`, `upload FILE`, `watch` ..."""
+"""Talks to a board over its serial line; `python -m firmware.client --help` tells what it can be asked."""
 
 from __future__ import annotations
 
-import argparse
+import math
 import struct
 import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
+from contextlib import contextmanager
 from typing import Protocol
 
 from firmware.protocol import (
-    BAUD,
+    FRAME_MAX,
     LOG_RECORDS,
     PAYLOAD_MAX,
     REPLY,
     RESULT_TEXT,
     TABLE_TEXT,
+    Health,
+    Identity,
     Kind,
     Message,
+    ProtocolError,
     Record,
     Result,
     SixStatus,
     Status,
+    check_length,
     decode,
     encode,
     parse_any_status,
+    parse_health,
+    parse_identity,
     parse_log,
     parse_status,
 )
-from firmware.table_format import with_drive_limit
+
+READ_BYTES = 256
+BUSY_READS = 300  # full reads in a row, 0.8 s of a line that never rests
+BUSY_S = 2.0  # how long a line that brings something else than the reply is heard
 
 
 class Port(Protocol):
@@ -40,20 +49,28 @@ class Port(Protocol):
 
 
 class BoardError(RuntimeError):
-    """The board refused, or did not answer."""
+    """The board refused, did not answer, or answered something that the protocol does not allow."""
+
+
+class Refused(BoardError):
+    """The board understood, and said no."""
 
 
 class Client:
-    """One board on a port. Requests are repeated when nothing comes back; all of them may be repeated safely."""
+    """One board on a port. Requests are repeated when nothing comes back; all of them may be repeated safely.
+
+    drives: it may be at work because of what was asked here, and has not been asked to rest since.
+    """
 
     def __init__(self, port: Port, attempts: int = 3, reads: int = 50) -> None:
         self.port, self.attempts, self.reads = port, attempts, reads
         self.sequence = 0
         self.buffer = b""
         self.records: list[Record] = []
+        self.drives = False
 
     def request(self, kind: Kind, payload: bytes = b"") -> bytes:
-        """The reply's payload behind its result. Raises BoardError when the board refuses or stays silent."""
+        """The reply's payload behind its result, of the length that its kind has. Raises BoardError otherwise."""
         self.sequence = (self.sequence + 1) % 256
         frame = encode(Message(kind, self.sequence, payload))
         for _ in range(self.attempts):
@@ -64,19 +81,35 @@ class Client:
         raise BoardError(f"no answer to {kind.name.lower()}")
 
     def status(self) -> Status:
-        """What the board does now; also tells it that the host is alive."""
-        return parse_status(self.request(Kind.STATUS))
+        """What a board of the single-mode build does now; also tells it that the host is alive."""
+        with _told(Kind.STATUS):
+            return parse_status(self.request(Kind.STATUS))
+
+    def identity(self) -> Identity:
+        """Which build the board runs, and which table it has."""
+        with _told(Kind.IDENTITY):
+            return parse_identity(self.request(Kind.IDENTITY))
+
+    def health(self) -> Health:
+        """Clock, longest interrupts, what was unexpected since power-on."""
+        with _told(Kind.HEALTH):
+            return parse_health(self.request(Kind.HEALTH))
+
+    def identify(self) -> None:
+        """Measures the plate again, then rests. From then on talk at least twice a second."""
+        self._drive(Kind.IDENTIFY)
 
     def look(self) -> Status | SixStatus:
         """The same of a board of either build."""
-        return parse_any_status(self.request(Kind.STATUS))
+        with _told(Kind.STATUS):
+            return parse_any_status(self.request(Kind.STATUS))
 
     def pattern(self, number: int, reference: float = 0.0) -> None:
         """Six channels: holds a pattern of the present shape; 0 asks for half of what is reachable. Talk on as after start."""
         if self.look().state == "run":
             self.request(Kind.PATTERN, struct.pack("<II", self.shape(), number))
         else:
-            self.request(Kind.START, struct.pack("<If", number, reference))
+            self._drive(Kind.START, struct.pack("<If", number, reference))
 
     def choose(self, shape: int) -> None:
         """Six channels: another shape, which is another frequency; only when idle."""
@@ -90,11 +123,12 @@ class Client:
 
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> None:
         """Drives the wanted mode; 0 asks for the lowest useful level. From then on talk at least twice a second."""
-        self.request(Kind.START, struct.pack("<ff", reference, detuning_hz))
+        self._drive(Kind.START, struct.pack("<ff", reference, detuning_hz))
 
     def stop(self) -> None:
         """Back to rest."""
         self.request(Kind.STOP)
+        self.drives = False
 
     def clear(self) -> None:
         """Leaves the fault state."""
@@ -130,26 +164,46 @@ class Client:
         self.request(Kind.UPLOAD_END)
 
     def take_records(self) -> list[Record]:
-        """The log's records that came since the last time."""
-        messages = list(self._arrived())
-        while messages:
-            for message in messages:
+        """The log's records that came since the last time; ends while the board sends on. Raises BoardError."""
+        for _ in range(BUSY_READS):
+            data = self._read()
+            for message in self._messages(data):
                 self._keep(message)
-            messages = list(self._arrived())
+            if len(data) < READ_BYTES:
+                break
         taken, self.records = self.records, []
         return taken
 
+    def _drive(self, kind: Kind, payload: bytes = b"") -> None:
+        """A request that makes the board move; one without an answer may have done so, too."""
+        before, self.drives = self.drives, True
+        try:
+            self.request(kind, payload)
+        except Refused:
+            self.drives = before
+            raise
+
     def _reply(self, kind: Kind) -> Message | None:
-        for _ in range(self.reads):
-            for message in self._arrived():
+        silent, end = 0, time.monotonic() + BUSY_S
+        while silent < self.reads:
+            data, reply = self._read(), None
+            if data and time.monotonic() > end:
+                break
+            silent += not data
+            for message in self._messages(data):
                 if message.kind == kind | REPLY and message.sequence == self.sequence:
-                    return message
+                    reply = message
                 self._keep(message)
+            if reply is not None:
+                return reply
         return None
 
-    def _arrived(self) -> Iterator[Message]:
-        self.buffer += self.port.read(256)
-        *frames, self.buffer = self.buffer.split(b"\0")
+    def _read(self) -> bytes:
+        return self.port.read(READ_BYTES)
+
+    def _messages(self, data: bytes) -> Iterator[Message]:
+        *frames, last = (self.buffer + data).split(b"\0")
+        self.buffer = last[-FRAME_MAX:]
         for frame in frames:
             message = decode(frame)
             if message is not None:
@@ -157,125 +211,100 @@ class Client:
 
     def _keep(self, message: Message) -> None:
         if message.kind == LOG_RECORDS:
-            self.records += parse_log(message.payload)
+            with _told(Kind.LOG):
+                self.records += parse_log(message.payload)
 
     def _accepted(self, kind: Kind, reply: Message) -> bytes:
-        result = Result(reply.payload[0])
-        if result is Result.OK:
-            return reply.payload[1:]
-        more = f": {TABLE_TEXT[reply.payload[1]]}" if result is Result.TABLE_REFUSED else ""
-        raise BoardError(f"{kind.name.lower()}: {RESULT_TEXT[result]}{more}")
+        if not reply.payload:
+            raise BoardError(f"{kind.name.lower()}: an empty reply, {OTHER_VERSION}")
+        result, more = reply.payload[0], reply.payload[1:]
+        if result == Result.OK:
+            with _told(kind):
+                check_length(kind, more)
+            return more
+        raise Refused(f"{kind.name.lower()}: {_refusal(result, more)}")
+
+
+OTHER_VERSION = "so the image may be of another version than this client"
+
+
+@contextmanager
+def _told(kind: Kind) -> Iterator[None]:
+    """Turns what the protocol does not allow into words for the one who asked."""
+    try:
+        yield
+    except ProtocolError as error:
+        raise BoardError(f"{kind.name.lower()}: the board sent {error}, {OTHER_VERSION}") from None
+
+
+def _refusal(result: int, more: bytes) -> str:
+    if result not in list(Result):
+        return f"refused for the unknown reason {result}"
+    text = RESULT_TEXT[Result(result)]
+    if result != Result.TABLE_REFUSED or not more:
+        return text
+    return f"{text}: {TABLE_TEXT[more[0]] if more[0] < len(TABLE_TEXT) else f'unknown reason {more[0]}'}"
 
 
 def describe(status: Status | SixStatus) -> str:
     """A status for a reader."""
-    if isinstance(status, SixStatus):
-        return _describe_six(status)
-    gain = f"{abs(status.gain):.5g}" if status.gain_identified else "unidentified"
-    return "\n".join(
-        [
-            f"state {status.state}" + (f", faults: {', '.join(status.faults)}" if status.faults else ""),
-            f"mode {status.frequency_hz:.3f} Hz, tau {status.tau_s * 1e3:.4g} ms, gain {gain}, "
-            f"delay {status.delay_s * 1e6:.3g} us, neighbours up to {status.neighbour:.3g}",
-            f"reference {status.reference:.4g}, measured {abs(status.measured):.4g}, drive {abs(status.drive):.4g}, "
-            f"offset {status.offset:.3g} of full scale",
-            f"worst fast interrupt {status.worst_cycles} cycles of 720",
-        ]
-    )
+    faults = f", faults: {', '.join(status.faults)}" if status.faults else ""
+    lines = _six_lines(status) if isinstance(status, SixStatus) else _single_lines(status)
+    return "\n".join([f"state {status.state}{faults}", *lines])
 
 
-def _describe_six(status: SixStatus) -> str:
-    matrix = f"condition {status.condition:.3g}" if status.identified else "not measured yet"
-    sensors = ", ".join(f"{abs(z):.4g}" for z in status.sensors)
-    return "\n".join(
-        [
-            f"state {status.state}" + (f", faults: {', '.join(status.faults)}" if status.faults else ""),
-            f"shape {status.shape} at {status.frequency_hz:.3f} Hz, matrix {matrix}, pattern {status.pattern}",
-            f"reference {status.reference:.4g}, at most {status.reachable:.4g}; sensors {sensors} of full scale",
-            f"worst fast interrupt {status.worst_cycles} cycles of 4500",
-        ]
-    )
+def _single_lines(status: Status) -> list[str]:
+    gain = figure(abs(status.gain), ".5g") if status.gain_identified else "unidentified"
+    return [
+        f"mode {figure(status.frequency_hz, '.3f')} Hz, tau {figure(status.tau_s * 1e3, '.4g')} ms, gain {gain}, "
+        f"delay {figure(status.delay_s * 1e6, '.3g')} us, neighbours up to {figure(status.neighbour, '.3g')}",
+        f"reference {figure(status.reference, '.4g')}, measured {figure(abs(status.measured), '.4g')}, "
+        f"drive {figure(abs(status.drive), '.4g')}, offset {figure(status.offset, '.3g')} of full scale",
+        f"worst fast interrupt {status.worst_cycles} cycles of 720",
+    ]
 
 
-def keep_running(client: Client, seconds: float) -> None:
-    """Prints a line ten times a second and thereby keeps the board from stopping."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        status = client.look()
-        print(f"{status.state}  reference {status.reference:.4f}  measured {abs(status.measured):.4f}", flush=True)
-        if status.state not in ("identify", "run"):
-            break
-        time.sleep(0.1)
+def _six_lines(status: SixStatus) -> list[str]:
+    matrix = f"condition {figure(status.condition, '.3g')}" if status.identified else "not measured yet"
+    sensors = ", ".join(figure(abs(z), ".4g") for z in status.sensors)
+    return [
+        f"shape {status.shape} at {figure(status.frequency_hz, '.3f')} Hz, matrix {matrix}, pattern {status.pattern}",
+        f"reference {figure(status.reference, '.4g')}, at most {figure(status.reachable, '.4g')}; "
+        f"sensors {sensors} of full scale",
+        f"worst fast interrupt {status.worst_cycles} cycles of 4500",
+    ]
 
 
-def obey(client: Client, command: argparse.Namespace) -> None:
-    """Does what the command line asks."""
-    values = command.values
-    if command.action == "start":
-        client.start(*map(float, values[:2]))
-        keep_running(client, float("inf"))
-    elif command.action == "pattern":
-        client.pattern(int(values[0]), *map(float, values[1:2]))
-        keep_running(client, float("inf"))
-    elif command.action == "shape":
-        client.choose(int(values[0]))
-    elif command.action == "upload":
-        table = Path(values[0]).read_bytes()
-        client.upload(with_drive_limit(table, float(values[1])) if len(values) > 1 else table)
-    elif command.action == "sine":
-        client.sine(float(values[0]), float(values[1]))
-    elif command.action == "reference":
-        client.reference(float(values[0]))
-    elif command.action in ("stop", "clear"):
-        getattr(client, command.action)()
-    print(describe(client.look()))
+def describe_identity(identity: Identity) -> str:
+    """An identity for a reader."""
+    what = "modes" if identity.build == "single" else "shapes"
+    table = f"{identity.count} {what}, design {identity.design.hex()}" if identity.count else "no sound mode table"
+    return f"build {identity.build}, protocol {identity.protocol}, table version {identity.table_version}: {table}"
 
 
-WANTED = {
-    "status": 0,
-    "start": 0,
-    "stop": 0,
-    "clear": 0,
-    "reference": 1,
-    "sine": 2,
-    "upload": 1,
-    "pattern": 1,
-    "shape": 1,
-}
+def describe_health(health: Health) -> str:
+    """A health for a reader."""
+    lines = [
+        f"clock {health.core_hz / 1e6:g} MHz, resets by the watchdog in a row {health.watchdog_resets}",
+        f"longest fast interrupt {health.fast_cycles} cycles, slow {health.slow_cycles}, main loop {health.main_cycles}",
+        f"stack never used {health.stack_unused} bytes",
+    ]
+    if health.exception:
+        place = f"at 0x{health.pc:08x}, called from 0x{health.lr:08x}, CFSR 0x{health.cfsr:08x}"
+        lines.append(f"unexpected exception {health.exception} {place}")
+    return "\n".join(lines)
+
+
+def figure(value: float, digits: str) -> str:
+    """A number as text; one that the board could not compute is told in words."""
+    return format(value, digits) if math.isfinite(value) else "not finite"
 
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m firmware.client",
-        description=__doc__,
-        epilog="example: python -m firmware.client /dev/ttyACM0 start 0.1",
-    )
-    parser.add_argument("port", help="serial port of the board")
-    parser.add_argument("action", choices=WANTED)
-    parser.add_argument(
-        "values",
-        nargs="*",
-        help="start [REFERENCE [DETUNING_HZ]], reference LEVEL, sine HZ DEPTH, upload FILE [DRIVE_LIMIT]; "
-        "six channels: pattern NUMBER [REFERENCE], shape NUMBER",
-    )
-    command = parser.parse_args(arguments)
-    if len(command.values) < WANTED[command.action]:
-        parser.error(f"{command.action} needs {WANTED[command.action]} value(s)")
-    try:
-        from serial import Serial, SerialException
-    except ImportError:
-        print("client: pyserial is not installed: pip install pyserial", file=sys.stderr)
-        return 5
-    try:
-        with Serial(command.port, BAUD, timeout=0.02) as port:
-            obey(Client(port), command)
-    except (BoardError, SerialException, OSError, ValueError) as error:
-        print(f"client: {error}", file=sys.stderr)
-        return 3
-    except KeyboardInterrupt:
-        return 130
-    return 0
+    from firmware.cli import main as command_line
+
+    return command_line(arguments)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from pathlib import Path
 LOADED = 1  # a program header to be loaded
 SYMBOLS = 2  # a section of symbols
 FUNCTION = 2  # a symbol
+ALLOCATED = 2  # a section that takes memory
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,15 @@ class Segment:
     load_address: int
     data: bytes
     memory_bytes: int
+
+
+@dataclass(frozen=True)
+class Section:
+    """A named part of the image: where it runs, and how many bytes it takes."""
+
+    name: str
+    address: int
+    size: int
 
 
 @dataclass(frozen=True)
@@ -68,6 +78,16 @@ class Elf:
                 found[name] = Symbol(name, value & ~1 if is_function else value, size)
         return found
 
+    @cached_property
+    def sections(self) -> list[Section]:
+        """The parts that take memory, by address."""
+        rows = self._section_rows
+        names_at = rows[struct.unpack_from("<H", self.data, 50)[0]][4]
+        found = [
+            Section(self._text(names_at + row[0]), row[3], row[5]) for row in rows if row[2] & ALLOCATED and row[5]
+        ]
+        return sorted(found, key=lambda section: section.address)
+
     @property
     def undefined(self) -> list[str]:
         """Names that are used and live elsewhere."""
@@ -75,11 +95,7 @@ class Elf:
 
     @cached_property
     def _symbol_rows(self) -> list[tuple[str, int, int, int, int]]:
-        sections = [
-            struct.unpack_from("<10I", self.data, self._sections_at + 40 * index)
-            for index in range(self._section_count)
-        ]
-        rows = []
+        sections, rows = self._section_rows, []
         for _, kind, _, _, offset, length, link, *_ in sections:
             if kind != SYMBOLS:
                 continue
@@ -87,9 +103,32 @@ class Elf:
             for at in range(offset, offset + length, 16):
                 name_at, value, size, info, _, home = struct.unpack_from("<IIIBBH", self.data, at)
                 if name_at:
-                    end = self.data.index(b"\0", names_at + name_at)
-                    rows.append((self.data[names_at + name_at : end].decode(), value, size, info, home))
+                    rows.append((self._text(names_at + name_at), value, size, info, home))
         return rows
+
+    @cached_property
+    def _section_rows(self) -> list[tuple[int, ...]]:
+        return [
+            struct.unpack_from("<10I", self.data, self._sections_at + 40 * index)
+            for index in range(self._section_count)
+        ]
+
+    def _text(self, at: int) -> str:
+        return self.data[at : self.data.index(b"\0", at)].decode()
+
+
+def map_text(elf: Elf) -> str:
+    """What lies where: each section that takes memory, and below it its functions and objects by address and size."""
+    lines = ["address     bytes  what"]
+    for section in elf.sections:
+        lines.append(f"0x{section.address:08x} {section.size:6d}  {section.name}")
+        end = section.address + section.size
+        inside = [one for one in elf.symbols.values() if one.size and section.address <= one.address < end]
+        lines += [
+            f"0x{one.address:08x} {one.size:6d}    {one.name}"
+            for one in sorted(inside, key=lambda one: (one.address, one.name))
+        ]
+    return "\n".join(lines) + "\n"
 
 
 def flash_image(elf: Elf, start: int, fill: int = 0xFF) -> bytes:

@@ -9,9 +9,15 @@ from enum import IntEnum
 from firmware.table_format import crc32
 
 PAYLOAD_MAX = 120
+FRAME_MAX = PAYLOAD_MAX + 8  # kind, sequence, CRC-32, the stuffing's first code and the zero that ends a frame
 REPLY = 0x80
 LOG_RECORDS = 0xC0
 BAUD = 921600
+PROTOCOL = 1  # that this side speaks
+
+
+class ProtocolError(ValueError):
+    """Bytes that the protocol does not allow: of a wrong length, or a number that has no name."""
 
 
 class Kind(IntEnum):
@@ -31,6 +37,8 @@ class Kind(IntEnum):
     UPLOAD_DATA = 12
     UPLOAD_END = 13
     PATTERN = 14
+    IDENTIFY = 15
+    HEALTH = 16
 
 
 class Result(IntEnum):
@@ -148,11 +156,12 @@ class Status:
 
 
 def parse_status(payload: bytes) -> Status:
-    """A Status from a reply's payload behind its result. Raises struct.error when the length differs."""
+    """A Status from a reply's payload behind its result. Raises ProtocolError when its length or its state is unknown."""
+    _has_length(payload, _STATUS.size)
     state, _, _, flags, faults, windows, starved, cycles, *numbers = _STATUS.unpack(payload)
     frequency, detuning, tau, gain_re, gain_im, delay, neighbour, reference, u_d, u_q, v_d, v_q, offset = numbers
     return Status(
-        state=STATES[state],
+        state=_state(state),
         faults=fault_names(faults),
         windows=windows,
         starved=starved,
@@ -199,13 +208,14 @@ class SixStatus:
 
 
 def parse_any_status(payload: bytes) -> Status | SixStatus:
-    """The state of either image, told apart by its length. Raises struct.error when it is neither's."""
-    if len(payload) != _SIX_STATUS.size:
+    """The state of either image, told apart by its length. Raises ProtocolError when it is neither's."""
+    _has_length(payload, _STATUS.size, _SIX_STATUS.size)
+    if len(payload) == _STATUS.size:
         return parse_status(payload)
     state, shape, pattern, identified, faults, windows, starved, cycles, *numbers = _SIX_STATUS.unpack(payload)
     frequency, condition, reachable, reference, *parts = numbers
     return SixStatus(
-        state=STATES[state],
+        state=_state(state),
         faults=fault_names(faults),
         windows=windows,
         starved=starved,
@@ -222,8 +232,47 @@ def parse_any_status(payload: bytes) -> Status | SixStatus:
 
 
 def fault_names(bits: int) -> tuple[str, ...]:
-    """The names of the faults whose bits are set."""
-    return tuple(name for index, name in enumerate(FAULTS) if bits >> index & 1)
+    """The names of the faults whose bits are set; a bit without a name is told by its number."""
+    named = dict(enumerate(FAULTS))
+    return tuple(named.get(index, f"bit {index}") for index in range(bits.bit_length()) if bits >> index & 1)
+
+
+def _state(number: int) -> str:
+    if number >= len(STATES):
+        raise ProtocolError(f"the state {number}, known 0 to {len(STATES) - 1}")
+    return STATES[number]
+
+
+def _has_length(payload: bytes, *allowed: int) -> None:
+    if len(payload) not in allowed:
+        raise ProtocolError(f"{len(payload)} bytes, expected {' or '.join(map(str, allowed))}")
+
+
+_HEALTH = struct.Struct("<10I")
+
+
+@dataclass(frozen=True)
+class Health:
+    """What the board tells of itself: resets by the watchdog in a row; number, address, return address and status word
+    (CFSR) of the last interrupt that nobody expected, zeros when there was none; its clock, Hz; the longest fast and slow
+    interrupt and main loop pass so far, cycles; bytes of the stack never used (0 in the first second)."""
+
+    watchdog_resets: int
+    exception: int
+    pc: int
+    lr: int
+    cfsr: int
+    core_hz: int
+    fast_cycles: int
+    slow_cycles: int
+    main_cycles: int
+    stack_unused: int
+
+
+def parse_health(payload: bytes) -> Health:
+    """A Health from a reply's payload behind its result. Raises ProtocolError when the length differs."""
+    _has_length(payload, _HEALTH.size)
+    return Health(*_HEALTH.unpack(payload))
 
 
 _RECORD = struct.Struct("<I5f")
@@ -240,8 +289,50 @@ class Record:
 
 
 def parse_log(payload: bytes) -> list[Record]:
-    """The records of a log frame."""
+    """The records of a log frame. Raises ProtocolError when its length is not that of whole records."""
+    if len(payload) % _RECORD.size:
+        raise ProtocolError(f"{len(payload)} bytes of log, expected a multiple of {_RECORD.size}")
     return [
         Record(window, complex(u_d, u_q), complex(v_d, v_q), reference)
         for window, u_d, u_q, v_d, v_q, reference in _RECORD.iter_unpack(payload)
     ]
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What runs on a board: protocol version, build ("single" or "six"), table version, its modes or shapes, its design's hash.
+
+    count and design are 0 and zeros while the board has no sound table.
+    """
+
+    protocol: int
+    build: str
+    table_version: int
+    count: int
+    design: bytes
+
+
+BUILDS = {1: "single", 6: "six"}
+_IDENTITY = struct.Struct("<BBBB16s")
+
+
+def parse_identity(payload: bytes) -> Identity:
+    """An Identity from a reply's payload behind its result. Raises ProtocolError when its length or its build is unknown."""
+    _has_length(payload, _IDENTITY.size)
+    protocol, build, table_version, count, design = _IDENTITY.unpack(payload)
+    if build not in BUILDS:
+        raise ProtocolError(f"the build {build}, known {' and '.join(map(str, BUILDS))}")
+    return Identity(protocol, BUILDS[build], table_version, count, design)
+
+
+REPLY_BYTES = {
+    Kind.IDENTITY: (_IDENTITY.size,),
+    Kind.STATUS: (_STATUS.size, _SIX_STATUS.size),
+    Kind.SAMPLES: (1,),
+    Kind.HEALTH: (_HEALTH.size,),
+}
+
+
+def check_length(kind: Kind, payload: bytes) -> None:
+    """Raises ProtocolError unless a granted request's reply has its length (behind its result; none for most kinds)."""
+    _has_length(payload, *REPLY_BYTES.get(kind, (0,)))

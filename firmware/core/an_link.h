@@ -26,6 +26,8 @@ enum {
     AN_UPLOAD_DATA = 12,
     AN_UPLOAD_END = 13,
     AN_PATTERN = 14,
+    AN_IDENTIFY = 15,
+    AN_HEALTH = 16,
     AN_REPLY = 0x80,
     AN_LOG_RECORDS = 0xc0
 };

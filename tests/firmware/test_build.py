@@ -6,11 +6,13 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
 from firmware import build as builder
 from firmware.elf import Elf
+from firmware.svd import svd_text
 from pipeline.mode_table import Mode, ModeTable, to_bytes, to_header
 
 TABLE = ModeTable(250e3, bytes(range(16)), (Mode.from_quality(31404.5, 300.0, delay_s=2e-6),))
@@ -49,7 +51,61 @@ def test_image_is_repeatable_from_another_folder(image: builder.Image, tmp_path:
     done = subprocess.run(command, cwd=copy, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "flash" in done.stdout and "RAM" in done.stdout
-    assert (copy / "out" / "antinode.bin").read_bytes() == image.binary.read_bytes()
+    for built in (image.binary, image.elf, image.map, image.svd):
+        assert (copy / "out" / built.name).read_bytes() == built.read_bytes(), built.name
+
+
+def test_the_debug_information_is_there_and_names_no_place_of_this_machine(image: builder.Image) -> None:
+    content, elf = image.elf.read_bytes(), Elf.read(image.elf)
+    assert b".debug_info\0" in content and b"worst_cycles\0" in content and b"./firmware/core" in content
+    for place in (builder.ROOT, image.elf.parent.resolve(), Path(sys.prefix).resolve(), Path.home()):
+        assert str(place).encode() not in content, place
+    assert elf.entry == elf.symbols["Reset_Handler"].address | 1
+    assert len(image.binary.read_bytes()) <= 64 * 1024
+
+
+def test_the_map_tells_where_everything_lies(image: builder.Image) -> None:
+    elf = Elf.read(image.elf)
+    rows = [line.split() for line in image.map.read_text().splitlines()[1:]]
+    listed = {name: (int(address, 16), int(size)) for address, size, name in rows}
+    assert [name for name in listed if name in (".text", ".table", ".bss", ".stack")] == [
+        ".text",
+        ".table",
+        ".bss",
+        ".stack",
+    ]
+    assert listed["an_fast_tick"] == (elf.symbols["an_fast_tick"].address, elf.symbols["an_fast_tick"].size)
+    assert sum(size for name, (_, size) in listed.items() if name in (".text", ".table", ".data")) == image.flash_bytes
+    assert sum(size for name, (_, size) in listed.items() if name in (".data", ".bss", ".stack")) <= image.ram_bytes
+    addresses = [int(address, 16) for address, _, _ in rows]
+    assert addresses == sorted(addresses)
+
+
+def test_the_register_description_has_the_manuals_addresses(image: builder.Image) -> None:
+    """RM0390: of each peripheral a register, by base and offset."""
+    found = {}
+    for peripheral in ElementTree.parse(image.svd).getroot().iter("peripheral"):
+        base = int(peripheral.findtext("baseAddress"), 16)
+        for one in peripheral.iter("register"):
+            found[f"{peripheral.findtext('name')}.{one.findtext('name')}"] = (
+                base + int(one.findtext("addressOffset"), 16),
+                one.findtext("size"),
+            )
+    assert found["RCC.AHB1ENR"] == (0x40023830, "32")
+    assert found["TIM1.BDTR"] == (0x40010044, "32")
+    assert found["GPIOB.IDR"] == (0x40020410, "32")
+    assert found["DMA2.stream0_CR"] == (0x40026410, "32")
+    assert found["DMA1.stream6_M0AR"] == (0x400260AC, "32")
+    assert found["ADC1.DR"] == (0x4001204C, "32")
+    assert found["SCB.SHPR10"] == (0xE000ED22, "8") and found["SCB.CPACR"] == (0xE000ED88, "32")
+    assert not [name for name in found if "unused" in name]
+
+
+def test_a_register_of_an_unknown_type_is_refused() -> None:
+    with pytest.raises(ValueError, match="the unknown type 'double'"):
+        svd_text("typedef struct {\n reg A; double B;\n} x_regs;")
+    with pytest.raises(ValueError, match="X is of the unknown type 'y_regs'"):
+        svd_text("#define X ((y_regs *)0x40000000u)")
 
 
 def test_core_calls_nothing_but_itself(image: builder.Image, tmp_path: Path) -> None:

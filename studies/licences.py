@@ -1,0 +1,282 @@
+"""The lists of docs/licences.md from the installed packages' own metadata: `make licences`.
+
+What stands above the mark is prose and stays as it is; `python -m studies.licences --check` only compares.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import re
+import sys
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from pipeline.store import write_atomic
+
+HOUSE = Path(__file__).resolve().parents[1]
+PAGE = HOUSE / "docs" / "licences.md"
+
+# The environment whose closure is listed, wherever the page is made: what a marker asks for.
+ENVIRONMENT = {
+    "implementation_name": "cpython",
+    "implementation_version": "3.11.0",
+    "os_name": "posix",
+    "platform_machine": "x86_64",
+    "platform_python_implementation": "CPython",
+    "platform_release": "",
+    "platform_system": "Linux",
+    "platform_version": "",
+    "python_full_version": "3.11.0",
+    "python_version": "3.11",
+    "sys_platform": "linux",
+}
+NOT_LOCKED = ("mkl",)  # the page tells of it in words: constraints.txt has no version of it
+
+FAMILIES = (  # the strongest terms first; a licence belongs to the first family that fits
+    ("GPL", re.compile(r"(?<!L)GPL|GNU (?:Affero )?General Public", re.I)),
+    ("LGPL", re.compile(r"LGPL|Lesser General Public|Library General Public", re.I)),
+    ("MPL", re.compile(r"\bMPL|Mozilla Public", re.I)),
+    ("other reciprocal", re.compile(r"\bEPL|Eclipse Public|CeCILL|CDDL", re.I)),
+)
+PERMISSIVE = "permissive"
+CLASSIFIERS = {
+    "Apache Software License": "Apache-2.0",
+    "BSD License": "BSD",
+    "MIT License": "MIT",
+    "Mozilla Public License 2.0 (MPL 2.0)": "MPL-2.0",
+    "Python Software Foundation License": "PSF",
+}
+
+TITLES = {  # how licence texts begin, on a line of their own; one file says it in a sentence
+    "GPL": r"^\W*GNU GENERAL PUBLIC LICENSE\W*$",
+    "LGPL": r"^\W*GNU (?:LESSER|LIBRARY) GENERAL PUBLIC LICENSE\W*$|governed by the terms of\s+the LGPL",
+    "MPL": r"^\W*Mozilla Public License,? Version",
+    "EPL": r"^\W*Eclipse Public License",
+    "CeCILL": r"^\W*CeCILL",
+    "CDDL": r"^\W*COMMON DEVELOPMENT AND DISTRIBUTION",
+}
+SOURCES = (".py", ".pyc", ".pyi", ".h")
+LICENCE_FILE = re.compile(r"licen[cs]e|copying|copyright|/licenses/", re.I)
+LIBRARIES = (  # what wheels carry beside their own code: by file name, under terms beyond a notice
+    ("libTK[A-Z0-9]", "Open CASCADE Technology", "LGPL-2.1-only WITH OCCT-exception-1.0"),
+    ("libcoinmumps", "MUMPS", "CeCILL-C"),
+    ("libfreeimage", "FreeImage", "FreeImage OR GPL-2.0 OR GPL-3.0"),
+    ("libgfortran", "GNU Fortran run time", "GPL-3.0-or-later WITH GCC-exception-3.1"),
+    ("libgmp", "GNU MP", "LGPL-3.0-or-later OR GPL-2.0-or-later"),
+    ("libgomp", "GNU OpenMP run time", "GPL-3.0-or-later WITH GCC-exception-3.1"),
+    ("libjbig", "JBIG-KIT", "GPL-2.0-or-later"),
+    ("libquadmath", "GNU quadruple precision", "LGPL-2.1-or-later"),
+    ("libraw", "LibRaw", "LGPL-2.1 OR CDDL-1.0"),
+    ("libunicorn", "parts of QEMU", "GPL-2.0"),
+)
+
+MARK = "<!-- From here on written by `make licences`. -->\n"
+
+
+@dataclass(frozen=True)
+class Package:
+    """An installed package: its name, version, what it declares, and what beyond that was found in its files."""
+
+    name: str
+    version: str
+    declared: str
+    inside: tuple[tuple[str, str, str], ...]  # what, its terms, where
+
+    @property
+    def family(self) -> str:
+        """The strongest family of terms that it declares itself."""
+        return family(self.declared)
+
+
+class NotInstalled(RuntimeError):
+    """The lists cannot be made here: a package is missing."""
+
+
+class OtherVersion(RuntimeError):
+    """An installed package is not of the version that constraints.txt locks."""
+
+
+def family(licence: str) -> str:
+    """The family of a licence's text or expression; of a choice ("A OR B") the mildest."""
+    choices = [_single_family(choice) for choice in re.split(r"\bOR\b", licence)]
+    order = [name for name, _ in FAMILIES] + [PERMISSIVE]
+    return max(choices, key=order.index)
+
+
+def _single_family(licence: str) -> str:
+    return next((name for name, pattern in FAMILIES if pattern.search(licence)), PERMISSIVE)
+
+
+def extras() -> dict[str, list[Requirement]]:
+    """What each extra of pyproject.toml asks for; "" is what is always needed."""
+    project = tomllib.loads((HOUSE / "pyproject.toml").read_text())["project"]
+    asked = {"": project["dependencies"], **project["optional-dependencies"]}
+    return {name: [Requirement(line) for line in lines] for name, lines in asked.items()}
+
+
+def closure(asked: Iterable[Requirement]) -> set[str]:
+    """The canonical names of all packages that these ask for, directly or not. Raises NotInstalled."""
+    found: set[str] = set()
+    waiting: list[tuple[str, str]] = [
+        (canonicalize_name(need.name), extra) for need in asked for extra in ("", *need.extras)
+    ]
+    seen = set()
+    while waiting:
+        name, extra = waiting.pop()
+        if (name, extra) in seen:
+            continue
+        seen.add((name, extra))
+        found.add(name)
+        waiting += list(_needs(name, extra))
+    return found
+
+
+def _needs(name: str, extra: str) -> Iterator[tuple[str, str]]:
+    for line in _distribution(name).requires or []:
+        need = Requirement(line)
+        if need.marker is None or need.marker.evaluate(ENVIRONMENT | {"extra": extra}):
+            yield from ((canonicalize_name(need.name), more) for more in ("", *need.extras))
+
+
+@cache
+def _distribution(name: str) -> metadata.Distribution:
+    try:
+        return metadata.distribution(name)
+    except metadata.PackageNotFoundError:
+        raise NotInstalled(f"{name} is not installed here: `make setup` on Linux x86-64 installs it") from None
+
+
+def locked() -> dict[str, str]:
+    """The versions of constraints.txt by canonical name."""
+    lines = (HOUSE / "constraints.txt").read_text().split()
+    return {canonicalize_name(name): version for name, _, version in (line.partition("==") for line in lines)}
+
+
+def package(name: str, versions: dict[str, str]) -> Package:
+    """What an installed package says of itself. Raises OtherVersion, NotInstalled."""
+    found = _distribution(name)
+    told = found.metadata
+    if told["Version"] != versions.get(name):
+        wanted = f"locks {versions[name]}" if name in versions else "does not lock it"
+        raise OtherVersion(f"{name} {told['Version']} is installed, constraints.txt {wanted}")
+    licence, files = declared(told), files_of(found)
+    texts = {file: Path(str(found.locate_file(file))) for file in files if _is_licence(file)}
+    return Package(name, versions[name], licence, (*_libraries(files), *_texts(texts, family(licence))))
+
+
+def files_of(found: metadata.Distribution) -> list[str]:
+    """The paths of an installed package's files."""
+    return sorted(row[0] for row in csv.reader((found.read_text("RECORD") or "").splitlines()))
+
+
+def declared(told: metadata.PackageMetadata) -> str:
+    """The licence a package's metadata declares: an SPDX expression, a short field, or its classifiers."""
+    if "License-Expression" in told:
+        return told["License-Expression"]
+    field = " ".join(told.get_all("License") or []).strip()
+    if field and "\n" not in field and len(field) < 60 and not field.startswith(("Copyright", "=")):
+        return field
+    classifiers = [line.split(" :: ")[-1] for line in told.get_all("Classifier") or [] if line.startswith("License")]
+    return ", ".join(CLASSIFIERS.get(line, line) for line in classifiers) or "not declared"
+
+
+def _is_licence(file: str) -> bool:
+    return bool(LICENCE_FILE.search(file)) and not file.endswith(SOURCES)
+
+
+def _libraries(files: list[str]) -> Iterator[tuple[str, str, str]]:
+    names = " ".join(file.rpartition("/")[2] for file in files if re.search(r"\.(so|dll|dylib)\b", file))
+    for pattern, component, terms in LIBRARIES:
+        if re.search(rf"(^| ){pattern}", names):
+            yield component, terms, f"`{pattern.partition('[')[0]}*`"
+
+
+def _texts(paths: dict[str, Path], own: str) -> Iterator[tuple[str, str, str]]:
+    texts = {file: path.read_text(errors="replace") for file, path in paths.items()}
+    for name, title in TITLES.items():
+        places = [_place(file) for file, text in texts.items() if re.search(title, text, re.M)]
+        if places and family(name) != own:
+            yield "licence text", name, ", ".join(f"`{place}`" for place in dict.fromkeys(places))
+
+
+def _place(file: str) -> str:
+    """The component's folder where there is one for each, else the file."""
+    parts = [part for part in file.split("/") if not part.endswith(".dist-info")]
+    at = parts.index("licenses") + 1 if "licenses" in parts else 0
+    return parts[at] if len(parts) > at + 1 else "/".join(parts[at:])
+
+
+def lists() -> str:
+    """All that stands below the mark. Raises OtherVersion, NotInstalled."""
+    versions, asked = locked(), extras()
+    always = closure(asked.pop(""))
+    names = {extra: closure(needs) - always for extra, needs in asked.items() if extra not in NOT_LOCKED}
+    packages = {name: package(name, versions) for name in sorted(always.union(*names.values()))}
+    homes = {name: [extra for extra, own in names.items() if name in own] for name in packages}
+    own = [_listed(f"Extra `{extra}`, beside these", packages, found) for extra, found in names.items()]
+    return "\n".join(
+        [
+            _reciprocal(list(packages.values()), homes),
+            _carried(list(packages.values())),
+            _listed("Always installed", packages, always),
+            *own,
+        ]
+    )
+
+
+def _reciprocal(packages: list[Package], homes: dict[str, list[str]]) -> str:
+    rows = []
+    for name, _ in FAMILIES:
+        for one in (one for one in packages if one.family == name):
+            where = ", ".join(f"`{extra}`" for extra in homes[one.name]) or "always"
+            rows.append((name, one.name, one.version, one.declared, where))
+    return _table("Declared: terms beyond a notice", ("family", "package", "version", "declares", "installed"), rows)
+
+
+def _carried(packages: list[Package]) -> str:
+    rows = [(one.name, *inside) for one in packages for inside in one.inside]
+    return _table("Carried inside: terms beyond a notice", ("package", "inside", "terms", "seen as"), rows)
+
+
+def _listed(title: str, packages: dict[str, Package], names: Iterable[str]) -> str:
+    rows = [(packages[name].name, packages[name].version, packages[name].declared) for name in sorted(names)]
+    return _table(title, ("package", "version", "declares"), rows)
+
+
+def _table(title: str, head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    lines = [head, ("---",) * len(head), *rows]
+    return "\n".join([f"## {title}", "", *(f"| {' | '.join(line)} |" for line in lines), ""])
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m studies.licences", description=__doc__)
+    parser.add_argument("--check", action="store_true", help="compare with the page instead of writing it")
+    told = parser.parse_args(arguments)
+    try:
+        made = lists()
+    except (NotInstalled, OtherVersion) as error:
+        print(f"licences: {error}", file=sys.stderr)
+        return 5 if isinstance(error, NotInstalled) else 3
+    prose, mark, stored = PAGE.read_text().partition(MARK)
+    stands = stored == made
+    if told.check and not stands:
+        print("licences: docs/licences.md is out of date: run `make licences`", file=sys.stderr)
+        return 4
+    if not stands:
+        write_atomic(PAGE, (prose + (mark or MARK) + made).encode())
+    print(made if not told.check else "", end="")
+    print(f"docs/licences.md {'stands' if stands else 'is written anew'}", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,397 @@
+"""What the client does beyond one request: watching, logging, streaming, the self-test, finding the port, being interrupted."""
+
+from __future__ import annotations
+
+import csv
+import signal
+import struct
+import subprocess
+import sys
+import types
+from argparse import Namespace
+from pathlib import Path
+
+import pytest
+
+from firmware import actions, cli, client, selftest
+from firmware.client import BoardError, Client, describe_health
+from firmware.protocol import PROTOCOL, Kind, Message
+
+sys.path.insert(0, str(Path(__file__).parent))
+from fake_board import HEALTH, SIX_STATUS, STATUS, FakePort, log_frame, pseudo_terminal, write_sound
+
+IDLE, IDENTIFY, RUN, FAULT = range(4)
+FAULT_IDENTIFY, FAULT_CLOCK = 1 << 9, 1 << 1
+
+
+def status(state: int = IDLE, faults: int = 0, windows: int = 7, cycles: int = 300, offset: float = 0.0) -> bytes:
+    head = struct.pack("<BBBBIIII", state, 0, 0, 1, faults, windows, 0, cycles)
+    return head + STATUS[20:-4] + struct.pack("<f", offset)
+
+
+def asked(port: FakePort) -> list[Kind]:
+    return [Kind(request.kind) for request in port.requests]
+
+
+def run(monkeypatch: pytest.MonkeyPatch, port: FakePort, *arguments: str) -> int:
+    fake = types.ModuleType("serial")
+    fake.Serial = lambda *_, **__: port  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "serial", fake)
+    return client.main(["COM7", *arguments])
+
+
+class Interrupted(FakePort):
+    """Ctrl-C comes with the third status while running; what is asked then is still answered."""
+
+    def __init__(self) -> None:
+        super().__init__(status=status(RUN))
+        self.looks = 0
+
+    def reply(self, request: Message) -> Message:
+        self.looks += request.kind == Kind.STATUS
+        if request.kind == Kind.STATUS and self.looks == 3:
+            raise KeyboardInterrupt
+        return super().reply(request)
+
+
+@pytest.mark.parametrize("action", [("start", "0.1"), ("identify",), ("pattern", "1")])
+def test_ctrl_c_stops_what_was_started_here(monkeypatch: pytest.MonkeyPatch, capsys, action: tuple[str, ...]) -> None:
+    port = Interrupted()
+    if action[0] == "pattern":
+        port.status = SIX_STATUS
+        port.looks = 1  # the state before is asked for first
+        monkeypatch.setattr(actions, "DRIVING", ("idle", "run"))
+    assert run(monkeypatch, port, *action) == 130
+    assert asked(port)[-1] is Kind.STOP
+    assert capsys.readouterr().err == "client: interrupted; stopped\n"
+
+
+def test_ctrl_c_while_watching_leaves_the_board_alone(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    port = Interrupted()
+    assert run(monkeypatch, port, "watch") == 130
+    assert Kind.STOP not in asked(port) and capsys.readouterr().err == "client: interrupted\n"
+
+
+def test_a_refused_start_stops_nothing(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    """It runs by its button, maybe under somebody's finger."""
+    port = FakePort(lambda reply: refused(reply, Kind.START))
+    assert run(monkeypatch, port, "start", "0.1") == 3
+    assert asked(port) == [Kind.START] and "refused in the present state" in capsys.readouterr().err
+
+
+def refused(reply: Message, kind: Kind) -> bytes:
+    from firmware.protocol import encode
+
+    return encode(Message(reply.kind, reply.sequence, b"\3") if reply.kind & 0x7F == kind else reply)
+
+
+def test_a_start_without_an_answer_is_stopped(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    port = FakePort(lambda reply: b"" if reply.kind & 0x7F == Kind.START else refused(reply, Kind.IDENTITY))
+    assert run(monkeypatch, port, "start", "0.1") == 3
+    assert asked(port)[-1] is Kind.STOP and capsys.readouterr().err == "client: no answer to start; stopped\n"
+
+
+def test_a_board_that_falls_silent_while_driving_is_told(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    port = FakePort(lambda reply: refused(reply, Kind.IDENTITY) if reply.kind & 0x7F == Kind.START else b"")
+    assert run(monkeypatch, port, "start", "0.1") == 3
+    assert "could not be stopped, but stops by itself" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_on_a_real_port_stops_the_board(number: int) -> None:
+    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
+    board = FakePort(status=status(RUN))
+    with pseudo_terminal(board) as name:
+        command = [sys.executable, "-m", "firmware.client", name, "start", "0.1"]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert process.stdout is not None and process.stdout.readline().startswith("run")
+        process.send_signal(number)
+        _, error = process.communicate(timeout=30)
+    assert process.returncode == 130 and error == "client: interrupted; stopped\n"
+    assert asked(board)[0] is Kind.START and asked(board)[-1] is Kind.STOP
+
+
+def test_identify_that_ends_in_a_fault_is_a_failure(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    port = FakePort(status=status(FAULT, FAULT_IDENTIFY))
+    assert run(monkeypatch, port, "identify") == 3
+    assert capsys.readouterr().err == "client: identify: ended in the fault identify\n"
+
+
+def test_watching_shows_bars_of_both_builds(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    assert run(monkeypatch, FakePort(status=SIX_STATUS), "watch", "--seconds", "0.01") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert (
+        lines[0] == "state idle"
+        and len(lines) == 8
+        and lines[2].split() == ["sensor", "1", actions.bar(0.1 * 2**0.5), "0.1414"]
+    )
+    assert run(monkeypatch, FakePort(), "watch", "--seconds", "0.01") == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == [
+        "state",
+        "reference",
+        "measured",
+        "drive",
+    ]
+
+
+@pytest.mark.parametrize(("share", "filled"), [(0.0, 0), (1e-4, 0), (1e-3, 0), (10**-1.5, 15), (1.0, 30), (9.0, 30)])
+def test_a_bar_is_empty_at_minus_60_db_and_full_at_0(share: float, filled: int) -> None:
+    assert actions.bar(share) == "#" * filled + "." * (30 - filled)
+    assert actions.bar(float("nan")).count("#") == 0
+
+
+def test_the_health_is_told() -> None:
+    text = describe_health(Client(FakePort()).health())
+    assert "clock 180 MHz" in text and "fast interrupt 210 cycles" in text and "exception 3 at 0x08000123" in text
+    assert "exception" not in describe_health(type(Client(FakePort()).health())(*[0] * 10)) and len(HEALTH) == 40
+
+
+class Logging(FakePort):
+    """Sends records with every status: those of windows 10, 20, 30, 60."""
+
+    def reply(self, request: Message) -> Message:
+        if request.kind == Kind.STATUS:
+            parts = [struct.pack("<I5f", window, 0.5, -0.25, 0.125, 0.0, 0.5) for window in (10, 20, 30, 60)]
+            self.outward += log_frame(b"".join(parts))
+        return super().reply(request)
+
+
+def test_the_log_is_written_and_what_was_lost_is_counted(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys
+) -> None:
+    port, file = Logging(), tmp_path / "log.csv"
+    assert run(monkeypatch, port, "log", str(file), "--every", "10", "--seconds", "0.01") == 0
+    rows = list(csv.reader(file.open()))
+    assert rows[0] == ["window", "measured_d", "measured_q", "drive_d", "drive_q", "reference"]
+    assert rows[1] == ["10", "0.5", "-0.25", "0.125", "0", "0.5"] and [row[0] for row in rows[1:]] == [
+        "10",
+        "20",
+        "30",
+        "60",
+    ]
+    assert "4 records, 2 were lost: try a larger --every" in capsys.readouterr().out
+    logs = [request.payload for request in port.requests if request.kind == Kind.LOG]
+    assert logs == [struct.pack("<I", 10), struct.pack("<I", 0)]
+
+
+def test_the_log_ends_on_the_board_when_interrupted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
+    port = Interrupted()
+    assert run(monkeypatch, port, "log", str(tmp_path / "log.csv")) == 130
+    assert asked(port)[-1] is Kind.LOG and port.requests[-1].payload == bytes(4)
+
+
+def test_a_file_that_stands_is_not_logged_over(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
+    file = tmp_path / "log.csv"
+    file.write_text("mine")
+    assert run(monkeypatch, FakePort(), "log", str(file)) == 2
+    assert "is there already" in capsys.readouterr().err and file.read_text() == "mine"
+    assert run(monkeypatch, FakePort(), "log", str(tmp_path / "none" / "log.csv")) == 2
+
+
+@pytest.mark.parametrize(
+    ("width", "low", "middle", "high"), [(1, 0, 128, 255), (2, -(2**15), 0, 2**15 - 1), (3, -(2**23), 0, 2**23 - 1)]
+)
+def test_a_sound_becomes_factors(tmp_path: Path, width: int, low: int, middle: int, high: int) -> None:
+    write_sound(tmp_path / "a.wav", [low, middle, high], width=width, channels=2)
+    assert actions.factors_of(tmp_path / "a.wav", 2500.0) == pytest.approx([0.0, 0.5, 1.0], abs=0.003)
+
+
+def test_a_sound_is_averaged_down_and_held_up(tmp_path: Path) -> None:
+    write_sound(tmp_path / "a.wav", [0, 0, 255, 255, 0, 255], rate_hz=5000, width=1)
+    assert actions.factors_of(tmp_path / "a.wav", 2500.0) == pytest.approx([0.0, 1.0, 0.5])
+    assert actions.factors_of(tmp_path / "a.wav", 10000.0) == pytest.approx([0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 1, 1])
+
+
+@pytest.mark.parametrize("content", [b"", b"RIFF", b"nonsense" * 10, b"RIFF\x24\0\0\0WAVEfmt \x10\0\0\0"])
+def test_what_is_no_sound_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys, content: bytes) -> None:
+    (tmp_path / "a.wav").write_bytes(content)
+    assert run(monkeypatch, FakePort(), "stream", str(tmp_path / "a.wav")) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"client: {tmp_path / 'a.wav'}: ") and error.count("\n") == 1
+
+
+def test_a_sound_without_samples_is_refused(tmp_path: Path) -> None:
+    write_sound(tmp_path / "a.wav", [])
+    with pytest.raises(ValueError, match="no samples"):
+        actions.factors_of(tmp_path / "a.wav", 2500.0)
+
+
+class Full(FakePort):
+    """Has room for seven more samples each time it is asked."""
+
+    def __init__(self) -> None:
+        super().__init__(status=status(RUN))
+        self.kept: list[int] = []
+
+    def reply(self, request: Message) -> Message:
+        if request.kind != Kind.SAMPLES:
+            return super().reply(request)
+        codes = struct.unpack(f"<{len(request.payload) // 2}H", request.payload)
+        self.kept += codes[:7]
+        return Message(request.kind | 0x80, request.sequence, bytes([0, len(codes[:7])]))
+
+
+def test_a_stream_gives_every_sample_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
+    write_sound(tmp_path / "a.wav", list(range(200)), width=1)
+    monkeypatch.setattr(actions.time, "sleep", lambda seconds: None)
+    port = Full()
+    assert run(monkeypatch, port, "stream", str(tmp_path / "a.wav"), "0.2") == 0
+    assert port.kept == [round(level / 255 * 65535) for level in range(200)]
+    assert asked(port)[0] is Kind.START and Kind.STOP in asked(port)
+    assert next(request.payload for request in port.requests if request.kind == Kind.STREAM) == struct.pack("<I", 2)
+    assert "200 samples at 2500 Hz" in capsys.readouterr().out
+
+
+def port_of(device: str, vid: int | None) -> Namespace:
+    return Namespace(device=device, vid=vid)
+
+
+@pytest.mark.parametrize(
+    ("ports", "code", "words"),
+    [
+        ([], 5, "no board's serial port is here (other ports: none)"),
+        ([("/dev/ttyS0", None)], 5, "other ports: /dev/ttyS0"),
+        ([("/dev/ttyACM0", 0x0483), ("/dev/ttyACM1", 0x0483)], 2, "name one of /dev/ttyACM0, /dev/ttyACM1 by --port"),
+    ],
+)
+def test_no_board_or_several_are_told(
+    monkeypatch: pytest.MonkeyPatch, capsys, ports: list, code: int, words: str
+) -> None:
+    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [port_of(*port) for port in ports])
+    assert client.main(["status"]) == code
+    error = capsys.readouterr().err
+    assert words in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("before", [[], ["--port", "auto"], ["auto"]])
+def test_the_only_board_is_found(monkeypatch: pytest.MonkeyPatch, capsys, before: list[str]) -> None:
+    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
+    with pseudo_terminal(FakePort()) as name:
+        found = [port_of("/dev/ttyS0", None), port_of(name, 0x0483)]
+        monkeypatch.setattr("serial.tools.list_ports.comports", lambda: found)
+        assert client.main([*before, "status"]) == 0
+    assert "state idle" in capsys.readouterr().out
+
+
+def test_a_port_may_be_named_in_front_or_by_its_option() -> None:
+    assert cli.with_port(["/dev/x", "start", "0.1", "-5"]) == ["/dev/x", "start", "0.1", "-5"]
+    assert cli.with_port(["start", "0.1", "--port", "/dev/x"]) == ["/dev/x", "start", "0.1"]
+    assert cli.with_port(["start", "0.1"]) == ["auto", "start", "0.1"]
+    assert cli.with_port(["--help"]) == ["--help"] and cli.with_port([]) == []
+
+
+class Clock:
+    """A clock that only sleeping moves."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+
+class Bench(FakePort):
+    """A board as bring-up finds it: rests at what is on its pin, sweeps for a while, ends as told."""
+
+    def __init__(self, clock: Clock, **wrong) -> None:
+        super().__init__()
+        self.clock, self.wrong = clock, wrong
+        self.state, self.faults, self.sweeping_from = FAULT, wrong.get("faults", 1 << 4), 0.0
+
+    def reply(self, request: Message) -> Message:
+        if request.kind == Kind.CLEAR:
+            self.state, self.faults = IDLE, 0
+        if request.kind == Kind.IDENTIFY:
+            self.state, self.sweeping_from = IDENTIFY, self.clock.now
+        if self.state == IDENTIFY and self.clock.now > self.sweeping_from + self.wrong.get("sweep_s", 2.0):
+            self.state, self.faults = self.wrong.get("end", (FAULT, FAULT_IDENTIFY))
+        if request.kind == Kind.STOP and self.state == IDENTIFY:
+            self.state = IDLE
+        windows = round(self.clock.now * self.wrong.get("rate", 5000.0))
+        self.status = status(
+            self.state, self.faults, windows, self.wrong.get("cycles", 300), self.wrong.get("offset", 0.004)
+        )
+        found = super().reply(request)
+        if request.kind == Kind.IDENTITY:
+            changed = {"protocol": 0, "build": 1, "count": 3}
+            payload = bytearray(found.payload)
+            for name, at in changed.items():
+                payload[1 + at] = self.wrong.get(name, payload[1 + at])
+            return Message(found.kind, found.sequence, bytes(payload))
+        return found
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch, capsys):
+    """Runs the self-test against a board with something wrong; returns exit code and the failed checks."""
+
+    def go(*arguments: str, **wrong) -> tuple[int, list[str]]:
+        clock = Clock()
+        monkeypatch.setattr(selftest, "time", clock)
+        code = run(monkeypatch, Bench(clock, **wrong), "selftest", *arguments)
+        lines = capsys.readouterr().out.splitlines()
+        assert all(line.startswith(("pass  ", "FAIL  ", *selftest.STEPS)) for line in lines), lines
+        return code, [line.removeprefix("FAIL  ") for line in lines if line.startswith("FAIL")]
+
+    return go
+
+
+def test_a_sound_bench_passes_every_check(bench) -> None:
+    assert bench() == (0, [])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "check"),
+    [
+        ({"protocol": PROTOCOL + 1}, "line: answers"),
+        ({"count": 0}, "line: mode table"),
+        ({"faults": FAULT_CLOCK}, "line: clock, flash, supply: faults clock"),
+        ({"offset": 0.02}, "rest: offset: 0.0200, allowed 0.01"),
+        ({"offset": -0.02}, "rest: offset"),
+        ({"offset": float("nan")}, "rest: offset: not finite"),
+        ({"rate": 4444.0}, "rest: windows: 4444 a second"),
+        ({"rate": 5200.0}, "rest: windows"),
+        ({"end": (RUN, 0)}, "loopback: no resonance: ended in run"),
+        ({"end": (IDLE, 0)}, "loopback: no resonance: ended in idle"),
+        (
+            {"end": (FAULT, FAULT_IDENTIFY | 1 << 3)},
+            "loopback: no resonance: ended in fault, faults sensor clipped, identify",
+        ),
+        ({"sweep_s": 99.0}, "loopback: no resonance: ended in identify"),
+        ({"cycles": 361}, "cycles: fast interrupt: 361 cycles, allowed 360"),
+        ({"cycles": 0}, "cycles: fast interrupt"),
+    ],
+)
+def test_each_check_fails_on_what_it_is_for(bench, wrong: dict, check: str) -> None:
+    code, failed = bench(**wrong)
+    assert code == 4 and len(failed) == 1 and failed[0].startswith(check), failed
+
+
+def test_one_step_alone_and_the_other_build(bench, capsys) -> None:
+    assert bench("cycles", cycles=400) == (4, ["cycles: fast interrupt: 400 cycles, allowed 360 of 720"])
+    assert bench("line", build=6) == (0, [])
+    assert bench("rest", build=6)[0] == 4
+
+
+def test_a_board_that_does_not_clear_fails_the_rest(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.setattr(selftest, "time", Clock())
+    port = FakePort(lambda reply: refused(reply, Kind.CLEAR))
+    assert run(monkeypatch, port, "selftest", "rest") == 4
+    assert "FAIL  rest: fault cleared: clear: refused in the present state" in capsys.readouterr().out
+
+
+def test_the_wiring_is_asked_for_on_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    asked_for = []
+    monkeypatch.setattr("sys.stdin", Namespace(isatty=lambda: True))
+    monkeypatch.setattr("builtins.input", lambda text: asked_for.append(text))
+    assert run(monkeypatch, FakePort(), "selftest", "line") == 0
+    assert len(asked_for) == 1 and "USB cable alone" in capsys.readouterr().out
+
+
+def test_a_lost_sensor_read_is_an_error_not_a_traceback() -> None:
+    with pytest.raises(BoardError, match="no answer to status"):
+        actions.keep_running(Client(FakePort(lambda reply: b"")))
