@@ -253,6 +253,7 @@ def test_the_command_writes_four_files_that_go_together(tmp_path: Path, capsys: 
         "side_mm = 2.0\nheight_mm = 6.0\n[solve]\nband_kHz = [10.0, 200.0]\naccuracy = 0.03\n"
     )
     target = tmp_path / "out" / "one.med"
+    target.parent.mkdir()
     assert cli.main(["export", "aster", str(case), "--part", "pillar", "-o", str(target)]) == 0
     said = capsys.readouterr().err
     assert "hexahedra of 27 nodes" in said and "unknowns" in said
