@@ -246,6 +246,18 @@ def test_the_lowest_values_raise_when_one_is_lost(monkeypatch: pytest.MonkeyPatc
         lowest_values(body, 4)
 
 
+def test_the_lowest_values_of_wrong_vectors_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    body, real = diagonal([float(v) for v in range(1, 60)]), eigen._Solver.lanczos
+
+    def sloppy(self, solve, shift, count):  # type: ignore[no-untyped-def]
+        values, vectors = real(self, solve, shift, count)
+        return values, vectors + 1e-5
+
+    monkeypatch.setattr(eigen._Solver, "lanczos", sloppy)
+    with pytest.raises(SolverError, match="residual"):
+        lowest_values(body, 4)
+
+
 def test_an_empty_band_is_empty_and_counted() -> None:
     body = pencil(("touch",))
     modes = modes_in_band(body, 1.0, dense(body)[0] * 0.5)
