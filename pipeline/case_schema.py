@@ -23,16 +23,15 @@ def optional(within: Range) -> Any:
     return Field(default=None, ge=within[0], le=within[1], description=f"{ABOVE_0}, {span(within)}")
 
 
-def zero_or(within: Range) -> Any:
-    """The annotation of a number that is 0 or within the limits, 0 where it is left out."""
+def _zero_or(within: Range) -> AfterValidator:
+    """Refuses what is neither 0 nor within the limits."""
 
     def check(value: float) -> float:
         if value != 0.0 and not within[0] <= value <= within[1]:
             raise ValueError("out of range")
         return value
 
-    told = f"{NOT_NEGATIVE}: 0, or {span(within)}"
-    return Annotated[float, AfterValidator(check), Field(description=told)]
+    return AfterValidator(check)
 
 
 def whole(low: int, high: int, **more: Any) -> Any:
@@ -40,8 +39,10 @@ def whole(low: int, high: int, **more: Any) -> Any:
     return Field(ge=low, le=high, description=f"a whole number from {low} to {high}", **more)
 
 
-Length = zero_or(LENGTH_MM)
-Deviation = zero_or(limits.DEVIATION_MM)
+Length = Annotated[float, _zero_or(LENGTH_MM), Field(description=f"{NOT_NEGATIVE}: 0, or {span(LENGTH_MM)}")]
+Deviation = Annotated[
+    float, _zero_or(limits.DEVIATION_MM), Field(description=f"{NOT_NEGATIVE}: 0, or {span(limits.DEVIATION_MM)}")
+]
 Coordinate = Annotated[float, Field(ge=-LENGTH_MM[1], le=LENGTH_MM[1])]
 
 
