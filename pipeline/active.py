@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline import outputs
 from pipeline.case import Case, load_case
+from pipeline.case_limits import QUALITY, span
 from pipeline.errors import InputFault
 from pipeline.house import STUDIES
 from pipeline.logs import Log, TerminalLog
@@ -28,6 +29,8 @@ TAKES = {
     "dq": ("frequency", "quality", "delay", "within", "table", "sweep"),
 }
 MASON_HIGHEST = 100  # of the mode to confine: the wavelength of 5/3 cells is 2 mm, the bar's thickness, for the default
+GAIN_N_M = (1e-3, 1e12)  # from a millionth of any strip's own stiffness to beyond that of solid blocks of metal
+LONGEST_S = 1.0  # of a loop's times: a slower one controls no vibration
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 
@@ -108,8 +111,9 @@ def quality(arguments: Namespace, default: float) -> float:
     if arguments.quality is None:
         return default
     value = number(arguments.quality)
-    if not value > 0.0:
-        raise InputFault(f"--quality = {arguments.quality}: must be a number above 0, or inf for no losses")
+    if not (QUALITY[0] <= value <= QUALITY[1] or value == inf):
+        allowed = f"must be a number above 0, {span(QUALITY)}, or inf for no losses"
+        raise InputFault(f"--quality = {arguments.quality}: {allowed}")
     return value
 
 
@@ -118,10 +122,11 @@ def seconds(text: str, what: str) -> float:
     for unit in ("ms", "us", "s"):
         if text.strip().endswith(unit):
             value = number(text.strip()[: -len(unit)])
-            if 0.0 <= value < inf:
+            if 0.0 <= value * SECONDS[unit] <= LONGEST_S:
                 return value * SECONDS[unit]
             break
-    raise InputFault(f"{what} = {text!r}: must be a time of 0 or more in s, ms or us, such as 4us")
+    limit = f"must be a time of 0 or more in s, ms or us, such as 4us, and at most {LONGEST_S:g} s"
+    raise InputFault(f"{what} = {text!r}: {limit}")
 
 
 def number(text: str) -> float:
@@ -253,8 +258,9 @@ def _beam(arguments: Namespace, case: Case | None, log: Log) -> Found:
         data = replace(data, material=case.design.material)
     gains = tuple(number(text) for text in arguments.gain or ()) or data.gains_n_m
     for text, gain in zip(arguments.gain or (), gains, strict=False):
-        if not 0.0 < gain < inf:
-            raise InputFault(f"--gain = {text}: must be a number above 0 in N/m (0 leaves the loops open)")
+        if not GAIN_N_M[0] <= gain <= GAIN_N_M[1]:
+            allowed = f"must be a number above 0 in N/m, {span(GAIN_N_M)} (0 leaves the loops open)"
+            raise InputFault(f"--gain = {text}: {allowed}")
     delays = tuple(seconds(text, "--delay") for text in arguments.delay or ()) or data.delays_s
     data = replace(
         data,

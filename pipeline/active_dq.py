@@ -15,6 +15,7 @@ from pipeline.active import Found, compared, only_frequency_hz, quality, seconds
 from pipeline.case import Case
 from pipeline.errors import InputFault
 from pipeline.logs import Log
+from pipeline.measured import LARGEST
 from pipeline.mode_table import ModeTable, TableError
 from solvers.control.baseband import ModePlant
 from solvers.control.dq_data import DqData
@@ -136,7 +137,7 @@ def _sweep(path: str) -> Sweep:
     try:
         with Path(path).open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError) as fault:
+    except (OSError, UnicodeDecodeError, csv.Error) as fault:
         raise InputFault(f"--sweep = {path}: cannot be read ({fault})") from fault
     values = []
     for number, row in enumerate(rows, start=2):
@@ -147,6 +148,8 @@ def _sweep(path: str) -> Sweep:
     if not values:
         raise InputFault(f"--sweep = {path}: no rows; columns must be {', '.join(COLUMNS)}")
     columns = np.array(values)
+    if not (np.abs(columns) <= LARGEST).all() or not np.abs(columns[:, 1:]).max() > 1.0 / LARGEST:
+        raise InputFault(f"--sweep = {path}: must hold finite numbers within {LARGEST:g}, not all of them 0")
     return Sweep(columns[:, 0], columns[:, 1] + 1j * columns[:, 2])
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from geometry.files import read_by_command
 from geometry.layout import Design
+from pipeline.case_limits import FREQUENCY_KHZ, span
 from pipeline.errors import InputFault
 from pipeline.faults import nearest, shown
 from solvers.control.identification import Sweep
@@ -33,6 +34,8 @@ TONES = {"frequency": {"frequency_hz": 1.0, "frequency_khz": 1e3, "frequency_mhz
 VALUE = re.compile(r"(?:(velocity|displacement|sensor)_)?(amplitude|phase|real|imag)(?:_(\w+))?")
 PAIRS = (("real", "imag"), ("amplitude", "phase"))
 PAIRS_ALLOWED = "real with imag, or amplitude with phase_deg or phase_rad"
+LARGEST = 1e30  # of any number: what is measured of a plate, in whatever unit, lies far below; squares stay finite
+LARGEST_DB = 600.0  # 20 log10 of it
 EDGE_M = 1e-6  # a point this far beyond the plate still lies on its edge
 SAME_M = 1e-9
 
@@ -69,6 +72,8 @@ def read_sweep(path: str | Path) -> MeasuredSweep:
     for row, hertz in enumerate(tone):
         if hertz <= 0.0:
             raise table.fault("must be above 0", row, "frequency")
+        if not FREQUENCY_KHZ[0] <= hertz / 1e3 <= FREQUENCY_KHZ[1]:
+            raise table.fault(f"must be {span(FREQUENCY_KHZ)} kHz", row, "frequency")
     order = np.argsort(tone, kind="stable")
     twice = np.flatnonzero(np.diff(tone[order]) == 0.0)
     if len(twice):
@@ -114,12 +119,17 @@ def _values(table: _Table) -> tuple[Quantity, Complex]:
     if kinds[0] != kinds[1]:
         raise table.fault(f"columns {table.name(first)} and {table.name(second)}: must be of one quantity")
     one, two = table.numbers(first), table.numbers(second)
-    quantity = cast("Quantity", kinds[0] or "velocity")
     if first == "real":
         if units[0] != units[1]:
             raise table.fault(f"columns {table.name(first)} and {table.name(second)}: must have one unit")
-        return quantity, one + 1j * two
-    return quantity, _amplitude(table, one, units[0]) * np.exp(1j * _radians(table, two, units[1]))
+        values = one + 1j * two
+    else:
+        values = _amplitude(table, one, units[0]) * np.exp(1j * _radians(table, two, units[1]))
+    if not np.abs(values).max() > 1.0 / LARGEST:
+        raise table.fault(
+            f"columns {table.name(first)} and {table.name(second)}: every value is 0: nothing was measured"
+        )
+    return cast("Quantity", kinds[0] or "velocity"), values
 
 
 def _parsed(name: str) -> tuple[str | None, str]:
@@ -130,6 +140,9 @@ def _parsed(name: str) -> tuple[str | None, str]:
 
 def _amplitude(table: _Table, values: FloatArray, unit: str) -> FloatArray:
     if unit == "db":
+        beyond = np.flatnonzero(np.abs(values) > LARGEST_DB)
+        if len(beyond):
+            raise table.fault(f"must be from {-LARGEST_DB:g} to {LARGEST_DB:g} dB", int(beyond[0]), "amplitude")
         return np.asarray(10.0 ** (values / 20.0))
     below = np.flatnonzero(values < 0.0)
     if len(below):
@@ -197,7 +210,11 @@ class _Table:
         return InputFault(f"{where}: {text}")
 
     def _cells(self, line: str) -> list[str]:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=self.delimiter, skipinitialspace=True))]
+        try:
+            cells = next(csv.reader([line], delimiter=self.delimiter, skipinitialspace=True))
+        except csv.Error as fault:
+            raise self.fault(f"a line of {len(line)} characters that is no CSV ({fault})") from fault
+        return [cell.strip() for cell in cells]
 
     def _number(self, row: int, role: str) -> float:
         try:
@@ -206,6 +223,8 @@ class _Table:
             value = float("nan")
         if not isfinite(value):
             raise self.fault("must be a finite number, with a point for decimals", row, role)
+        if abs(value) > LARGEST:
+            raise self.fault(f"must be within {LARGEST:g}", row, role)
         return value
 
     def _roles(self) -> dict[str, int]:

@@ -24,6 +24,7 @@ NO_STEP = "-0000000000000000001-0000000000000000001"
 NO_PROFILE = "MED_NO_PROFILE_INTERNAL"
 NAME_BYTES = 80
 DIMENSION = 3
+MOST_STRETCH = 1000  # of a dataset in memory over the same in the file: deflate packs no mesh tighter
 
 _EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 _FACES = ((0, 1, 2, 3), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0), (4, 7, 6, 5))
@@ -179,41 +180,56 @@ def _write_families(file: Any, name: str, cells: _Families, nodes: _Families) ->
 
 
 def read_med(path: str | os.PathLike[str]) -> RawMesh:
-    """The one mesh of a MED file. InputFault when the file is not MED or holds no mesh, or several."""
+    """The one mesh of a MED file. InputFault when the file is not MED or holds no mesh, several, or one with a wrong index."""
     import h5py
 
     file = Path(path)
     try:
         with h5py.File(file, "r") as opened:
             return _read(opened, file)
-    except (OSError, KeyError, ValueError, IndexError) as fault:
+    except InputFault:
+        raise
+    except Exception as fault:  # h5py raises whatever the damaged bytes lead it to, RuntimeError and TypeError included
         reason = " ".join(str(fault).split())
-        raise InputFault(f"{file}: not a readable MED file ({type(fault).__name__}: {reason})") from fault
+        raise InputFault(f"{file}: not a readable MED file ({type(fault).__name__}: {reason[:120]})") from fault
 
 
 def _read(opened: Any, file: Path) -> RawMesh:
     names = list(opened["ENS_MAA"]) if "ENS_MAA" in opened else []
     if len(names) != 1:
         raise InputFault(f"{file}: holds {len(names)} MED meshes ({', '.join(names) or 'none'}), must be exactly one")
-    step = opened["ENS_MAA"][names[0]]
-    step = step[next(iter(step))]
+    steps = opened["ENS_MAA"][names[0]]
+    if len(steps) != 1:
+        raise InputFault(f"{file}: the mesh {names[0]} has {len(steps)} time steps, must have exactly one")
+    step = steps[next(iter(steps))]
     coordinates = step["NOE/COO"]
     count = int(coordinates.attrs["NBR"])
-    points = np.asarray(coordinates[...], dtype=float).reshape(-1, count).T
-    if points.shape[1] != DIMENSION:
-        raise InputFault(f"{file}: points have {points.shape[1]} coordinates, must be {DIMENSION}")
+    points = _columns(coordinates, count, DIMENSION, file).astype(float)
     blocks, families = [], []
     for code, group in step["MAI"].items():
         size = int(group["NOD"].attrs["NBR"])
-        blocks.append(_block(code, np.asarray(group["NOD"][...], dtype=np.int64).reshape(-1, size).T - 1))
-        families.append(_family(group, size))
-    cells, nodes = _names(opened, names[0], "ELEME"), _names(opened, names[0], "NOEUD")
-    node_groups = _grouped([_family(step["NOE"], count)], nodes)
-    return RawMesh(points.copy(), blocks, _grouped(families, cells), {name: at[0] for name, at in node_groups.items()})
+        name = BY_CODE.get(code, code)
+        nodes = _columns(group["NOD"], size, len(PLACES[name]) if name in PLACES else None, file).astype(np.int64)
+        blocks.append(_block(name, nodes - 1))
+        families.append(_family(group, size, file))
+    cells, nodes_named = _names(opened, names[0], "ELEME"), _names(opened, names[0], "NOEUD")
+    node_groups = _grouped([_family(step["NOE"], count, file)], nodes_named)
+    return RawMesh(points, blocks, _grouped(families, cells), {name: at[0] for name, at in node_groups.items()})
 
 
-def _block(code: str, med: IntArray) -> tuple[str, IntArray]:
-    name = BY_CODE.get(code, code)
+def _columns(data: Any, count: int, width: int | None, file: Path) -> Any:
+    """A dataset that holds `width` values of each of `count` things, all firsts before all seconds, as (count, width)."""
+    size = int(np.prod(data.shape))
+    if data.dtype.kind not in "if" or count < 0 or (size % count if count else size):
+        raise InputFault(f"{file}: {data.name}: {size} values of type {data.dtype}, must be numbers of {count} (NBR)")
+    if count and width is not None and size != count * width:
+        raise InputFault(f"{file}: {data.name}: {size // count} values of each of {count}, must be {width}")
+    if data.nbytes > MOST_STRETCH * max(data.id.get_storage_size(), 1):
+        raise InputFault(f"{file}: {data.name}: says to hold {size} values, but stores almost none of them")
+    return np.asarray(data[...]).reshape(-1, max(count, 1)).T[:count].copy()
+
+
+def _block(name: str, med: IntArray) -> tuple[str, IntArray]:
     if name not in PLACES:
         return name, med
     block = np.empty_like(med)
@@ -221,8 +237,10 @@ def _block(code: str, med: IntArray) -> tuple[str, IntArray]:
     return name, block
 
 
-def _family(group: Any, count: int) -> IntArray:
-    return np.asarray(group["FAM"][...], dtype=np.int64) if "FAM" in group else np.zeros(count, dtype=np.int64)
+def _family(group: Any, count: int, file: Path) -> IntArray:
+    if "FAM" not in group:
+        return np.zeros(count, dtype=np.int64)
+    return np.asarray(_columns(group["FAM"], count, 1, file)[:, 0], dtype=np.int64)
 
 
 def _names(opened: Any, mesh: str, title: str) -> dict[int, list[str]]:

@@ -24,12 +24,14 @@ IGNORED = ("vertex", "line")  # cells without a face or a volume: they only carr
 KINDS = {cell_type: key for key, cell_type in VOLUME.items()}
 CORNERS = {"tet": 4, "hex": 8}
 MIRRORED = {"tet": [0, 2, 1, 3], "hex": [0, 3, 2, 1, 4, 7, 6, 5]}  # corners of an element turned inside out
+FARTHEST = 1e6  # of a coordinate in the file's unit: a kilometre in millimetres
 OFF_MIDDLE = 0.3  # of an edge: a node farther from its place than this is not the node we think it is
 
 
 def load(file: str, unit: str = "m") -> Mesh:
     """The mesh of a file in our order, m: regions and faces named as its groups. InputFault for what cannot serve."""
     raw = _read(Path(file))
+    _check_raw(raw, file)
     volumes = [i for i, (cell_type, block) in enumerate(raw.blocks) if len(block) and _dimension(cell_type, file) == 3]
     types = sorted({raw.blocks[i][0] for i in volumes})
     if len(types) != 1:
@@ -37,6 +39,7 @@ def load(file: str, unit: str = "m") -> Mesh:
         raise InputFault(f"{file}: holds {what}; must be one kind of {', '.join(KINDS)}")
     kind, order = KINDS[types[0]]
     blocks = np.vstack([raw.blocks[i][1] for i in volumes])
+    _refuse_twins(blocks[:, : CORNERS[kind]], file)
     used, cells = np.unique(blocks, return_inverse=True)
     points = UNITS[unit] * raw.points[used]
     ordered = _ordered(points, cells.reshape(blocks.shape), kind, order, file)
@@ -48,6 +51,41 @@ def load(file: str, unit: str = "m") -> Mesh:
     number = np.full(len(raw.points), -1)
     number[used] = np.arange(len(used))
     return replace(mesh, faces=_faces(raw, mesh, number, file))
+
+
+def _check_raw(raw: RawMesh, file: str) -> None:
+    """InputFault for a coordinate that is no number, and for every index, of nodes and of groups, that is out of range."""
+    wrong = np.flatnonzero(~(np.abs(raw.points) <= FARTHEST).all(axis=1))
+    if len(wrong):
+        told = ", ".join(f"{value:g}" for value in raw.points[wrong[0]])
+        raise InputFault(f"{file}: node {wrong[0] + 1} at ({told}): must be finite numbers within {FARTHEST:g}")
+    nodes, sizes = len(raw.points), [len(block) for _, block in raw.blocks]
+    for cell_type, block in raw.blocks:
+        if len(block) and cell_type in PLACES and block.shape[1] != len(PLACES[cell_type]):
+            raise InputFault(f"{file}: {cell_type} of {block.shape[1]} nodes: must have {len(PLACES[cell_type])}")
+        _check_range(block, nodes, f"{file}: {cell_type}", "a node of the file")
+    for name, members in raw.node_groups.items():
+        _check_range(members, nodes, f"{file}: group {name}", "a node of the file")
+    for name, parts in raw.cell_groups.items():
+        for block_number, cells in parts.items():
+            _check_range(cells, sizes[block_number], f"{file}: group {name}", "an element of its block")
+
+
+def _check_range(indices: IntArray, count: int, where: str, what: str) -> None:
+    rows = np.atleast_2d(indices.T).T
+    wrong = np.argwhere((rows < 0) | (rows >= count))
+    if len(wrong):
+        number, place = int(rows[tuple(wrong[0])]) + 1, int(wrong[0][0]) + 1
+        raise InputFault(f"{where}: number {number} in line {place} of it is not {what}: must be from 1 to {count}")
+
+
+def _refuse_twins(corners: IntArray, file: str) -> None:
+    """InputFault when two elements have the same corners: their stiffness and mass would count twice."""
+    _, first, count = np.unique(np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True)
+    twins = np.flatnonzero(count > 1)
+    if len(twins):
+        told = ", ".join(str(node + 1) for node in corners[first[twins[0]]])
+        raise InputFault(f"{file}: {int((count - 1).sum())} element(s) given twice, the first on the nodes {told}")
 
 
 def _dimension(cell_type: str, file: str) -> int:
@@ -98,8 +136,18 @@ def _read_meshio(file: Path) -> RawMesh:
     except (Exception, SystemExit) as fault:  # meshio leaves with SystemExit, and its parsers raise whatever they meet
         reason = " ".join(str(fault).split()) or type(fault).__name__
         raise InputFault(f"{file}: not a readable mesh ({reason[:120]})") from fault
-    points = np.zeros((len(read.points), 3))
-    points[:, : read.points.shape[1]] = read.points
+    try:
+        return _from_meshio(read)
+    except Exception as fault:  # meshio hands on what the file says, whatever that is
+        raise InputFault(f"{file}: not a readable mesh ({type(fault).__name__}: {str(fault)[:120]})") from fault
+
+
+def _from_meshio(read: Any) -> RawMesh:
+    if not len(read.points):
+        return RawMesh(np.zeros((0, 3)), [])
+    given = np.asarray(read.points, dtype=float).reshape(len(read.points), -1)
+    points = np.zeros((len(given), 3))
+    points[:, : given.shape[1]] = given
     blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in read.cells]
     groups: dict[str, dict[int, IntArray]] = {}
     for name, parts in read.cell_sets.items():

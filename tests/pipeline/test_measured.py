@@ -133,3 +133,27 @@ def test_a_bad_map_is_told_in_one_line(tmp_path: Path, text: str, words: list[st
     assert len(fault.value.lines) == 1
     for word in ["field.csv", *words]:
         assert word in fault.value.lines[0]
+
+
+SILENT = "frequency_Hz,amplitude,phase_deg\n" + rows(TONES, np.zeros(9), DEGREES)
+LOUD = "frequency_Hz,amplitude,phase_deg\n" + rows(TONES, 1e308 * np.ones(9), DEGREES)
+DEAFENING = "frequency_Hz,amplitude_dB,phase_deg\n" + rows(TONES, 7000.0 * np.ones(9), DEGREES)
+HIGH = "frequency_MHz,amplitude,phase_deg\n" + rows(np.multiply(TONES, 1e6), np.ones(9), DEGREES)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (SILENT, "every value is 0: nothing was measured"),
+        (LOUD, "line 2, column amplitude = "),
+        (DEAFENING, "must be from -600 to 600 dB"),
+        (HIGH, "must be from 1e-06 to 1e+06 kHz"),
+        ("frequency_Hz,real,imag\n1,2," + "9" * 131_073 + "\n", "is no CSV"),
+    ],
+    ids=["silent", "loud", "decibels", "frequency", "cell"],
+)
+def test_what_no_instrument_measures_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(InputFault) as fault:
+        swept(tmp_path, text)
+    (line,) = fault.value.lines
+    assert said in line and "sweep.csv" in line

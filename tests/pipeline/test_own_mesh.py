@@ -17,6 +17,7 @@ from geometry.hexmesh import HexSettings, hex_mesh, pillar_boxes
 from geometry.mesh import Mesh
 from pipeline import aster, calculix, cli
 from pipeline.case import Case, case_from_dict
+from pipeline.errors import InputFault
 from pipeline.exchange_mesh import exchange
 from pipeline.logs import TerminalLog
 from pipeline.med_file import write_med
@@ -269,6 +270,66 @@ def _open_stl(path: Path) -> None:
 
 def _triangles(path: Path) -> None:
     meshio.write(path, meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])]), file_format="gmsh22")
+
+
+def _med(path: Path, cells: np.ndarray | None = None, points: np.ndarray | None = None) -> None:
+    """Two tetrahedra that share a face, one node of them changed."""
+    nodes = np.vstack([np.zeros(3), np.eye(3), np.ones(3)]) if points is None else points
+    block = np.array([[0, 1, 2, 3], [1, 2, 3, 4]]) if cells is None else cells
+    write_med(RawMesh(nodes, [("tetra", block)]), path, "M")
+
+
+def _renumbered(number: int) -> Any:
+    """A file whose third node of its second element has this number, counted from 1 as MED does."""
+    return lambda path: _med(path, np.array([[0, 1, 2, 3], [1, 2, number - 1, 4]]))
+
+
+def _no_step(path: Path) -> None:
+    import h5py
+
+    _med(path)
+    with h5py.File(path, "r+") as file:
+        del file["ENS_MAA/M"][next(iter(file["ENS_MAA/M"]))]
+
+
+def _wrong_count(path: Path) -> None:
+    import h5py
+
+    _med(path)
+    with h5py.File(path, "r+") as file:
+        step = file["ENS_MAA/M"][next(iter(file["ENS_MAA/M"]))]
+        del step["MAI/TE4/FAM"]
+        step["MAI/TE4"].create_dataset("FAM", data=np.zeros(7, dtype=np.int64))
+
+
+def _inp(nodes: str) -> str:
+    return f"*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n4,0,0,1\n*ELEMENT, TYPE=C3D4\n1,{nodes}\n"
+
+
+RANGE_FAULTS: list[tuple[str, Any, list[str]]] = [
+    ("zero.med", _renumbered(0), ["tetra", "number 0 in line 2 of it is not a node of the file", "from 1 to 5"]),
+    ("negative.med", _renumbered(-2), ["number -2 in line 2 of it is not a node of the file"]),
+    ("beyond.med", _renumbered(6), ["number 6 in line 2 of it is not a node of the file", "from 1 to 5"]),
+    ("twins.med", lambda p: _med(p, np.array([[0, 1, 2, 3], [3, 1, 2, 0]])), ["1 element(s) given twice"]),
+    ("nan.med", lambda p: _med(p, points=np.vstack([np.full(3, np.nan), np.eye(3), np.ones(3)])), ["node 1 at (nan"]),
+    ("step.med", _no_step, ["has 0 time steps, must have exactly one"]),
+    ("count.med", _wrong_count, ["FAM", "7 values"]),
+    ("empty.inp", lambda p: p.write_text(""), ["no volume elements"]),
+    ("blank.inp", lambda p: p.write_text("*NODE\n"), ["blank.inp"]),
+    ("zero.inp", lambda p: p.write_text(_inp("1,2,3,0")), ["zero.inp"]),
+    ("beyond.inp", lambda p: p.write_text(_inp("1,2,3,9")), ["beyond.inp"]),
+]
+
+
+@pytest.mark.parametrize(("name", "make", "said"), RANGE_FAULTS, ids=[name for name, _, _ in RANGE_FAULTS])
+def test_every_index_of_a_mesh_is_checked_against_its_range(
+    name: str, make: Any, said: list[str], tmp_path: Path
+) -> None:
+    make(tmp_path / name)
+    with pytest.raises(InputFault) as fault:
+        load(str(tmp_path / name))
+    (line,) = fault.value.lines
+    assert all(word in line for word in [name, *said])
 
 
 FAULTS: list[tuple[str, Any, list[str]]] = [
