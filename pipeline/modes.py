@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline import calibration, error_model, omissions, part_models
+from pipeline import calibration, error_model, foresight, omissions, part_models
 from pipeline.asked import DEFAULT_COUNT, Request, model_high_hz, understood
 from pipeline.case import Case
 from pipeline.climb import MARGIN, climbed, refused, remeshed, warn
@@ -17,6 +17,7 @@ from pipeline.error_model import ErrorBar
 from pipeline.errors import InputFault
 from pipeline.logs import Log
 from pipeline.part_models import PartModel
+from pipeline.predesign import short_wave
 from pipeline.ways import Way, way_of
 from solvers.confinement import Confinement, measure, wanted_parity
 from solvers.fem.eigen import Count, Modes, modes_in_band, modes_near
@@ -91,6 +92,9 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     """Solve a part's modes. Raises SolverError (not trusted), MeshError, InputFault (a class the part does not have)."""
     asked = understood(case, request)
     way = way_of(case, asked.part, model_high_hz(case, asked))
+    foresight.announce(f"modes of the {asked.part}", foresight.of_modes(case, way, asked), log)
+    if asked.part != "pillar" and (short := short_wave(case.design)):
+        log.alarm("SHORT_WAVE", short)
     unpatched = omissions.no_patches(case.patches, ()) if asked.part == "plate" and case.patches else None
     omissions.told((*way.left_out, unpatched, omissions.other_classes(way.classes, asked.parity)), log)
     found, errors = _solved(case, asked, way, log)
