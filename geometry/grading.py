@@ -33,6 +33,11 @@ def grid_lines(breaks: dict[float, bool], grading: Grading) -> FloatArray:
     return np.concatenate([[points[0][0]], *pieces])
 
 
+def interval_count(breaks: dict[float, bool], grading: Grading) -> int:
+    """Intervals of `grid_lines`, counted without making them."""
+    return sum(_even_count(a, b, grading) + grading.layers * (a[1] + b[1]) for a, b in pairwise(_merged(breaks)))
+
+
 def _merged(breaks: dict[float, bool]) -> list[tuple[float, bool]]:
     ordered = sorted(breaks.items())
     span = ordered[-1][0] - ordered[0][0]
@@ -48,13 +53,16 @@ def _merged(breaks: dict[float, bool]) -> list[tuple[float, bool]]:
 def _interval(start: tuple[float, bool], end: tuple[float, bool], grading: Grading) -> FloatArray:
     """Coordinates after `start` up to and with `end`."""
     (a, grade_a), (b, grade_b) = start, end
-    count = max(1, ceil((b - a) / grading.size_m - 1e-6))
-    if grade_a and grade_b and grading.layers:
-        count = max(2, count)
-    lines = np.linspace(a, b, count + 1)
+    lines = np.linspace(a, b, _even_count(start, end, grading) + 1)
     shrink = grading.factor ** np.arange(grading.layers, 0, -1)
     if grade_a:
         lines = np.concatenate([[a], a + shrink * (lines[1] - a), lines[1:]])
     if grade_b:
         lines = np.concatenate([lines[:-1], b - shrink[::-1] * (b - lines[-2]), [b]])
     return lines[1:]
+
+
+def _even_count(start: tuple[float, bool], end: tuple[float, bool], grading: Grading) -> int:
+    """Even intervals between two breakpoints, before those at singular edges are cut."""
+    count = max(1, ceil((end[0] - start[0]) / grading.size_m - 1e-6))
+    return max(2, count) if start[1] and end[1] and grading.layers else count

@@ -5,7 +5,7 @@ A scene is a tensor grid and a mask: which boxes are solid, and to which region 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -101,23 +101,49 @@ class HexSettings:
         return Grading(min(self.size_m, thickness_m / self.through), self.layers, self.factor)
 
 
-def zone_boxes(design: Design, settings: HexSettings, quarter: bool = True) -> Boxes:
+@dataclass(frozen=True)
+class Scene:
+    """Where the lines of a scene of boxes pass, before any is drawn: breakpoints in m, True at singular edges.
+
+    x, y and z span the lowest body (region `name`), above the pillars that stand on it (None without); centres (n, 2) and
+    half side of their feet, m.
+    """
+
+    x: dict[float, bool]
+    y: dict[float, bool]
+    z: dict[float, bool]
+    across: Grading
+    through: Grading
+    name: str = "plate"
+    above: dict[float, bool] | None = None
+    along: Grading | None = None
+    centres: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    half_m: float = 0.0
+
+
+def zone_scene(design: Design, settings: HexSettings, quarter: bool = True) -> Scene:
     """The bare strip length x width x thickness, graded towards its clamped long side faces and the free ends that meet them
     in singular corners; x, y >= 0 when quartered.
     """
-    half_x, half_y = design.length_m / 2.0, design.width_m / 2.0
-    x = grid_lines(_span(half_x, True, quarter), settings.grading)
-    y = grid_lines(_span(half_y, True, quarter), settings.grading)
-    z = grid_lines({0.0: True, design.thickness_m: True}, settings.grading)
-    return _filled(x, y, z, "plate")
+    x, y = (_span(size / 2.0, True, quarter) for size in (design.length_m, design.width_m))
+    return Scene(x, y, {0.0: True, design.thickness_m: True}, settings.grading, settings.grading)
+
+
+def zone_boxes(design: Design, settings: HexSettings, quarter: bool = True) -> Boxes:
+    """The boxes of `zone_scene`."""
+    return boxes_of(zone_scene(design, settings, quarter))
+
+
+def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Scene:
+    """The lone square pillar, foot on z = 0 (face `touch`), graded towards the clamped foot's rim."""
+    side = _span(pillar.base_m / 2.0, True, quarter)
+    height = {0.0: True, pillar.height_m: False}
+    return Scene(side, side, height, settings.grading, settings.pillar_grading, "pillar")
 
 
 def pillar_boxes(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Boxes:
-    """The lone square pillar, foot on z = 0 (face `touch`), graded towards the clamped foot's rim."""
-    half = pillar.base_m / 2.0
-    x = grid_lines(_span(half, True, quarter), settings.grading)
-    z = grid_lines({0.0: True, pillar.height_m: False}, settings.pillar_grading)
-    return _filled(x, x, z, "pillar")
+    """The boxes of `pillar_scene`."""
+    return boxes_of(pillar_scene(pillar, settings, quarter))
 
 
 @dataclass(frozen=True)
@@ -140,7 +166,7 @@ class Piece:
         return ((self.low[0] + self.high[0]) / 2.0, (self.low[1] + self.high[1]) / 2.0)
 
 
-def piece_boxes(piece: Piece, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Boxes:
+def piece_scene(piece: Piece, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Scene:
     """A rectangular piece of plate, its own middle at the origin, with its pillar where it has one."""
     middle = np.array(piece.middle)
     spans = []
@@ -151,15 +177,25 @@ def piece_boxes(piece: Piece, thickness_m: float, pillar: Pillar | None, setting
     return _plate_with_pillars(thickness_m, pillar, settings, feet, *spans)
 
 
-def cell_boxes(design: Design, settings: HexSettings, quarter: bool = False) -> Boxes:
+def piece_boxes(piece: Piece, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Boxes:
+    """The boxes of `piece_scene`."""
+    return boxes_of(piece_scene(piece, thickness_m, pillar, settings))
+
+
+def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> Scene:
     """The unit cell pitch_x x pitch_y x thickness centred at the origin, one square pillar in its middle."""
     half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
     foot = (0.0, 0.0) if design.pillar else None
     piece = Piece((-half_x, -half_y), (half_x, half_y), foot, (0, 1) if quarter else ())
-    return piece_boxes(piece, design.thickness_m, design.pillar, settings)
+    return piece_scene(piece, design.thickness_m, design.pillar, settings)
 
 
-def plate_boxes(design: Design, settings: HexSettings, quarter: bool = True) -> Boxes:
+def cell_boxes(design: Design, settings: HexSettings, quarter: bool = False) -> Boxes:
+    """The boxes of `cell_scene`."""
+    return boxes_of(cell_scene(design, settings, quarter))
+
+
+def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> Scene:
     """The whole plate, or its quarter x, y >= 0, with every pillar; a line runs along the zone's border."""
     x = _span(design.length_m / 2.0, False, quarter)
     y = _span(design.half_span_m, False, quarter)
@@ -171,12 +207,13 @@ def plate_boxes(design: Design, settings: HexSettings, quarter: bool = True) -> 
     return _plate_with_pillars(design.thickness_m, design.pillar, settings, centres, x, y)
 
 
+def plate_boxes(design: Design, settings: HexSettings, quarter: bool = True) -> Boxes:
+    """The boxes of `plate_scene`."""
+    return boxes_of(plate_scene(design, settings, quarter))
+
+
 def _span(half: float, singular: bool, quarter: bool) -> dict[float, bool]:
     return {(0.0 if quarter else -half): singular and not quarter, half: singular}
-
-
-def _filled(x: FloatArray, y: FloatArray, z: FloatArray, name: str) -> Boxes:
-    return Boxes(x, y, z, np.zeros((len(x) - 1, len(y) - 1, len(z) - 1), dtype=np.int64), (name,))
 
 
 def _plate_with_pillars(
@@ -186,24 +223,37 @@ def _plate_with_pillars(
     centres: FloatArray,
     x: dict[float, bool],
     y: dict[float, bool],
-) -> Boxes:
-    """Tensor grid whose lines pass along every foot edge, graded there in x, y and in z on both sides of the foot."""
-    has = pillar is not None and len(centres) > 0
-    half = pillar.base_m / 2.0 if pillar else 0.0
+) -> Scene:
+    """Lines pass along every foot edge, graded there in x, y and in z on both sides of the foot."""
+    if pillar is None or not len(centres):
+        return Scene(x, y, {0.0: False, thickness_m: False}, settings.grading, settings.grading)
+    half = pillar.base_m / 2.0
     for breaks, column in ((x, 0), (y, 1)):
         low, high = min(breaks), max(breaks)
         for centre in np.unique(centres[:, column]):
             breaks |= {edge: True for edge in (centre - half, centre + half) if low < edge < high}
-    lines_x, lines_y = grid_lines(x, settings.grading), grid_lines(y, settings.grading)
-    z = grid_lines({0.0: False, thickness_m: has}, settings.through_grading(thickness_m) if has else settings.grading)
+    z, through = {0.0: False, thickness_m: True}, settings.through_grading(thickness_m)
+    above = {thickness_m: True, thickness_m + pillar.height_m: False}
+    along = settings.pillar_grading
+    return Scene(x, y, z, settings.grading, through, "plate", above, along, centres, half)
+
+
+def boxes_of(scene: Scene) -> Boxes:
+    """The tensor grid of a scene and what is solid in it."""
+    lines_x, lines_y = grid_lines(scene.x, scene.across), grid_lines(scene.y, scene.across)
+    z = grid_lines(scene.z, scene.through)
+    if scene.above is None or scene.along is None:
+        return Boxes(lines_x, lines_y, z, np.zeros(_cuts(lines_x, lines_y, z), dtype=np.int64), (scene.name,))
     layers = len(z) - 1
-    if pillar is not None and has:
-        top = thickness_m + pillar.height_m
-        z = np.append(z, grid_lines({thickness_m: True, top: False}, settings.pillar_grading)[1:])
-    region = np.full((len(lines_x) - 1, len(lines_y) - 1, len(z) - 1), VOID, dtype=np.int64)
+    z = np.append(z, grid_lines(scene.above, scene.along)[1:])
+    region = np.full(_cuts(lines_x, lines_y, z), VOID, dtype=np.int64)
     region[:, :, :layers] = 0
     middle_x, middle_y = (lines_x[1:] + lines_x[:-1]) / 2.0, (lines_y[1:] + lines_y[:-1]) / 2.0
-    for cx, cy in centres:
-        inside = (np.abs(middle_x - cx) < half)[:, None] & (np.abs(middle_y - cy) < half)[None, :]
+    for cx, cy in scene.centres:
+        inside = (np.abs(middle_x - cx) < scene.half_m)[:, None] & (np.abs(middle_y - cy) < scene.half_m)[None, :]
         region[inside, layers:] = 1
-    return Boxes(lines_x, lines_y, z, region, ("plate", "pillar"))
+    return Boxes(lines_x, lines_y, z, region, (scene.name, "pillar"))
+
+
+def _cuts(*lines: FloatArray) -> tuple[int, ...]:
+    return tuple(len(line) - 1 for line in lines)

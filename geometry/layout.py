@@ -69,6 +69,11 @@ class Design:
     extension_m: float
 
     @property
+    def half_wavelength_m(self) -> float:
+        """Half-wavelength of the wanted mode along the zone, L / N, m; the zone's width for rigid shapes."""
+        return self.length_m / self.nodal_lines if self.nodal_lines > 1 else self.width_m
+
+    @property
     def footprint_m(self) -> float:
         """Footprint of a pillar, 0 without pillars, m."""
         return self.pillar.footprint_m if self.pillar and self.rows else 0.0

@@ -52,10 +52,7 @@ def understood(case: Case, request: Request) -> Request:
 def of_case(case: Case) -> Request:
     """The plate's modes as a study asks for them: the case's window and the wanted mode's in one, the wanted mode's class."""
     solve = case.solve
-    band, window = solve.band_hz, planner.wanted_window_hz(case.design)
-    if band and band[0] <= window[1] and window[0] <= band[1]:
-        band = (min(band[0], window[0]), max(band[1], window[1]))
-    return Request("plate", band, solve.near_hz, solve.count, case.parity_wanted)
+    return with_search(case, Request("plate", solve.band_hz, solve.near_hz, solve.count, case.parity_wanted))
 
 
 def wanted_window_hz(case: Case, asked: Request) -> tuple[float, float] | None:
@@ -70,6 +67,15 @@ def model_high_hz(case: Case, asked: Request) -> float:
     window = wanted_window_hz(case, asked) if asked.search else None
     meets = window and window[0] <= high and (asked.band_hz is None or asked.band_hz[0] <= window[1])
     return max(high, window[1]) if window and meets else high
+
+
+def with_search(case: Case, asked: Request) -> Request:
+    """The request with the wanted mode's window in its band, where they meet: what is solved for in all."""
+    window = wanted_window_hz(case, asked) if asked.search else None
+    band = asked.band_hz
+    if not window or not band or band[0] > window[1] or window[0] > band[1]:
+        return asked
+    return replace(asked, band_hz=(min(band[0], window[0]), max(band[1], window[1])))
 
 
 def driven_band_hz(case: Case, band_hz: tuple[float, float] | None) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import IntArray
-from pipeline import error_model, omissions
+from pipeline import error_model, foresight, omissions
 from pipeline.asked import driven_band_hz
 from pipeline.case import Case
 from pipeline.cells import bare_cell
@@ -122,6 +122,7 @@ def solve(
     omissions.told((*way.left_out, omissions.waves_downwards(case.design)), log)
     kx = _checked_kx(case, case.kx_wanted_per_m if kx_per_m is None else kx_per_m)
     low, high = driven_band_hz(case, band_hz)
+    foresight.announce("attenuation across the rows", foresight.of_attenuation(case, way, points), log)
     meshes: list[dict[str, Any]] = []
     path = path_through(case.bands.path, 1, case.design.pitch_x_m, case.design.pitch_y_m)
     model = lattice_model(case, path.wavevectors[[leg.last for leg in path.legs]], log, meshes)

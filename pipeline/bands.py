@@ -11,7 +11,7 @@ import numpy as np
 from geometry.elements import FloatArray, IntArray
 from geometry.hexmesh import cell_boxes, hex_mesh
 from geometry.layout import Design
-from pipeline import error_model, omissions
+from pipeline import error_model, foresight, omissions
 from pipeline.case import Case
 from pipeline.errors import InputFault
 from pipeline.lattice_cell import LatticeModel, lattice_model
@@ -124,8 +124,15 @@ def solve_bands(case: Case, log: Log, shapes: bool = False) -> Bands:
         log.info(
             f"{asked.path} does not bound the irreducible zone: gaps are those of the path; [bands] grid looks beyond"
         )
+    solved = len(path.wavevectors) if way.model == SOLID else len(path.finer(_finer(case)).wavevectors)
+    foresight.announce("bands of the unit cell", foresight.of_bands(case, way, solved), log)
     found = _full(case, way, path, log) if way.model == SOLID else _reduced(case, path, log, shapes)
     return replace(found, expected_error=error_model.told(way, case, log, float(found.frequencies_hz.max())))
+
+
+def _finer(case: Case) -> int:
+    """How many times finer than asked the path is solved to follow branches."""
+    return -(-FINEST // case.bands.points)
 
 
 def _check(case: Case) -> None:
@@ -174,7 +181,7 @@ def _reduced(case: Case, path: Path, log: Log, shapes: bool) -> Bands:
     corners = path.wavevectors[[leg.last for leg in path.legs]]
     model = lattice_model(case, corners, log, meshes)
     count = min(case.bands.count, model.lattice.dof)
-    solved, factor = Solved(model.lattice, count), -(-FINEST // case.bands.points)
+    solved, factor = Solved(model.lattice, count), _finer(case)
     fine = path.finer(factor)
     with log.step(f"{len(fine.wavevectors)} wavevectors"):
         for k in fine.wavevectors:

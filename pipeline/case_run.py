@@ -14,6 +14,7 @@ from typing import Any
 
 from pipeline import fingerprint, peak_memory, store
 from pipeline.mess import Mess, close_abandoned
+from solvers.fem.factor_memory import memory_text
 
 Compute = Callable[[dict[str, Any], Path, Mess], dict[str, Any]]
 
@@ -124,9 +125,9 @@ def _is_expected(error: BaseException) -> bool:
 
 
 def _one_line(error: BaseException) -> str:
-    text = " ".join(str(error).split())
     if isinstance(error, MemoryError):
-        return f"out of memory{': ' + text if text else ''}"
+        return memory_text(error)
+    text = " ".join(str(error).split())
     if _is_expected(error) and text:
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

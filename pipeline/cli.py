@@ -82,8 +82,12 @@ def _told(fault: Exception) -> int:
 
     if isinstance(fault, CommandError):
         lines, code = fault.lines, fault.exit_code
-    elif isinstance(fault, MeshError | SolverError | MemoryError):
-        lines, code = [" ".join(str(fault).split()) or "out of memory"], NOT_TRUSTED
+    elif isinstance(fault, MemoryError):
+        from solvers.fem.factor_memory import memory_text
+
+        lines, code = [memory_text(fault)], NOT_TRUSTED
+    elif isinstance(fault, MeshError | SolverError):
+        lines, code = [" ".join(str(fault).split())], NOT_TRUSTED
     elif isinstance(fault, GeometryError | OSError):
         lines, code = [" ".join(str(fault).split())], WRONG_INPUT
     elif isinstance(fault, ModuleNotFoundError):

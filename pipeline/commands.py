@@ -28,10 +28,12 @@ def _log(arguments: Namespace) -> TerminalLog:
 
 def predesign(arguments: Namespace) -> int:
     """Analytic sizing."""
-    from pipeline.predesign import run
+    from pipeline.predesign import run, short_wave
 
     case = _case(arguments)
     case.require("plate", "zone", command="predesign")
+    if told := short_wave(case.design):
+        _log(arguments).alarm("SHORT_WAVE", told)
     outputs.emit(arguments, "predesign", *run(case))
     return 0
 

@@ -9,6 +9,18 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
 
+@contextmanager
+def memory_told(doing: str = "") -> Iterator[None]:
+    """Turn a MemoryError within the block into OutOfMemory, which says what was done, how much it asked, what to change."""
+    try:
+        yield
+    except MemoryError as fault:
+        from solvers.errors import OutOfMemory
+        from solvers.fem.factor_memory import memory_text
+
+        raise OutOfMemory(memory_text(fault, doing)) from fault
+
+
 class Log(Protocol):
     """Receiver of facts, alarms, omissions and timed steps."""
 
@@ -58,7 +70,7 @@ class TerminalLog:
     def step(self, name: str) -> Iterator[None]:
         """Say that a step begins and keep its time; a terminal shows that it is alive."""
         begin = time.perf_counter()
-        with self._spinner(name):
+        with self._spinner(name), memory_told(name):
             yield
         spent = time.perf_counter() - begin
         self.seconds[name] = self.seconds.get(name, 0.0) + spent

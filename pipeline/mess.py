@@ -11,6 +11,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, TextIO
 
+from pipeline.logs import memory_told
+
 RULE = "-" * 100
 DIAGNOSES = {
     "OK": "OK",
@@ -88,7 +90,8 @@ class Mess:
         self._say(f"{STEP_MARK}{name}")
         begin = time.perf_counter()
         try:
-            yield
+            with memory_told(name):
+                yield
         finally:
             elapsed = time.perf_counter() - begin
             self.seconds[name] = self.seconds.get(name, 0.0) + elapsed

@@ -9,8 +9,16 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline import calibration, error_model, omissions, part_models, wanted_search
-from pipeline.asked import DEFAULT_COUNT, MEASURED, Request, model_high_hz, understood, wanted_window_hz
+from pipeline import calibration, error_model, foresight, omissions, part_models, wanted_search
+from pipeline.asked import (
+    DEFAULT_COUNT,
+    MEASURED,
+    Request,
+    model_high_hz,
+    understood,
+    wanted_window_hz,
+    with_search,
+)
 from pipeline.case import Case
 from pipeline.climb import MARGIN, climbed, refused, remeshed, rereduced, warn
 from pipeline.error_model import ErrorBar
@@ -18,6 +26,7 @@ from pipeline.errors import InputFault
 from pipeline.logs import Log
 from pipeline.omissions import khz
 from pipeline.part_models import PartModel
+from pipeline.predesign import short_wave
 from pipeline.wanted_search import Wanted
 from pipeline.ways import Way, way_of
 from solvers.confinement import Confinement, measure, wanted_parity
@@ -123,6 +132,9 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     """Solve a part's modes. Raises SolverError (not trusted), MeshError, InputFault (a class the part does not have)."""
     asked = understood(case, request)
     way = way_of(case, asked.part, model_high_hz(case, asked))
+    foresight.announce(f"modes of the {asked.part}", foresight.of_modes(case, way, with_search(case, asked)), log)
+    if asked.part != "pillar" and (short := short_wave(case.design)):
+        log.alarm("SHORT_WAVE", short)
     unpatched = omissions.no_patches(case.patches, ()) if asked.part == "plate" and case.patches else None
     omissions.told((*way.left_out, unpatched, omissions.other_classes(way.classes, asked.parity)), log)
     (found, errors), way = _within_reach(case, asked, way, log)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from pipeline import part_models
+from pipeline import foresight, part_models
 from pipeline.asked import driven_band_hz
 from pipeline.case import Case
 from pipeline.errors import InputFault
 from pipeline.logs import Log
+from pipeline.ways import way_of
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import PatchedPlate
@@ -23,6 +24,8 @@ def forced_plate(
     InputFault for a model that cannot carry patches; raises what its solvers raise.
     """
     band = driven_band_hz(case, band_hz)
+    demand = foresight.of_response(case, way_of(case, "plate", band[1]), band, 0)
+    foresight.announce("the forced response", demand, log)
     model = part_models.build(case, "plate", band[1], log, [] if meshes is None else meshes)
     if not isinstance(model, PlateModel):
         raise InputFault(f"{case.name}: solve.model: patches are bonded to joined cells, must be auto or superelement")

@@ -7,13 +7,14 @@ what happens; `steps` runs a study's case by its plan. Nothing here solves or me
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from pipeline import omissions
+from pipeline import foresight, omissions
 from pipeline.asked import Request, driven_band_hz, model_high_hz, of_case, understood
 from pipeline.case import Case
 from pipeline.omissions import Omission, khz
+from pipeline.resources import Demand, too_much
 from pipeline.ways import SOLID, Way, cell_way, way_of
 
 ATTENUATION_POINTS = 101  # frequencies of a study's attenuation; the command asks for 201
@@ -37,6 +38,7 @@ class Step:
     why: tuple[str, ...]
     left_out: tuple[Omission, ...] = ()
     numbers: dict[str, Any] = field(default_factory=dict)
+    demand: Demand | None = None
 
     def text(self) -> str:
         """One line."""
@@ -47,7 +49,8 @@ class Step:
         """The step as plain JSON."""
         keys = ("measure", "name", "model", "mesh", "looks_for")
         plain: dict[str, Any] = {key: getattr(self, key) for key in keys}
-        return plain | {"classes": list(self.classes), "why": list(self.why), **self.numbers}
+        foreseen = {"foreseen": self.demand.json()} if self.demand else {}
+        return plain | {"classes": list(self.classes), "why": list(self.why), **self.numbers, **foreseen}
 
 
 @dataclass(frozen=True)
@@ -63,18 +66,27 @@ class Plan:
         """Every rule taken, by a step or for the scene as a whole, each once."""
         return tuple(dict.fromkeys([each for step in self.steps for each in step.left_out] + [*self.whole]))
 
+    @property
+    def demands(self) -> dict[str, Demand]:
+        """What each step will take, by its name."""
+        return {step.name: step.demand for step in self.steps if step.demand}
+
     def text(self) -> str:
         """For people: every step with its reasons, then what is left out."""
         lines = [f"plan for {self.name}"]
         for number, step in enumerate(self.steps, start=1):
             lines.append(f"{number}. {step.text()}")
             lines += [f"   because {reason}" for reason in step.why]
+            lines += [f"   {line}" for line in _foreseen(step)]
         lines += ["left out", *(f"   {each.rule}: {each.what}, {each.why}" for each in self.left_out)]
         return "\n".join(lines)
 
     def short(self) -> str:
         """One line a step with its reasons, and the rules taken."""
-        lines = [f"{step.text()}; because {', '.join(step.why)}" for step in self.steps]
+        lines = []
+        for step in self.steps:
+            lines.append(f"{step.text()}; because {', '.join(step.why)}")
+            lines += _foreseen(step)
         return "\n".join([*lines, f"left out: {', '.join(dict.fromkeys(each.rule for each in self.left_out))}"])
 
     def json(self) -> dict[str, Any]:
@@ -85,6 +97,14 @@ class Plan:
             "steps": [step.json() for step in self.steps],
             "left_out": [vars(each) for each in self.left_out],
         }
+
+
+def _foreseen(step: Step) -> list[str]:
+    """What a step will take, and that this machine cannot hold it where that is so."""
+    if not step.demand:
+        return []
+    told = too_much(step.demand)
+    return [step.demand.text(), *([f"will be refused: {told}"] if told else [])]
 
 
 def _plan(case: Case, steps: Iterable[Step], whole: Iterable[Omission | None]) -> Plan:
@@ -159,7 +179,8 @@ def modes_step(case: Case, request: Request) -> Step:
     numbers: dict[str, Any] = {"band_hz": list(asked.band_hz)} if asked.band_hz else {}
     if not asked.band_hz:
         numbers = {"near_hz": asked.near_hz, "count": asked.count}
-    return _step("modes", f"modes of the {asked.part}", way, classes, _window(asked), left_out, numbers)
+    step = _step("modes", f"modes of the {asked.part}", way, classes, _window(asked), left_out, numbers)
+    return replace(step, demand=foresight.of_modes(case, way, asked))
 
 
 def _window(asked: Request) -> str:
@@ -183,7 +204,8 @@ def bands_step(case: Case) -> Step:
         looks += f", {numbers['solved_wavevectors']} solved to follow branches" if factor > 1 else ""
     looks += f" and a grid of {asked.grid} intervals" if asked.grid else ""
     left_out = (*way.left_out, omissions.off_path(case.design, asked.path, asked.grid))
-    return _step("bands", "bands of the unit cell", way, (), looks, left_out, numbers)
+    step = _step("bands", "bands of the unit cell", way, (), looks, left_out, numbers)
+    return replace(step, demand=foresight.of_bands(case, way, numbers.get("solved_wavevectors", wavevectors)))
 
 
 def attenuation_step(case: Case, band_hz: tuple[float, float] | None, kx_per_m: float | None, points: int) -> Step:
@@ -195,7 +217,8 @@ def attenuation_step(case: Case, band_hz: tuple[float, float] | None, kx_per_m: 
     looks = f"{points} frequencies from {khz(low)} to {khz(high)} at kx = {kx:.1f} rad/m"
     numbers = {"band_hz": [low, high], "frequencies": points, "kx_per_m": kx}
     left_out = (*way.left_out, omissions.waves_downwards(case.design))
-    return _step("attenuation", "attenuation across the rows", way, (), looks, left_out, numbers)
+    step = _step("attenuation", "attenuation across the rows", way, (), looks, left_out, numbers)
+    return replace(step, demand=foresight.of_attenuation(case, way, points) if way.recipe else None)
 
 
 def response_step(case: Case, band_hz: tuple[float, float] | None, points: int) -> Step:
@@ -208,13 +231,14 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int) 
     way = way_of(case, "plate", high)
     looks = f"{points} frequencies and more at the peak, from {khz(low)} to {khz(high)}; {patches.count} patches"
     numbers = {"band_hz": [low, high], "frequencies": points, "patches": patches.count, "quality": case.quality}
+    demand = foresight.of_response(case, way, (low, high), points)
     if not way.mirrored:
-        return _step("response", "forced response", way, ("whole",), looks, way.left_out, numbers)
+        return _step("response", "forced response", way, ("whole",), looks, way.left_out, numbers, demand)
     silent = omissions.silent_classes(patches)
     groups = [group for group in omissions.patch_groups(patches) if not (silent and set(group) <= _named(silent))]
     classes = tuple(" with ".join(group) for group in groups)
     apart = [axis for axis, kept in zip("xy", omissions.patch_mirrors(patches), strict=True) if not kept]
-    step = _step("response", "forced response", way, classes, looks, (*way.left_out, silent), numbers)
+    step = _step("response", "forced response", way, classes, looks, (*way.left_out, silent), numbers, demand)
     if not apart:
         return step
     coupled = f"the patches are no mirror image along {' and '.join(apart)}: classes are solved together"
@@ -237,8 +261,11 @@ def tolerance_step(case: Case) -> Step:
     mirrored = (omissions.mirror_images(case.design, "plate", scattered), omissions.alike_cells(case.design, scattered))
     looks = f"{given.samples} plates drawn with seed {given.seed}, from {khz(low)} to {khz(high)}"
     numbers = {"band_hz": [low, high], "samples": given.samples, "seed": given.seed}
+    demand = foresight.of_response(case, way, (low, high), given.samples * RESPONSE_POINTS)
     classes = way.classes if mirrored[0] else (None,)
-    return _step("tolerance", "plates with printed tolerances", way, classes, looks, (*kept, *mirrored), numbers)
+    return _step(
+        "tolerance", "plates with printed tolerances", way, classes, looks, (*kept, *mirrored), numbers, demand
+    )
 
 
 def parts_step(case: Case) -> Step:
@@ -253,15 +280,26 @@ def parts_step(case: Case) -> Step:
     why = (*zone.why, *(f"pillar: {reason}" for reason in pillar.why))
     numbers = zone.numbers | {"pillar": pillar.numbers}
     left_out = (*zone.left_out, *pillar.left_out)
-    return Step("parts", "zone and lone pillar", model, mesh, zone.classes, looks, why, left_out, numbers)
+    assert zone.demand and pillar.demand
+    demand = zone.demand.then(pillar.demand)
+    return Step("parts", "zone and lone pillar", model, mesh, zone.classes, looks, why, left_out, numbers, demand)
 
 
 def tetrahedra_step(case: Case) -> Step:
     """The same plate and cell through CAD and pytetwild."""
+    from pipeline.tet_steps import NEAR_COUNT, PLATE_ACCURACY
+
     why = ("a cross-check by another mesh",)
     name = "the same plate and cell by tetrahedra"
     return Step(
-        "tetrahedra", name, "solid tet2", "tetrahedra of order 2 from CAD", (), "the modes nearest the wanted one", why
+        "tetrahedra",
+        name,
+        "solid tet2",
+        "tetrahedra of order 2 from CAD",
+        (),
+        "the modes nearest the wanted one",
+        why,
+        demand=foresight.of_meshed_whole(case, max(PLATE_ACCURACY, case.solve.accuracy), NEAR_COUNT),
     )
 
 
@@ -271,7 +309,7 @@ def _plain(measure: str, name: str, model: str) -> Step:
 
 def _step(
     measure: str, name: str, way: Way, classes: tuple[str | None, ...], looks: str,
-    left_out: tuple[Omission | None, ...], numbers: dict[str, Any],
+    left_out: tuple[Omission | None, ...], numbers: dict[str, Any], demand: Demand | None = None,
 ) -> Step:  # fmt: skip
     model, details = way.name, dict(numbers)
     if way.recipe:
@@ -284,4 +322,4 @@ def _step(
         mesh = way.hexahedra
         details |= {"order": mesh.order, "size_m": mesh.size_m, "layers": mesh.layers, "through": mesh.through}
     shown = tuple("whole" if parity is None else parity for parity in classes)
-    return Step(measure, name, model, way.mesh, shown, looks, way.why, tuple(o for o in left_out if o), details)
+    return Step(measure, name, model, way.mesh, shown, looks, way.why, tuple(o for o in left_out if o), details, demand)

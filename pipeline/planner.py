@@ -87,8 +87,8 @@ def expected_error(part: str, row: Rung, growth: float = 1.0) -> float | None:
 
 
 def half_wavelength_m(design: Design) -> float:
-    """Half-wavelength of the wanted mode along the zone, L / N, m; the zone's width for rigid shapes."""
-    return design.length_m / design.nodal_lines if design.nodal_lines > 1 else design.width_m
+    """Half-wavelength of the wanted mode along the zone, m."""
+    return design.half_wavelength_m
 
 
 def good_to_hz(part: str, design: Design) -> float:

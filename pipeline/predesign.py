@@ -9,6 +9,7 @@ from pipeline import calibration
 from pipeline.case import Case
 from solvers.analytic.predesign import predesign
 
+SHORT = 2.0  # thicknesses in half a wave: there thin-plate theory lies 45 % high, Mindlin's some percent
 THEORIES = {  # what the document and what the calibration call them
     "zone": {"thin_clamped_hz": "thin_clamped_hz", "clamped_hz": "clamped_hz"},
     "pillar": {"given_euler_hz": "euler", "given_timoshenko_hz": "timoshenko"},
@@ -29,6 +30,22 @@ def run(case: Case) -> tuple[dict[str, Any], str]:
             lines.append(f"{part}, expected error beside a solid with clamped faces: {told}")
         document[part] = document[part] | {"expected_error": errors}
     return document, "\n".join([*lines, *(f"limit: {text}" for text in found.limits)])
+
+
+def is_short_wave(design: Design) -> bool:
+    """Whether half a wave of the wanted mode is shorter than SHORT thicknesses: no plate theory describes it."""
+    return design.half_wavelength_m < SHORT * design.thickness_m
+
+
+def short_wave(design: Design) -> str | None:
+    """What is to be known of a wanted mode whose waves are short beside the thickness; None where they are not."""
+    if not is_short_wave(design):
+        return None
+    return (
+        f"half a wave of the wanted (0, {design.nodal_lines}) mode is {1e3 * design.half_wavelength_m:.3g} mm long, less than "
+        f"{SHORT:g} thicknesses ({1e3 * design.thickness_m:.3g} mm each): plate theory, the pre-design and windows chosen by "
+        "them mean little; lower zone.nodal_lines or plate.thickness_mm"
+    )
 
 
 def expected_errors(part: str, design: Design) -> dict[str, float]:

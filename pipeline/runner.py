@@ -14,6 +14,7 @@ from pipeline.case_run import CaseEnd, Compute, Job, record_loss, run_case
 from pipeline.mess import close_abandoned
 from pipeline.progress import Progress
 from pipeline.records import CASES
+from solvers.fem.factor_memory import available_bytes
 
 __all__ = ["CaseEnd", "Job", "Options", "Planned", "StudyOutcome", "default_jobs", "plan", "run_study"]
 MEMORY_SHARE = 0.8  # of what is free at the start
@@ -243,6 +244,4 @@ def _local(count: int) -> workers.LocalWorkers:
 
 def _free_memory(running: Iterable[Job]) -> float:
     """What can be taken in all by this study's cases: free now plus what the running ones were granted, bytes."""
-    import psutil
-
-    return psutil.virtual_memory().available + sum(job.memory_bytes for job in running)
+    return available_bytes() + sum(job.memory_bytes for job in running)

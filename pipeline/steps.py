@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline import fields, modes, omissions, plan, shapes, store, wanted_words
+from pipeline import fields, modes, omissions, plan, resources, shapes, store, wanted_words
 from pipeline.asked import of_case
 from pipeline.case import Case, load_case
 from pipeline.case_run import Job
@@ -49,10 +50,17 @@ def jobs_of(study: StudyFile, fields_too: bool = False) -> list[Job]:
             from pipeline import board
 
             payload["firmware"] = board.sources_hash()
-        jobs.append(Job(case_id, payload, sweep))
+        jobs.append(Job(case_id, payload, sweep, _memory(case, measure)))
     if faults:
         raise InputFault(faults)
     return jobs
+
+
+def _memory(case: Case, measure: tuple[str, ...]) -> int:
+    """What a case is foreseen to take, B; 0 for one that its own run will refuse."""
+    with suppress(InputFault):
+        return round(max(demand.memory_bytes for demand in plan.of_measures(case, measure).demands.values()))
+    return 0
 
 
 def _values(overrides: list[str]) -> list[Any]:
@@ -85,6 +93,7 @@ def compute(case_path: str, payload: dict[str, Any], folder: Path, log: Mess) ->
     arrays: dict[str, FloatArray] = {}
     planned = plan.of_measures(case, payload["measure"])
     log.info(planned.text(), "PLAN")
+    resources.refuse(planned.demands)
     omissions.told(planned.whole, log)
     record["plan"] = planned.json()
     solved: dict[str, ForcedPlate] = {}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline import patched
+from pipeline import foresight, patched
 from pipeline.asked import driven_band_hz
 from pipeline.case import Case, Tolerance
 from pipeline.cell_shelf import CellShelf
@@ -173,6 +173,9 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
             f"{case.name}: [tolerance]: pillars are varied in joined cells of hexahedra: solve.model must be auto or "
             "superelement, solve.mesh auto or hex"
         )
+    foresight.announce(
+        "plates with printed tolerances", foresight.of_response(case, way, band, given.samples * POINTS), log
+    )
     reach = Deviations(given.height_m, given.side_m, given.position_m).reach_m
     reductions = VariedReductions(
         design.thickness_m,

@@ -15,3 +15,7 @@ class SingularShift(SolverError):
 
 class TooLarge(SolverError):
     """The factorisation would not fit into memory."""
+
+
+class OutOfMemory(TooLarge):
+    """Memory ran out in the middle of a computation."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from geometry.materials import Material
 from geometry.mesh import Mesh, is_affine, jacobians
 
 CHUNK_VALUES = 2_000_000  # element-matrix entries held at once by the quadrature path
+SORTED_VALUES = 4_000_000  # entries of all element matrices sorted or summed at once
 
 
 @dataclass(frozen=True)
@@ -184,6 +186,16 @@ def _chunks(cells: IntArray, values_each: int) -> list[IntArray]:
     return np.array_split(cells, max(1, len(cells) * values_each * 30 // CHUNK_VALUES))
 
 
+def _row_chunks(first: IntArray, width: int) -> Iterator[tuple[int, int]]:
+    """Ranges of nodes whose entries are about SORTED_VALUES; every node in one of them."""
+    low, count = 0, len(first) - 1
+    while low < count:
+        high = int(np.searchsorted(first, first[low] + SORTED_VALUES // width, side="right")) - 1
+        high = min(max(high, low + 1), count)
+        yield low, high
+        low = high
+
+
 class _Pattern:
     """Sparsity of the node graph, and where each element's entry goes."""
 
@@ -191,25 +203,43 @@ class _Pattern:
         width = cells.shape[1]
         flat = cells.ravel()
         by_node = np.argsort(flat, kind="stable")
-        indptr = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=node_count) * width)])
         index_type = np.int32 if flat.size * width < 2**31 else np.int64
-        entries = (by_node[:, None] * width + np.arange(width)).astype(index_type)
-        graph = sp.csr_array(
-            (entries.ravel(), cells[by_node // width].astype(index_type).ravel(), indptr.astype(index_type)),
-            shape=(node_count, node_count),
-        )
-        graph.sort_indices()
-        row = np.repeat(np.arange(node_count, dtype=index_type), np.diff(graph.indptr))
-        fresh = np.ones(len(row), dtype=bool)
-        fresh[1:] = (np.diff(row) != 0) | (np.diff(graph.indices) != 0)
-        self.order, self.starts = graph.data, np.flatnonzero(fresh)
-        self.columns = graph.indices[self.starts]
-        self.rows = row[self.starts]
+        self.order = np.empty(flat.size * width, dtype=index_type)
+        first = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=node_count))])  # of each node's elements
+        inner = np.arange(width, dtype=index_type)
+        starts, columns, rows = [], [], []
+        for low, high in _row_chunks(first, width):
+            here: IntArray = by_node[first[low] : first[high]].astype(index_type)
+            begin = int(first[low]) * width
+            graph = sp.csr_array(
+                (
+                    np.add.outer(here * width, inner).ravel(),
+                    cells[here // width].astype(index_type).ravel(),
+                    ((first[low : high + 1] - first[low]) * width).astype(index_type),
+                ),
+                shape=(high - low, node_count),
+            )
+            graph.sort_indices()
+            row = np.repeat(np.arange(low, high, dtype=index_type), np.diff(graph.indptr))
+            fresh = np.ones(len(row), dtype=bool)
+            fresh[1:] = (np.diff(row) != 0) | (np.diff(graph.indices) != 0)
+            kept = np.flatnonzero(fresh)
+            self.order[begin : begin + len(row)] = graph.data
+            starts.append(begin + kept)
+            columns.append(graph.indices[kept])
+            rows.append(row[kept])
+        self.starts, self.columns, self.rows = (np.concatenate(parts) for parts in (starts, columns, rows))
         self.node_count = node_count
         self.indptr = np.concatenate([[0], np.cumsum(np.bincount(self.rows, minlength=node_count))])
 
     def _reduce(self, values: FloatArray) -> FloatArray:
-        return np.asarray(np.add.reduceat(values.ravel()[self.order], self.starts))
+        """Sums over the elements of each pair of nodes, some pairs at a time."""
+        flat, out = values.ravel(), np.empty(len(self.starts))
+        ends = np.append(self.starts[1:], len(self.order))
+        for pairs in np.array_split(np.arange(len(out)), max(1, len(self.order) // SORTED_VALUES)):
+            low, high = self.starts[pairs[0]], ends[pairs[-1]]
+            out[pairs] = np.add.reduceat(flat[self.order[low:high]], self.starts[pairs] - low)
+        return out
 
     def scalar_matrix(self, values: FloatArray) -> sp.csr_array:
         """One value per node pair."""

@@ -25,10 +25,11 @@ Operator = Callable[[FloatArray], FloatArray]
 
 def fits(size: int, count: int) -> bool:
     """Whether the whole basis for `count` pairs of `size` unknowns may be held."""
-    return WIDE * count <= size and 16.0 * size * _most(size, count) <= BYTES
+    return WIDE * count <= size and 16.0 * size * basis_size(size, count) <= BYTES
 
 
-def _most(size: int, count: int) -> int:
+def basis_size(size: int, count: int) -> int:
+    """Vectors that the basis for `count` pairs of `size` unknowns may grow to."""
     return min(size, int(MOST * count) + 24 * BLOCK)
 
 
@@ -37,7 +38,7 @@ def block_lanczos(inverse: Operator, mass: Operator, size: int, count: int) -> t
 
     `inverse` and `mass` apply (K - sigma M)^-1 and M to blocks (size, k). None when the basis would grow too large.
     """
-    most = _most(size, count)
+    most = basis_size(size, count)
     basis = _Basis(size, most, mass)
     basis.append(inverse(mass(_start(size))))
     projected = np.zeros((most, most))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from contextlib import suppress
 from pathlib import Path
@@ -11,16 +12,75 @@ import psutil
 from solvers.errors import TooLarge
 
 MEMORY_SHARE = 0.8  # of what is available: the rest is vectors and the matrices themselves
-GROUP_LIMIT = Path("/sys/fs/cgroup/memory.max")
-GROUP_USED = Path("/sys/fs/cgroup/memory.current")
+GROUPS = Path("/sys/fs/cgroup")
+GROUP_FILES = (  # limit and use in a control group's folder, versions 2 and 1
+    ("memory.max", "memory.current"),
+    ("memory.limit_in_bytes", "memory.usage_in_bytes"),
+)
+STATED = "ANTINODE_MEMORY_GIB"  # what may be taken, stated by the user instead of measured
+
+
+def available_bytes() -> float:
+    """Bytes that this process may still take: what the machine, its control groups and its own limits leave.
+
+    The variable ANTINODE_MEMORY_GIB states it instead.
+    """
+    with suppress(ValueError):
+        stated = float(os.environ.get(STATED, "")) * 2**30
+        if stated > 0.0:
+            return stated
+    return max(0.0, min([float(psutil.virtual_memory().available), *_group_rooms(), *_process_rooms()]))
+
+
+def _group_rooms() -> list[float]:
+    """What each control group that holds this process leaves; nothing where none is limited."""
+    rooms = []
+    for folder in _groups():
+        for limit, used in GROUP_FILES:
+            with suppress(OSError, ValueError):  # no such file, or "max": no limit
+                rooms.append(float((folder / limit).read_text()) - float((folder / used).read_text()))
+    return rooms
+
+
+def _groups() -> list[Path]:
+    """Folders of this process's control groups and of those above them."""
+    found = [GROUPS, GROUPS / "memory"]
+    with suppress(OSError):
+        for line in Path("/proc/self/cgroup").read_text().splitlines():
+            _, names, path = line.split(":", 2)
+            if names in ("", "memory"):
+                folder = (GROUPS / names) / path.strip("/")
+                found += [folder, *(each for each in folder.parents if GROUPS in each.parents)]
+    return list(dict.fromkeys(found))
+
+
+def _process_rooms() -> list[float]:
+    """What `ulimit -v` and `ulimit -d` leave of addresses; nothing without them, or on a system that has none."""
+    with suppress(ImportError, OSError):
+        import resource
+
+        limits = [resource.getrlimit(kind)[0] for kind in (resource.RLIMIT_AS, resource.RLIMIT_DATA)]
+        used = psutil.Process().memory_info().vms
+        return [float(limit - used) for limit in limits if limit != resource.RLIM_INFINITY]
+    return []
 
 
 def room_bytes() -> float:
-    """Bytes a factorisation may take: a share of what the machine, or the process's control group, has left."""
-    left = float(psutil.virtual_memory().available)
-    with suppress(OSError, ValueError):  # no such file, or "max": no limit
-        left = min(left, float(GROUP_LIMIT.read_text()) - float(GROUP_USED.read_text()))
-    return MEMORY_SHARE * max(left, 0.0)
+    """Bytes a factorisation may take: a share of what is left."""
+    return MEMORY_SHARE * available_bytes()
+
+
+def memory_text(fault: MemoryError, doing: str = "") -> str:
+    """One line for a MemoryError: what was being done, how much one array asked for where numpy tells, what to change."""
+    shape, kind = getattr(fault, "shape", None), getattr(fault, "dtype", None)
+    asked = ""
+    if shape is not None and kind is not None:
+        asked = f", {math.prod(shape) * kind.itemsize / 2**30:.3g} GiB were asked for at once"
+    while_doing = f" in the step '{doing}'" if doing else ""
+    return (
+        f"memory ran out{while_doing}{asked}, {available_bytes() / 2**30:.3g} GiB are available: raise solve.accuracy, ask "
+        "for a narrower band or fewer modes, or take solve.model = 'superelement'"
+    )
 
 
 def foresee(needed_bytes: float, unknowns: int) -> int:

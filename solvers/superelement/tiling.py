@@ -67,6 +67,16 @@ def signature(piece: Piece) -> Signature:
 
 def tile(design: Design, longest_m: float) -> Tiling:
     """Cut a plate: one piece per pillar, bare pieces no longer than `longest_m` elsewhere."""
+    x, y = grid(design, longest_m)
+    if not design.rows:
+        return Tiling(x, y, {}, design.is_mirrored)
+    rows = design.row_centres()
+    feet_rows = np.concatenate([-rows[::-1], rows])
+    return Tiling(x, y, _feet(x, y, design.column_centres(), feet_rows), design.is_mirrored)
+
+
+def grid(design: Design, longest_m: float) -> tuple[FloatArray, FloatArray]:
+    """The grid lines of `tile`, x (nx + 1) and y (ny + 1), m."""
     columns = design.column_centres() if design.rows else np.empty(0)
     half_x, half_y = design.length_m / 2.0, design.half_span_m
     x = (
@@ -84,8 +94,7 @@ def tile(design: Design, longest_m: float) -> Tiling:
             upper.append(outer)
     cuts = np.unique(np.round([-c for c in upper] + upper, DIGITS + 3))
     feet_rows = np.concatenate([-rows[::-1], rows])
-    y = _refined(cuts, feet_rows, longest_m)
-    return Tiling(x, y, _feet(x, y, columns, feet_rows), design.is_mirrored)
+    return x, _refined(cuts, feet_rows, longest_m)
 
 
 def _lines_about(centres: FloatArray, pitch: float, end: float, longest: float) -> FloatArray:

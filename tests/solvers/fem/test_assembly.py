@@ -15,6 +15,7 @@ import small_meshes as small
 
 from geometry.materials import Material
 from geometry.mesh import Mesh, is_affine
+from solvers.fem import assembly
 from solvers.fem.assembly import Scale, assemble, elasticity
 from solvers.fem.constraints import mass_rows, rigid_motions
 
@@ -189,3 +190,15 @@ def test_rows_of_the_mass_of_three_components_are_those_of_the_kronecker_product
     rows = np.random.default_rng(0).permutation(3 * len(system.mesh.nodes))[:7]
     truth = np.kron(system.mass.toarray(), np.eye(3))[rows]
     assert np.array_equal(mass_rows(system, rows).toarray(), truth)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_chunks_change_no_digit(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Entries are sorted and summed in the same order, however few at a time."""
+    mesh = small.ALL[kind]()
+    whole = assemble(mesh, BODY, SI)
+    monkeypatch.setattr(assembly, "SORTED_VALUES", 300)
+    parts = assemble(mesh, BODY, SI)
+    for one, other in ((whole.stiffness, parts.stiffness), (whole.mass, parts.mass)):
+        for name in ("indptr", "indices", "data"):
+            assert np.array_equal(getattr(one, name), getattr(other, name))

@@ -1,0 +1,126 @@
+"""What a modal solve takes, told before anything is assembled: bytes of its stages, and operations.
+
+Bytes follow from the arrays that `assembly`, `constraints` and `eigen` hold at once, counted in entries; those of a
+factorisation from `dissection` with measured factors (`studies/benchmarks/foresight.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from solvers.fem.block_lanczos import basis_size, fits
+from solvers.fem.dissection import Fill
+from solvers.fem.eigen import SLICE
+from solvers.fem.factor import preferred
+from solvers.fem.solid import LARGE
+
+ENTRY = 12  # bytes of a sparse matrix's entry: a number and a column
+STIFFNESS, MASS = 9 * ENTRY, 3 * ENTRY  # a pair of nodes, of K and of M with three components
+# bytes of an entry of the dissected factor: at the peak of the factorisation, and afterwards
+FACTOR = {"rslab": (30.0, 15.0), "pardiso": (30.0, 15.0), "superlu": (75.0, 60.0)}
+ANALYSIS, COPY = 60, 30  # bytes of an entry of the matrix: the analysis, what of it stays beside the factor
+VECTORS = 8  # copies of the modes' vectors while they are proven
+DENSE_GAIN = 2.0  # how much faster than vectors' a front's operations run
+FACTORISATIONS = 4  # of one band: both ends, the shift, one more where it is halved
+SOLVES = 3.0  # a mode
+BASIS = 2.5  # vectors of the basis a pair, when Lanczos has converged
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage of a computation and the bytes that it holds at its peak."""
+
+    name: str
+    bytes: float
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Stages one after another, operations, and the unknowns of the largest system solved at once."""
+
+    stages: tuple[Stage, ...] = ()
+    operations: float = 0.0
+    unknowns: int = 0
+
+    @property
+    def peak(self) -> Stage:
+        """The stage that takes most."""
+        return max(self.stages, key=lambda stage: stage.bytes, default=Stage("nothing", 0.0))
+
+    def then(self, other: Cost, held_bytes: float = 0.0) -> Cost:
+        """Another computation after this one, while `held_bytes` of this one stay."""
+        later = tuple(Stage(stage.name, stage.bytes + held_bytes) for stage in other.stages)
+        operations = self.operations + other.operations
+        return Cost(self.stages + later, operations, max(self.unknowns, other.unknowns))
+
+
+@dataclass(frozen=True)
+class MeshCounts:
+    """Elements with `corners` nodes each, nodes, ordered pairs of nodes that share an element, and the factor's fill."""
+
+    elements: float
+    corners: int
+    nodes: float
+    pairs: float
+    fill: Fill
+
+    @property
+    def unknowns(self) -> float:
+        """Displacements before any constraint."""
+        return 3.0 * self.nodes
+
+    @property
+    def mesh_bytes(self) -> float:
+        """Nodes and elements."""
+        return 24.0 * self.nodes + 8.0 * self.elements * self.corners
+
+
+def assembly(mesh: MeshCounts) -> Cost:
+    """Meshing, and K and M by `assembly.assemble`."""
+    entries = mesh.elements * mesh.corners**2
+    making = Stage("meshing", mesh.mesh_bytes + 48.0 * mesh.elements * mesh.corners)
+    summing = Stage("assembling the matrices", mesh.mesh_bytes + 20.0 * entries + (STIFFNESS + 24.0) * mesh.pairs)
+    return Cost((making, summing), 30.0 * entries, round(mesh.unknowns))
+
+
+def factorisation(unknowns: float, entries: float, fill: Fill, times: float) -> Cost:
+    """`times` factorisations of a matrix with so many entries, one held at a time."""
+    peak, _ = FACTOR[preferred(round(unknowns))]
+    stages = (
+        Stage("analysing the factorisation", ANALYSIS * entries),
+        Stage("factorising", peak * fill.entries + COPY * entries),
+    )
+    return Cost(stages, times * fill.operations / DENSE_GAIN, round(unknowns))
+
+
+def modal_solve(unknowns: float, entries: float, fill: Fill, modes: float, near: bool = False) -> Cost:
+    """Eigenpairs of a pencil of so many entries; `near`: all in one go, not by slices of a band."""
+    kept = FACTOR[preferred(round(unknowns))][1] * fill.entries + COPY * entries
+    at_once = modes if near else min(modes, SLICE)
+    if modes >= unknowns - 1.0:
+        return Cost((Stage("a dense eigen-solve", 6.0 * 8.0 * unknowns**2),), 10.0 * unknowns**3, round(unknowns))
+    size, count = round(unknowns), max(1, round(1.1 * at_once) + 4)
+    block = min(basis_size(size, count), BASIS * count + 64.0)
+    basis = 16.0 * size * block if fits(size, count) else 8.0 * size * (3.0 * count + 32.0)
+    slices = max(1.0, modes / SLICE) if not near else 1.0
+    stages = (
+        Stage("the Lanczos vectors", kept + basis + 16.0 * size * modes),
+        Stage("the modes' vectors", ENTRY * entries + VECTORS * 8.0 * size * modes),
+    )
+    solves = SOLVES * modes + 40.0 * slices
+    sweeps = 8.0 * fill.entries * solves + 4.0 * size * (2.5 * count) ** 2 * slices
+    shifts = FACTORISATIONS + 2.0 * (slices - 1.0)
+    return factorisation(unknowns, entries, fill, shifts).then(Cost(stages, sweeps, size))
+
+
+def solid_modes(mesh: MeshCounts, classes: int, modes: float, near: bool = False) -> Cost:
+    """Modes of a meshed body: `classes` mirror classes one after another, so many modes each."""
+    large = mesh.unknowns > LARGE
+    held = mesh.mesh_bytes + (STIFFNESS * (1 if large else 2) + MASS + ENTRY) * mesh.pairs
+    restricted = Stage("taking the free unknowns", mesh.mesh_bytes + (3 * STIFFNESS + ENTRY) * mesh.pairs)
+    solve = modal_solve(mesh.unknowns, 9.0 * mesh.pairs, mesh.fill, modes, near)
+    whole = assembly(mesh).then(Cost((restricted,)))
+    shifted = STIFFNESS * mesh.pairs
+    kept = (classes - 1) * 8.0 * mesh.unknowns * modes
+    found = whole.then(solve, held + shifted + kept)
+    return Cost(found.stages, classes * solve.operations + whole.operations, found.unknowns)
