@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from pipeline.case import Case
 from pipeline.mode_table_model import GAIN
+from solvers.errors import SolverError
 from solvers.piezo.forced import ForcedPlate
 
 FloatArray = NDArray[np.float64]
@@ -50,16 +51,19 @@ def can_be_computed(case: Case) -> bool:
     return patches is not None and bool(patches.sensors) and bool(patches.drivers)
 
 
-def modal_gains(forced: ForcedPlate) -> ModalGains:
+def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains:
     """Modes and gains of a plate with open sensors, the quasi-static rest taken at the wanted mode.
 
-    Modes that no driver moves or no sensor hears (|G| of every pair below 1e-6 V/V) are left out.
+    Without a wanted mode, the one nearest to `near_hz` stands for it; SolverError where that is not given either. Modes that
+    no driver moves or no sensor hears (|G| of every pair below 1e-6 V/V) are left out.
     """
     values = np.concatenate([found.eigenvalue for found in forced.modes])
     gain = np.concatenate([found.gain for found in forced.modes])
     scale = forced.plate.scale.eigenvalue(1.0)
-    tone = forced.wanted_hz()
-    start = int(np.argmin(np.abs(values - scale * (tone or float(np.mean(forced.band_hz))) ** 2)))
+    tone = forced.wanted_hz() or near_hz
+    if tone is None:
+        raise SolverError("no mode of the plate with its patches has the wanted shape: there is none to drive")
+    start = int(np.argmin(np.abs(values - scale * tone**2)))
     rest = sum(one.rest_gain[0] + (values[start] - one.middle) * one.rest_gain[1] for one in forced.modes)
     d, s = forced.drivers, forced.sensors
     held = np.diag(forced.plate.capacitance_f[s]) / forced.plate.stiffness_unit + rest[np.ix_(s, s)]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pipeline import foresight, omissions
-from pipeline.asked import Request, driven_band_hz, model_high_hz, of_case, understood
+from pipeline.asked import Request, driven_band_hz, model_high_hz, of_case, understood, with_search
 from pipeline.case import Case
 from pipeline.omissions import Omission, khz
 from pipeline.resources import Demand, too_much
@@ -180,7 +180,7 @@ def modes_step(case: Case, request: Request) -> Step:
     if not asked.band_hz:
         numbers = {"near_hz": asked.near_hz, "count": asked.count}
     step = _step("modes", f"modes of the {asked.part}", way, classes, _window(asked), left_out, numbers)
-    return replace(step, demand=foresight.of_modes(case, way, asked))
+    return replace(step, demand=foresight.of_modes(case, way, with_search(case, asked)))
 
 
 def _window(asked: Request) -> str:

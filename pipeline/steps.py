@@ -243,7 +243,7 @@ def _board(
     if not (record.get("wanted") or {}).get("frequency_hz"):
         log.left_out("closed loop on the emulated board", "no mode of the wanted shape: there is no mode table")
         return
-    if forced and can_be_computed(case):
+    if forced and can_be_computed(case) and forced.wanted_hz():
         table_export.write_gains(case, folder, log, forced=forced)
     record["board"], found = board.solve(folder, log)
     arrays |= found

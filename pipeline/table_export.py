@@ -100,22 +100,28 @@ def write_table(
         from pipeline.mode_table_gains import can_be_computed
 
         if can_be_computed(case):
-            return write_gains(case, folder, log, stem)
+            return write_gains(case, folder, log, stem, near_hz=found.rows[wanted].frequency_hz)
         log.info("mode table: gains unidentified, no patch drives while another listens; the board finds them")
     return write(table_of(case, found, wanted), folder, stem)
 
 
 def write_gains(
-    case: Case, folder: Path, log: Log, stem: str = "mode_table", forced: ForcedPlate | None = None
+    case: Case,
+    folder: Path,
+    log: Log,
+    stem: str = "mode_table",
+    forced: ForcedPlate | None = None,
+    near_hz: float | None = None,
 ) -> list[Path]:
     """STEM.bin and STEM.h of the patched plate, its gains computed; the log tells them and how to wire the patches.
 
-    `forced`: the plate that a response has solved already.
+    `forced`: the plate that a response has solved already; near_hz: where the mode lies that is driven where the patched
+    plate has no wanted one.
     """
     from pipeline.mode_table_gains import modal_gains
     from pipeline.patched import forced_plate
 
-    gains = modal_gains(forced or forced_plate(case, log))
+    gains = modal_gains(forced or forced_plate(case, log), near_hz)
     table = table_with_gains(case, gains)
     _tell(case, gains, table, log)
     return write(table, folder, stem)

@@ -174,7 +174,9 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
             "superelement, solve.mesh auto or hex"
         )
     foresight.announce(
-        "plates with printed tolerances", foresight.of_response(case, way, band, given.samples * POINTS), log
+        "plates with printed tolerances",
+        foresight.of_response(case, way, band, given.samples * (DRAWN + AROUND_PEAK)),
+        log,
     )
     reach = Deviations(given.height_m, given.side_m, given.position_m).reach_m
     reductions = VariedReductions(

@@ -98,11 +98,11 @@ def test_the_table_carries_them(case: Case, gains: ModalGains) -> None:
 def test_export_computes_them_only_for_patches_that_drive_and_listen(file: Path, case: Case, capsys) -> None:
     target = file.parent / "table.bin"
     assert can_be_computed(case)
-    assert main(["export", "table", str(file), "-o", str(target)]) == 0
+    assert main(["export", "table", str(file), "-o", str(target), "--force"]) == 0
     told = capsys.readouterr().err
     table = from_bytes(target.read_bytes())
     assert table.modes[table.wanted].gain is not None and "gain 0." in told and "on PA5" in told
-    assert main(["export", "table", str(file), "-o", str(target), "--set", "patches.sensors=[]"]) == 0
+    assert main(["export", "table", str(file), "-o", str(target), "--force", "--set", "patches.sensors=[]"]) == 0
     told = capsys.readouterr().err
     assert all(mode.gain is None for mode in from_bytes(target.read_bytes()).modes)
     assert "unidentified" in told and "bond the patches" not in told

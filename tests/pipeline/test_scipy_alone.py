@@ -87,8 +87,9 @@ def test_a_cross_check_that_memory_cannot_hold_is_left_out_and_told(monkeypatch:
         raise TooLarge("factorising 314396 unknowns needs about 7.5 GiB, 4.0 GiB are free")
 
     done: list[str] = []
-    monkeypatch.setattr(tet_steps.modes, "solve_modes", lambda *_: SimpleNamespace(rows=[None]))
-    monkeypatch.setattr(tet_steps.modes, "wanted_row", lambda *_: 0)
+    monkeypatch.setattr(
+        tet_steps.modes, "solve_modes", lambda *_: SimpleNamespace(wanted=SimpleNamespace(row=object()))
+    )
     monkeypatch.setattr(tet_steps, "_plate", too_large)
     monkeypatch.setattr(tet_steps, "_cell", lambda *_: done.append("cell"))
     log, record = Told(), {"meshes": []}
