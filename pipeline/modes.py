@@ -217,9 +217,9 @@ class _Class:
 
     def __init__(self, case: Case, part: str, model: PartModel, parity: str | None, log: Log) -> None:
         self.case, self.part, self.model, self.parity, self.log = case, part, model, parity, log
-        self.pencil: SymmetricPencil = model.pencil(parity)
-        self.dof = self.pencil.dof
-        self.vectors: FloatArray = np.empty((self.dof, 0))
+        self.pencil: SymmetricPencil
+        self.dof = 0
+        self.vectors: FloatArray
         self.rows: tuple[ModeRow, ...] = ()
         self.rigid_count = 0
         self.nearest_hz: float | None = None
@@ -229,6 +229,9 @@ class _Class:
         """Solve what was asked for."""
         name = f"class {self.parity or 'whole'}"
         with self.log.step(f"solve {name}"):
+            self.pencil = self.model.pencil(self.parity)
+            self.dof = self.pencil.dof
+            self.vectors = np.empty((self.dof, 0))
             found = _solve(self.pencil, asked)
             self.rows, self.count, self.rigid_count = self._kept(found), found.count, found.rigid_count
             if not self.rows and asked.band_hz:
