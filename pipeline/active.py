@@ -48,6 +48,8 @@ def run(arguments: Namespace) -> int:
     """One model: text or JSON on standard output, JSON, figures and files into --out."""
     _refuse_foreign_options(arguments)
     case, log = _case(arguments), TerminalLog(arguments.quiet)
+    if case:
+        outputs.of_case(arguments, case)
     try:
         found = _models()[arguments.model](arguments, case, log)
     except SolverError as fault:  # these models have no meshes and no iterations: what stops them is what was asked

@@ -17,7 +17,7 @@ LATER = "is not part of this version yet; the commands that are there: antinode 
 
 
 def _case(arguments: Namespace) -> Case:
-    case = load_case(arguments.case, arguments.set)
+    case = outputs.of_case(arguments, load_case(arguments.case, arguments.set))
     outputs.check_places(arguments)  # once more: now it is known what else the case reads
     return case
 

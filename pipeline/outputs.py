@@ -12,20 +12,27 @@ import tempfile
 from argparse import Namespace
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from geometry import files
 from pipeline.errors import InputFault
 from pipeline.store import StoreError, write_atomic
+
+if TYPE_CHECKING:
+    from pipeline.case import Case
 
 STANDARD_OUTPUT = "-"
 FORMULA = ("=", "+", "-", "@", "\t", "\n")  # what begins a formula in some spreadsheet
 
 
 def emit(arguments: Namespace, name: str, document: dict[str, Any], text: str) -> None:
-    """Text on standard output unless a document goes there; JSON to its file, and as NAME.json into --out."""
-    encoded = json.dumps(document, indent=1, allow_nan=False) + "\n"
+    """Text on standard output unless a document goes there; JSON to its file, and as NAME.json into --out.
+
+    Every document also says which case it answers, as it was understood, and by which version.
+    """
+    encoded = json.dumps({"schema": 1, **_about(arguments), **document}, indent=1, allow_nan=False) + "\n"
     if is_standard_output(arguments.json):
         sys.stdout.write(encoded)
     elif not is_standard_output(getattr(arguments, "output", None)):
@@ -34,6 +41,19 @@ def emit(arguments: Namespace, name: str, document: dict[str, Any], text: str) -
         write_file(Path(arguments.json), encoded.encode())
     if getattr(arguments, "out", None):
         write_file(folder(arguments.out) / f"{name}.json", encoded.encode())
+
+
+def of_case(arguments: Namespace, case: Case) -> Case:
+    """The case, noted as the one that the command's documents answer."""
+    arguments.answered = case
+    return case
+
+
+def _about(arguments: Namespace) -> dict[str, Any]:
+    """Name of the case, its design with every default, and the version; None for a command without a case."""
+    case: Case | None = getattr(arguments, "answered", None)
+    design = case.as_understood() if case else None
+    return {"case": case.name if case else None, "design": design, "version": version("antinode")}
 
 
 def is_standard_output(place: str | os.PathLike[str] | None) -> bool:

@@ -6,6 +6,7 @@ from argparse import Namespace
 from typing import Any
 
 from pipeline import outputs
+from pipeline.case import load_case
 from pipeline.errors import InputFault
 from pipeline.logs import TerminalLog
 from pipeline.quantities import parse_frequency
@@ -19,6 +20,7 @@ def search(arguments: Namespace) -> int:
     """Search the design that holds the wanted mode best."""
     limits = limits_of(arguments)
     space = read_space(arguments.case, arguments.set, arguments.vary)
+    outputs.of_case(arguments, load_case(arguments.case, arguments.set))
     outputs.check_places(arguments)
     from pipeline.search import search as find
     from pipeline.search_designs import Settings

@@ -14,7 +14,8 @@ from pipeline.quantities import parse_band
 def tolerance(arguments: Namespace) -> int:
     """Read the case, draw its plates, tell."""
     more = [f"tolerance.{key}={value}" for key in ("samples", "seed") if (value := getattr(arguments, key)) is not None]
-    case, log = load_case(arguments.case, [*arguments.set, *more]), TerminalLog(arguments.quiet)
+    case = outputs.of_case(arguments, load_case(arguments.case, [*arguments.set, *more]))
+    log = TerminalLog(arguments.quiet)
     outputs.check_places(arguments)
     band = parse_band(arguments.band, "--band") if arguments.band else None
     if arguments.explain:
