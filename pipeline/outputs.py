@@ -50,10 +50,10 @@ def of_case(arguments: Namespace, case: Case) -> Case:
 
 
 def _about(arguments: Namespace) -> dict[str, Any]:
-    """Name of the case, its design with every default, and the version; None for a command without a case."""
+    """Name of the case, the case with every default, and the version; None for a command without a case."""
     case: Case | None = getattr(arguments, "answered", None)
-    design = case.as_understood() if case else None
-    return {"case": case.name if case else None, "design": design, "version": version("antinode")}
+    whole = case.as_understood() if case else None
+    return {"case": case.name if case else None, "with_defaults": whole, "version": version("antinode")}
 
 
 def is_standard_output(place: str | os.PathLike[str] | None) -> bool:

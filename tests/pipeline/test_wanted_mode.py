@@ -120,4 +120,4 @@ def test_an_empty_answer_says_where_modes_are(capsys: pytest.CaptureFixture[str]
 def test_every_document_says_what_it_answers(command: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     told = document(command[0], str(SMALL), *command[1:], "--set", "array.rows=2", capsys=capsys)
     assert told["schema"] == 1 and told["case"] == "small" and told["version"]
-    assert told["design"] == load_case(str(SMALL), ["array.rows=2"]).as_understood()
+    assert told["with_defaults"] == load_case(str(SMALL), ["array.rows=2"]).as_understood()
