@@ -17,6 +17,11 @@ from pipeline.house import ROOT
 from pipeline.quantities import parse_band, parse_frequency
 from pipeline.resources import GIB, Demand
 
+MEASURED = """import sys
+from pipeline import cli, peak_memory
+code = cli.main(sys.argv[1:])
+print(peak_memory.peak_bytes())
+sys.exit(code)"""  # the process tells its own peak: what its parent reads of it may begin with the parent's size
 REFERENCE, SMALL = "studies/three-rows.toml", "examples/small.toml"
 ROUND = 'pillar={shape="round",diameter_mm=2.0,height_mm=6.3}'
 SCENES: dict[str, tuple[str, ...]] = {
@@ -71,15 +76,11 @@ def peak_bytes(name: str) -> int:
     """The largest resident size of the scene's command, its caches empty, B. RuntimeError where it fails."""
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "ANTINODE_RESULTS": folder, "PYTHONPATH": str(ROOT)}
-        command = [sys.executable, "-m", "pipeline.cli", *SCENES[name], "--quiet", "--json", f"{folder}/found.json"]
-        process = subprocess.Popen(
-            command, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise RuntimeError(f"{name}: exit code {process.returncode}")
-    return usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+        command = [sys.executable, "-c", MEASURED, *SCENES[name], "--quiet", "--json", f"{folder}/found.json"]
+        ended = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
+    if ended.returncode:
+        raise RuntimeError(f"{name}: exit code {ended.returncode}")
+    return int(ended.stdout.split()[-1])
 
 
 def main(names: list[str]) -> None:

@@ -10,7 +10,7 @@ import pytest
 from pipeline.bands import solve_bands
 from pipeline.case import load_case
 from pipeline.logs import TerminalLog
-from pipeline.modes import Request, solve_modes, wanted_row
+from pipeline.modes import Request, solve_modes
 
 CASE = Path(__file__).resolve().parents[2] / "studies" / "three-rows.toml"
 COARSE, FINE = (0.03, 0.01, 0.003), 0.0005
@@ -55,9 +55,8 @@ def wanted(name: str, overrides: list[str], accuracy: float) -> tuple[float, flo
     """The wanted mode's frequency and confinement (dB), and the bars of both."""
     case = load_case(CASE, [*overrides, f"solve.accuracy={accuracy}"])
     found = solve_modes(case, Request(name, parity=case.parity_wanted), CALM)
-    index = wanted_row(found, case)
-    assert index is not None and found.bar and found.bar.frequency is not None
-    row = found.rows[index]
+    row = found.wanted.row if found.wanted else None
+    assert row is not None and found.bar and found.bar.frequency is not None
     return row.frequency_hz, found.bar.frequency, row.confinement_db, found.bar.confinement_db
 
 

@@ -138,7 +138,7 @@ def first_even(forced: ForcedPlate) -> tuple[float, float, float]:
     field = found.group.touch(found.columns[:, [index]])[found.group.parities.index("++")]
     end = field.values[np.argmax(field.points[:, 0]), 0]
     plate = forced.plate
-    unit = plate.stiffness_unit / np.sqrt(plate.mass_unit)
+    unit = plate.stiffness_unit / np.sqrt(plate.scale.mass_kg)
     return float(found.frequency_hz[index]), float(found.gain[index, 0] * unit), float(end)
 
 
