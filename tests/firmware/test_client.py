@@ -103,7 +103,8 @@ def test_the_log_of_a_running_board(board, capsys, tmp_path: Path) -> None:
     """Windows come evenly, and the last ones hold what was asked for."""
     from firmware.emulate.line import EmulatedPort
 
-    client.Client(EmulatedPort(board)).start(0.05)
+    talk = client.Client(EmulatedPort(board))
+    talk.start(0.05)
     board.run(0.05)
     file = tmp_path / "log.csv"
     assert client.main(["COM7", "log", str(file), "--every", "5", "--seconds", "0.5"]) == 0
@@ -111,7 +112,7 @@ def test_the_log_of_a_running_board(board, capsys, tmp_path: Path) -> None:
     assert len(rows) >= 4 and "lost" not in capsys.readouterr().out
     assert {after["window"] - before["window"] for before, after in pairwise(rows)} == {5.0}
     assert math.hypot(rows[-1]["measured_d"], rows[-1]["measured_q"]) == pytest.approx(0.05, rel=0.02)
-    assert rows[-1]["reference"] == pytest.approx(0.05) and board.app.state == 2
+    assert rows[-1]["reference"] == pytest.approx(0.05) and talk.look().state == "run"
 
 
 def test_a_sound_reaches_the_board_in_time(board, capsys, tmp_path: Path) -> None:
