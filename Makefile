@@ -10,7 +10,7 @@ SIX_TABLE := firmware/generated/six_table.bin
 JOBS ?=
 EXTRAS ?= fast,firmware,client,dev
 .DEFAULT_GOAL := help
-.PHONY: help setup study test test-all check-gap firmware flash flash-six bench licences clean
+.PHONY: help setup study test test-all check-gap firmware image-single image-six flash flash-six bench licences clean
 
 help:  ## what the targets do
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -51,14 +51,18 @@ $(SIX_TABLE): $(READY)
 	@mkdir -p $(@D)
 	@$(BIN)/python -m pipeline.mode_table_shaping $@ --unmeasured
 
-firmware: $(TABLE) $(SIX_TABLE)  ## both STM32F446 images from exported mode tables
+firmware: image-single image-six  ## both STM32F446 images from exported mode tables
+
+image-single: $(TABLE)
 	@$(BIN)/python -m firmware.build --table $(TABLE)
+
+image-six: $(SIX_TABLE)
 	@$(BIN)/python -m firmware.build --table $(SIX_TABLE) --variant six
 
-flash: firmware  ## put the one-mode image onto a board (OpenOCD, pyOCD, probe-rs or st-flash)
+flash: image-single  ## put the one-mode image onto a board (OpenOCD, pyOCD, probe-rs or st-flash)
 	@$(BIN)/python -m firmware.flash single
 
-flash-six: firmware  ## the same with the six-channel image
+flash-six: image-six  ## the same with the six-channel image
 	@$(BIN)/python -m firmware.flash six
 
 bench: $(READY)  ## error against run time

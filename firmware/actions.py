@@ -112,15 +112,26 @@ def log(client: Client, told: argparse.Namespace) -> None:
         with told.file.open("w", newline="") as file:
             rows = csv.writer(file)
             rows.writerow(["window", "measured_d", "measured_q", "drive_d", "drive_q", "reference"])
-            for _ in _looks(client, told.seconds):
-                for record in client.take_records():
-                    lost += _missing(last, record, told.every)
-                    count, last = count + 1, record
-                    rows.writerow(_row(record))
+            for record in _records(client, told.seconds):
+                lost += _missing(last, record, told.every)
+                count, last = count + 1, record
+                rows.writerow(_row(record))
     finally:
         with suppress(BoardError, OSError):
             client.log(0)
         print(f"{told.file}: {count} records" + (f", {lost} were lost: try a larger --every" if lost else ""))
+
+
+def _records(client: Client, seconds: float | None) -> Iterator[Record]:
+    """The log as it comes: read all the time, because a port keeps no more than 4096 bytes."""
+    now = next_look = time.monotonic()
+    end = None if seconds is None else now + seconds
+    while end is None or now < end:
+        if now >= next_look:
+            client.look()
+            next_look = now + LOOK_S
+        yield from client.take_records()
+        now = time.monotonic()
 
 
 def _row(record: Record) -> list[object]:
@@ -137,25 +148,29 @@ def stream(client: Client, told: argparse.Namespace) -> None:
     client.start(told.reference)
     while client.look().state == "identify":
         time.sleep(LOOK_S)
-    before = client.look().starved
     client.stream(told.every)
-    _give(client, told.factors, told.every / WINDOW_HZ)
-    late = client.look().starved - before
+    late = _give(client, told.factors, told.every / WINDOW_HZ)
     client.stop()
     print(f"{len(told.factors)} samples at {WINDOW_HZ / told.every:g} Hz" + (f", {late} came late" if late else ""))
 
 
-def _give(client: Client, factors: list[float], sample_s: float) -> None:
-    """Keeps the board's store of samples filled, then waits until it is played."""
-    at, piece = 0, PAYLOAD_MAX // 2
+def _give(client: Client, factors: list[float], sample_s: float) -> int:
+    """Keeps the board's store of samples filled, then waits until it is played; how many were missing meanwhile."""
+    at, before = 0, None
     while at < len(factors):
-        taken = client.samples(factors[at : at + piece])
+        piece = factors[at : at + PIECE]
+        taken = client.samples(piece)
         at += taken
-        if taken < piece:
-            time.sleep(piece * sample_s)
+        if before is None:
+            before = client.look().starved  # those from before the first samples do not count
+        if taken < len(piece):
+            time.sleep(PIECE * sample_s)
+    late = client.look().starved - (before or 0)
     time.sleep(STORE * sample_s)
+    return late
 
 
+PIECE = PAYLOAD_MAX // 2  # samples in a request
 STORE = 256  # samples that the board has room for
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from firmware.actions import DRIVING, LOOK_S, WINDOW_HZ
-from firmware.client import BoardError, Client, figure
+from firmware.client import Client, Refused, figure
 from firmware.protocol import PROTOCOL, Identity, SixStatus, Status
 
 REST_OFFSET = 0.01  # of full scale: 16 mV, what two resistors of 1 % make of 1.65 V
@@ -70,8 +70,9 @@ def check_line(client: Client, identity: Identity) -> Iterator[Check]:
 def check_rest(client: Client, identity: Identity) -> Iterator[Check]:
     """At 1.65 V on the sensor's pin the board rests without a fault, and its windows come at their rate."""
     try:
-        client.clear()
-    except BoardError as error:
+        if client.look().state == "fault":
+            client.clear()
+    except Refused as error:
         yield Check("fault cleared", False, str(error))
         return
     time.sleep(LOOK_S)

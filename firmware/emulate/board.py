@@ -1,15 +1,19 @@
 """An emulated STM32F446 that runs the unmodified image; what stands at its converters is for the builds to say.
 
 Unicorn executes the Cortex-M4 code, start-up included. It raises no interrupts by itself, so this board calls the handlers as
-the hardware would: the fast one at every sample, PendSV when the image asked for it, and the main loop goes on when a
-slow step woke it. Peripherals are memory that both sides see; clock and flash controller answer through callbacks.
+the hardware would: the fast one at every sample, PendSV when the image asked for it, SysTick by its own reload value, and
+after each of them the main loop goes on, for any interrupt ends its wait. Main loop passes take no time. Peripherals are
+memory that both sides see; clock and flash controller answer through callbacks. Line speed, sample rate and SysTick follow
+from the clock that the image has set up.
 """
 
 from __future__ import annotations
 
 import ctypes
+import math
 import mmap
 import struct
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +22,7 @@ from unicorn import UC_ARCH_ARM, UC_HOOK_CODE, UC_MODE_MCLASS, UC_MODE_THUMB, UC
 from unicorn.arm_const import (
     UC_ARM_REG_FPEXC,
     UC_ARM_REG_LR,
+    UC_ARM_REG_PC,
     UC_ARM_REG_R0,
     UC_ARM_REG_R1,
     UC_ARM_REG_R2,
@@ -41,14 +46,26 @@ CLOCK_CONTROL, FLASH_CONTROL = 0x800, 0xC00  # within it
 DMA, DMA_BYTES = 0x40026000, 0x1000
 CORE, CORE_BYTES = 0xE0000000, 0x10000
 STUBS = 0x00100000
-RETURN = STUBS + 0x20
+RETURN = STUBS + 0x80
 
 IWDG = 0x40003000
 PWR_CSR, GPIOC_IDR, ICSR = 0x40007004, 0x40020810, 0xE000ED04
 RECEIVE, SEND = DMA + 0x10 + 0x18 * 5, DMA + 0x10 + 0x18 * 6  # DMA1 streams: CR, NDTR, PAR, M0AR
-PENDSV, WAIT_FOR_INTERRUPT = 1 << 28, b"\x30\xbf"
+SYSTICK_CONTROL, SYSTICK_RELOAD = 0xE000E010, 0xE000E014
+NVIC_ENABLE = 0xE000E100
+USART_BRR = 0x40004408
+WAIT_FOR_INTERRUPT = b"\x30\xbf"
 BOOT_INSTRUCTIONS = 20_000_000
-BYTE_S = 10 * 49 / 45e6  # ten bits, 45 MHz / 49
+BAUD, BAUD_TOLERANCE = 921600, 0.03  # of the other end, and what ten bits forgive
+LSI_HZ = 32e3  # data sheet: 17 to 47 kHz
+
+# Enters a handler as the core does (registers saved, PendSV chained behind when it was asked for) and goes on in the main loop.
+ENTRY = bytes.fromhex(
+    "2de90f50 2ded100a f1ee100a 11b4 dff834c0 e047 0c48 0168 c900 08d5 0021 0160 0a48 0168 0131 0160 dff824c0 e047"
+    "11bc e1ee100a bdec100a bde80f50 dff814f0 00bf 00bf"
+)
+HANDLER, PENDING, WINDOWS, SLOW, BACK = 0x44, 0x48, 0x4C, 0x50, 0x54  # words behind it
+NOTHING, WINDOWS_COUNT = 0x58, 0x60  # bx lr; slow steps so far
 
 
 class EmulatedBoard:
@@ -56,15 +73,23 @@ class EmulatedBoard:
 
     FAST_HANDLER = "ADC_IRQHandler"
 
-    def __init__(self, image: Path, sample_rate_hz: float, dead_crystal: bool = False) -> None:
+    def __init__(
+        self,
+        image: Path,
+        sample_rate_hz: float,
+        dead_crystal: bool = False,
+        dead_pll: bool = False,
+        lsi_hz: float = LSI_HZ,
+    ) -> None:
         self.elf = Elf.read(image)
         self.sample_s = 1.0 / sample_rate_hz
-        self.dead_crystal = dead_crystal
+        self.dead_crystal, self.dead_pll, self.lsi_hz = dead_crystal, dead_pll, lsi_hz
         self.resets = 0
+        self.time_s = 0.0
         self.on_window: Callable[[], None] | None = None
-        self.slow_stuck = False
         self.uc = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
         self.uc.ctl_set_cpu_model(UC_CPU_ARM_CORTEX_M4)
+        self.words: dict[int, ctypes.c_uint32] = {}
         self.memory = {start: self._shared(start, size) for start, size in _SHARED}
         self.uc.mmio_map(CONTROL, CONTROL_BYTES, self._control_read, None, self._control_write, None)
         self.sector = bytearray(b"\xff" * SECTOR_BYTES)
@@ -77,22 +102,23 @@ class EmulatedBoard:
         """As the reset line, or the watchdog, does: peripherals clear, memory stays, the image starts anew."""
         for start in (APB1, APB2, AHB1, DMA, CORE):
             ctypes.memset(self._address(start), 0, dict(_SHARED)[start])
-        self.clock = Clock(self.dead_crystal, by_watchdog)
+        self.clock = Clock(self.dead_crystal, self.dead_pll, by_watchdog)
         self.flash = FlashController(SECTOR_NUMBER, self.sector, self._stall)
         self.bitten = False
         self.word(PWR_CSR).value = 3 << 16
         self.press(False)
-        self.time_s = 0.0
-        self.fed_s = 0.0
-        self.sent_s = 0.0
-        self.delivered_s = 0.0
+        self.fed_s = self.sent_s = self.delivered_s = self.ticked_s = self.time_s
         self.received = bytearray()
         self.incoming = bytearray()
         self.uc.reg_write(UC_ARM_REG_FPEXC, 0x40000000)
         self.uc.reg_write(UC_ARM_REG_SP, int.from_bytes(self._flash_bytes(0, 4), "little"))
         self._run(self.elf.symbols["Reset_Handler"].address, self.idle, BOOT_INSTRUCTIONS)
-        self.main_context = self.uc.context_save()
+        if self.uc.reg_read(UC_ARM_REG_PC) & ~1 != self.idle:
+            raise RuntimeError("the image never reached its main loop")
         self.ring_bytes = self.word(RECEIVE + 4).value
+        systick = self.word(SYSTICK_CONTROL).value & 3 == 3
+        self.systick_s = (self.word(SYSTICK_RELOAD).value + 1) / self.clock.core_hz if systick else math.inf
+        self.seen_windows = self.windows.value
 
     def run(self, seconds: float) -> None:
         """Advances by a time."""
@@ -100,7 +126,7 @@ class EmulatedBoard:
             self.tick()
 
     def run_until(self, condition: Callable[[], bool], seconds: float) -> bool:
-        """Advances until a condition, looked at after each window, holds; False when it did not within the time."""
+        """Advances until a condition, looked at after each 50 ticks, holds; False when it did not within the time."""
         end = self.time_s + seconds
         while self.time_s < end:
             for _ in range(50):
@@ -110,22 +136,47 @@ class EmulatedBoard:
         return False
 
     def tick(self) -> None:
-        """One sample period: the converters at the trigger, then the interrupts, then the main loop if it was woken."""
-        self._exchange()
-        self._call(self.fast_stub)
+        """One sample period: the converters at the trigger, then the interrupts, the main loop after each of them."""
+        if self._exchange():
+            self.interrupt(self.fast_handler)
         self.time_s += self.sample_s
-        if self.pending.value & PENDSV:
-            self.pending.value = 0
-            self._end_window()
+        self._serve_systick()
+        self._serve_uart()
+        self._serve_watchdog()
+        if self.windows.value != self.seen_windows:
+            self.seen_windows = self.windows.value
+            if self.on_window:
+                self.on_window()
 
-    def _end_window(self) -> None:
-        if not self.slow_stuck:
-            self._call(self.slow_stub)
-        self._main_pass()
-        if self.on_window:
-            self.on_window()
+    def interrupt(self, handler: int) -> None:
+        """Enters a handler, then PendSV if it was asked for, then lets the main loop go on until it waits again."""
+        self.handler.value = handler | 1
+        self.uc.emu_start(STUBS | 1, self.idle)
 
-    def _exchange(self) -> None:
+    @property
+    def slow_stuck(self) -> bool:
+        """True: PendSV's handler never runs, as if something more urgent never ended."""
+        return self.slow.value == STUBS + NOTHING | 1
+
+    @slow_stuck.setter
+    def slow_stuck(self, stuck: bool) -> None:
+        self.slow.value = (STUBS + NOTHING if stuck else self.symbol("PendSV_Handler")) | 1
+
+    @property
+    def main_stuck(self) -> bool:
+        """True: the main loop never goes on, as if it were busy for ever."""
+        return self.back.value == self.idle | 1
+
+    @main_stuck.setter
+    def main_stuck(self, stuck: bool) -> None:
+        self.back.value = (self.idle if stuck else self.idle + 2) | 1
+
+    def is_enabled(self, line: int) -> bool:
+        """True when the image let an interrupt through."""
+        return bool(self.word(NVIC_ENABLE + 4 * (line // 32)).value >> (line % 32) & 1)
+
+    def _exchange(self) -> bool:
+        """What happens at a trigger; true when the fast handler is to follow."""
         raise NotImplementedError
 
     def send(self, data: bytes) -> None:
@@ -138,7 +189,9 @@ class EmulatedBoard:
 
     def word(self, address: int) -> ctypes.c_uint32:
         """A 32-bit word of shared memory, to be read and written in place."""
-        return ctypes.c_uint32.from_address(self._address(address))
+        if address not in self.words:
+            self.words[address] = ctypes.c_uint32.from_address(self._address(address))
+        return self.words[address]
 
     def symbol(self, name: str) -> int:
         """Address of an object or function of the image."""
@@ -147,7 +200,6 @@ class EmulatedBoard:
     @property
     def stack_pointer(self) -> int:
         """Where the main loop's stack ends while it waits."""
-        self.uc.context_restore(self.main_context)
         return self.uc.reg_read(UC_ARM_REG_SP)
 
     def peek(self, address: int, length: int) -> bytes:
@@ -164,7 +216,7 @@ class EmulatedBoard:
 
     def call(self, name: str, *arguments: int | float) -> int:
         """Calls a function of the image as its main loop would: whole numbers in r0 on, fractions in s0 on; returns r0."""
-        self.uc.context_restore(self.main_context)
+        context = self.uc.context_save()
         whole = [value for value in arguments if isinstance(value, int)]
         fractions = [struct.pack("<f", value) for value in arguments if isinstance(value, float)]
         for register, value in zip(_WHOLE, whole, strict=False):
@@ -173,27 +225,33 @@ class EmulatedBoard:
             self.uc.reg_write(register, int.from_bytes(packed, "little"))
         self.uc.reg_write(UC_ARM_REG_LR, RETURN | 1)
         self._run(self.symbol(name), RETURN)
-        return self.uc.reg_read(UC_ARM_REG_R0)
+        result = self.uc.reg_read(UC_ARM_REG_R0)
+        self.uc.context_restore(context)
+        return int(result)
 
-    def count_instructions(self, function: Callable[[], Any], within: str) -> int:
-        """How many instructions of the image a function makes it execute from a routine's entry to its return."""
-        count, back, entry, outside = 0, 0, self.symbol(within), True
+    def count_instructions(self, run: Callable[[], Any], *routines: str) -> dict[str, Counter[int]]:
+        """How often each routine took how many instructions, entry to return, calls included, while something runs."""
+        entries = {self.symbol(name): name for name in routines}
+        counts: dict[str, Counter[int]] = {name: Counter() for name in routines}
+        count, back, inside = 0, 0, ""
 
         def each(uc: Uc, address: int, *_: Any) -> None:
-            nonlocal count, outside, back
-            if address == entry:
-                outside, back = False, uc.reg_read(UC_ARM_REG_LR) & ~1
-            elif address == back:
-                outside = True
-            count += not outside
+            nonlocal count, back, inside
+            if inside and address == back:
+                counts[inside][count] += 1
+                inside = ""
+            if address in entries:
+                count, back, inside = 0, uc.reg_read(UC_ARM_REG_LR) & ~1, entries[address]
+            count += 1
 
         self.uc.ctl_flush_tb()  # type: ignore[attr-defined]  # code translated before knows of no hook
         hook = self.uc.hook_add(UC_HOOK_CODE, each)
         try:
-            function()
+            run()
         finally:
             self.uc.hook_del(hook)
-        return count
+            self.uc.ctl_flush_tb()  # type: ignore[attr-defined]
+        return counts
 
     def _shared(self, start: int, size: int) -> mmap.mmap:
         memory = mmap.mmap(-1, size)
@@ -218,28 +276,26 @@ class EmulatedBoard:
         main = self.elf.symbols["main"]
         at = self._flash_bytes(main.address - FLASH, main.size).index(WAIT_FOR_INTERRUPT)
         self.idle = main.address + at
-        self.pending = self.word(ICSR)
 
     def _write_stubs(self) -> None:
-        """ldr r12, [pc, #4]; blx r12; nop: a call that returns to a place of our own."""
-        self.uc.mem_map(STUBS, 0x1000)
-        self.fast_stub, self.slow_stub = STUBS, STUBS + 0x10
-        for stub, handler in ((self.fast_stub, self.FAST_HANDLER), (self.slow_stub, "PendSV_Handler")):
-            code = b"\xdf\xf8\x04\xc0" + b"\xe0\x47" + b"\x00\xbf"
-            self.uc.mem_write(stub, code + (self.symbol(handler) | 1).to_bytes(4, "little"))
-
-    def _call(self, stub: int) -> None:
-        self.uc.emu_start(stub | 1, stub + 6)
+        self.fast_handler = self.symbol(self.FAST_HANDLER)
+        self.poke(STUBS, ENTRY)
+        self.poke(STUBS + NOTHING, b"\x70\x47")
+        places = (HANDLER, WINDOWS, SLOW, BACK)
+        self.handler, count, self.slow, self.back = (self.word(STUBS + at) for at in places)
+        self.word(STUBS + PENDING).value = ICSR
+        self.windows = self.word(STUBS + WINDOWS_COUNT)
+        count.value = STUBS + WINDOWS_COUNT
+        self.slow_stuck = self.main_stuck = False
 
     def _run(self, start: int, end: int, limit: int = 0) -> None:
         self.uc.emu_start(start | 1, end, count=limit)
 
-    def _main_pass(self) -> None:
-        self._serve_uart()
-        self.uc.context_restore(self.main_context)
-        self._run(self.idle + 2, self.idle)
-        self.uc.context_update(self.main_context)
-        self._serve_watchdog()
+    def _serve_systick(self) -> None:
+        while self.time_s - self.ticked_s >= self.systick_s:
+            self.ticked_s += self.systick_s
+            if self.word(SYSTICK_CONTROL).value & 3 == 3:
+                self.interrupt(self.symbol("SysTick_Handler"))
 
     def _serve_watchdog(self) -> None:
         self._watch()
@@ -248,12 +304,12 @@ class EmulatedBoard:
             self.reset(by_watchdog=True)
 
     def _watch(self) -> None:
-        """Fed since it was looked at last, or too late; its oscillator runs at its nominal 32 kHz."""
-        key, prescaler, reload = (self.word(IWDG + at).value for at in (0, 4, 8))
-        if key == 0xAAAA:
+        """Fed since it was looked at last, or too late."""
+        if self.word(IWDG).value == 0xAAAA:
             self.word(IWDG).value = 0
             self.fed_s = self.time_s
-        self.bitten |= self.time_s - self.fed_s > (reload + 1) * (4 << prescaler) / 32e3
+        prescaler, reload = self.word(IWDG + 4).value, self.word(IWDG + 8).value
+        self.bitten |= self.time_s - self.fed_s > (reload + 1) * (4 << prescaler) / self.lsi_hz
 
     def _stall(self, seconds: float) -> None:
         """The chip does nothing else while its flash memory is busy."""
@@ -261,15 +317,29 @@ class EmulatedBoard:
         self.time_s += seconds
         self._watch()
 
+    @property
+    def byte_s(self) -> float:
+        """Time of a byte's ten bits on the line, by the image's own divider and clock."""
+        return 10.0 * self.word(USART_BRR).value / self.clock.apb1_hz
+
+    def _on_the_line(self, data: bytes) -> bytes:
+        """What the other end makes of it: nonsense when the two speeds differ too much."""
+        off = abs(10.0 / self.byte_s / BAUD - 1.0)
+        return data if off <= BAUD_TOLERANCE else bytes(byte * 7 + 3 & 0xFF for byte in data)
+
     def _serve_uart(self) -> None:
-        self._deliver(max(round((self.time_s - self.delivered_s) / BYTE_S), 0))
-        self.delivered_s = self.time_s
-        control, length, memory = self.word(SEND), self.word(SEND + 4), self.word(SEND + 12)
-        if control.value & 1 and self.time_s >= self.sent_s + length.value * BYTE_S:
-            self.received += ctypes.string_at(self._address(memory.value), length.value)
+        control = self.word(SEND)
+        sending = control.value & 1
+        if not sending and not self.incoming:
+            self.sent_s = self.delivered_s = self.time_s
+            return
+        count = int((self.time_s - self.delivered_s) / self.byte_s)
+        self._deliver(count)
+        self.delivered_s += count * self.byte_s
+        length, memory = self.word(SEND + 4), self.word(SEND + 12)
+        if sending and self.time_s >= self.sent_s + length.value * self.byte_s:
+            self.received += self._on_the_line(ctypes.string_at(self._address(memory.value), length.value))
             control.value &= ~1
-            self.sent_s = self.time_s
-        elif not control.value & 1:
             self.sent_s = self.time_s
 
     def _deliver(self, count: int) -> None:
@@ -278,7 +348,7 @@ class EmulatedBoard:
         if not control.value & 1 or not self.incoming:
             return
         start = self._address(memory.value)
-        for byte in self.incoming[:count]:
+        for byte in self._on_the_line(bytes(self.incoming[:count])):
             ctypes.c_uint8.from_address(start + self.ring_bytes - left.value).value = byte
             left.value = left.value - 1 or self.ring_bytes
         del self.incoming[:count]
@@ -299,6 +369,7 @@ class EmulatedBoard:
 
 
 _SHARED = (
+    (STUBS, 0x1000),
     (FLASH, FLASH_BYTES),
     (RAM, RAM_BYTES),
     (APB1, APB1_BYTES),

@@ -10,20 +10,23 @@ WORD_S = 16e-6
 
 
 class Clock:
-    """What is switched on becomes ready, unless it is dead."""
+    """What is switched on becomes ready, unless it, or what feeds it, is dead; and what frequencies follow from it."""
 
-    CR, CFGR, CSR = 0x00, 0x08, 0x74
-    READY = ((1 << 16, 1 << 17), (1 << 24, 1 << 25))  # crystal, PLL: on, ready
+    CR, PLLCFGR, CFGR, CSR = 0x00, 0x04, 0x08, 0x74
+    CRYSTAL_ON, CRYSTAL_READY, PLL_ON, PLL_READY = 1 << 16, 1 << 17, 1 << 24, 1 << 25
+    FROM_CRYSTAL = 1 << 22
+    WATCHDOG_RESET, POWER_RESET = 1 << 29, 1 << 27
+    RC_HZ, CRYSTAL_HZ = 16e6, 8e6
 
-    def __init__(self, dead: bool, watchdog: bool) -> None:
-        self.dead = dead
-        self.words: dict[int, int] = {self.CSR: watchdog << 29}
+    def __init__(self, dead_crystal: bool = False, dead_pll: bool = False, watchdog: bool = False) -> None:
+        self.dead_crystal, self.dead_pll = dead_crystal, dead_pll
+        self.words: dict[int, int] = {self.CSR: self.WATCHDOG_RESET if watchdog else self.POWER_RESET}
 
     def read(self, offset: int) -> int:
         value = self.words.get(offset, 0)
-        if offset == self.CR and not self.dead:
-            for on, ready in self.READY:
-                value |= ready if value & on else 0
+        if offset == self.CR:
+            value |= self.CRYSTAL_READY if value & self.CRYSTAL_ON and not self.dead_crystal else 0
+            value |= self.PLL_READY if value & self.PLL_ON and self._pll_is_fed else 0
         if offset == self.CFGR:
             value |= (value & 3) << 2
         return value
@@ -31,6 +34,34 @@ class Clock:
     def write(self, offset: int, value: int) -> None:
         forgets = offset == self.CSR and value & 1 << 24
         self.words[offset] = value & 0x00FFFFFF if forgets else value
+
+    @property
+    def _pll_is_fed(self) -> bool:
+        from_crystal = bool(self.words.get(self.PLLCFGR, 0) & self.FROM_CRYSTAL)
+        return not self.dead_pll and not (from_crystal and self.dead_crystal)
+
+    @property
+    def core_hz(self) -> float:
+        """Of the core and of AHB."""
+        if self.words.get(self.CFGR, 0) & 3 != 2:
+            return self.RC_HZ
+        word = self.words[self.PLLCFGR]
+        source = self.CRYSTAL_HZ if word & self.FROM_CRYSTAL else self.RC_HZ
+        return source / (word & 63) * (word >> 6 & 511) / (2 * (word >> 16 & 3) + 2)
+
+    @property
+    def apb1_hz(self) -> float:
+        """Of the slow peripheral bus; its timers run at twice that unless it is undivided."""
+        return self.core_hz / self._divider(10)
+
+    def timer_hz(self, fast_bus: bool) -> float:
+        """Of the timers on APB2 or APB1."""
+        divider = self._divider(13 if fast_bus else 10)
+        return self.core_hz / divider * (1 if divider == 1 else 2)
+
+    def _divider(self, shift: int) -> int:
+        code = self.words.get(self.CFGR, 0) >> shift & 7
+        return 1 if code < 4 else 2 << (code - 4)
 
 
 class FlashController:

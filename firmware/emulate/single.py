@@ -40,7 +40,7 @@ class EmulatedSingle(EmulatedBoard):
         self.press(False)
         self.run(50 * self.sample_s)
 
-    def _exchange(self) -> None:
+    def _exchange(self) -> bool:
         if not self.timer.value & 1:
             raise RuntimeError("the image stopped its timer: nothing will ever wake it")
         sample = adc_code(self.sense())
@@ -49,6 +49,7 @@ class EmulatedSingle(EmulatedBoard):
         if self.codes is not None:
             self.codes.append(code)
         self.adc.value = sample
+        return True
 
     def _stall(self, seconds: float) -> None:
         self.stalls.append((bool(self.timer.value & 1), self.dac.value & 0xFFF))

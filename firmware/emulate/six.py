@@ -13,7 +13,9 @@ from firmware.emulate.board import EmulatedBoard
 from firmware.host import load
 
 TIM1, TIM8 = 0x40010000, 0x40010400
-CR1, SR, ARR, CCR1, BDTR = 0x00, 0x10, 0x2C, 0x34, 0x44
+CR1, DIER, SR, ARR, CCR1, BDTR = 0x00, 0x0C, 0x10, 0x2C, 0x34, 0x44
+BREAK_LINES = {TIM1: 24, TIM8: 43}
+BREAK_HANDLERS = {TIM1: "TIM1_BRK_TIM9_IRQHandler", TIM8: "TIM8_BRK_TIM12_IRQHandler"}
 SCAN_MEMORY = 0x40026410 + 0x0C  # DMA2, stream 0
 GATES, BREAK_SEEN = 1 << 15, 1 << 7
 SWING = 1080 / 1125  # of the supply, at a duty of full drive
@@ -27,6 +29,7 @@ class EmulatedSix(EmulatedBoard):
     def __init__(self, image: Path, beam: Beam | Structure, seed: int = 1, **options: Any) -> None:
         self.beam = BeamSimulation(beam, seed)
         self.history: list[list[int]] | None = None
+        self.pulled = dict.fromkeys(BREAK_LINES, 0)
         self.stalls: list[bool] = []  # while the flash memory was busy: were the bridges driving
         super().__init__(image, beam.sample_rate_hz, **options)
         ffi, _ = load()
@@ -40,10 +43,32 @@ class EmulatedSix(EmulatedBoard):
         """True while the gates of both timers are closed."""
         return all(gate.value & GATES for gate in self.gates)
 
-    def pull_break(self) -> None:
-        """What the power stage does when it sees too much current: the timer opens its gates by itself."""
-        self.word(TIM1 + BDTR).value &= ~GATES
-        self.word(TIM1 + SR).value |= BREAK_SEEN
+    @property
+    def any_closed(self) -> bool:
+        """True while the gates of either timer are closed."""
+        return any(gate.value & GATES for gate in self.gates)
+
+    def pull_break(self, timer: int = TIM1, ticks: int = 1) -> None:
+        """What the power stage does when it sees too much current: this timer opens its gates by itself, at once.
+
+        The line stays pulled for so many ticks; until then neither the flag can be cleared nor the gates be closed.
+        """
+        self.pulled[timer] = ticks
+        self._serve_breaks()
+
+    def _serve_breaks(self) -> None:
+        for timer, line in BREAK_LINES.items():
+            if self.pulled[timer] > 0:
+                self.word(timer + BDTR).value &= ~GATES
+                self.word(timer + SR).value |= BREAK_SEEN
+            seen = self.word(timer + SR).value & self.word(timer + DIER).value & BREAK_SEEN
+            if seen and self.is_enabled(line):
+                self.interrupt(self.symbol(BREAK_HANDLERS[timer]))
+
+    def tick(self) -> None:
+        super().tick()
+        self._serve_breaks()
+        self.pulled = {timer: max(left - 1, 0) for timer, left in self.pulled.items()}
 
     def sense(self) -> np.ndarray:
         """What reaches the converters; a test may put broken sensors here."""
@@ -63,7 +88,7 @@ class EmulatedSix(EmulatedBoard):
         self.stalls.append(self.driving)
         super()._stall(seconds)
 
-    def _exchange(self) -> None:
+    def _exchange(self) -> bool:
         if not self.word(TIM1 + CR1).value & 1:
             raise RuntimeError("the image never started its timers: nothing will ever wake it")
         sensed = self.sense()
@@ -74,3 +99,4 @@ class EmulatedSix(EmulatedBoard):
         if self.history is not None:
             self.history.append(duties)
         self.samples[:] = adc_codes(sensed)  # type: ignore[assignment]
+        return True

@@ -26,7 +26,7 @@ class HostedSingle:
         self.lib.an_single_boot(self.app, self.table, len(table), plate.sample_rate_hz, faults)
 
     def tick(self) -> None:
-        """One sample period: the converters act together, then the interrupts, then the main loop when a window ended."""
+        """One sample period: the converters act together, then the interrupts, then the main loop, woken by any of them."""
         sample = adc_code(self.sense())
         self.plate.drive(dac_level(self.code))
         self.code = self.lib.an_fast_tick(self.fast, sample)
@@ -34,7 +34,8 @@ class HostedSingle:
             self.codes.append(self.code)
         if self.fast.tick == 0:
             self.lib.an_single_slow(self.app)
-            self.lib.an_single_poll(self.app)
+        self.lib.an_single_poll(self.app)
+        if self.fast.tick == 0:
             view = self.lib.an_single_view(self.app)
             self.reports.append((_complex(view.measured), _complex(view.drive), view.reference))
 

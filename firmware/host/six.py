@@ -26,7 +26,7 @@ class HostedSix:
         self.lib.an_six_boot(self.app, self.table, len(table), beam.sample_rate_hz, faults)
 
     def tick(self) -> None:
-        """One sample period: sensors and drives together, then the interrupts, then the main loop when a window ended."""
+        """One sample period: sensors and drives together, then the interrupts, then the main loop, woken by any of them."""
         sensed = self.sense()
         self.beam.drive((np.array(list(self.duties)) - self.middle) / self.swing)
         self.samples[0:CHANNELS] = adc_codes(sensed)
@@ -35,7 +35,7 @@ class HostedSix:
             self.history.append(list(self.duties))
         if self.fast.tick == 0:
             self.lib.an_six_window_end(self.app)
-            self.lib.an_six_poll(self.app)
+        self.lib.an_six_poll(self.app)
 
     def sense(self) -> np.ndarray:
         """What reaches the converters; a test may put broken sensors here."""

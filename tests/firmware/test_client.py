@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import sys
 import types
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,9 @@ import pytest
 from firmware import client
 from firmware.emulate.plant import Plate, Resonance
 from pipeline.mode_table import Mode, ModeTable, to_bytes
+
+sys.path.insert(0, str(Path(__file__).parent))
+from fake_board import write_sound
 
 MODE = Mode(31250.0, 3e-3, -0.75j, 9.3e-6, frequency_identified=True)
 MODE_40K = Mode(3e3, 3e-3)
@@ -92,6 +97,30 @@ def test_texture_and_stop(board, capsys) -> None:
     assert client.main(["COM7", "sine", "50", "0.5"]) == 0
     assert board.app.texture.depth == 0.5 and math.isclose(board.app.texture.step / 2**32 * 5000.0, 50.0, rel_tol=1e-6)
     assert client.main(["COM7", "stop"]) == 0
+
+
+def test_the_log_of_a_running_board(board, capsys, tmp_path: Path) -> None:
+    """Windows come evenly, and the last ones hold what was asked for."""
+    from firmware.emulate.line import EmulatedPort
+
+    talk = client.Client(EmulatedPort(board))
+    talk.start(0.05)
+    board.run(0.05)
+    file = tmp_path / "log.csv"
+    assert client.main(["COM7", "log", str(file), "--every", "5", "--seconds", "0.5"]) == 0
+    rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file.open())]
+    assert len(rows) >= 4 and "lost" not in capsys.readouterr().out
+    assert {after["window"] - before["window"] for before, after in pairwise(rows)} == {5.0}
+    assert math.hypot(rows[-1]["measured_d"], rows[-1]["measured_q"]) == pytest.approx(0.05, rel=0.02)
+    assert rows[-1]["reference"] == pytest.approx(0.05) and talk.look().state == "run"
+
+
+def test_a_sound_reaches_the_board_in_time(board, capsys, tmp_path: Path) -> None:
+    write_sound(tmp_path / "a.wav", [64] * 300, width=1)
+    assert client.main(["COM7", "stream", str(tmp_path / "a.wav"), "0.05"]) == 0
+    out = capsys.readouterr().out
+    assert "300 samples at 2500 Hz\n" in out
+    assert board.app.texture.kind == 2 and board.app.texture.factor == pytest.approx(64 / 255, abs=1e-4)
 
 
 def test_missing_values_are_named(capsys) -> None:

@@ -15,7 +15,7 @@ import pytest
 
 from firmware import actions, cli, client, selftest
 from firmware.client import BoardError, Client, describe_health
-from firmware.protocol import PROTOCOL, Kind, Message
+from firmware.protocol import PROTOCOL, Kind, Message, Result
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_board import HEALTH, SIX_STATUS, STATUS, FakePort, log_frame, pseudo_terminal, write_sound
@@ -300,9 +300,12 @@ class Bench(FakePort):
     def __init__(self, clock: Clock, **wrong) -> None:
         super().__init__()
         self.clock, self.wrong = clock, wrong
-        self.state, self.faults, self.sweeping_from = FAULT, wrong.get("faults", 1 << 4), 0.0
+        self.faults, self.sweeping_from = wrong.get("faults", 1 << 4), 0.0
+        self.state = FAULT if self.faults else IDLE
 
     def reply(self, request: Message) -> Message:
+        if request.kind == Kind.CLEAR and self.state != FAULT:
+            return Message(request.kind | 0x80, request.sequence, bytes([Result.NOT_NOW]))
         if request.kind == Kind.CLEAR:
             self.state, self.faults = IDLE, 0
         if request.kind == Kind.IDENTIFY:
@@ -341,7 +344,7 @@ def bench(monkeypatch: pytest.MonkeyPatch, capsys):
 
 
 def test_a_sound_bench_passes_every_check(bench) -> None:
-    assert bench() == (0, [])
+    assert bench() == bench(faults=0) == (0, [])
 
 
 @pytest.mark.parametrize(
@@ -379,7 +382,7 @@ def test_one_step_alone_and_the_other_build(bench, capsys) -> None:
 
 def test_a_board_that_does_not_clear_fails_the_rest(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     monkeypatch.setattr(selftest, "time", Clock())
-    port = FakePort(lambda reply: refused(reply, Kind.CLEAR))
+    port = FakePort(lambda reply: refused(reply, Kind.CLEAR), status(FAULT, FAULT_CLOCK))
     assert run(monkeypatch, port, "selftest", "rest") == 4
     assert "FAIL  rest: fault cleared: clear: refused in the present state" in capsys.readouterr().out
 

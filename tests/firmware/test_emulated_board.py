@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from dataclasses import replace
 
 import pytest
@@ -186,15 +185,8 @@ def test_instructions_a_tick(make_single) -> None:
     """Counted on the Cortex-M4 code of the image, calls included, no fused contraction."""
     board = running(make_single)
     board.app.slow.reference = 0.6  # begins on the drive's limit, ends away from it
-    fast, slow = Counter(), Counter()
-    call = board._call
-
-    def counted(stub: int) -> None:
-        kind, name = (fast, "an_fast_tick") if stub == board.fast_stub else (slow, "an_slow_step")
-        kind[board.count_instructions(lambda: call(stub), name)] += 1
-
-    board._call = counted
-    board.run(12e-3)
+    counts = board.count_instructions(lambda: board.run(12e-3), "an_fast_tick", "an_slow_step")
+    fast, slow = counts["an_fast_tick"], counts["an_slow_step"]
     assert max(fast) <= 90, fast
     assert max(slow) <= 250, slow
     assert min(fast) > 50 and min(slow) > 100
