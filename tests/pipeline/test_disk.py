@@ -78,6 +78,7 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_thousand_cases_stay_under_a_gigabyte(computed: Path) -> None:
     """Bytes of a small case, and of its moving skin a point: four shapes, points, facets."""
     kept = sum(path.stat().st_size for path in computed.iterdir() if path.name != store.FIELDS)

@@ -375,6 +375,7 @@ FULL = (
 )
 
 
+@pytest.mark.slow
 def test_the_trace_sees_all_of_what_a_scene_does_ask_for(tmp_path: Path) -> None:
     """The same trace over a scene that has and asks for everything: so an empty count means something."""
     measures = ("bands", "attenuation", "response", "geometry")

@@ -204,6 +204,7 @@ def test_a_long_study_draws_the_extremes_and_a_spread(tmp_path: Path):
     assert "28 cases have none" in Page(report.build(tmp_path).read_text()).text
 
 
+@pytest.mark.slow
 def test_a_thousand_cases_stay_a_light_page(tmp_path: Path):
     """Within 15 MB: what grows with the cases is measured, what does not has its own bound."""
     record = synthetic.record("c", {}, synthetic.design(1, 0.004, 0.005), 12.0)

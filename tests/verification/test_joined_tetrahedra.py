@@ -57,6 +57,7 @@ def test_the_joined_plate_has_the_modes_of_the_whole_body(tmp_path: Path, pillar
     assert np.abs(first / second - 1.0).max() < 0.02
 
 
+@pytest.mark.slow
 def test_cells_of_tetrahedra_and_of_hexahedra_make_the_same_plate(tmp_path: Path) -> None:
     """The same square pillars by both meshes, 1 % of accuracy each."""
     boxes, cad = solved(case(tmp_path, SQUARE)), solved(case(tmp_path, SQUARE, mesh="tet"))

@@ -65,6 +65,7 @@ def in_one_piece(model: PlateModel) -> SolidModel:
     return SolidModel(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}, (), False)
 
 
+@pytest.mark.slow
 def test_a_skewed_plate_is_the_solid_of_its_meshes() -> None:
     model = joined(DESIGN, skewed)
     solid = in_one_piece(model)

@@ -130,6 +130,7 @@ def test_superposition_meets_direct_solves(frequency: float) -> None:
         assert np.linalg.norm(direct - summed) < 0.02 * np.linalg.norm(direct)
 
 
+@pytest.mark.slow
 def test_the_plate_joined_whole_answers_as_its_mirror_classes() -> None:
     """Patches on the negative sides, where the classes fold and the whole plate does not."""
     bonded = [bonded_patch(PZ26, box, THICK_M, True) for box in np.vstack([-LOPSIDED[:, [1, 0, 3, 2]], MIDDLE])]
