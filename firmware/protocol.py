@@ -31,6 +31,8 @@ class Kind(IntEnum):
     UPLOAD_DATA = 12
     UPLOAD_END = 13
     PATTERN = 14
+    IDENTIFY = 15
+    HEALTH = 16
 
 
 class Result(IntEnum):
@@ -59,6 +61,7 @@ TABLE_TEXT = (
     "of a wrong length",
     "damaged",
     "out of range",
+    "for the other build or another sample rate",
 )
 STATES = ("idle", "identify", "run", "fault")
 FAULTS = (
@@ -78,6 +81,7 @@ FAULTS = (
     "watchdog",
     "shaping",
     "supply",
+    "memory",
 )
 
 
@@ -122,15 +126,21 @@ def decode(frame: bytes) -> Message | None:
     return Message(content[0], content[1], content[2:-4])
 
 
-_STATUS = struct.Struct("<BBBBIIII13f")
+IDENTIFIED, LIMITED = 1, 8  # bits of a status' fourth byte
+_STATUS = struct.Struct("<BBBBIIIII13f")
 
 
 @dataclass(frozen=True)
 class Status:
-    """The state of the single-mode image. SI units; amplitudes in full scales; faults by name."""
+    """The state of the single-mode image. SI units; amplitudes in full scales; faults by name, first those found first.
+
+    While it runs, frequency, tau and gain are as the board follows them. limited: the drive is at its limit, and the plate
+    short of its reference.
+    """
 
     state: str
     faults: tuple[str, ...]
+    first: tuple[str, ...]
     windows: int
     starved: int
     worst_cycles: int
@@ -145,15 +155,17 @@ class Status:
     drive: complex
     offset: float
     gain_identified: bool
+    limited: bool
 
 
 def parse_status(payload: bytes) -> Status:
     """A Status from a reply's payload behind its result. Raises struct.error when the length differs."""
-    state, _, _, flags, faults, windows, starved, cycles, *numbers = _STATUS.unpack(payload)
+    state, _, _, flags, faults, first, windows, starved, cycles, *numbers = _STATUS.unpack(payload)
     frequency, detuning, tau, gain_re, gain_im, delay, neighbour, reference, u_d, u_q, v_d, v_q, offset = numbers
     return Status(
         state=STATES[state],
         faults=fault_names(faults),
+        first=fault_names(first),
         windows=windows,
         starved=starved,
         worst_cycles=cycles,
@@ -167,25 +179,31 @@ def parse_status(payload: bytes) -> Status:
         measured=complex(u_d, u_q),
         drive=complex(v_d, v_q),
         offset=offset,
-        gain_identified=bool(flags & 1),
+        gain_identified=bool(flags & IDENTIFIED),
+        limited=bool(flags & LIMITED),
     )
 
 
-_SIX_STATUS = struct.Struct("<BBBBIIII16f")
+_SIX_STATUS = struct.Struct("<BBBBIIIII16f")
 
 
 @dataclass(frozen=True)
 class SixStatus:
-    """The state of the six-channel image; condition, of T, 0 while it is not known; reachable, the largest reference."""
+    """The state of the six-channel image; condition, of T, 0 while it is not known; reachable, the largest reference.
+
+    first: the faults found first; limited: the drive is at its limit, and the plate short of its reference.
+    """
 
     state: str
     faults: tuple[str, ...]
+    first: tuple[str, ...]
     windows: int
     starved: int
     worst_cycles: int
     shape: int
     pattern: int
     identified: bool
+    limited: bool
     frequency_hz: float
     condition: float
     reachable: float
@@ -202,17 +220,19 @@ def parse_any_status(payload: bytes) -> Status | SixStatus:
     """The state of either image, told apart by its length. Raises struct.error when it is neither's."""
     if len(payload) != _SIX_STATUS.size:
         return parse_status(payload)
-    state, shape, pattern, identified, faults, windows, starved, cycles, *numbers = _SIX_STATUS.unpack(payload)
+    state, shape, pattern, flags, faults, first, windows, starved, cycles, *numbers = _SIX_STATUS.unpack(payload)
     frequency, condition, reachable, reference, *parts = numbers
     return SixStatus(
         state=STATES[state],
         faults=fault_names(faults),
+        first=fault_names(first),
         windows=windows,
         starved=starved,
         worst_cycles=cycles,
         shape=shape,
         pattern=pattern,
-        identified=bool(identified),
+        identified=bool(flags & IDENTIFIED),
+        limited=bool(flags & LIMITED),
         frequency_hz=frequency,
         condition=condition,
         reachable=reachable,
@@ -224,6 +244,32 @@ def parse_any_status(payload: bytes) -> Status | SixStatus:
 def fault_names(bits: int) -> tuple[str, ...]:
     """The names of the faults whose bits are set."""
     return tuple(name for index, name in enumerate(FAULTS) if bits >> index & 1)
+
+
+_HEALTH = struct.Struct("<10I")
+
+
+@dataclass(frozen=True)
+class Health:
+    """What the board tells of itself: resets by the watchdog in a row; number, address, return address and status word
+    (CFSR) of the last interrupt that nobody expected, zeros when there was none; its clock, Hz; the longest fast and slow
+    interrupt and main loop pass so far, cycles; bytes of the stack never used (0 in the first second)."""
+
+    watchdog_resets: int
+    exception: int
+    pc: int
+    lr: int
+    cfsr: int
+    core_hz: int
+    fast_cycles: int
+    slow_cycles: int
+    main_cycles: int
+    stack_unused: int
+
+
+def parse_health(payload: bytes) -> Health:
+    """A Health from a reply's payload behind its result. Raises struct.error when the length differs."""
+    return Health(*_HEALTH.unpack(payload))
 
 
 _RECORD = struct.Struct("<I5f")
