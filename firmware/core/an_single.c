@@ -285,7 +285,7 @@ static void end_identify(an_single *app)
 static void identify(an_single *app)
 {
     if (app->probing != 0u) {
-        if (app->slow.finished == 0u) {
+        if (!an_slow_finished(&app->slow)) {
             return;
         }
         const float share = 1.0f / (float)app->slow.jobs[app->slow.hand.active & 1u].average;

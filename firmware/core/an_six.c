@@ -324,7 +324,7 @@ static void take_column(an_six *app)
 static void identify(an_six *app)
 {
     if (app->probing != 0u) {
-        if (app->slow.finished == 0u) {
+        if (!an_six_slow_finished(&app->slow)) {
             return;
         }
         take_column(app);

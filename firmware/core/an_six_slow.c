@@ -32,6 +32,14 @@ an_six_job *an_six_slow_vacant(an_six_slow *slow)
     return an_handover_vacant(&slow->hand) ? &slow->jobs[(slow->hand.posted ^ 1u) & 1u] : NULL;
 }
 
+bool an_six_slow_finished(const an_six_slow *slow)
+{
+    const volatile uint32_t *finished = &slow->finished;
+    const bool complete = *finished != 0u;
+    atomic_signal_fence(memory_order_acquire);
+    return complete;
+}
+
 /* From pattern to pattern the loop goes on; from anywhere else it begins with the plate as it is. */
 static void begin_track(an_six_slow *slow, an_job_kind kind_before)
 {

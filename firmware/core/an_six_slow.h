@@ -57,6 +57,9 @@ bool an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint3
 /* The job to prepare next, or NULL while the last one has not been taken over. */
 an_six_job *an_six_slow_vacant(an_six_slow *slow);
 
+/* True when a dwell's totals are complete and may be read. */
+bool an_six_slow_finished(const an_six_slow *slow);
+
 /* Once for each window, before the gap ends. */
 void an_six_slow_step(an_six_slow *slow, an_six_fast *fast);
 

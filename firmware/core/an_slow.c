@@ -24,6 +24,14 @@ an_job *an_slow_vacant(an_slow *slow)
     return an_handover_vacant(&slow->hand) ? &slow->jobs[(slow->hand.posted ^ 1u) & 1u] : NULL;
 }
 
+bool an_slow_finished(const an_slow *slow)
+{
+    const volatile uint32_t *finished = &slow->finished;
+    const bool complete = *finished != 0u;
+    atomic_signal_fence(memory_order_acquire);
+    return complete;
+}
+
 static void take_job(an_slow *slow, an_fast *fast)
 {
     slow->hand.active = slow->hand.posted;

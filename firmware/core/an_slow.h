@@ -50,6 +50,9 @@ bool an_slow_init(an_slow *slow, an_fast *fast, uint32_t step);
 /* The job to prepare next, or NULL while the last one has not been taken over. */
 an_job *an_slow_vacant(an_slow *slow);
 
+/* True when a dwell's total is complete and may be read. */
+bool an_slow_finished(const an_slow *slow);
+
 /* Once for each window, before the gap ends. */
 void an_slow_step(an_slow *slow, an_fast *fast);
 

@@ -105,7 +105,7 @@ class EmulatedBoard:
             ctypes.memset(self._address(start), 0, dict(_SHARED)[start])
         self.clock = Clock(self.dead_crystal, self.dead_pll, by_watchdog)
         self.flash = FlashController(SECTOR_NUMBER, self.sector, self._stall)
-        self.bitten = self.hung = False
+        self.bitten = self.hung = self.fast_lost = False
         self.word(PWR_CSR).value = 3 << 16
         self.press(False)
         self.fed_s = self.sent_s = self.delivered_s = self.ticked_s = self.time_s
@@ -139,7 +139,7 @@ class EmulatedBoard:
 
     def tick(self) -> None:
         """One sample period: the converters at the trigger, then the interrupts, the main loop after each of them."""
-        if self._exchange() and not self.hung:
+        if self._exchange() and not self.hung and not self.fast_lost:
             self.interrupt(self.fast_handler)
         self.time_s += self.sample_s
         self._serve_systick()
@@ -156,7 +156,7 @@ class EmulatedBoard:
         self.uc.emu_start(STUBS | 1, self.idle)
 
     def interrupt_unexpectedly(self) -> None:
-        """An exception that no handler expects, on the main loop's stack; it never returns."""
+        """An exception that no handler expects, a clock that dies among them, on the main loop's stack; it never returns."""
         stack = self.uc.reg_read(UC_ARM_REG_SP) - 32
         frame = struct.pack("<8I", *range(5), self.uc.reg_read(UC_ARM_REG_LR), self.idle, 1 << 24)
         self.poke(stack, frame)

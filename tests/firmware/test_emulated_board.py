@@ -212,3 +212,28 @@ def test_host_and_cortex_m4_agree_bit_for_bit(make_single, core, detuning_hz: fl
     assert len(set(board.codes)) > 1000
     bytes_alike = core.ffi.offsetof("an_single", "sample_rate_hz") + 4  # what follows holds a pointer
     assert bytes(core.ffi.buffer(board.app, bytes_alike)) == bytes(core.ffi.buffer(hosted.app, bytes_alike))
+
+
+@pytest.mark.parametrize("what", ["samples", "supply", "clock", "memory"])
+def test_the_output_rests_within_100_us_of_what_an_interrupt_can_see(make_single, what: str) -> None:
+    """At seven ticks of a window; main loop and slow step may be busy."""
+    board = running(make_single)
+    board.app.slow.reference = 0.12
+    board.run(5e-3)
+    for _ in range(7):
+        board.run(9 * board.sample_s)
+        context, memory = board.uc.context_save(), {start: bytes(block) for start, block in board.memory.items()}
+        board.main_stuck = True
+        if what == "clock":
+            board.interrupt_unexpectedly()
+        elif what == "supply":
+            board.word(0x40007004).value |= 1 << 2
+        elif what == "memory":
+            board.app.fast.tick ^= 1 << 20
+        board.fast_lost = what == "samples"
+        board.run(100e-6)
+        assert board.dac.value == 2048 | 2048 << 16
+        for start, block in memory.items():
+            board.memory[start][:] = block
+        board.uc.context_restore(context)
+        board.main_stuck = board.fast_lost = board.hung = False

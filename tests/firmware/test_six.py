@@ -544,3 +544,36 @@ def test_a_new_pattern_keeps_the_reference(hosted) -> None:
     board.lib.an_six_refer(board.app, 0.05)
     assert board.lib.an_six_change(board.app, 1)
     assert board.app.slow.reference == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("what", ["samples", "supply", "clock", "memory"])
+def test_the_gates_open_within_100_us_of_what_an_interrupt_can_see(make_six, what: str) -> None:
+    """At each of five ticks of a window; main loop and slow step may be busy."""
+    board = driving(make_six)
+    for _ in range(5):
+        board.run(7 * board.sample_s)
+        context, memory = board.uc.context_save(), {start: bytes(block) for start, block in board.memory.items()}
+        board.main_stuck = True
+        if what == "clock":
+            board.interrupt_unexpectedly()
+        elif what == "supply":
+            board.word(0x40007004).value |= 1 << 2
+        elif what == "memory":
+            board.app.fast.end ^= 1 << 20
+        board.fast_lost = what == "samples"
+        board.run(100e-6)
+        assert not board.any_closed
+        for start, block in memory.items():
+            board.memory[start][:] = block
+        board.uc.context_restore(context)
+        board.main_stuck = board.fast_lost = board.hung = False
+
+
+def test_samples_that_come_back_after_a_standstill_find_a_latched_fault(make_six) -> None:
+    board = driving(make_six)
+    board.fast_lost = True
+    board.run(500e-6)
+    board.fast_lost = False
+    board.run(10e-3)
+    assert board.resets == 0 and not board.any_closed
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.first == 1 << 7
