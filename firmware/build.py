@@ -27,7 +27,16 @@ VARIANTS = {"single": "antinode", "six": "antinode-six"}  # one mode by DAC; six
 FLASH_START, RAM_START = 0x08000000, 0x20000000
 FLASH_LIMIT, RAM_LIMIT = 32 * 1024, 16 * 1024
 
-LANGUAGE = ("-std=c11", "-O2", "-ffreestanding", "-ffp-contract=off", "-fno-math-errno", "-fomit-frame-pointer", "-g")
+LANGUAGE = (
+    "-std=c11",
+    "-O2",
+    "-ffreestanding",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-fomit-frame-pointer",
+    "-fno-short-enums",  # an enumeration lies in memory as it does on the host
+    "-g",
+)
 SECTIONS = ("-ffunction-sections", "-fdata-sections", "-fno-unwind-tables", "-fno-asynchronous-unwind-tables")
 WARNINGS = (
     "-Wall",

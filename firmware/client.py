@@ -249,6 +249,10 @@ def _refusal(result: int, more: bytes) -> str:
 def describe(status: Status | SixStatus) -> str:
     """A status for a reader."""
     faults = f", faults: {', '.join(status.faults)}" if status.faults else ""
+    if len(status.faults) > len(status.first) > 0:
+        faults += f" (first {', '.join(status.first)})"
+    if status.limited:
+        faults += ", drive at its limit, short of the reference"
     lines = _six_lines(status) if isinstance(status, SixStatus) else _single_lines(status)
     return "\n".join([f"state {status.state}{faults}", *lines])
 

@@ -89,6 +89,11 @@ class Elf:
         return sorted(found, key=lambda section: section.address)
 
     @property
+    def functions(self) -> set[str]:
+        """Names of the functions that are defined here, static ones included."""
+        return {name for name, _, _, info, home in self._symbol_rows if home and info & 0xF == FUNCTION}
+
+    @property
     def undefined(self) -> list[str]:
         """Names that are used and live elsewhere."""
         return [name for name, _, _, _, home in self._symbol_rows if not home]

@@ -13,7 +13,7 @@ FRAME_MAX = PAYLOAD_MAX + 8  # kind, sequence, CRC-32, the stuffing's first code
 REPLY = 0x80
 LOG_RECORDS = 0xC0
 BAUD = 921600
-PROTOCOL = 1  # that this side speaks
+PROTOCOL = 2  # that this side speaks
 
 
 class ProtocolError(ValueError):
@@ -67,6 +67,7 @@ TABLE_TEXT = (
     "of a wrong length",
     "damaged",
     "out of range",
+    "for the other build or another sample rate",
 )
 STATES = ("idle", "identify", "run", "fault")
 FAULTS = (
@@ -86,6 +87,7 @@ FAULTS = (
     "watchdog",
     "shaping",
     "supply",
+    "memory",
 )
 
 
@@ -130,15 +132,21 @@ def decode(frame: bytes) -> Message | None:
     return Message(content[0], content[1], content[2:-4])
 
 
-_STATUS = struct.Struct("<BBBBIIII13f")
+IDENTIFIED, LIMITED = 1, 8  # bits of a status' fourth byte
+_STATUS = struct.Struct("<BBBBIIIII13f")
 
 
 @dataclass(frozen=True)
 class Status:
-    """The state of the single-mode image. SI units; amplitudes in full scales; faults by name."""
+    """The state of the single-mode image. SI units; amplitudes in full scales; faults by name, first those found first.
+
+    While it runs, frequency, tau and gain are as the board follows them. limited: the drive is at its limit, and the plate
+    short of its reference.
+    """
 
     state: str
     faults: tuple[str, ...]
+    first: tuple[str, ...]
     windows: int
     starved: int
     worst_cycles: int
@@ -153,16 +161,18 @@ class Status:
     drive: complex
     offset: float
     gain_identified: bool
+    limited: bool
 
 
 def parse_status(payload: bytes) -> Status:
     """A Status from a reply's payload behind its result. Raises ProtocolError when its length or its state is unknown."""
     _has_length(payload, _STATUS.size)
-    state, _, _, flags, faults, windows, starved, cycles, *numbers = _STATUS.unpack(payload)
+    state, _, _, flags, faults, first, windows, starved, cycles, *numbers = _STATUS.unpack(payload)
     frequency, detuning, tau, gain_re, gain_im, delay, neighbour, reference, u_d, u_q, v_d, v_q, offset = numbers
     return Status(
         state=_state(state),
         faults=fault_names(faults),
+        first=fault_names(first),
         windows=windows,
         starved=starved,
         worst_cycles=cycles,
@@ -176,25 +186,31 @@ def parse_status(payload: bytes) -> Status:
         measured=complex(u_d, u_q),
         drive=complex(v_d, v_q),
         offset=offset,
-        gain_identified=bool(flags & 1),
+        gain_identified=bool(flags & IDENTIFIED),
+        limited=bool(flags & LIMITED),
     )
 
 
-_SIX_STATUS = struct.Struct("<BBBBIIII16f")
+_SIX_STATUS = struct.Struct("<BBBBIIIII16f")
 
 
 @dataclass(frozen=True)
 class SixStatus:
-    """The state of the six-channel image; condition, of T, 0 while it is not known; reachable, the largest reference."""
+    """The state of the six-channel image; condition, of T, 0 while it is not known; reachable, the largest reference.
+
+    first: the faults found first; limited: the drive is at its limit, and the plate short of its reference.
+    """
 
     state: str
     faults: tuple[str, ...]
+    first: tuple[str, ...]
     windows: int
     starved: int
     worst_cycles: int
     shape: int
     pattern: int
     identified: bool
+    limited: bool
     frequency_hz: float
     condition: float
     reachable: float
@@ -212,17 +228,19 @@ def parse_any_status(payload: bytes) -> Status | SixStatus:
     _has_length(payload, _STATUS.size, _SIX_STATUS.size)
     if len(payload) == _STATUS.size:
         return parse_status(payload)
-    state, shape, pattern, identified, faults, windows, starved, cycles, *numbers = _SIX_STATUS.unpack(payload)
+    state, shape, pattern, flags, faults, first, windows, starved, cycles, *numbers = _SIX_STATUS.unpack(payload)
     frequency, condition, reachable, reference, *parts = numbers
     return SixStatus(
         state=_state(state),
         faults=fault_names(faults),
+        first=fault_names(first),
         windows=windows,
         starved=starved,
         worst_cycles=cycles,
         shape=shape,
         pattern=pattern,
-        identified=bool(identified),
+        identified=bool(flags & IDENTIFIED),
+        limited=bool(flags & LIMITED),
         frequency_hz=frequency,
         condition=condition,
         reachable=reachable,

@@ -18,6 +18,7 @@ CHANNELS = 6
 PATTERNS = 8
 MAX_MODES = 16
 MAX_SHAPES = 2
+MIN_SHAPE_HZ = 350.0  # the six-channel board refuses lower tones: two of their periods are too long for its watchdog
 
 HEADER = struct.Struct("<4sHHIHHHHBBHfI16s")
 HEADER_FIELDS = (

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware.table_format import MAX_SHAPES
+from firmware.table_format import MAX_SHAPES, MIN_SHAPE_HZ
 from pipeline.errors import InputFault
 from pipeline.fingerprint import canonical_json, code_hash
 from pipeline.mode_table import ModeTable, Pattern, Shape
@@ -34,7 +34,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 SAMPLE_RATE_HZ = 40e3
 LARGEST = 0.5  # |T| in full scales at the louder frequency: how the conditioners are to be set
-BAND_HZ = (100.0, 4500.0)
+BAND_HZ = (MIN_SHAPE_HZ, 4500.0)
 SCANNED = 221
 
 
@@ -64,11 +64,14 @@ def _relative(target: ComplexArray) -> tuple[complex, ...]:
 def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float, ...] = ()) -> ModeTable:
     """The table of a beam with up to six pairs of actuator and sensor; without frequencies, the two that condition T best.
 
-    The hold's droop and half sample are in T. Raises InputFault for more frequencies than a table holds, SolverError.
+    The hold's droop and half sample are in T. Raises InputFault for more frequencies than a table holds or one that the
+    board refuses, SolverError.
     """
     if len(frequencies_hz) > MAX_SHAPES:
         raise InputFault(f"--frequency: {len(frequencies_hz)} of them, a table holds at most {MAX_SHAPES}")
     chosen = frequencies_hz or _best(model, signal)
+    if min(chosen) < MIN_SHAPE_HZ:
+        raise InputFault(f"--frequency: {min(chosen):g} Hz, the six-channel board takes {MIN_SHAPE_HZ:g} Hz and more")
     scale = full_scale(model, signal, chosen)
     slowest_s = float((model.table.quality / (pi * model.table.frequencies_hz)).max())
     shapes = tuple(

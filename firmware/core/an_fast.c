@@ -17,14 +17,13 @@ void an_fast_init(an_fast *fast, uint32_t step)
 /* The slow step saw the faults of its own window; here only its silence has to be noticed. */
 static void take_command(an_fast *fast)
 {
-    fast->drive = fast->command.drive;
-    if (fast->command.count != fast->window.count) {
+    if (fast->command.count == fast->window.count) {
+        fast->drive = fast->command.drive;
+        fast->step = fast->command.step;
+    } else {
         fast->faults |= AN_FAULT_SLOW_LATE;
-        fast->drive = an_cplx(0.0f, 0.0f);
     }
-    fast->step = fast->command.step;
     fast->sums = (an_sums){0.0f, 0.0f, 0.0f};
-    fast->clipped = 0u;
 }
 
 static void end_window(an_fast *fast)
@@ -33,18 +32,22 @@ static void end_window(an_fast *fast)
     fast->window.sums = fast->sums;
     fast->window.last_phase = fast->phase;
     fast->window.clipped = fast->clipped;
+    fast->clipped = 0u;
     atomic_signal_fence(memory_order_release);
     fast->window.count++;
 }
 
 #define AN_LEVEL_MAX 1.0002f /* a full drive and its rounding; still within the codes */
 
-/* Rounded to the nearest code. A NaN fails the comparison, so that no undefined conversion is ever reached. */
+/* Rounded to the nearest code. A NaN fails the comparison, so that no undefined conversion is ever reached. Whatever fault
+ * there is, and whoever found it: the output rests. */
 static uint32_t dac_code(an_fast *fast, float level)
 {
     if (!(__builtin_fabsf(level) <= AN_LEVEL_MAX)) {
         fast->faults |= AN_FAULT_NOT_FINITE;
-        fast->drive = an_cplx(0.0f, 0.0f);
+        return AN_DAC_MIDDLE;
+    }
+    if (fast->faults != 0u) {
         return AN_DAC_MIDDLE;
     }
     return (uint32_t)(int32_t)(level * (float)AN_DAC_SWING + ((float)AN_DAC_MIDDLE + 0.5f));

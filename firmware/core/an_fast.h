@@ -24,7 +24,7 @@ enum {
 typedef struct {
     an_sums sums;
     uint32_t last_phase;
-    uint32_t clipped; /* samples near an end of the converter */
+    uint32_t clipped; /* samples near an end of the converter, those of the gap before among them */
     uint32_t count;   /* windows so far */
 } an_window;
 
@@ -42,7 +42,7 @@ typedef struct {
     an_sums sums;
     uint32_t tick;
     uint32_t clipped;
-    uint32_t faults; /* set by the fast tick, cleared by the slow step */
+    uint32_t faults; /* set by the fast tick and whatever else has its priority, cleared by the slow step; rests the output */
     an_window window;
     an_command command;
 } an_fast;

@@ -2,7 +2,7 @@
 #ifndef AN_FAULTS_H
 #define AN_FAULTS_H
 
-enum {
+typedef enum {
     AN_FAULT_TABLE = 1 << 0,          /* no mode table, or one that was refused */
     AN_FAULT_CLOCK = 1 << 1,          /* crystal, PLL or overdrive did not start */
     AN_FAULT_NOT_FINITE = 1 << 2,     /* a NaN or an overflow reached an output or a measurement */
@@ -19,7 +19,8 @@ enum {
     AN_FAULT_WATCHDOG = 1 << 13,      /* the watchdog had to reset the chip */
     AN_FAULT_SHAPING = 1 << 14,       /* the matrix of shaping cannot be inverted with any confidence */
     AN_FAULT_SUPPLY = 1 << 15,        /* the supply fell below 2.9 V */
-    AN_FAULT_COUNT = 16
-};
+    AN_FAULT_MEMORY = 1 << 16,        /* a word of the program's state contradicts another */
+    AN_FAULT_COUNT = 17
+} an_fault;
 
 #endif

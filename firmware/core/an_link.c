@@ -1,7 +1,9 @@
 #include "an_link.h"
 
+#include "an_assert.h"
 #include "an_bytes.h"
 #include "an_clear.h"
+#include "an_crc.h"
 
 enum { LOG_RECORD = 4 + 4 * AN_LOG_FLOATS };
 _Static_assert(LOG_RECORD * AN_LOG_PER_FRAME <= AN_PAYLOAD_MAX, "a log frame holds its records");
@@ -14,7 +16,14 @@ void an_link_init(an_link *link, an_obey obey, void *app)
     link->app = app;
 }
 
-static uint32_t begin_upload(an_link *link, const an_message *request)
+an_result an_link_refuse(an_message *reply, an_table_result reason)
+{
+    reply->payload[1] = (uint8_t)reason;
+    reply->length = 2u;
+    return AN_TABLE_REFUSED;
+}
+
+static an_result begin_upload(an_link *link, const an_message *request)
 {
     const uint32_t length = request->length == 4u ? an_get32(request->payload) : 0u;
     if (length == 0u || length > AN_TABLE_MAX_BYTES) {
@@ -26,7 +35,7 @@ static uint32_t begin_upload(an_link *link, const an_message *request)
 }
 
 /* A piece that was already taken is acknowledged again: its acknowledgement may have been lost. */
-static uint32_t take_piece(an_link *link, const an_message *request)
+static an_result take_piece(an_link *link, const an_message *request)
 {
     if (request->length < 5u) {
         return AN_BAD_VALUE;
@@ -43,19 +52,24 @@ static uint32_t take_piece(an_link *link, const an_message *request)
     return AN_OK;
 }
 
-static uint32_t end_upload(an_link *link, const an_message *request, an_message *reply)
+/* A table with bytes behind its end is refused as well: what is stored is what was meant, no more. */
+static an_table_result check_staged(an_link *link, an_table *table)
+{
+    const an_table_result found = an_table_open(table, link->staged, link->staged_length);
+    return found == AN_TABLE_OK && table->length != link->staged_length ? AN_TABLE_LENGTH : found;
+}
+
+static an_result end_upload(an_link *link, const an_message *request, an_message *reply)
 {
     if (link->staged_wanted == 0u || link->staged_length != link->staged_wanted) {
         return AN_BAD_VALUE;
     }
     an_table table;
-    const uint32_t reason = an_table_open(&table, link->staged, link->staged_length);
+    const an_table_result reason = check_staged(link, &table);
     if (reason != AN_TABLE_OK) {
-        reply->payload[1] = (uint8_t)reason;
-        reply->length = 2u;
-        return AN_TABLE_REFUSED;
+        return an_link_refuse(reply, reason);
     }
-    const uint32_t allowed = link->obey(link->app, request, reply);
+    const an_result allowed = link->obey(link->app, request, &table, reply);
     if (allowed == AN_OK) {
         link->store_wanted = true;
         link->store_sequence = request->sequence;
@@ -63,7 +77,7 @@ static uint32_t end_upload(an_link *link, const an_message *request, an_message 
     return allowed;
 }
 
-static uint32_t set_log(an_link *link, const an_message *request)
+static an_result set_log(an_link *link, const an_message *request)
 {
     if (request->length != 4u) {
         return AN_BAD_VALUE;
@@ -74,7 +88,7 @@ static uint32_t set_log(an_link *link, const an_message *request)
     return AN_OK;
 }
 
-static uint32_t answer(an_link *link, const an_message *request, an_message *reply)
+static an_result answer(an_link *link, const an_message *request, an_message *reply)
 {
     switch (request->kind) {
     case AN_UPLOAD_BEGIN:
@@ -86,16 +100,68 @@ static uint32_t answer(an_link *link, const an_message *request, an_message *rep
     case AN_LOG:
         return set_log(link, request);
     default:
-        return link->obey(link->app, request, reply);
+        return link->obey(link->app, request, NULL, reply);
     }
 }
 
-static void send(an_link *link, an_message *reply, uint32_t kind, uint32_t sequence, uint32_t result)
+static an_result tell_health(const an_link *link, an_message *reply)
+{
+    uint8_t *at = reply->payload + 1;
+    for (uint32_t i = 0u; i < AN_HEALTH_WORDS; i++) {
+        at = an_put32(at, link->health[i]);
+    }
+    reply->length = (uint32_t)(at - reply->payload);
+    return AN_OK;
+}
+
+static bool changes_nothing(uint32_t kind)
+{
+    return kind == AN_IDENTITY || kind == AN_STATUS || kind == AN_HEALTH;
+}
+
+static uint32_t digest_of(const an_message *request)
+{
+    return an_crc32(request->payload, request->length);
+}
+
+static bool is_repeated(const an_link *link, const an_message *request)
+{
+    const an_last_request *last = &link->last;
+    return last->known && last->kind == request->kind && last->sequence == request->sequence &&
+           last->digest == digest_of(request);
+}
+
+static void remember(an_link *link, const an_message *request)
+{
+    link->last.known = true;
+    link->last.kind = request->kind;
+    link->last.sequence = request->sequence;
+    link->last.digest = digest_of(request);
+}
+
+static void send(an_link *link, an_message *reply, uint32_t kind, uint32_t sequence, an_result result)
 {
     reply->kind = (uint8_t)(kind | AN_REPLY);
     reply->sequence = (uint8_t)sequence;
     reply->payload[0] = (uint8_t)result;
     link->out_length = an_frame_write(link->out, reply);
+}
+
+/* Answers that are remembered are short. */
+static void send_and_keep(an_link *link, an_message *reply, uint32_t kind, uint32_t sequence, an_result result)
+{
+    AN_ASSERT(reply->length <= sizeof link->last.answer);
+    send(link, reply, kind, sequence, result);
+    link->last.answer[0] = reply->payload[0];
+    link->last.answer[1] = reply->length > 1u ? reply->payload[1] : 0u;
+    link->last.answer_length = reply->length;
+}
+
+static void send_again(an_link *link, const an_message *request, an_message *reply)
+{
+    reply->length = link->last.answer_length;
+    reply->payload[1] = link->last.answer[1];
+    send(link, reply, request->kind, request->sequence, (an_result)link->last.answer[0]);
 }
 
 void an_link_feed(an_link *link, uint8_t byte)
@@ -107,9 +173,20 @@ void an_link_feed(an_link *link, uint8_t byte)
     }
     link->heard++;
     reply.length = 1u;
-    const uint32_t result = answer(link, &request, &reply);
-    if (!link->store_wanted) {
+    if (changes_nothing(request.kind)) {
+        const an_result result =
+            request.kind == AN_HEALTH ? tell_health(link, &reply) : link->obey(link->app, &request, NULL, &reply);
         send(link, &reply, request.kind, request.sequence, result);
+        return;
+    }
+    if (is_repeated(link, &request)) {
+        send_again(link, &request, &reply);
+        return;
+    }
+    remember(link, &request);
+    const an_result result = answer(link, &request, &reply);
+    if (!link->store_wanted) {
+        send_and_keep(link, &reply, request.kind, request.sequence, result);
     }
 }
 
@@ -119,7 +196,7 @@ void an_link_stored(an_link *link, bool done)
     reply.length = 1u;
     link->store_wanted = false;
     link->staged_wanted = 0u;
-    send(link, &reply, AN_UPLOAD_END, link->store_sequence, done ? AN_OK : AN_STORE_FAILED);
+    send_and_keep(link, &reply, AN_UPLOAD_END, link->store_sequence, done ? AN_OK : AN_STORE_FAILED);
 }
 
 static void add_record(an_message *log, uint32_t window, const float *record)

@@ -10,6 +10,9 @@
  * V += j tau (w - w0) / G U cancels its cross-coupling, and the drive is turned ahead by the known delay and the
  * mode's own phase, so that G counts as real here. A measurement is half a window old when its answer begins to
  * act: the plant's model carries it on to that moment.
+ *
+ * Where the drive is limited only its direction counts. The way out of the limit has a pole of its own, a window long: the
+ * drive stays at its limit until one window is enough to arrive.
  */
 #ifndef AN_PI_H
 #define AN_PI_H
@@ -25,17 +28,20 @@ typedef struct {
     float amplitude_limit;
 } an_mode;
 
+/* V = integral + proportional reference - state U - feed V before. */
 typedef struct {
     float proportional;
+    an_complex state; /* Kp - j tau (w - w0) / G, times what is left of a measurement when its answer acts */
+    an_complex feed;  /* the same, times what the last drive adds until then */
+} an_pi_law;
+
+typedef struct {
+    an_pi_law law[2]; /* in general; from the limit */
     float integral;   /* a step */
     float inverse_gain;
     float drive_limit;
     float age; /* of a measurement when its answer begins to act, in steps */
     an_complex lead; /* turns the drive ahead: one sample, the delay, the mode's phase */
-    an_complex state; /* Kp - j tau (w - w0) / G, times what is left of a measurement when its answer acts */
-    an_complex feed;  /* the same, times what the last drive adds until then */
-    an_complex decay; /* of the model over one period, for the observer */
-    an_complex push;  /* of the drive on the model over one period */
 } an_pi_gains;
 
 /* What the loop is asked for. */
@@ -43,14 +49,17 @@ typedef struct {
     float period_s;         /* of the slow step */
     float ahead_s;          /* from the moment a measurement stands for to its answer */
     float response_s;       /* gives p */
+    float leaving_s;        /* the same, from the limit */
     float proportional_max; /* drive over sensor: what the neighbours of the mode allow */
 } an_pi_wish;
+
+enum { AN_PI_LIMITED = 2 };
 
 typedef struct {
     an_complex integral;
     an_complex drive; /* the last, still acting */
     float reference;  /* the last */
-    an_complex model; /* what the plate should be doing */
+    uint32_t limited; /* AN_PI_LIMITED: the last drive met its limit; less: windows until its end shows in the measurement */
 } an_pi;
 
 /* Gains for a drive at a phase step, detuning_hz away from the mode. The mode must have been checked: gain and tau
@@ -60,8 +69,7 @@ void an_pi_plan(an_pi_gains *gains, const an_mode *mode, uint32_t step, float de
 /* Starts from a plate that moves as measured, as if the loop had held it there. */
 void an_pi_init(an_pi *pi, const an_pi_gains *gains, an_complex measured);
 
-/* One step: measured phasor and reference in, drive in the mode's frame out, |drive| <= drive_limit. The model
- * follows. */
+/* One step: measured phasor and reference in, drive in the mode's frame out, |drive| <= drive_limit. */
 an_complex an_pi_step(an_pi *pi, const an_pi_gains *gains, an_complex measured, float reference);
 
 #endif

@@ -1,20 +1,21 @@
 #include "an_single.h"
 
+#include <stdatomic.h>
+
 #include "an_complex.h"
 #include "an_dds.h"
 #include "an_faults.h"
 #include "an_sine.h"
 
 #define AN_RESPONSE_S 0.53e-3f   /* the loop's time constant: 95 % in 1.6 ms, plus the age of a measurement */
+#define AN_LEAVING_S 0.2e-3f    /* the same from the drive's limit */
 #define AN_NEIGHBOUR_LOOP 0.5f   /* loop gain that a mode beside the wanted one may have, whatever its phase */
 #define AN_NO_BOUND 1e9f
 #define AN_USEFUL 0.2f             /* of G Vmax: the largest level that still rises at full speed */
 #define AN_REFERENCE_MAX 0.9f      /* of the amplitude limit */
-#define AN_PATIENCE 3.0f           /* time constants */
-#define AN_SILENCE_S 0.5f
+#define AN_RETUNE_HZ 0.5f          /* smaller shifts of the resonance are not worth new gains */
+#define AN_RETUNE_SHARE 0.03f      /* nor are smaller changes of its damping */
 #define AN_DETUNING_MAX_HZ 500.0f
-
-static const uint32_t lasting = AN_FAULT_TABLE | AN_FAULT_CLOCK;
 
 static float period_s(const an_single *app)
 {
@@ -41,7 +42,7 @@ static bool post_rest(an_single *app, uint32_t clear)
         return false;
     }
     job->clear = clear;
-    an_slow_post(&app->slow);
+    an_handover_post(&app->slow.hand);
     return true;
 }
 
@@ -56,7 +57,7 @@ static bool post_dwell(an_single *app)
     job->drive = an_scale(an_turn(probe.step), probe.level);
     job->settle = (uint32_t)(probe.settle_s / period_s(app)) + 2u;
     job->average = probe.average;
-    an_slow_post(&app->slow);
+    an_handover_post(&app->slow.hand);
     return true;
 }
 
@@ -67,33 +68,63 @@ static float lowest_useful(const an_single *app)
     return reach < half ? reach : half;
 }
 
-static bool post_track(an_single *app)
+float an_single_frequency(const an_single *app)
 {
-    const uint32_t step = an_dds_shifted(app->centre, app->detuning_hz, app->sample_rate_hz);
-    an_job *job = new_job(app, AN_JOB_TRACK, step);
-    if (job == NULL) {
-        return false;
-    }
-    const float detuning_hz = an_dds_detuning(step, app->centre, app->sample_rate_hz);
+    return an_dds_frequency(app->centre, app->sample_rate_hz) + an_track_shift_hz(&app->track);
+}
+
+bool an_single_is_limited(const an_single *app)
+{
+    return app->supervisor.state == AN_STATE_RUN && app->track.limited != 0u;
+}
+
+static an_pi_wish wish_of(const an_single *app)
+{
     const an_pi_wish wish = {
         .period_s = period_s(app),
         .ahead_s = ((float)AN_WINDOW * 0.5f + (float)AN_GAP) / app->sample_rate_hz,
         .response_s = AN_RESPONSE_S,
+        .leaving_s = AN_LEAVING_S,
         .proportional_max = app->neighbour > 0.0f ? AN_NEIGHBOUR_LOOP / app->neighbour : AN_NO_BOUND,
     };
-    an_pi_plan(&job->gains, &app->mode, step, detuning_hz, &wish);
-    job->patience = (uint32_t)(AN_PATIENCE * app->mode.tau_s / period_s(app)) + 10u;
-    an_single_refer(app, app->wanted_reference > 0.0f ? app->wanted_reference : lowest_useful(app));
-    an_slow_post(&app->slow);
+    return wish;
+}
+
+/* The loop's gains for the mode as it is followed now; a loop that is closed goes on with them. */
+static bool post_track(an_single *app)
+{
+    const float away_hz = an_track_shift_hz(&app->track) + app->detuning_hz;
+    const uint32_t step = an_dds_shifted(app->centre, away_hz, app->sample_rate_hz);
+    an_job *job = new_job(app, AN_JOB_TRACK, step);
+    if (job == NULL) {
+        return false;
+    }
+    const an_pi_wish wish = wish_of(app);
+    an_track_mode(&app->track, &app->mode, &app->now);
+    an_pi_plan(&job->gains, &app->now, step, app->detuning_hz, &wish);
+    an_handover_post(&app->slow.hand);
     return true;
 }
 
-static void fail(an_single *app, uint32_t fault)
+static bool begin_track(an_single *app)
 {
-    app->faults |= fault;
-    app->state = AN_STATE_FAULT;
+    const an_pi_wish wish = wish_of(app);
+    an_track_begin(&app->track, &app->mode, &wish, app->detuning_hz, app->slow.quiet);
+    app->slow.noted = 0u; /* the slow step rests */
+    an_single_refer(app, app->wanted_reference > 0.0f ? app->wanted_reference : lowest_useful(app));
+    return post_track(app);
+}
+
+static void rest(an_single *app)
+{
     app->slow.reference = 0.0f;
     post_rest(app, 0u);
+}
+
+static void fail(an_single *app, an_fault fault)
+{
+    an_supervisor_fail(&app->supervisor, fault);
+    rest(app);
 }
 
 static float strongest_neighbour(const an_table *table)
@@ -109,40 +140,37 @@ static float strongest_neighbour(const an_table *table)
     return strongest;
 }
 
+an_table_result an_single_accepts(const an_table *table, float sample_rate_hz)
+{
+    const bool fits = table->mode_count > 0u && table->sample_rate_hz == sample_rate_hz;
+    return fits ? AN_TABLE_OK : AN_TABLE_OTHER_BUILD;
+}
+
 void an_single_boot(an_single *app, const uint8_t *table, uint32_t length, float sample_rate_hz, uint32_t faults)
 {
-    app->state = AN_STATE_IDLE;
-    app->faults = faults;
     app->sample_rate_hz = sample_rate_hz;
     app->probing = 0u;
-    app->stopping = false;
-    app->host_drives = false;
     app->worst_cycles = 0u;
     an_texture_init(&app->texture);
     app->centre = an_dds_step(0.125f * sample_rate_hz, sample_rate_hz);
     app->mode.amplitude_limit = 1.0f;
     app->neighbour = 0.0f;
-    const bool accepted = an_table_open(&app->table, table, length) == AN_TABLE_OK && app->table.mode_count > 0u &&
-                          app->table.sample_rate_hz == sample_rate_hz;
+    an_track_forget(&app->track);
+    const bool accepted = an_table_open(&app->table, table, length) == AN_TABLE_OK &&
+                          an_single_accepts(&app->table, sample_rate_hz) == AN_TABLE_OK;
     if (accepted) {
         app->mode_flags = an_table_mode(&app->table, app->table.wanted, &app->mode);
         app->centre = an_dds_step(app->mode.frequency_hz, sample_rate_hz);
         app->neighbour = strongest_neighbour(&app->table);
-    } else {
-        app->faults |= AN_FAULT_TABLE;
     }
-    if (!an_slow_init(&app->slow, &app->fast, app->centre)) {
-        app->faults |= AN_FAULT_TABLE;
-    }
-    if (app->faults != 0u) {
-        app->state = AN_STATE_FAULT;
-    }
+    const bool ready = an_slow_init(&app->slow, &app->fast, app->centre) && accepted;
+    an_supervisor_boot(&app->supervisor, ready ? faults : faults | AN_FAULT_TABLE);
 }
 
 an_view an_single_view(const an_single *app)
 {
     an_view view = {.measured = app->slow.measured.tone, .offset = app->slow.measured.offset};
-    if (app->state == AN_STATE_RUN) {
+    if (app->supervisor.state == AN_STATE_RUN) {
         view.drive = app->slow.pi.drive;
         view.reference = app->slow.pi.reference;
     }
@@ -151,8 +179,8 @@ an_view an_single_view(const an_single *app)
 
 static void begin_run(an_single *app)
 {
-    if (post_track(app)) {
-        app->state = AN_STATE_RUN;
+    if (begin_track(app)) {
+        an_supervisor_enter(&app->supervisor, AN_STATE_RUN);
     } else {
         fail(app, AN_FAULT_IDENTIFY);
     }
@@ -163,7 +191,6 @@ static void begin_identify(an_single *app)
     const bool displacement = (app->table.flags & AN_SENSES_DISPLACEMENT) != 0u;
     an_ident_init(&app->ident, &app->mode, displacement, app->sample_rate_hz);
     app->probing = 0u;
-    app->state = AN_STATE_IDENTIFY;
 }
 
 bool an_single_may_start(float reference, float detuning_hz)
@@ -178,20 +205,36 @@ static bool was_measured(const an_single *app)
     return (app->mode_flags & measured) == measured;
 }
 
+static bool is_ready(an_single *app)
+{
+    return app->supervisor.state == AN_STATE_IDLE && an_slow_vacant(&app->slow) != NULL;
+}
+
 bool an_single_start(an_single *app, float reference, float detuning_hz)
 {
-    if (app->state != AN_STATE_IDLE || !an_single_may_start(reference, detuning_hz) ||
-        an_slow_vacant(&app->slow) == NULL) {
+    if (!an_single_may_start(reference, detuning_hz) || !is_ready(app)) {
         return false;
     }
-    app->host_drives = false;
     app->wanted_reference = reference;
     app->detuning_hz = detuning_hz;
     if (was_measured(app)) {
+        an_supervisor_begin(&app->supervisor, AN_STATE_RUN);
         begin_run(app);
     } else {
+        an_supervisor_begin(&app->supervisor, AN_STATE_IDENTIFY);
         begin_identify(app);
     }
+    return true;
+}
+
+bool an_single_identify(an_single *app)
+{
+    if (!is_ready(app)) {
+        return false;
+    }
+    an_supervisor_begin(&app->supervisor, AN_STATE_IDENTIFY);
+    app->supervisor.measure_only = true;
+    begin_identify(app);
     return true;
 }
 
@@ -205,23 +248,22 @@ void an_single_refer(an_single *app, float reference)
 
 void an_single_stop(an_single *app)
 {
-    app->stopping = app->state == AN_STATE_IDENTIFY || app->state == AN_STATE_RUN;
+    an_supervisor_stop(&app->supervisor);
 }
 
 void an_single_trip(an_single *app, uint32_t fault)
 {
-    app->slow.outside |= fault;
+    app->slow.hand.outside |= fault;
 }
 
 bool an_single_clear(an_single *app)
 {
-    if (app->state != AN_STATE_FAULT || (app->faults & lasting) != 0u || an_slow_vacant(&app->slow) == NULL) {
+    if (!an_supervisor_may_clear(&app->supervisor) || an_slow_vacant(&app->slow) == NULL) {
         return false;
     }
-    app->slow.outside = 0u; /* before the job that clears the rest */
+    app->slow.hand.outside = 0u; /* before the job that clears the rest */
     post_rest(app, 1u);
-    app->faults = 0u;
-    app->state = AN_STATE_IDLE;
+    an_supervisor_clear(&app->supervisor);
     return true;
 }
 
@@ -229,26 +271,36 @@ static void end_identify(an_single *app)
 {
     app->mode = app->ident.mode;
     app->centre = app->ident.centre;
+    an_track_forget(&app->track);
     app->neighbour = app->ident.neighbour;
     app->mode_flags |= AN_GAIN_IDENTIFIED | AN_TAU_IDENTIFIED | AN_FREQUENCY_IDENTIFIED;
-    begin_run(app);
+    if (app->supervisor.measure_only) {
+        an_supervisor_enter(&app->supervisor, AN_STATE_IDLE);
+        rest(app);
+    } else {
+        begin_run(app);
+    }
 }
 
 static void identify(an_single *app)
 {
     if (app->probing != 0u) {
-        if (app->slow.finished == 0u) {
+        if (!an_slow_finished(&app->slow)) {
             return;
         }
-        const float count = (float)app->slow.jobs[app->slow.active].average;
-        an_ident_answer(&app->ident, an_scale(app->slow.total, 1.0f / count));
+        const float share = 1.0f / (float)app->slow.jobs[app->slow.hand.active & 1u].average;
+        const an_complex mean = an_scale(app->slow.total, share);
+        const float spread = share * app->slow.energy - an_abs2(mean);
+        an_ident_answer(&app->ident, mean, spread > 0.0f ? spread * share / (1.0f - share) : 0.0f);
     }
     if (app->ident.stage == AN_IDENT_FAILED) {
         fail(app, AN_FAULT_IDENTIFY);
     } else if (app->ident.stage == AN_IDENT_DONE) {
         end_identify(app);
+    } else if (post_dwell(app)) {
+        app->probing = 1u;
     } else {
-        app->probing = post_dwell(app) ? 1u : 0u;
+        fail(app, AN_FAULT_IDENTIFY);
     }
 }
 
@@ -258,28 +310,62 @@ void an_single_slow(an_single *app)
     app->slow.envelope = an_texture_step(&app->texture);
 }
 
-static bool host_is_silent(const an_single *app)
+static bool is_worth_new_gains(const an_single *app)
 {
-    const float silent_s = (float)(app->fast.window.count - app->host_heard) * period_s(app);
-    return app->host_drives && silent_s > AN_SILENCE_S;
+    an_mode now;
+    an_track_mode(&app->track, &app->mode, &now);
+    const float shifted = now.frequency_hz - app->now.frequency_hz;
+    const float damped = now.tau_s - app->now.tau_s;
+    return __builtin_fabsf(shifted) > AN_RETUNE_HZ || __builtin_fabsf(damped) > AN_RETUNE_SHARE * app->now.tau_s;
+}
+
+/* What the last windows tell of the plate. */
+static void follow(an_single *app)
+{
+    const volatile uint32_t *noted = &app->slow.noted;
+    const uint32_t written = *noted;
+    atomic_signal_fence(memory_order_acquire);
+    if (app->texture.kind != AN_TEXTURE_PLAIN || app->slow.reference != app->followed_reference) {
+        app->followed_reference = app->slow.reference;
+        an_track_disturb(&app->track);
+    }
+    const an_track_result found = an_track_read(&app->track, app->slow.notes, written);
+    if (found == AN_TRACK_LOST) {
+        an_single_trip(app, AN_FAULT_MISMATCH);
+    } else if (found == AN_TRACK_FOLLOWS && is_worth_new_gains(app)) {
+        post_track(app);
+    }
+}
+
+uint32_t an_single_check(an_single *app)
+{
+    if (app->fast.tick <= AN_PERIOD) {
+        return 0u;
+    }
+    app->fast.tick = 0u;
+    return AN_FAULT_MEMORY;
 }
 
 /* Nothing is decided while a job waits to be taken over: the slow step acts on faults by itself, and does so first. */
 void an_single_poll(an_single *app)
 {
-    if (an_slow_vacant(&app->slow) == NULL) {
+    if (!an_handover_vacant(&app->slow.hand)) {
         return;
     }
-    const uint32_t found = app->fast.faults | app->slow.trips;
-    if (app->state != AN_STATE_FAULT && found != 0u) {
-        fail(app, found);
-    } else if ((app->state == AN_STATE_RUN || app->state == AN_STATE_IDENTIFY) && host_is_silent(app)) {
-        fail(app, AN_FAULT_HOST_SILENT);
-    } else if (app->stopping) {
-        post_rest(app, 0u);
-        app->state = AN_STATE_IDLE;
-    } else if (app->state == AN_STATE_IDENTIFY) {
+    const an_job_kind kind = app->slow.jobs[app->slow.hand.active & 1u].kind;
+    const uint32_t found = app->fast.faults | app->slow.hand.trips;
+    switch (an_supervisor_decide(&app->supervisor, kind, found, app->fast.window.count, period_s(app))) {
+    case AN_ACT_REST:
+        rest(app);
+        return;
+    case AN_ACT_IDENTIFY:
         identify(app);
+        return;
+    case AN_ACT_NONE:
+    default:
+        break;
     }
-    app->stopping = false;
+    if (app->supervisor.state == AN_STATE_RUN) {
+        follow(app);
+    }
 }

@@ -1,7 +1,6 @@
 /* The single-mode application: fast tick, slow step and supervisor in one object without a global.
  *
- * States: IDLE (outputs at rest), IDENTIFY (sweep), RUN (closed loop), FAULT (latched, outputs at rest). The fast
- * tick and the slow step run in interrupts, everything else in the main loop.
+ * The fast tick and the slow step run in interrupts, everything else in the main loop.
  */
 #ifndef AN_SINGLE_H
 #define AN_SINGLE_H
@@ -10,29 +9,27 @@
 #include "an_ident.h"
 #include "an_slow.h"
 #include "an_link.h"
+#include "an_supervisor.h"
 #include "an_table.h"
 #include "an_texture.h"
 #include "an_types.h"
 
-enum { AN_STATE_IDLE, AN_STATE_IDENTIFY, AN_STATE_RUN, AN_STATE_FAULT };
-
 typedef struct {
     an_fast fast;
     an_slow slow;
-    an_mode mode;
+    an_mode mode; /* as the table holds it or identification found it */
+    an_track track;
+    an_mode now;  /* as it is followed */
     an_ident ident;
     uint32_t mode_flags;
-    uint32_t centre; /* phase step of the mode */
-    uint32_t state;
-    uint32_t faults;
+    uint32_t centre; /* phase step of the mode as identified */
+    an_supervisor supervisor;
     uint32_t probing; /* a dwell has been posted */
-    bool stopping;
     float wanted_reference; /* 0: the lowest useful level */
     an_texture texture;
-    bool host_drives;    /* started by a host, which must keep talking */
-    uint32_t host_heard; /* the window then */
     uint32_t worst_cycles; /* of the fast interrupt; the board's note */
     float detuning_hz;
+    float followed_reference; /* at the last look at the plate's balance */
     float neighbour; /* largest response beside the wanted mode's, as far as it is known */
     float sample_rate_hz;
     an_table table; /* last: it holds the one pointer, so that all else lies alike on any machine */
@@ -46,7 +43,16 @@ typedef struct {
     float offset;
 } an_view;
 
+/* Of the resonance, as it is followed. */
+float an_single_frequency(const an_single *app);
+
+/* True while the drive has been at its limit for most of the last few windows. */
+bool an_single_is_limited(const an_single *app);
+
 an_view an_single_view(const an_single *app);
+
+/* Whether a sound table is one for this build at this rate. */
+an_table_result an_single_accepts(const an_table *table, float sample_rate_hz);
 
 /* Reads the table and rests. faults are those the board found before; any of them, or a refused table, latches. */
 void an_single_boot(an_single *app, const uint8_t *table, uint32_t length, float sample_rate_hz, uint32_t faults);
@@ -57,8 +63,12 @@ void an_single_slow(an_single *app);
 /* One pass of the main loop. */
 void an_single_poll(an_single *app);
 
+/* Faults that a look from outside finds in what the fast tick relies on, mended so that windows go on to end; from an
+ * interrupt of its priority. */
+uint32_t an_single_check(an_single *app);
+
 /* A request of the host, as an_link passes it on. */
-uint32_t an_single_obey(void *app, const an_message *request, an_message *reply);
+an_result an_single_obey(void *app, const an_message *request, const an_table *staged, an_message *reply);
 
 /* The log's record of the last window: measured, drive, reference. */
 void an_single_record(const an_single *app, float *record);
@@ -70,6 +80,9 @@ bool an_single_may_start(float reference, float detuning_hz);
  * away from its resonance; identifies first unless gain and frequency were measured. False unless idle and the
  * values are in range. */
 bool an_single_start(an_single *app, float reference, float detuning_hz);
+
+/* Measures the mode anew, known or not, and rests. False unless idle. */
+bool an_single_identify(an_single *app);
 
 /* A new reference while running; clipped to what the amplitude limit leaves. */
 void an_single_refer(an_single *app, float reference);

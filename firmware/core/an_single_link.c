@@ -8,7 +8,7 @@ enum { IDENTITY_SINGLE = 1, HASH_AT = 32, HASH_BYTES = 16 };
 
 static uint8_t *put_identity(const an_single *app, uint8_t *at)
 {
-    const bool known = (app->faults & AN_FAULT_TABLE) == 0u;
+    const bool known = (app->supervisor.faults & AN_FAULT_TABLE) == 0u;
     at = an_put8(at, AN_PROTOCOL);
     at = an_put8(at, IDENTITY_SINGLE);
     at = an_put8(at, AN_TABLE_VERSION);
@@ -21,22 +21,24 @@ static uint8_t *put_identity(const an_single *app, uint8_t *at)
 
 static uint8_t *put_mode(const an_single *app, uint8_t *at)
 {
-    at = an_put_float(at, an_dds_frequency(app->centre, app->sample_rate_hz));
+    const an_mode *mode = app->supervisor.state == AN_STATE_RUN ? &app->now : &app->mode;
+    at = an_put_float(at, an_single_frequency(app));
     at = an_put_float(at, app->detuning_hz);
-    at = an_put_float(at, app->mode.tau_s);
-    at = an_put_complex(at, app->mode.gain);
-    at = an_put_float(at, app->mode.delay_s);
+    at = an_put_float(at, mode->tau_s);
+    at = an_put_complex(at, mode->gain);
+    at = an_put_float(at, mode->delay_s);
     return an_put_float(at, app->neighbour);
 }
 
 static uint8_t *put_status(const an_single *app, uint8_t *at)
 {
     const an_view view = an_single_view(app);
-    at = an_put8(at, app->state);
+    at = an_put8(at, app->supervisor.state);
     at = an_put8(at, app->ident.stage);
     at = an_put8(at, app->texture.kind);
-    at = an_put8(at, app->mode_flags);
-    at = an_put32(at, app->faults);
+    at = an_put8(at, app->mode_flags | (an_single_is_limited(app) ? (uint32_t)AN_STATUS_LIMITED : 0u));
+    at = an_put32(at, app->supervisor.faults);
+    at = an_put32(at, app->supervisor.first);
     at = an_put32(at, app->fast.window.count);
     at = an_put32(at, app->texture.starved);
     at = an_put32(at, app->worst_cycles);
@@ -47,12 +49,12 @@ static uint8_t *put_status(const an_single *app, uint8_t *at)
     return an_put_float(at, view.offset);
 }
 
-static uint32_t result_of(bool done)
+static an_result result_of(bool done)
 {
     return done ? AN_OK : AN_NOT_NOW;
 }
 
-static uint32_t start(an_single *app, const an_message *request)
+static an_result start(an_single *app, const an_message *request)
 {
     const float reference = an_get_float(request->payload);
     const float detuning_hz = an_get_float(request->payload + 4);
@@ -60,24 +62,26 @@ static uint32_t start(an_single *app, const an_message *request)
         return AN_BAD_VALUE;
     }
     const bool started = an_single_start(app, reference, detuning_hz);
-    app->host_drives = started || app->host_drives;
+    if (started) {
+        an_supervisor_bind_host(&app->supervisor, app->fast.window.count);
+    }
     return result_of(started);
 }
 
-static uint32_t refer(an_single *app, const an_message *request)
+static an_result refer(an_single *app, const an_message *request)
 {
     const float reference = an_get_float(request->payload);
     if (!(reference >= 0.0f && reference <= 1.0f)) {
         return AN_BAD_VALUE;
     }
-    if (app->state != AN_STATE_RUN) {
+    if (app->supervisor.state != AN_STATE_RUN) {
         return AN_NOT_NOW;
     }
     an_single_refer(app, reference);
     return AN_OK;
 }
 
-static uint32_t sine(an_single *app, const an_message *request)
+static an_result sine(an_single *app, const an_message *request)
 {
     const float window_hz = app->sample_rate_hz / (float)AN_PERIOD;
     const float rate_hz = an_get_float(request->payload);
@@ -86,7 +90,7 @@ static uint32_t sine(an_single *app, const an_message *request)
 }
 
 /* Replies how many of the samples were taken. */
-static uint32_t samples(an_single *app, const an_message *request, an_message *reply)
+static an_result samples(an_single *app, const an_message *request, an_message *reply)
 {
     uint32_t taken = 0u;
     while (2u * taken + 2u <= request->length &&
@@ -96,6 +100,21 @@ static uint32_t samples(an_single *app, const an_message *request, an_message *r
     reply->payload[1] = (uint8_t)taken;
     reply->length = 2u;
     return app->texture.kind == AN_TEXTURE_STREAM ? AN_OK : AN_NOT_NOW;
+}
+
+static an_result identify(an_single *app)
+{
+    const bool begun = an_single_identify(app);
+    if (begun) {
+        an_supervisor_bind_host(&app->supervisor, app->fast.window.count);
+    }
+    return result_of(begun);
+}
+
+static an_result judge(const an_single *app, const an_table *staged, an_message *reply)
+{
+    const an_table_result fitting = an_single_accepts(staged, app->sample_rate_hz);
+    return fitting == AN_TABLE_OK ? result_of(!an_supervisor_drives(&app->supervisor)) : an_link_refuse(reply, fitting);
 }
 
 /* Payload bytes a request must have; samples come in any number. */
@@ -115,7 +134,7 @@ static bool has_its_length(const an_message *request)
     }
 }
 
-static uint32_t obey(an_single *app, const an_message *request, an_message *reply)
+static an_result obey(an_single *app, const an_message *request, const an_table *staged, an_message *reply)
 {
     uint8_t *more = reply->payload + 1;
     switch (request->kind) {
@@ -140,18 +159,20 @@ static uint32_t obey(an_single *app, const an_message *request, an_message *repl
         return an_texture_stream(&app->texture, an_get32(request->payload)) ? AN_OK : AN_BAD_VALUE;
     case AN_SAMPLES:
         return samples(app, request, reply);
+    case AN_IDENTIFY:
+        return identify(app);
     case AN_UPLOAD_END:
-        return result_of(app->state == AN_STATE_IDLE || app->state == AN_STATE_FAULT);
+        return judge(app, staged, reply);
     default:
         return AN_UNKNOWN;
     }
 }
 
-uint32_t an_single_obey(void *app, const an_message *request, an_message *reply)
+an_result an_single_obey(void *app, const an_message *request, const an_table *staged, an_message *reply)
 {
     an_single *single = app;
-    single->host_heard = single->fast.window.count;
-    return has_its_length(request) ? obey(single, request, reply) : AN_BAD_VALUE;
+    single->supervisor.heard = single->fast.window.count;
+    return has_its_length(request) ? obey(single, request, staged, reply) : AN_BAD_VALUE;
 }
 
 void an_single_record(const an_single *app, float *record)

@@ -14,12 +14,9 @@
 #define AN_SETTLE 7.0f       /* time constants */
 #define AN_PATIENCE 8.0f     /* time constants */
 #define AN_SOFT 0.25f      /* time constants that a pattern takes to fade in */
-#define AN_SILENCE_S 0.5f
 #define AN_PERIODS 2.0f /* of the carrier, at least, in a window */
 
-enum { WINDOW_LEAST = 46, WINDOW_MOST = 4000, PROBE_AVERAGE = 8 };
-
-static const uint32_t lasting = AN_FAULT_TABLE | AN_FAULT_CLOCK;
+enum { WINDOW_LEAST = 46, PROBE_AVERAGE = 8 };
 
 static float period_s(const an_six *app)
 {
@@ -28,8 +25,7 @@ static float period_s(const an_six *app)
 
 static void choose_window(an_six *app)
 {
-    const float samples = AN_PERIODS * app->sample_rate_hz / app->shape.frequency_hz + 0.5f;
-    const uint32_t fitting = samples < (float)WINDOW_MOST ? (uint32_t)samples : (uint32_t)WINDOW_MOST;
+    const uint32_t fitting = (uint32_t)(AN_PERIODS * app->sample_rate_hz / app->shape.frequency_hz + 0.5f);
     app->window = fitting > WINDOW_LEAST ? fitting : (uint32_t)WINDOW_LEAST;
 }
 
@@ -53,34 +49,38 @@ static an_six_job *new_job(an_six *app, uint32_t kind)
 
 static bool post_rest(an_six *app, uint32_t clear)
 {
-    an_six_job *job = new_job(app, AN_SIX_REST);
+    an_six_job *job = new_job(app, AN_JOB_REST);
     if (job == NULL) {
         return false;
     }
     job->clear = clear;
-    an_six_slow_post(&app->slow);
+    an_handover_post(&app->slow.hand);
     return true;
 }
 
 static bool post_dwell(an_six *app)
 {
-    an_six_job *job = new_job(app, AN_SIX_DWELL);
+    an_six_job *job = new_job(app, AN_JOB_DWELL);
     if (job == NULL) {
         return false;
     }
     job->drive[app->probe] = an_scale(an_turn(app->step), app->probe_level);
     job->settle = (uint32_t)(AN_SETTLE * app->shape.tau_s / period_s(app)) + 2u;
     job->average = PROBE_AVERAGE;
-    an_six_slow_post(&app->slow);
+    an_handover_post(&app->slow.hand);
     return true;
 }
 
-static void fail(an_six *app, uint32_t fault)
+static void rest(an_six *app)
 {
-    app->faults |= fault;
-    app->state = AN_STATE_FAULT;
     app->slow.reference = 0.0f;
     post_rest(app, 0u);
+}
+
+static void fail(an_six *app, an_fault fault)
+{
+    an_supervisor_fail(&app->supervisor, fault);
+    rest(app);
 }
 
 static void read_targets(const an_six *app, an_complex *targets)
@@ -102,7 +102,7 @@ static float reach_of(const an_six *app)
 
 static bool post_track(an_six *app)
 {
-    an_six_job *job = new_job(app, AN_SIX_TRACK);
+    an_six_job *job = new_job(app, AN_JOB_TRACK);
     if (job == NULL) {
         return false;
     }
@@ -115,16 +115,18 @@ static bool post_track(an_six *app)
     job->soft = x / (AN_SOFT + x);
     job->integral = AN_SIX_INTEGRAL * x / (1.0f + x);
     job->patience = (uint32_t)(AN_PATIENCE / x) + 10u;
-    an_six_slow_post(&app->slow);
+    an_handover_post(&app->slow.hand);
     return true;
 }
 
+/* A pattern at the reference that was asked for last, as far as it reaches; half of that at a start that asked for none. */
 static void begin_run(an_six *app)
 {
     app->reachable = reach_of(app);
-    an_six_refer(app, app->wanted_reference > 0.0f ? app->wanted_reference : 0.5f * app->reachable);
+    an_six_refer(app, app->half_reach ? 0.5f * app->reachable : app->wanted_reference);
+    app->half_reach = false;
     if (post_track(app)) {
-        app->state = AN_STATE_RUN;
+        an_supervisor_enter(&app->supervisor, AN_STATE_RUN);
     } else {
         fail(app, AN_FAULT_SHAPING);
     }
@@ -139,7 +141,6 @@ static void begin_column(an_six *app, uint32_t actuator)
 static void begin_identify(an_six *app)
 {
     app->probing = 0u;
-    app->state = AN_STATE_IDENTIFY;
     begin_column(app, 0u);
 }
 
@@ -170,28 +171,45 @@ static void read_shape(an_six *app, uint32_t index)
     }
 }
 
+an_table_result an_six_accepts(const an_table *table, float sample_rate_hz)
+{
+    if (table->shape_count == 0u || table->sample_rate_hz != sample_rate_hz) {
+        return AN_TABLE_OTHER_BUILD;
+    }
+    for (uint32_t i = 0u; i < table->shape_count; i++) {
+        an_shape_head shape;
+        an_table_shape(table, i, &shape);
+        if (shape.frequency_hz < (float)AN_SIX_FREQUENCY_MIN_HZ) {
+            return AN_TABLE_RANGE;
+        }
+    }
+    return AN_TABLE_OK;
+}
+
 void an_six_boot(an_six *app, const uint8_t *table, uint32_t length, float sample_rate_hz, uint32_t faults)
 {
     an_clear(app, sizeof *app);
     an_texture_init(&app->texture);
-    app->faults = faults;
     app->sample_rate_hz = sample_rate_hz;
     app->step = an_dds_step(0.1f * sample_rate_hz, sample_rate_hz);
     app->window = WINDOW_LEAST;
-    const bool accepted = an_table_open(&app->table, table, length) == AN_TABLE_OK && app->table.shape_count > 0u &&
-                          app->table.sample_rate_hz == sample_rate_hz;
+    const bool accepted = an_table_open(&app->table, table, length) == AN_TABLE_OK &&
+                          an_six_accepts(&app->table, sample_rate_hz) == AN_TABLE_OK;
     if (accepted) {
         read_shape(app, 0u);
     }
-    if (!an_six_slow_init(&app->slow, &app->fast, app->step, app->window) || !accepted) {
-        app->faults |= AN_FAULT_TABLE;
-    }
-    app->state = app->faults == 0u ? AN_STATE_IDLE : AN_STATE_FAULT;
+    const bool ready = an_six_slow_init(&app->slow, &app->fast, app->step, app->window) && accepted;
+    an_supervisor_boot(&app->supervisor, ready ? faults : faults | AN_FAULT_TABLE);
+}
+
+static bool is_ready(an_six *app)
+{
+    return app->supervisor.state == AN_STATE_IDLE && an_six_slow_vacant(&app->slow) != NULL;
 }
 
 bool an_six_choose(an_six *app, uint32_t shape)
 {
-    if (app->state != AN_STATE_IDLE || shape >= app->table.shape_count || an_six_slow_vacant(&app->slow) == NULL) {
+    if (shape >= app->table.shape_count || !is_ready(app)) {
         return false;
     }
     read_shape(app, shape);
@@ -200,24 +218,37 @@ bool an_six_choose(an_six *app, uint32_t shape)
 
 bool an_six_start(an_six *app, uint32_t pattern, float reference)
 {
-    if (app->state != AN_STATE_IDLE || pattern >= app->shape.pattern_count ||
-        !(reference >= 0.0f && reference <= 1.0f) || an_six_slow_vacant(&app->slow) == NULL) {
+    if (pattern >= app->shape.pattern_count || !(reference >= 0.0f && reference <= 1.0f) || !is_ready(app)) {
         return false;
     }
-    app->host_drives = false;
     app->pattern = pattern;
     app->wanted_reference = reference;
+    app->half_reach = reference == 0.0f;
     if (app->identified != 0u) {
+        an_supervisor_begin(&app->supervisor, AN_STATE_RUN);
         begin_run(app);
     } else {
+        an_supervisor_begin(&app->supervisor, AN_STATE_IDENTIFY);
         begin_identify(app);
     }
     return true;
 }
 
+bool an_six_identify(an_six *app)
+{
+    if (!is_ready(app)) {
+        return false;
+    }
+    an_supervisor_begin(&app->supervisor, AN_STATE_IDENTIFY);
+    app->supervisor.measure_only = true;
+    begin_identify(app);
+    return true;
+}
+
 bool an_six_change(an_six *app, uint32_t pattern)
 {
-    if (app->state != AN_STATE_RUN || pattern >= app->shape.pattern_count || an_six_slow_vacant(&app->slow) == NULL) {
+    if (app->supervisor.state != AN_STATE_RUN || pattern >= app->shape.pattern_count ||
+        an_six_slow_vacant(&app->slow) == NULL) {
         return false;
     }
     app->pattern = pattern;
@@ -228,29 +259,29 @@ bool an_six_change(an_six *app, uint32_t pattern)
 void an_six_refer(an_six *app, float reference)
 {
     if (reference >= 0.0f) {
+        app->wanted_reference = reference;
         app->slow.reference = reference < app->reachable ? reference : app->reachable;
     }
 }
 
 void an_six_stop(an_six *app)
 {
-    app->stopping = app->state == AN_STATE_IDENTIFY || app->state == AN_STATE_RUN;
+    an_supervisor_stop(&app->supervisor);
 }
 
 void an_six_trip(an_six *app, uint32_t fault)
 {
-    app->slow.outside |= fault;
+    app->slow.hand.outside |= fault;
 }
 
 bool an_six_clear(an_six *app)
 {
-    if (app->state != AN_STATE_FAULT || (app->faults & lasting) != 0u || an_six_slow_vacant(&app->slow) == NULL) {
+    if (!an_supervisor_may_clear(&app->supervisor) || an_six_slow_vacant(&app->slow) == NULL) {
         return false;
     }
-    app->slow.outside = 0u; /* before the job that clears the rest */
+    app->slow.hand.outside = 0u; /* before the job that clears the rest */
     post_rest(app, 1u);
-    app->faults = 0u;
-    app->state = AN_STATE_IDLE;
+    an_supervisor_clear(&app->supervisor);
     return true;
 }
 
@@ -267,10 +298,13 @@ static float largest_response(const an_six *app)
 static void end_identify(an_six *app)
 {
     app->identified = an_shaping_invert(&app->shaping) ? 1u : 0u;
-    if (app->identified != 0u) {
-        begin_run(app);
-    } else {
+    if (app->identified == 0u) {
         fail(app, AN_FAULT_SHAPING);
+    } else if (app->supervisor.measure_only) {
+        an_supervisor_enter(&app->supervisor, AN_STATE_IDLE);
+        rest(app);
+    } else {
+        begin_run(app);
     }
 }
 
@@ -290,7 +324,7 @@ static void take_column(an_six *app)
 static void identify(an_six *app)
 {
     if (app->probing != 0u) {
-        if (app->slow.finished == 0u) {
+        if (!an_six_slow_finished(&app->slow)) {
             return;
         }
         take_column(app);
@@ -302,40 +336,46 @@ static void identify(an_six *app)
     }
 }
 
-static bool host_is_silent(const an_six *app)
-{
-    const float silent_s = (float)(app->fast.window.count - app->host_heard) * period_s(app);
-    return app->host_drives && silent_s > AN_SILENCE_S;
-}
-
 void an_six_window_end(an_six *app)
 {
     an_six_slow_step(&app->slow, &app->fast);
     app->slow.envelope = an_texture_step(&app->texture);
 }
 
+uint32_t an_six_check(an_six *app)
+{
+    const uint32_t most = AN_SIX_GAP + (uint32_t)(AN_PERIODS * app->sample_rate_hz) / AN_SIX_FREQUENCY_MIN_HZ + 1u;
+    if (app->fast.tick <= app->fast.end && app->fast.end <= most) {
+        return 0u;
+    }
+    app->fast.end = most;
+    app->fast.tick = 0u;
+    return AN_FAULT_MEMORY;
+}
+
 void an_six_poll(an_six *app)
 {
-    if (an_six_slow_vacant(&app->slow) == NULL) {
+    if (!an_handover_vacant(&app->slow.hand)) {
         return;
     }
-    const uint32_t found = app->fast.faults | app->slow.trips;
-    if (app->state != AN_STATE_FAULT && found != 0u) {
-        fail(app, found);
-    } else if ((app->state == AN_STATE_RUN || app->state == AN_STATE_IDENTIFY) && host_is_silent(app)) {
-        fail(app, AN_FAULT_HOST_SILENT);
-    } else if (app->stopping) {
-        post_rest(app, 0u);
-        app->state = AN_STATE_IDLE;
-    } else if (app->state == AN_STATE_IDENTIFY) {
+    const an_job_kind kind = app->slow.jobs[app->slow.hand.active & 1u].kind;
+    const uint32_t found = app->fast.faults | app->slow.hand.trips;
+    switch (an_supervisor_decide(&app->supervisor, kind, found, app->fast.window.count, period_s(app))) {
+    case AN_ACT_REST:
+        rest(app);
+        break;
+    case AN_ACT_IDENTIFY:
         identify(app);
+        break;
+    case AN_ACT_NONE:
+    default:
+        break;
     }
-    app->stopping = false;
 }
 
 void an_six_record(const an_six *app, float *record)
 {
-    const an_six_job *job = &app->slow.jobs[app->slow.active];
+    const an_six_job *job = &app->slow.jobs[app->slow.hand.active & 1u];
     uint32_t best = 0u;
     for (uint32_t i = 1u; i < app->channels; i++) {
         if (an_abs2(job->target[i]) > an_abs2(job->target[best])) {

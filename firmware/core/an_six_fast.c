@@ -27,15 +27,15 @@ void an_six_fast_init(an_six_fast *fast, uint32_t step, uint32_t window)
 
 static void take_command(an_six_fast *fast)
 {
-    fast->acting = fast->command.bank;
-    fast->step = fast->command.step;
-    fast->end = AN_SIX_GAP + fast->command.window;
+    if (fast->command.count == fast->window.count) {
+        fast->acting = fast->command.bank;
+        fast->step = fast->command.step;
+        fast->end = AN_SIX_GAP + fast->command.window;
+    } else {
+        fast->faults |= AN_FAULT_SLOW_LATE;
+    }
     fast->growing = fast->window.bank ^ 1u;
     fast->clipped = 0u;
-    if (fast->command.count != fast->window.count) {
-        fast->faults |= AN_FAULT_SLOW_LATE;
-        an_clear(fast->drive, sizeof fast->drive);
-    }
 }
 
 static void end_window(an_six_fast *fast)
@@ -51,7 +51,7 @@ static void end_window(an_six_fast *fast)
 
 static void measure(an_six_fast *fast, an_complex carrier, const uint16_t *adc)
 {
-    an_sums *sums = fast->sums[fast->growing];
+    an_sums *sums = fast->sums[fast->growing <= AN_SIX_GAP_BANK ? fast->growing : (uint32_t)AN_SIX_GAP_BANK];
     UNROLLED
     for (uint32_t i = 0u; i < AN_SIX; i++) {
         const uint32_t sample = adc[i];
@@ -75,7 +75,7 @@ static uint32_t duty_of(an_six_fast *fast, float level)
 
 static void act(an_six_fast *fast, an_complex carrier, uint16_t *duty)
 {
-    const an_complex *drive = fast->drive[fast->acting];
+    const an_complex *drive = fast->drive[fast->faults == 0u ? fast->acting : (uint32_t)AN_SIX_REST_BANK];
     UNROLLED
     for (uint32_t i = 0u; i < AN_SIX; i++) {
         duty[i] = (uint16_t)duty_of(fast, drive[i].re * carrier.re - drive[i].im * carrier.im);

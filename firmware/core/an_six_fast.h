@@ -12,7 +12,8 @@
 enum {
     AN_SIX = 6,
     AN_SIX_GAP = 4,
-    AN_SIX_GAP_BANK = 2, /* of the sums; nobody reads it */
+    AN_SIX_GAP_BANK = 2,  /* of the sums; nobody reads it */
+    AN_SIX_REST_BANK = 2, /* of the drives; nobody writes it */
     AN_SIX_ADC_MIDDLE = 2048,
     AN_SIX_ADC_MARGIN = 8,    /* so many codes at each end count as clipped */
     AN_SIX_DUTY_MIDDLE = 1125, /* half of the timer's range */
@@ -36,7 +37,7 @@ typedef struct {
 typedef struct {
     uint32_t phase;
     uint32_t step;
-    an_complex drive[2][AN_SIX]; /* one acts, one is being prepared */
+    an_complex drive[3][AN_SIX]; /* one acts, one is being prepared, one is zero */
     an_sums sums[3][AN_SIX];     /* one grows, one is read and cleared by the slow step, one takes the gap's samples */
     uint32_t acting;
     uint32_t growing;

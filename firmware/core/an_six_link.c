@@ -8,7 +8,7 @@ enum { IDENTITY_SIX = 6, HASH_AT = 32, HASH_BYTES = 16 };
 
 static uint8_t *put_identity(const an_six *app, uint8_t *at)
 {
-    const bool known = (app->faults & AN_FAULT_TABLE) == 0u;
+    const bool known = (app->supervisor.faults & AN_FAULT_TABLE) == 0u;
     at = an_put8(at, AN_PROTOCOL);
     at = an_put8(at, IDENTITY_SIX);
     at = an_put8(at, AN_TABLE_VERSION);
@@ -21,11 +21,12 @@ static uint8_t *put_identity(const an_six *app, uint8_t *at)
 
 static uint8_t *put_status(const an_six *app, uint8_t *at)
 {
-    at = an_put8(at, app->state);
+    at = an_put8(at, app->supervisor.state);
     at = an_put8(at, app->shape_index);
     at = an_put8(at, app->pattern);
-    at = an_put8(at, app->identified);
-    at = an_put32(at, app->faults);
+    at = an_put8(at, app->identified | (app->slow.limited != 0u ? (uint32_t)AN_STATUS_LIMITED : 0u));
+    at = an_put32(at, app->supervisor.faults);
+    at = an_put32(at, app->supervisor.first);
     at = an_put32(at, app->fast.window.count);
     at = an_put32(at, app->texture.starved);
     at = an_put32(at, app->worst_cycles);
@@ -39,13 +40,13 @@ static uint8_t *put_status(const an_six *app, uint8_t *at)
     return at;
 }
 
-static uint32_t result_of(bool done)
+static an_result result_of(bool done)
 {
     return done ? AN_OK : AN_NOT_NOW;
 }
 
 /* Pattern and reference. */
-static uint32_t start(an_six *app, const an_message *request)
+static an_result start(an_six *app, const an_message *request)
 {
     const uint32_t pattern = an_get32(request->payload);
     const float reference = an_get_float(request->payload + 4);
@@ -53,12 +54,14 @@ static uint32_t start(an_six *app, const an_message *request)
         return AN_BAD_VALUE;
     }
     const bool started = an_six_start(app, pattern, reference);
-    app->host_drives = started || app->host_drives;
+    if (started) {
+        an_supervisor_bind_host(&app->supervisor, app->fast.window.count);
+    }
     return result_of(started);
 }
 
 /* Shape and pattern: another pattern while running, another shape at rest. */
-static uint32_t choose(an_six *app, const an_message *request)
+static an_result choose(an_six *app, const an_message *request)
 {
     const uint32_t shape = an_get32(request->payload);
     const uint32_t pattern = an_get32(request->payload + 4);
@@ -71,25 +74,40 @@ static uint32_t choose(an_six *app, const an_message *request)
     return pattern < app->shape.pattern_count ? result_of(an_six_change(app, pattern)) : AN_BAD_VALUE;
 }
 
-static uint32_t refer(an_six *app, const an_message *request)
+static an_result refer(an_six *app, const an_message *request)
 {
     const float reference = an_get_float(request->payload);
     if (!(reference >= 0.0f && reference <= 1.0f)) {
         return AN_BAD_VALUE;
     }
-    if (app->state != AN_STATE_RUN) {
+    if (app->supervisor.state != AN_STATE_RUN) {
         return AN_NOT_NOW;
     }
     an_six_refer(app, reference);
     return AN_OK;
 }
 
-static uint32_t sine(an_six *app, const an_message *request)
+static an_result sine(an_six *app, const an_message *request)
 {
     const float window_hz = app->sample_rate_hz / (float)(app->window + AN_SIX_GAP);
     const float rate_hz = an_get_float(request->payload);
     const float depth = an_get_float(request->payload + 4);
     return an_texture_sine(&app->texture, rate_hz, depth, window_hz) ? AN_OK : AN_BAD_VALUE;
+}
+
+static an_result identify(an_six *app)
+{
+    const bool begun = an_six_identify(app);
+    if (begun) {
+        an_supervisor_bind_host(&app->supervisor, app->fast.window.count);
+    }
+    return result_of(begun);
+}
+
+static an_result judge(const an_six *app, const an_table *staged, an_message *reply)
+{
+    const an_table_result fitting = an_six_accepts(staged, app->sample_rate_hz);
+    return fitting == AN_TABLE_OK ? result_of(!an_supervisor_drives(&app->supervisor)) : an_link_refuse(reply, fitting);
 }
 
 static bool has_its_length(const an_message *request)
@@ -106,7 +124,7 @@ static bool has_its_length(const an_message *request)
     }
 }
 
-static uint32_t obey(an_six *app, const an_message *request, an_message *reply)
+static an_result obey(an_six *app, const an_message *request, const an_table *staged, an_message *reply)
 {
     uint8_t *more = reply->payload + 1;
     switch (request->kind) {
@@ -129,16 +147,18 @@ static uint32_t obey(an_six *app, const an_message *request, an_message *reply)
         return sine(app, request);
     case AN_PATTERN:
         return choose(app, request);
+    case AN_IDENTIFY:
+        return identify(app);
     case AN_UPLOAD_END:
-        return result_of(app->state == AN_STATE_IDLE || app->state == AN_STATE_FAULT);
+        return judge(app, staged, reply);
     default:
         return AN_UNKNOWN;
     }
 }
 
-uint32_t an_six_obey(void *app, const an_message *request, an_message *reply)
+an_result an_six_obey(void *app, const an_message *request, const an_table *staged, an_message *reply)
 {
     an_six *six = app;
-    six->host_heard = six->fast.window.count;
-    return has_its_length(request) ? obey(six, request, reply) : AN_BAD_VALUE;
+    six->supervisor.heard = six->fast.window.count;
+    return has_its_length(request) ? obey(six, request, staged, reply) : AN_BAD_VALUE;
 }

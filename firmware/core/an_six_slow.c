@@ -9,8 +9,10 @@
 #define AN_AMPLITUDE_MAX2 0.81f   /* squared: sensors beyond 0.9 of full scale */
 #define AN_OFFSET_MAX 0.25f       /* of full scale */
 #define AN_OFFSET_SHARE 0.0625f   /* of a window in the smoothed offset */
-#define AN_MISMATCH_FLOOR2 0.01f  /* squared */
-#define AN_MISMATCH_SHARE2 0.25f  /* squared */
+#define AN_MISMATCH_FLOOR2 1e-4f  /* squared: a hundredth of full scale, for the noise */
+#define AN_MISMATCH_SHARE2 0.25f  /* squared: half of what is wanted, for a finger or a matrix may be wrong by that */
+#define AN_INTEGRAL_LARGEST2 0.1f /* squared, of the largest that is wanted anywhere: an integral for a wrong matrix */
+#define AN_LIMITED_LARGEST2 0.02f /* the same of an error that no integral takes out */
 
 enum { CLIPPED_MAX = 2 };
 
@@ -27,23 +29,21 @@ bool an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint3
 
 an_six_job *an_six_slow_vacant(an_six_slow *slow)
 {
-    const volatile uint32_t *active = &slow->active;
-    if (*active != slow->posted) {
-        return NULL;
-    }
-    return &slow->jobs[slow->posted ^ 1u];
+    return an_handover_vacant(&slow->hand) ? &slow->jobs[(slow->hand.posted ^ 1u) & 1u] : NULL;
 }
 
-void an_six_slow_post(an_six_slow *slow)
+bool an_six_slow_finished(const an_six_slow *slow)
 {
-    atomic_signal_fence(memory_order_release);
-    slow->posted ^= 1u;
+    const volatile uint32_t *finished = &slow->finished;
+    const bool complete = *finished != 0u;
+    atomic_signal_fence(memory_order_acquire);
+    return complete;
 }
 
 /* From pattern to pattern the loop goes on; from anywhere else it begins with the plate as it is. */
-static void begin_track(an_six_slow *slow, uint32_t kind_before)
+static void begin_track(an_six_slow *slow, an_job_kind kind_before)
 {
-    for (uint32_t i = 0u; i < AN_SIX && kind_before != AN_SIX_TRACK; i++) {
+    for (uint32_t i = 0u; i < AN_SIX && kind_before != AN_JOB_TRACK; i++) {
         slow->wanted[i] = an_cplx(0.0f, 0.0f);
         slow->integral[i] = an_cplx(0.0f, 0.0f);
     }
@@ -51,10 +51,10 @@ static void begin_track(an_six_slow *slow, uint32_t kind_before)
 
 static void take_job(an_six_slow *slow, an_six_fast *fast)
 {
-    begin_track(slow, slow->jobs[slow->active].kind);
-    slow->active = slow->posted;
-    if (slow->jobs[slow->active].clear != 0u) {
-        slow->trips = 0u;
+    begin_track(slow, slow->jobs[slow->hand.active & 1u].kind);
+    slow->hand.active = slow->hand.posted;
+    if (slow->jobs[slow->hand.active & 1u].clear != 0u) {
+        slow->hand.trips = 0u;
         fast->faults = 0u;
     }
     slow->waited = 0u;
@@ -86,11 +86,11 @@ static void measure(an_six_slow *slow, an_six_fast *fast, const an_six_job *job)
         const an_phasor phasor = an_demod_fit(&job->demod, &sums[i], window->last_phase);
         slow->measured[i] = phasor.tone;
         slow->offset[i] += AN_OFFSET_SHARE * (phasor.offset - slow->offset[i]);
-        slow->trips |= check_sensor(phasor.tone, slow->offset[i]);
+        slow->hand.trips |= check_sensor(phasor.tone, slow->offset[i]);
     }
     an_clear(sums, sizeof fast->sums[0]);
     if (window->clipped > CLIPPED_MAX) {
-        slow->trips |= AN_FAULT_SENSOR_CLIPPED;
+        slow->hand.trips |= AN_FAULT_SENSOR_CLIPPED;
     }
 }
 
@@ -106,12 +106,26 @@ static void dwell(an_six_slow *slow, const an_six_job *job)
     slow->finished |= slow->waited >= job->settle + job->average;
 }
 
-/* True when some sensor is not where the model says, within half of it and a tenth of full scale. */
+static float largest2(const an_complex *values, uint32_t count)
+{
+    float largest = 0.0f;
+    for (uint32_t i = 0u; i < count; i++) {
+        const float size = an_abs2(values[i]);
+        largest = size > largest ? size : largest;
+    }
+    return largest;
+}
+
+/* True when some sensor is not where it ought to be: at what is wanted and the integral added to it, which a sensor that
+ * shows nothing lets grow; at what is wanted alone while the drive is limited, for no integral grows then. */
 static bool sensors_differ(const an_six_slow *slow, const an_six_job *job)
 {
+    const float share2 = slow->limited != 0u ? AN_LIMITED_LARGEST2 : AN_INTEGRAL_LARGEST2;
+    const float common2 = AN_MISMATCH_FLOOR2 + share2 * largest2(slow->wanted, job->channels);
     for (uint32_t i = 0u; i < job->channels; i++) {
-        const float allowed2 = AN_MISMATCH_FLOOR2 + AN_MISMATCH_SHARE2 * an_abs2(slow->wanted[i]);
-        const an_complex model = an_add(slow->wanted[i], slow->integral[i]);
+        const float allowed2 = common2 + AN_MISMATCH_SHARE2 * an_abs2(slow->wanted[i]);
+        const an_complex grown = slow->limited != 0u ? an_cplx(0.0f, 0.0f) : slow->integral[i];
+        const an_complex model = an_add(slow->wanted[i], grown);
         if (!(an_abs2(an_sub(slow->measured[i], model)) <= allowed2)) {
             return true;
         }
@@ -119,25 +133,26 @@ static bool sensors_differ(const an_six_slow *slow, const an_six_job *job)
     return false;
 }
 
+/* Counts up and down, so that what comes and goes is found as well as what stays. */
 static void check_model(an_six_slow *slow, const an_six_job *job)
 {
-    slow->mismatched = sensors_differ(slow, job) ? slow->mismatched + 1u : 0u;
+    if (sensors_differ(slow, job)) {
+        slow->mismatched++;
+    } else if (slow->mismatched > 0u) {
+        slow->mismatched--;
+    }
     if (slow->mismatched > job->patience) {
-        slow->trips |= AN_FAULT_MISMATCH;
+        slow->hand.trips |= AN_FAULT_MISMATCH;
     }
 }
 
 /* All drives scaled alike, so that the pattern keeps its shape. */
 static void limit(an_six_slow *slow, const an_six_job *job)
 {
-    float largest2 = 0.0f;
-    for (uint32_t i = 0u; i < job->channels; i++) {
-        const float size2 = an_abs2(slow->drive[i]);
-        largest2 = size2 > largest2 ? size2 : largest2;
-    }
-    slow->limited = largest2 > job->drive_limit * job->drive_limit;
+    const float size2 = largest2(slow->drive, job->channels);
+    slow->limited = size2 > job->drive_limit * job->drive_limit;
     if (slow->limited != 0u) {
-        const float factor = job->drive_limit / __builtin_sqrtf(largest2);
+        const float factor = job->drive_limit / __builtin_sqrtf(size2);
         for (uint32_t i = 0u; i < job->channels; i++) {
             slow->drive[i] = an_scale(slow->drive[i], factor);
         }
@@ -187,24 +202,24 @@ static void rest(an_six_slow *slow)
 
 static void do_job(an_six_slow *slow, const an_six_job *job)
 {
-    if (job->kind == AN_SIX_TRACK) {
+    if (job->kind == AN_JOB_TRACK) {
         track(slow, job);
-    } else if (job->kind == AN_SIX_DWELL) {
+    } else if (job->kind == AN_JOB_DWELL) {
         dwell(slow, job);
     }
-    if (slow->trips != 0u || job->kind == AN_SIX_REST) {
+    if (slow->hand.trips != 0u || job->kind == AN_JOB_REST) {
         rest(slow);
     }
 }
 
 void an_six_slow_step(an_six_slow *slow, an_six_fast *fast)
 {
-    slow->trips |= slow->outside | fast->faults;
-    measure(slow, fast, &slow->jobs[slow->active]);
-    if (slow->active != slow->posted) {
+    slow->hand.trips |= slow->hand.outside | fast->faults;
+    measure(slow, fast, &slow->jobs[slow->hand.active & 1u]);
+    if (slow->hand.active != slow->hand.posted) {
         take_job(slow, fast);
     }
-    const an_six_job *job = &slow->jobs[slow->active];
+    const an_six_job *job = &slow->jobs[slow->hand.active & 1u];
     do_job(slow, job);
     const uint32_t bank = fast->command.bank ^ 1u;
     for (uint32_t i = 0u; i < AN_SIX; i++) {

@@ -10,15 +10,14 @@
 #define AN_SIX_SLOW_H
 
 #include "an_demod.h"
+#include "an_handover.h"
 #include "an_six_fast.h"
 #include "an_types.h"
 
 #define AN_SIX_INTEGRAL 0.3f
 
-enum { AN_SIX_REST, AN_SIX_DWELL, AN_SIX_TRACK };
-
 typedef struct {
-    uint32_t kind;
+    an_job_kind kind;
     uint32_t clear; /* nonzero: forget earlier trips */
     uint32_t step;
     uint32_t window;
@@ -37,8 +36,7 @@ typedef struct {
 
 typedef struct {
     an_six_job jobs[2];
-    uint32_t active;
-    uint32_t posted;
+    an_handover hand;
     float reference;
     float envelope;
     an_complex measured[AN_SIX];
@@ -51,8 +49,6 @@ typedef struct {
     uint32_t finished;
     uint32_t limited; /* nonzero: the last command had to be scaled down */
     uint32_t mismatched;
-    uint32_t trips;
-    uint32_t outside; /* faults found elsewhere: written by the main loop alone */
 } an_six_slow;
 
 /* At rest at a phase step. False when the step cannot be demodulated in such a window. */
@@ -61,8 +57,8 @@ bool an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint3
 /* The job to prepare next, or NULL while the last one has not been taken over. */
 an_six_job *an_six_slow_vacant(an_six_slow *slow);
 
-/* Hands the prepared job to the slow step. */
-void an_six_slow_post(an_six_slow *slow);
+/* True when a dwell's totals are complete and may be read. */
+bool an_six_slow_finished(const an_six_slow *slow);
 
 /* Once for each window, before the gap ends. */
 void an_six_slow_step(an_six_slow *slow, an_six_fast *fast);

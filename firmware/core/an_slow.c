@@ -6,9 +6,8 @@
 #include "an_complex.h"
 #include "an_faults.h"
 
-#define AN_OFFSET_MAX 0.25f    /* of full scale */
-#define AN_MISMATCH_FLOOR2 0.01f /* squared: a tenth of the amplitude limit */
-#define AN_MISMATCH_SHARE2 0.25f /* squared: half of what the model says, for a finger may take the rest */
+#define AN_OFFSET_MAX 0.25f /* of full scale */
+#define AN_QUIET_SHARE 0.0625f /* of a window in the noise at rest */
 
 bool an_slow_init(an_slow *slow, an_fast *fast, uint32_t step)
 {
@@ -22,34 +21,33 @@ bool an_slow_init(an_slow *slow, an_fast *fast, uint32_t step)
 
 an_job *an_slow_vacant(an_slow *slow)
 {
-    const volatile uint32_t *active = &slow->active;
-    if (*active != slow->posted) {
-        return NULL;
-    }
-    return &slow->jobs[slow->posted ^ 1u];
+    return an_handover_vacant(&slow->hand) ? &slow->jobs[(slow->hand.posted ^ 1u) & 1u] : NULL;
 }
 
-void an_slow_post(an_slow *slow)
+bool an_slow_finished(const an_slow *slow)
 {
-    atomic_signal_fence(memory_order_release);
-    slow->posted ^= 1u;
+    const volatile uint32_t *finished = &slow->finished;
+    const bool complete = *finished != 0u;
+    atomic_signal_fence(memory_order_acquire);
+    return complete;
 }
 
 static void take_job(an_slow *slow, an_fast *fast)
 {
-    slow->active = slow->posted;
-    const an_job *job = &slow->jobs[slow->active];
+    slow->hand.active = slow->hand.posted;
+    const an_job *job = &slow->jobs[slow->hand.active & 1u];
+    if (job->kind == AN_JOB_TRACK) {
+        return;
+    }
     if (job->clear != 0u) {
-        slow->trips = 0u;
+        slow->hand.trips = 0u;
         fast->faults = 0u;
     }
+    slow->tracking = 0u;
     slow->waited = 0u;
     slow->finished = 0u;
-    slow->mismatched = 0u;
     slow->total = an_cplx(0.0f, 0.0f);
-    if (job->kind == AN_JOB_TRACK) {
-        an_pi_init(&slow->pi, &job->gains, slow->measured.tone);
-    }
+    slow->energy = 0.0f;
 }
 
 /* Written so that a NaN trips too. */
@@ -68,33 +66,46 @@ static uint32_t check_measurement(const an_window *window, const an_phasor *phas
     return trips;
 }
 
-static void check_model(an_slow *slow, const an_job *job, an_complex measured)
-{
-    const float allowed2 = AN_MISMATCH_FLOOR2 * job->amplitude_limit2 + AN_MISMATCH_SHARE2 * an_abs2(slow->pi.model);
-    if (an_abs2(an_sub(measured, slow->pi.model)) <= allowed2) {
-        slow->mismatched = 0u;
-    } else if (++slow->mismatched > job->patience) {
-        slow->trips |= AN_FAULT_MISMATCH;
-    }
-}
-
 static an_complex dwell(an_slow *slow, const an_job *job, an_complex measured)
 {
     if (slow->finished == 0u) {
         slow->waited++;
         if (slow->waited > job->settle) {
             slow->total = an_add(slow->total, measured);
+            slow->energy += an_abs2(measured);
         }
         slow->finished = slow->waited >= job->settle + job->average;
     }
     return job->drive;
 }
 
+static void note(an_slow *slow, an_complex measured)
+{
+    an_track_note *now = &slow->notes[slow->noted % AN_TRACK_ROOM];
+    now->measured = measured;
+    now->drive = slow->pi.drive;
+    now->limited = slow->pi.limited;
+    atomic_signal_fence(memory_order_release);
+    slow->noted++;
+}
+
+/* The first window only tells where the plate is. */
 static an_complex track(an_slow *slow, const an_job *job, an_complex measured)
 {
-    check_model(slow, job, measured);
-    const an_complex drive = an_pi_step(&slow->pi, &job->gains, measured, slow->reference * slow->envelope);
-    return an_mul(drive, job->gains.lead);
+    if (slow->tracking == 0u) {
+        slow->tracking = 1u;
+        slow->noted = 0u;
+        an_pi_init(&slow->pi, &job->gains, measured);
+        return an_cplx(0.0f, 0.0f);
+    }
+    note(slow, measured);
+    return an_mul(an_pi_step(&slow->pi, &job->gains, measured, slow->reference * slow->envelope), job->gains.lead);
+}
+
+static an_complex rest(an_slow *slow, an_complex measured)
+{
+    slow->quiet += AN_QUIET_SHARE * (an_abs2(an_sub(measured, slow->measured.tone)) - slow->quiet);
+    return an_cplx(0.0f, 0.0f);
 }
 
 static an_complex do_job(an_slow *slow, const an_job *job, an_complex measured)
@@ -104,22 +115,23 @@ static an_complex do_job(an_slow *slow, const an_job *job, an_complex measured)
         return track(slow, job, measured);
     case AN_JOB_DWELL:
         return dwell(slow, job, measured);
+    case AN_JOB_REST:
     default:
-        return an_cplx(0.0f, 0.0f);
+        return rest(slow, measured);
     }
 }
 
 void an_slow_step(an_slow *slow, an_fast *fast)
 {
     const an_window *window = &fast->window;
-    const an_phasor phasor = an_demod_fit(&slow->jobs[slow->active].demod, &window->sums, window->last_phase);
-    slow->measured = phasor;
-    if (slow->active != slow->posted) {
+    const an_phasor phasor = an_demod_fit(&slow->jobs[slow->hand.active & 1u].demod, &window->sums, window->last_phase);
+    if (slow->hand.active != slow->hand.posted) {
         take_job(slow, fast);
     }
-    const an_job *job = &slow->jobs[slow->active];
-    slow->trips |= slow->outside | fast->faults | check_measurement(window, &phasor, job->amplitude_limit2);
-    fast->command.drive = slow->trips == 0u ? do_job(slow, job, phasor.tone) : an_cplx(0.0f, 0.0f);
+    const an_job *job = &slow->jobs[slow->hand.active & 1u];
+    slow->hand.trips |= slow->hand.outside | fast->faults | check_measurement(window, &phasor, job->amplitude_limit2);
+    fast->command.drive = slow->hand.trips == 0u ? do_job(slow, job, phasor.tone) : an_cplx(0.0f, 0.0f);
+    slow->measured = phasor;
     fast->command.step = job->step;
     atomic_signal_fence(memory_order_release);
     fast->command.count = window->count;

@@ -8,15 +8,15 @@
 
 #include "an_demod.h"
 #include "an_fast.h"
+#include "an_handover.h"
 #include "an_pi.h"
+#include "an_track.h"
 #include "an_types.h"
-
-enum { AN_JOB_REST, AN_JOB_DWELL, AN_JOB_TRACK };
 
 enum { AN_CLIPPED_MAX = 2 }; /* samples of a window */
 
 typedef struct {
-    uint32_t kind;
+    an_job_kind kind;
     uint32_t clear; /* nonzero: forget earlier trips */
     uint32_t step;
     an_demod demod;
@@ -25,22 +25,22 @@ typedef struct {
     uint32_t settle;  /* dwell: windows to wait */
     uint32_t average; /* dwell: windows to average */
     an_pi_gains gains; /* track */
-    uint32_t patience; /* track: windows that sensor and model may disagree, as they do while neighbours ring out */
 } an_job;
 
 typedef struct {
     an_job jobs[2]; /* one at work, one being prepared */
-    uint32_t active;
-    uint32_t posted;
+    an_handover hand;
     float reference; /* track: written by the main loop at any time */
     float envelope;  /* track: the factor it is multiplied by in the next window */
     an_pi pi;
+    uint32_t tracking; /* nonzero: the loop is closed, and goes on when a job changes its gains */
+    an_track_note notes[AN_TRACK_ROOM]; /* track: the last windows, for the main loop */
+    uint32_t noted;
+    float quiet; /* rest: |U' - U|^2, smoothed: what noise does */
     uint32_t waited;   /* dwell: windows so far */
-    an_complex total;  /* dwell: sum of the averaged windows */
+    an_complex total;  /* dwell: sum of the averaged windows ... */
+    float energy;      /* ... and of their squares */
     uint32_t finished; /* dwell: set when total is complete */
-    uint32_t mismatched;
-    uint32_t trips;
-    uint32_t outside; /* faults found elsewhere: written by the main loop alone */
     an_phasor measured; /* in the last window */
 } an_slow;
 
@@ -50,8 +50,8 @@ bool an_slow_init(an_slow *slow, an_fast *fast, uint32_t step);
 /* The job to prepare next, or NULL while the last one has not been taken over. */
 an_job *an_slow_vacant(an_slow *slow);
 
-/* Hands the prepared job to the slow step. */
-void an_slow_post(an_slow *slow);
+/* True when a dwell's total is complete and may be read. */
+bool an_slow_finished(const an_slow *slow);
 
 /* Once for each window, before the gap ends. */
 void an_slow_step(an_slow *slow, an_fast *fast);

@@ -24,15 +24,16 @@ enum {
                          AN_TABLE_SHAPES * AN_TABLE_SHAPE_BYTES + AN_TABLE_CRC_BYTES
 };
 
-enum {
+typedef enum {
     AN_TABLE_OK,
     AN_TABLE_TRUNCATED,
     AN_TABLE_MAGIC,
     AN_TABLE_WRONG_VERSION,
     AN_TABLE_LENGTH,
     AN_TABLE_DAMAGED,
-    AN_TABLE_RANGE
-};
+    AN_TABLE_RANGE,
+    AN_TABLE_OTHER_BUILD /* sound, but for the other build or another sample rate */
+} an_table_result;
 
 enum { AN_GAIN_IDENTIFIED = 1, AN_TAU_IDENTIFIED = 2, AN_FREQUENCY_IDENTIFIED = 4 };
 enum { AN_MATRIX_IDENTIFIED = 1 };

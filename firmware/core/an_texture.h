@@ -4,11 +4,11 @@
 
 #include "an_types.h"
 
-enum { AN_TEXTURE_PLAIN, AN_TEXTURE_SINE, AN_TEXTURE_STREAM };
+typedef enum { AN_TEXTURE_PLAIN, AN_TEXTURE_SINE, AN_TEXTURE_STREAM } an_texture_kind;
 enum { AN_TEXTURE_ROOM = 256 }; /* samples; a power of two */
 
 typedef struct {
-    uint32_t kind;
+    an_texture_kind kind;
     uint32_t phase;
     uint32_t step; /* sine: phase a window */
     float depth;   /* sine: from 1 down to 1 - depth */

@@ -87,9 +87,9 @@ def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardR
 
     board = EmulatedSingle(image.elf, plate)
     board.run(2e-3)
-    board.push_button()
-    swept = board.app.state == IDENTIFY
-    board.run_until(lambda: board.app.state != IDENTIFY, 20.0)
+    board.start()
+    swept = board.app.supervisor.state == IDENTIFY
+    board.run_until(lambda: board.app.supervisor.state != IDENTIFY, 20.0)
     board.app.slow.reference = 0.0
     board.run(10.0 * board.app.mode.tau_s)
     mode, before = board.app.mode, len(board.reports)
@@ -98,8 +98,10 @@ def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardR
     origin = len(board.reports)
     board.app.slow.reference = min(share * abs(gain) * mode.drive_limit, 0.9 * mode.amplitude_limit)
     board.run(seconds)
-    if board.app.state != RUN:
-        raise EmulationError(f"the image ended in a fault: {', '.join(fault_names(board.app.faults)) or 'none'}")
+    if board.app.supervisor.state != RUN:
+        raise EmulationError(
+            f"the image ended in a fault: {', '.join(fault_names(board.app.supervisor.faults)) or 'none'}"
+        )
     measured, drive, reference = (np.array(column) for column in zip(*board.reports[before:], strict=True))
     columns = {
         "time_s": (np.arange(before, len(board.reports)) - origin) * WINDOW_S,

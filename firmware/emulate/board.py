@@ -45,6 +45,7 @@ CONTROL, CONTROL_BYTES = 0x40023000, 0x1000
 CLOCK_CONTROL, FLASH_CONTROL = 0x800, 0xC00  # within it
 DMA, DMA_BYTES = 0x40026000, 0x1000
 CORE, CORE_BYTES = 0xE0000000, 0x10000
+DEBUG, DEBUG_BYTES = 0xE0042000, 0x1000
 STUBS = 0x00100000
 RETURN = STUBS + 0x80
 
@@ -104,12 +105,13 @@ class EmulatedBoard:
             ctypes.memset(self._address(start), 0, dict(_SHARED)[start])
         self.clock = Clock(self.dead_crystal, self.dead_pll, by_watchdog)
         self.flash = FlashController(SECTOR_NUMBER, self.sector, self._stall)
-        self.bitten = False
+        self.bitten = self.hung = self.fast_lost = False
         self.word(PWR_CSR).value = 3 << 16
         self.press(False)
         self.fed_s = self.sent_s = self.delivered_s = self.ticked_s = self.time_s
         self.received = bytearray()
         self.incoming = bytearray()
+        self.main_stuck = False
         self.uc.reg_write(UC_ARM_REG_FPEXC, 0x40000000)
         self.uc.reg_write(UC_ARM_REG_SP, int.from_bytes(self._flash_bytes(0, 4), "little"))
         self._run(self.elf.symbols["Reset_Handler"].address, self.idle, BOOT_INSTRUCTIONS)
@@ -137,7 +139,7 @@ class EmulatedBoard:
 
     def tick(self) -> None:
         """One sample period: the converters at the trigger, then the interrupts, the main loop after each of them."""
-        if self._exchange():
+        if self._exchange() and not self.hung and not self.fast_lost:
             self.interrupt(self.fast_handler)
         self.time_s += self.sample_s
         self._serve_systick()
@@ -152,6 +154,16 @@ class EmulatedBoard:
         """Enters a handler, then PendSV if it was asked for, then lets the main loop go on until it waits again."""
         self.handler.value = handler | 1
         self.uc.emu_start(STUBS | 1, self.idle)
+
+    def interrupt_unexpectedly(self) -> None:
+        """An exception that no handler expects, a clock that dies among them, on the main loop's stack; it never returns."""
+        stack = self.uc.reg_read(UC_ARM_REG_SP) - 32
+        frame = struct.pack("<8I", *range(5), self.uc.reg_read(UC_ARM_REG_LR), self.idle, 1 << 24)
+        self.poke(stack, frame)
+        self.uc.reg_write(UC_ARM_REG_SP, stack)
+        self.uc.emu_start(self.symbol("Unexpected_Handler") | 1, 0, count=300)
+        self.main_stuck = True
+        self.hung = True
 
     @property
     def slow_stuck(self) -> bool:
@@ -292,7 +304,7 @@ class EmulatedBoard:
         self.uc.emu_start(start | 1, end, count=limit)
 
     def _serve_systick(self) -> None:
-        while self.time_s - self.ticked_s >= self.systick_s:
+        while self.time_s - self.ticked_s >= self.systick_s and not self.hung:
             self.ticked_s += self.systick_s
             if self.word(SYSTICK_CONTROL).value & 3 == 3:
                 self.interrupt(self.symbol("SysTick_Handler"))
@@ -315,6 +327,7 @@ class EmulatedBoard:
         """The chip does nothing else while its flash memory is busy."""
         self._watch()
         self.time_s += seconds
+        self.ticked_s += seconds
         self._watch()
 
     @property
@@ -377,6 +390,7 @@ _SHARED = (
     (AHB1, AHB1_BYTES),
     (DMA, DMA_BYTES),
     (CORE, CORE_BYTES),
+    (DEBUG, DEBUG_BYTES),
 )
 
 _WHOLE = (UC_ARM_REG_R0, UC_ARM_REG_R1, UC_ARM_REG_R2)

@@ -34,11 +34,14 @@ class EmulatedSingle(EmulatedBoard):
         return self.plate.sense()
 
     def push_button(self) -> None:
-        """Pressed for two windows, then let go."""
-        self.press(True)
-        self.run(100 * self.sample_s)
-        self.press(False)
-        self.run(50 * self.sample_s)
+        """Pressed and let go, each for longer than a contact bounces."""
+        for pressed in (True, False):
+            self.press(pressed)
+            self.run(22e-3)
+
+    def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> bool:
+        """Starts as the button or a host would."""
+        return self.call("an_single_start", self.symbol("app"), reference, detuning_hz) == 1
 
     def _exchange(self) -> bool:
         if not self.timer.value & 1:
@@ -56,7 +59,7 @@ class EmulatedSingle(EmulatedBoard):
         super()._stall(seconds)
 
     def _report(self) -> None:
-        slow, running = self.app.slow, self.app.state == RUN
+        slow, running = self.app.slow, self.app.supervisor.state == RUN
         measured, drive = slow.measured.tone, slow.pi.drive
         self.reports.append(
             (

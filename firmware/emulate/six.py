@@ -16,7 +16,8 @@ TIM1, TIM8 = 0x40010000, 0x40010400
 CR1, DIER, SR, ARR, CCR1, BDTR = 0x00, 0x0C, 0x10, 0x2C, 0x34, 0x44
 BREAK_LINES = {TIM1: 24, TIM8: 43}
 BREAK_HANDLERS = {TIM1: "TIM1_BRK_TIM9_IRQHandler", TIM8: "TIM8_BRK_TIM12_IRQHandler"}
-SCAN_MEMORY = 0x40026410 + 0x0C  # DMA2, stream 0
+SCAN_LEFT, SCAN_MEMORY = 0x40026410 + 0x04, 0x40026410 + 0x0C  # DMA2, stream 0
+ADC_SR, OVERRUN = 0x40012000, 1 << 5
 GATES, BREAK_SEEN = 1 << 15, 1 << 7
 SWING = 1080 / 1125  # of the supply, at a duty of full drive
 
@@ -65,6 +66,11 @@ class EmulatedSix(EmulatedBoard):
             if seen and self.is_enabled(line):
                 self.interrupt(self.symbol(BREAK_HANDLERS[timer]))
 
+    def overrun(self) -> None:
+        """A sample came before the last was taken: ADC and DMA stand until both are set up anew (RM0390, "Using the DMA")."""
+        self.word(ADC_SR).value |= OVERRUN
+        self.word(SCAN_LEFT).value = 3
+
     def tick(self) -> None:
         super().tick()
         self._serve_breaks()
@@ -98,5 +104,7 @@ class EmulatedSix(EmulatedBoard):
         self.beam.drive(levels)
         if self.history is not None:
             self.history.append(duties)
+        if self.word(SCAN_LEFT).value != CHANNELS:
+            return False
         self.samples[:] = adc_codes(sensed)  # type: ignore[assignment]
         return True

@@ -1,4 +1,4 @@
-"""The firmware's core as a shared library of this machine, called from Python through cffi."""
+"""The firmware's core, its invariants checked, as a shared library of this machine, called from Python through cffi."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-CORE = Path(__file__).parent.parent / "core"
-NO_LIBRARY = Path(__file__).parent / "headers"
-FLAGS = ("-std=c11", "-O2", "-ffreestanding", "-ffp-contract=off", "-fno-math-errno", "-fPIC")
+HOST = Path(__file__).parent
+CORE = HOST.parent / "core"
+NO_LIBRARY = HOST / "headers"
+FLAGS = ("-std=c11", "-O2", "-ffreestanding", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-DAN_CHECKED")
 
 
 class NoCompiler(RuntimeError):
@@ -36,10 +37,10 @@ def compiler() -> list[str]:
 
 def declarations(command: list[str]) -> str:
     """What the core's headers declare, preprocessed, in the form cffi reads."""
-    names = sorted(path.name for path in CORE.glob("an_*.h") if "static inline" not in path.read_text())
-    text = "".join(f'#include "{name}"\n' for name in names)
+    core = sorted(path.name for path in CORE.glob("an_*.h") if "static inline" not in path.read_text())
+    text = "".join(f'#include "{name}"\n' for name in (*core, "rig.h"))
     done = subprocess.run(
-        [*command, "-E", "-P", "-nostdinc", f"-I{NO_LIBRARY}", f"-I{CORE}", "-xc", "-"],
+        [*command, "-E", "-P", "-nostdinc", f"-I{NO_LIBRARY}", f"-I{CORE}", f"-I{HOST}", "-xc", "-"],
         input=text,
         capture_output=True,
         text=True,
@@ -50,16 +51,18 @@ def declarations(command: list[str]) -> str:
 
 def build(command: list[str], flags: tuple[str, ...] = ()) -> Path:
     """The shared library, built once for each state of the sources and flags."""
-    sources = sorted(CORE.glob("*.c"))
+    sources = [*sorted(CORE.glob("*.c")), *sorted(HOST.glob("*.c"))]
     state = hashlib.sha256(repr((command, flags, sys.platform, sysconfig.get_platform())).encode())
-    for path in sorted(CORE.iterdir()):
+    for path in sorted([*CORE.iterdir(), *HOST.glob("rig.[ch]")]):
         state.update(path.read_bytes())
     folder = Path(tempfile.gettempdir()) / f"antinode-host-{os.getuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)
     library = folder / f"core-{state.hexdigest()[:16]}.so"
     if not library.exists():
         fresh = library.with_suffix(f".{os.getpid()}")
-        subprocess.run([*command, *FLAGS, *flags, "-shared", "-o", str(fresh), *map(str, sources)], check=True)
+        subprocess.run(
+            [*command, *FLAGS, *flags, f"-I{CORE}", "-shared", "-o", str(fresh), *map(str, sources), "-lm"], check=True
+        )
         fresh.replace(library)
     return library
 

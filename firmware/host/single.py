@@ -51,7 +51,7 @@ class HostedSingle:
     def run_while(self, state: int, seconds: float) -> None:
         """Advances while the application stays in a state, at most so long."""
         for _ in range(round(seconds * self.plate.plate.sample_rate_hz)):
-            if self.app.state != state:
+            if self.app.supervisor.state != state:
                 return
             self.tick()
 

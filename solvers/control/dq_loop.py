@@ -6,7 +6,7 @@ Time is cut into periods of `period` samples. A slow step at a period's end fits
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite, pi
 from typing import Literal
 
@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 AntiWindup = Literal["match", "freeze", "none"]
 NEIGHBOUR_LOOP = 0.5  # loop gain that a mode beside the wanted one may have, whatever its phase
+LEAVING_S = 0.2e-3  # the loop's time constant on the way out of the drive's limit: about a period
+LIMITED = 2  # and one less a period: until the end of the limit shows in the measurement
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,11 @@ class Setup:
         others = [abs(mode.gain) for i, mode in enumerate(self.modes) if i != self.wanted]
         bound = NEIGHBOUR_LOOP / max(others) if others else inf
         return sampled_gains(self.model, self.response_s, self.rates.period_s, bound)
+
+    @property
+    def leaving(self) -> SampledPi:
+        """The same from the drive's limit, which is left when one period is about enough to arrive."""
+        return replace(self, response_s=min(LEAVING_S, self.response_s)).gains
 
     @property
     def omega_rad_s(self) -> float:
@@ -212,10 +219,13 @@ class Controller:
         rates, model, gains = setup.rates, setup.model, setup.gains
         self.setup, self.gains, self.size = setup, gains, abs(model.gain)
         detuning = 2.0 * pi * setup.detuning_hz
-        feedback = gains.proportional - 1j * detuning * model.tau_s / self.size
+        leaves = setup.leaving if setup.anti_windup == "match" else gains
+        self.proportional = np.array([gains.proportional, leaves.proportional])
+        feedback = self.proportional - 1j * detuning * model.tau_s / self.size
         decay = np.exp(-(1.0 / model.tau_s + 1j * detuning) * rates.ahead_s)
         steady = self.size / (1.0 + 1j * detuning * model.tau_s)
-        self.state, self.feed = feedback * decay, feedback * steady * (1.0 - decay)
+        self.states, self.feeds = feedback * decay, feedback * steady * (1.0 - decay)
+        self.state, self.feed, self.limited = complex(self.states[0]), complex(self.feeds[0]), 0
         known = setup.known_delay_s
         late = setup.delay_s + 0.5 / rates.sample_rate_hz if known is None else known
         turn = setup.omega_rad_s / rates.sample_rate_hz
@@ -236,11 +246,15 @@ class Controller:
 
     def step(self, measured: complex, reference: float) -> tuple[complex, bool]:
         """The next drive, turned ahead for delay and the gain's phase, and whether it met its limit."""
-        drive = self.integral + self.gains.proportional * reference - (self.state * measured + self.feed * self.drive)
+        law = int(self.limited == LIMITED)
+        held = self.states[law] * measured + self.feeds[law] * self.drive
+        drive = complex(self.integral + self.proportional[law] * reference - held)
         limited = abs(drive) > self.setup.drive_limit
+        matched = self.setup.anti_windup == "match" and (limited or self.limited > 0)
+        self.limited = LIMITED if limited else max(self.limited - 1, 0)
         if limited:
             drive *= self.setup.drive_limit / abs(drive)
-        if limited and self.setup.anti_windup == "match":  # as if the loop had just started from here
+        if matched:  # as if the loop had just started from here
             self.integral = measured / self.size
         elif not (limited and self.setup.anti_windup == "freeze"):
             then = reference - self.age * (reference - self.last)

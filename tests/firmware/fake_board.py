@@ -13,8 +13,25 @@ from pathlib import Path
 
 from firmware.protocol import LOG_RECORDS, PROTOCOL, REPLY, Kind, Message, decode, encode
 
-STATUS = struct.pack("<BBBBIIII13f", 0, 0, 0, 1, 0, 7, 0, 300, 31250.0, 0.0, 3e-3, 0.75, *[0.0] * 9)
-SIX_STATUS = struct.pack("<BBBBIIII16f", 0, 1, 2, 1, 0, 7, 0, 900, 2400.0, 1.5, 0.3, 0.0, *[0.1] * 12)
+
+def single_status(
+    state: int = 0,
+    faults: int = 0,
+    windows: int = 7,
+    cycles: int = 300,
+    offset: float = 0.0,
+    first: int = 0,
+    flags: int = 1,
+) -> bytes:
+    """A status of the single build: 31250 Hz, 3 ms, gain 0.75, at rest."""
+    mode = (31250.0, 0.0, 3e-3, 0.75, 0.0, 9e-6, 0.0)
+    return struct.pack(
+        "<BBBBIIIII13f", state, 0, 0, flags, faults, first, windows, 0, cycles, *mode, *[0.0] * 5, offset
+    )
+
+
+STATUS = single_status()
+SIX_STATUS = struct.pack("<BBBBIIIII16f", 0, 1, 2, 1, 0, 0, 7, 0, 900, 2400.0, 1.5, 0.3, 0.0, *[0.1] * 12)
 IDENTITY = bytes([PROTOCOL, 1, 1, 3]) + bytes(range(16))
 HEALTH = struct.pack("<10I", 1, 3, 0x08000123, 0x08000200, 0x400, 180_000_000, 210, 900, 90_000, 512)
 RECORD = struct.pack("<I5f", 7, 0.1, 0.0, 0.2, 0.0, 0.1)

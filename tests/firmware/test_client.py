@@ -11,8 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from firmware import client
+from firmware import client, selftest
+from firmware.emulate.line import EmulatedPort
 from firmware.emulate.plant import Plate, Resonance
+from firmware.protocol import PROTOCOL
 from pipeline.mode_table import Mode, ModeTable, to_bytes
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -27,7 +29,6 @@ PLATE = Plate((Resonance(31250.0, 3e-3, 0.77),), delay_s=7.3e-6)
 @pytest.fixture
 def board(make_image, core, monkeypatch: pytest.MonkeyPatch):
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.line import EmulatedPort
     from firmware.emulate.single import EmulatedSingle
 
     made = EmulatedSingle(make_image(TABLE).elf, PLATE)
@@ -101,8 +102,6 @@ def test_texture_and_stop(board, capsys) -> None:
 
 def test_the_log_of_a_running_board(board, capsys, tmp_path: Path) -> None:
     """Windows come evenly, and the last ones hold what was asked for."""
-    from firmware.emulate.line import EmulatedPort
-
     talk = client.Client(EmulatedPort(board))
     talk.start(0.05)
     board.run(0.05)
@@ -121,6 +120,33 @@ def test_a_sound_reaches_the_board_in_time(board, capsys, tmp_path: Path) -> Non
     out = capsys.readouterr().out
     assert "300 samples at 2500 Hz\n" in out
     assert board.app.texture.kind == 2 and board.app.texture.factor == pytest.approx(64 / 255, abs=1e-4)
+
+
+def test_identity_and_health_are_told(board, capsys) -> None:
+    assert client.main(["COM7", "identity"]) == 0
+    assert f"build single, protocol {PROTOCOL}, table version 1: 1 modes" in capsys.readouterr().out
+    assert client.main(["COM7", "health"]) == 0
+    out = capsys.readouterr().out
+    assert "clock 180 MHz, resets by the watchdog in a row 0" in out and "exception" not in out
+
+
+def test_identify_measures_again_until_it_is_stopped(board) -> None:
+    talk = client.Client(EmulatedPort(board))
+    talk.identify()
+    assert talk.drives and talk.look().state == "identify"
+    talk.stop()
+    board.run(5e-3)
+    assert not talk.drives and talk.look().state == "idle"
+
+
+def test_the_selftest_of_an_emulated_bench(board, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The board's own clock stands for the host's; cycles are not counted there."""
+    monkeypatch.setattr(selftest, "time", types.SimpleNamespace(monotonic=lambda: board.time_s, sleep=board.run))
+    monkeypatch.setattr(selftest, "RATE_S", 0.04)
+    assert client.main(["COM7", "selftest", "line"]) == 0
+    assert client.main(["COM7", "selftest", "rest"]) == 0
+    out = capsys.readouterr().out
+    assert out.count("pass  line") == 3 and out.count("pass  rest") == 3 and "FAIL" not in out
 
 
 def test_missing_values_are_named(capsys) -> None:

@@ -18,15 +18,10 @@ from firmware.client import BoardError, Client, describe_health
 from firmware.protocol import PROTOCOL, Kind, Message, Result
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fake_board import HEALTH, SIX_STATUS, STATUS, FakePort, log_frame, pseudo_terminal, write_sound
+from fake_board import HEALTH, SIX_STATUS, FakePort, log_frame, pseudo_terminal, single_status, write_sound
 
 IDLE, IDENTIFY, RUN, FAULT = range(4)
 FAULT_IDENTIFY, FAULT_CLOCK = 1 << 9, 1 << 1
-
-
-def status(state: int = IDLE, faults: int = 0, windows: int = 7, cycles: int = 300, offset: float = 0.0) -> bytes:
-    head = struct.pack("<BBBBIIII", state, 0, 0, 1, faults, windows, 0, cycles)
-    return head + STATUS[20:-4] + struct.pack("<f", offset)
 
 
 def asked(port: FakePort) -> list[Kind]:
@@ -44,7 +39,7 @@ class Interrupted(FakePort):
     """Ctrl-C comes with the third status while running; what is asked then is still answered."""
 
     def __init__(self) -> None:
-        super().__init__(status=status(RUN))
+        super().__init__(status=single_status(RUN))
         self.looks = 0
 
     def reply(self, request: Message) -> Message:
@@ -100,7 +95,7 @@ def test_a_board_that_falls_silent_while_driving_is_told(monkeypatch: pytest.Mon
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_on_a_real_port_stops_the_board(number: int) -> None:
     pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
-    board = FakePort(status=status(RUN))
+    board = FakePort(status=single_status(RUN))
     with pseudo_terminal(board) as name:
         command = [sys.executable, "-m", "firmware.client", name, "start", "0.1"]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -112,7 +107,7 @@ def test_a_signal_on_a_real_port_stops_the_board(number: int) -> None:
 
 
 def test_identify_that_ends_in_a_fault_is_a_failure(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    port = FakePort(status=status(FAULT, FAULT_IDENTIFY))
+    port = FakePort(status=single_status(FAULT, FAULT_IDENTIFY))
     assert run(monkeypatch, port, "identify") == 3
     assert capsys.readouterr().err == "client: identify: ended in the fault identify\n"
 
@@ -220,7 +215,7 @@ class Full(FakePort):
     """Has room for seven more samples each time it is asked."""
 
     def __init__(self) -> None:
-        super().__init__(status=status(RUN))
+        super().__init__(status=single_status(RUN))
         self.kept: list[int] = []
 
     def reply(self, request: Message) -> Message:
@@ -315,7 +310,7 @@ class Bench(FakePort):
         if request.kind == Kind.STOP and self.state == IDENTIFY:
             self.state = IDLE
         windows = round(self.clock.now * self.wrong.get("rate", 5000.0))
-        self.status = status(
+        self.status = single_status(
             self.state, self.faults, windows, self.wrong.get("cycles", 300), self.wrong.get("offset", 0.004)
         )
         found = super().reply(request)
@@ -382,7 +377,7 @@ def test_one_step_alone_and_the_other_build(bench, capsys) -> None:
 
 def test_a_board_that_does_not_clear_fails_the_rest(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     monkeypatch.setattr(selftest, "time", Clock())
-    port = FakePort(lambda reply: refused(reply, Kind.CLEAR), status(FAULT, FAULT_CLOCK))
+    port = FakePort(lambda reply: refused(reply, Kind.CLEAR), single_status(FAULT, FAULT_CLOCK))
     assert run(monkeypatch, port, "selftest", "rest") == 4
     assert "FAIL  rest: fault cleared: clear: refused in the present state" in capsys.readouterr().out
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 import sys
 import types
 from pathlib import Path
@@ -15,7 +14,7 @@ from firmware.protocol import LOG_RECORDS, REPLY, Kind, Message, encode
 from pipeline.mode_table import Mode, ModeTable, to_bytes
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fake_board import RECORD, SIX_STATUS, STATUS, FakePort, log_frame, pseudo_terminal, write_sound
+from fake_board import RECORD, SIX_STATUS, STATUS, FakePort, log_frame, pseudo_terminal, single_status, write_sound
 
 TABLE = to_bytes(ModeTable(250e3, bytes(16), (Mode(31250.0, 3e-3),)))
 VALUES = {
@@ -144,9 +143,14 @@ def test_a_status_of_a_wrong_length_is_refused(length: int) -> None:
 def test_an_unknown_state_is_refused_and_an_unknown_fault_told_by_number() -> None:
     with pytest.raises(BoardError, match="the state 9"):
         Client(FakePort(status=b"\x09" + STATUS[1:])).look()
-    faults = struct.pack("<I", 1 << 6 | 1 << 29)
-    status = Client(FakePort(status=STATUS[:4] + faults + STATUS[8:])).look()
-    assert status.faults == ("mismatch", "bit 29")
+    status = Client(FakePort(status=single_status(faults=1 << 6 | 1 << 29, first=1 << 29))).look()
+    assert status.faults == ("mismatch", "bit 29") and status.first == ("bit 29",)
+    assert "faults: mismatch, bit 29 (first bit 29)" in describe(status)
+
+
+def test_a_drive_at_its_limit_is_told() -> None:
+    assert "drive at its limit" in describe(Client(FakePort(status=single_status(flags=9))).look())
+    assert "drive at its limit" not in describe(Client(FakePort()).look())
 
 
 def test_samples_without_their_count_are_refused() -> None:
@@ -163,8 +167,7 @@ def test_an_identity_is_checked() -> None:
 
 
 def test_a_number_that_is_none_is_told_in_words() -> None:
-    broken = STATUS[:-4] + struct.pack("<f", float("nan"))
-    text = describe(Client(FakePort(status=broken)).look())
+    text = describe(Client(FakePort(status=single_status(offset=float("nan")))).look())
     assert "offset not finite" in text and "nan" not in text.replace("finite", "")
 
 

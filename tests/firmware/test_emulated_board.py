@@ -36,7 +36,7 @@ def make_single(make_image, core):
 def test_image_boots_to_rest(make_single) -> None:
     board = make_single()
     board.run(2e-3)
-    assert board.app.state == IDLE and board.app.faults == 0
+    assert board.app.supervisor.state == IDLE and board.app.supervisor.faults == 0
     assert bytes(board.received) == b""
     assert board.dac.value == 2048 | 2048 << 16
     assert board.resets == 0
@@ -59,13 +59,13 @@ def test_unidentified_mode_is_swept_and_then_held_at_the_lowest_useful_level(mak
     board, hosted = make_single(UNKNOWN), HostedSingle(UNKNOWN, PLATE)
     board.run(2e-3)
     hosted.run(2e-3)
-    assert board.call("an_single_start", board.symbol("app"), 0.0, 0.0) == 1
+    assert board.start()
     assert hosted.start()
-    assert board.app.state == IDENTIFY
-    assert board.run_until(lambda: board.app.state != IDENTIFY, 3.0)
+    assert board.app.supervisor.state == IDENTIFY
+    assert board.run_until(lambda: board.app.supervisor.state != IDENTIFY, 3.0)
     hosted.run_while(IDENTIFY, 3.0)
     app = board.app
-    assert app.state == RUN, hex(app.faults)
+    assert app.supervisor.state == RUN, hex(app.supervisor.faults)
     assert app.centre / 2**32 * 250e3 == pytest.approx(TRUE, abs=0.1)
     assert app.mode.tau_s == pytest.approx(TAU, rel=5e-3)
     assert abs(complex(app.mode.gain.re, app.mode.gain.im)) == pytest.approx(GAIN * DROOP, rel=5e-3)
@@ -83,8 +83,7 @@ def image_of(core, struct) -> bytes:
 def running(make_single, **options):
     board = make_single(**options)
     board.run(2e-3)
-    board.push_button()
-    assert board.app.state == RUN
+    assert board.start()
     board.app.slow.reference = 0.0
     board.run(30e-3)
     board.reports.clear()
@@ -119,9 +118,9 @@ def test_a_lost_sensor_puts_the_output_to_rest(make_single) -> None:
     board.app.slow.reference = 0.12
     board.run(20e-3)
     board.sense = lambda: 0.0
-    assert board.run_until(lambda: board.app.state == FAULT, 0.1)
+    assert board.run_until(lambda: board.app.supervisor.state == FAULT, 0.1)
     board.run(1e-3)
-    assert board.app.faults == 1 << 6
+    assert board.app.supervisor.faults == 1 << 6
     assert board.dac.value == 2048 | 2048 << 16
 
 
@@ -134,24 +133,26 @@ def test_a_slow_step_that_hangs_rests_the_output_and_then_resets_the_chip(make_s
     assert board.dac.value == 2048 | 2048 << 16
     board.run(15e-3)
     assert board.resets == 1
-    assert board.app.state == FAULT and board.app.faults == 1 << 13
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.first == 1 << 13
     board.slow_stuck = False
-    board.push_button()
-    assert board.app.state == IDLE and board.app.faults == 0
+    board.run(1e-3)
+    assert board.call("an_single_clear", board.symbol("app")) == 1
+    board.run(1e-3)
+    assert board.app.supervisor.state == IDLE and board.app.supervisor.faults == 0
 
 
 def test_a_lost_sample_trips(make_single) -> None:
     board = running(make_single)
     board.word(0x40012000).value = 1 << 5
     board.run(1e-3)
-    assert board.app.state == FAULT and board.app.faults == 1 << 7
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.faults == 1 << 7
 
 
 def test_a_dead_crystal_ends_in_a_fault_that_cannot_be_cleared(make_single) -> None:
     board = make_single(dead_crystal=True)
     board.run(2e-3)
-    board.push_button()
-    assert board.app.state == FAULT and board.app.faults == 1 << 1
+    assert board.call("an_single_clear", board.symbol("app")) == 0 and not board.start()
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.faults == 1 << 1
     assert board.dac.value == 2048 | 2048 << 16
 
 
@@ -171,7 +172,7 @@ def test_the_stack_is_large_enough(make_single) -> None:
     paint = bytes([0xA5]) * (idle - (top - size) - 256)
     board.poke(top - size, paint)
     board.run(2e-3)
-    board.push_button()
+    assert board.start()
     board.run_until(lambda: board.app.ident.stage == 2, 3.0)  # behind the fit, which is what goes deepest
     board.send(bytes(range(1, 120)) + b"\0")
     board.run(5e-3)
@@ -201,7 +202,7 @@ def test_host_and_cortex_m4_agree_bit_for_bit(make_single, core, detuning_hz: fl
     board.codes, hosted.codes = [], []
     board.run(2e-3)
     hosted.run(2e-3)
-    assert board.call("an_single_start", board.symbol("app"), 0.3, detuning_hz) == 1
+    assert board.start(0.3, detuning_hz)
     assert hosted.start(0.3, detuning_hz)
     for reference in (0.3, 0.05, 0.7):
         board.app.slow.reference = hosted.app.slow.reference = reference
@@ -211,3 +212,28 @@ def test_host_and_cortex_m4_agree_bit_for_bit(make_single, core, detuning_hz: fl
     assert len(set(board.codes)) > 1000
     bytes_alike = core.ffi.offsetof("an_single", "sample_rate_hz") + 4  # what follows holds a pointer
     assert bytes(core.ffi.buffer(board.app, bytes_alike)) == bytes(core.ffi.buffer(hosted.app, bytes_alike))
+
+
+@pytest.mark.parametrize("what", ["samples", "supply", "clock", "memory"])
+def test_the_output_rests_within_100_us_of_what_an_interrupt_can_see(make_single, what: str) -> None:
+    """At seven ticks of a window; main loop and slow step may be busy."""
+    board = running(make_single)
+    board.app.slow.reference = 0.12
+    board.run(5e-3)
+    for _ in range(7):
+        board.run(9 * board.sample_s)
+        context, memory = board.uc.context_save(), {start: bytes(block) for start, block in board.memory.items()}
+        board.main_stuck = True
+        if what == "clock":
+            board.interrupt_unexpectedly()
+        elif what == "supply":
+            board.word(0x40007004).value |= 1 << 2
+        elif what == "memory":
+            board.app.fast.tick ^= 1 << 20
+        board.fast_lost = what == "samples"
+        board.run(100e-6)
+        assert board.dac.value == 2048 | 2048 << 16
+        for start, block in memory.items():
+            board.memory[start][:] = block
+        board.uc.context_restore(context)
+        board.main_stuck = board.fast_lost = board.hung = False

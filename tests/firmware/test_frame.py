@@ -48,7 +48,7 @@ def test_numbers_are_those_of_the_firmware(core) -> None:
     assert core.lib.AN_REPLY == protocol.REPLY
     assert core.lib.AN_LOG_RECORDS == protocol.LOG_RECORDS
     assert core.lib.AN_PAYLOAD_MAX == protocol.PAYLOAD_MAX
-    assert len(protocol.TABLE_TEXT) - 1 == core.lib.AN_TABLE_RANGE
+    assert len(protocol.TABLE_TEXT) - 1 == core.lib.AN_TABLE_OTHER_BUILD
     assert len(protocol.FAULTS) == core.lib.AN_FAULT_COUNT
     for name in ("TABLE", "CLOCK", "MISMATCH", "FAST_LATE", "HOST_SILENT", "SUPPLY"):
         assert protocol.fault_names(getattr(core.lib, f"AN_FAULT_{name}")) == (name.lower().replace("_", " "),)

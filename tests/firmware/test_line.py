@@ -12,9 +12,9 @@ import pytest
 
 from firmware.client import BoardError, Client
 from firmware.emulate.plant import Plate, Resonance, hold
-from firmware.protocol import Kind, Message, encode
+from firmware.protocol import Kind, Message, decode, encode, parse_health
 from firmware.table_format import MAX_BYTES, seal
-from pipeline.mode_table import Mode, ModeTable, to_bytes
+from pipeline.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 
 TRUE, GAIN = 31437.3, 0.8
 TAU = 300.0 / math.pi / TRUE
@@ -31,8 +31,8 @@ def talk(make_image, core):
     from firmware.emulate.line import EmulatedPort
     from firmware.emulate.single import EmulatedSingle
 
-    def make(table: bytes = KNOWN, plate: Plate = PLATE):
-        board = EmulatedSingle(make_image(table).elf, plate)
+    def make(table: bytes = KNOWN, plate: Plate = PLATE, **options):
+        board = EmulatedSingle(make_image(table).elf, plate, **options)
         board.run(1e-3)
         return board, Client(EmulatedPort(board))
 
@@ -41,7 +41,7 @@ def talk(make_image, core):
 
 def test_identity_and_status(talk) -> None:
     _, client = talk()
-    assert client.request(Kind.IDENTITY) == bytes([1, 1, 1, 1, *range(16)])
+    assert client.request(Kind.IDENTITY) == bytes([2, 1, 1, 1, *range(16)])
     status = client.status()
     assert status.state == "idle" and status.faults == ()
     assert status.frequency_hz == pytest.approx(TRUE, abs=4e-3)
@@ -82,10 +82,10 @@ def test_a_silent_host_stops_the_drive(talk) -> None:
     board, client = talk()
     client.start(0.1)
     board.run(0.45)
-    assert board.app.state == 2
+    assert board.app.supervisor.state == 2
     client.status()
     board.run(0.45)
-    assert board.app.state == 2
+    assert board.app.supervisor.state == 2
     board.run(0.1)
     assert client.status().faults == ("host silent",)
     client.clear()
@@ -263,3 +263,89 @@ def test_replies_are_not_taken_for_requests(talk) -> None:
     board.send(encode(Message(Kind.STOP | 0x80, 1, b"\0")))
     board.run(5e-3)
     assert board.received == b""
+
+
+@pytest.mark.parametrize("dead", [{"dead_crystal": True}, {"dead_pll": True}])
+def test_a_fault_of_the_clock_can_be_read(talk, dead: dict) -> None:
+    """From its own oscillator, by the PLL or without, the chip speaks at a rate the host understands."""
+    board, client = talk(**dead)
+    assert abs(10.0 / board.byte_s / 921600 - 1.0) < 0.025
+    assert client.status().faults == ("clock",)
+
+
+@pytest.mark.parametrize(("dead", "bits"), [({"dead_crystal": True}, 0), ({}, 1 << 2)], ids=["crystal", "supply"])
+def test_an_upload_clears_only_what_it_mends(talk, dead: dict, bits: int) -> None:
+    board, client = talk(**dead)
+    board.word(0x40007004).value |= bits
+    board.run(1e-3)
+    before = client.status().faults
+    assert before in (("clock",), ("supply",))
+    board.word(0x40007004).value &= ~bits
+    client.upload(OTHER)
+    assert client.status().faults == before and client.status().state == "fault"
+    with pytest.raises(BoardError, match="present state"):
+        client.start(0.1)
+
+
+def test_tables_of_the_other_build_or_rate_are_refused(talk) -> None:
+    board, client = talk()
+    six = to_bytes(ModeTable(40e3, bytes(16), (), shapes=(Shape(2400.0, 5e-3, (Pattern("all", (1,) * 6),)),)))
+    for table in (six, to_bytes(ModeTable(200e3, bytes(16), (Mode(31e3, 3e-3),)))):
+        with pytest.raises(BoardError, match="other build"):
+            client.upload(table)
+    with pytest.raises(BoardError, match="wrong length"):
+        client.upload(OTHER + bytes(8))
+    assert bytes(board.sector[: len(KNOWN)]) == KNOWN and client.status().state == "idle"
+
+
+def test_a_request_repeated_by_its_sequence_is_done_once_and_answered_again(talk) -> None:
+    board, client = talk()
+    frame = encode(Message(Kind.START, 77, struct.pack("<ff", 0.1, 0.0)))
+    for _ in range(2):
+        board.received.clear()
+        board.send(frame)
+        board.run(2e-3)
+        assert decode(bytes(board.received[:-1])).payload == b"\0"
+    client.stream(50)
+    pieces = encode(Message(Kind.SAMPLES, 78, struct.pack("<3H", 1, 2, 3)))
+    board.send(pieces + pieces)
+    board.run(3e-3)
+    assert board.app.texture.given == 3
+
+
+def test_identify_measures_again_and_rests(talk) -> None:
+    board, client = talk()
+    client.request(Kind.IDENTIFY)
+    assert client.status().state == "identify"
+    client.stop()
+    board.run(1e-3)
+    assert client.status().state == "idle"
+
+
+def test_the_button_is_pressed_once_however_it_bounces(talk) -> None:
+    """Twice 1 ms of bouncing, and held at power-up; the press that clears a fault does not start."""
+    board, _ = talk()
+    board.run(22e-3)
+    for pressed, seconds in ((True, 1e-3), (False, 1e-3), (True, 22e-3), (False, 1e-3), (True, 1e-3), (False, 22e-3)):
+        board.press(pressed)
+        board.run(seconds)
+    assert board.app.supervisor.state == 2
+    board.word(0x40007004).value |= 1 << 2
+    board.run(1e-3)
+    board.word(0x40007004).value &= ~(1 << 2)
+    assert board.app.supervisor.state == 3
+    board.push_button()
+    assert board.app.supervisor.state == 0
+    board.push_button()
+    assert board.app.supervisor.state == 0
+
+
+def test_health_tells_where_it_crashed_and_how_much_stack_is_left(talk) -> None:
+    board, client = talk()
+    board.interrupt_unexpectedly()
+    assert board.run_until(lambda: board.resets == 1, 0.05)
+    board.run(1e-3)
+    health = parse_health(client.request(Kind.HEALTH))
+    assert health.watchdog_resets == 1 and health.core_hz == 180_000_000
+    assert board.symbol("main") <= health.pc < board.symbol("main") + board.elf.symbols["main"].size
+    assert client.status().faults == ("watchdog",)

@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from firmware.protocol import PAYLOAD_MAX, Kind, Message, decode, encode
+from firmware.protocol import PAYLOAD_MAX, Kind, Message, decode, encode, parse_health
 from pipeline.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 
 SINGLE = to_bytes(ModeTable(250e3, bytes(range(16)), (Mode(31e3, 3e-3, 0.5 - 0.5j),)))
@@ -93,3 +93,115 @@ def test_log_frames_hold_four_records_and_wait_for_the_line(core) -> None:
     assert len(frame.payload) == 4 * 24
     assert [struct.unpack_from("<I", frame.payload, at)[0] for at in range(0, 96, 24)] == [1, 3, 5, 7]
     assert struct.unpack_from("<5f", frame.payload, 4) == (0.5, -0.5, 0.25, 0.0, 0.125)
+
+
+def answer(linked: Linked, kind: int, payload: bytes = b"", sequence: list[int] = [0]) -> bytes:  # noqa: B006
+    sequence[0] = (sequence[0] + 1) % 256
+    (reply,) = linked.ask(encode(Message(kind, sequence[0], payload)))
+    return reply.payload
+
+
+def upload(linked: Linked, table: bytes) -> bytes:
+    assert answer(linked, Kind.UPLOAD_BEGIN, struct.pack("<I", len(table))) == b"\0"
+    for at in range(0, len(table), 100):
+        assert answer(linked, Kind.UPLOAD_DATA, struct.pack("<I", at) + table[at : at + 100]) == b"\0"
+    return answer(linked, Kind.UPLOAD_END)
+
+
+BUILDS = [("single", SINGLE, 250e3, SIX), ("six", SIX, 40e3, SINGLE)]
+
+
+@pytest.mark.parametrize(("name", "table", "rate_hz", "other"), BUILDS)
+def test_each_build_stores_its_own_tables_alone(core, name, table, rate_hz, other) -> None:
+    linked = Linked(core, name, table, rate_hz)
+    assert upload(linked, table) == b"\0"
+    assert upload(linked, other) == bytes([4, core.lib.AN_TABLE_OTHER_BUILD])
+    assert upload(linked, table + bytes(8)) == bytes([4, core.lib.AN_TABLE_LENGTH])
+    low = to_bytes(ModeTable(40e3, bytes(16), (), shapes=(Shape(349.0, 5e-3, (Pattern("all", (1,) * 6),)),)))
+    assert upload(linked, low) == bytes(
+        [4, core.lib.AN_TABLE_RANGE if name == "six" else core.lib.AN_TABLE_OTHER_BUILD]
+    )
+    assert answer(linked, Kind.UPLOAD_DATA, bytes(3)) == b"\2"
+    assert answer(linked, Kind.LOG, b"") == b"\2"
+
+
+@pytest.mark.parametrize(("name", "table", "rate_hz", "other"), BUILDS)
+def test_a_measurement_is_begun_stopped_and_silenced(core, name, table, rate_hz, other) -> None:
+    linked = Linked(core, name, table, rate_hz)
+    supervisor = linked.app.supervisor
+    linked.window()
+    assert answer(linked, Kind.IDENTIFY) == b"\0" and supervisor.state == 1 and supervisor.measure_only
+    assert answer(linked, Kind.IDENTIFY) == b"\3"
+    assert answer(linked, Kind.CLEAR) == b"\3"
+    assert upload(linked, table) == b"\3"
+    for _ in range(3):
+        linked.window()
+    assert answer(linked, Kind.STOP) == b"\0"
+    for _ in range(3):
+        linked.window()
+    assert supervisor.state == 0
+    start = struct.pack("<ff", 0.1, 0.0) if name == "single" else struct.pack("<If", 0, 0.1)
+    assert answer(linked, Kind.START, start) == b"\0" and supervisor.state == 1 and not supervisor.measure_only
+    linked.app.fast.window.count += 3 * 5000
+    linked.app.fast.command.count += 3 * 5000
+    for _ in range(4):
+        linked.window()
+    assert supervisor.state == 3 and supervisor.first == 1 << 10
+    assert answer(linked, Kind.CLEAR) == b"\0"
+    for _ in range(3):
+        linked.window()
+    assert supervisor.state == 0
+
+
+@pytest.mark.parametrize(("name", "table", "rate_hz", "other"), BUILDS)
+def test_health_is_told_in_its_order_and_a_repeated_request_is_answered_alike(
+    core, name, table, rate_hz, other
+) -> None:
+    linked = Linked(core, name, table, rate_hz)
+    linked.link.health = list(range(1, core.lib.AN_HEALTH_WORDS + 1))
+    health = parse_health(answer(linked, Kind.HEALTH)[1:])
+    assert (health.watchdog_resets, health.core_hz, health.stack_unused) == (1, 6, 10)
+    linked.window()
+    frame = encode(Message(Kind.IDENTIFY, 200, b""))
+    assert [reply.payload for reply in linked.ask(frame + frame)] == [b"\0", b"\0"]
+    (reply,) = linked.ask(encode(Message(Kind.IDENTIFY, 201, b"")))
+    assert reply.payload == b"\3"
+
+
+@pytest.mark.parametrize(("name", "table", "rate_hz", "other"), BUILDS)
+@pytest.mark.parametrize("bit", [7, 12, 20, 31])
+def test_a_tick_that_can_never_come_is_found_and_mended(core, name, table, rate_hz, other, bit: int) -> None:
+    linked = Linked(core, name, table, rate_hz)
+    linked.window()
+    check = getattr(core.lib, f"an_{name}_check")
+    assert check(linked.app) == 0
+    linked.app.fast.tick ^= 1 << bit
+    assert check(linked.app) == core.lib.AN_FAULT_MEMORY
+    assert check(linked.app) == 0
+    if name == "six" and bit > 7:
+        linked.app.fast.end ^= 1 << bit
+        assert check(linked.app) == core.lib.AN_FAULT_MEMORY and check(linked.app) == 0
+    linked.window()
+
+
+def test_shapes_and_patterns_are_chosen_where_they_may_be(core) -> None:
+    patterns = (Pattern("all", (1,) * 6), Pattern("one", (1, 0, 0, 0, 0, 0)))
+    rows = tuple(tuple(0.5 * (i == j) for j in range(6)) for i in range(6))
+    shapes = (Shape(2400.0, 5e-3, patterns, rows), Shape(500.0, 5e-3, patterns[:1]))
+    linked = Linked(core, "six", to_bytes(ModeTable(40e3, bytes(16), (), shapes=shapes)), 40e3)
+    linked.window()
+    for wanted, result in ((2, 0), (2, 2)), ((0, 2), (2, 2)), ((0, 1), (0, 3)), ((1, 0), (1, 0)), ((0, 0), (0, 0)):
+        assert answer(linked, Kind.PATTERN, struct.pack("<II", *wanted)) == bytes([result[1]]), wanted
+        linked.window()
+        linked.window()
+    assert answer(linked, Kind.REFERENCE, struct.pack("<f", 0.1)) == b"\3"
+    assert answer(linked, Kind.START, struct.pack("<If", 0, 0.0)) == b"\0"
+    linked.window()
+    assert linked.app.supervisor.state == 2 and linked.app.slow.reference == pytest.approx(0.5 * linked.app.reachable)
+    for level, result in ((0.1, 0), (-0.1, 2), (math.nan, 2)):
+        assert answer(linked, Kind.REFERENCE, struct.pack("<f", level)) == bytes([result])
+    assert answer(linked, Kind.SINE, struct.pack("<ff", 20.0, 0.5)) == b"\0"
+    assert answer(linked, Kind.SINE, struct.pack("<ff", 20.0, 2.0)) == b"\2"
+    assert answer(linked, Kind.PATTERN, struct.pack("<II", 0, 1)) == b"\0"
+    assert answer(linked, Kind.PATTERN, struct.pack("<II", 1, 0)) == b"\3"
+    assert answer(linked, Kind.STATUS)[0] == 0

@@ -54,7 +54,7 @@ def settled(hosted):
         assert board.start(0.1, detuning_hz)
         board.lib.an_single_refer(board.app, 0.0)
         board.run(2e-3)
-        assert board.app.state == board.lib.AN_STATE_RUN
+        assert board.app.supervisor.state == board.lib.AN_STATE_RUN
         board.reports.clear()
         return board
 
@@ -64,10 +64,10 @@ def settled(hosted):
 def test_unidentified_gain_is_swept_before_the_loop_closes(hosted) -> None:
     board = hosted(table(), PLATE)
     board.run(2e-3)
-    assert board.app.state == board.lib.AN_STATE_IDLE and board.code == 2048
+    assert board.app.supervisor.state == board.lib.AN_STATE_IDLE and board.code == 2048
     assert board.start()
     board.run_while(board.lib.AN_STATE_IDENTIFY, 3.0)
-    assert board.app.state == board.lib.AN_STATE_RUN
+    assert board.app.supervisor.state == board.lib.AN_STATE_RUN
     mode = board.app.mode
     assert board.lib.an_dds_frequency(board.app.centre, 250e3) == pytest.approx(TRUE, abs=0.1)
     assert mode.tau_s == pytest.approx(TAU, rel=5e-3)
@@ -75,7 +75,7 @@ def test_unidentified_gain_is_swept_before_the_loop_closes(hosted) -> None:
     assert mode.delay_s == pytest.approx(9.3e-6, abs=5e-8)
     assert board.gain.real == pytest.approx(0.0, abs=1e-3)
     board.run(20e-3)
-    assert board.app.state == board.lib.AN_STATE_RUN
+    assert board.app.supervisor.state == board.lib.AN_STATE_RUN
     assert board.reports[-1][0] == pytest.approx(0.2 * GAIN * DROOP, rel=0.02)
 
 
@@ -83,7 +83,7 @@ def test_unidentified_gain_is_swept_before_the_loop_closes(hosted) -> None:
 def test_what_was_only_computed_is_measured_first(hosted, flags: dict) -> None:
     board = hosted(table(**flags), PLATE)
     board.run(1e-3)
-    assert board.start() and board.app.state == IDENTIFY
+    assert board.start() and board.app.supervisor.state == IDENTIFY
 
 
 @pytest.mark.parametrize("gains", [(0.48, -0.6), (-0.7, 0.3)])
@@ -95,7 +95,7 @@ def test_strong_neighbours_slow_the_loop_instead_of_upsetting_it(hosted, gains: 
     board.run_while(board.lib.AN_STATE_IDENTIFY, 4.0)
     assert board.app.neighbour == pytest.approx(max(map(abs, gains)) * DROOP, rel=0.15)
     board.run(0.2)
-    assert board.app.state == board.lib.AN_STATE_RUN
+    assert board.app.supervisor.state == board.lib.AN_STATE_RUN
     assert board.reports[-1][0] == pytest.approx(0.1, rel=0.03)
 
 
@@ -127,10 +127,10 @@ def test_recovery_from_saturation_is_near_the_bound(settled) -> None:
 
 def trip(board, seconds: float = 0.1) -> int:
     board.run_while(board.lib.AN_STATE_RUN, seconds)
-    assert board.app.state == board.lib.AN_STATE_FAULT
+    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT
     board.run(1e-3)
     assert board.code == board.lib.AN_DAC_MIDDLE
-    return board.app.faults
+    return board.app.supervisor.faults
 
 
 def test_a_lost_sensor_trips(settled) -> None:
@@ -161,7 +161,7 @@ def test_a_trip_silences_the_drive_without_waiting_for_the_main_loop(settled) ->
         codes.append(board.lib.an_fast_tick(board.fast, 4095))
         if board.fast.tick == 0:
             board.lib.an_single_slow(board.app)
-    assert board.slow.trips and board.app.state == board.lib.AN_STATE_RUN
+    assert board.slow.hand.trips and board.app.supervisor.state == board.lib.AN_STATE_RUN
     assert set(codes[-board.lib.AN_PERIOD :]) == {board.lib.AN_DAC_MIDDLE}
 
 
@@ -202,7 +202,7 @@ def test_a_slow_step_that_does_not_end_in_its_gap_trips(settled) -> None:
     assert codes[-1] == 2048
     board.lib.an_single_slow(board.app)
     board.lib.an_single_poll(board.app)
-    assert board.app.faults == 1 << 8
+    assert board.app.supervisor.faults == 1 << 8
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e30])
@@ -227,11 +227,11 @@ def test_a_fault_is_latched_until_cleared(settled) -> None:
     trip(board, 1e-3)
     board.sense = sense
     board.run(5e-3)
-    assert board.app.state == board.lib.AN_STATE_FAULT
+    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT
     assert not board.start(0.1)
     assert board.lib.an_single_clear(board.app)
     board.run(1e-3)
-    assert board.app.state == board.lib.AN_STATE_IDLE and board.app.faults == 0
+    assert board.app.supervisor.state == board.lib.AN_STATE_IDLE and board.app.supervisor.faults == 0
     assert board.start(0.1)
 
 
@@ -241,21 +241,21 @@ def test_a_fault_that_persists_comes_back_after_clearing(settled) -> None:
     trip(board, 1e-3)
     assert board.lib.an_single_clear(board.app)
     board.run(1e-3)
-    assert board.app.state == board.lib.AN_STATE_FAULT
+    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT
 
 
 @pytest.mark.parametrize("data", [b"\xff" * 4096, to_bytes(ModeTable(200e3, bytes(16), (Mode(31e3, 3e-3),)))])
 def test_without_a_sound_table_nothing_starts_or_clears(hosted, data: bytes) -> None:
     board = hosted(data, PLATE)
     board.run(1e-3)
-    assert board.app.state == board.lib.AN_STATE_FAULT and board.app.faults == 1
+    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT and board.app.supervisor.faults == 1
     assert not board.lib.an_single_clear(board.app) and not board.start(0.1)
     assert board.code == 2048
 
 
 def test_faults_of_the_board_are_kept(hosted) -> None:
     board = hosted(known_table(), PLATE, faults=1 << 1)
-    assert board.app.state == board.lib.AN_STATE_FAULT
+    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT
     assert not board.lib.an_single_clear(board.app)
 
 
@@ -264,7 +264,7 @@ def test_stop_rests_within_two_windows(settled) -> None:
     step_response(board, 0.12)
     board.lib.an_single_stop(board.app)
     board.run(3 * PERIOD)
-    assert board.app.state == board.lib.AN_STATE_IDLE and board.code == 2048
+    assert board.app.supervisor.state == board.lib.AN_STATE_IDLE and board.code == 2048
 
 
 def test_a_plate_without_resonance_fails_to_identify(hosted) -> None:
@@ -272,7 +272,7 @@ def test_a_plate_without_resonance_fails_to_identify(hosted) -> None:
     board.run(1e-3)
     assert board.start()
     board.run_while(board.lib.AN_STATE_IDENTIFY, 6.0)
-    assert board.app.state == board.lib.AN_STATE_FAULT and board.app.faults == 1 << 9
+    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT and board.app.supervisor.faults == 1 << 9
 
 
 def test_noise_is_not_taken_for_a_resonance(hosted) -> None:
@@ -280,7 +280,7 @@ def test_noise_is_not_taken_for_a_resonance(hosted) -> None:
     board.run(1e-3)
     assert board.start()
     board.run_while(IDENTIFY, 8.0)
-    assert board.app.state == board.lib.AN_STATE_FAULT and board.app.faults == 1 << 9
+    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT and board.app.supervisor.faults == 1 << 9
 
 
 @pytest.mark.parametrize("half_gap_hz", [30.0, 50.0, 80.0])
@@ -290,7 +290,7 @@ def test_two_resonances_in_one_are_not_vouched_for(hosted, half_gap_hz: float) -
     board.run(1e-3)
     assert board.start()
     board.run_while(IDENTIFY, 8.0)
-    assert board.app.state == board.lib.AN_STATE_FAULT and board.app.faults == 1 << 9
+    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT and board.app.supervisor.faults == 1 << 9
 
 
 @pytest.mark.parametrize("quality", [100.0, 900.0])
@@ -299,7 +299,7 @@ def test_a_badly_guessed_quality_is_found_and_the_sweep_repeated(hosted, quality
     board.run(1e-3)
     assert board.start()
     board.run_while(IDENTIFY, 12.0)
-    assert board.app.state == board.lib.AN_STATE_RUN
+    assert board.app.supervisor.state == board.lib.AN_STATE_RUN
     assert board.app.mode.tau_s == pytest.approx(TAU, rel=5e-3)
     assert abs(board.gain) == pytest.approx(GAIN * DROOP, rel=5e-3)
 
@@ -309,7 +309,7 @@ def test_a_very_responsive_plate_is_probed_with_less(hosted) -> None:
     board.run(1e-3)
     assert board.start()
     board.run_while(IDENTIFY, 4.0)
-    assert board.app.state == board.lib.AN_STATE_RUN
+    assert board.app.supervisor.state == board.lib.AN_STATE_RUN
     assert abs(board.gain) == pytest.approx(60.0 * DROOP, rel=0.02)
 
 
@@ -318,4 +318,4 @@ def test_values_out_of_range_do_not_start(hosted) -> None:
     board.run(1e-3)
     for reference, detuning_hz in ((-0.1, 0), (1.1, 0), (math.nan, 0), (0.1, 501), (0.1, math.nan)):
         assert not board.start(reference, detuning_hz)
-    assert board.app.state == board.lib.AN_STATE_IDLE
+    assert board.app.supervisor.state == board.lib.AN_STATE_IDLE

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-PERIOD, AHEAD, RESPONSE = 200e-6, 108e-6, 0.53e-3
+PERIOD, AHEAD, RESPONSE, LEAVING = 200e-6, 108e-6, 0.53e-3, 0.2e-3
 FREQUENCY, TAU, LIMIT = 31400.0, 300.0 / math.pi / 31400.0, 1.0
 
 
@@ -33,7 +33,13 @@ def planned(
     )
     step = core.lib.an_dds_step(FREQUENCY + detuning_hz, 250e3)
     gains = core.ffi.new("an_pi_gains *")
-    asked = {"period_s": PERIOD, "ahead_s": ahead_s, "response_s": RESPONSE, "proportional_max": proportional_max}
+    asked = {
+        "period_s": PERIOD,
+        "ahead_s": ahead_s,
+        "response_s": RESPONSE,
+        "leaving_s": LEAVING,
+        "proportional_max": proportional_max,
+    }
     core.lib.an_pi_plan(gains, mode, step, detuning_hz, core.ffi.new("an_pi_wish *", asked))
     return gains
 
@@ -43,7 +49,10 @@ def as_complex(value) -> complex:
 
 
 class DoubleLaw:
-    """V = Kp (r - U') + I + j tau dw U' / G, limited to a disc; I = U / G while limited; U' = U when V begins to act."""
+    """V = Kp (r - U') + I + j tau dw U' / G, limited to a disc; U' = U when V begins to act.
+
+    From the limit Kp is that of a pole of its own. I = U / G while limited and for the two steps after.
+    """
 
     def __init__(self, gain: float, detuning_hz: float) -> None:
         self.gain, self.slope = gain, 2.0 * math.pi * detuning_hz * TAU
@@ -51,16 +60,22 @@ class DoubleLaw:
         pole = math.exp(-PERIOD / TAU)
         self.integral_gain = (1.0 - math.exp(-PERIOD / RESPONSE)) / gain
         self.proportional = self.integral_gain / (1.0 - pole)
+        self.leaving = (1.0 - math.exp(-PERIOD / LEAVING)) / gain / (1.0 - pole)
+        self.limited = 0
 
     def step(self, measured: complex, reference: float) -> complex:
         decay = cmath.exp(-(1.0 + 1j * self.slope) * AHEAD / TAU)
         now = decay * measured + (1.0 - decay) * self.gain / (1.0 + 1j * self.slope) * self.drive
-        wanted = self.proportional * (reference - now) + self.integral + 1j * self.slope / self.gain * now
+        proportional = self.leaving if self.limited == 2 else self.proportional
+        wanted = proportional * (reference - now) + self.integral + 1j * self.slope / self.gain * now
         then = reference + AHEAD / PERIOD * (self.reference - reference)
         self.reference = reference
         if abs(wanted) > LIMIT:
-            self.integral = measured / self.gain
+            self.integral, self.limited = measured / self.gain, 2
             self.drive = wanted * LIMIT / abs(wanted)
+        elif self.limited:
+            self.integral, self.limited = measured / self.gain, self.limited - 1
+            self.drive = wanted
         else:
             self.integral += self.integral_gain * (then - measured)
             self.drive = wanted
@@ -106,7 +121,7 @@ def closed_loop(core, gain: float, detuning_hz: float, reference: float, steps: 
 def test_core_follows_the_double_precision_law(core, detuning_hz: float, reference: float) -> None:
     found = closed_loop(core, 0.8, detuning_hz, reference, 60)
     assert np.abs(found[:, 0] - found[:, 2]).max() < 2e-5
-    assert np.abs(found[:, 1] - found[:, 3]).max() < 2e-4
+    assert np.abs(found[:, 1] - found[:, 3]).max() < 5e-4
 
 
 def test_the_closed_loop_has_the_pole_that_its_description_states(core) -> None:
@@ -154,19 +169,9 @@ def test_lead_undoes_one_sample_the_delay_and_the_phase_of_the_gain(core) -> Non
     assert abs(lead - expected) < 2e-5
 
 
-def test_observer_is_the_plate_in_baseband(core) -> None:
-    gains, pi = planned(core, 0.8, 200.0), core.ffi.new("an_pi *")
-    core.lib.an_pi_init(pi, gains, core.ffi.new("an_complex *")[0])
-    plate, measured = Baseband(0.8, 200.0), 0j
-    for _ in range(50):
-        z = core.ffi.new("an_complex *", {"re": measured.real, "im": measured.imag})[0]
-        plate.old = as_complex(core.lib.an_pi_step(pi, gains, z, 0.1))
-        measured = plate.step(plate.old)
-        assert abs(as_complex(pi.model) - plate.state) < 1e-4
-
-
 def test_neighbours_bound_the_gain_and_the_zero_stays_on_the_pole(core) -> None:
     free, bounded = planned(core, 0.8), planned(core, 0.8, proportional_max=2.0)
-    assert free.proportional > 4.0 and bounded.proportional == 2.0
+    assert free.law[0].proportional > 4.0 and bounded.law[0].proportional == 2.0
+    assert free.law[1].proportional > free.law[0].proportional and bounded.law[1].proportional == 2.0
     for gains in (free, bounded):
-        assert gains.integral / gains.proportional == pytest.approx(1.0 - math.exp(-PERIOD / TAU), rel=1e-4)
+        assert gains.integral / gains.law[0].proportional == pytest.approx(1.0 - math.exp(-PERIOD / TAU), rel=1e-4)

@@ -10,10 +10,11 @@ import pytest
 
 from firmware.client import BoardError, Client, describe
 from firmware.emulate.beam import Beam, _clamped_roots
-from firmware.protocol import Kind
+from firmware.protocol import Kind, parse_health
 from pipeline.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 
 IDLE, IDENTIFY, RUN, FAULT = range(4)
+TIM1, TIM8 = 0x40010000, 0x40010400
 BEAM = Beam(noise=1e-3)
 WAVELENGTH = 2.0 * np.pi / np.sqrt(2.0 * np.pi * 2400.0 / np.sqrt(210e9 * 1e-6 / 12.0 / 7850.0))
 PATTERNS = (
@@ -68,9 +69,9 @@ def test_matrix_is_measured_one_actuator_at_a_time(hosted) -> None:
     board = hosted(table(), BEAM)
     board.run(5e-3)
     assert board.lib.an_six_start(board.app, 0, 0.0)
-    assert board.app.state == IDENTIFY
+    assert board.app.supervisor.state == IDENTIFY
     board.run_while(IDENTIFY, 15.0)
-    assert board.app.state == RUN
+    assert board.app.supervisor.state == RUN
     matrix = np.array([complex(z.re, z.im) for z in board.app.shaping.matrix]).reshape(6, 6)
     assert np.abs(matrix - seen_matrix()).max() < 5e-3 * np.abs(seen_matrix()).max()
     exact = np.linalg.norm(seen_matrix()) * np.linalg.norm(np.linalg.inv(seen_matrix()))
@@ -85,7 +86,7 @@ def test_the_plate_is_probed_as_hard_as_it_needs(hosted, largest: float) -> None
     board.run(5e-3)
     assert board.lib.an_six_start(board.app, 0, 0.1)
     board.run_while(IDENTIFY, 15.0)
-    assert board.app.state == RUN
+    assert board.app.supervisor.state == RUN
     matrix = np.array([complex(z.re, z.im) for z in board.app.shaping.matrix]).reshape(6, 6)
     assert np.abs(matrix - seen_matrix(beam)).max() < 0.01 * np.abs(seen_matrix(beam)).max()
 
@@ -105,7 +106,7 @@ def test_confinement_left_middle_and_right_and_a_travelling_wave(hosted) -> None
         if pattern:
             assert board.lib.an_six_change(board.app, pattern)
         board.run(0.5)
-        assert board.app.state == RUN, (pattern, board.app.faults)
+        assert board.app.supervisor.state == RUN, (pattern, board.app.supervisor.faults)
         wanted = board.app.slow.reference * np.array(PATTERNS[pattern].targets)
         assert np.abs(board.measured - wanted).max() < 0.02 * np.abs(wanted).max()
         field = field_of(board, at_m)
@@ -128,7 +129,7 @@ def test_the_integrals_take_out_what_the_matrix_is_wrong_about(hosted) -> None:
     board.run(0.02)
     early = np.abs(board.measured - 0.1 * np.array(PATTERNS[1].targets)).max()
     board.run(2.5)
-    assert board.app.state == RUN
+    assert board.app.supervisor.state == RUN
     assert np.abs(board.measured - 0.1 * np.array(PATTERNS[1].targets)).max() < 0.002 < early
 
 
@@ -140,7 +141,7 @@ def test_references_beyond_the_drive_are_clipped(hosted) -> None:
     assert board.app.reachable == pytest.approx(0.9 * 0.5 / np.abs(inverse).max(), rel=1e-3)
     assert board.app.slow.reference == board.app.reachable
     board.run(0.5)
-    assert board.app.state == RUN and np.abs(board.drives).max() <= 0.5 * (1.0 + 1e-6)
+    assert board.app.supervisor.state == RUN and np.abs(board.drives).max() <= 0.5 * (1.0 + 1e-6)
 
 
 def test_integrals_do_not_grow_while_the_drive_is_limited(hosted) -> None:
@@ -149,7 +150,7 @@ def test_integrals_do_not_grow_while_the_drive_is_limited(hosted) -> None:
     board.run(5e-3)
     assert board.lib.an_six_start(board.app, 1, 1.0)
     board.run(3.0)
-    assert board.app.state == RUN and board.app.slow.limited
+    assert board.app.supervisor.state == RUN and board.app.slow.limited
     assert np.abs(board.drives).max() == pytest.approx(1.0, abs=1e-3)
     assert np.abs([complex(z.re, z.im) for z in board.app.slow.integral]).max() < 0.5 * board.app.slow.reference
 
@@ -169,7 +170,7 @@ def test_a_matrix_that_cannot_be_inverted_is_a_fault(hosted) -> None:
     assert board.lib.an_six_start(board.app, 0, 0.0)
     board.run_while(IDENTIFY, 5.0)
     board.run(5e-3)
-    assert board.app.state == FAULT and board.app.faults == 1 << 14
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.faults == 1 << 14
     assert list(board.duties) == [board.middle] * 6
 
 
@@ -197,7 +198,7 @@ def running(hosted, **changes):
     board.run(5e-3)
     assert board.lib.an_six_start(board.app, 3, 0.15)
     board.run(0.4)
-    assert board.app.state == RUN
+    assert board.app.supervisor.state == RUN
     return board
 
 
@@ -221,22 +222,41 @@ def test_a_broken_sensor_rests_all_outputs(hosted, change, faults: int) -> None:
     broken(board, 4, change)
     board.run_while(RUN, 3.0)
     board.run(5e-3)
-    assert board.app.state == FAULT and board.app.faults & faults and not board.app.faults & ~faults
+    assert (
+        board.app.supervisor.state == FAULT
+        and board.app.supervisor.faults & faults
+        and not board.app.supervisor.faults & ~faults
+    )
     assert list(board.duties) == [board.middle] * 6
+
+
+@pytest.mark.parametrize("reference", [0.004, 0.03])
+@pytest.mark.parametrize("channel", [0, 3, 5])
+def test_a_dead_sensor_is_noticed_however_little_is_wanted(hosted, reference: float, channel: int) -> None:
+    """Of a plate that answers weakly the drive reaches its limit, and its integrals stop, long before a tenth of full scale."""
+    weak = dataclasses.replace(BEAM, largest=0.05)
+    board = hosted(table(matrix=seen_matrix(weak)), weak)
+    board.run(5e-3)
+    assert board.lib.an_six_start(board.app, 3, reference)
+    board.run(0.3)
+    assert board.app.supervisor.state == RUN
+    broken(board, channel, lambda level: 0.0)
+    board.run_while(RUN, 2.0)
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.faults == 1 << 6
 
 
 def test_a_sensor_at_the_rail_is_seen_in_the_next_window(hosted) -> None:
     board = running(hosted)
     broken(board, 2, lambda level: 1.5)
     board.run(3e-3)
-    assert board.app.state == FAULT and board.app.faults & 1 << 3
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.faults & 1 << 3
 
 
 def test_too_much_motion_at_one_sensor_trips(hosted) -> None:
     board = running(hosted)
     broken(board, 2, lambda level: 0.95 / 0.15 * level)
     board.run(5e-3)
-    assert board.app.state == FAULT and board.app.faults & 1 << 5
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.faults & 1 << 5
 
 
 def test_a_trip_silences_the_drives_without_waiting_for_the_main_loop(hosted) -> None:
@@ -249,7 +269,7 @@ def test_a_trip_silences_the_drives_without_waiting_for_the_main_loop(hosted) ->
         history.append(list(board.duties))
         if board.fast.tick == 0:
             board.lib.an_six_window_end(board.app)
-    assert board.app.slow.trips and board.app.state == RUN
+    assert board.app.slow.hand.trips and board.app.supervisor.state == RUN
     assert history[-period:] == [[board.middle] * 6] * period
 
 
@@ -271,7 +291,7 @@ def test_no_drive_that_is_not_a_number_reaches_the_bridges(hosted, value: float)
 
 def test_tables_without_shapes_are_refused(hosted) -> None:
     board = hosted(to_bytes(ModeTable(40e3, bytes(16), (Mode(3e3, 3e-3),))), BEAM)
-    assert board.app.state == FAULT and board.app.faults == 1
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.faults == 1
     assert not board.lib.an_six_start(board.app, 0, 0.1) and not board.lib.an_six_clear(board.app)
 
 
@@ -302,7 +322,9 @@ def test_timers_make_40_khz_with_dead_time_and_trigger_the_scan(make_six) -> Non
         assert board.word(timer + 0x20).value == 0x555  # three pairs
         assert 100e-9 < (board.word(timer + 0x44).value & 0x7F) / 180e6 < 1e-6
         assert board.word(timer + 0x44).value >> 12 & 1 and not board.word(timer + 0x44).value >> 14 & 1
-    assert board.word(0x40010404).value >> 4 & 7 == 2  # TIM8's update goes out as the trigger
+    assert board.word(0x40010404).value >> 4 & 7 == 7  # TIM8's fourth channel goes out as the trigger
+    lead_s = (board.word(0x4001042C).value - board.word(0x40010440).value) / 180e6
+    assert lead_s == pytest.approx(6 * 1.2e-6 / 2, rel=1e-3)  # so that the counter's end is the middle of the scan
     assert board.word(0x40012008).value >> 24 & 0x3F == 0b011110  # rising edge of TIM8_TRGO
     assert board.word(0x40026414).value == 6
     assert not board.driving
@@ -313,12 +335,12 @@ def test_pattern_over_the_line_on_the_emulated_board(make_six) -> None:
 
     board = make_six(table(matrix=seen_matrix()))
     client = Client(EmulatedPort(board))
-    assert client.request(Kind.IDENTITY)[:4] == bytes([1, 6, 1, 1])
+    assert client.request(Kind.IDENTITY)[:4] == bytes([2, 6, 1, 1])
     client.request(Kind.START, struct.pack("<If", 1, 0.15))
     for _ in range(3):
         board.run(0.2)
         client.request(Kind.STATUS)
-    assert board.driving and board.app.state == RUN
+    assert board.driving and board.app.supervisor.state == RUN
     assert np.abs(board.measured - 0.15 * np.array(PATTERNS[1].targets)).max() < 0.005
     status = client.look()
     assert status.state == "run" and status.pattern == 1 and status.frequency_hz == pytest.approx(2400.0, abs=1e-3)
@@ -333,25 +355,51 @@ def test_pattern_over_the_line_on_the_emulated_board(make_six) -> None:
         client.upload(table())
     client.stop()
     board.run(5e-3)
-    assert board.app.state == IDLE and not board.driving
+    assert board.app.supervisor.state == IDLE and not board.driving
     client.choose(0)
     with pytest.raises(BoardError, match="out of range"):
         client.choose(1)
     client.request(Kind.START, struct.pack("<If", 1, 0.15))
     board.run(0.45)
-    assert board.app.state == RUN
+    assert board.app.supervisor.state == RUN
     board.run(0.1)
-    assert board.app.state == FAULT and board.app.faults == 1 << 10 and not board.driving
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.faults == 1 << 10 and not board.driving
 
 
-def test_a_pulled_break_is_latched_and_the_gates_stay_open(make_six) -> None:
+@pytest.mark.parametrize(("timer", "held_s"), [(TIM1, 0.0), (TIM8, 0.0), (TIM8, 2e-3)])
+def test_a_pulled_break_opens_all_switches_until_somebody_clears_it(make_six, timer: int, held_s: float) -> None:
+    """Looked at in every tick: both timers' gates open within one, and none closes before the fault is cleared."""
+    board = driving(make_six)
+    board.pull_break(timer, 1 + round(held_s / board.sample_s))
+    for tick in range(800):
+        assert not board.any_closed, tick
+        board.tick()
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.faults == 1 << 12
+    assert board.call("an_six_clear", board.symbol("app")) == 1
+    board.run(5e-3)
+    assert board.app.supervisor.state == IDLE and not board.any_closed
+    assert board.call("an_six_start", board.symbol("app"), 1, 0.15) == 1
+    board.run(5e-3)
+    assert board.driving
+    board.pull_break(timer)
+    assert not board.any_closed
+
+
+def test_a_line_that_stays_pulled_cannot_be_cleared(make_six) -> None:
+    board = driving(make_six)
+    board.pull_break(TIM1, 10**6)
+    board.run(5e-3)
+    assert board.call("an_six_clear", board.symbol("app")) == 1
+    board.run(5e-3)
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.faults == 1 << 12 and not board.any_closed
+
+
+def driving(make_six):
     board = make_six(table(matrix=seen_matrix()))
     assert board.call("an_six_start", board.symbol("app"), 1, 0.15) == 1
     board.run(20e-3)
     assert board.driving
-    board.pull_break()
-    board.run(5e-3)
-    assert board.app.state == FAULT and board.app.faults == 1 << 12 and not board.driving
+    return board
 
 
 def test_a_low_supply_and_a_lost_scan_open_the_gates(make_six) -> None:
@@ -362,7 +410,7 @@ def test_a_low_supply_and_a_lost_scan_open_the_gates(make_six) -> None:
         assert board.driving
         board.word(address).value |= bits
         board.run(5e-3)
-        assert board.app.state == FAULT and board.app.faults == fault and not board.driving
+        assert board.app.supervisor.state == FAULT and board.app.supervisor.faults == fault and not board.driving
 
 
 def test_a_fault_opens_the_gates_in_the_interrupt_that_finds_it(make_six) -> None:
@@ -379,7 +427,7 @@ def test_a_fault_opens_the_gates_in_the_interrupt_that_finds_it(make_six) -> Non
         gate.value |= 1 << 15
     board.sense = lambda: np.full(6, 1.5)
     board.run(4e-3)
-    assert board.app.slow.trips and not board.driving
+    assert board.app.slow.hand.trips and not board.driving
 
 
 def test_a_table_goes_up_and_is_used(make_six) -> None:
@@ -392,12 +440,12 @@ def test_a_table_goes_up_and_is_used(make_six) -> None:
     assert bytes(board.sector[: len(other)]) == other and board.resets == 0
     assert set(board.stalls) == {False}
     client.request(Kind.STATUS)
-    assert board.app.shape.frequency_hz == 2600.0 and board.app.state == IDLE and not board.app.identified
+    assert board.app.shape.frequency_hz == 2600.0 and board.app.supervisor.state == IDLE and not board.app.identified
 
 
 def test_a_dead_crystal_keeps_the_gates_open_for_good(make_six) -> None:
     board = make_six(table(matrix=seen_matrix()), dead_crystal=True)
-    assert board.app.state == FAULT and board.app.faults == 1 << 1 and not board.driving
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.faults == 1 << 1 and not board.driving
     assert board.call("an_six_clear", board.symbol("app")) == 0
     assert board.call("an_six_start", board.symbol("app"), 1, 0.15) == 0
 
@@ -421,7 +469,7 @@ def test_a_slow_step_that_hangs_opens_the_gates_and_then_resets_the_chip(make_si
     board.run(3e-3)
     assert not board.driving
     board.run(12e-3)
-    assert board.resets == 1 and board.app.faults == 1 << 13
+    assert board.resets == 1 and board.app.supervisor.first == 1 << 13
 
 
 def test_instructions_a_tick_and_host_and_cortex_m4_alike(make_six, hosted, core) -> None:
@@ -439,3 +487,93 @@ def test_instructions_a_tick_and_host_and_cortex_m4_alike(make_six, hosted, core
     assert board.history[1:] == twin.history[: len(board.history) - 1]
     alike = core.ffi.offsetof("an_six", "sample_rate_hz") + 4
     assert bytes(core.ffi.buffer(board.app, alike)) == bytes(core.ffi.buffer(twin.app, alike))
+
+
+def test_tones_too_low_for_the_watchdog_are_refused(hosted) -> None:
+    """A window of two periods must end well before a watchdog at its fastest, 97 cycles of 4 at 47 kHz."""
+    low = hosted(table(349.0), BEAM)
+    assert low.app.supervisor.state == FAULT and low.app.supervisor.faults == 1
+    lowest = hosted(table(350.0), BEAM)
+    assert lowest.app.supervisor.state == IDLE
+    assert (lowest.app.window + lowest.lib.AN_SIX_GAP) / 40e3 < 0.75 * 97 * 4 / 47e3
+
+
+def test_the_lowest_tone_lives_with_the_fastest_watchdog(make_six) -> None:
+    board = make_six(table(350.0, np.eye(6) * 0.5), lsi_hz=47e3)
+    assert board.call("an_six_start", board.symbol("app"), 1, 0.1) == 1
+    board.run(0.1)
+    assert board.resets == 0
+
+
+def test_a_table_that_resets_the_board_is_left_alone_at_the_fourth_start(make_six) -> None:
+    """Whatever hangs the board: the line comes back, and takes another table."""
+    from firmware.emulate.line import EmulatedPort
+
+    board = make_six(table(matrix=seen_matrix()))
+    for count in range(3):
+        board.slow_stuck = True
+        assert board.run_until(lambda seen=count: board.resets > seen, 0.05)
+        board.slow_stuck = False
+    board.run(5e-3)
+    client = Client(EmulatedPort(board))
+    assert set(client.look().faults) == {"table", "watchdog"}
+    assert parse_health(client.request(Kind.HEALTH)).watchdog_resets == 3
+    client.upload(table(2600.0))
+    assert client.look().faults == ("watchdog",)
+    client.clear()
+    board.run(5e-3)
+    assert client.look().state == "idle" and board.app.shape.frequency_hz == 2600.0
+
+
+def test_a_scan_that_overran_is_set_going_again(make_six) -> None:
+    """After an overrun the DMA stream takes no more samples until it is set up anew: no interrupt would ever come."""
+    board = driving(make_six)
+    board.overrun()
+    board.run(100e-6)
+    assert not board.any_closed
+    board.run(10e-3)
+    assert board.resets == 0
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.faults == 1 << 7
+    assert board.call("an_six_clear", board.symbol("app")) == 1
+    board.run(5e-3)
+    assert board.app.supervisor.state == IDLE
+
+
+def test_a_new_pattern_keeps_the_reference(hosted) -> None:
+    board = running(hosted)
+    board.lib.an_six_refer(board.app, 0.05)
+    assert board.lib.an_six_change(board.app, 1)
+    assert board.app.slow.reference == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("what", ["samples", "supply", "clock", "memory"])
+def test_the_gates_open_within_100_us_of_what_an_interrupt_can_see(make_six, what: str) -> None:
+    """At each of five ticks of a window; main loop and slow step may be busy."""
+    board = driving(make_six)
+    for _ in range(5):
+        board.run(7 * board.sample_s)
+        context, memory = board.uc.context_save(), {start: bytes(block) for start, block in board.memory.items()}
+        board.main_stuck = True
+        if what == "clock":
+            board.interrupt_unexpectedly()
+        elif what == "supply":
+            board.word(0x40007004).value |= 1 << 2
+        elif what == "memory":
+            board.app.fast.end ^= 1 << 20
+        board.fast_lost = what == "samples"
+        board.run(100e-6)
+        assert not board.any_closed
+        for start, block in memory.items():
+            board.memory[start][:] = block
+        board.uc.context_restore(context)
+        board.main_stuck = board.fast_lost = board.hung = False
+
+
+def test_samples_that_come_back_after_a_standstill_find_a_latched_fault(make_six) -> None:
+    board = driving(make_six)
+    board.fast_lost = True
+    board.run(500e-6)
+    board.fast_lost = False
+    board.run(10e-3)
+    assert board.resets == 0 and not board.any_closed
+    assert board.app.supervisor.state == FAULT and board.app.supervisor.first == 1 << 7

@@ -51,12 +51,12 @@ def board(model, make_image, core):
 def play(board, name: str, seconds: float = 0.4) -> np.ndarray:
     """Holds a pattern; returns the drives."""
     pattern = NAMES.index(name)
-    if board.app.state == 0:
+    if board.app.supervisor.state == 0:
         assert board.call("an_six_start", board.symbol("app"), pattern, 0.0) == 1
     else:
         assert board.call("an_six_change", board.symbol("app"), pattern) == 1
     board.run(seconds)
-    assert board.app.state == 2, hex(board.app.faults)
+    assert board.app.supervisor.state == 2, hex(board.app.supervisor.faults)
     return board.drives
 
 
@@ -132,3 +132,11 @@ def test_the_command_writes_a_table_for_the_real_patches(tmp_path: Path, capsys)
     assert mode_table_shaping.main([str(file), "--frequency", "loud"]) == 2
     error = capsys.readouterr().err
     assert "loud" in error and error.count("\n") == 1
+
+
+def test_tones_that_the_board_refuses_are_not_exported(tmp_path: Path, capsys, core) -> None:
+    """The limit is the board's own, and what is chosen without being asked for keeps it."""
+    assert mode_table_shaping.MIN_SHAPE_HZ == core.lib.AN_SIX_FREQUENCY_MIN_HZ
+    assert mode_table_shaping.BAND_HZ[0] == mode_table_shaping.MIN_SHAPE_HZ
+    assert mode_table_shaping.main([str(tmp_path / "low.bin"), "--points", "--frequency", "260Hz"]) == 2
+    assert "350 Hz" in capsys.readouterr().err and not (tmp_path / "low.bin").exists()

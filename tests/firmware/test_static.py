@@ -9,9 +9,12 @@ from pathlib import Path
 import pytest
 
 from firmware import build as builder
+from firmware.build import BOARD
 from firmware.host import CORE
+from firmware.table_format import header_text
 
 ROOT = Path(builder.__file__).parent
+TABLE = header_text(b"table")
 STRICT = (
     "-Wpedantic -Wcast-qual -Wcast-align -Wundef -Wunused -Wvla -Wformat=2 -Wswitch-default -Wnull-dereference".split()  # noqa: SIM905
 )
@@ -30,11 +33,34 @@ def test_gcc_finds_nothing(source: str, tmp_path: Path) -> None:
     run(["gcc", *flags, "-c", str(CORE / source), "-o", str(tmp_path / "out.o")])
 
 
+@pytest.mark.parametrize("source", sorted(str(path.relative_to(BOARD)) for path in BOARD.rglob("*.c")))
+def test_gcc_finds_nothing_in_the_board_s_code(source: str, tmp_path: Path) -> None:
+    """As 32-bit code of this machine, up to the assembler: registers are numbers, and nothing is run."""
+    if not shutil.which("gcc"):
+        pytest.skip("gcc is not installed: its analyzer is what this test runs")
+    (tmp_path / "mode_table.h").write_text(TABLE)
+    path = BOARD / source
+    places = [f"-I{part}" for part in (CORE, BOARD, path.parent, tmp_path)]
+    flags = [*builder.LANGUAGE, *builder.WARNINGS, *STRICT, "-Wno-pedantic", "-fanalyzer", "-m32", *places]
+    run(["gcc", *flags, "-S", str(path), "-o", str(tmp_path / "out.s")])
+
+
 def test_cppcheck_finds_nothing() -> None:
     if not shutil.which("cppcheck"):
         pytest.skip("cppcheck is not installed")
     keep = ["--suppress=missingIncludeSystem", "--suppress=unusedFunction", "--inline-suppr", "--quiet"]
-    run(["cppcheck", "--enable=warning,performance,portability", "--error-exitcode=1", *keep, f"-I{CORE}", str(CORE)])
+    run(
+        [
+            "cppcheck",
+            "--enable=warning,performance,portability",
+            "--error-exitcode=1",
+            *keep,
+            f"-I{CORE}",
+            f"-I{BOARD}",
+            str(CORE),
+            str(BOARD),
+        ]
+    )
 
 
 def test_clang_tidy_finds_nothing() -> None:

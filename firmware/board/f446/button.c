@@ -1,8 +1,10 @@
 #include "board.h"
 #include "registers.h"
 
+enum { BUTTON = 1 << 13 };
+
 /* PC13 is an input from reset on. */
 bool button_pressed(void)
 {
-    return (GPIOC->IDR & BIT(13)) == 0u;
+    return (GPIOC->IDR & BUTTON) == 0u;
 }

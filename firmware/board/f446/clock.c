@@ -3,6 +3,11 @@
 
 enum { PATIENCE = 200000 }; /* turns of a polling loop: some 50 ms at 16 MHz, far beyond a crystal's start */
 
+#define CORE_PLL_HZ 180000000u
+#define CORE_RC_HZ 16000000u
+
+static bool from_pll;
+
 static bool becomes_set(const reg *where, uint32_t bits)
 {
     for (uint32_t i = 0u; i < PATIENCE; i++) {
@@ -15,62 +20,89 @@ static bool becomes_set(const reg *where, uint32_t bits)
 
 static bool crystal_start(void)
 {
-    RCC->CR |= BIT(18) | BIT(16); /* HSEBYP, HSEON: the debugger feeds 8 MHz */
-    return becomes_set(&RCC->CR, BIT(17));
+    RCC->CR |= RCC_CR_HSEBYP | RCC_CR_HSEON; /* the debugger feeds 8 MHz */
+    return becomes_set(&RCC->CR, RCC_CR_HSERDY);
 }
 
-/* 8 MHz / 4 = 2 MHz, times 180 = 360 MHz, / 2 = 180 MHz. */
-static bool pll_start(void)
+/* 2 MHz from either source, times 180 = 360 MHz, / 2 = 180 MHz. */
+static bool pll_start(bool crystal)
 {
-    RCC->PLLCFGR = 4u | 180u << 6 | BIT(22) | 8u << 24 | 2u << 28;
-    RCC->CR |= BIT(24);
-    return becomes_set(&RCC->CR, BIT(25));
+    const uint32_t source = crystal ? 4u | (uint32_t)RCC_PLLCFGR_PLLSRC_HSE : 8u;
+    RCC->PLLCFGR = source | 180u << RCC_PLLCFGR_PLLN_POS | 8u << RCC_PLLCFGR_PLLQ_POS | 2u << RCC_PLLCFGR_PLLR_POS;
+    RCC->CR |= RCC_CR_PLLON;
+    return becomes_set(&RCC->CR, RCC_CR_PLLRDY);
 }
 
 static bool overdrive_start(void)
 {
-    PWR->CR |= BIT(16); /* ODEN */
-    if (!becomes_set(&PWR->CSR, BIT(16))) {
+    PWR->CR |= PWR_CR_ODEN;
+    if (!becomes_set(&PWR->CSR, PWR_CSR_ODRDY)) {
         return false;
     }
-    PWR->CR |= BIT(17); /* ODSWEN */
-    return becomes_set(&PWR->CSR, BIT(17));
+    PWR->CR |= PWR_CR_ODSWEN;
+    return becomes_set(&PWR->CSR, PWR_CSR_ODSWRDY);
 }
 
+/* The wait states must hold before the clock is raised. */
+static bool pll_run(void)
+{
+    FLASH->ACR = FLASH_ACR_LATENCY_5 | FLASH_ACR_PRFTEN | FLASH_ACR_ICEN | FLASH_ACR_DCEN;
+    if (!becomes_set(&FLASH->ACR, FLASH_ACR_LATENCY_5)) {
+        return false;
+    }
+    RCC->CFGR = RCC_CFGR_PPRE1_DIV4 | RCC_CFGR_PPRE2_DIV2; /* APB1 45 MHz, APB2 90 MHz */
+    RCC->CFGR |= RCC_CFGR_SW_PLL;
+    return becomes_set(&RCC->CFGR, RCC_CFGR_SWS_PLL);
+}
+
+static void peripherals_start(void)
+{
+    RCC->AHB1ENR |= RCC_AHB1ENR_GPIOAEN | RCC_AHB1ENR_GPIOBEN | RCC_AHB1ENR_GPIOCEN | RCC_AHB1ENR_DMA1EN |
+                    RCC_AHB1ENR_DMA2EN;
+    RCC->APB1ENR |= RCC_APB1ENR_TIM2EN | RCC_APB1ENR_USART2EN | RCC_APB1ENR_DACEN;
+    RCC->APB2ENR |= RCC_APB2ENR_TIM1EN | RCC_APB2ENR_TIM8EN | RCC_APB2ENR_ADC1EN;
+}
+
+/* No other peripheral may be clocked while the overdrive switches (RM0390 5.1.4). */
 bool clock_start(void)
 {
-    RCC->AHB1ENR |= BIT(0) | BIT(1) | BIT(2) | BIT(21) | BIT(22); /* GPIOA to C, DMA1, DMA2 */
-    RCC->APB1ENR |= BIT(0) | BIT(17) | BIT(28) | BIT(29);         /* TIM2, USART2, PWR, DAC */
-    RCC->APB2ENR |= BIT(0) | BIT(1) | BIT(8) | BIT(9) | BIT(10);  /* TIM1, TIM8, ADC1 to ADC3 */
-    PWR->CR |= 3u << 14 | 7u << 5 | BIT(4);                       /* highest core voltage; watch for less than 2.9 V */
-    if (!crystal_start() || !pll_start() || !overdrive_start()) {
+    RCC->APB1ENR |= RCC_APB1ENR_PWREN;
+    PWR->CR |= PWR_CR_VOS_SCALE1 | PWR_CR_PLS_2V9 | PWR_CR_PVDE;
+    const bool crystal = crystal_start();
+    from_pll = pll_start(crystal) && overdrive_start() && pll_run();
+    peripherals_start();
+    if (!crystal || !from_pll) {
         return false;
     }
-    FLASH->ACR = 5u | BIT(8) | BIT(9) | BIT(10); /* five wait states, prefetch, both caches */
-    RCC->CFGR = 5u << 10 | 4u << 13;             /* APB1 45 MHz, APB2 90 MHz */
-    RCC->CFGR |= 2u;                             /* run from the PLL */
-    if (!becomes_set(&RCC->CFGR, 2u << 2)) {
-        return false;
-    }
-    RCC->CR |= BIT(19); /* a crystal that dies later raises the NMI */
+    RCC->CR |= RCC_CR_CSSON; /* a crystal that dies later raises the NMI */
     return true;
 }
 
-bool clock_reset_by_watchdog(void)
+uint32_t clock_core_hz(void)
 {
-    const bool watchdog = (RCC->CSR & BIT(29)) != 0u;
-    RCC->CSR |= BIT(24);
-    return watchdog;
+    return from_pll ? CORE_PLL_HZ : CORE_RC_HZ;
+}
+
+uint32_t clock_apb1_hz(void)
+{
+    return from_pll ? CORE_PLL_HZ / 4u : CORE_RC_HZ;
 }
 
 void clock_count_cycles(void)
 {
-    DEMCR |= BIT(24);
+    DEMCR |= DEMCR_TRCENA;
     DWT->CYCCNT = 0u;
-    DWT->CTRL |= BIT(0);
+    DWT->CTRL |= DWT_CTRL_CYCCNTENA;
 }
 
 bool clock_supply_is_low(void)
 {
-    return (PWR->CSR & BIT(2)) != 0u;
+    return (PWR->CSR & PWR_CSR_PVDO) != 0u;
+}
+
+void debug_init(void)
+{
+    DBGMCU->CR |= DBGMCU_CR_DBG_SLEEP;
+    DBGMCU->APB1_FZ |= DBGMCU_APB1_FZ_IWDG | DBGMCU_APB1_FZ_TIM2;
+    DBGMCU->APB2_FZ |= DBGMCU_APB2_FZ_TIM1 | DBGMCU_APB2_FZ_TIM8;
 }

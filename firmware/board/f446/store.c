@@ -3,26 +3,12 @@
 
 enum { SECTOR = 3, WORD = 4, PATIENCE = 400000000 };
 
-enum {
-    CR_PROGRAM = 1 << 0,
-    CR_ERASE = 1 << 1,
-    CR_SECTOR = SECTOR << 3,
-    CR_WORDS = 2 << 8,
-    CR_START = 1 << 16,
-    SR_ERRORS = 0xf2,
-    SR_BUSY = 1 << 16,
-    ACR_CACHES = 3 << 9,
-    ACR_FORGET = 3 << 11
-};
-
-#define CR_LOCK (1u << 31)
-
-extern const uint8_t table_start[];
+extern volatile uint8_t table_start[]; /* written by program() */
 extern const uint8_t table_bytes[]; /* its address is the size */
 
 const uint8_t *store_table(void)
 {
-    return table_start;
+    return (const uint8_t *)(uintptr_t)table_start;
 }
 
 uint32_t store_bytes(void)
@@ -33,8 +19,8 @@ uint32_t store_bytes(void)
 static bool done(void)
 {
     for (uint32_t i = 0u; i < PATIENCE; i++) {
-        if ((FLASH->SR & SR_BUSY) == 0u) {
-            return (FLASH->SR & SR_ERRORS) == 0u;
+        if ((FLASH->SR & FLASH_SR_BSY) == 0u) {
+            return (FLASH->SR & FLASH_SR_ERRORS) == 0u;
         }
     }
     return false;
@@ -42,15 +28,15 @@ static bool done(void)
 
 static void unlock(void)
 {
-    FLASH->KEYR = 0x45670123u;
-    FLASH->KEYR = 0xcdef89abu;
-    FLASH->SR = SR_ERRORS;
+    FLASH->KEYR = FLASH_KEY1;
+    FLASH->KEYR = FLASH_KEY2;
+    FLASH->SR = FLASH_SR_ERRORS;
 }
 
 static bool erase(void)
 {
-    FLASH->CR = CR_WORDS | CR_ERASE | CR_SECTOR;
-    FLASH->CR |= CR_START;
+    FLASH->CR = FLASH_CR_PSIZE_32 | FLASH_CR_SER | SECTOR << FLASH_CR_SNB_POS;
+    FLASH->CR |= FLASH_CR_STRT;
     return done();
 }
 
@@ -66,7 +52,7 @@ static uint32_t word_of(const uint8_t *data, uint32_t length, uint32_t at)
 static bool program(const uint8_t *data, uint32_t length)
 {
     reg *to = (reg *)(uintptr_t)table_start;
-    FLASH->CR = CR_WORDS | CR_PROGRAM;
+    FLASH->CR = FLASH_CR_PSIZE_32 | FLASH_CR_PG;
     for (uint32_t at = 0u; at < length; at += WORD) {
         to[at / WORD] = word_of(data, length, at);
         if (!done()) {
@@ -79,17 +65,18 @@ static bool program(const uint8_t *data, uint32_t length)
 /* The data cache may still hold what stood there before. */
 static void forget_caches(void)
 {
-    FLASH->ACR &= ~(uint32_t)ACR_CACHES;
-    FLASH->ACR |= ACR_FORGET;
-    FLASH->ACR &= ~(uint32_t)ACR_FORGET;
-    FLASH->ACR |= ACR_CACHES;
+    const uint32_t caches = FLASH_ACR_ICEN | FLASH_ACR_DCEN;
+    const uint32_t forget = FLASH_ACR_ICRST | FLASH_ACR_DCRST;
+    FLASH->ACR &= ~caches;
+    FLASH->ACR |= forget;
+    FLASH->ACR &= ~forget;
+    FLASH->ACR |= caches;
 }
 
 static bool reads_back(const uint8_t *data, uint32_t length)
 {
-    const volatile uint8_t *stored = table_start;
     for (uint32_t i = 0u; i < length; i++) {
-        if (stored[i] != data[i]) {
+        if (table_start[i] != data[i]) {
             return false;
         }
     }
@@ -104,7 +91,7 @@ bool store_write(const uint8_t *data, uint32_t length)
     watchdog_lengthen();
     unlock();
     const bool written = erase() && program(data, length);
-    FLASH->CR = CR_LOCK;
+    FLASH->CR = FLASH_CR_LOCK;
     forget_caches();
     watchdog_start();
     return written && reads_back(data, length);

@@ -1,18 +1,18 @@
 #include "board.h"
 #include "registers.h"
 
-enum { START = 0xcccc, UNLOCK = 0x5555, FEED = 0xaaaa, PATIENCE = 100000 };
+enum { PATIENCE = 100000 };
 
 /* The prescaler and the reload value travel to the watchdog's own clock, five of its cycles. */
 static void set(uint32_t prescaler, uint32_t reload)
 {
-    IWDG->KR = START;
-    IWDG->KR = UNLOCK;
+    IWDG->KR = IWDG_KR_START;
+    IWDG->KR = IWDG_KR_UNLOCK;
     IWDG->PR = prescaler;
     IWDG->RLR = reload;
     for (uint32_t i = 0u; i < PATIENCE && IWDG->SR != 0u; i++) {
     }
-    IWDG->KR = FEED;
+    IWDG->KR = IWDG_KR_FEED;
 }
 
 void watchdog_start(void)
@@ -32,6 +32,6 @@ void watchdog_feed(uint32_t fast, uint32_t slow)
     if (fast != fast_seen && slow != slow_seen) {
         fast_seen = fast;
         slow_seen = slow;
-        IWDG->KR = FEED;
+        IWDG->KR = IWDG_KR_FEED;
     }
 }

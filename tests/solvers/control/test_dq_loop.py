@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 from solvers.control.baseband import ModePlant, feasibility
 from solvers.control.dq_data import DqData
-from solvers.control.dq_loop import NEIGHBOUR_LOOP, Controller, Plate, Rates, Setup, run, step_response
+from solvers.control.dq_loop import LEAVING_S, NEIGHBOUR_LOOP, Controller, Plate, Rates, Setup, run, step_response
 from solvers.control.dq_margins import closed_loop_poles, margins, sampled_loop
 from solvers.control.dq_study import FIRMWARE_RESPONSE_S, dq_study, planned_response_s
 from solvers.errors import SolverError
@@ -221,15 +221,25 @@ def test_gains_are_those_the_firmware_plans(firmware, quality, gain, response):
         "delay_s": 9.3e-6, "drive_limit": 1.0, "amplitude_limit": 0.8,
     })  # fmt: skip
     wish = ffi.new(
-        "an_pi_wish *", {"period_s": PERIOD, "ahead_s": 108e-6, "response_s": response, "proportional_max": 1e9}
+        "an_pi_wish *",
+        {
+            "period_s": PERIOD,
+            "ahead_s": 108e-6,
+            "response_s": response,
+            "leaving_s": LEAVING_S,
+            "proportional_max": 1e9,
+        },
     )
     gains = ffi.new("an_pi_gains *")
     lib.an_pi_plan(gains, known, lib.an_dds_step(TRUE + 120.0, 250e3), 120.0, wish)
     ours, control = setup.gains, Controller(setup)
-    assert gains.proportional == pytest.approx(ours.proportional, rel=2e-3)  # its exp is a fraction, good to 1e-4
     assert gains.integral == pytest.approx(ours.integral, rel=2e-3)
-    for theirs, mine in ((gains.state, control.state), (gains.feed, control.feed), (gains.lead, control.lead)):
-        assert complex(theirs.re, theirs.im) == pytest.approx(mine, abs=2e-3 * abs(mine))
+    for law in range(2):
+        planned = gains.law[law]
+        assert planned.proportional == pytest.approx(control.proportional[law], rel=2e-3)  # its exp is good to 1e-4
+        for theirs, mine in ((planned.state, control.states[law]), (planned.feed, control.feeds[law])):
+            assert complex(theirs.re, theirs.im) == pytest.approx(mine, abs=2e-3 * abs(mine))
+    assert complex(gains.lead.re, gains.lead.im) == pytest.approx(control.lead, abs=2e-3)
     assert (setup.rates.period, setup.rates.gap) == (lib.AN_PERIOD, lib.AN_GAP)
     assert gains.age == pytest.approx(setup.rates.ahead_s / PERIOD)
 
@@ -317,6 +327,7 @@ def test_constants_are_the_firmwares():
     source = (Path(__file__).resolve().parents[3] / "firmware" / "core" / "an_single.c").read_text()
     stated = {name: float(value) for name, value in re.findall(r"#define (AN_\w+) ([0-9.e-]+)f", source)}
     assert (stated["AN_RESPONSE_S"], stated["AN_NEIGHBOUR_LOOP"]) == (FIRMWARE_RESPONSE_S, NEIGHBOUR_LOOP)
+    assert stated["AN_LEAVING_S"] == LEAVING_S
 
 
 @pytest.mark.parametrize("quality", [100.0, 210.0, 300.0, 600.0])

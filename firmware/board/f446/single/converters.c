@@ -4,7 +4,7 @@
 
 enum { TICKS = 360 };
 
-static const uint32_t triggered = 1u << 2 | 1u << 18; /* of both DAC channels */
+static const uint32_t triggered = DAC_CR_TEN | DAC_CR_TEN << DAC_CR_CHANNEL2_POS;
 
 void board_outputs_safe(void)
 {
@@ -13,31 +13,31 @@ void board_outputs_safe(void)
 
 static void pins_analog(void)
 {
-    GPIOA->MODER |= 3u << 0 | 3u << 8 | 3u << 10; /* PA0 sensor, PA4 drive, PA5 inverted drive */
+    const uint32_t analog = GPIO_MODE_ANALOG;
+    GPIOA->MODER |= analog << 0 | analog << 8 | analog << 10; /* PA0 sensor, PA4 drive, PA5 inverted drive */
 }
 
 static void dac_init(void)
 {
-    const uint32_t channel = BIT(0) | 4u << 3; /* on, its trigger is TIM2's */
+    const uint32_t channel = DAC_CR_EN | DAC_CR_TSEL_TIM2;
     converters_drive(CONVERTERS_MIDDLE);
-    DAC->CR = channel | channel << 16;
+    DAC->CR = channel | channel << DAC_CR_CHANNEL2_POS;
 }
 
 static void adc_init(void)
 {
-    ADC_COMMON->CCR = 1u << 16; /* 90 MHz / 4 = 22.5 MHz */
-    ADC1->SMPR2 = 1u;           /* channel 0: 15 + 12 cycles = 1.2 us */
+    ADC_COMMON->CCR = ADC_CCR_ADCPRE_DIV4; /* 90 MHz / 4 = 22.5 MHz */
+    ADC1->SMPR2 = ADC_SMP_15;              /* channel 0: 15 + 12 cycles = 1.2 us */
     ADC1->SQR1 = 0u;
     ADC1->SQR3 = 0u;
-    ADC1->CR1 = BIT(5);                                 /* interrupt after each conversion */
-    ADC1->CR2 = BIT(0) | BIT(10) | 6u << 24 | 1u << 28; /* on, overrun watched, TIM2's rising trigger */
+    ADC1->CR1 = ADC_CR1_EOCIE;
+    ADC1->CR2 = ADC_CR2_ADON | ADC_CR2_EOCS | ADC_CR2_EXTSEL_TIM2_TRGO | ADC_CR2_EXTEN_RISING; /* overrun watched */
 }
 
 static void interrupts_init(void)
 {
-    NVIC->IPR[ADC_IRQ] = 0x00;
-    SCB->SHPR[PENDSV_PRIORITY_BYTE] = 0x20;
-    NVIC->ISER[0] = BIT(ADC_IRQ);
+    SCB->SHPR[SCB_SHPR_PENDSV] = PRIORITY_SLOW;
+    nvic_enable(ADC_IRQ);
 }
 
 void converters_init(void)
@@ -47,7 +47,7 @@ void converters_init(void)
     adc_init();
     TIM2->PSC = 0u;
     TIM2->ARR = TICKS - 1;
-    TIM2->CR2 = 2u << 4; /* its update is the trigger of both converters */
+    TIM2->CR2 = TIM_CR2_MMS_UPDATE; /* its update is the trigger of both converters */
     interrupts_init();
 }
 
@@ -55,7 +55,7 @@ void converters_start(void)
 {
     ADC1->SR = 0u;
     DAC->CR |= triggered;
-    TIM2->CR1 = BIT(0);
+    TIM2->CR1 = TIM_CR1_CEN;
 }
 
 /* Without a trigger the DAC takes over what is written at once. */
@@ -64,4 +64,9 @@ void converters_stop(void)
     TIM2->CR1 = 0u;
     DAC->CR &= ~triggered;
     converters_drive(CONVERTERS_MIDDLE);
+}
+
+void converters_revive(void)
+{
+    ADC1->SR = 0u;
 }

@@ -9,7 +9,7 @@
 
 #define CONVERTERS_RATE_HZ 250000.0f /* 90 MHz / 360 */
 
-enum { CONVERTERS_MIDDLE = 2048, CONVERTERS_OVERRUN = 1 << 5 };
+enum { CONVERTERS_MIDDLE = 2048 };
 
 /* TIM2 will trigger DAC and ADC together; ADC_IRQHandler follows each conversion. */
 void converters_init(void);
@@ -18,10 +18,13 @@ void converters_start(void);
 /* Outputs in the middle at once, no more triggers. */
 void converters_stop(void);
 
+/* The ADC takes no trigger while an overrun stands in its status: forgets it. */
+void converters_revive(void);
+
 /* True when a sample was never read; forgets it. */
 static inline bool converters_lost_one(void)
 {
-    const bool lost = (ADC1->SR & CONVERTERS_OVERRUN) != 0u;
+    const bool lost = (ADC1->SR & ADC_SR_OVR) != 0u;
     if (lost) {
         ADC1->SR = 0u;
     }

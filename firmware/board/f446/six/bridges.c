@@ -3,17 +3,10 @@
 #include "board.h"
 #include "registers.h"
 
-enum { DEAD_TIME = 54 }; /* of 5.6 ns: 0.3 us */
-
 enum {
-    CENTRE_ALIGNED = 1 << 5,
-    PRELOAD = 1 << 7,
-    PWM_PRELOADED = 6 << 4 | 1 << 3,
-    PAIRS = 5 << 0 | 5 << 4 | 5 << 8, /* three outputs and their complements */
-    IDLE_DRIVEN = 1 << 10 | 1 << 11,
-    BREAK_ENABLED = 1 << 12,
-    GATES = 1 << 15,
-    BREAK_SEEN = 1 << 7
+    DEAD_TIME = 54,  /* of 5.6 ns: 0.3 us */
+    SCAN_LEAD = 648, /* of 5.6 ns: 3.6 us, half of the time that six conversions take */
+    THREE_PAIRS = TIM_CCER_PAIR | TIM_CCER_PAIR << TIM_CCER_NEXT_POS | TIM_CCER_PAIR << 2 * TIM_CCER_NEXT_POS
 };
 
 void board_outputs_safe(void)
@@ -25,7 +18,7 @@ static void set_alternate(gpio_regs *port, uint32_t pin, uint32_t function)
 {
     reg *half = pin < 8u ? &port->AFRL : &port->AFRH;
     *half |= function << (4u * (pin % 8u));
-    port->MODER |= 2u << (2u * pin);
+    port->MODER |= (uint32_t)GPIO_MODE_ALTERNATE << (2u * pin);
 }
 
 static void pins_init(void)
@@ -40,24 +33,26 @@ static void pins_init(void)
     set_alternate(GPIOB, 1u, 3u);
     set_alternate(GPIOB, 12u, 1u); /* TIM1 BKIN */
     set_alternate(GPIOA, 6u, 3u);  /* TIM8 BKIN */
-    GPIOB->PUPDR |= 1u << 24;
-    GPIOA->PUPDR |= 1u << 12;
+    GPIOB->PUPDR |= (uint32_t)GPIO_PULL_UP << 24;
+    GPIOA->PUPDR |= (uint32_t)GPIO_PULL_UP << 12;
 }
 
 static void timer_init(tim_regs *timer)
 {
-    timer->CR1 = CENTRE_ALIGNED | PRELOAD;
+    timer->CR1 = TIM_CR1_CMS_1 | TIM_CR1_ARPE;
     timer->PSC = 0u;
     timer->ARR = BRIDGES_TOP;
     timer->RCR = 1u; /* one update a period, not two */
-    timer->CCMR1 = PWM_PRELOADED | PWM_PRELOADED << 8;
-    timer->CCMR2 = PWM_PRELOADED;
+    timer->CCMR1 = TIM_OC_PWM1_PRELOADED | TIM_OC_PWM1_PRELOADED << TIM_CCMR_UPPER_POS;
+    timer->CCMR2 = TIM_OC_PWM1_PRELOADED | TIM_OC_PWM2 << TIM_CCMR_UPPER_POS;
     timer->CCR1 = BRIDGES_TOP / 2;
     timer->CCR2 = BRIDGES_TOP / 2;
     timer->CCR3 = BRIDGES_TOP / 2;
-    timer->CCER = PAIRS;
-    timer->BDTR = DEAD_TIME | IDLE_DRIVEN | BREAK_ENABLED; /* break when low; closing again is the program's decision */
-    timer->EGR = 1u;
+    timer->CCR4 = BRIDGES_TOP - SCAN_LEAD;
+    timer->CCER = THREE_PAIRS;
+    /* Break when low; closing again is the program's decision; dead time and polarities can be changed no more. */
+    timer->BDTR = DEAD_TIME | TIM_BDTR_OSSI | TIM_BDTR_OSSR | TIM_BDTR_BKE | TIM_BDTR_LOCK_2;
+    timer->EGR = TIM_EGR_UG;
     timer->SR = 0u;
 }
 
@@ -65,37 +60,49 @@ void bridges_init(void)
 {
     timer_init(TIM1);
     timer_init(TIM8);
-    TIM1->CR2 = 1u << 4;  /* its start is the trigger ... */
-    TIM8->SMCR = 6u;      /* ... that starts TIM8 */
-    TIM8->CR2 = 2u << 4;  /* whose update starts the scan */
+    TIM1->CR2 = TIM_CR2_MMS_ENABLE;    /* its start is the trigger ... */
+    TIM8->SMCR = TIM_SMCR_SMS_TRIGGER; /* ... that starts TIM8, */
+    TIM8->CR2 = TIM_CR2_MMS_OC4REF;    /* which starts the scan shortly before its end */
     pins_init();
+    bridges_listen();
+    nvic_enable(TIM1_BRK_IRQ);
+    nvic_enable(TIM8_BRK_IRQ);
 }
 
 void bridges_start(void)
 {
-    TIM1->CR1 |= BIT(0);
+    TIM1->CR1 |= TIM_CR1_CEN;
 }
 
 void bridges_off(void)
 {
-    TIM1->BDTR &= ~(uint32_t)GATES;
-    TIM8->BDTR &= ~(uint32_t)GATES;
+    TIM1->BDTR &= ~(uint32_t)TIM_BDTR_MOE;
+    TIM8->BDTR &= ~(uint32_t)TIM_BDTR_MOE;
 }
 
 void bridges_on(void)
 {
-    TIM1->BDTR |= GATES;
-    TIM8->BDTR |= GATES;
+    TIM1->BDTR |= TIM_BDTR_MOE;
+    TIM8->BDTR |= TIM_BDTR_MOE;
 }
 
 bool bridges_broken(void)
 {
-    const bool broken = ((TIM1->SR | TIM8->SR) & BREAK_SEEN) != 0u;
-    if (broken) {
-        TIM1->SR = ~(uint32_t)BREAK_SEEN;
-        TIM8->SR = ~(uint32_t)BREAK_SEEN;
-    }
-    return broken;
+    return ((TIM1->SR | TIM8->SR) & TIM_SR_BIF) != 0u;
+}
+
+void bridges_listen(void)
+{
+    TIM1->SR = ~(uint32_t)TIM_SR_BIF;
+    TIM8->SR = ~(uint32_t)TIM_SR_BIF;
+    TIM1->DIER = TIM_DIER_BIE;
+    TIM8->DIER = TIM_DIER_BIE;
+}
+
+void bridges_deafen(void)
+{
+    TIM1->DIER = 0u;
+    TIM8->DIER = 0u;
 }
 
 void bridges_set(const uint16_t *duty)

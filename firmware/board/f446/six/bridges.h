@@ -10,7 +10,8 @@
 
 enum { BRIDGES = 6, BRIDGES_TOP = 2250 };
 
-/* Outputs off. TIM8's update, once a period, is the trigger of the scan. */
+/* Outputs off. TIM8's fourth channel, once a period, is the trigger of the scan: its middle is the counter's end, as far
+ * as can be from where the switches of a small drive work. */
 void bridges_init(void);
 void bridges_start(void);
 
@@ -20,8 +21,14 @@ void bridges_off(void);
 /* Closes the main output gates unless a break line is pulled. */
 void bridges_on(void);
 
-/* True when a break line was pulled; forgets it. */
+/* True when a break line was pulled since bridges_listen. */
 bool bridges_broken(void);
+
+/* Forgets earlier breaks, as far as no line is pulled now, and raises an interrupt at the next one. */
+void bridges_listen(void);
+
+/* No more interrupts of the break lines, which go on opening the gates. */
+void bridges_deafen(void);
 
 /* Duty cycles from 0 to BRIDGES_TOP, taken over together at the next update. */
 void bridges_set(const uint16_t *duty);

@@ -2,53 +2,78 @@
 
 #include "registers.h"
 
-enum { STREAM = 0, CLEAR = 0x3d, OVERRUN = 1 << 5 };
+enum {
+    STREAM = 0,
+    CHANNEL = 0,
+    ADC_ON = ADC_CR2_ADON | ADC_CR2_EXTSEL_TIM8_TRGO | ADC_CR2_EXTEN_RISING,
+    ADC_ON_BY_DMA = ADC_ON | ADC_CR2_DMA | ADC_CR2_DDS,
+    PATIENCE = 1000
+};
 
 uint16_t scan_samples[SCAN_CHANNELS];
 
+/* PA0, PA1, PA4, PC0, PC1, PC2 */
+static const uint8_t channels[SCAN_CHANNELS] = {0, 1, 4, 10, 11, 12};
+
 static void pins_analog(void)
 {
-    GPIOA->MODER |= 3u << 0 | 3u << 2 | 3u << 8; /* PA0, PA1, PA4: channels 0, 1, 4 */
-    GPIOC->MODER |= 3u << 0 | 3u << 2 | 3u << 4; /* PC0 to PC2: channels 10 to 12 */
+    const uint32_t analog = GPIO_MODE_ANALOG;
+    GPIOA->MODER |= analog << 0 | analog << 2 | analog << 8;
+    GPIOC->MODER |= analog << 0 | analog << 2 | analog << 4;
 }
 
-static void dma_init(void)
+static void dma_start(void)
 {
     dma_stream_regs *stream = &DMA2->stream[STREAM];
+    stream->CR = 0u;
+    for (uint32_t i = 0u; i < PATIENCE && (stream->CR & DMA_CR_EN) != 0u; i++) {
+    }
+    DMA2->LIFCR = DMA_FLAGS_STREAM0;
     stream->PAR = (uint32_t)(uintptr_t)&ADC1->DR;
     stream->M0AR = (uint32_t)(uintptr_t)scan_samples;
     stream->NDTR = SCAN_CHANNELS;
-    /* Channel 0, half-words, memory address grows, circular, interrupt when complete. */
-    stream->CR = 1u << 13 | 1u << 11 | BIT(10) | BIT(8) | BIT(4) | BIT(0);
+    stream->CR = CHANNEL << DMA_CR_CHSEL_POS | DMA_CR_MSIZE_16 | DMA_CR_PSIZE_16 | DMA_CR_MINC | DMA_CR_CIRC |
+                 DMA_CR_TCIE | DMA_CR_EN;
 }
 
+/* 90 MHz / 4 = 22.5 MHz, 15 + 12 cycles: 1.2 us a channel. */
 static void adc_init(void)
 {
-    ADC_COMMON->CCR = 1u << 16;                 /* 90 MHz / 4 = 22.5 MHz: 1.2 us a channel */
-    ADC1->SMPR1 = 1u | 1u << 3 | 1u << 6;       /* 15 cycles each */
-    ADC1->SMPR2 = 1u | 1u << 3 | 1u << 12;
-    ADC1->SQR1 = (SCAN_CHANNELS - 1u) << 20;
-    ADC1->SQR3 = 1u << 5 | 4u << 10 | 10u << 15 | 11u << 20 | 12u << 25;
-    ADC1->CR1 = BIT(8);                                           /* scan */
-    ADC1->CR2 = BIT(0) | BIT(8) | BIT(9) | 14u << 24 | 1u << 28; /* on, DMA for ever, TIM8's update */
+    ADC_COMMON->CCR = ADC_CCR_ADCPRE_DIV4;
+    ADC1->SQR1 = (SCAN_CHANNELS - 1u) << ADC_SQR1_L_POS;
+    for (uint32_t i = 0u; i < SCAN_CHANNELS; i++) {
+        const uint32_t channel = channels[i];
+        reg *times = channel < 10u ? &ADC1->SMPR2 : &ADC1->SMPR1;
+        *times |= (uint32_t)ADC_SMP_15 << (ADC_SMP_BITS * (channel % 10u));
+        ADC1->SQR3 |= channel << (ADC_SQ_BITS * i);
+    }
+    ADC1->CR1 = ADC_CR1_SCAN;
 }
 
 void scan_init(void)
 {
     pins_analog();
-    dma_init();
     adc_init();
-    NVIC->IPR[DMA2_STREAM0_IRQ] = 0x00;
-    SCB->SHPR[PENDSV_PRIORITY_BYTE] = 0x20;
-    NVIC->ISER[DMA2_STREAM0_IRQ / 32] = BIT(DMA2_STREAM0_IRQ % 32);
+    scan_revive();
+    SCB->SHPR[SCB_SHPR_PENDSV] = PRIORITY_SLOW;
+    nvic_enable(DMA2_STREAM0_IRQ);
+}
+
+/* The ADC's own requests have to be switched off and on again. */
+void scan_revive(void)
+{
+    ADC1->CR2 = ADC_ON;
+    dma_start();
+    ADC1->SR = 0u;
+    ADC1->CR2 = ADC_ON_BY_DMA;
 }
 
 bool scan_complete(void)
 {
-    const bool sound = (ADC1->SR & OVERRUN) == 0u;
-    DMA2->LIFCR = CLEAR;
+    const bool sound = (ADC1->SR & ADC_SR_OVR) == 0u;
+    DMA2->LIFCR = DMA_FLAGS_STREAM0;
     if (!sound) {
-        ADC1->SR = 0u;
+        scan_revive();
     }
     return sound;
 }

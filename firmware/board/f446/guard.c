@@ -1,0 +1,53 @@
+#include "guard.h"
+
+#include "an_faults.h"
+#include "application.h"
+#include "board.h"
+#include "registers.h"
+
+static volatile uint32_t count;
+static volatile bool standstill;
+static uint32_t samples;
+
+void SysTick_Handler(void);
+
+void guard_start(void)
+{
+    samples = application_samples() - 1u;
+    SCB->SHPR[SCB_SHPR_SYSTICK] = PRIORITY_FAST;
+    SYSTICK->LOAD = clock_core_hz() / GUARD_RATE_HZ - 1u;
+    SYSTICK->VAL = 0u;
+    SYSTICK->CTRL = SYSTICK_CTRL_ENABLE | SYSTICK_CTRL_TICKINT | SYSTICK_CTRL_CORE_CLOCK;
+}
+
+void guard_stop(void)
+{
+    SYSTICK->CTRL = 0u;
+}
+
+void SysTick_Handler(void)
+{
+    const uint32_t seen = samples;
+    count++;
+    samples = application_samples();
+    if (samples == seen) {
+        standstill = true;
+        application_trip_now(AN_FAULT_FAST_LATE);
+    }
+    const uint32_t found = application_check() | (clock_supply_is_low() ? AN_FAULT_SUPPLY : 0u);
+    if (found != 0u) {
+        application_trip_now(found);
+    }
+}
+
+bool guard_found_standstill(void)
+{
+    const bool found = standstill;
+    standstill = false;
+    return found;
+}
+
+uint32_t guard_count(void)
+{
+    return count;
+}

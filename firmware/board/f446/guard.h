@@ -1,0 +1,23 @@
+/* A look 20 000 times a second, by an interrupt that depends on nothing but the core's clock: do samples still come, is
+ * the supply still there? */
+#ifndef GUARD_H
+#define GUARD_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum { GUARD_RATE_HZ = 20000 };
+
+/* Begins; sampling must be under way. */
+void guard_start(void);
+
+/* The chip will do nothing for a while. */
+void guard_stop(void);
+
+/* True when samples had stopped to come; forgets it. */
+bool guard_found_standstill(void);
+
+/* Looks so far. */
+uint32_t guard_count(void);
+
+#endif

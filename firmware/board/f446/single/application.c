@@ -1,0 +1,131 @@
+/* One mode by DAC and ADC: the composition of core and board. */
+#include "application.h"
+
+#include "an_faults.h"
+#include "an_single.h"
+#include "board.h"
+#include "converters.h"
+#include "registers.h"
+
+static an_single app;
+static uint32_t slow_cycles;
+
+void ADC_IRQHandler(void);
+void PendSV_Handler(void);
+
+void ADC_IRQHandler(void)
+{
+    const uint32_t begin = DWT->CYCCNT;
+    if (converters_lost_one()) {
+        app.fast.faults |= AN_FAULT_FAST_LATE;
+    }
+    converters_drive(an_fast_tick(&app.fast, converters_sample()));
+    if (app.fast.tick == 0u) {
+        SCB->ICSR = SCB_ICSR_PENDSVSET; /* the slow step, as soon as nothing more urgent runs */
+    }
+    note_cycles(&app.worst_cycles, begin);
+}
+
+void PendSV_Handler(void)
+{
+    const uint32_t begin = DWT->CYCCNT;
+    an_single_slow(&app);
+    note_cycles(&slow_cycles, begin);
+}
+
+uint32_t application_fast_cycles(void)
+{
+    return app.worst_cycles;
+}
+
+uint32_t application_slow_cycles(void)
+{
+    return slow_cycles;
+}
+
+void application_boot(const uint8_t *table, uint32_t length, uint32_t faults)
+{
+    an_single_boot(&app, table, length, CONVERTERS_RATE_HZ, faults);
+}
+
+void application_init(void)
+{
+    converters_init();
+}
+
+void application_start_sampling(void)
+{
+    converters_start();
+}
+
+void application_stop_sampling(void)
+{
+    converters_stop();
+}
+
+void application_revive(void)
+{
+    converters_revive();
+}
+
+void application_poll(void)
+{
+    an_single_poll(&app);
+}
+
+void application_trip(uint32_t fault)
+{
+    an_single_trip(&app, fault);
+}
+
+void application_trip_now(uint32_t fault)
+{
+    app.fast.faults |= fault;
+    board_outputs_safe();
+}
+
+uint32_t application_check(void)
+{
+    return an_single_check(&app);
+}
+
+void application_obey(an_order order)
+{
+    if (order == AN_ORDER_START) {
+        an_single_start(&app, 0.0f, 0.0f);
+    } else if (order == AN_ORDER_STOP) {
+        an_single_stop(&app);
+    } else if (order == AN_ORDER_CLEAR) {
+        an_single_clear(&app);
+    }
+}
+
+const an_supervisor *application_supervisor(void)
+{
+    return &app.supervisor;
+}
+
+void application_link(an_link *link)
+{
+    an_link_init(link, an_single_obey, &app);
+}
+
+void application_record(float *record)
+{
+    an_single_record(&app, record);
+}
+
+uint32_t application_samples(void)
+{
+    return app.fast.window.count * AN_PERIOD + app.fast.tick;
+}
+
+uint32_t application_windows(void)
+{
+    return app.fast.window.count;
+}
+
+uint32_t application_answers(void)
+{
+    return app.fast.command.count;
+}

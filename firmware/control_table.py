@@ -1,0 +1,135 @@
+"""What the closed loop stands: stable, slow or tripped, over plates the table describes rightly and wrongly.
+
+`python -m firmware.control_table` prints the tables of docs/bring-up.md in Markdown; --write puts them there, between the
+marks that name this command. Each entry is a second of the single-mode application on the rig of firmware.host.rig.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from firmware import table_format as layout
+from firmware.emulate.plant import Plate, Resonance, hold
+from firmware.host import NoCompiler
+from firmware.host.rig import RUN, SingleRig
+
+TRUE_HZ, GAIN, DELAY_S, RATE_HZ = 31437.3, 0.8, 7.3e-6, 250e3
+QUALITIES = (50, 100, 200, 300, 400, 600, 1000, 1500, 2000)
+SHARE = 0.2  # of what full drive holds
+SLOW_S, UNSTEADY = 5e-3, 0.05
+PAGE = Path(__file__).parent.parent / "docs" / "bring-up.md"
+BEGIN, END = "<!-- python -m firmware.control_table --write -->\n", "<!-- end -->\n"
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is unlike the table; neighbour, its gain at +200 Hz over the mode's own."""
+
+    off_hz: float = 0.0
+    detuning_hz: float = 0.0
+    sensitivity: float = 1.0
+    late_s: float = 0.0
+    neighbour: float = 0.0
+
+
+ROWS = (
+    ("plate off the table, Hz", "off_hz", (-300.0, -100.0, -30.0, 30.0, 100.0, 300.0), 1.0),
+    ("asked away from resonance, Hz", "detuning_hz", (-500.0, -300.0, -100.0, 100.0, 300.0, 500.0), 1.0),
+    ("sensor shows so many times the motion", "sensitivity", (0.3, 0.5, 0.7, 1.3, 2.0, 3.0), 1.0),
+    ("delay that the table does not know, us", "late_s", (-6.0, -4.0, 4.0, 6.0, 7.0, 8.0), 1e-6),
+    ("neighbour at +200 Hz that it does not know, times the mode", "neighbour", (-1.0, -0.5, -0.2, 0.2, 0.5, 1.0), 1.0),
+)  # title, what differs, values, their unit
+
+
+def mode_table(quality: float) -> bytes:
+    """A table with one measured mode."""
+    tau_s, gain = quality / math.pi / TRUE_HZ, -1j * GAIN * abs(hold(TRUE_HZ, RATE_HZ))
+    flags = layout.GAIN_IDENTIFIED | layout.TAU_IDENTIFIED | layout.FREQUENCY_IDENTIFIED
+    weights = [0.0] * (4 * layout.CHANNELS)
+    delay_s = DELAY_S + 0.5 / RATE_HZ
+    mode = layout.MODE.pack(TRUE_HZ, tau_s, gain.real, gain.imag, delay_s, 1.0, 0.9, flags, *weights)
+    total = layout.HEADER.size + layout.MODE.size + layout.CRC.size
+    sizes = (layout.HEADER.size, total, 1, layout.MODE.size, 0, layout.SHAPE.size)
+    displacement = layout.SENSES_DISPLACEMENT
+    header = layout.HEADER.pack(layout.MAGIC, layout.VERSION, *sizes, 1, 1, 0, RATE_HZ, displacement, bytes(16))
+    return layout.seal(header + mode)
+
+
+def held_plate(quality: float, noise: float = 1e-4) -> tuple[bytes, Plate]:
+    """A table and the plate that it describes."""
+    own = Resonance(TRUE_HZ, quality / math.pi / TRUE_HZ, GAIN)
+    return mode_table(quality), Plate((own,), delay_s=DELAY_S, noise=noise)
+
+
+def entry(quality: float, case: Case) -> str:
+    """Such as "1.9" (ms to 95 % of the envelope), "slow 12", "at limit 0.6", "unsteady", or "trip 20" (ms after the step)."""
+    table, plate = held_plate(quality)
+    own = replace(plate.resonances[0], frequency_hz=TRUE_HZ + case.off_hz)
+    tau_s = plate.resonances[0].tau_s
+    others = (Resonance(TRUE_HZ + 200.0, tau_s, case.neighbour * GAIN),) if case.neighbour else ()
+    rig = SingleRig(table, replace(plate, resonances=(own, *others), delay_s=max(DELAY_S + case.late_s, 0.0)))
+    rig.rig.plate.sensitivity = case.sensitivity
+    reference = SHARE * GAIN * abs(hold(TRUE_HZ, RATE_HZ))
+    if case.detuning_hz:
+        reference /= abs(1.0 + 2j * math.pi * case.detuning_hz * tau_s)
+    rig.run(5e-3)
+    rig.start(reference, case.detuning_hz)
+    seen = rig.windows(1.0)
+    return _judged(np.abs(seen["measured"]), seen["state"] == RUN, reference, rig)
+
+
+def _judged(size: np.ndarray, runs: np.ndarray, reference: float, rig: SingleRig) -> str:
+    window_s = rig.lib.AN_PERIOD / RATE_HZ
+    if not runs.all():
+        return f"trip {1e3 * window_s * int(np.argmin(runs)):.0f}"
+    end = size[-1000:] / reference
+    if rig.lib.an_single_is_limited(rig.pointer):
+        return f"at limit {end.mean():.2f}"
+    if end.std() > UNSTEADY:
+        return "unsteady"
+    off = np.flatnonzero(np.abs(size / reference - 1.0) > 0.05)
+    settled_s = window_s * (int(off[-1]) + 1 if off.size else 0)
+    return f"{1e3 * settled_s:.1f}" if settled_s <= SLOW_S else f"slow {1e3 * settled_s:.0f}"
+
+
+def markdown() -> str:
+    """All tables."""
+    lines = []
+    for title, name, values, unit in ROWS:
+        lines += [f"| {title} | " + " | ".join(f"Q {quality}" for quality in QUALITIES) + " |"]
+        lines += ["|---" * (len(QUALITIES) + 1) + "|"]
+        for value in values:
+            entries = [entry(quality, replace(Case(), **{name: value * unit})) for quality in QUALITIES]
+            lines.append(f"| {value:g} | " + " | ".join(entries) + " |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m firmware.control_table", description=__doc__)
+    parser.add_argument("--write", action="store_true", help="put the tables into docs/bring-up.md")
+    chosen = parser.parse_args(arguments)
+    try:
+        text = markdown()
+    except NoCompiler as missing:
+        print(f"control table: {missing}", file=sys.stderr)
+        return 5
+    if not chosen.write:
+        print(text)
+        return 0
+    page = PAGE.read_text()
+    before, rest = page.split(BEGIN, 1)
+    PAGE.write_text(before + BEGIN + "\n" + text + END + rest.split(END, 1)[1])
+    print(f"{PAGE.name}: written")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

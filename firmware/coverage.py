@@ -1,0 +1,72 @@
+"""How many branches of the core the tests on this machine take: `python -m firmware.coverage`, by gcc and gcov.
+
+Builds the core anew with counters in it, runs the tests that use it here, and prints each file's share of branches taken. Exit
+code 4 below the floor.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+FLOOR = 0.90
+TESTS = Path(__file__).parent.parent / "tests" / "firmware"
+NAMES = (
+    "test_frame.py test_table_reader.py test_texture.py test_link.py test_sine.py test_demod.py test_pi.py test_resonance.py "
+    "test_loop_on_host.py test_touch.py test_injection.py test_six.py test_supervisor.py"
+)
+NOT_HERE = "not emulated and not image_fits and not make_six"
+
+
+def run_tests(folder: Path) -> subprocess.CompletedProcess[str]:
+    """The host tests with a library that counts; its counters are written into the folder."""
+    flags = "--coverage -O0 -fprofile-update=single"
+    environment = os.environ | {"ANTINODE_HOST_FLAGS": flags, "TMPDIR": str(folder), "CC": "gcc"}
+    files = [str(TESTS / name) for name in NAMES.split() if (TESTS / name).exists()]
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "not slow", "-k", NOT_HERE, *files]
+    return subprocess.run(command, cwd=TESTS.parents[1], env=environment, capture_output=True, text=True)
+
+
+def branches(folder: Path) -> dict[str, tuple[int, int]]:
+    """(taken, all) branches of each source of the core."""
+    found: dict[str, tuple[int, int]] = {}
+    for counters in sorted(folder.rglob("*.gcda")):
+        subprocess.run(["gcov", "-b", "-j", str(counters)], cwd=folder, capture_output=True, check=True)
+    for packed in sorted(folder.glob("*.gcov.json.gz")):
+        for file in json.loads(gzip.decompress(packed.read_bytes()))["files"]:
+            path = Path(file["file"])
+            if path.parent.name != "core":
+                continue
+            taken = [branch["count"] > 0 for line in file["lines"] for branch in line["branches"]]
+            before = found.get(path.name, (0, 0))
+            if taken and sum(taken) >= before[0]:
+                found[path.name] = (sum(taken), len(taken))
+    return found
+
+
+def main() -> int:
+    """The command line; returns the exit code."""
+    if not shutil.which("gcov") or not shutil.which("gcc"):
+        print("coverage: gcc and gcov are not installed", file=sys.stderr)
+        return 5
+    with tempfile.TemporaryDirectory() as name:
+        done = run_tests(Path(name))
+        if done.returncode:
+            print(done.stdout[-3000:], file=sys.stderr)
+            return 3
+        found = branches(Path(name))
+    for file, (taken, total) in found.items():
+        print(f"{file}: {taken} of {total} branches, {100 * taken / total:.0f} %")
+    taken, total = (sum(column) for column in zip(*found.values(), strict=True))
+    print(f"core: {taken} of {total} branches, {100 * taken / total:.1f} %, floor {100 * FLOOR:.0f} %")
+    return 0 if taken >= FLOOR * total else 4
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,50 @@
+"""The longest paths through the interrupts' code, from the code itself, for each compiler that is here."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from firmware import bounds
+from firmware import build as builder
+from firmware.table_format import header_text
+from pipeline.mode_table import Mode, ModeTable, to_bytes
+
+ALLOWED = {"single": {"an_fast_tick": 90, "an_slow_step": 250}, "six": {"an_six_tick": 300}}
+TABLE = header_text(to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality(31404.5, 300.0),))))
+
+
+@pytest.fixture(scope="module", params=["arm-none-eabi-gcc", "zig"])
+def compiler(request, tmp_path_factory: pytest.TempPathFactory):
+    """Builds both images with a given compiler, or skips."""
+    which = shutil.which
+    with pytest.MonkeyPatch.context() as patch:
+        if request.param == "zig":
+            patch.setattr(builder.shutil, "which", lambda name: None if "arm-none-eabi" in name else which(name))
+        elif not which(request.param):
+            pytest.skip(f"{request.param} is not installed: its code is what this test measures")
+        try:
+            folder = tmp_path_factory.mktemp(request.param)
+            return {variant: builder.build(TABLE, folder, variant).elf for variant in builder.VARIANTS}
+        except builder.BuildError as missing:
+            pytest.skip(str(missing))
+
+
+@pytest.mark.parametrize(("variant", "routine"), [(v, name) for v, names in ALLOWED.items() for name in names])
+def test_no_path_is_longer_than_allowed(compiler: dict[str, Path], variant: str, routine: str) -> None:
+    assert bounds.bound(compiler[variant], routine) <= ALLOWED[variant][routine]
+
+
+def test_a_loop_has_no_bound(compiler: dict[str, Path]) -> None:
+    with pytest.raises(bounds.Unbounded, match="loop"):
+        bounds.bound(compiler["single"], "an_crc32")
+
+
+def test_both_images_fit(compiler: dict[str, Path]) -> None:
+    from firmware.elf import Elf
+
+    for elf in compiler.values():
+        flash, ram = builder.sizes(Elf.read(elf))
+        assert flash <= builder.FLASH_LIMIT and ram <= builder.RAM_LIMIT

@@ -1,0 +1,235 @@
+"""A finger is not a fault, a lost sensor is one on any plate, and the loop is as fast as it says: many runs on the rig in C."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from firmware.emulate.plant import Plate, Resonance, hold
+from pipeline.mode_table import Mode, ModeTable, to_bytes
+
+TRUE = 31437.3
+DROOP = abs(hold(TRUE, 250e3))
+IDLE, IDENTIFY, RUN, FAULT = range(4)
+MISMATCH, CLIPPED, OFFSET = 1 << 6, 1 << 3, 1 << 4
+RAMP_S = 50e-3
+
+
+def tau_of(quality: float) -> float:
+    return quality / math.pi / TRUE
+
+
+def known(quality: float, gain: float, **changes) -> bytes:
+    exact = Mode(TRUE, tau_of(quality), -1j * gain * DROOP, 9.3e-6, drive_limit=1.0, frequency_identified=True)
+    return to_bytes(ModeTable(250e3, bytes(16), (replace(exact, **changes),)))
+
+
+@pytest.fixture
+def make(core):
+    from firmware.host.rig import SingleRig
+
+    def build(quality: float = 300.0, gain: float = 0.8, table: bytes | None = None, **changes) -> SingleRig:
+        plate = Plate((Resonance(TRUE, tau_of(quality), gain),), delay_s=7.3e-6, noise=1e-3)
+        rig = SingleRig(table or known(quality, gain), replace(plate, **changes))
+        rig.run(10e-3)
+        return rig
+
+    return build
+
+
+def ramp(rig, first: Plate, share: float, shift_hz: float, on: bool) -> None:
+    """A finger comes, or goes, within 50 ms: damping and frequency move evenly."""
+    for i in range(1, 26):
+        part = i / 25 if on else 1.0 - i / 25
+        rig.touch(1.0 / (1.0 + part * (1.0 / share - 1.0)), part * shift_hz, first)
+        rig.run(RAMP_S / 25)
+
+
+@pytest.mark.parametrize("shift_hz", [-100.0, 0.0, 100.0])
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.3])
+def test_a_finger_is_not_a_fault(make, shift_hz: float, share: float) -> None:
+    """Q falls from 600 to 100 and the resonance moves by 100 Hz: the amplitude is held as far as the drive reaches."""
+    rig = make(600.0)
+    first, reference = rig.plate, share * 0.8 * DROOP
+    assert rig.start(reference)
+    rig.run(0.1)
+    ramp(rig, first, 1.0 / 6.0, shift_hz, on=True)
+    assert rig.state == RUN, hex(rig.faults)
+    held = np.abs(rig.windows(0.2)["measured"][-200:]).mean() / reference
+    assert held == pytest.approx(min(1.0, 1.0 / (6.0 * share)), abs=0.01)
+    assert rig.frequency_hz == pytest.approx(TRUE + shift_hz, abs=2.0)
+    assert rig.lib.an_single_is_limited(rig.pointer) == (share > 1.0 / 6.0)
+    ramp(rig, first, 1.0 / 6.0, shift_hz, on=False)
+    rig.run(0.1)
+    assert rig.state == RUN and not rig.lib.an_single_is_limited(rig.pointer)
+    assert np.abs(rig.windows(0.1)["measured"]).mean() == pytest.approx(reference, rel=5e-3)
+
+
+@pytest.mark.parametrize("quality", [100.0, 600.0, 1000.0])
+def test_a_plate_that_warms_by_ten_kelvin_is_followed(make, quality: float) -> None:
+    """-75 Hz within 8 s, which is a hundred times as fast as a plate warms: no loss of amplitude, and no fault."""
+    rig = make(quality)
+    first = rig.plate
+    assert rig.start(0.1)
+    rig.run(0.1)
+    sizes = []
+    for i in range(1, 81):
+        rig.touch(1.0, -75.0 * i / 80, first)
+        sizes.append(np.abs(rig.windows(0.1)["measured"]).mean())
+    assert rig.state == RUN
+    assert np.array(sizes) == pytest.approx(0.1, rel=5e-3)
+    assert rig.frequency_hz == pytest.approx(TRUE - 75.0, abs=2.0)
+    rig.lib.an_single_stop(rig.pointer)
+    rig.run(1e-3)
+    assert rig.state == IDLE and rig.start(0.1)
+    rig.run(20e-3)
+    assert rig.frequency_hz == pytest.approx(TRUE - 75.0, abs=3.0)  # it begins where it was
+
+
+@pytest.mark.parametrize("gain", [0.8, 0.15, 0.1, 0.05, 0.02])
+@pytest.mark.parametrize("quality", [100.0, 1000.0])
+@pytest.mark.parametrize("share", [0.05, 0.5])
+def test_a_lost_sensor_is_noticed_on_any_plate(make, gain: float, quality: float, share: float) -> None:
+    """Dead, stuck or reversed; however weakly the plate answers."""
+    rig = make(quality, gain)
+    assert rig.start(share * gain * DROOP)
+    rig.run(0.1)
+    assert rig.state == RUN
+    saved = rig.save()
+    for sensor in (rig.lib.RIG_DEAD, rig.lib.RIG_STUCK, rig.lib.RIG_REVERSED, rig.lib.RIG_CLIPPED):
+        rig.restore(saved)
+        rig.rig.plate.sensor = sensor
+        assert rig.run_while(RUN, 25e-3) < 25e-3 and rig.state == FAULT, sensor
+        assert rig.faults & (MISMATCH | CLIPPED | OFFSET)
+        rig.run(1e-3)
+        assert rig.rig.code == 2048
+
+
+@pytest.mark.parametrize("quality", [100.0, 200.0, 300.0, 320.0, 400.0, 460.0, 600.0])
+def test_95_percent_within_2_ms_at_any_moment_of_a_window(make, quality: float) -> None:
+    """The true envelope of a step to a fifth of what full drive holds, over the phases of the step in a window."""
+    rig = make(quality, noise=0.0)
+    assert rig.start(0.1)
+    rig.refer(0.0)
+    rig.run(0.1)
+    reference = 0.2 * 0.8 * DROOP
+    for phase in range(0, 50, 10):
+        saved = rig.save()
+        rig.lib.rig_run(rig.rig, phase, rig.ffi.NULL, 0)
+        rig.refer(reference)
+        rig.run(2.0e-3)
+        plate = rig.rig.plate
+        motion = math.hypot(*plate.state[0]) * math.hypot(*plate.residue[0])
+        assert motion >= 0.95 * reference, phase
+        sizes = rig.windows(20e-3)["motion"]
+        assert sizes.max() <= 1.02 * reference
+        assert sizes[-1] == pytest.approx(reference, rel=5e-3)
+        rig.restore(saved)
+
+
+@pytest.mark.parametrize(
+    ("quality", "late_us", "neighbour"),
+    [
+        (600.0, 7.0, 0.0),
+        (1000.0, 7.0, 0.0),
+        (1500.0, 7.25, 0.0),
+        (1000.0, 7.5, 0.0),
+        (600.0, 0.0, -0.2),
+        (1000.0, 0.0, -0.15),
+        (1000.0, 0.0, -0.25),
+        (400.0, 0.0, -0.25),
+    ],
+)
+def test_a_limit_cycle_is_a_fault(make, quality: float, late_us: float, neighbour: float) -> None:
+    """A delay or a neighbour at +200 Hz that the table does not know of, and that the loop cannot stand."""
+    others = (Resonance(TRUE + 200.0, tau_of(quality), neighbour * 0.8),) if neighbour else ()
+    own = Resonance(TRUE, tau_of(quality), 0.8)
+    rig = make(quality, delay_s=(7.3 + late_us) * 1e-6, resonances=(own, *others))
+    assert rig.start(0.2 * 0.8 * DROOP)
+    assert rig.run_while(RUN, 0.3) < 0.3 and rig.faults == MISMATCH
+
+
+@pytest.mark.parametrize("quality", [100.0, 1000.0])
+@pytest.mark.parametrize("rate_hz", [20.0, 250.0])
+@pytest.mark.parametrize("touched", [False, True])
+def test_textures_are_no_limit_cycles(make, quality: float, rate_hz: float, touched: bool) -> None:
+    """Full depth, at and beyond what the drive reaches, with a finger or without."""
+    rig = make(quality)
+    first = rig.plate
+    assert rig.start(0.8 * 0.8 * DROOP)
+    if touched:
+        ramp(rig, first, 0.2, 80.0, on=True)
+    assert rig.lib.an_texture_sine(rig.ffi.addressof(rig.app, "texture"), rate_hz, 1.0, 5000.0)
+    rig.run(1.0)
+    assert rig.state == RUN, hex(rig.faults)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-2, 3e-2])
+def test_noise_is_no_fault(make, noise: float) -> None:
+    rig = make(1000.0, noise=noise)
+    assert rig.start(0.1 * 0.8 * DROOP)
+    rig.run(1.0)
+    assert rig.state == RUN
+    rig.refer(0.0)
+    rig.run(1.0)
+    assert rig.state == RUN
+
+
+def guessed(quality: float, **changes) -> bytes:
+    guess = Mode(TRUE, tau_of(quality), delay_s=2e-6, drive_limit=0.85)
+    return to_bytes(ModeTable(250e3, bytes(16), (replace(guess, **changes),)))
+
+
+def identified(rig, seconds: float) -> float:
+    """The largest level it was driven at."""
+    assert rig.start()
+    loudest, passed = 0.0, 0.0
+    while rig.state == IDENTIFY and passed < seconds:
+        rig.run(2e-3)
+        loudest, passed = max(loudest, rig.app.ident.level), passed + 2e-3
+    return loudest
+
+
+@pytest.mark.parametrize("away", [-0.039, -0.02, 0.03, 0.039])
+@pytest.mark.parametrize("quality", [100.0, 300.0, 600.0, 1500.0])
+def test_the_search_covers_four_percent(make, quality: float, away: float) -> None:
+    own = Resonance(TRUE * (1.0 + away), tau_of(quality), 0.8)
+    rig = make(table=guessed(quality), resonances=(own,), noise=1e-4)
+    identified(rig, 40.0)
+    assert rig.state == RUN, hex(rig.faults)
+    assert rig.frequency_hz == pytest.approx(own.frequency_hz, abs=0.3)
+    assert rig.app.mode.tau_s == pytest.approx(own.tau_s, rel=5e-3)
+
+
+@pytest.mark.parametrize("quality", [300.0, 1000.0])
+def test_a_sensor_that_is_dead_before_the_start_is_never_driven_hard(make, quality: float) -> None:
+    rig = make(table=guessed(quality))
+    rig.rig.plate.sensor = rig.lib.RIG_DEAD
+    assert identified(rig, 61.0) <= 0.16 * 0.85 * 1.001
+    assert rig.state == FAULT and rig.faults == 1 << 9
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_resonance_beyond_the_search_ends_quietly(make, seed: int) -> None:
+    own = Resonance(TRUE * 1.06, tau_of(1000.0), 0.8)
+    rig = make(table=guessed(1000.0), resonances=(own,))
+    rig.rig.plate.random += seed
+    assert identified(rig, 61.0) <= 0.16 * 0.85 * 1.001
+    assert rig.state == FAULT and rig.faults == 1 << 9
+
+
+def test_identification_ends_within_a_minute(make) -> None:
+    rig = make(table=guessed(8000.0), resonances=(Resonance(TRUE, tau_of(8000.0), 0.8),))
+    identified(rig, 61.0)
+    assert rig.state == FAULT and rig.faults == 1 << 9
+
+
+def test_identify_alone_measures_and_rests(make) -> None:
+    rig = make(table=known(300.0, 0.5))
+    assert rig.lib.an_single_identify(rig.pointer)
+    rig.run_while(IDENTIFY, 4.0)
+    assert rig.state == IDLE and rig.rig.code == 2048
+    assert abs(complex(rig.app.mode.gain.re, rig.app.mode.gain.im)) == pytest.approx(0.8 * DROOP, rel=5e-3)
