@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from pipeline.bands import solve_bands
-from pipeline.case import load_case
+from pipeline.analysis.bands import solve_bands
+from pipeline.analysis.modes import Request, solve_modes
+from pipeline.case.model import load_case
 from pipeline.logs import TerminalLog
-from pipeline.modes import Request, solve_modes
 from solvers.analytic.predesign import predesign
 
 case = load_case(Path(__file__).parent / "small.toml", ["array.rows=2"])

@@ -12,10 +12,10 @@ from typing import Any
 
 from unicorn import UC_HOOK_CODE
 
-from firmware import bounds
 from firmware import build as builder
-from firmware.elf import Elf
 from firmware.emulate.board import EmulatedBoard
+from firmware.image import bounds
+from firmware.image.elf import Elf
 
 
 def routines_of_the_board(header: str, variant: str) -> set[str]:

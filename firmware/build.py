@@ -12,8 +12,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from firmware import table_format
-from firmware.elf import Elf, flash_image, map_text
-from firmware.svd import svd_text
+from firmware.image.elf import Elf, flash_image, map_text
+from firmware.image.svd import svd_text
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent

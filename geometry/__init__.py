@@ -1,1 +1,1 @@
-"""Shapes, layouts and meshes: where things stand, before any physics."""
+"""Designs, materials and the mesh type."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from geometry.materials import Material
 
 FloatArray = NDArray[np.float64]
+SHORT = 2.0  # thicknesses in half a wave: there thin-plate theory lies 45 % high, Mindlin's some percent
 ROUNDING = 1e-9  # relative: 4.0 mm seven times is 28 mm, whatever binary fractions say
 
 
@@ -72,6 +73,11 @@ class Design:
     def half_wavelength_m(self) -> float:
         """Half-wavelength of the wanted mode along the zone, L / N, m; the zone's width for rigid shapes."""
         return self.length_m / self.nodal_lines if self.nodal_lines > 1 else self.width_m
+
+    @property
+    def is_short_wave(self) -> bool:
+        """Whether half a wave of the wanted mode is shorter than SHORT thicknesses: no plate theory describes it."""
+        return self.half_wavelength_m < SHORT * self.thickness_m
 
     @property
     def footprint_m(self) -> float:

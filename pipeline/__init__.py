@@ -1,1 +1,1 @@
-"""Files in, files out: cases, steps, batch runs, pictures, exports."""
+"""From a case file to files: what every folder may use stands here."""

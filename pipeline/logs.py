@@ -16,7 +16,7 @@ def memory_told(doing: str = "") -> Iterator[None]:
         yield
     except MemoryError as fault:
         from solvers.errors import OutOfMemory
-        from solvers.fem.factor_memory import memory_text
+        from solvers.fem.factor.memory import memory_text
 
         raise OutOfMemory(memory_text(fault, doing)) from fault
 

@@ -188,3 +188,9 @@ def limit_threads(threads: int) -> None:
     from threadpoolctl import threadpool_limits
 
     threadpool_limits(threads)
+
+
+def default_jobs(cases: int) -> int:
+    """Worker processes when nothing is said: one per core, never more than the study has cases."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, min(cores, cases))

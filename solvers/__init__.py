@@ -1,1 +1,1 @@
-"""Numbers: finite elements, waves, beams and plates. Reads meshes, writes nothing."""
+"""Numbers in, numbers out: no case file, no log."""

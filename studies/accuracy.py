@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 
 from geometry.errors import GeometryError, MeshError
-from pipeline import peak_memory, planner, plots
-from pipeline.mess import Mess
-from pipeline.script_page import Page, Section, Table
+from pipeline.batch import peak_memory
+from pipeline.planning import mesh_rules
+from pipeline.plots import style
+from pipeline.records.run_log import Mess
+from pipeline.report.script_page import Page, Section, Table
 from solvers.errors import SolverError
 from studies import ladder
 
@@ -91,8 +93,8 @@ def _joining(degrees: tuple[int, int]) -> dict[str, Any]:
 
 def _planners(part: str, model: str, **more: Any) -> list[dict[str, Any]]:
     """The meshes that an accuracy may choose, and those of order 2 beside them; not a plate's finest, which is dear."""
-    below = tuple(planner.Rung(2, layers, 0.15) for layers in (1, 2))
-    rows = planner.rungs(part)[:-1] if part in ("plate", "whole") else (*below, *planner.rungs(part))
+    below = tuple(mesh_rules.Rung(2, layers, 0.15) for layers in (1, 2))
+    rows = mesh_rules.rungs(part)[:-1] if part in ("plate", "whole") else (*below, *mesh_rules.rungs(part))
     return [{"model": model, **ladder.of_the_planner(part, row), **more} for row in rows]
 
 
@@ -278,7 +280,7 @@ def _section(part: str, quantity: str, records: list[dict[str, Any]], reference:
     headings = ("model", "unknowns", "value (Hz)", "relative error", "time (s)", "memory (MB)", "note")
     table = Table(quantity.replace(" ", "_"), headings, rows)
     uncertainty = reference[1] / abs(reference[0])
-    drawings: list[Callable[[], plots.Drawing]] = [partial(_picture, quantity, found, uncertainty)]
+    drawings: list[Callable[[], style.Drawing]] = [partial(_picture, quantity, found, uncertainty)]
     return Section(NAMES[quantity], (), [table], drawings)
 
 
@@ -315,9 +317,9 @@ def _planned(part: str, rung: dict[str, Any]) -> bool:
     """Whether there is an accuracy for which the planner takes a rung's mesh for the part; of a plate, joined from cells."""
     if "share" not in rung or (part, rung["model"]) == ("plate", "solid"):
         return False
-    expected = [planner.expected_error(part, row) for row in planner.rungs(part)]
-    taken = {planner.rung(part, each) for each in expected if each is not None}
-    return planner.Rung(*(rung[field.name] for field in fields(planner.Rung))) in taken
+    expected = [mesh_rules.expected_error(part, row) for row in mesh_rules.rungs(part)]
+    taken = {mesh_rules.rung(part, each) for each in expected if each is not None}
+    return mesh_rules.Rung(*(rung[field.name] for field in fields(mesh_rules.Rung))) in taken
 
 
 def _best(found: list[Any], target: float, uncertainty: float) -> str:
@@ -350,8 +352,8 @@ def _chosen_point(record: dict[str, Any], error: float | None) -> tuple[float, f
     return _point(measured, error)
 
 
-def _picture(quantity: str, found: list[Any], uncertainty: float) -> plots.Drawing:
-    figure = plots.new_figure(plots.WIDTH_IN, 3.6)
+def _picture(quantity: str, found: list[Any], uncertainty: float) -> style.Drawing:
+    figure = style.new_figure(style.WIDTH_IN, 3.6)
     left, right = figure.subplots(1, 2, sharey=True)
     families: dict[str, list[tuple[float, float, float]]] = {}
     for record, error in found:
@@ -361,7 +363,7 @@ def _picture(quantity: str, found: list[Any], uncertainty: float) -> plots.Drawi
     for index, (family, points) in enumerate(families.items()):
         seconds, memory, errors = np.array(sorted(points)).T
         look = {
-            "marker": plots.MARKERS[index % len(plots.MARKERS)], "color": plots.CYCLE[index % len(plots.CYCLE)],
+            "marker": style.MARKERS[index % len(style.MARKERS)], "color": style.CYCLE[index % len(style.CYCLE)],
             "linestyle": "--" if "superelement" in family else "-", "markersize": 4.0,
         }  # fmt: skip
         left.plot(seconds, errors, label=family, **look)
@@ -371,7 +373,7 @@ def _picture(quantity: str, found: list[Any], uncertainty: float) -> plots.Drawi
         axes.set_yscale("log")
         axes.set_xlabel(label)
         axes.grid(True)
-        axes.axhspan(1e-7, max(uncertainty, 1e-7), color=plots.GREY, alpha=0.25, lw=0)
+        axes.axhspan(1e-7, max(uncertainty, 1e-7), color=style.GREY, alpha=0.25, lw=0)
     chosen = [point for record, error in found if (point := _chosen_point(record, error))]
     for axes, column, legend in ((left, 0, CHOSEN), (right, 1, None)) if chosen else ():
         places, errors = [point[column] for point in chosen], [point[2] for point in chosen]
@@ -384,4 +386,4 @@ def _picture(quantity: str, found: list[Any], uncertainty: float) -> plots.Drawi
         f"{NAMES[quantity]}: relative error against wall time and memory for {', '.join(families)}; "
         "shaded: the reference's own uncertainty"
     )
-    return plots.Drawing(f"accuracy_{quantity.replace(' ', '_')}", NAMES[quantity], alt, figure, vector=True)
+    return style.Drawing(f"accuracy_{quantity.replace(' ', '_')}", NAMES[quantity], alt, figure, vector=True)

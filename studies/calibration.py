@@ -1,4 +1,4 @@
-"""pipeline/calibration.csv from the stored accuracy study: `python -m studies.calibration` after `antinode run accuracy`."""
+"""The calibration.csv from the stored accuracy study: `python -m studies.calibration` after `antinode run accuracy`."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import sys
 from math import floor
 from typing import Any
 
-from pipeline import planner, store
-from pipeline.calibration import FIELDS, MIXING, TABLE
-from pipeline.house import RESULTS
-from pipeline.records import read_study
-from pipeline.store import BadRecord, write_atomic
+from pipeline.paths import RESULTS
+from pipeline.planning import mesh_rules
+from pipeline.planning.calibration import FIELDS, MIXING, TABLE
+from pipeline.records import store
+from pipeline.records.store import BadRecord, write_atomic
+from pipeline.records.study import read_study
 from studies import ladder
 from studies.accuracy import HELD, QUANTITIES, cases, references
 
@@ -59,7 +60,7 @@ def growth(quantity: str, reference_hz: float) -> float:
     """A zone's mode over the frequency up to which the planner calls its mesh good, rounded down; 1 for other parts."""
     if quantity not in ladder.ZONE:
         return FIRST
-    return floor(100.0 * reference_hz / planner.good_to_hz("zone", ladder.design())) / 100.0
+    return floor(100.0 * reference_hz / mesh_rules.good_to_hz("zone", ladder.design())) / 100.0
 
 
 def _mixing(records: list[dict[str, Any]], known: dict[str, tuple[float, float]]) -> float:

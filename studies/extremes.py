@@ -12,20 +12,20 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, onenormest
 
 from geometry.errors import GeometryError
-from geometry.hex_split import split_hexahedra
-from geometry.hexmesh import Boxes, HexSettings, Piece, hex_mesh, piece_boxes, pillar_boxes
+from geometry.hex.boxes import Boxes, HexSettings, Piece, hex_mesh, piece_boxes, pillar_boxes
+from geometry.hex.split import split_hexahedra
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS, Material
 from geometry.mesh import Mesh, check_mesh
 from pipeline.errors import CommandError
-from pipeline.mess import Mess
-from pipeline.script_page import Page, Section, Table
+from pipeline.records.run_log import Mess
+from pipeline.report.script_page import Page, Section, Table
 from solvers.analytic.lamb import supported_plate_hz
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
 from solvers.fem.constraints import Pencil, constrain, free_mask
 from solvers.fem.eigen import Modes, modes_in_band, modes_near
-from solvers.fem.factor import Factoriser
+from solvers.fem.factor.factoriser import Factoriser
 from studies import scenes
 
 TITLE = "Stiff and extreme cases"
@@ -269,8 +269,8 @@ def one_element(order: int) -> Result:
 
 def mixed_units(thickness_mm: float) -> Result:
     """A case file whose thickness was typed in another unit than millimetres."""
-    from pipeline.case import load_case
-    from pipeline.house import STUDIES
+    from pipeline.case.model import load_case
+    from pipeline.paths import STUDIES
 
     load_case(STUDIES / "three-rows.toml", [f"plate.thickness_mm={thickness_mm!r}"])
     return {"verdict": "WRONG", "reason": "the case was taken as it stands"}

@@ -9,22 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from geometry import solids, tet_scenes
+from geometry.cad import solids
 from geometry.elements import FloatArray
-from geometry.hexmesh import HexSettings, cell_boxes, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
+from geometry.hex.boxes import HexSettings, cell_boxes, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
 from geometry.layout import Design
 from geometry.mesh import Mesh, check_mesh
-from geometry.tetmesh import TetOptions, tet_mesh
-from pipeline import planner
-from pipeline.case import load_case
-from pipeline.house import STUDIES
+from geometry.tet import scenes
+from geometry.tet.mesher import TetOptions, tet_mesh
+from pipeline.case.model import load_case
+from pipeline.paths import STUDIES
+from pipeline.planning import mesh_rules
 from solvers.analytic.predesign import pillar_frequencies_hz, predesign
-from solvers.confinement import measure, wanted_parity
 from solvers.fem.assembly import System, assemble
 from solvers.fem.constraints import constrain, free_mask
 from solvers.fem.eigen import modes_in_band, modes_near
 from solvers.fem.solid import CLASSES, SolidModel
-from solvers.mixing import mixing_db
+from solvers.measures.confinement import measure, wanted_parity
+from solvers.measures.mode_mixing import mixing_db
 from solvers.superelement.build import PlateModel, Recipe, Reductions, lattice_piece
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
@@ -62,9 +63,11 @@ def settings(rung: dict[str, Any]) -> HexSettings:
     return HexSettings(rung["order"], 1e-3 * rung["size_mm"], layers, factor, along, through)
 
 
-def of_the_planner(part: str, row: planner.Rung) -> dict[str, Any]:
+def of_the_planner(part: str, row: mesh_rules.Rung) -> dict[str, Any]:
     """A rung with the very elements that the planner gives the part."""
-    mesh = {"zone": planner.zone_mesh, "pillar": planner.pillar_mesh}.get(part, planner.cell_mesh)(design(), row)
+    mesh = {"zone": mesh_rules.zone_mesh, "pillar": mesh_rules.pillar_mesh}.get(part, mesh_rules.cell_mesh)(
+        design(), row
+    )
     rung = asdict(row) | {"size_mm": 1e3 * mesh.size_m}
     return rung | ({"along_mm": 1e3 * mesh.pillar_size_m} if mesh.pillar_size_m else {})
 
@@ -86,7 +89,7 @@ def zone(rung: dict[str, Any]) -> tuple[Values, int]:
     if rung["model"] == "analytic":
         return {"zone": float(getattr(predesign(d).zone, rung["theory"]))}, 0
     if rung["model"] == "tet":
-        mesh = of_order(tet_scenes.tet_zone(d, 1e-3 * rung["size_mm"], "xy"), rung["order"])
+        mesh = of_order(scenes.tet_zone(d, 1e-3 * rung["size_mm"], "xy"), rung["order"])
     else:
         mesh = hex_mesh(zone_boxes(d, settings(rung)), rung["order"])
     model = SolidModel(check(mesh), materials(), ("y+",), True)
@@ -105,7 +108,7 @@ def pillar(rung: dict[str, Any]) -> tuple[Values, int]:
     if rung["model"] == "analytic":
         return _bending(pillar_frequencies_hz(d.pillar, rung["theory"], 3)), 0
     if rung["model"] == "tet":
-        mesh = of_order(tet_scenes.tet_pillar(d.pillar, 1e-3 * rung["size_mm"]), rung["order"])
+        mesh = of_order(scenes.tet_pillar(d.pillar, 1e-3 * rung["size_mm"]), rung["order"])
         pencil = SolidModel(check(mesh), materials(), ("foot",), False).pencil(None)
         hz = modes_near(pencil, 0.0, WHOLE_BENDING[-1] + 1).frequency_hz
         return _bending(hz[WHOLE_BENDING if rung["order"] > 1 else WHOLE_BENDING[:1]]), pencil.dof
@@ -145,7 +148,7 @@ def cell(rung: dict[str, Any]) -> tuple[Values, int]:
             assemble(check(hex_mesh(cell_boxes(d, settings(rung)), rung["order"])), materials()), 4e-3, 4e-3
         )
         return band_values({name: bloch.frequencies(k, 8) for name, k in points().items()}), bloch.dof
-    recipe = replace(planner.lattice_recipe(d, 0.002), hexahedra=settings(rung))
+    recipe = replace(mesh_rules.lattice_recipe(d, 0.002), hexahedra=settings(rung))
     mesher = None
     piece = lattice_piece(d)
     if rung["model"] == "superelement tet":
@@ -158,8 +161,8 @@ def cell(rung: dict[str, Any]) -> tuple[Values, int]:
 def tet_cell(d: Design, edge_m: float) -> Mesh:
     """The quarter of the unit cell in tetrahedra, finer towards the pillar's foot."""
     assert d.pillar
-    rim = tet_scenes.foot_rim(d.pillar, d.thickness_m)
-    return tet_mesh(solids.cell_solid(d, "xy"), edge_m, options=tet_scenes.graded(TetOptions(), rim, edge_m))
+    rim = scenes.foot_rim(d.pillar, d.thickness_m)
+    return tet_mesh(solids.cell_solid(d, "xy"), edge_m, options=scenes.graded(TetOptions(), rim, edge_m))
 
 
 POINTS = {"G": (1, 1), "X": (-1, 1), "M": (-1, -1)}  # phases over one pitch
@@ -216,11 +219,11 @@ def plate(rung: dict[str, Any]) -> tuple[Values, int]:
     if rung["model"] == "analytic":
         return {"plate": float(getattr(predesign(d).zone, rung["theory"]))}, 0
     if rung["model"] == "superelement":
-        bare = planner.bare_size_m(d, rung["order"]) if "share" in rung else None
+        bare = mesh_rules.bare_size_m(d, rung["order"]) if "share" in rung else None
         recipe = Recipe(Interface(*rung["degrees"]), rung["modes_over_band"] * WINDOW_HZ[1], settings(rung), 6e-3, bare)
         model: Any = PlateModel(d, Reductions(d.thickness_m, d.material, d.pillar, recipe))
     elif rung["model"] == "tet":
-        mesh = of_order(tet_scenes.tet_plate(d, 1e-3 * rung["size_mm"], True), rung["order"])
+        mesh = of_order(scenes.tet_plate(d, 1e-3 * rung["size_mm"], True), rung["order"])
         model = SolidModel(check(mesh), materials(), (), True)
     else:
         mesh = hex_mesh(plate_boxes(d, settings(rung)), rung["order"])

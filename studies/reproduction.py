@@ -14,13 +14,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from geometry.hexmesh import hex_mesh, pillar_boxes
-from pipeline import planner
-from pipeline.case import load_case
-from pipeline.comparison import compare
-from pipeline.house import RESULTS
-from pipeline.records import read_study
-from pipeline.store import BadRecord, write_atomic
+from geometry.hex.boxes import hex_mesh, pillar_boxes
+from pipeline.case.model import load_case
+from pipeline.paths import RESULTS
+from pipeline.planning import mesh_rules
+from pipeline.records.store import BadRecord, write_atomic
+from pipeline.records.study import read_study
+from pipeline.report.thesis import compare
 from solvers.analytic.predesign import pillar_frequencies_hz
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
@@ -79,7 +79,7 @@ def pillars() -> list[Row]:
     for height_mm, thesis_khz in PILLARS_MM.items():
         pillar = replace(case.design.pillar, height_m=1e-3 * height_mm)
         design = replace(case.design, pillar=pillar)
-        settings = planner.pillar_mesh(design, planner.rung("pillar", 1e-3))
+        settings = mesh_rules.pillar_mesh(design, mesh_rules.rung("pillar", 1e-3))
         model = SolidModel(
             hex_mesh(pillar_boxes(pillar, settings), settings.order), ladder.materials(), ("touch",), True
         )
@@ -96,7 +96,7 @@ def pillars() -> list[Row]:
 
 def active(model: str) -> list[Row]:
     """The entries of one model of chapters 1 and 3, from the command itself."""
-    command = [sys.executable, "-m", "pipeline.cli", "active", model, "--json", "-", "--quiet"]
+    command = [sys.executable, "-m", "pipeline.cli.main", "active", model, "--json", "-", "--quiet"]
     found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     return [(e["quantity"], e["thesis"], e["ours"], e["agreement"]) for e in found["comparison"]]
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geometry.hexmesh import Boxes, hex_mesh
+from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.materials import Material
 from geometry.mesh import Mesh
 from solvers.fem.assembly import assemble

@@ -9,8 +9,8 @@ import re
 import sys
 from pathlib import Path
 
-from pipeline.house import RESULTS
-from pipeline.store import write_atomic
+from pipeline.paths import RESULTS
+from pipeline.records.store import write_atomic
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "verification.md"
 INTRODUCTION = """# Verification

@@ -32,8 +32,8 @@ from unicorn.arm_const import (
     UC_CPU_ARM_CORTEX_M4,
 )
 
-from firmware.elf import Elf
 from firmware.emulate.controllers import SECTOR_BYTES, Clock, FlashController
+from firmware.image.elf import Elf
 
 FLASH, FLASH_BYTES = 0x08000000, 48 * 1024  # sectors 0 to 2
 SECTOR, SECTOR_NUMBER = 0x0800C000, 3

@@ -1,1 +1,1 @@
-"""Closed-form and one-dimensional models."""
+"""Closed-form and one-dimensional beams and plates."""

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from solvers.analytic.bracketing import root_between
+from solvers.analytic.root_finding import root_between
 from solvers.errors import SolverError
 
 FloatArray = NDArray[np.float64]

@@ -9,7 +9,7 @@ from math import cos, pi, sin, sqrt, tanh
 import numpy as np
 
 from solvers.analytic.beams import free_free_mode
-from solvers.analytic.bracketing import root_between
+from solvers.analytic.root_finding import root_between
 from solvers.errors import SolverError
 
 

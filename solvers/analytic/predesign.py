@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from geometry.layout import Design, Pillar
 from solvers.analytic.beams import frequency_hz, roots
-from solvers.analytic.bracketing import root_between
 from solvers.analytic.plates import Strip, beam_function_hz, levy_hz, levy_wavenumber_per_m
 from solvers.analytic.ritz_plates import MOST_LINES, kirchhoff_mode, mindlin_mode
-from solvers.analytic.timoshenko import Beam, exact_omegas, round_beam, square_beam
+from solvers.analytic.root_finding import root_between
+from solvers.analytic.section import Beam, round_beam, square_beam
+from solvers.analytic.timoshenko import exact_omegas
 from solvers.errors import SolverError
 
 FloatArray = NDArray[np.float64]

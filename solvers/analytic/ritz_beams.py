@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh, null_space
 
 from solvers.analytic.beams import End, check_ends, rigid_count
-from solvers.analytic.timoshenko import Beam, check_beam
+from solvers.analytic.section import Beam, check_beam
 
 FloatArray = NDArray[np.float64]
 ENOUGH = 14  # polynomial degree beyond twice the mode number; the series converges exponentially

@@ -12,46 +12,16 @@ from itertools import pairwise
 from math import pi, sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from solvers.analytic.beams import End, check_ends
-from solvers.analytic.bracketing import root_between
+from solvers.analytic.root_finding import root_between
+from solvers.analytic.section import Beam, FloatArray, check_beam
 from solvers.errors import SolverError
 
-FloatArray = NDArray[np.float64]
 LOWEST = 0.3  # smallest bending wavenumber times L scanned, below the smallest root of any pair (about pi/2)
 STEP = pi / 16.0
 REFINE = 1e-6  # relative half width of the interval around a Ritz frequency searched for the exact root
-
-
-@dataclass(frozen=True)
-class Beam:
-    """A beam in bending, SI. width_ratio(s), s = x/L, scales every section size against the one at s = 0.
-
-    length_m L; bending_n_m2 EI, shear_n kappa G A, mass_kg_m rho A, rotary_kg_m rho I, all at s = 0.
-    """
-
-    length_m: float
-    bending_n_m2: float
-    shear_n: float
-    mass_kg_m: float
-    rotary_kg_m: float
-    width_ratio: Callable[[FloatArray], FloatArray] | None = None
-
-    @property
-    def flexibility(self) -> float:
-        """E I/(kappa G A L^2), dimensionless: 0 is Euler-Bernoulli's beam."""
-        return self.bending_n_m2 / (self.shear_n * self.length_m**2)
-
-    @property
-    def rotation(self) -> float:
-        """I/(A L^2), dimensionless: rotary inertia."""
-        return self.rotary_kg_m / (self.mass_kg_m * self.length_m**2)
-
-    @property
-    def unit_rad_s(self) -> float:
-        """sqrt(EI/(rho A L^4)), rad/s: omega over this is the dimensionless frequency."""
-        return sqrt(self.bending_n_m2 / self.mass_kg_m) / self.length_m**2
 
 
 @dataclass(frozen=True)
@@ -72,34 +42,6 @@ class BeamModes:
         basis = _basis_of(float(self.omegas[number - 1]), self.beam)
         columns = [basis(at - 0.5)[0] for at in np.asarray(s, dtype=float).ravel()]
         return np.asarray(np.stack(columns) @ self.coefficients[number - 1]).reshape(np.shape(s))
-
-
-def square_beam(length_m: float, side_m: float, young_pa: float, density_kg_m3: float, poisson: float) -> Beam:
-    """A beam of square section; shear factor 10 (1 + nu)/(12 + 11 nu). Source: cowper1966.
-
-    Raises SolverError for a size or constant that is not above 0.
-    """
-    factor = 10.0 * (1.0 + poisson) / (12.0 + 11.0 * poisson)
-    return _beam(length_m, side_m * abs(side_m), side_m**4 / 12.0, factor, (young_pa, density_kg_m3, poisson))
-
-
-def round_beam(length_m: float, diameter_m: float, young_pa: float, density_kg_m3: float, poisson: float) -> Beam:
-    """A beam of round section; shear factor 6 (1 + nu)/(7 + 6 nu). Source: cowper1966.
-
-    Raises SolverError for a size or constant that is not above 0.
-    """
-    factor = 6.0 * (1.0 + poisson) / (7.0 + 6.0 * poisson)
-    area, inertia = pi * diameter_m * abs(diameter_m) / 4.0, pi * diameter_m**4 / 64.0
-    return _beam(length_m, area, inertia, factor, (young_pa, density_kg_m3, poisson))
-
-
-def _beam(length_m: float, area: float, inertia: float, factor: float, material: tuple[float, float, float]) -> Beam:
-    young, density, poisson = material
-    for what, value in (("length", length_m), ("section", area), ("E", young), ("density", density)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise SolverError(f"beam {what} = {value:g}: must be a finite number above 0")
-    shear = factor * young / (2.0 * (1.0 + poisson)) * area
-    return Beam(length_m, young * inertia, shear, density * area, density * inertia)
 
 
 def beam_modes(beam: Beam, left: End, right: End, count: int) -> BeamModes:
@@ -123,13 +65,6 @@ def exact_omegas(beam: Beam, left: End, right: End, count: int) -> list[float]:
         raise SolverError("a tapered beam has no exact solution: use ritz_frequencies_hz")
     omegas = _scanned(beam, left, right, count)
     return omegas if len(omegas) == count else _beyond_cutoff(beam, left, right, count, omegas)
-
-
-def check_beam(beam: Beam, count: int) -> None:
-    """SolverError unless every size is finite and above 0 and at least one mode is asked."""
-    sizes = (beam.length_m, beam.bending_n_m2, beam.shear_n, beam.mass_kg_m, beam.rotary_kg_m)
-    if count < 1 or not all(np.isfinite(size) and size > 0.0 for size in sizes):
-        raise SolverError(f"beam {sizes}, count {count}: every number must be finite and above 0")
 
 
 def _scanned(beam: Beam, left: str, right: str, count: int) -> list[float]:

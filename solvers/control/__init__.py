@@ -1,1 +1,1 @@
-"""Active confinement: feedback on pillars, shaping by patches, and the rotating frame."""
+"""The amplitude loop of one mode in the rotating frame."""

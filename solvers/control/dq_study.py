@@ -9,15 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from solvers.control.baseband import (
-    Feasibility,
-    FloatArray,
-    ModePlant,
-    Pi,
-    SampledPi,
-    feasibility,
-    pi_gains,
-)
+from solvers.control.baseband import Feasibility, FloatArray, ModePlant, Pi, SampledPi, feasibility, pi_gains
 from solvers.control.comparison import Entry
 from solvers.control.dq_data import THESIS_95_S, DqData
 from solvers.control.dq_loop import AntiWindup, Setup, Trace, step_response

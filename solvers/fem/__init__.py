@@ -1,1 +1,1 @@
-"""Three-dimensional linear elasticity by finite elements."""
+"""Finite elements: assembly, constraints, eigenvalue problems."""

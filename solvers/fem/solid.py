@@ -11,10 +11,10 @@ import scipy.sparse as sp
 from geometry.elements import FloatArray
 from geometry.materials import Material
 from geometry.mesh import Mesh
-from solvers.confinement import TouchField
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.constraints import Pencil, constrain, free_mask
 from solvers.fem.surface import FaceQuadrature, Skin, face_quadrature, skin_faces
+from solvers.measures.confinement import TouchField
 
 LARGE = 200_000  # unknowns
 CLASSES = ("++", "+-", "-+", "--")

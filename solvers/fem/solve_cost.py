@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from solvers.fem.block_lanczos import basis_size, fits
 from solvers.fem.dissection import Fill
 from solvers.fem.eigen import SLICE
-from solvers.fem.factor import preferred
+from solvers.fem.factor.factoriser import preferred
 from solvers.fem.solid import LARGE
 
 ENTRY = 12  # bytes of a sparse matrix's entry: a number and a column

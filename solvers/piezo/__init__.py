@@ -1,1 +1,1 @@
-"""Piezo patches bonded to a plate, and the forced response to them."""
+"""Piezoelectric patches and the forced response of a plate."""

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
-from solvers.confinement import measure
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import factor_near, modes_in_band
-from solvers.fem.factor import Factoriser
+from solvers.fem.factor.factoriser import Factoriser
+from solvers.measures.confinement import measure
+from solvers.measures.wanted_mode import Verdict, verdict
 from solvers.piezo.patched_plate import Group
-from solvers.wanted import Verdict, verdict
 
 Complex = NDArray[np.complex128]
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are the rest
@@ -111,7 +111,7 @@ class ForcedPlate:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Which of the patched plate's modes is the wanted one, group after group (`solvers.wanted`)."""
+        """Which of the patched plate's modes is the wanted one, group after group (`solvers.measures.wanted_mode`)."""
         parts = [self._measures(found) for found in self.modes]
         return verdict(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 

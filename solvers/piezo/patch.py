@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.hexmesh import Boxes, hex_mesh
+from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.mesh import Mesh
 from geometry.piezo_materials import PiezoMaterial
 

@@ -14,10 +14,10 @@ import scipy.sparse as sp
 
 from geometry.elements import FloatArray
 from geometry.patches import mirrored_axes
-from solvers.confinement import TouchField
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
+from solvers.measures.confinement import TouchField
 from solvers.piezo.patch import BondedPatch
 from solvers.superelement.bond import displacement_at
 from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, JoinedPlate

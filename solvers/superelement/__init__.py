@@ -1,1 +1,1 @@
-"""One plate cell reduced to its polynomial boundary, and what is built from it."""
+"""One plate cell reduced (Craig-Bampton), assembled into lattices and plates."""

@@ -9,20 +9,20 @@ from math import ceil
 from typing import Protocol
 
 from geometry.elements import FloatArray
-from geometry.hexmesh import HexSettings, Piece, hex_mesh, piece_boxes
+from geometry.hex.boxes import HexSettings, Piece, hex_mesh, piece_boxes
 from geometry.layout import Design, Pillar
 from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
-from solvers.confinement import TouchField
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import PlainPencil, SymmetricPencil
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
+from solvers.measures.confinement import TouchField
 from solvers.superelement.cell import Cell, reduce_cell
 from solvers.superelement.interface import Interface
 from solvers.superelement.plate import WHOLE, JoinedPlate
 from solvers.superelement.plate_count import more_below
-from solvers.superelement.plate_estimate import ModeErrors, mode_errors
+from solvers.superelement.plate_error import ModeErrors, mode_errors
 from solvers.superelement.tiling import Signature, signature, tile
 
 

@@ -21,11 +21,11 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System
 from solvers.fem.constraints import BoolArray, Pencil, constrain, free_mask, rigid_motions
 from solvers.fem.eigen import Modes, SymmetricPencil, lowest_hz, modes_in_band
-from solvers.fem.factor import Factor, Factoriser
+from solvers.fem.factor.factoriser import Factor, Factoriser
 from solvers.fem.surface import face_quadrature, skin_faces
-from solvers.one_thread import one_thread
 from solvers.superelement.diagonal import Half, diagonal_mirror
 from solvers.superelement.interface import SIDES, VERTICES, Interface
+from solvers.threads import one_thread
 
 RIGID = 1e-8
 

@@ -15,10 +15,10 @@ from scipy.linalg import LinAlgError, eigh
 
 from geometry.elements import FloatArray, IntArray
 from solvers.errors import SolverError
-from solvers.one_thread import one_thread
+from solvers.superelement.c2_symmetry import HalfTurn, half_turn
 from solvers.superelement.cell import Cell, Expansion
-from solvers.superelement.half_turn import HalfTurn, half_turn
 from solvers.superelement.interface import Interface
+from solvers.threads import one_thread
 
 Complex = NDArray[np.complex128]
 ROUNDING = 1e-12  # of the pencil's norms: smaller eigenvalues are rigid motions

@@ -14,10 +14,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from geometry.elements import FloatArray, IntArray
-from solvers.confinement import TouchField
 from solvers.errors import SolverError
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.surface import Skin, triangles
+from solvers.measures.confinement import TouchField
 from solvers.superelement.cell import Cell, Expansion
 from solvers.superelement.interface import SIDES, VERTICES, Interface
 from solvers.superelement.tiling import Signature, Tiling, signature

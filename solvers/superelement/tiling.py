@@ -9,7 +9,7 @@ from math import ceil
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.hexmesh import Piece
+from geometry.hex.boxes import Piece
 from geometry.layout import Design
 
 Signature = tuple[float | str, ...]

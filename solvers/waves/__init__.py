@@ -1,1 +1,1 @@
-"""Bloch waves in the infinite lattice."""
+"""Bloch waves, gaps and complex bands."""

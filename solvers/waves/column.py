@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from geometry.elements import FloatArray, IntArray
-from geometry.hexmesh import Piece
+from geometry.hex.boxes import Piece
 from geometry.layout import Design
-from solvers.across import Held, Profile, held
 from solvers.errors import SolverError
-from solvers.one_thread import one_thread
+from solvers.measures.confinement import Held, Profile, held
 from solvers.superelement.build import Reductions
 from solvers.superelement.tiling import DIGITS, tile
+from solvers.threads import one_thread
 from solvers.waves.evanescent import Row
 
 Complex = NDArray[np.complex128]

@@ -14,7 +14,7 @@ import numpy as np
 
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh
-from pipeline.peak_memory import peak_bytes, resident_bytes
+from pipeline.batch.peak_memory import peak_bytes, resident_bytes
 from solvers.fem.assembly import Scale, assemble
 from studies.benchmarks import in_a_process, timed
 from studies.benchmarks.meshes import cube_hexahedra, cube_tetrahedra

@@ -20,7 +20,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from pipeline.planner import Rung, rungs
+from pipeline.planning.mesh_rules import Rung, rungs
 
 MODULE = "studies.benchmarks.auto"
 CASE = """name = "scene"
@@ -178,13 +178,13 @@ def main(names: list[str]) -> int:
 
 def _fixed(mesh: list[Any] | None, words: list[str]) -> int:
     """The command with one mesh for every part, or as the planner chooses."""
-    from pipeline import planner
-    from pipeline.cli import main as command
+    from pipeline.cli.main import main as command
+    from pipeline.planning import mesh_rules
 
     if mesh:
         fixed = Rung(*mesh)
-        planner.rung = lambda part, accuracy: fixed
-        planner.reaching = lambda part, design, accuracy, high_hz: (fixed, planner.good_to_hz(part, design))
+        mesh_rules.rung = lambda part, accuracy: fixed
+        mesh_rules.reaching = lambda part, design, accuracy, high_hz: (fixed, mesh_rules.good_to_hz(part, design))
     return command(words)
 
 

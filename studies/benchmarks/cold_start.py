@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 
-from pipeline.house import ROOT
+from pipeline.paths import ROOT
 
 CASE = "studies/three-rows.toml"
 COMMANDS = (
@@ -32,14 +32,14 @@ def seconds(arguments: tuple[str, ...]) -> float:
     times = []
     for _ in range(REPEATS):
         start = time.perf_counter()
-        subprocess.run([sys.executable, "-m", "pipeline.cli", *arguments], cwd=ROOT, capture_output=True)
+        subprocess.run([sys.executable, "-m", "pipeline.cli.main", *arguments], cwd=ROOT, capture_output=True)
         times.append(time.perf_counter() - start)
     return statistics.median(times)
 
 
 def slowest(arguments: tuple[str, ...]) -> list[tuple[str, float]]:
     """The packages whose import took longest, with what they import themselves, ms (the interpreter's own accounting)."""
-    command = [sys.executable, "-X", "importtime", "-m", "pipeline.cli", *arguments]
+    command = [sys.executable, "-X", "importtime", "-m", "pipeline.cli.main", *arguments]
     told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stderr
     found: dict[str, float] = {}
     for match in LINE.finditer(told):

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from geometry.hexmesh import HexSettings, hex_mesh, plate_boxes
+from geometry.hex.boxes import HexSettings, hex_mesh, plate_boxes
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
-from pipeline.peak_memory import peak_bytes, resident_bytes
-from solvers.fem.factor import Factoriser, available
+from pipeline.batch.peak_memory import peak_bytes, resident_bytes
+from solvers.fem.factor.factoriser import Factoriser, available
 from solvers.fem.solid import SolidModel
 from studies.benchmarks import in_a_process, timed
 from studies.benchmarks.meshes import cube_tetrahedra

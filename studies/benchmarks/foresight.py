@@ -10,16 +10,17 @@ import subprocess
 import sys
 import tempfile
 
-from pipeline import plan
-from pipeline.asked import Request
-from pipeline.case import load_case
-from pipeline.house import ROOT
-from pipeline.quantities import parse_band, parse_frequency
-from pipeline.resources import GIB, Demand
+from pipeline.case.model import load_case
+from pipeline.case.quantities import parse_band, parse_frequency
+from pipeline.paths import ROOT
+from pipeline.planning import plan
+from pipeline.planning.request import Request
+from pipeline.planning.resources import GIB, Demand
 
 MEASURED = """import sys
-from pipeline import cli, peak_memory
-code = cli.main(sys.argv[1:])
+from pipeline.batch import peak_memory
+from pipeline.cli.main import main
+code = main(sys.argv[1:])
 print(peak_memory.peak_bytes())
 sys.exit(code)"""  # the process tells its own peak: what its parent reads of it may begin with the parent's size
 REFERENCE, SMALL = "studies/three-rows.toml", "examples/small.toml"

@@ -10,10 +10,10 @@ from functools import partial
 
 import numpy as np
 
-from pipeline import part_models
-from pipeline.case import Case, load_case
-from pipeline.house import STUDIES
+from pipeline.case.model import Case, load_case
 from pipeline.logs import TerminalLog
+from pipeline.models import parts
+from pipeline.paths import STUDIES
 from solvers.fem import block_lanczos
 from solvers.fem.eigen import SymmetricPencil, modes_in_band
 from studies.benchmarks import timed
@@ -28,7 +28,7 @@ def _case(*overrides: str) -> Case:
 
 
 def _pencil(part: str, parity: str, *overrides: str) -> SymmetricPencil:
-    model = part_models.build(_case(*overrides), part, BAND_HZ[1], TerminalLog(quiet=True), [])
+    model = parts.build(_case(*overrides), part, BAND_HZ[1], TerminalLog(quiet=True), [])
     return model.pencil(parity)
 
 

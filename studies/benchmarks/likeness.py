@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import subspace_angles
 
 from geometry.elements import FloatArray
-from solvers.confinement import TouchField
+from solvers.measures.confinement import TouchField
 
 ALONG, ACROSS = 12, 8  # cosines along x and y: more would alias on the coarser quadrature
 CLUSTER = 0.003  # relative distance of neighbours in a cluster

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry.hex_split import split_hexahedra
-from geometry.hexmesh import Boxes, hex_mesh
+from geometry.hex.boxes import Boxes, hex_mesh
+from geometry.hex.split import split_hexahedra
 from geometry.mesh import Mesh
 
 

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from pipeline import house
+from pipeline import paths
 
 REPEATS = 5
 ARGUMENTS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
@@ -38,7 +38,7 @@ def measure(page_file: Path, browser: Any) -> tuple[float, float | None]:
 
 def main(study: str) -> int:
     """Print what was measured; say what is missing where it cannot be."""
-    page_file = house.RESULTS / study / "report.html"
+    page_file = paths.RESULTS / study / "report.html"
     chromium = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
     try:
         from playwright.sync_api import sync_playwright

@@ -6,8 +6,8 @@ by both models. Evaluations are kept: a second run goes on where the first one s
 
 from __future__ import annotations
 
-from pipeline.cli import main
-from pipeline.house import STUDIES
+from pipeline.cli.main import main
+from pipeline.paths import STUDIES
 
 ARGUMENTS = (
     "search", str(STUDIES / "three-rows.toml"), "--vary", "pillar.height_mm=5:8", "--vary", "array.pitch_mm=4:8",

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from geometry.hexmesh import HexSettings, cell_boxes, hex_mesh, plate_boxes
+from geometry.hex.boxes import HexSettings, cell_boxes, hex_mesh, plate_boxes
 from geometry.layout import Design
-from pipeline import peak_memory, planner
-from pipeline.part_models import PartModel
+from pipeline.batch import peak_memory
+from pipeline.models.parts import PartModel
+from pipeline.planning import mesh_rules
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import Modes, modes_in_band
 from solvers.fem.solid import CLASSES, SolidModel
@@ -56,13 +57,13 @@ def bands() -> dict[str, Any]:
     """25 intervals a segment, 10 bands: reduction and wavevectors, against sparse Bloch solves of the same mesh."""
     design = ladder.design()
     start = time.perf_counter()
-    lattice = Lattice(reductions(design, planner.lattice_recipe(design, ACCURACY)).cell(lattice_piece(design)))
+    lattice = Lattice(reductions(design, mesh_rules.lattice_recipe(design, ACCURACY)).cell(lattice_piece(design)))
     reduced = time.perf_counter() - start
     path = path_through("GXMG", 25, design.pitch_x_m, design.pitch_y_m)
     start = time.perf_counter()
     found = np.array([lattice.frequencies(k, 10) for k in path.wavevectors])
     swept = time.perf_counter() - start
-    settings = planner.cell_settings(design, ACCURACY)
+    settings = mesh_rules.cell_settings(design, ACCURACY)
     start = time.perf_counter()
     full = BlochCell(assemble(hex_mesh(cell_boxes(design, settings), settings.order), ladder.materials()), 4e-3, 4e-3)
     assembled = time.perf_counter() - start
@@ -109,7 +110,7 @@ def degrees() -> list[tuple[Any, ...]]:
 def plates(with_solid: bool = True) -> dict[str, Any]:
     """One row and 5 mm joined against the solid of the same cell mesh; three rows and 25 mm; what a change costs."""
     design, told = ladder.plate_design(), {}
-    recipe = planner.plate_recipe(design, PLATE_ACCURACY, BAND_HZ[1])
+    recipe = mesh_rules.plate_recipe(design, PLATE_ACCURACY, BAND_HZ[1])
     shelf = Shelf()
     peak_memory.restart()
     before, start = peak_memory.resident_bytes(), time.perf_counter()
@@ -121,7 +122,9 @@ def plates(with_solid: bool = True) -> dict[str, Any]:
     three = ladder.design()
     peak_memory.restart()
     before, start = peak_memory.resident_bytes(), time.perf_counter()
-    modes = _all_classes(PlateModel(three, reductions(three, planner.plate_recipe(three, PLATE_ACCURACY, BAND_HZ[1]))))
+    modes = _all_classes(
+        PlateModel(three, reductions(three, mesh_rules.plate_recipe(three, PLATE_ACCURACY, BAND_HZ[1])))
+    )
     told["three rows + 25 mm, cold (s)"] = time.perf_counter() - start
     told["three rows + 25 mm (MB)"] = (peak_memory.peak_bytes() - before) / 1e6
     told["three rows + 25 mm, modes"] = sum(len(each.frequency_hz) for each in modes.values())
@@ -142,7 +145,7 @@ def _all_classes(model: PartModel) -> dict[str, Modes]:
 
 
 def _solid(design: Design, model: PlateModel, joined: dict[str, Modes], joined_s: float) -> dict[str, Any]:
-    settings = planner.cell_settings(design, PLATE_ACCURACY)
+    settings = mesh_rules.cell_settings(design, PLATE_ACCURACY)
     peak_memory.restart()
     before, start = peak_memory.resident_bytes(), time.perf_counter()
     mesh = hex_mesh(plate_boxes(design, settings), settings.order)

@@ -14,9 +14,9 @@ ROOT = Path(__file__).resolve().parents[2]
 CASE = "studies/three-rows.toml"
 RUN = """
 import json, sys
-import pipeline.cli
+import pipeline.cli.main
 try:
-    code = pipeline.cli.main(json.loads(sys.argv[1]))
+    code = pipeline.cli.main.main(json.loads(sys.argv[1]))
 except SystemExit as end:
     code = end.code
 print(json.dumps({"code": code, "loaded": sorted(sys.modules)}), file=sys.stderr)
@@ -29,6 +29,7 @@ CLUSTER = {"distributed", "dask"}
 NUMBERS = {"numpy", "scipy"}
 ALWAYS_LATE = CAD | MESHERS | RENDERERS | BOARDS | CLUSTER
 OURS = {"geometry", "solvers"}
+LATE_HERE = ("solvers.piezo", "solvers.control", "solvers.active_beam", "solvers.shaping", "pipeline.plots")
 
 
 def loaded_by(*arguments: str, code: int = 0, results: Path | None = None) -> set[str]:
@@ -94,16 +95,17 @@ def test_a_solve_of_boxes_loads_no_cad_mesher_or_renderer(tmp_path: Path) -> Non
     coarse = ("--set", "solve.accuracy=0.1", "--count", "1", "--quiet", "--json", str(tmp_path / "m.json"))
     found = loaded_by("modes", CASE, "--part", "pillar", *coarse)
     assert "scipy" in packages(found) and not packages(found) & ALWAYS_LATE
-    assert not {name for name in found if name.startswith(("solvers.piezo", "solvers.control", "pipeline.plots"))}
+    assert not {name for name in found if name.startswith(LATE_HERE)}
 
 
 @pytest.mark.slow
 def test_a_report_whose_pictures_stand_draws_nothing(tmp_path: Path) -> None:
     """The second time: tables and page from records, no renderer, no mesher, no solver."""
     code = (
-        "import sys; sys.path.insert(0, 'tests/pipeline'); import synthetic; from pathlib import Path; "
-        "from pipeline import report; folder = synthetic.put_study(Path(sys.argv[1]) / 'rows', pitches=(0.004,), rows=(1,)); "
-        "report.build(folder)"
+        "import sys; from tests.helpers import synthetic; from pathlib import Path; "
+        "from pipeline.report import page; "
+        "folder = synthetic.put_study(Path(sys.argv[1]) / 'rows', pitches=(0.004,), rows=(1,)); "
+        "page.build(folder)"
     )
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

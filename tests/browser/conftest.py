@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "pipeline"))
-import synthetic
-
-from pipeline import renders, report, store, tables
+from pipeline.plots import rendering
+from pipeline.records import store, tables
+from pipeline.report import page
+from tests.helpers import synthetic
 
 CHROMIUM = next(
     (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), ""
@@ -95,8 +94,8 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     put_waves(folder / "pitch_mm=4,rows=1")
     tables.write_table(folder)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(renders, "_broken", ["not looked at here"])
-        return report.build(folder, most_drawn=1)
+        patch.setattr(rendering, "_broken", ["not looked at here"])
+        return page.build(folder, most_drawn=1)
 
 
 def put_waves(case: Path) -> None:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from firmware import bounds
 from firmware import build as builder
+from firmware.image import bounds
 from firmware.table_format import header_text
-from pipeline.mode_table import Mode, ModeTable, to_bytes
+from pipeline.board.table_file import Mode, ModeTable, to_bytes
 
 ALLOWED = {"single": {"an_fast_tick": 90, "an_slow_step": 250}, "six": {"an_six_tick": 300}}
 TABLE = header_text(to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality(31404.5, 300.0),))))
@@ -43,7 +43,7 @@ def test_a_loop_has_no_bound(compiler: dict[str, Path]) -> None:
 
 
 def test_both_images_fit(compiler: dict[str, Path]) -> None:
-    from firmware.elf import Elf
+    from firmware.image.elf import Elf
 
     for elf in compiler.values():
         flash, ram = builder.sizes(Elf.read(elf))

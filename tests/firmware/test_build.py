@@ -11,9 +11,9 @@ from xml.etree import ElementTree
 import pytest
 
 from firmware import build as builder
-from firmware.elf import Elf
-from firmware.svd import svd_text
-from pipeline.mode_table import Mode, ModeTable, to_bytes, to_header
+from firmware.image.elf import Elf
+from firmware.image.svd import svd_text
+from pipeline.board.table_file import Mode, ModeTable, to_bytes, to_header
 
 TABLE = ModeTable(250e3, bytes(range(16)), (Mode.from_quality(31404.5, 300.0, delay_s=2e-6),))
 SECTOR = 0x0800C000

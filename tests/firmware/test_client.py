@@ -11,14 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from firmware import client, selftest
+from firmware.client import client, command_line, selftest
 from firmware.emulate.line import EmulatedPort
 from firmware.emulate.plant import Plate, Resonance
 from firmware.protocol import PROTOCOL
-from pipeline.mode_table import Mode, ModeTable, to_bytes
-
-sys.path.insert(0, str(Path(__file__).parent))
-from fake_board import write_sound
+from pipeline.board.table_file import Mode, ModeTable, to_bytes
+from tests.helpers.fake_board import write_sound
 
 MODE = Mode(31250.0, 3e-3, -0.75j, 9.3e-6, frequency_identified=True)
 MODE_40K = Mode(3e3, 3e-3)
@@ -52,7 +50,7 @@ def board(make_image, core, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_status_is_printed(board, capsys) -> None:
-    assert client.main(["COM7", "status"]) == 0
+    assert command_line.main(["COM7", "status"]) == 0
     text = capsys.readouterr().out
     assert "state idle" in text and "mode 31250.000 Hz, tau 3 ms, gain 0.75, delay 9.3 us" in text
 
@@ -60,16 +58,16 @@ def test_status_is_printed(board, capsys) -> None:
 def test_upload_changes_the_mode(board, capsys, tmp_path: Path) -> None:
     other = to_bytes(ModeTable(250e3, bytes(16), (Mode(30500.0, 3e-3),)))
     (tmp_path / "table.bin").write_bytes(other)
-    assert client.main(["COM7", "upload", str(tmp_path / "table.bin")]) == 0
+    assert command_line.main(["COM7", "upload", str(tmp_path / "table.bin")]) == 0
     assert "mode 30500.000 Hz" in capsys.readouterr().out
     assert bytes(board.sector[: len(other)]) == other
 
 
 def test_upload_with_another_drive_limit(board, capsys, tmp_path: Path) -> None:
     (tmp_path / "table.bin").write_bytes(TABLE)
-    assert client.main(["COM7", "upload", str(tmp_path / "table.bin"), "0.1"]) == 0
+    assert command_line.main(["COM7", "upload", str(tmp_path / "table.bin"), "0.1"]) == 0
     assert math.isclose(board.app.mode.drive_limit, 0.1, rel_tol=1e-6)
-    assert client.main(["COM7", "upload", str(tmp_path / "table.bin"), "1.5"]) == 2
+    assert command_line.main(["COM7", "upload", str(tmp_path / "table.bin"), "1.5"]) == 2
     assert "drive limit 1.5, allowed 0.001 to 1" in capsys.readouterr().err
 
 
@@ -77,7 +75,7 @@ def test_a_drive_limit_reaches_every_mode_and_shape() -> None:
     from dataclasses import replace
 
     from firmware.table_format import with_drive_limit
-    from pipeline.mode_table import Pattern, Shape, from_bytes
+    from pipeline.board.table_file import Pattern, Shape, from_bytes
 
     table = ModeTable(40e3, bytes(16), (MODE_40K, MODE_40K), shapes=(Shape(2e3, 1e-2, (Pattern("all", (1.0,)),)),))
     changed = from_bytes(with_drive_limit(to_bytes(table), 0.25))
@@ -88,16 +86,16 @@ def test_a_drive_limit_reaches_every_mode_and_shape() -> None:
 
 
 def test_refusals_are_one_line_and_an_exit_code(board, capsys, tmp_path: Path) -> None:
-    assert client.main(["COM7", "reference", "0.1"]) == 3
-    assert client.main(["COM7", "upload", str(tmp_path / "none.bin")]) == 2
+    assert command_line.main(["COM7", "reference", "0.1"]) == 3
+    assert command_line.main(["COM7", "upload", str(tmp_path / "none.bin")]) == 2
     error = capsys.readouterr().err.splitlines()
     assert len(error) == 2 and "refused in the present state" in error[0] and "none.bin" in error[1]
 
 
 def test_texture_and_stop(board, capsys) -> None:
-    assert client.main(["COM7", "sine", "50", "0.5"]) == 0
+    assert command_line.main(["COM7", "sine", "50", "0.5"]) == 0
     assert board.app.texture.depth == 0.5 and math.isclose(board.app.texture.step / 2**32 * 5000.0, 50.0, rel_tol=1e-6)
-    assert client.main(["COM7", "stop"]) == 0
+    assert command_line.main(["COM7", "stop"]) == 0
 
 
 def test_the_log_of_a_running_board(board, capsys, tmp_path: Path) -> None:
@@ -106,7 +104,7 @@ def test_the_log_of_a_running_board(board, capsys, tmp_path: Path) -> None:
     talk.start(0.05)
     board.run(0.05)
     file = tmp_path / "log.csv"
-    assert client.main(["COM7", "log", str(file), "--every", "5", "--seconds", "0.5"]) == 0
+    assert command_line.main(["COM7", "log", str(file), "--every", "5", "--seconds", "0.5"]) == 0
     rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file.open())]
     assert len(rows) >= 4 and "lost" not in capsys.readouterr().out
     assert {after["window"] - before["window"] for before, after in pairwise(rows)} == {5.0}
@@ -116,16 +114,16 @@ def test_the_log_of_a_running_board(board, capsys, tmp_path: Path) -> None:
 
 def test_a_sound_reaches_the_board_in_time(board, capsys, tmp_path: Path) -> None:
     write_sound(tmp_path / "a.wav", [64] * 300, width=1)
-    assert client.main(["COM7", "stream", str(tmp_path / "a.wav"), "0.05"]) == 0
+    assert command_line.main(["COM7", "stream", str(tmp_path / "a.wav"), "0.05"]) == 0
     out = capsys.readouterr().out
     assert "300 samples at 2500 Hz\n" in out
     assert board.app.texture.kind == 2 and board.app.texture.factor == pytest.approx(64 / 255, abs=1e-4)
 
 
 def test_identity_and_health_are_told(board, capsys) -> None:
-    assert client.main(["COM7", "identity"]) == 0
+    assert command_line.main(["COM7", "identity"]) == 0
     assert f"build single, protocol {PROTOCOL}, table version 1: 1 modes" in capsys.readouterr().out
-    assert client.main(["COM7", "health"]) == 0
+    assert command_line.main(["COM7", "health"]) == 0
     out = capsys.readouterr().out
     assert "clock 180 MHz, resets by the watchdog in a row 0" in out and "exception" not in out
 
@@ -143,19 +141,19 @@ def test_the_selftest_of_an_emulated_bench(board, capsys, monkeypatch: pytest.Mo
     """The board's own clock stands for the host's; cycles are not counted there."""
     monkeypatch.setattr(selftest, "time", types.SimpleNamespace(monotonic=lambda: board.time_s, sleep=board.run))
     monkeypatch.setattr(selftest, "RATE_S", 0.04)
-    assert client.main(["COM7", "selftest", "line"]) == 0
-    assert client.main(["COM7", "selftest", "rest"]) == 0
+    assert command_line.main(["COM7", "selftest", "line"]) == 0
+    assert command_line.main(["COM7", "selftest", "rest"]) == 0
     out = capsys.readouterr().out
     assert out.count("pass  line") == 3 and out.count("pass  rest") == 3 and "FAIL" not in out
 
 
 def test_missing_values_are_named(capsys) -> None:
     with pytest.raises(SystemExit) as raised:
-        client.main(["COM7", "sine", "50"])
+        command_line.main(["COM7", "sine", "50"])
     assert raised.value.code == 2 and "required: DEPTH" in capsys.readouterr().err
 
 
 def test_without_pyserial_the_way_to_get_it_is_said(capsys, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "serial", None)
-    assert client.main(["COM7", "status"]) == 5
+    assert command_line.main(["COM7", "status"]) == 5
     assert "pip install pyserial" in capsys.readouterr().err

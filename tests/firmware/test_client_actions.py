@@ -13,12 +13,18 @@ from pathlib import Path
 
 import pytest
 
-from firmware import actions, cli, client, selftest
-from firmware.client import BoardError, Client, describe_health
+from firmware.client import actions, command_line, selftest
+from firmware.client.client import BoardError, Client, describe_health
 from firmware.protocol import PROTOCOL, Kind, Message, Result
-
-sys.path.insert(0, str(Path(__file__).parent))
-from fake_board import HEALTH, SIX_STATUS, FakePort, log_frame, pseudo_terminal, single_status, write_sound
+from tests.helpers.fake_board import (
+    HEALTH,
+    SIX_STATUS,
+    FakePort,
+    log_frame,
+    pseudo_terminal,
+    single_status,
+    write_sound,
+)
 
 IDLE, IDENTIFY, RUN, FAULT = range(4)
 FAULT_IDENTIFY, FAULT_CLOCK = 1 << 9, 1 << 1
@@ -32,7 +38,7 @@ def run(monkeypatch: pytest.MonkeyPatch, port: FakePort, *arguments: str) -> int
     fake = types.ModuleType("serial")
     fake.Serial = lambda *_, **__: port  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "serial", fake)
-    return client.main(["COM7", *arguments])
+    return command_line.main(["COM7", *arguments])
 
 
 class Interrupted(FakePort):
@@ -254,7 +260,7 @@ def test_no_board_or_several_are_told(
 ) -> None:
     pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [port_of(*port) for port in ports])
-    assert client.main(["status"]) == code
+    assert command_line.main(["status"]) == code
     error = capsys.readouterr().err
     assert words in error and error.count("\n") == 1
 
@@ -265,15 +271,15 @@ def test_the_only_board_is_found(monkeypatch: pytest.MonkeyPatch, capsys, before
     with pseudo_terminal(FakePort()) as name:
         found = [port_of("/dev/ttyS0", None), port_of(name, 0x0483)]
         monkeypatch.setattr("serial.tools.list_ports.comports", lambda: found)
-        assert client.main([*before, "status"]) == 0
+        assert command_line.main([*before, "status"]) == 0
     assert "state idle" in capsys.readouterr().out
 
 
 def test_a_port_may_be_named_in_front_or_by_its_option() -> None:
-    assert cli.with_port(["/dev/x", "start", "0.1", "-5"]) == ["/dev/x", "start", "0.1", "-5"]
-    assert cli.with_port(["start", "0.1", "--port", "/dev/x"]) == ["/dev/x", "start", "0.1"]
-    assert cli.with_port(["start", "0.1"]) == ["auto", "start", "0.1"]
-    assert cli.with_port(["--help"]) == ["--help"] and cli.with_port([]) == []
+    assert command_line.with_port(["/dev/x", "start", "0.1", "-5"]) == ["/dev/x", "start", "0.1", "-5"]
+    assert command_line.with_port(["start", "0.1", "--port", "/dev/x"]) == ["/dev/x", "start", "0.1"]
+    assert command_line.with_port(["start", "0.1"]) == ["auto", "start", "0.1"]
+    assert command_line.with_port(["--help"]) == ["--help"] and command_line.with_port([]) == []
 
 
 class Clock:

@@ -8,13 +8,20 @@ from pathlib import Path
 
 import pytest
 
-from firmware import cli, client
-from firmware.client import BoardError, Client, describe
+from firmware.client import client, command_line
+from firmware.client.client import BoardError, Client, describe
 from firmware.protocol import LOG_RECORDS, REPLY, Kind, Message, encode
-from pipeline.mode_table import Mode, ModeTable, to_bytes
-
-sys.path.insert(0, str(Path(__file__).parent))
-from fake_board import RECORD, SIX_STATUS, STATUS, FakePort, log_frame, pseudo_terminal, single_status, write_sound
+from pipeline.board.table_file import Mode, ModeTable, to_bytes
+from tests.helpers.fake_board import (
+    RECORD,
+    SIX_STATUS,
+    STATUS,
+    FakePort,
+    log_frame,
+    pseudo_terminal,
+    single_status,
+    write_sound,
+)
 
 TABLE = to_bytes(ModeTable(250e3, bytes(16), (Mode(31250.0, 3e-3),)))
 VALUES = {
@@ -71,22 +78,22 @@ def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys):
         fake = types.ModuleType("serial")
         fake.Serial = lambda *_, **__: port  # type: ignore[attr-defined]
         monkeypatch.setitem(sys.modules, "serial", fake)
-        code = client.main(["COM7", action, *VALUES.get(action, [])])
+        code = command_line.main(["COM7", action, *VALUES.get(action, [])])
         told = capsys.readouterr()
         return code, told.out, told.err
 
     return go
 
 
-@pytest.mark.parametrize("action", cli.ACTIONS)
+@pytest.mark.parametrize("action", command_line.ACTIONS)
 @pytest.mark.parametrize("status", [STATUS, SIX_STATUS], ids=["single", "six"])
 def test_a_sound_board_is_understood(run, action: str, status: bytes) -> None:
     code, out, err = run(FakePort(status=status), action)
     assert (code, err) == (0, "") and out
-    assert "state idle" in out or cli.ACTIONS[action].tells
+    assert "state idle" in out or command_line.ACTIONS[action].tells
 
 
-@pytest.mark.parametrize("action", cli.ACTIONS)
+@pytest.mark.parametrize("action", command_line.ACTIONS)
 @pytest.mark.parametrize("fault", SPOILED)
 def test_a_spoiled_reply_is_one_line(run, action: str, fault: str) -> None:
     spoil, words = SPOILED[fault]
@@ -94,7 +101,7 @@ def test_a_spoiled_reply_is_one_line(run, action: str, fault: str) -> None:
     assert code == 3 and err.startswith("client: ") and err.count("\n") == 1 and words in err, err
 
 
-@pytest.mark.parametrize("action", cli.ACTIONS)
+@pytest.mark.parametrize("action", command_line.ACTIONS)
 @pytest.mark.parametrize("flood", FLOODS)
 def test_a_line_that_never_rests_is_one_line(run, action: str, flood: str) -> None:
     code, _, err = run(FakePort(lambda reply: b"", flood=FLOODS[flood]), action)
@@ -205,7 +212,7 @@ def test_a_real_port_is_spoken_to(action: str, tmp_path: Path, capsys, monkeypat
     (tmp_path / "table.bin").write_bytes(TABLE)
     monkeypatch.chdir(tmp_path)
     with pseudo_terminal(FakePort()) as name:
-        assert client.main([name, action, *VALUES.get(action, [])]) == 0
+        assert command_line.main([name, action, *VALUES.get(action, [])]) == 0
     told = capsys.readouterr()
     assert "mode 31250.000 Hz" in told.out and told.err == ""
 
@@ -223,7 +230,7 @@ def test_a_real_port_with_a_spoiled_board(port: FakePort, words: str, capsys, mo
     pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
     monkeypatch.setattr(client, "BUSY_S", 0.2)
     with pseudo_terminal(port) as name:
-        assert client.main([name, "status"]) == 3
+        assert command_line.main([name, "status"]) == 3
     err = capsys.readouterr().err
     assert words in err and err.count("\n") == 1
 
@@ -233,7 +240,7 @@ def test_a_port_that_is_none_is_told_with_what_to_look_at(name: str, tmp_path: P
     pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
     (tmp_path / "table.bin").write_bytes(TABLE)
     monkeypatch.chdir(tmp_path)
-    assert client.main([name, "status"]) == 5
+    assert command_line.main([name, "status"]) == 5
     err = capsys.readouterr().err
     assert err.startswith(f"client: {name}: ") and "plugged in" in err and err.count("\n") == 1
 
@@ -249,7 +256,7 @@ def test_a_board_that_is_pulled_out_is_one_line(capsys) -> None:
         fake = types.ModuleType("serial")
         fake.Serial = lambda *_, **__: Pulled()  # type: ignore[attr-defined]
         patched.setitem(sys.modules, "serial", fake)
-        assert client.main(["COM7", "status"]) == 3
+        assert command_line.main(["COM7", "status"]) == 3
     assert capsys.readouterr().err == "client: device disconnected\n"
 
 
@@ -268,7 +275,7 @@ def test_a_board_that_is_pulled_out_is_one_line(capsys) -> None:
 )
 def test_a_wrong_value_is_refused_before_the_port_is_opened(values: list[str], words: str, capsys) -> None:
     with pytest.raises(SystemExit) as raised:
-        client.main(["/dev/antinode-none", *values])
+        command_line.main(["/dev/antinode-none", *values])
     assert raised.value.code == 2 and words in capsys.readouterr().err
 
 

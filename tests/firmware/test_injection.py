@@ -10,7 +10,7 @@ import math
 import pytest
 
 from firmware.emulate.plant import Plate, Resonance, hold
-from pipeline.mode_table import Mode, ModeTable, to_bytes
+from pipeline.board.table_file import Mode, ModeTable, to_bytes
 
 TRUE, TAU = 31437.3, 300.0 / math.pi / 31437.3
 DROOP = abs(hold(TRUE, 250e3))

@@ -10,11 +10,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from firmware.client import BoardError, Client
+from firmware.client.client import BoardError, Client
 from firmware.emulate.plant import Plate, Resonance, hold
 from firmware.protocol import Kind, Message, decode, encode, parse_health
 from firmware.table_format import MAX_BYTES, seal
-from pipeline.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
+from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 
 TRUE, GAIN = 31437.3, 0.8
 TAU = 300.0 / math.pi / TRUE

@@ -8,10 +8,10 @@ import struct
 import numpy as np
 import pytest
 
-from firmware.client import BoardError, Client, describe
+from firmware.client.client import BoardError, Client, describe
 from firmware.emulate.beam import Beam, _clamped_roots
 from firmware.protocol import Kind, parse_health
-from pipeline.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
+from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 
 IDLE, IDENTIFY, RUN, FAULT = range(4)
 TIM1, TIM8 = 0x40010000, 0x40010400

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from firmware.emulate.beam import Beam, Structure
-from pipeline import mode_table_shaping
+from pipeline.board import shaping
+from pipeline.board.shaping import full_scale, shaping_table
+from pipeline.board.table_file import from_bytes, to_bytes
 from pipeline.errors import InputFault
-from pipeline.mode_table import from_bytes, to_bytes
-from pipeline.mode_table_shaping import full_scale, shaping_table
-from solvers.control.confining import REGIONS, held, region_points
-from solvers.control.shaping_model import LINE, ShapedBeam, pointed
-from solvers.control.shaping_steps import travel_window
-from solvers.control.shaping_study import ShapingData
-from solvers.control.travelling import inner_window, travelling_wave_ratio, two_wave_fit
+from solvers.shaping.acoustic_contrast import REGIONS, held, region_points
+from solvers.shaping.travelling_wave import inner_window, travelling_wave_ratio, two_wave_fit
+from solvers.shaping_study.model import LINE, ShapedBeam, pointed
+from solvers.shaping_study.steps import travel_window
+from solvers.shaping_study.study import ShapingData
 
 TONE = 2400.0
 NAMES = ("left", "middle", "right", "left max", "mid max", "rightmax", "wave+", "wave-")
@@ -123,20 +123,20 @@ def test_a_structure_answers_as_its_matrix(model: ShapedBeam) -> None:
 
 def test_the_command_writes_a_table_for_the_real_patches(tmp_path: Path, capsys) -> None:
     file = tmp_path / "six.bin"
-    assert mode_table_shaping.main([str(file), "--frequency", "2.4kHz"]) == 0
+    assert shaping.main([str(file), "--frequency", "2.4kHz"]) == 0
     table = from_bytes(file.read_bytes())
     assert table.shapes[0].frequency_hz == TONE and table.sample_rate_hz == 40e3
     assert "matrix identified, patterns left, middle, right" in capsys.readouterr().out
-    assert mode_table_shaping.main([str(file), "--points", "--unmeasured"]) == 0
+    assert shaping.main([str(file), "--points", "--unmeasured"]) == 0
     assert all(shape.matrix is None for shape in from_bytes(file.read_bytes()).shapes)
-    assert mode_table_shaping.main([str(file), "--frequency", "loud"]) == 2
+    assert shaping.main([str(file), "--frequency", "loud"]) == 2
     error = capsys.readouterr().err
     assert "loud" in error and error.count("\n") == 1
 
 
 def test_tones_that_the_board_refuses_are_not_exported(tmp_path: Path, capsys, core) -> None:
     """The limit is the board's own, and what is chosen without being asked for keeps it."""
-    assert mode_table_shaping.MIN_SHAPE_HZ == core.lib.AN_SIX_FREQUENCY_MIN_HZ
-    assert mode_table_shaping.BAND_HZ[0] == mode_table_shaping.MIN_SHAPE_HZ
-    assert mode_table_shaping.main([str(tmp_path / "low.bin"), "--points", "--frequency", "260Hz"]) == 2
+    assert shaping.MIN_SHAPE_HZ == core.lib.AN_SIX_FREQUENCY_MIN_HZ
+    assert shaping.BAND_HZ[0] == shaping.MIN_SHAPE_HZ
+    assert shaping.main([str(tmp_path / "low.bin"), "--points", "--frequency", "260Hz"]) == 2
     assert "350 Hz" in capsys.readouterr().err and not (tmp_path / "low.bin").exists()

@@ -9,7 +9,7 @@ import pytest
 
 from firmware.emulate import EmulationError, board_run, step_response
 from firmware.emulate.plant import Assumed, Plate, PlateSimulation, Resonance, hold, plate_from_table, response
-from pipeline.mode_table import Mode, ModeTable, to_bytes
+from pipeline.board.table_file import Mode, ModeTable, to_bytes
 
 TRUE = 31437.3
 TAU = 300.0 / math.pi / TRUE

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from firmware.emulate.plant import Plate, Resonance, hold
-from pipeline.mode_table import Mode, ModeTable, to_bytes
+from pipeline.board.table_file import Mode, ModeTable, to_bytes
 
 TRUE = 31437.3
 DROOP = abs(hold(TRUE, 250e3))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geometry.errors import MeshError
-from geometry.hexmesh import Boxes, hex_mesh
+from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.mesh import Mesh, cell_volumes, check_mesh, is_affine, jacobians
 
 

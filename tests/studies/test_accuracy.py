@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.script_page import write_page
+from pipeline.report.script_page import write_page
 from studies import accuracy
 
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from pipeline import planner, store
+from pipeline.planning import mesh_rules
+from pipeline.records import store
 from studies import accuracy, calibration, ladder
 
 SECONDS = {"seconds": 1.0, "repeats": 1, "peak_bytes": 1_000_000}
@@ -52,7 +53,7 @@ def test_a_mesh_has_its_worst_quantity_and_a_theory_its_first() -> None:
 
 
 def test_a_zones_modes_tell_what_hexahedra_do_at_their_frequencies_and_tetrahedra_at_the_first() -> None:
-    good = planner.good_to_hz("zone", ladder.design())
+    good = mesh_rules.good_to_hz("zone", ladder.design())
     low, high = 1.2005 * good, 1.7509 * good
 
     def zone(rung: dict[str, Any], errors: tuple[float, ...], role: str = "rung") -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.study_file import load_study
+from pipeline.batch.study_file import load_study
 from studies import reproduction
 
 

@@ -8,10 +8,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from geometry.hexmesh import Boxes, HexSettings, cell_boxes, hex_mesh
+from geometry.hex.boxes import Boxes, HexSettings, cell_boxes, hex_mesh
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
-from pipeline import planner
+from pipeline.planning import mesh_rules
 from solvers.analytic import lamb
 from solvers.fem.assembly import assemble
 from solvers.superelement.build import Recipe, Reductions, lattice_piece
@@ -38,7 +38,7 @@ def reduced(design: Design, recipe: Recipe) -> Lattice:
 @lru_cache
 def planned(accuracy: float) -> Lattice:
     """As the bands of a case are computed."""
-    return reduced(CELL, planner.lattice_recipe(CELL, accuracy))
+    return reduced(CELL, mesh_rules.lattice_recipe(CELL, accuracy))
 
 
 def wavevector(share: tuple[float, float], design: Design) -> np.ndarray:
@@ -93,7 +93,7 @@ def test_bands_at_gamma_are_the_known_ones() -> None:
 @pytest.mark.parametrize("design", [CELL, OBLONG], ids=["square", "oblong"])
 def test_the_reduced_cell_has_the_bands_of_the_full_cell(design: Design) -> None:
     settings = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
-    recipe = Recipe(Interface(4, 3), planner.lattice_recipe(design, 0.01).top_hz, settings)
+    recipe = Recipe(Interface(4, 3), mesh_rules.lattice_recipe(design, 0.01).top_hz, settings)
     whole, lattice = full(design, settings), reduced(design, recipe)
     for share in SHARES[1:]:
         k = wavevector(share, design)

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-import bodies
-
 from geometry.materials import Material
-from solvers.analytic.timoshenko import Beam, beam_modes, square_beam
+from solvers.analytic.section import Beam, square_beam
+from solvers.analytic.timoshenko import beam_modes
 from solvers.fem.eigen import modes_in_band
+from tests.helpers import bodies
 
 SIDE_M, YOUNG, DENSITY = 1e-3, 70e9, 2700.0
 

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent))
-import bodies
 
 from geometry.materials import Material
 from geometry.mesh import Mesh
 from solvers.fem.eigen import modes_in_band
+from tests.helpers import bodies
 
 SOFT = Material("soft", 2.5e9, 1200.0, 0.31)
 EDGES_M = (2.0e-3, 1.5e-3, 1.1e-3)

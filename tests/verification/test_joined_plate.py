@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geometry.hexmesh import VOID, Boxes, HexSettings, hex_mesh, piece_boxes
+from geometry.hex.boxes import VOID, Boxes, HexSettings, hex_mesh, piece_boxes
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
-from solvers.confinement import measure
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
+from solvers.measures.confinement import measure
 from solvers.superelement.build import PlateModel, Recipe, Reductions
 from solvers.superelement.interface import Interface
 

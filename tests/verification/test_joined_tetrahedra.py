@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.case import Case, load_case
+from pipeline.analysis.modes import PartModes, Request, solve_modes
+from pipeline.case.model import Case, load_case
 from pipeline.logs import TerminalLog
-from pipeline.modes import PartModes, Request, solve_modes
 
 PLATE = """name = "small"
 material = "aluminium"

@@ -6,17 +6,12 @@ beside it adds the same compliance. That drift is compared with its exact rate.
 
 from __future__ import annotations
 
-import sys
 from itertools import pairwise
 from math import log, pi, sin
-from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.polynomial import legendre
-
-sys.path.insert(0, str(Path(__file__).parent))
-import bodies
 
 from geometry.elements import gauss_lobatto, lagrange
 from geometry.materials import Material
@@ -24,6 +19,7 @@ from geometry.mesh import Mesh
 from solvers.fem.assembly import assemble
 from solvers.fem.constraints import Pencil
 from solvers.fem.eigen import PlainPencil, modes_in_band
+from tests.helpers import bodies
 
 STEEL = Material("steel", 200e9, 8000.0, 0.3)
 ROUNDED = 5e-5  # half a unit in the fifth digit of 99 999, relative, at worst 5e-4 of 1.0; these begin with 1 to 4

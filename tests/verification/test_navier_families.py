@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from math import pi, sqrt
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent))
-import bodies
 
 from geometry.materials import Material
 from solvers.analytic import lamb
 from solvers.fem.eigen import modes_in_band
+from tests.helpers import bodies
 
 STEEL = Material("steel", 200e9, 8000.0, 0.3)
 BENDING_HZ = {2: (45.9712, 1), 5: (109.8569, 2), 8: (168.8193, 1), 10: (205.8646, 2), 13: (258.5599, 2)}

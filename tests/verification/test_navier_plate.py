@@ -10,7 +10,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from geometry.hexmesh import Boxes, hex_mesh
+from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.materials import Material
 from solvers.analytic import lamb
 from solvers.fem.assembly import assemble

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geometry.grading import grid_lines
-from geometry.hexmesh import Boxes, hex_mesh, pillar_boxes, zone_boxes
+from geometry.hex.boxes import Boxes, hex_mesh, pillar_boxes, zone_boxes
+from geometry.hex.grading import grid_lines
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
-from pipeline import planner
+from pipeline.planning import mesh_rules
 from solvers.fem.eigen import modes_in_band, modes_near
 from solvers.fem.solid import SolidModel
 
@@ -36,7 +36,7 @@ def every_class(model: SolidModel, low_hz: float, high_hz: float) -> np.ndarray:
 
 def zone(accuracy: float) -> np.ndarray:
     """Frequencies of the strip between 15 and 67 kHz."""
-    settings = planner.zone_mesh(design(), planner.rung("zone", accuracy))
+    settings = mesh_rules.zone_mesh(design(), mesh_rules.rung("zone", accuracy))
     mesh = hex_mesh(zone_boxes(design(), settings), settings.order)
     return every_class(SolidModel(mesh, {"plate": ALUMINIUM}, ("y+",), True), 15e3, 67e3)
 
@@ -54,14 +54,14 @@ def test_zone_fine_settings_meet_all_fourteen_frequencies() -> None:
 
 def test_elements_graded_towards_the_free_ends_take_half_of_the_zones_error_away() -> None:
     """The field is singular where a free end meets a clamped side, and even elements along the zone do not follow it."""
-    coarse, fine = planner.rungs("zone")[0], planner.rungs("zone")[-2]
+    coarse, fine = mesh_rules.rungs("zone")[0], mesh_rules.rungs("zone")[-2]
 
-    def even(boxes: Boxes, row: planner.Rung) -> Boxes:
-        lines = grid_lines({0.0: False, float(boxes.x[-1]): False}, planner.zone_mesh(design(), row).grading)
+    def even(boxes: Boxes, row: mesh_rules.Rung) -> Boxes:
+        lines = grid_lines({0.0: False, float(boxes.x[-1]): False}, mesh_rules.zone_mesh(design(), row).grading)
         return replace(boxes, x=lines, region=boxes.region[: len(lines) - 1])
 
-    def mode_hz(row: planner.Rung, graded: bool = True) -> float:
-        boxes = zone_boxes(design(), planner.zone_mesh(design(), row))
+    def mode_hz(row: mesh_rules.Rung, graded: bool = True) -> float:
+        boxes = zone_boxes(design(), mesh_rules.zone_mesh(design(), row))
         mesh = hex_mesh(boxes if graded else even(boxes, row), row.order)
         model = SolidModel(mesh, {"plate": ALUMINIUM}, ("y+",), True)
         return float(modes_in_band(model.pencil("++"), 30e3, 36e3).frequency_hz[0])
@@ -72,7 +72,7 @@ def test_elements_graded_towards_the_free_ends_take_half_of_the_zones_error_away
 
 @pytest.mark.parametrize(("height_m", "parity"), [(6.3e-3, "+-"), (6.3e-3, "-+"), (6.5e-3, "+-")])
 def test_pillar_bends_once_below_80_khz_at_the_known_frequency(height_m: float, parity: str) -> None:
-    settings = planner.pillar_mesh(design(height_m), planner.rung("pillar", 0.01))
+    settings = mesh_rules.pillar_mesh(design(height_m), mesh_rules.rung("pillar", 0.01))
     pillar = design(height_m).pillar
     assert pillar
     mesh = hex_mesh(pillar_boxes(pillar, settings), settings.order)
@@ -85,14 +85,14 @@ def test_pillar_bends_once_below_80_khz_at_the_known_frequency(height_m: float, 
 def test_three_bendings_of_the_pillar_lie_within_their_bar() -> None:
     """Elements too long for the third would keep the first one right and the bar small."""
 
-    def bending(row: planner.Rung) -> np.ndarray:
-        settings = planner.pillar_mesh(design(6.3e-3), row)
+    def bending(row: mesh_rules.Rung) -> np.ndarray:
+        settings = mesh_rules.pillar_mesh(design(6.3e-3), row)
         mesh = hex_mesh(pillar_boxes(design(6.3e-3).pillar, settings), settings.order)
         return modes_near(SolidModel(mesh, {"pillar": ALUMINIUM}, ("touch",), True).pencil("-+"), 0.0, 3).frequency_hz[
             :3
         ]
 
-    coarse, fine = planner.rung("pillar", 0.01), planner.rungs("pillar")[-2]
+    coarse, fine = mesh_rules.rung("pillar", 0.01), mesh_rules.rungs("pillar")[-2]
     error = np.abs(bending(coarse) / bending(fine) - 1.0)
-    bar = planner.expected_error("pillar", coarse)
+    bar = mesh_rules.expected_error("pillar", coarse)
     assert bar is not None and (error <= bar).all(), (error, bar)

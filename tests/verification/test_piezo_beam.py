@@ -5,10 +5,8 @@ A patch's e31, its stiffness and its capacitance all stand in the shift; the sig
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +14,7 @@ import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from geometry.hexmesh import Boxes, HexSettings, hex_mesh
+from geometry.hex.boxes import Boxes, HexSettings, hex_mesh
 from geometry.layout import Design
 from geometry.materials import MATERIALS, Material
 from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
@@ -29,17 +27,15 @@ from solvers.analytic.piezo_beam import (
     laminate,
     piezo_layer,
 )
+from solvers.control.resonance import half_power_quality
 from solvers.fem.assembly import assemble
-from solvers.measured_sweep import half_power_quality
 from solvers.piezo.circuit import circuit_shift, open_modes
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.patch import _matrices, _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.superelement.build import PlateModel, Recipe, Reductions
 from solvers.superelement.interface import Interface
-
-sys.path.insert(0, str(Path(__file__).parent))
-from unimorph import CERAMIC, CERAMIC_M, D31, LENGTH_M, METAL_M, STEEL_LIKE, published
+from tests.helpers.unimorph import CERAMIC, CERAMIC_M, D31, LENGTH_M, METAL_M, STEEL_LIKE, published
 
 ALUMINIUM, PZT = MATERIALS["aluminium"], PIEZO_MATERIALS["pzt-5h"]
 NARROW_M, ELEMENT_M = 2e-3, 5e-3  # of the cantilever: with Poisson's ratio 0 its width does not matter

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from math import pi, sqrt
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,9 +21,7 @@ from solvers.analytic.piezo_beam import (
     piezo_layer,
 )
 from solvers.errors import SolverError
-
-sys.path.insert(0, str(Path(__file__).parent))
-from unimorph import CERAMIC, CERAMIC_M, D31, LENGTH_M, METAL_M, STEEL_LIKE, WIDTH_M, YOUNG_PA, published
+from tests.helpers.unimorph import CERAMIC, CERAMIC_M, D31, LENGTH_M, METAL_M, STEEL_LIKE, WIDTH_M, YOUNG_PA, published
 
 
 @pytest.mark.parametrize(

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(0, str(Path(__file__).parents[1] / "solvers" / "fem"))
-import test_cantilever
-import test_convergence
-import test_hex_against_tet
-import test_nafems
-import test_navier_families
-import test_rayleigh_lamb
-import test_rods
 
 from geometry.elements import FloatArray, IntArray
 from geometry.materials import Material
 from solvers.errors import CountMismatch, SolverError
 from solvers.fem import assembly, eigen
 from solvers.waves import bloch
+from tests.solvers.fem import test_convergence
+from tests.verification import (
+    test_cantilever,
+    test_hex_against_tet,
+    test_nafems,
+    test_navier_families,
+    test_rayleigh_lamb,
+    test_rods,
+)
 
 Plant = Callable[[pytest.MonkeyPatch], None]
 

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent))
-import bodies
 
 from geometry.materials import Material
 from solvers.analytic import lamb
 from solvers.fem.assembly import assemble
 from solvers.waves.bloch import BlochCell
+from tests.helpers import bodies
 
 STEEL = Material("steel", 200e9, 8000.0, 0.3)
 PITCH_M, THICKNESS_M = (3e-3, 4e-3), 1e-3

@@ -5,21 +5,17 @@ Torsion: u_theta ~ r cos(kz), omega = k c_s. Longitudinal: the lowest root of Po
 
 from __future__ import annotations
 
-import sys
 from math import factorial, pi, sqrt
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 from scipy.special import i0, i1, j0, j1
 
-sys.path.insert(0, str(Path(__file__).parent))
-import bodies
-
 from geometry.materials import Material
 from geometry.mesh import check_mesh
 from solvers.fem.eigen import modes_in_band
+from tests.helpers import bodies
 
 STEEL = Material("steel", 200e9, 8000.0, 0.3)
 RADIUS_M, LENGTH_M = 0.01, 0.06

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geometry.hexmesh import Boxes, hex_mesh
+from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.materials import Material
 from solvers.analytic.lamb import supported_plate_hz
 from solvers.errors import SolverError

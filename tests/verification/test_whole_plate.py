@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geometry.hexmesh import VOID, Boxes, HexSettings, Piece, hex_mesh, piece_boxes
+from geometry.hex.boxes import VOID, Boxes, HexSettings, Piece, hex_mesh, piece_boxes
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh

@@ -8,15 +8,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from solvers.analytic.beams import (
-    VANISHING,
-    antinodes,
-    beam_mode,
-    free_free_mode,
-    frequency_hz,
-    rigid_count,
-    roots,
-)
+from solvers.analytic.beams import VANISHING, antinodes, beam_mode, free_free_mode, frequency_hz, rigid_count, roots
 from solvers.errors import SolverError
 
 PAIRS = list(product(VANISHING, VANISHING))

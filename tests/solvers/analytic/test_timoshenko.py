@@ -10,7 +10,8 @@ import pytest
 
 from solvers.analytic.beams import VANISHING, beam_mode, rigid_count, roots
 from solvers.analytic.ritz_beams import ritz_frequencies_hz
-from solvers.analytic.timoshenko import Beam, beam_modes, round_beam, square_beam
+from solvers.analytic.section import Beam, round_beam, square_beam
+from solvers.analytic.timoshenko import beam_modes
 from solvers.errors import SolverError
 
 PAIRS = list(product(VANISHING, VANISHING))

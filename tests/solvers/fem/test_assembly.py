@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 from scipy.sparse.linalg import norm
-
-sys.path.insert(0, str(Path(__file__).parent))
-import small_meshes as small
 
 from geometry.materials import Material
 from geometry.mesh import Mesh, is_affine
 from solvers.fem import assembly
 from solvers.fem.assembly import Scale, assemble, elasticity
 from solvers.fem.constraints import mass_rows, rigid_motions
+from tests.helpers import small_meshes as small
 
 SI = Scale(1.0, 1.0, 1.0)
 BODY = {"body": small.SOFT}

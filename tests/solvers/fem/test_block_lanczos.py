@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from geometry.hexmesh import Boxes, hex_mesh
+from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.materials import MATERIALS
 from solvers.fem import block_lanczos as module
 from solvers.fem.assembly import assemble

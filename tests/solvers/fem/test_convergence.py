@@ -6,22 +6,18 @@ omega = c_p |k| for pressure waves and c_s |k| for the shear waves normal to k.
 
 from __future__ import annotations
 
-import sys
 from itertools import product
 from math import log, pi, sqrt
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-import small_meshes as small
-
-from geometry.hexmesh import Boxes, hex_mesh
+from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.mesh import Mesh
 from solvers.fem.assembly import assemble
 from solvers.fem.constraints import Pencil, constrain
 from solvers.fem.eigen import modes_in_band
+from tests.helpers import small_meshes as small
 
 EDGES_M = (1.0e-3, 0.9e-3, 0.77e-3)
 COUNT = 4

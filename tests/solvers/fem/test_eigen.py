@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from scipy.linalg import eigh
-
-sys.path.insert(0, str(Path(__file__).parent))
-import small_meshes as small
 
 from solvers.errors import CountMismatch, SolverError
 from solvers.fem import eigen
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.constraints import Pencil, constrain, free_mask
 from solvers.fem.eigen import PlainPencil, lowest_values, modes_in_band, modes_near
-from solvers.fem.factor import Factoriser, available
+from solvers.fem.factor.factoriser import Factoriser, available
+from tests.helpers import small_meshes as small
 
 BODY = {"body": small.SOFT}
 CUBE = (1e-3, 1e-3, 1e-3)

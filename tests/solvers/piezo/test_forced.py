@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
 
-from geometry.hexmesh import Boxes, HexSettings, hex_mesh
+from geometry.hex.boxes import Boxes, HexSettings, hex_mesh
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
@@ -167,7 +167,7 @@ def test_driver_and_sensor_may_change_places() -> None:
 
 
 def test_a_peak_is_as_wide_as_its_damping() -> None:
-    from solvers.measured_sweep import half_power_quality
+    from solvers.control.resonance import half_power_quality
 
     plate = forced(MIDDLE, (0,), (), 400.0)
     tone = float(max(plate.modes, key=lambda m: np.abs(m.gain).max()).frequency_hz[0])

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from geometry.hexmesh import HexSettings
+from geometry.hex.boxes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from geometry.piezo_materials import PIEZO_MATERIALS

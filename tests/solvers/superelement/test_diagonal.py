@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh, subspace_angles
 
-from geometry.hexmesh import HexSettings, Piece, hex_mesh, piece_boxes
+from geometry.hex.boxes import HexSettings, Piece, hex_mesh, piece_boxes
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.fem.assembly import Scale, System, assemble

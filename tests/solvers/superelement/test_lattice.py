@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from geometry.hexmesh import HexSettings, Piece, hex_mesh, piece_boxes
+from geometry.hex.boxes import HexSettings, Piece, hex_mesh, piece_boxes
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.analytic.lamb import lamb_hz, shear_speed
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
 from solvers.superelement.build import Recipe, Reductions
-from solvers.superelement.estimate import reduction_error
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice, Waves
+from solvers.superelement.lattice_error import reduction_error
 from solvers.waves.bloch import BlochCell
 from solvers.waves.branches import one_sided
 

@@ -7,13 +7,13 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from geometry.hexmesh import HexSettings
+from geometry.hex.boxes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.fem.eigen import modes_near
 from solvers.superelement.build import PlateModel, Recipe, Reductions
 from solvers.superelement.interface import Interface
-from solvers.superelement.plate_estimate import mode_errors
+from solvers.superelement.plate_error import mode_errors
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from geometry.hexmesh import HexSettings, Piece
+from geometry.hex.boxes import HexSettings, Piece
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.errors import SolverError

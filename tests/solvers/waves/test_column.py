@@ -9,15 +9,15 @@ from math import pi
 import numpy as np
 import pytest
 
-from geometry.hexmesh import HexSettings
+from geometry.hex.boxes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
-from solvers.analytic.row_strip import strip_modes
-from solvers.confinement import measure
 from solvers.fem.eigen import modes_in_band
+from solvers.measures.confinement import measure
+from solvers.measures.wanted_mode import verdict
+from solvers.resonators.strip import strip_modes
 from solvers.superelement.build import PlateModel, Recipe, Reductions
 from solvers.superelement.interface import Interface
-from solvers.wanted import verdict
 from solvers.waves.column import Column, column_pieces
 
 ALUMINIUM = MATERIALS["aluminium"]

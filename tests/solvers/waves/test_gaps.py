@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geometry.hexmesh import HexSettings, Piece
+from geometry.hex.boxes import HexSettings, Piece
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.fem.assembly import Scale

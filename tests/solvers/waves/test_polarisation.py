@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from geometry.hexmesh import HexSettings, Piece
+from geometry.hex.boxes import HexSettings, Piece
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.analytic.lamb import lamb_hz, shear_hz

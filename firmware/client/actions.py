@@ -1,0 +1,205 @@
+"""What the client does for each word of its command line."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+import time
+import wave
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import islice
+from math import log10
+from pathlib import Path
+
+from firmware.client.client import BoardError, Client, describe_health, describe_identity, figure
+from firmware.protocol import PAYLOAD_MAX, Record, SixStatus, Status
+
+LOOK_S = 0.1  # between two looks at the board, which also keep it from falling silent
+DRIVING = ("identify", "run")
+WINDOW_HZ = 5000.0  # single build: windows of 50 samples at 250 kHz
+BAR, BAR_DB = 30, 60.0
+
+
+def status(client: Client, told: argparse.Namespace) -> None:
+    """What the board does."""
+
+
+def identity(client: Client, told: argparse.Namespace) -> None:
+    """Which image and table the board has."""
+    print(describe_identity(client.identity()))
+
+
+def health(client: Client, told: argparse.Namespace) -> None:
+    """How the board fares."""
+    print(describe_health(client.health()))
+
+
+def start(client: Client, told: argparse.Namespace) -> None:
+    """Drives the wanted mode and holds it."""
+    client.start(told.reference, told.detuning)
+    keep_running(client)
+
+
+def pattern(client: Client, told: argparse.Namespace) -> None:
+    """Holds a pattern of the present shape."""
+    client.pattern(told.number, told.reference)
+    keep_running(client)
+
+
+def identify(client: Client, told: argparse.Namespace) -> None:
+    """Measures the plate, then rests. Raises BoardError when the measurement ended in a fault."""
+    client.identify()
+    last = keep_running(client)
+    if last.state == "fault":
+        raise BoardError(f"identify: ended in the fault {', '.join(last.faults)}")
+
+
+def keep_running(client: Client) -> Status | SixStatus:
+    """Prints a line ten times a second and thereby keeps the board from stopping, until it rests."""
+    while True:
+        found = client.look()
+        measured = figure(abs(found.measured), ".4f")
+        print(f"{found.state}  reference {figure(found.reference, '.4f')}  measured {measured}", flush=True)
+        if found.state not in DRIVING:
+            client.drives = False
+            return found
+        time.sleep(LOOK_S)
+
+
+def watch(client: Client, told: argparse.Namespace) -> None:
+    """Bars of what the board measures, on one place of a terminal or as lines, until a time or Ctrl-C."""
+    height = 0
+    for found in _looks(client, told.seconds):
+        lines = _bars(found)
+        again = f"\x1b[{height}F\x1b[J" if height and sys.stdout.isatty() else ""
+        print(again + "\n".join(lines), flush=True)
+        height = len(lines)
+
+
+def _looks(client: Client, seconds: float | None) -> Iterator[Status | SixStatus]:
+    end = None if seconds is None else time.monotonic() + seconds
+    while end is None or time.monotonic() < end:
+        yield client.look()
+        time.sleep(LOOK_S)
+
+
+def _bars(found: Status | SixStatus) -> list[str]:
+    faults = f", faults: {', '.join(found.faults)}" if found.faults else ""
+    values = {"reference": found.reference}
+    if isinstance(found, SixStatus):
+        values |= {f"sensor {number + 1}": abs(z) for number, z in enumerate(found.sensors)}
+    else:
+        values |= {"measured": abs(found.measured), "drive": abs(found.drive)}
+    bars = [f"{name:10} {bar(value)} {figure(value, '.4f')}" for name, value in values.items()]
+    return [f"state {found.state}{faults}", *bars]
+
+
+def bar(share: float) -> str:
+    """A share of full scale as a bar: empty at -60 dB, full at 0 dB."""
+    level = 1.0 + 20.0 * log10(share) / BAR_DB if share > 0.0 else 0.0
+    filled = round(BAR * min(max(level, 0.0), 1.0))
+    return "#" * filled + "." * (BAR - filled)
+
+
+def log(client: Client, told: argparse.Namespace) -> None:
+    """Writes a record each so many windows into a file of comma-separated values, until a time or Ctrl-C."""
+    count = lost = 0
+    last: Record | None = None
+    client.log(told.every)
+    try:
+        with told.file.open("w", newline="") as file:
+            rows = csv.writer(file)
+            rows.writerow(["window", "measured_d", "measured_q", "drive_d", "drive_q", "reference"])
+            for record in _records(client, told.seconds):
+                lost += _missing(last, record, told.every)
+                count, last = count + 1, record
+                rows.writerow(_row(record))
+    finally:
+        with suppress(BoardError, OSError):
+            client.log(0)
+        print(f"{told.file}: {count} records" + (f", {lost} were lost: try a larger --every" if lost else ""))
+
+
+def _records(client: Client, seconds: float | None) -> Iterator[Record]:
+    """The log as it comes: read all the time, because a port keeps no more than 4096 bytes."""
+    now = next_look = time.monotonic()
+    end = None if seconds is None else now + seconds
+    while end is None or now < end:
+        if now >= next_look:
+            client.look()
+            next_look = now + LOOK_S
+        yield from client.take_records()
+        now = time.monotonic()
+
+
+def _row(record: Record) -> list[object]:
+    parts = (record.measured.real, record.measured.imag, record.drive.real, record.drive.imag, record.reference)
+    return [record.window, *(figure(part, ".7g") for part in parts)]
+
+
+def _missing(last: Record | None, record: Record, every: int) -> int:
+    return max((record.window - last.window) % 2**32 // every - 1, 0) if last else 0
+
+
+def stream(client: Client, told: argparse.Namespace) -> None:
+    """Plays a sound file as the amplitude's envelope, then stops."""
+    client.start(told.reference)
+    while client.look().state == "identify":
+        time.sleep(LOOK_S)
+    client.stream(told.every)
+    late = _give(client, told.factors, told.every / WINDOW_HZ)
+    client.stop()
+    print(f"{len(told.factors)} samples at {WINDOW_HZ / told.every:g} Hz" + (f", {late} came late" if late else ""))
+
+
+def _give(client: Client, factors: list[float], sample_s: float) -> int:
+    """Keeps the board's store of samples filled, then waits until it is played; how many were missing meanwhile."""
+    at, before = 0, None
+    while at < len(factors):
+        piece = factors[at : at + PIECE]
+        taken = client.samples(piece)
+        at += taken
+        if before is None:
+            before = client.look().starved  # those from before the first samples do not count
+        if taken < len(piece):
+            time.sleep(PIECE * sample_s)
+    late = client.look().starved - (before or 0)
+    time.sleep(STORE * sample_s)
+    return late
+
+
+PIECE = PAYLOAD_MAX // 2  # samples in a request
+STORE = 256  # samples that the board has room for
+
+
+def factors_of(file: Path, rate_hz: float) -> list[float]:
+    """A WAV file's first channel at another rate: -1 to 1 becomes 0 to 1, each sample the mean over its time.
+
+    Raises ValueError for a file that is none, or that has no samples.
+    """
+    try:
+        with wave.open(str(file)) as sound:
+            width, step = sound.getsampwidth(), sound.getnchannels() * sound.getsampwidth()
+            own_hz, data = sound.getframerate(), sound.readframes(sound.getnframes())
+    except (OSError, EOFError, wave.Error) as error:
+        raise ValueError(f"{file}: {getattr(error, 'strerror', None) or str(error) or 'ends too early'}") from None
+    levels = [_level(data[at : at + width]) for at in range(0, len(data) - step + 1, step)]
+    if not levels or own_hz < 1:
+        raise ValueError(f"{file}: no samples in it")
+    count = max(round(len(levels) * rate_hz / own_hz), 1)
+    return [_mean(levels, index * own_hz / rate_hz, (index + 1) * own_hz / rate_hz) for index in range(count)]
+
+
+def _level(sample: bytes) -> float:
+    if len(sample) == 1:
+        return sample[0] / 255.0
+    half = 256 ** len(sample) // 2
+    return (int.from_bytes(sample, "little", signed=True) + half) / (2 * half - 1)
+
+
+def _mean(levels: list[float], start: float, end: float) -> float:
+    first = min(int(start), len(levels) - 1)
+    inside = list(islice(levels, first, max(int(end), first + 1)))
+    return sum(inside) / len(inside)

@@ -1,0 +1,283 @@
+"""The client's command line: what a person may ask of a board."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from firmware.client import actions, selftest
+from firmware.client.client import BoardError, Client, describe
+from firmware.client.port import NotHere, SerialPort
+from firmware.table_format import verify, with_drive_limit
+
+EPILOG = """examples: python -m firmware.client /dev/ttyACM0 start 0.1
+          python -m firmware.client watch            (the only board that is plugged in)
+
+Exit codes: 0 done, 2 wrong input, 3 the board refused or did not answer, 4 a check failed,
+5 no port or no pyserial, 130 interrupted."""
+
+
+MOST = 1e9  # no value that the board understands comes near; larger ones may not fit into its single precision
+
+
+def finite(text: str) -> float:
+    """A number of the command line that single precision can hold."""
+    return _number(text, -MOST, MOST)
+
+
+def share(text: str) -> float:
+    """A number from 0 to 1 of the command line."""
+    return _number(text, 0.0, 1.0)
+
+
+def _number(text: str, low: float, high: float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"{text!r}, allowed a number from {low:g} to {high:g}")
+    return value
+
+
+def positive(text: str) -> float:
+    """A time of the command line, seconds."""
+    return _number(text, 1e-3, 1e6)
+
+
+def count(text: str) -> int:
+    """How many windows something lasts."""
+    value = index(text)
+    if not 1 <= value <= 50000:
+        raise argparse.ArgumentTypeError(f"{text!r}, allowed 1 to 50000")
+    return value
+
+
+def index(text: str) -> int:
+    """A number of a pattern or shape."""
+    if not (text.isascii() and text.isdecimal() and len(text) < 10):
+        raise argparse.ArgumentTypeError(f"{text!r}, allowed a whole number from 0")
+    return int(text)
+
+
+def table_of(told: argparse.Namespace) -> bytes:
+    """The table to upload, proved whole. Raises ValueError."""
+    try:
+        table: bytes = told.file.read_bytes()
+        verify(table)
+        return table if told.drive_limit is None else with_drive_limit(table, told.drive_limit)
+    except OSError as error:
+        raise ValueError(f"{told.file}: {error.strerror}") from None
+    except ValueError as error:
+        raise ValueError(f"{told.file}: {error}") from None
+
+
+Act = Callable[[Client, argparse.Namespace], object]
+Argument = tuple[str, dict[str, Any]]
+
+
+def argument(name: str, **options: Any) -> Argument:
+    """A value that an action takes, as argparse's add_argument does."""
+    return name, options
+
+
+@dataclass(frozen=True)
+class Action:
+    """What the client can be asked: for the reader, what is done, the values it takes.
+
+    tells: it has said all that there is to say itself.
+    """
+
+    text: str
+    act: Act
+    values: tuple[Argument, ...] = ()
+    tells: bool = False
+
+
+LEVEL = argument("reference", type=share, metavar="REFERENCE", help="amplitude, 0 to 1 full scales of the sensor")
+ANY_LEVEL = argument("reference", nargs="?", default=0.0, **LEVEL[1])
+NUMBER = argument("number", type=index, metavar="NUMBER", help="counted from 0")
+SECONDS = argument("--seconds", type=positive, metavar="S", help="end after so long (else at Ctrl-C)")
+DETUNING = argument(
+    "detuning", type=finite, nargs="?", default=0.0, metavar="DETUNING_HZ", help="off the resonance, Hz"
+)
+
+ACTIONS = {
+    "status": Action("tell what the board does", actions.status),
+    "identity": Action("tell which image and table the board has", actions.identity, tells=True),
+    "health": Action("tell clock, longest interrupts, and what was unexpected", actions.health, tells=True),
+    "watch": Action("show bars of what the board measures", actions.watch, (SECONDS,), tells=True),
+    "log": Action(
+        "write what the board measures into a file of comma-separated values",
+        actions.log,
+        (
+            argument("file", type=Path, metavar="FILE.csv"),
+            argument(
+                "--every", type=count, default=5, metavar="N", help="a record each N windows (0.2 ms), 5 if not given"
+            ),
+            SECONDS,
+        ),
+        tells=True,
+    ),
+    "selftest": Action(
+        "go through the first steps of docs/bring-up.md; prints pass or FAIL, exit code 4 when one fails",
+        selftest.selftest,
+        (
+            argument(
+                "step", nargs="?", choices=selftest.STEPS, metavar="STEP", help=f"{', '.join(selftest.STEPS)}; else all"
+            ),
+        ),
+        tells=True,
+    ),
+    "identify": Action("measure the plate again, then rest", actions.identify),
+    "start": Action(
+        "drive the wanted mode and hold it (without REFERENCE: the lowest useful level) until Ctrl-C",
+        actions.start,
+        (ANY_LEVEL, DETUNING),
+    ),
+    "stop": Action("back to rest", lambda client, told: client.stop()),
+    "clear": Action("leave the fault state", lambda client, told: client.clear()),
+    "reference": Action(
+        "another amplitude while running", lambda client, told: client.reference(told.reference), (LEVEL,)
+    ),
+    "sine": Action(
+        "let the amplitude swing between 1 and 1 - DEPTH of the reference",
+        lambda client, told: client.sine(told.rate, told.depth),
+        (argument("rate", type=finite, metavar="HZ"), argument("depth", type=share, metavar="DEPTH")),
+    ),
+    "stream": Action(
+        "start, play a sound file as the amplitude (-1 is none, 1 the reference), stop",
+        actions.stream,
+        (
+            argument("file", type=Path, metavar="FILE.wav"),
+            ANY_LEVEL,
+            argument(
+                "--every", type=count, default=2, metavar="N", help="windows (0.2 ms) a sample lasts, 2 if not given"
+            ),
+        ),
+    ),
+    "upload": Action(
+        "put another mode table into the board's flash memory",
+        lambda client, told: client.upload(told.table),
+        (
+            argument("file", type=Path, metavar="FILE"),
+            argument(
+                "drive_limit", type=finite, nargs="?", metavar="DRIVE_LIMIT", help="0.001 to 1, for all its modes"
+            ),
+        ),
+    ),
+    "pattern": Action(
+        "six channels: hold a pattern (without REFERENCE: half of what is reachable) until Ctrl-C",
+        actions.pattern,
+        (NUMBER, ANY_LEVEL),
+    ),
+    "shape": Action(
+        "six channels: another shape, which is another frequency; while idle",
+        lambda client, told: client.choose(told.number),
+        (NUMBER,),
+    ),
+}
+
+
+def parser_of_all() -> argparse.ArgumentParser:
+    """The command line's parser."""
+    parser = argparse.ArgumentParser(
+        prog="python -m firmware.client",
+        description="Talks to a board over its serial line.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("port", help="serial port of the board (also --port PORT), or auto: the one that is plugged in")
+    words = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    for name, action in ACTIONS.items():
+        own = words.add_parser(name, help=action.text, description=action.text)
+        for value, options in action.values:
+            own.add_argument(value, **options)
+    return parser
+
+
+def with_port(arguments: list[str]) -> list[str]:
+    """The arguments with the port in front: as it stands there, after --port, or "auto" when none is named."""
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--port")
+    named, rest = parser.parse_known_args(arguments)
+    if named.port is not None:
+        return [named.port, *rest]
+    return ["auto", *rest] if rest and rest[0] in ACTIONS else rest
+
+
+def prepare(told: argparse.Namespace) -> None:
+    """Reads and checks the files that an action names, before the board is spoken to. Raises ValueError."""
+    if told.action == "upload":
+        told.table = table_of(told)
+    elif told.action == "stream":
+        told.factors = actions.factors_of(told.file, actions.WINDOW_HZ / told.every)
+    elif told.action == "log" and (told.file.exists() or not told.file.parent.is_dir()):
+        raise ValueError(f"{told.file}: {'is there already' if told.file.exists() else 'no such folder'}")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    told = parser_of_all().parse_args(with_port(sys.argv[1:] if arguments is None else arguments))
+    try:
+        prepare(told)
+        with closing(SerialPort(told.port)) as port, _ended_like_interrupted():
+            return carry_out(Client(port), told)
+    except ValueError as error:
+        return _failed(error, 2)
+    except NotHere as error:
+        return _failed(error, 5)
+    except OSError as error:
+        return _failed(error, 3)
+    except KeyboardInterrupt:
+        return 130
+
+
+def carry_out(client: Client, told: argparse.Namespace) -> int:
+    """Does what was asked; returns the exit code. What was started here is stopped when it ends early, by Ctrl-C too."""
+    action = ACTIONS[told.action]
+    try:
+        action.act(client, told)
+        if not action.tells:
+            print(describe(client.look()))
+        return 0
+    except (BoardError, OSError) as error:
+        return _failed(f"{error}{_rested(client)}", 3)
+    except selftest.ChecksFailed as error:
+        return _failed(f"{error}{_rested(client)}", 4)
+    except KeyboardInterrupt:
+        print(f"client: interrupted{_rested(client)}", file=sys.stderr)
+        return 130
+
+
+def _rested(client: Client) -> str:
+    """Stops what was started here; what to say of it."""
+    if not client.drives:
+        return ""
+    try:
+        client.stop()
+        return "; stopped"
+    except (BoardError, OSError):
+        return "; it could not be stopped, but stops by itself half a second after the last word it heard"
+
+
+@contextmanager
+def _ended_like_interrupted() -> Iterator[None]:
+    """SIGTERM ends as Ctrl-C does."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _failed(error: object, code: int) -> int:
+    print(f"client: {' '.join(str(error).split())}", file=sys.stderr)
+    return code

@@ -1,0 +1,1 @@
+"""What a built image holds: its contents, its registers for debuggers, its longest paths."""

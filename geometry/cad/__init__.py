@@ -1,0 +1,1 @@
+"""CAD solids, their print and CAD files."""

@@ -1,0 +1,274 @@
+"""CAD solids of plate, pillars, unit cell and patches: metres in and out, the CAD kernel's millimetres inside.
+
+CadQuery takes seconds to import, so it is imported where it is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.cad.step_pillar import load_step_pillar, step_pillar_shape
+from geometry.errors import GeometryError
+from geometry.hex.boxes import Piece
+from geometry.layout import Design, Pillar
+from geometry.patches import Patches
+
+__all__ = [
+    "Body",
+    "Box",
+    "cell_solid",
+    "load_step_pillar",
+    "patch_boxes",
+    "pillar_solid",
+    "plate_solid",
+    "zone_solid",
+]
+
+MM = 1e3  # mm per m
+SAME_VOLUME = 1e-6  # relative: two booleans of one solid agree to the kernel's tolerance, not to rounding
+
+
+@dataclass(frozen=True)
+class Box:
+    """A piezo patch: an axis-parallel box between two corners, m, and the patch's number."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    number: int = 0
+
+
+@dataclass(frozen=True)
+class Body:
+    """A CAD shape in mm and what a mesher must know about it, in m.
+
+    Plate below z = `thickness_m`, pillars above; the lone pillar has thickness 0. `mirrors` names the symmetry planes
+    it was cut by: "", "x", "y" or "xy" (x = 0, y = 0). `bonds` names the parts ("pillar", "patch") of another material:
+    `shape` is one cadquery solid without any, else solids that share their contact faces.
+    """
+
+    shape: Any
+    thickness_m: float
+    patches: tuple[Box, ...] = ()
+    mirrors: str = ""
+    bonds: frozenset[str] = frozenset()
+
+    @property
+    def bonded(self) -> bool:
+        """True when parts of different materials must not share an element."""
+        return bool(self.bonds)
+
+    @property
+    def volume_m3(self) -> float:
+        """Volume of the CAD shape, m3."""
+        return float(self.shape.Volume()) / MM**3
+
+    def region_of(self, points: NDArray[np.float64]) -> NDArray[np.str_]:
+        """Name of the region ("plate", "pillar", "patch") that holds each point (n, 3) of the body, m."""
+        names = np.where(points[:, 2] > self.thickness_m, "pillar", "plate")
+        for box in self.patches:
+            inside = ((points > np.array(box.low)) & (points < np.array(box.high))).all(axis=1)
+            names[inside] = "patch"
+        return names
+
+    def part_volumes_m3(self) -> dict[str, float]:
+        """CAD volume of each bonded part and of the rest, called "plate", m3."""
+        volumes: dict[str, float] = {}
+        for solid in self.shape.Solids():
+            region = str(self.region_of(np.array([solid.Center().toTuple()]) / MM)[0])
+            name = region if region in self.bonds else "plate"
+            volumes[name] = volumes.get(name, 0.0) + float(solid.Volume()) / MM**3
+        return volumes
+
+
+def pillar_solid(pillar: Pillar) -> Body:
+    """The lone pillar, foot on z = 0, axis +z, fillet flare included.
+
+    Raises GeometryError when the shape or its fillet cannot be built, or the STEP file is not a pillar.
+    """
+    return Body(_pillar_shape(pillar), 0.0)
+
+
+def zone_solid(design: Design, mirrors: str = "") -> Body:
+    """The active zone as a bare strip, length x width x thickness, centred."""
+    block = _block(design.length_m, design.width_m, design.thickness_m, mirrors)
+    return Body(block, design.thickness_m, (), mirrors)
+
+
+def cell_solid(design: Design, mirrors: str = "") -> Body:
+    """The unit cell, pitch_x x pitch_y x thickness, centred, its pillar in the middle; bare without a pillar."""
+    centres = np.zeros((1, 2)) if design.pillar else np.empty((0, 2))
+    block = _block(design.pitch_x_m, design.pitch_y_m, design.thickness_m, mirrors)
+    return _assemble(design, block, centres, mirrors, None)
+
+
+def piece_solid(design: Design, piece: Piece) -> Body:
+    """A rectangular piece of the plate, its own middle at the origin, with its pillar where it has one.
+
+    Along the axes that it lists as halved only the positive side is built. Errors as plate_solid.
+    """
+    size = np.array(piece.high) - np.array(piece.low)
+    mirrors = "".join("xy"[axis] for axis in piece.halved)
+    centres = np.array([piece.foot]) - np.array(piece.middle) if piece.foot else np.empty((0, 2))
+    block = _block(float(size[0]), float(size[1]), design.thickness_m, mirrors)
+    return _assemble(design, block, centres, mirrors, None)
+
+
+def plate_solid(design: Design, mirrors: str = "", patches: Patches | None = None) -> Body:
+    """The plate with its pillar rows and bonded patches; `mirrors` ("x", "y", "xy") keeps x >= 0 and/or y >= 0.
+
+    A pillar column or a patch on a mirror is cut in half. Raises GeometryError when the parts do not make one body,
+    overlap, or a pillar is not symmetric in a mirror that cuts it.
+    """
+    block = _block(design.length_m, 2.0 * design.half_span_m, design.thickness_m, mirrors)
+    return _assemble(design, block, design.pillar_centres(), mirrors, patches)
+
+
+def patch_boxes(patches: Patches, thickness_m: float, mirrors: str = "") -> tuple[Box, ...]:
+    """One box for each patch, cut to the kept side of the mirrors; patches wholly beyond one are left out."""
+    z0, z1 = patches.z_range_m(thickness_m)
+    boxes = []
+    for number, (x0, x1, y0, y1) in enumerate(patches.boxes_m().tolist()):
+        low = (max(x0, 0.0) if "x" in mirrors else x0, max(y0, 0.0) if "y" in mirrors else y0, z0)
+        if x1 > low[0] and y1 > low[1]:
+            boxes.append(Box(low, (x1, y1, z1), number))
+    return tuple(boxes)
+
+
+def _assemble(design: Design, block: Any, centres: NDArray[np.float64], mirrors: str, patches: Patches | None) -> Body:
+    """Parts of the plate's material united, those of another one bonded to it."""
+    pillars = _standing(design, centres, mirrors)
+    boxes = patch_boxes(patches, design.thickness_m, mirrors) if patches else ()
+    glued = [_box(np.array(box.low), np.array(box.high)) for box in boxes]
+    foreign = bool(pillars and design.pillar and design.pillar.material != design.material)
+    bonds = frozenset([name for name, there in (("pillar", foreign), ("patch", bool(glued))) if there])
+    base = [block, *pillars] if foreign else [_unite(block, pillars)]
+    shape = _share_faces(base + glued) if bonds else base[0]
+    return Body(shape, design.thickness_m, boxes, mirrors, bonds)
+
+
+def _standing(design: Design, centres: NDArray[np.float64], mirrors: str) -> list[Any]:
+    """Pillars moved to their places, those on a mirror cut by it, those beyond it left out."""
+    import cadquery as cq
+
+    if not design.pillar or not len(centres):
+        return []
+    shape = _pillar_shape(design.pillar)
+    halves: dict[str, Any] = {"": shape}
+    placed = []
+    for x, y in centres:
+        at = {"x": x, "y": y}
+        if any(at[letter] < -0.25 * design.pillar.base_m for letter in mirrors):
+            continue
+        cut = "".join(letter for letter in mirrors if at[letter] < 0.25 * design.pillar.base_m)
+        if cut not in halves:
+            halves[cut] = _half(shape, cut)
+        placed.append(halves[cut].moved(cq.Location(cq.Vector(MM * x, MM * y, MM * design.thickness_m))))
+    return placed
+
+
+def _half(shape: Any, mirrors: str) -> Any:
+    """The part of a centred shape at x >= 0 and/or y >= 0, after proving that the other part mirrors it."""
+    size = 4.0 * shape.BoundingBox().DiagonalLength
+    low, high = np.full(3, -size), np.full(3, size)
+    for letter in mirrors:
+        low["xy".index(letter)] = 0.0
+    kept = _one_solid(shape.intersect(_box(low / MM, high / MM)), "half a pillar")
+    if abs(kept.Volume() * 2 ** len(mirrors) - shape.Volume()) > SAME_VOLUME * shape.Volume() or any(
+        _one_solid(shape.intersect(shape.mirror(_normal_plane(letter))), "a mirrored pillar").Volume()
+        < (1.0 - SAME_VOLUME) * shape.Volume()
+        for letter in mirrors
+    ):
+        raise GeometryError(f"the pillar is not symmetric in {' = 0 and '.join(mirrors)} = 0: it cannot be mirrored")
+    return kept
+
+
+def _normal_plane(letter: str) -> str:
+    return {"x": "YZ", "y": "XZ"}[letter]
+
+
+def _pillar_shape(pillar: Pillar) -> Any:
+    """The bare pillar, then its foot fillet: both cut from a filleted pillar on a slab, so that the flare is exact."""
+    bare = _bare_pillar(pillar)
+    if pillar.fillet_m == 0.0:
+        return bare
+    reach = MM * (pillar.footprint_m + 2.0 * pillar.fillet_m)
+    room = np.array([reach, reach, 2.0 * MM * pillar.height_m]) / MM
+    slab = _box(np.array([-room[0], -room[1], -room[2]]), np.array([room[0], room[1], 0.0]))
+    above = _box(np.array([-room[0], -room[1], 0.0]), room)
+    try:
+        joined = _one_solid(slab.fuse(bare), "the pillar's foot")
+        inside = 0.75 * reach
+        feet = [
+            edge
+            for edge in joined.Edges()
+            if abs(edge.Center().z) < 1e-6 and max(abs(edge.Center().x), abs(edge.Center().y)) < inside
+        ]
+        return _one_solid(joined.fillet(MM * pillar.fillet_m, feet).intersect(above), "the filleted pillar")
+    except GeometryError:
+        raise
+    except Exception as fault:  # the kernel raises its own untyped errors when a fillet does not fit
+        what = f"fillet of {MM * pillar.fillet_m:g} mm at the foot of a {pillar.shape} pillar"
+        raise GeometryError(f"{what} of {MM * pillar.base_m:g} mm cannot be built") from fault
+
+
+def _bare_pillar(pillar: Pillar) -> Any:
+    import cadquery as cq
+
+    base, tip, height = MM * pillar.base_m, MM * pillar.tip_m, MM * pillar.height_m
+    if pillar.shape == "step":
+        return step_pillar_shape(pillar.file or "")
+    if pillar.shape == "round":
+        return cq.Solid.makeCylinder(base / 2.0, height)
+    if pillar.shape == "square" or (pillar.shape == "tapered" and base == tip):
+        return cq.Solid.makeBox(base, base, height, cq.Vector(-base / 2.0, -base / 2.0, 0.0))
+    if pillar.shape == "tapered":
+        sections = cq.Workplane().rect(base, base).workplane(offset=height).rect(tip, tip)
+        return sections.loft(ruled=True).val()
+    raise GeometryError(f"pillar shape '{pillar.shape}' is not one of square, round, tapered, step")
+
+
+def _block(length_m: float, width_m: float, thickness_m: float, mirrors: str) -> Any:
+    low = [0.0 if "x" in mirrors else -length_m / 2.0, 0.0 if "y" in mirrors else -width_m / 2.0, 0.0]
+    return _box(np.array(low), np.array([length_m / 2.0, width_m / 2.0, thickness_m]))
+
+
+def _box(low_m: NDArray[np.float64], high_m: NDArray[np.float64]) -> Any:
+    import cadquery as cq
+
+    low, size = MM * low_m, MM * (high_m - low_m)
+    if not (size > 0.0).all():
+        raise GeometryError(f"a box needs three positive sides, got {' x '.join(f'{s:g}' for s in size)} mm")
+    length, width, height = (float(side) for side in size)
+    return cq.Solid.makeBox(length, width, height, cq.Vector(*(float(c) for c in low)))
+
+
+def _unite(block: Any, pillars: list[Any]) -> Any:
+    """One boolean for all pillars: pairwise fusing grows with the square of their number."""
+    return _one_solid(block.fuse(*pillars), "plate and pillars") if pillars else block
+
+
+def _share_faces(solids: list[Any]) -> Any:
+    """The solids as one compound whose contact faces are shared, none of them merged."""
+    import cadquery as cq
+    from OCP.BOPAlgo import BOPAlgo_Builder
+
+    builder = BOPAlgo_Builder()
+    for solid in solids:
+        builder.AddArgument(solid.wrapped)
+    builder.Perform()
+    shape = cq.Shape.cast(builder.Shape())
+    volume = sum(solid.Volume() for solid in solids)
+    if len(shape.Solids()) != len(solids) or abs(shape.Volume() - volume) > SAME_VOLUME * volume:
+        raise GeometryError("bonded parts overlap: pillars and patches may touch the plate, not enter it or each other")
+    return shape
+
+
+def _one_solid(shape: Any, what: str) -> Any:
+    solids = shape.Solids()
+    if len(solids) != 1 or not solids[0].isValid():
+        raise GeometryError(f"{what} should make one valid solid, the CAD kernel found {len(solids)}")
+    return solids[0]

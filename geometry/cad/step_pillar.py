@@ -1,0 +1,128 @@
+"""A pillar drawn by the user: read from STEP and refused, with its reason, when it cannot stand on a plate."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from geometry.cad.quiet import silence_kernel
+from geometry.errors import GeometryError
+from geometry.files import read_by_command
+
+MM = 1e3
+ON_PLANE_MM = 1e-4  # a foot this close to z = 0 is on it: CAD systems write about seven digits
+
+
+@dataclass(frozen=True)
+class StepPillar:
+    """What the layout needs of a pillar from STEP, in m.
+
+    `foot_size_m` is the larger side of the foot face's bounding square, `extent_m` that of the whole pillar
+    (a pillar may be wider above its foot: pillars clash when the pitch is below it).
+    """
+
+    height_m: float
+    foot_size_m: float
+    tip_size_m: float
+    extent_m: float
+    volume_m3: float
+
+
+def load_step_pillar(path: str | os.PathLike[str]) -> StepPillar:
+    """Height and foot of the pillar in a STEP file (any length unit), foot on z = 0 and centred, axis +z.
+
+    Raises GeometryError when the file is missing or unreadable, open, not one solid, or not standing on z = 0.
+    """
+    shape = step_pillar_shape(path)
+    box = shape.BoundingBox()
+    foot, tip = _level_size(shape, 0.0), _level_size(shape, box.zmax)
+    return StepPillar(box.zmax / MM, foot / MM, tip / MM, max(box.xlen, box.ylen) / MM, shape.Volume() / MM**3)
+
+
+def step_pillar_shape(path: str | os.PathLike[str]) -> Any:
+    """The one solid of a STEP file (cadquery, mm) once it is known to stand on z = 0; errors as load_step_pillar."""
+    file = Path(path)
+    try:
+        there = file.is_file()
+    except (OSError, ValueError):  # a name that no file can have
+        there = False
+    if not there:
+        raise GeometryError(f"{file}: no such STEP file")
+    read_by_command(file)
+    solid = _only_solid(_read(file), file)
+    if not solid.isValid():
+        raise GeometryError(f"{file}: the solid is not valid (self-intersecting or badly stitched faces)")
+    if solid.Volume() <= 0.0:
+        raise GeometryError(f"{file}: the solid has volume {solid.Volume():g} mm3, must be > 0")
+    _check_foot(solid, file)
+    return solid
+
+
+def _read(file: Path) -> Any:
+    """The shape in mm, whatever unit the file declares; the reader's own chatter stays off standard output."""
+    import cadquery as cq
+    from OCP.IFSelect import IFSelect_RetDone
+    from OCP.Interface import Interface_Static
+    from OCP.STEPControl import STEPControl_Reader
+
+    silence_kernel()
+    reader = STEPControl_Reader()
+    Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
+    if reader.ReadFile(str(file)) != IFSelect_RetDone or reader.TransferRoots() < 1:
+        raise GeometryError(f"{file}: not a readable STEP file (it needs at least one shape)")
+    shape = reader.OneShape()
+    if shape.IsNull():
+        raise GeometryError(f"{file}: the STEP file holds no shape")
+    return cq.Shape.cast(shape)
+
+
+def _only_solid(shape: Any, file: Path) -> Any:
+    solids = shape.Solids()
+    if not solids:
+        raise GeometryError(f"{file}: open: {len(shape.Faces())} face(s) that close no volume, need one closed solid")
+    if len(solids) > 1:
+        raise GeometryError(f"{file}: holds {len(solids)} solids, need exactly one")
+    if len(shape.Faces()) > len(solids[0].Faces()):
+        raise GeometryError(f"{file}: holds loose faces beside its solid, need exactly one closed solid")
+    if not all(shell.Closed() for shell in solids[0].Shells()):
+        raise GeometryError(f"{file}: open: the solid's shell has a gap, need one closed solid")
+    return solids[0]
+
+
+def _check_foot(solid: Any, file: Path) -> None:
+    box = solid.BoundingBox()
+    if abs(box.zmin) > ON_PLANE_MM:
+        raise GeometryError(f"{file}: lowest point at z = {box.zmin:g} mm, the foot must be on z = 0")
+    feet = _level_faces(solid, 0.0)
+    if not feet:
+        raise GeometryError(f"{file}: no flat face on z = 0 to bond to the plate")
+    boxes = [face.BoundingBox() for face in feet]
+    x = min(b.xmin for b in boxes) + max(b.xmax for b in boxes)
+    y = min(b.ymin for b in boxes) + max(b.ymax for b in boxes)
+    if max(abs(x), abs(y)) / 2.0 > ON_PLANE_MM:
+        raise GeometryError(f"{file}: foot centred at ({x / 2:g}, {y / 2:g}) mm, must be centred on the z axis")
+
+
+def _level_faces(solid: Any, z: float) -> list[Any]:
+    return [
+        f
+        for f in solid.Faces()
+        if f.geomType() == "PLANE"
+        and abs(f.BoundingBox().zmax - z) < ON_PLANE_MM
+        and f.BoundingBox().zlen < ON_PLANE_MM
+    ]
+
+
+def _level_size(solid: Any, z: float) -> float:
+    """Largest extent of the flat faces at height z, mm; 0 for a pointed or rounded tip."""
+    boxes = [face.BoundingBox() for face in _level_faces(solid, z)]
+    if not boxes:
+        return 0.0
+    return float(
+        max(
+            max(b.xmax for b in boxes) - min(b.xmin for b in boxes),
+            max(b.ymax for b in boxes) - min(b.ymin for b in boxes),
+        )
+    )

@@ -1,0 +1,115 @@
+"""A mesh as other programs name it: blocks of one cell type each, named groups of cells and of nodes.
+
+Local nodes stand in VTK's order here; `PLACES` says which corners each local node is the middle of.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from geometry.elements import FloatArray, IntArray
+from geometry.formats.vtu import CORNERS
+from geometry.mesh import Mesh
+
+Places = tuple[tuple[int, ...], ...]
+
+_TET_EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
+_HEX_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
+_HEX_FACES = ((0, 3, 7, 4), (1, 2, 6, 5), (0, 1, 5, 4), (3, 2, 6, 7), (0, 1, 2, 3), (4, 5, 6, 7))
+
+
+def _corners(count: int) -> Places:
+    return tuple((corner,) for corner in range(count))
+
+
+PLACES: dict[str, Places] = {
+    "triangle": _corners(3),
+    "triangle6": (*_corners(3), (0, 1), (1, 2), (2, 0)),
+    "quad": _corners(4),
+    "quad9": (*_corners(4), (0, 1), (1, 2), (2, 3), (3, 0), (0, 1, 2, 3)),
+    "tetra": _corners(4),
+    "tetra10": (*_corners(4), *_TET_EDGES),
+    "hexahedron": _corners(8),
+    "hexahedron27": (*_corners(8), *_HEX_EDGES, *_HEX_FACES, tuple(range(8))),
+}
+CORNER_COUNT = {"triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8}
+VOLUME = {("tet", 1): "tetra", ("tet", 2): "tetra10", ("hex", 1): "hexahedron", ("hex", 2): "hexahedron27"}
+FACET = {("tet", 1): "triangle", ("tet", 2): "triangle6", ("hex", 1): "quad", ("hex", 2): "quad9"}
+
+
+def family(cell_type: str) -> str:
+    """The straight cell type with the same corners: tetra for tetra10."""
+    return cell_type.rstrip("0123456789")
+
+
+@dataclass(frozen=True)
+class RawMesh:
+    """Points (n, 3), blocks (cell type, nodes (m, k)), groups of cells {name: {block: cells}} and of nodes {name: nodes}."""
+
+    points: FloatArray
+    blocks: list[tuple[str, IntArray]]
+    cell_groups: dict[str, dict[int, IntArray]] = field(default_factory=dict)
+    node_groups: dict[str, IntArray] = field(default_factory=dict)
+
+
+def local_nodes(kind: str, order: int) -> IntArray:
+    """Our local node at each of VTK's places of a volume cell of order 1 or 2."""
+    places = PLACES[VOLUME[kind, order]]
+    if kind == "tet":
+        return np.arange(len(places))
+    corners = order * np.array(CORNERS)
+    grid = np.array([corners[list(place)].mean(axis=0) for place in places])
+    return np.asarray(np.rint(grid @ (order + 1) ** np.arange(3)), dtype=np.int64)
+
+
+def facet_nodes(kind: str, order: int) -> IntArray:
+    """Our local node of a named face (hexahedra: u fastest) at each of VTK's places of its facet cell."""
+    places = PLACES[FACET[kind, order]]
+    if kind == "tet":
+        return np.arange(len(places))
+    corners = order * np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    grid = np.array([corners[list(place)].mean(axis=0) for place in places])
+    return np.asarray(np.rint(grid @ [1, order + 1]), dtype=np.int64)
+
+
+def outer_facets(mesh: Mesh) -> tuple[IntArray, IntArray, IntArray]:
+    """Facets that belong to one element, outward, in VTK's order (m, k); their elements (m,) and local faces (m,)."""
+    local = outward_faces(mesh)
+    facets = mesh.cells[:, local].reshape(-1, local.shape[1])
+    keys = corner_keys(facets, 3 if mesh.kind == "tet" else 4)
+    _, index, counts = np.unique(keys, axis=0, return_index=True, return_counts=True)
+    outer = np.sort(index[counts == 1])
+    return facets[outer], outer // len(local), outer % len(local)
+
+
+def outward_faces(mesh: Mesh) -> IntArray:
+    """Local nodes of each face of an element in VTK's order, seen from outside anticlockwise."""
+    local = mesh.element.faces[:, facet_nodes(mesh.kind, mesh.order)]
+    at = mesh.element.points
+    a, b, c = (at[local[:, i]] for i in (0, 1, 2))
+    outward = np.einsum("fi,fi->f", np.cross(b - a, c - a), a - at.mean(axis=0)) > 0.0
+    return np.where(outward[:, None], local, local[:, _reversed(FACET[mesh.kind, mesh.order])])
+
+
+def _reversed(cell_type: str) -> IntArray:
+    """A facet run the other way round from the same first corner."""
+    places = PLACES[cell_type]
+    count = CORNER_COUNT[family(cell_type)]
+    image = [frozenset((-corner) % count for corner in place) for place in places]
+    named = [frozenset(place) for place in places]
+    return np.array([named.index(place) for place in image])
+
+
+def corner_keys(facets: IntArray, corners: int) -> IntArray:
+    """Sorted corner nodes, the same for both sides of a face."""
+    return np.sort(facets[:, :corners], axis=1)
+
+
+def rows_in(rows: IntArray, table: IntArray) -> IntArray:
+    """For each row its place in `table` (unique rows), -1 where it has none."""
+    both, inverse = np.unique(np.vstack([table, rows]), axis=0, return_inverse=True)
+    place = np.full(len(both), -1, dtype=np.int64)
+    place[inverse[: len(table)]] = np.arange(len(table))
+    return np.asarray(place[inverse[len(table) :]])

@@ -1,0 +1,1 @@
+"""Structured hexahedra for scenes of boxes."""

@@ -1,0 +1,259 @@
+"""Structured hexahedra of order 1 to 4 for scenes made of boxes along the axes.
+
+A scene is a tensor grid and a mask: which boxes are solid, and to which region each belongs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from geometry.elements import FloatArray, IntArray, gauss_lobatto
+from geometry.hex.grading import Grading, grid_lines
+from geometry.layout import Design, Pillar
+from geometry.mesh import Mesh
+
+VOID = -1
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """A tensor grid (lines in m along x, y, z) with a region number per box, shape (nx, ny, nz), -1 where void."""
+
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    region: IntArray
+    names: tuple[str, ...]
+
+
+def hex_mesh(boxes: Boxes, order: int) -> Mesh:
+    """Mesh of every solid box, with the faces touch, back, x-, x+, y-, y+ of the lowest body.
+
+    `touch` is the plane z = z[0]; `back` the solid's faces at the plate's top are not named, since pillars stand there.
+    """
+    solid = np.argwhere(boxes.region.transpose(2, 1, 0) >= 0)[:, ::-1]  # x fastest
+    lines = [_nodal_line(axis, order) for axis in (boxes.x, boxes.y, boxes.z)]
+    counts = [len(line) for line in lines]
+    local = np.arange(order + 1)
+    ix, iy, iz = (order * solid[:, axis, None] + local for axis in range(3))
+    full = ix[:, None, None, :] + counts[0] * (iy[:, None, :, None] + counts[1] * iz[:, :, None, None])
+    used, cells = np.unique(full.reshape(len(solid), -1), return_inverse=True)
+    cells = cells.reshape(len(solid), -1).astype(np.int64)
+    nodes = np.column_stack(
+        [lines[0][used % counts[0]], lines[1][used // counts[0] % counts[1]], lines[2][used // (counts[0] * counts[1])]]
+    )
+    spans = np.column_stack([np.diff(axis)[solid[:, i]] for i, axis in enumerate((boxes.x, boxes.y, boxes.z))])
+    numbers = boxes.region[tuple(solid.T)]
+    regions = {name: np.flatnonzero(numbers == i) for i, name in enumerate(boxes.names) if (numbers == i).any()}
+    mesh = Mesh(nodes, cells, "hex", order, regions, {}, spans)
+    return Mesh(nodes, cells, "hex", order, regions, _outer_faces(mesh, boxes, solid), spans)
+
+
+def _nodal_line(lines: FloatArray, order: int) -> FloatArray:
+    inner = (gauss_lobatto(order) + 1.0) / 2.0
+    steps = lines[:-1, None] + np.diff(lines)[:, None] * inner[None, :-1]
+    return np.append(steps.ravel(), lines[-1])
+
+
+def _outer_faces(mesh: Mesh, boxes: Boxes, solid: IntArray) -> dict[str, IntArray]:
+    """The faces on the six sides of the grid's bounding box."""
+    local = mesh.element.faces
+    last = [len(boxes.x) - 2, len(boxes.y) - 2, len(boxes.z) - 2]
+    sides = {
+        "x-": (0, solid[:, 0] == 0),
+        "x+": (1, solid[:, 0] == last[0]),
+        "y-": (2, solid[:, 1] == 0),
+        "y+": (3, solid[:, 1] == last[1]),
+        "touch": (4, solid[:, 2] == 0),
+        "top": (5, solid[:, 2] == last[2]),
+    }
+    return {name: mesh.cells[on][:, local[face]] for name, (face, on) in sides.items() if on.any()}
+
+
+@dataclass(frozen=True)
+class HexSettings:
+    """Order, element size in the plate and along a pillar (m), layers and shrink factor at singular edges.
+
+    `through` is how many elements at least lie through the thickness of a plate with pillars, layers not counted.
+    """
+
+    order: int = 3
+    size_m: float = 4e-3
+    layers: int = 1
+    factor: float = 0.25
+    pillar_size_m: float | None = None  # along its height; the plate's size when left out
+    through: int = 1
+
+    @property
+    def grading(self) -> Grading:
+        """Grading of the plate's lines."""
+        return Grading(self.size_m, self.layers, self.factor)
+
+    @property
+    def pillar_grading(self) -> Grading:
+        """Grading along the pillar's height."""
+        return Grading(self.pillar_size_m or self.size_m, self.layers, self.factor)
+
+    def through_grading(self, thickness_m: float) -> Grading:
+        """Grading through the thickness of a plate with pillars."""
+        return Grading(min(self.size_m, thickness_m / self.through), self.layers, self.factor)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Where the lines of a scene of boxes pass, before any is drawn: breakpoints in m, True at singular edges.
+
+    x, y and z span the lowest body (region `name`), above the pillars that stand on it (None without); centres (n, 2) and
+    half side of their feet, m.
+    """
+
+    x: dict[float, bool]
+    y: dict[float, bool]
+    z: dict[float, bool]
+    across: Grading
+    through: Grading
+    name: str = "plate"
+    above: dict[float, bool] | None = None
+    along: Grading | None = None
+    centres: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    half_m: float = 0.0
+
+
+def zone_scene(design: Design, settings: HexSettings, quarter: bool = True) -> Scene:
+    """The bare strip length x width x thickness, graded towards its clamped long side faces and the free ends that meet them
+    in singular corners; x, y >= 0 when quartered.
+    """
+    x, y = (_span(size / 2.0, True, quarter) for size in (design.length_m, design.width_m))
+    return Scene(x, y, {0.0: True, design.thickness_m: True}, settings.grading, settings.grading)
+
+
+def zone_boxes(design: Design, settings: HexSettings, quarter: bool = True) -> Boxes:
+    """The boxes of `zone_scene`."""
+    return boxes_of(zone_scene(design, settings, quarter))
+
+
+def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Scene:
+    """The lone square pillar, foot on z = 0 (face `touch`), graded towards the clamped foot's rim."""
+    side = _span(pillar.base_m / 2.0, True, quarter)
+    height = {0.0: True, pillar.height_m: False}
+    return Scene(side, side, height, settings.grading, settings.pillar_grading, "pillar")
+
+
+def pillar_boxes(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Boxes:
+    """The boxes of `pillar_scene`."""
+    return boxes_of(pillar_scene(pillar, settings, quarter))
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A rectangular piece of plate from (x0, y0) to (x1, y1), lengths in m, with a pillar's centre or None.
+
+    `halved` lists the axes along which only the half beyond the piece's middle is meshed (its mirrors), `free` the
+    sides (x-, x+, y-, y+) on which nothing is joined.
+    """
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+    foot: tuple[float, float] | None = None
+    halved: tuple[int, ...] = ()
+    free: tuple[str, ...] = ()
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Centre of the piece, m."""
+        return ((self.low[0] + self.high[0]) / 2.0, (self.low[1] + self.high[1]) / 2.0)
+
+
+def piece_scene(piece: Piece, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Scene:
+    """A rectangular piece of plate, its own middle at the origin, with its pillar where it has one."""
+    middle = np.array(piece.middle)
+    spans = []
+    for axis in (0, 1):
+        half = (piece.high[axis] - piece.low[axis]) / 2.0
+        spans.append(_span(half, False, axis in piece.halved))
+    feet = np.array([piece.foot]) - middle if piece.foot else np.empty((0, 2))
+    return _plate_with_pillars(thickness_m, pillar, settings, feet, *spans)
+
+
+def piece_boxes(piece: Piece, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Boxes:
+    """The boxes of `piece_scene`."""
+    return boxes_of(piece_scene(piece, thickness_m, pillar, settings))
+
+
+def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> Scene:
+    """The unit cell pitch_x x pitch_y x thickness centred at the origin, one square pillar in its middle."""
+    half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
+    foot = (0.0, 0.0) if design.pillar else None
+    piece = Piece((-half_x, -half_y), (half_x, half_y), foot, (0, 1) if quarter else ())
+    return piece_scene(piece, design.thickness_m, design.pillar, settings)
+
+
+def cell_boxes(design: Design, settings: HexSettings, quarter: bool = False) -> Boxes:
+    """The boxes of `cell_scene`."""
+    return boxes_of(cell_scene(design, settings, quarter))
+
+
+def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> Scene:
+    """The whole plate, or its quarter x, y >= 0, with every pillar; a line runs along the zone's border."""
+    x = _span(design.length_m / 2.0, False, quarter)
+    y = _span(design.half_span_m, False, quarter)
+    y |= {v: False for v in (-design.width_m / 2.0, design.width_m / 2.0) if v >= min(y)}
+    centres = design.pillar_centres()
+    if quarter:
+        reach = design.footprint_m / 2.0
+        centres = centres[(centres[:, 0] > -reach) & (centres[:, 1] > -reach)]
+    return _plate_with_pillars(design.thickness_m, design.pillar, settings, centres, x, y)
+
+
+def plate_boxes(design: Design, settings: HexSettings, quarter: bool = True) -> Boxes:
+    """The boxes of `plate_scene`."""
+    return boxes_of(plate_scene(design, settings, quarter))
+
+
+def _span(half: float, singular: bool, quarter: bool) -> dict[float, bool]:
+    return {(0.0 if quarter else -half): singular and not quarter, half: singular}
+
+
+def _plate_with_pillars(
+    thickness_m: float,
+    pillar: Pillar | None,
+    settings: HexSettings,
+    centres: FloatArray,
+    x: dict[float, bool],
+    y: dict[float, bool],
+) -> Scene:
+    """Lines pass along every foot edge, graded there in x, y and in z on both sides of the foot."""
+    if pillar is None or not len(centres):
+        return Scene(x, y, {0.0: False, thickness_m: False}, settings.grading, settings.grading)
+    half = pillar.base_m / 2.0
+    for breaks, column in ((x, 0), (y, 1)):
+        low, high = min(breaks), max(breaks)
+        for centre in np.unique(centres[:, column]):
+            breaks |= {edge: True for edge in (centre - half, centre + half) if low < edge < high}
+    z, through = {0.0: False, thickness_m: True}, settings.through_grading(thickness_m)
+    above = {thickness_m: True, thickness_m + pillar.height_m: False}
+    along = settings.pillar_grading
+    return Scene(x, y, z, settings.grading, through, "plate", above, along, centres, half)
+
+
+def boxes_of(scene: Scene) -> Boxes:
+    """The tensor grid of a scene and what is solid in it."""
+    lines_x, lines_y = grid_lines(scene.x, scene.across), grid_lines(scene.y, scene.across)
+    z = grid_lines(scene.z, scene.through)
+    if scene.above is None or scene.along is None:
+        return Boxes(lines_x, lines_y, z, np.zeros(_cuts(lines_x, lines_y, z), dtype=np.int64), (scene.name,))
+    layers = len(z) - 1
+    z = np.append(z, grid_lines(scene.above, scene.along)[1:])
+    region = np.full(_cuts(lines_x, lines_y, z), VOID, dtype=np.int64)
+    region[:, :, :layers] = 0
+    middle_x, middle_y = (lines_x[1:] + lines_x[:-1]) / 2.0, (lines_y[1:] + lines_y[:-1]) / 2.0
+    for cx, cy in scene.centres:
+        inside = (np.abs(middle_x - cx) < scene.half_m)[:, None] & (np.abs(middle_y - cy) < scene.half_m)[None, :]
+        region[inside, layers:] = 1
+    return Boxes(lines_x, lines_y, z, region, (scene.name, "pillar"))
+
+
+def _cuts(*lines: FloatArray) -> tuple[int, ...]:
+    return tuple(len(line) - 1 for line in lines)

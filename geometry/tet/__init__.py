@@ -1,0 +1,1 @@
+"""Quadratic tetrahedra of CAD bodies."""

@@ -1,0 +1,103 @@
+"""The scenes of a design through CAD and pytetwild: plate, zone, pillar, unit cell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+
+from geometry.cad import solids
+from geometry.hex.boxes import Piece
+from geometry.layout import Design, Pillar
+from geometry.mesh import Mesh, check_mesh
+from geometry.patches import Patches
+from geometry.tet.mesher import DEFAULTS, TetOptions, tet_mesh
+from geometry.tet.mirror import mirror_mesh
+from geometry.tet.sizing import NearSegments
+
+FINE = 1.0 / 6.0  # edge length at a singular edge over that away from it, when the caller gives no sizing field
+GROWTH = 0.7  # of the edge length per distance from there
+ROUND_SIDES = 16
+ROUNDING = 1e-12  # relative volume difference between a mesh and four times its quarter
+
+Lines = list[list[tuple[float, float, float]]]
+
+
+def tet_zone(design: Design, edge_m: float, mirrors: str = "", options: TetOptions = DEFAULTS) -> Mesh:
+    """The bare strip, finer near the edges of its long side faces, which a clamp makes singular.
+
+    `mirrors` ("x", "y", "xy") keeps x >= 0 and/or y >= 0. options.size replaces the built-in grading.
+    """
+    half_x, half_y = design.length_m / 2.0, design.width_m / 2.0
+    lines = [[(-half_x, y, z), (half_x, y, z)] for y in (-half_y, half_y) for z in (0.0, design.thickness_m)]
+    return tet_mesh(solids.zone_solid(design, mirrors), edge_m, options=graded(options, lines, edge_m))
+
+
+def tet_pillar(pillar: Pillar, edge_m: float, options: TetOptions = DEFAULTS) -> Mesh:
+    """The lone pillar (its foot is face "foot"), finer near the rim of its foot, which a clamp makes singular."""
+    return tet_mesh(solids.pillar_solid(pillar), edge_m, options=graded(options, foot_rim(pillar, 0.0), edge_m))
+
+
+def tet_plate(
+    design: Design,
+    edge_m: float,
+    quarter: bool = False,
+    patches: Patches | None = None,
+    options: TetOptions = DEFAULTS,
+) -> Mesh:
+    """The plate with pillars and patches, evenly fine unless options.size says otherwise; the quarter x, y >= 0 or all.
+
+    A whole plate without patches is its quarter mirrored twice when its pillar is its own mirror image.
+    Raises GeometryError when a quarter cuts a pillar that is not.
+    """
+    if quarter or (patches is None and design.is_mirrored):
+        part = tet_mesh(solids.plate_solid(design, "xy", patches), edge_m, options=options)
+        return part if quarter else _whole(part)
+    return tet_mesh(solids.plate_solid(design, "", patches), edge_m, options=options)
+
+
+def tet_cell(design: Design, edge_m: float, quarter_then_mirror: bool = True, options: TetOptions = DEFAULTS) -> Mesh:
+    """The unit cell, finer near its pillar's foot.
+
+    Mirrored from its quarter, opposite faces pair node for node: equal to the last bit but for the sign of x or y.
+    Raises GeometryError when the pillar is not symmetric in x = 0 and y = 0.
+    """
+    rim = foot_rim(design.pillar, design.thickness_m) if design.pillar else []
+    body = solids.cell_solid(design, "xy" if quarter_then_mirror else "")
+    mesh = tet_mesh(body, edge_m, options=graded(options, rim, edge_m))
+    return _whole(mesh) if quarter_then_mirror else mesh
+
+
+def tet_piece(design: Design, piece: Piece, edge_m: float, options: TetOptions = DEFAULTS) -> Mesh:
+    """A rectangular piece of the plate, its middle at the origin, finer near its pillar's foot."""
+    rim: Lines = []
+    if design.pillar and piece.foot:
+        x, y = np.array(piece.foot) - np.array(piece.middle)
+        rim = [[(a + x, b + y, c) for a, b, c in line] for line in foot_rim(design.pillar, design.thickness_m)]
+    return tet_mesh(solids.piece_solid(design, piece), edge_m, options=graded(options, rim, edge_m))
+
+
+def _whole(quarter: Mesh) -> Mesh:
+    """The quarter x, y >= 0 mirrored in both planes, checked again as one mesh."""
+    whole = mirror_mesh(mirror_mesh(quarter, 0), 1)
+    check_mesh(whole, 4.0 * check_mesh(quarter).volume_m3, ROUNDING)
+    return whole
+
+
+def graded(options: TetOptions, lines: Lines, edge_m: float) -> TetOptions:
+    """The options with an edge length that grows away from the lines, unless they already have one."""
+    if options.size is not None or not lines:
+        return options
+    fine = FINE * edge_m
+    return replace(options, size=NearSegments(np.array(lines), fine, edge_m, GROWTH), finest_m=fine)
+
+
+def foot_rim(pillar: Pillar, z: float) -> Lines:
+    """The re-entrant edge round a foot at the origin as segments, m; none when a fillet rounds it off."""
+    if pillar.fillet_m > 0.0:
+        return []
+    count, radius = (ROUND_SIDES, pillar.base_m / 2.0) if pillar.shape == "round" else (4, pillar.base_m / 2**0.5)
+    angle = 2.0 * pi * (np.arange(count) + 0.5) / count
+    corners = [(float(x), float(y), z) for x, y in zip(radius * np.cos(angle), radius * np.sin(angle), strict=True)]
+    return [[start, end] for start, end in zip(corners, corners[1:] + corners[:1], strict=True)]

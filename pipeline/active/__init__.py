@@ -1,0 +1,1 @@
+"""The analogy and control models, their figures, beside the thesis."""

@@ -1,0 +1,199 @@
+"""`antinode active dq`: the loop of a case's or a table's mode, and the identification of a measured sweep."""
+
+from __future__ import annotations
+
+import csv
+from argparse import Namespace
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.active.options import Found, compared, only_frequency_hz, quality, seconds
+from pipeline.board import table_file
+from pipeline.board.table_file import ModeTable, TableError
+from pipeline.case.model import Case
+from pipeline.errors import InputFault
+from pipeline.logs import Log
+from pipeline.measured.files import LARGEST
+from pipeline.records import outputs
+from solvers.control.baseband import ModePlant
+from solvers.control.dq_data import DqData
+from solvers.control.dq_loop import Rates
+from solvers.control.dq_study import DqStudy, dq_study
+from solvers.control.identification import Identified, Sweep, identify
+
+if TYPE_CHECKING:
+    from solvers.control.identification import Sensor
+
+WANTED_GAIN, OTHER_GAIN = 0.8, 0.04  # sensor over drive, full scales: where nothing was identified
+COLUMNS = ("frequency_hz", "re", "im")
+
+
+def dq(arguments: Namespace, case: Case | None, log: Log) -> Found:
+    """The study of the mode that table, case or option names; with --sweep the mode identified from a file."""
+    from pipeline.active import plots_loop
+
+    table = _table(arguments.table) if arguments.table else None
+    data = _data(arguments, case, table, log)
+    measured = _identified(arguments, data) if arguments.sweep else None
+    if measured is not None:
+        data = replace(data, wanted=_velocity(measured.plant, data.sensor), delay_s=_beyond_hold(measured, data))
+    study = dq_study(data)
+    document = study.as_json() | {"measured": measured.as_json() if measured else None}
+    files = _new_table(table, measured, log) if table and measured else {}
+    return Found(document, _lines(study, measured), lambda: plots_loop.drawings(study), files)
+
+
+def _table(path: str) -> ModeTable:
+    try:
+        return table_file.from_bytes(Path(path).read_bytes())
+    except OSError as fault:
+        raise InputFault(f"--table = {path}: {fault.strerror}") from fault
+    except TableError as fault:
+        raise InputFault(f"--table = {path}: {fault}") from fault
+
+
+def _data(arguments: Namespace, case: Case | None, table: ModeTable | None, log: Log) -> DqData:
+    data = DqData()
+    if table is not None:
+        data = _from_table(data, table, log)
+    elif case is not None:
+        case.require("plate", "zone", command="active dq without --table")
+        data = replace(data, wanted=_from_case(case, log))
+    plant = data.wanted
+    frequency = only_frequency_hz(arguments, plant.frequency_hz)
+    wanted = ModePlant.from_quality(frequency, quality(arguments, plant.quality), plant.gain)
+    delays = arguments.delay or ()
+    if len(delays) > 1:
+        raise InputFault(f"--delay: active dq takes one, {len(delays)} came")
+    return replace(
+        data,
+        wanted=wanted,
+        within_s=seconds(arguments.within, "--within") if arguments.within else data.within_s,
+        delay_s=seconds(delays[0], "--delay") if delays else data.delay_s,
+        delay_guess_s=seconds(delays[0], "--delay") if delays else data.delay_guess_s,
+    )
+
+
+def _from_case(case: Case, log: Log) -> ModePlant:
+    from solvers.analytic.predesign import predesign
+
+    zone = predesign(case.design).zone
+    if zone is None:
+        raise InputFault(f"{case.name}: [plate], [zone]: too little is given to size the zone")
+    log.info(f"mode by predesign, {zone.frequency_hz:.0f} Hz; gain {WANTED_GAIN} assumed; --table takes computed modes")
+    return ModePlant.from_quality(zone.frequency_hz, case.quality, WANTED_GAIN)
+
+
+def _from_table(data: DqData, table: ModeTable, log: Log) -> DqData:
+    if not table.modes:
+        raise InputFault("--table: it holds shapes only, no mode")
+    sensor: Sensor = "displacement" if table.senses_displacement else "velocity"
+    mode = table.modes[table.wanted]
+    unknown = sum(one.gain is None for one in table.modes)
+    if unknown:
+        log.info(f"{unknown} gains of the table are not identified: {WANTED_GAIN} and {OTHER_GAIN} are assumed")
+    plants = [_plant(one, i == table.wanted, sensor) for i, one in enumerate(table.modes)]
+    rates = Rates(sample_rate_hz=table.sample_rate_hz)
+    late = mode.delay_s - 0.5 / table.sample_rate_hz
+    known = late > 0.0
+    return replace(
+        data,
+        wanted=plants[table.wanted],
+        neighbours=tuple(plant for i, plant in enumerate(plants) if i != table.wanted),
+        sensor=sensor,
+        drive_limit=mode.drive_limit,
+        amplitude_limit=mode.amplitude_limit,
+        delay_s=late if known else data.delay_s,
+        delay_guess_s=mode.delay_s if known else data.delay_guess_s,
+        rates=rates,
+    )
+
+
+def _plant(mode: table_file.Mode, wanted: bool, sensor: Sensor) -> ModePlant:
+    gain = mode.gain if mode.gain is not None else None
+    if gain is None:
+        return ModePlant(mode.frequency_hz, mode.tau_s, WANTED_GAIN if wanted else OTHER_GAIN)
+    return _velocity(ModePlant(mode.frequency_hz, mode.tau_s, gain), sensor)
+
+
+def _velocity(plant: ModePlant, sensor: Sensor) -> ModePlant:
+    """The real gain behind a sensor's: what a velocity sensor of the same size would show."""
+    turned = 1j * plant.gain if sensor == "displacement" else plant.gain
+    return replace(plant, gain=float(np.copysign(abs(turned), complex(turned).real)))
+
+
+def _beyond_hold(found: Identified, data: DqData) -> float:
+    return max(found.delay_s - 0.5 / data.rates.sample_rate_hz, 0.0)
+
+
+def _identified(arguments: Namespace, data: DqData) -> Identified:
+    return identify(_sweep(arguments.sweep), data.sensor, data.delay_guess_s)
+
+
+def _sweep(path: str) -> Sweep:
+    """A file with the columns frequency_hz, re, im. InputFault with the line for anything else."""
+    try:
+        with Path(path).open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as fault:
+        raise InputFault(f"--sweep = {path}: cannot be read ({fault})") from fault
+    values = []
+    for number, row in enumerate(rows, start=2):
+        try:
+            values.append([float(row[column]) for column in COLUMNS])
+        except (KeyError, TypeError, ValueError) as fault:
+            raise InputFault(f"--sweep = {path}: line {number}: must hold {', '.join(COLUMNS)}") from fault
+    if not values:
+        raise InputFault(f"--sweep = {path}: no rows; columns must be {', '.join(COLUMNS)}")
+    columns = np.array(values)
+    if not (np.abs(columns) <= LARGEST).all() or not np.abs(columns[:, 1:]).max() > 1.0 / LARGEST:
+        raise InputFault(f"--sweep = {path}: must hold finite numbers within {LARGEST:g}, not all of them 0")
+    return Sweep(columns[:, 0], columns[:, 1] + 1j * columns[:, 2])
+
+
+def _new_table(table: ModeTable, found: Identified, log: Log) -> dict[str, bytes]:
+    """The table with its wanted mode as measured, as binary and as header of the same bytes."""
+    plant = found.plant
+    mode = replace(
+        table.modes[table.wanted],
+        frequency_hz=plant.frequency_hz,
+        tau_s=plant.tau_s,
+        gain=plant.gain,
+        delay_s=found.delay_s,
+        tau_identified=True,
+        frequency_identified=True,
+    )
+    modes = tuple(mode if i == table.wanted else one for i, one in enumerate(table.modes))
+    try:
+        made = replace(table, modes=modes)
+        files = {
+            "mode_table.bin": table_file.to_bytes(made),
+            "mode_table.h": table_file.to_header(made).encode(),
+        }
+    except TableError as fault:
+        raise InputFault(f"--sweep: what it shows does not fit a mode table: {fault}") from fault
+    log.info("mode_table.bin and mode_table.h carry the measured mode (written with --out)")
+    return files
+
+
+def _lines(study: DqStudy, measured: Identified | None) -> list[str]:
+    data, plant, design = study.data, study.identified.plant, study.as_json()["design"]
+    sampled = design["sampled"]
+    head = ("name", "detuning_hz", "reference", "reached_95_s", "settled_5_s", "overshoot", "limited_periods")
+    rows: list[list[Any]] = [[step.as_json()[key] for key in head] for step in (*study.steps, *study.windups)]
+    found = [
+        f"mode {data.wanted.frequency_hz:.1f} Hz, quality {data.wanted.quality:.0f}, {len(data.neighbours)} neighbours",
+        f"identified from a simulated sweep{' of the measured mode' if measured else ''}: "
+        f"{plant.frequency_hz:.3f} Hz, tau {plant.tau_s * 1e3:.4f} ms, "
+        f"|G| {abs(plant.gain):.4f}, delay {study.identified.delay_s * 1e6:.2f} us",
+        f"continuous PI: K_p = {study.pi.proportional:.4g}, K_i = {study.pi.integral_per_s:.5g} 1/s for tau_d = "
+        f"{data.response_s * 1e3:.3f} ms; each {sampled['period_s'] * 1e6:g} us: K_p = {sampled['proportional']:.4g}, "
+        f"integral {sampled['integral']:.4g}",
+        f"margins: gain {study.margins.gain:.2f}, carrier's phase {study.margins.phase_deg:.1f} degrees, "
+        f"sensitivity {study.margins.sensitivity:.2f}",
+        outputs.table(head, rows),
+    ]
+    return [*found, *compared(study.as_json()["comparison"])]

@@ -1,0 +1,234 @@
+"""The command `antinode active`: circuit, pillar, active beam, shaping and dq loop, each with its figures."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Callable
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+from pipeline.active.options import Found, compared, frequencies_hz, number, only_frequency_hz, quality, seconds
+from pipeline.case.limits import span
+from pipeline.case.model import Case, load_case
+from pipeline.case.quantities import parse_band
+from pipeline.errors import InputFault
+from pipeline.logs import Log, TerminalLog
+from pipeline.paths import STUDIES
+from pipeline.records import outputs
+from solvers.errors import SolverError
+
+if TYPE_CHECKING:
+    from solvers.resonators.mason_study import MasonStudy
+
+TAKES = {
+    "mason": ("frequency", "quality", "band"),
+    "pillar": ("quality", "band", "cell"),
+    "beam": ("frequency", "gain", "quality", "delay"),
+    "shaping": ("frequency",),
+    "dq": ("frequency", "quality", "delay", "within", "table", "sweep"),
+}
+MASON_HIGHEST = 100  # of the mode to confine: the wavelength of 5/3 cells is 2 mm, the bar's thickness, for the default
+GAIN_N_M = (1e-3, 1e12)  # from a millionth of any strip's own stiffness to beyond that of solid blocks of metal
+
+
+def run(arguments: Namespace) -> int:
+    """One model: text or JSON on standard output, JSON, figures and files into --out."""
+    _refuse_foreign_options(arguments)
+    case, log = _case(arguments), TerminalLog(arguments.quiet)
+    if case:
+        outputs.of_case(arguments, case)
+    try:
+        found = _models()[arguments.model](arguments, case, log)
+    except SolverError as fault:  # these models have no meshes and no iterations: what stops them is what was asked
+        raise InputFault(f"active {arguments.model}: {' '.join(str(fault).split())}") from fault
+    outputs.emit(arguments, f"active_{arguments.model}", found.document, "\n".join(found.lines))
+    if arguments.out:
+        _write(arguments, found)
+    return 0
+
+
+def _write(arguments: Namespace, found: Found) -> None:
+    from pipeline.plots import style
+
+    folder = outputs.folder(arguments.out)
+    for name, data in found.files.items():
+        outputs.write_file(folder / name, data)
+    with style.style():
+        for drawing in found.drawings():
+            style.save(drawing, folder)
+
+
+def _models() -> dict[str, Callable[[Namespace, Case | None, Log], Found]]:
+    from pipeline.active.loop import dq
+
+    return {"mason": _mason, "pillar": _pillar, "beam": _beam, "shaping": _shaping, "dq": dq}
+
+
+def _refuse_foreign_options(arguments: Namespace) -> None:
+    takes = TAKES[arguments.model]
+    for name in sorted({option for options in TAKES.values() for option in options}):
+        if getattr(arguments, name) and name not in takes:
+            told = ", ".join(f"--{option}" for option in takes)
+            raise InputFault(f"--{name}: active {arguments.model} does not take it; it takes {told}")
+
+
+def _case(arguments: Namespace) -> Case | None:
+    if arguments.case is None and arguments.model == "pillar":
+        return load_case(STUDIES / "three-rows.toml", arguments.set)
+    if arguments.case is None:
+        if arguments.set:
+            raise InputFault("--set: needs a CASE to change")
+        return None
+    return load_case(arguments.case, arguments.set)
+
+
+def _mason(arguments: Namespace, case: Case | None, log: Log) -> Found:
+    from dataclasses import replace
+
+    import numpy as np
+
+    from pipeline.active import plots
+    from pipeline.active.thesis_pillar import mason_entries
+    from solvers.resonators.mason_study import MasonData, mason_study
+
+    data = MasonData(target_hz=only_frequency_hz(arguments, MasonData.target_hz))
+    data = replace(data, quality=quality(arguments, case.quality if case else data.quality))
+    if case is not None:
+        data = replace(data, material=case.design.material)
+    whole = study = mason_study(data)
+    if arguments.band:
+        study = mason_study(data, np.linspace(*_mason_band(arguments.band, data.target_hz), 3121))
+        _refuse_empty(arguments.band, study, whole)
+    entries = [entry.as_json() for entry in mason_entries(whole)]
+    cell, one = data.cell, data.filter
+    lines = [
+        f"five cells of {data.material.name}, each {cell.length_m * 1e3:.3f} mm long, section {cell.area_m2 * 1e6:g} mm2, "
+        f"quality {data.quality:g}; 1 N in the middle one",
+        f"filter: L = {one.inductance_kg:.4g} kg, C = {one.capacitance_m_n:.4g} m/N, rejects {one.rejected_hz:.6g} Hz",
+        *(
+            f"modes, {name}: {', '.join(f'{f:.0f}' for f in modes) + ' Hz' if len(modes) else 'none in the band'}"
+            for name, modes in study.modes_hz.items()
+        ),
+        *compared(entries),
+    ]
+    return Found(study.as_json() | {"comparison": entries}, lines, lambda: [plots.mason(study)])
+
+
+def _mason_band(text: str, target_hz: float) -> tuple[float, float]:
+    """The band to show, Hz. InputFault beyond what a bar of one dimension has modes for."""
+    low, high = parse_band(text, "--band")
+    if high > MASON_HIGHEST * target_hz:
+        limit = (
+            f"must end at {MASON_HIGHEST * target_hz / 1e3:g} kHz or below, {MASON_HIGHEST} times the mode to confine"
+        )
+        raise InputFault(f"--band = {text!r}: {limit}: the waves beyond are shorter than the bar is thick")
+    return low, high
+
+
+def _refuse_empty(text: str, study: MasonStudy, whole: MasonStudy) -> None:
+    """InputFault, with where the modes are, when neither of the three lines has one in the band."""
+    if not any(len(modes) for modes in study.modes_hz.values()):
+        every = [float(mode) for modes in whole.modes_hz.values() for mode in modes]
+        told = f"from {min(every) / 1e3:.4g} to {max(every) / 1e3:.4g} kHz, {len(every)} of them"
+        raise InputFault(f"--band = {text!r}: holds no mode of the three bars; they have modes {told}")
+
+
+def _pillar(arguments: Namespace, case: Case | None, log: Log) -> Found:
+    import numpy as np
+
+    from pipeline.active import plots
+    from pipeline.active.thesis_pillar import pillar_entries
+    from solvers.resonators.pillar_row import pillar_filter
+    from solvers.resonators.point_load import point_force
+
+    assert case is not None
+    case.require("plate", "pillar", "array.pitch_mm", command="active pillar")
+    band = parse_band(arguments.band, "--band") if arguments.band else None
+    loss = 1.0 / quality(arguments, case.quality if "damping" in case.given else inf)
+    low, high = band or _pillar_window(case)
+    found = pillar_filter(case.design, np.linspace(low, high, 801), loss)
+    point = point_force()
+    cell = _computed_cell(case, log, (low, high)) if arguments.cell else None
+    entries = [entry.as_json() for entry in pillar_entries(found, point, cell)]
+    document = found.as_json() | {"point_force": point.as_json(), "cell": cell, "comparison": entries}
+    return Found(document, compared(entries), lambda: plots.pillar(found, point, cell))
+
+
+def _pillar_window(case: Case) -> tuple[float, float]:
+    """From half to half as much again of the pillar's clamped frequency."""
+    from math import pi
+
+    from solvers.analytic.predesign import pillar_beam
+    from solvers.analytic.timoshenko import exact_omegas
+
+    assert case.design.pillar is not None
+    beam = pillar_beam(case.design.pillar)
+    clamped = exact_omegas(beam, "clamped", "free", 1)[0] * beam.unit_rad_s / (2.0 * pi)
+    return 0.5 * clamped, 1.5 * clamped
+
+
+def _computed_cell(case: Case, log: Log, band_hz: tuple[float, float]) -> dict[str, Any]:
+    """Decay per row of the least attenuated flexural wave of the computed plate cell at normal incidence."""
+    from pipeline.analysis import attenuation
+
+    found = attenuation.solve(case, log, band_hz, 0.0, 81)
+    return {
+        "model": found.model,
+        "frequencies_hz": [point.frequency_hz for point in found.points],
+        "db_per_row": [point.db_per_row for point in found.points],
+    }
+
+
+def _beam(arguments: Namespace, case: Case | None, log: Log) -> Found:
+    from dataclasses import replace
+
+    from pipeline.active import plots
+    from pipeline.active.thesis_beam import entries
+    from solvers.active_beam.study import ActiveBeamData, active_beam_study
+
+    data = ActiveBeamData()
+    if case is not None:
+        data = replace(data, material=case.design.material)
+    gains = tuple(number(text) for text in arguments.gain or ()) or data.gains_n_m
+    for text, gain in zip(arguments.gain or (), gains, strict=False):
+        if not GAIN_N_M[0] <= gain <= GAIN_N_M[1]:
+            allowed = f"must be a number above 0 in N/m, {span(GAIN_N_M)} (0 leaves the loops open)"
+            raise InputFault(f"--gain = {text}: {allowed}")
+    delays = tuple(seconds(text, "--delay") for text in arguments.delay or ()) or data.delays_s
+    data = replace(
+        data,
+        frequencies_hz=frequencies_hz(arguments, data.frequencies_hz),
+        gains_n_m=gains,
+        quality=quality(arguments, case.quality if case else data.quality),
+        delays_s=delays,
+    )
+    study = active_beam_study(data)
+    document = study.as_json() | {"comparison": [entry.as_json() for entry in entries(study)]}
+    shown = f"{data.length_m * 1e3:g} x {data.width_m * 1e3:g} x {data.thickness_m * 1e3:g} mm"
+    head = ("layout", "frequency_hz", "gain_n_m", "strength", "ratio_before", "ratio_after", "largest_force_n")
+    rows = [[case[key] for key in head] for case in document["cases"]]
+    lines = [
+        f"free-free {data.material.name} strip {shown}, 1 N in the middle, loops {study.left_m * 1e3:.1f} mm from both ends; "
+        f"strength = K'/(4 EI beta^3), ratio = rms between the loops over rms beyond",
+        outputs.table(head, rows),
+        *compared(document["comparison"]),
+    ]
+    return Found(document, lines, lambda: plots.beam(study))
+
+
+def _shaping(arguments: Namespace, case: Case | None, log: Log) -> Found:
+    from dataclasses import replace
+
+    from pipeline.active import plots_shaping
+    from pipeline.active.thesis_shaping import entries
+    from solvers.shaping_study.document import document as document_of
+    from solvers.shaping_study.study import ShapingData, shaping_study
+
+    if case is not None:
+        log.info("the case is not used: shaping has its own beams, stated in its document")
+    data = ShapingData()
+    data = replace(data, frequencies_hz=frequencies_hz(arguments, data.frequencies_hz))
+    study = shaping_study(data)
+    document = document_of(study) | {"comparison": [entry.as_json() for entry in entries(study)]}
+    lines = [*(f"assumed: {text}" for text in document["assumptions"]), *compared(document["comparison"])]
+    return Found(document, lines, lambda: plots_shaping.drawings(study))

@@ -1,0 +1,1 @@
+"""One computation a module, on a case."""

@@ -1,0 +1,292 @@
+"""Bloch bands of a case's unit cell along a path and over a grid: waves, their branches, labels and shapes, and the gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from geometry.decimate import coarse, with_sides
+from geometry.elements import FloatArray, IntArray
+from geometry.hex.boxes import cell_boxes, hex_mesh
+from geometry.layout import Design
+from pipeline.case.model import Case
+from pipeline.errors import InputFault
+from pipeline.logs import Log
+from pipeline.models.parts import mesh_record
+from pipeline.models.unit_cell import LatticeModel, lattice_model
+from pipeline.planning import error_bar, foresight, simplifications
+from pipeline.planning.mesh_rules import FINEST
+from pipeline.planning.model_choice import SOLID, Way, cell_way
+from solvers.fem.assembly import assemble
+from solvers.superelement.lattice import Lattice
+from solvers.waves.bloch import BlochCell
+from solvers.waves.branches import Branches, Solved, follow
+from solvers.waves.brillouin import Path, path_through, zone_grid
+from solvers.waves.gaps import Gap, LegGap, ZoneGap, complete_gaps, leg_gaps, path_gaps, path_lines, sampled_zone_gaps
+from solvers.waves.gaps import zone_gaps as refined_zone_gaps
+from solvers.waves.polarisation import Label
+from solvers.waves.polarisation_gaps import PolarisationGap, labels_along, polarisation_gaps
+from solvers.waves.symmetry import Mirrors
+
+Frequencies = Callable[[FloatArray, int], FloatArray]
+MOVED = 1e-6  # relative: an edge of the zone's gap that lies off the path
+DIGITS = 7
+MOST_POINTS = 500
+MOST_BANDS = 12
+
+
+@dataclass(frozen=True)
+class Detail:
+    """What the reduced cell tells beside frequencies: rows for wavevectors, columns for bands.
+
+    labels and parity as lists of rows, branch (n, bands) from 1, velocity (n, bands, 2) in m/s (NaN for still waves).
+    """
+
+    labels: list[list[Label]]
+    parity: list[list[str]]
+    branch: IntArray
+    velocity: FloatArray
+    leg_gaps: list[LegGap]
+    polarisation_gaps: list[PolarisationGap]
+    reduction_error: float
+
+    def point(self, index: int) -> dict[str, Any]:
+        """The fields of one wavevector."""
+        return {
+            "polarisation": [label.name for label in self.labels[index]],
+            "plate_polarisation": [label.plate for label in self.labels[index]],
+            "parity": self.parity[index],
+            "branch": [int(number) for number in self.branch[index]],
+            "group_velocity_m_s": [_pair(pair) for pair in self.velocity[index]],
+        }
+
+    def json(self) -> dict[str, Any]:
+        """The fields of the whole path."""
+        return {
+            "reduction_error": self.reduction_error,
+            "directional_gaps": [vars(gap) for gap in self.leg_gaps],
+            "polarisation_gaps": [vars(gap) for gap in self.polarisation_gaps],
+        }
+
+
+@dataclass(frozen=True)
+class Bands:
+    """Frequencies (wavevectors, bands) in Hz along a path, complete gaps, and what computed them."""
+
+    model: str
+    dof: int
+    path: Path
+    frequencies_hz: FloatArray
+    gaps: list[Gap]
+    meshes: list[dict[str, Any]] = field(default_factory=list)
+    detail: Detail | None = None
+    zone_gaps: list[ZoneGap] | None = None
+    shapes: dict[str, Any] = field(default_factory=dict)
+    expected_error: float | None = None
+
+    def at(self, label: str) -> FloatArray | None:
+        """Frequencies at the first point with a label, or None when the path does not pass it."""
+        return self.frequencies_hz[self.path.labels.index(label)] if label in self.path.labels else None
+
+    def json(self) -> dict[str, Any]:
+        """The contract's fields and the detail, without times."""
+        points = [
+            {
+                "label": label,
+                "kx_per_m": float(k[0]),
+                "ky_per_m": float(k[1]),
+                "frequencies_hz": [float(f) for f in row],
+            }
+            | (self.detail.point(index) if self.detail else {})
+            for index, (label, k, row) in enumerate(
+                zip(self.path.labels, self.path.wavevectors, self.frequencies_hz, strict=True)
+            )
+        ]
+        found: dict[str, Any] = {"schema": 1, "model": self.model, "dof": self.dof, "points": points}
+        found["expected_error"] = self.expected_error
+        found["gaps"] = [vars(gap) for gap in self.gaps]
+        found |= self.detail.json() if self.detail else {}
+        return found if self.zone_gaps is None else found | {"zone_gaps": [vars(gap) for gap in self.zone_gaps]}
+
+
+def _pair(pair: FloatArray) -> list[float] | None:
+    return None if np.isnan(pair).any() else [float(f"{value:.{DIGITS}g}") for value in pair]
+
+
+def solve_bands(case: Case, log: Log, shapes: bool = False) -> Bands:
+    """Every band asked for, at every wavevector of the case's path; where asked, shapes of the waves as a page shows them."""
+    _check(case)
+    design, asked, way = case.design, case.bands, cell_way(case)
+    path = path_through(asked.path, asked.points, design.pitch_x_m, design.pitch_y_m)
+    border = simplifications.off_path(design, asked.path, asked.grid)
+    simplifications.told((*way.left_out, border), log)
+    if not (border or asked.grid):
+        log.info(
+            f"{asked.path} does not bound the irreducible zone: gaps are those of the path; [bands] grid looks beyond"
+        )
+    solved = len(path.wavevectors) if way.model == SOLID else len(path.finer(_finer(case)).wavevectors)
+    foresight.announce("bands of the unit cell", foresight.of_bands(case, way, solved), log)
+    found = _full(case, way, path, log) if way.model == SOLID else _reduced(case, path, log, shapes)
+    return replace(found, expected_error=error_bar.told(way, case, log, float(found.frequencies_hz.max())))
+
+
+def _finer(case: Case) -> int:
+    """How many times finer than asked the path is solved to follow branches."""
+    return -(-FINEST // case.bands.points)
+
+
+def _check(case: Case) -> None:
+    case.require("plate", "array.pitch_mm", command="bands")
+    if case.design.pillar is None and case.design.rows:
+        raise InputFault(f"{case.name}: array.rows = {case.design.rows}: must be 0 when the case has no [pillar]")
+
+
+def _materials(design: Design) -> dict[str, Any]:
+    return {"plate": design.material, "pillar": design.pillar.material if design.pillar else design.material}
+
+
+def _full(case: Case, way: Way, path: Path, log: Log) -> Bands:
+    """The cell as meshed: frequencies and sampled gaps only."""
+    design, settings = case.design, way.hexahedra
+    assert settings
+    log.left_out("polarisation, branches and group velocity", "the full cell gives frequencies only")
+    mesh = hex_mesh(cell_boxes(design, settings), settings.order)
+    with log.step("assemble the cell"):
+        cell = BlochCell(assemble(mesh, _materials(design)), design.pitch_x_m, design.pitch_y_m)
+    with log.step(f"{len(path.wavevectors)} wavevectors"):
+        rows = _each_once(path.wavevectors, case.bands.count, cell.frequencies)
+    gaps, zone = complete_gaps(rows), None
+    if case.bands.grid:
+        grid = zone_grid(case.bands.grid, design.pitch_x_m, design.pitch_y_m, True, False)
+        with log.step(f"grid of {len(grid)} wavevectors"):
+            values = _each_once(grid, case.bands.count, cell.frequencies)
+        zone = sampled_zone_gaps(np.vstack([path.wavevectors, grid]), np.vstack([rows, values]), gaps)
+        _tell_zone(gaps, zone, log)
+    return Bands(f"solid hex{settings.order}", cell.dof, path, rows, gaps, [mesh_record("cell", mesh)], None, zone)
+
+
+def _each_once(wavevectors: FloatArray, count: int, frequencies: Frequencies) -> FloatArray:
+    """Solve each distinct wavevector once."""
+    known: dict[tuple[float, float], FloatArray] = {}
+    for k in wavevectors:
+        key = (float(k[0]), float(k[1]))
+        if key not in known:
+            known[key] = frequencies(k, count)
+    return np.array([known[float(k[0]), float(k[1])] for k in wavevectors])
+
+
+def _reduced(case: Case, path: Path, log: Log, shapes: bool) -> Bands:
+    """The cell reduced: waves followed on a path fine enough for it, gaps between the samples too."""
+    meshes: list[dict[str, Any]] = []
+    corners = path.wavevectors[[leg.last for leg in path.legs]]
+    model = lattice_model(case, corners, log, meshes)
+    count = min(case.bands.count, model.lattice.dof)
+    solved, factor = Solved(model.lattice, count), _finer(case)
+    fine = path.finer(factor)
+    with log.step(f"{len(fine.wavevectors)} wavevectors"):
+        for k in fine.wavevectors:
+            solved(k)
+    with log.step("branches"):
+        branches = follow(solved, fine.wavevectors)
+    with log.step("gaps"):
+        labels, lines = labels_along(solved, branches), path_lines(solved, fine)
+        gaps, along_legs = path_gaps(lines), leg_gaps(fine, lines)
+        polarised = polarisation_gaps(solved, branches, labels)
+    rows = np.array([waves.frequency_hz[:count] for waves in branches.waves])[::factor]
+    detail = _detail(model, branches, labels, factor, count, along_legs, polarised)
+    zone = _over_the_zone(case, model, solved, gaps, log) if case.bands.grid else None
+    moved = wave_shapes(model.lattice, path, count) if shapes else {}
+    return Bands(model.name, model.lattice.dof, path, rows, gaps, meshes, detail, zone, moved)
+
+
+def _detail(
+    model: LatticeModel, branches: Branches, labels: list[list[Label]], factor: int, count: int,
+    along_legs: list[LegGap], polarised: list[PolarisationGap],
+) -> Detail:  # fmt: skip
+    """Labels, parity, branches and group velocities at the wavevectors asked for."""
+    mirrors, waves = Mirrors(model.lattice.cell), branches.waves[::factor]
+    parity = []
+    for each in waves:
+        signs = {name: mirrors.parity(name, each.unknowns[:, :count]) for name in mirrors.keeping(each.wavevector)}
+        parity.append(["".join(f"{n}{'-?+'[v[i] + 1]}" for n, v in signs.items()) for i in range(count)])
+    velocity = np.array([model.lattice.group_velocity(each)[:count] for each in waves])
+    number = branches.number[::factor, :count]
+    shown = [row[:count] for row in labels[::factor]]
+    return Detail(shown, parity, number, velocity, along_legs, polarised, model.reduction_error)
+
+
+def _over_the_zone(case: Case, model: LatticeModel, solved: Solved, gaps: list[Gap], log: Log) -> list[ZoneGap]:
+    """The path's gaps over the whole irreducible zone, from a grid and from the path's best points."""
+    design = case.design
+    names = {*simplifications.lattice_mirrors(design)} & {*Mirrors(model.lattice.cell).names}
+    grid = zone_grid(case.bands.grid, design.pitch_x_m, design.pitch_y_m, bool({"x", "y"} & names), "d" in names)
+    with log.step(f"grid of {len(grid)} wavevectors"):
+        values = np.array([model.lattice.eigenvalues(k, solved.count) for k in grid])
+        found = refined_zone_gaps(solved, grid, values, gaps)
+    _tell_zone(gaps, found, log)
+    return found
+
+
+def _tell_zone(along: list[Gap], zone: list[ZoneGap], log: Log) -> None:
+    """Whether the path told the truth about the zone."""
+    left = {gap.lower_band: gap for gap in zone}
+    for gap in along:
+        name = f"the gap between bands {gap.lower_band} and {gap.upper_band}"
+        whole = left.get(gap.lower_band)
+        if whole is None:
+            log.alarm("ZONE", f"{name} is open along the path only: waves off the path fill it")
+            continue
+        for edge, path_hz, hz, at in (
+            ("lower", gap.lower_hz, whole.lower_hz, whole.lower_at),
+            ("upper", gap.upper_hz, whole.upper_hz, whole.upper_at),
+        ):
+            if abs(hz / path_hz - 1.0) > MOVED:
+                where = f"k = ({at[0]:.1f}, {at[1]:.1f}) rad/m, off the path"
+                log.alarm(
+                    "ZONE", f"{name} has its {edge} edge at {hz:.1f} Hz, {where}; along the path {path_hz:.1f} Hz"
+                )
+    if along and not _moved(along, zone):
+        log.info("every gap along the path is one of the whole zone, with the same edges")
+
+
+def _moved(along: list[Gap], zone: list[ZoneGap]) -> bool:
+    """Whether an edge of the zone's gaps differs from the path's."""
+    edges = {gap.lower_band: (gap.lower_hz, gap.upper_hz) for gap in zone}
+    return any(
+        gap.lower_band not in edges
+        or np.abs(np.array(edges[gap.lower_band]) / (gap.lower_hz, gap.upper_hz) - 1.0).max() > MOVED
+        for gap in along
+    )
+
+
+def wave_shapes(lattice: Lattice, path: Path, count: int) -> dict[str, Any]:
+    """bands_* arrays: points (p, 3) in m, quads or triangles, labels (l,), u (l, bands, 2, p, 3): real and imaginary part.
+
+    Each wave is scaled to a largest component of 1 and turned so that this one is real; half precision, for showing only.
+    """
+    skin = lattice.cell.skin
+    assert skin.facets is not None
+    facets = with_sides(skin.points, skin.facets, lattice.cell.size_m[2])
+    kept, small = coarse(skin.points, facets, MOST_POINTS)
+    labels = list(dict.fromkeys(label for label in path.labels if label))
+    corners = [path.wavevectors[path.labels.index(label)] for label in labels]
+    waves = [_waves(lattice, k, min(count, MOST_BANDS), skin.matrix[kept]) for k in corners]
+    return {
+        "bands_points": skin.points[kept].astype(np.float32),
+        f"bands_{'quads' if small.shape[1] == 4 else 'triangles'}": small.astype(np.int32),
+        "bands_labels": np.array(labels),
+        "bands_u": np.stack(waves).astype(np.float16),
+    }
+
+
+def _waves(lattice: Lattice, k: FloatArray, count: int, matrix: FloatArray) -> FloatArray:
+    """(count, 2, p, 3) of the lowest waves at one wavevector."""
+    unknowns = lattice.waves(k, count).unknowns
+    field = np.tensordot(matrix, unknowns, axes=(2, 0)).transpose(2, 0, 1)
+    flat = field.reshape(len(field), -1)
+    peak = flat[np.arange(len(flat)), np.argmax(np.abs(flat), axis=1)]
+    field = field / peak[:, None, None]
+    return np.stack([field.real, field.imag], axis=1)

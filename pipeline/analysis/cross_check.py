@@ -1,0 +1,68 @@
+"""The same design through CAD and pytetwild, beside the structured meshes: its plate's wanted mode and its unit cell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from geometry.elements import FloatArray
+from pipeline.analysis import bands, mode_fields, mode_rows, modes
+from pipeline.case.model import Case
+from pipeline.logs import Log
+from pipeline.planning.mesh_rules import NEAR_COUNT, PLATE_ACCURACY
+from solvers.errors import TooLarge
+
+
+def add(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
+    """Adds tet_modes, tet_bands and the tet_* arrays to a record; a plate that memory cannot hold is left out, and told."""
+    structured = modes.solve_modes(case, modes.Request("plate", parity=case.parity_wanted), log)
+    row = structured.wanted.row if structured.wanted else None
+    if row is None:
+        log.alarm("NO_MODE", "no mode has the wanted shape: nothing to compare tetrahedra with")
+    else:
+        try:
+            _plate(case, row, log, record, arrays)
+        except TooLarge as fault:
+            log.alarm("TOO_LARGE", f"the whole plate by tetrahedra, a cross-check, is left out: {fault}")
+    _cell(case, log, record, arrays)
+
+
+def _plate(
+    case: Case, structured: mode_rows.ModeRow, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]
+) -> None:
+    accuracy = max(PLATE_ACCURACY, case.solve.accuracy)
+    coarse = replace(case, solve=replace(case.solve, mesh="tet", model="solid", accuracy=accuracy))
+    request = modes.Request(
+        "plate", near_hz=structured.frequency_hz, count=NEAR_COUNT, parity=case.parity_wanted, search=False
+    )
+    found = modes.solve_modes(coarse, request, log)
+    record["meshes"] += found.meshes
+    row = found.wanted.row if found.wanted else None
+    if row is None:
+        log.alarm(
+            "NO_MODE", "the tetrahedral plate has no mode of the wanted shape near the structured one's frequency"
+        )
+        return
+    record["tet_modes"] = {
+        "model": found.model.name,
+        "dof": found.dof,
+        "frequency_hz": row.frequency_hz,
+        "mac": row.mac,
+        "confinement_db": row.confinement_db,
+        "hex_frequency_hz": structured.frequency_hz,
+        "hex_confinement_db": structured.confinement_db,
+        "relative_difference": row.frequency_hz / structured.frequency_hz - 1.0,
+        "count_check": found.json()["count_check"],
+    }
+    log.info(f"wanted mode by tetrahedra {row.frequency_hz:.1f} Hz, structured {structured.frequency_hz:.1f} Hz")
+    skin = found.model.skin(row.parity, found.vectors[row.parity][:, [row.column]]).unfolded(row.parity)
+    surface = mode_fields.surface_arrays([skin])
+    arrays["tet_points"], arrays["tet_triangles"] = surface["surface_points"], surface["surface_triangles"]
+    arrays["tet_u"] = surface["surface_u"][0]
+
+
+def _cell(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
+    corners = replace(case, solve=replace(case.solve, mesh="tet"), bands=replace(case.bands, points=1))
+    found = bands.solve_bands(corners, log)
+    record["tet_bands"] = found.json() | {"method": found.model}
+    record["meshes"] += found.meshes

@@ -1,0 +1,80 @@
+"""Fields and shapes of computed modes, as they are stored."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from geometry.layout import Design
+from pipeline.analysis.mode_rows import ModeRow
+from pipeline.analysis.modes import PartModes
+from pipeline.records.surface_codec import folded, surface_arrays, unfolded
+from solvers.fem.surface import Skin
+from solvers.measures.mode_tracking import zone_coefficients
+
+__all__ = ["full_fields", "kept_arrays", "plate_arrays", "surface_arrays"]
+KEPT_MODES = 12
+DIGITS = 5
+
+
+def kept_arrays(found: PartModes, rows: Sequence[int]) -> dict[str, Any]:
+    """folded_* arrays of the chosen modes, the first one being the wanted mode."""
+    skins = [_skin(found, index) for index in rows]
+    chosen = [found.rows[index] for index in rows]
+    return folded(skins, [row.parity for row in chosen], np.array([row.frequency_hz for row in chosen]))
+
+
+def plate_arrays(found: PartModes, rows: Sequence[int]) -> dict[str, Any]:
+    """surface_*, touch_* and mesh_* arrays of the chosen modes, as pictures read them."""
+    return unfolded(kept_arrays(found, rows))
+
+
+def full_fields(found: PartModes) -> dict[str, Any]:
+    """Every mode on the skin that was meshed: points (p, 3) in m, facets, frequency_hz and parity (k,), displacement (k, p, 3).
+
+    M-orthonormal in the model's scaled units; a quarter where a parity is given: u_z is even (+) or odd (-) in x, then y.
+    """
+    skins = [_skin(found, index) for index in range(len(found.rows))]
+    if not skins:
+        return {}
+    return {
+        "points": skins[0].points,
+        "facets": skins[0].facets.astype(np.int32),
+        "frequency_hz": np.array([row.frequency_hz for row in found.rows]),
+        "parity": np.array([row.parity or "" for row in found.rows]),
+        "displacement": np.concatenate([skin.displacement for skin in skins]),
+    }
+
+
+def _skin(found: PartModes, index: int) -> Skin:
+    row = found.rows[index]
+    return found.model.skin(row.parity, found.vectors[row.parity][:, [row.column]])
+
+
+def shapes_record(found: PartModes, design: Design) -> dict[str, Any]:
+    """Shapes of the modes that carry most of the wanted one, on the active face, for the record."""
+    assert found.wanted
+    wanted = found.wanted.row
+    assert wanted
+    rows = sorted(found.wanted.rows, key=_score, reverse=True)[:KEPT_MODES]
+    rows.sort(key=lambda row: row.frequency_hz)
+    columns = [row.column for row in rows]
+    touch = found.model.touch(wanted.parity, found.vectors[wanted.parity][:, columns])
+    shapes = zone_coefficients(touch, design, wanted.parity)
+    shapes = shapes / np.maximum(np.linalg.norm(shapes, axis=1, keepdims=True), 1e-300)
+    return {
+        "wanted": rows.index(wanted),
+        "frequency_hz": [row.frequency_hz for row in rows],
+        "share": [_share(row) for row in rows],
+        "coefficients": [[float(f"{value:.{DIGITS}g}") for value in row] for row in shapes],
+    }
+
+
+def _share(row: ModeRow) -> float:
+    return 1.0 if row.zone_share is None else row.zone_share
+
+
+def _score(row: ModeRow) -> float:
+    return (row.strength or 0.0) * (row.mac or 0.0) * _share(row)

@@ -1,0 +1,59 @@
+"""Pre-design as the command tells it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from geometry.layout import SHORT, Design
+from pipeline.case.model import Case
+from pipeline.planning import calibration
+from solvers.analytic.predesign import predesign
+
+THEORIES = {  # what the document and what the calibration call them
+    "zone": {"thin_clamped_hz": "thin_clamped_hz", "clamped_hz": "clamped_hz"},
+    "pillar": {"given_euler_hz": "euler", "given_timoshenko_hz": "timoshenko"},
+}
+
+
+def run(case: Case) -> tuple[dict[str, Any], str]:
+    """The JSON document and the text of a case's analytic sizing, with what each theory may be off the clamped solid by."""
+    found = predesign(case.design)
+    document = found.as_json()
+    lines = []
+    for part in [each for each in THEORIES if document[each]]:
+        lines.append(f"{part}: {', '.join(_pairs(document[part]))}")
+        known = expected_errors(part, case.design)
+        errors = {name: error for name, error in known.items() if document[part].get(name) is not None}
+        if errors:
+            told = ", ".join(f"{name} {error:.1%}" for name, error in errors.items())
+            lines.append(f"{part}, expected error beside a solid with clamped faces: {told}")
+        document[part] = document[part] | {"expected_error": errors}
+    return document, "\n".join([*lines, *(f"limit: {text}" for text in found.limits)])
+
+
+def short_wave(design: Design) -> str | None:
+    """What is to be known of a wanted mode whose waves are short beside the thickness; None where they are not."""
+    if not design.is_short_wave:
+        return None
+    return (
+        f"half a wave of the wanted (0, {design.nodal_lines}) mode is {1e3 * design.half_wavelength_m:.3g} mm long, less than "
+        f"{SHORT:g} thicknesses ({1e3 * design.thickness_m:.3g} mm each): plate theory, the pre-design and windows chosen by "
+        "them mean little; lower zone.nodal_lines or plate.thickness_mm"
+    )
+
+
+def expected_errors(part: str, design: Design) -> dict[str, float]:
+    """Relative error of each theory's frequency of a part beside the solid's; {} where nothing like it was measured."""
+    slender = design.nodal_lines * design.thickness_m / design.length_m
+    if part == "pillar":
+        if not design.pillar or not design.pillar.is_box:
+            return {}
+        slender = design.pillar.base_m / design.pillar.height_m
+    elif design.nodal_lines < 2:
+        return {}
+    found = {name: calibration.by_theory(part, theory, slender) for name, theory in THEORIES[part].items()}
+    return {name: error for name, error in found.items() if error is not None}
+
+
+def _pairs(values: dict[str, Any]) -> list[str]:
+    return [f"{key} = {value:.6g}" if isinstance(value, float) else f"{key} = {value}" for key, value in values.items()]

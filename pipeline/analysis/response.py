@@ -1,0 +1,198 @@
+"""Forced response of a case to its patches: what the zone and the rest do per volt, and what the sensors hear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from pipeline.case.model import Case
+from pipeline.logs import Log
+from pipeline.models.patched_plate import forced_plate
+from pipeline.planning import error_bar
+from pipeline.planning.model_choice import way_of
+from solvers.piezo.circuit import CircuitShift, circuit_shift
+from solvers.piezo.forced import Curve, ForcedPlate
+from solvers.piezo.peaks import Peak, curve_about, highest_hz, near_hz, peak_of
+
+POINTS = 401
+GRID = 160
+
+
+@dataclass(frozen=True)
+class Response:
+    """The curve, the wanted mode's peak (None where the band has none) and the highest of all, and the plate behind it.
+
+    The operating shape is that at `peak`. expected_error is that of a frequency by the plate's mesh, relative; bonding the
+    patches and the reduction add their own.
+    """
+
+    model: str
+    dof: int
+    curve: Curve
+    wanted: Peak | None
+    highest: Peak
+    quality_given: float
+    wanted_hz: float | None
+    signs: tuple[int, ...]
+    sensors: tuple[int, ...]
+    shape_points: FloatArray
+    shape: Any
+    forced: ForcedPlate
+    circuit: CircuitShift | None
+    meshes: list[dict[str, Any]] = field(default_factory=list)
+    expected_error: float | None = None
+
+    @property
+    def peak(self) -> Peak:
+        """The wanted mode's peak; the highest one where there is none."""
+        return self.wanted or self.highest
+
+    @property
+    def same(self) -> bool:
+        """Whether the wanted mode's peak is the highest."""
+        return self.wanted is not None and self.highest.is_at(self.wanted.frequency_hz, self.forced.loss)
+
+    def _circuit(self) -> dict[str, Any]:
+        """How the drivers are fed, and what opening every patch does to the wanted mode."""
+        shift = self.circuit
+        return {
+            "drivers": self.forced.circuit,
+            "short_hz": shift.short_hz if shift else None,
+            "open_hz": shift.open_hz if shift else None,
+            "coupling": shift.coupling if shift else None,
+        }
+
+    def json(self) -> dict[str, Any]:
+        """The contract's fields and what was read from the curve, without times."""
+        curve = self.curve
+        passive = curve.passive_rms_m_per_v
+        first = curve.sensor_v_per_v[:, 0] if self.sensors else None
+        return {
+            "schema": 1,
+            "model": self.model,
+            "dof": self.dof,
+            "frequency_hz": curve.frequency_hz.tolist(),
+            "zone_rms_m_per_V": curve.zone_rms_m_per_v.tolist(),
+            "passive_rms_m_per_V": None if passive is None else passive.tolist(),
+            "sensor_V_per_V": None if first is None else np.column_stack([first.real, first.imag]).tolist(),
+            "sensors": list(self.sensors),
+            "polarisation_signs": list(self.signs),
+            "wanted_hz": self.wanted_hz,
+            "quality_given": self.quality_given,
+            "expected_error": self.expected_error,
+            "circuit": self._circuit(),
+            "wanted_status": self.forced.verdict.status,
+            "wanted_peak": self.wanted.json() if self.wanted else None,
+            "highest_peak": self.highest.json(),
+        }
+
+
+def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, points: int = POINTS) -> Response:
+    """Response of the patched plate over a band. InputFault for a case without patches or a model that cannot carry them."""
+    case.require_plate(command="response")
+    case.require("patches", command="response")
+    patches = case.patches
+    assert patches is not None
+    meshes: list[dict[str, Any]] = []
+    forced = forced_plate(case, log, band_hz, meshes)
+    plate, (low, high) = forced.plate, forced.band_hz
+    with log.step("sum the modes"):
+        tone, highest = _driven_hz(forced), highest_hz(forced, low, high, points, forced.resonances_hz)
+        peaks_hz = [near_hz(forced, tone), highest] if tone and low <= tone <= high else [highest]
+        curve = curve_about(forced, low, high, points, peaks_hz)
+        wanted = peak_of(curve, peaks_hz[0]) if len(peaks_hz) > 1 else None
+        shape_points, shape = _gridded(*forced.shape(peaks_hz[0]))
+    found = Response(
+        f"{plate.name} with {patches.count} patches",
+        sum(group.pencil.dof for group in plate.groups),
+        curve,
+        wanted,
+        peak_of(curve, highest),
+        case.quality,
+        forced.wanted_hz(),
+        tuple(int(sign) for sign in forced.signs),
+        patches.sensors,
+        shape_points,
+        shape,
+        forced,
+        circuit_shift(forced),
+        meshes,
+        error_bar.told(way_of(case, "plate", high), case, log, high),
+    )
+    _tell(found, log)
+    return found
+
+
+def _driven_hz(forced: ForcedPlate) -> float | None:
+    """The wanted mode's frequency with the patches as they are wired: those that listen open, those that drive as fed."""
+    opened = forced.sensors if forced.circuit == "short" else [*forced.drivers, *forced.sensors]
+    shift = circuit_shift(forced, opened) if opened else None
+    return shift.open_hz if shift else forced.wanted_hz()
+
+
+def _gridded(points: FloatArray, values: Any) -> tuple[FloatArray, Any]:
+    """The field on an even grid of about GRID points along the longer side, each taking its nearest value."""
+    from scipy.spatial import cKDTree
+
+    low, high = points.min(axis=0), points.max(axis=0)
+    step = float((high - low).max()) / GRID
+    lines = [np.linspace(a, b, max(2, round((b - a) / step)) + 1) for a, b in zip(low, high, strict=True)]
+    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+    return grid, values[cKDTree(points).query(grid)[1]]
+
+
+def _tell(found: Response, log: Log) -> None:
+    log.info(lines(found)[0])
+    if found.circuit:
+        shift = found.circuit
+        log.info(
+            f"wanted mode at {shift.short_hz:.1f} Hz with all patches short, {shift.open_hz:.1f} Hz with all open: "
+            f"coupling factor squared {shift.coupling:.2e}"
+        )
+    _warn_of_wanted(found, log)
+    if found.highest.frequency_hz in (found.curve.frequency_hz[0], found.curve.frequency_hz[-1]):
+        log.alarm("PEAK_AT_END", "the response is largest at the end of the band: widen it")
+    quality = found.peak.quality
+    if quality and abs(quality / found.quality_given - 1.0) > 0.2:
+        log.alarm(
+            "SHARED_PEAK",
+            f"the peak's width tells a quality factor of {quality:.0f}, given is {found.quality_given:.0f}: modes overlap",
+        )
+
+
+def _warn_of_wanted(found: Response, log: Log) -> None:
+    """An alarm where the highest peak is not the wanted mode's, or the band has no wanted mode."""
+    (low, high), highest = found.forced.band_hz, found.highest.frequency_hz
+    if found.wanted is None:
+        where = f"it lies at {found.wanted_hz:.1f} Hz" if found.wanted_hz else "no mode about the band has its shape"
+        log.alarm(
+            "NO_MODE",
+            f"the band from {low:.0f} to {high:.0f} Hz does not hold the wanted mode, {where}: the peak is another mode's",
+        )
+    elif not found.same:
+        log.alarm(
+            "OTHER_PEAK",
+            f"the response is highest at {highest:.1f} Hz, which is not the wanted mode at {found.wanted.frequency_hz:.1f} Hz",
+        )
+    if found.forced.verdict.status == "split":
+        log.alarm(
+            "SPLIT_MODE", "the wanted shape is split among several modes of the patched plate: the strongest is meant"
+        )
+
+
+def lines(found: Response) -> list[str]:
+    """What the response says, for people: the wanted mode's peak, and the highest where it is another."""
+    said = [_told("wanted mode's peak", found.wanted)] if found.wanted else []
+    return said if found.same else [*said, _told("highest peak", found.highest)]
+
+
+def _told(name: str, peak: Peak) -> str:
+    held = "" if peak.confinement_db is None else f", {peak.confinement_db:.1f} dB above the passive face"
+    quality = "none" if peak.quality is None else f"{peak.quality:.0f}"
+    return (
+        f"{name} at {peak.frequency_hz:.1f} Hz: {1e9 * peak.zone_rms:.2f} nm/V rms on the zone{held}; "
+        f"quality factor from the curve: {quality}"
+    )

@@ -1,0 +1,271 @@
+"""How far the response's peak and the confinement move when no two pillars are alike: a case's [tolerance] table."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from pipeline.case.model import Case, Tolerance
+from pipeline.errors import InputFault
+from pipeline.logs import Log
+from pipeline.models import patched_plate
+from pipeline.models.cell_cache import CellShelf, FamilyShelf
+from pipeline.planning import foresight
+from pipeline.planning.model_choice import HEX, SUPERELEMENT, way_of
+from pipeline.planning.request import driven_band_hz
+from pipeline.planning.simplifications import khz
+from pipeline.records.study import CONFINED_DB
+from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.patched_plate import CLASSES
+from solvers.piezo.peaks import curve_about, near_hz, peak_of
+from solvers.piezo.pressure_load import PressedPlate
+from solvers.superelement.build import PlateModel
+from solvers.variation.reductions import VariedReductions
+from solvers.variation.samples import CUT, Deviations, VariedPlate, VariedSample, spread
+
+DRAWN = 241  # of the curves kept for the picture
+AROUND = 0.08  # of the nominal peak, on both sides: what the picture shows
+NARROWER = (0.875, 1.15)  # of the band: the smaller space that tells how far the space decides the answer
+DECAYED = 4.0  # half-power widths to both sides of a peak: where its quality factor is read
+AROUND_PEAK = 65  # points over them, and more at the peak
+MOVED = 0.1  # of the peaks' spread: more, and the space is too small
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One plate's response at the mode that the wanted one has become: its peak, the zone's rms there (m/V or m/N),
+    confinement and quality factor; None where no mode has its shape.
+
+    tracking: single, split among several modes (the strongest is measured), or none.
+    """
+
+    peak_hz: float | None
+    zone_rms: float | None
+    confinement_db: float | None
+    quality: float | None
+    tracking: str
+
+
+@dataclass(frozen=True)
+class ToleranceStudy:
+    """The nominal plate and the samples, each measured at its wanted mode, followed by its shape.
+
+    Curves (samples + 1, n) over frequency, the nominal one first. Statistics leave out what was lost, and `lost` counts it.
+    """
+
+    tolerance: Tolerance
+    drive: str
+    unit: str
+    pillars: int
+    unknowns: int
+    nominal: Measured
+    samples: tuple[Measured, ...]
+    space_change_hz: float | None
+    space_change_db: float | None
+    frequency_hz: FloatArray
+    curves: FloatArray
+    deviations_m: FloatArray
+
+    def json(self) -> dict[str, Any]:
+        """Everything but curves and times."""
+        given = self.tolerance
+        levels = [one.confinement_db for one in self.samples if one.confinement_db is not None]
+        peaks, nominal = self.peaks_hz, self.nominal.peak_hz
+        return {
+            "schema": 1,
+            "tolerance": {
+                "height_m": given.height_m,
+                "side_m": given.side_m,
+                "position_m": given.position_m,
+                "seed": given.seed,
+                "cut_at_deviations": CUT,
+            },
+            "drive": self.drive,
+            "rms_unit": self.unit,
+            "pillars": self.pillars,
+            "unknowns": self.unknowns,
+            "nominal": asdict(self.nominal),
+            "samples": [asdict(one) for one in self.samples],
+            "lost": len(self.samples) - len(peaks),
+            "split": sum(one.tracking == "split" for one in self.samples),
+            "peak_hz": asdict(spread(peaks)) if len(peaks) else None,
+            "peak_shift_hz": asdict(spread(peaks - nominal)) if len(peaks) and nominal else None,
+            "confinement_db": asdict(spread(np.array(levels))) if levels else None,
+            "confined": sum(level >= CONFINED_DB for level in levels) if levels else None,
+            "space_check": {"peak_hz": self.space_change_hz, "confinement_db": self.space_change_db},
+        }
+
+    @property
+    def peaks_hz(self) -> FloatArray:
+        """Peaks of the samples that were not lost."""
+        return np.array([one.peak_hz for one in self.samples if one.peak_hz is not None])
+
+    def arrays(self) -> dict[str, FloatArray]:
+        """What a picture draws."""
+        return {"tolerance_hz": self.frequency_hz, "tolerance_curves": self.curves}
+
+
+def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> ToleranceStudy:
+    """The case's samples. InputFault without [tolerance] or for a model that cannot be varied; raises as its solvers do."""
+    case.require_plate(command="tolerance")
+    case.require("tolerance", "pillar", command="tolerance")
+    given, band = case.tolerance, driven_band_hz(case, band_hz)
+    assert given is not None
+    plate = _varied(case, given, band, log)
+    forced = plate.forced
+    count = len(plate.pillars)
+    changes = Deviations(given.height_m, given.side_m, given.position_m).draw(count, given.samples, given.seed)
+    with log.step("nominal plate"):
+        still = plate.sample(np.zeros((count, 4)))
+        nominal = _measured(still)
+        if nominal.peak_hz is None:
+            raise InputFault(
+                f"{case.name}: no mode about {khz(band[0])} to {khz(band[1])} has the wanted shape, which a tolerance follows: "
+                "antinode modes tells where it is; give another --band or solve.band_kHz"
+            )
+        shown = _shown(nominal.peak_hz, band)
+        first = still.curve(shown).zone_rms_m_per_v
+    log.info(_told("nominal", nominal))
+    samples, more = _sampled(plate, changes, shown, log)
+    with log.step("a sample in a smaller space"):
+        low, high = (factor * edge for factor, edge in zip(NARROWER, band, strict=True))
+        narrow = _measured(plate.sample(changes[0], (low, high)))
+    found = ToleranceStudy(
+        given,
+        "patches" if case.patches else "pressure in the wanted shape",
+        "m/V" if case.patches else "m/N",
+        count,
+        plate.size,
+        nominal,
+        tuple(samples),
+        _apart(narrow.peak_hz, samples[0].peak_hz),
+        _apart(narrow.confinement_db, samples[0].confinement_db),
+        shown,
+        np.array([first, *more]),
+        changes,
+    )
+    _tell(found, forced, band, log)
+    return found
+
+
+def _sampled(
+    plate: VariedPlate, changes: FloatArray, shown: FloatArray, log: Log
+) -> tuple[list[Measured], list[FloatArray]]:
+    """Every plate measured, and the zone's rms at the frequencies that the picture shows."""
+    samples, curves = [], []
+    for number, change in enumerate(changes, start=1):
+        with log.step(f"sample {number} of {len(changes)}"):
+            sample = plate.sample(change)
+            samples.append(_measured(sample))
+            curves.append(sample.curve(shown).zone_rms_m_per_v)
+        log.info(_told(f"sample {number}", samples[-1]))
+    return samples, curves
+
+
+def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -> VariedPlate:
+    design, way = case.design, way_of(case, "plate", band[1])
+    assert design.pillar
+    if way.model != SUPERELEMENT or way.kind != HEX or way.recipe is None:
+        raise InputFault(
+            f"{case.name}: [tolerance]: pillars are varied in joined cells of hexahedra: solve.model must be auto or "
+            "superelement, solve.mesh auto or hex"
+        )
+    foresight.announce(
+        "plates with printed tolerances",
+        foresight.of_response(case, way, band, given.samples * (DRAWN + AROUND_PEAK)),
+        log,
+    )
+    reach = Deviations(given.height_m, given.side_m, given.position_m).reach_m
+    reductions = VariedReductions(
+        design.thickness_m,
+        design.material,
+        design.pillar,
+        way.recipe,
+        CellShelf(),
+        reach_m=reach,
+        family_shelf=FamilyShelf(),
+    )
+    with log.step("reduce cells and their changes"):
+        model = PlateModel(design, reductions)
+    log.info(
+        f"{len(reductions.families)} kinds of pillar cells, each interpolated between "
+        f"{1 + max(len(family.nodes) for family in reductions.families.values())} reductions: "
+        f"{reductions.fresh} pieces reduced now, {reductions.reused} taken from the shelf"
+    )
+    if case.patches:
+        forced = patched_plate.driven(case, model, band, log)
+    else:
+        pressed = PressedPlate({parity: model.joined(parity) for parity in CLASSES}, design, model.name)
+        with log.step("modes of the plate"):
+            forced = ForcedPlate(pressed, design, (0,), (), band, case.quality)
+    with log.step("the space of the samples"):
+        plate = VariedPlate(forced, reductions.families)
+    log.info(f"{len(plate.pillars)} pillars, each of its own; {plate.size} nominal modes and answers hold every sample")
+    return plate
+
+
+def _measured(sample: VariedSample) -> Measured:
+    """The response at the mode that the nominal plate's wanted one has become, between the points of any grid."""
+    tone, tracking = sample.tracked_hz, sample.tracked.status
+    if tone is None:
+        return Measured(None, None, None, None, tracking)
+    top = near_hz(sample, tone)
+    reach = DECAYED * top * sample.loss
+    curve = curve_about(sample, top - reach, top + reach, AROUND_PEAK, [top])
+    peak = peak_of(curve, top)
+    return Measured(peak.frequency_hz, peak.zone_rms, peak.confinement_db, peak.quality, tracking)
+
+
+def _shown(peak_hz: float, band: tuple[float, float]) -> FloatArray:
+    low, high = max(band[0], (1.0 - AROUND) * peak_hz), min(band[1], (1.0 + AROUND) * peak_hz)
+    return np.union1d(np.linspace(low, high, DRAWN), [peak_hz])
+
+
+def _apart(first: float | None, second: float | None) -> float | None:
+    return None if first is None or second is None else abs(first - second)
+
+
+def _told(name: str, found: Measured) -> str:
+    if found.peak_hz is None:
+        return f"{name}: lost, no mode has the wanted mode's shape"
+    held = "" if found.confinement_db is None else f", confinement {found.confinement_db:.1f} dB"
+    split = ", split among several modes" if found.tracking == "split" else ""
+    return f"{name}: peak at {found.peak_hz:.1f} Hz{held}{split}"
+
+
+def lines(found: ToleranceStudy) -> list[str]:
+    """What the study says, for people."""
+    shown = found.json()
+    peak, shift, held = shown["peak_hz"], shown["peak_shift_hz"], shown["confinement_db"]
+    out, count = [_told("nominal", found.nominal)], len(found.peaks_hz)
+    if peak and shift:
+        out.append(
+            f"{count} plates: peak {peak['mean']:.1f} Hz, spread {peak['deviation']:.1f} Hz, "
+            f"{peak['lowest']:.1f} to {peak['highest']:.1f} Hz; moved by {shift['mean']:+.1f} Hz on average"
+        )
+    if held:
+        out.append(
+            f"confinement {held['mean']:.1f} dB, spread {held['deviation']:.1f} dB, worst {held['lowest']:.1f} dB; "
+            f"{shown['confined']} of {count} confined"
+        )
+    if shown["lost"]:
+        out.append(f"{shown['lost']} of {len(found.samples)} plates lost the wanted mode: no mode has its shape")
+    return out
+
+
+def _tell(found: ToleranceStudy, forced: ForcedPlate, band: tuple[float, float], log: Log) -> None:
+    for line in lines(found):
+        log.info(line)
+    peaks, nominal = found.peaks_hz, found.nominal.peak_hz
+    if ((peaks <= band[0]) | (peaks >= band[1])).any():
+        log.alarm("PEAK_AT_END", "a sample's wanted mode lies outside the band: widen it")
+    if len(peaks) < len(found.samples):
+        log.alarm("LOST", lines(found)[-1])
+    change = found.space_change_hz
+    if change is not None and nominal and change > max(MOVED * spread(peaks).deviation, 0.1 * nominal * forced.loss):
+        log.alarm(
+            "SPACE_TOO_SMALL", f"a narrower space of modes moves a sample's peak by {change:.1f} Hz: widen the band"
+        )

@@ -1,0 +1,137 @@
+"""The wanted mode of a part, looked for in a window of its own: what was asked for does not decide which mode it is.
+
+The window is the one about the zone's exact thin-plate frequency, widened until it reaches past the mode found on both
+sides (`solvers.measures.wanted_mode.PAST`). Where what was asked for lies elsewhere altogether, nothing is looked for,
+and that is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from solvers.fem.eigen import Count
+from solvers.measures.wanted_mode import NONE, Verdict, reaching, verdict
+
+if TYPE_CHECKING:
+    from pipeline.analysis.mode_rows import ModeRow
+
+ROUNDS = 6  # widenings at most: each moves an end by a fifth of a frequency
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The verdict over `rows`, every mode of the wanted symmetry class from low_hz to high_hz, with their count.
+
+    `count` is None where nothing was looked for: then `why` says what stands against it.
+    """
+
+    verdict: Verdict
+    rows: tuple[ModeRow, ...]
+    low_hz: float
+    high_hz: float
+    count: Count | None
+    why: str = ""
+
+    @property
+    def status(self) -> str:
+        """single, split or none."""
+        return self.verdict.status
+
+    @property
+    def row(self) -> ModeRow | None:
+        """The wanted mode; None where there is none."""
+        return None if self.verdict.index is None else self.rows[self.verdict.index]
+
+    @property
+    def rivals(self) -> tuple[ModeRow, ...]:
+        """Other modes that carry the wanted shape, strongest first."""
+        return tuple(self.rows[i] for i in self.verdict.rivals)
+
+    def json(self) -> dict[str, Any]:
+        """The contract's fields, the window, and the mode's part of the shape in it."""
+        row = self.row
+        keys = ("frequency_hz", "mac", "strength", "confinement_db", "zone_share", "parity")
+        own = {key: getattr(row, key) if row else None for key in keys}
+        named = ("frequency_hz", "strength", "mac", "confinement_db")
+        return {
+            "status": self.status,
+            **own,
+            "driven_confinement_db": None,
+            "share": self.verdict.share,
+            "rivals": [{key: getattr(rival, key) for key in named} for rival in self.rivals],
+            "window_hz": [self.low_hz, self.high_hz],
+        }
+
+
+def look(
+    window_hz: tuple[float, float],
+    known: Count,
+    rows: tuple[ModeRow, ...],
+    solve: Callable[[float, float], tuple[tuple[ModeRow, ...], Count]],
+) -> Wanted:
+    """The wanted mode about a window, from the `rows` of its class that are known with their count, and more where they end.
+
+    `solve` returns every mode of the class between two frequencies. Modes beyond the window that are known all the same have no
+    say, unless the window itself holds no mode of the wanted shape.
+    """
+    if known.high_hz < window_hz[0] or known.low_hz > window_hz[1]:
+        return Wanted(NONE, (), *window_hz, None, "the frequencies asked for do not reach it")
+    ends, found = window_hz, NONE
+    for _ in range(ROUNDS):
+        rows, known = _completed(rows, known, ends, solve)
+        inside = _within(rows, ends)
+        found = _verdict(inside)
+        if found.index is None:
+            break
+        wider = reaching(ends, inside[found.index].frequency_hz)
+        if wider == ends:
+            break
+        ends = wider
+    if found.index is None and found_beyond(rows, ends):
+        return look_among(rows, known)
+    return Wanted(found, _within(rows, ends), *ends, known)
+
+
+def look_among(rows: tuple[ModeRow, ...], known: Count) -> Wanted:
+    """The verdict over modes at hand, where no others can be had."""
+    return Wanted(_verdict(rows), rows, known.low_hz, known.high_hz, known)
+
+
+def found_beyond(rows: tuple[ModeRow, ...], ends: tuple[float, float]) -> bool:
+    """Whether a mode of the wanted shape is known outside the window."""
+    return _verdict(rows).index is not None and len(_within(rows, ends)) < len(rows)
+
+
+def _within(rows: tuple[ModeRow, ...], ends: tuple[float, float]) -> tuple[ModeRow, ...]:
+    return tuple(row for row in rows if ends[0] <= row.frequency_hz <= ends[1])
+
+
+def _verdict(rows: tuple[ModeRow, ...]) -> Verdict:
+    if not rows:
+        return NONE
+    columns = [[getattr(row, key) for row in rows] for key in ("strength", "zone_share", "mac")]
+    return verdict(*(np.array([np.nan if value is None else value for value in column]) for column in columns))
+
+
+def _completed(
+    rows: tuple[ModeRow, ...],
+    known: Count,
+    ends: tuple[float, float],
+    solve: Callable[[float, float], tuple[tuple[ModeRow, ...], Count]],
+) -> tuple[tuple[ModeRow, ...], Count]:
+    """The rows and their count over the known interval and the window together."""
+    if ends[0] < known.low_hz:
+        more, count = solve(ends[0], known.low_hz)
+        rows, known = (*more, *rows), _joined(count, known)
+    if ends[1] > known.high_hz:
+        more, count = solve(known.high_hz, ends[1])
+        rows, known = (*rows, *more), _joined(known, count)
+    return rows, known
+
+
+def _joined(low: Count, high: Count) -> Count:
+    return Count(low.low_hz, high.high_hz, low.expected + high.expected, low.found + high.found, low.below)

@@ -1,0 +1,71 @@
+"""What a list of modes says about the wanted one and about the count, in whole sentences."""
+
+from __future__ import annotations
+
+from geometry.layout import Design
+from pipeline.analysis.mode_rows import ModeRow
+from pipeline.analysis.modes import PartModes
+from pipeline.analysis.wanted_search import Wanted
+from pipeline.case.model import Case
+from pipeline.logs import Log
+from solvers.measures.wanted_mode import CLEAR
+
+
+def lines(found: PartModes, design: Design) -> list[str]:
+    """The wanted mode, what it may be off by, and what was counted."""
+    said = verdict(found.wanted, design) if found.wanted else []
+    row = found.wanted.row if found.wanted else None
+    if row and found.index(row) is None:
+        said.append("It lies outside the modes listed above.")
+    if row and found.bar:
+        said.append(f"expected errors: {found.bar.text()}")
+    return [*said, count(found)]
+
+
+def verdict(wanted: Wanted, design: Design) -> list[str]:
+    """Which mode is the wanted one, or why none is."""
+    name, row = f"(0, {design.nodal_lines})", wanted.row
+    window = f"{wanted.low_hz / 1e3:.4g} to {wanted.high_hz / 1e3:.4g} kHz"
+    if row is None and wanted.count is None:
+        return [f"The wanted {name} mode is expected between {window}: {wanted.why}."]
+    if row is None:
+        return [f"No mode from {window} has the wanted {name} shape: the best are less than half alike (MAC)."]
+    held = "" if row.confinement_db is None else f", {row.confinement_db:.1f} dB"
+    if wanted.status == "single":
+        return [f"wanted {name} mode: {row.frequency_hz:.1f} Hz, MAC {row.mac:.3f}, strength {row.strength:.3f}{held}"]
+    others = "; ".join(_named(rival) for rival in wanted.rivals)
+    return [
+        f"The wanted {name} shape is split among several modes from {window}: strongest at {row.frequency_hz:.1f} Hz, "
+        f"MAC {row.mac:.3f}, strength {row.strength:.3f}{held}" + (f"; others: {others}" if others else _alone(row))
+    ]
+
+
+def _named(row: ModeRow) -> str:
+    held = "" if row.confinement_db is None else f", {row.confinement_db:.1f} dB"
+    return f"{row.frequency_hz:.1f} Hz (MAC {row.mac:.3f}, strength {row.strength:.3f}{held})"
+
+
+def _alone(row: ModeRow) -> str:
+    return f"; no other is a quarter as strong, but its MAC is below {CLEAR:g}" if (row.mac or 0.0) < CLEAR else ""
+
+
+def count(found: PartModes) -> str:
+    """The count by inertia, of what it is, and what it proves."""
+    check = found.count
+    text = f"count by inertia of the {found.counts}: {check.expected}, found: {check.found}"
+    if found.counts == "mesh":
+        return text
+    if found.more_in_mesh is None:
+        return f"{text}; how many the meshes behind it have is not bounded"
+    if found.more_in_mesh == 0:
+        return f"{text}; the meshes behind it have no more of them up to {check.high_hz / 1e3:.4g} kHz"
+    return f"{text}; the meshes behind it have at most {found.more_in_mesh} more up to {check.high_hz / 1e3:.4g} kHz"
+
+
+def warn_of_wanted(wanted: Wanted, case: Case, log: Log) -> None:
+    """Say which mode is the wanted one; an alarm where none is, or where several share its shape."""
+    (said,) = verdict(wanted, case.design)
+    if wanted.status == "single":
+        log.info(said)
+    else:
+        log.alarm("NO_MODE" if wanted.status == "none" else "SPLIT_MODE", said)

@@ -1,0 +1,149 @@
+"""One case in one process: computed, recorded, and its end told; an exception becomes a FAILED record."""
+
+from __future__ import annotations
+
+import time
+import traceback
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from pipeline.batch import peak_memory
+from pipeline.records import fingerprint, store
+from pipeline.records.run_log import Mess, close_abandoned
+from solvers.fem.factor.memory import memory_text
+
+Compute = Callable[[dict[str, Any], Path, Mess], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One case: its id (folder name), its input as understood, its swept keys, the memory it is expected to take."""
+
+    case_id: str
+    payload: dict[str, Any]
+    sweep: dict[str, Any] = field(default_factory=dict)
+    memory_bytes: int = 0
+
+
+@dataclass(frozen=True)
+class CaseEnd:
+    """How a case ended: status OK, ALARM or FAILED, one line of diagnosis, seconds taken."""
+
+    case_id: str
+    status: str
+    diagnosis: str
+    seconds: float
+
+
+def record_loss(job: Job, study: Path, error: BaseException) -> CaseEnd:
+    """A case whose process is gone: record it by name, so that the table shows it."""
+    folder = study / job.case_id
+    if store.why_recompute(folder, job.payload, fingerprint.current()) is None:  # lost after it had finished
+        record = store.read_record(folder)
+        return CaseEnd(job.case_id, record["status"], record["diagnosis"], 0.0)
+    diagnosis = _one_line(error)
+    with suppress(store.StoreError, OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        store.sweep_leftovers(folder)
+        close_abandoned(folder / store.MESS, "LOST", diagnosis)
+        store.finish(folder, _dressed(job, _failed_record(diagnosis), fingerprint.current()), {"seconds": {}})
+    return CaseEnd(job.case_id, "FAILED", diagnosis, 0.0)
+
+
+def _failed_record(diagnosis: str) -> dict[str, Any]:
+    """The record of a case that gave no answer."""
+    return {"status": "FAILED", "diagnosis": diagnosis}
+
+
+def _dressed(job: Job, record: dict[str, Any], mark: fingerprint.Fingerprint) -> dict[str, Any]:
+    """The record with what every record carries."""
+    head = {
+        "schema": 1,
+        "case_id": job.case_id,
+        "name": job.payload.get("name", job.case_id),
+        "input_hash": fingerprint.input_hash(job.payload),
+        "code_hash": mark.code_hash,
+        "versions": mark.versions,
+        "sweep": job.sweep,
+    }
+    return {**{"meshes": [], "modes": None, "wanted": None, "left_out": [], "warnings": []}, **record, **head}
+
+
+def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerprint) -> CaseEnd:
+    """Compute one case in this process, record it, and say how it ended; an exception becomes a FAILED record."""
+    folder = store.case_folder(study, job.case_id)
+    start = time.perf_counter()
+    try:
+        peak_memory.restart()
+        store.begin(folder, job.payload)
+        with Mess(folder / store.MESS) as log:
+            log.banner(job.case_id, _program_version(), mark.versions)
+            log.echo(job.payload)
+            record = _dressed(job, _guarded(compute, job, folder, log, mark), mark)
+            timing = {
+                "seconds": {**log.seconds, "total": log.elapsed},
+                "peak_memory_bytes": peak_memory.told_peak_bytes(),
+            }
+            store.finish(folder, record, timing)
+            log.close(record["status"])
+    except (store.StoreError, OSError) as error:
+        close_abandoned(folder / store.MESS, "LOST", str(error))
+        store.sweep_leftovers(folder)
+        return CaseEnd(job.case_id, "FAILED", str(error), time.perf_counter() - start)
+    return CaseEnd(job.case_id, record["status"], record["diagnosis"], time.perf_counter() - start)
+
+
+def _guarded(compute: Compute, job: Job, folder: Path, log: Mess, mark: fingerprint.Fingerprint) -> dict[str, Any]:
+    try:
+        if fingerprint.current().code_hash != mark.code_hash:
+            raise RuntimeError("this worker runs other sources than the study was started with; run the study again")
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, kind, *_: log.info(f"{kind.__name__}: {message}", "PYTHON")
+            record = dict(compute(job.payload, folder, log))
+    except (store.DiskFull, KeyboardInterrupt):
+        raise
+    except BaseException as error:
+        text = _one_line(error)
+        log.error(type(error).__name__, text)
+        if not _is_expected(error):
+            log.info(traceback.format_exc())
+        record = _failed_record(text)
+    record["left_out"] = list(dict.fromkeys([*record.get("left_out", []), *log.left_out_list]))
+    record["warnings"] = list(dict.fromkeys([*record.get("warnings", []), *log.alarms]))
+    record.setdefault("status", "ALARM" if record["warnings"] else "OK")
+    record.setdefault("diagnosis", record["warnings"][0] if record["warnings"] else "done")
+    return record
+
+
+def _is_expected(error: BaseException) -> bool:
+    """Errors that this program raises on purpose say enough by their message."""
+    return type(error).__module__.split(".")[0] in {"geometry", "solvers", "pipeline"}
+
+
+def _one_line(error: BaseException) -> str:
+    if isinstance(error, MemoryError):
+        return memory_text(error)
+    text = " ".join(str(error).split())
+    if _is_expected(error) and text:
+        return text
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def _program_version() -> str:
+    try:
+        return metadata.version("antinode")
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A case and why it has to be computed; None when its record stands."""
+
+    case_id: str
+    why: str | None

@@ -1,0 +1,236 @@
+"""A study's cases through any Executor: what stands is kept, what is missing is computed, what fails is recorded."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline import workers
+from pipeline.batch import journal, lock
+from pipeline.batch.job import CaseEnd, Compute, Job, Planned, record_loss, run_case
+from pipeline.batch.progress import Progress
+from pipeline.records import fingerprint, store
+from pipeline.records.run_log import close_abandoned
+from pipeline.records.study import CASES
+from pipeline.workers import default_jobs
+from solvers.fem.factor.memory import available_bytes
+
+__all__ = ["CaseEnd", "Job", "Options", "StudyOutcome", "plan", "run_study"]
+MEMORY_SHARE = 0.8  # of what is free at the start
+POLL_S = 0.25
+
+
+@dataclass(frozen=True)
+class StudyOutcome:
+    """What a run did: its plan, the cases it computed, and those left undone by --fail-fast or a lost executor."""
+
+    folder: Path
+    plan: tuple[Planned, ...]
+    ended: tuple[CaseEnd, ...] = ()
+    undone: tuple[str, ...] = ()
+    given_up: tuple[str, ...] = ()  # those of the undone that the executor cancelled
+
+    @property
+    def reused(self) -> tuple[str, ...]:
+        """Cases whose records stood."""
+        return tuple(planned.case_id for planned in self.plan if planned.why is None)
+
+    @property
+    def failed(self) -> tuple[CaseEnd, ...]:
+        """Cases that failed in this run."""
+        return tuple(end for end in self.ended if end.status == "FAILED")
+
+    @property
+    def exit_code(self) -> int:
+        """0, or 3 when a case failed or was left undone."""
+        return 3 if self.failed or self.undone else 0
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to run: worker processes (None: one per core) or an Executor; recompute all, stop at a failure, plan only."""
+
+    jobs: int | None = None
+    executor: Executor | None = None
+    force: bool = False
+    fail_fast: bool = False
+    dry_run: bool = False
+
+
+def run_study(
+    jobs: Sequence[Job],
+    compute: Compute,
+    folder: Path,
+    options: Options | None = None,
+    progress: Progress | None = None,
+    about: dict[str, Any] | None = None,
+) -> StudyOutcome:
+    """Compute what is missing of a study, each case in folder/<case id>; returns what was done.
+
+    `compute(payload, case folder, log)` runs in a worker process (a function of a module), writes its arrays
+    through the store and returns the record without what the runner adds (case_id, hashes, versions, sweep).
+    `about` is kept for the report. Raises lock.StudyBusy when the study is running elsewhere, ValueError for case
+    ids that repeat or cannot name a folder, KeyboardInterrupt after cleaning up.
+    """
+    options, progress = options or Options(), progress or Progress(quiet=True)
+    _check_ids(jobs, folder)
+    if options.dry_run:
+        return StudyOutcome(folder, plan(jobs, folder, options.force))
+    with lock.study_lock(folder):
+        planned = plan(jobs, folder, options.force)
+        store.write_json(folder / CASES, {"schema": 1, "about": about or {}, "cases": [_listed(job) for job in jobs]})
+        return _Run(jobs, compute, folder, options, progress, planned).go()
+
+
+def plan(jobs: Sequence[Job], folder: Path, force: bool = False) -> tuple[Planned, ...]:
+    """Which cases have to be computed, and why."""
+    now = fingerprint.current()
+    return tuple(
+        Planned(job.case_id, "forced" if force else store.why_recompute(folder / job.case_id, job.payload, now))
+        for job in jobs
+    )
+
+
+def _listed(job: Job) -> dict[str, Any]:
+    return {"case_id": job.case_id, "sweep": job.sweep}
+
+
+def _check_ids(jobs: Sequence[Job], folder: Path) -> None:
+    seen: set[str] = set()
+    for job in jobs:
+        store.case_folder(folder, job.case_id)
+        if job.case_id in seen:
+            raise ValueError(f"two cases of this study have the id {job.case_id!r}")
+        seen.add(job.case_id)
+
+
+class _Run:
+    """One run of a study, while it lasts."""
+
+    def __init__(
+        self,
+        jobs: Sequence[Job],
+        compute: Compute,
+        folder: Path,
+        options: Options,
+        progress: Progress,
+        planned: tuple[Planned, ...],
+    ) -> None:
+        self.compute, self.folder, self.options, self.progress, self.planned = (
+            compute,
+            folder,
+            options,
+            progress,
+            planned,
+        )
+        why = {item.case_id: item.why for item in planned}
+        self.why = why
+        self.waiting = [job for job in jobs if why[job.case_id] is not None]
+        self.ended: list[CaseEnd] = []
+        self.running: dict[Future[CaseEnd], Job] = {}
+        self.given_up: list[Job] = []
+        self.journal = journal.Journal(folder)
+        at_once = len(jobs) if options.executor else default_jobs(len(jobs))  # a cluster queues by itself
+        self.workers = options.jobs or max(1, at_once)
+
+    def go(self) -> StudyOutcome:
+        entries, torn = journal.read(self.folder)
+        self.progress.begin(self.folder, self.planned, journal.seconds_by_case(entries))
+        for complaint in torn:
+            self.progress.say(complaint)
+        self.journal.write("run", cases=len(self.planned), to_compute=len(self.waiting), pid=os.getpid())
+        executor = self.options.executor or (_local(self.workers) if self.waiting else None)
+        try:
+            if executor:
+                self._drain(executor)
+        except KeyboardInterrupt:
+            self._interrupted(executor)
+            raise
+        finally:
+            if executor and not self.options.executor:
+                executor.shutdown(wait=True)
+            self.progress.end()
+        lost = {job.case_id for job in self.given_up}
+        given_up = tuple(item.case_id for item in self.planned if item.case_id in lost)
+        if given_up:
+            self.journal.write("executor_lost", at_work=given_up)
+        undone = given_up + tuple(job.case_id for job in self.waiting)
+        self.journal.write("end", failed=sum(end.status == "FAILED" for end in self.ended), undone=len(undone))
+        if self.journal.complaint:
+            self.progress.say(self.journal.complaint)
+        return StudyOutcome(self.folder, self.planned, tuple(self.ended), undone, given_up)
+
+    def _drain(self, executor: Executor) -> None:
+        while self.waiting or self.running:
+            if self._stopped() and not self.running:
+                return
+            while not self._stopped() and (job := self._next_that_fits()):
+                self._submit(executor, job)
+            done, _ = wait(self.running, timeout=POLL_S, return_when=FIRST_COMPLETED)
+            for future in done:
+                self._collect(future)
+            self.progress.tick()
+
+    def _stopped(self) -> bool:
+        return bool(self.given_up) or (self.options.fail_fast and any(end.status == "FAILED" for end in self.ended))
+
+    def _next_that_fits(self) -> Job | None:
+        """The next case, unless all workers are busy or its memory is taken; one case alone always fits."""
+        if not self.waiting or len(self.running) >= self.workers:
+            return None
+        wanted = self.waiting[0].memory_bytes + sum(job.memory_bytes for job in self.running.values())
+        if self.running and not self.options.executor and wanted > MEMORY_SHARE * _free_memory(self.running.values()):
+            return None
+        return self.waiting.pop(0)
+
+    def _submit(self, executor: Executor, job: Job) -> None:
+        self.journal.write("started", case=job.case_id, why=self.why[job.case_id])
+        self.progress.case_started(job.case_id)
+        task = executor.submit(run_case, self.compute, job, self.folder, fingerprint.current())
+        self.running[task] = job
+
+    def _collect(self, future: Future[CaseEnd]) -> None:
+        job = self.running.pop(future)
+        try:
+            end = future.result()
+        except CancelledError as error:  # no cancellation of ours is collected: the executor gave the case up
+            if store.why_recompute(self.folder / job.case_id, job.payload, fingerprint.current()) is not None:
+                self.given_up.append(job)
+                self._abandon(job, "the executor gave this case up; the next run computes it again")
+                return
+            end = record_loss(job, self.folder, error)
+        except Exception as error:
+            end = record_loss(job, self.folder, error)
+        self.ended.append(end)
+        event = "failed" if end.status == "FAILED" else "finished"
+        self.journal.write(event, case=end.case_id, status=end.status, seconds=end.seconds, diagnosis=end.diagnosis)
+        self.progress.case_ended(end.case_id, end.status, end.diagnosis, end.seconds)
+
+    def _interrupted(self, executor: Executor | None) -> None:
+        if isinstance(executor, workers.LocalWorkers):
+            executor.kill()
+        for future, job in self.running.items():
+            future.cancel()
+            self._abandon(job, "interrupted; the next run computes this case again")
+        self.journal.write("interrupted", at_work=[job.case_id for job in self.running.values()])
+
+    def _abandon(self, job: Job, text: str) -> None:
+        """Close the log of a case that was begun and not finished."""
+        folder = self.folder / job.case_id
+        store.sweep_leftovers(folder)
+        if (folder / store.MESS).exists() and not (folder / store.RECORD).exists():
+            close_abandoned(folder / store.MESS, "INTERRUPTED", text)
+
+
+def _local(count: int) -> workers.LocalWorkers:
+    """Threads per worker depend on nothing that a resumed run would see differently, so that numbers repeat."""
+    return workers.LocalWorkers(count, max(1, default_jobs(1 << 30) // count))
+
+
+def _free_memory(running: Iterable[Job]) -> float:
+    """What can be taken in all by this study's cases: free now plus what the running ones were granted, bytes."""
+    return available_bytes() + sum(job.memory_bytes for job in running)

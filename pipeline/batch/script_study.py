@@ -1,0 +1,104 @@
+"""Studies that a Python module of studies/ describes: its cases, what computes one, what to conclude from all.
+
+The study file names it: `[study] script = "extremes"`. The module offers
+
+    TITLE: str; LEAD: str                          heading and opening words of the page
+    cases() -> list[(case id, parameters)]         parameters are plain values
+    compute(parameters, folder, log) -> record     runs in a worker process
+    conclude(records) -> Page                      tables and pictures from stored records only
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from pipeline import paths
+from pipeline.batch.job import Job
+from pipeline.case.diagnostics import Faults
+from pipeline.case.overrides import read_toml
+from pipeline.records import fingerprint, store
+from pipeline.records.run_log import Mess
+from pipeline.report.script_page import Page, write_page
+
+SHARED = ("ladder", "scenes")  # modules of studies/ that scripts build upon
+
+
+@dataclass(frozen=True)
+class ScriptStudy:
+    """A study file that names a module of studies/."""
+
+    name: str
+    source: Path
+    script: str
+
+    @property
+    def module(self) -> ModuleType:
+        """The module, imported."""
+        return importlib.import_module(f"studies.{self.script}")
+
+
+def load_script(path: Path) -> ScriptStudy | None:
+    """The study of a file that names a script; None when it names none. InputFault with a line for every fault."""
+    raw = read_toml(path)
+    table = raw.get("study")
+    if not isinstance(table, dict) or "script" not in table:
+        return None
+    faults = Faults(str(path))
+    for key in raw:
+        if key != "study":
+            faults.unknown(key, raw[key], ["study"])
+    for key in table:
+        if key not in ("name", "script"):
+            faults.unknown(f"study.{key}", table[key], ["study.name", "study.script"])
+    script, name = table["script"], table.get("name", path.stem)
+    known = sorted(file.stem for file in paths.STUDIES.glob("*.py") if "def conclude" in file.read_text())
+    if script not in known:
+        faults.add("study.script", script, f"must be one of {', '.join(known)}")
+    if not (isinstance(name, str) and re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,99}", name)):
+        faults.add("study.name", name, "must be 1 to 100 letters, digits, dots, dashes or underscores")
+    faults.stop()
+    return ScriptStudy(name, path, script)
+
+
+def jobs_of(study: ScriptStudy) -> list[Job]:
+    """The cases of the script; each carries the hash of the sources behind it."""
+    sources = {
+        name: fingerprint.file_hash(paths.STUDIES / f"{name}.py")
+        for name in (study.script, *SHARED)
+        if (paths.STUDIES / f"{name}.py").exists()
+    }
+    return [
+        Job(case_id, {"name": case_id, "parameters": parameters, "sources": sources}, {})
+        for case_id, parameters in study.module.cases()
+    ]
+
+
+def computer(study: ScriptStudy) -> Any:
+    """The picklable function that computes one case in a worker process."""
+    return partial(compute, study.script)
+
+
+def compute(script: str, payload: Mapping[str, Any], folder: Path, log: Mess) -> dict[str, Any]:
+    """Record of one case of a script."""
+    module = importlib.import_module(f"studies.{script}")
+    return dict(module.compute(payload["parameters"], folder, log))
+
+
+def conclude(study: ScriptStudy, folder: Path) -> list[Path]:
+    """Tables, pictures and page from the stored records, in the order of the cases."""
+    records = []
+    for case_id, parameters in study.module.cases():
+        try:
+            record = store.read_record(store.case_folder(folder, case_id))
+        except store.StoreError as fault:
+            record = {"status": "FAILED", "diagnosis": str(fault)}
+        records.append({"parameters": parameters, **record, "case_id": case_id})
+    page: Page = study.module.conclude(records)
+    return write_page(folder, study.name, study.module.TITLE, study.module.LEAD, page)

@@ -1,0 +1,214 @@
+"""The study file: a case, what to measure, and the grid of values to sweep."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from pipeline.case.diagnostics import Faults, check_table, nearest
+from pipeline.case.overrides import is_file, read_toml
+from pipeline.case.schema import known_keys
+from pipeline.errors import InputFault
+
+STUDIES = Path(__file__).resolve().parents[2] / "studies"
+Measure = Literal[
+    "modes", "confinement", "bands", "attenuation", "response", "tolerance", "parts", "geometry", "tetrahedra", "board"
+]
+MEASURES: tuple[str, ...] = get_args(Measure)
+LONGEST_ID = 120
+MOST_CASES = 100_000
+MOST_BYTES = 10_000_000  # of a study file: the values of as many cases
+
+
+class StudyTable(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._+-]{0,99}$")] | None = Field(
+        default=None, description="1 to 100 letters, digits, dots, dashes or underscores"
+    )
+    case: str = Field(min_length=1, description="the path of a case file, from the study file's folder")
+    measure: Annotated[list[Measure], Field(min_length=1)] = Field(
+        default=["modes"], description=f"a list of {', '.join(MEASURES)}"
+    )
+    once: list[Measure] = Field(default=[], description=f"a list of {', '.join(MEASURES)}")
+    zip: bool = Field(default=False, description="true or false")
+
+
+@dataclass(frozen=True)
+class StudyFile:
+    """A study as understood: sweep holds a tuple of values per dotted key; zip pairs them instead of a full grid.
+
+    `measure` is taken in every case of the sweep, `once` in one more case, the unswept "base".
+    """
+
+    name: str
+    source: Path
+    case_path: Path
+    measure: tuple[str, ...]
+    sweep: dict[str, tuple[Any, ...]]
+    zip: bool
+    once: tuple[str, ...] = ()
+
+    def cases(self) -> list[tuple[str, list[str]]]:
+        """(case id, overrides) for every case, in the order of the file, the last key running fastest.
+
+        An id such as "pitch_mm=4,rows=1" is unique, stable and safe as a folder's name; without a sweep it is "base".
+        """
+        keys = list(self.sweep)
+        rows = zip(*self.sweep.values(), strict=True) if self.zip else itertools.product(*self.sweep.values())
+        labels = _labels(keys)
+        found = []
+        for values in rows if keys else [()]:
+            overrides = [f"{key}={toml_text(value)}" for key, value in zip(keys, values, strict=True)]
+            found.append((_case_id(labels, values), overrides))
+        return found
+
+
+def load_study(path_or_name: str | Path) -> StudyFile:
+    """The study of a file, or of studies/NAME.toml of the checkout; InputFault with one line for every fault."""
+    path = find_study(path_or_name)
+    raw = read_toml(path, MOST_BYTES)
+    faults = Faults(str(path))
+    if "study" not in raw and {"plate", "zone", "material"} & set(raw):
+        raise InputFault(f"{path}: a case file, must be a study file with a [study] table")
+    for key in raw:
+        if key not in ("study", "sweep"):
+            faults.unknown(key, raw[key], ["study", "sweep"])
+    values = _read_study(raw, faults)
+    sweep, paired = _read_sweep(raw.get("sweep", {}), faults, values.get("study.zip", False))
+    _check_counts(sweep, paired, faults)
+    case_path = path.parent / values.get("study.case", "")
+    if "study.case" in values and not is_file(case_path):
+        faults.add("study.case", values["study.case"], f"no such file {case_path}")
+    faults.stop()
+    name = values.get("study.name") or path.stem
+    once = tuple(values.get("study.once") or ())
+    return StudyFile(name, path, case_path, tuple(values["study.measure"]), sweep, paired, once)
+
+
+def find_study(path_or_name: str | Path) -> Path:
+    """The file meant: a path as it is, or the bare name of a study of the checkout."""
+    path, text = Path(path_or_name), str(path_or_name)
+    if is_file(path) or path.suffix == ".toml" or path.parent != Path():
+        return path
+    named = STUDIES / f"{text}.toml"
+    if not is_file(named):
+        names = sorted(file.stem for file in STUDIES.glob("*.toml"))
+        near = get_close_matches(text, names, n=1, cutoff=0.5)
+        hint = f" (did you mean {near[0]}?)" if near else ""
+        raise InputFault(f"study {text!r}: no such file, and not one of {', '.join(names)}{hint}")
+    return named
+
+
+def _read_study(raw: dict[str, Any], faults: Faults) -> dict[str, Any]:
+    table = raw.get("study")
+    if table is None:
+        faults.missing("[study]", "must be a table with name, case and measure")
+        return {}
+    if not isinstance(table, dict):
+        faults.add("study", table, "must be a table [study]")
+        return {}
+    known = [f"study.{name}" for name in StudyTable.model_fields]
+    for key, spare in (("measure", ["modes"]), ("once", [])):
+        measures = table.get(key)
+        if isinstance(measures, list) and (measures or key == "measure"):
+            _check_measures(key, measures, faults)
+            table = {**table, key: [name for name in measures if name in MEASURES] or spare}
+    return check_table(StudyTable, table, "study.", known, faults)
+
+
+def _check_measures(key: str, measures: list[Any], faults: Faults) -> None:
+    for name in measures:
+        if name not in MEASURES:
+            hint = nearest(name, MEASURES) if isinstance(name, str) else ""
+            faults.add(f"study.{key}", name, f"must be a list of {', '.join(MEASURES)}{hint}")
+    if not measures or len({str(name) for name in measures}) < len(measures):
+        faults.add(f"study.{key}", measures, "must name at least one measure, each once")
+
+
+def _read_sweep(table: Any, faults: Faults, paired: bool) -> tuple[dict[str, tuple[Any, ...]], bool]:
+    if not isinstance(table, dict):
+        faults.add("sweep", table, "must be a table [sweep] of lists")
+        return {}, False
+    flat = dict(_flatten(table))
+    asked = flat.pop("zip", False)
+    if not isinstance(asked, bool):
+        faults.add("sweep.zip", asked, "must be true or false")
+    paired = paired or asked is True
+    known = known_keys()
+    for key, values in flat.items():
+        if key not in known:
+            faults.unknown(f'sweep."{key}"', values, known)
+        elif not isinstance(values, list) or not values:
+            faults.add(f'sweep."{key}"', values, "must be a list of at least one value")
+        elif not paired and len({toml_text(value) for value in values}) < len(values):
+            faults.add(f'sweep."{key}"', values, "must hold each value once")
+    return {key: tuple(values) for key, values in flat.items() if isinstance(values, list) and values}, paired
+
+
+def _check_counts(sweep: dict[str, tuple[Any, ...]], paired: bool, faults: Faults) -> None:
+    lengths = {key: len(values) for key, values in sweep.items()}
+    if paired and len(set(lengths.values())) > 1:
+        told = ", ".join(f"{key} has {count}" for key, count in lengths.items())
+        faults.add("sweep.zip", True, f"needs lists of equal length ({told})")
+    elif paired:
+        rows = [toml_text(list(row)) for row in zip(*sweep.values(), strict=True)]
+        for row in sorted({row for row in rows if rows.count(row) > 1}):
+            faults.add("sweep", row, "must hold each combination once")
+    total = 1
+    for count in lengths.values():
+        total *= count
+    if not paired and total > MOST_CASES:
+        faults.add("sweep", f"{total} cases", f"must be at most {MOST_CASES}")
+
+
+def _flatten(table: dict[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _flatten(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value
+
+
+def toml_text(value: Any) -> str:
+    """A value as TOML text that --set reads back unchanged; whole floats written as whole numbers."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(toml_text(item) for item in value) + "]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {toml_text(item)}" for key, item in value.items()) + "}"
+    return json.dumps(value) if isinstance(value, str) else str(value)
+
+
+def _labels(keys: list[str]) -> list[str]:
+    leaves = [key.rpartition(".")[2] for key in keys]
+    return [leaf if leaves.count(leaf) == 1 else key for key, leaf in zip(keys, leaves, strict=True)]
+
+
+def _case_id(labels: list[str], values: tuple[Any, ...]) -> str:
+    if not labels:
+        return "base"
+    exact = ",".join(f"{label}={toml_text(value)}" for label, value in zip(labels, values, strict=True))
+    plain = ",".join(f"{label}={_plain(value)}" for label, value in zip(labels, values, strict=True))
+    readable = re.sub(r"[^A-Za-z0-9._+=,-]", "_", plain)
+    if readable == exact.replace('"', "") and len(readable) <= LONGEST_ID:
+        return readable
+    return f"{readable[: LONGEST_ID - 9]}-{hashlib.sha256(exact.encode()).hexdigest()[:8]}"
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, (list, tuple)):
+        return "_".join(_plain(item) for item in value)
+    return value if isinstance(value, str) else toml_text(value)

@@ -1,0 +1,1 @@
+"""The mode table and the emulated board."""

@@ -1,0 +1,74 @@
+"""The closed loop of a case: the unmodified image with its mode table, on the emulated board, joined to the table's plate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.logs import Log
+
+TABLE = "mode_table.bin"
+COLUMNS = ("time_s", "reference", "u_d", "u_q", "drive")
+
+
+def solve(folder: Path, log: Log) -> tuple[dict[str, Any] | None, dict[str, NDArray[np.float64]]]:
+    """Record and arrays (board_time_s, board_reference, board_u_d, board_u_q, board_drive) of a step of 0.2 G Vmax.
+
+    Amplitudes in full scales of the converters; board_u_d and board_u_q turned into the mode's frame. (None, {}) when what
+    it needs is not installed; a fault of the image is an alarm and stands in the record.
+    """
+    from firmware.build import BuildError
+    from firmware.emulate import EmulationError, board_run
+
+    try:
+        with log.step("closed loop on the emulated board"):
+            run = board_run((folder / TABLE).read_bytes())
+    except BuildError as missing:
+        if missing.exit_code != 5:
+            raise
+        log.left_out("closed loop on the emulated board", str(missing))
+        return None, {}
+    except EmulationError as fault:
+        log.alarm("BOARD", f"emulated board: {fault}")
+        return {"fault": str(fault)}, {}
+    record = {
+        "compiler": run.compiler,
+        "swept": run.swept,
+        "frequency_hz": run.frequency_hz,
+        "tau_s": run.tau_s,
+        "gain": [run.gain.real, run.gain.imag],
+        "delay_s": run.delay_s,
+        "reference": run.level,
+        "t95_s": run.t95_s,
+        "overshoot": run.overshoot,
+    }
+    _tell(record, log)
+    return record, {f"board_{name}": run.columns[name] for name in COLUMNS}
+
+
+def _tell(record: dict[str, Any], log: Log) -> None:
+    found = "identified" if record["swept"] else "taken from the table"
+    reached = "not reached" if record["t95_s"] is None else f"after {1e3 * record['t95_s']:.2f} ms"
+    log.info(
+        f"emulated board: mode at {record['frequency_hz']:.2f} Hz {found}, tau {1e3 * record['tau_s']:.3f} ms, gain "
+        f"{abs(complex(*record['gain'])):.4g}; 95 % of a step to {record['reference']:.4g} {reached}"
+    )
+
+
+def sources_hash() -> str:
+    """sha256 over the firmware's sources: what a run of the image depends on beside the table."""
+    import hashlib
+
+    from pipeline.records.fingerprint import HOUSE, file_hash
+
+    folders = ("core", "board", "emulate", "host")
+    found = [path for name in folders for path in (HOUSE / "firmware" / name).rglob("*") if path.suffix in SOURCES]
+    found += (HOUSE / "firmware").glob("*.py")
+    lines = [f"{path.relative_to(HOUSE).as_posix()} {file_hash(path)}" for path in sorted(found)]
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+SOURCES = (".c", ".h", ".inc", ".ld", ".py")

@@ -1,0 +1,156 @@
+"""The wanted mode and its neighbours as a mode table for the firmware: binary and C header with the same bytes."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from firmware.table_format import CHANNELS
+from pipeline.analysis.modes import PartModes
+from pipeline.board import table_file
+from pipeline.board.table_file import Mode, ModeTable
+from pipeline.case.model import Case
+from pipeline.logs import Log
+from pipeline.records.fingerprint import canonical_json, code_hash
+from pipeline.records.store import write_atomic
+
+if TYPE_CHECKING:
+    from pipeline.board.gains import ModalGains
+    from solvers.piezo.forced import ForcedPlate
+
+SAMPLE_RATE_HZ = 250e3
+HOLD_S = 0.5 / SAMPLE_RATE_HZ  # half a sample: all of the delay that is known before filters are chosen
+DRIVE_LIMIT = 0.85  # the DAC's buffer does not reach the rails
+NEIGHBOURS = 6
+
+
+def table_of(case: Case, found: PartModes, wanted: int) -> ModeTable:
+    """Wanted mode and nearest neighbours, ascending; time constants from the case's quality factor, gains unidentified."""
+    kept = _nearest([row.frequency_hz for row in found.rows], wanted)
+    modes = tuple(
+        Mode.from_quality(found.rows[i].frequency_hz, case.quality, delay_s=HOLD_S, drive_limit=DRIVE_LIMIT)
+        for i in kept
+    )
+    return ModeTable(SAMPLE_RATE_HZ, design_hash(case), modes, kept.index(wanted))
+
+
+def table_with_gains(case: Case, gains: ModalGains) -> ModeTable:
+    """The same of the patched plate, sensors open: gains in V/V at the patches, that is, for an amplifier and a conditioner
+    of one together; the hold's droop is in them, its delay beside them. Actuators: PA4 with the patches that push as they
+    are, PA5, which gives the inverse, with the others."""
+    kept = _nearest(gains.frequency_hz.tolist(), gains.wanted)
+    modes = tuple(_patched_mode(gains, i) for i in kept)
+    return ModeTable(SAMPLE_RATE_HZ, design_hash(case), modes, kept.index(gains.wanted))
+
+
+def _patched_mode(gains: ModalGains, index: int) -> Mode:
+    from pipeline.board.gains import hold
+
+    frequency_hz = float(gains.frequency_hz[index])
+    delayed = np.exp(2j * np.pi * frequency_hz * HOLD_S) * hold(frequency_hz, SAMPLE_RATE_HZ)  # the droop, real
+    gain = complex(gains.gain[index, 0] * delayed)
+    too_small = max(abs(gain.real), abs(gain.imag)) < table_file.GAIN[0]
+    by_sensor = gains.gain[index, :CHANNELS]
+    by_actuator = np.array([gains.parts[index, gains.signs == sign, 0].sum() for sign in _polarities(gains)])
+    return Mode(
+        frequency_hz,
+        float(gains.tau_s[index]),
+        gain=None if too_small else gain,
+        delay_s=HOLD_S,
+        drive_limit=DRIVE_LIMIT,
+        actuator_weights=_weights(by_actuator),
+        sensor_weights=_weights(by_sensor),
+    )
+
+
+def _polarities(gains: ModalGains) -> list[float]:
+    """The signs in use: +1 is wired to PA4, -1 to PA5."""
+    return sorted(set(gains.signs.tolist()), reverse=True)
+
+
+def _weights(values: np.ndarray) -> tuple[complex, ...]:
+    largest = np.abs(values).max()
+    turned = values / values[np.argmax(np.abs(values))] if largest > 0.0 else values
+    return tuple(complex(value) for value in turned)
+
+
+def _nearest(frequencies_hz: list[float], wanted: int) -> list[int]:
+    by_distance = sorted(range(len(frequencies_hz)), key=lambda i: abs(frequencies_hz[i] - frequencies_hz[wanted]))
+    return sorted(by_distance[: NEIGHBOURS + 1])
+
+
+def design_hash(case: Case) -> bytes:
+    """16 bytes that name a case as understood and the code that computed it."""
+    identity = canonical_json(case.as_understood()) + code_hash()
+    return hashlib.sha256(identity.encode()).digest()[:16]
+
+
+def write_table(
+    case: Case, found: PartModes, wanted: int, folder: Path, stem: str = "mode_table", log: Log | None = None
+) -> list[Path]:
+    """Write STEM.bin and STEM.h; both hold the same bytes.
+
+    With a log, a case in which a patch drives and another listens has its gains computed; any other leaves them to the
+    board's own identification, and nothing is computed.
+    """
+    if log is not None:
+        from pipeline.board.gains import can_be_computed
+
+        if can_be_computed(case):
+            return write_gains(case, folder, log, stem, near_hz=found.rows[wanted].frequency_hz)
+        log.info("mode table: gains unidentified, no patch drives while another listens; the board finds them")
+    return write(table_of(case, found, wanted), folder, stem)
+
+
+def write_gains(
+    case: Case,
+    folder: Path,
+    log: Log,
+    stem: str = "mode_table",
+    forced: ForcedPlate | None = None,
+    near_hz: float | None = None,
+) -> list[Path]:
+    """STEM.bin and STEM.h of the patched plate, its gains computed; the log tells them and how to wire the patches.
+
+    `forced`: the plate that a response has solved already; near_hz: where the mode lies that is driven where the patched
+    plate has no wanted one.
+    """
+    from pipeline.board.gains import modal_gains
+    from pipeline.models.patched_plate import forced_plate
+
+    gains = modal_gains(forced or forced_plate(case, log), near_hz)
+    table = table_with_gains(case, gains)
+    _tell(case, gains, table, log)
+    return write(table, folder, stem)
+
+
+def _tell(case: Case, gains: ModalGains, table: ModeTable, log: Log) -> None:
+    assert case.patches is not None
+    mode = table.modes[table.wanted]
+    if mode.gain is None:
+        log.info("mode table: gain unidentified, the sensor does not hear the wanted mode")
+    else:
+        log.info(
+            f"mode table: gain {abs(mode.gain):.4g} V/V at {np.degrees(np.angle(mode.gain)):.1f} degrees, computed at "
+            f"{mode.frequency_hz:.1f} Hz with the patches on; multiply by amplifier and conditioner. The board measures it anew"
+        )
+    for sign, pin in ((1.0, "PA4"), (-1.0, "PA5")):
+        group = [str(patch) for patch, has in zip(case.patches.drivers, gains.signs, strict=True) if has == sign]
+        if group:
+            log.info(f"wiring: patches {', '.join(group)} on {pin}")
+
+
+def places(folder: Path, stem: str) -> list[Path]:
+    """Where a table goes: STEM.bin and STEM.h."""
+    return [folder / f"{stem}.bin", folder / f"{stem}.h"]
+
+
+def write(table: ModeTable, folder: Path, stem: str) -> list[Path]:
+    """A table as STEM.bin and STEM.h."""
+    files = places(folder, stem)
+    write_atomic(files[0], table_file.to_bytes(table))
+    write_atomic(files[1], table_file.to_header(table).encode())
+    return files

@@ -1,0 +1,131 @@
+"""Mode tables for six channels: T at the chosen frequencies and the patterns to be reached, from a beam under shaping.
+
+`python -m pipeline.board.shaping FILE.bin` writes the table of the 150 mm beam of the shaping study.
+Patterns, each relative to its largest target: "left", "middle", "right", the signals 1 on a third of the sensors and 0
+elsewhere; "left max" ..., what the voltages of the largest contrast show at the sensors (choi2002); "wave+", "wave-", what
+those of the largest travelling-wave ratio towards +x and -x show.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+from dataclasses import replace
+from math import pi
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware.table_format import MAX_SHAPES, MIN_SHAPE_HZ
+from pipeline.board.gains import hold
+from pipeline.board.table_file import ModeTable, Pattern, Shape
+from pipeline.errors import InputFault
+from pipeline.records.fingerprint import canonical_json, code_hash
+from solvers.errors import SolverError
+from solvers.shaping.acoustic_contrast import REGIONS, best_contrast, region_points, region_target
+from solvers.shaping.transfer_matrix import operating_frequencies
+from solvers.shaping.travelling_wave import best_travelling_drive, inner_window
+from solvers.shaping_study.model import ShapedBeam, Signal
+from solvers.shaping_study.steps import scan_signal, travel_window
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+SAMPLE_RATE_HZ = 40e3
+LARGEST = 0.5  # |T| in full scales at the louder frequency: how the conditioners are to be set
+BAND_HZ = (MIN_SHAPE_HZ, 4500.0)
+SCANNED = 221
+
+
+def full_scale(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float, ...]) -> float:
+    """Full scales of a sensor per unit of its signal, times the volts of a full drive, for |T| of at most LARGEST."""
+    return LARGEST / max(float(np.abs(model.matrix(f, signal)).max()) for f in frequencies_hz)
+
+
+def patterns(model: ShapedBeam, signal: Signal, frequency_hz: float) -> tuple[Pattern, ...]:
+    """The eight patterns at a frequency. Raises SolverError."""
+    matrix, field, line = model.matrix(frequency_hz, signal), model.field(frequency_hz), model.line_m
+    found: list[tuple[str, ComplexArray]] = [(region, region_target(region, len(matrix))) for region in REGIONS]
+    for region, name in zip(REGIONS, ("left max", "mid max", "rightmax"), strict=True):
+        inside = region_points(region, model.places_m, line)
+        found.append((name, matrix @ best_contrast(field, inside)))
+    k = 2.0 * pi / model.free_wavelength_m(frequency_hz)
+    window = inner_window(line, *travel_window(model, frequency_hz))
+    for name, sign in (("wave+", 1.0), ("wave-", -1.0)):
+        found.append((name, matrix @ best_travelling_drive(field[window], sign * line[window], k)[0]))
+    return tuple(Pattern(name, _relative(target)) for name, target in found)
+
+
+def _relative(target: ComplexArray) -> tuple[complex, ...]:
+    return tuple(complex(value) for value in target / target[np.argmax(np.abs(target))])
+
+
+def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float, ...] = ()) -> ModeTable:
+    """The table of a beam with up to six pairs of actuator and sensor; without frequencies, the two that condition T best.
+
+    The hold's droop and half sample are in T. Raises InputFault for more frequencies than a table holds or one that the
+    board refuses, SolverError.
+    """
+    if len(frequencies_hz) > MAX_SHAPES:
+        raise InputFault(f"--frequency: {len(frequencies_hz)} of them, a table holds at most {MAX_SHAPES}")
+    chosen = frequencies_hz or _best(model, signal)
+    if min(chosen) < MIN_SHAPE_HZ:
+        raise InputFault(f"--frequency: {min(chosen):g} Hz, the six-channel board takes {MIN_SHAPE_HZ:g} Hz and more")
+    scale = full_scale(model, signal, chosen)
+    slowest_s = float((model.table.quality / (pi * model.table.frequencies_hz)).max())
+    shapes = tuple(
+        Shape(
+            f, slowest_s, patterns(model, signal, f), _rows(scale * model.matrix(f, signal) * hold(f, SAMPLE_RATE_HZ))
+        )
+        for f in chosen
+    )
+    identity = canonical_json([model.name, signal, list(chosen)]) + code_hash()
+    return ModeTable(SAMPLE_RATE_HZ, hashlib.sha256(identity.encode()).digest()[:16], (), shapes=shapes)
+
+
+def _best(model: ShapedBeam, signal: Signal) -> tuple[float, ...]:
+    found = scan_signal(model, signal, np.linspace(*BAND_HZ, SCANNED))
+    return tuple(float(f) for f in operating_frequencies(found, MAX_SHAPES))
+
+
+def _rows(matrix: ComplexArray) -> tuple[tuple[complex, ...], ...]:
+    return tuple(tuple(complex(value) for value in row) for row in matrix)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    from pipeline.board.export import write
+    from pipeline.board.table_file import describe
+    from pipeline.case.quantities import parse_frequency
+    from solvers.shaping_study.model import patched, pointed
+    from solvers.shaping_study.study import ShapingData
+
+    parser = argparse.ArgumentParser(prog="python -m pipeline.board.shaping", description=__doc__)
+    parser.add_argument("file", type=Path, help="FILE.bin; FILE.h beside it holds the same bytes")
+    parser.add_argument("--points", action="store_true", help="the ideal beam of points instead of the real patches")
+    parser.add_argument("--frequency", action="append", default=[], help=f"at most {MAX_SHAPES} of them")
+    parser.add_argument(
+        "--unmeasured", action="store_true", help="leave T out: the board measures its own before it drives"
+    )
+    chosen = parser.parse_args(arguments)
+    data = ShapingData()
+    try:
+        tones = tuple(parse_frequency(text, "--frequency") for text in chosen.frequency)
+        if chosen.points:
+            table = shaping_table(pointed("150 mm, points", data.beam, data.modes), "displacement", tones)
+        else:
+            beam = patched("150 mm, patches", data.beam, data.modes, data.calibrate_near_hz)
+            table = shaping_table(beam, "calibrated", tones)
+        if chosen.unmeasured:
+            table = replace(table, shapes=tuple(replace(shape, matrix=None) for shape in table.shapes))
+        write(table, chosen.file.parent, chosen.file.stem)
+    except (InputFault, SolverError, ValueError, OSError) as error:
+        print(f"mode table: {error}", file=sys.stderr)
+        return 3 if isinstance(error, SolverError) else 2
+    print(describe(table))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

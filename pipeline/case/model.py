@@ -1,0 +1,256 @@
+"""The case file: one frozen, validated scene; units turned to SI here and nowhere else."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass, fields, is_dataclass
+from math import isfinite, isnan, nan, pi
+from pathlib import Path
+from typing import Any
+
+from geometry.layout import Design, Pillar
+from geometry.patches import Patches
+from pipeline.case.overrides import SECTIONS, apply_overrides, is_file, parse_override, read_toml
+from pipeline.case.patches import read_patches
+from pipeline.case.reader import KHZ, MM, read_values
+from pipeline.case.reader import CaseValues as Values
+from pipeline.errors import InputFault
+from solvers.measures.confinement import wanted_parity
+
+
+@dataclass(frozen=True)
+class SolveSettings:
+    """What to look for and how: frequencies in Hz, accuracy as a relative error of a frequency."""
+
+    band_hz: tuple[float, float] | None
+    near_hz: float | None
+    count: int | None
+    accuracy: float
+    model: str
+    mesh: str
+
+
+@dataclass(frozen=True)
+class BandSettings:
+    """The wavevector path, its intervals per segment, the number of bands, and a grid's intervals (0: none)."""
+
+    path: str
+    points: int
+    count: int
+    grid: int = 0
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far one pillar differs from another: standard deviations in m, how many plates are drawn, the draw's seed."""
+
+    height_m: float
+    side_m: float
+    position_m: float
+    samples: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class MeasuredFiles:
+    """What was measured of the plate: the paths of a sweep and of a map, and where the sweep's laser stood, m."""
+
+    sweep: Path | None
+    map: Path | None
+    at_m: tuple[float, float] | None
+
+    def as_understood(self) -> dict[str, Any]:
+        """Names and SHA-256 of the files, and the place."""
+        plain: dict[str, Any] = {"at_m": _plain(self.at_m)}
+        for name, path in (("sweep", self.sweep), ("map", self.map)):
+            if path is not None:
+                plain |= {name: path.name, f"{name}_sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+        return plain
+
+
+@dataclass(frozen=True)
+class Case:
+    """One scene in SI, as understood. Lengths of tables that the file does not have are NaN: ask `require` first."""
+
+    name: str
+    source: Path | None
+    design: Design
+    solve: SolveSettings
+    bands: BandSettings
+    quality: float
+    patches: Patches | None
+    given: frozenset[str]
+    tolerance: Tolerance | None = None
+    measured: MeasuredFiles | None = None
+
+    @property
+    def parity_wanted(self) -> str | None:
+        """Mirror signs of u_z in the wanted mode, x then y: N nodes are even when N is.
+
+        None without a zone, and where the plate is not its own mirror image: its modes have no such signs.
+        """
+        if "zone" not in self.given or not self.design.is_mirrored:
+            return None
+        return wanted_parity(self.design.nodal_lines)
+
+    @property
+    def kx_wanted_per_m(self) -> float:
+        """Wavenumber along the zone of the wanted mode, (N - 1/2) pi / L, rad/m; 0 for the rigid shapes N = 0, 1."""
+        lines = self.design.nodal_lines
+        return (lines - 0.5) * pi / self.design.length_m if lines > 1 else 0.0
+
+    def require(self, *keys: str, command: str = "this command") -> None:
+        """InputFault naming every table or dotted key that the command needs and the file lacks.
+
+        "array.pitch_mm" is also met by pitch_x_mm with pitch_y_mm.
+        """
+        lacking = [key for key in keys if key not in self.given]
+        where = self.source if self.source is not None else self.name
+        if lacking:
+            shown = (key if "." in key else f"[{key}]" for key in lacking)
+            raise InputFault(f"{where}: {name}: missing, {command} needs it" for name in shown)
+
+    def require_plate(self, command: str = "this command") -> None:
+        """InputFault unless a finite plate is described: [plate], [zone] and, with pillars, array.rows."""
+        self.require("plate", "zone", *(("array.rows",) if "pillar" in self.given else ()), command=command)
+
+    def as_understood(self) -> dict[str, Any]:
+        """Everything that influences results as plain JSON in SI; a STEP file by its name and SHA-256."""
+        plain: dict[str, Any] = {
+            name: _plain(getattr(self, name)) for name in ("design", "solve", "bands", "quality", "patches")
+        }
+        if self.tolerance:
+            plain["tolerance"] = _plain(self.tolerance)
+        if self.measured:
+            plain["measured"] = self.measured.as_understood()
+        pillar = self.design.pillar
+        if pillar and pillar.file:
+            plain["design"]["pillar"]["file"] = Path(pillar.file).name
+            plain["design"]["pillar"]["file_sha256"] = hashlib.sha256(Path(pillar.file).read_bytes()).hexdigest()
+        return plain
+
+
+def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
+    """The case of a TOML file with "key.path=value" overrides; InputFault with one line for every fault."""
+    file = Path(path)
+    return case_from_dict(read_toml(file), source=file, overrides=overrides)
+
+
+def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: Iterable[str] = ()) -> Case:
+    """The case of a parsed file; STEP paths are taken from the folder of `source`. InputFault as load_case."""
+    settings = _parsed(overrides)
+    values = read_values(apply_overrides(raw, settings), source, [key for key, _ in settings])
+    patches, measured = None, _measured(values, source)
+    if not values.faults.touch("material", "plate", "zone", "pillar", "array"):
+        patches = read_patches(values, _design(values))
+    values.faults.stop()
+    design = _design(values)
+    return Case(
+        name=values.name,
+        source=source,
+        design=design,
+        solve=_solve(values),
+        bands=_bands(values, design),
+        quality=values.good["damping.quality"],
+        patches=patches,
+        given=values.given,
+        tolerance=_tolerance(values),
+        measured=measured,
+    )
+
+
+def _parsed(overrides: Iterable[str]) -> list[tuple[str, Any]]:
+    parsed, lines = [], []
+    for text in overrides:
+        try:
+            parsed.append(parse_override(text))
+        except InputFault as fault:
+            lines += fault.lines
+    if lines:
+        raise InputFault(lines)
+    return parsed
+
+
+def _design(values: Values) -> Design:
+    get = values.good.get
+    pitch = get("array.pitch_mm")
+    rows = get("array.rows") or 0
+    return Design(
+        length_m=MM * get("zone.length_mm", nan),
+        width_m=MM * get("zone.width_mm", nan),
+        thickness_m=MM * get("plate.thickness_mm", nan),
+        nodal_lines=get("zone.nodal_lines", 0),
+        material=values.materials[""],
+        pillar=_pillar(values),
+        pitch_x_m=MM * (pitch or get("array.pitch_x_mm") or nan),
+        pitch_y_m=MM * (pitch or get("array.pitch_y_mm") or nan),
+        rows=rows,
+        extension_m=MM * get("array.extension_mm", 0.0),
+    )
+
+
+def _pillar(values: Values) -> Pillar | None:
+    good, step = values.good, values.step
+    if "pillar" not in values.given:
+        return None
+    material, fillet = values.materials.get("pillar", values.materials[""]), MM * good["pillar.fillet_mm"]
+    if step is not None:
+        return Pillar("step", step.foot_size_m, step.tip_size_m, step.height_m, material, fillet, values.step_file)
+    shape = good["pillar.shape"]
+    keys = SECTIONS[shape]
+    base, tip = MM * good[f"pillar.{keys[0]}"], MM * good[f"pillar.{keys[-1]}"]
+    return Pillar(shape, base, tip, MM * good["pillar.height_mm"], material, fillet)
+
+
+def _solve(values: Values) -> SolveSettings:
+    good = values.good
+    band, near = good["solve.band_kHz"], good["solve.near_kHz"]
+    return SolveSettings(
+        band_hz=(KHZ * band[0], KHZ * band[1]) if band else None,
+        near_hz=None if near is None else KHZ * near,
+        count=good["solve.count"],
+        accuracy=good["solve.accuracy"],
+        model=good["solve.model"],
+        mesh=good["solve.mesh"],
+    )
+
+
+def _measured(values: Values, source: Path | None) -> MeasuredFiles | None:
+    good = values.good
+    if "measured" not in good:
+        return None
+    found: dict[str, Path | None] = {}
+    for name in ("sweep", "map"):
+        given = good.get(f"measured.{name}")
+        found[name] = path = None if given is None else (source.parent if source else Path()) / given
+        if path is not None and not is_file(path):
+            values.faults.add(f"measured.{name}", given, f"no such file {path}")
+    place = good.get("measured.at_mm")
+    return MeasuredFiles(found["sweep"], found["map"], (MM * place[0], MM * place[1]) if place else None)
+
+
+def _tolerance(values: Values) -> Tolerance | None:
+    good = values.good
+    if "tolerance" not in good:
+        return None
+    height, side, position = (MM * good[f"tolerance.{name}_mm"] for name in ("height", "side", "position"))
+    return Tolerance(height, side, position, good["tolerance.samples"], good["tolerance.seed"])
+
+
+def _bands(values: Values, design: Design) -> BandSettings:
+    good = values.good
+    square = design.pitch_x_m == design.pitch_y_m or isnan(design.pitch_x_m)
+    path = good["bands.path"] or ("GXMG" if square else "GXMYG")
+    return BandSettings(path, good["bands.points"], good["bands.count"], good["bands.grid"])
+
+
+def _plain(value: Any) -> Any:
+    """Dataclasses, tuples and numbers as JSON; NaN (nothing given) as null; sources of constants left out."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: _plain(getattr(value, f.name)) for f in fields(value) if f.name != "source"}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not isfinite(value):
+        return None
+    return value

@@ -1,0 +1,171 @@
+"""Reading TOML files and --set overrides into plain dictionaries."""
+
+from __future__ import annotations
+
+import copy
+import re
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from geometry.files import read_by_command
+from pipeline.case.diagnostics import shown
+from pipeline.errors import InputFault
+
+# keys that stand for one another: setting one drops the others that the file gave
+ALTERNATIVES: dict[str, tuple[str, ...]] = {
+    "array.pitch_mm": ("array.pitch_x_mm", "array.pitch_y_mm"),
+    "solve.band_kHz": ("solve.near_kHz", "solve.count"),
+    "solve.near_kHz": ("solve.band_kHz",),
+    "patches.centres_mm": ("patches.at",),
+    "patches.at": ("patches.centres_mm",),
+}
+MOST_BYTES = 200_000  # of a case file: the most patches that it may hold take half
+DEEPEST = 8  # tables and lists inside one another; a case has four
+TOO_DEEP = f"tables or lists nested deeper than {DEEPEST}, which nothing in it may be"
+# a key of so many parts costs tomllib the square of their number before its depth could be seen
+LONG_KEY = re.compile(r"""(?<![\w"'-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){50}""")
+SECTIONS: dict[str, tuple[str, ...]] = {
+    "square": ("side_mm",),
+    "round": ("diameter_mm",),
+    "tapered": ("base_mm", "tip_mm"),
+    "step": ("file",),
+}
+
+
+def read_toml(path: Path, most_bytes: int = MOST_BYTES) -> dict[str, Any]:
+    """The file as a dictionary; InputFault for what cannot be read or parsed, with the line number where known.
+
+    A file of more than `most_bytes`, or nested deeper than DEEPEST, is refused as well.
+    """
+    read_by_command(path)
+    try:
+        with path.open("rb") as file:
+            content = file.read(most_bytes + 1)
+        text = content.decode("utf-8-sig")
+    except FileNotFoundError:
+        raise InputFault(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise InputFault(f"{path}: is a directory, must be a TOML file") from None
+    except UnicodeDecodeError as error:
+        raise InputFault(f"{path}: not UTF-8 text at byte {error.start}, must be a TOML file in UTF-8") from None
+    except (OSError, ValueError) as error:
+        raise InputFault(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if len(content) > most_bytes:
+        raise InputFault(f"{path}: more than {most_bytes} bytes: must be a TOML file of at most so many")
+    if LONG_KEY.search(text):
+        raise InputFault(f"{path}: {TOO_DEEP}")
+    try:
+        found = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputFault(f"{path}: not valid TOML: {error}") from None
+    except (ValueError, RecursionError) as error:
+        raise InputFault(f"{path}: not valid TOML: {type(error).__name__} {str(error)[:80]}") from None
+    if _is_deeper(found):
+        raise InputFault(f"{path}: {TOO_DEEP}")
+    return found
+
+
+def is_file(path: Path) -> bool:
+    """Whether a file stands there; a name that no file can have is none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _is_deeper(value: Any, limit: int = DEEPEST) -> bool:
+    """Whether dictionaries and lists stand inside one another more than `limit` times."""
+    level = [value]
+    for _ in range(limit + 1):
+        level = [item for each in level if isinstance(each, (dict, list)) for item in _items(each)]
+    return bool(level)
+
+
+def _items(owner: dict[str, Any] | list[Any]) -> Iterable[Any]:
+    return owner.values() if isinstance(owner, dict) else owner
+
+
+def parse_value(text: str) -> Any:
+    """A TOML value, or the bare word as a string."""
+    if len(text) > MOST_BYTES:
+        return text.strip()
+    try:
+        found = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        return text.strip()
+    return found["value"] if set(found) == {"value"} else text.strip()
+
+
+def parse_override(text: str) -> tuple[str, Any]:
+    """(dotted key, value) from "key.path=value"; InputFault otherwise."""
+    key, equals, value = text.partition("=")
+    parts = [part.strip() for part in key.split(".")]
+    if not equals or not all(parts) or not value.strip():
+        raise InputFault(f"--set {shown(text)[1:-1]}: must be key.path=value, such as array.pitch_mm=6")
+    found = parse_value(value)
+    if len(parts) > DEEPEST or _is_deeper(found):
+        raise InputFault(f"--set {shown(text)[1:-1]}: nested deeper than {DEEPEST}, which no key is")
+    return ".".join(parts), found
+
+
+def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    """A copy of `raw` with every override set in order; absent tables are created."""
+    result = copy.deepcopy(raw)
+    for key, value in overrides:
+        if key in ("array.pitch_x_mm", "array.pitch_y_mm"):
+            _split_pitch(result)
+        for other in ALTERNATIVES.get(key, ()):
+            _drop(result, other)
+        if key == "pillar.shape" and isinstance(value, str) and value in SECTIONS:
+            _keep_section(result, str(value))
+        _put(result, key.split("."), value)
+    return result
+
+
+def _split_pitch(raw: dict[str, Any]) -> None:
+    array = raw.get("array")
+    if isinstance(array, dict) and "pitch_mm" in array:
+        pitch = array.pop("pitch_mm")
+        array.setdefault("pitch_x_mm", pitch)
+        array.setdefault("pitch_y_mm", pitch)
+
+
+def _keep_section(raw: dict[str, Any], shape: str) -> None:
+    for keys in (keys for name, keys in SECTIONS.items() if name != shape):
+        for name in keys:
+            _drop(raw, f"pillar.{name}")
+    if shape == "step":
+        _drop(raw, "pillar.height_mm")
+
+
+def _drop(raw: dict[str, Any], key: str) -> None:
+    table, _, name = key.rpartition(".")
+    owner = raw.get(table)
+    if isinstance(owner, dict):
+        owner.pop(name, None)
+
+
+def _put(raw: dict[str, Any], parts: list[str], value: Any) -> None:
+    owner = raw
+    for depth, part in enumerate(parts[:-1]):
+        below = owner.get(part)
+        if isinstance(below, str) and part == "material":
+            below = _material_table(below)
+        if below is not None and not isinstance(below, dict):
+            path = ".".join(parts[: depth + 1])
+            raise InputFault(f"--set {'.'.join(parts)}: {path} is a value, not a table")
+        owner[part] = below = {} if below is None else below
+        owner = below
+    owner[parts[-1]] = value
+
+
+def _material_table(name: str) -> dict[str, Any] | None:
+    """The constants of a named material, so that one of them can be set."""
+    from geometry.materials import MATERIALS
+
+    known = MATERIALS.get(name)
+    if known is None:
+        return None
+    return {"young_GPa": known.young_pa / 1e9, "density_kg_m3": known.density_kg_m3, "poisson": known.poisson}

@@ -1,0 +1,117 @@
+"""The [patches] table: places, sizes and whether they fit the plate."""
+
+from __future__ import annotations
+
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.layout import Design
+from geometry.patches import FloatArray, Patches, antinode_places
+from geometry.piezo_materials import PIEZO_MATERIALS
+from pipeline.case.diagnostics import Faults, nearest
+from pipeline.case.reader import MM, CaseValues
+from solvers.analytic.beams import antinodes, free_free_mode
+
+MOST_TOLD = 3  # patches or pairs of them that are named
+TOUCHING = 1e-9  # relative to the patch: boxes that share an edge do not overlap
+
+
+def read_patches(values: CaseValues, design: Design) -> Patches | None:
+    """The patches in SI, or None without the table; what does not fit is added to the faults."""
+    good, faults = values.good, values.faults
+    if "patches" not in good or faults.touch("patches"):
+        return None
+    name, allowed = good["patches.material"], ", ".join(PIEZO_MATERIALS)
+    if name not in PIEZO_MATERIALS:
+        faults.add("patches.material", name, f"must be one of {allowed}{nearest(name, PIEZO_MATERIALS)}")
+    x, y, z = (MM * side for side in good["patches.size_mm"])
+    centres, lengths = _places(good.get("patches.centres_mm"), design, (x, y, z))
+    patches = Patches(
+        material=PIEZO_MATERIALS.get(name, PIEZO_MATERIALS["pz26"]),
+        size_m=(x, y, z),
+        face=good["patches.face"],
+        at="centres" if good.get("patches.centres_mm") else "antinodes",
+        centres_m=centres,
+        lengths_m=lengths,
+        sensors=tuple(good["patches.sensors"]),
+        drive_v=float(good["patches.drive_V"]),
+        circuit=good["patches.circuit"],
+    )
+    _check_sensors(patches, faults)
+    if "zone" in good:
+        _check_places(patches, design, good, faults)
+    return patches
+
+
+def _places(
+    centres_mm: list[list[float]] | None, design: Design, size_m: tuple[float, float, float]
+) -> tuple[tuple[tuple[float, float], ...], tuple[float, ...]]:
+    if centres_mm:
+        return tuple((MM * x, MM * y) for x, y in centres_mm), (size_m[0],) * len(centres_mm)
+    lines, length = design.nodal_lines, design.length_m
+    inner = (0.0,) if lines == 0 else tuple((s - 0.5) * length for s in antinodes(free_free_mode(lines)))
+    return antinode_places(inner, length, size_m, ends=lines > 0)
+
+
+def _check_sensors(patches: Patches, faults: Faults) -> None:
+    wrong = [number for number in patches.sensors if number >= patches.count]
+    if wrong:
+        faults.add(
+            "patches.sensors", list(patches.sensors), f"no such patch: must be numbers from 0 to {patches.count - 1}"
+        )
+    elif not patches.drivers:
+        faults.add("patches.sensors", list(patches.sensors), "every patch listens: at least one must drive")
+
+
+def _check_places(patches: Patches, design: Design, good: dict[str, object], faults: Faults) -> None:
+    boxes, size = patches.boxes_m(), good["patches.size_mm"]
+    slack = TOUCHING * max(patches.size_m)
+    half_x, half_y = design.length_m / 2.0 + slack, design.half_span_m + slack
+    width_mm, length_mm = 2e3 * design.half_span_m, 1e3 * design.length_m
+    if patches.size_m[1] > 2.0 * half_y or patches.size_m[0] > 2.0 * half_x:
+        faults.add("patches.size_mm", size, f"wider than the plate, which is {length_mm:g} x {width_mm:g} mm")
+        return
+    key, value = (
+        ("patches.size_mm", size) if patches.at == "antinodes" else ("patches.centres_mm", good["patches.centres_mm"])
+    )
+    outside = (np.abs(boxes[:, :2]) > half_x).any(axis=1) | (np.abs(boxes[:, 2:]) > half_y).any(axis=1)
+    for number in np.flatnonzero(outside)[:MOST_TOLD]:
+        faults.add(key, value, f"patch {number} reaches beyond the plate, which is {length_mm:g} x {width_mm:g} mm")
+    for i, j in _first_overlaps(boxes, slack):
+        faults.add(key, value, f"patches {i} and {j} overlap")
+    if patches.face == "back":
+        _check_pillars(patches, design, key, value, faults, slack)
+    if min(patches.lengths_m, default=inf) <= 0.0:
+        faults.add(key, value, "no room for the end patches: must be shorter along x")
+
+
+def _check_pillars(patches: Patches, design: Design, key: str, value: object, faults: Faults, slack: float) -> None:
+    if not design.pillar or not design.rows:
+        return
+    rows, half = design.row_centres(), design.footprint_m / 2.0
+    x0, x1, y0, y1 = patches.boxes_m().T
+    hit = _holds(design.column_centres(), x0 - half + slack, x1 + half - slack)
+    hit &= _holds(np.concatenate([-rows[::-1], rows]), y0 - half + slack, y1 + half - slack)
+    if hit.any():
+        faults.add(key, value, f"patch {np.flatnonzero(hit)[0]} on the back overlaps a pillar's foot")
+
+
+def _holds(ascending: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:
+    """For each open interval, (n,), whether one of the ascending numbers lies in it."""
+    first = np.searchsorted(ascending, low, side="right")
+    return np.asarray(np.append(ascending, np.inf)[first] < high)
+
+
+def _first_overlaps(boxes_m: FloatArray, slack: float) -> list[tuple[int, int]]:
+    """The first MOST_TOLD pairs i < j of footprints x0, x1, y0, y1 that share more than an edge."""
+    found: list[tuple[int, int]] = []
+    for i, (x0, x1, y0, y1) in enumerate(boxes_m):
+        later = boxes_m[i + 1 :]
+        apart = (x1 <= later[:, 0] + slack) | (later[:, 1] <= x0 + slack)
+        apart |= (y1 <= later[:, 2] + slack) | (later[:, 3] <= y0 + slack)
+        found += [(i, i + 1 + int(j)) for j in np.flatnonzero(~apart)[:MOST_TOLD]]
+        if len(found) >= MOST_TOLD:
+            break
+    return found[:MOST_TOLD]

@@ -1,0 +1,208 @@
+"""The case file as written: its tables, keys, units and what each value may be."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from pipeline.case import limits
+from pipeline.case.limits import LENGTH_MM, Range, span
+
+ABOVE_0 = "a finite number above 0"
+NOT_NEGATIVE = "a finite number of 0 or more"
+
+
+def positive(within: Range) -> Any:
+    """A field for a number that must be given, within the limits."""
+    return Field(ge=within[0], le=within[1], description=f"{ABOVE_0}, {span(within)}")
+
+
+def optional(within: Range) -> Any:
+    """The same, None where it is left out."""
+    return Field(default=None, ge=within[0], le=within[1], description=f"{ABOVE_0}, {span(within)}")
+
+
+def _zero_or(within: Range) -> AfterValidator:
+    """Refuses what is neither 0 nor within the limits."""
+
+    def check(value: float) -> float:
+        if value != 0.0 and not within[0] <= value <= within[1]:
+            raise ValueError("out of range")
+        return value
+
+    return AfterValidator(check)
+
+
+def whole(low: int, high: int, **more: Any) -> Any:
+    """A field for a whole number."""
+    return Field(ge=low, le=high, description=f"a whole number from {low} to {high}", **more)
+
+
+Length = Annotated[float, _zero_or(LENGTH_MM), Field(description=f"{NOT_NEGATIVE}: 0, or {span(LENGTH_MM)}")]
+Deviation = Annotated[
+    float, _zero_or(limits.DEVIATION_MM), Field(description=f"{NOT_NEGATIVE}: 0, or {span(limits.DEVIATION_MM)}")
+]
+Coordinate = Annotated[float, Field(ge=-LENGTH_MM[1], le=LENGTH_MM[1])]
+
+
+class Table(BaseModel):
+    """A table of the file: unknown keys refused, no silent conversion, no NaN, no infinity."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+
+class MaterialTable(Table):
+    young_GPa: float = positive(limits.YOUNG_GPA)
+    density_kg_m3: float = positive(limits.DENSITY_KG_M3)
+    poisson: float = Field(
+        ge=-1.0 + limits.POISSON_MARGIN,
+        le=0.5 - limits.POISSON_MARGIN,
+        description=f"a number between -1 and 0.5, both excluded and {limits.POISSON_MARGIN:g} away",
+    )
+
+
+class PlateTable(Table):
+    thickness_mm: float = positive(LENGTH_MM)
+
+
+class ZoneTable(Table):
+    length_mm: float = positive(LENGTH_MM)
+    width_mm: float = positive(LENGTH_MM)
+    nodal_lines: int = whole(0, 1000)
+
+
+class PillarTable(Table):
+    shape: Literal["square", "round", "tapered", "step"] = Field(
+        default="square", description="square, round, tapered or step"
+    )
+    side_mm: float | None = optional(LENGTH_MM)
+    diameter_mm: float | None = optional(LENGTH_MM)
+    base_mm: float | None = optional(LENGTH_MM)
+    tip_mm: float | None = optional(LENGTH_MM)
+    file: str | None = Field(default=None, min_length=1, description="the path of a STEP file")
+    height_mm: float | None = optional(LENGTH_MM)
+    fillet_mm: Length = 0.0
+
+
+class ArrayTable(Table):
+    pitch_mm: float | None = optional(LENGTH_MM)
+    pitch_x_mm: float | None = optional(LENGTH_MM)
+    pitch_y_mm: float | None = optional(LENGTH_MM)
+    rows: int | None = whole(0, 1000, default=None)
+    extension_mm: Length = 0.0
+
+
+class SolveTable(Table):
+    band_kHz: (
+        Annotated[list[Annotated[float, Field(ge=0, le=limits.FREQUENCY_KHZ[1])]], Field(min_length=2, max_length=2)]
+        | None
+    ) = Field(
+        default=None,
+        description=f"two numbers [low, high], 0 <= low < high, high {span(limits.FREQUENCY_KHZ)}",
+    )
+    near_kHz: float | None = optional(limits.FREQUENCY_KHZ)
+    count: int | None = whole(1, limits.MAX_MODES, default=None)
+    accuracy: float = Field(
+        default=0.003,
+        ge=limits.ACCURACY[0],
+        le=limits.ACCURACY[1],
+        description=f"a number above 0, at most {limits.ACCURACY[1]:g} and at least {limits.ACCURACY[0]:g}",
+    )
+    model: Literal["auto", "analytic", "superelement", "solid"] = Field(
+        default="auto", description="auto, analytic, superelement or solid"
+    )
+    mesh: Literal["auto", "hex", "tet"] = Field(default="auto", description="auto, hex or tet")
+
+
+class BandsTable(Table):
+    path: str | None = Field(
+        default=None,
+        pattern=rf"^[GXMY]{{2,{limits.MAX_PATH}}}$",
+        description=f"at least two of the letters G, X, M and Y, such as GXMG, and at most {limits.MAX_PATH}",
+    )
+    points: int = whole(1, 10_000, default=25)
+    count: int = whole(1, 1000, default=10)
+    grid: int = Field(default=0, ge=0, le=200, description="a whole number from 0 (the path alone) to 200")
+
+
+class DampingTable(Table):
+    quality: float = Field(
+        default=300.0,
+        gt=limits.QUALITY[0],
+        le=limits.QUALITY[1],
+        description=f"a number above 0.5 (at 0.5 nothing resonates), at most {limits.QUALITY[1]:g}",
+    )
+
+
+class PatchesTable(Table):
+    material: str = Field(default="pz26", description="the name of a piezo material")
+    size_mm: Annotated[
+        list[Annotated[float, Field(ge=LENGTH_MM[0], le=LENGTH_MM[1])]], Field(min_length=3, max_length=3)
+    ] = Field(description=f"three numbers above 0, {span(LENGTH_MM)}, along x, y and z")
+    face: Literal["back", "touch"] = Field(default="back", description="back or touch")
+    at: Literal["antinodes"] | None = Field(default=None, description="antinodes (or give centres_mm instead)")
+    centres_mm: (
+        Annotated[
+            list[Annotated[list[Coordinate], Field(min_length=2, max_length=2)]],
+            Field(min_length=1, max_length=limits.MAX_PATCHES),
+        ]
+        | None
+    ) = Field(
+        default=None,
+        description=f"a list of [x, y], at least one, at most {limits.MAX_PATCHES}, "
+        f"each within {LENGTH_MM[1]:g} mm of the plate's centre",
+    )
+    sensors: Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=limits.MAX_PATCHES)] = Field(
+        default_factory=list, description="a list of patch numbers, counted from 0"
+    )
+    drive_V: float = Field(
+        default=1.0,
+        ge=limits.VOLTS[0],
+        le=limits.VOLTS[1],
+        description=f"{ABOVE_0}, {span(limits.VOLTS)}",
+    )
+    circuit: Literal["short", "open"] = Field(
+        default="short", description="short (a voltage drives the patches) or open (a charge does)"
+    )
+
+
+class MeasuredTable(Table):
+    sweep: str | None = Field(default=None, min_length=1, description="the path of a CSV file")
+    map: str | None = Field(default=None, min_length=1, description="the path of a CSV file")
+    at_mm: Annotated[list[Coordinate], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description="two numbers [x, y], where the sweep's laser stood"
+    )
+
+
+class ToleranceTable(Table):
+    height_mm: Deviation = 0.0
+    side_mm: Deviation = 0.0
+    position_mm: Deviation = 0.0
+    samples: int = whole(1, limits.MAX_SAMPLES, default=20)
+    seed: int = whole(0, limits.MAX_SEED, default=1)
+
+
+TABLES: dict[str, type[Table]] = {
+    "plate": PlateTable,
+    "zone": ZoneTable,
+    "pillar": PillarTable,
+    "array": ArrayTable,
+    "solve": SolveTable,
+    "bands": BandsTable,
+    "damping": DampingTable,
+    "patches": PatchesTable,
+    "tolerance": ToleranceTable,
+    "measured": MeasuredTable,
+}
+MATERIAL_OWNERS = ("", "pillar")  # the tables that may hold a material; "" is the top of the file
+MATERIAL_ALLOWED = "the name of a material or a table with young_GPa, density_kg_m3 and poisson"
+NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"
+
+
+def known_keys() -> list[str]:
+    """Every key of a case file, dotted, such as pillar.side_mm."""
+    keys = ["name", "material", "pillar.material"]
+    keys += [f"{owner}material.{key}".lstrip(".") for owner in ("", "pillar.") for key in MaterialTable.model_fields]
+    keys += [f"{table}.{key}" for table, model in TABLES.items() for key in model.model_fields]
+    return sorted(set(keys))

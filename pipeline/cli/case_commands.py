@@ -1,0 +1,280 @@
+"""One function per command that takes a case: read it, solve, tell."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+from typing import Any
+
+from pipeline.case.model import Case, load_case
+from pipeline.case.quantities import parse_band, parse_frequency
+from pipeline.errors import CheckFailed, InputFault
+from pipeline.logs import TerminalLog
+from pipeline.paths import STUDIES
+from pipeline.records import outputs
+
+LATER = "is not part of this version yet; the commands that are there: antinode --help"
+
+
+def _case(arguments: Namespace) -> Case:
+    case = outputs.of_case(arguments, load_case(arguments.case, arguments.set))
+    outputs.check_places(arguments)  # once more: now it is known what else the case reads
+    return case
+
+
+def _log(arguments: Namespace) -> TerminalLog:
+    return TerminalLog(arguments.quiet)
+
+
+def predesign(arguments: Namespace) -> int:
+    """Analytic sizing."""
+    from pipeline.analysis.predesign import run, short_wave
+
+    case = _case(arguments)
+    case.require("plate", "zone", command="predesign")
+    if told := short_wave(case.design):
+        _log(arguments).alarm("SHORT_WAVE", told)
+    outputs.emit(arguments, "predesign", *run(case))
+    return 0
+
+
+def modes(arguments: Namespace) -> int:
+    """Modes of a part."""
+    _refuse_options_without_effect(arguments)
+    case, log = _case(arguments), _log(arguments)
+    band = parse_band(arguments.band, "--band") if arguments.band else None
+    near = parse_frequency(arguments.near, "--near") if arguments.near else None
+    from pipeline.planning.request import Request
+
+    asked = Request(arguments.part, band, near, arguments.count, arguments.parity)
+    if arguments.explain:
+        if arguments.mesh_file:
+            raise InputFault("--explain: must be left out beside --mesh-file, whose mesh is solved whole as it is")
+        _require_part(case, arguments.part)
+        return _explained(arguments, "of_modes", case, asked)
+    if arguments.fields and not arguments.out:
+        raise InputFault("--fields: needs --out DIR, the folder that fields.npz goes to")
+    from pipeline.analysis import wanted_text
+    from pipeline.analysis.modes import solve_modes
+
+    if arguments.mesh_file:
+        from pipeline.exchange import user_mesh
+
+        found = user_mesh.solve(case, arguments.mesh_file, arguments.unit or "m", arguments.clamp, asked, log)
+    else:
+        _require_part(case, arguments.part)
+        found = solve_modes(case, asked, log)
+    document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    head = ("frequency_hz", "parity", "zone_share", "confinement_db", "mac", "strength", "residual")
+    rows = [[getattr(row, key) for key in head] for row in found.rows]
+    text = [f"{found.model.name}, {found.dof} unknowns, {found.rigid_count} rigid motions", outputs.table(head, rows)]
+    text += wanted_text.lines(found, case.design)
+    outputs.emit(arguments, "modes", document, "\n".join(text))
+    if arguments.out:
+        outputs.write_file(Path(arguments.out) / "modes.csv", outputs.csv_bytes(head, rows))
+    if arguments.fields:
+        from pipeline.analysis import mode_fields
+        from pipeline.records import store
+
+        store.save_arrays(outputs.folder(arguments.out), mode_fields.full_fields(found), store.FIELDS)
+    return 0
+
+
+def _refuse_options_without_effect(arguments: Namespace) -> None:
+    """InputFault for options of `modes` that the others would leave without any effect."""
+    lines = []
+    if arguments.near and arguments.band:
+        lines.append(
+            f"--near = {arguments.near}: must be left out beside --band, which asks for every mode between its ends"
+        )
+    if not arguments.mesh_file:
+        if arguments.unit:
+            lines.append(f"--unit = {arguments.unit}: needs --mesh-file FILE, whose lengths it is for")
+        lines += [f"--clamp = {name}: needs --mesh-file FILE, one of whose groups it names" for name in arguments.clamp]
+    if lines:
+        raise InputFault(lines)
+
+
+def _require_part(case: Case, part: str) -> None:
+    if part == "plate":
+        case.require_plate(command="modes --part plate")
+    elif part == "zone":
+        case.require("plate", "zone", command="modes --part zone")
+    else:
+        case.require("pillar", command="modes --part pillar")
+
+
+def _explained(arguments: Namespace, which: str, *about: Any) -> int:
+    """Tell the plan of a command instead of following it."""
+    from pipeline.planning import plan
+
+    planned = getattr(plan, which)(*about)
+    outputs.emit(arguments, "plan", planned.json(), planned.text())
+    return 0
+
+
+def bands(arguments: Namespace) -> int:
+    """Bloch bands and complete gaps."""
+    case, log = _case(arguments), _log(arguments)
+    if arguments.explain:
+        return _explained(arguments, "of_bands", case)
+    from pipeline.analysis.bands import solve_bands
+
+    found = solve_bands(case, log)
+    document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    count = found.frequencies_hz.shape[1]
+    head = ("label", "kx_per_m", "ky_per_m", *(f"band_{n}_hz" for n in range(1, count + 1)))
+    rows = [
+        [label, float(k[0]), float(k[1]), *(float(f) for f in row)]
+        for label, k, row in zip(found.path.labels, found.path.wavevectors, found.frequencies_hz, strict=True)
+    ]
+    labelled = [row for row in rows if row[0]]
+    gaps = [
+        f"Gap from band {g.lower_band} ({g.lower_hz / 1e3:.2f} kHz) to band {g.upper_band} ({g.upper_hz / 1e3:.2f} kHz), "
+        f"{200 * (g.upper_hz - g.lower_hz) / (g.upper_hz + g.lower_hz):.2f} %"
+        for g in found.gaps
+    ] or ["No complete gap along the path"]
+    text = [f"{found.model}, {found.dof} unknowns a wavevector", outputs.table(head, labelled), *gaps]
+    if found.expected_error is not None:
+        text.append(f"expected error of a frequency: {found.expected_error:.2%} by the mesh")
+    outputs.emit(arguments, "bands", document, "\n".join(text))
+    if arguments.out:
+        outputs.write_file(Path(arguments.out) / "bands.csv", outputs.csv_bytes(head, rows))
+    return 0
+
+
+def check_gap(arguments: Namespace) -> int:
+    """The band-gap check."""
+    arguments.case = arguments.case or str(STUDIES / "three-rows.toml")
+    case, log = _case(arguments), _log(arguments)
+    from pipeline.cli import check_gap
+
+    edges = check_gap.check_gap(case, log)
+    document = check_gap.as_json(edges)
+    head = ("edge", "reference_hz", "found_hz", "change", "allowed", "holds")
+    rows = [
+        [
+            e.name,
+            e.reference_hz,
+            e.found_hz,
+            None if e.relative_change is None else f"{100 * e.relative_change:+.3f} %",
+            f"{100 * e.allowed:.1f} %",
+            e.holds,
+        ]
+        for e in edges
+    ]
+    outputs.emit(arguments, "check-gap", document, outputs.table(head, rows))
+    if not document["holds"]:
+        raise CheckFailed(e.words for e in edges if not e.holds)
+    return 0
+
+
+def attenuation(arguments: Namespace) -> int:
+    """Decay per row."""
+    case, log = _case(arguments), _log(arguments)
+    band = parse_band(arguments.band, "--band") if arguments.band else None
+    if arguments.explain:
+        return _explained(arguments, "of_attenuation", case, band, arguments.kx, arguments.points, bool(arguments.out))
+    from pipeline.analysis import attenuation as rows
+
+    found = rows.solve(case, log, band, arguments.kx, arguments.points)
+    document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    head = ("frequency_hz", "db_per_row", "reflected", "passed_flexural", "passed_shear", "passed_longitudinal")
+    table = [_attenuation_row(point) for point in found.points]
+    step = max(1, len(table) // 20)
+    text = [
+        f"{found.model}, kx = {found.kx_per_m:.1f} rad/m; decay of the least attenuated flexural wave, and shares of an "
+        f"incoming flexural wave's power after {found.rows} rows",
+        outputs.table(head, table[::step]),
+    ]
+    outputs.emit(arguments, "attenuation", document, "\n".join(text))
+    if arguments.out:
+        from pipeline.plots import style
+        from pipeline.plots.attenuation import complex_bands
+
+        folder = outputs.folder(arguments.out)
+        outputs.write_file(folder / "attenuation.csv", outputs.csv_bytes(head, table))
+        with style.style():
+            style.save(complex_bands(document), folder)
+    return 0
+
+
+def _attenuation_row(point: Any) -> list[Any]:
+    passed = point.passage
+    shares = [None] * 4 if passed is None else [passed.reflected, passed.flexural, passed.shear, passed.longitudinal]
+    return [point.frequency_hz, point.db_per_row, *shares]
+
+
+def response(arguments: Namespace) -> int:
+    """Forced response."""
+    case, log = _case(arguments), _log(arguments)
+    band = parse_band(arguments.band, "--band") if arguments.band else None
+    if arguments.explain:
+        return _explained(arguments, "of_response", case, band, arguments.points, bool(arguments.out))
+    from pipeline.analysis import response as forced
+    from pipeline.measured import comparison, synthetic
+
+    measured = comparison.read(case, arguments.measured, arguments.map, arguments.at)
+    found = forced.solve(case, log, band, arguments.points)
+    beside = comparison.compare(case, found, measured, log) if measured else None
+    made = synthetic.write(arguments, case, found) if arguments.synthesise else []
+    document = found.json() | ({"measured": beside.document} if beside else {})
+    document |= {"seconds": log.seconds | {"total": log.elapsed}}
+    head, rows = _response_table(document)
+    peak_hz = found.peak.frequency_hz
+    near = sorted(range(len(rows)), key=lambda i: abs(rows[i][0] - peak_hz))[:15]
+    text = [
+        f"{found.model}, {found.dof} unknowns; around the peak of the {'wanted mode' if found.wanted else 'zone'}, "
+        "per volt of drive:",
+        outputs.table(head, [rows[i] for i in sorted(near)]),
+        *forced.lines(found),
+        *(beside.lines if beside else []),
+        *(f"wrote {path}" for path in made),
+    ]
+    outputs.emit(arguments, "response", document, "\n".join(text))
+    if arguments.out:
+        from pipeline.plots import style
+        from pipeline.plots.response import curves
+
+        folder = outputs.folder(arguments.out)
+        outputs.write_file(folder / "response.csv", outputs.csv_bytes(head, rows))
+        with style.style():
+            style.save(curves(document, found.shape_points, found.shape), folder)
+            if beside:
+                from pipeline.batch.measures import describe
+                from pipeline.plots.measured import drawing
+
+                style.save(drawing(beside.document, beside.arrays, describe(case)), folder)
+    return 0
+
+
+def _response_table(document: dict[str, Any]) -> tuple[tuple[str, ...], list[list[Any]]]:
+    head = ("frequency_hz", "zone_rms_m_per_V", "passive_rms_m_per_V", "sensor_re", "sensor_im")
+    count = len(document["frequency_hz"])
+    passive = document["passive_rms_m_per_V"] or [None] * count
+    sensor = document["sensor_V_per_V"] or [[None, None]] * count
+    columns = zip(document["frequency_hz"], document["zone_rms_m_per_V"], passive, sensor, strict=True)
+    return head, [[f, zone, rest, *pair] for f, zone, rest, pair in columns]
+
+
+def active(arguments: Namespace) -> int:
+    """Analogy and control models."""
+    from pipeline.active.models import run
+
+    return run(arguments)
+
+
+def export(arguments: Namespace) -> int:
+    """Files for others."""
+    case, log = _case(arguments), _log(arguments)
+    from pipeline.exchange import exports
+
+    if arguments.part == "plate":
+        case.require_plate(command=f"export {arguments.format}")
+    else:
+        _require_part(case, arguments.part)
+    outputs.check_apart(arguments.json, arguments.output)
+    written = exports.write(case, arguments.format, arguments.output, log, arguments.part, arguments.force)
+    document = {"schema": 1, "files": [str(path) for path in written]}
+    outputs.emit(arguments, "export", document, "\n".join(f"wrote {path}" for path in written))
+    return 0

@@ -1,0 +1,114 @@
+"""What this machine has and lacks; or what a mode table holds."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import shutil
+import sys
+from argparse import Namespace
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import InputFault
+from pipeline.records import outputs
+
+NEEDED = (
+    "numpy",
+    "scipy",
+    "cadquery",
+    "pytetwild",
+    "pyvista",
+    "meshio",
+    "trimesh",
+    "pydantic",
+    "rich",
+    "matplotlib",
+    "jinja2",
+)
+OPTIONAL = {
+    "rslab": "a faster factorisation: pip install 'antinode[fast]'",
+    "ziglang": "a compiler for the firmware: pip install 'antinode[firmware]'",
+    "unicorn": "the emulated board: pip install 'antinode[firmware]'",
+    "distributed": "studies on a cluster: pip install 'antinode[cluster]'",
+}
+
+
+def doctor(arguments: Namespace) -> int:
+    """`antinode doctor` and `antinode doctor table FILE`."""
+    if arguments.what == "table":
+        return _table(arguments)
+    findings = examine()
+    lines = [line for group, found in findings.items() for line in (group, *_entries(found))]
+    outputs.emit(arguments, "doctor", {"schema": 1, **findings}, "\n".join(lines))
+    return 0
+
+
+def _entries(found: dict[str, str]) -> list[str]:
+    return [f"   {name:14} {text}" for name, text in found.items()]
+
+
+def examine() -> dict[str, dict[str, str]]:
+    """Findings by group: machine, packages, optional, tools."""
+    return {
+        "machine": _machine(),
+        "packages": {name: _version(name) or "MISSING: run `make setup`" for name in NEEDED},
+        "optional": {name: _version(name) or f"absent; gives {what}" for name, what in OPTIONAL.items()},
+        "tools": _tools(),
+    }
+
+
+def _machine() -> dict[str, str]:
+    from solvers.fem.factor.factoriser import available
+
+    found = {
+        "python": sys.version.split()[0],
+        "system": f"{platform.system()} {platform.machine()}",
+        "cores": str(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()),
+        "factorisation": ", ".join(available()),
+    }
+    if importlib.util.find_spec("psutil"):
+        import psutil
+
+        memory = psutil.virtual_memory()
+        found["memory"] = f"{memory.available / 2**30:.1f} of {memory.total / 2**30:.1f} GiB free"
+    return found
+
+
+def _tools() -> dict[str, str]:
+    wanted = {
+        "arm-none-eabi-gcc": "optional: ziglang builds the firmware without it",
+        "cc": "needed by host tests of the firmware",
+        "ccx": "optional: CalculiX, an independent solver",
+        "run_aster": "optional: Code_Aster, an independent solver",
+    }
+    return {name: shutil.which(name) or f"absent ({why})" for name, why in wanted.items()}
+
+
+def _version(name: str) -> str | None:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _table(arguments: Namespace) -> int:
+    from pipeline.board.table_file import TableError, describe, from_bytes
+
+    if not arguments.file:
+        raise InputFault("doctor table: FILE: missing, must be a mode table such as mode_table.bin")
+    try:
+        table = from_bytes(Path(arguments.file).read_bytes())
+    except (OSError, TableError) as fault:
+        raise InputFault(f"{arguments.file}: {fault}") from fault
+    document: dict[str, Any] = {
+        "schema": 1,
+        "version": table.version,
+        "modes": len(table.modes),
+        "wanted": table.wanted,
+        "frequencies_hz": [mode.frequency_hz for mode in table.modes],
+    }
+    outputs.emit(arguments, "table", document, describe(table))
+    return 0

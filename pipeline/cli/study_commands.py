@@ -1,0 +1,158 @@
+"""The commands that work on a study: run it, rebuild its report."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from argparse import Namespace
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline import paths
+from pipeline.batch.job import Job
+from pipeline.batch.study_file import find_study, load_study
+from pipeline.errors import InputFault, NotAvailable
+
+if TYPE_CHECKING:
+    from pipeline.batch.runner import StudyOutcome
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A study of either kind: its cases, what computes one, what to write at the end."""
+
+    name: str
+    jobs: Callable[[], Sequence[Job]]
+    computer: Callable[[], Any]
+    about: dict[str, Any]
+    conclude: Callable[[Path], Sequence[Path]]
+    explain: Callable[[Job], str] = lambda job: ""
+
+
+def _task(path_or_name: str, fields_too: bool = False) -> _Task:
+    from pipeline.batch import script_study
+
+    if script := script_study.load_script(find_study(path_or_name)):
+        return _Task(
+            script.name,
+            lambda: script_study.jobs_of(script),
+            lambda: script_study.computer(script),
+            {"name": script.name, "script": script.script},
+            lambda folder: script_study.conclude(script, folder),
+        )
+    study = load_study(path_or_name)
+
+    def jobs() -> Sequence[Job]:
+        from pipeline.batch import measures
+
+        return measures.jobs_of(study, fields_too)
+
+    def computer() -> Any:
+        from pipeline.batch import measures
+
+        return measures.computer(study)
+
+    def explain(job: Job) -> str:
+        from pipeline.case.model import load_case
+        from pipeline.planning import plan
+
+        case = load_case(study.case_path, job.payload["overrides"])
+        return plan.of_measures(case, job.payload["measure"]).short()
+
+    about = {"name": study.name, "case": study.case_path.name, "measure": list(study.measure)}
+    return _Task(study.name, jobs, computer, about, _table_and_report, explain)
+
+
+def run(arguments: Namespace) -> int:
+    """A batch study: plan, compute what is missing, write the table and the report."""
+    from pipeline.batch import runner
+    from pipeline.batch.lock import StudyBusy
+    from pipeline.batch.progress import Progress
+    from pipeline.batch.runner import Options
+
+    task = _task(arguments.study, arguments.fields)
+    folder = paths.RESULTS / task.name
+    jobs = task.jobs()
+    options = Options(
+        jobs=arguments.jobs,
+        executor=_executor(arguments.scheduler),
+        force=arguments.force,
+        fail_fast=arguments.fail_fast,
+        dry_run=arguments.dry_run,
+    )
+    try:
+        progress = Progress(arguments.quiet)
+        outcome = runner.run_study(jobs, task.computer(), folder, options, progress, task.about)
+    except StudyBusy as fault:
+        raise InputFault(str(fault)) from fault
+    if arguments.dry_run:
+        for planned, job in zip(outcome.plan, jobs, strict=True):
+            print(f"{planned.case_id}: {'would run, ' + planned.why if planned.why else 'stands'}")
+            if told := task.explain(job):
+                print("  " + told.replace("\n", "\n  "))
+        return 0
+    _tell(task.conclude(folder), arguments.quiet)
+    if outcome.given_up:
+        print(f"antinode: {_lost(arguments.scheduler, outcome)}", file=sys.stderr)
+    for end in outcome.failed:
+        print(f"antinode: case {end.case_id} failed: {end.diagnosis}", file=sys.stderr)
+    return outcome.exit_code
+
+
+def _lost(address: str, outcome: StudyOutcome) -> str:
+    total, lost = len(outcome.plan), len(outcome.given_up)
+    return (
+        f"--scheduler = {address}: the Dask scheduler was lost, or cancelled cases: {lost} of {total} were at work there. "
+        f"The {total - len(outcome.undone)} finished ones are kept. Start a scheduler again and repeat the command, or leave "
+        "--scheduler out to go on here: only what is missing is computed"
+    )
+
+
+def _table_and_report(folder: Path) -> Sequence[Path]:
+    from pipeline.records import tables
+    from pipeline.report import page
+
+    return [tables.write_table(folder), page.build(folder)]
+
+
+def _tell(paths: Sequence[Path], quiet: bool) -> None:
+    if not quiet:
+        for path in paths:
+            print(f"{'report' if path.suffix == '.html' else 'table '} {path}")
+
+
+def _executor(address: str | None) -> Executor | None:
+    if not address:
+        return None
+    try:
+        from distributed import Client
+    except ModuleNotFoundError as fault:
+        raise NotAvailable("--scheduler needs the package distributed: pip install 'antinode[cluster]'") from fault
+    try:
+        client = Client(address, timeout="10s")
+    except (OSError, TimeoutError, ValueError) as fault:
+        raise InputFault(f"--scheduler = {address}: no Dask scheduler answers there ({fault})") from fault
+    for name in ("distributed", "distributed.client"):  # a lost scheduler is told in one line, not in its traceback
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    executor: Executor = client.get_executor()
+    return executor
+
+
+def report(arguments: Namespace) -> int:
+    """Rebuild table, pictures and page from what is stored; cases whose records cannot be believed are told."""
+    from pipeline.records.study import read_study
+
+    task = _task(arguments.study)
+    folder = paths.RESULTS / task.name
+    if not (folder / "cases.json").exists():
+        raise InputFault(
+            f"{arguments.study}: no results under {folder.name}; run it first: antinode run {arguments.study}"
+        )
+    _tell(task.conclude(folder), arguments.quiet)
+    for case in read_study(folder).cases:
+        if case.complaint:
+            print(f"antinode: case {case.case_id} is not shown: {case.complaint}; run the study again", file=sys.stderr)
+    return 0

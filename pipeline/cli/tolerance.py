@@ -1,0 +1,43 @@
+"""`antinode tolerance`: a case's samples as text, JSON, table and picture."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from dataclasses import astuple, fields
+
+from pipeline.case.model import load_case
+from pipeline.case.quantities import parse_band
+from pipeline.logs import TerminalLog
+from pipeline.records import outputs
+
+
+def tolerance(arguments: Namespace) -> int:
+    """Read the case, draw its plates, tell."""
+    more = [f"tolerance.{key}={value}" for key in ("samples", "seed") if (value := getattr(arguments, key)) is not None]
+    case = outputs.of_case(arguments, load_case(arguments.case, [*arguments.set, *more]))
+    log = TerminalLog(arguments.quiet)
+    outputs.check_places(arguments)
+    band = parse_band(arguments.band, "--band") if arguments.band else None
+    if arguments.explain:
+        from pipeline.planning import plan
+
+        planned = plan.of_measures(case, ["tolerance"])
+        outputs.emit(arguments, "plan", planned.json(), planned.text())
+        return 0
+    from pipeline.analysis import tolerance as drawn
+
+    found = drawn.solve(case, log, band)
+    document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    head = tuple(field.name for field in fields(found.nominal))
+    rows = [list(astuple(one)) for one in found.samples]
+    text = [f"{found.pillars} pillars, driven by {found.drive}", outputs.table(head, rows), *drawn.lines(found)]
+    outputs.emit(arguments, "tolerance", document, "\n".join(text))
+    if arguments.out:
+        from pipeline.plots import style
+        from pipeline.plots.response import drawing
+
+        folder = outputs.folder(arguments.out)
+        outputs.write_file(folder / "tolerance.csv", outputs.csv_bytes(head, rows))
+        with style.style():
+            style.save(drawing(document, found.arrays()), folder)
+    return 0

@@ -1,0 +1,280 @@
+"""`antinode view`: a window on a plate and its modes, where there is a display."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import socket
+import sys
+import tempfile
+import warnings
+from argparse import Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline import paths
+from pipeline.errors import InputFault, NotAvailable
+from pipeline.logs import TerminalLog
+from pipeline.plots.plate import FloatArray, IntArray, skin_faces
+from pipeline.records import store
+from pipeline.records.study import StoredCase, read_study
+
+MM = 1e3
+DRAWN = 0.4  # of the pillars' height (of the thickness without any): the largest displacement as first drawn
+PERIOD_MS, FRAME_MS = 1600, 40
+INSTEAD = "`antinode report STUDY` writes a page whose shapes turn and move in a browser"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a window shows: points (n, 3) in mm, facets, and named shapes (n, 3) that move the points; `reach` in mm."""
+
+    title: str
+    points: FloatArray
+    facets: IntArray
+    shapes: list[tuple[str, FloatArray]] = field(default_factory=list)
+    reach: float = 1.0
+
+
+def view(arguments: Namespace) -> int:
+    """Show a case, a VTU file or the best held plate of a study. Raises NotAvailable without a display."""
+    kind = _kind(arguments.target)
+    if missing := display_fault():
+        raise NotAvailable(f"view: {missing}; without a window, {INSTEAD}")
+    if kind == "file":
+        scene = of_vtu(Path(arguments.target))
+    elif kind == "case":
+        scene = of_case(arguments)
+    else:
+        scene = of_study(arguments.target, arguments.case_id)
+    show(scene)
+    return 0
+
+
+def _kind(target: str) -> str:
+    """file, case or study; InputFault when it is none of them."""
+    from pipeline.batch.study_file import find_study
+    from pipeline.case.overrides import read_toml
+
+    if Path(target).suffix == ".vtu":
+        if not Path(target).is_file():
+            raise InputFault(f"{target}: no such file")
+        return "file"
+    path = find_study(target)
+    return "study" if "study" in read_toml(path) else "case"
+
+
+def display_fault() -> str:
+    """'' or why no window can be opened: Linux needs an X server that answers."""
+    if not sys.platform.startswith("linux"):
+        return ""
+    name = os.environ.get("DISPLAY", "")
+    if not name:
+        return "no display (the environment has no DISPLAY)"
+    found = re.fullmatch(r"(?:[a-z]+/)?([^:]*):(\d+)(?:\.\d+)?", name)
+    if not found:
+        return f"DISPLAY = {name}: must be like :0 or host:10.0"
+    host, number = found[1], int(found[2])
+    return "" if any(_answers(place) for place in _places(host, number)) else f"no display answers at DISPLAY = {name}"
+
+
+def _places(host: str, number: int) -> list[Any]:
+    """Where an X server listens: a socket of this machine (abstract or in /tmp), or TCP."""
+    if host in {"", "unix"}:
+        return [f"\0/tmp/.X11-unix/X{number}", f"/tmp/.X11-unix/X{number}"]
+    return [(host, 6000 + number)]
+
+
+def _answers(place: Any) -> bool:
+    family = socket.AF_UNIX if isinstance(place, str) else socket.AF_INET
+    try:
+        with socket.socket(family, socket.SOCK_STREAM) as line:
+            line.settimeout(3.0)
+            line.connect(place)
+    except OSError:
+        return False
+    return True
+
+
+def of_study(target: str, case_id: str | None = None) -> Scene:
+    """A stored case of a study, the best held one unless named, with its stored modes."""
+    from pipeline.batch.script_study import load_script
+    from pipeline.batch.study_file import find_study, load_study
+    from pipeline.report import text
+
+    if script := load_script(find_study(target)):
+        raise InputFault(
+            f"{target}: {script.name} holds no plate to view; antinode report {script.name} writes its page"
+        )
+    folder = paths.RESULTS / load_study(target).name
+    try:
+        study = read_study(folder)
+    except store.BadRecord as fault:
+        raise InputFault(f"{target}: nothing is stored yet; run it first: antinode run {target}") from fault
+    names = [case.case_id for case in study.cases]
+    if case_id is not None and case_id not in names:
+        raise InputFault(f"--case = {case_id}: must be one of {', '.join(names[:12])}")
+    case = study.cases[names.index(case_id)] if case_id else text.best_case(study)
+    if case is None:
+        raise InputFault(f"{target}: no case of it has a wanted mode")
+    return _stored(case)
+
+
+def _stored(case: StoredCase) -> Scene:
+    arrays, complaints = case.read_arrays()
+    if skin_faces(arrays, "surface") is None or "surface_u" not in arrays:
+        ended = case.status in {"OK", "ALARM"}
+        why = "its record holds no moving surface; measure modes and run the study again" if ended else case.diagnosis
+        raise InputFault(complaints or f"{case.case_id}: {why}")
+    return of_arrays(case.case_id, arrays, case.record.get("design") or {})
+
+
+def of_arrays(title: str, arrays: dict[str, Any], design: dict[str, Any]) -> Scene:
+    """The moving surface as a study stores it."""
+    facets = skin_faces(arrays, "surface")
+    assert facets is not None
+    tones = arrays.get("surface_frequency_hz", np.zeros(len(arrays["surface_u"])))
+    shapes = [
+        (f"{tone / 1e3:.2f} kHz{', wanted' if number == 0 else ''}", np.asarray(shape, dtype=float))
+        for number, (tone, shape) in enumerate(zip(tones, arrays["surface_u"], strict=True))
+    ]
+    tall = (design.get("pillar") or {}).get("height_m") or design.get("thickness_m") or 1e-3
+    return Scene(title, np.asarray(arrays["surface_points"]) * MM, facets, shapes, DRAWN * float(tall) * MM)
+
+
+def of_case(arguments: Namespace) -> Scene:
+    """The plate of a case file as CAD builds it; with --solve its wanted mode and neighbours."""
+    from pipeline.analysis import mode_fields, modes
+    from pipeline.batch import measures
+    from pipeline.case.model import load_case
+
+    case, log = load_case(arguments.target, arguments.set), TerminalLog(arguments.quiet)
+    case.require_plate(command="view")
+    if not arguments.solve:
+        return _solid(case, log)
+    found = modes.solve_modes(case, modes.Request("plate", parity=case.parity_wanted), log)
+    found = found.whole_window
+    index = found.index(found.wanted.row) if found.wanted else None
+    if index is None:
+        raise InputFault(f"{case.name}: no mode of the plate has the wanted shape; antinode modes tells what is there")
+    return of_arrays(
+        case.name, mode_fields.plate_arrays(found, measures.nearest_rows(found, index)), measures.describe(case)
+    )
+
+
+def _solid(case: Any, log: TerminalLog) -> Scene:
+    import pyvista as pv
+
+    from geometry.cad import files, solids
+
+    with log.step("build the solid"), tempfile.TemporaryDirectory(prefix="antinode-view-") as folder:
+        path = Path(folder) / "plate.stl"
+        files.write_stl(solids.plate_solid(case.design), path, case.name)
+        surface = pv.read(path)
+    return Scene(case.name, np.asarray(surface.points, dtype=float), np.asarray(surface.regular_faces))
+
+
+def of_vtu(path: Path) -> Scene:
+    """The outer surface of a VTU file in metres; every field of three components at its points is a shape."""
+    import pyvista as pv
+
+    with _hushed():
+        try:
+            mesh = pv.read(path)
+        except Exception as fault:  # VTK's readers raise what they like
+            raise InputFault(f"{path}: not a VTU file that can be read ({type(fault).__name__}: {fault})") from fault
+        if not isinstance(mesh, pv.UnstructuredGrid) or not mesh.n_cells:
+            raise InputFault(f"{path}: no cells could be read; must be a VTU file, an unstructured grid with cells")
+        surface = mesh.extract_surface(nonlinear_subdivision=0).triangulate()
+    names = [name for name in surface.point_data if np.shape(surface.point_data[name]) == (surface.n_points, 3)]
+    shapes = [(name, np.asarray(surface.point_data[name], dtype=float)) for name in names]
+    points = np.asarray(surface.points, dtype=float) * MM
+    return Scene(
+        path.name, points, np.asarray(surface.regular_faces), shapes, 0.05 * float(np.ptp(points, axis=0).max())
+    )
+
+
+@contextmanager
+def _hushed() -> Iterator[None]:
+    """VTK tells what it dislikes of a file in many lines on standard error; here one line is told instead."""
+    from vtkmodules.vtkCommonCore import vtkLogger
+
+    level = vtkLogger.GetCurrentVerbosityCutoff()
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(logging.NOTSET)
+        vtkLogger.SetStderrVerbosity(level)
+
+
+def show(scene: Scene) -> None:
+    """Open the window and stay until it is closed."""
+    import pyvista as pv
+
+    mesh = pv.PolyData.from_regular_faces(scene.points, scene.facets.astype(int))  # type: ignore[arg-type]
+    plotter = pv.Plotter(title=f"antinode view: {scene.title}")
+    if scene.shapes:
+        mesh["u_z"] = scene.shapes[0][1][:, 2]
+        plotter.add_mesh(
+            mesh, scalars="u_z", cmap="RdBu_r", clim=(-1.0, 1.0), scalar_bar_args={"title": "u_z / largest"}
+        )
+        _Motion(plotter, mesh, scene).start()
+    else:
+        plotter.add_mesh(mesh, color="#AEB8C2", show_edges=False)
+    plotter.add_axes()  # type: ignore[call-arg]
+    plotter.view_vector((1.0, -1.6, 1.3), viewup=(0, 0, 1))  # type: ignore[arg-type]
+    plotter.show()
+
+
+class _Motion:
+    """Moves a window's mesh: space plays and pauses, n takes the next shape, up and down the amplitude."""
+
+    def __init__(self, plotter: Any, mesh: Any, scene: Scene) -> None:
+        self.plotter, self.mesh, self.scene = plotter, mesh, scene
+        self.playing, self.number, self.reach, self.time_ms = True, 0, scene.reach, 0.0
+
+    def start(self) -> None:
+        """Show the first shape and let keys and a timer move it."""
+        self._take(0)
+        self.plotter.add_key_event("space", self._toggle)
+        self.plotter.add_key_event("n", lambda: self._take(self.number + 1))
+        self.plotter.add_key_event("Up", lambda: self._scale(1.25))
+        self.plotter.add_key_event("Down", lambda: self._scale(0.8))
+        self.plotter.add_timer_event(max_steps=10**9, duration=FRAME_MS, callback=self._step)
+
+    def _take(self, number: int) -> None:
+        self.number = number % len(self.scene.shapes)
+        name, shape = self.scene.shapes[self.number]
+        self.shape = shape / max(float(np.abs(shape).max()), 1e-300)
+        self.level = self.shape[:, 2] / max(float(np.abs(self.shape[:, 2]).max()), 1e-300)
+        text = f"{self.scene.title}: {name}\nspace plays and pauses, n takes the next shape, up and down the amplitude"
+        self.plotter.add_text(text, font_size=9, name="told")
+        self._draw()
+
+    def _toggle(self) -> None:
+        self.playing = not self.playing
+
+    def _scale(self, factor: float) -> None:
+        self.reach *= factor
+        self._draw()
+
+    def _step(self, _: int) -> None:
+        if self.playing:
+            self.time_ms += FRAME_MS
+            self._draw()
+
+    def _draw(self) -> None:
+        now = np.cos(2.0 * np.pi * self.time_ms / PERIOD_MS)
+        self.mesh.points = self.scene.points + now * self.reach * self.shape
+        self.mesh["u_z"] = now * self.level
+        self.plotter.render()

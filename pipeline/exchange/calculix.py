@@ -1,0 +1,111 @@
+"""A part of a case as a CalculiX input file: C3D10 elements, sets, surfaces, materials, one frequency step."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from geometry.elements import IntArray
+from pipeline.case.model import Case
+from pipeline.exchange.part_mesh import CLAMP, Exchange, exchange, modes_below
+from pipeline.logs import Log
+from pipeline.records.outputs import delivered, is_standard_output
+
+PER_LINE = 12  # numbers on a line of a set; CalculiX allows 16
+SPARE = 1.05  # more modes than were counted: the counting model differs a little from the mesh written
+SPARE_MODES = 6
+
+
+def write(case: Case, part: str, output: Path, log: Log) -> list[Path]:
+    """Write NAME.inp with everything a run needs (ccx NAME)."""
+    found = exchange(case, part, log, tetrahedra=True)
+    count = _count(case, found, log)
+    path = place(output)
+    with log.step("write the input file"), delivered(path) as temporary:
+        temporary.write_text(input_deck(found, count))
+    log.info(f"run it with: ccx {path.stem}")
+    return [path]
+
+
+def place(output: Path) -> Path:
+    """Where the input file goes: NAME.inp, or what stands there and is no regular file, such as standard output."""
+    if is_standard_output(output) or output.suffix == ".inp" or (output.exists() and not output.is_file()):
+        return output
+    return output.with_name(output.name + ".inp")
+
+
+def _count(case: Case, found: Exchange, log: Log) -> int:
+    """Modes to ask for: CalculiX begins at the lowest one whatever the band, so those below it count too."""
+    rigid = 0 if found.clamped else 6
+    if found.search.band_hz is None:
+        top = found.search.near_hz or 0.0
+        below = modes_below(case, found.part, (top,), log)[0] if top else rigid
+        return below + (found.search.count or 1)
+    high = found.search.band_hz[1]
+    below = modes_below(case, found.part, (high,), log)[0]
+    log.info(f"about {below} modes below {high:g} Hz: CalculiX finds them all before it drops those below the band")
+    return int(SPARE * below) + SPARE_MODES
+
+
+def input_deck(found: Exchange, count: int) -> str:
+    """The whole input file; `count` modes are asked for from the lowest up."""
+    out = io.StringIO()
+    out.write(f"*HEADING\n{found.name}: the whole {found.part}, SI units (m, kg, s, N), written by antinode\n")
+    out.write(f"** mesh sha256 {found.mesh.sha256}\n")
+    _nodes(out, found)
+    _elements(out, found)
+    for name, places in found.faces.items():
+        _set(out, f"*NSET, NSET={name}", found.nodes_of(name) + 1)
+        _surface(out, found, name, places)
+    _materials(out, found)
+    if found.clamped:
+        out.write(f"*BOUNDARY\n{CLAMP}, 1, 3\n")
+    out.write(_step(found, count))
+    return out.getvalue()
+
+
+def _nodes(out: io.StringIO, found: Exchange) -> None:
+    """CalculiX reads at most 20 characters a number."""
+    out.write("*NODE, NSET=NALL\n")
+    numbers = np.arange(1, len(found.mesh.nodes) + 1)
+    np.savetxt(out, np.column_stack([numbers, found.mesh.nodes]), fmt="%d, %.12e, %.12e, %.12e")
+
+
+def _elements(out: io.StringIO, found: Exchange) -> None:
+    """Local nodes stand as in our tetrahedra: corners, then middles of 12, 23, 13, 14, 24, 34."""
+    for name, cells in found.volumes.items():
+        out.write(f"*ELEMENT, TYPE=C3D10, ELSET={name}\n")
+        np.savetxt(out, np.column_stack([cells + 1, found.mesh.cells[cells] + 1]), fmt="%d", delimiter=", ")
+
+
+def _set(out: io.StringIO, head: str, members: IntArray) -> None:
+    out.write(head + "\n")
+    for start in range(0, len(members), PER_LINE):
+        out.write(", ".join(str(n) for n in members[start : start + PER_LINE]) + ",\n")
+
+
+def _surface(out: io.StringIO, found: Exchange, name: str, places: IntArray) -> None:
+    """Faces of elements: our four stand in CalculiX's order S1 to S4."""
+    out.write(f"*SURFACE, NAME=S_{name}, TYPE=ELEMENT\n")
+    facets = found.facets.only(places)
+    for cell, local in zip(facets.cells, facets.local, strict=True):
+        out.write(f"{cell + 1}, S{local + 1}\n")
+
+
+def _materials(out: io.StringIO, found: Exchange) -> None:
+    for volume, material in found.materials.items():
+        out.write(f"** {material.name}\n*MATERIAL, NAME=MAT_{volume}\n")
+        out.write(f"*ELASTIC\n{material.young_pa:.12g}, {material.poisson:.12g}\n")
+        out.write(f"*DENSITY\n{material.density_kg_m3:.12g}\n")
+        out.write(f"*SOLID SECTION, ELSET={volume}, MATERIAL=MAT_{volume}\n")
+
+
+def _step(found: Exchange, count: int) -> str:
+    band = found.search.band_hz
+    window = f", {band[0]:.12g}, {band[1]:.12g}" if band else ""
+    return (
+        "** CalculiX finds the lowest modes, as many as the number says, and prints those inside the band\n"
+        f"*STEP\n*FREQUENCY\n{count}{window}\n*NODE FILE\nU\n*END STEP\n"
+    )

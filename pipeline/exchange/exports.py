@@ -1,0 +1,165 @@
+"""Files for others: print and CAD files with their check, meshes with modes, mode tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pipeline.analysis import wanted_text
+from pipeline.case.model import Case
+from pipeline.errors import InputFault
+from pipeline.logs import Log
+from pipeline.records import outputs
+
+CAD = ("stl", "step", "3mf")
+SOLVER_FILES = ("aster", "calculix")
+SUFFIX = {"stl": ".stl", "step": ".step", "3mf": ".3mf", "vtu": ".vtu", "table": ".bin"}
+
+
+def write(case: Case, form: str, output: str | None, log: Log, part: str = "plate", force: bool = False) -> list[Path]:
+    """Write one format; returns the files written. Parts other than the plate go to finite-element programs only.
+
+    `force`: a mode table even where no mode is the wanted one.
+    """
+    if form not in SOLVER_FILES and part != "plate":
+        raise InputFault(f"export {form} --part {part}: must be plate; {' and '.join(SOLVER_FILES)} take any part")
+    path = Path(f"{case.name}{SUFFIX.get(form, '')}" if output is None else output)
+    outputs.check_files("-o", places(form, output if output == "" else path))
+    if form in SOLVER_FILES:
+        return _solver_files(case, form, part, path, log)
+    if form in CAD:
+        return [_cad(case, form, path, log)]
+    return _vtu(case, path, log) if form == "vtu" else _table(case, path, log, force)
+
+
+def places(form: str, output: str | Path) -> list[str | Path]:
+    """The files that one format goes to. Raises InputFault for several files at what is no regular file's name."""
+    path = Path(output)
+    if not path.name or form in CAD or form == "vtu":
+        return [output]
+    from pipeline.board import export
+    from pipeline.exchange import aster, calculix
+
+    if form == "calculix":
+        return [calculix.place(path)]
+    several = aster.places(path) if form == "aster" else export.places(path.parent, path.stem)
+    if outputs.is_standard_output(output) or (path.exists() and not (path.is_file() or path.is_dir())):
+        names = ", ".join(each.name for each in several)
+        raise InputFault(f"-o {output}: export {form} writes several files ({names}); must be a file's name")
+    return [*several]
+
+
+def _solver_files(case: Case, form: str, part: str, path: Path, log: Log) -> list[Path]:
+    """The study of another finite-element program."""
+    from pipeline.exchange import aster, calculix
+
+    return (aster if form == "aster" else calculix).write(case, part, path, log)
+
+
+def _metadata(case: Case) -> dict[str, str]:
+    from pipeline.records.fingerprint import input_hash
+
+    return {
+        "Title": case.name,
+        "Description": f"touch plate, {case.design.rows} rows of pillars a side; touch face down on the build plate; "
+        f"design {input_hash(case.as_understood())}",
+        "Application": "antinode",
+    }
+
+
+def _cad(case: Case, form: str, path: Path, log: Log) -> Path:
+    from geometry.cad import files, printability, solids
+
+    with log.step("build the solid"):
+        body = solids.plate_solid(case.design)
+    with log.step(f"write {form}"), outputs.delivered(path) as temporary:
+        if form == "step":
+            files.write_step(body, temporary, case.name)
+        elif form == "3mf":
+            files.write_3mf(body, temporary, _metadata(case))
+        else:
+            files.write_stl(body, temporary, case.name)
+            _tell(printability.check_print(temporary, body, case.design), log)
+    return path
+
+
+def print_files(case: Case, folder: Path, log: Log) -> dict[str, Any]:
+    """STL, STEP and 3MF of the plate into a case's folder; what trimesh found in the STL, for the record."""
+    from geometry.cad import files, printability, solids
+
+    with log.step("build the solid"):
+        body = solids.plate_solid(case.design)
+    with log.step("write STL, STEP, 3MF"):
+        files.write_stl(body, folder / "plate_mm.stl", case.name)
+        files.write_step(body, folder / "plate.step", case.name)
+        files.write_3mf(body, folder / "plate.3mf", _metadata(case))
+    with log.step("check the print file"):
+        report = printability.check_print(folder / "plate_mm.stl", body, case.design)
+    _tell(report, log)
+    return {
+        "volume_m3": report.volume_m3,
+        "mass_kg": report.mass_kg,
+        "files": ["plate_mm.stl", "plate.step", "plate.3mf"],
+        "watertight": report.watertight,
+        "bodies": report.bodies,
+        "volume_error": report.volume_error,
+        "smallest_feature": report.smallest_feature[0],
+        "smallest_feature_m": report.smallest_feature[1],
+        "overhang_deg": report.overhang_deg,
+        "overhang": report.overhang_area_m2,
+    }
+
+
+def _tell(report: Any, log: Log) -> None:
+    name, size = report.smallest_feature
+    log.info(
+        f"print file: closed {report.watertight}, {report.bodies} body, volume {report.volume_error:+.1e} of the solid's, "
+        f"mass {1e3 * report.mass_kg:.2f} g, smallest feature {name} {1e3 * size:.3g} mm, "
+        f"overhang {report.overhang_deg:.0f} degrees"
+    )
+    for fault in report.faults:
+        log.alarm("PRINT", fault)
+
+
+def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
+    """The solid quarter of the plate and its wanted mode."""
+    from dataclasses import replace
+
+    from geometry.formats.vtu import write_vtu
+    from pipeline.analysis.modes import Request, solve_modes
+    from pipeline.analysis.wanted_text import warn_of_wanted
+    from solvers.fem.solid import SolidModel
+
+    solid = replace(case, solve=replace(case.solve, model="solid", accuracy=max(case.solve.accuracy, 0.02)))
+    found = solve_modes(solid, Request("plate", parity=case.parity_wanted), log)
+    assert isinstance(found.model, SolidModel) and found.wanted
+    warn_of_wanted(found.wanted, case, log)
+    data, row = {}, found.wanted.row
+    if row is not None:
+        data["displacement"] = found.model.field(row.parity, found.vectors[row.parity][:, [row.column]])[:, :, 0]
+    with outputs.delivered(path) as temporary:
+        write_vtu(found.model.mesh, temporary, data)
+    return [path]
+
+
+def _table(case: Case, path: Path, log: Log, force: bool) -> list[Path]:
+    """Mode table of the wanted mode and its neighbours; `force` takes the most similar mode where none is the wanted one."""
+    from pipeline.analysis.modes import solve_modes
+    from pipeline.analysis.wanted_text import warn_of_wanted
+    from pipeline.board.export import write_table
+    from pipeline.planning.request import of_case
+
+    found = solve_modes(case, of_case(case), log).whole_window
+    assert found.wanted
+    index = found.index(found.wanted.row)
+    if index is not None or force:
+        warn_of_wanted(found.wanted, case, log)
+    if index is None and force and found.rows:
+        index = max(range(len(found.rows)), key=lambda i: found.rows[i].mac or 0.0)
+    if index is None:
+        (said,) = wanted_text.verdict(found.wanted, case.design)
+        raise InputFault(
+            f"{case.name}: {said} A table would drive another mode: change the design or solve.band_kHz, or take the most "
+            "similar mode with --force"
+        )
+    return write_table(case, found, index, path.parent, path.stem, log)

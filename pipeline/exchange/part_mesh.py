@@ -1,0 +1,225 @@
+"""One part of a case as other finite-element programs take it: whole, quadratic, with named groups."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from geometry.cad.solids import Body, pillar_solid, plate_solid, zone_solid
+from geometry.elements import IntArray
+from geometry.formats.neutral import outer_facets
+from geometry.hex.boxes import Boxes, HexSettings, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
+from geometry.hex.split import split_hexahedra
+from geometry.layout import Design
+from geometry.materials import Material
+from geometry.mesh import Mesh, check_mesh
+from geometry.tet import scenes
+from pipeline.analysis.modes import Request, understood
+from pipeline.case.model import Case
+from pipeline.logs import Log
+from pipeline.models import parts
+from pipeline.planning import mesh_rules
+from pipeline.planning.model_choice import check_model
+from solvers.fem.eigen import factor_near
+from solvers.fem.factor.factoriser import Factoriser
+
+MOST_UNKNOWNS = 300_000  # what a desktop solves in another program without thinking about memory
+FINENESS = (0.25, 0.5, 1.0, 2.0, 4.0)  # element sizes tried, over the part's smallest dimension
+FINEST = {0.03: 2.0, 0.01: 1.0, 0.003: 0.5}  # accuracy: where in FINENESS to begin
+UNKNOWNS_PER_HEX = 24  # at least: 8 nodes of its own, 3 unknowns each
+UNKNOWNS_PER_TET = 4.5  # a quadratic tetrahedron brings about 1.5 nodes
+TETS_PER_CUBE = 8.5  # tetrahedra of edge h in a cube of side h
+COARSER = 1.25
+COUNT_ACCURACY = 0.03
+GROUPS = {
+    "touch": "TOUCH",
+    "back": "BACK",
+    "foot": "FOOT",
+    "top": "TOP",
+    "x-": "XMIN",
+    "x+": "XMAX",
+    "y-": "YMIN",
+    "y+": "YMAX",
+}
+CLAMP = "CLAMP"
+VOLUMES = {"plate": "PLATE", "pillar": "PILLAR", "body": "BODY"}
+
+
+@dataclass(frozen=True)
+class Facets:
+    """Outward facets in VTK's order (m, k), the elements (m,) that they belong to and those elements' faces (m,)."""
+
+    nodes: IntArray
+    cells: IntArray
+    local: IntArray
+
+    def only(self, chosen: IntArray) -> Facets:
+        """The facets at these places."""
+        return Facets(self.nodes[chosen], self.cells[chosen], self.local[chosen])
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """A part to hand over: order-2 mesh, outer facets, face groups as places in them, volumes with their materials.
+
+    `search` is what the case asks for: a band, or `count` modes near a frequency.
+    """
+
+    name: str
+    part: str
+    mesh: Mesh
+    facets: Facets
+    faces: dict[str, IntArray]
+    volumes: dict[str, IntArray]
+    materials: dict[str, Material]
+    search: Request
+
+    @property
+    def clamped(self) -> bool:
+        """Whether some face is held."""
+        return CLAMP in self.faces
+
+    def nodes_of(self, group: str) -> IntArray:
+        """Sorted nodes of a face group."""
+        return np.unique(self.facets.nodes[self.faces[group]])
+
+
+def exchange(case: Case, part: str, log: Log, tetrahedra: bool = False) -> Exchange:
+    """Mesh a part whole and name its groups; boxes as hexahedra of 27 nodes, or those split when `tetrahedra`."""
+    with log.step(f"mesh the whole {part}"):
+        mesh = _mesh(case, part, log)
+        if tetrahedra and mesh.kind == "hex":
+            mesh = split_hexahedra(mesh)
+        check_mesh(mesh)
+    design = case.design
+    facets = Facets(*outer_facets(mesh))
+    pillar = design.pillar
+    materials = {
+        VOLUMES[name]: pillar.material if name == "pillar" and pillar else design.material
+        for name in mesh.region_of_cells()
+    }
+    found = Exchange(
+        case.name,
+        part,
+        mesh,
+        facets,
+        _faces(mesh, facets, design, part),
+        {VOLUMES[name]: cells for name, cells in mesh.region_of_cells().items()},
+        materials,
+        understood(case, Request(part)),
+    )
+    _tell(found, log)
+    return found
+
+
+def clamped_faces(part: str, mesh: Mesh) -> tuple[str, ...]:
+    """The faces that are held: both long sides of the zone, the pillar's foot, none of the plate's."""
+    if part == "zone":
+        return ("y-", "y+")
+    return ("foot" if "foot" in mesh.faces else "touch",) if part == "pillar" else ()
+
+
+def _faces(mesh: Mesh, facets: Facets, design: Design, part: str) -> dict[str, IntArray]:
+    """Places of the facets of every named group; the back of a plate of boxes is told by its height."""
+    inside = {name: np.isin(facets.nodes, mesh.nodes_of(name)).all(axis=1) for name in mesh.faces if name in GROUPS}
+    if part != "pillar":
+        height = mesh.nodes[facets.nodes, 2]
+        inside["back"] = (np.abs(height - design.thickness_m) < 1e-9 * design.thickness_m).all(axis=1)
+    groups = {GROUPS[name]: np.flatnonzero(on) for name, on in inside.items() if on.any()}
+    held = [groups[GROUPS[name]] for name in clamped_faces(part, mesh)]
+    return groups | ({CLAMP: np.unique(np.concatenate(held))} if held else {})
+
+
+def _tell(found: Exchange, log: Log) -> None:
+    mesh = found.mesh
+    what = {"hex": "hexahedra of 27 nodes", "tet": "tetrahedra of 10 nodes"}[mesh.kind]
+    log.info(
+        f"mesh written: the whole {found.part}, {len(mesh.cells)} {what}, {len(mesh.nodes)} nodes, {mesh.dof} unknowns, "
+        f"sha256 {mesh.sha256[:12]}; groups {', '.join([*found.volumes, *found.faces])}"
+    )
+
+
+def _mesh(case: Case, part: str, log: Log) -> Mesh:
+    pillar = case.design.pillar
+    boxes = part == "zone" or pillar is None or pillar.is_box or (part == "plate" and not case.design.rows)
+    check_model(replace(case, solve=replace(case.solve, model="solid")), boxes)
+    if boxes and case.solve.mesh != "tet":
+        return hex_mesh(_boxes(case, part, log), 2)
+    return _tetrahedra(case, part, log)
+
+
+def _settings(case: Case, part: str) -> Iterator[HexSettings]:
+    """Element sizes from the finest that the accuracy asks for to the coarsest."""
+    design = case.design
+    smallest = design.thickness_m if part != "pillar" or design.pillar is None else design.pillar.base_m
+    finest = next((size for accuracy, size in FINEST.items() if case.solve.accuracy >= accuracy), FINENESS[0])
+    for size in FINENESS:
+        if size >= finest:
+            yield HexSettings(2, size * smallest, layers=0 if part == "plate" else 1)
+
+
+def _boxes(case: Case, part: str, log: Log) -> Boxes:
+    """The finest boxes below the limit of unknowns; the coarsest there are when none is."""
+    design = case.design
+    boxes: Boxes | None = None
+    for settings in _settings(case, part):
+        if part == "plate":
+            boxes = plate_boxes(design, settings, quarter=False)
+        elif part == "zone":
+            boxes = zone_boxes(design, settings, quarter=False)
+        else:
+            assert design.pillar
+            boxes = pillar_boxes(design.pillar, settings, quarter=False)
+        if _unknowns(boxes) <= MOST_UNKNOWNS:
+            return boxes
+    assert boxes is not None
+    log.alarm("LARGE", f"the coarsest mesh of this {part} has {_unknowns(boxes)} unknowns, more than {MOST_UNKNOWNS}")
+    return boxes
+
+
+def _unknowns(boxes: Boxes) -> int:
+    """Unknowns of the boxes at order 2."""
+    cells = int((boxes.region >= 0).sum())
+    if UNKNOWNS_PER_HEX * cells > MOST_UNKNOWNS:
+        return UNKNOWNS_PER_HEX * cells
+    return hex_mesh(boxes, 2).dof
+
+
+def _tetrahedra(case: Case, part: str, log: Log) -> Mesh:
+    """The part through CAD and pytetwild, coarsened until it is below the limit."""
+    body, smallest, mesher = _cad_part(case.design, part)
+    fewest = (UNKNOWNS_PER_TET * TETS_PER_CUBE * body.volume_m3 / MOST_UNKNOWNS) ** (1.0 / 3.0)
+    edge = max(mesh_rules.tet_edge_m(smallest, max(case.solve.accuracy, 0.01)), fewest)
+    while (mesh := mesher(edge)).dof > MOST_UNKNOWNS:
+        log.info(f"{mesh.dof} unknowns are more than {MOST_UNKNOWNS}: meshing again, coarser")
+        edge *= COARSER
+    return mesh
+
+
+def _cad_part(design: Design, part: str) -> tuple[Body, float, Callable[[float], Mesh]]:
+    """A part's solid, its smallest dimension (m), and what meshes it at an edge length."""
+    pillar = design.pillar
+    if part == "pillar":
+        assert pillar
+        return pillar_solid(pillar), pillar.tip_m or pillar.base_m, partial(scenes.tet_pillar, pillar)
+    if part == "zone":
+        return zone_solid(design), design.thickness_m, partial(scenes.tet_zone, design)
+    tip = pillar.tip_m or pillar.base_m if pillar and design.rows else design.thickness_m
+    return plate_solid(design), min(design.thickness_m, tip), partial(scenes.tet_plate, design)
+
+
+def modes_below(case: Case, part: str, frequencies_hz: Sequence[float], log: Log) -> list[int]:
+    """How many modes, rigid ones included, a coarse model of the part has below each frequency: negative pivots of K - sM."""
+    coarse = replace(case, solve=replace(case.solve, accuracy=max(case.solve.accuracy, COUNT_ACCURACY), model="auto"))
+    counts = [0] * len(frequencies_hz)
+    with log.step("count modes"):
+        model = parts.build(coarse, part, max(frequencies_hz), log, [])
+        for parity in model.parities:
+            pencil = model.pencil(parity)
+            factorise = Factoriser()
+            for i, frequency in enumerate(frequencies_hz):
+                counts[i] += factor_near(pencil, pencil.scale.eigenvalue(frequency), factorise)[0].negative
+    return counts

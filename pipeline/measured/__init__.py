@@ -1,0 +1,1 @@
+"""Vibrometer data read, compared, synthesised."""

@@ -1,0 +1,232 @@
+"""A computed response beside a measured sweep and a measured map of the same plate: shift, losses, confinement, correlation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.analysis.response import Response
+from pipeline.case.model import Case
+from pipeline.case.reader import MM
+from pipeline.errors import InputFault
+from pipeline.logs import Log
+from pipeline.measured.files import Complex, FloatArray, MeasuredField, MeasuredSweep, read_field, read_sweep
+from pipeline.records.study import CONFINED_DB
+from solvers.control.identification import Sensor, Sweep
+from solvers.control.resonance import Resonance, resonance
+from solvers.errors import SolverError
+from solvers.measures.vibrometer_map import Weights, assurance, confinement_of, sampled, weigh
+from solvers.piezo.point import loudest_point, point_response
+
+COVERED = 0.9  # of a face's area: with less, the map does not speak for the face
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """What was read: a sweep, where its laser stood (m; None: where the zone moves most), a map with its weights."""
+
+    sweep: MeasuredSweep | None
+    at_m: tuple[float, float] | None
+    field: MeasuredField | None
+    weights: Weights | None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The JSON object `measured`, the arrays behind its pictures, and lines for people."""
+
+    document: dict[str, Any]
+    arrays: dict[str, Any]
+    lines: list[str]
+
+
+def read(case: Case, sweep: str | None, field: str | None, at: str | None) -> Measurements | None:
+    """The files of a command line, or else of the case; None when neither names one. InputFault for what does not fit."""
+    if sweep is None and field is None and at is None and case.measured:
+        given = case.measured
+        sweep, field = (None if path is None else str(path) for path in (given.sweep, given.map))
+        at = None if given.at_m is None else f"{given.at_m[0] / MM!r},{given.at_m[1] / MM!r}"
+    if sweep is None and field is None:
+        if at is not None:
+            raise InputFault(f"--at = {at}: goes with --measured")
+        return None
+    case.require_plate(command="response")
+    case.require("patches", command="response")
+    measured = read_sweep(sweep) if sweep is not None else None
+    if measured and measured.quantity == "sensor" and not (case.patches and case.patches.sensors):
+        raise InputFault(f"{sweep}: a sensor's voltage, but the case has no patches.sensors: must name one")
+    mapped = read_field(field, case.design) if field is not None else None
+    weights = _weighed(mapped, case) if mapped else None
+    return Measurements(measured, _place(at, case), mapped, weights)
+
+
+def _weighed(field: MeasuredField, case: Case) -> Weights:
+    try:
+        return weigh(field.points_m, case.design)
+    except SolverError as fault:
+        raise InputFault(f"{field.file}: {fault}") from fault
+
+
+def _place(at: str | None, case: Case) -> tuple[float, float] | None:
+    if at is None:
+        return None
+    half = (case.design.length_m / 2.0, case.design.half_span_m)
+    allowed = f"must be X,Y in mm, within {1e3 * half[0]:g} and {1e3 * half[1]:g} of the plate's centre"
+    try:
+        x, y = (MM * float(part) for part in at.split(","))
+    except ValueError as fault:
+        raise InputFault(f"--at = {at!r}: {allowed}") from fault
+    if not (abs(x) <= half[0] and abs(y) <= half[1]):
+        raise InputFault(f"--at = {at!r}: {allowed}")
+    return x, y
+
+
+def compare(case: Case, found: Response, measured: Measurements, log: Log) -> Comparison:
+    """Both files beside the computed response. InputFault when the sweep and the response share no frequency."""
+    document: dict[str, Any] = {"sweep": None, "map": None}
+    arrays: dict[str, Any] = {}
+    lines: list[str] = []
+    with log.step("compare with the measurement"):
+        if measured.sweep:
+            document["sweep"], drawn, told = _sweep(case, found, measured.sweep, measured.at_m, log)
+            arrays, lines = arrays | drawn, [*lines, told]
+        if measured.field and measured.weights:
+            document["map"], drawn, told = _map(case, found, measured.field, measured.weights, log)
+            arrays, lines = arrays | drawn, [*lines, told]
+    for line in lines:
+        log.info(line)
+    return Comparison(document, arrays, lines)
+
+
+def _sweep(
+    case: Case, found: Response, measured: MeasuredSweep, at_m: tuple[float, float] | None, log: Log
+) -> tuple[dict[str, Any], dict[str, Any], str]:
+    given, tone = measured.sweep, found.curve.frequency_hz
+    low, high = given.frequencies_hz[0], given.frequencies_hz[-1]
+    if high <= tone[0] or low >= tone[-1]:
+        raise InputFault(
+            f"{measured.file}: {low:g} to {high:g} Hz: must overlap the response, {tone[0]:g} to {tone[-1]:g} Hz (--band)"
+        )
+    sensor: Sensor = "velocity" if measured.quantity == "velocity" else "displacement"
+    place, curve = _computed(case, found, measured, at_m)
+    theirs, ours = resonance(given, sensor), resonance(Sweep(tone, curve), sensor)
+    shift = theirs.frequency_hz - ours.frequency_hz
+    if theirs.trouble:
+        log.alarm(
+            "NO_CIRCLE", f"{measured.file}: {theirs.trouble}; the peak and its half-power width are given instead"
+        )
+    if not tone[0] <= theirs.peak_hz <= tone[-1]:
+        log.alarm(
+            "PEAK_OUTSIDE", f"{measured.file}: its peak at {theirs.peak_hz:.0f} Hz lies outside the response's band"
+        )
+    document = {
+        "file": Path(measured.file).name,
+        "synthetic": measured.synthetic,
+        "quantity": measured.quantity,
+        "points": len(given.frequencies_hz),
+        "band_hz": [float(low), float(high)],
+        **_identified(theirs),
+        "frequency_shift_hz": shift,
+        "frequency_shift": shift / ours.frequency_hz,
+        "computed": _identified(ours) | {"point_mm": None if place is None else [1e3 * place[0], 1e3 * place[1]]},
+    }
+    arrays = {
+        "measured_hz": given.frequencies_hz,
+        "measured_response": given.response,
+        "measured_computed_hz": tone,
+        "measured_computed": curve,
+    }
+    return document, arrays, _told_sweep(measured, theirs, ours)
+
+
+def _computed(
+    case: Case, found: Response, measured: MeasuredSweep, at_m: tuple[float, float] | None
+) -> tuple[tuple[float, float] | None, Complex]:
+    """What the measuring instrument would have shown of the computed plate, per volt, and where it points."""
+    tone = found.curve.frequency_hz
+    if measured.quantity == "sensor":
+        return None, found.curve.sensor_v_per_v[:, 0]
+    place = at_m or loudest_point(found.forced, found.peak.frequency_hz, case.design.width_m / 2.0)
+    moved = point_response(found.forced, place, tone)
+    return place, 2j * np.pi * tone * moved if measured.quantity == "velocity" else moved
+
+
+def _identified(found: Resonance) -> dict[str, Any]:
+    circle = found.circle
+    return {
+        "peak_hz": found.peak_hz,
+        "frequency_hz": found.frequency_hz,
+        "quality": found.quality,
+        "quality_half_power": found.half_power_quality,
+        "circle": None if circle is None else circle.as_json() | {"fitted_hz": [found.low_hz, found.high_hz]},
+        "no_circle": found.trouble,
+    }
+
+
+def _told_sweep(measured: MeasuredSweep, theirs: Resonance, ours: Resonance) -> str:
+    shift = theirs.frequency_hz - ours.frequency_hz
+    losses = " against ".join("none" if q is None else f"{q:.0f}" for q in (theirs.quality, ours.quality))
+    return (
+        f"{Path(measured.file).name}{_marked(measured.synthetic)}: resonance at {theirs.frequency_hz:.1f} Hz, computed "
+        f"{ours.frequency_hz:.1f} Hz: shift {shift:+.1f} Hz ({100.0 * shift / ours.frequency_hz:+.2f} %); "
+        f"quality factor {losses} computed"
+    )
+
+
+def _marked(synthetic: bool) -> str:
+    return " (synthetic)" if synthetic else ""
+
+
+def _map(
+    case: Case, found: Response, measured: MeasuredField, weights: Weights, log: Log
+) -> tuple[dict[str, Any], dict[str, Any], str]:
+    design, tone = case.design, found.peak.frequency_hz
+    computed = sampled(*found.forced.shape(tone), measured.points_m)
+    held, seen = confinement_of(weights, measured.values, design), confinement_of(weights, computed, design)
+    alike = assurance(weights.area_m2, measured.values[weights.index], computed[weights.index])
+    _tell_cover(measured, weights, log)
+    document = {
+        "file": Path(measured.file).name,
+        "synthetic": measured.synthetic,
+        "quantity": measured.quantity,
+        "points": len(measured.values),
+        "covered_active": weights.active,
+        "covered_passive": weights.passive,
+        "zone_share": held.zone_share,
+        "confinement_db": held.confinement_db,
+        "confined": None if held.confinement_db is None else held.confinement_db >= CONFINED_DB,
+        "mac": held.mac,
+        "mac_operating": alike,
+        "computed": {
+            "frequency_hz": tone,
+            "confinement_db": found.peak.confinement_db,
+            "confinement_at_points_db": seen.confinement_db,
+            "zone_share_at_points": seen.zone_share,
+            "mac": seen.mac,
+        },
+    }
+    arrays = {"measured_xy": measured.points_m, "measured_field": measured.values, "measured_operating": computed}
+    told = "no passive face" if held.confinement_db is None else f"confinement {held.confinement_db:.1f} dB"
+    beside = "" if seen.confinement_db is None else f" (computed {seen.confinement_db:.1f} dB at the same points)"
+    line = (
+        f"{Path(measured.file).name}{_marked(measured.synthetic)}: {len(measured.values)} points, {told}{beside}, "
+        f"MAC {alike:.3f} to the operating shape at {tone:.1f} Hz, {held.mac:.3f} to the wanted one"
+    )
+    return document, arrays, line
+
+
+def _tell_cover(measured: MeasuredField, weights: Weights, log: Log) -> None:
+    for name, share in (("active", weights.active), ("passive", weights.passive)):
+        if share is not None and share < COVERED:
+            log.alarm(
+                "MAP_PARTIAL",
+                f"{measured.file}: covers {100.0 * share:.0f} % of the {name} touch face: its rms is that of the part covered",
+            )
+
+
+def operating_field(found: Response, points_m: FloatArray) -> Complex:
+    """Computed u_z per volt at the peak, (n,) in m/V, at points (n, 2) in m."""
+    return sampled(*found.forced.shape(found.peak.frequency_hz), points_m)

@@ -1,0 +1,270 @@
+"""Measured sweeps and maps as CSV: units in the column names, the first fault told with its line and column.
+
+Lines that begin with # are comments, blank ones are skipped; the first other line names the columns. Commas, semicolons or
+tabs part them. A value's column may begin with what it is (velocity_, displacement_, sensor_) and end in its unit.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.files import read_by_command
+from geometry.layout import Design
+from pipeline.case.diagnostics import nearest, shown
+from pipeline.case.limits import FREQUENCY_KHZ, span
+from pipeline.errors import InputFault
+from solvers.control.identification import Sweep
+
+Complex = NDArray[np.complex128]
+FloatArray = NDArray[np.float64]
+Quantity = Literal["velocity", "displacement", "sensor"]
+SYNTHETIC = "SYNTHETIC"  # the first word of the first comment of files that this program made
+FEWEST = 8  # rows of a sweep: what a circle fit needs
+PLACES = {"x": {"x_mm": 1e-3, "x_m": 1.0}, "y": {"y_mm": 1e-3, "y_m": 1.0}}
+TONES = {"frequency": {"frequency_hz": 1.0, "frequency_khz": 1e3, "frequency_mhz": 1e6}}
+VALUE = re.compile(r"(?:(velocity|displacement|sensor)_)?(amplitude|phase|real|imag)(?:_(\w+))?")
+PAIRS = (("real", "imag"), ("amplitude", "phase"))
+PAIRS_ALLOWED = "real with imag, or amplitude with phase_deg or phase_rad"
+LARGEST = 1e30  # of any number: what is measured of a plate, in whatever unit, lies far below; squares stay finite
+LARGEST_DB = 600.0  # 20 log10 of it
+EDGE_M = 1e-6  # a point this far beyond the plate still lies on its edge
+SAME_M = 1e-9
+
+
+@dataclass(frozen=True)
+class MeasuredSweep:
+    """A frequency response: frequencies in Hz, complex values in the file's unit; synthetic when this program made it."""
+
+    file: str
+    synthetic: bool
+    quantity: Quantity
+    sweep: Sweep
+
+
+@dataclass(frozen=True)
+class MeasuredField:
+    """A field on the touch face: points (n, 2) in m from the plate's centre, complex values (n,) in the file's unit."""
+
+    file: str
+    synthetic: bool
+    quantity: Quantity
+    points_m: FloatArray
+    values: Complex
+
+
+def read_sweep(path: str | Path) -> MeasuredSweep:
+    """A sweep with the columns frequency_Hz (or _kHz, _MHz) and real, imag or amplitude, phase_deg (or phase_rad).
+
+    InputFault for what is no such file: one line with file, line, column and what is allowed.
+    """
+    table = _Table(Path(path))
+    tone = table.numbers("frequency", TONES["frequency"])
+    quantity, values = _values(table)
+    for row, hertz in enumerate(tone):
+        if hertz <= 0.0:
+            raise table.fault("must be above 0", row, "frequency")
+        if not FREQUENCY_KHZ[0] <= hertz / 1e3 <= FREQUENCY_KHZ[1]:
+            raise table.fault(f"must be {span(FREQUENCY_KHZ)} kHz", row, "frequency")
+    order = np.argsort(tone, kind="stable")
+    twice = np.flatnonzero(np.diff(tone[order]) == 0.0)
+    if len(twice):
+        first, second = sorted(order[twice[0] : twice[0] + 2])
+        raise table.fault(f"stands in line {table.lines[first]} already: each frequency once", int(second), "frequency")
+    if len(tone) < FEWEST:
+        raise table.fault(f"{len(tone)} frequencies: must be at least {FEWEST}")
+    return MeasuredSweep(str(path), table.synthetic, quantity, Sweep(tone[order], values[order]))
+
+
+def read_field(path: str | Path, design: Design) -> MeasuredField:
+    """A map with the columns x_mm, y_mm (or x_m, y_m; origin at the plate's centre) and values as in a sweep.
+
+    InputFault as read_sweep, and for points beyond the design's plate or given twice.
+    """
+    table = _Table(Path(path))
+    points = np.column_stack([table.numbers(axis, PLACES[axis]) for axis in "xy"])
+    quantity, values = _values(table)
+    for axis, half in enumerate((design.length_m / 2.0, design.half_span_m)):
+        beyond = np.flatnonzero(np.abs(points[:, axis]) > half + EDGE_M)
+        if len(beyond):
+            limit = f"beyond the plate: must be from {-1e3 * half:g} to {1e3 * half:g} mm"
+            raise table.fault(limit, int(beyond[0]), "xy"[axis])
+    rounded = np.round(points / SAME_M).astype(np.int64)
+    _, first, place = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    again = np.flatnonzero(first[place.ravel()] != np.arange(len(points)))
+    if len(again):
+        row = int(again[0])
+        raise table.fault(f"stands in line {table.lines[int(first[place.ravel()[row]])]} already", row, "x")
+    return MeasuredField(str(path), table.synthetic, quantity, points, values)
+
+
+def _values(table: _Table) -> tuple[Quantity, Complex]:
+    """What the values are, and the values as complex numbers."""
+    for first, second in PAIRS:
+        if first in table.roles and second in table.roles:
+            break
+    else:
+        lone = next((pair for pair in PAIRS if set(pair) & set(table.roles)), None)
+        lacking = "" if lone is None else f" ({next(role for role in lone if role not in table.roles)} is missing)"
+        raise table.fault(f"columns {table.told_names}: must hold {PAIRS_ALLOWED}{lacking}")
+    kinds, units = zip(*(_parsed(table.name(role)) for role in (first, second)), strict=True)
+    if kinds[0] != kinds[1]:
+        raise table.fault(f"columns {table.name(first)} and {table.name(second)}: must be of one quantity")
+    one, two = table.numbers(first), table.numbers(second)
+    if first == "real":
+        if units[0] != units[1]:
+            raise table.fault(f"columns {table.name(first)} and {table.name(second)}: must have one unit")
+        values = one + 1j * two
+    else:
+        values = _amplitude(table, one, units[0]) * np.exp(1j * _radians(table, two, units[1]))
+    if not np.abs(values).max() > 1.0 / LARGEST:
+        raise table.fault(
+            f"columns {table.name(first)} and {table.name(second)}: every value is 0: nothing was measured"
+        )
+    return cast("Quantity", kinds[0] or "velocity"), values
+
+
+def _parsed(name: str) -> tuple[str | None, str]:
+    match = VALUE.fullmatch(name.lower())
+    assert match is not None
+    return match.group(1), match.group(3) or ""
+
+
+def _amplitude(table: _Table, values: FloatArray, unit: str) -> FloatArray:
+    if unit == "db":
+        beyond = np.flatnonzero(np.abs(values) > LARGEST_DB)
+        if len(beyond):
+            raise table.fault(f"must be from {-LARGEST_DB:g} to {LARGEST_DB:g} dB", int(beyond[0]), "amplitude")
+        return np.asarray(10.0 ** (values / 20.0))
+    below = np.flatnonzero(values < 0.0)
+    if len(below):
+        raise table.fault("must be 0 or more (or amplitude_dB)", int(below[0]), "amplitude")
+    return values
+
+
+def _radians(table: _Table, values: FloatArray, unit: str) -> FloatArray:
+    if unit not in ("deg", "rad"):
+        raise table.fault(f"column {table.name('phase')}: must be phase_deg or phase_rad")
+    return np.radians(values) if unit == "deg" else values
+
+
+class _Table:
+    """Cells of a CSV file, which line each row stood in, and which column plays which role."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        text = _text(path)
+        comments = [line for line in text.splitlines() if line.lstrip().startswith("#")]
+        self.synthetic = bool(comments) and comments[0].lstrip("# \t").startswith(SYNTHETIC)
+        numbered = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
+        numbered = [(n, line) for n, line in numbered if not line.lstrip().startswith("#")]
+        if not numbered:
+            raise self.fault("no columns: the first line that is no comment must name them")
+        self.head_line, head = numbered[0]
+        self.delimiter = next((mark for mark in (",", ";", "\t") if mark in head), ",")
+        self.names = self._cells(head)
+        self.roles = self._roles()
+        self.lines = [n for n, _ in numbered[1:]]
+        self.rows = [self._cells(line) for _, line in numbered[1:]]
+        for row, cells in enumerate(self.rows):
+            if len(cells) != len(self.names):
+                raise self.fault(f"{len(cells)} values: must be {len(self.names)}, one for each column", row)
+        if not self.rows:
+            raise self.fault("no rows: values must follow the line of column names")
+
+    @property
+    def told_names(self) -> str:
+        """The columns that the file has."""
+        return ", ".join(self.names)
+
+    def name(self, role: str) -> str:
+        """The column that plays a role."""
+        return self.names[self.roles[role]]
+
+    def numbers(self, role: str, scales: dict[str, float] | None = None) -> FloatArray:
+        """A column's values, (rows,), times what its unit stands for; `scales` lists the names that the role may have."""
+        scale = 1.0
+        if scales is not None:
+            if role not in self.roles:
+                near = next((hint for name in self.names if (hint := nearest(name.lower(), list(scales)))), "")
+                told = f"columns {self.told_names}: must hold {' or '.join(_spelled(scales))}"
+                raise self.fault(told + _spelled_hint(near))
+            scale = scales[self.name(role).lower()]
+        return scale * np.array([self._number(row, role) for row in range(len(self.rows))])
+
+    def fault(self, text: str, row: int | None = None, role: str = "") -> InputFault:
+        """One line: file, line, column, what came, what is allowed."""
+        line = self.lines[row] if row is not None else getattr(self, "head_line", None)
+        where = f"{self.path}: line {line}" if line is not None else str(self.path)
+        if role:
+            assert row is not None
+            where += f", column {self.name(role)} = {shown(self.rows[row][self.roles[role]])}"
+        return InputFault(f"{where}: {text}")
+
+    def _cells(self, line: str) -> list[str]:
+        try:
+            cells = next(csv.reader([line], delimiter=self.delimiter, skipinitialspace=True))
+        except csv.Error as fault:
+            raise self.fault(f"a line of {len(line)} characters that is no CSV ({fault})") from fault
+        return [cell.strip() for cell in cells]
+
+    def _number(self, row: int, role: str) -> float:
+        try:
+            value = float(self.rows[row][self.roles[role]])
+        except ValueError:
+            value = float("nan")
+        if not isfinite(value):
+            raise self.fault("must be a finite number, with a point for decimals", row, role)
+        if abs(value) > LARGEST:
+            raise self.fault(f"must be within {LARGEST:g}", row, role)
+        return value
+
+    def _roles(self) -> dict[str, int]:
+        roles: dict[str, int] = {}
+        for index, name in enumerate(self.names):
+            role = _role(name.lower())
+            if role in roles:
+                raise self.fault(f"columns {self.names[roles[role]]} and {name} both hold {role}: must be one")
+            if role:
+                roles[role] = index
+        return roles
+
+
+def _role(name: str) -> str:
+    for role, scales in (TONES | PLACES).items():
+        if name in scales:
+            return role
+    match = VALUE.fullmatch(name)
+    return match.group(2) if match else ""
+
+
+def _spelled(names: Sequence[str] | dict[str, float]) -> list[str]:
+    """Column names as people write their units: frequency_kHz."""
+    units = {"_hz": "_Hz", "_khz": "_kHz", "_mhz": "_MHz"}
+    return [
+        next((name[: -len(low)] + unit for low, unit in units.items() if name.endswith(low)), name) for name in names
+    ]
+
+
+def _spelled_hint(hint: str) -> str:
+    return hint.replace("_khz", "_kHz").replace("_mhz", "_MHz").replace("_hz", "_Hz")
+
+
+def _text(path: Path) -> str:
+    read_by_command(path)
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as fault:
+        raise InputFault(f"{path}: not UTF-8 text at byte {fault.start}: must be a CSV file in UTF-8") from fault
+    except FileNotFoundError as fault:
+        raise InputFault(f"{path}: no such file: must be a CSV file") from fault
+    except OSError as fault:
+        raise InputFault(f"{path}: cannot be read ({fault.strerror}): must be a CSV file") from fault

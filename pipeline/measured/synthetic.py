@@ -1,0 +1,93 @@
+"""Files such as a vibrometer would write, made from a computed response with seeded noise and marked as synthetic.
+
+The plate that is "measured" is the case with what --set changes: compared with the case itself, it has a shift to be found.
+"""
+
+from __future__ import annotations
+
+import shlex
+from argparse import Namespace
+from math import ceil, pi
+from pathlib import Path
+
+import numpy as np
+
+from geometry.layout import Design
+from pipeline.analysis.response import Response
+from pipeline.case.model import Case
+from pipeline.measured.comparison import operating_field
+from pipeline.measured.files import SYNTHETIC, Complex, FloatArray
+from pipeline.records.outputs import folder, write_file
+from solvers.piezo.point import loudest_point, point_response
+
+SWEEP, FIELD = "sweep.csv", "field.csv"
+TONES, REACH = 241, 8.0  # frequencies, over so many half-power widths on each side of the peak
+SPACING_M = 2e-3  # of the map's points, or an eighth of the zone's width where that is less
+NOISE = 0.01  # of the peak, rms per point
+
+
+def write(arguments: Namespace, case: Case, found: Response) -> list[Path]:
+    """Write sweep.csv and field.csv into the folder --synthesise. InputFault when it cannot be written."""
+    noise = NOISE if arguments.noise is None else arguments.noise
+    random = np.random.default_rng(arguments.seed)
+    head = f"# {SYNTHETIC}, not measured: made by {_command(arguments)}\n"
+    place = folder(arguments.synthesise)
+    sweep, field = _sweep(case, found, noise, random), _field(case, found, noise, random)
+    written = []
+    for name, text in ((SWEEP, sweep), (FIELD, field)):
+        write_file(place / name, (head + text).encode())
+        written.append(place / name)
+    return written
+
+
+def _command(arguments: Namespace) -> str:
+    words = ["antinode", "response", str(arguments.case)]
+    words += ["--band", arguments.band] if arguments.band else []
+    for setting in arguments.set:
+        words += ["--set", setting]
+    words += ["--synthesise", str(arguments.synthesise), "--seed", str(arguments.seed)]
+    words += [] if arguments.noise is None else ["--noise", f"{arguments.noise:g}"]
+    return shlex.join(words)
+
+
+def _scattered(values: Complex, noise: float, random: np.random.Generator) -> Complex:
+    parts = random.normal(size=(2, len(values))) / np.sqrt(2.0)
+    return np.asarray(values + noise * np.abs(values).max() * (parts[0] + 1j * parts[1]))
+
+
+def _sweep(case: Case, found: Response, noise: float, random: np.random.Generator) -> str:
+    """Velocity per volt where the zone moves most, amplitude and phase."""
+    peak = found.peak.frequency_hz
+    reach = REACH * peak / case.quality / 2.0
+    tone = np.linspace(peak - reach, peak + reach, TONES)
+    place = loudest_point(found.forced, peak, case.design.width_m / 2.0)
+    seen = _scattered(2j * pi * tone * point_response(found.forced, place, tone), noise, random)
+    lines = [f"# a laser at x = {1e3 * place[0]:.2f} mm, y = {1e3 * place[1]:.2f} mm of the touch face"]
+    lines.append("frequency_Hz,velocity_amplitude_m_per_s_per_V,velocity_phase_deg")
+    lines += [f"{f:.3f},{abs(v):.6e},{np.degrees(np.angle(v)):.4f}" for f, v in zip(tone, seen, strict=True)]
+    return "\n".join(lines) + "\n"
+
+
+def _field(case: Case, found: Response, noise: float, random: np.random.Generator) -> str:
+    """Velocity per volt over the touch face at the peak, real and imaginary."""
+    peak = found.peak.frequency_hz
+    points = grid(case.design)
+    seen = _scattered(2j * pi * peak * operating_field(found, points), noise, random)
+    lines = [f"# at {peak:.3f} Hz", "x_mm,y_mm,velocity_real_m_per_s_per_V,velocity_imag_m_per_s_per_V"]
+    lines += [f"{1e3 * x:.3f},{1e3 * y:.3f},{v.real:.4e},{v.imag:.4e}" for (x, y), v in zip(points, seen, strict=True)]
+    return "\n".join(lines) + "\n"
+
+
+def grid(design: Design) -> FloatArray:
+    """Middles of equal cells over the touch face, (n, 2) in m; none of them lies across the zone's border."""
+    step = min(SPACING_M, design.width_m / 8.0)
+    border, edge = design.width_m / 2.0, design.half_span_m
+    x = _middles(-design.length_m / 2.0, design.length_m / 2.0, step)
+    beyond = _middles(border, edge, step) if edge - border > 1e-6 * border else np.empty(0)
+    y = np.concatenate([-beyond[::-1], _middles(-border, border, step), beyond])
+    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _middles(low: float, high: float, step: float) -> FloatArray:
+    lines = np.linspace(low, high, max(1, ceil((high - low) / step - 1e-9)) + 1)
+    return np.asarray((lines[1:] + lines[:-1]) / 2.0)

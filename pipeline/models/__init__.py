@@ -1,0 +1,1 @@
+"""A case's parts and cells as models to solve."""

@@ -1,0 +1,127 @@
+"""Reduced cells and families of cells kept on disk."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+import zipfile
+from dataclasses import fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.paths import RESULTS
+from pipeline.records import fingerprint
+from solvers.fem.assembly import Scale
+from solvers.superelement.cell import Cell, Expansion
+from solvers.superelement.interface import Interface
+from solvers.variation.parametric_cell import CellFamily, nodes_of
+
+MOST_BYTES = 200_000_000  # of all cells: a long sweep must not fill the disk with cells that it never meets again
+PARTS = {"scale": Scale, "interface": Interface, "touch": Expansion, "skin": Expansion}
+OWN = ("reach_m", "stiffness_changes", "mass_changes")
+
+
+@lru_cache(maxsize=1)
+def _salt() -> str:
+    return fingerprint.code_hash()[:16]
+
+
+class CellShelf:
+    """A folder of .npz files, one per cell, the longest unused ones removed; a torn or foreign file counts as absent."""
+
+    def __init__(self, folder: Path = RESULTS / ".cells", most_bytes: int = MOST_BYTES) -> None:
+        self.folder, self.most_bytes = folder, most_bytes
+
+    def get(self, key: str) -> Cell | None:
+        """A cell kept under this key by the same code, or None."""
+        with (
+            contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile),
+            np.load(self._path(key)) as file,
+        ):
+            found = _unpacked({name: file[name] for name in file.files})
+            os.utime(self._path(key))  # used now: the last to go
+            return found
+        return None
+
+    def put(self, key: str, cell: Cell) -> None:
+        """Keep a cell; a full disk costs the next run time, not this one its result."""
+        with contextlib.suppress(OSError):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            handle, name = tempfile.mkstemp(dir=self.folder, suffix=".part")
+            try:
+                with os.fdopen(handle, "wb") as file:
+                    np.savez(file, **_packed(cell))
+                Path(name).replace(self._path(key))
+            finally:
+                Path(name).unlink(missing_ok=True)
+            self._make_room(self._path(key))
+
+    def _make_room(self, newest: Path) -> None:
+        """Remove what was not used for longest until the cells fit; never the one just kept."""
+        cells = sorted(((path.stat(), path) for path in self.folder.glob("*.npz")), key=lambda pair: pair[0].st_mtime)
+        total = sum(stat.st_size for stat, _ in cells)
+        for stat, path in cells:
+            if total <= self.most_bytes:
+                return
+            if path != newest:
+                path.unlink(missing_ok=True)
+                total -= stat.st_size
+
+    def _path(self, key: str) -> Path:
+        return self.folder / f"{key[:32]}-{_salt()}.npz"
+
+
+def _packed(cell: Cell) -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for field in fields(cell):
+        value = getattr(cell, field.name)
+        if field.name in PARTS:
+            inner = {f.name: getattr(value, f.name) for f in fields(value)}
+            flat |= {f"{field.name}.{name}": v for name, v in inner.items() if v is not None}
+        else:
+            flat[field.name] = value
+    return flat
+
+
+def _unpacked(flat: dict[str, Any]) -> Cell:
+    plain = {name: value for name, value in flat.items() if "." not in name}
+    for name, kind in PARTS.items():
+        inner = {key.split(".")[1]: value for key, value in flat.items() if key.startswith(f"{name}.")}
+        plain[name] = kind(**{key: value.item() if value.ndim == 0 else value for key, value in inner.items()})
+    plain["size_m"] = tuple(float(v) for v in plain["size_m"])
+    plain["mesh_dof"] = int(plain["mesh_dof"])
+    plain["dropped_hz"] = float(plain["dropped_hz"])
+    return Cell(**plain)
+
+
+class FamilyShelf(CellShelf):
+    """A folder of .npz files, one per family, beside those of cells; a torn or foreign file counts as absent."""
+
+    def get(self, key: str) -> CellFamily | None:  # type: ignore[override]
+        """A family kept under this key by the same code, or None."""
+        with (
+            contextlib.suppress(OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile),
+            np.load(self._path(key)) as file,
+        ):
+            flat = {name: file[name] for name in file.files}
+            reach, stiffness, mass = (flat.pop(name) for name in OWN)
+            return CellFamily(_unpacked(flat), reach, nodes_of(reach), stiffness, mass)
+        return None
+
+    def put(self, key: str, family: CellFamily) -> None:  # type: ignore[override]
+        """Keep a family; a full disk costs the next run time, not this one its result."""
+        own = dict(zip(OWN, (family.reach_m, family.stiffness, family.mass), strict=True))
+        with contextlib.suppress(OSError):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            handle, name = tempfile.mkstemp(dir=self.folder, suffix=".part")
+            try:
+                with os.fdopen(handle, "wb") as file:
+                    np.savez(file, **(_packed(family.cell) | own))
+                Path(name).replace(self._path(key))
+            finally:
+                Path(name).unlink(missing_ok=True)
+            self._make_room(self._path(key))

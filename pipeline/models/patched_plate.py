@@ -1,0 +1,48 @@
+"""A case's plate with its patches bonded and its modes solved: what the response and the mode table's gains start from."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipeline.case.model import Case
+from pipeline.errors import InputFault
+from pipeline.logs import Log
+from pipeline.models import parts
+from pipeline.planning import foresight
+from pipeline.planning.model_choice import way_of
+from pipeline.planning.request import driven_band_hz
+from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.patch import bonded_patch
+from solvers.piezo.patched_plate import PatchedPlate
+from solvers.superelement.build import PlateModel
+
+
+def forced_plate(
+    case: Case, log: Log, band_hz: tuple[float, float] | None = None, meshes: list[dict[str, Any]] | None = None
+) -> ForcedPlate:
+    """The patched plate, driven and heard as the case says, over a band (default: the case's); meshes are added to `meshes`.
+
+    InputFault for a model that cannot carry patches; raises what its solvers raise.
+    """
+    band = driven_band_hz(case, band_hz)
+    demand = foresight.of_response(case, way_of(case, "plate", band[1]), band, 0)
+    foresight.announce("the forced response", demand, log)
+    model = parts.build(case, "plate", band[1], log, [] if meshes is None else meshes)
+    if not isinstance(model, PlateModel):
+        raise InputFault(f"{case.name}: solve.model: patches are bonded to joined cells, must be auto or superelement")
+    return driven(case, model, band, log)
+
+
+def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log) -> ForcedPlate:
+    """A joined plate with the case's patches, and its modes about the band."""
+    patches = case.patches
+    assert patches is not None
+    back = patches.face == "back"
+    with log.step("bond the patches"):
+        bonded = [bonded_patch(patches.material, box, patches.size_m[2], back) for box in patches.boxes_m()]
+        joined = {plate.parity: plate for plate in map(model.joined, model.parities)}
+        plate = PatchedPlate(joined, bonded, back, model.name)
+    if plate.silent:
+        log.left_out("mirror classes " + ", ".join(plate.silent), "the patches do not drive them")
+    with log.step("modes of the patched plate"):
+        return ForcedPlate(plate, case.design, patches.drivers, patches.sensors, band_hz, case.quality, patches.circuit)

@@ -1,0 +1,1 @@
+"""Which model and mesh, and what error to expect."""

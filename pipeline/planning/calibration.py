@@ -1,0 +1,129 @@
+"""What each mesh did to the frequencies of the reference parts: the committed table that planner and error bars read.
+
+`python -m studies.calibration` writes `calibration.csv` from the stored accuracy study: the largest relative error of each part
+by element, order, graded layers and share of the planner's own element size, or tetrahedra across; of the zone's hexahedra at
+higher modes too; that of a theory's first frequency; how much of what may move a confinement at most does move it. Other
+scenes than those of the study are given SAFETY times as much.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import accumulate, pairwise
+from math import log
+from pathlib import Path
+
+TABLE = Path(__file__).with_name("calibration.csv")
+FIELDS = ("part", "kind", "order", "layers", "factor", "share", "through", "across", "growth", "error")
+HEX, TET, TET_ORDER = "hex", "tet", 2
+PLATE, MIXING = "plate", "mixing"
+# of the study's parts: thickness over half-wavelength, side over height
+SLENDER = {"zone": 8 * 2.0 / 115.5, "pillar": 2.0 / 6.3}
+# tests/verification/test_error_bars.py counts how often the bar holds on other scenes; tetrahedra differ from run to run
+SAFETY = {HEX: 1.5, TET: 2.0, PLATE: 1.25}  # a plate's modes lie far below the highest bands that a cell is asked for
+
+
+@dataclass(frozen=True)
+class Rung:
+    """Order, layers towards singular edges, their shrink factor, the elements' size over the part's own, and how many at
+    least lie through a plate that has pillars.
+
+    The size is that in the plate; of a lone pillar, whose section takes two elements, that along it.
+    """
+
+    order: int
+    layers: int
+    factor: float
+    share: float = 1.0
+    through: int = 1
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Largest relative error of a reference part by one mesh.
+
+    Of hexahedra: layers, their factor, share of the planner's element size and how many through a plate; of tetrahedra: how
+    many across the smallest dimension. `growth`: the frequency over that up to which the planner calls the mesh good.
+    """
+
+    part: str
+    kind: str
+    order: int
+    layers: int
+    factor: float
+    share: float
+    through: int
+    across: float
+    growth: float
+    error: float
+
+    @property
+    def rung(self) -> Rung:
+        """The mesh of hexahedra."""
+        return Rung(self.order, self.layers, self.factor, self.share, self.through)
+
+
+@lru_cache(maxsize=1)
+def table() -> tuple[Measured, ...]:
+    """The committed calibration."""
+    with TABLE.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return tuple(_measured(row) for row in rows)
+
+
+def _measured(row: dict[str, str]) -> Measured:
+    order, layers, through = (int(row[name]) for name in ("order", "layers", "through"))
+    factor, share, across, growth, error = (
+        float(row[name]) for name in ("factor", "share", "across", "growth", "error")
+    )
+    return Measured(row["part"], row["kind"], order, layers, factor, share, through, across, growth, error)
+
+
+def by_hexahedra(part: str, rung: Rung, kind: str = HEX, growth: float = 1.0) -> float | None:
+    """Error to expect of graded hexahedra, with the safety of a kind; None where the mesh was not measured.
+
+    At `growth` times the frequency that the planner calls the mesh good for, bending waves are sqrt(growth) shorter. Between
+    two measured modes the straight line over logarithms, which no sum of powers exceeds; beyond the last h^(2 order).
+    """
+    if growth < 1.0:
+        raise ValueError(f"growth = {growth}: must be 1 or more")
+    rows = [row for row in table() if (row.part, row.kind, row.rung) == (part, HEX, rung)]
+    return SAFETY[kind] * _grown(sorted(rows, key=lambda row: row.growth), growth) if rows else None
+
+
+def _grown(rows: list[Measured], growth: float) -> float:
+    """The error at a growth from those of one mesh in ascending order; it never falls."""
+    points = list(zip((row.growth for row in rows), accumulate((row.error for row in rows), max), strict=True))
+    if growth <= points[0][0]:
+        return points[0][1]
+    for (low, least), (high, most) in pairwise(points):
+        if growth <= high:
+            return least * (most / least) ** (log(growth / low) / log(high / low))
+    last, error = points[-1]
+    return error * max(growth / last, 1.0) ** rows[0].order  # h^2 goes as the frequency
+
+
+def by_tetrahedra(part: str, across: float) -> float | None:
+    """Error to expect of quadratic tetrahedra, so many over the smallest dimension; None below the coarsest measured."""
+    rows = [row for row in table() if (row.part, row.kind, row.order) == (part, TET, TET_ORDER)]
+    return _least(TET, [row for row in rows if row.across <= across * 1.01])
+
+
+def by_theory(part: str, theory: str, slender: float) -> float | None:
+    """Error to expect of an analytic frequency of a part with a ratio of its sides; None for a theory that was not measured.
+
+    What a beam or a plate theory leaves out, shear, rotary inertia or a foot's Poisson strain, grows as the ratio squared.
+    """
+    rows = [row.error for row in table() if (row.part, row.kind) == (part, theory)]
+    return SAFETY[HEX] * rows[0] * max(1.0, slender / SLENDER[part]) ** 2 if rows else None
+
+
+def mixing() -> float | None:
+    """Share of the largest change that neighbours mixed in may bring to a confinement (`mode_mixing`) to expect."""
+    return _least(HEX, [row for row in table() if (row.part, row.kind) == (PLATE, MIXING)])
+
+
+def _least(kind: str, rows: list[Measured]) -> float | None:
+    return SAFETY[kind] * min(row.error for row in rows) if rows else None

@@ -1,0 +1,218 @@
+"""What a scene needs: model, mesh, degrees, window of frequencies; each choice with its reason.
+
+`accuracy` picks the cheapest mesh that the calibration expects to meet it.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from geometry.hex.boxes import HexSettings
+from geometry.layout import Design
+from pipeline.planning import calibration
+from pipeline.planning.calibration import Rung
+from solvers.analytic.plates import Strip, levy_hz, thin_plate_hz
+from solvers.analytic.predesign import pillar_frequencies_hz
+from solvers.superelement.build import Recipe
+from solvers.superelement.interface import Interface
+
+WINDOW = (0.72, 1.35)  # of the exact thin-plate frequency: where the wanted mode of plates with pillars was found
+ALONG = {
+    4: 0.3,
+    5: 0.4,
+}  # degree along a side: the longest side over the wanted half-wavelength; the log checks each solve
+ACROSS = 2.05  # elements over the zone's width, a little more than two: two in each half
+LONGEST = 5.0  # thicknesses that an element of the zone is long at most: about as in the calibration, longer ones lock
+LOCKED = (
+    0.5  # of the length that waves allow: however thin the zone, elements so short make no more than those measured
+)
+ELEMENT = 0.26  # of a shear wave: what an element of a cell spans at the tenth band of the calibrated one
+REACH = 9.0  # fixed-interface modes of a plate's pieces go up to so many times the highest frequency looked for
+FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too few are noticed and raised
+TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
+RUNGS = {  # by their unknowns; a joined plate is meshed as its cell is; a whole one's grading would run across it
+    "zone": (
+        Rung(3, 1, 0.1), Rung(3, 1, 0.1, 0.8), Rung(3, 1, 0.1, 0.6), Rung(3, 1, 0.1, 0.5), Rung(4, 1, 0.1, 0.9),
+        Rung(4, 2, 0.15, 0.8),
+    ),
+    "pillar": (Rung(2, 1, 0.15, 0.5), Rung(3, 1, 0.1), Rung(4, 1, 0.1), Rung(4, 2, 0.15), Rung(4, 3, 0.15)),
+    "cell": (
+        Rung(2, 1, 0.15, 0.45), Rung(3, 1, 0.1), Rung(3, 1, 0.12, 0.7, 2), Rung(3, 2, 0.2), Rung(3, 2, 0.2, 0.7, 2),
+        Rung(4, 2, 0.15), Rung(4, 3, 0.15),
+    ),
+    "whole": (Rung(3, 0, 0.1), Rung(4, 0, 0.1), Rung(3, 1, 0.1), Rung(3, 1, 0.12, 0.45)),
+}  # fmt: skip
+FINEST = 24  # intervals of a leg on which branches are followed and gaps looked for, at least
+PLATE_ACCURACY = 0.03  # a whole plate of tetrahedra as a cross-check, not as the answer
+NEAR_COUNT = 16
+
+
+def rungs(part: str) -> tuple[Rung, ...]:
+    """The meshes of a part: zone, pillar, cell, joined plate, or plate meshed as a whole."""
+    return RUNGS["cell" if part == "plate" else part]
+
+
+def rung(part: str, accuracy: float) -> Rung:
+    """The cheapest rung expected to meet the accuracy on a part; the finest where none is."""
+    for row in rungs(part):
+        expected = expected_error(part, row)
+        if expected is not None and expected <= accuracy:
+            return row
+    return rungs(part)[-1]
+
+
+def reaching(part: str, design: Design, accuracy: float, high_hz: float) -> tuple[Rung, float]:
+    """The cheapest rung expected to meet the accuracy for a lone part's modes up to a frequency, and what to mesh it for, Hz.
+
+    Where every rung misses beyond the frequencies that were measured, the elements shrink with the waves.
+    """
+    good = good_to_hz(part, design)
+    growth = max(1.0, high_hz / good)
+    for row in rungs(part):
+        expected = expected_error(part, row, growth)
+        if expected is not None and expected <= accuracy:
+            return row, good
+    return rung(part, accuracy), max(good, high_hz)
+
+
+def expected_error(part: str, row: Rung, growth: float = 1.0) -> float | None:
+    """Error to expect of a rung at `growth` times the frequencies measured; None where it was not measured.
+
+    A joined plate's is that of its cell too.
+    """
+    parts = ("cell", "plate") if part == "plate" else (part,)
+    kind = calibration.PLATE if part in ("plate", "whole") else calibration.HEX
+    found = [calibration.by_hexahedra(each, row, kind, growth) for each in parts]
+    known = [error for error in found if error is not None]
+    return max(known) if len(known) == len(parts) else None
+
+
+def half_wavelength_m(design: Design) -> float:
+    """Half-wavelength of the wanted mode along the zone, m."""
+    return design.half_wavelength_m
+
+
+def good_to_hz(part: str, design: Design) -> float:
+    """Up to where the error of a part's meshes was measured, Hz: the wanted mode, three bendings, ten bands of a cell."""
+    if part == "zone":
+        return _wanted_hz(design)
+    if part == "pillar":
+        assert design.pillar
+        return float(pillar_frequencies_hz(design.pillar, "timoshenko", 3)[-1])
+    size = 2.0 * design.thickness_m
+    if design.pillar:
+        size = min(size, design.pitch_x_m / 2.0, design.pitch_y_m / 2.0)
+    return ELEMENT * _shear_speed(design) / size
+
+
+def zone_mesh(design: Design, row: Rung, high_hz: float = 0.0) -> HexSettings:
+    """Elements of the bare strip for modes up to a frequency: its clamped faces are singular edges."""
+    longest = min(half_wavelength_m(design) * 2.0 / 3.0, design.width_m / ACROSS)
+    size = min(longest, max(LONGEST * design.thickness_m, LOCKED * longest))
+    return _settings(row, size * _shrunk("zone", design, high_hz))
+
+
+def pillar_mesh(design: Design, row: Rung, high_hz: float = 0.0) -> HexSettings:
+    """Elements of the lone pillar for modes up to a frequency: two along the section, graded towards the clamped foot."""
+    assert design.pillar
+    shrunk = _shrunk("pillar", design, high_hz)
+    along = row.share * shrunk * _along(design)
+    return HexSettings(row.order, shrunk * design.pillar.base_m, row.layers, row.factor, along)
+
+
+def _shrunk(part: str, design: Design, high_hz: float) -> float:
+    """Factor on the elements' size: a bending wave is as long as one over the root of its frequency."""
+    return min(1.0, sqrt(good_to_hz(part, design) / high_hz)) if high_hz > 0.0 else 1.0
+
+
+def cell_mesh(design: Design, row: Rung) -> HexSettings:
+    """Elements of plate and cells: two thicknesses wide, graded towards the pillars' feet."""
+    return _settings(row, 2.0 * design.thickness_m, _along(design) if design.pillar else None)
+
+
+def cell_settings(design: Design, accuracy: float) -> HexSettings:
+    """The same for an accuracy."""
+    return cell_mesh(design, rung("cell", accuracy))
+
+
+def _settings(row: Rung, size_m: float, along_m: float | None = None) -> HexSettings:
+    return HexSettings(row.order, row.share * size_m, row.layers, row.factor, along_m, row.through)
+
+
+def _along(design: Design) -> float:
+    """Elements along a pillar, m: four bend with its third mode, which lies among the lowest bands of a slender pillar."""
+    assert design.pillar
+    return min(design.pillar.base_m, design.pillar.height_m / 4.0)
+
+
+def shear_cutoff_hz(design: Design) -> float:
+    """First thickness-shear resonance c_t / (2 h), Hz: plate theory ends there."""
+    return _shear_speed(design) / (2.0 * design.thickness_m)
+
+
+def _shear_speed(design: Design) -> float:
+    return sqrt(design.material.shear_pa / design.material.density_kg_m3)
+
+
+def lattice_recipe(design: Design, accuracy: float) -> Recipe:
+    """Reduction of the unit cell for its lowest bands: where a coarse cell starts to look for what the accuracy needs."""
+    longest = max(design.pitch_x_m, design.pitch_y_m)
+    top = 1.5 * shear_cutoff_hz(design) * 2.0 * design.thickness_m / max(2.0 * design.thickness_m, longest)
+    top *= (0.01 / min(accuracy, 0.01)) ** FINER
+    along = 4 if longest <= 2.5 * design.thickness_m else 6
+    return Recipe(Interface(along, 3), top, cell_settings(design, accuracy))
+
+
+def plate_recipe(design: Design, accuracy: float, high_hz: float) -> Recipe:
+    """Reduction of a plate's pieces: REACH times the highest frequency bounds the fixed-interface modes."""
+    longest = max(design.pitch_x_m, design.pitch_y_m) if design.rows else 3.0 * design.thickness_m
+    share = longest / half_wavelength_m(design)
+    along = next((degree for degree, limit in ALONG.items() if share <= limit), 6)
+    mesh = cell_mesh(design, rung("plate", accuracy))
+    return Recipe(Interface(along, 3), REACH * high_hz, mesh, 3.0 * design.thickness_m, bare_size_m(design, mesh.order))
+
+
+def bare_size_m(design: Design, order: int) -> float | None:
+    """Elements of a plate's pieces without a pillar, m: nothing is singular there, and order 3 follows the wave."""
+    return 2.0 * design.thickness_m if order > 2 else None
+
+
+def tet_edge_m(smallest_m: float, accuracy: float) -> float:
+    """Edge length of tetrahedra from the smallest dimension of the part."""
+    across = next((n for limit, n in TETRAHEDRA.items() if accuracy >= limit), 5.0)
+    return smallest_m / across
+
+
+def tet_cell_edge_m(design: Design, accuracy: float) -> float:
+    """Edge length in a unit cell, or in a joined plate's piece, with its pillar."""
+    return tet_edge_m(_smallest_m(design), accuracy)
+
+
+def tet_plate_edge_m(design: Design, accuracy: float) -> float:
+    """Edge length in a plate meshed whole, which cannot afford more than 1 %."""
+    return tet_edge_m(_smallest_m(design) if design.rows else design.thickness_m, max(accuracy, 0.01))
+
+
+def _smallest_m(design: Design) -> float:
+    return min(design.thickness_m, design.pillar.tip_m) if design.pillar else design.thickness_m
+
+
+def wanted_window_hz(design: Design) -> tuple[float, float]:
+    """Where to look for the wanted mode when the case does not say: about the zone's exact thin-plate frequency."""
+    estimate = _wanted_hz(design)
+    return WINDOW[0] * estimate, WINDOW[1] * estimate
+
+
+def _wanted_hz(design: Design) -> float:
+    """The zone's exact thin-plate frequency."""
+    material = design.material
+    strip = Strip(
+        design.length_m,
+        design.width_m,
+        design.thickness_m,
+        material.young_pa,
+        material.density_kg_m3,
+        material.poisson,
+    )
+    pinned = design.nodal_lines < 2  # a rigid shape along x: cylindrical bending across the zone
+    return thin_plate_hz(strip, strip.across_per_m) if pinned else levy_hz(strip, design.nodal_lines)

@@ -1,0 +1,337 @@
+"""What will be computed for a case, and what will not: the steps with model, mesh, classes, window, and the reasons.
+
+Every entry is asked from the functions that the computation itself asks (`model_choice`, `request`, `simplifications`),
+so that a plan is what happens; `pipeline.batch.measures` runs a study's case by its plan. Nothing here solves or
+meshes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from pipeline.case.model import Case
+from pipeline.planning import foresight, simplifications
+from pipeline.planning.model_choice import SOLID, Way, cell_way, way_of
+from pipeline.planning.request import Request, driven_band_hz, model_high_hz, of_case, understood, with_search
+from pipeline.planning.resources import Demand, too_much
+from pipeline.planning.simplifications import Omission, khz
+
+ATTENUATION_POINTS = 101  # frequencies of a study's attenuation; the command asks for 201
+RESPONSE_POINTS = 401
+ORDER = ("modes", "bands", "attenuation", "response", "tolerance", "board", "parts", "geometry", "tetrahedra")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One computation: the measure it serves, its model and mesh in words, mirror classes, what it looks for, and why.
+
+    `numbers` holds the same for scripts: band_hz or near_hz with count, wavevectors, frequencies, kx_per_m, patches.
+    """
+
+    measure: str
+    name: str
+    model: str
+    mesh: str
+    classes: tuple[str, ...]
+    looks_for: str
+    why: tuple[str, ...]
+    left_out: tuple[Omission, ...] = ()
+    numbers: dict[str, Any] = field(default_factory=dict)
+    demand: Demand | None = None
+
+    def text(self) -> str:
+        """One line."""
+        parts = [self.model, self.mesh, f"class {', '.join(self.classes)}" if self.classes else "", self.looks_for]
+        return f"{self.name}: {'; '.join(part for part in parts if part)}"
+
+    def json(self) -> dict[str, Any]:
+        """The step as plain JSON."""
+        keys = ("measure", "name", "model", "mesh", "looks_for")
+        plain: dict[str, Any] = {key: getattr(self, key) for key in keys}
+        foreseen = {"foreseen": self.demand.json()} if self.demand else {}
+        return plain | {"classes": list(self.classes), "why": list(self.why), **self.numbers, **foreseen}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Steps in their order, and what the scene as a whole does not need."""
+
+    name: str
+    steps: tuple[Step, ...]
+    whole: tuple[Omission, ...]
+
+    @property
+    def left_out(self) -> tuple[Omission, ...]:
+        """Every rule taken, by a step or for the scene as a whole, each once."""
+        return tuple(dict.fromkeys([each for step in self.steps for each in step.left_out] + [*self.whole]))
+
+    @property
+    def demands(self) -> dict[str, Demand]:
+        """What each step will take, by its name."""
+        return {step.name: step.demand for step in self.steps if step.demand}
+
+    def text(self) -> str:
+        """For people: every step with its reasons, then what is left out."""
+        lines = [f"plan for {self.name}"]
+        for number, step in enumerate(self.steps, start=1):
+            lines.append(f"{number}. {step.text()}")
+            lines += [f"   because {reason}" for reason in step.why]
+            lines += [f"   {line}" for line in _foreseen(step)]
+        lines += ["left out", *(f"   {each.rule}: {each.what}, {each.why}" for each in self.left_out)]
+        return "\n".join(lines)
+
+    def short(self) -> str:
+        """One line a step with its reasons, and the rules taken."""
+        lines = []
+        for step in self.steps:
+            lines.append(f"{step.text()}; because {', '.join(step.why)}")
+            lines += _foreseen(step)
+        return "\n".join([*lines, f"left out: {', '.join(dict.fromkeys(each.rule for each in self.left_out))}"])
+
+    def json(self) -> dict[str, Any]:
+        """The plan as plain JSON."""
+        return {
+            "schema": 1,
+            "name": self.name,
+            "steps": [step.json() for step in self.steps],
+            "left_out": [vars(each) for each in self.left_out],
+        }
+
+
+def _foreseen(step: Step) -> list[str]:
+    """What a step will take, and that this machine cannot hold it where that is so."""
+    if not step.demand:
+        return []
+    told = too_much(step.demand)
+    return [step.demand.text(), *([f"will be refused: {told}"] if told else [])]
+
+
+def _plan(case: Case, steps: Iterable[Step], whole: Iterable[Omission | None]) -> Plan:
+    return Plan(case.name, tuple(steps), tuple(each for each in whole if each))
+
+
+def of_modes(case: Case, request: Request) -> Plan:
+    """`antinode modes`."""
+    whole = (
+        simplifications.no_patches(case.patches, ()),
+        simplifications.no_response(()),
+        simplifications.nothing_drawn(()),
+    )
+    return _plan(case, [modes_step(case, request)], whole)
+
+
+def of_bands(case: Case) -> Plan:
+    """`antinode bands`."""
+    whole = (
+        simplifications.no_plate_modes(()),
+        simplifications.no_patches(case.patches, ()),
+        simplifications.nothing_drawn(()),
+    )
+    return _plan(case, [bands_step(case)], whole)
+
+
+def of_attenuation(
+    case: Case, band_hz: tuple[float, float] | None, kx_per_m: float | None, points: int, drawn: bool
+) -> Plan:
+    """`antinode attenuation`."""
+    whole = (
+        simplifications.no_plate_modes(()),
+        simplifications.no_patches(case.patches, ()),
+        simplifications.nothing_drawn((), drawn),
+    )
+    return _plan(case, [attenuation_step(case, band_hz, kx_per_m, points)], whole)
+
+
+def of_response(case: Case, band_hz: tuple[float, float] | None, points: int, drawn: bool) -> Plan:
+    """`antinode response`. InputFault for a model that cannot carry patches."""
+    return _plan(case, [response_step(case, band_hz, points)], [simplifications.nothing_drawn((), drawn)])
+
+
+def of_measures(case: Case, measures: Collection[str]) -> Plan:
+    """A study's case: the steps that its measures ask for, in the order in which they run."""
+    asked = set(measures) | ({"modes"} if "confinement" in measures else set())
+    makers = {
+        "modes": lambda: modes_step(case, of_case(case)),
+        "bands": lambda: bands_step(case),
+        "attenuation": lambda: attenuation_step(case, None, None, ATTENUATION_POINTS),
+        "response": lambda: response_step(case, None, RESPONSE_POINTS),
+        "tolerance": lambda: tolerance_step(case),
+        "board": lambda: _plain(
+            "board", "closed loop on the emulated board", "the firmware's image and the mode table"
+        ),
+        "parts": lambda: parts_step(case),
+        "geometry": lambda: _plain("geometry", "print and CAD files", "CAD solids, STL read back"),
+        "tetrahedra": lambda: tetrahedra_step(case),
+    }
+    lattice: tuple[str, ...] = ("bands", "attenuation")
+    lacking = {name: simplifications.no_lattice(case.design, name) for name in lattice if name in asked}
+    steps = [makers[name]() for name in ORDER if name in asked and not lacking.get(name)]
+    whole = (
+        *lacking.values(),
+        simplifications.no_plate_modes(measures),
+        simplifications.no_patches(case.patches, measures),
+        simplifications.no_response(measures),
+        simplifications.nothing_drawn(measures),
+    )
+    return _plan(case, steps, whole)
+
+
+def modes_step(case: Case, request: Request) -> Step:
+    """Modes of a part."""
+    asked = understood(case, request)
+    way = way_of(case, asked.part, model_high_hz(case, asked))
+    classes = way.classes if asked.parity is None else (asked.parity,)
+    window = simplifications.other_frequencies(asked.band_hz, asked.near_hz, asked.count)
+    left_out = (*way.left_out, simplifications.other_classes(way.classes, asked.parity), window)
+    numbers: dict[str, Any] = {"band_hz": list(asked.band_hz)} if asked.band_hz else {}
+    if not asked.band_hz:
+        numbers = {"near_hz": asked.near_hz, "count": asked.count}
+    step = _step("modes", f"modes of the {asked.part}", way, classes, _window(asked), left_out, numbers)
+    return replace(step, demand=foresight.of_modes(case, way, with_search(case, asked)))
+
+
+def _window(asked: Request) -> str:
+    if asked.band_hz:
+        return f"every mode from {khz(asked.band_hz[0])} to {khz(asked.band_hz[1])}"
+    return f"the {asked.count} modes " + (f"nearest {khz(asked.near_hz)}" if asked.near_hz else "lowest")
+
+
+def bands_step(case: Case) -> Step:
+    """Bloch bands of the unit cell."""
+    from pipeline.planning.mesh_rules import FINEST
+
+    case.require("plate", "array.pitch_mm", command="bands")
+    way, asked = cell_way(case), case.bands
+    wavevectors = (len(asked.path) - 1) * asked.points + 1
+    looks = f"{asked.count} bands at {wavevectors} wavevectors of {asked.path}"
+    numbers: dict[str, Any] = {"wavevectors": wavevectors, "count": asked.count, "path": asked.path, "grid": asked.grid}
+    if way.model != SOLID:
+        factor = -(-FINEST // asked.points)
+        numbers["solved_wavevectors"] = (len(asked.path) - 1) * asked.points * factor + 1
+        looks += f", {numbers['solved_wavevectors']} solved to follow branches" if factor > 1 else ""
+    looks += f" and a grid of {asked.grid} intervals" if asked.grid else ""
+    left_out = (*way.left_out, simplifications.off_path(case.design, asked.path, asked.grid))
+    step = _step("bands", "bands of the unit cell", way, (), looks, left_out, numbers)
+    return replace(step, demand=foresight.of_bands(case, way, numbers.get("solved_wavevectors", wavevectors)))
+
+
+def attenuation_step(case: Case, band_hz: tuple[float, float] | None, kx_per_m: float | None, points: int) -> Step:
+    """Complex bands of a row."""
+    case.require("plate", "array.pitch_mm", "pillar", command="attenuation")
+    way = cell_way(case)
+    low, high = driven_band_hz(case, band_hz)
+    kx = case.kx_wanted_per_m if kx_per_m is None else kx_per_m
+    looks = f"{points} frequencies from {khz(low)} to {khz(high)} at kx = {kx:.1f} rad/m"
+    numbers = {"band_hz": [low, high], "frequencies": points, "kx_per_m": kx}
+    left_out = (*way.left_out, simplifications.waves_downwards(case.design))
+    step = _step("attenuation", "attenuation across the rows", way, (), looks, left_out, numbers)
+    return replace(step, demand=foresight.of_attenuation(case, way, points) if way.recipe else None)
+
+
+def response_step(case: Case, band_hz: tuple[float, float] | None, points: int) -> Step:
+    """Forced response to the patches."""
+    case.require_plate(command="response")
+    case.require("patches", command="response")
+    patches = case.patches
+    assert patches is not None
+    low, high = driven_band_hz(case, band_hz)
+    way = way_of(case, "plate", high)
+    looks = f"{points} frequencies and more at the peak, from {khz(low)} to {khz(high)}; {patches.count} patches"
+    numbers = {"band_hz": [low, high], "frequencies": points, "patches": patches.count, "quality": case.quality}
+    demand = foresight.of_response(case, way, (low, high), points)
+    if not way.mirrored:
+        return _step("response", "forced response", way, ("whole",), looks, way.left_out, numbers, demand)
+    silent = simplifications.silent_classes(patches)
+    groups = [group for group in simplifications.patch_groups(patches) if not (silent and set(group) <= _named(silent))]
+    classes = tuple(" with ".join(group) for group in groups)
+    apart = [axis for axis, kept in zip("xy", simplifications.patch_mirrors(patches), strict=True) if not kept]
+    step = _step("response", "forced response", way, classes, looks, (*way.left_out, silent), numbers, demand)
+    if not apart:
+        return step
+    coupled = f"the patches are no mirror image along {' and '.join(apart)}: classes are solved together"
+    return Step(**{**vars(step), "why": (*step.why, coupled)})
+
+
+def _named(omission: Omission) -> set[str]:
+    return set(omission.what.removeprefix("mirror classes ").split(", "))
+
+
+def tolerance_step(case: Case) -> Step:
+    """Plates whose pillars differ: no mirror halves them, no cell stands for another."""
+    case.require("tolerance", command="the measure tolerance")
+    given = case.tolerance
+    assert given is not None
+    low, high = driven_band_hz(case, None)
+    way, scattered = way_of(case, "plate", high), simplifications.is_scattered(case)
+    broken = {"mirror_images", "alike_cells"}
+    kept = [each for each in way.left_out if each.rule not in broken]
+    mirrored = (
+        simplifications.mirror_images(case.design, "plate", scattered),
+        simplifications.alike_cells(case.design, scattered),
+    )
+    looks = f"{given.samples} plates drawn with seed {given.seed}, from {khz(low)} to {khz(high)}"
+    numbers = {"band_hz": [low, high], "samples": given.samples, "seed": given.seed}
+    demand = foresight.of_response(case, way, (low, high), given.samples * RESPONSE_POINTS)
+    classes = way.classes if mirrored[0] else (None,)
+    return _step(
+        "tolerance", "plates with printed tolerances", way, classes, looks, (*kept, *mirrored), numbers, demand
+    )
+
+
+def parts_step(case: Case) -> Step:
+    """The bare zone and the lone pillar."""
+    zone = modes_step(case, Request("zone"))
+    if not case.design.pillar:
+        return Step(**{**vars(zone), "measure": "parts"})
+    pillar = modes_step(case, Request("pillar", near_hz=0.0, count=4))
+    model, mesh, looks = (
+        f"{getattr(zone, key)}; pillar: {getattr(pillar, key)}" for key in ("model", "mesh", "looks_for")
+    )
+    why = (*zone.why, *(f"pillar: {reason}" for reason in pillar.why))
+    numbers = zone.numbers | {"pillar": pillar.numbers}
+    left_out = (*zone.left_out, *pillar.left_out)
+    assert zone.demand and pillar.demand
+    demand = zone.demand.then(pillar.demand)
+    return Step("parts", "zone and lone pillar", model, mesh, zone.classes, looks, why, left_out, numbers, demand)
+
+
+def tetrahedra_step(case: Case) -> Step:
+    """The same plate and cell through CAD and pytetwild."""
+    from pipeline.planning.mesh_rules import NEAR_COUNT, PLATE_ACCURACY
+
+    why = ("a cross-check by another mesh",)
+    name = "the same plate and cell by tetrahedra"
+    return Step(
+        "tetrahedra",
+        name,
+        "solid tet2",
+        "tetrahedra of order 2 from CAD",
+        (),
+        "the modes nearest the wanted one",
+        why,
+        demand=foresight.of_meshed_whole(case, max(PLATE_ACCURACY, case.solve.accuracy), NEAR_COUNT),
+    )
+
+
+def _plain(measure: str, name: str, model: str) -> Step:
+    return Step(measure, name, model, "", (), "", ("the study asks for it",))
+
+
+def _step(
+    measure: str, name: str, way: Way, classes: tuple[str | None, ...], looks: str,
+    left_out: tuple[Omission | None, ...], numbers: dict[str, Any], demand: Demand | None = None,
+) -> Step:  # fmt: skip
+    model, details = way.name, dict(numbers)
+    if way.recipe:
+        face = way.recipe.interface
+        model += (
+            f", degrees {face.along} along and {face.through} through, modes of the pieces to {khz(way.recipe.top_hz)}"
+        )
+        details["degrees"] = [face.along, face.through]
+    if way.hexahedra and way.kind == "hex":
+        mesh = way.hexahedra
+        details |= {"order": mesh.order, "size_m": mesh.size_m, "layers": mesh.layers, "through": mesh.through}
+    shown = tuple("whole" if parity is None else parity for parity in classes)
+    return Step(measure, name, model, way.mesh, shown, looks, way.why, tuple(o for o in left_out if o), details, demand)

@@ -1,0 +1,83 @@
+"""What to look for in a part: what the command line said, completed by the case, then by pre-design."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from pipeline.case.model import Case
+from pipeline.planning import mesh_rules
+from solvers.measures.confinement import wanted_parity
+
+DEFAULT_COUNT = 20
+MEASURED = ("plate", "zone")  # parts whose touch face tells which mode is the wanted one
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to solve: a band, or `count` modes near a frequency (0: the lowest); one mirror class or all.
+
+    search: look for the wanted mode in its own window, beyond what is asked for; else among the modes found alone.
+    """
+
+    part: str = "plate"
+    band_hz: tuple[float, float] | None = None
+    near_hz: float | None = None
+    count: int | None = None
+    parity: str | None = None
+    search: bool = True
+
+    @property
+    def highest_hz(self) -> float | None:
+        """Up to where a model has to be good, Hz; None where the request does not say."""
+        return self.band_hz[1] if self.band_hz else 2.0 * (self.near_hz or 0.0) or None
+
+
+def understood(case: Case, request: Request) -> Request:
+    """Fill what the command line left out from the case, then from pre-design."""
+    solve, asked = case.solve, request
+    if asked.band_hz is None and asked.near_hz is None and asked.count is None:
+        asked = replace(asked, band_hz=solve.band_hz, near_hz=solve.near_hz, count=solve.count)
+    if asked.band_hz is not None:
+        return asked
+    if asked.near_hz is not None:
+        return replace(asked, count=asked.count or solve.count or DEFAULT_COUNT)
+    if asked.count is not None:
+        return replace(asked, near_hz=0.0)
+    if asked.part == "pillar":
+        return replace(asked, near_hz=0.0, count=4)
+    wanted = case.parity_wanted if asked.part == "plate" else wanted_parity(case.design.nodal_lines)
+    return replace(asked, band_hz=mesh_rules.wanted_window_hz(case.design), parity=asked.parity or wanted)
+
+
+def of_case(case: Case) -> Request:
+    """The plate's modes as a study asks for them: the case's window and the wanted mode's in one, the wanted mode's class."""
+    solve = case.solve
+    return with_search(case, Request("plate", solve.band_hz, solve.near_hz, solve.count, case.parity_wanted))
+
+
+def wanted_window_hz(case: Case, asked: Request) -> tuple[float, float] | None:
+    """Where the wanted mode is looked for first; None where that has no meaning: other parts and symmetry classes."""
+    own = asked.part in MEASURED and asked.parity in (None, wanted_parity(case.design.nodal_lines))
+    return mesh_rules.wanted_window_hz(case.design) if own else None
+
+
+def model_high_hz(case: Case, asked: Request) -> float:
+    """Up to where the part's model has to be good, Hz: what is asked for, and the wanted mode's window where they meet."""
+    high = asked.highest_hz or mesh_rules.wanted_window_hz(case.design)[1]
+    window = wanted_window_hz(case, asked) if asked.search else None
+    meets = window and window[0] <= high and (asked.band_hz is None or asked.band_hz[0] <= window[1])
+    return max(high, window[1]) if window and meets else high
+
+
+def with_search(case: Case, asked: Request) -> Request:
+    """The request with the wanted mode's window in its band, where they meet: what is solved for in all."""
+    window = wanted_window_hz(case, asked) if asked.search else None
+    band = asked.band_hz
+    if not window or not band or band[0] > window[1] or window[0] > band[1]:
+        return asked
+    return replace(asked, band_hz=(min(band[0], window[0]), max(band[1], window[1])))
+
+
+def driven_band_hz(case: Case, band_hz: tuple[float, float] | None) -> tuple[float, float]:
+    """The band of a response or an attenuation: asked for, else the case's, else about the wanted mode."""
+    return band_hz or case.solve.band_hz or mesh_rules.wanted_window_hz(case.design)

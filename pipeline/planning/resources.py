@@ -1,0 +1,128 @@
+"""What a computation will take, foretold from its plan: memory, unknowns, modes, an order of time; and what there is.
+
+An estimate may be off by the factors of MEMORY_RANGE and SECONDS_RANGE, which `studies/benchmarks/foresight.py` measured on
+scenes of other materials, sizes, models and accuracies than the calibrated design.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pipeline.errors import InputFault
+from solvers.fem.factor.memory import available_bytes
+from solvers.fem.solve_cost import Cost
+
+GIB = 2.0**30
+BASE_BYTES = 0.25 * GIB  # the program with its libraries
+CAD_BYTES = 0.45 * GIB  # those of CAD and tetrahedra
+START_S = 3.0  # to load them
+SPEED = 4e9  # operations a second and core
+UNITS = ((31557600.0, "years"), (86400.0, "days"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
+MEMORY_RANGE = (0.5, 1.3)  # of the estimate; the upper end is what has to fit
+SECONDS_RANGE = (0.2, 5.0)
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What a step of a plan will take, and what to change where that is too much.
+
+    modes: how many the window may hold (None where nothing is counted); functions: unknowns of a reduced cell, at a
+    wavevector or in one of the panels of a joined plate; `change` in the order in which it helps.
+    """
+
+    cost: Cost
+    modes: float | None = None
+    functions: int | None = None
+    panels: int | None = None
+    change: tuple[str, ...] = ()
+    cad: bool = False
+
+    @property
+    def memory_bytes(self) -> float:
+        """Peak, B."""
+        return BASE_BYTES + (CAD_BYTES if self.cad else 0.0) + self.cost.peak.bytes
+
+    @property
+    def seconds(self) -> float:
+        """An order of magnitude."""
+        return START_S + self.cost.operations / SPEED
+
+    @property
+    def a_what(self) -> str:
+        """What has so many functions."""
+        return "a panel" if self.panels else "a wavevector"
+
+    def then(self, other: Demand) -> Demand:
+        """Both, one after the other: the larger peak and what it asks to change."""
+        larger, smaller = (self, other) if self.memory_bytes >= other.memory_bytes else (other, self)
+        return replace(larger, cost=larger.cost.then(smaller.cost))
+
+    def text(self) -> str:
+        """One line for people."""
+        low, high = (factor * self.memory_bytes for factor in MEMORY_RANGE)
+        parts = [f"memory {_size(self.memory_bytes)} ({_size(low)} to {_size(high)}), most while {self.cost.peak.name}"]
+        if self.panels:
+            parts.append(f"{_count(self.panels)} panels")
+        parts.append(f"{_count(self.cost.unknowns)} unknowns at once")
+        if self.functions:
+            parts.append(f"about {_count(self.functions)} functions {self.a_what}")
+        if self.modes is not None:
+            parts.append(f"about {_count(round(self.modes))} modes")
+        early, late = (factor * self.seconds for factor in SECONDS_RANGE)
+        parts.append(f"time of the order of {_time(self.seconds)} ({_time(early)} to {_time(late)})")
+        return "foreseen: " + "; ".join(parts)
+
+    def json(self) -> dict[str, Any]:
+        """The same for scripts."""
+        return {
+            "memory_bytes": round(self.memory_bytes),
+            "memory_range_bytes": [round(factor * self.memory_bytes) for factor in MEMORY_RANGE],
+            "most_while": self.cost.peak.name,
+            "unknowns": self.cost.unknowns,
+            "modes": None if self.modes is None else round(self.modes),
+            "functions": self.functions,
+            "panels": self.panels,
+            "seconds": float(f"{self.seconds:.2g}"),
+            "seconds_range": [float(f"{factor * self.seconds:.2g}") for factor in SECONDS_RANGE],
+        }
+
+
+def too_much(demand: Demand) -> str | None:
+    """Why this machine cannot hold what is asked for, and what to change; None where it can."""
+    needed, room = MEMORY_RANGE[1] * demand.memory_bytes, available_bytes()
+    if needed <= room:
+        return None
+    told = f"{_count(demand.cost.unknowns)} unknowns, most while {demand.cost.peak.name}"
+    return (
+        f"needs about {_size(demand.memory_bytes)} of memory, up to {_size(needed)} ({told}), {_size(room)} are available: "
+        f"{', or '.join(demand.change) or 'ask for less'}"
+    )
+
+
+def refuse(demands: Mapping[str, Demand]) -> None:
+    """InputFault with a line for every demand, by its name, that this machine cannot hold."""
+    lines = [f"{name}: {told}" for name, demand in demands.items() if (told := too_much(demand))]
+    if lines:
+        raise InputFault(lines)
+
+
+def _size(number: float) -> str:
+    return f"{_short(number / GIB)} GiB"
+
+
+def _count(number: float) -> str:
+    """A count as people write it, with no more digits than an estimate has."""
+    return _short(number) if number < 1e3 else f"{float(f'{number:.3g}'):,.0f}".replace(",", " ")
+
+
+def _time(seconds: float) -> str:
+    """A time in the largest unit of which it has two."""
+    unit, name = next(((size, name) for size, name in UNITS if seconds >= 2.0 * size), UNITS[-1])
+    return f"{_short(seconds / unit, 2)} {name}"
+
+
+def _short(number: float, digits: int = 3) -> str:
+    """So many significant digits, in powers of ten only where nobody would read it otherwise."""
+    return f"{float(f'{number:.{digits}g}'):.10g}" if number < 1e6 else f"{number:.0e}"

@@ -1,0 +1,209 @@
+"""What a scene does not need, as named rules: what is left out and why, or None where that would change the answer.
+
+The functions that mesh and solve ask these rules; a plan lists what they said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from geometry.layout import Design
+from geometry.patches import SAME_M, Patches, mirrored_axes
+
+if TYPE_CHECKING:
+    from pipeline.case.model import Case
+    from pipeline.logs import Log
+
+CLASSES = ("++", "+-", "-+", "--")
+
+
+@dataclass(frozen=True)
+class Omission:
+    """The rule that was taken, what it leaves out, and why that is allowed."""
+
+    rule: str
+    what: str
+    why: str
+
+    def tell(self, log: Log) -> None:
+        """Say it to a log."""
+        log.left_out(self.what, self.why)
+
+
+def told(omissions: Collection[Omission | None], log: Log) -> None:
+    """Say those that were taken."""
+    for omission in omissions:
+        if omission:
+            omission.tell(log)
+
+
+def is_scattered(case: Case) -> bool:
+    """Whether printed pillars differ from one another: the case has a [tolerance] that is not all zeros."""
+    given = case.tolerance
+    return given is not None and any((given.height_m, given.side_m, given.position_m))
+
+
+# -- the scene ---------------------------------------------------------------------------------------------------------
+
+
+def no_pillars(design: Design, part: str) -> Omission | None:
+    """Pillars and their cells, where the part has none."""
+    if part == "cell":
+        return None if design.pillar else Omission("no_pillars", "pillars", "the case has none: the cell is bare")
+    if part == "plate" and not (design.rows and design.pillar):
+        return Omission("no_pillars", "pillars", "the plate has no rows")
+    return None
+
+
+def boxes(case: Case, part: str) -> Omission | None:
+    """CAD and tetrahedra, where structured hexahedra follow every face: no pillar of another shape, no mesh = "tet"."""
+    design = case.design
+    shaped = {"zone": False, "pillar": True, "cell": True, "plate": bool(design.rows)}[part]
+    if case.solve.mesh == "tet" or (shaped and design.pillar is not None and not design.pillar.is_box):
+        return None
+    why = {
+        "zone": "the zone is a box",
+        "pillar": "the pillar is a box",
+        "cell": "the cell is made of boxes",
+        "plate": "the scene is made of boxes",
+    }
+    return Omission("boxes", "CAD and tetrahedra", why[part])
+
+
+def mirror_images(design: Design, part: str, scattered: bool = False) -> Omission | None:
+    """Three quarters of a part that is its own mirror image twice; not with pillars from a STEP file or scattered ones."""
+    held = not scattered and (part == "zone" or _own_image(design, part))
+    what = f"three quarters of the {part}"
+    return Omission("mirror_images", what, "it is its own mirror image along x and y") if held else None
+
+
+def _own_image(design: Design, part: str) -> bool:
+    if part == "plate":
+        return design.is_mirrored
+    return design.pillar is None or design.pillar.is_own_image
+
+
+def alike_cells(design: Design, scattered: bool = False) -> Omission | None:
+    """Reductions of cells that equal one already reduced; not where every pillar differs."""
+    if scattered or not (design.rows and design.pillar):
+        return None
+    return Omission("alike_cells", "reductions of equal cells", "cells alike are reduced once and kept on the shelf")
+
+
+# -- what is asked -----------------------------------------------------------------------------------------------------
+
+
+def other_classes(known: Collection[str | None], asked: str | None) -> Omission | None:
+    """Mirror classes that nobody asked for."""
+    if asked is None or asked not in known or len(known) < 2:
+        return None
+    return Omission("other_classes", f"mirror classes other than {asked}", "not asked for")
+
+
+def other_frequencies(band_hz: tuple[float, float] | None, near_hz: float | None, count: int | None) -> Omission:
+    """Modes outside the window."""
+    if band_hz:
+        what = f"modes below {khz(band_hz[0])} and above {khz(band_hz[1])}"
+    else:
+        what = f"modes beyond the {count} " + (f"nearest {khz(near_hz)}" if near_hz else "lowest")
+    return Omission("other_frequencies", what, "not asked for; the count by inertia proves the window complete")
+
+
+def no_patches(patches: Patches | None, measures: Collection[str]) -> Omission | None:
+    """Piezo patches: the case has none, or no measure drives them."""
+    if patches is None:
+        return Omission("no_patches", "piezo patches and their electrical unknowns", "the case has none")
+    if not {"response", "tolerance"} & set(measures):
+        why = "they act in the response; these modes are those of the plate without them"
+        return Omission("no_patches", "piezo patches", why)
+    return None
+
+
+def no_response(measures: Collection[str]) -> Omission | None:
+    """Damping, which only a forced response has."""
+    driven = {"response", "tolerance"} & set(measures)
+    return None if driven else Omission("no_response", "damping", "no response is asked")
+
+
+def no_plate_modes(measures: Collection[str]) -> Omission | None:
+    """The finite plate's modes."""
+    if {"modes", "confinement"} & set(measures):
+        return None
+    return Omission("no_plate_modes", "modes of the plate", "no measure asks for them")
+
+
+def nothing_drawn(measures: Collection[str], drawn: bool = False) -> Omission | None:
+    """Rendering: pictures are drawn for a page or for --out, from what is stored."""
+    return None if drawn else Omission("nothing_drawn", "rendering", "nothing is drawn until a page asks for it")
+
+
+def no_lattice(design: Design, measure: str) -> Omission | None:
+    """Bands without a pitch, attenuation without a pitch or pillars."""
+    no_pitch = design.pitch_x_m != design.pitch_x_m
+    if measure == "bands" and no_pitch:
+        return Omission("no_lattice", "bands", "the case has no pitch")
+    if measure == "attenuation" and (no_pitch or design.pillar is None):
+        return Omission("no_lattice", "attenuation", "the case has no pillars or no pitch")
+    return None
+
+
+# -- symmetry of patches and of the wavevectors ------------------------------------------------------------------------
+
+
+def patch_mirrors(patches: Patches) -> tuple[bool, bool]:
+    """Along x and y: whether the set of patches is its own mirror image there, so that classes stay apart."""
+    return mirrored_axes(patches.boxes_m())
+
+
+def patch_groups(patches: Patches) -> list[tuple[str, ...]]:
+    """Mirror classes that have to be solved together: an axis along which the patches are no mirror image couples two."""
+    kept = patch_mirrors(patches)
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for parity in CLASSES:
+        groups.setdefault(tuple(mark if kept[axis] else "" for axis, mark in enumerate(parity)), []).append(parity)
+    return [tuple(group) for group in groups.values()]
+
+
+def silent_classes(patches: Patches) -> Omission | None:
+    """Classes odd along an axis in whose plane every patch is centred: no patch pushes them, none hears them."""
+    centred = [max(abs(centre[axis]) for centre in patches.centres_m) < SAME_M for axis in (0, 1)]
+    silent = [p for p in CLASSES if any(centred[axis] and p[axis] == "-" for axis in (0, 1))]
+    if not silent:
+        return None
+    return Omission("silent_classes", "mirror classes " + ", ".join(silent), "the patches do not drive them")
+
+
+def lattice_mirrors(design: Design) -> tuple[str, ...]:
+    """Mirrors of the unit cell: x, y, and "d", which exchanges x and y; none with a pillar from a STEP file."""
+    if design.pillar is not None and not design.pillar.is_own_image:
+        return ()
+    return ("x", "y", "d") if design.pitch_x_m == design.pitch_y_m else ("x", "y")
+
+
+def off_path(design: Design, path: str, grid: int = 0) -> Omission | None:
+    """Wavevectors off a path along the whole border of the irreducible zone, where band edges lie but for rare cases.
+
+    A square cell's zone is bounded by G-X, X-M, M-G, another pitch's by G-X, X-M, M-Y, Y-G; a cell without mirrors has none
+    of them for a border. Not taken for an oblique path, for one that misses a side, or when a grid is asked for.
+    """
+    legs = {frozenset(pair) for pair in pairwise(path)}
+    mirrors = lattice_mirrors(design)
+    border = ("GX", "XM", "MG") if "d" in mirrors else ("GX", "XM", "MY", "YG")
+    if grid or not mirrors or not {frozenset(leg) for leg in border} <= legs:
+        return None
+    return Omission("off_path", "wavevectors off the path", f"{path} bounds the irreducible Brillouin zone")
+
+
+def waves_downwards(design: Design) -> Omission | None:
+    """Waves towards -y across the rows: mirror images of those towards +y, unless a row is not its own mirror image."""
+    if "y" not in lattice_mirrors(design):
+        return None
+    return Omission("waves_downwards", "waves towards -y", "a row is its own mirror image: they come in pairs k, -k")
+
+
+def khz(frequency_hz: float) -> str:
+    """A frequency in kHz."""
+    return f"{frequency_hz / 1e3:g} kHz"

@@ -1,0 +1,91 @@
+"""Complex bands: decay per row of every wave, wavenumbers across the rows, and what the case's rows let through."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pipeline.plots import style
+from pipeline.plots.style import Drawing
+from pipeline.records.study import StoredCase
+
+KHZ = 1e-3
+LOOKS = {
+    "flexural": (style.BLUE, "o"),
+    "shear": (style.ORANGE, "s"),
+    "longitudinal": (style.GREEN, "D"),
+}
+DEEPEST_DB = 30.0
+
+
+def attenuation(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
+    """The complex bands of a case's record, its wanted mode marked."""
+    found = case.record.get("attenuation")
+    return complex_bands(found, case.wanted.get("frequency_hz")) if found else None
+
+
+def complex_bands(found: dict[str, Any], predicted_hz: float | None = None) -> Drawing:
+    """Three panels over frequency: decay per row, Re k_y, power through the rows."""
+    figure = style.new_figure(style.WIDTH_IN, 6.2)
+    decay, phase, power = figure.subplots(3, 1, sharex=True, height_ratios=[1.2, 1.0, 1.0])
+    _waves(decay, phase, found)
+    _least(decay, found)
+    _power(power, found)
+    decay.set_ylim(DEEPEST_DB, -0.5)
+    decay.set_ylabel("decay (dB per row)")
+    decay.set_title(f"Waves across the rows at kx = {found['kx_per_m']:.0f} rad/m")
+    phase.set_ylabel("|Re ky| p / π")
+    power.set_ylabel("share of power")
+    power.set_xlabel("frequency (kHz)")
+    for axes in (decay, phase, power):
+        axes.grid(True)
+        if predicted_hz:
+            axes.axvline(KHZ * predicted_hz, color=style.GREY, ls=":")
+    figure.legend(*decay.get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=7, markerscale=2.5)
+    return Drawing("attenuation", "Attenuation per row and power through the rows", _alt(found), figure, vector=True)
+
+
+def _waves(decay: Any, phase: Any, found: dict[str, Any]) -> None:
+    pitch = found["pitch_y_m"]
+    for name, (colour, marker) in LOOKS.items():
+        waves = [(p["frequency_hz"], w) for p in found["points"] for w in p["waves"] if w["polarisation"] == name]
+        if not waves:
+            continue
+        tone = KHZ * np.array([f for f, _ in waves])
+        look = {"color": colour, "marker": marker, "ls": "none", "ms": 1.8}
+        decay.plot(tone, [w["db_per_row"] for _, w in waves], label=name, **look)
+        weak = np.array([w["db_per_row"] < DEEPEST_DB for _, w in waves])
+        phase.plot(tone[weak], np.array([abs(w["ky_re_per_m"]) * pitch / np.pi for _, w in waves])[weak], **look)
+
+
+def _least(decay: Any, found: dict[str, Any]) -> None:
+    known = [(p["frequency_hz"], p["db_per_row"]) for p in found["points"] if p["db_per_row"] is not None]
+    if known:
+        tone, least = np.array(known).T
+        decay.plot(KHZ * tone, least, color=style.VERMILION, lw=1.4, label="least attenuated flexural wave")
+
+
+def _power(axes: Any, found: dict[str, Any]) -> None:
+    passed = [(p["frequency_hz"], p["through_rows"]) for p in found["points"] if p.get("through_rows")]
+    if not passed:
+        axes.text(0.5, 0.5, "no rows, or no flexural wave arrives", ha="center", transform=axes.transAxes)
+        return
+    tone = KHZ * np.array([f for f, _ in passed])
+    axes.plot(
+        tone, [p["flexural"] for _, p in passed], color=style.BLUE, label=f"through {found['rows']} rows, flexural"
+    )
+    turned = [p["shear"] + p["longitudinal"] for _, p in passed]
+    axes.plot(tone, turned, color=style.ORANGE, ls="--", label="turned into in-plane waves")
+    axes.set_yscale("symlog", linthresh=1e-4)
+    axes.set_ylim(0.0, 1.5)
+    axes.legend(loc="lower right", fontsize=7)
+
+
+def _alt(found: dict[str, Any]) -> str:
+    known = [(p["db_per_row"], p["frequency_hz"]) for p in found["points"] if p["db_per_row"] is not None]
+    deepest = max(known, default=(0.0, 0.0))
+    return (
+        f"Decay per row of flexural, shear and longitudinal waves over frequency; the least attenuated flexural wave decays "
+        f"most, {deepest[0]:.1f} dB per row, at {KHZ * deepest[1]:.2f} kHz; below, the power that passes {found['rows']} rows"
+    )

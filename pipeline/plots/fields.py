@@ -1,0 +1,283 @@
+"""A mode on the touch face, from the side, in the plane of the pillars, and on both kinds of mesh."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.plots import style
+from pipeline.plots.plate import (
+    KINDS,
+    MM,
+    FloatArray,
+    IntArray,
+    Pillars,
+    draw_outlines,
+    find_pillars,
+    flat_height_in,
+    footprint_m,
+    frame_plate,
+    nice_below,
+    skin_faces,
+    zone_peak,
+)
+from pipeline.plots.style import Drawing
+from pipeline.records.study import CONFINED_DB, StoredCase
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import TriMesh
+
+DRAWN_SHARE = 0.3  # of a pillar's height: the largest displacement in the side view
+MOST_NEIGHBOURS = 4
+
+
+def _has_mode(case: StoredCase, arrays: dict[str, Any]) -> bool:
+    return bool(case.record.get("design")) and {"touch_xy", "touch_triangles", "touch_uz"} <= arrays.keys()
+
+
+def wanted_hz(case: StoredCase, arrays: dict[str, Any]) -> float | None:
+    """Frequency of the mode shown, Hz."""
+    kept = arrays.get("surface_frequency_hz")
+    return case.wanted.get("frequency_hz") or (float(kept[0]) if kept is not None and len(kept) else None)
+
+
+def _khz(frequency_hz: float | None) -> str:
+    return "" if frequency_hz is None else f" at {frequency_hz / 1e3:.2f} kHz"
+
+
+def held(case: StoredCase) -> str:
+    """How well the wanted mode is held, in words."""
+    if case.confined is None:
+        return "confinement has no meaning here (no passive face)"
+    verdict = "confined" if case.confined else "leaking"
+    return f"{verdict}, {case.wanted['confinement_db']:.1f} dB (at least {CONFINED_DB:.0f} dB counts as confined)"
+
+
+def _paint(axes: Axes, arrays: dict[str, Any], values: FloatArray, design: dict[str, Any]) -> TriMesh:
+    xy = arrays["touch_xy"] * MM
+    field: TriMesh = axes.tripcolor(  # type: ignore[call-overload]
+        xy[:, 0], xy[:, 1], arrays["touch_triangles"], values, shading="gouraud", cmap=style.SIGNED, vmin=-1, vmax=1
+    )
+    field.set_rasterized(True)
+    draw_outlines(axes, design)
+    frame_plate(axes, design)
+    return field
+
+
+def touch_face(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
+    """Normal displacement of the wanted mode on the touch face, zone and footprints drawn."""
+    if not _has_mode(case, arrays):
+        return None
+    design = case.record["design"]
+    figure = style.new_figure(style.WIDTH_IN, flat_height_in(design, 6.2) + 1.1)
+    axes = figure.subplots()
+    field = _paint(axes, arrays, arrays["touch_uz"][0] / zone_peak(arrays, design), design)
+    bar = figure.colorbar(field, ax=axes, shrink=0.85, pad=0.01, aspect=22)
+    bar.set_label("u$_z$ / largest in the zone (no unit)")
+    title = f"Wanted mode on the touch face{_khz(wanted_hz(case, arrays))}"
+    axes.set_title(f"{title}\n{held(case)}")
+    alt = (
+        f"Map of the normal displacement of the wanted mode{_khz(wanted_hz(case, arrays))} on the touch face of "
+        f"{case.case_id}: {held(case)}. Dashed lines bound the active zone, small outlines the pillars' feet."
+    )
+    return Drawing("touch_face", title, alt, figure)
+
+
+def neighbours(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
+    """The kept modes side by side, the wanted one first."""
+    if not _has_mode(case, arrays) or len(arrays["touch_uz"]) < 2 or "surface_frequency_hz" not in arrays:
+        return None
+    design, shapes = case.record["design"], arrays["touch_uz"][:MOST_NEIGHBOURS]
+    rows = -(-len(shapes) // 2)
+    figure = style.new_figure(style.WIDTH_IN, rows * (flat_height_in(design, 3.4) + 0.55))
+    panels = figure.subplots(rows, 2, squeeze=False, sharex=True, sharey=True).ravel()
+    for axes, shape, frequency in zip(panels, shapes, arrays["surface_frequency_hz"], strict=False):
+        _paint(axes, arrays, shape / np.max(np.abs(shape)), design)
+        wanted = " (wanted)" if axes is panels[0] else ""
+        axes.set_title(f"{frequency / 1e3:.2f} kHz{wanted}")
+        axes.label_outer()
+    for axes in panels[len(shapes) :]:
+        axes.set_axis_off()
+    tones = ", ".join(f"{frequency / 1e3:.2f}" for frequency in arrays["surface_frequency_hz"][: len(shapes)])
+    alt = (
+        f"Normal displacement on the touch face of the wanted mode and its neighbours, at {tones} kHz, "
+        "each over its own largest value."
+    )
+    return Drawing("neighbours", "The wanted mode and its neighbours", alt, figure)
+
+
+def pillars_in_plane(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
+    """In-plane displacement of each pillar's tip, over the zone's largest normal displacement."""
+    if not _has_mode(case, arrays) or "surface_u" not in arrays:
+        return None
+    design = case.record["design"]
+    pillars = find_pillars(arrays, design)
+    if pillars is None or not pillars.tips.size:
+        return None
+    count = np.maximum(1, np.bincount(pillars.tip_owner, minlength=len(pillars.centres)))
+    tip = arrays["surface_u"][0][pillars.tips] / zone_peak(arrays, design)
+    mean = [np.bincount(pillars.tip_owner, tip[:, i], len(pillars.centres)) / count for i in (0, 1)]
+    limit = max(1e-12, float(np.max(np.abs(mean))))
+    reach = float(np.abs(pillars.centres[:, 1]).max())
+    figure = style.new_figure(style.WIDTH_IN, 2 * 6.2 * 1.25 * reach / (design["length_m"] / 2) + 1.5)
+    panels = figure.subplots(2, 1, sharex=True)
+    for axes, values, name in zip(panels, mean, "xy", strict=True):
+        squares = _squares(axes, pillars, values, limit, footprint_m(design))
+        draw_outlines(axes, design)
+        frame_plate(axes, design)
+        axes.set_title(f"Tip displacement along {name}")
+        axes.set_ylim(-1.25 * reach * MM, 1.25 * reach * MM)
+    panels[0].set_xlabel("")
+    bar = figure.colorbar(squares, ax=list(panels), shrink=0.7, pad=0.01, aspect=30)
+    bar.set_label("displacement of the tips /\nlargest u$_z$ in the zone (no unit)")
+    title = f"In-plane motion of the pillars{_khz(wanted_hz(case, arrays))}"
+    alt = (
+        f"Two maps of the pillars of {case.case_id}, coloured by the displacement of their tips along x and along y; the "
+        f" largest is {limit:.2g} times the zone's largest normal displacement."
+    )
+    return Drawing("pillars_in_plane", title, alt, figure)
+
+
+def _squares(axes: Axes, pillars: Pillars, values: FloatArray, limit: float, foot: float) -> Any:
+    from matplotlib.collections import PolyCollection
+
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * foot / 2
+    squares = PolyCollection(list((pillars.centres[:, None, :] + corners) * MM), cmap=style.SIGNED)
+    squares.set_array(values)
+    squares.set_clim(-limit, limit)
+    axes.add_collection(squares)
+    return squares
+
+
+def side_view(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
+    """Two side views with displacements exaggerated by a stated factor: across the zone, and along the first row."""
+    if not _has_mode(case, arrays) or "surface_u" not in arrays or skin_faces(arrays, "surface") is None:
+        return None
+    design = case.record["design"]
+    u = arrays["surface_u"][0] / zone_peak(arrays, design) * 1e-6  # 1 um at the zone's largest
+    pillars = find_pillars(arrays, design)
+    tallest = design["pillar"]["height_m"] if pillars else design["thickness_m"]
+    factor = nice_below(DRAWN_SHARE * tallest / max(1e-30, float(np.max(np.abs(u)))))
+    x0, y0 = _cuts(arrays, design, pillars)
+    tall = design["thickness_m"] + 1.3 * tallest
+    heights = [7.0 * tall / (2 * half) for half in (design["half_span_m"], design["length_m"] / 2)]
+    figure = style.new_figure(style.WIDTH_IN, sum(heights) + 2.0)
+    panels = figure.subplots(2, 1, height_ratios=heights)
+    cuts = ((1, x0, f"Across the zone, at x = {x0 * MM:.1f} mm"), (0, y0, f"Along the zone, at y = {y0 * MM:.1f} mm"))
+    for axes, (axis, where, heading) in zip(panels, cuts, strict=True):
+        _side(axes, arrays, design, (axis, where), u, factor, pillars)
+        axes.set_title(heading)
+        style.mm_axes(axes, "xy"[axis], "z")
+    for side in (-1, 1):
+        panels[0].axvline(side * design["width_m"] / 2 * MM, color="black", lw=0.9, ls=(0, (5, 3)))
+    times = f"{factor:,.0f}".replace(",", "\u202f")
+    title = f"Side views{_khz(wanted_hz(case, arrays))}, displacements drawn {times} times as large"
+    figure.suptitle(f"{title} (zone's largest u$_z$ = 1 µm)", fontsize=9, x=0.01, ha="left")
+    alt = (
+        f"Plate and pillars of {case.case_id} seen along x and along y in the wanted mode; displacements are exaggerated "
+        f"{factor:.0f} times for 1 micrometre at the zone's largest normal displacement. Dashed lines bound the active zone."
+    )
+    return Drawing("side_view", title, alt, figure)
+
+
+def _cuts(arrays: dict[str, Any], design: dict[str, Any], pillars: Pillars | None) -> tuple[float, float]:
+    """Where to look: the pillar column nearest an antinode of the zone, the first row on the positive side."""
+    uz, xy = np.abs(arrays["touch_uz"][0]), arrays["touch_xy"]
+    inner = (np.abs(xy[:, 0]) < 0.3 * design["length_m"]) & (np.abs(xy[:, 1]) < design["width_m"] / 2)
+    antinode = float(xy[inner][np.argmax(uz[inner]), 0]) if inner.any() else 0.0
+    if pillars is None:
+        return antinode, 0.0
+    columns = np.unique(pillars.centres[:, 0])
+    rows = pillars.centres[:, 1]
+    return float(columns[np.argmin(np.abs(columns - antinode))]), float(rows[rows > 0].min())
+
+
+def _side(
+    axes: Axes,
+    arrays: dict[str, Any],
+    design: dict[str, Any],
+    cut: tuple[int, float],
+    u: FloatArray,
+    factor: float,
+    pillars: Pillars | None,
+) -> None:
+    from matplotlib.collections import PolyCollection
+
+    axis, where = cut
+    half = design["half_span_m"] if axis else design["length_m"] / 2
+    line = np.linspace(-half, half, 400)
+    lift = _along(arrays, line, cut) / zone_peak(arrays, design) * 1e-6 * factor
+    axes.fill_between(line * MM, lift * MM, (lift + design["thickness_m"]) * MM, color="#B9C4CE", lw=0.4, ec="#44525E")
+    if pillars is not None:
+        shown = np.abs(pillars.centres[pillars.face_owner, 1 - axis] - where) < footprint_m(design) / 2
+        faces = skin_faces(arrays, "surface")
+        assert faces is not None
+        drawn = (arrays["surface_points"] + factor * u)[faces[pillars.faces[shown]]] * MM
+        axes.add_collection(PolyCollection(drawn[:, :, [axis, 2]], facecolor=style.BLUE, edgecolor=style.BLUE, lw=0.3))
+    axes.set_xlim(-1.03 * half * MM, 1.03 * half * MM)
+    axes.autoscale_view(scalex=False)
+    axes.margins(y=0.08)
+
+
+def _along(arrays: dict[str, Any], line: FloatArray, cut: tuple[int, float]) -> FloatArray:
+    """u_z of the wanted mode on the touch face along a straight line: exact where triangle edges cross it, linear between."""
+    axis, where = cut
+    triangles = arrays["touch_triangles"]
+    edges = np.concatenate([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+    off = arrays["touch_xy"][:, 1 - axis] - where
+    first, second = edges[off[edges[:, 0]] * off[edges[:, 1]] <= 0].T
+    apart = off[first] - off[second]
+    share = np.divide(off[first], apart, out=np.zeros_like(apart), where=apart != 0)
+    place, value = arrays["touch_xy"][:, axis], arrays["touch_uz"][0]
+    at = np.concatenate([place[first] + share * (place[second] - place[first]), place[second][apart == 0]])
+    field = np.concatenate([value[first] + share * (value[second] - value[first]), value[second][apart == 0]])
+    order = np.argsort(at, kind="stable")
+    return np.asarray(np.interp(line, at[order], field[order]))
+
+
+def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
+    """The wanted mode's normal displacement on the touch face: hexahedra beside tetrahedra, the same part of the plate."""
+    design = case.record.get("design")
+    if not design or not {"tet_points", "tet_triangles", "tet_u", "touch_uz"} <= arrays.keys():
+        return None
+    points, faces, uz = arrays["tet_points"], arrays["tet_triangles"], arrays["tet_u"][:, 2]
+    faces = faces[np.all(points[faces][:, :, 2] < 1e-3 * design["thickness_m"], axis=1)]
+    if not faces.size:
+        return None
+    box = np.array([points[faces].min(axis=(0, 1))[:2], points[faces].max(axis=(0, 1))[:2]]) * MM
+    uz = _aligned(arrays, points, uz, faces)
+    aspect = (box[1, 1] - box[0, 1]) / (box[1, 0] - box[0, 0])
+    figure = style.new_figure(style.WIDTH_IN, 3.3 * aspect + 1.5)
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    xy = arrays["touch_xy"] * MM
+    hexahedra = (xy, arrays["touch_triangles"], arrays["touch_uz"][0] / zone_peak(arrays, design))
+    both = (hexahedra, (points[:, :2] * MM, faces, uz))
+    compared = case.record.get("tet_modes") or {}
+    tones = (compared.get("hex_frequency_hz"), compared.get("frequency_hz"))
+    for axes, (flat, cells, values), kind, tone in zip(panels, both, KINDS.values(), tones, strict=True):
+        field = axes.tripcolor(*flat.T, cells, values, shading="gouraud", cmap=style.SIGNED, vmin=-1, vmax=1)
+        field.set_rasterized(True)
+        axes.triplot(*flat.T, cells, color="black", lw=0.1, alpha=0.3, rasterized=True)
+        axes.set_title(kind + (f"\n{tone / 1e3:.3f} kHz" if tone else ""))
+        axes.axhline(design["width_m"] / 2 * MM, color="black", lw=0.9, ls=(0, (5, 3)))
+        axes.set_xlim(*box[:, 0])
+        axes.set_ylim(*box[:, 1])
+        style.mm_axes(axes)
+        axes.label_outer()
+    bar = figure.colorbar(field, ax=list(panels), shrink=0.8, pad=0.01)
+    bar.set_label("u$_z$ / largest in the zone")
+    told = f"; frequencies differ by {compared['relative_difference']:.2%}" if "relative_difference" in compared else ""
+    alt = f"Normal displacement of {case.case_id}'s wanted mode on the touch face by hexahedra and by tetrahedra{told}."
+    return Drawing("mode_on_both_meshes", "The wanted mode by hexahedra and by tetrahedra", alt, figure)
+
+
+def _aligned(arrays: dict[str, Any], points: FloatArray, uz: FloatArray, faces: IntArray) -> FloatArray:
+    """The tetrahedral field over its own largest value, in the sign of the other one (a mode's sign is free)."""
+    from scipy.interpolate import NearestNDInterpolator
+
+    nodes = np.unique(faces)
+    other = NearestNDInterpolator(arrays["touch_xy"], arrays["touch_uz"][0])(points[nodes, :2])
+    sign = 1.0 if float(other @ uz[nodes]) >= 0 else -1.0
+    return sign * uz / float(np.max(np.abs(uz[nodes])))

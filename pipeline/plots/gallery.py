@@ -1,0 +1,128 @@
+"""The pictures of a case and of a study: drawn from records, kept while what they show is unchanged."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from pipeline.plots.style import PICTURES, Drawing, Picture, save, style
+from pipeline.records import store
+from pipeline.records.fingerprint import canonical_json, file_hash
+from pipeline.records.study import StoredCase, StoredStudy
+
+INDEX = "index.json"
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Pictures, and what could not be drawn and why."""
+
+    pictures: list[Picture]
+    troubles: list[str] = field(default_factory=list)
+
+
+ORDER = (
+    *("geometry", "touch_face", "side_view", "pillars_in_plane", "neighbours"),
+    *("plate_meshes", "mode_on_both_meshes", "dispersion", "attenuation", "response"),
+    *("measured", "tolerance", "board", "cell_meshes"),
+)
+
+
+def draw_case(case: StoredCase) -> Drawn:
+    """Draw every picture that a case's records allow, or take the stored ones when nothing they show has changed."""
+    from pipeline.plots import attenuation, bands, board, fields, measured, mesh, response
+
+    if case.status not in {"OK", "ALARM"}:
+        return Drawn([])
+    if (kept := kept_pictures(case)) is not None:
+        return Drawn(kept)
+    draws: tuple[Callable[..., Drawing | list[Drawing] | None], ...] = (
+        mesh.drawings,
+        fields.touch_face,
+        fields.side_view,
+        fields.pillars_in_plane,
+        fields.neighbours,
+        fields.mode_on_both_meshes,
+        bands.dispersion,
+        attenuation.attenuation,
+        response.response,
+        measured.measured,
+        response.tolerance,
+        board.board,
+    )
+    arrays, complaints = case.read_arrays()
+    return _draw(case.folder / PICTURES, _case_key(case), [partial(draw, case, arrays) for draw in draws], complaints)
+
+
+def kept_pictures(case: StoredCase) -> list[Picture] | None:
+    """The stored pictures of a case, None when they have to be drawn again."""
+    return _kept(case.folder / PICTURES, _case_key(case)) if case.status in {"OK", "ALARM"} else []
+
+
+def _case_key(case: StoredCase) -> str:
+    folders = (case.folder, *case.kin)
+    return _key(case.record, [folder / name for folder in folders for name in (store.ARRAYS, store.INPUT)])
+
+
+def draw_study(study: StoredStudy) -> Drawn:
+    """Draw the pictures that compare a study's cases, or take the stored ones."""
+    from pipeline.plots import sweep
+
+    key = _key([study.about, *([case.sweep, case.record] for case in study.cases)], [])
+    if (kept := _kept(study.folder / PICTURES, key)) is not None:
+        return Drawn(kept)
+    return _draw(
+        study.folder / PICTURES,
+        key,
+        [partial(sweep.against_sweep, study), partial(sweep.how_many_rows, study)],
+    )
+
+
+def _draw(
+    folder: Path,
+    key: str,
+    draws: Sequence[Callable[[], Drawing | list[Drawing] | None]],
+    complaints: Sequence[str] = (),
+) -> Drawn:
+    """Draw and save; one that cannot be drawn is told beside the complaints about its data and spoils no other."""
+    pictures: list[Picture] = []
+    troubles = list(complaints)
+    for draw in draws:
+        try:
+            with style():
+                made = draw() or []
+            pictures += [save(drawing, folder) for drawing in (made if isinstance(made, list) else [made])]
+        except (store.StoreError, MemoryError):
+            raise
+        except Exception as error:
+            name = getattr(draw, "func", draw).__name__
+            troubles.append(f"{name}: {type(error).__name__}: {error}")
+    pictures.sort(key=lambda picture: ORDER.index(picture.name) if picture.name in ORDER else -1)
+    if not troubles and (pictures or folder.exists()):
+        folder.mkdir(parents=True, exist_ok=True)
+        store.write_json(folder / INDEX, {"key": key, "pictures": [asdict(picture) for picture in pictures]})
+    return Drawn(pictures, troubles)
+
+
+def _kept(folder: Path, key: str) -> list[Picture] | None:
+    with suppress(store.BadRecord, TypeError, KeyError):
+        index = store.read_json(folder / INDEX)
+        pictures = [Picture(**entry) for entry in index["pictures"]]
+        files = [folder / name for picture in pictures for name in (picture.svg, picture.png, picture.shown)]
+        if index["key"] == key and all(path.is_file() for path in files):
+            return pictures
+    return None
+
+
+def _key(shown: Any, files: list[Path]) -> str:
+    """Hash of what pictures show and of what draws them."""
+    sources = sorted(Path(__file__).parent.glob("*.py"))
+    parts = [canonical_json(shown), metadata.version("matplotlib")]
+    parts += [file_hash(path) for path in [*files, *sources] if path.exists()]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()

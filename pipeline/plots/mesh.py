@@ -1,0 +1,192 @@
+"""Pictures of the geometry and of the meshes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.plots import rendering, style
+from pipeline.plots.plate import KINDS, MM, FloatArray, IntArray, skin_faces
+from pipeline.plots.rendering import Surface
+from pipeline.plots.style import Drawing
+from pipeline.records.study import StoredCase
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+CORNER_M = 0.022
+PLATE_PREFIXES = ("mesh", "tet")
+MIXED = "pieces with a pillar in tetrahedra,\nbare ones in hexahedra"
+TITLES = {"plate": "Meshes of the plate, one corner", "cell": "Meshes of the unit cell"}
+
+
+def drawings(case: StoredCase, arrays: dict[str, Any]) -> list[Drawing]:
+    """Geometry, the plate's meshes and the cell's, all rendered in one go."""
+    shown = {name: surface for name, surface in _surfaces(case, arrays).items() if surface is not None}
+    images, fault = rendering.render(list(shown.values()))
+    picture = dict(zip(shown, images, strict=True))
+    found = [
+        _geometry(case, picture, fault),
+        _meshes(case, shown, picture, "plate", fault),
+        _meshes(case, shown, picture, "cell", fault),
+    ]
+    return [drawing for drawing in found if drawing]
+
+
+def _surfaces(case: StoredCase, arrays: dict[str, Any]) -> dict[str, Surface | None]:
+    """What is rendered, by name: the whole plate, and each mesh's skin coloured by the quality of its faces."""
+    design, faces = case.record.get("design"), skin_faces(arrays, "surface")
+    plain = Surface(*with_edges(arrays["surface_points"], faces, design)) if design and faces is not None else None
+    skins = {"plate hex": "mesh", "plate tet": "tet", "cell hex": "cell", "cell tet": "cell_tet"}
+    return {"geometry": plain, **{name: _mesh_surface(arrays, prefix, design) for name, prefix in skins.items()}}
+
+
+def with_edges(points: FloatArray, faces: IntArray, design: dict[str, Any]) -> tuple[FloatArray, IntArray]:
+    """The skin with the plate's outer edge faces, which a skin put together from plate cells does not have."""
+    walls = []
+    for axis, half in ((0, design["length_m"] / 2), (1, design["half_span_m"])):
+        for side in (-half, half):
+            there = np.abs(points[:, axis] - side) < 1e-6 * half
+            if there[faces].all(axis=1).any():
+                return points, faces  # closed already
+            low = there & (np.abs(points[:, 2]) < 1e-6 * half)
+            rims = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)
+            walls.append(rims[low[rims].all(axis=2)])
+    rim = np.concatenate(walls)
+    up = points[rim] + np.array([0.0, 0.0, design["thickness_m"]])
+    quads = np.concatenate([points[rim], up[:, ::-1]], axis=1)
+    added = len(points) + np.arange(4 * len(rim)).reshape(-1, 4)
+    added = added if faces.shape[1] == 4 else np.concatenate([added[:, [0, 1, 2]], added[:, [0, 2, 3]]])
+    return np.concatenate([points, quads.reshape(-1, 3)]), np.concatenate([faces, added])
+
+
+def _mesh_surface(arrays: dict[str, Any], prefix: str, design: dict[str, Any] | None) -> Surface | None:
+    faces = skin_faces(arrays, prefix)
+    if faces is None:
+        return None
+    points = arrays[f"{prefix}_points"]
+    if design and prefix in PLATE_PREFIXES:
+        points, faces = _corner(*with_edges(points, faces, design), design)
+    return Surface(points, faces, face_quality(points, faces), edges=True, direction=(1.0, 1.6, 1.3))
+
+
+def _corner(points: FloatArray, faces: IntArray, design: dict[str, Any]) -> tuple[FloatArray, IntArray]:
+    """The corner of the plate at the largest x and y, from inside the zone's side on: elements large enough to be seen."""
+    middles = points[faces].mean(axis=1)
+    columns = np.unique(np.reshape(design.get("pillar_centres_m") or [], (-1, 2))[:, 0])
+    between = (columns[1:] + columns[:-1]) / 2  # cut no pillar
+    start = design["length_m"] / 2 - CORNER_M
+    shown = middles[:, 0] > (between[np.argmin(np.abs(between - start))] if between.size else start)
+    shown &= middles[:, 1] > min(design["width_m"] / 2, design["half_span_m"] - CORNER_M)
+    shown |= ~shown.any()  # a mesh that has no such corner is shown whole
+    used, renumbered = np.unique(faces[shown], return_inverse=True)
+    return points[used], renumbered.reshape(-1, faces.shape[1])
+
+
+def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> Drawing | None:
+    """The whole plate from the pillars' side, dimensions beside."""
+    if "geometry" not in picture:
+        return None
+    image, design = picture["geometry"], case.record["design"]
+    figure = style.new_figure(style.WIDTH_IN, style.WIDTH_IN * image.shape[0] / image.shape[1] + 0.75)
+    axes = figure.subplots()
+    _show(axes, image)
+    axes.set_title("The plate, seen from the pillars' side (the touch face is below)")
+    figure.supxlabel(_dimensions(design, case.record.get("geometry") or {}), fontsize=8.5)
+    alt = f"The plate of {case.case_id} in perspective, pillars up: {_dimensions(design, {})}.{_note(fault)}"
+    return Drawing("geometry", "Geometry", alt, figure)
+
+
+def _dimensions(design: dict[str, Any], geometry: dict[str, Any]) -> str:
+    plate = (
+        f"plate {design['length_m'] * MM:g} × {2 * design['half_span_m'] * MM:g} × {design['thickness_m'] * MM:g} mm"
+    )
+    words = [plate, f"zone {design['width_m'] * MM:g} mm wide"]
+    pillar = design.get("pillar")
+    if pillar:
+        columns = len(design["pillar_centres_m"]) // max(1, 2 * design["rows"])
+        words.append(
+            f"2 × {design['rows']} rows of {columns} {pillar['shape']} pillars {pillar['base_m'] * MM:g} mm wide, "
+            f"{pillar['height_m'] * MM:g} mm high, {design['pitch_x_m'] * MM:g} mm apart"
+        )
+    if geometry.get("mass_kg"):
+        words.append(f"{geometry['mass_kg'] * 1e3:.1f} g")
+    return "; ".join(words)
+
+
+def _note(fault: str) -> str:
+    return f" Drawn as a plain projection: {fault}." if fault else ""
+
+
+def _show(axes: Axes, image: Any) -> None:
+    axes.imshow(image, interpolation="antialiased")
+    axes.set_axis_off()
+
+
+def face_quality(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Shape quality of triangles or quadrangles in 0..1, the same measure for both.
+
+    Least over the corners of 2 |a x b| / (|a|^2 + |b|^2) with the two edges a, b of a corner, over its value for the
+    regular polygon: 1 for a square or an equilateral triangle, 0 for a collapsed face. Shapes (n, 3), (m, 3 or 4) -> (m,).
+    """
+    corners = points[faces]
+    a, b = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    area = np.linalg.norm(np.cross(a, b), axis=2)
+    worst = np.min(2 * area / np.maximum(np.sum(a**2, axis=2) + np.sum(b**2, axis=2), 1e-300), axis=1)
+    return np.asarray(np.minimum(1.0, worst / np.sin(np.pi * (1 - 2 / faces.shape[1]))))
+
+
+def _meshes(
+    case: StoredCase, shown: dict[str, Surface], picture: dict[str, Any], what: str, fault: str
+) -> Drawing | None:
+    """Meshes of the plate or of the unit cell side by side, coloured by the shape of the visible faces."""
+    kinds = [kind for kind in KINDS if f"{what} {kind}" in picture]
+    if not kinds:
+        return None
+    images = [picture[f"{what} {kind}"] for kind in kinds]
+    tallest = max(image.shape[0] / image.shape[1] for image in images)
+    figure = style.new_figure(style.WIDTH_IN, style.WIDTH_IN / 2 * tallest + 1.35)
+    panels = figure.subplots(1, len(images), squeeze=False)[0]
+    words = []
+    for axes, image, kind in zip(panels, images, kinds, strict=True):
+        _show(axes, image)
+        of_triangles = shown[f"{what} {kind}"].faces.shape[1] == 3
+        label = MIXED if kind == "hex" and of_triangles else _mesh_words(case, what, kind)
+        axes.set_title(label)
+        quality = shown[f"{what} {kind}"].values
+        worst = (
+            f", face quality {quality.min():.2f} to {quality.max():.2f}" if quality is not None and quality.size else ""
+        )
+        words.append(label.replace("\n", ", ") + worst)
+    _quality_bar(figure, panels)
+    title = TITLES[what]
+    return Drawing(f"{what}_meshes", title, f"{title} of {case.case_id}: {'; '.join(words)}.{_note(fault)}", figure)
+
+
+def _mesh_words(case: StoredCase, what: str, kind: str) -> str:
+    mesh: dict[str, Any] = next(
+        (m for m in case.record.get("meshes") or [] if m.get("what") == what and m.get("kind") == kind), {}
+    )
+    order = f", order {mesh['order']}" if mesh.get("order") else ""
+    counts = [
+        f"{mesh[key]:,} {word}".replace(",", "\u202f")
+        for key, word in (("cells", "cells"), ("dof", "unknowns"))
+        if mesh.get(key)
+    ]
+    return f"{KINDS[kind]}{order}" + (f"\n{', '.join(counts)}" if counts else "")
+
+
+def _quality_bar(figure: Any, panels: Any) -> None:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    bar = figure.colorbar(
+        ScalarMappable(Normalize(0, 1), style.QUALITY),
+        ax=list(panels),
+        orientation="horizontal",
+        shrink=0.6,
+        aspect=40,
+        pad=0.02,
+    )
+    bar.set_label("shape quality of the visible faces (no unit; 1: square or equilateral triangle)")

@@ -1,0 +1,105 @@
+"""What pictures of a plate share: its outlines, its pillars on the stored skin, its scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import floor, log10
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.plots import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+MM = 1e3
+KINDS = {"hex": "structured hexahedra", "tet": "tetrahedra (pytetwild)"}
+
+
+def skin_faces(arrays: dict[str, Any], prefix: str) -> IntArray | None:
+    """Faces (m, 3 or 4) of a stored skin, None when it is not stored."""
+    return next((arrays[f"{prefix}_{kind}"] for kind in ("quads", "triangles") if f"{prefix}_{kind}" in arrays), None)
+
+
+def footprint_m(design: dict[str, Any]) -> float:
+    """Largest foot section of a pillar, m; 0 without pillars."""
+    pillar = design.get("pillar") or {}
+    return float(pillar.get("base_m", 0.0) + 2.0 * pillar.get("fillet_m", 0.0))
+
+
+def draw_outlines(axes: Axes, design: dict[str, Any]) -> None:
+    """The zone's long sides (dashed) and every pillar's footprint, in mm."""
+    from matplotlib.collections import PatchCollection
+    from matplotlib.patches import Circle, Rectangle
+
+    half = design["length_m"] / 2 * MM
+    for side in (-1, 1):
+        axes.plot([-half, half], [side * design["width_m"] / 2 * MM] * 2, color="black", lw=0.9, ls=(0, (5, 3)))
+    foot = footprint_m(design) * MM
+    centres = np.reshape(design.get("pillar_centres_m") or [], (-1, 2)) * MM
+    round_foot = (design.get("pillar") or {}).get("shape") == "round"
+    patches = [
+        Circle((x, y), foot / 2) if round_foot else Rectangle((x - foot / 2, y - foot / 2), foot, foot)
+        for x, y in centres
+    ]
+    span = design["half_span_m"] * MM
+    axes.add_patch(Rectangle((-half, -span), 2 * half, 2 * span, fill=False, ec="#333333", lw=0.6))
+    axes.add_collection(PatchCollection(patches, facecolor="none", edgecolor="#333333", linewidth=0.45))
+
+
+def frame_plate(axes: Axes, design: dict[str, Any]) -> None:
+    """Axes in mm just around the plate."""
+    half_x, half_y = design["length_m"] / 2 * MM, design["half_span_m"] * MM
+    axes.set_xlim(-1.01 * half_x, 1.01 * half_x)
+    axes.set_ylim(-half_y - 0.01 * half_x, half_y + 0.01 * half_x)
+    style.mm_axes(axes)
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=2)
+
+
+def flat_height_in(design: dict[str, Any], width_in: float) -> float:
+    """Height of a plate drawn `width_in` wide, inches."""
+    return float(width_in * design["half_span_m"] / (design["length_m"] / 2))
+
+
+def zone_peak(arrays: dict[str, Any], design: dict[str, Any]) -> float:
+    """Largest |u_z| of the wanted mode on the active touch face, in the mode's own scale."""
+    inside = np.abs(arrays["touch_xy"][:, 1]) <= design["width_m"] / 2 * (1 + 1e-9)
+    return float(np.max(np.abs(arrays["touch_uz"][0][inside])))
+
+
+@dataclass(frozen=True)
+class Pillars:
+    """Pillars on the stored skin: which faces and which tip nodes belong to which."""
+
+    centres: FloatArray  # (pillars, 2), m
+    faces: IntArray  # indices into the skin's faces
+    face_owner: IntArray
+    tips: IntArray  # indices into the skin's points
+    tip_owner: IntArray
+
+
+def find_pillars(arrays: dict[str, Any], design: dict[str, Any]) -> Pillars | None:
+    """Pillars of the skin by position: above the plate, the nearest centre."""
+    from scipy.spatial import cKDTree
+
+    faces, centres = skin_faces(arrays, "surface"), np.reshape(design.get("pillar_centres_m") or [], (-1, 2))
+    if faces is None or not centres.size:
+        return None
+    points = arrays["surface_points"]
+    top, height = design["thickness_m"], design["pillar"]["height_m"]
+    tree = cKDTree(centres)
+    middles = points[faces].mean(axis=1)
+    above = np.flatnonzero(middles[:, 2] > top + 1e-3 * height)
+    tips = np.flatnonzero(points[:, 2] > top + 0.98 * height)
+    return Pillars(centres, above, tree.query(middles[above, :2])[1], tips, tree.query(points[tips, :2])[1])
+
+
+def nice_below(value: float) -> float:
+    """Largest of 1, 2, 5 times a power of ten not above a positive value."""
+    decade = 10.0 ** floor(log10(value))
+    return next(step * decade for step in (5.0, 2.0, 1.0) if step * decade <= value * (1 + 1e-12))

@@ -1,0 +1,194 @@
+"""Shaded images of surfaces by PyVista, off-screen, in a process of its own; without it, a plain projection by NumPy.
+
+A missing EGL library ends the process with a segmentation fault, which no exception handler sees: so the child draws, and
+the parent looks at the image before believing it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+TIMEOUT_S = 120.0
+SIZE = (1500, 940)
+LEAST_INK, MOST_INK = 0.005, 0.995  # share of pixels that are not background
+PLAIN_COLOUR = "#AEB8C2"
+_broken: list[str] = []  # why rendering failed in this process: not tried again
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface to show: points (n, 3), faces (m, 3 or 4), a value in 0..1 per face or None, edges drawn or not.
+
+    `direction` points from the object to the eye.
+    """
+
+    points: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    values: NDArray[np.float64] | None = None
+    edges: bool = False
+    direction: tuple[float, float, float] = (1.0, -1.6, 1.3)
+    colours: str = "cividis"
+    limits: tuple[float, float] = (0.0, 1.0)
+
+
+def render(surfaces: Sequence[Surface]) -> tuple[list[NDArray[np.uint8]], str]:
+    """Images (h, w, 3) of the surfaces, cropped, and '' or why they are plain projections instead of renderings."""
+    if not surfaces:
+        return [], ""
+    if not _broken:
+        images, fault = _by_pyvista(surfaces)
+        if images:
+            return [_crop(image) for image in images], ""
+        _broken.append(fault)
+    return [_crop(_by_hand(surface)) for surface in surfaces], _broken[0]
+
+
+def _by_pyvista(surfaces: Sequence[Surface]) -> tuple[list[NDArray[np.uint8]], str]:
+    with tempfile.TemporaryDirectory(prefix="antinode-render-") as name:
+        folder = Path(name)
+        for index, surface in enumerate(surfaces):
+            _write(surface, folder / f"{index}.npz")
+        fault = _run_child(folder)
+        images = [] if fault else [read_image(folder / f"{index}.png") for index in range(len(surfaces))]
+    fault = fault or next((problem for image in images if (problem := image_fault(image))), "")
+    return ([], fault) if fault else ([image for image in images if image is not None], "")
+
+
+def _write(surface: Surface, path: Path) -> None:
+    values = np.empty(0) if surface.values is None else surface.values
+    look = {
+        "edges": surface.edges,
+        "direction": surface.direction,
+        "colours": surface.colours,
+        "limits": surface.limits,
+    }
+    np.savez(path, points=surface.points, faces=surface.faces, values=values, look=np.array(json.dumps(look)))
+
+
+def _run_child(folder: Path) -> str:
+    """'' or what went wrong."""
+    env = dict(os.environ)
+    if not env.get("DISPLAY"):
+        env.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+    command = [sys.executable, "-m", "pipeline.plots.rendering", str(folder)]
+    house = Path(__file__).resolve().parents[2]
+    try:
+        done = subprocess.run(command, env=env, cwd=house, capture_output=True, timeout=TIMEOUT_S, check=False)
+    except subprocess.TimeoutExpired:
+        return f"rendering took longer than {TIMEOUT_S:.0f} s"
+    except OSError as error:
+        return f"rendering could not start ({error})"
+    if done.returncode:
+        lines = done.stderr.decode(errors="replace").strip().splitlines()
+        return f"rendering ended with code {done.returncode}" + (f" ({lines[-1][:120]})" if lines else "")
+    return ""
+
+
+def read_image(path: Path) -> NDArray[np.uint8] | None:
+    """Pixels (h, w, 3) of a PNG, None when it cannot be read."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            return np.asarray(image.convert("RGB"))
+    except (OSError, SyntaxError):
+        return None
+
+
+def image_fault(image: NDArray[np.uint8] | None) -> str:
+    """'' or why an image shows nothing."""
+    if image is None:
+        return "the image cannot be read"
+    ink = float(np.mean(_inked(image)))
+    if not LEAST_INK < ink < MOST_INK:
+        return f"the image is empty ({ink:.1%} of it is not background)"
+    return ""
+
+
+def _inked(image: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    return np.any(image < 250, axis=2)
+
+
+def _crop(image: NDArray[np.uint8], margin: int = 12) -> NDArray[np.uint8]:
+    inked = _inked(image)
+    rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
+    if not rows.size:
+        return image
+    top, left = max(0, rows[0] - margin), max(0, columns[0] - margin)
+    return image[top : rows[-1] + margin + 1, left : columns[-1] + margin + 1]
+
+
+def _by_hand(surface: Surface) -> NDArray[np.uint8]:
+    """Parallel projection, faces painted from back to front and shaded by their slope."""
+    from matplotlib import colormaps
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import to_rgb
+
+    from pipeline.plots import style
+
+    eye = np.asarray(surface.direction, dtype=float) / np.linalg.norm(surface.direction)
+    right = np.cross([0.0, 0.0, 1.0], eye)
+    right = right / np.linalg.norm(right) if np.linalg.norm(right) > 1e-9 else np.array([1.0, 0.0, 0.0])
+    corners = surface.points[surface.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    light = 0.55 + 0.45 * np.abs(normal @ (0.8 * eye + 0.6 * np.array([0.0, 0.0, 1.0]))) / np.sqrt(1.6)
+    colours = np.tile(to_rgb(PLAIN_COLOUR), (len(corners), 1))
+    if surface.values is not None:
+        low, high = surface.limits
+        colours = colormaps[surface.colours]((surface.values - low) / (high - low))[:, :3]
+    order = np.argsort(corners.mean(axis=1) @ eye)
+    flat = corners @ np.column_stack([right, np.cross(eye, right)])
+    figure = style.new_figure(SIZE[0] / 100, SIZE[1] / 100)
+    axes = figure.subplots()
+    shaded = np.clip(colours * light[:, None], 0, 1)[order]
+    outline: Any = "#33333388" if surface.edges else shaded
+    axes.add_collection(PolyCollection(flat[order], facecolors=shaded, edgecolors=outline, linewidths=0.25))
+    axes.autoscale_view()
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    figure.set_dpi(100)
+    figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba())[:, :, :3].copy()  # type: ignore[attr-defined]
+
+
+def _draw_with_pyvista(path: Path) -> None:
+    import pyvista as pv
+
+    with np.load(path) as file:
+        points, faces, values, look = file["points"], file["faces"], file["values"], json.loads(str(file["look"]))
+    counts = np.full((len(faces), 1), faces.shape[1])
+    mesh = pv.PolyData(np.asarray(points, dtype=float) * 1e3, np.hstack([counts, faces]).ravel())
+    plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
+    plotter.set_background("white")  # type: ignore[arg-type]
+    looks: dict[str, Any] = {"show_edges": look["edges"], "edge_color": "#333333", "line_width": 1, "ambient": 0.25}
+    if values.size:
+        looks |= {"ambient": 0.75, "diffuse": 0.3}  # shading must not be read as a value
+        mesh.cell_data["value"] = values
+        looks |= {"scalars": "value", "cmap": look["colours"], "clim": look["limits"], "show_scalar_bar": False}
+    else:
+        looks["color"] = PLAIN_COLOUR
+    plotter.add_mesh(mesh, **looks)
+    plotter.enable_parallel_projection()  # type: ignore[call-arg]
+    up = (0, 0, 1) if abs(look["direction"][2]) < 0.99 * np.linalg.norm(look["direction"]) else (0, 1, 0)
+    plotter.view_vector(look["direction"], viewup=up)
+    plotter.camera.zoom(1.25)
+    plotter.enable_anti_aliasing("ssaa")
+    plotter.screenshot(str(path.with_suffix(".png")))
+    plotter.close()
+
+
+if __name__ == "__main__":
+    for request in sorted(Path(sys.argv[1]).glob("*.npz")):
+        _draw_with_pyvista(request)

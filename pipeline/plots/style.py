@@ -1,0 +1,130 @@
+"""One style for every picture: saved as SVG and PNG with its alternative text."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.records import store
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PICTURES = "pictures"
+WIDTH_IN = 7.6
+DPI = 150
+WEBP_QUALITY = 84
+# Okabe and Ito's colours: told apart with any colour vision.
+BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, GREY = (
+    *("#0072B2", "#D55E00", "#009E73", "#E69F00", "#56B4E9", "#CC79A7"),
+    "#5A5A5A",
+)
+CYCLE = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, GREY)
+MARKERS = "osD^vP*"
+SIGNED, QUALITY = "RdBu_r", "cividis"
+STYLE = {
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "axes.edgecolor": "#333333",
+    "axes.grid": False,
+    "grid.color": "#D8D8D8",
+    "grid.linewidth": 0.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "savefig.facecolor": "white",
+    "svg.fonttype": "path",
+    "svg.hashsalt": "antinode",
+    "image.composite_image": True,
+}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure with its file name, its title and what it shows in words."""
+
+    name: str
+    title: str
+    alt: str
+    figure: Figure
+    vector: bool = False  # mostly lines: a page shows the SVG, else a compressed image
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A stored picture: file names without folder, title, alternative text; `shown` is the file that a page embeds."""
+
+    name: str
+    title: str
+    alt: str
+    svg: str
+    png: str
+    shown: str
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """The common look."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(STYLE):  # type: ignore[arg-type]
+        yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure, inches; drawn off-screen whatever the machine offers."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def mm_axes(axes: Axes, x: str = "x", y: str = "y") -> None:
+    """Equal scales and labels in mm."""
+    axes.set_aspect("equal")
+    axes.set_xlabel(f"{x} (mm)")
+    axes.set_ylabel(f"{y} (mm)")
+
+
+def save(drawing: Drawing, folder: Path) -> Picture:
+    """Write folder/NAME.svg and .png, each whole or not at all; the same figure gives the same bytes."""
+    folder.mkdir(parents=True, exist_ok=True)
+    words = {"Title": drawing.title, "Description": drawing.alt}
+    files: dict[str, str] = {}
+    with style():
+        if engine := drawing.figure.get_layout_engine():  # once for both files
+            engine.execute(drawing.figure)
+        drawing.figure.set_layout_engine("none")
+    for kind, notes in (("svg", {**words, "Date": None}), ("png", {**words, "Software": None})):
+        buffer = io.BytesIO()
+        with style():
+            drawing.figure.savefig(buffer, format=kind, dpi=DPI, metadata=notes)
+        files[kind] = f"{drawing.name}.{kind}"
+        store.write_atomic(folder / files[kind], buffer.getvalue())
+    shown = files["svg"] if drawing.vector else _compressed(folder, files["png"])
+    return Picture(drawing.name, drawing.title, drawing.alt, files["svg"], files["png"], shown)
+
+
+def _compressed(folder: Path, png: str) -> str:
+    """A WebP beside the PNG, several times smaller; the PNG itself where this Pillow cannot write WebP."""
+    from PIL import Image, features
+
+    if not features.check("webp"):
+        return png
+    buffer = io.BytesIO()
+    with Image.open(folder / png) as image:
+        image.convert("RGB").save(buffer, "WEBP", quality=WEBP_QUALITY, method=4)
+    name = f"{png[:-4]}.webp"
+    store.write_atomic(folder / name, buffer.getvalue())
+    return name

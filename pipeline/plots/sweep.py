@@ -1,0 +1,141 @@
+"""Pictures over a study: confinement and frequency against what was swept."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from pipeline.plots import style
+from pipeline.plots.style import Drawing
+from pipeline.records import tracking
+from pipeline.records.study import CONFINED_DB, StoredCase, StoredStudy
+from pipeline.records.sweep_lines import axis_label, lines_along, main_key, swept
+from pipeline.records.tracking import Followed
+
+MOST_TICKS = 12
+
+
+def against_sweep(study: StoredStudy) -> Drawing | None:
+    """Confinement and the wanted mode's frequency against the most varied numeric key, one line per set of the others."""
+    cases = [case for case in swept(list(study.cases)) if case.wanted.get("frequency_hz")]
+    key = main_key(study, cases) if cases else None
+    if key is None:
+        return None
+    figure = style.new_figure(style.WIDTH_IN, 5.2)
+    level, tone = figure.subplots(2, 1, sharex=True)
+    lines, tracked = lines_along(study, cases, key), tracking.along_sweep(study)
+    for index, (name, line) in enumerate(lines.items()):
+        _draw_line(level, tone, line, key, name or "wanted mode", index, tracked)
+    _finish(level, tone, key)
+    _bending_at_m(tone, list(lines.values()), key)
+    handles, labels = tone.get_legend_handles_labels()
+    if len(labels) > 1:
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), fontsize=8)
+    title = f"Confinement and frequency against {axis_label(key)}"
+    return Drawing("against_sweep", title, _alt(study, cases, key), figure, vector=True)
+
+
+def _draw_line(
+    level: Any, tone: Any, line: list[StoredCase], key: str, name: str, index: int, tracked: dict[str, Followed]
+) -> None:
+    colour, marker = style.CYCLE[index % len(style.CYCLE)], style.MARKERS[index % len(style.MARKERS)]
+    x = np.array([case.sweep[key] for case in line], dtype=float)
+    held = np.array([case.wanted.get("confinement_db") for case in line], dtype=float)
+    khz = np.array([case.wanted["frequency_hz"] / 1e3 for case in line])
+    for axes, values in ((level, held), (tone, khz)):
+        for first, last in _same_mode(line, tracked):
+            axes.plot(x[first:last], values[first:last], color=colour, lw=1.1)
+    for filled in (True, False):
+        shown = (held >= CONFINED_DB) == filled
+        level.plot(x[shown], held[shown], marker, color=colour, mfc=colour if filled else "white", ms=6)
+    tone.plot(x, khz, color=colour, marker=marker, ms=5, ls="none", label=name)
+
+
+def _same_mode(line: list[StoredCase], tracked: dict[str, Followed]) -> list[tuple[int, int]]:
+    """Stretches of a line over which the wanted mode is one and the same, tracked by its shape: slices of two or more."""
+    same = [getattr(tracked.get(case.case_id), "identity", "") in ("start", "kept") for case in line]
+    edges = [i for i in range(len(line) + 1) if i in (0, len(line)) or same[i] != same[i - 1]]
+    return [(a, b) for a, b in pairwise(edges) if same[a] and b - a > 1]
+
+
+def _finish(level: Any, tone: Any, key: str) -> None:
+    low, high = level.get_ylim()
+    low, high = min(0.0, low), max(CONFINED_DB + 3.0, high)
+    level.axhspan(CONFINED_DB, high, color=style.GREEN, alpha=0.10, lw=0)
+    level.axhline(CONFINED_DB, color=style.GREEN, lw=1.0, ls="--")
+    level.set_ylim(low, high)
+    level.set_ylabel("confinement (dB)")
+    level.set_title(f"Confined: at least {CONFINED_DB:.0f} dB (shaded, filled marks)")
+    tone.set_ylabel("frequency (kHz)")
+    tone.set_title("Wanted mode (joined by a line where it is the same one, tracked by its shape)")
+    tone.set_xlabel(axis_label(key))
+    for axes in (level, tone):
+        axes.grid(True)
+    values = sorted({float(value) for line in tone.lines for value in line.get_xdata()})
+    if len(values) <= MOST_TICKS:
+        tone.set_xticks(values, [f"{value:g}" for value in values])
+
+
+def _bending_at_m(tone: Any, lines: list[list[StoredCase]], key: str) -> None:
+    """The cell's lower bending frequency at M, where the cases computed bands: in a line's colour where the lines differ."""
+    known = [{case.sweep[key]: khz for case in line if (khz := _bending_khz(case))} for line in lines]
+    shared = {x: khz for curve in known for x, khz in curve.items()}
+    if not shared:
+        return
+    look = {"ls": ":", "marker": "x", "ms": 5}
+    alike = all(shared[x] == khz for curve in known for x, khz in curve.items())
+    for index, curve in enumerate([] if alike else known):
+        colour = style.CYCLE[index % len(style.CYCLE)]
+        tone.plot(sorted(curve), [curve[x] for x in sorted(curve)], color=colour, **look, label="_cell")
+    x = sorted(shared) if alike else []
+    tone.plot(x, [shared[at] for at in x], color=style.GREY, **look, label="unit cell: bending at M")
+
+
+def _bending_khz(case: StoredCase) -> float | None:
+    pair = (case.record.get("bands") or {}).get("bending_at_m_hz")
+    return min(pair) / 1e3 if pair else None
+
+
+def _alt(study: StoredStudy, cases: list[StoredCase], key: str) -> str:
+    levels = [(case.wanted["confinement_db"], case) for case in cases if case.wanted.get("confinement_db") is not None]
+    if not levels:
+        return f"Frequency of the wanted mode against {axis_label(key)} over {len(cases)} cases of {study.name}."
+    worst, *_, best = sorted([*levels, levels[0]], key=lambda pair: pair[0])
+    return (
+        f"Confinement in dB and frequency in kHz of the wanted mode against {axis_label(key)} over {len(cases)} cases of "
+        f"{study.name}: from {worst[0]:.1f} dB ({worst[1].case_id}) to {best[0]:.1f} dB ({best[1].case_id}); "
+        f"{sum(level >= CONFINED_DB for level, _ in levels)} of {len(levels)} reach {CONFINED_DB:.0f} dB."
+    )
+
+
+def how_many_rows(study: StoredStudy) -> Drawing | None:
+    """Decibels from zone to extension: rows times the decay per row (infinite rows) against the finite plates."""
+    cases = [case for case in study.cases if (case.record.get("prediction") or {}).get("rows_db") is not None]
+    cases = [case for case in cases if case.wanted.get("extension_db") is not None]
+    if len(cases) < 2 or "array.rows" not in study.swept:
+        return None
+    figure = style.new_figure(style.WIDTH_IN, 3.6)
+    axes = figure.subplots()
+    for index, (name, line) in enumerate(lines_along(study, cases, "array.rows").items()):
+        colour = style.CYCLE[index % len(style.CYCLE)]
+        rows = [case.sweep["array.rows"] for case in line]
+        finite = [case.wanted["extension_db"] for case in line]
+        label = f", {name}" if name else ""
+        axes.plot(rows, finite, color=colour, marker="o", label=f"finite plate{label}")
+        told = [case.record["prediction"]["rows_db"] for case in line]
+        axes.plot(rows, told, color=colour, marker="s", mfc="white", ls="--", label=f"rows x decay per row{label}")
+        passed = [case.record["prediction"]["through_db"] for case in line]
+        axes.plot(rows, passed, color=colour, marker="^", mfc="white", ls=":", label=f"through the rows{label}")
+    axes.set_xticks(sorted({case.sweep["array.rows"] for case in cases}))
+    axes.set_xlabel("rows on each side of the zone")
+    axes.set_ylabel("zone to extension (dB)")
+    axes.grid(True)
+    axes.legend(fontsize=7)
+    title = "How many rows: prediction and finite plates"
+    parts = "; ".join(
+        f"{c.case_id}: {c.wanted['extension_db']:.1f} dB, predicted {c.record['prediction']['rows_db']:.1f} dB"
+        for c in cases
+    )
+    return Drawing("how_many_rows", title, f"{title}. {parts}", figure, vector=True)

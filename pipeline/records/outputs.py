@@ -1,0 +1,211 @@
+"""Where a command's result goes: text for people, one JSON document for scripts, files into a folder."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import io
+import json
+import os
+import sys
+import tempfile
+from argparse import Namespace
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from geometry import files
+from pipeline.errors import InputFault
+from pipeline.records.store import StoreError, write_atomic
+
+if TYPE_CHECKING:
+    from pipeline.case.model import Case
+
+STANDARD_OUTPUT = "-"
+FORMULA = ("=", "+", "-", "@", "\t", "\n")  # what begins a formula in some spreadsheet
+
+
+def emit(arguments: Namespace, name: str, document: dict[str, Any], text: str) -> None:
+    """Text on standard output unless a document goes there; JSON to its file, and as NAME.json into --out.
+
+    Every document also says which case it answers, as it was understood, and by which version.
+    """
+    encoded = json.dumps({"schema": 1, **_about(arguments), **document}, indent=1, allow_nan=False) + "\n"
+    if is_standard_output(arguments.json):
+        sys.stdout.write(encoded)
+    elif not is_standard_output(getattr(arguments, "output", None)):
+        print(text)
+    if arguments.json and not is_standard_output(arguments.json):
+        write_file(Path(arguments.json), encoded.encode())
+    if getattr(arguments, "out", None):
+        write_file(folder(arguments.out) / f"{name}.json", encoded.encode())
+
+
+def of_case(arguments: Namespace, case: Case) -> Case:
+    """The case, noted as the one that the command's documents answer."""
+    arguments.answered = case
+    return case
+
+
+def _about(arguments: Namespace) -> dict[str, Any]:
+    """Name of the case, the case with every default, and the version; None for a command without a case."""
+    case: Case | None = getattr(arguments, "answered", None)
+    whole = case.as_understood() if case else None
+    return {"case": case.name if case else None, "with_defaults": whole, "version": version("antinode")}
+
+
+def is_standard_output(place: str | os.PathLike[str] | None) -> bool:
+    """Whether a place named on the command line is standard output: -, /dev/stdout and their like."""
+    return bool(place) and (str(place) == STANDARD_OUTPUT or files.open_descriptor(str(place)) == 1)
+
+
+def check_places(arguments: Namespace) -> None:
+    """Before computing: InputFault with a line for each place named on the command line that cannot be written."""
+    lines = []
+    for name in ("out", "synthesise"):
+        place = getattr(arguments, name, None)
+        if place is not None and (reason := folder_obstacle(place)):
+            lines.append(f"--{name} = {place}: {reason}: must be a folder that can be written")
+    for name in ("json", "plot", "csv"):
+        lines += _faults(f"--{name}", [getattr(arguments, name, None)])
+    lines += _faults("--out", _known_files(arguments))
+    if lines:
+        raise InputFault(lines)
+
+
+def check_apart(json_place: str | None, output: str | None) -> None:
+    """InputFault when --json and -o name the same place, where one document would spoil the other."""
+    if not json_place or not output:
+        return
+    both = [is_standard_output(place) for place in (json_place, output)]
+    if all(both) or (not any(both) and os.path.realpath(json_place) == os.path.realpath(output)):
+        raise InputFault(
+            f"--json = {json_place} and -o = {output}: go to the same place; name another one for one of them"
+        )
+
+
+def check_files(option: str, places: Iterable[str | Path]) -> None:
+    """Before computing: InputFault with a line for each place of an option that cannot be written."""
+    if lines := _faults(option, places):
+        raise InputFault(lines)
+
+
+def _faults(option: str, places: Iterable[str | Path | None]) -> list[str]:
+    """One line a reason: several files that lack the same folder are one fault."""
+    first: dict[str, str | Path] = {}
+    for place in places:
+        if place is not None and (reason := _obstacle(place)):
+            first.setdefault(reason, place)
+    return [f"{option} = {place}: cannot be written ({reason})" for reason, place in first.items()]
+
+
+def _obstacle(place: str | Path) -> str | None:
+    if not str(place):
+        return "it has no name"
+    return None if is_standard_output(place) else files.obstacle(place)
+
+
+def _known_files(arguments: Namespace) -> list[Path]:
+    """Files that stand where a command is known to write one into its folders."""
+    into, measured = getattr(arguments, "out", None), getattr(arguments, "synthesise", None)
+    known = [Path(into, f"{arguments.command}{ending}") for ending in (".json", ".csv")] if into else []
+    known += [Path(measured, name) for name in ("sweep.csv", "field.csv")] if measured else []
+    return [path for path in known if path.exists()]
+
+
+def folder_obstacle(path: str) -> str | None:
+    """Why an output folder cannot be made or written to, None when it can; nothing is made."""
+    place = Path(path)
+    if not path:
+        return "it has no name"
+    if place.is_symlink() and not place.exists():
+        return "it is a link that leads nowhere"
+    nearest = next((each for each in (place, *place.parents) if each.exists()), Path())
+    if not nearest.is_dir():
+        return f"{nearest} is not a folder"
+    return None if os.access(nearest, os.W_OK | os.X_OK) else f"{nearest}: {os.strerror(errno.EACCES)}"
+
+
+def folder(path: str) -> Path:
+    """An output folder, made when it is not there. Raises InputFault when it cannot be."""
+    place = Path(path)
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise InputFault(f"--out = {path}: {fault.strerror}: must be a folder that can be written") from fault
+    return place
+
+
+def write_file(path: Path, data: bytes) -> None:
+    """Write a file as geometry.files does. Raises InputFault when the place cannot be written."""
+    try:
+        write_atomic(path, data)
+    except StoreError as fault:
+        raise InputFault(fault.lines) from fault
+
+
+@contextmanager
+def delivered(place: Path) -> Iterator[Path]:
+    """A temporary path whose content goes to a file, or to standard output, when the block ends well.
+
+    Raises InputFault for a place that cannot be written and for a terminal, which bytes would leave unreadable.
+    """
+    if is_standard_output(place):
+        with _for_standard_output() as temporary:
+            yield temporary
+        return
+    try:
+        with files.written_whole(place) as temporary:
+            yield temporary
+    except files.UnwritableError as fault:
+        raise InputFault(str(fault)) from fault
+    except OSError as fault:
+        raise InputFault(f"{place}: cannot be written ({fault.strerror or fault})") from fault
+
+
+@contextmanager
+def _for_standard_output() -> Iterator[Path]:
+    if sys.stdout.isatty():
+        raise InputFault("-o -: standard output is a terminal; send it to a file or a pipe")
+    with tempfile.TemporaryDirectory(prefix="antinode-") as place:
+        temporary = Path(place, "output")
+        yield temporary
+        sys.stdout.flush()
+        sys.stdout.buffer.write(temporary.read_bytes())
+        sys.stdout.flush()
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Aligned columns of text; None shows as a dash."""
+    cells = [list(head), *([_shown(value) for value in row] for row in rows)]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
+    return "\n".join("  ".join(value.rjust(width) for value, width in zip(row, widths, strict=True)) for row in cells)
+
+
+def csv_bytes(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> bytes:
+    """The same as comma-separated values, full precision."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    return out.getvalue().encode()
+
+
+def no_formula(text: str) -> str:
+    """A cell's text with an apostrophe before what a spreadsheet would compute; numbers stay numbers."""
+    text = text.replace("\r", "\\r")  # csv leaves it unquoted, and readers take it for the end of the row
+    if not text.startswith(FORMULA):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return f"'{text}"
+    return text
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,235 @@
+"""One folder per case; every file appears whole or not at all, and record.json, the proof of all, appears last."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import io
+import json
+import re
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from geometry import files
+from pipeline.errors import CommandError
+from pipeline.records.fingerprint import Fingerprint, file_hash, input_hash, plain
+
+if TYPE_CHECKING:
+    import numpy as np
+
+FIELDS = "fields.npz"  # every mode in full: written on demand only
+INPUT, RECORD, ARRAYS, TIMING, MANIFEST, MESS = (
+    "input.json",
+    "record.json",
+    "arrays.npz",
+    "timing.json",
+    "files.json",
+    "run.mess",
+)
+TEMPORARY = files.PART
+UNLISTED = {RECORD, TIMING, MANIFEST, MESS}
+PROOF = "proof"
+NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
+CASE_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+=,@-]*")
+
+
+class StoreError(CommandError):
+    """A file that could not be written or cannot be believed; the message names it."""
+
+    exit_code = 3
+
+
+class DiskFull(StoreError):
+    """No room left on the device; nothing half-written stays."""
+
+
+class BadRecord(StoreError):
+    """A record or its arrays are missing, torn or of another schema."""
+
+    exit_code = 2
+
+
+def case_folder(study: Path, case_id: str) -> Path:
+    """Folder of a case; refuses an id that is no plain folder name."""
+    if not CASE_ID.fullmatch(case_id) or len(case_id) > 200:
+        raise ValueError(f"case id {case_id!r}: letters, digits and . _ + = , @ - only, at most 200")
+    return study / case_id
+
+
+def write_atomic(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all, by geometry.files. Raises DiskFull, StoreError for a place that cannot be written."""
+    try:
+        with files.written_whole(path) as temporary:
+            temporary.write_bytes(data)
+    except OSError as error:
+        raise _named(error, path, len(data)) from error
+
+
+def _named(error: OSError, path: Path, size: int) -> StoreError:
+    if isinstance(error, files.UnwritableError):
+        return StoreError(str(error))
+    if error.errno in NO_SPACE:
+        return DiskFull(f"{path}: no space left on the disk for {size} bytes; make room and run again")
+    return StoreError(f"{path}: cannot be written ({error.strerror or error})")
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write a value as readable JSON, atomically; NaN and infinity become null."""
+    write_atomic(path, (json.dumps(plain(value), indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode())
+
+
+def read_json(path: Path) -> Any:
+    """Read JSON; raises BadRecord with the file's name when it is missing or torn, or holds NaN or infinity."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_number)
+    except FileNotFoundError as error:
+        raise BadRecord(f"{path.name} is missing") from error
+    except (OSError, ValueError, RecursionError) as error:
+        raise BadRecord(f"{path.name} is unreadable ({error})") from error
+
+
+def _no_number(name: str) -> NoReturn:
+    raise ValueError(f"{name} is no number of JSON")
+
+
+def save_arrays(folder: Path, arrays: dict[str, np.ndarray], name: str = ARRAYS) -> None:
+    """Write arrays.npz (or another .npz) of a case, compressed and atomically; the same arrays give the same bytes."""
+    import numpy as np
+
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    write_atomic(folder / name, buffer.getvalue())
+
+
+def load_arrays(folder: Path) -> dict[str, np.ndarray]:
+    """Arrays of a case by name, empty when it stored none. Raises BadRecord when they are not what its record proves."""
+    import numpy as np
+
+    _, listed = _proven(folder)
+    if ARRAYS not in listed and not (folder / ARRAYS).exists():
+        return {}
+    data = _proven_bytes(folder, ARRAYS, listed)
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except Exception as error:  # zipfile, zlib and numpy raise what they like over a torn file, MemoryError too
+        raise BadRecord(f"{ARRAYS} is unreadable ({type(error).__name__}: {error})") from error
+
+
+def begin(folder: Path, payload: dict[str, Any]) -> None:
+    """Open a case: what proved an earlier run goes first, then the leftovers of killed ones, then the input is kept."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in (RECORD, MANIFEST, TIMING, ARRAYS, FIELDS):
+            (folder / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise _named(error, folder, 0) from error
+    sweep_leftovers(folder)
+    write_json(folder / INPUT, payload)
+
+
+def sweep_leftovers(folder: Path) -> None:
+    """Remove what a killed run left half-written."""
+    for path in folder.glob(f".*{TEMPORARY}"):
+        with suppress(OSError):
+            path.unlink()
+
+
+def finish(folder: Path, record: dict[str, Any], timing: dict[str, Any]) -> None:
+    """Close a case: times, then the list of its files and the record, which proves both."""
+    write_json(folder / TIMING, timing)
+    seal(folder, record)
+
+
+def seal(folder: Path, record: dict[str, Any]) -> None:
+    """Write files.json (size and sha256 of each file) and, last, record.json with the proof of both."""
+    listed, kept = manifest(folder), plain({key: value for key, value in record.items() if key != PROOF})
+    write_json(folder / MANIFEST, listed)
+    write_json(folder / RECORD, {**kept, PROOF: _proof(kept, listed)})
+
+
+def _proof(record: dict[str, Any], listed: Any) -> str:
+    """sha256 over a record and the list of its files, both as JSON. Raises ValueError for what JSON cannot hold."""
+    text = json.dumps([record, listed], sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def manifest(folder: Path) -> dict[str, dict[str, Any]]:
+    """Size and sha256 of every file that the case produced."""
+    kept = sorted(p for p in folder.iterdir() if p.is_file() and p.name not in UNLISTED and not p.name.startswith("."))
+    return {path.name: {"bytes": path.stat().st_size, "sha256": file_hash(path)} for path in kept}
+
+
+def read_record(folder: Path) -> dict[str, Any]:
+    """Record of a case. Raises BadRecord when it is missing, torn, edited, another case's or of another schema."""
+    return _proven(folder)[0]
+
+
+def _proven(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The record and the list of files that it proves, by name."""
+    record = read_json(folder / RECORD)
+    if not isinstance(record, dict) or not isinstance(record.get("case_id"), str):
+        raise BadRecord(f"{RECORD} is unreadable (not a case's record)")
+    if record.get("schema") != 1:
+        raise BadRecord(f"{RECORD} has schema {record.get('schema')!r}, this version reads 1")
+    if record["case_id"] != folder.name:
+        raise BadRecord(f"{RECORD} is that of case {record['case_id']}")
+    if PROOF not in record:
+        raise BadRecord(f"{RECORD} carries no proof; an earlier version wrote it")
+    proof, listed = record.pop(PROOF), read_json(folder / MANIFEST)
+    try:
+        proven = _proof(record, listed) == proof
+    except ValueError:
+        proven = False
+    if not proven:
+        raise BadRecord(f"{RECORD} and {MANIFEST} are not what was written")
+    return record, listed
+
+
+def read_listed(folder: Path, name: str) -> Any:
+    """Read a JSON file of a case. Raises BadRecord when it is missing or torn, or not what the case's record proves."""
+    if name in UNLISTED:
+        return read_json(folder / name)
+    _proven_bytes(folder, name, _proven(folder)[1])
+    return read_json(folder / name)
+
+
+def _proven_bytes(folder: Path, name: str, listed: dict[str, Any]) -> bytes:
+    """Content of a file of a case. Raises BadRecord when it is not what the list says."""
+    try:
+        data = (folder / name).read_bytes()
+    except OSError as error:
+        raise BadRecord(f"{name} is missing") from error
+    if name not in listed or hashlib.sha256(data).hexdigest() != listed[name]["sha256"]:
+        raise BadRecord(f"{name} is unreadable (its content is not what was written)")
+    return data
+
+
+def why_recompute(folder: Path, payload: dict[str, Any], fingerprint: Fingerprint) -> str | None:
+    """Why a case has to be computed, in a few words; None when its record stands."""
+    if not (folder / RECORD).exists():
+        return "not finished before" if (folder / INPUT).exists() else "new"
+    try:
+        record, listed = _proven(folder)
+        _check_files(folder, listed)
+    except BadRecord as error:
+        return str(error)
+    if record.get("input_hash") != input_hash(payload):
+        return "its input changed"
+    changed = fingerprint.differs_from(record)
+    if changed:
+        return changed
+    return "it failed before" if record.get("status") == "FAILED" else None
+
+
+def _check_files(folder: Path, listed: dict[str, Any]) -> None:
+    for name, proof in listed.items():
+        path = folder / name
+        if not path.is_file():
+            raise BadRecord(f"{name} is missing")
+        if path.stat().st_size != proof["bytes"] or file_hash(path) != proof["sha256"]:
+            raise BadRecord(f"{name} is unreadable (its content is not what was written)")
+    for name in (ARRAYS, FIELDS):
+        if name not in listed and (folder / name).exists():
+            raise BadRecord(f"{name} is not a file that the case wrote")

@@ -1,0 +1,145 @@
+"""The dispersion diagrams of a page: the stored bands of every distinct unit cell, and the shapes of their waves."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import numpy as np
+
+from geometry.decimate import coarse
+from pipeline.plots.bands import PILLAR, POLARISATIONS, path_length
+from pipeline.plots.plate import skin_faces
+from pipeline.records.fingerprint import canonical_json
+from pipeline.records.study import StoredCase, StoredStudy
+from pipeline.report.mode_shapes import Gallery
+
+MOST_CELLS = 12
+MOST_WITH_SHAPES = 3
+MOST_POINTS = 1200
+TILES = 2  # cells shown along each axis, so that the phase from cell to cell is seen
+SPREAD = 0.12  # of the cell's height: the largest displacement as first drawn
+KINDS = tuple(POLARISATIONS)
+
+
+def diagrams(study: StoredStudy, best: StoredCase | None) -> dict[str, Any]:
+    """What the page's diagram is drawn from: {"cells", "bodies", "shapes"}; the best case's cell first."""
+    groups: dict[str, list[StoredCase]] = {}
+    for case in sorted(study.cases, key=lambda case: best is None or case.case_id != best.case_id):
+        if (case.record.get("bands") or {}).get("points"):
+            groups.setdefault(_key(case), []).append(case)
+    gallery = Gallery()
+    cells: list[dict[str, Any]] = []
+    for members in list(groups.values())[:MOST_CELLS]:
+        cell = _cell(members, best)
+        if sum("shapes" in other for other in cells) < MOST_WITH_SHAPES:
+            cell |= _shapes(gallery, members)
+        cells.append(cell)
+    return {"cells": cells, "left": max(0, len(groups) - MOST_CELLS), **vars(gallery)}
+
+
+def _key(case: StoredCase) -> str:
+    """Cases with the same bands show one diagram."""
+    points = case.record["bands"]["points"]
+    shown = [[p["kx_per_m"], p["ky_per_m"], p["frequencies_hz"]] for p in points]
+    return hashlib.sha256(canonical_json(shown).encode()).hexdigest()
+
+
+def _cell(members: list[StoredCase], best: StoredCase | None) -> dict[str, Any]:
+    """One diagram: path, bands, labels of the waves where they are stored, gaps, the wanted mode's frequency."""
+    bands = members[0].record["bands"]
+    points = bands["points"]
+    wanted = next((case.wanted for case in members if best and case.case_id == best.case_id), members[0].wanted)
+    return {
+        "name": _name(members),
+        "arc": [_short(s) for s in path_length(points)],
+        "labels": [point.get("label") for point in points],
+        "k": [[_short(point["kx_per_m"]), _short(point["ky_per_m"])] for point in points],
+        "hz": [[_short(f) for f in point["frequencies_hz"]] for point in points],
+        "kind": _kinds(points, "plate_polarisation"),
+        "pillar": _pillar(points),
+        "speed": _speeds(points),
+        "gaps": [
+            {key: gap[key] for key in ("lower_band", "upper_band", "lower_hz", "upper_hz")}
+            for gap in bands.get("gaps") or []
+        ],
+        "wanted_hz": wanted.get("frequency_hz"),
+    }
+
+
+def _name(members: list[StoredCase]) -> str:
+    names = [case.case_id for case in members]
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.7g}")
+
+
+def _kinds(points: list[dict[str, Any]], key: str) -> list[list[int]] | None:
+    """Polarisation of every wave as a number, None when a record of an older version has none."""
+    if not all(point.get(key) for point in points):
+        return None
+    return [[KINDS.index(name) if name in KINDS else -1 for name in point[key]] for point in points]
+
+
+def _pillar(points: list[dict[str, Any]]) -> list[list[int]] | None:
+    """1 where most of a wave's kinetic energy is in the pillar."""
+    if not all(point.get("polarisation") for point in points):
+        return None
+    return [[int(name == PILLAR) for name in point["polarisation"]] for point in points]
+
+
+def _speeds(points: list[dict[str, Any]]) -> list[list[float | None]] | None:
+    """Group speeds, m/s, to four digits; below a millimetre a second it is rounding."""
+    if not all(point.get("group_velocity_m_s") for point in points):
+        return None
+    return [
+        [None if pair is None else float(f"{np.round(np.hypot(*pair), 3):.4g}") for pair in point["group_velocity_m_s"]]
+        for point in points
+    ]
+
+
+def _shapes(gallery: Gallery, members: list[StoredCase]) -> dict[str, Any]:
+    """Numbers of the stored shapes by label and band; {} when no member's record holds any."""
+    for case in members:
+        arrays = case.arrays()
+        facets = skin_faces(arrays, "bands")
+        if facets is not None and {"bands_points", "bands_labels", "bands_u"} <= arrays.keys():
+            return {"shapes": _add(gallery, case, arrays, facets)}
+    return {}
+
+
+def _add(gallery: Gallery, case: StoredCase, arrays: dict[str, Any], facets: Any) -> dict[str, list[int]]:
+    points = np.asarray(arrays["bands_points"], dtype=float)
+    kept, small = coarse(points, facets, MOST_POINTS)
+    body = gallery.add_body(points[kept], small, SPREAD * float(np.ptp(points[:, 2])))
+    design = case.record["design"]
+    pitch = np.array([design["pitch_x_m"], design["pitch_y_m"]])
+    marked = {point["label"]: point for point in case.record["bands"]["points"] if point.get("label")}
+    found: dict[str, list[int]] = {}
+    for label, waves in zip(arrays["bands_labels"].tolist(), arrays["bands_u"].astype(float), strict=True):
+        point = marked[label]
+        copies = _tiles(np.array([point["kx_per_m"], point["ky_per_m"]]), pitch)
+        found[label] = [
+            gallery.add_shape(body, (wave[0] + 1j * wave[1])[kept], _words(label, band, point), copies)
+            for band, wave in enumerate(waves)
+        ]
+    return found
+
+
+def _words(label: str, band: int, point: dict[str, Any]) -> dict[str, str]:
+    tone = f"{point['frequencies_hz'][band] / 1e3:.2f} kHz"
+    name = {"G": "Γ"}.get(label, label)
+    about = f"Wave of band {band + 1} at {name}, {tone}, on {TILES} x {TILES} cells"
+    return {"group": name, "name": f"band {band + 1}, {tone}", "about": about, "still": ""}
+
+
+def _tiles(k: Any, pitch: Any) -> list[dict[str, Any]]:
+    """Neighbouring cells: u(r + a) = u(r) exp(i k.a)."""
+    return [
+        {"flip": [1, 1, 1], "parity": 1, "offset": [*(_short(v) for v in a), 0.0], "phase": _short(float(k @ a))}
+        for i in range(TILES)
+        for j in range(TILES)
+        for a in [(np.array([i, j]) - (TILES - 1) / 2) * pitch]
+    ]

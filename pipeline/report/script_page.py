@@ -1,0 +1,118 @@
+"""The page of a scripted study: sections of words, tables and pictures; each table also as CSV, and all as Markdown."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipeline.plots import style
+from pipeline.records import store
+from pipeline.records.outputs import no_formula
+from pipeline.report.html import environment
+from pipeline.report.pictures import Embedder, Shown
+
+PAGE = "page.json"  # what the page holds, for the pages of other studies
+SCHEMA = 1
+EMBEDDED_BYTES = 12_000_000
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text or numbers under headings; `name` is its CSV file."""
+
+    name: str
+    headings: Sequence[str]
+    rows: Sequence[Sequence[Any]]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading, paragraphs, tables and functions that draw pictures."""
+
+    heading: str
+    words: Sequence[str] = ()
+    tables: Sequence[Table] = ()
+    drawings: Sequence[Callable[[], style.Drawing]] = ()
+
+
+@dataclass(frozen=True)
+class Page:
+    """What a script concludes."""
+
+    sections: Sequence[Section] = field(default_factory=list)
+
+
+def write_page(folder: Path, name: str, title: str, lead: str, page: Page) -> list[Path]:
+    """Write CSV files, pictures, report.html, report.md and page.json; returns the tables and the page."""
+    written, shown, kept = [], [], []
+    embedder = Embedder(folder, EMBEDDED_BYTES)
+    for section in page.sections:
+        for table in section.tables:
+            path = folder / f"{table.name}.csv"
+            store.write_atomic(path, _csv(table).encode())
+            written.append(path)
+        with style.style():
+            pictures = [style.save(draw(), folder / style.PICTURES) for draw in section.drawings]
+        shown.append((section, [embedder.show(style.PICTURES, picture) for picture in pictures]))
+        kept.append(_kept(section, pictures))
+    html = folder / "report.html"
+    store.write_atomic(html, _html(name, title, lead, shown).encode())
+    store.write_atomic(folder / "report.md", markdown(title, lead, page).encode())
+    store.write_json(folder / PAGE, {"schema": SCHEMA, "name": name, "title": title, "lead": lead, "sections": kept})
+    return [*written, html]
+
+
+def _kept(section: Section, pictures: list[style.Picture]) -> dict[str, Any]:
+    return {
+        "heading": section.heading,
+        "words": list(section.words),
+        "tables": [table.name for table in section.tables],
+        "pictures": [asdict(picture) for picture in pictures],
+    }
+
+
+def markdown(title: str, lead: str, page: Page) -> str:
+    """The words and tables as Markdown, without pictures."""
+    lines = [f"# {title}", "", lead, ""]
+    for section in page.sections:
+        lines += [f"## {section.heading}", ""]
+        for words in section.words:
+            lines += [words, ""]
+        for table in section.tables:
+            lines.append("| " + " | ".join(table.headings) + " |")
+            lines.append("|" + "---|" * len(table.headings))
+            lines += ["| " + " | ".join(text(value).replace("|", "\\|") for value in row) + " |" for row in table.rows]
+            lines.append("")
+    return "\n".join(lines)
+
+
+def text(value: Any) -> str:
+    """A cell as text: numbers to five digits, nothing as a dash."""
+    if value is None or value == "":
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.2e}" if value != 0.0 and not 1e-3 <= abs(value) < 1e7 else f"{value:.6g}"
+    return str(value)
+
+
+def _csv(table: Table) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(table.headings)
+    writer.writerows([[_cell(value) for value in row] for row in table.rows])
+    return out.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    return no_formula(value) if isinstance(value, str) else "" if value is None else value
+
+
+def _html(name: str, title: str, lead: str, shown: list[tuple[Section, list[Shown]]]) -> str:
+    template = environment().get_template("scripted.html.j2")
+    return template.render(name=name, title=title, lead=lead, sections=shown, text=text)

@@ -1,0 +1,69 @@
+"""What a design must keep whatever it is searched for: heard by nobody, felt by a fingertip, printable, the wanted shape."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, degrees, nan, pi
+
+from geometry.cad.printability import SUPPORT_DEG, features
+from geometry.layout import Design, Pillar
+
+MM = 1e3
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Least frequency (Hz) and modal assurance of the wanted mode, largest half-wavelength and least feature (m)."""
+
+    lowest_hz: float = 25e3
+    half_wavelength_m: float = 20e-3
+    feature_m: float = 0.4e-3
+    mac: float = 0.8
+
+    def of_design(self, design: Design) -> list[tuple[str, float]]:
+        """Limits that the geometry alone breaks: in words, and by how much (relative)."""
+        found = []
+        half = half_wavelength_m(design)
+        if not half <= self.half_wavelength_m:
+            told = f"half-wavelength {MM * half:.1f} mm, at most {MM * self.half_wavelength_m:g}"
+            found.append((told, half / self.half_wavelength_m - 1.0))
+        name, size = min(features(design).items(), key=lambda item: item[1])
+        if size < self.feature_m * (1.0 - 1e-9):
+            found.append((f"{name} {MM * size:.2f} mm, at least {MM * self.feature_m:g}", 1.0 - size / self.feature_m))
+        lean = overhang_deg(design.pillar) if design.pillar else 0.0
+        if lean > SUPPORT_DEG:
+            found.append((f"pillars lean out by {lean:.0f} degrees, at most {SUPPORT_DEG:g}", lean / SUPPORT_DEG - 1.0))
+        return found
+
+    def of_mode(self, frequency_hz: float, mac: float, slack: float = 0.0) -> list[tuple[str, float]]:
+        """Limits that the wanted mode breaks by more than `slack` (relative: what a cheap rung may err by)."""
+        found = []
+        if frequency_hz < self.lowest_hz * (1.0 - slack):
+            told = f"{frequency_hz / 1e3:.2f} kHz, at least {self.lowest_hz / 1e3:g}"
+            found.append((told, 1.0 - frequency_hz / self.lowest_hz))
+        if mac < self.mac * (1.0 - slack):
+            found.append((f"MAC {mac:.2f} to the wanted shape, at least {self.mac:g}", 1.0 - mac / self.mac))
+        return found
+
+
+def half_wavelength_m(design: Design) -> float:
+    """Half a wave of the wanted mode along the zone, L/(N - 1/2), m; the whole length for the shapes that are rigid there."""
+    return design.length_m / (design.nodal_lines - 0.5) if design.nodal_lines > 1 else design.length_m
+
+
+def overhang_deg(pillar: Pillar) -> float:
+    """How far the pillar's sides lean outwards, degrees from the vertical; 0 for those that do not, and for a STEP file."""
+    return max(0.0, degrees(atan2((pillar.tip_m - pillar.base_m) / 2.0, pillar.height_m)))
+
+
+def mass_kg(design: Design) -> float:
+    """Plate and pillars, fillets left out, kg; NaN with pillars from a STEP file, whose volume is not known here."""
+    plate = design.length_m * 2.0 * design.half_span_m * design.thickness_m * design.material.density_kg_m3
+    if not (design.pillar and design.rows):
+        return plate
+    pillar = design.pillar
+    if pillar.shape == "step":
+        return nan
+    base, tip = pillar.base_m, pillar.tip_m
+    volume = (base**2 + base * tip + tip**2) / 3.0 * pillar.height_m * (pi / 4.0 if pillar.shape == "round" else 1.0)
+    return plate + 2.0 * design.rows * len(design.column_centres()) * volume * pillar.material.density_kg_m3

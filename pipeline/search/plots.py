@@ -1,0 +1,137 @@
+"""What a search saw: the landscape of the goal over what was varied, and what it costs in frequency and mass."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pipeline.plots import style
+from pipeline.plots.style import Drawing
+
+KHZ = 1e-3
+GOALS = {"confinement": ("confinement_db", "confinement (dB)"), "extension": ("extension_db", "zone to extension (dB)")}
+STRIP, COLUMN, PLATE = "strip", "column", "plate"
+
+
+def landscape(document: dict[str, Any]) -> Drawing:
+    """Two panels from a search's document: the goal over one or two keys, and the goal against frequency and mass."""
+    figure = style.new_figure(style.WIDTH_IN, 3.9)
+    left, right = figure.subplots(1, 2, width_ratios=[1.15, 1.0])
+    key, label = GOALS[document["goal"]]
+    axes = shown_keys(document)
+    if len(axes) == 1:
+        _line(left, document, axes[0], key, label)
+    else:
+        _map(left, document, axes, key, label)
+    _tradeoff(right, document, key, label)
+    return Drawing("search", "Where the wanted mode is held best", _alt(document, key), figure, vector=True)
+
+
+def shown_keys(document: dict[str, Any]) -> list[str]:
+    """The one or two keys of the landscape: of several, those that the strips' goal follows most (rank correlation)."""
+    keys = [each["key"] for each in document["vary"]]
+    if len(keys) <= 2:
+        return keys
+    from scipy.stats import spearmanr
+
+    key = GOALS[document["goal"]][0]
+    judged = [each for each in _of(document, STRIP) if each[key] is not None]
+    goal = [each[key] for each in judged]
+    strength = {k: abs(spearmanr([e["set"][k] for e in judged], goal).statistic) for k in keys}
+    return sorted(keys, key=lambda k: -np.nan_to_num(strength[k]))[:2]
+
+
+def _of(document: dict[str, Any], rung: str) -> list[dict[str, Any]]:
+    return [each for each in document["evaluations"] if each["rung"] == rung]
+
+
+def _points(listed: list[dict[str, Any]], keys: list[str], value: str) -> Any:
+    """Columns: the keys' values and the goal's, of those that were judged."""
+    return np.array([[*(e["set"][k] for k in keys), e[value]] for e in listed if e[value] is not None]).T
+
+
+def _line(axes: Any, document: dict[str, Any], key: str, value: str, label: str) -> None:
+    """The goal over one key, by every rung."""
+    looks = {STRIP: (style.GREY, "", "-"), COLUMN: (style.SKY, "s", ""), PLATE: (style.BLUE, "o", "")}
+    for rung, (colour, marker, line) in looks.items():
+        found = _points(_of(document, rung), [key], value)
+        if found.size:
+            x, y = found[:, np.argsort(found[0])]
+            axes.plot(x, y, color=colour, marker=marker or None, ls=line or "none", ms=4, label=rung)
+    best = document["best"]
+    axes.plot(best["set"][key], best[value], "*", color=style.VERMILION, ms=13, label="best")
+    axes.set_xlabel(axis_words(key))
+    axes.set_ylabel(label)
+    axes.grid(True)
+    axes.legend(fontsize=7)
+    axes.set_title("Landscape")
+
+
+def _map(axes: Any, document: dict[str, Any], keys: list[str], value: str, label: str) -> None:
+    """The goal over two keys: the strips as a ground, the computed designs as points of the same colours."""
+    strips, plates = _points(_of(document, STRIP), keys, value), _points(_of(document, PLATE), keys, value)
+    low = min(0.0, float(np.percentile(strips[2], 5))) if strips.size else 0.0
+    high = max(float(np.percentile(strips[2], 99)) if strips.size else 1.0, *plates[2], low + 1.0)
+    look = {"cmap": style.QUALITY, "vmin": low, "vmax": high}
+    if strips.size and len(document["vary"]) == 2:
+        axes.tripcolor(*strips[:2], strips[2], shading="gouraud", rasterized=True, **look)
+    columns = _points(_of(document, COLUMN), keys, value)
+    if columns.size:
+        axes.scatter(
+            *columns[:2], c=columns[2], marker="s", s=14, edgecolors="white", linewidths=0.5, label="column", **look
+        )
+    image = axes.scatter(
+        *plates[:2], c=plates[2], marker="o", s=42, edgecolors="black", linewidths=0.8, label="joined plate", **look
+    )
+    best = document["best"]["set"]
+    axes.plot(best[keys[0]], best[keys[1]], "*", color=style.VERMILION, mec="white", ms=15, ls="none", label="best")
+    axes.set_xlabel(axis_words(keys[0]))
+    axes.set_ylabel(axis_words(keys[1]))
+    axes.set_title("Landscape (ground: strips)")
+    axes.legend(fontsize=7, loc="upper right", framealpha=0.8, frameon=True)
+    axes.figure.colorbar(image, ax=axes, label=label)
+
+
+def _tradeoff(axes: Any, document: dict[str, Any], value: str, label: str) -> None:
+    """The goal against frequency, coloured by mass; designs that no other beats are joined."""
+    for rung, look in ((COLUMN, {"marker": "s", "s": 12, "alpha": 0.6}), (PLATE, {"marker": "o", "s": 36})):
+        listed = [e for e in _of(document, rung) if e[value] is not None and not e["breaks"]]
+        if not listed:
+            continue
+        mass = [1e3 * e["mass_kg"] if e["mass_kg"] is not None else np.nan for e in listed]
+        x, y = [KHZ * e["frequency_hz"] for e in listed], [e[value] for e in listed]
+        image = axes.scatter(
+            x, y, c=mass, cmap="viridis_r", plotnonfinite=True, edgecolors="black", linewidths=0.4, **look
+        )
+    axes.figure.colorbar(image, ax=axes, label="mass (g)")
+    front = sorted((KHZ * e["frequency_hz"], e[value]) for e in document["tradeoff"])
+    axes.plot(*zip(*front, strict=True), color=style.GREY, lw=0.8, ls="--", label="no other design beats these")
+    for name, marker, colour in (("base", "D", style.ORANGE), ("best", "*", style.VERMILION)):
+        each = document[name]
+        if each[value] is not None:
+            label_ = "as it was" if name == "base" else "best"
+            axes.plot(KHZ * each["frequency_hz"], each[value], marker, color=colour, mec="white", ms=11, label=label_)
+    axes.axvline(KHZ * document["limits"]["lowest_hz"], color=style.GREY, lw=0.8, ls=":")
+    axes.set_xlabel("frequency of the wanted mode (kHz)")
+    axes.set_ylabel(label)
+    axes.set_title("Trade-off")
+    axes.grid(True)
+    axes.legend(fontsize=7)
+
+
+def axis_words(key: str) -> str:
+    """A key of the case file as an axis title."""
+    name, _, unit = key.partition(".")[2].rpartition("_")
+    return f"{key.partition('.')[0]} {name.replace('_', ' ')} ({unit})" if unit == "mm" else key
+
+
+def _alt(document: dict[str, Any], value: str) -> str:
+    best, base = document["best"], document["base"]
+    where = ", ".join(f"{key} = {each:g}" for key, each in best["set"].items())
+    was = "" if base[value] is None else f"; as it was, {base[value]:.1f} dB"
+    counts = ", ".join(f"{rung['designs']} by {rung['name']}" for rung in document["rungs"])
+    return (
+        f"Goal over what was varied ({counts}) and against frequency: best {best[value]:.1f} dB at "
+        f"{KHZ * best['frequency_hz']:.2f} kHz with {where}{was}"
+    )

@@ -1,0 +1,152 @@
+"""What a search may change: keys of the case file between two ends, snapped to what can be made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from pipeline.case.diagnostics import nearest
+from pipeline.case.model import Case, case_from_dict
+from pipeline.case.overrides import apply_overrides, parse_override, parse_value, read_toml
+from pipeline.case.schema import TABLES
+from pipeline.errors import InputFault
+
+VARIED = ("plate", "zone", "pillar", "array")  # the tables that shape the plate
+STEP_MM = 0.01  # a printer holds no more
+EXAMPLE = "such as pillar.height_mm=5:8"
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One key between two ends, in the file's unit; `step` is the grid that its values are snapped to."""
+
+    key: str
+    low: float
+    high: float
+    step: float
+    whole: bool
+
+    def snapped(self, share: float) -> float | int:
+        """The value at a share (0 to 1) of the way, on the grid and between the ends."""
+        value = self.low + min(max(share, 0.0), 1.0) * (self.high - self.low)
+        value = min(max(self.low + self.step * round((value - self.low) / self.step), self.low), self.high)
+        return round(value) if self.whole else round(value, 9)
+
+    def share(self, value: float) -> float:
+        """Where a value lies between the ends, 0 to 1."""
+        return (value - self.low) / (self.high - self.low)
+
+
+@dataclass(frozen=True)
+class Space:
+    """A case file and the keys that vary."""
+
+    path: Path
+    raw: dict[str, Any]
+    fixed: tuple[str, ...]
+    variables: tuple[Variable, ...]
+
+    def values(self, shares: Sequence[float] | FloatArray) -> tuple[float | int, ...]:
+        """Snapped values at a point of the unit cube."""
+        return tuple(variable.snapped(float(share)) for variable, share in zip(self.variables, shares, strict=True))
+
+    def shares(self, values: Sequence[float]) -> FloatArray:
+        """The point of the unit cube at values."""
+        return np.array([variable.share(value) for variable, value in zip(self.variables, values, strict=True)])
+
+    def overrides(self, values: Sequence[float | int]) -> list[str]:
+        """The --set texts that make a design."""
+        return [f"{variable.key}={value:g}" for variable, value in zip(self.variables, values, strict=True)]
+
+    def case(self, values: Sequence[float | int] = (), more: Sequence[str] = ()) -> Case:
+        """The scene with these values (none: as the file has it) and more overrides. InputFault for what cannot be built."""
+        return case_from_dict(self.raw, self.path, [*self.fixed, *(self.overrides(values) if values else ()), *more])
+
+    def own_values(self) -> tuple[float | int, ...] | None:
+        """The values that the file itself has, snapped; None where it lacks one or has it outside the ends."""
+        raw = apply_overrides(self.raw, [parse_override(text) for text in self.fixed])
+        shares = []
+        for variable in self.variables:
+            table, _, name = variable.key.partition(".")
+            value = raw.get(table, {}).get(name)
+            if not isinstance(value, int | float) or not 0.0 <= variable.share(value) <= 1.0:
+                return None
+            shares.append(variable.share(value))
+        return self.values(shares)
+
+
+def read_space(path: str, fixed: Sequence[str], texts: Sequence[str]) -> Space:
+    """The search space of a case file. InputFault, one line a fault, for a --vary that cannot be searched."""
+    file = Path(path)
+    raw = read_toml(file)
+    case_from_dict(raw, file, fixed)  # a fault of the file itself is told first
+    faults: list[str] = []
+    variables: list[Variable] = []
+    for text in texts:
+        try:
+            variable = parse_vary(text)
+            if variable.key in {known.key for known in variables}:
+                raise InputFault(f"--vary {text}: {variable.key} is varied already")
+            _check_ends(raw, file, fixed, variable, text)
+            variables.append(variable)
+        except InputFault as fault:
+            faults += fault.lines
+    if not texts:
+        faults.append(f"--vary: missing, search needs at least one KEY=LOW:HIGH, {EXAMPLE}")
+    if faults:
+        raise InputFault(faults)
+    return Space(file, raw, tuple(fixed), tuple(variables))
+
+
+def parse_vary(text: str) -> Variable:
+    """A variable from "key=low:high". InputFault for an unknown key, or ends that are no rising numbers."""
+    key, equals, ends = (part.strip() for part in text.partition("="))
+    parts = ends.split(":")
+    if not equals or len(parts) != 2:
+        raise InputFault(f"--vary {text}: must be KEY=LOW:HIGH, {EXAMPLE}")
+    known = searchable_keys()
+    if key not in known:
+        raise InputFault(f"--vary {text}: {key} is no number that shapes the plate{nearest(key, sorted(known))}")
+    whole = known[key]
+    numbers = [parse_value(part) for part in parts]
+    if not all(isinstance(n, int | float) and not isinstance(n, bool) and isfinite(n) for n in numbers):
+        raise InputFault(f"--vary {text}: both ends must be numbers, {EXAMPLE}")
+    low, high = (float(n) for n in numbers)
+    if not low < high:
+        raise InputFault(f"--vary {text}: the low end must lie below the high end")
+    if whole and not (low.is_integer() and high.is_integer()):
+        raise InputFault(f"--vary {text}: {key} counts something, both ends must be whole numbers")
+    return Variable(key, low, high, 1.0 if whole else min(STEP_MM, (high - low) / 10.0), whole)
+
+
+def searchable_keys() -> dict[str, bool]:
+    """Keys of the tables that shape the plate whose value is one number, and whether it is a whole one."""
+    found: dict[str, bool] = {}
+    for table in VARIED:
+        for name, field in TABLES[table].model_fields.items():
+            kind = str(field.annotation)
+            if "Literal" not in kind and "str" not in kind:
+                found[f"{table}.{name}"] = "int" in kind
+    return found
+
+
+def _check_ends(raw: dict[str, Any], file: Path, fixed: Sequence[str], variable: Variable, text: str) -> None:
+    """InputFault when an end is no value that the key may have, or neither end can be built."""
+    lines: list[list[str]] = []
+    for end in (variable.low, variable.high):
+        try:
+            case_from_dict(raw, file, [*fixed, f"{variable.key}={end:g}"])
+        except InputFault as fault:
+            lines.append(fault.lines)
+            if any("must be a " in line for line in fault.lines):  # the schema's words: wrong by itself
+                break
+    else:
+        if len(lines) < 2:
+            return
+    raise InputFault(f"--vary {text}: {lines[-1][0].partition(': ')[2] or lines[-1][0]}")

@@ -1,0 +1,1 @@
+"""Velocity feedback on a beam."""

@@ -1,0 +1,1 @@
+"""Factorisations with inertia."""

@@ -1,0 +1,116 @@
+"""Symmetric factorisations of K - sigma M behind one small protocol: solve, inertia, memory, free.
+
+scipy's SuperLU is always there; rslab and MKL PARDISO are taken when they are installed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sp
+
+from geometry.elements import FloatArray
+from solvers.errors import SingularShift, SolverError
+from solvers.fem.factor.pardiso import Pardiso, load
+from solvers.fem.factor.rslab import Rslab
+from solvers.fem.factor.superlu import SuperLU
+
+SMALL = 8000  # unknowns up to which SuperLU is as fast as PARDISO: python -m studies.benchmarks.factorisations
+BACKWARD_ERROR = 1e-10  # of one solve; rounding times growth stays far below, garbage far above
+
+
+class Factor(Protocol):
+    """A factorised symmetric matrix; `foreseen_bytes` is the peak that its analysis foretold."""
+
+    foreseen_bytes: int
+
+    @property
+    def negative(self) -> int:
+        """Eigenvalues below zero (Sylvester's law of inertia)."""
+        ...
+
+    @property
+    def memory_bytes(self) -> int:
+        """Bytes that the factor holds."""
+        ...
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Solution of A x = right, for (n,) or (n, k)."""
+        ...
+
+    def free(self) -> None:
+        """Give the memory back; the factor cannot be used afterwards."""
+        ...
+
+
+@lru_cache(maxsize=1)
+def available() -> tuple[str, ...]:
+    """Factorisations of this machine, the preferred one for large matrices first."""
+    found = ["rslab"] if importlib.util.find_spec("rslab") else []
+    if importlib.util.find_spec("pypardiso"):
+        try:
+            load()
+            found.append("pardiso")
+        except (ImportError, OSError):  # the wheel is there, MKL is not
+            pass
+    return (*found, "superlu")
+
+
+def preferred(unknowns: int) -> str:
+    """The measured choice: rslab at every size; without it PARDISO, but SuperLU for what it does as fast."""
+    first = available()[0]
+    return "superlu" if first == "pardiso" and unknowns <= SMALL else first
+
+
+class Factoriser:
+    """Factorises matrices of one sparsity pattern, sharing the symbolic analysis, and checks each factor by a solve.
+
+    `backend`, or else the variable ANTINODE_FACTOR, names one of available(); without either the size decides.
+    Raises SolverError for a name that is not available.
+    """
+
+    def __init__(self, backend: str | None = None) -> None:
+        self.backend = backend or os.environ.get("ANTINODE_FACTOR") or None
+        if self.backend and self.backend not in available():
+            raise SolverError(f"factorisation '{self.backend}' is not installed; there is {', '.join(available())}")
+        self._symbolic: Any | None = None
+        self._known = ("", b"")
+
+    def __call__(self, matrix: sp.csc_array) -> Factor:
+        """Factor of a symmetric matrix. Raises SingularShift when it is singular to working precision, TooLarge."""
+        factor = self._factor(matrix)
+        _probe(matrix, factor)
+        return factor
+
+    def _factor(self, matrix: sp.csc_array) -> Factor:
+        backend = self.backend or preferred(matrix.shape[0])
+        if backend == "pardiso":
+            return Pardiso(matrix)  # its analysis and its numbers live in one handle: nothing to share
+        name = (backend, _pattern_of(matrix))
+        shared = self._symbolic if name == self._known else None
+        factor = Rslab(matrix, shared) if backend == "rslab" else SuperLU(matrix, shared)
+        self._symbolic, self._known = factor.symbolic, name
+        return factor
+
+
+def _pattern_of(matrix: sp.csc_array) -> bytes:
+    """Digest of the whole sparsity pattern."""
+    digest = hashlib.sha256(np.ascontiguousarray(matrix.indptr).data)
+    digest.update(np.ascontiguousarray(matrix.indices).data)
+    return digest.digest()
+
+
+def _probe(matrix: sp.csc_array, factor: Factor) -> None:
+    """One solve with a fixed right-hand side: backward error ||Ax - b|| / (max |a_ij| ||x||), which bounds the normwise."""
+    right = np.cos(np.arange(matrix.shape[0], dtype=float) * 1.618)
+    solution = factor.solve(right)
+    largest = max(float(matrix.data.max(initial=0.0)), -float(matrix.data.min(initial=0.0)))
+    norm = largest * float(np.linalg.norm(solution))
+    error = float(np.linalg.norm(matrix @ solution - right)) / max(norm, 1e-300)
+    if not error < BACKWARD_ERROR:
+        raise SingularShift(f"the factorisation's backward error is {error:.1e}, allowed is {BACKWARD_ERROR:.0e}")

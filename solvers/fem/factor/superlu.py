@@ -1,0 +1,199 @@
+"""scipy's SuperLU kept symmetric: everywhere there, ordered and measured before it starts, refined after it has solved.
+
+Elimination down the diagonal keeps the inertia readable, but has no threshold: where a leading block is nearly
+singular the factors grow, and the solution loses as many digits. Iterative refinement with the matrix itself wins them
+back (higham2002, chapter 12), and how fast it contracts proves the inertia.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import spilu, splu
+
+from geometry.elements import FloatArray, IntArray
+from solvers.errors import SingularShift, TooLarge
+from solvers.fem.factor.memory import foresee
+from solvers.fem.factor.symbolic import alike, postordered, quotient
+from solvers.threads import one_thread
+
+DENSE = 3000  # unknowns up to which even a full triangle is small: SuperLU orders by itself
+WORTH = 0.5  # classes of alike unknowns are ordered instead of unknowns when they are this few
+SOLVE_BYTES = 26  # measured peak a factor entry: 8 in L, 12 in U, and the buffers that grow
+INERTIA_BYTES = 24  # scipy copies L and U to show U's diagonal
+COPY_BYTES = 16  # an entry of the matrix, reordered
+MATRIX_BYTES = 12  # an entry of the matrix, kept for refinement
+INDEX_LIMIT = 2**31 - 1  # SuperLU counts in 32 bits: first 30 times the matrix's entries, then half as many again
+FIRST_GUESS, GROWTH = 30, 1.5
+SYMMETRIC = {"SymmetricMode": True}
+EPSILON = float(np.finfo(float).eps)  # normwise backward error at which a solution cannot be bettered
+REFINED = 1e-14  # backward error at which refinement may end: EPSILON times what a sum of some thousand products leaves
+SWEEPS = 8  # of refinement at most: at CONTRACTION a sweep they would win eight digits
+CONTRACTION = 0.1  # of the defect by one sweep at most: below a half it proves the inertia, below this it also serves
+PROBES = 3  # sweeps that measure the contraction: a power iteration from a random vector
+
+
+@dataclass(frozen=True)
+class Ordering:
+    """Order of elimination (n,), and the entries of L that it leads to; the order is None where SuperLU finds it."""
+
+    order: IntArray | None
+    entries: int
+
+
+def analyse(matrix: sp.csc_array) -> Ordering:
+    """Minimum degree on the graph of alike unknowns, and the exact count of L's entries. Source: davis2006."""
+    count = matrix.shape[0]
+    if count <= DENSE:
+        return Ordering(None, count * (count + 1) // 2)
+    label, size = alike(matrix)
+    graph = matrix
+    if len(size) > WORTH * count:
+        label, size = np.arange(count), np.ones(count, dtype=np.int64)
+    else:
+        graph = quotient(matrix, label, len(size))
+    place, entries = postordered(graph, _minimum_degree(graph), size)
+    return Ordering(np.argsort(place[label], kind="stable"), entries)
+
+
+def _minimum_degree(graph: sp.csc_array) -> IntArray:
+    """Turn of every vertex in SuperLU's own minimum-degree order.
+
+    An incomplete factorisation that drops everything costs little more than the ordering it begins with.
+    """
+    ones = sp.csc_array((np.full(graph.nnz, -1.0), graph.indices, graph.indptr), shape=graph.shape)
+    dominant = sp.csc_array(ones + sp.diags_array(np.diff(graph.indptr) + 2.0))
+    with one_thread():
+        trial = spilu(dominant, 1.0, 1.0, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=SYMMETRIC)
+    return np.asarray(trial.perm_c, dtype=np.int64)
+
+
+def _reordered(matrix: sp.csc_array, order: IntArray) -> sp.csc_array:
+    """Rows and columns in a new order."""
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    moved = matrix[:, order]
+    moved.indices = place[moved.indices].astype(moved.indices.dtype)
+    moved.has_sorted_indices = False
+    moved.sort_indices()
+    return moved
+
+
+class SuperLU:
+    """Sparse LU on the diagonal: the signs of U's diagonal count the negative eigenvalues. Source: li2005."""
+
+    def __init__(self, matrix: sp.csc_array, symbolic: Ordering | None = None) -> None:
+        self.symbolic = symbolic or analyse(matrix)
+        self._matrix = matrix
+        self._negative: int | None = None
+        self.foreseen_bytes = self._foreseen()
+        self._lu = self._factorised()
+        self._norm = float(abs(matrix).sum(axis=0).max())
+        self._exact = self._proven() <= EPSILON
+
+    def _factorised(self) -> Any:
+        """SuperLU's L and U. Raises SingularShift where they are not those of a symmetric elimination, TooLarge."""
+        order, unknowns = self.symbolic.order, self._matrix.shape[0]
+        column = "NATURAL" if order is not None else "MMD_AT_PLUS_A"
+        kept = self._matrix if order is None else _reordered(self._matrix, order)
+        with one_thread():
+            try:
+                factors = splu(kept, permc_spec=column, diag_pivot_thresh=0.0, options=SYMMETRIC)
+            except RuntimeError as fault:
+                raise SingularShift(f"the shifted matrix is singular ({fault})") from fault
+            except MemoryError as fault:
+                raise TooLarge(f"factorising {unknowns} unknowns took more memory than there is") from fault
+        if not np.array_equal(factors.perm_r, factors.perm_c):
+            raise SingularShift("SuperLU left the diagonal while pivoting, so that the inertia cannot be read")
+        return factors
+
+    def _proven(self) -> float:
+        """Backward error of a solve without refinement; SingularShift where the inertia of the factors is not the matrix's.
+
+        The factors are those of A + E, and a sweep turns a defect d into E (A + E)^-1 d. While the spectral radius of
+        that map is below a half, no A + tE with 0 <= t <= 1 is singular: A + E has as many negative eigenvalues as A,
+        and sweeps converge.
+        """
+        worst = 0.0
+        defect = np.random.default_rng(0).standard_normal((self._matrix.shape[0], 1))
+        for _ in range(PROBES):
+            right = defect / np.linalg.norm(defect)
+            solution = self._substituted(right)
+            defect = right - self._matrix @ solution
+            contraction = float(np.linalg.norm(defect))
+            if not contraction < CONTRACTION:
+                raise SingularShift(
+                    f"a sweep of refinement leaves {contraction:.1e} of the defect (allowed {CONTRACTION:.0e}): "
+                    "the matrix, or a leading block of it, is singular to working precision"
+                )
+            worst = max(worst, self._backward_error(solution, right, defect))
+            if not contraction:
+                break
+        return worst
+
+    def _foreseen(self) -> int:
+        unknowns, stored = self._matrix.shape[0], self._matrix.nnz
+        if max(FIRST_GUESS * stored, GROWTH * self.symbolic.entries) > INDEX_LIMIT:
+            raise TooLarge(
+                f"{unknowns} unknowns with {stored:.2g} entries, {self.symbolic.entries:.2g} in the factor, are more "
+                "than SuperLU can count: install rslab, or ask for a coarser mesh, a lower order, or model = superelement"
+            )
+        factorise = SOLVE_BYTES * self.symbolic.entries + COPY_BYTES * stored
+        count = (SOLVE_BYTES + INERTIA_BYTES) * self.symbolic.entries
+        return foresee(max(factorise, count), unknowns)
+
+    @property
+    def negative(self) -> int:
+        """Eigenvalues below zero."""
+        if self._negative is None:
+            self._negative = int((self._lu.U.diagonal() < 0.0).sum())
+        return self._negative
+
+    @property
+    def memory_bytes(self) -> int:
+        """Bytes held: L in supernodes, U with indices, scipy's copies of both once the inertia was read, and the matrix."""
+        held = 20 if self._negative is None else 20 + INERTIA_BYTES
+        return int(self._lu.nnz // 2 * held + MATRIX_BYTES * self._matrix.nnz)
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Solution of A x = right, for (n,) or (n, k), refined to a backward error of rounding. Raises SingularShift."""
+        columns = right.reshape(len(right), -1)
+        solution = self._substituted(columns)
+        if not self._exact:
+            solution = self._refined(solution, columns)
+        return solution.reshape(right.shape)
+
+    def _refined(self, solution: FloatArray, right: FloatArray) -> FloatArray:
+        """Sweeps x += (LU)^-1 (b - A x) until the worst column is at rounding, or a sweep no longer halves its error."""
+        before = np.inf
+        for _ in range(SWEEPS + 1):
+            defect = right - self._matrix @ solution
+            error = self._backward_error(solution, right, defect)
+            if error <= EPSILON or not error < 0.5 * before:
+                break
+            before = error
+            solution = solution + self._substituted(defect)
+        if not error <= REFINED:
+            raise SingularShift(f"refinement ends at a backward error of {error:.1e}, allowed is {REFINED:.0e}")
+        return solution
+
+    def _backward_error(self, solution: FloatArray, right: FloatArray, defect: FloatArray) -> float:
+        """Largest ||b - A x|| / (||A|| ||x|| + ||b||) of the columns, in the maximum norm. Source: rigal1967."""
+        size = [np.abs(part).max(axis=0) for part in (solution, right, defect)]
+        return float((size[2] / np.maximum(self._norm * size[0] + size[1], 1e-300)).max(initial=0.0))
+
+    def _substituted(self, right: FloatArray) -> FloatArray:
+        """(LU)^-1 right for (n, k), in the unknowns' own order."""
+        order = self.symbolic.order
+        if order is None:
+            return np.asarray(self._lu.solve(right))
+        solution = np.empty(right.shape)
+        solution[order] = self._lu.solve(right[order])
+        return solution
+
+    def free(self) -> None:
+        """Give the memory back; the factor cannot be used afterwards."""
+        del self._lu, self._matrix

@@ -1,0 +1,1 @@
+"""Resonators on beams and strips: impedance, scattering, stop bands."""

@@ -1,0 +1,129 @@
+"""A row of the design's pillars as a filter for flexural waves on the strip of plate that carries it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf, isnan, pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.layout import Design, Pillar
+from solvers.analytic.predesign import pillar_beam
+from solvers.analytic.timoshenko import exact_omegas
+from solvers.errors import SolverError
+from solvers.resonators.impedance import ComplexArray, pillar_foot
+from solvers.resonators.scattering import (
+    Host,
+    decay_db_per_row,
+    half_power_band,
+    moment_total_reflection_rad_s,
+    oscillator_total_reflection_rad_s,
+    scatter,
+)
+
+FloatArray = NDArray[np.float64]
+DECAYS_DB = 0.01  # a row: below it a wave counts as passing
+
+
+@dataclass(frozen=True)
+class PillarFilter:
+    """Over n frequencies: |t|^2 and |r|^2 of 1 ... rows pillars, shape (rows, n), decay of an endless row (n,), dB.
+
+    clamped_hz: the pillar on a rigid foot (Timoshenko); stopped_hz: where one pillar's moment lets nothing through;
+    oscillator_stopped_hz: the same for a vertical oscillator of the pillar's mass and clamped frequency. bands_hz: the
+    widest stretch with |t|^2 <= 1/2 for 1 ... rows pillars; stop_hz: the widest in which the endless row lets no wave
+    through without losses (decay above 0.01 dB a row); None without any in the window.
+    """
+
+    frequencies_hz: FloatArray
+    transmitted: FloatArray
+    reflected: FloatArray
+    decay_db: FloatArray
+    clamped_hz: float
+    stopped_hz: float
+    oscillator_stopped_hz: float
+    bands_hz: tuple[tuple[float, float] | None, ...]
+    stop_hz: tuple[float, float] | None
+
+    @property
+    def band_hz(self) -> tuple[float, float] | None:
+        """The first of bands_hz: one pillar."""
+        return self.bands_hz[0]
+
+    @property
+    def absorbed(self) -> FloatArray:
+        """1 - |t|^2 - |r|^2, shape (rows, n)."""
+        return 1.0 - self.transmitted - self.reflected
+
+    def as_json(self) -> dict[str, Any]:
+        """A plain document, frequencies in Hz, powers as shares of the incident one."""
+        arrays = {
+            name: getattr(self, name).tolist() for name in ("frequencies_hz", "transmitted", "reflected", "decay_db")
+        }
+        numbers = {name: getattr(self, name) for name in ("clamped_hz", "stopped_hz", "oscillator_stopped_hz")}
+        bands = {
+            "band_hz": _ends(self.band_hz),
+            "bands_hz": [_ends(band) for band in self.bands_hz],
+            "stop_hz": _ends(self.stop_hz),
+        }
+        return {"schema": 1, **numbers, **bands, **arrays}
+
+
+def strip_host(design: Design, plate: bool = True) -> Host:
+    """The strip of one pitch: bending stiffness D pitch of a plate held straight along x, or E I of a free beam."""
+    material, width = design.material, design.pitch_x_m
+    if isnan(width) or isnan(design.thickness_m):
+        raise SolverError("the strip needs a pitch and a thickness")
+    rigidity = material.young_pa * design.thickness_m**3 / 12.0 / ((1.0 - material.poisson**2) if plate else 1.0)
+    return Host(rigidity * width, material.density_kg_m3 * design.thickness_m * width)
+
+
+def pillar_filter(
+    design: Design, frequencies_hz: FloatArray, loss: float = 0.0, plate: bool = True, lever: bool = True
+) -> PillarFilter:
+    """Scattering of the design's rows, pitch_y apart, at normal incidence. loss: E (1 - i loss) in the pillar.
+
+    lever: the foot stands half a thickness above the neutral line. SolverError without a pillar, a pitch or a thickness.
+    """
+    if design.pillar is None:
+        raise SolverError("a row of pillars needs a pillar")
+    host, pillar = strip_host(design, plate), design.pillar
+    omega, rows = 2.0 * pi * frequencies_hz, max(design.rows, 1)
+    lever_m = design.thickness_m / 2.0 if lever else 0.0
+    feet = design_feet(pillar, omega, loss, lever_m)
+    found = [scatter(host, feet, [n * design.pitch_y_m for n in range(count)], omega) for count in range(1, rows + 1)]
+    beam = pillar_beam(pillar)
+    clamped = exact_omegas(beam, "clamped", "free", 1)[0] * beam.unit_rad_s
+    transmitted = np.stack([np.abs(one.transmission) ** 2 for one in found])
+    decay = decay_db_per_row(host, feet, design.pitch_y_m, omega)
+    lossless = feet if loss == 0.0 else design_feet(pillar, omega, 0.0, lever_m)
+    stopping = decay_db_per_row(host, lossless, design.pitch_y_m, omega) > DECAYS_DB
+    stopped = moment_total_reflection_rad_s(host, lambda w: design_feet(pillar, np.array([w]), 0.0, lever_m), clamped)
+    mass = beam.mass_kg_m * beam.length_m
+    return PillarFilter(
+        frequencies_hz=frequencies_hz,
+        transmitted=transmitted,
+        reflected=np.stack([np.abs(one.reflection) ** 2 for one in found]),
+        decay_db=decay,
+        clamped_hz=clamped / (2.0 * pi),
+        stopped_hz=stopped / (2.0 * pi),
+        oscillator_stopped_hz=oscillator_total_reflection_rad_s(host, mass, clamped) / (2.0 * pi),
+        bands_hz=tuple(half_power_band(one, frequencies_hz) for one in transmitted),
+        stop_hz=half_power_band(np.where(stopping, 0.0, 1.0), frequencies_hz),
+    )
+
+
+def _ends(band: tuple[float, float] | None) -> list[float] | None:
+    return list(band) if band else None
+
+
+def design_feet(
+    pillar: Pillar, omega: FloatArray, loss: float = 0.0, lever_m: float = 0.0, euler: bool = False
+) -> ComplexArray:
+    """Foot stiffness of a design's pillar, shape (n, 2, 2); euler leaves shear and rotary inertia out."""
+    beam = pillar_beam(pillar)
+    if euler:
+        beam = replace(beam, shear_n=inf, rotary_kg_m=0.0)
+    return pillar_foot(beam, omega, pillar.material.young_pa * pillar.section_area_m2, loss, lever_m)

@@ -1,0 +1,1 @@
+"""Actuator-sensor shaping on any modal table."""

@@ -1,0 +1,150 @@
+"""Sensors calibrated on a standing wave: each sensor's voltage against the displacement under it, over several amplitudes.
+
+w = c V with a complex c per sensor: |c| in m/V, and the phase that the measuring chain adds. c belongs to the wave it was
+measured on: a patch answers strain, whose ratio to displacement changes with wavelength and beside a driven patch.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.errors import SolverError
+from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+COLUMNS = ("sensor", "displacement_re_m", "displacement_im_m", "voltage_re_v", "voltage_im_v")
+NODE = 0.05  # of the largest amplitude: a sensor below it stands too near a node to be calibrated on this wave
+
+
+@dataclass(frozen=True)
+class Measured:
+    """n amplitudes of one standing wave at s sensors: displacement (n, s) in m, voltage (n, s) in V, complex."""
+
+    displacement: ComplexArray
+    voltage: ComplexArray
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Per sensor (s,): factor c in m/V; standard_error of c, m/V; nonlinearity, |residual|/|w| (rms).
+
+    common_phase is what all sensors share (the chain's delay), rad; own_phase (s,) is what is left, rad.
+    """
+
+    factor: ComplexArray
+    standard_error: FloatArray
+    nonlinearity: FloatArray
+    common_phase: float
+    own_phase: FloatArray
+
+
+def calibrate(measured: Measured) -> Calibration:
+    """c = sum conj(V) w/sum |V|^2 over the amplitudes. common_phase + own_phase = arg c; needs no sign of the wave.
+
+    SolverError below two amplitudes, for shapes that differ, and for a sensor that stands on a node of the wave.
+    """
+    w, v = measured.displacement, measured.voltage
+    if w.ndim != 2 or w.shape != v.shape or not w.size:
+        raise SolverError(
+            f"calibration: displacement {w.shape} and voltage {v.shape} must be (amplitudes, sensors) alike"
+        )
+    if len(w) < 2:
+        raise SolverError("calibration: one amplitude cannot show that a sensor is linear; measure two or more")
+    _refuse_nodes(w, "moves")
+    _refuse_nodes(v, "answers")
+    power = np.sum(np.abs(v) ** 2, axis=0)
+    factor = np.sum(v.conj() * w, axis=0) / power
+    rest = np.sqrt(np.sum(np.abs(w - factor * v) ** 2, axis=0))
+    common = np.sum(factor / np.abs(factor))
+    return Calibration(
+        factor=factor,
+        standard_error=rest / np.sqrt(power * (len(w) - 1)),
+        nonlinearity=rest / np.sqrt(np.sum(np.abs(w) ** 2, axis=0)),
+        common_phase=float(np.angle(common)),
+        own_phase=np.angle(factor * np.exp(-1j * np.angle(common))),
+    )
+
+
+def _refuse_nodes(values: ComplexArray, verb: str) -> None:
+    size = np.sqrt(np.mean(np.abs(values) ** 2, axis=0))
+    low = np.flatnonzero(size <= NODE * size.max())
+    if low.size:
+        raise SolverError(
+            f"calibration: sensor {low[0] + 1} sits on a node of this wave (it {verb} {size[low[0]]:.3g} against "
+            f"{size.max():.3g} elsewhere); use another mode or move it"
+        )
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A measuring chain: complex gains (s,) on the sensors' voltages, noise_v rms of each measured phasor, V."""
+
+    gains: ComplexArray
+    noise_v: float = 0.0
+    noise_m: float = 0.0
+
+
+def simulate_standing_wave(
+    table: ModalTable, frequency_hz: float, drives_v: FloatArray, actuator: int, chain: Chain, seed: int = 1
+) -> Measured:
+    """What laser and sensors would show for one actuator driven at several voltages; the table's points are the sensors.
+
+    noise_m, noise_v: rms of the complex phasors. SolverError for another actuator than there is, or points that are not
+    one per sensor; as receptance.
+    """
+    if not 0 <= actuator < table.actuator_count:
+        raise SolverError(f"actuator {actuator}: must be from 0 to {table.actuator_count - 1}")
+    if len(table.points_m) != table.sensor_count:
+        raise SolverError(
+            f"{len(table.points_m)} points for {table.sensor_count} sensors: give the points at the sensors"
+        )
+    random = np.random.default_rng(seed)
+    drives = np.asarray(drives_v, dtype=float)[:, None]
+    w = drives * field_matrix(table, frequency_hz)[:, actuator]
+    v = drives * sensor_matrix(table, frequency_hz)[:, actuator] * chain.gains
+    return Measured(w + chain.noise_m * _phasors(random, w.shape), v + chain.noise_v * _phasors(random, v.shape))
+
+
+def _phasors(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
+    return np.asarray((random.standard_normal(shape) + 1j * random.standard_normal(shape)) / np.sqrt(2.0))
+
+
+def measured_from_csv(text: str, name: str = "calibration file") -> Measured:
+    """Measurements from CSV text with the columns of COLUMNS: sensors from 1, a row per amplitude, in the same order for each.
+
+    SolverError names the file and line: a missing column, a value that is no finite number, sensors that are not 1 ... s,
+    rows that are not equally many.
+    """
+    reader = csv.DictReader(io.StringIO(text))
+    missing = [column for column in COLUMNS if column not in (reader.fieldnames or [])]
+    if missing:
+        raise SolverError(f"{name}: line 1: column {missing[0]!r} is missing; needed: {', '.join(COLUMNS)}")
+    rows: dict[int, list[list[float]]] = {}
+    for record in reader:
+        values = [_number(record[column], column, f"{name}: line {reader.line_num}") for column in COLUMNS]
+        if values[0] < 1.0 or values[0] != int(values[0]):
+            raise SolverError(f"{name}: line {reader.line_num}: sensor = {values[0]:g}: must be a whole number from 1")
+        rows.setdefault(int(values[0]), []).append(values[1:])
+    if not rows or sorted(rows) != list(range(1, len(rows) + 1)):
+        raise SolverError(f"{name}: sensors {sorted(rows)}: must be numbered 1, 2, 3 ... without a gap")
+    counts = {len(one) for one in rows.values()}
+    if len(counts) != 1:
+        raise SolverError(f"{name}: every sensor needs the same number of rows, they have {sorted(counts)}")
+    data = np.array([rows[sensor] for sensor in sorted(rows)]).transpose(1, 0, 2)
+    return Measured(data[..., 0] + 1j * data[..., 1], data[..., 2] + 1j * data[..., 3])
+
+
+def _number(text: str | None, column: str, where: str) -> float:
+    try:
+        value = float(text if text is not None else "")
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise SolverError(f"{where}: {column} = {text!r}: must be a finite number")
+    return value

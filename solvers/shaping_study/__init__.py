@@ -1,0 +1,1 @@
+"""The thesis' clamped beams under shaping."""

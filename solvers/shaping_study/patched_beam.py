@@ -1,0 +1,237 @@
+"""A beam that carries real piezo patches on one face: actuators, each flanked by a pair of sensor strips.
+
+Layered Euler-Bernoulli sections (the patches' mass, stiffness and one-sidedness included), uniaxial stress, uniform field
+E_3 = -V/t: T_1 = E_p (S_1 - d31 E_3), so a patch pushes its ends apart with -E_p d31 b V at z_p = (h + t)/2 and collects the
+charge -E_p d31 b ([u] - z_p [w']), besides C V. Actuators are voltage driven; sensors are open, their wires turned so that
+stretching gives a positive voltage. Source: ieee176.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, eigh
+
+from geometry.materials import MATERIALS, Material
+from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
+from solvers.analytic.beam_elements import BeamMatrices, Sections, assemble_beam, deflection_rows
+from solvers.errors import SolverError
+from solvers.shaping.modal_table import ModalTable
+
+FloatArray = NDArray[np.float64]
+HELD = {"clamped": (True, True, True), "pinned": (True, True, False), "free": (False, False, False)}  # u, w, w'
+
+
+def evenly(length_m: float, count: int, pitch_m: float | None = None) -> tuple[float, ...]:
+    """Centres of `count` patches about the beam's middle; without a pitch each stands in the middle of an equal share."""
+    pitch = length_m / count if pitch_m is None else pitch_m
+    return tuple(float(length_m / 2.0 + (i - (count - 1) / 2.0) * pitch) for i in range(count))
+
+
+@dataclass(frozen=True)
+class PatchedBeam:
+    """The beam and its patches, SI. centres_m from the left end; sensor_width_m is that of both strips of a pair.
+
+    quality: the same for every mode, inf for no loss. ends: clamped, pinned or free; the first two hold the middle plane.
+    """
+
+    length_m: float = 0.150
+    width_m: float = 0.020
+    thickness_m: float = 1e-3
+    material: Material = MATERIALS["steel"]
+    piezo: PiezoMaterial = PIEZO_MATERIALS["pz26"]
+    centres_m: tuple[float, ...] = field(default_factory=lambda: evenly(0.150, 6))
+    patch_length_m: float = 12e-3
+    actuator_width_m: float = 12e-3
+    sensor_width_m: float = 6e-3
+    patch_thickness_m: float = 0.3e-3
+    quality: float = 50.0
+    ends: tuple[str, str] = ("clamped", "clamped")
+
+    @property
+    def lever_m(self) -> float:
+        """Distance z_p of the patches' middle from the beam's, m."""
+        return (self.thickness_m + self.patch_thickness_m) / 2.0
+
+    @property
+    def layer_width_m(self) -> float:
+        """Ceramic width across a patched section, m."""
+        return self.actuator_width_m + self.sensor_width_m
+
+    @property
+    def edges_m(self) -> FloatArray:
+        """Both ends of each patch, shape (patches, 2), m."""
+        return np.array(self.centres_m)[:, None] + self.patch_length_m / 2.0 * np.array([-1.0, 1.0])
+
+    def capacitance_f(self, width_m: float) -> float:
+        """eps33^T (1 - k31^2) b l/t of a patch of this width held along x and free across, F."""
+        free = float(self.piezo.permittivity_free_f_m[2, 2])
+        held = free - self.piezo.d31**2 / self.piezo.s11
+        return held * width_m * self.patch_length_m / self.patch_thickness_m
+
+
+def section(beam: PatchedBeam, patched: bool) -> tuple[float, float, float, float]:
+    """EA, ES, EI about the middle plane and rho A of a bare or a patched section (N, N m, N m2, kg/m)."""
+    young, area = beam.material.young_pa, beam.width_m * beam.thickness_m
+    bare = (young * area, 0.0, young * area * beam.thickness_m**2 / 12.0, beam.material.density_kg_m3 * area)
+    if not patched:
+        return bare
+    layer, z, t = beam.layer_width_m * beam.patch_thickness_m, beam.lever_m, beam.patch_thickness_m
+    pull = beam.piezo.thin_young_pa * layer
+    added = (pull, pull * z, pull * (z**2 + t**2 / 12.0), beam.piezo.density_kg_m3 * layer)
+    return tuple(a + b for a, b in zip(bare, added, strict=True))  # type: ignore[return-value]
+
+
+@dataclass(frozen=True)
+class Condensed:
+    """The beam over its free (w, w') unknowns alone: K, M; forces (n, a) in N/V, N m/V; signals (s, n) and their direct
+    part (s, a); charges of the actuators (a, a) at rest in C/V; `rows` gives w at points from the unknowns.
+    """
+
+    matrices: BeamMatrices
+    free: NDArray[np.intp]
+    stiffness: FloatArray
+    mass: FloatArray
+    forces: FloatArray
+    signals: FloatArray
+    direct: FloatArray
+    capacitance: FloatArray
+
+    def rows(self, points_m: FloatArray) -> FloatArray:
+        """w at points from the free unknowns, shape (points, n)."""
+        return deflection_rows(self.matrices.nodes_m, points_m)[:, self.free]
+
+
+def condense(beam: PatchedBeam, element_m: float = 1.5e-3) -> Condensed:
+    """Assemble, close the sensors' circuits on themselves, hold the ends, and leave the extension to statics.
+
+    Raises SolverError for sizes, patches or ends that cannot be.
+    """
+    check_beam(beam)
+    nodes = _nodes(beam, element_m)
+    middle = (nodes[1:] + nodes[:-1]) / 2.0
+    patched = (np.abs(middle[:, None] - np.array(beam.centres_m)) < beam.patch_length_m / 2.0).any(axis=1)
+    values = np.where(patched[:, None], section(beam, True), section(beam, False)).T
+    matrices = assemble_beam(nodes, Sections(*values))
+    per_width = -beam.piezo.thin_young_pa * beam.piezo.d31
+    axial, lateral = _edge_rows(beam, nodes)
+    force_u, force_w = (per_width * beam.actuator_width_m * part for part in (axial, lateral))
+    sense = per_width * beam.sensor_width_m / np.sqrt(beam.capacitance_f(beam.sensor_width_m))
+    sense_u, sense_w = sense * axial, sense * lateral
+    free_u, free_w = _free(beam, len(nodes))
+    k_uu = (matrices.stretching + sense_u.T @ sense_u)[np.ix_(free_u, free_u)]
+    k_uw = (matrices.coupling + sense_u.T @ sense_w)[np.ix_(free_u, free_w)]
+    k_ww = (matrices.bending + sense_w.T @ sense_w)[np.ix_(free_w, free_w)]
+    factor = cho_factor(k_uu)
+    follow, pulled = cho_solve(factor, k_uw), cho_solve(factor, force_u[:, free_u].T)
+    output = 1.0 / np.sqrt(beam.capacitance_f(beam.sensor_width_m))
+    held = beam.capacitance_f(beam.actuator_width_m) * np.eye(len(beam.centres_m))
+    return Condensed(
+        matrices=matrices,
+        free=free_w,
+        stiffness=k_ww - k_uw.T @ follow,
+        mass=matrices.mass[np.ix_(free_w, free_w)],
+        forces=force_w[:, free_w].T - follow.T @ force_u[:, free_u].T,
+        signals=output * (sense_w[:, free_w] - sense_u[:, free_u] @ follow),
+        direct=output * sense_u[:, free_u] @ pulled,
+        capacitance=held + force_u[:, free_u] @ pulled,
+    )
+
+
+def beam_table(beam: PatchedBeam, modes: int = 20, points_m: FloatArray | None = None) -> ModalTable:
+    """Modes, actuator weights, open-circuit sensor voltages and deflection at points (default: 301 along the beam).
+
+    Raises SolverError as condense, and for a number of modes that is not from 1 to the number of unknowns.
+    """
+    points = np.linspace(0.0, beam.length_m, 301) if points_m is None else points_m
+    body = condense(beam)
+    return _table(beam, body, modes, points, body.signals, body.direct)
+
+
+def charge_table(beam: PatchedBeam, modes: int = 20) -> ModalTable:
+    """The actuators' own charges as signals: sensor_matrix of it is the electrical capacitance matrix C(omega), F."""
+    body = condense(beam)
+    return _table(beam, body, modes, np.array(beam.centres_m), body.forces.T, body.capacitance)
+
+
+def _table(
+    beam: PatchedBeam, body: Condensed, modes: int, points: FloatArray, signals: FloatArray, direct: FloatArray
+) -> ModalTable:
+    if not 1 <= modes <= len(body.stiffness):
+        raise SolverError(f"modes = {modes}: must be from 1 to {len(body.stiffness)}")
+    values, vectors = eigh(body.stiffness, body.mass, subset_by_index=(0, modes - 1))
+    actuators, sensors, rows = vectors.T @ body.forces, (signals @ vectors).T, body.rows(points)
+    shown = (rows @ vectors).T
+    rest = np.linalg.solve(body.stiffness, body.forces) - vectors @ (actuators / values[:, None])
+    return ModalTable(
+        frequencies_hz=np.sqrt(values) / (2.0 * np.pi),
+        quality=np.full(modes, beam.quality),
+        actuators=actuators,
+        sensors=sensors,
+        field=shown,
+        points_m=points[:, None],
+        sensor_residual=signals @ rest + direct,
+        field_residual=rows @ rest,
+    )
+
+
+def check_beam(beam: PatchedBeam) -> None:
+    """SolverError for sizes that are not above 0, patches that overlap or overhang, unknown or loose ends."""
+    for name in ("length_m", "width_m", "thickness_m", "patch_length_m", "actuator_width_m", "sensor_width_m"):
+        _above_zero(name, getattr(beam, name))
+    _above_zero("patch_thickness_m", beam.patch_thickness_m)
+    if not beam.quality > 0.0:
+        raise SolverError(f"beam: quality = {beam.quality:g}: must be above 0 (inf for no loss)")
+    if not beam.centres_m:
+        raise SolverError("beam: the list of actuators is empty, at least one patch is needed")
+    if beam.layer_width_m > beam.width_m * (1.0 + 1e-9):
+        raise SolverError(f"beam: patches {beam.layer_width_m:g} m wide do not fit on {beam.width_m:g} m")
+    edges, slack = beam.edges_m, 1e-9 * beam.length_m
+    if edges[0, 0] < -slack or edges[-1, 1] > beam.length_m + slack:
+        raise SolverError(
+            f"beam: a patch overhangs an end; centres must keep {beam.patch_length_m / 2.0:g} m from both"
+        )
+    if any(after < before - slack for before, after in pairwise(edges.ravel())):
+        raise SolverError(f"beam: patches overlap; centres must ascend by at least {beam.patch_length_m:g} m")
+    for end in beam.ends:
+        if end not in HELD:
+            raise SolverError(f"beam: end {end!r}: must be one of {', '.join(HELD)}")
+    if "clamped" not in beam.ends and beam.ends != ("pinned", "pinned"):
+        raise SolverError(f"beam: ends {beam.ends} leave a rigid motion; clamp one or pin both")
+
+
+def _above_zero(name: str, value: float) -> None:
+    if not (np.isfinite(value) and value > 0.0):
+        raise SolverError(f"beam: {name} = {value:g}: must be a finite number above 0")
+
+
+def _nodes(beam: PatchedBeam, element_m: float) -> FloatArray:
+    cuts = np.unique(np.round([0.0, *np.clip(beam.edges_m, 0.0, beam.length_m).ravel(), beam.length_m], 12))
+    parts = [np.linspace(a, b, 1 + max(2, round((b - a) / element_m)))[:-1] for a, b in pairwise(cuts)]
+    return np.concatenate([*parts, cuts[-1:]])
+
+
+def _edge_rows(beam: PatchedBeam, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rows [u] over u, and -z_p [w'] over (w, w'), of each patch: the layer's elongation between its ends."""
+    count = len(beam.centres_m)
+    axial, lateral = np.zeros((count, 2 * len(nodes) - 1)), np.zeros((count, 2 * len(nodes)))
+    for k, ends in enumerate(beam.edges_m):
+        for sign, at in zip((-1.0, 1.0), ends, strict=True):
+            node = int(np.argmin(np.abs(nodes - at)))
+            axial[k, 2 * node] += sign
+            lateral[k, 2 * node + 1] -= sign * beam.lever_m
+    return axial, lateral
+
+
+def _free(beam: PatchedBeam, nodes: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Unknowns of u and of (w, w') that the ends leave free."""
+    held_u: list[int] = []
+    held_w: list[int] = []
+    for end, node in zip(beam.ends, (0, nodes - 1), strict=True):
+        u, w, slope = HELD[end]
+        held_u += [2 * node] * u
+        held_w += [2 * node] * w + [2 * node + 1] * slope
+    return np.setdiff1d(np.arange(2 * nodes - 1), held_u), np.setdiff1d(np.arange(2 * nodes), held_w)

@@ -1,0 +1,221 @@
+"""Shaping by actuators and sensors on the clamped beams of the thesis: what its text states, computed, and what lies beyond."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.analytic.beams import frequency_hz, roots
+from solvers.errors import SolverError
+from solvers.shaping.hybrid import PassiveActive
+from solvers.shaping.modal_table import sensor_matrix
+from solvers.shaping.mode_pairs import ModePair
+from solvers.shaping.monte_carlo import Errors
+from solvers.shaping.output_filter import LowPass, filter_for
+from solvers.shaping.transfer_matrix import Conditioning, Scan, conditioning, operating_frequencies
+from solvers.shaping_study.model import ShapedBeam, Signal, patched, pointed
+from solvers.shaping_study.patched_beam import PatchedBeam, charge_table, evenly, section
+from solvers.shaping_study.steps import (
+    Confinement,
+    ErrorTrials,
+    Travelling,
+    best_pair,
+    confine,
+    error_trials,
+    resonators_and_patches,
+    scan_signal,
+    sweep,
+    travel,
+)
+
+FloatArray = NDArray[np.float64]
+ASSUMPTIONS = (
+    "patches: Pz26, each actuator in the middle of an equal share of the beam, its two sensor strips beside it as one sensor",
+    "quality factor 50 for every mode; perfect clamps; layered Euler-Bernoulli beam, extension without inertia",
+    "sensors open; voltages positive when they stretch a patch; 20 modes and the static rest of the others",
+    "point beams: the same bare beams with point forces and deflection sensors, without residual, as the text simulates them",
+    "a region is a third of the sensors and the points nearest to them; a travelling wave is judged where the ends' near "
+    "field has fallen to a tenth",
+    "oscillators beside the zone: four, tuned to the frequency of use, 0.5 g each",
+)
+SCANNED = 221  # frequencies of the conditioning scan
+
+
+@dataclass(frozen=True)
+class ShapingData:
+    """What is computed and with what. The thesis gives the beams, the patches' sizes, 2.2 and 2.4 kHz and 5.9 to 7.4 cm.
+
+    calibrate_near_hz: the standing wave for the sensors; wavelengths_m: first, last, number; limit_v: a half-bridge's
+    amplitude; errors: standard deviations; oscillator_kg: mass of each resonator beside the middle third.
+    """
+
+    beam: PatchedBeam = field(default_factory=PatchedBeam)
+    short: PatchedBeam = field(default_factory=lambda: PatchedBeam(length_m=0.100, centres_m=evenly(0.100, 6)))
+    modes: int = 20
+    frequencies_hz: tuple[float, ...] = (2200.0, 2400.0)
+    band_hz: tuple[float, float] = (100.0, 4500.0)
+    calibrate_near_hz: float = 2200.0
+    wavelengths_m: tuple[float, float, int] = (0.050, 0.090, 41)
+    limit_v: float = 50.0
+    errors: Errors = field(default_factory=lambda: Errors(0.01, 0.05, pi / 36.0, 0.02))
+    trials: int = 200
+    seed: int = 1
+    pwm_hz: float = 40e3
+    oscillator_kg: float = 5e-4
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What another pitch of the patches or another loss gives at one frequency on the long beam: T, and the largest TWR."""
+
+    pitch_m: float
+    quality: float
+    conditioning: dict[Signal, Conditioning]
+    peak_twr: float
+    peak_wavelength_m: float
+
+
+@dataclass(frozen=True)
+class ShapingStudy:
+    """Results by beam and signal (`calibrated` or `displacement`); scans, trials, pairs and resonators by their names."""
+
+    data: ShapingData
+    beams: tuple[ShapedBeam, ...]
+    scans: dict[tuple[str, Signal], Scan]
+    confinements: tuple[Confinement, ...]
+    travelling: tuple[Travelling, ...]
+    trials: dict[tuple[str, Signal], ErrorTrials]
+    pairs: dict[str, ModePair]
+    resonators: dict[str, PassiveActive]
+    choices: tuple[Choice, ...]
+    filter: LowPass
+    filter_error: float
+
+    def of(self, name: str) -> ShapedBeam:
+        """The beam of a name."""
+        return next(beam for beam in self.beams if beam.name == name)
+
+    def confinement(self, beam: str, signal: str, frequency: float, region: str, target: str) -> Confinement:
+        """One confinement by its names."""
+        wanted = (beam, signal, frequency, region, target)
+        return next(
+            one
+            for one in self.confinements
+            if (one.beam, one.signal, one.frequency_hz, one.region, one.target) == wanted
+        )
+
+    def wave(self, beam: str, signal: str, frequency: float) -> Travelling:
+        """One travelling-wave sweep by its names."""
+        return next(
+            one for one in self.travelling if (one.beam, one.signal, one.frequency_hz) == (beam, signal, frequency)
+        )
+
+
+def shaping_study(data: ShapingData | None = None) -> ShapingStudy:
+    """Sections 3.3 to 3.7 of the thesis and two steps beyond them. Raises SolverError for data that cannot be."""
+    data = ShapingData() if data is None else data
+    _check(data)
+    beams = _beams(data)
+    low, high = data.band_hz
+    grid = np.linspace(low, high, SCANNED)
+    signals = [(beam, signal) for beam in beams for signal in beam.signals]
+    scans = {(beam.name, signal): scan_signal(beam, signal, grid) for beam, signal in signals}
+    last = data.frequencies_hz[-1]
+    wavelengths = np.linspace(*data.wavelengths_m)
+    low_pass, filter_error = _filter(data)
+    return ShapingStudy(
+        data=data,
+        beams=beams,
+        scans=scans,
+        confinements=tuple(
+            one
+            for beam, signal in signals
+            for f in _used(data, scans, beam, signal)
+            for one in confine(beam, signal, f, data.limit_v)
+        ),
+        travelling=tuple(travel(beam, signal, f, wavelengths) for beam, signal in signals for f in data.frequencies_hz),
+        trials={
+            (beam.name, signal): error_trials(beam, signal, last, 0.066, data.errors, data.trials, data.seed)
+            for beam, signal in signals
+        },
+        pairs={beam.name: best_pair(beam, _zone(beam.beam), 1.0, high) for beam in beams},
+        resonators={beam.name: _resonators(beam, data) for beam in beams},
+        choices=choices(data, last),
+        filter=low_pass,
+        filter_error=filter_error,
+    )
+
+
+def _check(data: ShapingData) -> None:
+    low, high = data.band_hz
+    if not 0.0 < low < high:
+        raise SolverError(f"band = {low:g} ... {high:g} Hz: must ascend and be above 0")
+    if not data.frequencies_hz or any(not (np.isfinite(f) and f > 0.0) for f in data.frequencies_hz):
+        raise SolverError(f"frequencies = {list(data.frequencies_hz)} Hz: at least one, each a finite number above 0")
+    if data.modes < 8:
+        raise SolverError(f"modes = {data.modes}: must be 8 or more for frequencies up to a few kHz")
+    if data.trials < 1:
+        raise SolverError(f"trials = {data.trials}: must be 1 or more")
+
+
+def _beams(data: ShapingData) -> tuple[ShapedBeam, ...]:
+    found = []
+    for beam in (data.beam, data.short):
+        name = f"{1e3 * beam.length_m:g} mm"
+        found.append(patched(f"{name}, patches", beam, data.modes, data.calibrate_near_hz))
+        found.append(pointed(f"{name}, points", beam, data.modes))
+    return tuple(found)
+
+
+def _used(data: ShapingData, scans: dict[tuple[str, Signal], Scan], beam: ShapedBeam, signal: Signal) -> list[float]:
+    """The given frequencies, and the one of the scan at which T is conditioned best."""
+    best = operating_frequencies(scans[beam.name, signal], 1)
+    return sorted({*data.frequencies_hz, *best.tolist()})
+
+
+def _zone(beam: PatchedBeam) -> tuple[float, float]:
+    return beam.length_m / 3.0, 2.0 * beam.length_m / 3.0
+
+
+def _resonators(model: ShapedBeam, data: ShapingData) -> PassiveActive:
+    """Two oscillators beside each end of the middle third, at the last of the frequencies."""
+    places = model.beam.length_m * np.array([0.30, 0.34, 0.66, 0.70])
+    return resonators_and_patches(model, _zone(model.beam), places, data.oscillator_kg, data.frequencies_hz[-1])
+
+
+def _filter(data: ShapingData) -> tuple[LowPass, float]:
+    """The filter of an actuator, and the largest error of a compensation that takes the patch as a plain capacitor."""
+    beam = data.beam
+    low_pass = filter_for(beam.capacitance_f(beam.actuator_width_m), data.band_hz[1], data.pwm_hz)
+    charges = charge_table(beam, data.modes)
+    missed = [
+        low_pass.compensation(f) * low_pass.loaded_response(f, sensor_matrix(charges, f)) - np.eye(len(beam.centres_m))
+        for f in data.frequencies_hz
+    ]
+    return low_pass, float(max(np.linalg.norm(one, 2) for one in missed))
+
+
+def bare_modes_hz(beam: PatchedBeam, count: int) -> FloatArray:
+    """Natural frequencies of the beam without its patches, Hz, shape (count,)."""
+    _, _, bending, mass = section(beam, False)
+    kappas = roots(beam.ends[0], beam.ends[1], count)  # type: ignore[arg-type]
+    return np.array([frequency_hz(kappa, beam.length_m, bending, mass) for kappa in kappas])
+
+
+def choices(data: ShapingData, frequency_hz: float) -> tuple[Choice, ...]:
+    """Pitches of 1/6, 1/6.5 and 1/7 of the length with quality 20, 50 and 200; TWR of waves asked for in displacement."""
+    length = data.beam.length_m
+    variants = [(length / share, quality) for share in (6.0, 6.5, 7.0) for quality in (20.0, 50.0, 200.0)]
+    found = []
+    for pitch, quality in variants:
+        beam = replace(data.beam, centres_m=evenly(length, len(data.beam.centres_m), pitch), quality=quality)
+        model = patched("variant", beam, data.modes, data.calibrate_near_hz)
+        wavelengths = np.linspace(*data.wavelengths_m)
+        twr, _ = sweep(model, "displacement", frequency_hz, wavelengths)
+        matrices = {signal: conditioning(model.matrix(frequency_hz, signal)) for signal in model.signals}
+        best = int(np.argmax(twr))
+        found.append(Choice(pitch, quality, matrices, float(twr[best]), float(wavelengths[best])))
+    return tuple(found)

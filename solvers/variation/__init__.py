@@ -1,0 +1,1 @@
+"""Plates whose pillars differ one by one."""

@@ -1,0 +1,218 @@
+"""CAD solids against volumes known in closed form, and STEP pillars that must be refused."""
+
+from dataclasses import replace
+from math import pi
+
+import cadquery as cq
+import numpy as np
+import pytest
+
+from geometry.cad.solids import cell_solid, load_step_pillar, pillar_solid, plate_solid, zone_solid
+from geometry.errors import GeometryError
+from geometry.layout import Design, Pillar
+from geometry.materials import MATERIALS
+from geometry.patches import Patches
+from geometry.piezo_materials import PIEZO_MATERIALS
+
+ALUMINIUM, BRASS = MATERIALS["aluminium"], MATERIALS["brass"]
+MM3 = 1e-9
+KERNEL = 1e-6  # relative: booleans on curved faces hold to the kernel's own tolerance
+
+
+def pillar(shape: str = "square", tip: float = 2e-3, fillet: float = 0.0, file: str | None = None) -> Pillar:
+    return Pillar(shape, 2e-3, tip, 6.3e-3, ALUMINIUM, fillet, file)
+
+
+def design(standing: Pillar | None, rows: int = 3, pitch: float = 4e-3, length: float = 115.5e-3) -> Design:
+    return Design(length, 20e-3, 2e-3, 8, ALUMINIUM, standing, pitch, pitch, rows, 25e-3)
+
+
+def patches(*centres: tuple[float, float], face: str = "back") -> Patches:
+    sizes = (12e-3, 3e-3, 0.3e-3)
+    kind = PIEZO_MATERIALS["pz26"]
+    return Patches(kind, sizes, face, "centres", centres, (12e-3,) * len(centres), (), 1.0)
+
+
+def flare_mm3(radius: float, fillet: float) -> float:
+    """Round foot fillet by Pappus: a square minus a quarter disc, turned about the axis."""
+    area = fillet**2 * (1.0 - pi / 4.0)
+    inside = fillet * (10.0 - 3.0 * pi) / (12.0 - 3.0 * pi)  # centroid of that corner from the two straight sides
+    return 2.0 * pi * (radius + inside) * area
+
+
+def frustum_mm3(base: float, tip: float, height: float) -> float:
+    return height / 3.0 * (base**2 + tip**2 + base * tip)
+
+
+@pytest.mark.parametrize(
+    ("standing", "exact"),
+    [
+        (pillar(), 2 * 2 * 6.3),
+        (pillar("round"), pi * 6.3),
+        (pillar("tapered", tip=1e-3), frustum_mm3(2, 1, 6.3)),
+        (pillar("tapered", tip=2e-3), 2 * 2 * 6.3),
+        (pillar("round", fillet=0.3e-3), pi * 6.3 + flare_mm3(1.0, 0.3)),
+    ],
+)
+def test_lone_pillar_has_its_closed_form_volume(standing, exact):
+    body = pillar_solid(standing)
+    assert body.volume_m3 == pytest.approx(exact * MM3, rel=KERNEL)
+    box = body.shape.BoundingBox()
+    assert box.zmin == pytest.approx(0.0, abs=1e-6)
+    assert box.zmax == pytest.approx(6.3, abs=1e-6)
+    assert box.xlen == pytest.approx(1e3 * standing.footprint_m, abs=1e-4)
+
+
+def test_square_foot_fillet_lies_between_four_straight_fillets_and_the_same_with_square_corners():
+    flare = pillar_solid(pillar(fillet=0.4e-3)).volume_m3 / MM3 - 2 * 2 * 6.3
+    area = 0.4**2 * (1.0 - pi / 4.0)
+    assert 4 * 2 * area < flare < 4 * (2 + 2 * 0.4) * area
+
+
+@pytest.mark.parametrize("standing", [pillar(), pillar("round", fillet=0.3e-3)])
+def test_whole_design_of_174_pillars_is_one_solid(standing):
+    scene = design(standing)
+    body = plate_solid(scene)
+    assert len(scene.pillar_centres()) == 174
+    assert len(body.shape.Solids()) == 1
+    assert body.shape.isValid()
+    one = pillar_solid(standing).volume_m3
+    block = scene.length_m * 2 * scene.half_span_m * scene.thickness_m
+    assert body.volume_m3 == pytest.approx(block + 174 * one, rel=KERNEL)
+    box = body.shape.BoundingBox()
+    assert [box.xlen, box.ylen] == pytest.approx([115.5, 2e3 * scene.half_span_m], abs=1e-5)
+
+
+@pytest.mark.parametrize("mirrors", ["x", "y", "xy"])
+@pytest.mark.parametrize("length", [115.5e-3, 20e-3])
+def test_mirrored_parts_make_the_whole(mirrors, length):
+    """29 columns have one on the mirror x = 0, the 5 of the short plate too."""
+    scene = design(pillar(), length=length)
+    assert 0.0 in scene.column_centres()
+    part = plate_solid(scene, mirrors)
+    assert part.volume_m3 * 2 ** len(mirrors) == pytest.approx(plate_solid(scene).volume_m3, rel=1e-9)
+    box = part.shape.BoundingBox()
+    assert ("x" not in mirrors) == (box.xmin < -1.0)
+    assert ("y" not in mirrors) == (box.ymin < -1.0)
+
+
+def test_even_columns_leave_the_mirror_free():
+    scene = design(pillar(), rows=1, pitch=8e-3, length=20e-3)
+    assert len(scene.column_centres()) == 3
+    scene = replace(scene, pitch_x_m=18e-3)
+    assert len(scene.column_centres()) == 2
+    assert 4 * plate_solid(scene, "xy").volume_m3 == pytest.approx(plate_solid(scene).volume_m3, rel=1e-9)
+
+
+def test_cell_and_zone():
+    assert cell_solid(design(pillar())).volume_m3 == pytest.approx((4 * 4 * 2 + 25.2) * MM3)
+    assert 4 * cell_solid(design(pillar()), "xy").volume_m3 == pytest.approx((4 * 4 * 2 + 25.2) * MM3)
+    assert cell_solid(design(None, 0)).volume_m3 == pytest.approx(4 * 4 * 2 * MM3)
+    assert zone_solid(design(None, 0)).volume_m3 == pytest.approx(115.5 * 20 * 2 * MM3)
+
+
+def test_another_material_keeps_its_solids_apart_and_its_faces_shared():
+    scene = design(replace(pillar(), material=BRASS), rows=1, length=20e-3)
+    body = plate_solid(scene, patches=patches((0.0, 0.0)))
+    assert body.bonds == {"pillar", "patch"}
+    assert len(body.shape.Solids()) == 1 + len(scene.pillar_centres()) + 1
+    each_side = [face.hashCode() for solid in body.shape.Solids() for face in solid.Faces()]
+    assert len(each_side) - len(set(each_side)) == len(scene.pillar_centres()) + 1
+    volumes = body.part_volumes_m3()
+    assert volumes["pillar"] == pytest.approx(10 * 25.2 * MM3)
+    assert volumes["patch"] == pytest.approx(12 * 3 * 0.3 * MM3)
+
+
+def test_same_material_pillars_are_united_even_beside_patches():
+    scene = design(pillar(), rows=1, length=20e-3)
+    assert len(plate_solid(scene, patches=patches((0.0, 0.0))).shape.Solids()) == 2
+
+
+def test_mirror_cuts_patches_and_drops_those_beyond():
+    body = plate_solid(design(None, 0), "xy", patches((0.0, 0.0), (-30e-3, 0.0), (30e-3, 0.0)))
+    assert [box.number for box in body.patches] == [0, 2]
+    assert body.part_volumes_m3()["patch"] == pytest.approx((6 * 1.5 + 12 * 1.5) * 0.3 * MM3)
+
+
+def test_patches_on_the_touch_face_hang_below():
+    body = plate_solid(design(None, 0), "", patches((0.0, 0.0), face="touch"))
+    assert body.shape.BoundingBox().zmin == pytest.approx(-0.3, abs=1e-6)
+    assert body.region_of(np.array([[0.0, 0.0, -0.1e-3], [0.0, 0.0, 1e-3]])).tolist() == ["patch", "plate"]
+
+
+def test_patch_inside_a_pillar_is_refused():
+    scene = design(pillar(), rows=1, length=20e-3)
+    with pytest.raises(GeometryError, match="overlap"):
+        plate_solid(scene, patches=patches((0.0, float(scene.row_centres()[0]))))
+
+
+def test_fillet_that_does_not_fit_is_refused_by_name():
+    with pytest.raises(GeometryError, match="fillet of 9 mm"):
+        pillar_solid(pillar(fillet=9e-3))
+
+
+def step_file(folder, shape, unit: str = "MM"):
+    path = folder / "pillar.step"
+    cq.exporters.export(cq.Workplane(obj=shape), str(path), unit=unit)
+    return path
+
+
+def box_at(x=-1.0, y=-1.0, z=0.0, sides=(2.0, 2.0, 6.3)):
+    return cq.Solid.makeBox(*sides, cq.Vector(x, y, z))
+
+
+@pytest.mark.parametrize(("unit", "in_mm"), [("MM", 1.0), ("INCH", 25.4), ("M", 1000.0)])
+def test_step_pillar_is_read_in_any_unit(tmp_path, unit, in_mm):
+    """The exporter labels the model's numbers with the unit, so 2 mm is written as 2 / 25.4 inches."""
+    path = step_file(tmp_path, box_at().scale(1.0 / in_mm), unit)
+    found = load_step_pillar(path)
+    assert [found.height_m, found.foot_size_m, found.tip_size_m, found.extent_m] == pytest.approx(
+        [6.3e-3, 2e-3, 2e-3, 2e-3], rel=1e-6
+    )
+    assert found.volume_m3 == pytest.approx(25.2 * MM3, rel=1e-6)
+    assert 4 * plate_solid(design(pillar("step", file=str(path))), "xy").volume_m3 == pytest.approx(
+        plate_solid(design(pillar())).volume_m3, rel=KERNEL
+    )
+
+
+def test_step_pillar_wider_above_tells_its_extent(tmp_path):
+    mushroom = box_at().fuse(box_at(-1.5, -1.5, 5.3, (3.0, 3.0, 1.0)))
+    found = load_step_pillar(step_file(tmp_path, mushroom))
+    assert [found.foot_size_m, found.extent_m] == pytest.approx([2e-3, 3e-3], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("shape", "reason"),
+    [
+        (cq.Shell.makeShell(box_at().Faces()[:5]), "open"),
+        (cq.Compound.makeCompound([box_at(), box_at(x=5.0)]), "2 solids"),
+        (box_at(z=0.5), "z = 0.5 mm"),
+        (box_at(z=-0.5), "z = -0.5 mm"),
+        (box_at(x=0.0), "centred at"),
+        (cq.Solid.makeSphere(1.0, cq.Vector(0, 0, 1.0), angleDegrees1=-90), "no flat face"),
+    ],
+)
+def test_step_that_is_no_pillar_is_refused_with_its_reason(tmp_path, shape, reason):
+    path = step_file(tmp_path, shape)
+    with pytest.raises(GeometryError, match=reason) as caught:
+        load_step_pillar(path)
+    assert str(path) in str(caught.value)
+
+
+def test_step_that_is_missing_or_garbage_is_refused_quietly(tmp_path, capfd):
+    with pytest.raises(GeometryError, match="no such STEP file"):
+        load_step_pillar(tmp_path / "none.step")
+    garbage = tmp_path / "garbage.step"
+    garbage.write_text("not a step file")
+    with pytest.raises(GeometryError, match="not a readable STEP file"):
+        load_step_pillar(garbage)
+    assert capfd.readouterr().out == ""
+
+
+def test_lopsided_step_pillar_is_not_mirrored(tmp_path):
+    lopsided = box_at().cut(box_at(x=0.5, y=-1.0, z=5.0))
+    scene = design(pillar("step", file=str(step_file(tmp_path, lopsided))), length=20e-3)
+    with pytest.raises(GeometryError, match="not symmetric"):
+        plate_solid(scene, "x")
+    assert len(plate_solid(scene, "y").shape.Solids()) == 1
+    assert len(plate_solid(scene).shape.Solids()) == 1

@@ -1,0 +1,1 @@
+"""Scenes, meshes and invented studies that several tests share."""

@@ -1,0 +1,27 @@
+"""Unit cells on the coarsest mesh and no shelf, for tests of what does not depend on either."""
+
+from __future__ import annotations
+
+import pytest
+
+from geometry.hex.boxes import HexSettings
+from pipeline.models import unit_cell
+from pipeline.planning import mesh_rules
+
+COARSE = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
+
+
+class NoShelf:
+    """Nothing is kept between tests."""
+
+    def get(self, key: str) -> None:
+        return None
+
+    def put(self, key: str, cell: object) -> None:
+        return None
+
+
+def put_in(patch: pytest.MonkeyPatch) -> None:
+    """Every cell coarse and reduced anew."""
+    patch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: COARSE)
+    patch.setattr(unit_cell, "CellShelf", NoShelf)

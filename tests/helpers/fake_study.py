@@ -1,0 +1,88 @@
+"""A study that computes nothing of physics: what the batch machinery is tested with, as a module and as a script."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.batch import runner
+from pipeline.batch.lock import StudyBusy
+from pipeline.batch.progress import Progress
+from pipeline.process import terminable
+from pipeline.records import store, tables
+from solvers.errors import SolverError
+
+
+def compute(payload, folder, log):
+    """Write arrays slowly; end as the payload's fate says."""
+    with (folder.parent / "starts.txt").open("a") as file:
+        file.write(f"{folder.name}\n")
+    fate = payload.get("fate", "ok")
+    with log.step("mesh"):
+        time.sleep(payload["seconds"] / 2)
+        if fate == "raise":
+            raise SolverError("no count by inertia at 31 kHz; try another band")
+        if fate == "bug":
+            raise KeyError("nobody expected this")
+        if fate == "memory":
+            raise MemoryError
+        if fate == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if fate == "full":
+            raise store.DiskFull(f"{folder}: no space left")
+        if fate == "alarm":
+            log.alarm("MESH_1", "a thin element")
+    log.left_out("patches", "the case has none")
+    with log.step("solve"):
+        values = np.random.default_rng(payload["value"]).normal(size=1000)
+        store.save_arrays(folder, {"values": values})
+        time.sleep(payload["seconds"] / 2)
+    wanted = {"frequency_hz": 30e3 + float(values.sum()), "mac": 0.9, "zone_share": 0.8, "confinement_db": 12.0}
+    return {"modes": {"model": "fake", "dof": values.size}, "wanted": wanted, "threads": os.environ["OMP_NUM_THREADS"]}
+
+
+def signals_held_back():
+    """Names of the signals that this process does not get."""
+    return {held.name for held in signal.pthread_sigmask(signal.SIG_BLOCK, [])}
+
+
+def jobs(count, seconds=0.02, fates=None):
+    """`count` cases, some with a fate of their own by index."""
+    fates = fates or {}
+    inputs = [{"name": f"c{i}", "value": i, "seconds": seconds, "fate": fates.get(i, "ok")} for i in range(count)]
+    return [runner.Job(f"value={i}", payload, {"value": i}) for i, payload in enumerate(inputs)]
+
+
+def main() -> int:
+    """Run as `antinode run` would."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--cases", type=int, default=8)
+    parser.add_argument("--seconds", type=float, default=0.1)
+    parser.add_argument("--first", type=float, help="seconds of the first case, when they differ")
+    args = parser.parse_args()
+    try:
+        todo = jobs(args.cases, args.seconds)
+        if args.first is not None:
+            todo[0].payload["seconds"] = args.first
+        with terminable():
+            outcome = runner.run_study(todo, compute, args.folder, runner.Options(jobs=2), Progress())
+    except KeyboardInterrupt:
+        return 130
+    except StudyBusy as error:
+        print(error, file=sys.stderr)
+        return 2
+    tables.write_table(args.folder)
+    return outcome.exit_code
+
+
+if __name__ == "__main__":
+    from tests.helpers import fake_study  # workers import the module by its name
+
+    sys.exit(fake_study.main())

@@ -1,0 +1,305 @@
+"""`antinode active`: text, documents and figures; one line for what is wrong; the table carries what was measured."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from math import inf, pi
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pipeline.active import options, thesis_beam
+from pipeline.active.loop import _plant
+from pipeline.board import table_file
+from pipeline.cli import main
+from pipeline.errors import InputFault
+from solvers.active_beam.study import ActiveBeamData
+from solvers.control.baseband import ModePlant
+from solvers.control.identification import sweep_of
+from solvers.resonators.mason_study import MasonData
+
+ROOT = Path(__file__).resolve().parents[3]
+CASE = str(ROOT / "studies" / "three-rows.toml")
+FIGURES = {
+    "mason": {"mason"},
+    "pillar": {"point_force", "pillar_rows"},
+    "beam": {"active_beam", "active_beam_sensitivity"},
+    "dq": {"dq_step", "dq_circle", "dq_bode"},
+    "shaping": {"shaping_conditioning", "shaping_patterns", "shaping_travelling"},
+}
+
+
+def run(*arguments: str) -> int:
+    try:
+        return main.main(["active", *arguments])
+    except SystemExit as end:
+        return int(end.code or 0)
+
+
+@pytest.mark.parametrize("model", ["mason", "pillar", "beam", "dq", "shaping"])
+def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: Path, capsys) -> None:
+    assert run(model, "--out", str(tmp_path), "--quiet") == 0
+    told = capsys.readouterr().out
+    document = json.loads((tmp_path / f"active_{model}.json").read_text())
+    assert document["schema"] == 1
+    for entry in document["comparison"]:
+        assert set(entry) == {"quantity", "thesis", "ours", "agreement"}
+        assert entry["ours"] in told and entry["agreement"] in told
+    assert {path.stem for path in tmp_path.glob("*.svg")} == FIGURES[model]
+    assert {path.stem for path in tmp_path.glob("*.png")} == FIGURES[model]
+    for path in tmp_path.glob("*.svg"):
+        assert path.stat().st_size > 5000 and b"<svg" in path.read_bytes()[:1000]
+
+
+def test_json_on_standard_output_is_alone(capsys) -> None:
+    assert run("dq", "--json", "-") == 0
+    assert json.loads(capsys.readouterr().out)["schema"] == 1
+
+
+def test_options_reach_the_model(capsys) -> None:
+    assert run("beam", "--frequency", "2.5kHz", "--gain", "3e6", "--gain", "4e6", "--delay", "10us", "--json", "-") == 0
+    beam = json.loads(capsys.readouterr().out)
+    assert (
+        beam["frequencies_hz"] == [2500.0]
+        and beam["gains_n_m"] == [3e6, 4e6]
+        and beam["delays_s"] == pytest.approx([1e-5])
+    )
+    assert run("mason", "--frequency", "20kHz", "--quality", "100", "--band", "5kHz:30kHz", "--json", "-") == 0
+    mason = json.loads(capsys.readouterr().out)
+    assert (
+        mason["target_hz"] == 20e3 and mason["filter"]["rejected_hz"] == pytest.approx(20e3) and mason["quality"] == 100
+    )
+    assert (mason["frequencies_hz"][0], mason["frequencies_hz"][-1]) == (5e3, 30e3)
+    assert (
+        run("dq", "--frequency", "28kHz", "--quality", "200", "--within", "3ms", "--delay", "12us", "--json", "-") == 0
+    )
+    dq = json.loads(capsys.readouterr().out)
+    assert dq["plant"]["frequency_hz"] == 28e3 and dq["plant"]["quality"] == pytest.approx(200)
+    assert dq["design"]["within_s"] == 3e-3 and dq["plant"]["delay_s"] == pytest.approx(12e-6)
+    assert dq["comparison"][0]["agreement"].startswith("differs, 3 ms were asked for")
+
+
+def test_the_case_gives_material_pillar_mode_and_losses(capsys) -> None:
+    assert run("beam", CASE, "--set", "material=steel", "--set", "damping.quality=150", "--json", "-") == 0
+    beam = json.loads(capsys.readouterr().out)["beam"]
+    assert beam["material"] == "steel" and beam["quality"] == 150.0
+    assert run("dq", CASE, "--set", "damping.quality=250", "--json", "-") == 0
+    plant = json.loads(capsys.readouterr().out)["plant"]
+    assert plant["frequency_hz"] == pytest.approx(33_979, rel=1e-3) and plant["quality"] == pytest.approx(250)
+    assert run("pillar", CASE, "--set", "pillar.height_mm=7.1", "--json", "-") == 0
+    lower = json.loads(capsys.readouterr().out)
+    assert run("pillar", "--json", "-") == 0
+    higher = json.loads(capsys.readouterr().out)
+    assert lower["clamped_hz"] < 0.85 * higher["clamped_hz"] and len(higher["transmitted"]) == 3
+    assert higher["cell"] is None
+
+
+def test_pillar_losses_are_the_cases_or_none(tmp_path: Path, capsys) -> None:
+    bare = tmp_path / "pillar.toml"
+    text = Path(CASE).read_text().replace("[damping]\nquality = 300.0\n", "")
+    bare.write_text(text)
+    absorbed, duller = [], ("--set", "damping.quality=50")
+    for arguments in ((str(bare),), (CASE,), (CASE, "--quality", "inf"), (CASE, *duller)):
+        assert run("pillar", *arguments, "--json", "-") == 0
+        found = json.loads(capsys.readouterr().out)
+        shares = 1.0 - np.array(found["transmitted"]) - np.array(found["reflected"])
+        absorbed.append(np.abs(shares).max())
+    assert absorbed[0] < 1e-10 and absorbed[2] < 1e-10 and absorbed[3] > 2.0 * absorbed[1] > 1e-3
+
+
+def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, capsys) -> None:
+    """What `attenuation` returns is compared and drawn; None (too steep to keep) counts as stopped."""
+    asked = {}
+
+    def solve(case, log, band_hz, kx_per_m, points):
+        asked.update(band=band_hz, kx=kx_per_m)
+        tones = np.linspace(*band_hz, 41)
+        points = [
+            SimpleNamespace(frequency_hz=f, db_per_row=None if 34e3 < f < 35e3 else 3.0 * (30e3 < f < 36e3))
+            for f in tones
+        ]
+        return SimpleNamespace(model="stub", points=points)
+
+    monkeypatch.setattr("pipeline.analysis.attenuation.solve", solve)
+    assert run("pillar", "--cell", "--band", "25kHz:45kHz", "--quiet", "--out", str(tmp_path)) == 0
+    document = json.loads((tmp_path / "active_pillar.json").read_text())
+    assert asked == {"band": (25e3, 45e3), "kx": 0.0} and document["cell"]["model"] == "stub"
+    assert document["comparison"][-1]["ours"] == "30.50-35.50 kHz"
+    assert "edge lies" in document["comparison"][-1]["agreement"]
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("beam", "--gain", "0"), "--gain = 0"),
+        (("beam", "--gain=-1e7"), "above 0"),
+        (("beam", "--gain", "much"), "--gain = much"),
+        (("beam", "--frequency", "0"), "--frequency"),
+        (("beam", "--frequency=-3kHz"), "above 0"),
+        (("beam", "--delay", "4"), "--delay"),
+        (("mason", "--frequency", "0"), "--frequency"),
+        (("mason", "--quality", "inf"), "hit exactly"),
+        (("mason", "--quality", "0"), "--quality"),
+        (("mason", "--gain", "1"), "does not take it"),
+        (("beam", "--gain", "1e-300"), "--gain = 1e-300: must be a number above 0 in N/m, from 0.001 to 1e+12"),
+        (("pillar", "--quality", "1e-300"), "--quality = 1e-300: must be a number above 0, from 0.5 to 1e+12, or inf"),
+        (("dq", "--within", "1e300s"), "--within = '1e300s': must be a time of 0 or more in s, ms or us"),
+        (("mason", "--band", "1kHz:30MHz"), "must end at 2500 kHz or below"),
+        (("pillar", "--band", "30:34"), "30:34 could mean 30 Hz to 34 Hz or 30 kHz to 34 kHz: write the unit"),
+        (("beam", "--frequency", "3"), "3 could mean 3 Hz or 3 kHz: write the unit"),
+        (("mason", "--set", "plate.thickness_mm=1"), "needs a CASE"),
+        (("pillar", "--band", "0Hz:3kHz"), "--band"),
+        (("pillar", "--set", "pillar.height_mm=-1"), "pillar.height_mm"),
+        (("dq", "--quality", "inf"), "without losses"),
+        (("dq", "--frequency", "0"), "--frequency"),
+        (("dq", "--frequency", "1kHz", "--frequency", "2kHz"), "takes one"),
+        (("dq", "--within", "0.1ms"), "latency"),
+        (("dq", "--table", "nothing.bin"), "nothing.bin"),
+        (("dq", "--sweep", "nothing.csv"), "nothing.csv"),
+        (("shaping", "--frequency", "0"), "--frequency"),
+        (("mason", "nothing.toml"), "nothing.toml"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line(arguments: tuple[str, ...], said: str, capsys) -> None:
+    assert run(*arguments) == 2
+    caught = capsys.readouterr()
+    told = [line for line in caught.err.splitlines() if line.startswith("antinode: ")]
+    assert len(told) == 1 and said in told[0] and caught.out == ""
+
+
+def test_lossless_resonance_of_the_beam_is_told(capsys) -> None:
+    exact = float(ActiveBeamData(quality=inf).beam.natural_rad_s(7)[6]) / (2 * pi)
+    assert run("beam", "--quality", "inf", "--frequency", f"{exact!r}Hz") == 2
+    assert "hit exactly" in capsys.readouterr().err
+    assert MasonData(quality=inf).cell.loss == 0.0
+
+
+@pytest.mark.parametrize("band", ["24.9kHz:25.1kHz", "5kHz:8kHz"])
+def test_the_circuits_verdicts_are_those_of_its_modes_whatever_band_is_shown(band: str, capsys) -> None:
+    assert run("mason", "--json", "-") == 0
+    whole = json.loads(capsys.readouterr().out)
+    assert run("mason", "--band", band, "--quiet") == 0
+    told = capsys.readouterr().out
+    assert "nan" not in told
+    for entry in whole["comparison"]:
+        assert entry["ours"] in told and entry["agreement"] in told
+
+
+def test_a_band_without_modes_says_where_they_are(capsys) -> None:
+    assert run("mason", "--band", "30Hz:34Hz") == 2
+    told = capsys.readouterr()
+    assert told.out == "" and "holds no mode of the three bars" in told.err and "from 7.101 to 39.57 kHz" in told.err
+
+
+class OneBeam:
+    """A study whose loops confine from K' = 1e6 N/m on, at any frequency: what the comparison reads, and no more."""
+
+    def __init__(self, gains: tuple[float, ...], tones: tuple[float, ...]) -> None:
+        self.data = SimpleNamespace(gains_n_m=gains, frequencies_hz=tones)
+
+    def case(self, layout: str, frequency_hz: float, gain_n_m: float) -> SimpleNamespace:
+        after = SimpleNamespace(ratio=3.0 if gain_n_m > 1e6 else 1.0)
+        return SimpleNamespace(frequency_hz=frequency_hz, gain_n_m=gain_n_m, strength=gain_n_m / 1e6, after=after)
+
+
+def test_one_gain_or_one_frequency_is_not_compared_with_itself() -> None:
+    one = OneBeam((1e7,), (3e3,))
+    gains, tones = thesis_beam._gain(one), thesis_beam._higher(one)
+    assert gains.ours.count("K' =") == 1 and gains.agreement.startswith("not compared: one gain")
+    assert tones.agreement == "not compared: one frequency was given, the contrast takes two"
+
+
+def test_gains_are_compared_by_size_in_any_order() -> None:
+    entry = thesis_beam._gain(OneBeam((1e8, 1e5), (3e3,)))
+    assert entry.ours.index("K' = 100000") < entry.ours.index("K' = 1e+08")
+    assert entry.agreement == "agrees: the two gains lie on both sides of 4EI beta^3"
+
+
+@pytest.mark.parametrize(("text", "value"), [("2ms", 2e-3), ("4us", 4e-6), ("0.5 s", 0.5), ("0us", 0.0)])
+def test_times(text: str, value: float) -> None:
+    assert options.seconds(text, "--delay") == pytest.approx(value)
+
+
+@pytest.mark.parametrize("text", ["", "4", "-1ms", "infs", "nanms", "ms", "4kHz"])
+def test_times_refused(text: str) -> None:
+    with pytest.raises(InputFault, match="--delay"):
+        options.seconds(text, "--delay")
+
+
+def table(**changes) -> table_file.ModeTable:
+    modes = tuple(table_file.Mode.from_quality(f, 300.0) for f in (30_900.0, 31_400.0, 32_200.0))
+    return table_file.ModeTable(250e3, bytes(16), modes, 1, **changes)
+
+
+def test_a_table_gives_the_mode_and_its_neighbours(tmp_path: Path, capsys) -> None:
+    file = tmp_path / "plate.bin"
+    file.write_bytes(table_file.to_bytes(table()))
+    assert run("dq", "--table", str(file), "--json", "-") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["plant"]["frequency_hz"] == 31_400.0 and document["plant"]["sensor"] == "displacement"
+    assert [round(one["frequency_hz"]) for one in document["neighbours"]] == [30_900, 32_200]
+    assert any(step["name"] == "with neighbours" for step in document["steps"])
+    file.write_bytes(file.read_bytes()[:-1])
+    assert run("dq", "--table", str(file)) == 2
+    assert "truncated" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("gain", "sensor", "real"), [(-0.6j, "displacement", 0.6), (0.5j, "displacement", -0.5), (-0.4, "velocity", -0.4)]
+)
+def test_sign_of_a_tables_gain(gain: complex, sensor: str, real: float) -> None:
+    """A displacement sensor shows a velocity response over j."""
+    mode = replace(table().modes[0], gain=gain)
+    assert _plant(mode, True, sensor).gain == pytest.approx(real)
+
+
+@pytest.mark.parametrize("displacement", [True, False])
+def test_a_measured_sweep_becomes_the_tables_mode(displacement: bool, tmp_path: Path, capsys) -> None:
+    """Frequency, time constant, complex gain and delay of a plate that the table guessed wrongly."""
+    truth = ModePlant.from_quality(31_437.3, 260.0, 0.6)
+    sensor = "displacement" if displacement else "velocity"
+    found = sweep_of((truth,), np.linspace(31_100.0, 31_800.0, 141), sensor, 8e-6, 0.001, 1e-4)
+    sweep = tmp_path / "sweep.csv"
+    rows = [
+        f"{f!r},{h.real!r},{h.imag!r}"
+        for f, h in zip(found.frequencies_hz.tolist(), found.response.tolist(), strict=True)
+    ]
+    sweep.write_text("\n".join(["frequency_hz,re,im", *rows]))
+    old = tmp_path / "old.bin"
+    old.write_bytes(table_file.to_bytes(table(senses_displacement=displacement)))
+    out = tmp_path / "out"
+    assert run("dq", "--table", str(old), "--sweep", str(sweep), "--out", str(out), "--quiet") == 0
+    new = table_file.from_bytes((out / "mode_table.bin").read_bytes())
+    mode = new.modes[new.wanted]
+    assert mode.frequency_identified and mode.tau_identified
+    assert mode.frequency_hz == pytest.approx(31_437.3, abs=0.1) and mode.tau_s == pytest.approx(truth.tau_s, rel=2e-3)
+    assert mode.gain == pytest.approx(-0.6j if displacement else 0.6, rel=2e-3)
+    assert mode.delay_s == pytest.approx(8e-6, abs=2e-8)
+    assert [one.gain for i, one in enumerate(new.modes) if i != new.wanted] == [None, None]
+    header = (out / "mode_table.h").read_text()
+    assert table_file.to_header(new) == header
+    document = json.loads((out / "active_dq.json").read_text())
+    assert document["plant"]["frequency_hz"] == pytest.approx(31_437.3, abs=0.1)
+    assert document["measured"]["tau_s"] == pytest.approx(mode.tau_s, rel=1e-6)
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "no rows"),
+        ("frequency_hz,re,im\n", "no rows"),
+        ("frequency_hz,re\n1,2\n", "line 2"),
+        ("frequency_hz,re,im\n1,2,3\n2,x,4\n", "line 3"),
+        ("frequency_hz,re,im\n1,2,3\n", "at least 8"),
+    ],
+)
+def test_a_bad_sweep_is_told(text: str, said: str, tmp_path: Path, capsys) -> None:
+    file = tmp_path / "sweep.csv"
+    file.write_text(text)
+    assert run("dq", "--sweep", str(file)) == 2
+    assert said in capsys.readouterr().err

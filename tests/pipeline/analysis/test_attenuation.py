@@ -1,0 +1,111 @@
+"""The attenuation command: waves, the decay that counts, what rows let through, and faults in one line."""
+
+from __future__ import annotations
+
+import json
+from math import pi
+from pathlib import Path
+
+import pytest
+
+from pipeline.analysis import attenuation
+from pipeline.case.model import load_case
+from pipeline.cli.main import main
+from pipeline.logs import TerminalLog
+from pipeline.paths import STUDIES
+
+CASE = str(STUDIES / "three-rows.toml")
+COARSE = ["--set", "solve.accuracy=0.03", "--quiet"]
+
+
+@pytest.fixture(scope="module")
+def document(tmp_path_factory: pytest.TempPathFactory) -> dict:
+    folder = tmp_path_factory.mktemp("attenuation")
+    arguments = [
+        "attenuation",
+        CASE,
+        *COARSE,
+        "--points",
+        "41",
+        "--json",
+        str(folder / "a.json"),
+        "--out",
+        str(folder / "out"),
+    ]
+    assert main(arguments) == 0
+    assert {path.suffix for path in (folder / "out").iterdir()} >= {".csv", ".svg", ".png", ".json"}
+    return json.loads((folder / "a.json").read_text())
+
+
+def test_the_fields_of_the_document(document: dict) -> None:
+    assert document["schema"] == 1 and document["kx_per_m"] == pytest.approx(7.5 * pi / 0.1155)
+    assert len(document["points"]) == 41
+    point = document["points"][0]
+    assert set(point) >= {"frequency_hz", "waves", "db_per_row"}
+    assert set(point["waves"][0]) >= {"polarisation", "ky_re_per_m", "ky_im_per_m", "db_per_row"}
+    assert {w["polarisation"] for p in document["points"] for w in p["waves"]} <= {"flexural", "shear", "longitudinal"}
+
+
+def test_the_last_field_is_the_least_attenuated_flexural_wave(document: dict) -> None:
+    for point in document["points"]:
+        flexural = [wave["db_per_row"] for wave in point["waves"] if wave["polarisation"] == "flexural"]
+        assert point["db_per_row"] == min(flexural)
+        for wave in point["waves"]:
+            decay = 20.0 / 2.302585092994046 * wave["ky_im_per_m"] * 4e-3
+            assert wave["db_per_row"] == pytest.approx(decay, rel=1e-6, abs=1e-5)
+
+
+def test_flexural_waves_are_stopped_above_the_pillars_resonance_and_pass_beyond(document: dict) -> None:
+    """The stop band that holds the wanted mode: no wave passes at 36 kHz, one does at 27 and at 42 kHz."""
+    at = {round(p["frequency_hz"] / 1e3): p for p in document["points"]}
+    assert at[36]["db_per_row"] > 2.0 and at[27]["db_per_row"] == 0.0 and at[42]["db_per_row"] == 0.0
+    assert at[36]["through_rows"]["flexural"] < 0.2 < 0.5 < at[42]["through_rows"]["flexural"]
+
+
+def test_power_is_shared_out_whole_and_none_is_turned_in_plane(document: dict) -> None:
+    """In-plane waves decay at this wavenumber (k_x above that of shear waves), so they carry nothing away."""
+    for point in document["points"]:
+        passed = point["through_rows"]
+        assert passed["reflected"] + passed["flexural"] == pytest.approx(1.0, abs=1e-8)
+        assert passed["shear"] == passed["longitudinal"] == 0.0
+
+
+def test_straight_across_in_plane_waves_take_their_share() -> None:
+    case = load_case(CASE, ["solve.accuracy=0.03"])
+    found = attenuation.solve(case, TerminalLog(True), (34e3, 36e3), 0.0, 3)
+    for point in found.points:
+        passed = point.passage
+        assert passed is not None and passed.longitudinal > 0.0
+        assert passed.reflected + passed.flexural + passed.shear + passed.longitudinal == pytest.approx(1.0, abs=1e-8)
+
+
+def test_the_prediction_is_rows_times_the_decay() -> None:
+    waves = (attenuation.Wave("flexural", 0.0, 150.0, 5.0, 0.9),)
+    points = tuple(attenuation.Point(f, waves, 5.0, attenuation.Passage(0.99, 0.01, 0.0, 0.0)) for f in (30e3, 40e3))
+    told = attenuation.prediction(attenuation.Attenuation("m", 204.0, 3, 4e-3, points), 35e3, 12.0)
+    assert told["rows_db"] == 15.0 and told["through_db"] == pytest.approx(20.0) and told["rows_for_10_db"] == 2
+    assert told["zone_to_extension_db"] == 12.0
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--kx", "900"], "must lie between"),
+        (["--kx", "2e6"], "must lie between"),
+        (["--set", 'solve.model="solid"'], "must be auto or superelement"),
+        (["--band", "45kHz:25kHz"], "--band"),
+    ],
+)
+def test_wrong_input_is_one_line(more: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["attenuation", CASE, *COARSE, *more]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1 and words in lines[0]
+
+
+def test_a_case_without_pillars_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bare = tmp_path / "bare.toml"
+    bare.write_text(
+        'name="b"\nmaterial="aluminium"\n[plate]\nthickness_mm=2.0\n[zone]\nlength_mm=115.5\nwidth_mm=20.0\nnodal_lines=8\n'
+    )
+    assert main(["attenuation", str(bare), "--quiet"]) == 2
+    assert "pillar" in capsys.readouterr().err

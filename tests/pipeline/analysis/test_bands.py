@@ -1,0 +1,167 @@
+"""The bands of a case: what the JSON holds, which route leaves out what, and a reduction that is judged and raised."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.analysis import bands
+from pipeline.analysis.bands import Bands, solve_bands
+from pipeline.case.model import Case, load_case
+from pipeline.errors import InputFault
+from pipeline.models import unit_cell
+from pipeline.planning import mesh_rules
+from pipeline.plots import bands as plots_bands
+from pipeline.plots import style
+from pipeline.records.study import StoredCase
+from solvers.superelement.build import Recipe
+from solvers.superelement.interface import Interface
+from solvers.waves.gaps import Gap, ZoneGap
+from tests.helpers import coarse_cells
+from tests.helpers.told import Told
+
+CASE = Path(__file__).resolve().parents[3] / "studies" / "three-rows.toml"
+
+
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every cell on the coarsest mesh: what is looked at here does not depend on it."""
+    coarse_cells.put_in(monkeypatch)
+
+
+def case(*settings: str) -> Case:
+    return load_case(CASE, ["solve.accuracy=0.02", *settings])
+
+
+def solved(*settings: str) -> tuple[Bands, Told]:
+    log = Told()
+    return solve_bands(case(*settings), log), log
+
+
+def test_points_tell_polarisation_parity_branch_and_group_velocity() -> None:
+    found, log = solved("bands.points=6", "bands.count=8")
+    document = json.loads(json.dumps(found.json(), allow_nan=False))
+    assert [p["label"] for p in document["points"] if p["label"]] == ["G", "X", "M", "G"] and len(
+        document["points"]
+    ) == 19
+    for point in document["points"]:
+        lengths = {key: len(value) for key, value in point.items() if isinstance(value, list)}
+        assert set(lengths.values()) == {8} and set(lengths) >= {
+            "polarisation",
+            "branch",
+            "group_velocity_m_s",
+            "parity",
+        }
+        assert set(point["polarisation"]) <= {"flexural", "shear", "longitudinal", "pillar"}
+        assert set(point["plate_polarisation"]) <= {"flexural", "shear", "longitudinal"}
+        assert point["frequencies_hz"] == sorted(point["frequencies_hz"])
+    assert document["points"][0]["group_velocity_m_s"][:3] == [None] * 3
+    assert document["points"][0]["plate_polarisation"][:3] == ["flexural", "shear", "longitudinal"]
+    assert all(mark in ("y+", "y-") for mark in document["points"][3]["parity"])
+    assert "zone_gaps" not in document and "wavevectors off the path" in log.omitted
+    assert document["reduction_error"] < 0.02 and "REDUCTION" not in log.alarms
+    assert {"start", "end", "lower_band", "upper_hz"} <= set(document["directional_gaps"][0])
+    assert {"polarisation", "lower_hz", "upper_hz"} == set(document["polarisation_gaps"][0])
+    assert len(json.dumps(document)) < 19 * 8 * 150
+
+
+def test_the_group_velocity_of_a_point_is_the_slope_of_its_band() -> None:
+    found, _ = solved("bands.points=40", "bands.count=4", "bands.path=GX")
+    assert found.detail
+    k, hz = found.path.wavevectors[:, 0], found.frequencies_hz[:, 0]
+    slope = 2.0 * np.pi * np.gradient(hz, k)[2:-2]
+    assert np.abs(found.detail.velocity[2:-2, 0, 0] - slope).max() < 0.05 * np.abs(slope).max()
+    assert np.abs(found.detail.velocity[1:-1, :, 1]).max() < 1e-3 * np.abs(slope).max()  # along the line by symmetry
+
+
+def test_a_coarse_path_finds_the_edges_of_a_fine_one() -> None:
+    coarse_path, _ = solved("bands.points=3", "bands.count=8", "bands.path=GXMYG", "array.pitch_x_mm=3")
+    fine, _ = solved("bands.points=25", "bands.count=8", "bands.path=GXMYG", "array.pitch_x_mm=3")
+    assert len(coarse_path.gaps) == len(fine.gaps) > 0
+    for one, two in zip(coarse_path.gaps, fine.gaps, strict=True):
+        assert (one.lower_hz, one.upper_hz) == pytest.approx((two.lower_hz, two.upper_hz), rel=1e-6)
+    assert coarse_path.frequencies_hz.shape == (13, 8)
+    assert coarse_path.frequencies_hz[::3] == pytest.approx(fine.frequencies_hz[::25], rel=1e-9, abs=1e-3)
+
+
+def test_the_full_cell_gives_frequencies_only_and_says_so() -> None:
+    found, log = solved("solve.model=solid", "bands.points=1", "bands.count=7", "bands.grid=1")
+    document = found.json()
+    assert set(document["points"][0]) == {"label", "kx_per_m", "ky_per_m", "frequencies_hz"}
+    assert "reduction_error" not in document and "polarisation, branches and group velocity" in log.omitted
+    reduced, _ = solved("bands.points=1", "bands.count=7")
+    assert document["zone_gaps"][0]["lower_hz"] == pytest.approx(reduced.gaps[0].lower_hz, rel=0.01)
+
+
+def test_a_grid_checks_the_gaps_over_the_zone() -> None:
+    found, log = solved("bands.points=4", "bands.count=8", "bands.grid=6")
+    assert found.zone_gaps and "ZONE" not in log.alarms
+    for along, whole in zip(found.gaps, found.zone_gaps, strict=True):
+        assert (along.lower_hz, along.upper_hz) == pytest.approx((whole.lower_hz, whole.upper_hz), rel=1e-6)
+    assert any("one of the whole zone" in fact for fact in log.facts)
+    assert "wavevectors off the path" not in log.omitted
+
+
+def test_an_edge_off_the_path_and_a_gap_that_closes_are_alarms() -> None:
+    log, along = Told(), [Gap(6, 7, 160e3, 170e3)]
+    bands._tell_zone(along, [ZoneGap(6, 7, 161e3, 170e3, (300.0, 200.0), (0.0, 0.0))], log)
+    assert "lower edge at 161000.0 Hz, k = (300.0, 200.0) rad/m, off the path" in log.alarms["ZONE"]
+    assert "upper" not in log.alarms["ZONE"] and not log.facts
+    bands._tell_zone(along, [], log)
+    assert "waves off the path fill it" in log.alarms["ZONE"]
+
+
+@pytest.mark.parametrize("value", ["-1", "1.5", "201", "true"])
+def test_a_grid_that_is_no_count_of_intervals_is_refused(value: str) -> None:
+    with pytest.raises(InputFault, match=r"bands\.grid.*whole number from 0"):
+        case(f"bands.grid={value}")
+
+
+def poor(accuracy: float) -> Recipe:
+    """Degrees and modes that are too few on purpose."""
+    return Recipe(Interface(2, 3), 6e5, coarse_cells.COARSE)
+
+
+def test_a_reduction_too_poor_for_the_accuracy_is_raised_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mesh_rules, "lattice_recipe", lambda design, accuracy: poor(accuracy))
+    found, log = solved("bands.points=1", "bands.count=8")
+    assert found.detail and found.detail.reduction_error < 0.02 and "REDUCTION" not in log.alarms
+    assert any("degree" in fact and "instead of 2" in fact and "MHz" in fact for fact in log.facts)
+    whole, _ = solved("solve.model=solid", "bands.points=1", "bands.count=8")
+    moving = whole.frequencies_hz > 10.0
+    assert (found.frequencies_hz[moving] / whole.frequencies_hz[moving] - 1.0).max() < 0.02
+
+
+def test_a_reduction_that_cannot_be_raised_enough_is_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mesh_rules, "lattice_recipe", lambda design, accuracy: poor(accuracy))
+    monkeypatch.setattr(unit_cell, "MOST_DOF", 10)
+    found, log = solved("bands.points=1", "bands.count=8")
+    assert found.detail and found.detail.reduction_error > 0.02
+    assert "lower bands.count (8), raise solve.accuracy, or take solve.model = 'solid'" in log.alarms["REDUCTION"]
+
+
+@cache
+def document() -> dict[str, Any]:
+    log = Told()
+    made = solve_bands(replace(case("bands.points=4", "bands.count=8")), log)
+    return made.json() | {"bending_at_m_hz": None}
+
+
+def test_the_picture_marks_every_wave_by_its_polarisation(tmp_path: Path) -> None:
+    stored = StoredCase(tmp_path, "cell", {}, {"bands": document(), "design": {"pitch_x_m": 4e-3}})
+    with style.style():
+        drawing = plots_bands.dispersion(stored, {})
+    assert drawing
+    axes = drawing.figure.axes[0]
+    marks = [line for line in axes.lines if line.get_marker() in ("o", "s", "^")]
+    assert sum(len(np.atleast_1d(line.get_xdata())) for line in marks) == 13 * 8  # every band at every point, once
+    names = {str(line.get_label()).split(",")[0] for line in marks}
+    assert names == {"flexural", "shear", "longitudinal"}
+    assert len({(line.get_color(), line.get_marker(), line.get_markerfacecolor()) for line in marks}) == len(marks)
+    assert "waves are marked as flexural, shear, longitudinal" in drawing.alt

@@ -1,0 +1,121 @@
+"""The response command on a small plate: fields, peak, faults in one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.cli.main import main
+from solvers.control.resonance import half_power_quality
+
+CASE = """name = "small"
+material = "aluminium"
+[plate]
+thickness_mm = 2.0
+[zone]
+length_mm = 22.0
+width_mm = 10.0
+nodal_lines = 2
+[pillar]
+shape = "square"
+side_mm = 2.0
+height_mm = 6.3
+[array]
+pitch_mm = 4.0
+rows = 1
+extension_mm = 3.0
+[solve]
+band_kHz = [15.0, 40.0]
+accuracy = 0.03
+[patches]
+size_mm = [4.0, 2.0, 0.3]
+sensors = [1]
+"""
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("response") / "small.toml"
+    path.write_text(CASE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def document(case: Path) -> dict:
+    out = case.parent / "out"
+    assert main(["response", str(case), "--quiet", "--points", "101", "--out", str(out)]) == 0
+    assert (out / "response.csv").exists() and (out / "response.png").exists()
+    return json.loads((out / "response.json").read_text())
+
+
+def test_the_fields_of_the_document(document: dict) -> None:
+    assert document["schema"] == 1
+    count = len(document["frequency_hz"])
+    assert count >= 101
+    for key in ("zone_rms_m_per_V", "passive_rms_m_per_V", "sensor_V_per_V"):
+        assert len(document[key]) == count
+    assert np.all(np.diff(document["frequency_hz"]) > 0.0)
+    assert len(document["sensor_V_per_V"][0]) == 2
+
+
+def test_the_highest_peak_is_the_curves_highest_point(document: dict) -> None:
+    top = int(np.argmax(document["zone_rms_m_per_V"]))
+    assert document["highest_peak"]["frequency_hz"] == document["frequency_hz"][top]
+    ratio = document["zone_rms_m_per_V"][top] / document["passive_rms_m_per_V"][top]
+    assert document["highest_peak"]["confinement_db"] == pytest.approx(20.0 * np.log10(ratio))
+
+
+def test_opening_the_patches_stiffens_the_wanted_mode(document: dict) -> None:
+    circuit = document["circuit"]
+    assert circuit["drivers"] == "short" and circuit["short_hz"] == document["wanted_hz"]
+    assert circuit["open_hz"] > circuit["short_hz"]
+    assert circuit["coupling"] == pytest.approx(1.0 - (circuit["short_hz"] / circuit["open_hz"]) ** 2)
+
+
+def test_a_charge_drives_where_the_case_says_so(case: Path, document: dict, tmp_path: Path) -> None:
+    file = tmp_path / "r.json"
+    fed = ["--points", "101", "--set", 'patches.circuit="open"', "--json", str(file)]
+    assert main(["response", str(case), "--quiet", *fed]) == 0
+    found = json.loads(file.read_text())
+    assert found["circuit"]["drivers"] == "open"
+    short, opened = (one["wanted_peak"] or one["highest_peak"] for one in (document, found))
+    assert short["frequency_hz"] < opened["frequency_hz"] <= document["circuit"]["open_hz"] * 1.001
+
+
+def test_without_sensors_there_is_no_voltage(case: Path, tmp_path: Path) -> None:
+    file = tmp_path / "r.json"
+    assert (
+        main(["response", str(case), "--quiet", "--points", "11", "--set", "patches.sensors=[]", "--json", str(file)])
+        == 0
+    )
+    assert json.loads(file.read_text())["sensor_V_per_V"] is None
+
+
+def test_the_quality_of_a_lorentzian_is_read_back() -> None:
+    f = np.linspace(900.0, 1100.0, 4001)
+    curve = np.abs(1.0 / (1000.0**2 * (1.0 + 1j / 50.0) - f**2))
+    assert half_power_quality(f, curve, int(curve.argmax())) == pytest.approx(50.0, rel=0.01)
+    assert half_power_quality(f[1900:2100], curve[1900:2100], int(curve[1900:2100].argmax())) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "words"),
+    [
+        (CASE.split("[patches]")[0], [], "patches"),
+        (CASE, ["--set", 'solve.model="solid"'], "must be auto or superelement"),
+        (CASE, ["--band", "30kHz"], "--band"),
+        (CASE, ["--set", "patches.sensors=[9]"], "no such patch"),
+        (CASE, ["--set", 'patches.circuit="opened"'], "short (a voltage drives the patches) or open"),
+    ],
+)
+def test_wrong_input_is_one_line(
+    tmp_path: Path, text: str, more: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "case.toml"
+    path.write_text(text)
+    assert main(["response", str(path), "--quiet", *more]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1 and words in lines[0]

@@ -1,0 +1,130 @@
+"""The tolerance command on a small plate: repeatable, seeded, told in words and numbers; faults in one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.case.model import load_case
+from pipeline.cli.main import main
+from pipeline.errors import InputFault
+
+CASE = """name = "small"
+material = "aluminium"
+[plate]
+thickness_mm = 2.0
+[zone]
+length_mm = 17.0
+width_mm = 10.0
+nodal_lines = 2
+[pillar]
+side_mm = 2.0
+height_mm = 6.0
+[array]
+pitch_mm = 4.0
+rows = 1
+extension_mm = 3.0
+[solve]
+band_kHz = [20.0, 50.0]
+accuracy = 0.03
+[damping]
+quality = 100.0
+[tolerance]
+height_mm = 0.05
+samples = 3
+"""
+PATCHES = "[patches]\nsize_mm = [4.0, 2.0, 0.3]\nsensors = [1]\n"
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("tolerance") / "small.toml"
+    path.write_text(CASE)
+    return path
+
+
+def run(case: Path, *more: str) -> dict:
+    out = case.parent / f"out-{len(list(case.parent.iterdir()))}"
+    assert main(["tolerance", str(case), "--quiet", "--out", str(out), *more]) == 0
+    assert (out / "tolerance.png").exists()
+    rows = (out / "tolerance.csv").read_text().splitlines()
+    found = json.loads((out / "tolerance.json").read_text())
+    assert len(rows) == 1 + len(found["samples"])
+    return found
+
+
+@pytest.fixture(scope="module")
+def document(case: Path) -> dict:
+    return run(case)
+
+
+def test_the_document_holds_samples_and_their_statistics(document: dict) -> None:
+    assert document["schema"] == 1 and document["pillars"] == 8
+    assert document["drive"] == "pressure in the wanted shape" and document["rms_unit"] == "m/N"
+    peaks = [one["peak_hz"] for one in document["samples"]]
+    assert len(set(peaks)) == 3
+    assert document["peak_hz"]["mean"] == pytest.approx(np.mean(peaks))
+    assert document["peak_hz"]["deviation"] == pytest.approx(np.std(peaks, ddof=1))
+    levels = [one["confinement_db"] for one in document["samples"]]
+    assert document["confinement_db"]["lowest"] == min(levels)
+    assert document["confined"] == sum(level >= 10.0 for level in levels)
+    shift = document["peak_shift_hz"]["mean"]
+    assert shift == pytest.approx(np.mean(peaks) - document["nominal"]["peak_hz"])
+    assert document["nominal"]["quality"] == pytest.approx(100.0, rel=0.1)
+
+
+def test_the_same_seed_draws_the_same_plates_and_more_samples_go_on(case: Path, document: dict) -> None:
+    more = run(case, "--samples", "4")
+    for one, other in zip(document["samples"], more["samples"][:3], strict=True):
+        assert one["peak_hz"] == pytest.approx(other["peak_hz"], rel=1e-9)
+    other_seed = run(case, "--seed", "2")
+    assert other_seed["samples"][0]["peak_hz"] != pytest.approx(document["samples"][0]["peak_hz"], rel=1e-9)
+    assert other_seed["nominal"]["peak_hz"] == pytest.approx(document["nominal"]["peak_hz"], rel=1e-9)
+
+
+@pytest.mark.slow
+def test_with_patches_they_drive(case: Path, tmp_path: Path) -> None:
+    path = tmp_path / "patched.toml"
+    path.write_text(CASE + PATCHES)
+    found = run(path, "--samples", "1", "--set", "tolerance.position_mm=0.01")
+    assert found["drive"] == "patches" and found["rms_unit"] == "m/V"
+    assert found["peak_hz"]["deviation"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "words"),
+    [
+        (CASE.split("[tolerance]")[0], [], "[tolerance]"),
+        (CASE, ["--set", "tolerance.height_mm=0"], "nothing varies"),
+        (CASE, ["--set", "tolerance.height_mm=2.5"], "a third of pillar.height_mm"),
+        (CASE, ["--set", "tolerance.position_mm=0.4"], "pillars may touch"),
+        (CASE, ["--set", "array.rows=0"], "array.rows above 0"),
+        (CASE, ["--set", "pillar.fillet_mm=0.2"], "only square pillars"),
+        (CASE, ["--set", "tolerance.samples=0"], "from 1 to 10000"),
+        (CASE, ["--set", 'solve.model="solid"'], "must be auto or superelement"),
+        (CASE, ["--set", 'solve.mesh="tet"'], "solve.mesh auto or hex"),
+        (CASE, ["--band", "3"], "--band"),
+    ],
+)
+def test_wrong_input_is_one_line(
+    tmp_path: Path, text: str, more: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "case.toml"
+    path.write_text(text)
+    assert main(["tolerance", str(path), "--quiet", *more]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1 and words in lines[0]
+
+
+def test_a_case_without_the_table_is_understood_as_before(tmp_path: Path) -> None:
+    """Records of cases without it stay valid."""
+    path = tmp_path / "case.toml"
+    path.write_text(CASE.split("[tolerance]")[0])
+    assert "tolerance" not in load_case(path).as_understood()
+    given = load_case(path, ["tolerance.side_mm=0.02"]).as_understood()["tolerance"]
+    assert given == {"height_m": 0.0, "side_m": 2e-5, "position_m": 0.0, "samples": 20, "seed": 1}
+    with pytest.raises(InputFault, match=r"did you mean tolerance\.side_mm"):
+        load_case(path, ["tolerance.sides_mm=0.02"])

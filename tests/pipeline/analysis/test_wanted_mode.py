@@ -1,0 +1,120 @@
+"""The wanted mode is the same from every window, none passes for it, and no model answers beyond what it was made for."""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.analysis.modes import PartModes, solve_modes
+from pipeline.analysis.wanted_text import lines
+from pipeline.case.model import Case, load_case
+from pipeline.cli.main import main
+from pipeline.planning.request import Request
+from tests.helpers.told import Told
+
+ROOT = Path(__file__).resolve().parents[3]
+SMALL = ROOT / "examples" / "small.toml"
+COARSE = ("solve.accuracy=0.05",)
+
+
+def case(*more: str) -> Case:
+    return load_case(str(SMALL), [*COARSE, *more])
+
+
+@lru_cache
+def found(band_hz: tuple[float, float] | None, near_hz: float | None = None, count: int | None = None) -> PartModes:
+    return solve_modes(case(), Request("plate", band_hz, near_hz, count, "++"), Told())
+
+
+@lru_cache
+def reference() -> PartModes:
+    """Every mode of the class up to 50 kHz by a model made for 50 kHz."""
+    return found((1e3, 50e3))
+
+
+def document(*arguments: str, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    assert main([*arguments, "--quiet", "--json", "-"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("window", [(20e3, 45e3), (25e3, 45e3), (30e3, 45e3), (30e3, 34e3), (40e3, 44e3)])
+def test_the_wanted_mode_is_the_same_from_every_window(window: tuple[float, float]) -> None:
+    ours, theirs = found(window).wanted, reference().wanted
+    assert ours and theirs and ours.row and theirs.row
+    assert ours.row.frequency_hz == pytest.approx(theirs.row.frequency_hz, rel=1e-3)
+    assert [r.frequency_hz for r in ours.rivals] == pytest.approx([r.frequency_hz for r in theirs.rivals], rel=1e-3)
+    assert ours.status == theirs.status
+    assert ours.low_hz <= 0.8 * ours.row.frequency_hz and ours.high_hz >= 1.2 * ours.row.frequency_hz
+    assert ours.count and ours.count.expected == ours.count.found == len(ours.rows)
+    assert all(window[0] <= row.frequency_hz <= window[1] for row in found(window).rows), "listed: what was asked for"
+
+
+@pytest.mark.parametrize(("near_hz", "count"), [(32.0, 20), (1e3, 20)])
+def test_modes_far_above_what_was_asked_for_are_those_of_a_model_made_for_them(near_hz: float, count: int) -> None:
+    """A window of 64 Hz or 2 kHz once made a model without a single fixed-interface mode: 15 % wrong, and "0.97 %" said."""
+    ours, truth = found(None, near_hz, count), reference()
+    tones = [row.frequency_hz for row in truth.rows][: len(ours.rows)]
+    assert [row.frequency_hz for row in ours.rows] == pytest.approx(tones, rel=2.0 * 0.01)
+    assert ours.reduction_error is not None and ours.reduction_error < 0.02
+
+
+def test_a_window_that_does_not_reach_the_wanted_mode_says_so() -> None:
+    lowest = found(None, 0.0, 3)
+    assert lowest.wanted and lowest.wanted.status == "none" and lowest.bar is None
+    said = " ".join(lines(lowest, case().design))
+    assert "is expected between" in said and "do not reach it" in said
+
+
+def test_a_plate_without_the_wanted_shape_has_no_wanted_mode(capsys: pytest.CaptureFixture[str]) -> None:
+    """The zone alone, free at its long sides: nothing there is half a sine across it."""
+    told = document("modes", str(ROOT / "examples" / "zone.toml"), capsys=capsys)
+    assert told["wanted"]["status"] == "none" and told["wanted"]["frequency_hz"] is None
+    assert told["wanted"]["confinement_db"] is None and told["error_bar"] is None
+
+
+def test_the_document_names_the_wanted_mode_and_its_rivals(capsys: pytest.CaptureFixture[str]) -> None:
+    told = document("modes", str(SMALL), "--band", "30kHz:36kHz", "--parity", "++", capsys=capsys)
+    wanted = told["wanted"]
+    assert wanted["status"] == "single" and wanted["driven_confinement_db"] is None
+    listed = [mode for mode in told["modes"] if mode["frequency_hz"] == wanted["frequency_hz"]]
+    assert len(listed) == 1 and listed[0]["strength"] == wanted["strength"]
+    assert wanted["rivals"] and all(rival["strength"] is not None for rival in wanted["rivals"])
+    assert told["count_check"]["counts"] == "reduced pencil" and told["count_check"]["more_in_mesh_at_most"] == 0
+
+
+def test_another_symmetry_class_has_no_wanted_mode(capsys: pytest.CaptureFixture[str]) -> None:
+    told = document("modes", str(SMALL), "--band", "30kHz:34kHz", "--parity", "+-", capsys=capsys)
+    assert told["wanted"] is None
+
+
+def test_a_mode_table_of_another_mode_is_refused_unless_forced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plate = [str(ROOT / "examples" / "zone.toml"), "-o", str(tmp_path / "t.bin"), "--quiet"]
+    assert main(["export", "table", *plate]) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert len(said) == 1 and "No mode from" in said[0] and "--force" in said[0]
+    assert not list(tmp_path.iterdir())
+    assert main(["export", "table", *plate, "--force"]) == 0
+    assert "warning NO_MODE" in capsys.readouterr().err
+    assert (tmp_path / "t.bin").exists()
+
+
+def test_an_empty_answer_says_where_modes_are(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["modes", str(SMALL), "--band", "30Hz:34Hz", "--quiet", "--parity", "++"]) == 0
+    said = capsys.readouterr().err
+    lowest = found(None, 0.0, 3).rows[0].frequency_hz
+    assert "warning NO_MODES" in said
+    told = float(said.split("nearest lies at about ")[1].split(" Hz")[0])
+    assert told == pytest.approx(lowest, rel=0.05)
+
+
+@pytest.mark.parametrize("command", [("predesign",), ("modes", "--part", "pillar", "--count", "1")])
+def test_every_document_says_what_it_answers(command: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    told = document(command[0], str(SMALL), *command[1:], "--set", "array.rows=2", capsys=capsys)
+    assert told["schema"] == 1 and told["case"] == "small" and told["version"]
+    assert told["with_defaults"] == load_case(str(SMALL), ["array.rows=2"]).as_understood()

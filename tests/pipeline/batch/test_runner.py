@@ -1,0 +1,359 @@
+from __future__ import annotations
+
+import io
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+import psutil
+import pytest
+
+from pipeline import workers
+from pipeline.batch import job, journal, runner
+from pipeline.batch.progress import Progress
+from pipeline.cli import study_commands
+from pipeline.records import fingerprint, store, tables
+from pipeline.records import study as records_study
+from pipeline.workers import LocalWorkers
+from tests.helpers import fake_study
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def run(folder: Path, cases: list[runner.Job], **options: object) -> runner.StudyOutcome:
+    return runner.run_study(cases, fake_study.compute, folder, runner.Options(**{"jobs": 2, **options}))
+
+
+def starts(folder: Path) -> Counter[str]:
+    path = folder / "starts.txt"
+    return Counter(path.read_text().split()) if path.exists() else Counter()
+
+
+def test_every_way_to_end_is_recorded_by_name_and_stops_no_other(tmp_path: Path):
+    fates = {1: "raise", 2: "kill", 3: "bug", 4: "memory", 5: "alarm", 6: "full"}
+    outcome = run(tmp_path, fake_study.jobs(8, fates=fates))
+    study = records_study.read_study(tmp_path)
+    told = {case.case_id: (case.status, case.diagnosis) for case in study.cases}
+    assert told["value=0"] == told["value=7"] == ("OK", "done")
+    assert told["value=1"] == ("FAILED", "no count by inertia at 31 kHz; try another band")
+    assert told["value=2"][0] == "FAILED" and "SIGKILL" in told["value=2"][1]
+    assert told["value=3"] == ("FAILED", "KeyError: 'nobody expected this'")
+    assert told["value=4"][0] == "FAILED" and "memory ran out" in told["value=4"][1]
+    assert told["value=5"] == ("ALARM", "a thin element")
+    assert told["value=6"][0] == "MISSING"  # no room for a record: said by the outcome
+    assert {end.case_id for end in outcome.failed} == {"value=1", "value=2", "value=3", "value=4", "value=6"}
+    assert outcome.exit_code == 3
+    lines = {case.case_id: (case.folder / "run.mess").read_text().splitlines()[-1] for case in study.cases}
+    assert lines["value=2"].endswith("<F>_ABNORMAL_ABORT") and lines["value=1"].endswith("<F>_ERROR")
+    assert "Traceback" in (tmp_path / "value=3/run.mess").read_text()
+    assert "Traceback" not in (tmp_path / "value=1/run.mess").read_text()
+
+
+def test_a_record_holds_what_it_must(tmp_path: Path):
+    run(tmp_path, fake_study.jobs(1))
+    record = store.read_record(tmp_path / "value=0")
+    assert record["left_out"] == ["patches: the case has none"] and record["warnings"] == []
+    assert record["sweep"] == {"value": 0} and record["name"] == "c0" and record["versions"]["numpy"]
+    assert "seconds" not in record
+    timing = store.read_json(tmp_path / "value=0/timing.json")
+    assert set(timing["seconds"]) == {"mesh", "solve", "total"} and timing["peak_memory_bytes"] > 1e6
+
+
+def test_again_computes_only_what_is_missing_changed_torn_or_forced(tmp_path: Path):
+    jobs = fake_study.jobs(5)
+    run(tmp_path, jobs)
+    assert run(tmp_path, jobs).ended == ()
+    changed = [*jobs[:4], runner.Job("value=4", {**jobs[4].payload, "seconds": 0.03}, jobs[4].sweep)]
+    (tmp_path / "value=1/record.json").write_text("{")
+    (tmp_path / "value=2/arrays.npz").write_bytes(b"torn")
+    dry = run(tmp_path, changed, dry_run=True)
+    why = {item.case_id: item.why for item in dry.plan}
+    assert why["value=0"] is None and why["value=3"] is None and why["value=4"] == "its input changed"
+    assert "record.json is unreadable" in why["value=1"] and "arrays.npz is unreadable" in why["value=2"]
+    assert dry.ended == () and set(starts(tmp_path).values()) == {1}  # a dry run computes nothing
+    stream = io.StringIO()
+    again = runner.run_study(changed, fake_study.compute, tmp_path, runner.Options(jobs=2), Progress(stream=stream))
+    assert "value=2: computed again, arrays.npz is unreadable" in stream.getvalue()
+    assert "value=4: computed again, its input changed" in stream.getvalue()
+    assert {end.case_id for end in again.ended} == {"value=1", "value=2", "value=4"} and again.exit_code == 0
+    assert len(run(tmp_path, changed, force=True).ended) == 5
+
+
+def test_a_failed_case_is_tried_again_the_next_time(tmp_path: Path):
+    run(tmp_path, fake_study.jobs(2, fates={1: "raise"}))
+    again = run(tmp_path, fake_study.jobs(2, fates={1: "raise"}))
+    assert [(end.case_id, end.status) for end in again.ended] == [("value=1", "FAILED")]
+
+
+def test_fail_fast_stops_and_says_what_is_undone(tmp_path: Path):
+    outcome = run(tmp_path, fake_study.jobs(6, fates={0: "raise"}), jobs=1, fail_fast=True)
+    assert [end.case_id for end in outcome.ended] == ["value=0"]
+    assert outcome.undone == tuple(f"value={i}" for i in range(1, 6)) and outcome.exit_code == 3
+
+
+def test_any_executor_fits_and_gives_the_same_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    run(tmp_path / "a", fake_study.jobs(4))
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    with ThreadPoolExecutor(2) as pool:
+        run(tmp_path / "b", fake_study.jobs(4), executor=pool)
+    one, two = (tables.write_table(tmp_path / name).read_bytes() for name in "ab")
+    assert one == two and one.count(b"\n") == 5
+
+
+def test_threads_share_the_cores(tmp_path: Path):
+    cores = workers.default_jobs(10**6)
+    run(tmp_path, fake_study.jobs(1), jobs=1)
+    assert store.read_record(tmp_path / "value=0")["threads"] == str(cores)
+    run(tmp_path / "two", fake_study.jobs(1), jobs=2 * cores)
+    assert store.read_record(tmp_path / "two/value=0")["threads"] == "1"
+
+
+def test_cases_that_would_not_fit_into_memory_wait(tmp_path: Path):
+    huge = 2 * psutil.virtual_memory().total
+    jobs = [runner.Job(job.case_id, job.payload, job.sweep, huge) for job in fake_study.jobs(3)]
+    assert run(tmp_path, jobs).exit_code == 0
+    events = [(entry["event"], entry.get("case")) for entry in journal.read(tmp_path)[0] if "case" in entry]
+    assert events == [(event, f"value={i}") for i in range(3) for event in ("started", "finished")]  # one at a time
+
+
+def test_two_cases_of_one_name_are_refused(tmp_path: Path):
+    with pytest.raises(ValueError, match="value=0"):
+        run(tmp_path, fake_study.jobs(1) * 2)
+
+
+def test_progress_says_counts_and_time_left_and_can_be_silent(tmp_path: Path):
+    stream = io.StringIO()
+    options = runner.Options(jobs=1)
+    runner.run_study(fake_study.jobs(3), fake_study.compute, tmp_path, options, Progress(stream=stream))
+    said = stream.getvalue()
+    assert "3 cases, 3 to compute" in said and "[3/3] value=2: OK" in said and " left" in said
+    (tmp_path / "journal.jsonl").open("a").write('{"torn')
+    stream = io.StringIO()
+    runner.run_study(fake_study.jobs(3), fake_study.compute, tmp_path, options, Progress(stream=stream))
+    assert "3 already computed, 0 to compute" in stream.getvalue() and "torn" in stream.getvalue()
+    stream = io.StringIO()
+    runner.run_study(fake_study.jobs(3), fake_study.compute, tmp_path, options, Progress(quiet=True, stream=stream))
+    assert stream.getvalue() == ""
+
+
+def start(folder: Path, *more: str) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "tests.helpers.fake_study", str(folder), *more]
+    env = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.Popen(command, env=env, stderr=subprocess.PIPE, start_new_session=True)
+
+
+def living(family: list[psutil.Process]) -> list[psutil.Process]:
+    """Those that still run after a while; a zombie is dead, only nobody has read its exit yet.
+
+    A worker that was still importing looks for its parent when it is done, which takes long on a busy machine.
+    """
+    left = psutil.wait_procs(family, timeout=60)[1]
+    return [process for process in left if process.is_running() and process.status() != psutil.STATUS_ZOMBIE]
+
+
+def kill_at(folder: Path, delay: float) -> None:
+    """Kill the main process only; its workers must follow by themselves."""
+    process = start(folder)
+    time.sleep(delay)
+    family = psutil.Process(process.pid).children(recursive=True) if process.poll() is None else []
+    process.send_signal(signal.SIGKILL)
+    process.wait()  # not communicate(): orphans would hold the pipe open and hide themselves
+    assert living(family) == []
+
+
+def prove_resumption(tmp_path: Path, kills: int, seed: int) -> None:
+    calm, rough = tmp_path / "calm", tmp_path / "rough"
+    begin = time.monotonic()
+    assert start(calm).wait() == 0
+    whole = time.monotonic() - begin
+    chance = random.Random(seed)
+    for _ in range(kills):
+        finished = {path.parent.name for path in rough.glob("*/record.json")}
+        before = starts(rough)
+        kill_at(rough, chance.uniform(0.2, 0.8) * whole)
+        assert all(starts(rough)[name] == before[name] for name in finished)
+    assert start(rough).wait() == 0
+    assert (calm / "table.csv").read_bytes() == (rough / "table.csv").read_bytes()
+    assert list(rough.rglob(f"*{store.TEMPORARY}")) == []
+    assert set(starts(calm).values()) == {1}
+
+
+def test_killed_at_any_moment_it_goes_on_and_ends_the_same(tmp_path: Path):
+    prove_resumption(tmp_path, kills=4, seed=1)
+
+
+@pytest.mark.slow
+def test_killed_at_twenty_moments(tmp_path: Path):
+    prove_resumption(tmp_path, kills=20, seed=2)
+
+
+def wait_for(condition: Callable[[], object], seconds: float = 20.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interruption_ends_within_seconds_and_keeps_what_was_finished(tmp_path: Path, number: signal.Signals):
+    process = start(tmp_path, "--cases", "4", "--seconds", "60", "--first", "0.1")
+    wait_for(lambda: list(tmp_path.glob("*/record.json")) and len(starts(tmp_path)) == 3)
+    for _ in range(1 if number == signal.SIGINT else 2):  # `timeout` sends its signal twice
+        os.killpg(process.pid, number)  # as a terminal does: to the workers, too
+    errors = process.communicate(timeout=20)[1].decode()  # a third of what one case at work would still take
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert [path.parent.name for path in tmp_path.glob("*/record.json")] == ["value=0"]
+    assert journal.read(tmp_path)[0][-1]["event"] == "interrupted"
+    for name in ("value=1", "value=2"):
+        assert (tmp_path / name / "run.mess").read_text().endswith("--- DIAGNOSTIC JOB : <S>_INTERRUPTED\n")
+
+
+def test_workers_of_a_killed_run_do_not_go_on(tmp_path: Path):
+    process = start(tmp_path, "--cases", "2", "--seconds", "60")
+    wait_for(lambda: len(starts(tmp_path)) == 2)
+    family = psutil.Process(process.pid).children(recursive=True)
+    process.send_signal(signal.SIGKILL)
+    process.wait()  # not communicate(): orphans would hold the pipe open and hide themselves
+    assert len(family) >= 2 and living(family) == []
+
+
+def test_workers_leave_ctrl_c_to_the_main_process():
+    with LocalWorkers(1, 1) as pool:
+        assert {"SIGINT", "SIGTERM", "SIGHUP"} <= set(pool.submit(fake_study.signals_held_back).result(timeout=30))
+
+
+def test_workers_of_an_interrupted_block_are_ended_at_once():
+    begin = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), LocalWorkers(1, 1) as pool:
+        for _ in range(2):
+            pool.submit(time.sleep, 60)
+        raise KeyboardInterrupt
+    assert time.monotonic() - begin < 50
+
+
+class LosesItsScheduler(ThreadPoolExecutor):
+    """Answers the first cases and cancels all others, as a Dask client does whose scheduler is gone."""
+
+    def __init__(self, answered: int) -> None:
+        super().__init__(1)
+        self.answered = answered
+
+    def submit(self, function, /, *args, **kwargs):
+        self.answered -= 1
+        if self.answered >= 0:
+            return super().submit(function, *args, **kwargs)
+        future: Future = Future()
+        future.cancel()
+        future.set_running_or_notify_cancel()
+        return future
+
+
+def test_a_lost_scheduler_fails_no_case_and_the_next_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")  # told by the cases, which run in this process
+    jobs = fake_study.jobs(5)
+    with LosesItsScheduler(2) as pool:
+        lost = run(tmp_path, jobs, executor=pool)
+    assert lost.failed == () and lost.exit_code == 3
+    assert set(lost.given_up) <= set(lost.undone) == {"value=2", "value=3", "value=4"} and lost.given_up
+    assert {"executor_lost", "end"} <= {entry["event"] for entry in journal.read(tmp_path)[0]}
+    statuses = Counter(case.status for case in records_study.read_study(tmp_path).cases)
+    assert statuses == {"OK": 2, "MISSING": 3}
+    again = run(tmp_path, jobs, jobs=1)
+    assert len(again.reused) == 2 and len(again.ended) == 3 and again.exit_code == 0
+
+
+def test_a_lost_scheduler_is_told_in_one_line_with_what_to_do():
+    planned = tuple(job.Planned(f"c{i}", "new") for i in range(5))
+    outcome = runner.StudyOutcome(Path("x"), planned, (), ("c3", "c4"), ("c3",))
+    told = study_commands._lost("tcp://host:8786", outcome)
+    assert "tcp://host:8786" in told and "1 of 5 were at work" in told and "The 3 finished ones are kept" in told
+    assert "repeat the command" in told and "CancelledError" not in told
+
+
+def test_a_worker_with_other_sources_is_refused(tmp_path: Path):
+    mark = fingerprint.Fingerprint("0" * 64, {})
+    end = job.run_case(fake_study.compute, fake_study.jobs(1)[0], tmp_path, mark)
+    assert end.status == "FAILED" and "other sources" in end.diagnosis and starts(tmp_path) == {}
+
+
+def test_a_second_run_of_the_same_study_is_refused_in_one_line(tmp_path: Path):
+    first = start(tmp_path, "--cases", "2", "--seconds", "3")
+    wait_for((tmp_path / "journal.jsonl").exists)
+    second = start(tmp_path)
+    errors = second.communicate(timeout=20)[1].decode().splitlines()
+    first.send_signal(signal.SIGKILL)
+    first.wait()
+    assert second.returncode == 2 and len(errors) == 1 and f"process {first.pid}" in errors[0]
+
+
+def test_one_worker_killed_from_outside_fails_one_case(tmp_path: Path):
+    process = start(tmp_path, "--cases", "4", "--seconds", "1")
+    wait_for(lambda: len(starts(tmp_path)) >= 2)
+    workers = [p for p in psutil.Process(process.pid).children() if "spawn_main" in " ".join(p.cmdline())]
+    workers[0].kill()
+    process.communicate(timeout=30)
+    assert process.returncode == 3
+    statuses = Counter(case.status for case in records_study.read_study(tmp_path).cases)
+    assert statuses == {"OK": 3, "FAILED": 1}
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_of_processes_one_of_them_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    distributed = pytest.importorskip(
+        "distributed", reason="Dask distributed is an optional extra and not installed here"
+    )
+    monkeypatch.setenv("PYTHONPATH", f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    run(tmp_path / "local", fake_study.jobs(8))
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
+        distributed.Client(cluster.scheduler_address) as client,
+        ThreadPoolExecutor(1) as beside,
+    ):
+        jobs = fake_study.jobs(8, seconds=0.5)
+        going = beside.submit(run, tmp_path / "dask", jobs, jobs=None, executor=client.get_executor())
+        wait_for(lambda: len(starts(tmp_path / "dask")) >= 3)
+        os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
+        outcome = going.result(timeout=120)
+    assert outcome.exit_code == 0 and len(outcome.ended) == 8
+    assert sum(starts(tmp_path / "dask").values()) > 8  # the lost worker's case went to another one
+    local, remote = (tables.write_table(tmp_path / name).read_text() for name in ("local", "dask"))
+    assert local == remote
+
+
+@pytest.mark.slow
+def test_a_dask_scheduler_killed_in_the_middle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    distributed = pytest.importorskip(
+        "distributed", reason="Dask distributed is an optional extra and not installed here"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    told = tmp_path / "scheduler.json"
+    common = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path}
+    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--no-dashboard"]
+    scheduler = subprocess.Popen([*dask, "--scheduler-file", str(told)], **common)
+    wait_for(told.exists, 60)
+    dask = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny", "--no-dashboard"]
+    worker = subprocess.Popen([*dask, "--death-timeout", "5", "--scheduler-file", str(told)], **common)
+    try:
+        jobs = fake_study.jobs(4, seconds=0.1)
+        for job in jobs[1:]:
+            job.payload["seconds"] = 20.0
+        with distributed.Client(scheduler_file=str(told)) as client, ThreadPoolExecutor(1) as beside:
+            going = beside.submit(run, tmp_path / "study", jobs, jobs=None, executor=client.get_executor())
+            wait_for(lambda: len(starts(tmp_path / "study")) == 2, 60)
+            scheduler.kill()
+            lost = going.result(timeout=60)
+    finally:
+        worker.kill()
+        scheduler.kill()
+    assert lost.failed == () and lost.exit_code == 3 and [end.case_id for end in lost.ended] == ["value=0"]
+    assert lost.undone == lost.given_up == tuple(f"value={i}" for i in (1, 2, 3))
+    assert (tmp_path / "study/value=1/run.mess").read_text().endswith("--- DIAGNOSTIC JOB : <S>_INTERRUPTED\n")

@@ -1,0 +1,117 @@
+"""The measure board: the case's table on the emulated board, its record and arrays, and what happens when it cannot be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmware import emulate
+from firmware.build import BuildError, toolchain
+from pipeline.batch import measures
+from pipeline.batch.study_file import load_study
+from pipeline.board import emulation
+from pipeline.board.table_file import Mode, ModeTable, from_bytes, to_bytes
+from pipeline.errors import InputFault
+from pipeline.records.run_log import Mess
+from tests.helpers.scenes import three_patches
+from tests.helpers.told import Told
+
+CASE = three_patches((20.0, 40.0), 0.05)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    table = ModeTable(250e3, bytes(16), (Mode.from_quality(31e3, 300.0),))
+    (tmp_path / emulation.TABLE).write_bytes(to_bytes(table))
+    return tmp_path
+
+
+def study(folder: Path, measure: str):
+    (folder / "small.toml").write_text(CASE)
+    (folder / "one.toml").write_text(f'[study]\nname = "one"\ncase = "small.toml"\nmeasure = {measure}\n')
+    return load_study(folder / "one.toml")
+
+
+def a_run(overshoot: float = 0.01) -> emulate.BoardRun:
+    time = 2e-4 * np.arange(-10, 50)
+    size = np.where(time < 0.0, 0.0, 0.1 * (1.0 - np.exp(-time / 5e-4)))
+    size[-1] = 0.1 * (1.0 + overshoot)
+    columns = {
+        "time_s": time,
+        "reference": 0.1 * (time >= 0.0),
+        "u_d": size,
+        "u_q": 0.0 * time,
+        "drive": 0.2 + 0.0 * time,
+    }
+    return emulate.BoardRun(columns, True, 31e3, 3e-3, -0.5j, 2e-6, "zig cc")
+
+
+def test_record_and_arrays(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(emulate, "board_run", lambda table: a_run())
+    told = Told()
+    record, arrays = emulation.solve(folder, told)
+    assert record is not None and record["swept"] and record["gain"] == [0.0, -0.5]
+    assert record["overshoot"] == pytest.approx(0.01) and record["reference"] == 0.1
+    # 95 % of 1 - exp(-t/0.5 ms) is passed at 1.498 ms, by the window that begins at 1.6 and stands for 0.108 ms later
+    assert record["t95_s"] == pytest.approx(1.6e-3 + 0.108e-3)
+    assert set(arrays) == {f"board_{name}" for name in emulation.COLUMNS}
+    assert "identified" in told.facts[-1] and "1.71 ms" in told.facts[-1]
+
+
+def test_a_step_that_is_never_reached_says_so(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = a_run()
+    run.columns["u_d"] *= 0.5
+    monkeypatch.setattr(emulate, "board_run", lambda table: run)
+    record, _ = emulation.solve(folder, told := Told())
+    assert record is not None and record["t95_s"] is None and "not reached" in told.facts[-1]
+
+
+def test_what_is_not_installed_is_left_out_and_a_fault_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(error: Exception):
+        def run(table: bytes) -> emulate.BoardRun:
+            raise error
+
+        return run
+
+    told = Told()
+    monkeypatch.setattr(emulate, "board_run", fails(BuildError("no compiler", 5)))
+    assert (
+        emulation.solve(folder, told) == (None, {})
+        and "no compiler" in told.omitted["closed loop on the emulated board"]
+    )
+    monkeypatch.setattr(emulate, "board_run", fails(emulate.EmulationError("identify")))
+    assert emulation.solve(folder, told) == ({"fault": "identify"}, {}) and "BOARD" in told.alarms
+    monkeypatch.setattr(emulate, "board_run", fails(BuildError("the compiler refused", 3)))
+    with pytest.raises(BuildError):
+        emulation.solve(folder, told)
+
+
+def test_the_board_needs_the_modes_and_depends_on_the_firmware(tmp_path: Path) -> None:
+    with pytest.raises(InputFault, match="must hold modes"):
+        measures.jobs_of(study(tmp_path, '["bands", "board"]'))
+    with_board, without = (measures.jobs_of(study(tmp_path, m))[0].payload for m in ('["modes", "board"]', '["modes"]'))
+    assert with_board["firmware"] == emulation.sources_hash() and "firmware" not in without
+
+
+@pytest.mark.slow
+def test_a_case_with_patches_is_played_with_its_computed_gain(tmp_path: Path) -> None:
+    pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
+    pytest.importorskip("cffi", reason="cffi is not installed: pip install cffi")
+    try:
+        toolchain()
+    except BuildError as missing:
+        pytest.skip(str(missing))
+    one = study(tmp_path, '["modes", "response", "board"]')
+    job = measures.jobs_of(one)[0]
+    with Mess(tmp_path / "run.mess") as log:
+        record = measures.compute(str(one.case_path), job.payload, tmp_path, log)
+    table = from_bytes((tmp_path / emulation.TABLE).read_bytes())
+    gain = table.modes[table.wanted].gain
+    assert gain is not None
+    found = record["board"]
+    assert found["swept"] and found["frequency_hz"] == pytest.approx(
+        1.002 * table.modes[table.wanted].frequency_hz, abs=0.1
+    )
+    assert abs(complex(*found["gain"])) == pytest.approx(abs(gain), rel=5e-3)

@@ -1,0 +1,105 @@
+"""Gains in a mode table: by residues, against the forced response itself; and what a table says without patches."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.board.export import SAMPLE_RATE_HZ, table_with_gains
+from pipeline.board.gains import ModalGains, can_be_computed, hold, modal_gains
+from pipeline.board.table_file import from_bytes
+from pipeline.case.model import Case, load_case
+from pipeline.cli.main import main
+from pipeline.logs import TerminalLog
+from pipeline.models.patched_plate import forced_plate
+from solvers.piezo.forced import ForcedPlate, same_way
+from tests.helpers.scenes import three_patches
+
+CASE = three_patches((12.0, 40.0), 0.03)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("gains") / "small.toml"
+    path.write_text(CASE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def case(file: Path) -> Case:
+    return load_case(str(file), [])
+
+
+@pytest.fixture(scope="module")
+def forced(case: Case) -> ForcedPlate:
+    return forced_plate(case, TerminalLog(quiet=True))
+
+
+@pytest.fixture(scope="module")
+def gains(forced: ForcedPlate) -> ModalGains:
+    return modal_gains(forced)
+
+
+def fitted(forced: ForcedPlate, gains: ModalGains, index: int) -> complex:
+    """G of one mode from the forced curve about its resonance, what the others add there taken as a parabola."""
+    centre = gains.frequency_hz[index]
+    tone = centre * (1.0 + np.linspace(-2e-3, 2e-3, 9))
+    own = 1.0 / (1.0 + 2j * np.pi * gains.tau_s[index] * (tone - centre))
+    away = (tone - centre) / centre / 2e-3
+    basis = np.stack([own, np.ones_like(own), away, away**2], axis=1)
+    return complex(np.linalg.lstsq(basis, forced.curve(tone).sensor_v_per_v[:, 0], rcond=None)[0][0])
+
+
+def test_residues_are_what_the_forced_response_shows(forced: ForcedPlate, gains: ModalGains) -> None:
+    """Within the rest's own error: it is taken at the wanted mode, where both agree best; above the band nobody asks."""
+    largest = np.abs(gains.gain).max()
+    inside = np.flatnonzero(gains.frequency_hz <= forced.band_hz[1])
+    assert len(inside) >= 4
+    for index in inside:
+        wanted = index == gains.wanted
+        error = abs(fitted(forced, gains, index) - gains.gain[index, 0])
+        assert error < (1e-3 if wanted else 2e-2) * abs(gains.gain[index, 0]) + 1e-5 * largest, index
+
+
+def test_open_sensors_stiffen_the_modes_and_the_signs_add_up(forced: ForcedPlate, gains: ModalGains) -> None:
+    assert 1.0 <= gains.frequency_hz[gains.wanted] / forced.wanted_hz() < 1.01
+    assert gains.tau_s * np.pi * gains.frequency_hz == pytest.approx(300.0, rel=0.02)
+    wanted = gains.parts[gains.wanted, :, 0]
+    assert set(gains.signs.tolist()) == {1.0, -1.0}  # the shape bends one way on the left, the other on the right
+    assert abs(gains.gain[gains.wanted, 0]) == pytest.approx(np.abs(wanted).sum(), rel=1e-2)
+    phase = np.degrees(np.angle(gains.gain[gains.wanted, 0]))
+    assert abs(abs(phase) - 90.0) < 1.0  # displacement, 90 degrees behind or ahead
+
+
+def test_the_sign_of_an_eigenvector_decides_nothing() -> None:
+    gain = np.array([1e-9, -0.4, 0.5, -0.2])  # the first patch stands on a nodal line, the last one listens
+    assert list(same_way(gain, [0, 1, 2])[1:]) == [1.0, -1.0, 1.0]
+    assert np.array_equal(same_way(gain, [0, 1, 2])[1:], same_way(-gain, [0, 1, 2])[1:])
+
+
+def test_the_table_carries_them(case: Case, gains: ModalGains) -> None:
+    table = table_with_gains(case, gains)
+    mode = table.modes[table.wanted]
+    droop = abs(hold(mode.frequency_hz, SAMPLE_RATE_HZ))
+    assert mode.gain is not None and abs(mode.gain) == pytest.approx(abs(gains.gain[gains.wanted, 0]) * droop, rel=1e-9)
+    delayed = np.exp(-2j * np.pi * mode.frequency_hz * mode.delay_s)
+    exact = gains.gain[gains.wanted, 0] * hold(mode.frequency_hz, SAMPLE_RATE_HZ)
+    assert mode.gain * delayed == pytest.approx(exact, rel=1e-9)
+    pa4, pa5 = mode.actuator_weights
+    assert max(abs(pa4), abs(pa5)) == pytest.approx(1.0, abs=1e-12) and (pa4 / pa5).real < 0.0
+    assert not mode.frequency_identified and not mode.tau_identified
+
+
+def test_export_computes_them_only_for_patches_that_drive_and_listen(file: Path, case: Case, capsys) -> None:
+    target = file.parent / "table.bin"
+    assert can_be_computed(case)
+    assert main(["export", "table", str(file), "-o", str(target), "--force"]) == 0
+    told = capsys.readouterr().err
+    table = from_bytes(target.read_bytes())
+    assert table.modes[table.wanted].gain is not None and "gain 0." in told and "on PA5" in told
+    assert main(["export", "table", str(file), "-o", str(target), "--force", "--set", "patches.sensors=[]"]) == 0
+    told = capsys.readouterr().err
+    assert all(mode.gain is None for mode in from_bytes(target.read_bytes()).modes)
+    assert "unidentified" in told and "bond the patches" not in told

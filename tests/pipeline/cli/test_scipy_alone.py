@@ -1,0 +1,97 @@
+"""The ordinary commands on a machine that has numpy and scipy and none of the optional factorisations."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from pipeline.analysis import cross_check
+from pipeline.case.model import load_case
+from pipeline.cli import main
+from pipeline.models.cell_cache import CellShelf
+from solvers.errors import TooLarge
+from solvers.fem import eigen
+from solvers.fem.factor import factoriser
+from tests.helpers import coarse_cells
+from tests.helpers.scenes import three_patches
+from tests.helpers.told import Told
+
+SMALL = str(Path(__file__).resolve().parents[3] / "examples" / "small.toml")
+COARSE = ("--set", "solve.accuracy=0.1")
+BANDS = (*COARSE, "--set", "bands.points=1", "--set", "bands.count=8")
+MODES = {
+    "lowest of the free plate": (SMALL, *COARSE, "--count", "3"),
+    "nearest to a frequency far below the first": (SMALL, *COARSE, "--near", "40Hz", "--count", "3"),
+    "zone": (SMALL, *COARSE, "--part", "zone", "--count", "4"),
+    "pillar": (SMALL, *COARSE, "--part", "pillar", "--count", "4"),
+    "solid": (SMALL, *COARSE, "--set", "solve.model=solid", "--set", "array.rows=0", "--count", "3"),
+}
+
+
+REDUCED: dict[str, Any] = {}
+
+
+@pytest.fixture(autouse=True)
+def scipy_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No other factorisation, and only cells that were reduced here."""
+
+    def absent(*_: Any) -> None:
+        raise AssertionError("a factorisation that is not installed was asked for")
+
+    monkeypatch.delenv("ANTINODE_FACTOR", raising=False)
+    monkeypatch.setattr(factoriser, "available", lambda: ("superlu",))
+    for name in ("Rslab", "Pardiso"):
+        monkeypatch.setattr(factoriser, name, absent)
+    monkeypatch.setattr(CellShelf, "get", lambda self, key: REDUCED.get(key))
+    monkeypatch.setattr(CellShelf, "put", lambda self, key, cell: REDUCED.setdefault(key, cell))
+
+
+def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
+    """The JSON of a command that must end well."""
+    code = main.main([*arguments, "--json", "-", "--quiet"])
+    told = capsys.readouterr()
+    assert code == 0, told.err
+    found: dict[str, Any] = json.loads(told.out)
+    return found
+
+
+@pytest.mark.parametrize("what", MODES)
+def test_modes_are_found_counted_and_clean(what: str, capsys: pytest.CaptureFixture[str]) -> None:
+    found = answer(capsys, "modes", *MODES[what])
+    count = found["count_check"]
+    assert count["expected"] == count["found"] >= 1
+    assert max(mode["residual"] for mode in found["modes"]) <= eigen.CLEAN
+
+
+def test_bands_and_attenuation_are_found(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    coarse_cells.put_in(monkeypatch)
+    assert len(answer(capsys, "bands", SMALL, *BANDS)["points"]) == 4
+    points = answer(capsys, "attenuation", SMALL, *COARSE, "--band", "30kHz:30.5kHz")["points"]
+    assert all(point["db_per_row"] is not None for point in points)
+
+
+def test_a_response_is_found(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    case = tmp_path / "patched.toml"
+    case.write_text(three_patches((20.0, 30.0), 0.1))
+    found = answer(capsys, "response", str(case))
+    assert max(found["zone_rms_m_per_V"]) > 0.0
+
+
+def test_a_cross_check_that_memory_cannot_hold_is_left_out_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def too_large(*_: Any) -> None:
+        raise TooLarge("factorising 314396 unknowns needs about 7.5 GiB, 4.0 GiB are free")
+
+    done: list[str] = []
+    monkeypatch.setattr(
+        cross_check.modes, "solve_modes", lambda *_: SimpleNamespace(wanted=SimpleNamespace(row=object()))
+    )
+    monkeypatch.setattr(cross_check, "_plate", too_large)
+    monkeypatch.setattr(cross_check, "_cell", lambda *_: done.append("cell"))
+    log, record = Told(), {"meshes": []}
+    cross_check.add(load_case(SMALL), log, record, {})
+    assert done == ["cell"] and "tet_modes" not in record
+    assert "is left out: factorising 314396 unknowns needs about 7.5 GiB" in log.alarms["TOO_LARGE"]

@@ -1,0 +1,128 @@
+"""CalculiX input files: read back by meshio, and solved by ccx itself."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+
+from geometry.elements import FloatArray
+from pipeline.case.model import case_from_dict
+from pipeline.cli import main
+from pipeline.exchange import calculix
+from pipeline.exchange.part_mesh import Exchange, clamped_faces, exchange
+from pipeline.logs import TerminalLog
+from solvers.fem.eigen import Modes, modes_in_band
+from solvers.fem.solid import SolidModel
+from tests.helpers.scenes import STEEL_PILLARS
+
+AGREEMENT = 1e-3
+SPARE = 8  # modes asked for beyond those of the band
+# C3D10's faces as CalculiX numbers them (its manual, *DLOAD), corners from 1
+CCX_FACES = {"S1": (1, 2, 3), "S2": (1, 4, 2), "S3": (2, 4, 3), "S4": (3, 4, 1)}
+CCX = shutil.which("ccx")
+needs_ccx = pytest.mark.skipif(CCX is None, reason="CalculiX is not installed: apt-get install calculix-ccx")
+
+
+def part(name: str, band_khz: list[float], accuracy: float, **pillar: Any) -> Exchange:
+    raw = STEEL_PILLARS | {
+        "solve": {"band_kHz": band_khz, "accuracy": accuracy},
+        "pillar": pillar or STEEL_PILLARS["pillar"],
+    }
+    return exchange(case_from_dict(raw), name, TerminalLog(True), tetrahedra=True)
+
+
+def ours(found: Exchange) -> Modes:
+    materials = {region: found.materials[region.upper()] for region in found.mesh.region_of_cells()}
+    model = SolidModel(found.mesh, materials, clamped_faces(found.part, found.mesh), False)
+    assert found.search.band_hz
+    return modes_in_band(model.pencil(None), *found.search.band_hz)
+
+
+def theirs(found: Exchange, count: int, folder: Path) -> FloatArray:
+    """Frequencies that ccx prints, Hz."""
+    assert CCX
+    (folder / "part.inp").write_text(calculix.input_deck(found, count))
+    subprocess.run([CCX, "part"], cwd=folder, check=True, capture_output=True, timeout=600)
+    table = (folder / "part.dat").read_text().split("P A R T I C I P A T I O N")[0]
+    rows = [line.split() for line in table.splitlines()]
+    return np.array([float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()])
+
+
+def test_an_independent_reader_finds_nodes_elements_and_sets(tmp_path: Path) -> None:
+    found = part("plate", [5.0, 40.0], 0.03)
+    (tmp_path / "part.inp").write_text(calculix.input_deck(found, 10))
+    read = meshio.read(tmp_path / "part.inp")
+    assert np.allclose(read.points, found.mesh.nodes, rtol=1e-12, atol=1e-15)
+    assert {block.type for block in read.cells} == {"tetra10"}
+    written = np.vstack([found.mesh.cells[cells] for cells in found.volumes.values()])
+    assert np.array_equal(np.vstack([block.data for block in read.cells]), written)
+    assert [len(block.data) for block in read.cells] == [len(cells) for cells in found.volumes.values()]
+    for name in found.faces:
+        assert np.array_equal(np.sort(read.point_sets[name]), found.nodes_of(name))
+
+
+def test_surfaces_name_the_faces_that_calculix_means() -> None:
+    found = part("plate", [5.0, 40.0], 0.03)
+    text = calculix.input_deck(found, 10)
+    lines = text.split("*SURFACE, NAME=S_BACK, TYPE=ELEMENT\n")[1].split("*")[0].splitlines()
+    assert len(lines) == len(found.faces["BACK"])
+    for line in lines:
+        element, face = (word.strip() for word in line.split(","))
+        corners = found.mesh.cells[int(element) - 1, np.array(CCX_FACES[face]) - 1]
+        assert np.allclose(found.mesh.nodes[corners, 2], 2e-3)
+
+
+def test_each_volume_has_its_density_and_only_clamped_parts_a_boundary() -> None:
+    plate = calculix.input_deck(part("plate", [5.0, 40.0], 0.03), 10)
+    assert plate.count("*SOLID SECTION") == plate.count("*DENSITY") == plate.count("*ELASTIC") == 2
+    assert "*DENSITY\n7850\n*SOLID SECTION, ELSET=PILLAR" in plate and "*BOUNDARY" not in plate
+    pillar = calculix.input_deck(part("pillar", [5.0, 40.0], 0.03), 10)
+    assert "*BOUNDARY\nCLAMP, 1, 3\n" in pillar
+    assert "*FREQUENCY\n10, 5000, 40000\n" in pillar
+    longest = max(len(word.strip()) for line in pillar.splitlines() for word in line.split(",") if line[0].isdigit())
+    assert longest <= 20  # CalculiX cuts a number after 20 characters
+
+
+def test_the_command_writes_one_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = tmp_path / "bar.toml"
+    case.write_text(
+        'name = "bar"\nmaterial = "aluminium"\n[plate]\nthickness_mm = 2.0\n[pillar]\nshape = "square"\n'
+        "side_mm = 2.0\nheight_mm = 6.0\n[solve]\nband_kHz = [10.0, 100.0]\naccuracy = 0.03\n"
+    )
+    assert main.main(["export", "calculix", str(case), "--part", "pillar", "-o", str(tmp_path / "bar")]) == 0
+    assert "tetrahedra of 10 nodes" in capsys.readouterr().err
+    assert (tmp_path / "bar.inp").read_text().startswith("*HEADING")
+
+
+@needs_ccx
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "band_khz", "accuracy"),
+    [("pillar", [10.0, 220.0], 0.003), ("zone", [20.0, 110.0], 0.01), ("plate", [5.0, 60.0], 0.01)],
+)
+def test_ccx_finds_our_frequencies_on_the_same_mesh(
+    name: str, band_khz: list[float], accuracy: float, tmp_path: Path
+) -> None:
+    """CalculiX integrates the mass of C3D10 with four points, exact only to degree 2: its difference falls with the mesh."""
+    found = part(name, band_khz, accuracy)
+    mine = ours(found)
+    assert len(mine.frequency_hz) >= 3
+    below = len(mine.frequency_hz) + mine.rigid_count + SPARE
+    other = theirs(found, below, tmp_path)
+    assert other[: len(mine.frequency_hz)] == pytest.approx(mine.frequency_hz, rel=AGREEMENT)
+    assert len(other) == len(mine.frequency_hz)
+
+
+@needs_ccx
+@pytest.mark.slow
+def test_ccx_reads_a_pillar_meshed_through_cad(tmp_path: Path) -> None:
+    found = part("pillar", [10.0, 200.0], 0.01, shape="round", diameter_mm=2.0, height_mm=6.0)
+    mine = ours(found)
+    other = theirs(found, len(mine.frequency_hz) + SPARE, tmp_path)
+    assert other == pytest.approx(mine.frequency_hz, rel=AGREEMENT)

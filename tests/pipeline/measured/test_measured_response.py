@@ -1,0 +1,148 @@
+"""The response command with measurements: shipped files reproduced, a known shift found, faults in one line."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.case.model import load_case
+from pipeline.cli.main import main
+from pipeline.measured.files import read_field, read_sweep
+
+ROOT = Path(__file__).resolve().parents[3]
+FOLDER = ROOT / "examples" / "measured"
+CASE = FOLDER / "plate.toml"
+NOISE = 0.01  # what the shipped files' command adds
+
+
+def made_by(path: Path) -> list[str]:
+    """The command in a shipped file's first line."""
+    first = path.read_text().splitlines()[0]
+    assert first.startswith("# SYNTHETIC, not measured: made by antinode response ")
+    return shlex.split(first.partition("made by antinode ")[2])
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("compared")
+    files = ["--measured", str(FOLDER / "sweep.csv"), "--map", str(FOLDER / "field.csv")]
+    assert main(["response", str(CASE), "--quiet", *files, "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped files made again, and the JSON of the plate that stood for the specimen."""
+    out = tmp_path_factory.mktemp("specimen")
+    words = made_by(FOLDER / "sweep.csv")
+    words[1] = str(ROOT / words[1])
+    words[words.index("--synthesise") + 1] = str(out)
+    assert main([*words, "--quiet", "--json", str(out / "response.json")]) == 0
+    return out
+
+
+def document(folder: Path) -> dict:
+    return json.loads((folder / "response.json").read_text())
+
+
+def test_the_shipped_files_are_what_their_command_makes(specimen: Path) -> None:
+    """Same seed, same noise: what differs is the linear algebra's rounding, far below the noise."""
+    theirs, ours = read_sweep(FOLDER / "sweep.csv"), read_sweep(specimen / "sweep.csv")
+    assert theirs.synthetic and ours.synthetic
+    assert np.allclose(theirs.sweep.frequencies_hz, ours.sweep.frequencies_hz, rtol=1e-6)
+    close(theirs.sweep.response, ours.sweep.response)
+    design = load_case(CASE).design
+    first, second = read_field(FOLDER / "field.csv", design), read_field(specimen / "field.csv", design)
+    assert first.synthetic and np.array_equal(first.points_m, second.points_m)
+    close(first.values, second.values)
+    assert made_by(FOLDER / "field.csv") == made_by(FOLDER / "sweep.csv")
+
+
+def close(first: np.ndarray, second: np.ndarray) -> None:
+    assert np.abs(first - second).max() < 0.1 * NOISE * np.abs(first).max()
+
+
+def test_the_shift_and_the_losses_of_the_specimen_are_found(compared: Path, specimen: Path) -> None:
+    """Five standard deviations of noise/sqrt(points) about the specimen's own peak and its given losses."""
+    found, given = document(compared)["measured"]["sweep"], document(specimen)
+    width = given["wanted_peak"]["frequency_hz"] / given["quality_given"]
+    assert found["synthetic"] and found["quantity"] == "velocity"
+    assert found["quality"] == pytest.approx(given["quality_given"], rel=0.05)
+    assert found["frequency_hz"] == pytest.approx(given["wanted_peak"]["frequency_hz"], abs=0.05 * width)
+    ours = document(compared)["wanted_peak"]["frequency_hz"]
+    assert found["computed"]["frequency_hz"] == pytest.approx(ours, abs=0.1 * width)
+    assert found["frequency_shift_hz"] == pytest.approx(given["wanted_peak"]["frequency_hz"] - ours, abs=0.15 * width)
+    assert found["frequency_shift_hz"] < -width  # the shipped specimen is softer than the case
+    assert found["computed"]["quality"] == pytest.approx(document(compared)["quality_given"], rel=0.05)
+
+
+def test_the_map_is_held_as_the_specimen_was(compared: Path, specimen: Path) -> None:
+    """Noise of 1 % of the peak fills the passive face with its own power; the expected confinement counts it in."""
+    found, peak = document(compared)["measured"]["map"], document(specimen)["wanted_peak"]
+    values = read_field(FOLDER / "field.csv", load_case(CASE).design).values
+    floor = (NOISE * np.abs(values).max()) ** 2
+    tone = 2.0 * np.pi * peak["frequency_hz"]
+    levels = [(tone * peak[key]) ** 2 + floor for key in ("zone_rms_m_per_V", "passive_rms_m_per_V")]
+    assert found["confinement_db"] == pytest.approx(10.0 * np.log10(levels[0] / levels[1]), abs=0.3)
+    assert found["confined"] == (found["confinement_db"] >= 10.0)
+    assert found["covered_active"] == pytest.approx(1.0, rel=1e-6)
+    assert found["covered_passive"] == pytest.approx(1.0, rel=1e-6)
+    assert found["computed"]["confinement_at_points_db"] == pytest.approx(found["computed"]["confinement_db"], abs=0.3)
+    assert 0.9 < found["mac_operating"] <= 1.0
+    assert abs(found["mac"] - found["computed"]["mac"]) < 0.05
+
+
+def test_a_case_may_name_its_measurements(compared: Path, tmp_path: Path) -> None:
+    """As the command line does; a study's record then holds them, and a file's hash is part of what was understood."""
+    named = ["--set", 'measured.sweep="sweep.csv"', "--set", "measured.at_mm=[19.86, 0.16]"]
+    out = tmp_path / "named.json"
+    assert main(["response", str(CASE), "--quiet", *named, "--json", str(out)]) == 0
+    found = json.loads(out.read_text())["measured"]
+    assert found["map"] is None
+    given = document(compared)["measured"]["sweep"]
+    assert found["sweep"]["frequency_hz"] == given["frequency_hz"]
+    assert found["sweep"]["computed"]["point_mm"] == pytest.approx([19.86, 0.16])
+    understood = load_case(CASE, [named[1], named[3]]).as_understood()["measured"]
+    assert len(understood["sweep_sha256"]) == 64 and "map" not in understood
+
+
+def test_pictures_are_written(compared: Path) -> None:
+    assert (compared / "measured.png").stat().st_size > 10_000 and (compared / "measured.svg").exists()
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--measured", "nowhere.csv"], ["nowhere.csv", "no such file"]),
+        (["--map", str(FOLDER / "sweep.csv")], ["line 3", "x_mm or x_m"]),
+        (["--measured", str(FOLDER / "field.csv")], ["line 3", "frequency_kHz"]),
+        (["--at", "3,4"], ["--at", "--measured"]),
+        (["--measured", str(FOLDER / "sweep.csv"), "--at", "300,4"], ["--at", "mm"]),
+        (["--measured", str(FOLDER / "sweep.csv"), "--at", "here"], ["--at", "X,Y"]),
+        (["--synthesise", "made", "--noise", "2"], ["--noise", "below 1"]),
+        (["--set", 'measured.sweep="none.csv"'], ["measured.sweep", "no such file"]),
+        (["--set", 'measured.sweep="field.csv"'], ["field.csv", "frequency_kHz"]),
+        (["--set", 'measured.map="field.csv"', "--set", "measured.at_mm=[1, 2]"], ["measured.at_mm", "measured.sweep"]),
+    ],
+)
+def test_wrong_input_is_one_line(more: list[str], words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    try:
+        code = main(["response", str(CASE), "--quiet", *more])
+    except SystemExit as end:
+        code = int(end.code or 0)
+    assert code == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    for word in words:
+        assert word in lines[0]
+
+
+def test_a_sweep_elsewhere_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    far = tmp_path / "far.csv"
+    far.write_text("frequency_kHz,real,imag\n" + "".join(f"{10 + i},1,0.{i}\n" for i in range(9)))
+    assert main(["response", str(CASE), "--quiet", "--points", "5", "--measured", str(far)]) == 2
+    assert "must overlap the response" in capsys.readouterr().err

@@ -1,0 +1,203 @@
+"""Memory and work are told before anything is computed; what cannot fit is refused; running out is one line."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.batch import measures
+from pipeline.case.model import load_case
+from pipeline.cli.main import main
+from pipeline.errors import InputFault
+from pipeline.logs import TerminalLog
+from pipeline.paths import ROOT
+from pipeline.planning import plan
+from pipeline.planning.request import Request
+from pipeline.planning.resources import MEMORY_RANGE, too_much
+from pipeline.records.run_log import Mess
+from solvers.errors import OutOfMemory
+from solvers.fem.factor import memory
+from solvers.fem.factor.memory import GROUP_FILES, available_bytes
+from studies.benchmarks.foresight import SCENES, foreseen, peak_bytes
+
+SMALL, REFERENCE = str(ROOT / "examples" / "small.toml"), str(ROOT / "studies" / "three-rows.toml")
+SOFT = "pillar.material={young_GPa=0.07,density_kg_m3=1000.0,poisson=0.4}"
+TOO_LARGE = {
+    "solid at 1e-4": ("modes", REFERENCE, "--set", "solve.model=solid", "--set", "solve.accuracy=1e-4", "--near", "38kHz",
+                      "--count", "2"),
+    "count": ("modes", SMALL, "--part", "zone", "--count", "10000"),
+    "a million panels": ("modes", REFERENCE, "--set", "pillar.side_mm=0.01", "--set", "array.pitch_mm=0.12", "--set",
+                           "array.rows=500"),
+    "as many pillars in one mesh": ("modes", REFERENCE, "--set", "pillar.side_mm=0.01", "--set", "array.pitch_mm=0.12",
+                                    "--set", "array.rows=500", "--set", "solve.model=solid"),
+    "forty lines": ("modes", SMALL, "--part", "zone", "--set", "zone.nodal_lines=40"),
+    "thin plate": ("modes", SMALL, "--set", "plate.thickness_mm=0.02"),
+    "soft pillar": ("bands", SMALL, "--set", SOFT, "--set", "solve.accuracy=1e-3"),
+}  # fmt: skip
+
+
+@pytest.fixture
+def sixteen_gib(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(memory.STATED, "16")
+
+
+def refuse_to_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    def forbidden(*_: Any) -> None:
+        raise AssertionError("meshed before it was foreseen")
+
+    for module in ("pipeline.models.parts", "pipeline.analysis.bands", "solvers.superelement.build"):
+        monkeypatch.setattr(f"{module}.hex_mesh", forbidden)
+    monkeypatch.setattr("solvers.superelement.build.tile", forbidden)
+
+
+@pytest.mark.parametrize("name", TOO_LARGE)
+def test_what_cannot_fit_is_refused_before_anything_is_meshed(
+    name: str, monkeypatch: pytest.MonkeyPatch, sixteen_gib: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refuse_to_mesh(monkeypatch)
+    begin = time.process_time()
+    assert main([*TOO_LARGE[name], "--quiet"]) == 2
+    assert time.process_time() - begin < 3.0  # a tenth of it on an idle machine: nothing may grow with the scene
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("antinode: ")]
+    assert "GiB of memory" in line and "16 GiB are available: " in line and "solve.accuracy" in line
+
+
+def test_the_line_names_what_helps_most(sixteen_gib: None, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*TOO_LARGE["solid at 1e-4"]]) == main([*TOO_LARGE["count"]]) == 2
+    solid, count = (line for line in capsys.readouterr().err.splitlines() if line.startswith("antinode: "))
+    assert 'take solve.model = "superelement"' in solid
+    assert "ask for fewer modes (a lower count)" in count
+
+
+def test_explain_tells_memory_unknowns_modes_and_time(sixteen_gib: None, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*TOO_LARGE["forty lines"], "--explain"]) == 0
+    text = capsys.readouterr().out
+    for words in (
+        "foreseen: memory ",
+        "unknowns at once",
+        "modes; time of the order of",
+        "will be refused: needs about",
+    ):
+        assert words in text
+    assert main(["bands", SMALL, "--explain", "--json", "-"]) == 0
+    (step,) = json.loads(capsys.readouterr().out)["steps"]
+    low, high = step["foreseen"]["memory_range_bytes"]
+    assert low < step["foreseen"]["memory_bytes"] < high
+    assert step["foreseen"]["functions"] > 0 and step["foreseen"]["seconds"] > 0.0
+
+
+def test_a_case_of_a_study_is_refused_before_its_first_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    refuse_to_mesh(monkeypatch)
+    monkeypatch.setenv(memory.STATED, "0.1")
+    payload = {"case": load_case(SMALL).as_understood(), "overrides": [], "measure": ["modes", "bands"]}
+    with (
+        Mess(tmp_path / "run.mess") as log,
+        pytest.raises(InputFault, match=r"modes of the plate: needs about") as fault,
+    ):
+        measures.compute(SMALL, payload, tmp_path, log)
+    assert len(fault.value.lines) == 2  # the bands too, told at once
+
+
+def test_only_what_lies_above_the_upper_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    (demand,) = plan.of_modes(load_case(SMALL), Request("zone")).demands.values()
+    needed = MEMORY_RANGE[1] * demand.memory_bytes / 2**30
+    monkeypatch.setenv(memory.STATED, f"{1.01 * needed}")
+    assert too_much(demand) is None
+    monkeypatch.setenv(memory.STATED, f"{0.99 * needed}")
+    assert too_much(demand)
+
+
+# -- what there is -----------------------------------------------------------------------------------------------------
+
+
+def test_the_least_of_machine_group_and_limit_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(memory.STATED, raising=False)
+    monkeypatch.setattr(memory, "_groups", lambda: [tmp_path])
+    monkeypatch.setattr(memory, "_process_rooms", lambda: [])
+    free = available_bytes()
+    for limit, used in GROUP_FILES:
+        (tmp_path / limit).write_text("300000000\n")
+        (tmp_path / used).write_text("100000000\n")
+        assert available_bytes() == 2e8 < free
+        (tmp_path / limit).write_text("max\n")
+    monkeypatch.setattr(memory, "_process_rooms", lambda: [1e8])
+    assert available_bytes() == 1e8
+
+
+def test_a_limit_of_addresses_counts_what_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    resource = pytest.importorskip("resource", reason="a system without resource limits")
+    taken = memory.psutil.Process().memory_info().vms
+    limits = {resource.RLIMIT_AS: taken + 10**9}
+    unlimited = resource.RLIM_INFINITY
+    monkeypatch.setattr(resource, "getrlimit", lambda kind: (limits.get(kind, unlimited), unlimited))
+    (room,) = memory._process_rooms()
+    assert 0.5e9 < room < 1.5e9
+
+
+# -- running out -------------------------------------------------------------------------------------------------------
+
+
+def test_memory_that_runs_out_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("solvers.fem.solid.assemble", lambda *_: np.empty((1 << 30, 1 << 20)))
+    assert main(["modes", SMALL, "--part", "zone", "--quiet"]) == 3
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "memory ran out in the step 'solve class" in line
+    assert "8.39e+06 GiB were asked for at once" in line or "8388608 GiB were asked for at once" in line
+    assert "raise solve.accuracy" in line
+
+
+def test_memory_that_runs_out_in_a_case_names_its_step(tmp_path: Path) -> None:
+    for log in (TerminalLog(quiet=True), Mess(tmp_path / "run.mess")):
+        with pytest.raises(OutOfMemory, match="in the step 'a step'"), log.step("a step"):
+            raise MemoryError
+
+
+# -- warnings ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("lines", "short"), [(14, False), (15, True)])
+def test_waves_as_short_as_two_thicknesses_are_told(
+    lines: int, short: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """56 mm over 14 half-waves are 4 mm, two thicknesses."""
+    assert main(["predesign", SMALL, "--set", f"zone.nodal_lines={lines}", "--quiet"]) == 0
+    assert ("warning SHORT_WAVE" in capsys.readouterr().err) is short
+
+
+def test_a_soft_pillar_s_many_functions_are_told(
+    monkeypatch: pytest.MonkeyPatch, sixteen_gib: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Begun(Exception):
+        pass
+
+    def begin(*_: Any) -> None:
+        raise Begun
+
+    monkeypatch.setattr("pipeline.analysis.bands.lattice_model", begin)
+    for more, told in (([], 0), (["--set", SOFT], 1)):
+        main(["bands", SMALL, *more, "--quiet"])
+        assert capsys.readouterr().err.count("warning MANY_FUNCTIONS") == told
+
+
+# -- the estimate ------------------------------------------------------------------------------------------------------
+
+
+def held(name: str) -> bool:
+    low, high = MEMORY_RANGE
+    return low * foreseen(name).memory_bytes < peak_bytes(name) < high * foreseen(name).memory_bytes
+
+
+@pytest.mark.parametrize("name", ["zone small", "plate small"])
+def test_peaks_lie_where_they_are_foreseen(name: str) -> None:
+    assert held(name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in SCENES if name not in ("zone small", "plate small")])
+def test_peaks_of_large_scenes_lie_where_they_are_foreseen(name: str) -> None:
+    assert held(name)

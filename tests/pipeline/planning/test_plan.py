@@ -1,0 +1,395 @@
+"""The plan: each rule taken where it should be and not where it would change the answer; what is planned is what happens."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from geometry.layout import Pillar
+from pipeline.analysis import attenuation, bands, modes, response
+from pipeline.batch.study_file import load_study
+from pipeline.case.model import Case, Tolerance, case_from_dict, load_case
+from pipeline.case.overrides import read_toml
+from pipeline.cli.main import main
+from pipeline.paths import STUDIES
+from pipeline.planning import plan, simplifications
+from pipeline.planning.model_choice import cell_way, way_of
+from pipeline.planning.request import Request
+from solvers.piezo.patch import bonded_patch
+from solvers.piezo.patched_plate import coupled_classes
+from tests.helpers.told import Told
+
+ROOT = Path(__file__).resolve().parents[3]
+CASE = str(STUDIES / "three-rows.toml")
+SMALL = [
+    "zone.length_mm=30", "zone.nodal_lines=3", "zone.width_mm=16", "array.rows=1", "array.extension_mm=6",
+    "solve.accuracy=0.05", "patches.centres_mm=[[-6.0,0.0],[6.0,0.0]]", "patches.sensors=[1]",
+    "patches.size_mm=[4.0,3.0,0.3]", "solve.band_kHz=[25.0,45.0]",
+]  # fmt: skip
+
+
+def case(*overrides: str) -> Case:
+    return load_case(CASE, overrides)
+
+
+def small(*overrides: str) -> Case:
+    return case(*SMALL, *overrides)
+
+
+def with_pillar(shape: str) -> Case:
+    """The reference case with a pillar of another shape; a STEP file is not read for a plan."""
+    found = case()
+    pillar = Pillar(shape, 2e-3, 2e-3, 6.3e-3, found.design.material)
+    return replace(found, design=replace(found.design, pillar=pillar))
+
+
+def rules(planned: plan.Plan) -> set[str]:
+    return {each.rule for each in planned.left_out}
+
+
+def told_apart(heard: Told) -> set[str]:
+    return {f"{what}: {why}" for what, why in heard.omitted.items()}
+
+
+# -- rules: taken, and not taken ---------------------------------------------------------------------------------------
+
+
+def test_no_pillars_no_cells() -> None:
+    bare = case("array.rows=0")
+    assert simplifications.no_pillars(bare.design, "plate") and not simplifications.no_pillars(case().design, "plate")
+    assert simplifications.alike_cells(case().design) and not simplifications.alike_cells(bare.design)
+    assert simplifications.no_pillars(replace(bare.design, pillar=None), "cell")
+    assert not simplifications.no_pillars(bare.design, "cell")  # its unit cell still has the pillar
+
+
+def test_boxes_need_no_cad_and_other_pillars_do() -> None:
+    for part in ("plate", "zone", "pillar", "cell"):
+        assert simplifications.boxes(case(), part)
+        assert not simplifications.boxes(case("solve.mesh='tet'"), part)
+    for shape in ("step", "round", "tapered"):
+        for part in ("plate", "pillar", "cell"):
+            assert not simplifications.boxes(with_pillar(shape), part)
+        assert simplifications.boxes(with_pillar(shape), "zone")
+    assert not simplifications.boxes(case("pillar.fillet_mm=0.2"), "plate")
+    unused = with_pillar("step")
+    assert simplifications.boxes(replace(unused, design=replace(unused.design, rows=0)), "plate")
+
+
+def test_mirror_images_end_with_a_step_pillar_and_with_scatter() -> None:
+    design, step = case().design, with_pillar("step").design
+    assert simplifications.mirror_images(design, "plate") and not simplifications.mirror_images(step, "plate")
+    assert simplifications.mirror_images(step, "zone") and not simplifications.mirror_images(step, "pillar")
+    assert simplifications.mirror_images(replace(step, rows=0), "plate")
+    assert not simplifications.mirror_images(design, "plate", scattered=True)
+    assert not simplifications.mirror_images(design, "zone", scattered=True)
+    assert simplifications.alike_cells(design) and not simplifications.alike_cells(design, scattered=True)
+
+
+def test_a_tolerance_breaks_every_mirror_and_the_sharing_of_cells() -> None:
+    assert not simplifications.is_scattered(case())
+    assert not simplifications.is_scattered(replace(case(), tolerance=Tolerance(0.0, 0.0, 0.0, 5, 1)))
+    for sizes in ((1e-5, 0.0, 0.0), (0.0, 1e-5, 0.0), (0.0, 0.0, 1e-5)):
+        assert simplifications.is_scattered(replace(case(), tolerance=Tolerance(*sizes, 5, 1)))
+    planned = plan.of_measures(case("tolerance.height_mm=0.05"), ["modes", "tolerance"])
+    nominal, scattered = planned.steps
+    assert {"mirror_images", "alike_cells"} <= {each.rule for each in nominal.left_out}
+    assert not {"mirror_images", "alike_cells"} & {each.rule for each in scattered.left_out}
+    assert scattered.classes == ("whole",) and scattered.numbers["samples"] == 20
+
+
+def test_a_patch_off_a_mirror_plane_couples_the_classes_there() -> None:
+    def groups(*centres: str) -> set[frozenset[str]]:
+        patches = case(f"patches.centres_mm=[{','.join(centres)}]", "patches.sensors=[]").patches
+        assert patches
+        solver = [bonded_patch(patches.material, box, patches.size_m[2], True) for box in patches.boxes_m()]
+        assert [list(group) for group in simplifications.patch_groups(patches)] == coupled_classes(solver)
+        return {frozenset(group) for group in simplifications.patch_groups(patches)}
+
+    apart = {frozenset([p]) for p in simplifications.CLASSES}
+    assert groups("[0.0,0.0]") == apart == groups("[-20.0,0.0]", "[20.0,0.0]")
+    assert groups("[20.0,0.0]") == {frozenset(["++", "-+"]), frozenset(["+-", "--"])}
+    assert groups("[0.0,5.0]") == {frozenset(["++", "+-"]), frozenset(["-+", "--"])}
+    assert groups("[20.0,5.0]") == {frozenset(simplifications.CLASSES)}
+    assert groups("[-20.0,5.0]", "[20.0,-5.0]") == {frozenset(simplifications.CLASSES)}
+
+
+def test_classes_that_no_patch_drives_are_silent() -> None:
+    def silent(*centres: str) -> str:
+        patches = case(f"patches.centres_mm=[{','.join(centres)}]", "patches.sensors=[]").patches
+        assert patches
+        found = simplifications.silent_classes(patches)
+        return found.what if found else ""
+
+    assert silent("[0.0,0.0]") == "mirror classes +-, -+, --"
+    assert silent("[-20.0,0.0]", "[20.0,0.0]") == "mirror classes +-, --"
+    assert silent("[-20.0,5.0]", "[20.0,5.0]") == ""
+
+
+def test_wavevectors_off_the_path_only_where_it_bounds_the_zone() -> None:
+    square, step = case().design, with_pillar("step").design
+    oblong = case("array.pitch_x_mm=4", "array.pitch_y_mm=6").design
+    assert simplifications.off_path(square, "GXMG") and simplifications.off_path(square, "MGXM")
+    assert not simplifications.off_path(square, "GX") and not simplifications.off_path(square, "GXYG")  # X-Y is oblique
+    assert not simplifications.off_path(square, "GXMG", grid=4)
+    assert simplifications.off_path(oblong, "GXMYG") and not simplifications.off_path(oblong, "GXMG")  # a larger zone
+    assert not simplifications.off_path(step, "GXMG") and not simplifications.off_path(step, "GXMYG")
+
+
+def test_the_path_that_nobody_gave_bounds_the_zone_of_the_pitches() -> None:
+    raw = read_toml(Path(CASE))
+    del raw["bands"]
+    for overrides, path in (((), "GXMG"), (("array.pitch_x_mm=4", "array.pitch_y_mm=6"), "GXMYG")):
+        found = case_from_dict(raw, Path(CASE), overrides)
+        assert found.bands.path == path and simplifications.off_path(found.design, path)
+
+
+def test_the_mirrors_of_the_cell() -> None:
+    oblong = case("array.pitch_x_mm=4", "array.pitch_y_mm=6").design
+    assert simplifications.lattice_mirrors(case().design) == ("x", "y", "d")
+    assert simplifications.lattice_mirrors(oblong) == ("x", "y")
+    assert simplifications.lattice_mirrors(with_pillar("step").design) == ()
+    assert simplifications.waves_downwards(oblong) and not simplifications.waves_downwards(with_pillar("step").design)
+
+
+def test_patches_damping_modes_and_pictures_only_where_asked() -> None:
+    everything = plan.of_measures(case(), ["modes", "bands", "attenuation", "response"])
+    assert not {"no_patches", "no_response", "no_plate_modes", "no_lattice"} & rules(everything)
+    some = plan.of_measures(case(), ["bands"])
+    assert {"no_patches", "no_response", "no_plate_modes", "nothing_drawn"} <= rules(some)
+    assert "the case has none" in simplifications.no_patches(None, ["response"]).why  # type: ignore[union-attr]
+    assert simplifications.nothing_drawn(()) and not simplifications.nothing_drawn((), drawn=True)
+    assert [step.measure for step in plan.of_measures(case(), ["confinement", "attenuation"]).steps] == [
+        "modes", "attenuation",
+    ]  # fmt: skip
+
+
+def test_no_lattice_without_pitch_or_pillars() -> None:
+    bare = replace(case("array.rows=0"), patches=None)
+    no_pillar = replace(bare, design=replace(bare.design, pillar=None))
+    planned = plan.of_measures(no_pillar, ["modes", "bands", "attenuation"])
+    assert [step.measure for step in planned.steps] == ["modes", "bands"]
+    assert "no_lattice" in rules(planned) and "no_lattice" not in rules(plan.of_measures(case(), ["attenuation"]))
+    no_pitch = replace(no_pillar, design=replace(no_pillar.design, pitch_x_m=float("nan")))
+    assert [step.measure for step in plan.of_measures(no_pitch, ["modes", "bands"]).steps] == ["modes"]
+
+
+def test_other_classes_and_other_frequencies() -> None:
+    assert simplifications.other_classes(simplifications.CLASSES, "++") and not simplifications.other_classes(
+        simplifications.CLASSES, None
+    )
+    assert not simplifications.other_classes((None,), None)
+    assert "below 25 kHz and above 45 kHz" in simplifications.other_frequencies((25e3, 45e3), None, None).what
+    assert "beyond the 20 nearest 32 kHz" in simplifications.other_frequencies(None, 32e3, 20).what
+
+
+def test_models() -> None:
+    assert way_of(case(), "plate", 45e3).name == "superelement hex3"
+    assert way_of(case("solve.model='solid'"), "plate", 45e3).name == "solid hex3"
+    step = way_of(with_pillar("step"), "plate", 45e3)
+    assert (step.name, step.classes) == ("superelement tet2", (None,))
+    assert "mirror_images" not in {each.rule for each in step.left_out}
+    assert cell_way(case("solve.model='solid'")).name == "solid hex3"
+    assert cell_way(case("solve.model='solid'", "solve.mesh='tet'")).name == "superelement tet2"
+
+
+def test_a_response_with_pillars_from_a_step_file_is_planned_whole() -> None:
+    step = plan.response_step(with_pillar("step"), None, 11)
+    assert step.classes == ("whole",)
+    assert not {"mirror_images", "silent_classes"} & {each.rule for each in step.left_out}
+
+
+# -- what is planned is what happens -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("overrides", "request_"),
+    [
+        ((), Request("plate", parity="-+")),
+        (("solve.model='solid'",), Request("plate", near_hz=30e3, count=3, parity="++")),
+        ((), Request("zone", count=2)),
+        ((), Request("pillar")),
+        (("array.rows=0",), Request("plate", band_hz=(20e3, 30e3))),
+    ],
+)
+def test_modes_are_solved_as_planned(overrides: tuple[str, ...], request_: Request) -> None:
+    scene, heard = small(*overrides), Told()
+    planned = plan.of_modes(scene, request_)
+    (step,) = planned.steps
+    found = modes.solve_modes(scene, request_, heard)
+    assert step.model.startswith(found.model.name)
+    assert [name for name in heard.steps if name.startswith("solve class")] == [
+        f"solve class {p}" for p in step.classes
+    ]
+    if "band_hz" in step.numbers:
+        assert [found.count.low_hz, found.count.high_hz] == pytest.approx(step.numbers["band_hz"])
+    else:
+        assert len(found.rows) >= step.numbers["count"]
+    promised = {f"{each.what}: {each.why}" for each in planned.left_out}
+    assert told_apart(heard) <= promised
+    if step.numbers.get("order"):
+        assert all(mesh["order"] == step.numbers["order"] for mesh in found.meshes)
+
+
+def test_bands_and_attenuation_are_solved_as_planned() -> None:
+    scene, heard = small("bands.points=2", "bands.count=6"), Told()
+    planned = plan.of_bands(scene)
+    found = bands.solve_bands(scene, heard)
+    numbers = planned.steps[0].numbers
+    assert len(found.path.wavevectors) == numbers["wavevectors"] == 7
+    assert f"{numbers['solved_wavevectors']} wavevectors" in heard.steps
+    assert planned.steps[0].model.startswith(found.model)
+    assert told_apart(heard) <= {f"{each.what}: {each.why}" for each in planned.left_out}
+    crossed = attenuation.solve(scene, heard, None, None, 3)
+    step = plan.of_attenuation(scene, None, None, 3, False).steps[0]
+    assert crossed.kx_per_m == step.numbers["kx_per_m"] and len(crossed.points) == step.numbers["frequencies"]
+    assert [crossed.points[0].frequency_hz, crossed.points[-1].frequency_hz] == step.numbers["band_hz"]
+
+
+def test_a_response_couples_the_classes_that_were_planned() -> None:
+    for centres in ("[[-6.0,0.0],[6.0,0.0]]", "[[-6.0,1.0],[6.0,0.0]]"):
+        scene, heard = small(f"patches.centres_mm={centres}", "solve.band_kHz=[28.0,32.0]"), Told()
+        planned = plan.of_response(scene, None, 11, False)
+        found = response.solve(scene, heard, None, 11)
+        solved = {" with ".join(group.parities) for group in found.forced.plate.groups}
+        assert solved == set(planned.steps[0].classes)
+        assert told_apart(heard) <= {f"{each.what}: {each.why}" for each in planned.left_out}
+
+
+# -- told without computing --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", ["modes", "bands", "attenuation", "response"])
+def test_explain_computes_nothing(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("something was computed")
+
+    for name in ("geometry.hex.boxes.hex_mesh", "pipeline.models.parts.hex_mesh", "pipeline.analysis.bands.hex_mesh"):
+        monkeypatch.setattr(name, refuse)
+    monkeypatch.setattr("solvers.superelement.build.Reductions.cell", refuse)
+    assert main([command, CASE, "--explain"]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("plan for three-rows") and "because" in told and "boxes: CAD and tetrahedra" in told
+    assert main([command, CASE, "--explain", "--json", "-"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == 1 and document["steps"][0]["measure"] == command
+    assert {"rule", "what", "why"} == set(document["left_out"][0])
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("bands", "--set", "solve.mesh=hex", "--set", "pillar.fillet_mm=0.2"), ("modes", "--mesh-file", "x.med")],
+)
+def test_explain_refuses_what_the_command_refuses(
+    arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    command, *rest = arguments
+    assert main([command, CASE, *rest, "--explain"]) == 2
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_a_dry_run_tells_the_plan_of_each_case(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "rows", "--dry-run"]) == 0
+    told = capsys.readouterr().out
+    cases = 1 + len(load_study("rows").cases())  # the unswept one too
+    assert told.count("modes of the plate: superelement hex3") == told.count("left out: ") == cases
+    assert "the same plate and cell by tetrahedra" in told
+
+
+# -- a scene that has nothing does nothing -----------------------------------------------------------------------------
+
+TRACE = """
+import json, os, sys
+from collections import Counter
+from pathlib import Path
+from pipeline.records.run_log import Mess
+from pipeline.batch import measures
+from pipeline.case.model import load_case
+calls = Counter()
+def count(frame, event, argument):
+    if event == "call":
+        calls[frame.f_code.co_filename + ":" + frame.f_code.co_name] += 1
+case, folder = sys.argv[1], Path(sys.argv[2])
+payload = {"case": load_case(case).as_understood(), "overrides": [], "measure": sys.argv[3:]}
+sys.setprofile(count)
+with Mess(folder / "run.mess") as log:
+    record = measures.compute(case, payload, folder, log)
+sys.setprofile(None)
+root = os.getcwd() + os.sep
+ours = {name[len(root):]: n for name, n in calls.items() if name.startswith(root)}
+print(json.dumps({"calls": ours, "modules": sorted(sys.modules), "record": record["plan"]}))
+"""
+WORK = {
+    "pillars": (
+        *(
+            "geometry/hex/boxes.py:pillar_grading",
+            "pipeline/planning/mesh_rules.py:_along",
+            "geometry/cad/step_pillar.py",
+        ),
+        *("solvers/resonators/impedance.py", "solvers/resonators/standing_pillar.py"),
+    ),
+    "lattice": (
+        "solvers/superelement/lattice.py",
+        "solvers/waves/",
+        "pipeline/analysis/bands.py",
+        "pipeline/analysis/attenuation.py",
+    ),
+    "patches": ("solvers/piezo/", "pipeline/models/patched_plate.py"),
+    "response": ("pipeline/analysis/response.py", "pipeline/board/gains.py"),
+    "CAD": ("geometry/cad/", "geometry/tet/", "pipeline/analysis/cross_check.py"),
+    "drawing": ("pipeline/plots/", "pipeline/report/"),
+}
+HEAVY = {"cadquery", "OCP", "pytetwild", "vtk", "vtkmodules", "pyvista", "matplotlib", "trimesh", "meshio", "unicorn"}
+
+
+def traced(folder: Path, text: str, *more: str) -> dict:
+    """Calls by file and function, and the modules, of a case with modes and confinement, and with more measures."""
+    (folder / "scene.toml").write_text(text)
+    command = [sys.executable, "-c", TRACE, str(folder / "scene.toml"), str(folder), "modes", "confinement", *more]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+BARE = (
+    'name = "bare"\nmaterial = "aluminium"\n[plate]\nthickness_mm = 2.0\n[solve]\naccuracy = 0.05\n'
+    "[zone]\nlength_mm = 40.0\nwidth_mm = 20.0\nnodal_lines = 3\n"
+)
+
+
+def test_a_scene_without_pillars_patches_and_response_does_none_of_their_work(tmp_path: Path) -> None:
+    found = traced(tmp_path, BARE)
+    for what, places in WORK.items():
+        done = {name: n for name, n in found["calls"].items() if name.startswith(places)}
+        assert not done, f"{what}: {done}"
+    assert not {name.partition(".")[0] for name in found["modules"]} & HEAVY
+    assert not [
+        name for name in found["modules"] if name.startswith(("solvers.piezo", "pipeline.plots", "solvers.waves"))
+    ]
+    assert {"no_pillars", "boxes", "mirror_images", "no_patches", "no_response", "nothing_drawn"} <= {
+        each["rule"] for each in found["record"]["left_out"]
+    }
+    assert any(name.startswith("solvers/superelement/plate.py") for name in found["calls"])  # the trace does count
+
+
+FULL = (
+    '[pillar]\nshape = "square"\nside_mm = 2.0\nheight_mm = 4.0\n[array]\npitch_mm = 8.0\nrows = 1\nextension_mm = 8.0\n'
+    '[patches]\nmaterial = "pz26"\nsize_mm = [6.0, 3.0, 0.3]\nface = "back"\nat = "antinodes"\nsensors = [0]\n'
+    "[bands]\npoints = 1\ncount = 4\n"
+)
+
+
+@pytest.mark.slow
+def test_the_trace_sees_all_of_what_a_scene_does_ask_for(tmp_path: Path) -> None:
+    """The same trace over a scene that has and asks for everything: so an empty count means something."""
+    measures = ("bands", "attenuation", "response", "geometry")
+    found = traced(tmp_path, BARE.replace("accuracy = 0.05", "accuracy = 0.1") + FULL, *measures)
+    for what in WORK.keys() - {"drawing"}:  # a case never draws: its page does
+        assert any(name.startswith(WORK[what]) for name in found["calls"]), what
+    assert "cadquery" in found["modules"]

@@ -1,0 +1,270 @@
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.plots import bands, fields, gallery, mesh, plate, rendering, style, sweep
+from pipeline.plots import fields as plots_fields
+from pipeline.records import store
+from pipeline.records.study import StoredCase, StoredStudy, read_study
+from tests.helpers import synthetic
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> StoredStudy:
+    return read_study(synthetic.put_study(tmp_path_factory.mktemp("plots") / "rows"))
+
+
+@pytest.fixture
+def case(study: StoredStudy) -> StoredCase:
+    return study.cases[1]
+
+
+@pytest.fixture
+def by_hand(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(rendering, "_broken", ["not wanted in this test"])
+
+
+def labels(figure) -> str:
+    texts = [figure.get_suptitle(), figure.get_supxlabel()]
+    for axes in figure.axes:
+        texts += [
+            axes.get_xlabel(),
+            axes.get_ylabel(),
+            axes.get_title("left"),
+            axes.get_title(),
+            *(text.get_text() for text in axes.texts),
+        ]
+    return "\n".join(texts)
+
+
+def test_every_picture_is_drawn_named_and_kept(case: StoredCase, by_hand):
+    drawn = gallery.draw_case(case)
+    pictures = drawn.pictures
+    assert drawn.troubles == []
+    elsewhere = {
+        "measured",
+        "tolerance",
+    }  # this record has neither; test_measured_response and test_tolerance draw them
+    assert [picture.name for picture in pictures] == [name for name in gallery.ORDER if name not in elsewhere]
+    folder = case.folder / style.PICTURES
+    for picture in pictures:
+        assert len(picture.alt) > 60 and picture.title
+        assert rendering.image_fault(rendering.read_image(folder / picture.png)) == ""
+        root = ET.parse(folder / picture.svg).getroot()
+        assert root.tag.endswith("svg") and picture.title in (folder / picture.svg).read_text()
+    stamp = {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}
+    assert gallery.draw_case(case).pictures == pictures
+    assert {path.name: path.stat().st_mtime_ns for path in folder.iterdir()} == stamp
+    (folder / "touch_face.png").unlink()
+    assert gallery.kept_pictures(case) is None  # a lost file, and:
+    gallery.draw_case(case)
+    changed = replace(case, record={**case.record, "wanted": {**case.wanted, "confinement_db": 3.0}})
+    assert gallery.kept_pictures(case) is not None and gallery.kept_pictures(changed) is None
+
+
+def test_units_on_every_axis(case: StoredCase):
+    arrays = case.arrays()
+    with style.style():
+        drawn = [
+            fields.touch_face(case, arrays),
+            fields.side_view(case, arrays),
+            fields.pillars_in_plane(case, arrays),
+            plots_fields.mode_on_both_meshes(case, arrays),
+            bands.dispersion(case, arrays),
+        ]
+    for drawing in drawn:
+        for axes in drawing.figure.axes:
+            shown = [label for label in (axes.get_xlabel(), axes.get_ylabel()) if label]
+            assert all("(" in label or "/" in label for label in shown), (drawing.name, shown)
+        assert "(mm)" in labels(drawing.figure) or "(kHz)" in labels(drawing.figure)
+
+
+def test_the_same_record_gives_the_same_bytes(case: StoredCase, tmp_path: Path):
+    for folder in ("a", "b"):
+        with style.style():
+            style.save(fields.touch_face(case, case.arrays()), tmp_path / folder)
+            style.save(bands.dispersion(case, {}), tmp_path / folder)
+    for one in (tmp_path / "a").iterdir():
+        assert one.read_bytes() == (tmp_path / "b" / one.name).read_bytes(), one.name
+
+
+def test_the_gap_and_the_bending_bands_are_told_with_their_numbers(case: StoredCase):
+    drawing = bands.dispersion(case, {})
+    text = labels(drawing.figure)
+    assert "complete gap 163.10 to 175.84 kHz" in text and "bending at M\n32.54 kHz" in text
+    assert [tick.get_text() for tick in drawing.figure.axes[0].get_xticklabels()] == ["Γ", "X", "M", "Γ"]
+    assert "163.10 and 175.84" in drawing.alt and "32.54" in drawing.alt
+    none = replace(case, record={**case.record, "bands": {**case.record["bands"], "gaps": []}})
+    assert "No complete gap" in labels(bands.dispersion(none, {}).figure)
+
+
+def test_normalised_frequency_is_f_a_over_the_shear_speed(case: StoredCase):
+    speed = np.sqrt(70e9 / (2 * 1.34) / 2700)
+    assert bands.shear_speed(case) == pytest.approx(speed)
+    axes = bands.dispersion(case, {}).figure.axes[0]
+    right = axes.child_axes[0]
+    forward, _ = right._functions
+    assert forward(100.0) == pytest.approx(100e3 * 0.004 / speed) and "f a / c" in right.get_ylabel()
+    (case.folder / "input.json").rename(case.folder / "kept")
+    assert bands.shear_speed(case) is None and not bands.dispersion(case, {}).figure.axes[0].child_axes
+    (case.folder / "kept").rename(case.folder / "input.json")
+
+
+def test_the_path_is_drawn_to_scale():
+    points = synthetic.bands(0.004)["bands"]["points"]
+    s = bands.path_length(points)
+    marks = [x for x, point in zip(s, points, strict=True) if point["label"]]
+    assert np.diff(marks) == pytest.approx(np.pi / 0.004 * np.array([1, 1, np.sqrt(2)]))
+
+
+def test_the_side_view_states_its_factor_truly(case: StoredCase):
+    arrays, design = case.arrays(), case.record["design"]
+    drawing = fields.side_view(case, arrays)
+    told = float(drawing.title.split("drawn ")[1].split(" times")[0].replace("\u202f", ""))
+    largest = np.abs(arrays["surface_u"][0]).max() / plate.zone_peak(arrays, design) * 1e-6
+    drawn = largest * told
+    limit = fields.DRAWN_SHARE * design["pillar"]["height_m"]
+    assert limit / 2.5 < drawn <= limit  # the largest of 1, 2, 5 that fits
+    tips = drawing.figure.axes[0].collections[1].get_paths()
+    reach = max(np.abs(path.vertices[:, 0]).max() for path in tips) / 1e3
+    foot = max(abs(y) for _, y in design["pillar_centres_m"]) + design["pillar"]["base_m"] / 2
+    assert abs(reach - foot) < drawn * 1.01
+
+
+def test_tips_are_found_pillar_by_pillar(case: StoredCase):
+    arrays, design = case.arrays(), case.record["design"]
+    pillars = plate.find_pillars(arrays, design)
+    assert len(pillars.centres) == 2 * 2 * 29
+    tips = arrays["surface_points"][pillars.tips, :2]
+    assert np.abs(tips - pillars.centres[pillars.tip_owner]).max() <= design["pillar"]["base_m"] / 2 * 1.001
+    assert np.bincount(pillars.tip_owner).min() > 0
+
+
+def test_face_quality_by_hand():
+    points = np.array(
+        [[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, np.sqrt(0.75), 0], [3, 0, 0], [3, 1, 0], [2, 0, 0]]
+    )
+    quads, triangles = np.array([[0, 1, 2, 3], [0, 5, 6, 3]]), np.array([[0, 1, 4], [0, 1, 7]])
+    assert mesh.face_quality(points, quads) == pytest.approx([1.0, 2 * 3 / 10])
+    assert mesh.face_quality(points, triangles) == pytest.approx([1.0, 0.0])
+
+
+def test_a_tetrahedral_field_of_the_other_sign_is_turned(case: StoredCase):
+    arrays = case.arrays()
+    drawings = [plots_fields.mode_on_both_meshes(case, {**arrays, "tet_u": sign * arrays["tet_u"]}) for sign in (1, -1)]
+    fields = [drawing.figure.axes[1].collections[0].get_array() for drawing in drawings]
+    np.testing.assert_allclose(fields[0], fields[1])
+
+
+def test_prediction_and_finite_plates_share_a_picture(study: StoredStudy):
+    drawing = sweep.how_many_rows(study)
+    assert drawing is not None and "predicted 9.0 dB" in drawing.alt
+    words = labels(drawing.figure)
+    assert "zone to extension (dB)" in words and "rows on each side" in words
+
+
+def test_confinement_against_what_was_swept(study: StoredStudy):
+    drawing = sweep.against_sweep(study)
+    level, tone = drawing.figure.axes
+    assert level.get_ylabel() == "confinement (dB)" and tone.get_xlabel() == "array pitch (mm)"
+    named = {line.get_label() for line in tone.lines if not line.get_label().startswith("_")}
+    assert named == {"array rows = 1", "array rows = 2", "unit cell: bending at M"}
+    assert "3 of 4 reach 10 dB" in drawing.alt
+    lone = StoredStudy(study.folder, study.about, study.cases[:1])
+    assert sweep.against_sweep(lone) is None
+
+
+def test_only_points_of_one_and_the_same_mode_are_joined(tmp_path: Path):
+    """Three plates whose wanted shape is tracked from the first to the second and is another mode's at the third."""
+    folder = synthetic.put_study(tmp_path / "sweep", pitches=(0.004, 0.005, 0.006), rows=(3,))
+    shapes = {4: [[1.0, 0.0], [0.0, 1.0]], 5: [[0.99, 0.1], [0.0, 1.0]], 6: [[0.0, 1.0], [1.0, 0.0]]}
+    for pitch, coefficients in shapes.items():
+        (path,) = folder.glob(f"pitch_mm={pitch}*/record.json")
+        record = json.loads(path.read_text())
+        record["shapes"] = {"wanted": 0, "frequency_hz": [31e3, 33e3], "share": [0.9] * 2, "coefficients": coefficients}
+        store.seal(path.parent, record)
+    level, tone = sweep.against_sweep(read_study(folder)).figure.axes
+    for axes in (level, tone):
+        joined = [line.get_xdata().tolist() for line in axes.lines if line.get_linestyle() == "-"]
+        assert [4.0, 5.0] in joined and not any(
+            6.0 in points for points in joined if len(points) == 2 and 0 not in points
+        )
+        assert [4.0, 5.0, 6.0] not in joined
+
+
+def test_each_line_has_its_own_cell_where_the_cells_differ(tmp_path: Path):
+    folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004, 0.006), rows=(1, 2, 3))
+    for path in folder.glob("pitch_mm=6*/record.json"):
+        record = json.loads(path.read_text())
+        record["bands"]["bending_at_m_hz"] = [31000.0, 31100.0]
+        store.seal(path.parent, record)
+    study = read_study(folder)
+    _, tone = sweep.against_sweep(study).figure.axes
+    cells = [line for line in tone.lines if line.get_label() == "_cell"]
+    pitches = [line for line in tone.lines if line.get_label().startswith("array pitch")]
+    assert [line.get_color() for line in cells] == [line.get_color() for line in pitches] and len(cells) == 2
+    assert {float(line.get_ydata()[0]) for line in cells} == {32.541, 31.0}
+
+
+@pytest.mark.parametrize(("key", "label"), [("array.pitch_mm", "array pitch (mm)"), ("array.rows", "array rows")])
+def test_swept_keys_in_words(key: str, label: str):
+    assert sweep.axis_label(key) == label
+
+
+def test_records_with_little_in_them_give_few_pictures(study: StoredStudy, tmp_path: Path, by_hand):
+    case = study.cases[0]
+    bare = StoredCase(tmp_path / "bare", "bare", {}, {"status": "OK", "bands": case.record["bands"]})
+    assert [picture.name for picture in gallery.draw_case(bare).pictures] == ["dispersion"]
+    nothing = StoredCase(tmp_path / "none", "none", {}, {"status": "OK"})
+    assert gallery.draw_case(nothing).pictures == [] and not (tmp_path / "none").exists()
+    assert gallery.draw_case(study.cases[-1]).pictures == []  # the failed one
+
+
+def test_a_bare_plate_has_its_pictures(tmp_path: Path, by_hand):
+    shape = synthetic.design(0, 0.004, 0.005)
+    arrays = synthetic.shapes(shape, 12.0)
+    case = StoredCase(tmp_path, "bare-plate", {}, synthetic.record("bare-plate", {}, shape, 3.0))
+    names = [drawing.name for drawing in (fields.touch_face(case, arrays), fields.side_view(case, arrays)) if drawing]
+    assert names == ["touch_face", "side_view"] and fields.pillars_in_plane(case, arrays) is None
+
+
+def test_nice_below():
+    assert [plate.nice_below(value) for value in (1.0, 1.99, 2.0, 4.9, 5.0, 9.99, 0.07)] == pytest.approx(
+        [1, 1, 2, 2, 5, 5, 0.05]
+    )
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_linear_field_is_cut_exactly_even_through_cells_stored_twice(axis: int):
+    rng = np.random.default_rng(3)
+    xy, quads = synthetic.grid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 7))
+    inner = np.abs(xy).max(axis=1) < 1
+    xy[inner] += rng.uniform(-0.05, 0.05, (inner.sum(), 2))
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    twice = np.concatenate([triangles, triangles + len(xy)])
+    xy = np.concatenate([xy, xy])
+    arrays = {"touch_xy": xy, "touch_triangles": twice, "touch_uz": (2 * xy[:, 0] - 3 * xy[:, 1] + 1)[None]}
+    line = np.linspace(-1, 1, 33)
+    found = fields._along(arrays, line, (axis, 0.3))
+    np.testing.assert_allclose(found, 2 * line - 3 * 0.3 + 1 if axis == 0 else 2 * 0.3 - 3 * line + 1, atol=1e-12)
+
+
+@pytest.mark.parametrize("corners", [3, 4])
+def test_a_skin_without_edge_faces_gets_them_once(corners: int):
+    shape = synthetic.design(1, 0.004, 0.005)
+    points, faces = synthetic.skin(shape)
+    faces = faces if corners == 4 else np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
+    assert mesh.with_edges(points, faces, shape)[1] is faces  # closed already
+    flat = [np.abs(points[:, axis]) > half * (1 - 1e-9) for axis, half in ((0, 0.1155 / 2), (1, shape["half_span_m"]))]
+    open_faces = faces[~(flat[0][faces].all(axis=1) | flat[1][faces].all(axis=1))]
+    closed_points, closed_faces = mesh.with_edges(points, open_faces, shape)
+    added = closed_points[closed_faces[len(open_faces) :]]
+    sides = np.linalg.norm(np.cross(added[:, 1] - added[:, 0], added[:, -1] - added[:, 0]), axis=1)
+    sides *= 1.0 if corners == 4 else 0.5
+    assert sides.sum() == pytest.approx(4 * (0.1155 / 2 + shape["half_span_m"]) * 0.002)

@@ -1,0 +1,76 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.plots import rendering
+from pipeline.plots.rendering import Surface
+
+CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])
+FACES = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+PLAIN, COLOURED = Surface(CUBE, FACES), Surface(CUBE, FACES, np.linspace(0, 1, 6), edges=True)
+
+
+@pytest.fixture(autouse=True)
+def fresh(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(rendering, "_broken", [])
+
+
+def test_by_pyvista_or_with_the_reason_why_not():
+    images, fault = rendering.render([PLAIN, COLOURED])
+    assert len(images) == 2 and all(rendering.image_fault(image) == "" for image in images)
+    if fault:
+        pytest.skip(f"no off-screen rendering on this machine: {fault}")
+    assert len(np.unique(images[0].reshape(-1, 3), axis=0)) > 3  # faces shaded apart
+    assert images[1].astype(int).std(axis=2).max() > 20  # colours, not greys
+
+
+def test_a_child_that_dies_of_a_segmentation_fault_is_survived(monkeypatch: pytest.MonkeyPatch):
+    real = subprocess.run
+    crash = [sys.executable, "-c", "import ctypes; ctypes.string_at(0)"]
+    calls = []
+    monkeypatch.setattr(subprocess, "run", lambda command, **more: calls.append(1) or real(crash, **more))
+    images, fault = rendering.render([PLAIN])
+    assert "ended with code -11" in fault and rendering.image_fault(images[0]) == ""
+    rendering.render([PLAIN])
+    assert len(calls) == 1  # not tried again
+
+
+def test_an_empty_image_is_not_believed(monkeypatch: pytest.MonkeyPatch):
+    def blank(folder: Path) -> str:
+        from PIL import Image
+
+        Image.new("RGB", (100, 80), "white").save(folder / "0.png")
+        return ""
+
+    monkeypatch.setattr(rendering, "_run_child", blank)
+    images, fault = rendering.render([PLAIN])
+    assert "empty" in fault and rendering.image_fault(images[0]) == ""
+
+
+def test_a_rendering_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(rendering, "TIMEOUT_S", 0.01)
+    _, fault = rendering.render([PLAIN])
+    assert "longer than" in fault
+
+
+def test_image_faults():
+    assert "cannot be read" in rendering.image_fault(None)
+    assert "empty" in rendering.image_fault(np.full((9, 9, 3), 255, dtype=np.uint8))
+    assert "empty" in rendering.image_fault(np.zeros((9, 9, 3), dtype=np.uint8))
+
+
+def test_projection_by_hand_hides_what_is_behind():
+    far, near = (
+        np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]]),
+        np.array([[0.0, -1, 0], [1, -1, 0], [1, -1, 1], [0, -1, 1]]),
+    )
+    both = Surface(
+        np.concatenate([near, far]), np.array([[0, 1, 2, 3], [4, 5, 6, 7]]), np.array([1.0, 0.0]), direction=(0, -1, 0)
+    )
+    alone = Surface(near, np.array([[0, 1, 2, 3]]), np.array([1.0]), direction=(0, -1, 0))
+    one, two = rendering._by_hand(both), rendering._by_hand(alone)
+    middle = tuple(size // 2 for size in one.shape[:2])
+    np.testing.assert_array_equal(one[middle], two[middle])

@@ -1,0 +1,48 @@
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.records import fingerprint
+
+
+def test_hash_ignores_order_and_number_types_but_no_value():
+    one = fingerprint.input_hash({"a": 1.5, "b": [1, 2], "c": {"d": None}})
+    assert one == fingerprint.input_hash({"c": {"d": None}, "b": (1, 2), "a": np.float64(1.5)})
+    assert one != fingerprint.input_hash({"a": np.nextafter(1.5, 2), "b": [1, 2], "c": {"d": None}})
+    assert fingerprint.plain({"x": np.array([1.0, np.nan])}) == {"x": [1.0, None]}
+
+
+@pytest.fixture
+def house(tmp_path: Path) -> Path:
+    for folder in fingerprint.COMPUTING_FOLDERS:
+        shutil.copytree(fingerprint.HOUSE / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path
+
+
+def test_any_edit_of_what_computes_changes_the_hash_and_none_of_what_shows(house: Path):
+    before = fingerprint.code_hash(house)
+    assert before == fingerprint.code_hash()  # the place of the checkout does not matter
+    (house / "pipeline/records/tables.py").write_text("edited")
+    (house / "pipeline/plots/extra.py").write_text("new")
+    assert fingerprint.code_hash(house) == before
+    (house / "pipeline/a_new_step.py").write_text("")
+    added = fingerprint.code_hash(house)
+    (house / "geometry/layout.py").write_text("edited")
+    assert len({before, added, fingerprint.code_hash(house)}) == 3
+
+
+def test_every_module_that_computes_is_counted():
+    counted = {path.relative_to(fingerprint.HOUSE).as_posix() for path in fingerprint.computing_sources()}
+    assert {"geometry/layout.py", "solvers/errors.py", "pipeline/records/store.py"} <= counted
+    assert not {"pipeline/batch/runner.py", "pipeline/records/tables.py", "pipeline/report/page.py"} & counted
+
+
+def test_the_reason_names_the_package():
+    mark = fingerprint.current()
+    record = {"code_hash": mark.code_hash, "versions": dict(mark.versions)}
+    assert mark.differs_from(record) is None
+    record["versions"]["scipy"] = "1.0"
+    assert mark.differs_from(record) == f"scipy was 1.0, is {mark.versions['scipy']}"
+    assert "sources changed" in mark.differs_from({**record, "code_hash": "0"})

@@ -1,0 +1,82 @@
+"""The headline of a study's page: every figure of one design, named, and no design counted twice."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.records.study import StoredCase, StoredStudy
+from pipeline.report import text
+
+
+def plate(pitch: int, rows: int, level_db: float, driven_db: float | None = None, **more: Any) -> StoredCase:
+    """A record of one plate with the gap and the bending band of its own pitch."""
+    record = {
+        "status": "OK",
+        "design": {"pitch_x_m": pitch, "rows": rows},
+        "wanted": {"status": "single", "frequency_hz": 35e3, "mac": 0.98, "confinement_db": level_db},
+        "bands": {
+            "gaps": [{"lower_band": 9, "upper_band": 10, "lower_hz": 1e3 * pitch, "upper_hz": 2e3 * pitch}],
+            "bending_at_m_hz": [10e3 * pitch],
+        },
+        "prediction": {"db_per_row": 5.0 + pitch, "rows_for_10_db": 2},
+    }
+    if driven_db is not None:
+        record["response"] = {"wanted_peak": {"frequency_hz": 35e3, "confinement_db": driven_db}}
+    sweep = more.get("sweep", {"array.pitch_mm": pitch, "array.rows": rows})
+    return StoredCase(Path(f"p{pitch}r{rows}"), more.get("name", f"p{pitch}r{rows}"), sweep, record)
+
+
+@pytest.fixture
+def study() -> StoredStudy:
+    grid = [plate(p, r, 3.0 * r + p) for p in (4, 6) for r in (1, 2, 3)]
+    base = plate(4, 3, 13.0, name="base", sweep={})
+    return StoredStudy(Path("s"), {}, (base, *grid))
+
+
+def cards(study: StoredStudy) -> dict[str, Any]:
+    return {card.name: card for card in text.cards(study)}
+
+
+def test_gap_and_bending_are_those_of_the_best_plate_and_name_it(study: StoredStudy) -> None:
+    """Best: pitch 6, three rows, 15 dB; the first plate of the list has pitch 4."""
+    gap = cards(study)["Complete gap"]
+    assert "6.0–12.0" in gap.value and "p6r3" in gap.note
+    said = " ".join(text.sentences(study))
+    assert "p6r3 meet M at 60.00 kHz" in said
+    assert all("p6r3" in card.note for name, card in cards(study).items() if name != "Cases")
+
+
+def test_rows_needed_are_those_of_finite_plates_beside_the_endless_estimate(study: StoredStudy) -> None:
+    """The best plate has pitch 6: of two rows it holds its mode, of one row it does not (9 dB)."""
+    rows = next(card for name, card in cards(study).items() if name.startswith("Rows"))
+    assert rows.value == "2" and "finite plate" in rows.note and "endless rows would take 2" in rows.note
+    lone = StoredStudy(Path("s"), {}, (plate(4, 1, 7.0),))
+    (rows,) = [card for name, card in cards(lone).items() if name.startswith("Rows")]
+    assert rows.value == "≥ 2" and "estimate for endless rows" in rows.note
+
+
+def test_a_plate_computed_beside_its_sweep_counts_once(study: StoredStudy) -> None:
+    assert "4 of 6 plates hold the wanted mode" in " ".join(text.sentences(study))
+    assert "best of 6 plates" in cards(study)["Held in the zone"].note
+
+
+def test_a_mode_held_but_not_as_driven_is_not_confined() -> None:
+    """The reference design's 12.2 dB as a mode are 9.3 dB driven."""
+    driven = plate(4, 3, 12.2, 9.3)
+    assert driven.confined is False
+    assert text.verdict(driven) == "confined as a mode, not as driven"
+    assert plate(4, 3, 12.2, 10.1).confined is True and plate(4, 3, 9.9, 10.1).confined is False
+    held = cards(StoredStudy(Path("s"), {}, (driven,)))["Held in the zone"]
+    assert "driven at its own peak 9.3" in held.note.replace("\u202f", " ") and held.mood == "bad"
+
+
+def test_without_a_wanted_mode_nothing_is_claimed() -> None:
+    none = plate(4, 3, 12.0)
+    none.record["wanted"] = {"status": "none", "frequency_hz": None, "confinement_db": None}
+    assert none.wanted == {} and none.confined is None and none.wanted_status == "none"
+    assert set(cards(StoredStudy(Path("s"), {}, (none,)))) == {"Cases"}
+    json.dumps(none.record, allow_nan=False)

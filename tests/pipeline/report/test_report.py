@@ -1,0 +1,327 @@
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shutil
+from collections import Counter
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+import pytest
+
+from pipeline.records import store, tables
+from pipeline.records.study import StoredStudy, read_study
+from pipeline.report import html, pictures, text
+from pipeline.report import page as report_page
+from pipeline.report.script_page import Page as Script
+from pipeline.report.script_page import Section, Table, write_page
+from tests.helpers import synthetic
+
+VOID = {"meta", "link", "img", "input", "br", "hr"}
+
+
+class Page(HTMLParser):
+    """Tags with their attributes, and complaints about what does not nest."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str]]] = []
+        self.open: list[str] = []
+        self.complaints: list[str] = []
+        self.words: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.complaints.append(tag)
+
+    def handle_data(self, data):
+        if not self.open or self.open[-1] not in {"style", "script"}:
+            self.words.append(data)
+
+    def all(self, tag: str) -> list[dict[str, str]]:
+        return [attrs for name, attrs in self.tags if name == tag]
+
+    @property
+    def text(self) -> str:
+        return re.sub(r"[ \n]+", " ", " ".join(self.words))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = synthetic.put_study(tmp_path_factory.mktemp("report") / "rows", pitches=(0.004, 0.006), rows=(1,))
+    record = store.read_record(folder / "pitch_mm=4,rows=1")
+    record["comparison"] = [
+        {"quantity": "zone", "thesis": 38.0, "ours": 39.81, "unit": "kHz", "note": "faces <clamped>"}
+    ]
+    record["warnings"] = ["a thin element"]
+    store.seal(folder / "pitch_mm=4,rows=1", record)
+    (folder / "pitch_mm=6,rows=1/arrays.npz").unlink()  # nothing but its bands can be drawn
+    tables.write_table(folder)
+    report_page.build(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path) -> Page:
+    return Page((folder / report_page.REPORT).read_text())
+
+
+def test_it_is_one_sound_file_that_needs_nothing_else(folder: Path, page: Page):
+    assert page.complaints == [] and page.open == []
+    assert all(image["src"].startswith("data:image/") for image in page.all("img"))
+    assert page.all("script") and not any(script.get("src") for script in page.all("script"))
+    assert all(link["href"].startswith("data:") for link in page.all("link"))
+    assert not re.search(r"(src|href)=\"(https?:)?//", (folder / report_page.REPORT).read_text())
+    assert (folder / report_page.REPORT).stat().st_size < 15e6
+
+
+def test_every_link_leads_somewhere(folder: Path, page: Page):
+    ids = {attrs["id"] for _, attrs in page.tags if "id" in attrs}
+    assert len(ids) == sum("id" in attrs for _, attrs in page.tags)
+    for link in page.all("a"):
+        target = link["href"]
+        assert (target[1:] in ids) if target.startswith("#") else (folder / unquote(target)).is_file(), target
+
+
+def test_every_picture_has_words_and_every_table_headings(page: Page):
+    assert len(page.all("img")) == 2 + 12 + 3
+    assert all(len(image["alt"]) > 60 for image in page.all("img"))
+    assert all(
+        image["loading"] == "lazy" and int(image["width"]) > int(image["height"]) / 3 > 15 for image in page.all("img")
+    )
+    assert all(heading.get("scope") in {"col", "row"} for heading in page.all("th"))
+
+
+def test_it_says_what_matters(page: Page):
+    text = page.text
+    assert "31.50\u202fkHz" in text and "confined, best of 2" in text and "163.1–175.8\u202fkHz" in text
+    assert "1 of 2 plates hold the wanted mode by at least 10 dB: pitch_mm=4,rows=1." in text
+    assert "pitch_mm=12,rows=1 gave no answer: the mesh has a cell with a negative Jacobian <7>." in text
+    assert "39.81" in text and "+4.8%" in text and "faces <clamped>" in text
+    assert "a thin element" in text and "patches: no response is asked (2 of 3" in text
+    assert "python 3.11.7" in text and "antinode run rows" in text
+
+
+def test_case_names_and_texts_are_escaped(folder: Path):
+    raw = (folder / report_page.REPORT).read_text()
+    assert "faces &lt;clamped&gt;" in raw and "<clamped>" not in raw and "Jacobian &lt;7&gt;" in raw
+
+
+def test_again_it_is_the_same(folder: Path):
+    before = (folder / report_page.REPORT).read_bytes()
+    report_page.build(folder)
+    assert (folder / report_page.REPORT).read_bytes() == before
+
+
+def test_what_does_not_fit_is_linked(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    copy = Path(shutil.copytree(folder, tmp_path / "rows"))
+    monkeypatch.setattr(pictures, "EMBEDDED_BYTES", 200_000)
+    page = Page(report_page.build(copy).read_text())
+    sources = Counter(image["src"].startswith("data:") for image in page.all("img"))
+    assert sources[False] > 5 and f"{sources[False]} pictures are not in this file" in page.text
+    whole = (folder / report_page.REPORT).stat().st_size
+    embedded = sum(len(image["src"]) for image in page.all("img") if image["src"].startswith("data:"))
+    assert embedded < 200_000 and (copy / report_page.REPORT).stat().st_size < whole - 200_000
+    assert all((copy / unquote(i["src"])).is_file() for i in page.all("img") if not i["src"].startswith("data:"))
+
+
+def test_torn_arrays_and_a_lost_record_spoil_nothing_else(folder: Path, tmp_path: Path):
+    copy = Path(shutil.copytree(folder, tmp_path / "rows"))
+    (copy / "pitch_mm=4,rows=1/arrays.npz").write_bytes(b"PK torn")
+    (copy / "pitch_mm=6,rows=1/record.json").write_text("{")
+    page = Page(report_page.build(copy).read_text())
+    assert page.complaints == [] and "record.json is unreadable" in page.text and "MISSING" in page.text
+
+
+def test_a_picture_that_cannot_be_drawn_is_told_and_spoils_no_other(folder: Path, tmp_path: Path):
+    copy = Path(shutil.copytree(folder, tmp_path / "rows"))
+    record = store.read_record(copy / "pitch_mm=4,rows=1")
+    del record["bands"]["points"][0]["kx_per_m"]
+    arrays = store.load_arrays(copy / "pitch_mm=4,rows=1")
+    store.save_arrays(copy / "pitch_mm=4,rows=1", {key: a for key, a in arrays.items() if key.startswith("touch_")})
+    store.seal(copy / "pitch_mm=4,rows=1", record)
+    page = Page(report_page.build(copy).read_text())
+    assert "A picture could not be drawn: dispersion: KeyError: 'kx_per_m'" in page.text
+    assert (
+        len(page.all("img")) == 2 + 3 + 3
+    )  # over the study; here touch face and curves; bands and curves of the other
+
+
+def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Path):
+    folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,))
+    whole = store.read_record(folder / "pitch_mm=4,rows=1")
+    arrays = store.load_arrays(folder / "pitch_mm=4,rows=1")
+    once = {**whole, "case_id": "base", "sweep": {}, "bands": None, "modes": None, "wanted": None}
+    rest = {key: value for key, value in whole.items() if key not in {"tet_modes", "tet_bands", "geometry"}}
+    (folder / "base").mkdir()
+    store.save_arrays(folder / "base", {k: v for k, v in arrays.items() if k.startswith("tet_")})
+    store.seal(folder / "base", once)
+    store.save_arrays(folder / "pitch_mm=4,rows=1", {k: v for k, v in arrays.items() if not k.startswith("tet_")})
+    store.seal(folder / "pitch_mm=4,rows=1", rest)
+    listed = store.read_json(folder / "cases.json")
+    listed["cases"].insert(0, {"case_id": "base", "sweep": {}})
+    store.write_json(folder / "cases.json", listed)
+    study = read_study(folder)
+    shown = study.for_showing(study.cases[1])
+    assert shown.record["tet_bands"] == whole["tet_bands"] and shown.record["tet_modes"] == whole["tet_modes"]
+    assert {"tet_points", "touch_uz"} <= shown.arrays().keys()
+    assert study.for_showing(study.cases[0]).record == once  # what has no answer of its own borrows none
+    other = synthetic.design(2, 0.004, 0.005)
+    stranger = replace(study.cases[1], record={**rest, "design": other})
+    mixed = StoredStudy(folder, {}, (study.cases[0], stranger)).for_showing(stranger)
+    assert "tet_bands" in mixed.record and "tet_modes" not in mixed.record  # the same cell, another plate
+    text = Page(report_page.build(folder, most_drawn=0).read_text()).text
+    assert "wanted mode, tetrahedra (pytetwild)" in text
+    assert tables.table_text(study).splitlines()[2].count("31520.00") == 0  # the table keeps each case's own numbers
+
+
+def test_a_long_study_draws_the_extremes_and_a_spread(tmp_path: Path):
+    listed = []
+    for number in range(40):
+        level = 5.0 + (number * 7 % 40)
+        record = {"schema": 1, "case_id": f"c{number}", "status": "OK", "sweep": {"n": number}}
+        record["wanted"] = {"frequency_hz": 3e4, "confinement_db": level}
+        (tmp_path / f"c{number}").mkdir()
+        store.seal(tmp_path / f"c{number}", record)
+        listed.append({"case_id": f"c{number}", "sweep": {"n": number}})
+    store.write_json(tmp_path / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
+    study = read_study(tmp_path)
+    picked = report_page.chosen(study, 12)
+    levels = sorted(case.wanted["confinement_db"] for case in study.cases)
+    assert len(picked) == 12
+    assert {levels[0], levels[-1]} <= {case.wanted["confinement_db"] for case in picked}
+    assert "28 cases have none" in Page(report_page.build(tmp_path).read_text()).text
+
+
+@pytest.mark.slow
+def test_a_thousand_cases_stay_a_light_page(tmp_path: Path):
+    """Within 15 MB: what grows with the cases is measured, what does not has its own bound."""
+    record = synthetic.record("c", {}, synthetic.design(1, 0.004, 0.005), 12.0)
+    record["modes"]["modes"] *= 10  # forty
+    sizes = []
+    for count in (20, 60):
+        folder = tmp_path / str(count)
+        names = [f"c{number}" for number in range(count)]
+        for number, name in enumerate(names):
+            (folder / name).mkdir(parents=True)
+            store.seal(folder / name, {**record, "case_id": name, "sweep": {"n": number}})
+        listed = [{"case_id": name, "sweep": {"n": number}} for number, name in enumerate(names)]
+        store.write_json(folder / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
+        sizes.append(report_page.build(folder, most_drawn=1).stat().st_size)
+    each = (sizes[1] - sizes[0]) / 40
+    fixed = pictures.EMBEDDED_BYTES + 4.8e6  # pictures; viewer, shapes and diagrams
+    assert fixed + 1000 * each < 15e6, each
+
+
+def test_no_study_is_one_clear_line(tmp_path: Path):
+    with pytest.raises(store.BadRecord, match="no study is stored here"):
+        report_page.build(tmp_path)
+
+
+def data(path: Path, name: str) -> dict:
+    found = re.search(rf'<script type="application/json" id="{name}">(.*?)</script>', path.read_text(), re.DOTALL)
+    return json.loads(found.group(1))
+
+
+def test_moving_shapes_and_diagram_are_in_the_page(folder: Path, page: Page):
+    moving, bands = data(folder / report_page.REPORT, "shapes-data"), data(folder / report_page.REPORT, "bands-data")
+    assert {shape["group"] for shape in moving["shapes"]} == {"pitch_mm=4,rows=1"}  # the other one lost its arrays
+    ids = {attrs["id"] for _, attrs in page.tags if "id" in attrs}
+    assert all(shape["still"] in ids and shape["body"] < len(moving["bodies"]) for shape in moving["shapes"])
+    assert len(bands["cells"]) == 2 and bands["cells"][0]["name"] == "pitch_mm=4,rows=1"
+    assert len(page.all("option")) == 2 and "Attenuation" in page.text and "Rows for 10\u202fdB" in page.text
+
+
+def test_what_has_no_shapes_carries_no_viewer(folder: Path, tmp_path: Path):
+    copy = Path(shutil.copytree(folder, tmp_path / "rows"))
+    (copy / "pitch_mm=4,rows=1/arrays.npz").unlink()
+    raw = report_page.build(copy).read_text()
+    assert "AntinodeThree" not in raw and 'id="shapes-data"' not in raw and 'id="bands-data"' in raw
+
+
+def test_the_vendored_viewer_is_the_one_its_readme_names():
+    vendor = html.TEMPLATES / "vendor"
+    script = (vendor / "three.min.js").read_bytes()
+    assert hashlib.sha256(script).hexdigest() in (vendor / "README.md").read_text()
+    assert len(script) < 1e6 and b"</script" not in script.lower() and b"<!--" not in script
+    assert "MIT" in (vendor / "LICENSE.three").read_text()
+
+
+@pytest.mark.parametrize(
+    "harm",
+    [
+        {"schema": 0},
+        {"wanted": [1, 2]},
+        {"modes": {"modes": [{"hz": 1.0}]}},
+        {"bands": {"gaps": [{"from": 1.0}]}},
+        {"left_out": 7},
+        {"plan": {"steps": ["modes"]}},
+    ],
+)
+def test_a_record_of_another_version_is_one_line_and_spoils_no_other(folder: Path, tmp_path: Path, harm: dict):
+    copy = Path(shutil.copytree(folder, tmp_path / "rows"))
+    path = copy / "pitch_mm=6,rows=1/record.json"
+    store.seal(path.parent, {**json.loads(path.read_text()), **harm})
+    page = Page(report_page.build(copy).read_text())
+    assert page.complaints == [] and ("another version" in page.text or "has schema 0" in page.text)
+    assert "31.50\u202fkHz" in page.text
+
+
+def test_an_edited_record_is_named_and_its_numbers_are_not_shown(folder: Path, tmp_path: Path):
+    copy = Path(shutil.copytree(folder, tmp_path / "rows"))
+    path = copy / "pitch_mm=4,rows=1/record.json"
+    record = json.loads(path.read_text())
+    record["wanted"]["confinement_db"] = 99.25
+    path.write_text(json.dumps(record))
+    text = Page(report_page.build(copy).read_text()).text
+    assert "99.25" not in text and "record.json and files.json are not what was written" in text
+    assert "99.25" not in tables.table_text(read_study(copy))
+
+
+def test_arrays_of_another_case_are_named_and_not_drawn(folder: Path, tmp_path: Path):
+    copy = Path(shutil.copytree(folder, tmp_path / "rows"))
+    store.save_arrays(copy / "pitch_mm=4,rows=1", {"touch_xy": np.zeros((3, 2))})
+    page = Page(report_page.build(copy).read_text())
+    assert "pitch_mm=4,rows=1: arrays.npz is unreadable (its content is not what was written)" in page.text
+
+
+@pytest.mark.parametrize("stored", ["[]", '{"cases": [{"name": "a"}]}', '{"about": 3, "cases": 4}'])
+def test_a_list_of_cases_of_another_version_is_one_clear_line(tmp_path: Path, stored: str):
+    (tmp_path / "cases.json").write_text(stored)
+    with pytest.raises(store.BadRecord, match=r"cases.json: written by another version .*run the study again"):
+        report_page.build(tmp_path)
+
+
+def test_other_studies_of_the_same_folder_are_told_beside(folder: Path, tmp_path: Path):
+    copy = Path(shutil.copytree(folder, tmp_path / "rows"))
+    assert "not computed yet: antinode run accuracy" in Page(report_page.build(copy).read_text()).text
+    script = Script([Section("Cheapest", ["words of it"], [Table("cheap", ["what", "seconds"], [["cell", 1.5]])])])
+    (tmp_path / "accuracy").mkdir()
+    write_page(tmp_path / "accuracy", "accuracy", "Error against run time", "Its lead.", script)
+    page = Page(report_page.build(copy).read_text())
+    assert "words of it" in page.text and "1.5" in page.text and "../accuracy/report.html" in str(page.all("a"))
+    assert page.complaints == [] and all(
+        (copy / unquote(a["href"])).is_file() for a in page.all("a") if "accuracy" in a["href"] and a["href"][0] != "#"
+    )
+    (tmp_path / "accuracy/page.json").write_text('{"schema": 7}')
+    assert "written by another version" in Page(report_page.build(copy).read_text()).text
+
+
+def test_numbers_for_reading():
+    assert text.si(1234567) == "1\u202f234\u202f567" and text.si(None) == "–"
+    assert text.si(39.8123) == "39.81" and text.khz(31499.9) == "31.50\u202fkHz"
+
+
+def test_the_difference_of_two_meshes_is_the_largest_relative_one(folder: Path):
+    case = read_study(folder).cases[0]
+    assert text.band_difference(case) == pytest.approx(0.003)

@@ -1,0 +1,285 @@
+"""antinode search: what may vary, what a design must keep, cheap rungs before dear ones, evaluations kept, faults told."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from math import isnan
+from pathlib import Path
+
+import pytest
+
+from geometry.layout import Pillar
+from pipeline.case.model import load_case
+from pipeline.cli.main import main
+from pipeline.paths import STUDIES
+from pipeline.search import fidelity, optimiser
+from pipeline.search.designs import Evaluation, Settings, front
+from pipeline.search.fidelity import COLUMN, PLATE, STRIP, EvaluationShelf, Judged, by_strip, judge
+from pipeline.search.limits import Limits, mass_kg
+from pipeline.search.space import parse_vary, read_space, searchable_keys
+
+CASE = str(STUDIES / "three-rows.toml")
+SMALL = (
+    "zone.length_mm=38.5", "zone.nodal_lines=3", "array.rows=1", "array.extension_mm=8", "solve.accuracy=0.05",
+    "patches.centres_mm=[[0.0,0.0]]", "patches.sensors=[]", "patches.size_mm=[4.0,3.0,0.3]",
+)  # fmt: skip
+VARY = ("--vary", "pillar.height_mm=5.6:6.6")
+
+
+def run(*arguments: str) -> int:
+    try:
+        return main(["search", *arguments])
+    except SystemExit as end:
+        return int(end.code or 0)
+
+
+def small(*more: str) -> list[str]:
+    return [part for text in (*SMALL, *more) for part in ("--set", text)]
+
+
+def fake(case, rung: str, near_hz: float | None = None, shelf: object = None) -> Judged:
+    """A smooth landscape with its top at 6.56 mm and 4.75 mm, between the strips' grid points; they see it 0.4 mm off."""
+    height, pitch = 1e3 * case.design.pillar.height_m, 1e3 * case.design.pitch_x_m
+    top = 6.16 if rung == STRIP else 6.56
+    held = 20.0 - 30.0 * (height - top) ** 2 - 4.0 * (pitch - 4.75) ** 2
+    return Judged(rung, 5e3 * height, held, held - 1.0, 0.95)
+
+
+def put(monkeypatch: pytest.MonkeyPatch, judged) -> None:
+    """A landscape in place of all models."""
+    monkeypatch.setattr(optimiser, "judge", judged)
+    monkeypatch.setattr(optimiser, "by_strip", lambda case, softness: judged(case, STRIP))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((), "--vary: missing"),
+        (("--vary", "pillar.height_mm"), "KEY=LOW:HIGH"),
+        (("--vary", "pillar.hight_mm=5:8"), "pillar.height_mm"),
+        (("--vary", "pillar.height_mm=8:5"), "below the high end"),
+        (("--vary", "pillar.height_mm=five:8"), "must be numbers"),
+        (("--vary", "pillar.height_mm=-5:8"), "above 0"),
+        (("--vary", "pillar.diameter_mm=1:2"), "square pillar"),
+        (("--vary", "array.rows=1:2.5"), "whole numbers"),
+        (("--vary", "solve.accuracy=0.01:0.02"), "shapes the plate"),
+        (("--vary", "pillar.height_mm=5:8", "--vary", "pillar.height_mm=6:7"), "already"),
+        (("--vary", "pillar.height_mm=5:8", "--goal", "beauty"), "--goal"),
+        (("--vary", "pillar.height_mm=5:8", "--above", "-3kHz"), "--above"),
+        (("--vary", "pillar.height_mm=5:8", "--mac", "1.5"), "--mac"),
+        (("--vary", "pillar.height_mm=5:8", "--set", "array.rows=0"), "array.rows"),
+        (("--vary", "pillar.height_mm=5:8", "--evaluations", "0"), "1 or more"),
+    ],
+)
+def test_a_bad_search_is_one_line_and_exit_code_2(
+    arguments: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(CASE, "--quiet", *arguments) == 2
+    told = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert len(told) == 1 and said in told[0]
+
+
+def test_what_may_vary() -> None:
+    keys = searchable_keys()
+    assert keys["array.rows"] and keys["zone.nodal_lines"] and not keys["pillar.height_mm"]
+    assert not {"pillar.shape", "pillar.file", "solve.accuracy"} & set(keys)
+    height = parse_vary("pillar.height_mm=5:8")
+    assert height.snapped(0.43333) == 6.3 and height.snapped(-1.0) == 5.0 and height.snapped(2.0) == 8.0
+    assert parse_vary("array.rows=1:4").snapped(0.5) in (2, 3)
+
+
+def test_the_file_is_its_own_first_design() -> None:
+    space = read_space(CASE, [], ["pillar.height_mm=5:8", "array.pitch_mm=4:8"])
+    assert space.own_values() == (6.3, 4.0)
+    assert space.case(space.own_values()).as_understood() == space.case().as_understood()
+    assert read_space(CASE, ["pillar.height_mm=9"], ["pillar.height_mm=5:8"]).own_values() is None
+
+
+def test_limits() -> None:
+    design, limits = load_case(CASE).design, Limits()
+    assert limits.of_design(design) == [] and limits.of_mode(30e3, 0.9) == []
+    assert "24.00 kHz" in limits.of_mode(24e3, 0.9)[0][0]
+    assert limits.of_mode(24e3, 0.9, slack=0.1) == []
+    assert "MAC" in limits.of_mode(30e3, 0.5)[0][0]
+    assert "half-wavelength 33.0 mm" in limits.of_design(replace(design, nodal_lines=4))[0][0]
+    assert "gap between pillars" in limits.of_design(replace(design, pitch_x_m=2.3e-3))[0][0]
+    leaning = Pillar("tapered", 1e-3, 3.9e-3, 1.4e-3, design.material)
+    assert any("lean" in text for text, _ in limits.of_design(replace(design, pillar=leaning)))
+    assert not any(
+        "lean" in text for text, _ in limits.of_design(replace(design, pillar=replace(leaning, height_m=2e-3)))
+    )
+
+
+def test_mass_of_plate_and_pillars() -> None:
+    design = load_case(CASE).design
+    plate, pillars = 115.5 * 2.0 * (10 + 10 + 25) * 2.0, 2 * 3 * 29 * 4.0 * 6.3  # mm3: two pitches and a foot a side
+    assert mass_kg(design) == pytest.approx(2700e-9 * (plate + pillars), rel=1e-12)
+    assert isnan(mass_kg(replace(design, pillar=replace(design.pillar, shape="step"))))
+    assert mass_kg(replace(design, rows=0)) == pytest.approx(2700e-9 * 115.5 * 2.0 * 35.0 * 2.0, rel=1e-12)
+
+
+def test_cheap_rungs_lead_the_dear_one_to_the_top(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The strips' top is 0.4 mm off; columns and plates find the true one, within the step, and within the budget."""
+    put(monkeypatch, fake)
+    space = read_space(CASE, [], ["pillar.height_mm=5:8", "array.pitch_mm=4:8"])
+    found = optimiser.search(space, Settings(evaluations=12), fidelity.SilentLog(), EvaluationShelf(tmp_path))
+    assert found.best.values[0] == pytest.approx(6.56, abs=0.03) and found.best.values[1] == pytest.approx(
+        4.75, abs=0.1
+    )
+    assert found.best.goal_db == pytest.approx(20.0, abs=0.05)
+    assert len(found.by_rung[PLATE]) <= 12 and len(found.by_rung[COLUMN]) <= 12 * 4
+    assert len(found.by_rung[STRIP]) == 25 * 25
+    assert found.gain_db == pytest.approx(found.best.goal_db - fake(space.case(), PLATE).confinement_db)
+
+
+def test_no_limit_is_traded_for_the_goal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    put(monkeypatch, fake)
+    space = read_space(CASE, [], ["pillar.height_mm=5:8", "array.pitch_mm=4:8"])
+    settings = Settings(limits=Limits(lowest_hz=34.5e3), evaluations=12)
+    found = optimiser.search(space, settings, fidelity.SilentLog(), EvaluationShelf(tmp_path))
+    assert found.best.judged.frequency_hz >= 34.5e3 and found.best.values[0] == pytest.approx(6.9, abs=0.05)
+    assert all(each.judged.frequency_hz >= 34.5e3 for each in found.tradeoff)
+
+
+def test_where_nothing_keeps_the_limits_the_closest_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(monkeypatch, fake)
+    assert run(CASE, "--quiet", "--vary", "pillar.height_mm=5:6", "--above", "90kHz", "--evaluations", "4") == 4
+    told = capsys.readouterr().err
+    assert "pillar.height_mm=6" in told and "at least 90" in told
+
+
+def test_counts_are_tried_and_not_descended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def by_rows(case, rung: str, near_hz: float | None = None, shelf: object = None) -> Judged:
+        return replace(fake(case, rung), confinement_db=4.0 * case.design.rows)
+
+    put(monkeypatch, by_rows)
+    space = read_space(CASE, [], ["array.rows=1:4"])
+    found = optimiser.search(space, Settings(evaluations=4), fidelity.SilentLog(), EvaluationShelf(tmp_path))
+    assert found.best.values == (4,) and len(found.by_rung[STRIP]) == 4
+
+
+def test_pillars_that_are_no_boxes_go_from_strips_to_plates(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    put(monkeypatch, fake)
+    shape = ["pillar.shape=round", "pillar.diameter_mm=2"]
+    space = read_space(CASE, shape, ["pillar.height_mm=6:7"])
+    found = optimiser.search(space, Settings(evaluations=6), fidelity.SilentLog(), EvaluationShelf(tmp_path))
+    assert not found.by_rung[COLUMN] and len(found.by_rung[PLATE]) <= 6
+    assert found.best.values[0] == pytest.approx(6.56, abs=0.1)
+
+
+def test_of_designs_that_no_other_beats() -> None:
+    def one(goal: float, hertz: float, mass: float) -> Evaluation:
+        judged = Judged(PLATE, hertz, goal, None, 0.9)
+        return Evaluation((goal,), judged, goal, mass, (), goal, goal)
+
+    listed = [one(10, 30e3, 0.1), one(12, 29e3, 0.1), one(9, 29e3, 0.1), one(9, 29e3, 0.05)]
+    assert front(listed) == [listed[1], listed[0], listed[3]]
+
+
+def test_a_judgement_is_kept_by_question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    def solved(case, rung: str, near_hz: float | None) -> Judged:
+        asked.append(f"{1e3 * case.design.pillar.height_m:g} {rung} {near_hz}")
+        return Judged(rung, 3e4, 12.0, 13.0, 0.9)
+
+    monkeypatch.setattr(fidelity, "_solved", solved)
+    shelf, case = EvaluationShelf(tmp_path), load_case(CASE)
+    first = judge(case, COLUMN, None, shelf)
+    assert judge(case, COLUMN, None, EvaluationShelf(tmp_path)) == first and len(asked) == 1
+    judge(case, PLATE, None, shelf)
+    judge(case, PLATE, 3e4, shelf)
+    judge(load_case(CASE, ["pillar.height_mm=6.31"]), COLUMN, None, shelf)
+    assert asked == ["6.3 column None", "6.3 plate None", "6.3 plate 30000.0", "6.31 column None"]
+    for path in tmp_path.iterdir():
+        path.write_text("{torn")
+    judge(case, COLUMN, None, shelf)
+    assert len(asked) == 5
+
+
+@pytest.mark.parametrize("rung", [COLUMN, PLATE])
+def test_what_cannot_be_solved_is_told_and_passed_over(rung: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from solvers.errors import SolverError
+
+    def refuse(*_: object) -> None:
+        raise SolverError("too soft")
+
+    monkeypatch.setattr("solvers.superelement.build.Reductions.cell", refuse)
+    found = judge(load_case(CASE), rung)
+    assert found.why_not == "too soft" and found.frequency_hz is None
+
+
+def test_strips_are_calibrated_on_the_files_own_column(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A column as a strip with feet of 0.8 would answer: the search finds the 0.8."""
+    case = load_case(CASE)
+    wanted = by_strip(case, 0.8)
+    monkeypatch.setattr(optimiser, "judge", lambda case, rung, near_hz=None, shelf=None: replace(wanted, rung=rung))
+    space = read_space(CASE, [], ["pillar.height_mm=6:6.5"])
+    found = optimiser.search(space, Settings(evaluations=1), fidelity.SilentLog(), EvaluationShelf(tmp_path))
+    assert found.softness == pytest.approx(0.8)
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, dict, Path]:
+    """A small plate searched by all rungs, and once more from the shelf alone."""
+    folder = tmp_path_factory.mktemp("search")
+    documents = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fidelity.EvaluationShelf.__init__, "__defaults__", (folder / "shelf",))
+        for name in ("first", "second"):
+            arguments = [CASE, *VARY, *small(), "--quiet", "--evaluations", "2", "--mac", "0.5"]
+            assert run(*arguments, "--out", str(folder / name), "--json", str(folder / f"{name}.json")) == 0
+            documents.append(json.loads((folder / f"{name}.json").read_text()))
+            patch.setattr(fidelity, "_solved", lambda *_: pytest.fail("solved again"))
+    return documents[0], documents[1], folder
+
+
+def test_a_search_ends_with_the_best_of_what_it_solved(searched: tuple[dict, dict, Path]) -> None:
+    document, _, folder = searched
+    assert document["schema"] == 1 and document["best"]["rung"] == PLATE
+    plates = [e for e in document["evaluations"] if e["rung"] == PLATE and not e["breaks"]]
+    assert document["best"]["confinement_db"] >= document["base"]["confinement_db"] - 0.1
+    assert document["best"]["confinement_db"] == pytest.approx(max(e["confinement_db"] for e in plates), abs=0.2)
+    assert {rung["name"]: rung["designs"] for rung in document["rungs"]}[PLATE] == 2
+    names = {path.name for path in (folder / "first").iterdir()}
+    assert {"search.json", "search.csv", "search.svg", "search.png"} <= names
+
+
+def test_a_search_repeats_from_what_it_kept(searched: tuple[dict, dict, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second, _ = searched
+    assert {k: v for k, v in first.items() if k != "seconds"} == {k: v for k, v in second.items() if k != "seconds"}
+
+
+def test_the_command_that_it_names_gives_the_number_that_it_claims(
+    searched: tuple[dict, dict, Path], tmp_path: Path
+) -> None:
+    best = searched[0]["best"]
+    sets = [part for text in searched[0]["repeat"] for part in ("--set", text)]
+    assert main(["modes", CASE, *sets, "--parity=-+", "--quiet", "--json", str(tmp_path / "m.json")]) == 0
+    modes = json.loads((tmp_path / "m.json").read_text())["modes"]
+    wanted = max(modes, key=lambda mode: (mode["mac"] or 0.0) * (mode["zone_share"] or 0.0))
+    assert wanted["confinement_db"] == pytest.approx(best["confinement_db"], abs=1e-6)
+    assert wanted["frequency_hz"] == pytest.approx(best["frequency_hz"], rel=1e-9)
+
+
+@pytest.mark.slow
+def test_the_thesis_design_is_beaten_at_equal_rows_by_plate_and_solid(tmp_path: Path) -> None:
+    """Height and pitch free, three rows as before: better held by the joined plate, and by the whole solid mesh too."""
+    arguments = [
+        CASE,
+        "--vary",
+        "pillar.height_mm=5:8",
+        "--vary",
+        "array.pitch_mm=4:8",
+        "--quiet",
+        "--confirm",
+        "solid",
+    ]
+    assert run(*arguments, "--evaluations", "8", "--json", str(tmp_path / "found.json")) == 0
+    document = json.loads((tmp_path / "found.json").read_text())
+    assert document["gain_db"] > 6.0  # twice as still beside the zone
+    assert document["best"]["frequency_hz"] > 25e3 and document["best"]["mac"] >= 0.8
+    assert document["solid"]["best"]["confinement_db"] > document["solid"]["base"]["confinement_db"] + 6.0

@@ -1,0 +1,234 @@
+"""Factorisations: every one that is installed solves, counts, foretells its memory and notices a singular matrix."""
+
+from __future__ import annotations
+
+import gc
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.linalg import eigh
+from scipy.sparse.linalg import splu
+
+from solvers.errors import SingularShift, SolverError, TooLarge
+from solvers.fem.assembly import assemble
+from solvers.fem.constraints import Pencil, constrain, free_mask
+from solvers.fem.eigen import modes_near
+from solvers.fem.factor import factoriser, memory, superlu
+from solvers.fem.factor.factoriser import Factoriser, available
+from solvers.fem.factor.symbolic import alike, postordered, quotient
+from tests.helpers import small_meshes as small
+
+BODY = {"body": small.SOFT}
+BACKENDS = available()
+
+
+def pencil(kind: str = "hex2") -> Pencil:
+    """A small clamped block."""
+    mesh = small.ALL[kind]()
+    free = free_mask(mesh, ("touch",)) if mesh.faces else np.ones((len(mesh.nodes), 3), dtype=bool)
+    return constrain(assemble(mesh, BODY), free)
+
+
+def shifted(of: Pencil, share: float = 0.02) -> sp.csc_array:
+    """K - sigma M, indefinite, sigma between two eigenvalues."""
+    values = eigh(of.stiffness.toarray(), of.mass.toarray(), eigvals_only=True)
+    place = int(share * len(values)) + 1
+    return sp.csc_array(of.stiffness - 0.5 * (values[place - 1] + values[place]) * of.mass)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_one_and_many_right_hand_sides_are_solved(backend: str) -> None:
+    matrix = shifted(pencil())
+    made = Factoriser(backend)(matrix)
+    many = np.random.default_rng(1).normal(size=(matrix.shape[0], 5))
+    exact = np.linalg.solve(matrix.toarray(), many)
+    kept = many.copy()
+    assert np.allclose(made.solve(many), exact, rtol=1e-8, atol=1e-9 * np.abs(exact).max())
+    for column in range(5):
+        found = made.solve(many[:, column])
+        assert found.shape == (matrix.shape[0],)
+        assert np.allclose(found, exact[:, column], rtol=1e-8, atol=1e-9 * np.abs(exact).max())
+    assert (many == kept).all(), "the right-hand side is the caller's"
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("kind", ["hex2", "tet2 bent", "hex3"])
+def test_the_inertia_is_that_of_dense_algebra(backend: str, kind: str) -> None:
+    matrix = shifted(pencil(kind), 0.1)
+    negative = int((np.linalg.eigvalsh(matrix.toarray()) < 0.0).sum())
+    assert negative > 5
+    assert Factoriser(backend)(matrix).negative == negative
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_every_factorisation_gives_the_same_eigenvalues(backend: str) -> None:
+    body = pencil("hex3")
+    found = modes_near(body, 3e5, 12, backend)
+    truth = body.scale.frequency(eigh(body.stiffness.toarray(), body.mass.toarray(), eigvals_only=True))
+    nearest = np.sort(truth[np.argsort(np.abs(truth - 3e5))[:12]])
+    assert np.abs(found.frequency_hz / nearest - 1.0).max() < 1e-9
+    assert found.count.expected == found.count.found == 12
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("fault", ["empty row", "free body", "on an eigenvalue"])
+def test_a_singular_matrix_is_noticed(backend: str, fault: str) -> None:
+    if fault == "empty row":
+        matrix = sp.csc_array(sp.diags_array(np.append(np.arange(1.0, 40.0), 0.0), format="csc"))
+        matrix.eliminate_zeros()
+    elif fault == "free body":
+        ring = sp.diags_array([np.full(39, -1.0), np.full(40, 2.0), np.full(39, -1.0)], offsets=[-1, 0, 1]).toarray()
+        ring[0, 0] = ring[-1, -1] = 1.0  # a chain of equal springs that nothing holds
+        matrix = sp.csc_array(ring)
+    else:
+        matrix = sp.csc_array(sp.diags_array(np.arange(-20.0, 21.0), format="csc"))
+    with pytest.raises(SingularShift):
+        Factoriser(backend)(matrix)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_does_not_fit_is_refused_before_it_is_factorised(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    matrix = shifted(pencil("hex3"))
+    needed = Factoriser(backend)(matrix).foreseen_bytes
+    monkeypatch.setattr(memory, "room_bytes", lambda: 0.99 * needed)
+    started: list[str] = []
+    monkeypatch.setattr(superlu, "splu", lambda *a, **k: started.append("splu"))
+    with pytest.raises(TooLarge, match=rf"factorising {matrix.shape[0]} unknowns needs about .* GiB are free"):
+        Factoriser(backend)(matrix)
+    assert not started
+    monkeypatch.undo()
+    monkeypatch.setattr(memory, "room_bytes", lambda: 1.01 * needed)
+    assert Factoriser(backend)(matrix).negative > 0
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_factor_tells_its_memory_and_gives_it_back(backend: str) -> None:
+    matrix = shifted(pencil("hex3"))
+    made = Factoriser(backend)(matrix)
+    filled = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).L.nnz
+    assert 6 * filled < made.memory_bytes < 200 * filled, "eight bytes an entry, give or take another ordering"
+    made.free()
+    with pytest.raises(AttributeError):
+        made.solve(np.ones(matrix.shape[0]))
+    again = Factoriser(backend)(matrix)
+    del again
+    gc.collect()  # a factor that nobody freed is freed with its last name
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_two_factors_of_one_pattern_live_side_by_side(backend: str) -> None:
+    body = pencil()
+    factorise = Factoriser(backend)
+    right = np.cos(np.arange(body.dof))
+    first, second = shifted(body, 0.02), shifted(body, 0.3)
+    factors = [factorise(first), factorise(second)]
+    for matrix, made in zip((first, second), factors, strict=True):
+        assert np.linalg.norm(matrix @ made.solve(right) - right) < 1e-8 * np.linalg.norm(right)
+
+
+def test_a_wrong_solve_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(superlu.SuperLU, "solve", lambda self, right: 1.001 * self._lu.solve(right))
+    with pytest.raises(SingularShift, match="backward error"):
+        Factoriser("superlu")(shifted(pencil()))
+
+
+def test_the_variable_names_the_factorisation(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ANTINODE_FACTOR", "superlu")
+    assert Factoriser().backend == "superlu"
+    monkeypatch.setenv("ANTINODE_FACTOR", "abacus")
+    with pytest.raises(SolverError, match=r"'abacus' is not installed; there is .*superlu"):
+        Factoriser()
+
+
+@pytest.mark.parametrize(
+    ("installed", "small", "large"),
+    [
+        (("rslab", "pardiso", "superlu"), "rslab", "rslab"),
+        (("pardiso", "superlu"), "superlu", "pardiso"),
+        (("superlu",), "superlu", "superlu"),
+    ],
+)
+def test_the_size_decides_when_nobody_does(
+    installed: tuple[str, ...], small: str, large: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(factoriser, "available", lambda: installed)
+    assert (factoriser.preferred(1000), factoriser.preferred(100_000)) == (small, large)
+
+
+def test_superlu_is_always_there_and_a_broken_mkl_is_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken() -> None:
+        raise ImportError("Shared library mkl_rt not found.")
+
+    monkeypatch.setattr(factoriser.importlib.util, "find_spec", lambda name: name == "pypardiso")
+    monkeypatch.setattr(factoriser, "load", broken)
+    factoriser.available.cache_clear()
+    try:
+        assert factoriser.available() == ("superlu",)
+        monkeypatch.setattr(factoriser, "load", lambda: None)
+        factoriser.available.cache_clear()
+        assert factoriser.available() == ("pardiso", "superlu")
+    finally:
+        factoriser.available.cache_clear()
+
+
+def test_threads_are_those_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ANTINODE_THREADS", "3")
+    assert memory.threads() == 3
+    monkeypatch.delenv("ANTINODE_THREADS")
+    assert memory.threads() >= 1
+
+
+def filled_entries(pattern: np.ndarray, place: np.ndarray, size: np.ndarray) -> int:
+    """Entries of L by elimination itself, each vertex standing for `size` alike unknowns."""
+    order = np.argsort(place)
+    lower, weight = np.tril(pattern[order][:, order]), size[order]
+    for k in range(len(size)):
+        below = np.flatnonzero(lower[k + 1 :, k]) + k + 1
+        lower[np.ix_(below, below)] |= np.tril(np.ones((len(below), len(below)), dtype=bool))
+    full = sum(weight[k] * weight[np.flatnonzero(lower[:, k])].sum() for k in range(len(size)))
+    return int(full - (weight * (weight - 1) // 2).sum())
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 30, 90])
+@pytest.mark.parametrize("density", [0.0, 0.02, 0.1, 0.4])
+def test_the_size_of_the_factor_is_counted_exactly(count: int, density: float) -> None:
+    draw = np.random.default_rng(count)
+    for _ in range(4):
+        pattern = draw.random((count, count)) < density
+        pattern = pattern | pattern.T | np.eye(count, dtype=bool)
+        place, size = draw.permutation(count), draw.integers(1, 5, count)
+        after, entries = postordered(sp.csc_array(pattern), place, size)
+        assert entries == filled_entries(pattern, place, size)
+        assert sorted(after) == list(range(count))
+        assert filled_entries(pattern, after, size) == entries, "the postorder fills as little"
+
+
+@pytest.mark.parametrize("kind", ["hex3", "tet2 bent"])
+def test_superlus_fill_is_the_one_foretold(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(superlu, "DENSE", 10)
+    matrix = shifted(pencil(kind))
+    plan = superlu.analyse(matrix)
+    made = superlu.SuperLU(matrix, plan)
+    assert plan.order is not None
+    assert made._lu.L.nnz <= plan.entries < 1.001 * made._lu.L.nnz  # equal but for entries that cancel
+    right = np.cos(np.arange(matrix.shape[0]))
+    assert np.linalg.norm(matrix @ made.solve(right) - right) < 1e-8 * np.linalg.norm(right)
+    assert made.negative == int((np.linalg.eigvalsh(matrix.toarray()) < 0.0).sum())
+
+
+def test_unknowns_with_the_same_couplings_are_alike() -> None:
+    block = np.kron(np.array([[1, 1, 0], [1, 1, 1], [0, 1, 1]]), np.ones((3, 3)))
+    label, size = alike(sp.csc_array(block))
+    assert label.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2] and size.tolist() == [3, 3, 3]
+    assert quotient(sp.csc_array(block), label, 3).toarray().tolist() == [[1, 1, 0], [1, 1, 1], [0, 1, 1]]
+
+
+@pytest.mark.parametrize("what", ["stored", "filled"])
+def test_more_entries_than_superlu_can_count_are_refused(what: str) -> None:
+    plan = superlu.Ordering(None, 2**31 if what == "filled" else 5)
+    matrix = sp.csc_array(sp.eye_array(4, format="csc"))
+    if what == "stored":
+        matrix = type("Huge", (), {"shape": (4, 4), "nnz": 80_000_000})()
+    with pytest.raises(TooLarge, match=r"more than SuperLU can count: install rslab"):
+        superlu.SuperLU(matrix, plan)

@@ -1,0 +1,59 @@
+"""What moves a confinement: what a neighbour mixed in by a known share really does, to first order."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geometry.layout import Design
+from geometry.materials import MATERIALS
+from solvers.measures.confinement import TouchField, measure
+from solvers.measures.mode_mixing import mixing_db
+
+DESIGN = Design(60e-3, 20e-3, 2e-3, 6, MATERIALS["aluminium"], None, 4e-3, 4e-3, 0, 10e-3)
+TONES = np.array([30e3, 31e3, 40e3])
+
+
+def face(values: np.ndarray, half_m: float = 20e-3) -> TouchField:
+    """Random fields (1000, k) at random points of the touch face."""
+    draw = np.random.default_rng(4)
+    points = draw.uniform(-1.0, 1.0, (1000, 2)) * (30e-3, half_m)
+    return TouchField(points, np.full(1000, 1e-6), values)
+
+
+def fields(count: int = 3) -> np.ndarray:
+    return np.random.default_rng(5).normal(size=(1000, count)) + 0.3
+
+
+def level(values: np.ndarray) -> float:
+    return float(measure(face(values[:, None]), DESIGN, None).confinement_db[0])
+
+
+def test_one_neighbour_moves_the_level_as_its_share_does() -> None:
+    values, tones, error = fields(2), TONES[:2], 1e-5
+    share = 2.0 * error * tones[0] * tones[1] / (tones[1] ** 2 - tones[0] ** 2)
+    moved = level(values[:, 0] + share * values[:, 1]) - level(values[:, 0])
+    found = mixing_db(face(values), tones, 0, DESIGN, error)
+    assert found == pytest.approx(abs(moved), rel=10.0 * share)
+
+
+def test_neighbours_add_by_their_squares() -> None:
+    values = fields()
+    both = mixing_db(face(values), TONES, 0, DESIGN, 1e-4)
+    alone = [mixing_db(face(values[:, [0, j]]), TONES[[0, j]], 0, DESIGN, 1e-4) for j in (1, 2)]
+    assert both == pytest.approx(np.hypot(*alone), rel=1e-12)
+    assert alone[0] > alone[1]
+
+
+def test_it_is_proportional_to_the_error_until_modes_are_one() -> None:
+    values = fields()
+    small = mixing_db(face(values), TONES, 1, DESIGN, 1e-4)
+    assert small and mixing_db(face(values), TONES, 1, DESIGN, 2e-4) == pytest.approx(2.0 * small)
+    same = mixing_db(face(values), np.array([30e3, 30e3, 40e3]), 0, DESIGN, 1e-4)
+    assert same is not None and np.isfinite(same)
+
+
+def test_a_neighbour_of_the_same_field_moves_nothing_and_a_zone_alone_has_no_level() -> None:
+    values = fields(1)
+    assert mixing_db(face(np.hstack([values, 3.0 * values])), TONES[:2], 0, DESIGN, 1e-2) == pytest.approx(0.0)
+    assert mixing_db(face(values, half_m=9e-3), TONES[:1], 0, DESIGN, 1e-2) is None

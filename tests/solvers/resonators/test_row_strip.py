@@ -1,0 +1,111 @@
+"""The strip across the plate: its pillars against the exact foot stiffness, its plate against the exact free beam."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import log10, pi, sqrt
+
+import numpy as np
+import pytest
+
+from geometry.layout import Design, Pillar
+from geometry.materials import MATERIALS
+from solvers.analytic.plates import mindlin_wave_hz, thin_plate_hz
+from solvers.analytic.predesign import pillar_beam, strip_of
+from solvers.measures.confinement import Profile, held
+from solvers.resonators import strip as resonators_strip
+from solvers.resonators.impedance import pillar_foot
+from solvers.resonators.standing_pillar import bending_carried, lifting_carried
+from solvers.resonators.strip import PER_WIDTH, strip_modes
+
+ALUMINIUM = MATERIALS["aluminium"]
+PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
+DESIGN = Design(115.5e-3, 20e-3, 2e-3, 8, ALUMINIUM, PILLAR, 4e-3, 4e-3, 3, 25e-3)
+
+
+@pytest.mark.parametrize("lever_m", [0.0, 1e-3])
+@pytest.mark.parametrize("shape", ["square", "round"])
+def test_a_standing_pillar_pulls_as_the_exact_beam_does(lever_m: float, shape: str) -> None:
+    """K = -w^2 (J + sum L^2 w^2 / (w_j^2 - w^2)) against the exact waves; what two modes leave out is of order w^2/w_3^2."""
+    pillar = replace(PILLAR, shape=shape)
+    stretch = ALUMINIUM.young_pa * pillar.section_area_m2
+    for hertz in (5e3, 25e3, 36e3, 45e3):
+        omega = 2.0 * pi * hertz
+        exact = pillar_foot(pillar_beam(pillar), omega, stretch, 0.0, lever_m)[0].real
+        for carried, value in (
+            (bending_carried(pillar, lever_m), exact[1, 1]),
+            (lifting_carried(pillar), exact[0, 0]),
+        ):
+            own = (carried.coupling**2 * omega**2 / (carried.omega**2 - omega**2)).sum()
+            assert -(omega**2) * (carried.inertia + own) == pytest.approx(value, rel=3e-3)
+
+
+def test_a_tapered_pillar_carries_less_and_rings_higher() -> None:
+    tapered = Pillar("tapered", 2e-3, 1e-3, 6.3e-3, ALUMINIUM)
+    heavy, light = bending_carried(PILLAR, 1e-3), bending_carried(tapered, 1e-3)
+    assert light.inertia < heavy.inertia and light.omega[0] > heavy.omega[0]
+    volume = 6.3e-3 * (2e-3**2 + 2e-3 * 1e-3 + 1e-3**2) / 3.0
+    assert lifting_carried(tapered).inertia == pytest.approx(ALUMINIUM.density_kg_m3 * volume, rel=1e-12)
+
+
+def test_a_bare_strip_rigid_along_x_is_a_free_beam() -> None:
+    """Without rows and with k = 0 the even modes are those of a free-free beam, from above by (beta h)^4/1440 or less."""
+    bare = replace(DESIGN, pillar=None, rows=0, extension_m=10e-3, nodal_lines=0)
+    strip = strip_of(bare)
+    assert strip
+    span, element = 2.0 * bare.half_span_m, bare.width_m / PER_WIDTH
+    shear = mindlin_wave_hz(strip, pi / bare.width_m) / thin_plate_hz(strip, pi / bare.width_m)
+    betas = [kappa / span for kappa in (4.730040745, 10.995607838)]
+    exact = [shear * thin_plate_hz(strip, beta) for beta in betas]
+    found = strip_modes(bare, 0.5 * exact[0], 1.2 * exact[1]).frequency_hz
+    assert len(found) == 2
+    for beta, tone, wanted in zip(betas, found, exact, strict=True):
+        assert -1e-7 < tone / wanted - 1.0 < 1.2 * (beta * element) ** 4 / 1440.0
+
+
+def test_rows_hold_the_wanted_mode_better_the_more_there_are() -> None:
+    levels = []
+    for rows in (1, 2, 3):
+        found = strip_modes(replace(DESIGN, rows=rows), 25e3, 45e3)
+        levels.append(found.held.confinement_db[found.held.wanted.index])
+    assert levels[0] < levels[1] < levels[2]
+
+
+def test_rows_add_what_their_pillars_carry() -> None:
+    """Y = 1 with the pillars rigid: 2 T = rho h y + n (m + k^2 J) a row, n pillars per length, J about the plate's middle."""
+    kx, rows = 200.0, 2
+    design = replace(DESIGN, rows=rows)
+    nodes, strip = resonators_strip._nodes(design), strip_of(design)
+    assert strip
+    stiffness, mass = resonators_strip._with_rows(
+        *resonators_strip._plate(nodes, strip, kx, 1.0), nodes, design, kx, 0.5
+    )
+    lift = np.zeros(len(mass))
+    lift[0 : 2 * len(nodes) : 2] = 1.0
+    weight, height = ALUMINIUM.density_kg_m3 * 4e-6 * 6.3e-3, 6.3e-3
+    inertia = weight * (((1e-3 + height) ** 3 - 1e-3**3) / (3.0 * height) + 2e-3**2 / 12.0)
+    carried = rows * 29 / design.length_m * (weight + kx**2 * inertia)
+    assert lift @ mass @ lift == pytest.approx(2700.0 * 2e-3 * design.half_span_m + carried, rel=1e-12)
+    assert lift @ stiffness @ lift == pytest.approx(kx**4 * design.half_span_m, rel=1e-9)  # rigid pillars store nothing
+
+
+def test_measures_of_a_known_profile() -> None:
+    """Y = cos(pi y / W) inside; half its rms between the rows, a tenth beyond them; a MAC of 1 whatever the phase."""
+    ends, levels = (0.0, 10e-3, 20e-3, 45e-3), (None, 0.5, 0.1)
+    design = replace(DESIGN, rows=3, extension_m=25e-3)
+    assert design.half_span_m == pytest.approx(ends[-1])
+    y, weights, value = [], [], []
+    for low, high, level in zip(ends[:-1], ends[1:], levels, strict=True):
+        middle = low + (np.arange(2000) + 0.5) * (high - low) / 2000.0
+        y.append(middle)
+        weights.append(np.full(2000, (high - low) / 2000.0))
+        inside = np.cos(pi * middle / design.width_m)
+        value.append(inside if level is None else np.full(2000, level / sqrt(2.0)))
+    places = np.concatenate(y)
+    shape = np.cos(pi * places / design.width_m)
+    found = held(Profile(places, np.concatenate(weights), 1j * np.concatenate(value)[:, None], shape, 1.0), design)
+    passive = (0.5**2 * 10.0 + 0.1**2 * 25.0) / 35.0
+    assert found.confinement_db[0] == pytest.approx(-10.0 * log10(passive), abs=1e-4)
+    assert found.extension_db[0] == pytest.approx(20.0, abs=1e-4)
+    assert found.mac[0] == pytest.approx(1.0, abs=1e-9)
+    assert found.zone_share[0] == pytest.approx(10.0 / (10.0 + 35.0 * passive), rel=1e-5)

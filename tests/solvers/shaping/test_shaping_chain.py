@@ -1,0 +1,206 @@
+"""Errors, calibration and the output filter: first-order theory, known chains, circuits in time, and clear refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+from scipy.signal import StateSpace, lsim
+
+from solvers.errors import SolverError
+from solvers.shaping.inversion import drive_voltages
+from solvers.shaping.modal_table import field_matrix, sensor_matrix
+from solvers.shaping.monte_carlo import Errors, monte_carlo, quantiles
+from solvers.shaping.output_filter import LowPass, filter_for
+from solvers.shaping.sensor_calibration import (
+    COLUMNS,
+    Chain,
+    Measured,
+    calibrate,
+    measured_from_csv,
+    simulate_standing_wave,
+)
+from solvers.shaping_study.ideal_beam import point_beam_table
+from solvers.shaping_study.patched_beam import PatchedBeam, beam_table, charge_table
+
+BEAM = PatchedBeam()
+MATRIX = sensor_matrix(beam_table(BEAM), 2400.0)
+TARGET = np.array([1.0, -1.0, 0.5j, 0.0, 0.0, 0.2])
+PLACES = beam_table(BEAM, points_m=np.array(BEAM.centres_m))
+TRIALS = 4000
+
+
+def spread_of_mean(values: np.ndarray) -> float:
+    return float(np.std(values) / np.mean(values) / sqrt(len(values)))
+
+
+@pytest.mark.parametrize("kind", ["noise", "gain", "phase_rad", "crosstalk"])
+def test_small_errors_follow_first_order_theory(kind):
+    size = 1e-4
+    volts = np.linalg.solve(MATRIX, TARGET)
+    power = np.linalg.norm(TARGET) ** 2
+    neighbours = np.eye(6, k=1) + np.eye(6, k=-1)
+    expected = {
+        "noise": 6 * np.abs(MATRIX).max() ** 2 * np.linalg.norm(volts) ** 2 / power,
+        "gain": 1.0,
+        "phase_rad": 1.0,
+        "crosstalk": (neighbours @ np.abs(TARGET) ** 2).sum() / power,
+    }[kind]
+    found = monte_carlo(MATRIX, TARGET, Errors(**{kind: size}), TRIALS, seed=5).error ** 2
+    assert np.mean(found) == pytest.approx(expected * size**2, rel=4.0 * spread_of_mean(found))
+
+
+def test_trials_repeat_with_their_seed_and_vanish_without_errors():
+    errors = Errors(0.01, 0.05, 0.1, 0.02)
+    first, again, other = (monte_carlo(MATRIX, TARGET, errors, 20, seed).voltages for seed in (1, 1, 2))
+    assert (first == again).all() and (first != other).any()
+    assert monte_carlo(MATRIX, TARGET, Errors(), 3).error.max() < 1e-12
+    found = quantiles(np.arange(101.0))
+    assert found == {"q05": 5.0, "median": 50.0, "q95": 95.0}
+    with pytest.raises(SolverError, match="noise = -1: must be 0 or more"):
+        Errors(noise=-1.0)
+    with pytest.raises(SolverError, match="trials = 0"):
+        monte_carlo(MATRIX, TARGET, errors, 0)
+
+
+def test_calibration_finds_the_chain_that_was_put_in():
+    frequency = float(PLACES.frequencies_hz[3])
+    gains = (
+        np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1])
+        * np.exp(-0.4j)
+        * np.exp(1j * np.array([0, 0.02, -0.02, 0.01, -0.01, 0]))
+    )
+    ideal = field_matrix(PLACES, frequency)[:, 1] / sensor_matrix(PLACES, frequency)[:, 1]
+    found = calibrate(simulate_standing_wave(PLACES, frequency, np.linspace(1, 10, 8), 1, Chain(gains)))
+    assert found.factor == pytest.approx(ideal / gains)
+    assert found.nonlinearity.max() < 1e-12 and found.standard_error.max() < 1e-12 * np.abs(found.factor).max()
+    assert found.common_phase + found.own_phase == pytest.approx(np.angle(found.factor))
+    plain = calibrate(simulate_standing_wave(PLACES, frequency, np.linspace(1, 10, 8), 1, Chain(np.ones(6))))
+    late = calibrate(
+        simulate_standing_wave(PLACES, frequency, np.linspace(1, 10, 8), 1, Chain(np.full(6, np.exp(-0.4j))))
+    )
+    assert late.common_phase - plain.common_phase == pytest.approx(0.4)
+    assert late.own_phase == pytest.approx(plain.own_phase)
+
+
+def test_standard_error_is_the_spread_of_repeated_calibrations():
+    chain = Chain(np.ones(6), noise_v=2e-4)
+    frequency = float(PLACES.frequencies_hz[3])
+    many = [
+        calibrate(simulate_standing_wave(PLACES, frequency, np.linspace(1, 5, 12), 1, chain, seed))
+        for seed in range(300)
+    ]
+    factors = np.array([one.factor for one in many])
+    spread = np.sqrt(np.mean(np.abs(factors - factors.mean(axis=0)) ** 2, axis=0))
+    stated = np.mean([one.standard_error for one in many], axis=0)
+    assert stated == pytest.approx(spread, rel=4.0 / sqrt(300))
+
+
+def test_a_sensor_that_saturates_shows():
+    frequency = float(PLACES.frequencies_hz[3])
+    measured = simulate_standing_wave(PLACES, frequency, np.linspace(1, 10, 8), 1, Chain(np.ones(6)))
+    limit = 0.6 * np.abs(measured.voltage[:, 2]).max()
+    voltage = measured.voltage.copy()
+    voltage[:, 2] *= np.minimum(1.0, limit / np.abs(voltage[:, 2]))
+    found = calibrate(Measured(measured.displacement, voltage))
+    assert found.nonlinearity[2] > 0.05 and np.delete(found.nonlinearity, 2).max() < 1e-12
+
+
+def test_sensor_on_a_node_of_the_standing_wave_cannot_be_calibrated():
+    beam = PatchedBeam(centres_m=(0.03, 0.075, 0.12))
+    table = point_beam_table(beam, 6, points_m=np.array(beam.centres_m))
+    measured = simulate_standing_wave(table, float(table.frequencies_hz[1]), np.array([1.0, 2.0]), 0, Chain(np.ones(3)))
+    with pytest.raises(SolverError, match="sensor 2 sits on a node of this wave"):
+        calibrate(measured)
+
+
+def csv_of(measured: Measured) -> str:
+    rows = [",".join(COLUMNS)]
+    for w, v in zip(measured.displacement, measured.voltage, strict=True):
+        rows += [f"{s + 1},{w[s].real!r},{w[s].imag!r},{v[s].real!r},{v[s].imag!r}" for s in range(len(w))]
+    return "\n".join(rows).replace("np.float64(", "").replace(")", "") + "\n"
+
+
+def test_imported_measurements_calibrate_like_simulated_ones():
+    frequency = float(PLACES.frequencies_hz[3])
+    measured = simulate_standing_wave(PLACES, frequency, np.linspace(1, 10, 4), 1, Chain(np.ones(6), 1e-4, 1e-9))
+    found = calibrate(measured_from_csv(csv_of(measured)))
+    assert found.factor == pytest.approx(calibrate(measured).factor, rel=1e-12)
+
+
+HEAD = ",".join(COLUMNS) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("sensor,voltage_re_v\n1,2\n", "run.csv: line 1: column 'displacement_re_m' is missing; needed: sensor"),
+        (HEAD + "1,1,0,1,0\n1,much,0,1,0\n", "run.csv: line 3: displacement_re_m = 'much': must be a finite number"),
+        (HEAD + "1,1,0,1\n", "run.csv: line 2: voltage_im_v = None"),
+        (HEAD + "0,1,0,1,0\n", "sensor = 0: must be a whole number from 1"),
+        (HEAD + "1,1,0,1,0\n3,1,0,1,0\n", "without a gap"),
+        (HEAD + "1,1,0,1,0\n1,2,0,2,0\n2,1,0,1,0\n", r"same number of rows, they have \[1, 2\]"),
+        (HEAD, "without a gap"),
+    ],
+)
+def test_files_that_cannot_be_read_are_refused_with_their_line(text, message):
+    with pytest.raises(SolverError, match=message):
+        measured_from_csv(text, "run.csv")
+
+
+def test_measurements_that_cannot_calibrate_are_refused():
+    with pytest.raises(SolverError, match="measure two or more"):
+        calibrate(Measured(np.ones((1, 2)), np.ones((1, 2))))
+    with pytest.raises(SolverError, match=r"must be \(amplitudes, sensors\) alike"):
+        calibrate(Measured(np.ones((3, 2)), np.ones((2, 2))))
+    with pytest.raises(SolverError, match="actuator 9: must be from 0 to 5"):
+        simulate_standing_wave(PLACES, 2000.0, np.array([1.0, 2.0]), 9, Chain(np.ones(6)))
+    with pytest.raises(SolverError, match="give the points at the sensors"):
+        simulate_standing_wave(beam_table(BEAM), 2000.0, np.array([1.0, 2.0]), 0, Chain(np.ones(6)))
+
+
+def test_filter_is_the_circuit_in_time_and_its_corner_is_in_hertz():
+    low_pass = LowPass(28e-3, 3300.0, 5e-9)
+    assert low_pass.corner_hz == pytest.approx(13451, rel=1e-4)
+    frequency = 2400.0
+    time = np.arange(0.0, 60 / frequency, 1e-7)
+    rates = [[0, 1], [-1 / (28e-3 * 5e-9), -3300.0 / 28e-3]]
+    circuit = StateSpace(rates, [[0], [1 / (28e-3 * 5e-9)]], [[1, 0]], [[0]])
+    out = lsim(circuit, np.cos(2 * pi * frequency * time), time)[1]
+    turned = np.exp(-2j * pi * frequency * time)
+    last = time >= 40 / frequency
+    assert 2 * np.mean(out[last] * turned[last]) == pytest.approx(low_pass.response(frequency), rel=1e-3)
+
+
+def test_command_through_filter_and_compensation_arrives_unchanged():
+    low_pass = filter_for(5e-9, 4500.0, 40e3)
+    assert 4500.0 < low_pass.corner_hz < 40e3 and low_pass.quality == pytest.approx(sqrt(0.5))
+    assert abs(low_pass.response(low_pass.corner_hz)) == pytest.approx(sqrt(0.5))
+    assert low_pass.response(2400.0) * low_pass.compensation(2400.0) == pytest.approx(1.0)
+    uncompensated = drive_voltages(MATRIX * low_pass.response(2400.0), TARGET).voltages
+    direct = drive_voltages(MATRIX, TARGET).voltages
+    assert uncompensated == pytest.approx(low_pass.compensation(2400.0) * direct)
+
+
+def test_moving_patches_load_the_filter_by_their_own_admittance():
+    low_pass = filter_for(BEAM.capacitance_f(BEAM.actuator_width_m), 4500.0, 40e3)
+    still = low_pass.loaded_response(2400.0, np.diag(np.full(6, low_pass.capacitance_f)))
+    assert still == pytest.approx(low_pass.response(2400.0) * np.eye(6))
+    moving = sensor_matrix(charge_table(replace(BEAM, quality=300.0)), 2128.7)
+    loaded = low_pass.loaded_response(2128.7, moving)
+    volts = loaded @ np.ones(6)
+    current = 2j * pi * 2128.7 * moving @ volts
+    dropped = (low_pass.resistance_ohm + 2j * pi * 2128.7 * low_pass.inductance_h) * current
+    assert volts + dropped == pytest.approx(np.ones(6))  # Kirchhoff, branch by branch
+    assert np.abs(loaded - low_pass.response(2128.7) * np.eye(6)).max() > 1e-3
+
+
+def test_filters_that_cannot_be_are_refused():
+    with pytest.raises(SolverError, match="inductance_h = 0: must be"):
+        LowPass(0.0, 1.0, 1.0)
+    with pytest.raises(SolverError, match="needs 0 < highest operating frequency < PWM frequency"):
+        filter_for(5e-9, 50e3, 40e3)
+    with pytest.raises(SolverError, match="frequency = 0 Hz"):
+        LowPass(1.0, 1.0, 1.0).response(0.0)
