@@ -25,17 +25,17 @@ def lines(found: PartModes, design: Design) -> list[str]:
 def verdict(wanted: Wanted, design: Design) -> list[str]:
     """Which mode is the wanted one, or why none is."""
     name, row = f"(0, {design.nodal_lines})", wanted.row
-    window = f"{wanted.low_hz / 1e3:.4g} to {wanted.high_hz / 1e3:.4g} kHz"
+    window = f"{wanted.low_hz / 1e3:.4g} and {wanted.high_hz / 1e3:.4g} kHz"
     if row is None and wanted.count is None:
         return [f"The wanted {name} mode is expected between {window}: {wanted.why}."]
     if row is None:
-        return [f"No mode from {window} has the wanted {name} shape: the best are less than half alike (MAC)."]
+        return [f"No mode between {window} has the wanted {name} shape: the best are less than half alike (MAC)."]
     held = "" if row.confinement_db is None else f", {row.confinement_db:.1f} dB"
     if wanted.status == "single":
         return [f"wanted {name} mode: {row.frequency_hz:.1f} Hz, MAC {row.mac:.3f}, strength {row.strength:.3f}{held}"]
     others = "; ".join(_named(rival) for rival in wanted.rivals)
     return [
-        f"The wanted {name} shape is split among several modes from {window}: strongest at {row.frequency_hz:.1f} Hz, "
+        f"The wanted {name} shape is split among several modes between {window}: strongest at {row.frequency_hz:.1f} Hz, "
         f"MAC {row.mac:.3f}, strength {row.strength:.3f}{held}" + (f"; others: {others}" if others else _alone(row))
     ]
 

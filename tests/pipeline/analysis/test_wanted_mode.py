@@ -97,7 +97,7 @@ def test_a_mode_table_of_another_mode_is_refused_unless_forced(
     plate = [str(ROOT / "examples" / "zone.toml"), "-o", str(tmp_path / "t.bin"), "--quiet"]
     assert main(["export", "table", *plate]) == 2
     said = capsys.readouterr().err.strip().splitlines()
-    assert len(said) == 1 and "No mode from" in said[0] and "--force" in said[0]
+    assert len(said) == 1 and "No mode between" in said[0] and "--force" in said[0]
     assert not list(tmp_path.iterdir())
     assert main(["export", "table", *plate, "--force"]) == 0
     assert "warning NO_MODE" in capsys.readouterr().err
