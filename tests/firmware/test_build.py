@@ -13,7 +13,8 @@ import pytest
 from firmware import build as builder
 from firmware.image.elf import Elf
 from firmware.image.svd import svd_text
-from pipeline.board.table_file import Mode, ModeTable, to_bytes, to_header
+from firmware.table_format import MAX_SHAPES
+from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes, to_header
 
 TABLE = ModeTable(250e3, bytes(range(16)), (Mode.from_quality(31404.5, 300.0, delay_s=2e-6),))
 SECTOR = 0x0800C000
@@ -31,6 +32,13 @@ def image(tmp_path_factory: pytest.TempPathFactory) -> builder.Image:
 def test_image_fits(image: builder.Image) -> None:
     assert 4096 < image.flash_bytes <= 32 * 1024
     assert 1024 < image.ram_bytes <= 16 * 1024
+
+
+def test_the_six_channel_image_fits_with_as_many_shapes_as_there_may_be(make_image) -> None:
+    shapes = tuple(Shape(hz, 1e-2, (Pattern("all", (1.0,)),)) for hz in (2e3, 1e3))
+    built = make_image(to_bytes(ModeTable(40e3, bytes(16), (Mode(2e3, 1e-2),), shapes=shapes)), "six")
+    assert len(shapes) == MAX_SHAPES
+    assert built.flash_bytes <= builder.FLASH_LIMIT and built.ram_bytes <= builder.RAM_LIMIT
 
 
 def test_binary_starts_with_stack_and_reset_and_holds_the_table_in_its_sector(image: builder.Image) -> None:
