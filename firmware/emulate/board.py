@@ -55,6 +55,7 @@ RECEIVE, SEND = DMA + 0x10 + 0x18 * 5, DMA + 0x10 + 0x18 * 6  # DMA1 streams: CR
 SYSTICK_CONTROL, SYSTICK_RELOAD = 0xE000E010, 0xE000E014
 NVIC_ENABLE = 0xE000E100
 USART_BRR = 0x40004408
+OVERDRIVE_READY = 3 << 16  # it is on, and switched to
 WAIT_FOR_INTERRUPT = b"\x30\xbf"
 BOOT_INSTRUCTIONS = 20_000_000
 BAUD, BAUD_TOLERANCE = 921600, 0.03  # of the other end, and what ten bits forgive
@@ -80,11 +81,13 @@ class EmulatedBoard:
         sample_rate_hz: float,
         dead_crystal: bool = False,
         dead_pll: bool = False,
+        overdrive: int = OVERDRIVE_READY,
         lsi_hz: float = LSI_HZ,
     ) -> None:
         self.elf = Elf.read(image)
         self.sample_s = 1.0 / sample_rate_hz
-        self.dead_crystal, self.dead_pll, self.lsi_hz = dead_crystal, dead_pll, lsi_hz
+        self.dead_crystal, self.dead_pll, self.overdrive = dead_crystal, dead_pll, overdrive
+        self.lsi_hz = lsi_hz
         self.resets = 0
         self.time_s = 0.0
         self.on_window: Callable[[], None] | None = None
@@ -106,7 +109,7 @@ class EmulatedBoard:
         self.clock = Clock(self.dead_crystal, self.dead_pll, by_watchdog)
         self.flash = FlashController(SECTOR_NUMBER, self.sector, self._stall)
         self.bitten = self.hung = self.fast_lost = False
-        self.word(PWR_CSR).value = 3 << 16
+        self.word(PWR_CSR).value = self.overdrive
         self.press(False)
         self.fed_s = self.sent_s = self.delivered_s = self.ticked_s = self.time_s
         self.received = bytearray()
@@ -154,6 +157,11 @@ class EmulatedBoard:
         """Enters a handler, then PendSV if it was asked for, then lets the main loop go on until it waits again."""
         self.handler.value = handler | 1
         self.uc.emu_start(STUBS | 1, self.idle)
+
+    def lose_stack(self) -> None:
+        """The stack pointer ends up where no stack is, and something faults on it."""
+        self.uc.reg_write(UC_ARM_REG_SP, RAM + RAM_BYTES - 64)
+        self.interrupt_unexpectedly()
 
     def interrupt_unexpectedly(self) -> None:
         """An exception that no handler expects, a clock that dies among them, on the main loop's stack; it never returns."""

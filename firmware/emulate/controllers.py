@@ -18,12 +18,18 @@ class Clock:
     WATCHDOG_RESET, POWER_RESET = 1 << 29, 1 << 27
     RC_HZ, CRYSTAL_HZ = 16e6, 8e6
 
+    SLOW = 5  # looks at a register until what was switched on is ready
+
     def __init__(self, dead_crystal: bool = False, dead_pll: bool = False, watchdog: bool = False) -> None:
         self.dead_crystal, self.dead_pll = dead_crystal, dead_pll
+        self.looks = 0
         self.words: dict[int, int] = {self.CSR: self.WATCHDOG_RESET if watchdog else self.POWER_RESET}
 
     def read(self, offset: int) -> int:
         value = self.words.get(offset, 0)
+        self.looks += 1
+        if self.looks % self.SLOW:
+            return value
         if offset == self.CR:
             value |= self.CRYSTAL_READY if value & self.CRYSTAL_ON and not self.dead_crystal else 0
             value |= self.PLL_READY if value & self.PLL_ON and self._pll_is_fed else 0
@@ -71,20 +77,30 @@ class FlashController:
     KEYS = (0x45670123, 0xCDEF89AB)
     PROGRAM, ERASE, START, LOCK = 1 << 0, 1 << 1, 1 << 16, 1 << 31
     WORDS, SECTOR = 2 << 8, 0xF << 3
-    REFUSED, ERRORS = 1 << 7 | 1 << 4, 0xF2
+    REFUSED, ERRORS, BUSY = 1 << 7 | 1 << 4, 0xF2, 1 << 16
+    LOOKS = 2  # at the status until it is no longer busy
 
     def __init__(self, sector: int, content: bytearray, stall: Callable[[float], None]) -> None:
         self.sector, self.content, self.stall = sector, content, stall
         self.access = self.status = 0
         self.control = self.LOCK
         self.keys: list[int] = []
+        self.busy = 0
+        self.slow_looks = 0
         self.broken = False
 
     def read(self, offset: int) -> int:
+        if offset == self.SR and self.busy:
+            self.busy -= 1
+            return self.BUSY
+        if offset == self.ACR and self.slow_looks:
+            self.slow_looks -= 1
+            return 0
         return {self.ACR: self.access, self.SR: self.status, self.CR: self.control}.get(offset, 0)
 
     def write(self, offset: int, value: int) -> None:
         if offset == self.ACR:
+            self.slow_looks = self.LOOKS if value & 0xF != self.access & 0xF else 0  # wait states take a while
             self.access = value
         elif offset == self.KEYR:
             self.keys.append(value)
@@ -101,6 +117,7 @@ class FlashController:
             return
         if value & self.ERASE and (value & self.SECTOR) >> 3 == self.sector:
             self.content[:] = b"\xff" * SECTOR_BYTES
+            self.busy = self.LOOKS
             self.stall(ERASE_S)
         else:
             self.status |= self.REFUSED
@@ -113,4 +130,5 @@ class FlashController:
             return
         old = int.from_bytes(self.content[offset : offset + 4], "little")
         self.content[offset : offset + 4] = (old & value).to_bytes(4, "little")
+        self.busy = self.LOOKS
         self.stall(WORD_S)

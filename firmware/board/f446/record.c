@@ -1,3 +1,4 @@
+#include "an_clear.h"
 #include "board.h"
 #include "registers.h"
 
@@ -17,7 +18,8 @@ bool record_boot(void)
     const bool power = (RCC->CSR & RCC_CSR_PORRSTF) != 0u;
     RCC->CSR |= RCC_CSR_RMVF;
     if (power || memory.magic != MAGIC) {
-        memory = (kept){.magic = MAGIC};
+        an_clear(&memory, sizeof memory);
+        memory.magic = MAGIC;
     }
     memory.record.watchdog_resets = watchdog ? memory.record.watchdog_resets + 1u : 0u;
     return watchdog;
