@@ -26,6 +26,7 @@ from pipeline.planning.request import (
     MEASURED,
     Request,
     model_high_hz,
+    symmetry_of,
     understood,
     wanted_window_hz,
     with_search,
@@ -98,7 +99,9 @@ class PartModes:
             "part": self.part,
             "dof": self.dof,
             "rigid_count": self.rigid_count,
-            "modes": [{key: getattr(row, key) for key in keys} for row in self.rows],
+            "modes": [
+                {key: getattr(row, key) for key in keys} | {"symmetry": symmetry_of(row.parity)} for row in self.rows
+            ],
             "count_check": {
                 "low_hz": self.count.low_hz,
                 "high_hz": self.count.high_hz,

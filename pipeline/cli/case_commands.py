@@ -44,9 +44,12 @@ def modes(arguments: Namespace) -> int:
     case, log = _case(arguments), _log(arguments)
     band = parse_band(arguments.band, "--band") if arguments.band else None
     near = parse_frequency(arguments.near, "--near") if arguments.near else None
-    from pipeline.planning.request import Request
+    from pipeline.planning.request import SYMMETRIES, Request
 
-    asked = Request(arguments.part, band, near, arguments.count, arguments.parity)
+    if arguments.parity and arguments.symmetry:
+        raise InputFault(f"--parity {arguments.parity}: must be left out beside --symmetry {arguments.symmetry}")
+    parity = SYMMETRIES[arguments.symmetry] if arguments.symmetry else arguments.parity
+    asked = Request(arguments.part, band, near, arguments.count, parity)
     if arguments.explain:
         if arguments.mesh_file:
             raise InputFault("--explain: must be left out beside --mesh-file, whose mesh is solved whole as it is")

@@ -157,6 +157,11 @@ def _add_case_commands(commands: Any) -> None:
         choices=("++", "+-", "-+", "--"),
         help="one mirror class: u_z even (+) or odd (-) in x, y",
     )
+    modes.add_argument(
+        "--symmetry",
+        choices=("SS", "SA", "AS", "AA"),
+        help="the same by letters: u_z symmetric (S) or antisymmetric (A) in x, y",
+    )
     modes.add_argument("--mesh-file", metavar="FILE", help="solve this mesh instead of a part: .med, .msh or .inp")
     modes.add_argument("--unit", choices=("m", "mm"), help="length unit of the mesh file (default: m)")
     clamp = "hold this group of faces or nodes of the mesh file (repeatable)"

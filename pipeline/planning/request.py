@@ -9,6 +9,7 @@ from pipeline.planning import mesh_rules
 from solvers.measures.confinement import wanted_parity
 
 DEFAULT_COUNT = 20
+SYMMETRIES = {"SS": "++", "SA": "+-", "AS": "-+", "AA": "--"}  # u_z symmetric or antisymmetric, x then y, and its signs
 MEASURED = ("plate", "zone")  # parts whose touch face tells which mode is the wanted one
 
 
@@ -53,6 +54,11 @@ def of_case(case: Case) -> Request:
     """The plate's modes as a study asks for them: the case's window and the wanted mode's in one, the wanted mode's class."""
     solve = case.solve
     return with_search(case, Request("plate", solve.band_hz, solve.near_hz, solve.count, case.parity_wanted))
+
+
+def symmetry_of(parity: str | None) -> str | None:
+    """A symmetry class by its letters; None for a body without mirrors."""
+    return next((name for name, signs in SYMMETRIES.items() if signs == parity), None)
 
 
 def wanted_window_hz(case: Case, asked: Request) -> tuple[float, float] | None:

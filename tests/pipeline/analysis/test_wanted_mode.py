@@ -87,8 +87,11 @@ def test_the_document_names_the_wanted_mode_and_its_rivals(capsys: pytest.Captur
 
 
 def test_another_symmetry_class_has_no_wanted_mode(capsys: pytest.CaptureFixture[str]) -> None:
-    told = document("modes", str(SMALL), "--band", "30kHz:34kHz", "--parity", "+-", capsys=capsys)
+    told = document("modes", str(SMALL), "--band", "30kHz:34kHz", "--symmetry", "SA", capsys=capsys)
     assert told["wanted"] is None
+    assert {(mode["parity"], mode["symmetry"]) for mode in told["modes"]} == {("+-", "SA")}
+    assert main(["modes", str(SMALL), "--parity", "+-", "--symmetry", "SS", "--quiet"]) == 2
+    assert "--symmetry SS" in capsys.readouterr().err
 
 
 def test_a_mode_table_of_another_mode_is_refused_unless_forced(
