@@ -117,8 +117,14 @@ def _with_its_files(elf: Path, compiler: str) -> Image:
 
 
 def mapped(folder: Path) -> list[str]:
-    """Options that keep this machine's paths out of the debug information; the compiler has to run in the root."""
-    places = {ROOT: ".", folder: "build", _own_headers(): "compiler"}
+    """Options that keep this machine's paths out of the debug information; the compiler has to run in the root.
+
+    A compiler that lies in the root's own environment names its headers from the root.
+    """
+    headers = _own_headers()
+    places = {ROOT: ".", folder: "build", headers: "compiler"}
+    if headers.is_relative_to(ROOT):
+        places[headers.relative_to(ROOT)] = "compiler"
     return [f"-ffile-prefix-map={place}={name}" for place, name in places.items()]
 
 

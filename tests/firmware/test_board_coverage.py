@@ -6,14 +6,14 @@ import struct
 
 import numpy as np
 import pytest
-from pipeline.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 
 from firmware import build as builder
-from firmware.client import BoardError, Client
+from firmware.client.client import BoardError, Client
 from firmware.emulate.beam import Beam
 from firmware.emulate.plant import Plate, Resonance
 from firmware.protocol import Kind
 from firmware.table_format import header_text
+from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 
 FLOOR = 0.75
 SINGLE = to_bytes(ModeTable(250e3, bytes(16), (Mode(31437.3, 3e-3, -0.8j, 9.3e-6, frequency_identified=True),)))
@@ -27,7 +27,7 @@ def visit(tmp_path, monkeypatch, core):
     """Boards of a build whose branches are recorded from their first start on; without unrolled loops, whose copies are no
     branches of the source."""
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.elf import Elf
+    from firmware.image.elf import Elf
 
     from firmware.board_coverage import BranchRecorder, routines_of_the_board
     from firmware.emulate.line import EmulatedPort
