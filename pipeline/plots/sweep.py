@@ -48,7 +48,7 @@ def _draw_line(
         for first, last in _same_mode(line, tracked):
             axes.plot(x[first:last], values[first:last], color=colour, lw=1.1)
     for filled in (True, False):
-        shown = (held >= CONFINED_DB) == filled
+        shown = np.array([bool(case.confined) for case in line]) == filled
         level.plot(x[shown], held[shown], marker, color=colour, mfc=colour if filled else "white", ms=6)
     tone.plot(x, khz, color=colour, marker=marker, ms=5, ls="none", label=name)
 
@@ -67,7 +67,7 @@ def _finish(level: Any, tone: Any, key: str) -> None:
     level.axhline(CONFINED_DB, color=style.GREEN, lw=1.0, ls="--")
     level.set_ylim(low, high)
     level.set_ylabel("confinement (dB)")
-    level.set_title(f"Confined: at least {CONFINED_DB:.0f} dB (shaded, filled marks)")
+    level.set_title(f"At least {CONFINED_DB:.0f} dB as a mode (shaded); filled: as driven by the patches, too")
     tone.set_ylabel("frequency (kHz)")
     tone.set_title("Wanted mode (joined by a line where it is the same one, tracked by its shape)")
     tone.set_xlabel(axis_label(key))

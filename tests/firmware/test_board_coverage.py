@@ -27,12 +27,11 @@ def visit(tmp_path, monkeypatch, core):
     """Boards of a build whose branches are recorded from their first start on; without unrolled loops, whose copies are no
     branches of the source."""
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.image.elf import Elf
-
     from firmware.board_coverage import BranchRecorder, routines_of_the_board
     from firmware.emulate.line import EmulatedPort
     from firmware.emulate.single import EmulatedSingle
     from firmware.emulate.six import EmulatedSix
+    from firmware.image.elf import Elf
 
     monkeypatch.setattr(builder, "LANGUAGE", (*builder.LANGUAGE, "-fno-unroll-loops"))
 
