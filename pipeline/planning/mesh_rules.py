@@ -87,11 +87,6 @@ def expected_error(part: str, row: Rung, growth: float = 1.0) -> float | None:
     return max(known) if len(known) == len(parts) else None
 
 
-def half_wavelength_m(design: Design) -> float:
-    """Half-wavelength of the wanted mode along the zone, m."""
-    return design.half_wavelength_m
-
-
 def good_to_hz(part: str, design: Design) -> float:
     """Up to where the error of a part's meshes was measured, Hz: the wanted mode, three bendings, ten bands of a cell."""
     if part == "zone":
@@ -107,7 +102,7 @@ def good_to_hz(part: str, design: Design) -> float:
 
 def zone_mesh(design: Design, row: Rung, high_hz: float = 0.0) -> HexSettings:
     """Elements of the bare strip for modes up to a frequency: its clamped faces are singular edges."""
-    longest = min(half_wavelength_m(design) * 2.0 / 3.0, design.width_m / ACROSS)
+    longest = min(design.half_wavelength_m * 2.0 / 3.0, design.width_m / ACROSS)
     size = min(longest, max(LONGEST * design.thickness_m, LOCKED * longest))
     return _settings(row, size * _shrunk("zone", design, high_hz))
 
@@ -166,7 +161,7 @@ def lattice_recipe(design: Design, accuracy: float) -> Recipe:
 def plate_recipe(design: Design, accuracy: float, high_hz: float) -> Recipe:
     """Reduction of a plate's pieces: REACH times the highest frequency bounds the fixed-interface modes."""
     longest = max(design.pitch_x_m, design.pitch_y_m) if design.rows else 3.0 * design.thickness_m
-    share = longest / half_wavelength_m(design)
+    share = longest / design.half_wavelength_m
     along = next((degree for degree, limit in ALONG.items() if share <= limit), 6)
     mesh = cell_mesh(design, rung("plate", accuracy))
     return Recipe(Interface(along, 3), REACH * high_hz, mesh, 3.0 * design.thickness_m, bare_size_m(design, mesh.order))
