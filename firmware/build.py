@@ -132,8 +132,8 @@ def _own_headers() -> Path:
     """Where the compiler has its own headers."""
     gcc = shutil.which("arm-none-eabi-gcc")
     if gcc:
-        told = subprocess.run([gcc, "-print-file-name=include"], capture_output=True, text=True).stdout
-        return Path(told.strip()).resolve()
+        text = subprocess.run([gcc, "-print-file-name=include"], capture_output=True, text=True).stdout
+        return Path(text.strip()).resolve()
     spec = find_spec("ziglang")
     return Path(spec.origin or "").resolve().parent if spec else Path()
 

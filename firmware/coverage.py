@@ -35,7 +35,7 @@ def run_tests(folder: Path) -> subprocess.CompletedProcess[str]:
 
 def branches(folder: Path) -> dict[str, tuple[int, int]]:
     """(taken, all) branches of each source of the core."""
-    found: dict[str, tuple[int, int]] = {}
+    result: dict[str, tuple[int, int]] = {}
     for counters in sorted(folder.rglob("*.gcda")):
         subprocess.run(["gcov", "-b", "-j", str(counters)], cwd=folder, capture_output=True, check=True)
     for packed in sorted(folder.glob("*.gcov.json.gz")):
@@ -44,10 +44,10 @@ def branches(folder: Path) -> dict[str, tuple[int, int]]:
             if path.parent.name != "core":
                 continue
             taken = [branch["count"] > 0 for line in file["lines"] for branch in line["branches"]]
-            before = found.get(path.name, (0, 0))
+            before = result.get(path.name, (0, 0))
             if taken and sum(taken) >= before[0]:
-                found[path.name] = (sum(taken), len(taken))
-    return found
+                result[path.name] = (sum(taken), len(taken))
+    return result
 
 
 def main() -> int:
@@ -60,10 +60,10 @@ def main() -> int:
         if done.returncode:
             print(done.stdout[-3000:], file=sys.stderr)
             return 3
-        found = branches(Path(name))
-    for file, (taken, total) in found.items():
+        result = branches(Path(name))
+    for file, (taken, total) in result.items():
         print(f"{file}: {taken} of {total} branches, {100 * taken / total:.0f} %")
-    taken, total = (sum(column) for column in zip(*found.values(), strict=True))
+    taken, total = (sum(column) for column in zip(*result.values(), strict=True))
     print(f"core: {taken} of {total} branches, {100 * taken / total:.1f} %, floor {100 * FLOOR:.0f} %")
     return 0 if taken >= FLOOR * total else 4
 

@@ -126,14 +126,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--probe", metavar="SERIAL", help="which debugger, when several boards are plugged in")
     parser.add_argument("--keep-table", action="store_true", help="write the code alone: an uploaded table stays")
     parser.add_argument("--from", dest="folder", type=Path, default=BUILD, metavar="DIR", help="where the image is")
-    told = parser.parse_args(arguments)
+    text = parser.parse_args(arguments)
     try:
-        image = image_to_write(told.variant, told.folder, told.keep_table)
-        name = flash(image, told.tool, told.probe)
+        image = image_to_write(text.variant, text.folder, text.keep_table)
+        name = flash(image, text.tool, text.probe)
     except FlashError as error:
         print(f"flash: {error}", file=sys.stderr)
         return error.exit_code
-    kept = "the table on the board stays" if told.keep_table else "the table that was on the board is replaced"
+    kept = "the table on the board stays" if text.keep_table else "the table that was on the board is replaced"
     print(f"{image.name} is on the board, written and verified by {name}; {kept}")
     return 0
 

@@ -30,7 +30,7 @@ def running(table: bytes, plate: object) -> SingleRig:
 
 def lines(table: bytes, plate: object, seconds: float, stride: int) -> list[tuple[str, float, float]]:
     """(what goes wrong, longest time to rest, time allowed) in s; the longest is infinite when some moment was never safe."""
-    found = []
+    result = []
     kinds = [(name, "RIG_TRIP", 1 << bit, TRIP_MOST) for name, bit in TRIPS.items()]
     for name in SENSORS:
         kinds.append((f"sensor {name.lower()}", "RIG_SENSOR", -1, SENSOR_MOST))
@@ -40,8 +40,8 @@ def lines(table: bytes, plate: object, seconds: float, stride: int) -> list[tupl
         ticks = round(seconds * rig.plate.sample_rate_hz)
         worst = rig.lib.rig_inject(rig.rig, getattr(rig.lib, kind), value, ticks, stride, most, LATCHED)
         taken = worst / rig.plate.sample_rate_hz if worst <= most else float("inf")
-        found.append((name, taken, most / rig.plate.sample_rate_hz))
-    return found
+        result.append((name, taken, most / rig.plate.sample_rate_hz))
+    return result
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -21,7 +21,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 PART = ".antinode-part"  # ends the name of every file that is being written
-MOST_LINKS = 40
+MAX_LINKS = 40
 OPEN_FILES = r"/proc/{pid}(/task/\d+)?/fd|/dev/fd"
 FilePath = str | os.PathLike[str]
 
@@ -52,7 +52,7 @@ def read_by_command(*paths: FilePath) -> None:
 def open_descriptor(path: FilePath) -> int | None:
     """The number of this process's own descriptor that a path such as /dev/stdout names, None for any other path."""
     place = Path(path).absolute()
-    for _ in range(MOST_LINKS):
+    for _ in range(MAX_LINKS):
         folder = _followed(place.parent)
         if place.name.isdecimal() and re.fullmatch(OPEN_FILES.format(pid=os.getpid()), str(folder)):
             return int(place.name)

@@ -37,7 +37,7 @@ class Mesh:
 
     @property
     def dof(self) -> int:
-        """Displacement unknowns before any constraint."""
+        """Displacement degrees of freedom before any constraint."""
         return 3 * len(self.nodes)
 
     @cached_property

@@ -55,13 +55,13 @@ class Patches:
 
 def mirrored_axes(boxes_m: FloatArray) -> tuple[bool, bool]:
     """Along x and y: whether footprints (n, 4) as boxes_m gives them are together their own mirror image."""
-    found = []
+    axes = []
     for axis in (0, 1):
         image = boxes_m.copy()
         image[:, 2 * axis], image[:, 2 * axis + 1] = -boxes_m[:, 2 * axis + 1], -boxes_m[:, 2 * axis]
         apart = np.abs(boxes_m[:, None] - image[None]).max(axis=2)
-        found.append(bool((apart.min(axis=1) < SAME_M).all()))
-    return found[0], found[1]
+        axes.append(bool((apart.min(axis=1) < SAME_M).all()))
+    return axes[0], axes[1]
 
 
 def antinode_places(

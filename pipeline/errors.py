@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-LONGEST_LINE, LONGEST_END = 2000, 400
+MAX_LINE_LENGTH, MAX_END = 2000, 400
 
 
 def one_line(text: str) -> str:
     """A message as one line that any terminal shows: control characters escaped, the middle of a very long one left out."""
-    if len(text) > LONGEST_LINE:
-        text = f"{text[: LONGEST_LINE - LONGEST_END]} ... {text[-LONGEST_END:]}"
+    if len(text) > MAX_LINE_LENGTH:
+        text = f"{text[: MAX_LINE_LENGTH - MAX_END]} ... {text[-MAX_END:]}"
     return text if text.isprintable() else "".join(c if c.isprintable() else _escaped(c) for c in text)
 
 
@@ -28,7 +28,7 @@ class CommandError(Exception):
         super().__init__("\n".join(self.lines))
 
 
-class InputFault(CommandError):
+class InputError(CommandError):
     """The input is wrong; every line says where, what came and what is allowed."""
 
     exit_code = 2

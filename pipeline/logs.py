@@ -22,13 +22,13 @@ def memory_told(doing: str = "") -> Iterator[None]:
 
 
 class Log(Protocol):
-    """Receiver of facts, alarms, omissions and timed steps."""
+    """Receiver of facts, warnings, simplifications and timed steps."""
 
     def info(self, text: str, id: str = "") -> None:
         """A fact."""
         ...
 
-    def alarm(self, id: str, text: str) -> None:
+    def warning(self, id: str, text: str) -> None:
         """Something to know before believing the numbers."""
         ...
 
@@ -58,7 +58,7 @@ class TerminalLog:
         """A fact."""
         self._say(text)
 
-    def alarm(self, id: str, text: str) -> None:
+    def warning(self, id: str, text: str) -> None:
         """Something to know before believing the numbers; said even when quiet."""
         print(f"warning {id}: {text}", file=sys.stderr)
 

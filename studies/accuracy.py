@@ -16,7 +16,7 @@ from geometry.errors import GeometryError, MeshError
 from pipeline.batch import peak_memory
 from pipeline.planning import mesh_rules
 from pipeline.plots import style
-from pipeline.records.run_log import Mess
+from pipeline.records.run_log import RunLog
 from pipeline.report.script_page import Page, Section, Table
 from solvers.errors import SolverError
 from studies import ladder
@@ -75,15 +75,15 @@ REFERENCES: dict[str, list[dict[str, Any]]] = {
 
 
 def _hex(order: int, size: float, layers: int = 0, along: float | None = None, model: str = "hex") -> dict[str, Any]:
-    rung = {"model": model, "order": order, "size_mm": size, "layers": layers}
-    return rung | ({"along_mm": along} if along else {})
+    mesh_level = {"model": model, "order": order, "size_mm": size, "layers": layers}
+    return mesh_level | ({"along_mm": along} if along else {})
 
 
 def _tet(order: int, size: float, model: str = "tet") -> dict[str, Any]:
     return {"model": model, "order": order, "size_mm": size}
 
 
-def _joined(order: int, layers: int, degrees: tuple[int, int]) -> dict[str, Any]:
+def _assembled(order: int, layers: int, degrees: tuple[int, int]) -> dict[str, Any]:
     return {**_hex(order, 4.0, layers, 3.15, "superelement"), **_joining(degrees)}
 
 
@@ -92,13 +92,13 @@ def _joining(degrees: tuple[int, int]) -> dict[str, Any]:
 
 
 def _planners(part: str, model: str, **more: Any) -> list[dict[str, Any]]:
-    """The meshes that an accuracy may choose, and those of order 2 beside them; not a plate's finest, which is dear."""
-    below = tuple(mesh_rules.Rung(2, layers, 0.15) for layers in (1, 2))
-    rows = mesh_rules.rungs(part)[:-1] if part in ("plate", "whole") else (*below, *mesh_rules.rungs(part))
+    """The meshes that an accuracy may choose, and those of order 2 beside them; not a plate's finest, which is expensive."""
+    below = tuple(mesh_rules.MeshLevel(2, layers, 0.15) for layers in (1, 2))
+    rows = mesh_rules.mesh_levels(part)[:-1] if part in ("plate", "whole") else (*below, *mesh_rules.mesh_levels(part))
     return [{"model": model, **ladder.of_the_planner(part, row), **more} for row in rows]
 
 
-def rungs() -> dict[str, list[dict[str, Any]]]:
+def mesh_levels() -> dict[str, list[dict[str, Any]]]:
     """What is measured, part by part, the cheap ones first."""
     return {
         "zone": [
@@ -137,59 +137,62 @@ def rungs() -> dict[str, list[dict[str, Any]]]:
             *(_hex(2, size, 0, 3.15, "solid") for size in (4.0, 2.0)),
             *_planners("whole", "solid"),
             _hex(2, 4.0, 1, 3.15, "solid"),
-            _joined(3, 0, (4, 3)),
+            _assembled(3, 0, (4, 3)),
             *_planners("plate", "superelement", **_joining((4, 3))),
-            _joined(3, 2, (6, 3)),
+            _assembled(3, 2, (6, 3)),
             _tet(2, 2.0),
         ],
     }  # fmt: skip
 
 
 def cases() -> list[tuple[str, dict[str, Any]]]:
-    """References first, then every rung."""
+    """References first, then every mesh level."""
     listed = [
-        (f"reference,{part},{level}", {"part": part, "rung": rung, "role": "reference", "level": level})
-        for part, found in REFERENCES.items()
-        for level, rung in enumerate(found)
+        (f"reference,{part},{level}", {"part": part, "mesh_level": mesh_level, "role": "reference", "level": level})
+        for part, given in REFERENCES.items()
+        for level, mesh_level in enumerate(given)
     ]
-    for part, found in rungs().items():
-        listed += [(f"{part},{name(rung)}", {"part": part, "rung": rung, "role": "rung"}) for rung in found]
+    for part, given in mesh_levels().items():
+        listed += [
+            (f"{part},{name(mesh_level)}", {"part": part, "mesh_level": mesh_level, "role": "mesh_level"})
+            for mesh_level in given
+        ]
     return listed
 
 
-def name(rung: dict[str, Any]) -> str:
-    """A rung in a word, such as superelement-hex3,2x1.6mm,layers=2: elements 2 mm in the plate, 1.6 mm along a pillar."""
-    if rung["model"] == "analytic":
-        return f"analytic-{rung['theory']}"
-    element = "tet" if "tet" in rung["model"] else "hex"
-    model = "" if rung["model"] in ("hex", "tet", "solid") else rung["model"].split()[0] + "-"
-    degrees = "" if "degrees" not in rung else f",degrees={rung['degrees'][0]}"
-    layers = f",layers={rung['layers']}" if rung.get("layers") else ""
-    along = f"x{rung['along_mm']:.3g}" if "along_mm" in rung else ""
-    through = f",through={rung['through']}" if rung.get("through", 1) > 1 else ""
-    return f"{model}{element}{rung['order']},{rung['size_mm']:g}{along}mm{layers}{through}{degrees}"
+def name(mesh_level: dict[str, Any]) -> str:
+    """A mesh level in a word, such as superelement-hex3,2x1.6mm,layers=2: elements 2 mm in the plate, 1.6 mm along a pillar."""
+    if mesh_level["model"] == "analytic":
+        return f"analytic-{mesh_level['theory']}"
+    element = "tet" if "tet" in mesh_level["model"] else "hex"
+    model = "" if mesh_level["model"] in ("hex", "tet", "solid") else mesh_level["model"].split()[0] + "-"
+    degrees = "" if "degrees" not in mesh_level else f",degrees={mesh_level['degrees'][0]}"
+    layers = f",layers={mesh_level['layers']}" if mesh_level.get("layers") else ""
+    along = f"x{mesh_level['along_mm']:.3g}" if "along_mm" in mesh_level else ""
+    through = f",through={mesh_level['through']}" if mesh_level.get("through", 1) > 1 else ""
+    return f"{model}{element}{mesh_level['order']},{mesh_level['size_mm']:g}{along}mm{layers}{through}{degrees}"
 
 
-def compute(parameters: dict[str, Any], folder: Path, log: Mess) -> dict[str, Any]:
-    """Values of one rung, the median of its wall times, and the memory it took above what was there before."""
-    part, rung = parameters["part"], parameters["rung"]
-    rung = {**rung, "degrees": tuple(rung["degrees"])} if "degrees" in rung else rung
+def compute(parameters: dict[str, Any], folder: Path, log: RunLog) -> dict[str, Any]:
+    """Values of one mesh level, the median of its wall times, and the memory it took above what was there before."""
+    part, mesh_level = parameters["part"], parameters["mesh_level"]
+    mesh_level = {**mesh_level, "degrees": tuple(mesh_level["degrees"])} if "degrees" in mesh_level else mesh_level
     ladder.design()
     solve = ladder.PARTS[part]
     peak_memory.restart()
     before = peak_memory.resident_bytes()
     start = time.perf_counter()
     try:
-        values, dof = solve(rung)
+        values, dof = solve(mesh_level)
     except (SolverError, GeometryError, MeshError, MemoryError) as refusal:
         return {"refused": " ".join(str(refusal).split()), "values": {}, "dof": None}
     seconds = [time.perf_counter() - start]
     peak = max(peak_memory.peak_bytes() - before, 0)
-    while parameters["role"] == "rung" and len(seconds) < 3 and sum(seconds) < REPEAT_BELOW_S:
+    while parameters["role"] == "mesh_level" and len(seconds) < 3 and sum(seconds) < REPEAT_BELOW_S:
         start = time.perf_counter()
-        solve(rung)
+        solve(mesh_level)
         seconds.append(time.perf_counter() - start)
-    log.info(f"{values}, {dof} unknowns, {statistics.median(seconds):.3f} s, {peak / 1e6:.0f} MB")
+    log.info(f"{values}, {dof} degrees of freedom, {statistics.median(seconds):.3f} s, {peak / 1e6:.0f} MB")
     measured = {"seconds": statistics.median(seconds), "repeats": len(seconds), "peak_bytes": peak}
     return {"values": values, "dof": dof, "measured": measured}
 
@@ -239,49 +242,49 @@ def conclude(records: list[dict[str, Any]]) -> Page:
             if quantity in known:
                 sections.append(_section(part, quantity, records, known[quantity]))
     if HELD in known:
-        sections.append(_held(records, known[HELD]))
+        sections.append(_confinement_section(records, known[HELD]))
     return Page(sections)
 
 
-def _held(records: list[dict[str, Any]], reference: tuple[float, float]) -> Section:
-    """The plate's confinement by every rung, and how far each is from the reference."""
+def _confinement_section(records: list[dict[str, Any]], reference: tuple[float, float]) -> Section:
+    """The plate's confinement by every mesh level, and how far each is from the reference."""
     rows: list[list[Any]] = []
     for record, error in _measured("plate", HELD, records, reference):
         if error is not None:
-            rung = record["parameters"]["rung"]
+            mesh_level = record["parameters"]["mesh_level"]
             value = record["values"][HELD]
-            rows.append([name(rung), value, value - reference[0], record["values"]["plate"]])
+            rows.append([name(mesh_level), value, value - reference[0], record["values"]["plate"]])
     words = f"Reference {reference[0]:.3f} dB, uncertain by {reference[1]:.3f} dB."
     headings = ("model", "confinement (dB)", "error (dB)", "wanted mode (Hz)")
     return Section("Plate of one row and 5 mm, confinement", (words,), [Table("confinement", headings, rows)])
 
 
 def _measured(part: str, quantity: str, records: list[dict[str, Any]], reference: tuple[float, float]) -> list[Any]:
-    """(record, error) of every rung of a part; None where it gave no value."""
+    """(record, error) of every mesh level of a part; None where it gave no value."""
     out = []
     for record in records:
-        if record["parameters"]["part"] == part and record["parameters"]["role"] == "rung":
+        if record["parameters"]["part"] == part and record["parameters"]["role"] == "mesh_level":
             value = (record.get("values") or {}).get(quantity)
             out.append((record, None if value is None else value / reference[0] - 1.0))
     return out
 
 
 def _section(part: str, quantity: str, records: list[dict[str, Any]], reference: tuple[float, float]) -> Section:
-    found = _measured(part, quantity, records, reference)
+    points = _measured(part, quantity, records, reference)
     rows = []
-    for record, error in found:
+    for record, error in points:
         measured = record.get("measured") or {}
         peak = measured.get("peak_bytes")
         value = (record.get("values") or {}).get(quantity)
-        told = record.get("refused") or ("" if record["status"] == "OK" else record["diagnosis"])
-        rung = name(record["parameters"]["rung"])
+        reason = record.get("refused") or ("" if record["status"] == "OK" else record["diagnosis"])
+        mesh_level = name(record["parameters"]["mesh_level"])
         megabytes = None if peak is None else peak / 1e6
-        rows.append([rung, record.get("dof"), value, error, measured.get("seconds"), megabytes, told])
-    headings = ("model", "unknowns", "value (Hz)", "relative error", "time (s)", "memory (MB)", "note")
+        rows.append([mesh_level, record.get("dof"), value, error, measured.get("seconds"), megabytes, reason])
+    headings = ("model", "dofs", "value (Hz)", "relative error", "time (s)", "memory (MB)", "note")
     table = Table(quantity.replace(" ", "_"), headings, rows)
     uncertainty = reference[1] / abs(reference[0])
-    drawings: list[Callable[[], style.Drawing]] = [partial(_picture, quantity, found, uncertainty)]
-    return Section(NAMES[quantity], (), [table], drawings)
+    report_figures: list[Callable[[], style.ReportFigure]] = [partial(_picture, quantity, points, uncertainty)]
+    return Section(NAMES[quantity], (), [table], report_figures)
 
 
 def _cheapest(records: list[dict[str, Any]], known: dict[str, tuple[float, float]]) -> Table:
@@ -291,9 +294,9 @@ def _cheapest(records: list[dict[str, Any]], known: dict[str, tuple[float, float
             if quantity not in known:
                 continue
             row: list[Any] = [NAMES[quantity]]
-            found = _measured(part, quantity, records, known[quantity])
+            measured = _measured(part, quantity, records, known[quantity])
             for target in TARGETS:
-                row.append(_best(found, target, known[quantity][1] / abs(known[quantity][0])))
+                row.append(_best(measured, target, known[quantity][1] / abs(known[quantity][0])))
             rows.append(row)
     return Table("cheapest", ("quantity", *(f"within {100 * t:g} %" for t in TARGETS)), rows)
 
@@ -302,40 +305,42 @@ def _envelope(records: list[dict[str, Any]], known: dict[str, tuple[float, float
     rows: list[list[Any]] = []
     for part, quantities in QUANTITIES.items():
         for quantity in [each for each in quantities if each in known and not ladder.ZONE.get(each)]:
-            found = [(r, abs(e)) for r, e in _measured(part, quantity, records, known[quantity]) if e is not None]
-            for record, error in found:
-                rung = record["parameters"]["rung"]
-                if not _planned(part, rung):
+            measured = [(r, abs(e)) for r, e in _measured(part, quantity, records, known[quantity]) if e is not None]
+            for record, error in measured:
+                mesh_level = record["parameters"]["mesh_level"]
+                if not _planned(part, mesh_level):
                     continue
                 own = record["measured"]["seconds"]
-                least = min(other["measured"]["seconds"] for other, theirs in found if theirs <= error)
-                rows.append([NAMES[quantity], name(rung), error, own, own / least])
+                least = min(other["measured"]["seconds"] for other, theirs in measured if theirs <= error)
+                rows.append([NAMES[quantity], name(mesh_level), error, own, own / least])
     return Table("envelope", ("quantity", "mesh", "relative error", "time (s)", "over the envelope"), rows)
 
 
-def _planned(part: str, rung: dict[str, Any]) -> bool:
-    """Whether there is an accuracy for which the planner takes a rung's mesh for the part; of a plate, joined from cells."""
-    if "share" not in rung or (part, rung["model"]) == ("plate", "solid"):
+def _planned(part: str, mesh_level: dict[str, Any]) -> bool:
+    """Whether there is an accuracy for which the planner takes a mesh level's mesh for the part; of a plate, joined
+    from cells.
+    """
+    if "share" not in mesh_level or (part, mesh_level["model"]) == ("plate", "solid"):
         return False
-    expected = [mesh_rules.expected_error(part, row) for row in mesh_rules.rungs(part)]
-    taken = {mesh_rules.rung(part, each) for each in expected if each is not None}
-    return mesh_rules.Rung(*(rung[field.name] for field in fields(mesh_rules.Rung))) in taken
+    expected = [mesh_rules.expected_error(part, row) for row in mesh_rules.mesh_levels(part)]
+    taken = {mesh_rules.mesh_level(part, each) for each in expected if each is not None}
+    return mesh_rules.MeshLevel(*(mesh_level[field.name] for field in fields(mesh_rules.MeshLevel))) in taken
 
 
-def _best(found: list[Any], target: float, uncertainty: float) -> str:
-    """The fastest rung within the target, the reference's own uncertainty counted against it."""
-    good = [(r["measured"]["seconds"], r) for r, e in found if e is not None and abs(e) + uncertainty <= target]
+def _best(measured: list[Any], target: float, uncertainty: float) -> str:
+    """The fastest mesh level within the target, the reference's own uncertainty counted against it."""
+    good = [(r["measured"]["seconds"], r) for r, e in measured if e is not None and abs(e) + uncertainty <= target]
     if not good:
         return "none of these"
     seconds, record = min(good, key=lambda pair: pair[0])
     return f"{name(record['parameters']['rung'])} ({seconds:.2g} s)"
 
 
-def _family(rung: dict[str, Any]) -> str:
-    element = name(rung).split(",")[0]
-    if rung["model"] == "analytic":
+def _family(mesh_level: dict[str, Any]) -> str:
+    element = name(mesh_level).split(",")[0]
+    if mesh_level["model"] == "analytic":
         return "analytic"
-    graded = " graded" if rung.get("layers") or "tet" in element else ""
+    graded = " graded" if mesh_level.get("layers") or "tet" in element else ""
     return element + graded
 
 
@@ -347,19 +352,19 @@ def _point(measured: dict[str, Any], error: float) -> tuple[float, float, float]
 def _chosen_point(record: dict[str, Any], error: float | None) -> tuple[float, float, float] | None:
     """The same of a mesh that `solve.accuracy` may choose; None of any other."""
     given, measured = record["parameters"], record.get("measured")
-    if error is None or not measured or not _planned(given["part"], given["rung"]):
+    if error is None or not measured or not _planned(given["part"], given["mesh_level"]):
         return None
     return _point(measured, error)
 
 
-def _picture(quantity: str, found: list[Any], uncertainty: float) -> style.Drawing:
+def _picture(quantity: str, found: list[Any], uncertainty: float) -> style.ReportFigure:
     figure = style.new_figure(style.WIDTH_IN, 3.6)
     left, right = figure.subplots(1, 2, sharey=True)
     families: dict[str, list[tuple[float, float, float]]] = {}
     for record, error in found:
         measured = record.get("measured")
         if error is not None and measured:
-            families.setdefault(_family(record["parameters"]["rung"]), []).append(_point(measured, error))
+            families.setdefault(_family(record["parameters"]["mesh_level"]), []).append(_point(measured, error))
     for index, (family, points) in enumerate(families.items()):
         seconds, memory, errors = np.array(sorted(points)).T
         look = {
@@ -386,4 +391,4 @@ def _picture(quantity: str, found: list[Any], uncertainty: float) -> style.Drawi
         f"{NAMES[quantity]}: relative error against wall time and memory for {', '.join(families)}; "
         "shaded: the reference's own uncertainty"
     )
-    return style.Drawing(f"accuracy_{quantity.replace(' ', '_')}", NAMES[quantity], alt, figure, vector=True)
+    return style.ReportFigure(f"accuracy_{quantity.replace(' ', '_')}", NAMES[quantity], alt, figure, vector=True)

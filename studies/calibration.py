@@ -27,33 +27,42 @@ SMALLEST_MM = {"zone": 4.0, "pillar": 2.0, "cell": 2.0, "plate": 2.0}  # of the 
 
 def rows(records: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
     """One row a part, mesh and growth: the worst of its quantities; of a theory the first one."""
-    known, found = references(records), dict[tuple[Any, ...], float]()
+    known, worst = references(records), dict[tuple[Any, ...], float]()
     for record in records:
         given, values = record["parameters"], record.get("values") or {}
-        rung = given["rung"]
-        if given["role"] != "rung" or not values:
+        mesh_level = given["mesh_level"]
+        if given["role"] != "mesh_level" or not values:
             continue
-        asked = [name for name in QUANTITIES[given["part"]] if name in values and name in known]
-        errors = {name: abs(values[name] / known[name][0] - 1.0) for name in asked}
-        if rung["model"] == ANALYTIC:
-            found[(given["part"], rung["theory"], *NO_MESH)] = errors[asked[0]]
+        names = [name for name in QUANTITIES[given["part"]] if name in values and name in known]
+        errors = {name: abs(values[name] / known[name][0] - 1.0) for name in names}
+        if mesh_level["model"] == ANALYTIC:
+            worst[(given["part"], mesh_level["theory"], *NO_MESH)] = errors[names[0]]
             continue
-        kind = KINDS[rung["model"]]
-        across = SMALLEST_MM[given["part"]] / rung["size_mm"] if kind == "tet" else 0.0
-        share = rung.get("share", 0.0)
-        factor, through = rung.get("factor", 0.0), rung.get("through", 0)
-        part = "whole" if (given["part"], rung["model"]) == ("plate", "solid") else given["part"]
-        key = (part, kind, rung["order"], int(rung.get("layers") or 0), factor, share, through, round(across, 2))
+        kind = KINDS[mesh_level["model"]]
+        across = SMALLEST_MM[given["part"]] / mesh_level["size_mm"] if kind == "tet" else 0.0
+        share = mesh_level.get("share", 0.0)
+        factor, through = mesh_level.get("factor", 0.0), mesh_level.get("through", 0)
+        part = "whole" if (given["part"], mesh_level["model"]) == ("plate", "solid") else given["part"]
+        key = (
+            part,
+            kind,
+            mesh_level["order"],
+            int(mesh_level.get("layers") or 0),
+            factor,
+            share,
+            through,
+            round(across, 2),
+        )
         if kind == "hex" and not share:
             continue  # no mesh of the planner's
         for quantity, error in errors.items():
             at = growth(quantity, known[quantity][0]) if kind == "hex" else FIRST
             if kind == "hex" or not ladder.ZONE.get(quantity):
-                found[(*key, at)] = max(error, found.get((*key, at), 0.0))
+                worst[(*key, at)] = max(error, worst.get((*key, at), 0.0))
     share = _mixing(records, known)
     if share:
-        found[("plate", MIXING, *NO_MESH)] = share
-    return [(*key, float(f"{error:.2g}")) for key, error in sorted(found.items())]
+        worst[("plate", MIXING, *NO_MESH)] = share
+    return [(*key, float(f"{error:.2g}")) for key, error in sorted(worst.items())]
 
 
 def growth(quantity: str, reference_hz: float) -> float:
@@ -68,7 +77,7 @@ def _mixing(records: list[dict[str, Any]], known: dict[str, tuple[float, float]]
     shares = [0.0]
     for record in records:
         given, values = record["parameters"], record.get("values") or {}
-        whole = given["role"] == "rung" and given["rung"]["model"] == "solid" and "mixing (dB)" in values
+        whole = given["role"] == "mesh_level" and given["mesh_level"]["model"] == "solid" and "mixing (dB)" in values
         if whole and {HELD, "plate"} <= known.keys():
             error = abs(values["plate"] / known["plate"][0] - 1.0)
             shares.append(abs(values[HELD] - known[HELD][0]) / (values["mixing (dB)"] * error))
@@ -84,7 +93,7 @@ def text(records: list[dict[str, Any]]) -> str:
     return buffer.getvalue()
 
 
-def _asked(name: str) -> Any:
+def _query(name: str) -> Any:
     """The parameters that a stored case was computed with."""
     return store.read_listed(RESULTS / "accuracy" / name, store.INPUT)["parameters"]
 
@@ -93,7 +102,7 @@ def main() -> int:
     """Write the table, or say that the study was not run, or not as it stands."""
     try:
         stored = {case.case_id: case.record for case in read_study(RESULTS / "accuracy").cases}
-        other = [name for name, given in cases() if name in stored and _asked(name) != json.loads(json.dumps(given))]
+        other = [name for name, given in cases() if name in stored and _query(name) != json.loads(json.dumps(given))]
     except BadRecord as fault:
         print(f"calibration: {fault}", file=sys.stderr)
         return 2

@@ -12,13 +12,13 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, onenormest
 
 from geometry.errors import GeometryError
-from geometry.hex.boxes import Boxes, HexSettings, Piece, hex_mesh, piece_boxes, pillar_boxes
+from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, panel_boxes, pillar_boxes
 from geometry.hex.split import split_hexahedra
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS, Material
 from geometry.mesh import Mesh, check_mesh
 from pipeline.errors import CommandError
-from pipeline.records.run_log import Mess
+from pipeline.records.run_log import RunLog
 from pipeline.report.script_page import Page, Section, Table
 from solvers.analytic.lamb import supported_plate_hz
 from solvers.errors import SolverError
@@ -71,30 +71,30 @@ def cases() -> list[tuple[str, dict[str, Any]]]:
     return [*listed, *((f"million,{shape}", {"scene": "million", "shape": shape}) for shape in ("slab", "block"))]
 
 
-def compute(parameters: dict[str, Any], folder: Path, log: Mess) -> Result:
+def compute(parameters: dict[str, Any], folder: Path, log: RunLog) -> Result:
     """One scene: value, reference, error, residual, rounding, condition, count, and the verdict."""
     given = dict(parameters)
     scene: Callable[..., Result] = SCENES[given.pop("scene")]
     start = time.perf_counter()
     try:
-        found = scene(**given)
+        outcome = scene(**given)
     except (SolverError, GeometryError, CommandError, MemoryError) as refusal:
-        found = {"verdict": "refused", "reason": " ".join(str(refusal).split())}
-    found["seconds"] = time.perf_counter() - start
-    if "verdict" not in found:
-        found["verdict"] = verdict(found)
-    log.info(f"{found['verdict']}: {found.get('reason') or found.get('error')}")
-    failed = {"status": "FAILED", "diagnosis": "a wrong number in silence"} if found["verdict"] == "WRONG" else {}
-    return {"found": found, **failed}
+        outcome = {"verdict": "refused", "reason": " ".join(str(refusal).split())}
+    outcome["seconds"] = time.perf_counter() - start
+    if "verdict" not in outcome:
+        outcome["verdict"] = verdict(outcome)
+    log.info(f"{outcome['verdict']}: {outcome.get('reason') or outcome.get('error')}")
+    failed = {"status": "FAILED", "diagnosis": "a wrong number in silence"} if outcome["verdict"] == "WRONG" else {}
+    return {"found": outcome, **failed}
 
 
-def verdict(found: Result) -> str:
+def verdict(outcome: Result) -> str:
     """Right within the promise and the reported rounding; 'locks' for a known stiff element; else wrong in silence."""
-    if found["count_found"] != found["count_expected"]:
+    if outcome["count_found"] != outcome["count_expected"]:
         return "WRONG"
-    if abs(found["error"]) <= found["promised"] + found["rounding"]:
+    if abs(outcome["error"]) <= outcome["promised"] + outcome["rounding"]:
         return "right"
-    return "locks" if found.get("may_lock") else "WRONG"
+    return "locks" if outcome.get("may_lock") else "WRONG"
 
 
 def result(pencil: Pencil, modes: Modes, reference_hz: float, promised: float = PROMISED, **more: Any) -> Result:
@@ -133,7 +133,7 @@ def thin(length_over_thickness: float) -> Result:
 
 
 def poisson(element: str, poisson: float) -> Result:
-    """The same plate, 1:10, by every element at about equal unknowns; low orders lock towards 1/2."""
+    """The same plate, 1:10, by every element at about equal degrees of freedom; low orders lock towards 1/2."""
     material = Material("given", ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3, poisson)
     order = int(element[-1])
     cuts = {1: 12, 2: 6, 3: 4, 4: 3}[order]
@@ -168,11 +168,11 @@ def contrast(young_ratio: float) -> Result:
     """A pillar stiffer than its plate (a 4 mm cell between sliding walls), against a finer mesh."""
     pillar_material = replace(ALUMINIUM, name="stiff", young_pa=ALUMINIUM.young_pa * young_ratio)
     pillar = Pillar("square", 2e-3, 2e-3, 6.3e-3, pillar_material)
-    piece = Piece((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))
+    panel = Panel((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))
     walls = {"x-": "-", "y-": "+", "x+": "-", "y+": "+"}
 
     def solved(order: int, layers: int) -> tuple[Pencil, Modes]:
-        mesh = hex_mesh(piece_boxes(piece, 2e-3, pillar, HexSettings(order, 2e-3, layers, 0.15, 3e-3)), order)
+        mesh = hex_mesh(panel_boxes(panel, 2e-3, pillar, HexSettings(order, 2e-3, layers, 0.15, 3e-3)), order)
         pencil = constrain(assemble(mesh, {"plate": ALUMINIUM, "pillar": pillar_material}), free_mask(mesh, (), walls))
         return pencil, modes_near(pencil, 0.0, 1)
 
@@ -229,8 +229,8 @@ def cluster(copies: int) -> Result:
     pencil = constrain(assemble(many, {"body": ALUMINIUM}), free_mask(many, ("touch",)))
     middle = float(lowest[:2].mean())
     modes = modes_in_band(pencil, 0.9 * float(lowest[0]), middle)
-    told = result(pencil, modes, float(lowest[0]), ROUNDING_ONLY)
-    return {**told, "count_expected": copies, "spread": float(np.ptp(modes.frequency_hz) / lowest[0])}
+    text = result(pencil, modes, float(lowest[0]), ROUNDING_ONLY)
+    return {**text, "count_expected": copies, "spread": float(np.ptp(modes.frequency_hz) / lowest[0])}
 
 
 def free(order: int) -> Result:
@@ -244,7 +244,7 @@ def free(order: int) -> Result:
     fine = solved(4, 1)[1].frequency_hz[0]
     pencil, modes = solved(order, 2)
     if modes.rigid_count != 6:
-        raise SolverError(f"{modes.rigid_count} rigid motions found, a free body has 6")
+        raise SolverError(f"{modes.rigid_count} rigid-body modes found, a free body has 6")
     return result(pencil, modes, float(fine), rigid_count=modes.rigid_count)
 
 
@@ -306,10 +306,10 @@ MEANING = {
     "on_eigenvalue": "Wanted frequency exactly on an eigenvalue",
     "one_element": "One element (against dense algebra)",
     "mixed_units": "A thickness typed in another unit",
-    "million": "A million unknowns",
+    "million": "A million degrees of freedom",
 }
 HEADINGS = (
-    *("case", "unknowns", "value (Hz)", "reference (Hz)", "error", "rounding", "residual", "condition"),
+    *("case", "dofs", "value (Hz)", "reference (Hz)", "error", "rounding", "residual", "condition"),
     *("count", "time (s)", "verdict", "reason"),
 )
 
@@ -321,8 +321,8 @@ def conclude(records: list[Result]) -> Page:
         by_scene.setdefault(record["parameters"]["scene"], []).append(record)
     wrong = [r["case_id"] for r in records if _found(r)["verdict"] not in ("right", "refused", "locks")]
     total = len(records)
-    told = f"{total - len(wrong)} of {total} cases are right within their promise, lock as stated, or are refused."
-    sections = [Section("Summary", [told, *(f"Not so: {case}" for case in wrong)])]
+    text = f"{total - len(wrong)} of {total} cases are right within their promise, lock as stated, or are refused."
+    sections = [Section("Summary", [text, *(f"Not so: {case}" for case in wrong)])]
     for scene, title in MEANING.items():
         rows = [_row(record) for record in by_scene.get(scene, [])]
         sections.append(Section(title, tables=[Table(scene, HEADINGS, rows)]))
@@ -335,12 +335,12 @@ def _found(record: Result) -> Result:
 
 
 def _row(record: Result) -> list[Any]:
-    found = _found(record)
+    outcome = _found(record)
     keys = ("dof", "value_hz", "reference_hz", "error", "rounding", "residual", "condition")
-    count = f"{found['count_found']} of {found['count_expected']}" if "count_found" in found else None
+    count = f"{outcome['count_found']} of {outcome['count_expected']}" if "count_found" in outcome else None
     case = record["case_id"].partition(",")[2] or record["case_id"]
-    tail = [count, found.get("seconds"), found["verdict"], found.get("reason")]
-    return [case, *(found.get(key) for key in keys), *tail]
+    tail = [count, outcome.get("seconds"), outcome["verdict"], outcome.get("reason")]
+    return [case, *(outcome.get(key) for key in keys), *tail]
 
 
 def _locking(records: list[Result]) -> Section:
@@ -349,13 +349,16 @@ def _locking(records: list[Result]) -> Section:
         "nu nears 1/2, the low orders first; nu = 1/2 is refused. Order 1 is too stiff in bending at every nu and is kept "
         "for comparison only."
     )
-    found = {(r["parameters"]["element"], r["parameters"]["poisson"]): _found(r) for r in records}
+    outcome = {(r["parameters"]["element"], r["parameters"]["poisson"]): _found(r) for r in records}
     rows = []
     for element in ELEMENTS:
-        row: list[Any] = [element, next((f["dof"] for (e, _), f in found.items() if e == element and "dof" in f), None)]
+        row: list[Any] = [
+            element,
+            next((f["dof"] for (e, _), f in outcome.items() if e == element and "dof" in f), None),
+        ]
         for nu in POISSON:
-            entry = found.get((element, nu), {})
+            entry = outcome.get((element, nu), {})
             row.append(entry["error"] if "error" in entry else entry.get("verdict"))
         rows.append(row)
-    headings = ["element", "unknowns", *(f"nu = {nu:g}" for nu in POISSON)]
+    headings = ["element", "dofs", *(f"nu = {nu:g}" for nu in POISSON)]
     return Section("Poisson's ratio: where elements lock", [words], [Table("poisson", headings, rows)])

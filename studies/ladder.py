@@ -26,7 +26,7 @@ from solvers.fem.eigen import modes_in_band, modes_near
 from solvers.fem.solid import CLASSES, SolidModel
 from solvers.measures.confinement import measure, wanted_parity
 from solvers.measures.mode_mixing import mixing_db
-from solvers.superelement.build import PlateModel, Recipe, Reductions, lattice_piece
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings, lattice_panel
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
 from solvers.waves.bloch import BlochCell
@@ -56,20 +56,20 @@ def materials() -> dict[str, Any]:
     return dict.fromkeys(("plate", "pillar", "body"), design().material)
 
 
-def settings(rung: dict[str, Any]) -> HexSettings:
-    """Hexahedra of a rung; sizes in mm."""
-    along = 1e-3 * rung.get("along_mm", rung["size_mm"])
-    layers, factor, through = rung.get("layers", 0), rung.get("factor", 0.15), rung.get("through", 1)
-    return HexSettings(rung["order"], 1e-3 * rung["size_mm"], layers, factor, along, through)
+def settings(mesh_level: dict[str, Any]) -> HexSettings:
+    """Hexahedra of a mesh level; sizes in mm."""
+    along = 1e-3 * mesh_level.get("along_mm", mesh_level["size_mm"])
+    layers, factor, through = mesh_level.get("layers", 0), mesh_level.get("factor", 0.15), mesh_level.get("through", 1)
+    return HexSettings(mesh_level["order"], 1e-3 * mesh_level["size_mm"], layers, factor, along, through)
 
 
-def of_the_planner(part: str, row: mesh_rules.Rung) -> dict[str, Any]:
-    """A rung with the very elements that the planner gives the part."""
+def of_the_planner(part: str, row: mesh_rules.MeshLevel) -> dict[str, Any]:
+    """A mesh level with the very elements that the planner gives the part."""
     mesh = {"zone": mesh_rules.zone_mesh, "pillar": mesh_rules.pillar_mesh}.get(part, mesh_rules.cell_mesh)(
         design(), row
     )
-    rung = asdict(row) | {"size_mm": 1e3 * mesh.size_m}
-    return rung | ({"along_mm": 1e3 * mesh.pillar_size_m} if mesh.pillar_size_m else {})
+    mesh_level = asdict(row) | {"size_mm": 1e3 * mesh.size_m}
+    return mesh_level | ({"along_mm": 1e3 * mesh.pillar_size_m} if mesh.pillar_size_m else {})
 
 
 def of_order(mesh: Mesh, order: int) -> Mesh:
@@ -83,36 +83,36 @@ def of_order(mesh: Mesh, order: int) -> Mesh:
     return Mesh(mesh.nodes[used], cells.reshape(-1, 4), "tet", 1, mesh.regions, faces)
 
 
-def zone(rung: dict[str, Any]) -> tuple[Values, int]:
+def zone(mesh_level: dict[str, Any]) -> tuple[Values, int]:
     """The bare strip, sides clamped: modes (0, N), (0, N + 2) and (0, N + 4), whose waves are shorter."""
     d = design()
-    if rung["model"] == "analytic":
-        return {"zone": float(getattr(predesign(d).zone, rung["theory"]))}, 0
-    if rung["model"] == "tet":
-        mesh = of_order(scenes.tet_zone(d, 1e-3 * rung["size_mm"], "xy"), rung["order"])
+    if mesh_level["model"] == "analytic":
+        return {"zone": float(getattr(predesign(d).zone, mesh_level["theory"]))}, 0
+    if mesh_level["model"] == "tet":
+        mesh = of_order(scenes.tet_zone(d, 1e-3 * mesh_level["size_mm"], "xy"), mesh_level["order"])
     else:
-        mesh = hex_mesh(zone_boxes(d, settings(rung)), rung["order"])
+        mesh = hex_mesh(zone_boxes(d, settings(mesh_level)), mesh_level["order"])
     model = SolidModel(check(mesh), materials(), ("y+",), True)
     pencil = model.pencil(wanted_parity(d.nodal_lines))
     modes = modes_near(pencil, 50e3, 6)
     touch = model.touch("++", modes.vectors)
     like = [measure(touch, replace(d, nodal_lines=d.nodal_lines + more), "++").mac for more in ZONE.values()]
-    found = {name: modes.frequency_hz[mac > ALIKE] for name, mac in zip(ZONE, like, strict=True)}
-    return {name: float(hz[0]) for name, hz in found.items() if len(hz)}, pencil.dof
+    quantities = {name: modes.frequency_hz[mac > ALIKE] for name, mac in zip(ZONE, like, strict=True)}
+    return {name: float(hz[0]) for name, hz in quantities.items() if len(hz)}, pencil.dof
 
 
-def pillar(rung: dict[str, Any]) -> tuple[Values, int]:
+def pillar(mesh_level: dict[str, Any]) -> tuple[Values, int]:
     """The lone pillar, foot clamped: first, second and third bending."""
     d = design()
     assert d.pillar
-    if rung["model"] == "analytic":
-        return _bending(pillar_frequencies_hz(d.pillar, rung["theory"], 3)), 0
-    if rung["model"] == "tet":
-        mesh = of_order(scenes.tet_pillar(d.pillar, 1e-3 * rung["size_mm"]), rung["order"])
+    if mesh_level["model"] == "analytic":
+        return _bending(pillar_frequencies_hz(d.pillar, mesh_level["theory"], 3)), 0
+    if mesh_level["model"] == "tet":
+        mesh = of_order(scenes.tet_pillar(d.pillar, 1e-3 * mesh_level["size_mm"]), mesh_level["order"])
         pencil = SolidModel(check(mesh), materials(), ("foot",), False).pencil(None)
         hz = modes_near(pencil, 0.0, WHOLE_BENDING[-1] + 1).frequency_hz
-        return _bending(hz[WHOLE_BENDING if rung["order"] > 1 else WHOLE_BENDING[:1]]), pencil.dof
-    mesh = hex_mesh(pillar_boxes(d.pillar, settings(rung)), rung["order"])
+        return _bending(hz[WHOLE_BENDING if mesh_level["order"] > 1 else WHOLE_BENDING[:1]]), pencil.dof
+    mesh = hex_mesh(pillar_boxes(d.pillar, settings(mesh_level)), mesh_level["order"])
     pencil = SolidModel(check(mesh), materials(), ("touch",), True).pencil("-+")
     return _bending(modes_near(pencil, 0.0, len(BENDING)).frequency_hz), pencil.dof
 
@@ -138,23 +138,23 @@ def band_values(rows: dict[str, FloatArray]) -> Values:
     }
 
 
-def cell(rung: dict[str, Any]) -> tuple[Values, int]:
+def cell(mesh_level: dict[str, Any]) -> tuple[Values, int]:
     """The unit cell at Gamma, X and M: fully meshed, reduced, or its quarter between mirrors."""
     d = design()
-    if rung["model"] == "quarter":
-        return _quarter_cell(rung)
-    if rung["model"] == "solid":
+    if mesh_level["model"] == "quarter":
+        return _quarter_cell(mesh_level)
+    if mesh_level["model"] == "solid":
         bloch = BlochCell(
-            assemble(check(hex_mesh(cell_boxes(d, settings(rung)), rung["order"])), materials()), 4e-3, 4e-3
+            assemble(check(hex_mesh(cell_boxes(d, settings(mesh_level)), mesh_level["order"])), materials()), 4e-3, 4e-3
         )
         return band_values({name: bloch.frequencies(k, 8) for name, k in points().items()}), bloch.dof
-    recipe = replace(mesh_rules.lattice_recipe(d, 0.002), hexahedra=settings(rung))
+    reduction = replace(mesh_rules.lattice_reduction(d, 0.002), hexahedra=settings(mesh_level))
     mesher = None
-    piece = lattice_piece(d)
-    if rung["model"] == "superelement tet":
-        mesh = check(of_order(tet_cell(d, 1e-3 * rung["size_mm"]), rung["order"]))
+    panel = lattice_panel(d)
+    if mesh_level["model"] == "superelement tet":
+        mesh = check(of_order(tet_cell(d, 1e-3 * mesh_level["size_mm"]), mesh_level["order"]))
         mesher = lambda _: mesh  # noqa: E731
-    lattice = Lattice(Reductions(d.thickness_m, d.material, d.pillar, recipe, None, mesher).cell(piece))
+    lattice = Lattice(Reductions(d.thickness_m, d.material, d.pillar, reduction, None, mesher).cell(panel))
     return band_values({name: lattice.frequencies(k, 8) for name, k in points().items()}), lattice.cell.mesh_dof
 
 
@@ -172,13 +172,13 @@ FOLLOWED = {"bending at M": ("M", 0), "bending at G": ("G", 3), "first at X": ("
 }  # band numbers from 0
 
 
-def _quarter_cell(rung: dict[str, Any]) -> tuple[Values, int]:
+def _quarter_cell(mesh_level: dict[str, Any]) -> tuple[Values, int]:
     """Where every phase is 1 or -1 a wave stands between mirrors: the sign at x+ is the sign at x- times the phase.
 
-    A coarse mesh tells in which mirror class each quantity is, and as which of its modes; the fine one solves no other.
+    A coarse mesh tells in which symmetry class each quantity is, and as which of its modes; the fine one solves no other.
     """
     places = _classes_of_quantities()
-    mesh = check(hex_mesh(cell_boxes(design(), settings(rung), True), rung["order"]))
+    mesh = check(hex_mesh(cell_boxes(design(), settings(mesh_level), True), mesh_level["order"]))
     system = assemble(mesh, materials())
     values = {}
     for quantity, (parity, point, index) in places.items():
@@ -187,7 +187,7 @@ def _quarter_cell(rung: dict[str, Any]) -> tuple[Values, int]:
 
 
 def _standing(system: System, parity: str, point: str, count: int) -> FloatArray:
-    """The lowest frequencies of one mirror class at a point, rigid motions as zeros."""
+    """The lowest frequencies of one symmetry class at a point, rigid-body modes as zeros."""
     far = [sign if flip > 0 else "+-".replace(sign, "") for sign, flip in zip(parity, POINTS[point], strict=True)]
     planes = {"x-": parity[0], "y-": parity[1], "x+": far[0], "y+": far[1]}
     pencil = constrain(system, free_mask(system.mesh, (), planes))
@@ -197,10 +197,10 @@ def _standing(system: System, parity: str, point: str, count: int) -> FloatArray
 
 @cache
 def _classes_of_quantities() -> dict[str, tuple[str, str, int]]:
-    """{quantity: (mirror class, point, which mode of the class)}."""
+    """{quantity: (symmetry class, point, which mode of the class)}."""
     coarse = {"order": 3, "size_mm": 2.0, "along_mm": 3.15}
     system = assemble(hex_mesh(cell_boxes(design(), settings(coarse), True), 3), materials())
-    found: dict[str, list[tuple[float, str, int]]] = {
+    quantities: dict[str, list[tuple[float, str, int]]] = {
         point: sorted(
             (float(f), parity, i) for parity in CLASSES for i, f in enumerate(_standing(system, parity, point, 5))
         )
@@ -208,34 +208,42 @@ def _classes_of_quantities() -> dict[str, tuple[str, str, int]]:
     }
     places = {}
     for quantity, (point, band) in FOLLOWED.items():
-        _, parity, index = found[point][band]
+        _, parity, index = quantities[point][band]
         places[quantity] = (parity, point, index)
     return places
 
 
-def plate(rung: dict[str, Any]) -> tuple[Values, int]:
-    """One row and 5 mm: the wanted mode, how well it is held (dB), and what an error may change of that, dB over the error."""
+def plate(mesh_level: dict[str, Any]) -> tuple[Values, int]:
+    """One row and 5 mm: the wanted mode, how well it is confined (dB), and what an error may change of that, dB over
+    the error.
+    """
     d, parity = plate_design(), wanted_parity(design().nodal_lines)
-    if rung["model"] == "analytic":
-        return {"plate": float(getattr(predesign(d).zone, rung["theory"]))}, 0
-    if rung["model"] == "superelement":
-        bare = mesh_rules.bare_size_m(d, rung["order"]) if "share" in rung else None
-        recipe = Recipe(Interface(*rung["degrees"]), rung["modes_over_band"] * WINDOW_HZ[1], settings(rung), 6e-3, bare)
-        model: Any = PlateModel(d, Reductions(d.thickness_m, d.material, d.pillar, recipe))
-    elif rung["model"] == "tet":
-        mesh = of_order(scenes.tet_plate(d, 1e-3 * rung["size_mm"], True), rung["order"])
+    if mesh_level["model"] == "analytic":
+        return {"plate": float(getattr(predesign(d).zone, mesh_level["theory"]))}, 0
+    if mesh_level["model"] == "superelement":
+        bare = mesh_rules.bare_size_m(d, mesh_level["order"]) if "share" in mesh_level else None
+        reduction = ReductionSettings(
+            Interface(*mesh_level["degrees"]),
+            mesh_level["modes_over_band"] * WINDOW_HZ[1],
+            settings(mesh_level),
+            6e-3,
+            bare,
+        )
+        model: Any = PlateModel(d, Reductions(d.thickness_m, d.material, d.pillar, reduction))
+    elif mesh_level["model"] == "tet":
+        mesh = of_order(scenes.tet_plate(d, 1e-3 * mesh_level["size_mm"], True), mesh_level["order"])
         model = SolidModel(check(mesh), materials(), (), True)
     else:
-        mesh = hex_mesh(plate_boxes(d, settings(rung)), rung["order"])
+        mesh = hex_mesh(plate_boxes(d, settings(mesh_level)), mesh_level["order"])
         model = SolidModel(check(mesh), materials(), (), True)
     pencil = model.pencil(parity)
     modes = modes_in_band(pencil, *WINDOW_HZ)
-    held = measure(model.touch(parity, modes.vectors), d, parity)
-    assert held.zone_share is not None and held.confinement_db is not None
-    best = int(np.argmax(held.mac * held.zone_share))
+    measures = measure(model.touch(parity, modes.vectors), d, parity)
+    assert measures.zone_share is not None and measures.confinement_db is not None
+    best = int(np.argmax(measures.mac * measures.zone_share))
     most = mixing_db(model.touch(parity, modes.vectors), modes.frequency_hz, best, d, SMALL)
     assert most
-    values = {"plate": float(modes.frequency_hz[best]), "confinement (dB)": float(held.confinement_db[best])}
+    values = {"plate": float(modes.frequency_hz[best]), "confinement (dB)": float(measures.confinement_db[best])}
     return values | {"mixing (dB)": most / SMALL}, pencil.dof
 
 

@@ -118,15 +118,15 @@ def _single_family(licence: str) -> str:
 def extras() -> dict[str, list[Requirement]]:
     """What each extra of pyproject.toml asks for; "" is what is always needed."""
     project = tomllib.loads((HOUSE / "pyproject.toml").read_text())["project"]
-    asked = {"": project["dependencies"], **project["optional-dependencies"]}
-    return {name: [Requirement(line) for line in lines] for name, lines in asked.items()}
+    requirements = {"": project["dependencies"], **project["optional-dependencies"]}
+    return {name: [Requirement(line) for line in lines] for name, lines in requirements.items()}
 
 
-def closure(asked: Iterable[Requirement]) -> set[str]:
+def closure(requirements: Iterable[Requirement]) -> set[str]:
     """The canonical names of all packages that these ask for, directly or not. Raises NotInstalled."""
-    found: set[str] = set()
+    names: set[str] = set()
     waiting: list[tuple[str, str]] = [
-        (canonicalize_name(need.name), extra) for need in asked for extra in ("", *need.extras)
+        (canonicalize_name(need.name), extra) for need in requirements for extra in ("", *need.extras)
     ]
     seen = set()
     while waiting:
@@ -134,9 +134,9 @@ def closure(asked: Iterable[Requirement]) -> set[str]:
         if (name, extra) in seen:
             continue
         seen.add((name, extra))
-        found.add(name)
+        names.add(name)
         waiting += list(_needs(name, extra))
-    return found
+    return names
 
 
 def _needs(name: str, extra: str) -> Iterator[tuple[str, str]]:
@@ -162,29 +162,29 @@ def locked() -> dict[str, str]:
 
 def package(name: str, versions: dict[str, str]) -> Package:
     """What an installed package says of itself. Raises OtherVersion, NotInstalled."""
-    found = _distribution(name)
-    told = found.metadata
-    if told["Version"] != versions.get(name):
+    distribution = _distribution(name)
+    about = distribution.metadata
+    if about["Version"] != versions.get(name):
         wanted = f"locks {versions[name]}" if name in versions else "does not lock it"
-        raise OtherVersion(f"{name} {told['Version']} is installed, constraints.txt {wanted}")
-    licence, files = declared(told), files_of(found)
-    texts = {file: Path(str(found.locate_file(file))) for file in files if _is_licence(file)}
+        raise OtherVersion(f"{name} {about['Version']} is installed, constraints.txt {wanted}")
+    licence, files = declared(about), files_of(distribution)
+    texts = {file: Path(str(distribution.locate_file(file))) for file in files if _is_licence(file)}
     return Package(name, versions[name], licence, (*_libraries(files), *_texts(texts, family(licence))))
 
 
-def files_of(found: metadata.Distribution) -> list[str]:
+def files_of(distribution: metadata.Distribution) -> list[str]:
     """The paths of an installed package's files."""
-    return sorted(row[0] for row in csv.reader((found.read_text("RECORD") or "").splitlines()))
+    return sorted(row[0] for row in csv.reader((distribution.read_text("RECORD") or "").splitlines()))
 
 
-def declared(told: metadata.PackageMetadata) -> str:
+def declared(about: metadata.PackageMetadata) -> str:
     """The licence a package's metadata declares: an SPDX expression, a short field, or its classifiers."""
-    if "License-Expression" in told:
-        return told["License-Expression"]
-    field = " ".join(told.get_all("License") or []).strip()
+    if "License-Expression" in about:
+        return about["License-Expression"]
+    field = " ".join(about.get_all("License") or []).strip()
     if field and "\n" not in field and len(field) < 60 and not field.startswith(("Copyright", "=")):
         return field
-    classifiers = [line.split(" :: ")[-1] for line in told.get_all("Classifier") or [] if line.startswith("License")]
+    classifiers = [line.split(" :: ")[-1] for line in about.get_all("Classifier") or [] if line.startswith("License")]
     return ", ".join(CLASSIFIERS.get(line, line) for line in classifiers) or "not declared"
 
 
@@ -216,16 +216,16 @@ def _place(file: str) -> str:
 
 def lists() -> str:
     """All that stands below the mark. Raises OtherVersion, NotInstalled."""
-    versions, asked = locked(), extras()
-    always = closure(asked.pop(""))
-    names = {extra: closure(needs) - always for extra, needs in asked.items() if extra not in NOT_LOCKED}
+    versions, requirements = locked(), extras()
+    always = closure(requirements.pop(""))
+    names = {extra: closure(needs) - always for extra, needs in requirements.items() if extra not in NOT_LOCKED}
     packages = {name: package(name, versions) for name in sorted(always.union(*names.values()))}
     homes = {name: [extra for extra, own in names.items() if name in own] for name in packages}
-    own = [_listed(f"Extra `{extra}`, beside these", packages, found) for extra, found in names.items()]
+    own = [_listed(f"Extra `{extra}`, beside these", packages, distribution) for extra, distribution in names.items()]
     return "\n".join(
         [
             _reciprocal(list(packages.values()), homes),
-            _carried(list(packages.values())),
+            _effective_mass(list(packages.values())),
             _listed("Always installed", packages, always),
             *own,
         ]
@@ -241,7 +241,7 @@ def _reciprocal(packages: list[Package], homes: dict[str, list[str]]) -> str:
     return _table("Declared: terms beyond a notice", ("family", "package", "version", "declares", "installed"), rows)
 
 
-def _carried(packages: list[Package]) -> str:
+def _effective_mass(packages: list[Package]) -> str:
     rows = [(one.name, *inside) for one in packages for inside in one.inside]
     return _table("Carried inside: terms beyond a notice", ("package", "inside", "terms", "seen as"), rows)
 
@@ -260,7 +260,7 @@ def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m studies.licences", description=__doc__)
     parser.add_argument("--check", action="store_true", help="compare with the page instead of writing it")
-    told = parser.parse_args(arguments)
+    about = parser.parse_args(arguments)
     try:
         made = lists()
     except (NotInstalled, OtherVersion) as error:
@@ -268,12 +268,12 @@ def main(arguments: list[str] | None = None) -> int:
         return 5 if isinstance(error, NotInstalled) else 3
     prose, mark, stored = PAGE.read_text().partition(MARK)
     stands = stored == made
-    if told.check and not stands:
+    if about.check and not stands:
         print("licences: docs/licences.md is out of date: run `make licences`", file=sys.stderr)
         return 4
     if not stands:
         write_atomic(PAGE, (prose + (mark or MARK) + made).encode())
-    print(made if not told.check else "", end="")
+    print(made if not about.check else "", end="")
     print(f"docs/licences.md {'stands' if stands else 'is written anew'}", file=sys.stderr)
     return 0
 

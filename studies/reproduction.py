@@ -56,14 +56,14 @@ def plates(folder: Path) -> tuple[list[Row], list[str]]:
 
 
 def _row(entry: dict[str, Any]) -> Row:
-    told = f" {entry['unit']}" if entry["unit"] else ""
-    verdict = judged(entry["thesis"], entry["ours"])
+    words = f" {entry['unit']}" if entry["unit"] else ""
+    verdict = verdict_of(entry["thesis"], entry["ours"])
     if entry["note"] and verdict != "agrees":
         verdict += f": {entry['note']}"
-    return entry["quantity"], f"{entry['thesis']}{told}", f"{entry['ours']}{told}", verdict
+    return entry["quantity"], f"{entry['thesis']}{words}", f"{entry['ours']}{words}", verdict
 
 
-def judged(thesis: Any, ours: Any) -> str:
+def verdict_of(thesis: Any, ours: Any) -> str:
     """Agreement of two figures, or of two verdicts by their first word."""
     if isinstance(thesis, str) or isinstance(ours, str):
         return "agrees" if str(thesis).split()[0] == str(ours).split()[0] else "differs"
@@ -79,26 +79,30 @@ def pillars() -> list[Row]:
     for height_mm, thesis_khz in PILLARS_MM.items():
         pillar = replace(case.design.pillar, height_m=1e-3 * height_mm)
         design = replace(case.design, pillar=pillar)
-        settings = mesh_rules.pillar_mesh(design, mesh_rules.rung("pillar", 1e-3))
+        settings = mesh_rules.pillar_mesh(design, mesh_rules.mesh_level("pillar", 1e-3))
         model = SolidModel(
             hex_mesh(pillar_boxes(pillar, settings), settings.order), ladder.materials(), ("touch",), True
         )
         ours = min(modes_near(model.pencil(parity), 0.0, 1).frequency_hz[0] for parity in model.parities) / 1e3
         if height_mm == max(PILLARS_MM):
             beam = float(pillar_frequencies_hz(pillar, "euler")[0]) / 1e3
-            told = f"{beam:.2f} kHz by beam theory, {ours:.2f} in three dimensions"
-            rows.append((f"pillar {height_mm} mm, analytic", f"{thesis_khz:g} kHz", told, judged(thesis_khz, beam)))
+            words = f"{beam:.2f} kHz by beam theory, {ours:.2f} in three dimensions"
+            rows.append(
+                (f"pillar {height_mm} mm, analytic", f"{thesis_khz:g} kHz", words, verdict_of(thesis_khz, beam))
+            )
         else:
-            told = f"{ours:.2f} kHz"
-            rows.append((f"pillar {height_mm} mm, foot clamped", f"{thesis_khz:g} kHz", told, judged(thesis_khz, ours)))
+            words = f"{ours:.2f} kHz"
+            rows.append(
+                (f"pillar {height_mm} mm, foot clamped", f"{thesis_khz:g} kHz", words, verdict_of(thesis_khz, ours))
+            )
     return rows
 
 
 def active(model: str) -> list[Row]:
     """The entries of one model of chapters 1 and 3, from the command itself."""
     command = [sys.executable, "-m", "pipeline.cli.main", "active", model, "--json", "-", "--quiet"]
-    found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    return [(e["quantity"], e["thesis"], e["ours"], e["agreement"]) for e in found["comparison"]]
+    documents = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    return [(e["quantity"], e["thesis"], e["ours"], e["agreement"]) for e in documents["comparison"]]
 
 
 def table(rows: list[Row]) -> str:
@@ -109,9 +113,9 @@ def table(rows: list[Row]) -> str:
 
 def text(folder: Path) -> str:
     """The page."""
-    found, missing = plates(folder)
+    documents, missing = plates(folder)
     page = INTRODUCTION.format(studies=", ".join(STUDIES), near=NEAR)
-    page += "\n## Zone, pillars, cell and plates (chapter 2)\n\n" + table([*pillars(), *found])
+    page += "\n## Zone, pillars, cell and plates (chapter 2)\n\n" + table([*pillars(), *documents])
     if missing:
         page += f"\nNot stored, hence not compared: {', '.join(missing)} (`antinode run NAME`).\n"
     chapters = {"mason": "circuit (chapter 1)", "pillar": "one pillar on a beam (chapter 3)"}

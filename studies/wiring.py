@@ -229,15 +229,15 @@ def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m studies.wiring", description=__doc__)
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="DIR", help="where to put them")
-    told = parser.parse_args(arguments)
+    text = parser.parse_args(arguments)
     try:
         made = {name: picture(name) for name in PICTURES}
     except ImportError:
         print("wiring: schemdraw is not installed: pip install schemdraw", file=sys.stderr)
         return 5
     for name, content in made.items():
-        (told.out / f"{name}.svg").write_bytes(content)
-        print(told.out / f"{name}.svg")
+        (text.out / f"{name}.svg").write_bytes(content)
+        print(text.out / f"{name}.svg")
     return 0
 
 

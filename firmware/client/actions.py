@@ -22,33 +22,33 @@ WINDOW_HZ = 5000.0  # single build: windows of 50 samples at 250 kHz
 BAR, BAR_DB = 30, 60.0
 
 
-def status(client: Client, told: argparse.Namespace) -> None:
+def status(client: Client, text: argparse.Namespace) -> None:
     """What the board does."""
 
 
-def identity(client: Client, told: argparse.Namespace) -> None:
+def identity(client: Client, text: argparse.Namespace) -> None:
     """Which image and table the board has."""
     print(describe_identity(client.identity()))
 
 
-def health(client: Client, told: argparse.Namespace) -> None:
+def health(client: Client, text: argparse.Namespace) -> None:
     """How the board fares."""
     print(describe_health(client.health()))
 
 
-def start(client: Client, told: argparse.Namespace) -> None:
+def start(client: Client, text: argparse.Namespace) -> None:
     """Drives the wanted mode and holds it."""
-    client.start(told.reference, told.detuning)
+    client.start(text.reference, text.detuning)
     keep_running(client)
 
 
-def pattern(client: Client, told: argparse.Namespace) -> None:
+def pattern(client: Client, text: argparse.Namespace) -> None:
     """Holds a pattern of the present shape."""
-    client.pattern(told.number, told.reference)
+    client.pattern(text.number, text.reference)
     keep_running(client)
 
 
-def identify(client: Client, told: argparse.Namespace) -> None:
+def identify(client: Client, text: argparse.Namespace) -> None:
     """Measures the plate, then rests. Raises BoardError when the measurement ended in a fault."""
     client.identify()
     last = keep_running(client)
@@ -59,20 +59,20 @@ def identify(client: Client, told: argparse.Namespace) -> None:
 def keep_running(client: Client) -> Status | SixStatus:
     """Prints a line ten times a second and thereby keeps the board from stopping, until it rests."""
     while True:
-        found = client.look()
-        measured = figure(abs(found.measured), ".4f")
-        print(f"{found.state}  reference {figure(found.reference, '.4f')}  measured {measured}", flush=True)
-        if found.state not in DRIVING:
+        result = client.look()
+        measured = figure(abs(result.measured), ".4f")
+        print(f"{result.state}  reference {figure(result.reference, '.4f')}  measured {measured}", flush=True)
+        if result.state not in DRIVING:
             client.drives = False
-            return found
+            return result
         time.sleep(LOOK_S)
 
 
-def watch(client: Client, told: argparse.Namespace) -> None:
+def watch(client: Client, text: argparse.Namespace) -> None:
     """Bars of what the board measures, on one place of a terminal or as lines, until a time or Ctrl-C."""
     height = 0
-    for found in _looks(client, told.seconds):
-        lines = _bars(found)
+    for result in _looks(client, text.seconds):
+        lines = _bars(result)
         again = f"\x1b[{height}F\x1b[J" if height and sys.stdout.isatty() else ""
         print(again + "\n".join(lines), flush=True)
         height = len(lines)
@@ -85,15 +85,15 @@ def _looks(client: Client, seconds: float | None) -> Iterator[Status | SixStatus
         time.sleep(LOOK_S)
 
 
-def _bars(found: Status | SixStatus) -> list[str]:
-    faults = f", faults: {', '.join(found.faults)}" if found.faults else ""
-    values = {"reference": found.reference}
-    if isinstance(found, SixStatus):
-        values |= {f"sensor {number + 1}": abs(z) for number, z in enumerate(found.sensors)}
+def _bars(result: Status | SixStatus) -> list[str]:
+    faults = f", faults: {', '.join(result.faults)}" if result.faults else ""
+    values = {"reference": result.reference}
+    if isinstance(result, SixStatus):
+        values |= {f"sensor {number + 1}": abs(z) for number, z in enumerate(result.sensors)}
     else:
-        values |= {"measured": abs(found.measured), "drive": abs(found.drive)}
+        values |= {"measured": abs(result.measured), "drive": abs(result.drive)}
     bars = [f"{name:10} {bar(value)} {figure(value, '.4f')}" for name, value in values.items()]
-    return [f"state {found.state}{faults}", *bars]
+    return [f"state {result.state}{faults}", *bars]
 
 
 def bar(share: float) -> str:
@@ -103,23 +103,23 @@ def bar(share: float) -> str:
     return "#" * filled + "." * (BAR - filled)
 
 
-def log(client: Client, told: argparse.Namespace) -> None:
+def log(client: Client, text: argparse.Namespace) -> None:
     """Writes a record each so many windows into a file of comma-separated values, until a time or Ctrl-C."""
     count = lost = 0
     last: Record | None = None
-    client.log(told.every)
+    client.log(text.every)
     try:
-        with told.file.open("w", newline="") as file:
+        with text.file.open("w", newline="") as file:
             rows = csv.writer(file)
             rows.writerow(["window", "measured_d", "measured_q", "drive_d", "drive_q", "reference"])
-            for record in _records(client, told.seconds):
-                lost += _missing(last, record, told.every)
+            for record in _records(client, text.seconds):
+                lost += _missing(last, record, text.every)
                 count, last = count + 1, record
                 rows.writerow(_row(record))
     finally:
         with suppress(BoardError, OSError):
             client.log(0)
-        print(f"{told.file}: {count} records" + (f", {lost} were lost: try a larger --every" if lost else ""))
+        print(f"{text.file}: {count} records" + (f", {lost} were lost: try a larger --every" if lost else ""))
 
 
 def _records(client: Client, seconds: float | None) -> Iterator[Record]:
@@ -143,15 +143,15 @@ def _missing(last: Record | None, record: Record, every: int) -> int:
     return max((record.window - last.window) % 2**32 // every - 1, 0) if last else 0
 
 
-def stream(client: Client, told: argparse.Namespace) -> None:
+def stream(client: Client, text: argparse.Namespace) -> None:
     """Plays a sound file as the amplitude's envelope, then stops."""
-    client.start(told.reference)
+    client.start(text.reference)
     while client.look().state == "identify":
         time.sleep(LOOK_S)
-    client.stream(told.every)
-    late = _give(client, told.factors, told.every / WINDOW_HZ)
+    client.stream(text.every)
+    late = _give(client, text.factors, text.every / WINDOW_HZ)
     client.stop()
-    print(f"{len(told.factors)} samples at {WINDOW_HZ / told.every:g} Hz" + (f", {late} came late" if late else ""))
+    print(f"{len(text.factors)} samples at {WINDOW_HZ / text.every:g} Hz" + (f", {late} came late" if late else ""))
 
 
 def _give(client: Client, factors: list[float], sample_s: float) -> int:

@@ -67,16 +67,16 @@ def index(text: str) -> int:
     return int(text)
 
 
-def table_of(told: argparse.Namespace) -> bytes:
+def table_of(text: argparse.Namespace) -> bytes:
     """The table to upload, proved whole. Raises ValueError."""
     try:
-        table: bytes = told.file.read_bytes()
+        table: bytes = text.file.read_bytes()
         verify(table)
-        return table if told.drive_limit is None else with_drive_limit(table, told.drive_limit)
+        return table if text.drive_limit is None else with_drive_limit(table, text.drive_limit)
     except OSError as error:
-        raise ValueError(f"{told.file}: {error.strerror}") from None
+        raise ValueError(f"{text.file}: {error.strerror}") from None
     except ValueError as error:
-        raise ValueError(f"{told.file}: {error}") from None
+        raise ValueError(f"{text.file}: {error}") from None
 
 
 Act = Callable[[Client, argparse.Namespace], object]
@@ -142,14 +142,14 @@ ACTIONS = {
         actions.start,
         (ANY_LEVEL, DETUNING),
     ),
-    "stop": Action("back to rest", lambda client, told: client.stop()),
-    "clear": Action("leave the fault state", lambda client, told: client.clear()),
+    "stop": Action("back to rest", lambda client, text: client.stop()),
+    "clear": Action("leave the fault state", lambda client, text: client.clear()),
     "reference": Action(
-        "another amplitude while running", lambda client, told: client.reference(told.reference), (LEVEL,)
+        "another amplitude while running", lambda client, text: client.reference(text.reference), (LEVEL,)
     ),
     "sine": Action(
         "let the amplitude swing between 1 and 1 - DEPTH of the reference",
-        lambda client, told: client.sine(told.rate, told.depth),
+        lambda client, text: client.sine(text.rate, text.depth),
         (argument("rate", type=finite, metavar="HZ"), argument("depth", type=share, metavar="DEPTH")),
     ),
     "stream": Action(
@@ -165,7 +165,7 @@ ACTIONS = {
     ),
     "upload": Action(
         "put another mode table into the board's flash memory",
-        lambda client, told: client.upload(told.table),
+        lambda client, text: client.upload(text.table),
         (
             argument("file", type=Path, metavar="FILE"),
             argument(
@@ -180,7 +180,7 @@ ACTIONS = {
     ),
     "shape": Action(
         "six channels: another shape, which is another frequency; while idle",
-        lambda client, told: client.choose(told.number),
+        lambda client, text: client.choose(text.number),
         (NUMBER,),
     ),
 }
@@ -213,23 +213,23 @@ def with_port(arguments: list[str]) -> list[str]:
     return ["auto", *rest] if rest and rest[0] in ACTIONS else rest
 
 
-def prepare(told: argparse.Namespace) -> None:
+def prepare(text: argparse.Namespace) -> None:
     """Reads and checks the files that an action names, before the board is spoken to. Raises ValueError."""
-    if told.action == "upload":
-        told.table = table_of(told)
-    elif told.action == "stream":
-        told.factors = actions.factors_of(told.file, actions.WINDOW_HZ / told.every)
-    elif told.action == "log" and (told.file.exists() or not told.file.parent.is_dir()):
-        raise ValueError(f"{told.file}: {'is there already' if told.file.exists() else 'no such folder'}")
+    if text.action == "upload":
+        text.table = table_of(text)
+    elif text.action == "stream":
+        text.factors = actions.factors_of(text.file, actions.WINDOW_HZ / text.every)
+    elif text.action == "log" and (text.file.exists() or not text.file.parent.is_dir()):
+        raise ValueError(f"{text.file}: {'is there already' if text.file.exists() else 'no such folder'}")
 
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    told = parser_of_all().parse_args(with_port(sys.argv[1:] if arguments is None else arguments))
+    text = parser_of_all().parse_args(with_port(sys.argv[1:] if arguments is None else arguments))
     try:
-        prepare(told)
-        with closing(SerialPort(told.port)) as port, _ended_like_interrupted():
-            return carry_out(Client(port), told)
+        prepare(text)
+        with closing(SerialPort(text.port)) as port, _ended_like_interrupted():
+            return carry_out(Client(port), text)
     except ValueError as error:
         return _failed(error, 2)
     except NotHere as error:
@@ -240,11 +240,11 @@ def main(arguments: list[str] | None = None) -> int:
         return 130
 
 
-def carry_out(client: Client, told: argparse.Namespace) -> int:
+def carry_out(client: Client, text: argparse.Namespace) -> int:
     """Does what was asked; returns the exit code. What was started here is stopped when it ends early, by Ctrl-C too."""
-    action = ACTIONS[told.action]
+    action = ACTIONS[text.action]
     try:
-        action.act(client, told)
+        action.act(client, text)
         if not action.tells:
             print(describe(client.look()))
         return 0

@@ -33,10 +33,10 @@ class ChecksFailed(RuntimeError):
     """Not every check holds."""
 
 
-def selftest(client: Client, told: argparse.Namespace) -> None:
+def selftest(client: Client, text: argparse.Namespace) -> None:
     """Runs the steps that the build has, asking for the wiring before each. Raises ChecksFailed."""
     identity = client.identity()
-    steps = [name for name, step in STEPS.items() if identity.build in step.builds and told.step in (None, name)]
+    steps = [name for name, step in STEPS.items() if identity.build in step.builds and text.step in (None, name)]
     failed = 0
     for name in steps:
         _ask(f"{name}: {STEPS[name].wiring}")
@@ -44,7 +44,7 @@ def selftest(client: Client, told: argparse.Namespace) -> None:
             print(f"{'pass' if check.holds else 'FAIL'}  {name}: {check.name}: {check.seen}", flush=True)
             failed += not check.holds
     if not steps:
-        raise ChecksFailed(f"the step {told.step} is not for the {identity.build} build")
+        raise ChecksFailed(f"the step {text.step} is not for the {identity.build} build")
     if failed:
         raise ChecksFailed(
             f"{failed} check{'s do' if failed > 1 else ' does'} not hold: docs/bring-up.md has what to look at"
@@ -59,11 +59,11 @@ def _ask(text: str) -> None:
 
 def check_line(client: Client, identity: Identity) -> Iterator[Check]:
     """The board answers, has a table, and nothing is wrong that no wiring can mend."""
-    found = client.look()
+    result = client.look()
     same = identity.protocol == PROTOCOL
     yield Check("answers", same, f"{identity.build} build, protocol {identity.protocol}, this client's {PROTOCOL}")
     yield Check("mode table", identity.count > 0, f"{identity.count} entries")
-    wrong = [fault for fault in found.faults if fault in NEVER_RIGHT]
+    wrong = [fault for fault in result.faults if fault in NEVER_RIGHT]
     yield Check("clock, flash, supply", not wrong, f"faults {', '.join(wrong)}" if wrong else "no fault of these")
 
 
@@ -76,14 +76,14 @@ def check_rest(client: Client, identity: Identity) -> Iterator[Check]:
         yield Check("fault cleared", False, str(error))
         return
     time.sleep(LOOK_S)
-    found, began = client.status(), time.monotonic()
-    at_rest = found.state == "idle"
+    result, began = client.status(), time.monotonic()
+    at_rest = result.state == "idle"
     yield Check(
-        "rests", at_rest, f"state {found.state}" + (f", faults {', '.join(found.faults)}" if found.faults else "")
+        "rests", at_rest, f"state {result.state}" + (f", faults {', '.join(result.faults)}" if result.faults else "")
     )
-    yield Check("offset", abs(found.offset) <= REST_OFFSET, f"{figure(found.offset, '.4f')}, allowed {REST_OFFSET:g}")
+    yield Check("offset", abs(result.offset) <= REST_OFFSET, f"{figure(result.offset, '.4f')}, allowed {REST_OFFSET:g}")
     time.sleep(RATE_S)
-    rate = (client.status().windows - found.windows) % 2**32 / (time.monotonic() - began)
+    rate = (client.status().windows - result.windows) % 2**32 / (time.monotonic() - began)
     yield Check(
         "windows", abs(rate / WINDOW_HZ - 1.0) <= RATE_TOLERANCE, f"{rate:.0f} a second, expected {WINDOW_HZ:.0f}"
     )

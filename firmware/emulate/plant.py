@@ -153,12 +153,12 @@ def hold(frequency_hz: float, sample_rate_hz: float) -> complex:
 
 def response(plate: Plate, frequencies_hz: Sequence[float]) -> list[complex]:
     """The exact steady response from the DAC's code to the ADC's sample, hold and dead time included."""
-    found = []
+    result = []
     for frequency_hz in frequencies_hz:
         s = 2j * math.pi * frequency_hz
         total = complex(plate.feedthrough)
         for resonance in plate.resonances:
             pole, residue = _pole(resonance), _residue(resonance, plate.displacement)
             total += 0.5 * (residue / (s - pole) + residue.conjugate() / (s - pole.conjugate()))
-        found.append(total * cmath.exp(-s * plate.delay_s) * hold(frequency_hz, plate.sample_rate_hz))
-    return found
+        result.append(total * cmath.exp(-s * plate.delay_s) * hold(frequency_hz, plate.sample_rate_hz))
+    return result

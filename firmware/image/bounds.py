@@ -93,13 +93,13 @@ class Code:
         return max(left - 1, 0)
 
     def _longest(self, entry: int) -> int:
-        found: dict[tuple[int, int], int] = {}
+        result: dict[tuple[int, int], int] = {}
         under_way: set[tuple[int, int]] = set()
 
         def walk(at: int, left: int) -> int:
             place = at, left
-            if place in found:
-                return found[place]
+            if place in result:
+                return result[place]
             if place in under_way:
                 raise Unbounded(f"{at:#x}: a loop")
             under_way.add(place)
@@ -110,8 +110,8 @@ class Code:
                 ways.append(walk(at + step.size, after))
             called = self.longest(step.call) if step.call is not None else 0
             under_way.discard(place)
-            found[place] = 1 + called + max(ways, default=0)
-            return found[place]
+            result[place] = 1 + called + max(ways, default=0)
+            return result[place]
 
         sys.setrecursionlimit(20000)
         return walk(entry, 0)

@@ -59,34 +59,34 @@ class Elf:
     @cached_property
     def segments(self) -> list[Segment]:
         """What is loaded, in the file's order, empty ones included when they take memory."""
-        found = []
+        result = []
         for index in range(self._segment_count):
             kind, at, address, load, stored, memory, _, _ = struct.unpack_from(
                 "<8I", self.data, self._segments_at + 32 * index
             )
             if kind == LOADED and memory:
-                found.append(Segment(address, load, self.data[at : at + stored], memory))
-        return found
+                result.append(Segment(address, load, self.data[at : at + stored], memory))
+        return result
 
     @cached_property
     def symbols(self) -> dict[str, Symbol]:
         """Objects and functions that have a home, by name."""
-        found = {}
+        result = {}
         for name, value, size, info, home in self._symbol_rows:
             is_function = info & 0xF == FUNCTION
             if home:
-                found[name] = Symbol(name, value & ~1 if is_function else value, size)
-        return found
+                result[name] = Symbol(name, value & ~1 if is_function else value, size)
+        return result
 
     @cached_property
     def sections(self) -> list[Section]:
         """The parts that take memory, by address."""
         rows = self._section_rows
         names_at = rows[struct.unpack_from("<H", self.data, 50)[0]][4]
-        found = [
+        result = [
             Section(self._text(names_at + row[0]), row[3], row[5]) for row in rows if row[2] & ALLOCATED and row[5]
         ]
-        return sorted(found, key=lambda section: section.address)
+        return sorted(result, key=lambda section: section.address)
 
     @property
     def functions(self) -> set[str]:

@@ -18,10 +18,10 @@ Register = tuple[str, int, int]  # name, offset, bytes
 
 def structs(header: str) -> dict[str, list[Register]]:
     """The registers of each struct type of a C header, arrays and structs within resolved. Raises ValueError."""
-    found: dict[str, list[Register]] = {}
+    result: dict[str, list[Register]] = {}
     for body, name in STRUCT.findall(re.sub(r"/\*.*?\*/", "", header, flags=re.S)):
-        found[name] = list(_members(body, found))
-    return found
+        result[name] = list(_members(body, result))
+    return result
 
 
 def _members(body: str, known: dict[str, list[Register]]) -> Iterator[Register]:

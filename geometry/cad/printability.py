@@ -53,14 +53,16 @@ class PrintReport:
     @property
     def faults(self) -> list[str]:
         """Why the file must not go to a printer; empty when it may."""
-        found = []
+        violations = []
         if not self.watertight:
-            found.append("the surface is not closed")
+            violations.append("the surface is not closed")
         if self.bodies != 1:
-            found.append(f"{self.bodies} separate bodies, must be 1")
+            violations.append(f"{self.bodies} separate bodies, must be 1")
         if not abs(self.volume_error) <= VOLUME_TOLERANCE:
-            found.append(f"volume is {self.volume_error:+.2%} off the CAD solid's, allowed is {VOLUME_TOLERANCE:.1%}")
-        return found
+            violations.append(
+                f"volume is {self.volume_error:+.2%} off the CAD solid's, allowed is {VOLUME_TOLERANCE:.1%}"
+            )
+        return violations
 
 
 def check_print(stl: str | os.PathLike[str], body: Body, design: Design) -> PrintReport:
@@ -94,21 +96,21 @@ def features(design: Design) -> dict[str, float]:
 
     Of a pillar from STEP only its foot, tip and height are known.
     """
-    found = {"plate thickness": design.thickness_m}
+    widths = {"plate thickness": design.thickness_m}
     pillar = design.pillar
     if pillar is None or not design.rows:
-        return found
-    found["pillar foot"] = pillar.base_m
+        return widths
+    widths["pillar foot"] = pillar.base_m
     if pillar.tip_m > 0.0:
-        found["pillar tip"] = pillar.tip_m
+        widths["pillar tip"] = pillar.tip_m
     if pillar.fillet_m > 0.0:
-        found["foot fillet"] = pillar.fillet_m
+        widths["foot fillet"] = pillar.fillet_m
     widest = max(pillar.footprint_m, pillar.tip_m)
     if len(design.column_centres()) > 1:
-        found["gap between pillars along x"] = design.pitch_x_m - widest
+        widths["gap between pillars along x"] = design.pitch_x_m - widest
     if design.rows > 1:
-        found["gap between pillars along y"] = design.pitch_y_m - widest
-    return found
+        widths["gap between pillars along y"] = design.pitch_y_m - widest
+    return widths
 
 
 def overhang(triangles: np.ndarray) -> tuple[float, float]:

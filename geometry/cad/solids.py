@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from geometry.cad.step_pillar import load_step_pillar, step_pillar_shape
 from geometry.errors import GeometryError
-from geometry.hex.boxes import Piece
+from geometry.hex.boxes import Panel
 from geometry.layout import Design, Pillar
 from geometry.patches import Patches
 
@@ -105,14 +105,14 @@ def cell_solid(design: Design, mirrors: str = "") -> Body:
     return _assemble(design, block, centres, mirrors, None)
 
 
-def piece_solid(design: Design, piece: Piece) -> Body:
-    """A rectangular piece of the plate, its own middle at the origin, with its pillar where it has one.
+def panel_solid(design: Design, panel: Panel) -> Body:
+    """A rectangular panel of the plate, its own middle at the origin, with its pillar where it has one.
 
     Along the axes that it lists as halved only the positive side is built. Errors as plate_solid.
     """
-    size = np.array(piece.high) - np.array(piece.low)
-    mirrors = "".join("xy"[axis] for axis in piece.halved)
-    centres = np.array([piece.foot]) - np.array(piece.middle) if piece.foot else np.empty((0, 2))
+    size = np.array(panel.high) - np.array(panel.low)
+    mirrors = "".join("xy"[axis] for axis in panel.halved)
+    centres = np.array([panel.foot]) - np.array(panel.middle) if panel.foot else np.empty((0, 2))
     block = _block(float(size[0]), float(size[1]), design.thickness_m, mirrors)
     return _assemble(design, block, centres, mirrors, None)
 

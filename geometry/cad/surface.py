@@ -223,12 +223,12 @@ def closest_triangles(locator: Any, points: FloatArray) -> tuple[IntArray, Float
     cell: Any = vtkGenericCell()
     number, part, squared = (cast(Any, mutable(start)) for start in (0, 0, 0.0))
     where = [0.0, 0.0, 0.0]
-    found = np.empty(len(points), dtype=np.int64)
+    nearest = np.empty(len(points), dtype=np.int64)
     distance = np.empty(len(points))
     for i, point in enumerate(np.ascontiguousarray(points, dtype=float)):
         locator.FindClosestPoint(point, where, cell, number, part, squared)
-        found[i], distance[i] = int(number), float(squared) ** 0.5
-    return found, distance
+        nearest[i], distance[i] = int(number), float(squared) ** 0.5
+    return nearest, distance
 
 
 def _polydata(points: FloatArray, triangles: IntArray) -> Any:
@@ -253,10 +253,10 @@ def _enclosed(points: FloatArray, triangles: IntArray, queries: FloatArray) -> F
     from vtkmodules.vtkCommonDataModel import vtkPolyData
     from vtkmodules.vtkFiltersModeling import vtkSelectEnclosedPoints
 
-    asked = vtkPoints()
-    asked.SetData(numpy_to_vtk(np.ascontiguousarray(queries, dtype=float), deep=True))
+    query = vtkPoints()
+    query.SetData(numpy_to_vtk(np.ascontiguousarray(queries, dtype=float), deep=True))
     cloud = vtkPolyData()
-    cloud.SetPoints(asked)
+    cloud.SetPoints(query)
     test = vtkSelectEnclosedPoints()
     test.SetInputData(cloud)
     test.SetSurfaceData(_polydata(points, triangles))

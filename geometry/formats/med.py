@@ -24,7 +24,7 @@ NO_STEP = "-0000000000000000001-0000000000000000001"
 NO_PROFILE = "MED_NO_PROFILE_INTERNAL"
 NAME_BYTES = 80
 DIMENSION = 3
-MOST_STRETCH = 1000  # of a dataset in memory over the same in the file: deflate packs no mesh tighter
+MAX_STRETCH = 1000  # of a dataset in memory over the same in the file: deflate packs no mesh tighter
 
 _EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 _FACES = ((0, 1, 2, 3), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0), (4, 7, 6, 5))
@@ -231,7 +231,7 @@ def _columns(data: Any, count: int, width: int | None, file: Path) -> Any:
         )
     if count and width is not None and size != count * width:
         raise MeshFileError(f"{file}: {data.name}: {size // count} values of each of {count}, must be {width}")
-    if data.nbytes > MOST_STRETCH * max(data.id.get_storage_size(), 1):
+    if data.nbytes > MAX_STRETCH * max(data.id.get_storage_size(), 1):
         raise MeshFileError(f"{file}: {data.name}: says to hold {size} values, but stores almost none of them")
     return np.asarray(data[...]).reshape(-1, max(count, 1)).T[:count].copy()
 
@@ -252,15 +252,15 @@ def _family(group: Any, count: int, file: Path) -> IntArray:
 
 def _names(opened: Any, mesh: str, title: str) -> dict[int, list[str]]:
     """Group names behind each family number."""
-    found: dict[int, list[str]] = {}
+    names_of: dict[int, list[str]] = {}
     branch = opened.get(f"FAS/{mesh}/{title}")
     for family in branch.values() if branch is not None else ():
         if "GRO" in family:
             letters = np.asarray(family["GRO/NOM"][...], dtype=np.int8)
-            found[int(family.attrs["NUM"])] = [
+            names_of[int(family.attrs["NUM"])] = [
                 row.tobytes().decode("utf-8", "replace").strip(" \0") for row in letters.reshape(len(letters), -1)
             ]
-    return found
+    return names_of
 
 
 def _grouped(families: list[IntArray], names: dict[int, list[str]]) -> dict[str, dict[int, IntArray]]:

@@ -34,7 +34,7 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
     try:
         with np.load(path, allow_pickle=False) as file:
             stored = {name: file[name] for name in file.files}
-        found, kind, order = int(stored["format"]), str(stored["kind"]), int(stored["order"])
+        version, kind, order = int(stored["format"]), str(stored["kind"]), int(stored["order"])
         expected = str(stored["sha256"])
         mesh = Mesh(
             stored["nodes"],
@@ -49,8 +49,8 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
         raise MeshError(f"{Path(path)}: no such mesh file") from fault
     except (OSError, ValueError, KeyError, EOFError, AttributeError, MemoryError, BadZipFile, zlib.error) as fault:
         raise MeshError(f"{Path(path)}: not a readable mesh file ({type(fault).__name__})") from fault
-    if found != FORMAT:
-        raise MeshError(f"{Path(path)}: mesh format {found}, this version reads {FORMAT}")
+    if version != FORMAT:
+        raise MeshError(f"{Path(path)}: mesh format {version}, this version reads {FORMAT}")
     if mesh.sha256 != expected:
         raise MeshError(f"{Path(path)}: damaged: the arrays hash to {mesh.sha256[:12]}, the file says {expected[:12]}")
     return mesh

@@ -56,8 +56,8 @@ def _check_raw(raw: RawMesh, file: str) -> None:
     """MeshFileError for a coordinate that is no number, and for every index, of nodes and of groups, that is out of range."""
     wrong = np.flatnonzero(~(np.abs(raw.points) <= FARTHEST).all(axis=1))
     if len(wrong):
-        told = ", ".join(f"{value:g}" for value in raw.points[wrong[0]])
-        raise MeshFileError(f"{file}: node {wrong[0] + 1} at ({told}): must be finite numbers within {FARTHEST:g}")
+        text = ", ".join(f"{value:g}" for value in raw.points[wrong[0]])
+        raise MeshFileError(f"{file}: node {wrong[0] + 1} at ({text}): must be finite numbers within {FARTHEST:g}")
     nodes, sizes = len(raw.points), [len(block) for _, block in raw.blocks]
     for cell_type, block in raw.blocks:
         if len(block) and cell_type in PLACES and block.shape[1] != len(PLACES[cell_type]):
@@ -83,8 +83,8 @@ def _refuse_twins(corners: IntArray, file: str) -> None:
     _, first, count = np.unique(np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True)
     twins = np.flatnonzero(count > 1)
     if len(twins):
-        told = ", ".join(str(node + 1) for node in corners[first[twins[0]]])
-        raise MeshFileError(f"{file}: {int((count - 1).sum())} element(s) given twice, the first on the nodes {told}")
+        text = ", ".join(str(node + 1) for node in corners[first[twins[0]]])
+        raise MeshFileError(f"{file}: {int((count - 1).sum())} element(s) given twice, the first on the nodes {text}")
 
 
 def _dimension(cell_type: str, file: str) -> int:
@@ -185,7 +185,7 @@ def _middles(
     Raises MeshFileError where a node is not near the middle of the corners it should belong to.
     """
     size = np.ptp(points[corners], axis=1).max(axis=1)
-    found = np.empty_like(middles)
+    nodes = np.empty_like(middles)
     for column, place in enumerate(places):
         middle = points[corners[:, list(place)]].mean(axis=1)
         distance = np.linalg.norm(points[middles] - middle[:, None, :], axis=2)
@@ -196,11 +196,11 @@ def _middles(
             raise MeshFileError(
                 f"{file}: element {wrong[0]}: no node near the middle of its corners {place}: order not understood"
             )
-        found[:, column] = middles[np.arange(len(middles)), best]
-    twice = np.flatnonzero((np.diff(np.sort(found, axis=1), axis=1) == 0).any(axis=1))
+        nodes[:, column] = middles[np.arange(len(middles)), best]
+    twice = np.flatnonzero((np.diff(np.sort(nodes, axis=1), axis=1) == 0).any(axis=1))
     if len(twice):
         raise MeshFileError(f"{file}: element {twice[0]}: two middles share a node: order not understood")
-    return found
+    return nodes
 
 
 def _regions(raw: RawMesh, volumes: list[int]) -> dict[str, IntArray]:
@@ -215,8 +215,8 @@ def _regions(raw: RawMesh, volumes: list[int]) -> dict[str, IntArray]:
         if block in volumes
     ]
     inside = np.unique(np.concatenate(pillar)) if pillar else np.empty(0, dtype=np.int64)
-    rest = np.setdiff1d(np.arange(total), inside)
-    return {name: cells for name, cells in (("plate", rest), ("pillar", inside)) if len(cells)}
+    others = np.setdiff1d(np.arange(total), inside)
+    return {name: cells for name, cells in (("plate", others), ("pillar", inside)) if len(cells)}
 
 
 def _faces(raw: RawMesh, mesh: Mesh, number: IntArray, file: str) -> dict[str, IntArray]:

@@ -147,10 +147,10 @@ def pillar_boxes(pillar: Pillar, settings: HexSettings, quarter: bool = True) ->
 
 
 @dataclass(frozen=True)
-class Piece:
-    """A rectangular piece of plate from (x0, y0) to (x1, y1), lengths in m, with a pillar's centre or None.
+class Panel:
+    """A rectangular panel of plate from (x0, y0) to (x1, y1), lengths in m, with a pillar's centre or None.
 
-    `halved` lists the axes along which only the half beyond the piece's middle is meshed (its mirrors), `free` the
+    `halved` lists the axes along which only the half beyond the panel's middle is meshed (its mirrors), `free` the
     sides (x-, x+, y-, y+) on which nothing is joined.
     """
 
@@ -162,32 +162,32 @@ class Piece:
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Centre of the piece, m."""
+        """Centre of the panel, m."""
         return ((self.low[0] + self.high[0]) / 2.0, (self.low[1] + self.high[1]) / 2.0)
 
 
-def piece_scene(piece: Piece, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Scene:
-    """A rectangular piece of plate, its own middle at the origin, with its pillar where it has one."""
-    middle = np.array(piece.middle)
+def panel_scene(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Scene:
+    """A rectangular panel of plate, its own middle at the origin, with its pillar where it has one."""
+    middle = np.array(panel.middle)
     spans = []
     for axis in (0, 1):
-        half = (piece.high[axis] - piece.low[axis]) / 2.0
-        spans.append(_span(half, False, axis in piece.halved))
-    feet = np.array([piece.foot]) - middle if piece.foot else np.empty((0, 2))
+        half = (panel.high[axis] - panel.low[axis]) / 2.0
+        spans.append(_span(half, False, axis in panel.halved))
+    feet = np.array([panel.foot]) - middle if panel.foot else np.empty((0, 2))
     return _plate_with_pillars(thickness_m, pillar, settings, feet, *spans)
 
 
-def piece_boxes(piece: Piece, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Boxes:
+def panel_boxes(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Boxes:
     """The boxes of `piece_scene`."""
-    return boxes_of(piece_scene(piece, thickness_m, pillar, settings))
+    return boxes_of(panel_scene(panel, thickness_m, pillar, settings))
 
 
 def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> Scene:
     """The unit cell pitch_x x pitch_y x thickness centred at the origin, one square pillar in its middle."""
     half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
     foot = (0.0, 0.0) if design.pillar else None
-    piece = Piece((-half_x, -half_y), (half_x, half_y), foot, (0, 1) if quarter else ())
-    return piece_scene(piece, design.thickness_m, design.pillar, settings)
+    panel = Panel((-half_x, -half_y), (half_x, half_y), foot, (0, 1) if quarter else ())
+    return panel_scene(panel, design.thickness_m, design.pillar, settings)
 
 
 def cell_boxes(design: Design, settings: HexSettings, quarter: bool = False) -> Boxes:

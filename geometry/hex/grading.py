@@ -29,8 +29,8 @@ def grid_lines(breaks: dict[float, bool], grading: Grading) -> FloatArray:
     `layers` times into the fractions factor and 1 - factor. Units: m. Source of the idea: babuska1981.
     """
     points = _merged(breaks)
-    pieces = [_interval(a, b, grading) for a, b in pairwise(points)]
-    return np.concatenate([[points[0][0]], *pieces])
+    panels = [_interval(a, b, grading) for a, b in pairwise(points)]
+    return np.concatenate([[points[0][0]], *panels])
 
 
 def interval_count(breaks: dict[float, bool], grading: Grading) -> int:

@@ -45,7 +45,7 @@ class TetOptions:
     """
 
     size: Size | None = None
-    finest_m: float | None = None
+    min_edge_m: float | None = None
     epsilon: float = 1 / 60
     attempts: int = 3
     threads: int = 0
@@ -113,7 +113,7 @@ def _request(body: Body, surface: CadSurface, edge_m: float, options: TetOptions
             lambda at: np.minimum(size(at / MM), edge_m) * MM,
             surface.points.min(axis=0),
             surface.points.max(axis=0),
-            MM * (options.finest_m or edge_m / 2.0),
+            MM * (options.min_edge_m or edge_m / 2.0),
         )
         request |= {"bg_vertices": points, "bg_tets": cells, "bg_values": values}
     return request
@@ -165,10 +165,10 @@ def check_parts(mesh: Mesh, body: Body) -> None:
         return
     volumes = {name: float(cell_volumes(mesh)[cells].sum()) for name, cells in mesh.regions.items()}
     for name, exact in body.part_volumes_m3().items():
-        rest = sum(volumes[region] for region in volumes if region not in body.bonds)
-        found = volumes.get(name, 0.0) if name in body.bonds else rest
-        if abs(found - exact) > PART_TOLERANCE * exact:
+        plate_volume = sum(volumes[region] for region in volumes if region not in body.bonds)
+        volume = volumes.get(name, 0.0) if name in body.bonds else plate_volume
+        if abs(volume - exact) > PART_TOLERANCE * exact:
             raise MeshError(
-                f"the {name} part of the mesh is {found / exact - 1.0:+.1e} off its CAD volume, "
+                f"the {name} part of the mesh is {volume / exact - 1.0:+.1e} off its CAD volume, "
                 f"allowed is {PART_TOLERANCE:.0e}: its face to the other material was not kept"
             )

@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 
 from geometry.cad import solids
-from geometry.hex.boxes import Piece
+from geometry.hex.boxes import Panel
 from geometry.layout import Design, Pillar
 from geometry.mesh import Mesh, check_mesh
 from geometry.patches import Patches
@@ -69,13 +69,13 @@ def tet_cell(design: Design, edge_m: float, quarter_then_mirror: bool = True, op
     return _whole(mesh) if quarter_then_mirror else mesh
 
 
-def tet_piece(design: Design, piece: Piece, edge_m: float, options: TetOptions = DEFAULTS) -> Mesh:
-    """A rectangular piece of the plate, its middle at the origin, finer near its pillar's foot."""
+def tet_panel(design: Design, panel: Panel, edge_m: float, options: TetOptions = DEFAULTS) -> Mesh:
+    """A rectangular panel of the plate, its middle at the origin, finer near its pillar's foot."""
     rim: Lines = []
-    if design.pillar and piece.foot:
-        x, y = np.array(piece.foot) - np.array(piece.middle)
+    if design.pillar and panel.foot:
+        x, y = np.array(panel.foot) - np.array(panel.middle)
         rim = [[(a + x, b + y, c) for a, b, c in line] for line in foot_rim(design.pillar, design.thickness_m)]
-    return tet_mesh(solids.piece_solid(design, piece), edge_m, options=graded(options, rim, edge_m))
+    return tet_mesh(solids.panel_solid(design, panel), edge_m, options=graded(options, rim, edge_m))
 
 
 def _whole(quarter: Mesh) -> Mesh:
@@ -90,7 +90,7 @@ def graded(options: TetOptions, lines: Lines, edge_m: float) -> TetOptions:
     if options.size is not None or not lines:
         return options
     fine = FINE * edge_m
-    return replace(options, size=NearSegments(np.array(lines), fine, edge_m, GROWTH), finest_m=fine)
+    return replace(options, size=NearSegments(np.array(lines), fine, edge_m, GROWTH), min_edge_m=fine)
 
 
 def foot_rim(pillar: Pillar, z: float) -> Lines:

@@ -49,8 +49,8 @@ class Boundary:
         """Boundary edges (k, 2), ends sorted, and the CAD faces that meet at each."""
         ends = np.sort(self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
         edges, number = np.unique(ends, axis=0, return_inverse=True)
-        found = _faces_at(number.ravel(), np.repeat(self.face_of, 3))
-        return edges, [found[i] for i in range(len(edges))]
+        faces = _faces_at(number.ravel(), np.repeat(self.face_of, 3))
+        return edges, [faces[i] for i in range(len(edges))]
 
 
 def find_boundary(vertices: FloatArray, cells: IntArray, part: IntArray, surface: CadSurface) -> Boundary:
@@ -108,11 +108,13 @@ def without_flat_cells(
             break
         share[poor] /= 2.0
         here = start + share[:, None] * (snapped - start)
-    held = np.flatnonzero((here != snapped).any(axis=1))
-    if len(held):
-        far = float(np.linalg.norm(here[held] - snapped[held], axis=1).max())
+    moved_back = np.flatnonzero((here != snapped).any(axis=1))
+    if len(moved_back):
+        far = float(np.linalg.norm(here[moved_back] - snapped[moved_back], axis=1).max())
         log.info(
-            "%d vertices stay up to %.2g mm off a curved face, where the whole way would flatten a cell", len(held), far
+            "%d vertices stay up to %.2g mm off a curved face, where the whole way would flatten a cell",
+            len(moved_back),
+            far,
         )
     return here
 

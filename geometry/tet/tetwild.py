@@ -28,13 +28,13 @@ def tetrahedralize(request: dict[str, Any], time_limit_s: float | None = None) -
     buffer = io.BytesIO()
     np.savez(buffer, **request)
     try:
-        found = _run(buffer.getvalue(), time_limit_s)
+        tetrahedra = _run(buffer.getvalue(), time_limit_s)
     except subprocess.TimeoutExpired as fault:
         raise MeshError(f"pytetwild did not finish within {time_limit_s:g} s") from fault
-    if found.returncode != 0:
-        last = (found.stderr.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
-        raise MeshError(f"pytetwild failed with exit code {found.returncode}: {last}")
-    with np.load(io.BytesIO(found.stdout)) as answer:
+    if tetrahedra.returncode != 0:
+        last = (tetrahedra.stderr.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
+        raise MeshError(f"pytetwild failed with exit code {tetrahedra.returncode}: {last}")
+    with np.load(io.BytesIO(tetrahedra.stdout)) as answer:
         vertices, cells = answer["vertices"], answer["cells"]
     if not len(cells):
         raise MeshError("pytetwild returned no tetrahedron")

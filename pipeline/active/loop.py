@@ -14,7 +14,7 @@ from pipeline.active.options import Found, compared, only_frequency_hz, quality,
 from pipeline.board import table_file
 from pipeline.board.table_file import ModeTable, TableError
 from pipeline.case.model import Case
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.measured.files import LARGEST
 from pipeline.records import outputs
@@ -43,16 +43,16 @@ def dq(arguments: Namespace, case: Case | None, log: Log) -> Found:
     study = dq_study(data)
     document = study.as_json() | {"measured": measured.as_json() if measured else None}
     files = _new_table(table, measured, log) if table and measured else {}
-    return Found(document, _lines(study, measured), lambda: plots_loop.drawings(study), files)
+    return Found(document, _lines(study, measured), lambda: plots_loop.report_figures(study), files)
 
 
 def _table(path: str) -> ModeTable:
     try:
         return table_file.from_bytes(Path(path).read_bytes())
     except OSError as fault:
-        raise InputFault(f"--table = {path}: {fault.strerror}") from fault
+        raise InputError(f"--table = {path}: {fault.strerror}") from fault
     except TableError as fault:
-        raise InputFault(f"--table = {path}: {fault}") from fault
+        raise InputError(f"--table = {path}: {fault}") from fault
 
 
 def _data(arguments: Namespace, case: Case | None, table: ModeTable | None, log: Log) -> DqData:
@@ -67,7 +67,7 @@ def _data(arguments: Namespace, case: Case | None, table: ModeTable | None, log:
     wanted = ModePlant.from_quality(frequency, quality(arguments, plant.quality), plant.gain)
     delays = arguments.delay or ()
     if len(delays) > 1:
-        raise InputFault(f"--delay: active dq takes one, {len(delays)} came")
+        raise InputError(f"--delay: active dq takes one, {len(delays)} came")
     return replace(
         data,
         wanted=wanted,
@@ -82,14 +82,14 @@ def _from_case(case: Case, log: Log) -> ModePlant:
 
     zone = predesign(case.design).zone
     if zone is None:
-        raise InputFault(f"{case.name}: [plate], [zone]: too little is given to size the zone")
+        raise InputError(f"{case.name}: [plate], [zone]: too little is given to size the zone")
     log.info(f"mode by predesign, {zone.frequency_hz:.0f} Hz; gain {WANTED_GAIN} assumed; --table takes computed modes")
     return ModePlant.from_quality(zone.frequency_hz, case.quality, WANTED_GAIN)
 
 
 def _from_table(data: DqData, table: ModeTable, log: Log) -> DqData:
     if not table.modes:
-        raise InputFault("--table: it holds shapes only, no mode")
+        raise InputError("--table: it holds shapes only, no mode")
     sensor: Sensor = "displacement" if table.senses_displacement else "velocity"
     mode = table.modes[table.wanted]
     unknown = sum(one.gain is None for one in table.modes)
@@ -125,8 +125,8 @@ def _velocity(plant: ModePlant, sensor: Sensor) -> ModePlant:
     return replace(plant, gain=float(np.copysign(abs(turned), complex(turned).real)))
 
 
-def _beyond_hold(found: Identified, data: DqData) -> float:
-    return max(found.delay_s - 0.5 / data.rates.sample_rate_hz, 0.0)
+def _beyond_hold(identified: Identified, data: DqData) -> float:
+    return max(identified.delay_s - 0.5 / data.rates.sample_rate_hz, 0.0)
 
 
 def _identified(arguments: Namespace, data: DqData) -> Identified:
@@ -139,30 +139,30 @@ def _sweep(path: str) -> Sweep:
         with Path(path).open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as fault:
-        raise InputFault(f"--sweep = {path}: cannot be read ({fault})") from fault
+        raise InputError(f"--sweep = {path}: cannot be read ({fault})") from fault
     values = []
     for number, row in enumerate(rows, start=2):
         try:
             values.append([float(row[column]) for column in COLUMNS])
         except (KeyError, TypeError, ValueError) as fault:
-            raise InputFault(f"--sweep = {path}: line {number}: must hold {', '.join(COLUMNS)}") from fault
+            raise InputError(f"--sweep = {path}: line {number}: must hold {', '.join(COLUMNS)}") from fault
     if not values:
-        raise InputFault(f"--sweep = {path}: no rows; columns must be {', '.join(COLUMNS)}")
+        raise InputError(f"--sweep = {path}: no rows; columns must be {', '.join(COLUMNS)}")
     columns = np.array(values)
     if not (np.abs(columns) <= LARGEST).all() or not np.abs(columns[:, 1:]).max() > 1.0 / LARGEST:
-        raise InputFault(f"--sweep = {path}: must hold finite numbers within {LARGEST:g}, not all of them 0")
+        raise InputError(f"--sweep = {path}: must hold finite numbers within {LARGEST:g}, not all of them 0")
     return Sweep(columns[:, 0], columns[:, 1] + 1j * columns[:, 2])
 
 
-def _new_table(table: ModeTable, found: Identified, log: Log) -> dict[str, bytes]:
+def _new_table(table: ModeTable, identified: Identified, log: Log) -> dict[str, bytes]:
     """The table with its wanted mode as measured, as binary and as header of the same bytes."""
-    plant = found.plant
+    plant = identified.plant
     mode = replace(
         table.modes[table.wanted],
         frequency_hz=plant.frequency_hz,
         tau_s=plant.tau_s,
         gain=plant.gain,
-        delay_s=found.delay_s,
+        delay_s=identified.delay_s,
         tau_identified=True,
         frequency_identified=True,
     )
@@ -174,7 +174,7 @@ def _new_table(table: ModeTable, found: Identified, log: Log) -> dict[str, bytes
             "mode_table.h": table_file.to_header(made).encode(),
         }
     except TableError as fault:
-        raise InputFault(f"--sweep: what it shows does not fit a mode table: {fault}") from fault
+        raise InputError(f"--sweep: what it shows does not fit a mode table: {fault}") from fault
     log.info("mode_table.bin and mode_table.h carry the measured mode (written with --out)")
     return files
 
@@ -184,7 +184,7 @@ def _lines(study: DqStudy, measured: Identified | None) -> list[str]:
     sampled = design["sampled"]
     head = ("name", "detuning_hz", "reference", "reached_95_s", "settled_5_s", "overshoot", "limited_periods")
     rows: list[list[Any]] = [[step.as_json()[key] for key in head] for step in (*study.steps, *study.windups)]
-    found = [
+    value = [
         f"mode {data.wanted.frequency_hz:.1f} Hz, quality {data.wanted.quality:.0f}, {len(data.neighbours)} neighbours",
         f"identified from a simulated sweep{' of the measured mode' if measured else ''}: "
         f"{plant.frequency_hz:.3f} Hz, tau {plant.tau_s * 1e3:.4f} ms, "
@@ -196,4 +196,4 @@ def _lines(study: DqStudy, measured: Identified | None) -> list[str]:
         f"sensitivity {study.margins.sensitivity:.2f}",
         outputs.table(head, rows),
     ]
-    return [*found, *compared(study.as_json()["comparison"])]
+    return [*value, *compared(study.as_json()["comparison"])]

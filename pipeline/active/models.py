@@ -11,7 +11,7 @@ from pipeline.active.options import Found, compared, frequencies_hz, number, onl
 from pipeline.case.limits import span
 from pipeline.case.model import Case, load_case
 from pipeline.case.quantities import parse_band
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.logs import Log, TerminalLog
 from pipeline.paths import STUDIES
 from pipeline.records import outputs
@@ -38,24 +38,24 @@ def run(arguments: Namespace) -> int:
     if case:
         outputs.of_case(arguments, case)
     try:
-        found = _models()[arguments.model](arguments, case, log)
+        model_result = _models()[arguments.model](arguments, case, log)
     except SolverError as fault:  # these models have no meshes and no iterations: what stops them is what was asked
-        raise InputFault(f"active {arguments.model}: {' '.join(str(fault).split())}") from fault
-    outputs.emit(arguments, f"active_{arguments.model}", found.document, "\n".join(found.lines))
+        raise InputError(f"active {arguments.model}: {' '.join(str(fault).split())}") from fault
+    outputs.emit(arguments, f"active_{arguments.model}", model_result.document, "\n".join(model_result.lines))
     if arguments.out:
-        _write(arguments, found)
+        _write(arguments, model_result)
     return 0
 
 
-def _write(arguments: Namespace, found: Found) -> None:
+def _write(arguments: Namespace, model_result: Found) -> None:
     from pipeline.plots import style
 
     folder = outputs.folder(arguments.out)
-    for name, data in found.files.items():
+    for name, data in model_result.files.items():
         outputs.write_file(folder / name, data)
     with style.style():
-        for drawing in found.drawings():
-            style.save(drawing, folder)
+        for report_figure in model_result.report_figures():
+            style.save(report_figure, folder)
 
 
 def _models() -> dict[str, Callable[[Namespace, Case | None, Log], Found]]:
@@ -68,8 +68,8 @@ def _refuse_foreign_options(arguments: Namespace) -> None:
     takes = TAKES[arguments.model]
     for name in sorted({option for options in TAKES.values() for option in options}):
         if getattr(arguments, name) and name not in takes:
-            told = ", ".join(f"--{option}" for option in takes)
-            raise InputFault(f"--{name}: active {arguments.model} does not take it; it takes {told}")
+            listed = ", ".join(f"--{option}" for option in takes)
+            raise InputError(f"--{name}: active {arguments.model} does not take it; it takes {listed}")
 
 
 def _case(arguments: Namespace) -> Case | None:
@@ -77,7 +77,7 @@ def _case(arguments: Namespace) -> Case | None:
         return load_case(STUDIES / "three-rows.toml", arguments.set)
     if arguments.case is None:
         if arguments.set:
-            raise InputFault("--set: needs a CASE to change")
+            raise InputError("--set: needs a CASE to change")
         return None
     return load_case(arguments.case, arguments.set)
 
@@ -121,7 +121,7 @@ def _mason_band(text: str, target_hz: float) -> tuple[float, float]:
         limit = (
             f"must end at {MASON_HIGHEST * target_hz / 1e3:g} kHz or below, {MASON_HIGHEST} times the mode to confine"
         )
-        raise InputFault(f"--band = {text!r}: {limit}: the waves beyond are shorter than the bar is thick")
+        raise InputError(f"--band = {text!r}: {limit}: the waves beyond are shorter than the bar is thick")
     return low, high
 
 
@@ -129,8 +129,8 @@ def _refuse_empty(text: str, study: MasonStudy, whole: MasonStudy) -> None:
     """InputFault, with where the modes are, when neither of the three lines has one in the band."""
     if not any(len(modes) for modes in study.modes_hz.values()):
         every = [float(mode) for modes in whole.modes_hz.values() for mode in modes]
-        told = f"from {min(every) / 1e3:.4g} to {max(every) / 1e3:.4g} kHz, {len(every)} of them"
-        raise InputFault(f"--band = {text!r}: holds no mode of the three bars; they have modes {told}")
+        listed = f"from {min(every) / 1e3:.4g} to {max(every) / 1e3:.4g} kHz, {len(every)} of them"
+        raise InputError(f"--band = {text!r}: holds no mode of the three bars; they have modes {listed}")
 
 
 def _pillar(arguments: Namespace, case: Case | None, log: Log) -> Found:
@@ -146,12 +146,12 @@ def _pillar(arguments: Namespace, case: Case | None, log: Log) -> Found:
     band = parse_band(arguments.band, "--band") if arguments.band else None
     loss = 1.0 / quality(arguments, case.quality if "damping" in case.given else inf)
     low, high = band or _pillar_window(case)
-    found = pillar_filter(case.design, np.linspace(low, high, 801), loss)
+    pillar_row = pillar_filter(case.design, np.linspace(low, high, 801), loss)
     point = point_force()
     cell = _computed_cell(case, log, (low, high)) if arguments.cell else None
-    entries = [entry.as_json() for entry in pillar_entries(found, point, cell)]
-    document = found.as_json() | {"point_force": point.as_json(), "cell": cell, "comparison": entries}
-    return Found(document, compared(entries), lambda: plots.pillar(found, point, cell))
+    entries = [entry.as_json() for entry in pillar_entries(pillar_row, point, cell)]
+    document = pillar_row.as_json() | {"point_force": point.as_json(), "cell": cell, "comparison": entries}
+    return Found(document, compared(entries), lambda: plots.pillar(pillar_row, point, cell))
 
 
 def _pillar_window(case: Case) -> tuple[float, float]:
@@ -171,11 +171,11 @@ def _computed_cell(case: Case, log: Log, band_hz: tuple[float, float]) -> dict[s
     """Decay per row of the least attenuated flexural wave of the computed plate cell at normal incidence."""
     from pipeline.analysis import attenuation
 
-    found = attenuation.solve(case, log, band_hz, 0.0, 81)
+    attenuation_result = attenuation.solve(case, log, band_hz, 0.0, 81)
     return {
-        "model": found.model,
-        "frequencies_hz": [point.frequency_hz for point in found.points],
-        "db_per_row": [point.db_per_row for point in found.points],
+        "model": attenuation_result.model,
+        "frequencies_hz": [point.frequency_hz for point in attenuation_result.points],
+        "db_per_row": [point.db_per_row for point in attenuation_result.points],
     }
 
 
@@ -193,7 +193,7 @@ def _beam(arguments: Namespace, case: Case | None, log: Log) -> Found:
     for text, gain in zip(arguments.gain or (), gains, strict=False):
         if not GAIN_N_M[0] <= gain <= GAIN_N_M[1]:
             allowed = f"must be a number above 0 in N/m, {span(GAIN_N_M)} (0 leaves the loops open)"
-            raise InputFault(f"--gain = {text}: {allowed}")
+            raise InputError(f"--gain = {text}: {allowed}")
     delays = tuple(seconds(text, "--delay") for text in arguments.delay or ()) or data.delays_s
     data = replace(
         data,
@@ -204,11 +204,11 @@ def _beam(arguments: Namespace, case: Case | None, log: Log) -> Found:
     )
     study = active_beam_study(data)
     document = study.as_json() | {"comparison": [entry.as_json() for entry in entries(study)]}
-    shown = f"{data.length_m * 1e3:g} x {data.width_m * 1e3:g} x {data.thickness_m * 1e3:g} mm"
+    size = f"{data.length_m * 1e3:g} x {data.width_m * 1e3:g} x {data.thickness_m * 1e3:g} mm"
     head = ("layout", "frequency_hz", "gain_n_m", "strength", "ratio_before", "ratio_after", "largest_force_n")
     rows = [[case[key] for key in head] for case in document["cases"]]
     lines = [
-        f"free-free {data.material.name} strip {shown}, 1 N in the middle, loops {study.left_m * 1e3:.1f} mm from both ends; "
+        f"free-free {data.material.name} strip {size}, 1 N in the middle, loops {study.left_m * 1e3:.1f} mm from both ends; "
         f"strength = K'/(4 EI beta^3), ratio = rms between the loops over rms beyond",
         outputs.table(head, rows),
         *compared(document["comparison"]),
@@ -231,4 +231,4 @@ def _shaping(arguments: Namespace, case: Case | None, log: Log) -> Found:
     study = shaping_study(data)
     document = document_of(study) | {"comparison": [entry.as_json() for entry in entries(study)]}
     lines = [*(f"assumed: {text}" for text in document["assumptions"]), *compared(document["comparison"])]
-    return Found(document, lines, lambda: plots_shaping.drawings(study))
+    return Found(document, lines, lambda: plots_shaping.report_figures(study))

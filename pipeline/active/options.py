@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.case.limits import QUALITY, span
 from pipeline.case.quantities import parse_frequency
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 
 if TYPE_CHECKING:
-    from pipeline.plots.style import Drawing
+    from pipeline.plots.style import ReportFigure
 
-LONGEST_S = 1.0  # of a loop's times: a slower one controls no vibration
+MAX_DURATION_S = 1.0  # of a loop's times: a slower one controls no vibration
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 
@@ -25,7 +25,7 @@ class Found:
 
     document: dict[str, Any]
     lines: list[str]
-    drawings: Callable[[], list[Drawing]]
+    report_figures: Callable[[], list[ReportFigure]]
     files: dict[str, bytes] = field(default_factory=dict)
 
 
@@ -36,10 +36,10 @@ def frequencies_hz(arguments: Namespace, default: tuple[float, ...]) -> tuple[fl
 
 def only_frequency_hz(arguments: Namespace, default: float) -> float:
     """The one --frequency in Hz, or the default. InputFault when there are several."""
-    found = frequencies_hz(arguments, (default,))
-    if len(found) > 1:
-        raise InputFault(f"--frequency: active {arguments.model} takes one, {len(found)} came")
-    return found[0]
+    value = frequencies_hz(arguments, (default,))
+    if len(value) > 1:
+        raise InputError(f"--frequency: active {arguments.model} takes one, {len(value)} came")
+    return value[0]
 
 
 def quality(arguments: Namespace, default: float) -> float:
@@ -49,7 +49,7 @@ def quality(arguments: Namespace, default: float) -> float:
     value = number(arguments.quality)
     if not (QUALITY[0] <= value <= QUALITY[1] or value == inf):
         allowed = f"must be a number above 0, {span(QUALITY)}, or inf for no losses"
-        raise InputFault(f"--quality = {arguments.quality}: {allowed}")
+        raise InputError(f"--quality = {arguments.quality}: {allowed}")
     return value
 
 
@@ -58,11 +58,11 @@ def seconds(text: str, what: str) -> float:
     for unit in ("ms", "us", "s"):
         if text.strip().endswith(unit):
             value = number(text.strip()[: -len(unit)])
-            if 0.0 <= value * SECONDS[unit] <= LONGEST_S:
+            if 0.0 <= value * SECONDS[unit] <= MAX_DURATION_S:
                 return value * SECONDS[unit]
             break
-    limit = f"must be a time of 0 or more in s, ms or us, such as 4us, and at most {LONGEST_S:g} s"
-    raise InputFault(f"{what} = {text!r}: {limit}")
+    limit = f"must be a time of 0 or more in s, ms or us, such as 4us, and at most {MAX_DURATION_S:g} s"
+    raise InputError(f"{what} = {text!r}: {limit}")
 
 
 def number(text: str) -> float:

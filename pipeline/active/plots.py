@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.plots import style as plots_style
-from pipeline.plots.style import Drawing
+from pipeline.plots.style import ReportFigure
 
 if TYPE_CHECKING:
     from solvers.active_beam.study import ActiveBeamStudy, Case
@@ -25,7 +25,7 @@ LAYOUTS = {
 }
 
 
-def mason(study: MasonStudy) -> Drawing:
+def mason(study: MasonStudy) -> ReportFigure:
     """Figures 1.24 to 1.27: joint velocities clamped, free, free with filters, and the filter's impedance."""
     figure = plots_style.new_figure(plots_style.WIDTH_IN, 5.4)
     panels = figure.subplots(2, 2, sharex=True)
@@ -53,15 +53,15 @@ def mason(study: MasonStudy) -> Drawing:
         f"filter's impedance. With filters a mode at {target:.2f} kHz stays between them: inner joints lie "
         f"{study.confinement_filtered_db:.0f} dB above outer ones, against {study.confinement_bare_db:.0f} dB without."
     )
-    return Drawing("mason", "A band-reject filter confines a mode", alt, figure, vector=True)
+    return ReportFigure("mason", "A band-reject filter confines a mode", alt, figure, vector=True)
 
 
-def pillar(found: PillarFilter, point: PointForce, cell: dict[str, Any] | None) -> list[Drawing]:
+def pillar(pillar_row: PillarFilter, point: PointForce, cell: dict[str, Any] | None) -> list[ReportFigure]:
     """Figure 3.2, then the design's rows over frequency."""
-    return [_point_force(point), _rows(found, cell)]
+    return [_point_force(point), _rows(pillar_row, cell)]
 
 
-def _point_force(point: PointForce) -> Drawing:
+def _point_force(point: PointForce) -> ReportFigure:
     figure = plots_style.new_figure(plots_style.WIDTH_IN, 3.0)
     axes = figure.subplots()
     styles = {"spring": "-", "pinned": "--", "printed damper": "-.", "printed force": ":"}
@@ -71,7 +71,7 @@ def _point_force(point: PointForce) -> Drawing:
         "printed damper": "damper of (3.21)",
         "printed force": "force of (3.19)",
     }
-    labels = {name: f"{told}: |t|² = {point.of(name).transmitted:.2g}" for name, told in kinds.items()}
+    labels = {name: f"{verdict}: |t|² = {point.of(name).transmitted:.2g}" for name, verdict in kinds.items()}
     for (name, style), colour in zip(styles.items(), plots_style.CYCLE, strict=False):
         axes.plot(point.x_over_wavelength, np.abs(point.of(name).deflection), style, color=colour, label=labels[name])
     axes.axvline(0.0, color=plots_style.GREY, lw=0.8, ls=":")
@@ -84,28 +84,28 @@ def _point_force(point: PointForce) -> Drawing:
         f"Amplitude along a beam met by one point: a spring 4 EI beta^3 passes {point.of('spring').transmitted:.0%} of the "
         f"power, a pinned point {point.of('pinned').transmitted:.0%}, the damper {point.of('printed damper').transmitted:.0%}."
     )
-    return Drawing("point_force", "One point on an endless beam", alt, figure, vector=True)
+    return ReportFigure("point_force", "One point on an endless beam", alt, figure, vector=True)
 
 
-def _rows(found: PillarFilter, cell: dict[str, Any] | None) -> Drawing:
+def _rows(pillar_row: PillarFilter, cell: dict[str, Any] | None) -> ReportFigure:
     figure = plots_style.new_figure(plots_style.WIDTH_IN, 4.8)
     power, decay = figure.subplots(2, 1, sharex=True)
-    f = found.frequencies_hz * KHZ
-    for number, (share, colour) in enumerate(zip(found.transmitted, plots_style.CYCLE, strict=False), start=1):
+    f = pillar_row.frequencies_hz * KHZ
+    for number, (share, colour) in enumerate(zip(pillar_row.transmitted, plots_style.CYCLE, strict=False), start=1):
         power.semilogy(f, np.maximum(share, 1e-6), color=colour, label=f"{number} row{'s' if number > 1 else ''}")
     power.set_ylabel("transmitted power / incident")
     power.set_title("Rows of pillars on a strip, normal incidence")
     power.set_ylim(1e-6, 2.0)
     marks = {
-        "pillar clamped": found.clamped_hz,
-        "its moment alone stops": found.stopped_hz,
-        "oscillator stops": found.oscillator_stopped_hz,
+        "pillar clamped": pillar_row.clamped_hz,
+        "its moment alone stops": pillar_row.stopped_hz,
+        "oscillator stops": pillar_row.oscillator_stopped_hz,
     }
     for (name, tone), style in zip(marks.items(), ("--", "-", ":"), strict=True):
         for axes in (power, decay):
             axes.axvline(tone * KHZ, color=plots_style.GREY, lw=0.9, ls=style, label=name if axes is power else None)
     power.legend(fontsize=7, ncols=2)
-    decay.plot(f, found.decay_db, color=plots_style.BLUE, label="endless row on a strip")
+    decay.plot(f, pillar_row.decay_db, color=plots_style.BLUE, label="endless row on a strip")
     if cell:
         levels = np.array([np.nan if value is None else value for value in cell["db_per_row"]])
         decay.plot(
@@ -120,19 +120,21 @@ def _rows(found: PillarFilter, cell: dict[str, Any] | None) -> Drawing:
     decay.set_xlabel("frequency (kHz)")
     decay.legend(fontsize=7)
     alt = (
-        f"Power through rows of pillars over frequency: one pillar's moment stops it at {found.stopped_hz * KHZ:.2f} kHz, its "
-        f"clamped resonance is at {found.clamped_hz * KHZ:.2f} kHz; an oscillator of its mass and resonance would stop it at "
-        f"{found.oscillator_stopped_hz * KHZ:.2f} kHz."
+        f"Power through rows of pillars over frequency: one pillar's moment stops it at "
+        f"{pillar_row.stopped_hz * KHZ:.2f} kHz, its "
+        f"clamped resonance is at {pillar_row.clamped_hz * KHZ:.2f} kHz; an oscillator of its mass and resonance "
+        "would stop it at "
+        f"{pillar_row.oscillator_stopped_hz * KHZ:.2f} kHz."
     )
-    return Drawing("pillar_rows", "Rows of pillars as a filter", alt, figure, vector=True)
+    return ReportFigure("pillar_rows", "Rows of pillars as a filter", alt, figure, vector=True)
 
 
-def beam(study: ActiveBeamStudy) -> list[Drawing]:
+def beam(study: ActiveBeamStudy) -> list[ReportFigure]:
     """Figures 3.5 to 3.8, then what gain and place do."""
     return [_shapes(study), _sensitivity(study)]
 
 
-def _shapes(study: ActiveBeamStudy) -> Drawing:
+def _shapes(study: ActiveBeamStudy) -> ReportFigure:
     data = study.data
     first, last, weak, strong = data.frequencies_hz[0], data.frequencies_hz[-1], data.gains_n_m[0], data.gains_n_m[-1]
     rows = (
@@ -158,12 +160,13 @@ def _shapes(study: ActiveBeamStudy) -> Drawing:
         axes.set_ylabel("|w| (µm)")
         axes.set_ylim(0, 1.5 * max(line.get_ydata().max() for line in axes.lines[: len(cases) + 1]))
         axes.legend(fontsize=6.5, loc="upper center")
-    told = study.case("point", first, strong)
+    verdict = study.case("point", first, strong)
     alt = (
         f"Amplitude along a free-free strip under {data.force_n:g} N in its middle without and with velocity feedback at the "
-        f"marked places; rms inside over beyond is {told.after.ratio:.2f} with one force a side, {told.before.ratio:.2f} open."
+        f"marked places; rms inside over beyond is {verdict.after.ratio:.2f} with one force a side, "
+        f"{verdict.before.ratio:.2f} open."
     )
-    return Drawing("active_beam", "Active pillars on a free-free strip", alt, figure, vector=True)
+    return ReportFigure("active_beam", "Active pillars on a free-free strip", alt, figure, vector=True)
 
 
 def _label(study: ActiveBeamStudy, title: str, case: Case) -> str:
@@ -175,7 +178,7 @@ def _named(study: ActiveBeamStudy, layout: str) -> str:
     return LAYOUTS[layout] + (" (unstable)" if max(loop.growth_per_s) > 0.0 else "")
 
 
-def _sensitivity(study: ActiveBeamStudy) -> Drawing:
+def _sensitivity(study: ActiveBeamStudy) -> ReportFigure:
     figure = plots_style.new_figure(plots_style.WIDTH_IN, 3.4)
     gain, place = figure.subplots(1, 2)
     for (name, ratios), colour, style in zip(
@@ -199,6 +202,6 @@ def _sensitivity(study: ActiveBeamStudy) -> Drawing:
     place.set_ylim(top=8.0 * place.get_ylim()[1])
     place.legend(fontsize=6.0, loc="upper left", ncols=2)
     best = {name: float(study.sweep_places_m[values.argmax()]) * MM for name, values in study.place_sweep.items()}
-    told = ", ".join(f"{name} {at:.0f} mm" for name, at in best.items())
-    alt = f"Confinement by active pillars over gain and over their place; best places: {told}."
-    return Drawing("active_beam_sensitivity", "What gain and place do", alt, figure, vector=True)
+    verdict = ", ".join(f"{name} {at:.0f} mm" for name, at in best.items())
+    alt = f"Confinement by active pillars over gain and over their place; best places: {verdict}."
+    return ReportFigure("active_beam_sensitivity", "What gain and place do", alt, figure, vector=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.plots import style as plots_style
-from pipeline.plots.style import Drawing
+from pipeline.plots.style import ReportFigure
 
 if TYPE_CHECKING:
     from solvers.control.dq_study import DqStudy
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 MS, DEG = 1e3, 180.0 / np.pi
 
 
-def drawings(study: DqStudy) -> list[Drawing]:
+def report_figures(study: DqStudy) -> list[ReportFigure]:
     """Step, circle, Bode."""
     return [step(study), circle(study), bode(study)]
 
 
-def step(study: DqStudy) -> Drawing:
+def step(study: DqStudy) -> ReportFigure:
     """Figure 2.21 computed, detuned too, and a saturated step for each anti-windup."""
     figure = plots_style.new_figure(plots_style.WIDTH_IN, 5.2)
     small, large = figure.subplots(2, 1, sharex=True)
@@ -43,23 +43,23 @@ def step(study: DqStudy) -> Drawing:
         axes.set_ylabel("U / reference")
         axes.set_xlim(0, 10)
         axes.legend(fontsize=7)
-    reached = study.asked.trace.reached_s() * MS
+    reached = study.query.trace.reached_s() * MS
     alt = (
         f"Step response of the closed loop at the firmware's rates: 95 % after {reached:.2f} ms, overshoot "
-        f"{100 * study.asked.trace.overshoot():.1f} %; a saturated step with three treatments of the integral."
+        f"{100 * study.query.trace.overshoot():.1f} %; a saturated step with three treatments of the integral."
     )
-    return Drawing("dq_step", "Step response of the closed loop", alt, figure, vector=True)
+    return ReportFigure("dq_step", "Step response of the closed loop", alt, figure, vector=True)
 
 
-def circle(study: DqStudy) -> Drawing:
+def circle(study: DqStudy) -> ReportFigure:
     """The sweep in the plane of U with its delay taken out, and the phase about the circle's centre."""
     figure = plots_style.new_figure(plots_style.WIDTH_IN, 3.4)
     plane, phase = figure.subplots(1, 2, width_ratios=[1.0, 1.3])
-    found, f = study.identified, study.sweep.frequencies_hz
-    straight = study.sweep.response * np.exp(2j * np.pi * f * found.delay_s)
+    identified, f = study.identified, study.sweep.frequencies_hz
+    straight = study.sweep.response * np.exp(2j * np.pi * f * identified.delay_s)
     if study.data.sensor == "displacement":
-        straight = straight * 1j * f / found.plant.frequency_hz
-    around = found.circle.centre + found.circle.radius * np.exp(1j * np.linspace(0, 2 * np.pi, 200))
+        straight = straight * 1j * f / identified.plant.frequency_hz
+    around = identified.circle.centre + identified.circle.radius * np.exp(1j * np.linspace(0, 2 * np.pi, 200))
     plane.plot(around.real, around.imag, color=plots_style.GREY, lw=0.9, label="fit")
     plane.plot(straight.real, straight.imag, "o", ms=2.5, color=plots_style.BLUE, label="sweep")
     plane.set_aspect("equal")
@@ -67,23 +67,23 @@ def circle(study: DqStudy) -> Drawing:
     plane.set_ylabel("U_q / V")
     plane.set_title("Circle")
     plane.legend(fontsize=7)
-    angles = np.unwrap(np.angle(straight - found.circle.centre)) * DEG
-    detuning = f - found.plant.frequency_hz
-    fitted = -2.0 * np.arctan(2.0 * np.pi * detuning * found.plant.tau_s) * DEG
+    angles = np.unwrap(np.angle(straight - identified.circle.centre)) * DEG
+    detuning = f - identified.plant.frequency_hz
+    fitted = -2.0 * np.arctan(2.0 * np.pi * detuning * identified.plant.tau_s) * DEG
     phase.plot(detuning, angles, "o", ms=2.5, color=plots_style.BLUE, label="sweep")
     phase.plot(detuning, fitted + np.median(angles - fitted), color=plots_style.GREY, lw=0.9, label="-2 atan(τ δω)")
     phase.set_xlabel("detuning (Hz)")
     phase.set_ylabel("angle about the centre (degrees)")
-    phase.set_title(f"{found.plant.frequency_hz:.2f} Hz, τ = {found.plant.tau_s * MS:.3f} ms")
+    phase.set_title(f"{identified.plant.frequency_hz:.2f} Hz, τ = {identified.plant.tau_s * MS:.3f} ms")
     phase.legend(fontsize=7)
     alt = (
-        f"Response about resonance as a circle of diameter {2 * found.circle.radius:.3f}, and its phase, which gives "
-        f"{found.plant.frequency_hz:.2f} Hz and a time constant of {found.plant.tau_s * MS:.3f} ms."
+        f"Response about resonance as a circle of diameter {2 * identified.circle.radius:.3f}, and its phase, which gives "
+        f"{identified.plant.frequency_hz:.2f} Hz and a time constant of {identified.plant.tau_s * MS:.3f} ms."
     )
-    return Drawing("dq_circle", "Identification by circle and phase", alt, figure, vector=True)
+    return ReportFigure("dq_circle", "Identification by circle and phase", alt, figure, vector=True)
 
 
-def bode(study: DqStudy) -> Drawing:
+def bode(study: DqStudy) -> ReportFigure:
     """Open and closed loop of the envelope, as designed in continuous time and as sampled."""
     from solvers.control.dq_study import envelope_frequencies
 
@@ -113,4 +113,4 @@ def bode(study: DqStudy) -> Drawing:
         f"Bode diagram of the amplitude's loop: gain margin {study.margins.gain:.1f}, the carrier's phase may be off by "
         f"{study.margins.phase_deg:.0f} degrees."
     )
-    return Drawing("dq_bode", "Bode diagram of the amplitude's loop", alt, figure, vector=True)
+    return ReportFigure("dq_bode", "Bode diagram of the amplitude's loop", alt, figure, vector=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.plots import style as plots_style
-from pipeline.plots.style import Drawing
+from pipeline.plots.style import ReportFigure
 from solvers.shaping.acoustic_contrast import REGIONS, region_target
 from solvers.shaping.inversion import drive_voltages
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 KHZ, MM, CM = 1e-3, 1e3, 1e2
 
 
-def drawings(study: ShapingStudy) -> list[Drawing]:
+def report_figures(study: ShapingStudy) -> list[ReportFigure]:
     """Conditioning, patterns, travelling waves."""
     return [conditioning(study), patterns(study), travelling(study)]
 
 
-def conditioning(study: ShapingStudy) -> Drawing:
+def conditioning(study: ShapingStudy) -> ReportFigure:
     """Coupling index and condition number of T over frequency for every beam and signal."""
     figure = plots_style.new_figure(plots_style.WIDTH_IN, 4.8)
     index, number = figure.subplots(2, 1, sharex=True)
@@ -44,16 +44,16 @@ def conditioning(study: ShapingStudy) -> Drawing:
     number.set_xlabel("frequency (kHz)")
     figure.legend(*index.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=7)
     alt = "Coupling index and condition number of the matrix from actuators to sensors over frequency, beam by beam."
-    return Drawing("shaping_conditioning", "How well T can be inverted", alt, figure, vector=True)
+    return ReportFigure("shaping_conditioning", "How well T can be inverted", alt, figure, vector=True)
 
 
-def patterns(study: ShapingStudy) -> Drawing:
+def patterns(study: ShapingStudy) -> ReportFigure:
     """Amplitude along each beam with two neighbouring sensors held at one and the others at zero, left, middle, right."""
-    shown = [(beam, beam.signals[0]) for beam in study.beams]
-    figure = plots_style.new_figure(plots_style.WIDTH_IN, 1.7 * len(shown) + 0.6)
-    panels = figure.subplots(len(shown), len(REGIONS), squeeze=False, sharey="row")
+    signals = [(beam, beam.signals[0]) for beam in study.beams]
+    figure = plots_style.new_figure(plots_style.WIDTH_IN, 1.7 * len(signals) + 0.6)
+    panels = figure.subplots(len(signals), len(REGIONS), squeeze=False, sharey="row")
     frequency = study.data.frequencies_hz[-1]
-    for row, (beam, signal) in zip(panels, shown, strict=True):
+    for row, (beam, signal) in zip(panels, signals, strict=True):
         field, matrix = beam.field(frequency), beam.matrix(frequency, signal)
         for axes, region in zip(row, REGIONS, strict=True):
             for alternate, colour, name in (
@@ -74,10 +74,10 @@ def patterns(study: ShapingStudy) -> Drawing:
         axes.set_xlabel(f"x (mm), held {region}")
     panels[0, -1].legend(fontsize=6.5)
     alt = f"Amplitude along each beam at {frequency * KHZ:g} kHz with the left, middle or right third of the sensors held."
-    return Drawing("shaping_patterns", "Held left, in the middle, right", alt, figure, vector=True)
+    return ReportFigure("shaping_patterns", "Held left, in the middle, right", alt, figure, vector=True)
 
 
-def travelling(study: ShapingStudy) -> Drawing:
+def travelling(study: ShapingStudy) -> ReportFigure:
     """Travelling-wave ratio over the wavelength asked for at the sensors."""
     tones = study.data.frequencies_hz
     figure = plots_style.new_figure(plots_style.WIDTH_IN, 3.6)
@@ -94,4 +94,4 @@ def travelling(study: ShapingStudy) -> Drawing:
     panels[0].set_ylabel("TWR = 1 - SWR")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=7)
     alt = "Travelling-wave ratio over the wavelength asked for at the sensors, beam by beam and frequency by frequency."
-    return Drawing("shaping_travelling", "Travelling waves", alt, figure, vector=True)
+    return ReportFigure("shaping_travelling", "Travelling waves", alt, figure, vector=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from solvers.control.comparison import Entry, judged
+from solvers.control.comparison import Entry, agreement
 
 if TYPE_CHECKING:
     from solvers.active_beam.study import ActiveBeamStudy, Case
@@ -29,7 +29,9 @@ def _where(case: Case) -> str:
 def _equal(study: ActiveBeamStudy) -> Entry:
     case, pair = _first(study, "point"), _first(study, "pair")
     ours = f"rms inside / beyond {case.after.ratio:.2f}; two points a side {pair.after.ratio:.2f} ({_amplitudes(pair)})"
-    return Entry(f"equal forces, {_where(case)}", "/3 beyond the control points", ours, judged(case.after.ratio, 3.0))
+    return Entry(
+        f"equal forces, {_where(case)}", "/3 beyond the control points", ours, agreement(case.after.ratio, 3.0)
+    )
 
 
 def _amplitudes(case: Case) -> str:
@@ -42,11 +44,13 @@ def _amplitudes(case: Case) -> str:
 def _couples(study: ActiveBeamStudy) -> Entry:
     case = _first(study, "couple")
     gain = case.after.inside_max / case.before.inside_max
-    told = f"{judged(gain, 3.0)} in the amplitude inside"
+    verdict = f"{agreement(gain, 3.0)} in the amplitude inside"
     if case.after.ratio < CONFINED:
         at, best = _best_place(study, "couple")
-        told += f"; an antinode has no slope to hold: {at * 1e3:.0f} mm from an end a couple gives {best:.1f}"
-    return Entry(f"couples on relative velocity, {_where(case)}", "2 -> 6 um inside, factor 6", _amplitudes(case), told)
+        verdict += f"; an antinode has no slope to hold: {at * 1e3:.0f} mm from an end a couple gives {best:.1f}"
+    return Entry(
+        f"couples on relative velocity, {_where(case)}", "2 -> 6 um inside, factor 6", _amplitudes(case), verdict
+    )
 
 
 def _best_place(study: ActiveBeamStudy, layout: str) -> tuple[float, float]:
@@ -59,16 +63,18 @@ def _opposed(study: ActiveBeamStudy) -> Entry:
     case = _first(study, "opposed")
     loop = next(one for one in study.stability if one.layout == "opposed")
     gain = case.after.inside_max / case.before.inside_max
-    told = f"{judged(gain, 3.0)} in the amplitude inside; "
+    verdict = f"{agreement(gain, 3.0)} in the amplitude inside; "
     if max(loop.growth_per_s) > 0.0:
-        told += f"but half of its loops drive what they sense: poles grow from K' = {loop.unstable_from_n_m:.0f} N/m on"
+        verdict += (
+            f"but half of its loops drive what they sense: poles grow from K' = {loop.unstable_from_n_m:.0f} N/m on"
+        )
     else:
-        told += "stable"
+        verdict += "stable"
     return Entry(
         f"opposed forces, each of its own velocity, {_where(case)}",
         "2 -> 6 um inside, factor 6",
         _amplitudes(case),
-        told,
+        verdict,
     )
 
 
@@ -79,12 +85,12 @@ def _gain(study: ActiveBeamStudy) -> Entry:
         f"K' = {case.gain_n_m:g}: {case.strength:.1f} x 4EIb3, rms ratio {case.after.ratio:.2f}" for case in cases
     )
     if len(cases) == 1:
-        told = "not compared: one gain was given, the contrast takes two"
+        verdict = "not compared: one gain was given, the contrast takes two"
     elif len({case.after.ratio >= CONFINED for case in cases}) == 1:
-        told = "differs: on this strip both gains lie on the same side of 4EI beta^3; their contrast asks for a stiffer beam"
+        verdict = "differs: on this strip both gains lie on the same side of 4EI beta^3; their contrast asks for a stiffer beam"
     else:
-        told = "agrees: the two gains lie on both sides of 4EI beta^3"
-    return Entry("the larger gain confines, the smaller does not", "1e8 works, 1e7 does not", ours, told)
+        verdict = "agrees: the two gains lie on both sides of 4EI beta^3"
+    return Entry("the larger gain confines, the smaller does not", "1e8 works, 1e7 does not", ours, verdict)
 
 
 def _higher(study: ActiveBeamStudy) -> Entry:
@@ -93,21 +99,21 @@ def _higher(study: ActiveBeamStudy) -> Entry:
     ours = ", ".join(f"{name} {case.after.ratio:.2f}" for name, case in cases.items())
     fails = [name for name, case in cases.items() if case.after.ratio < CONFINED]
     if len(tones) == 1:
-        told = "not compared: one frequency was given, the contrast takes two"
+        verdict = "not compared: one frequency was given, the contrast takes two"
     elif fails:
-        told = f"agrees for {' and '.join(fails)}: the loops stand near nodes now"
+        verdict = f"agrees for {' and '.join(fails)}: the loops stand near nodes now"
     else:
-        told = "differs: it is confined here"
+        verdict = "differs: it is confined here"
     if len(tones) > 1 and len(fails) == 1:
-        told += "; a second point within half a wavelength holds what the first one misses"
-    return Entry(f"the same at {_where(cases['point'])}", "fails", f"rms ratio: {ours}", told)
+        verdict += "; a second point within half a wavelength holds what the first one misses"
+    return Entry(f"the same at {_where(cases['point'])}", "fails", f"rms ratio: {ours}", verdict)
 
 
 def _force(study: ActiveBeamStudy) -> Entry:
     case = _first(study, "point")
     ours = f"{case.force_n:.2f} N steady, {case.switch_on_n:.0f} N when the loops close on the moving beam"
-    told = "agrees for the transient only" if case.switch_on_n >= 100.0 > case.force_n else "differs"
-    return Entry(f"force, {_where(case)}", "may exceed 100 N", ours, told)
+    verdict = "agrees for the transient only" if case.switch_on_n >= 100.0 > case.force_n else "differs"
+    return Entry(f"force, {_where(case)}", "may exceed 100 N", ours, verdict)
 
 
 def _delay(study: ActiveBeamStudy) -> Entry:
@@ -117,9 +123,11 @@ def _delay(study: ActiveBeamStudy) -> Entry:
         for limit, delay in zip(loop.gain_limits_n_m, study.data.delays_s, strict=False)
     )
     reach = max(loop.gain_limits_n_m[: len(study.data.delays_s)], default=0.0)
-    told = "the gains asked for cannot be had" if reach < min(study.data.gains_n_m) else "part of the gains can be had"
+    verdict = (
+        "the gains asked for cannot be had" if reach < min(study.data.gains_n_m) else "part of the gains can be had"
+    )
     ours = f"{limits}, {_limit(loop.gain_limits_n_m[-1])} demodulated over one period"
-    return Entry("stability with delay", "not treated", ours, told)
+    return Entry("stability with delay", "not treated", ours, verdict)
 
 
 def _limit(gain: float) -> str:

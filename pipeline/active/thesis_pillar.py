@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from solvers.resonators.pillar_row import PillarFilter
     from solvers.resonators.point_load import PointForce
 
-SILENT = 0.05  # of the loudest joint velocity: a mode below it does not answer
+UNDRIVEN = 0.05  # of the loudest joint velocity: a mode below it does not answer
 STOPS_DB = 1.0  # a row: from here on the computed cell's flexural wave counts as stopped
 
 
@@ -25,7 +25,7 @@ def mason_entries(study: MasonStudy) -> list[Entry]:
     target, f = study.data.target_hz, study.frequencies_hz
     peak = np.abs(study.clamped).max()
     answers = [
-        m for m in study.clamped_modes_hz if np.abs(study.clamped[np.argmin(np.abs(f - m))]).max() > SILENT * peak
+        m for m in study.clamped_modes_hz if np.abs(study.clamped[np.argmin(np.abs(f - m))]).max() > UNDRIVEN * peak
     ]
     number = int(np.argmin(np.abs(study.clamped_modes_hz - target))) + 1
     nearest = _nearest(study.bare_modes_hz, target)
@@ -56,10 +56,13 @@ def _nearest(modes: Any, target: float) -> float:
     return float(modes[np.argmin(np.abs(modes - target))])
 
 
-def pillar_entries(found: PillarFilter, point: PointForce, cell: dict[str, Any] | None) -> list[Entry]:
+def pillar_entries(pillar_row: PillarFilter, point: PointForce, cell: dict[str, Any] | None) -> list[Entry]:
     """Figure 3.2, the condition (3.21), the pillar against its clamped resonance, rows, and the computed cell."""
     damper, spring, printed = (point.of(name) for name in ("printed damper", "spring", "printed force"))
-    ratio, above = found.stopped_hz / found.clamped_hz, found.oscillator_stopped_hz / found.clamped_hz
+    ratio, above = (
+        pillar_row.stopped_hz / pillar_row.clamped_hz,
+        pillar_row.oscillator_stopped_hz / pillar_row.clamped_hz,
+    )
     entries = [
         Entry(
             "force that stops a flexural wave, figure 3.2",
@@ -78,31 +81,35 @@ def pillar_entries(found: PillarFilter, point: PointForce, cell: dict[str, Any] 
         Entry(
             "where one pillar stops the wave",
             "at its resonance; the confined mode is seen at 32 kHz, the pillar alone at 38 kHz (0.84)",
-            f"{found.stopped_hz / 1e3:.2f} kHz, {ratio:.2f} of the clamped {found.clamped_hz / 1e3:.2f} kHz by its moment; "
+            f"{pillar_row.stopped_hz / 1e3:.2f} kHz, {ratio:.2f} of the clamped "
+            f"{pillar_row.clamped_hz / 1e3:.2f} kHz by its moment; "
             f"a vertical oscillator {above:.2f}",
             "agrees in direction: a bending pillar stops below its resonance"
             if ratio < 1.0
             else "differs in direction",
         ),
         Entry(
-            "half-power band of 1, 2, ... rows", "not given", "; ".join(map(_band, found.bands_hz)), "beyond the text"
+            "half-power band of 1, 2, ... rows",
+            "not given",
+            "; ".join(map(_band, pillar_row.bands_hz)),
+            "beyond the text",
         ),
-        Entry("stop band of an endless row on a strip", "not given", _band(found.stop_hz), "beyond the text"),
+        Entry("stop band of an endless row on a strip", "not given", _band(pillar_row.stop_hz), "beyond the text"),
     ]
-    return [*entries, _cell_entry(found, cell)] if cell else entries
+    return [*entries, _cell_entry(pillar_row, cell)] if cell else entries
 
 
 def _band(band: tuple[float, float] | None) -> str:
     return f"{band[0] / 1e3:.2f}-{band[1] / 1e3:.2f} kHz" if band else "none in the window"
 
 
-def _cell_entry(found: PillarFilter, cell: dict[str, Any]) -> Entry:
+def _cell_entry(pillar_row: PillarFilter, cell: dict[str, Any]) -> Entry:
     f = np.array(cell["frequencies_hz"])
     decay = np.array([np.nan if value is None else value for value in cell["db_per_row"]])
     stopped = f[np.nan_to_num(decay, nan=np.inf) > STOPS_DB]
     ours = f"{stopped.min() / 1e3:.2f}-{stopped.max() / 1e3:.2f} kHz" if stopped.size else "none in the window"
-    told = "no stop band in one of the two"
-    if stopped.size and found.stop_hz:
-        low, high = stopped.min() / found.stop_hz[0] - 1.0, stopped.max() / found.stop_hz[1] - 1.0
-        told = f"the cell's lower edge lies {100 * low:+.0f} %, its upper {100 * high:+.0f} % from the strip's"
-    return Entry("stop band of the computed plate cell, normal incidence", "not given", ours, told)
+    verdict = "no stop band in one of the two"
+    if stopped.size and pillar_row.stop_hz:
+        low, high = stopped.min() / pillar_row.stop_hz[0] - 1.0, stopped.max() / pillar_row.stop_hz[1] - 1.0
+        verdict = f"the cell's lower edge lies {100 * low:+.0f} %, its upper {100 * high:+.0f} % from the strip's"
+    return Entry("stop band of the computed plate cell, normal incidence", "not given", ours, verdict)

@@ -26,46 +26,48 @@ TWR, WAVELENGTH_M = 0.58, 0.066
 def entries(study: ShapingStudy) -> list[Entry]:
     """Confinement, coupling, travelling wave, energy, modes, phase of a measuring step, forces, and what is beyond the text."""
     real, long_points, _, simulated = study.beams
-    found = [
+    lines = [
         _confinement(study, beam, "displacement", region) for beam in (simulated, long_points) for region in REGIONS
     ]
-    found += [_confinement(study, real, signal, region) for signal in real.signals for region in REGIONS]
+    lines += [_confinement(study, real, signal, region) for signal in real.signals for region in REGIONS]
     both = [(model, signal) for model in (real, long_points) for signal in model.signals]
-    found += [_coupling(model, f, signal) for f in study.data.frequencies_hz for model, signal in both]
-    found += [_wave(study, model, signal) for model, signal in both]
-    found += [_free(study, model) for model in (real, long_points)]
-    found += [_chosen(study), _energy(), _modes(real), _step(), _forces(study, simulated)]
-    return [*found, _own_strain(study, real), _follows(study, real), *_beyond(study)]
+    lines += [_coupling(model, f, signal) for f in study.data.frequencies_hz for model, signal in both]
+    lines += [_wave(study, model, signal) for model, signal in both]
+    lines += [_free(study, model) for model in (real, long_points)]
+    lines += [_chosen(study), _energy(), _modes(real), _step(), _forces(study, simulated)]
+    return [*lines, _own_strain(study, real), _follows(study, real), *_beyond(study)]
 
 
 def _confinement(study: ShapingStudy, model: ShapedBeam, signal: Signal, region: str) -> Entry:
     last = study.data.frequencies_hz[-1]
-    found = {name: study.confinement(model.name, signal, last, region, name) for name in TARGETS}
-    best = max(found.values(), key=lambda one: one.peak_ratio)
-    ratios = ", ".join(f"{one.peak_ratio:.2f} {name}" for name, one in found.items())
+    contrast = {name: study.confinement(model.name, signal, last, region, name) for name in TARGETS}
+    best = max(contrast.values(), key=lambda one: one.peak_ratio)
+    ratios = ", ".join(f"{one.peak_ratio:.2f} {name}" for name, one in contrast.items())
     ours = f"{ratios}; any voltages: {best.best_contrast_db:.1f} dB rms"
     low, high = CONFINED
     ratio = best.peak_ratio
     near = low * (1.0 - NEAR) <= ratio <= high * (1.0 + NEAR)
     differs = f"differs: {ratio:.2f} is {'above' if ratio > high else 'below'} the range"
-    told = f"agrees within {100.0 * NEAR:.0f} % of the range" if near else differs
-    return Entry(f"confined {region}, {model.name}, {signal}, {last / 1e3:g} kHz", "3-4 times", ours, told)
+    verdict = f"agrees within {100.0 * NEAR:.0f} % of the range" if near else differs
+    return Entry(f"confined {region}, {model.name}, {signal}, {last / 1e3:g} kHz", "3-4 times", ours, verdict)
 
 
 def _coupling(model: ShapedBeam, frequency_hz: float, signal: Signal) -> Entry:
-    found = conditioning(model.matrix(frequency_hz, signal))
+    coupling = conditioning(model.matrix(frequency_hz, signal))
     ours = (
-        f"coupling {found.coupling:.3f}, independence {found.independence:.3f}, condition number {found.condition:.1f}"
+        f"coupling {coupling.coupling:.3f}, independence {coupling.independence:.3f}, "
+        f"condition number {coupling.condition:.1f}"
     )
     printed = PRINTED.get(frequency_hz)
     name = f"coupling at {frequency_hz / 1e3:g} kHz, {model.name}, {signal}"
     if printed is None:
         return Entry(name, "not given", ours, "no figure to compare")
-    near = abs(found.independence / printed - 1.0) <= NEAR
+    near = abs(coupling.independence / printed - 1.0) <= NEAR
     peak = float(model.table.frequencies_hz[model.table.nearest(frequency_hz)])
     ours += f"; on the mode at {peak:.0f} Hz independence {conditioning(model.matrix(peak, signal)).independence:.4f}"
-    told = f"{'agrees' if near else 'differs'}: read as an independence, ours is {found.independence / printed:.2g} times it"
-    return Entry(name, f"{printed:g}", ours, told)
+    word = "agrees" if near else "differs"
+    verdict = f"{word}: read as an independence, ours is {coupling.independence / printed:.2g} times it"
+    return Entry(name, f"{printed:g}", ours, verdict)
 
 
 def _wave(study: ShapingStudy, model: ShapedBeam, signal: Signal) -> Entry:
@@ -77,16 +79,18 @@ def _wave(study: ShapingStudy, model: ShapedBeam, signal: Signal) -> Entry:
     )
     near = abs(length / WAVELENGTH_M - 1.0) <= NEAR and abs(ratio / TWR - 1.0) <= NEAR
     differs = f"differs: TWR {ratio - TWR:+.2f}, wavelength {100.0 * (length - WAVELENGTH_M):+.1f} cm"
-    told = f"agrees within {100.0 * NEAR:.0f} %" if near else differs
-    return Entry(f"best TWR over wavelength, {model.name}, {signal}", "0.58 at 6.6 cm", ours, told)
+    verdict = f"agrees within {100.0 * NEAR:.0f} %" if near else differs
+    return Entry(f"best TWR over wavelength, {model.name}, {signal}", "0.58 at 6.6 cm", ours, verdict)
 
 
 def _free(study: ShapingStudy, model: ShapedBeam) -> Entry:
     wave = study.wave(model.name, "displacement", study.data.frequencies_hz[-1])
-    ours = f"{wave.best_twr:.3f}; two-wave fit {wave.best_fit:.3f}, near fields {100.0 * wave.best_rest:.0f} % of rms"
+    ours = (
+        f"{wave.best_twr:.3f}; two-wave fit {wave.best_fit:.3f}, near fields {100.0 * wave.best_residual:.0f} % of rms"
+    )
     near = wave.best_twr >= 1.0 - NEAR
-    told = "agrees" if near else "agrees for the two waves alone" if wave.best_fit >= 1.0 - NEAR else "differs"
-    return Entry(f"TWR with phases and amplitudes free, {model.name}", "could approach 1", ours, told)
+    verdict = "agrees" if near else "agrees for the two waves alone" if wave.best_fit >= 1.0 - NEAR else "differs"
+    return Entry(f"TWR with phases and amplitudes free, {model.name}", "could approach 1", ours, verdict)
 
 
 def _chosen(study: ShapingStudy) -> Entry:
@@ -110,8 +114,8 @@ def _modes(real: ShapedBeam) -> Entry:
     modes = real.table.frequencies_hz
     near = abs(modes[5] / 2200.0 - 1.0) <= NEAR
     ours = f"four antinodes {modes[3]:.0f} Hz, six antinodes {modes[5]:.0f} Hz with patches"
-    told = "agrees" if near else "differs: six antinodes at 2.2 kHz do not fit this beam"
-    return Entry("mode with six antinodes", "2.2 kHz", ours, told)
+    verdict = "agrees" if near else "differs: six antinodes at 2.2 kHz do not fit this beam"
+    return Entry("mode with six antinodes", "2.2 kHz", ours, verdict)
 
 
 def _step() -> Entry:
@@ -122,27 +126,31 @@ def _step() -> Entry:
 
 def _forces(study: ShapingStudy, model: ShapedBeam) -> Entry:
     last = study.data.frequencies_hz[-1]
-    found = {
+    simulated_levels = {
         region: study.confinement(model.name, "displacement", last, region, "in phase").beyond_to_inside
         for region in REGIONS
     }
-    ours = "largest force beyond over inside: " + ", ".join(f"{ratio:.2f} {region}" for region, ratio in found.items())
-    harder = [region for region, ratio in found.items() if ratio > 1.0]
-    told = f"agrees with the simulation for: {', '.join(harder) or 'no region'}"
+    ours = "largest force beyond over inside: " + ", ".join(
+        f"{ratio:.2f} {region}" for region, ratio in simulated_levels.items()
+    )
+    harder = [region for region, ratio in simulated_levels.items() if ratio > 1.0]
+    verdict = f"agrees with the simulation for: {', '.join(harder) or 'no region'}"
     name = f"actuators beyond the region push harder, {model.name}"
-    return Entry(name, "yes in simulation, no on the bench", ours, told)
+    return Entry(name, "yes in simulation, no on the bench", ours, verdict)
 
 
 def _own_strain(study: ShapingStudy, model: ShapedBeam) -> Entry:
     last, table = study.data.frequencies_hz[-1], model.table
-    rest = np.zeros((1, 1)) if table.sensor_residual is None else table.sensor_residual
-    share = 100.0 * np.abs(np.diag(rest)) / np.abs(np.diag(sensor_matrix(table, last)))
+    residual = np.zeros((1, 1)) if table.sensor_residual is None else table.sensor_residual
+    share = 100.0 * np.abs(np.diag(residual)) / np.abs(np.diag(sensor_matrix(table, last)))
     modes = table.frequencies_hz.size
     ours = (
         f"{share.min():.0f}-{share.max():.0f} % of T_kk at {last / 1e3:g} kHz comes from no mode of the first {modes}"
     )
-    told = "differs from a deflection sensor: strain under the driven patch makes T easy to invert and says little of w"
-    return Entry("what a sensor hears of the patch beside it", "not treated", ours, told)
+    verdict = (
+        "differs from a deflection sensor: strain under the driven patch makes T easy to invert and says little of w"
+    )
+    return Entry("what a sensor hears of the patch beside it", "not treated", ours, verdict)
 
 
 def _follows(study: ShapingStudy, model: ShapedBeam) -> Entry:
@@ -154,17 +162,21 @@ def _follows(study: ShapingStudy, model: ShapedBeam) -> Entry:
         moved = laser @ drive_voltages(matrix, target).voltages
         missed.append(100.0 * float(np.linalg.norm(moved - target) / np.linalg.norm(target)))
     ours = f"{min(missed):.0f}-{max(missed):.0f} % of the target is missed while every sensor reads it exactly"
-    told = "agrees" if max(missed) <= 100.0 * NEAR else "differs: a calibration holds for the wave it was made on"
-    return Entry("displacement under sensors calibrated on a standing wave", "follows the reference", ours, told)
+    verdict = "agrees" if max(missed) <= 100.0 * NEAR else "differs: a calibration holds for the wave it was made on"
+    return Entry("displacement under sensors calibrated on a standing wave", "follows the reference", ours, verdict)
 
 
 def _beyond(study: ShapingStudy) -> list[Entry]:
-    found = []
+    regions_beyond = []
     for model in study.beams[:2]:
         pair, both = study.pairs[model.name], study.resonators[model.name].as_json()
         modes = f"modes {pair.modes[0] + 1} and {pair.modes[1] + 1} at {pair.frequency_hz:.0f} Hz"
         ours = f"TWR {pair.twr:.2f} in the middle third with {modes}"
-        found.append(Entry(f"two modes a quarter period apart, {model.name}", "not treated", ours, "beyond the text"))
+        regions_beyond.append(
+            Entry(f"two modes a quarter period apart, {model.name}", "not treated", ours, "beyond the text")
+        )
         levels = ", ".join(f"{key.removesuffix('_db')} {value:.1f} dB" for key, value in both.items())
-        found.append(Entry(f"resonators and patches together, {model.name}", "not treated", levels, "beyond the text"))
-    return found
+        regions_beyond.append(
+            Entry(f"resonators and patches together, {model.name}", "not treated", levels, "beyond the text")
+        )
+    return regions_beyond

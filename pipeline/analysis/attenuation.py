@@ -11,11 +11,11 @@ import numpy as np
 
 from geometry.elements import IntArray
 from pipeline.case.model import Case
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.unit_cell import bare_cell, lattice_model
 from pipeline.planning import error_bar, foresight, simplifications
-from pipeline.planning.model_choice import SOLID, cell_way
+from pipeline.planning.model_choice import SOLID, cell_model_choice
 from pipeline.planning.request import driven_band_hz
 from solvers.threads import one_thread
 from solvers.waves.brillouin import path_through
@@ -43,7 +43,7 @@ class Wave:
 
 
 @dataclass(frozen=True)
-class Passage:
+class Transmission:
     """Shares of an incoming flexural wave's power after the case's rows, by polarisation."""
 
     reflected: float
@@ -59,7 +59,7 @@ class Point:
     frequency_hz: float
     waves: tuple[Wave, ...]
     db_per_row: float | None
-    passage: Passage | None
+    transmission: Transmission | None
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Attenuation:
                     "frequency_hz": point.frequency_hz,
                     "waves": [vars(wave) for wave in point.waves],
                     "db_per_row": point.db_per_row,
-                    "through_rows": vars(point.passage) if point.passage else None,
+                    "through_rows": vars(point.transmission) if point.transmission else None,
                 }
                 for point in self.points
             ],
@@ -115,93 +115,93 @@ def solve(
     case.require("plate", "array.pitch_mm", "pillar", command="attenuation")
     if kx_per_m is None:
         case.require("zone", command="attenuation without --kx")
-    way = cell_way(case)
+    choice = cell_model_choice(case)
     if case.solve.model == SOLID:
-        raise InputFault(f"{case.name}: solve.model = 'solid': must be auto or superelement for attenuation")
-    simplifications.told((*way.left_out, simplifications.waves_downwards(case.design)), log)
+        raise InputError(f"{case.name}: solve.model = 'solid': must be auto or superelement for attenuation")
+    simplifications.log_all((*choice.left_out, simplifications.waves_downwards(case.design)), log)
     kx = _checked_kx(case, case.kx_wanted_per_m if kx_per_m is None else kx_per_m)
     low, high = driven_band_hz(case, band_hz)
-    foresight.announce("attenuation across the rows", foresight.of_attenuation(case, way, points), log)
+    foresight.announce("attenuation across the rows", foresight.of_attenuation(case, choice, points), log)
     meshes: list[dict[str, Any]] = []
     path = path_through(case.bands.path, 1, case.design.pitch_x_m, case.design.pitch_y_m)
-    model = lattice_model(case, path.wavevectors[[leg.last for leg in path.legs]], log, meshes)
+    model = lattice_model(case, path.wavevectors[[segment.last for segment in path.segments]], log, meshes)
     cell = model.lattice.cell  # the one that the bands use: reduced once for both
     row, bare = Row(cell, kx), Row(bare_cell(case, cell.interface, log), kx)
     rows = case.design.rows
     with log.step(f"{points} frequencies"), one_thread():
-        found = tuple(_point(row, bare, rows, float(f)) for f in np.linspace(low, high, points))
-    _tell(found, kx, log)
-    expected = error_bar.told(way, case, log, high)
-    return Attenuation(model.name, kx, rows, case.design.pitch_y_m, found, meshes, expected, model.reduction_error)
+        samples = tuple(_point(row, bare, rows, float(f)) for f in np.linspace(low, high, points))
+    _log_summary(samples, kx, log)
+    expected = error_bar.log_expected(choice, case, log, high)
+    return Attenuation(model.name, kx, rows, case.design.pitch_y_m, samples, meshes, expected, model.reduction_error)
 
 
 def _checked_kx(case: Case, kx: float) -> float:
     edge = pi / case.design.pitch_x_m
     if not (math.isfinite(kx) and abs(kx) <= edge * (1.0 + 1e-12)):
-        told = f"--kx = {kx:g}: must lie between -pi/p and pi/p, {-edge:.1f} and {edge:.1f} rad/m here"
-        raise InputFault(told)
+        text = f"--kx = {kx:g}: must lie between -pi/p and pi/p, {-edge:.1f} and {edge:.1f} rad/m here"
+        raise InputError(text)
     return kx
 
 
 def _point(row: Row, bare: Row, rows: int, frequency_hz: float) -> Point:
-    found = row.waves(frequency_hz)
-    kept = np.flatnonzero(found.db_per_row <= STEEPEST_DB)
-    waves = tuple(_described(row, found, kept))
+    row_waves = row.waves(frequency_hz)
+    kept = np.flatnonzero(row_waves.db_per_row <= STEEPEST_DB)
+    waves = tuple(_described(row, row_waves, kept))
     flexural = [wave.db_per_row for wave in waves if wave.polarisation == "flexural"]
-    passage = _passage(row, bare, rows, frequency_hz) if rows else None
-    return Point(frequency_hz, waves, min(flexural, default=None), passage)
+    transmission = _transmission(row, bare, rows, frequency_hz) if rows else None
+    return Point(frequency_hz, waves, min(flexural, default=None), transmission)
 
 
-def _wavevectors(row: Row, found: RowWaves, kept: IntArray) -> Any:
-    ky = found.wavenumber_per_m[kept]
+def _wavevectors(row: Row, row_waves: RowWaves, kept: IntArray) -> Any:
+    ky = row_waves.wavenumber_per_m[kept]
     return np.vstack([np.full(len(ky), row.kx, dtype=complex), ky])
 
 
-def _described(row: Row, found: RowWaves, kept: Any) -> list[Wave]:
-    labels = label_of(row.cell, found.unknowns[:, kept], _wavevectors(row, found, kept))
+def _described(row: Row, row_waves: RowWaves, kept: Any) -> list[Wave]:
+    labels = label_of(row.cell, row_waves.dofs[:, kept], _wavevectors(row, row_waves, kept))
     waves = []
     for index, label in zip(kept, labels, strict=True):
-        ky, db = found.wavenumber_per_m[index], abs(float(found.db_per_row[index]))
+        ky, db = row_waves.wavenumber_per_m[index], abs(float(row_waves.db_per_row[index]))
         db = 0.0 if db < ROUNDING_DB else db
         waves.append(Wave(label.name, float(ky.real), max(float(ky.imag), 0.0), db, float(label.pillar_share)))
     return waves
 
 
-def _passage(row: Row, bare: Row, rows: int, frequency_hz: float) -> Passage | None:
+def _transmission(row: Row, bare: Row, rows: int, frequency_hz: float) -> Transmission | None:
     """What an incoming flexural wave becomes; None where the bare plate carries none at this wavenumber."""
     half = bare.waves(frequency_hz)
     going = np.flatnonzero(half.flux > 0.0)
     if not len(going):
         return None
-    labels = [label.name for label in label_of(bare.cell, half.unknowns[:, going], _wavevectors(bare, half, going))]
+    labels = [label.name for label in label_of(bare.cell, half.dofs[:, going], _wavevectors(bare, half, going))]
     if "flexural" not in labels:
         return None
     incoming = int(going[labels.index("flexural")])
     stiffness, _ = row.condensed(frequency_hz)
-    found = scatter(stacked(stiffness, rows), half, bare.mirror_sign, incoming)
-    passed = dict.fromkeys(("flexural", "shear", "longitudinal"), 0.0)
-    for name, share in zip(labels, found.transmitted, strict=True):
-        passed[name] += float(share)
-    return Passage(float(found.reflected.sum()), **passed)
+    scattered = scatter(stacked(stiffness, rows), half, bare.mirror_sign, incoming)
+    transmitted = dict.fromkeys(("flexural", "shear", "longitudinal"), 0.0)
+    for name, share in zip(labels, scattered.transmitted, strict=True):
+        transmitted[name] += float(share)
+    return Transmission(float(scattered.reflected.sum()), **transmitted)
 
 
-def prediction(found: Attenuation, frequency_hz: float, extension_db: float | None) -> dict[str, Any]:
+def prediction(attenuation: Attenuation, frequency_hz: float, extension_db: float | None) -> dict[str, Any]:
     """Rows times the decay per row at a frequency, the power that passes half-plates without end, the finite plate's dB."""
-    per_row = found.at(frequency_hz)
-    nearest = min(found.points, key=lambda point: abs(point.frequency_hz - frequency_hz))
-    passed = nearest.passage.flexural if nearest.passage else None
+    per_row = attenuation.at(frequency_hz)
+    nearest = min(attenuation.points, key=lambda point: abs(point.frequency_hz - frequency_hz))
+    passed = nearest.transmission.flexural if nearest.transmission else None
     return {
         "frequency_hz": frequency_hz,
         "db_per_row": per_row,
-        "rows_db": None if per_row is None else found.rows * per_row,
+        "rows_db": None if per_row is None else attenuation.rows * per_row,
         "through_db": -10.0 * math.log10(passed) if passed else None,
         "zone_to_extension_db": extension_db,
         "rows_for_10_db": math.ceil(HELD_DB / per_row) if per_row else None,
     }
 
 
-def _tell(points: tuple[Point, ...], kx: float, log: Log) -> None:
-    converted = [p.passage.shear + p.passage.longitudinal for p in points if p.passage]
+def _log_summary(points: tuple[Point, ...], kx: float, log: Log) -> None:
+    converted = [p.transmission.shear + p.transmission.longitudinal for p in points if p.transmission]
     if converted and max(converted) < 1e-9:
         log.info(
             f"at kx = {kx:.1f} rad/m shear and longitudinal waves of the plate decay: nothing is converted into them"

@@ -13,19 +13,28 @@ from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import cell_boxes, hex_mesh
 from geometry.layout import Design
 from pipeline.case.model import Case
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.parts import mesh_record
 from pipeline.models.unit_cell import LatticeModel, lattice_model
 from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.mesh_rules import FINEST
-from pipeline.planning.model_choice import SOLID, Way, cell_way
+from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice
 from solvers.fem.assembly import assemble
 from solvers.superelement.lattice import Lattice
 from solvers.waves.bloch import BlochCell
 from solvers.waves.branches import Branches, Solved, follow
 from solvers.waves.brillouin import Path, path_through, zone_grid
-from solvers.waves.gaps import Gap, LegGap, ZoneGap, complete_gaps, leg_gaps, path_gaps, path_lines, sampled_zone_gaps
+from solvers.waves.gaps import (
+    BrillouinZoneGap,
+    DirectionalGap,
+    Gap,
+    complete_gaps,
+    directional_gaps,
+    path_gaps,
+    path_lines,
+    sampled_zone_gaps,
+)
 from solvers.waves.gaps import zone_gaps as refined_zone_gaps
 from solvers.waves.polarisation import Label
 from solvers.waves.polarisation_gaps import PolarisationGap, labels_along, polarisation_gaps
@@ -34,8 +43,8 @@ from solvers.waves.symmetry import Mirrors
 Frequencies = Callable[[FloatArray, int], FloatArray]
 MOVED = 1e-6  # relative: an edge of the zone's gap that lies off the path
 DIGITS = 7
-MOST_POINTS = 500
-MOST_BANDS = 12
+MAX_POINTS = 500
+MAX_BANDS = 12
 
 
 @dataclass(frozen=True)
@@ -49,7 +58,7 @@ class Detail:
     parity: list[list[str]]
     branch: IntArray
     velocity: FloatArray
-    leg_gaps: list[LegGap]
+    directional_gaps: list[DirectionalGap]
     polarisation_gaps: list[PolarisationGap]
     reduction_error: float
 
@@ -67,7 +76,7 @@ class Detail:
         """The fields of the whole path."""
         return {
             "reduction_error": self.reduction_error,
-            "directional_gaps": [vars(gap) for gap in self.leg_gaps],
+            "directional_gaps": [vars(gap) for gap in self.directional_gaps],
             "polarisation_gaps": [vars(gap) for gap in self.polarisation_gaps],
         }
 
@@ -83,7 +92,7 @@ class Bands:
     gaps: list[Gap]
     meshes: list[dict[str, Any]] = field(default_factory=list)
     detail: Detail | None = None
-    zone_gaps: list[ZoneGap] | None = None
+    zone_gaps: list[BrillouinZoneGap] | None = None
     shapes: dict[str, Any] = field(default_factory=dict)
     expected_error: float | None = None
 
@@ -105,11 +114,11 @@ class Bands:
                 zip(self.path.labels, self.path.wavevectors, self.frequencies_hz, strict=True)
             )
         ]
-        found: dict[str, Any] = {"schema": 1, "model": self.model, "dof": self.dof, "points": points}
-        found["expected_error"] = self.expected_error
-        found["gaps"] = [vars(gap) for gap in self.gaps]
-        found |= self.detail.json() if self.detail else {}
-        return found if self.zone_gaps is None else found | {"zone_gaps": [vars(gap) for gap in self.zone_gaps]}
+        document: dict[str, Any] = {"schema": 1, "model": self.model, "dof": self.dof, "points": points}
+        document["expected_error"] = self.expected_error
+        document["gaps"] = [vars(gap) for gap in self.gaps]
+        document |= self.detail.json() if self.detail else {}
+        return document if self.zone_gaps is None else document | {"zone_gaps": [vars(gap) for gap in self.zone_gaps]}
 
 
 def _pair(pair: FloatArray) -> list[float] | None:
@@ -119,18 +128,18 @@ def _pair(pair: FloatArray) -> list[float] | None:
 def solve_bands(case: Case, log: Log, shapes: bool = False) -> Bands:
     """Every band asked for, at every wavevector of the case's path; where asked, shapes of the waves as a page shows them."""
     _check(case)
-    design, asked, way = case.design, case.bands, cell_way(case)
-    path = path_through(asked.path, asked.points, design.pitch_x_m, design.pitch_y_m)
-    border = simplifications.off_path(design, asked.path, asked.grid)
-    simplifications.told((*way.left_out, border), log)
-    if not (border or asked.grid):
+    design, settings, choice = case.design, case.bands, cell_model_choice(case)
+    path = path_through(settings.path, settings.points, design.pitch_x_m, design.pitch_y_m)
+    border = simplifications.off_path(design, settings.path, settings.grid)
+    simplifications.log_all((*choice.left_out, border), log)
+    if not (border or settings.grid):
         log.info(
-            f"{asked.path} does not bound the irreducible zone: gaps are those of the path; [bands] grid looks beyond"
+            f"{settings.path} does not bound the irreducible zone: gaps are those of the path; [bands] grid looks beyond"
         )
-    solved = len(path.wavevectors) if way.model == SOLID else len(path.finer(_finer(case)).wavevectors)
-    foresight.announce("bands of the unit cell", foresight.of_bands(case, way, solved), log)
-    found = _full(case, way, path, log) if way.model == SOLID else _reduced(case, path, log, shapes)
-    return replace(found, expected_error=error_bar.told(way, case, log, float(found.frequencies_hz.max())))
+    solved = len(path.wavevectors) if choice.model == SOLID else len(path.finer(_finer(case)).wavevectors)
+    foresight.announce("bands of the unit cell", foresight.of_bands(case, choice, solved), log)
+    bands = _full(case, choice, path, log) if choice.model == SOLID else _reduced(case, path, log, shapes)
+    return replace(bands, expected_error=error_bar.log_expected(choice, case, log, float(bands.frequencies_hz.max())))
 
 
 def _finer(case: Case) -> int:
@@ -141,16 +150,16 @@ def _finer(case: Case) -> int:
 def _check(case: Case) -> None:
     case.require("plate", "array.pitch_mm", command="bands")
     if case.design.pillar is None and case.design.rows:
-        raise InputFault(f"{case.name}: array.rows = {case.design.rows}: must be 0 when the case has no [pillar]")
+        raise InputError(f"{case.name}: array.rows = {case.design.rows}: must be 0 when the case has no [pillar]")
 
 
 def _materials(design: Design) -> dict[str, Any]:
     return {"plate": design.material, "pillar": design.pillar.material if design.pillar else design.material}
 
 
-def _full(case: Case, way: Way, path: Path, log: Log) -> Bands:
+def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
     """The cell as meshed: frequencies and sampled gaps only."""
-    design, settings = case.design, way.hexahedra
+    design, settings = case.design, choice.hexahedra
     assert settings
     log.left_out("polarisation, branches and group velocity", "the full cell gives frequencies only")
     mesh = hex_mesh(cell_boxes(design, settings), settings.order)
@@ -164,7 +173,7 @@ def _full(case: Case, way: Way, path: Path, log: Log) -> Bands:
         with log.step(f"grid of {len(grid)} wavevectors"):
             values = _each_once(grid, case.bands.count, cell.frequencies)
         zone = sampled_zone_gaps(np.vstack([path.wavevectors, grid]), np.vstack([rows, values]), gaps)
-        _tell_zone(gaps, zone, log)
+        _log_zone(gaps, zone, log)
     return Bands(f"solid hex{settings.order}", cell.dof, path, rows, gaps, [mesh_record("cell", mesh)], None, zone)
 
 
@@ -181,7 +190,7 @@ def _each_once(wavevectors: FloatArray, count: int, frequencies: Frequencies) ->
 def _reduced(case: Case, path: Path, log: Log, shapes: bool) -> Bands:
     """The cell reduced: waves followed on a path fine enough for it, gaps between the samples too."""
     meshes: list[dict[str, Any]] = []
-    corners = path.wavevectors[[leg.last for leg in path.legs]]
+    corners = path.wavevectors[[segment.last for segment in path.segments]]
     model = lattice_model(case, corners, log, meshes)
     count = min(case.bands.count, model.lattice.dof)
     solved, factor = Solved(model.lattice, count), _finer(case)
@@ -193,10 +202,10 @@ def _reduced(case: Case, path: Path, log: Log, shapes: bool) -> Bands:
         branches = follow(solved, fine.wavevectors)
     with log.step("gaps"):
         labels, lines = labels_along(solved, branches), path_lines(solved, fine)
-        gaps, along_legs = path_gaps(lines), leg_gaps(fine, lines)
+        gaps, along_segments = path_gaps(lines), directional_gaps(fine, lines)
         polarised = polarisation_gaps(solved, branches, labels)
     rows = np.array([waves.frequency_hz[:count] for waves in branches.waves])[::factor]
-    detail = _detail(model, branches, labels, factor, count, along_legs, polarised)
+    detail = _detail(model, branches, labels, factor, count, along_segments, polarised)
     zone = _over_the_zone(case, model, solved, gaps, log) if case.bands.grid else None
     moved = wave_shapes(model.lattice, path, count) if shapes else {}
     return Bands(model.name, model.lattice.dof, path, rows, gaps, meshes, detail, zone, moved)
@@ -204,40 +213,42 @@ def _reduced(case: Case, path: Path, log: Log, shapes: bool) -> Bands:
 
 def _detail(
     model: LatticeModel, branches: Branches, labels: list[list[Label]], factor: int, count: int,
-    along_legs: list[LegGap], polarised: list[PolarisationGap],
+    along_segments: list[DirectionalGap], polarised: list[PolarisationGap],
 ) -> Detail:  # fmt: skip
     """Labels, parity, branches and group velocities at the wavevectors asked for."""
     mirrors, waves = Mirrors(model.lattice.cell), branches.waves[::factor]
     parity = []
     for each in waves:
-        signs = {name: mirrors.parity(name, each.unknowns[:, :count]) for name in mirrors.keeping(each.wavevector)}
+        signs = {name: mirrors.parity(name, each.dofs[:, :count]) for name in mirrors.keeping(each.wavevector)}
         parity.append(["".join(f"{n}{'-?+'[v[i] + 1]}" for n, v in signs.items()) for i in range(count)])
     velocity = np.array([model.lattice.group_velocity(each)[:count] for each in waves])
     number = branches.number[::factor, :count]
-    shown = [row[:count] for row in labels[::factor]]
-    return Detail(shown, parity, number, velocity, along_legs, polarised, model.reduction_error)
+    visible = [row[:count] for row in labels[::factor]]
+    return Detail(visible, parity, number, velocity, along_segments, polarised, model.reduction_error)
 
 
-def _over_the_zone(case: Case, model: LatticeModel, solved: Solved, gaps: list[Gap], log: Log) -> list[ZoneGap]:
+def _over_the_zone(
+    case: Case, model: LatticeModel, solved: Solved, gaps: list[Gap], log: Log
+) -> list[BrillouinZoneGap]:
     """The path's gaps over the whole irreducible zone, from a grid and from the path's best points."""
     design = case.design
     names = {*simplifications.lattice_mirrors(design)} & {*Mirrors(model.lattice.cell).names}
     grid = zone_grid(case.bands.grid, design.pitch_x_m, design.pitch_y_m, bool({"x", "y"} & names), "d" in names)
     with log.step(f"grid of {len(grid)} wavevectors"):
         values = np.array([model.lattice.eigenvalues(k, solved.count) for k in grid])
-        found = refined_zone_gaps(solved, grid, values, gaps)
-    _tell_zone(gaps, found, log)
-    return found
+        zone_gaps = refined_zone_gaps(solved, grid, values, gaps)
+    _log_zone(gaps, zone_gaps, log)
+    return zone_gaps
 
 
-def _tell_zone(along: list[Gap], zone: list[ZoneGap], log: Log) -> None:
+def _log_zone(along: list[Gap], zone: list[BrillouinZoneGap], log: Log) -> None:
     """Whether the path told the truth about the zone."""
     left = {gap.lower_band: gap for gap in zone}
     for gap in along:
         name = f"the gap between bands {gap.lower_band} and {gap.upper_band}"
         whole = left.get(gap.lower_band)
         if whole is None:
-            log.alarm("ZONE", f"{name} is open along the path only: waves off the path fill it")
+            log.warning("ZONE", f"{name} is open along the path only: waves off the path fill it")
             continue
         for edge, path_hz, hz, at in (
             ("lower", gap.lower_hz, whole.lower_hz, whole.lower_at),
@@ -245,14 +256,14 @@ def _tell_zone(along: list[Gap], zone: list[ZoneGap], log: Log) -> None:
         ):
             if abs(hz / path_hz - 1.0) > MOVED:
                 where = f"k = ({at[0]:.1f}, {at[1]:.1f}) rad/m, off the path"
-                log.alarm(
+                log.warning(
                     "ZONE", f"{name} has its {edge} edge at {hz:.1f} Hz, {where}; along the path {path_hz:.1f} Hz"
                 )
     if along and not _moved(along, zone):
         log.info("every gap along the path is one of the whole zone, with the same edges")
 
 
-def _moved(along: list[Gap], zone: list[ZoneGap]) -> bool:
+def _moved(along: list[Gap], zone: list[BrillouinZoneGap]) -> bool:
     """Whether an edge of the zone's gaps differs from the path's."""
     edges = {gap.lower_band: (gap.lower_hz, gap.upper_hz) for gap in zone}
     return any(
@@ -270,10 +281,10 @@ def wave_shapes(lattice: Lattice, path: Path, count: int) -> dict[str, Any]:
     skin = lattice.cell.skin
     assert skin.facets is not None
     facets = with_sides(skin.points, skin.facets, lattice.cell.size_m[2])
-    kept, small = coarse(skin.points, facets, MOST_POINTS)
+    kept, small = coarse(skin.points, facets, MAX_POINTS)
     labels = list(dict.fromkeys(label for label in path.labels if label))
     corners = [path.wavevectors[path.labels.index(label)] for label in labels]
-    waves = [_waves(lattice, k, min(count, MOST_BANDS), skin.matrix[kept]) for k in corners]
+    waves = [_waves(lattice, k, min(count, MAX_BANDS), skin.matrix[kept]) for k in corners]
     return {
         "bands_points": skin.points[kept].astype(np.float32),
         f"bands_{'quads' if small.shape[1] == 4 else 'triangles'}": small.astype(np.int32),
@@ -284,8 +295,8 @@ def wave_shapes(lattice: Lattice, path: Path, count: int) -> dict[str, Any]:
 
 def _waves(lattice: Lattice, k: FloatArray, count: int, matrix: FloatArray) -> FloatArray:
     """(count, 2, p, 3) of the lowest waves at one wavevector."""
-    unknowns = lattice.waves(k, count).unknowns
-    field = np.tensordot(matrix, unknowns, axes=(2, 0)).transpose(2, 0, 1)
+    dofs = lattice.waves(k, count).dofs
+    field = np.tensordot(matrix, dofs, axes=(2, 0)).transpose(2, 0, 1)
     flat = field.reshape(len(field), -1)
     peak = flat[np.arange(len(flat)), np.argmax(np.abs(flat), axis=1)]
     field = field / peak[:, None, None]

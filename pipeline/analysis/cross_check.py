@@ -18,12 +18,12 @@ def add(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArr
     structured = modes.solve_modes(case, modes.Request("plate", parity=case.parity_wanted), log)
     row = structured.wanted.row if structured.wanted else None
     if row is None:
-        log.alarm("NO_MODE", "no mode has the wanted shape: nothing to compare tetrahedra with")
+        log.warning("NO_MODE", "no mode has the wanted shape: nothing to compare tetrahedra with")
     else:
         try:
             _plate(case, row, log, record, arrays)
         except TooLarge as fault:
-            log.alarm("TOO_LARGE", f"the whole plate by tetrahedra, a cross-check, is left out: {fault}")
+            log.warning("TOO_LARGE", f"the whole plate by tetrahedra, a cross-check, is left out: {fault}")
     _cell(case, log, record, arrays)
 
 
@@ -35,27 +35,27 @@ def _plate(
     request = modes.Request(
         "plate", near_hz=structured.frequency_hz, count=NEAR_COUNT, parity=case.parity_wanted, search=False
     )
-    found = modes.solve_modes(coarse, request, log)
-    record["meshes"] += found.meshes
-    row = found.wanted.row if found.wanted else None
+    part_modes = modes.solve_modes(coarse, request, log)
+    record["meshes"] += part_modes.meshes
+    row = part_modes.wanted.row if part_modes.wanted else None
     if row is None:
-        log.alarm(
+        log.warning(
             "NO_MODE", "the tetrahedral plate has no mode of the wanted shape near the structured one's frequency"
         )
         return
     record["tet_modes"] = {
-        "model": found.model.name,
-        "dof": found.dof,
+        "model": part_modes.model.name,
+        "dof": part_modes.dof,
         "frequency_hz": row.frequency_hz,
         "mac": row.mac,
         "confinement_db": row.confinement_db,
         "hex_frequency_hz": structured.frequency_hz,
         "hex_confinement_db": structured.confinement_db,
         "relative_difference": row.frequency_hz / structured.frequency_hz - 1.0,
-        "count_check": found.json()["count_check"],
+        "count_check": part_modes.json()["count_check"],
     }
     log.info(f"wanted mode by tetrahedra {row.frequency_hz:.1f} Hz, structured {structured.frequency_hz:.1f} Hz")
-    skin = found.model.skin(row.parity, found.vectors[row.parity][:, [row.column]]).unfolded(row.parity)
+    skin = part_modes.model.skin(row.parity, part_modes.vectors[row.parity][:, [row.column]]).unfolded(row.parity)
     surface = mode_fields.surface_arrays([skin])
     arrays["tet_points"], arrays["tet_triangles"] = surface["surface_points"], surface["surface_triangles"]
     arrays["tet_u"] = surface["surface_u"][0]
@@ -63,6 +63,6 @@ def _plate(
 
 def _cell(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
     corners = replace(case, solve=replace(case.solve, mesh="tet"), bands=replace(case.bands, points=1))
-    found = bands.solve_bands(corners, log)
-    record["tet_bands"] = found.json() | {"method": found.model}
-    record["meshes"] += found.meshes
+    corner_bands = bands.solve_bands(corners, log)
+    record["tet_bands"] = corner_bands.json() | {"method": corner_bands.model}
+    record["meshes"] += corner_bands.meshes

@@ -19,49 +19,49 @@ KEPT_MODES = 12
 DIGITS = 5
 
 
-def kept_arrays(found: PartModes, rows: Sequence[int]) -> dict[str, Any]:
+def kept_arrays(part_modes: PartModes, rows: Sequence[int]) -> dict[str, Any]:
     """folded_* arrays of the chosen modes, the first one being the wanted mode."""
-    skins = [_skin(found, index) for index in rows]
-    chosen = [found.rows[index] for index in rows]
+    skins = [_skin(part_modes, index) for index in rows]
+    chosen = [part_modes.rows[index] for index in rows]
     return folded(skins, [row.parity for row in chosen], np.array([row.frequency_hz for row in chosen]))
 
 
-def plate_arrays(found: PartModes, rows: Sequence[int]) -> dict[str, Any]:
+def plate_arrays(part_modes: PartModes, rows: Sequence[int]) -> dict[str, Any]:
     """surface_*, touch_* and mesh_* arrays of the chosen modes, as pictures read them."""
-    return unfolded(kept_arrays(found, rows))
+    return unfolded(kept_arrays(part_modes, rows))
 
 
-def full_fields(found: PartModes) -> dict[str, Any]:
+def full_fields(part_modes: PartModes) -> dict[str, Any]:
     """Every mode on the skin that was meshed: points (p, 3) in m, facets, frequency_hz and parity (k,), displacement (k, p, 3).
 
     M-orthonormal in the model's scaled units; a quarter where a parity is given: u_z is even (+) or odd (-) in x, then y.
     """
-    skins = [_skin(found, index) for index in range(len(found.rows))]
+    skins = [_skin(part_modes, index) for index in range(len(part_modes.rows))]
     if not skins:
         return {}
     return {
         "points": skins[0].points,
         "facets": skins[0].facets.astype(np.int32),
-        "frequency_hz": np.array([row.frequency_hz for row in found.rows]),
-        "parity": np.array([row.parity or "" for row in found.rows]),
+        "frequency_hz": np.array([row.frequency_hz for row in part_modes.rows]),
+        "parity": np.array([row.parity or "" for row in part_modes.rows]),
         "displacement": np.concatenate([skin.displacement for skin in skins]),
     }
 
 
-def _skin(found: PartModes, index: int) -> Skin:
-    row = found.rows[index]
-    return found.model.skin(row.parity, found.vectors[row.parity][:, [row.column]])
+def _skin(part_modes: PartModes, index: int) -> Skin:
+    row = part_modes.rows[index]
+    return part_modes.model.skin(row.parity, part_modes.vectors[row.parity][:, [row.column]])
 
 
-def shapes_record(found: PartModes, design: Design) -> dict[str, Any]:
+def shapes_record(part_modes: PartModes, design: Design) -> dict[str, Any]:
     """Shapes of the modes that carry most of the wanted one, on the active face, for the record."""
-    assert found.wanted
-    wanted = found.wanted.row
+    assert part_modes.wanted
+    wanted = part_modes.wanted.row
     assert wanted
-    rows = sorted(found.wanted.rows, key=_score, reverse=True)[:KEPT_MODES]
+    rows = sorted(part_modes.wanted.rows, key=_score, reverse=True)[:KEPT_MODES]
     rows.sort(key=lambda row: row.frequency_hz)
     columns = [row.column for row in rows]
-    touch = found.model.touch(wanted.parity, found.vectors[wanted.parity][:, columns])
+    touch = part_modes.model.touch(wanted.parity, part_modes.vectors[wanted.parity][:, columns])
     shapes = zone_coefficients(touch, design, wanted.parity)
     shapes = shapes / np.maximum(np.linalg.norm(shapes, axis=1, keepdims=True), 1e-300)
     return {

@@ -1,4 +1,4 @@
-"""Modes of a part: every mirror class asked for, merged, counted and measured, and the wanted one among them."""
+"""Modes of a part: every symmetry class asked for, merged, counted and measured, and the wanted one among them."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from pipeline.analysis.mode_rows import ModeRow, mode_rows
 from pipeline.analysis.predesign import short_wave
 from pipeline.analysis.wanted_search import Wanted
 from pipeline.case.model import Case
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.models.parts import PartModel
 from pipeline.planning import calibration, error_bar, foresight, simplifications
 from pipeline.planning.error_bar import ErrorBar
-from pipeline.planning.model_choice import Way, way_of
+from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.planning.refinement import MARGIN, climbed, refused, remeshed, rereduced, warn
 from pipeline.planning.request import (
     DEFAULT_COUNT,
@@ -27,8 +27,8 @@ from pipeline.planning.request import (
     Request,
     model_high_hz,
     symmetry_of,
-    understood,
     wanted_window_hz,
+    with_defaults,
     with_search,
 )
 from pipeline.planning.simplifications import khz
@@ -38,7 +38,7 @@ from solvers.measures.mode_mixing import mixing_db
 from solvers.superelement.build import PlateModel
 from solvers.superelement.plate_error import ModeErrors
 
-__all__ = ["DEFAULT_COUNT", "PartModes", "Request", "solve_modes", "understood"]
+__all__ = ["DEFAULT_COUNT", "PartModes", "Request", "solve_modes", "with_defaults"]
 PASSES = 4  # meshed or reduced anew for what was found, at most
 
 
@@ -74,11 +74,13 @@ class PartModes:
     @property
     def whole_window(self) -> PartModes:
         """The same with every mode among which the wanted one was looked for, where all are of one symmetry class."""
-        found = self.wanted
-        if found is None or found.count is None or len(self.vectors) > 1:
+        part_modes = self.wanted
+        if part_modes is None or part_modes.count is None or len(self.vectors) > 1:
             return self
-        rows = sorted({row.column: row for row in (*self.rows, *found.rows)}.values(), key=lambda row: row.frequency_hz)
-        return replace(self, rows=tuple(rows), count=found.count)
+        rows = sorted(
+            {row.column: row for row in (*self.rows, *part_modes.rows)}.values(), key=lambda row: row.frequency_hz
+        )
+        return replace(self, rows=tuple(rows), count=part_modes.count)
 
     def index(self, row: ModeRow | None) -> int | None:
         """Where a mode stands among `rows`; None for one that is not there."""
@@ -119,71 +121,75 @@ class PartModes:
 
 def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     """Solve a part's modes. Raises SolverError (not trusted), MeshError, InputFault (a class the part does not have)."""
-    asked = understood(case, request)
-    way = way_of(case, asked.part, model_high_hz(case, asked))
-    foresight.announce(f"modes of the {asked.part}", foresight.of_modes(case, way, with_search(case, asked)), log)
-    if asked.part != "pillar" and (short := short_wave(case.design)):
-        log.alarm("SHORT_WAVE", short)
-    unpatched = simplifications.no_patches(case.patches, ()) if asked.part == "plate" and case.patches else None
-    simplifications.told((*way.left_out, unpatched, simplifications.other_classes(way.classes, asked.parity)), log)
-    (found, errors), way = _within_reach(case, asked, way, log)
-    _warn_of_nothing(found, asked, log)
-    judged = _judged(found, errors)
-    finer = climbed(way, judged.modes, judged.degrees, case, log) if judged else None
+    query = with_defaults(case, request)
+    choice = model_choice_of(case, query.part, model_high_hz(case, query))
+    foresight.announce(f"modes of the {query.part}", foresight.of_modes(case, choice, with_search(case, query)), log)
+    if query.part != "pillar" and (short := short_wave(case.design)):
+        log.warning("SHORT_WAVE", short)
+    unpatched = simplifications.no_patches(case.patches, ()) if query.part == "plate" and case.patches else None
+    simplifications.log_all(
+        (*choice.left_out, unpatched, simplifications.other_classes(choice.classes, query.parity)), log
+    )
+    (part_modes, errors), choice = _within_reach(case, query, choice, log)
+    _warn_of_nothing(part_modes, query, log)
+    estimate = _reduction_error(part_modes, errors)
+    finer = climbed(choice, estimate.modes, estimate.degrees, case, log) if estimate else None
     if finer:
         with refused(log):
-            (found, errors), way = _solved(case, asked, finer, log), finer
-            judged = _judged(found, errors)
-    if judged:
+            (part_modes, errors), choice = _solved(case, query, finer, log), finer
+            estimate = _reduction_error(part_modes, errors)
+    if estimate:
         log.info(
-            f"high by the reduction, as what it leaves out tells: the wanted mode {judged.total:.2%}, "
-            f"any mode {judged.worst:.2%} at most"
+            f"overestimated by truncation, as what it leaves out tells: the wanted mode {estimate.total:.2%}, "
+            f"any mode {estimate.worst:.2%} at most"
         )
-        warn(judged.total, case, log)
-    expected = error_bar.told(way, case, log, found.highest_hz)
-    bar = _bar(case, way, found, MARGIN * judged.total if judged else None)
-    return replace(found, reduction_error=judged.worst if judged else None, expected_error=expected, bar=bar)
+        warn(estimate.total, case, log)
+    expected = error_bar.log_expected(choice, case, log, part_modes.highest_hz)
+    bar = _bar(case, choice, part_modes, MARGIN * estimate.total if estimate else None)
+    return replace(part_modes, reduction_error=estimate.worst if estimate else None, expected_error=expected, bar=bar)
 
 
-def _warn_of_nothing(found: PartModes, asked: Request, log: Log) -> None:
-    """An alarm for an empty answer, which says where the nearest mode is."""
-    if found.rows or asked.band_hz is None:
+def _warn_of_nothing(part_modes: PartModes, query: Request, log: Log) -> None:
+    """A warning for an empty answer, which says where the nearest mode is."""
+    if part_modes.rows or query.band_hz is None:
         return
-    low, high = asked.band_hz
-    of_class = f" of class {asked.parity}" if asked.parity else ""
-    nearest = "" if found.nearest_hz is None else f"; the nearest lies at about {found.nearest_hz:.4g} Hz"
-    log.alarm("NO_MODES", f"no mode{of_class} of the {asked.part} lies between {low:.6g} and {high:.6g} Hz{nearest}")
+    low, high = query.band_hz
+    of_class = f" of class {query.parity}" if query.parity else ""
+    nearest = "" if part_modes.nearest_hz is None else f"; the nearest lies at about {part_modes.nearest_hz:.4g} Hz"
+    log.warning("NO_MODES", f"no mode{of_class} of the {query.part} lies between {low:.6g} and {high:.6g} Hz{nearest}")
 
 
 def _within_reach(
-    case: Case, asked: Request, way: Way, log: Log
-) -> tuple[tuple[PartModes, dict[str | None, ModeErrors]], Way]:
+    case: Case, query: Request, choice: ModelChoice, log: Log
+) -> tuple[tuple[PartModes, dict[str | None, ModeErrors]], ModelChoice]:
     """The modes by a model that was made for frequencies as high as theirs: meshed or reduced anew until it is."""
-    solved = _solved(case, asked, way, log)
+    solved = _solved(case, query, choice, log)
     for _ in range(PASSES):
         highest = solved[0].highest_hz
-        higher = remeshed(way, highest, case, log) or rereduced(way, highest, log)
+        higher = remeshed(choice, highest, case, log) or rereduced(choice, highest, log)
         if higher is None:
             break
-        solved, way = _solved(case, asked, higher, log), higher
-    return solved, way
+        solved, choice = _solved(case, query, higher, log), higher
+    return solved, choice
 
 
-def _solved(case: Case, asked: Request, way: Way, log: Log) -> tuple[PartModes, dict[str | None, ModeErrors]]:
+def _solved(
+    case: Case, query: Request, choice: ModelChoice, log: Log
+) -> tuple[PartModes, dict[str | None, ModeErrors]]:
     """The modes by one way, the wanted one among them, and for a reduced body the errors by its reduction, class by class."""
     meshes: list[dict[str, Any]] = []
-    model = parts.built(case, way, log, meshes)
+    model = parts.built(case, choice, log, meshes)
     classes: dict[str | None, _Class] = {}
     wanted: Wanted | None = None
-    for parity in _classes(model, asked.parity):
-        one = classes[parity] = _Class(case, asked.part, model, parity, log)
-        one.ask(asked)
+    for parity in _classes(model, query.parity):
+        one = classes[parity] = _Class(case, query.part, model, parity, log)
+        one.ask(query)
         if parity in (None, wanted_parity(case.design.nodal_lines)):
-            wanted = _wanted(case, asked, one)
+            wanted = _wanted(case, query, one)
         one.let_go()
-    rows, count = _merged(asked, classes)
-    found = PartModes(
-        asked.part,
+    rows, count = _merged(query, classes)
+    part_modes = PartModes(
+        query.part,
         model,
         tuple(rows),
         {parity: one.vectors for parity, one in classes.items()},
@@ -193,12 +199,12 @@ def _solved(case: Case, asked: Request, way: Way, log: Log) -> tuple[PartModes, 
         meshes,
         wanted=wanted,
         more_in_mesh=_more_in_mesh(model, classes, count),
-        nearest_hz=_nearest_hz(asked, classes),
+        nearest_hz=_nearest_hz(query, classes),
     )
     errors: dict[str | None, ModeErrors] = {}
     if isinstance(model, PlateModel):
         errors = {parity: model.mode_errors(parity, one.pencil, one.vectors) for parity, one in classes.items()}
-    return found, errors
+    return part_modes, errors
 
 
 class _Class:
@@ -214,17 +220,17 @@ class _Class:
         self.nearest_hz: float | None = None
         self.count = Count(0.0, 0.0, 0, 0)
 
-    def ask(self, asked: Request) -> None:
+    def ask(self, query: Request) -> None:
         """Solve what was asked for."""
         name = f"class {self.parity or 'whole'}"
         with self.log.step(f"solve {name}"):
             self.pencil = self.model.pencil(self.parity)
             self.dof = self.pencil.dof
             self.vectors = np.empty((self.dof, 0))
-            found = _solve(self.pencil, asked)
-            self.rows, self.count, self.rigid_count = self._kept(found), found.count, found.rigid_count
-            if not self.rows and asked.band_hz:
-                near = modes_near(self.pencil, sum(asked.band_hz) / 2.0, 1)
+            solution = _solve(self.pencil, query)
+            self.rows, self.count, self.rigid_count = self._kept(solution), solution.count, solution.rigid_count
+            if not self.rows and query.band_hz:
+                near = modes_near(self.pencil, sum(query.band_hz) / 2.0, 1)
                 self.nearest_hz = float(near.frequency_hz[0]) if len(near.frequency_hz) else None
         self.log.info(f"{name}: {self.dof} degrees of freedom, {len(self.rows)} modes")
 
@@ -236,8 +242,8 @@ class _Class:
     def between(self, low_hz: float, high_hz: float) -> tuple[tuple[ModeRow, ...], Count]:
         """Every mode between two frequencies, solved on top of what is known."""
         with self.log.step(f"look for the wanted mode from {khz(round(low_hz))} to {khz(round(high_hz))}"):
-            found = modes_in_band(self.pencil, low_hz, high_hz)
-            return self._kept(found), found.count
+            solution = modes_in_band(self.pencil, low_hz, high_hz)
+            return self._kept(solution), solution.count
 
     def _kept(self, modes: Modes) -> tuple[ModeRow, ...]:
         first = self.vectors.shape[1]
@@ -248,22 +254,22 @@ class _Class:
         return tuple(mode_rows(modes, self.parity, measures, first))
 
 
-def _wanted(case: Case, asked: Request, one: _Class) -> Wanted | None:
+def _wanted(case: Case, query: Request, one: _Class) -> Wanted | None:
     """The wanted mode among those of its class; None for a part that has none."""
-    window = wanted_window_hz(case, asked)
+    window = wanted_window_hz(case, query)
     if window is None:
         return None
-    if not asked.search:
+    if not query.search:
         return wanted_search.look_among(one.rows, one.count)
     return wanted_search.look(window, one.count, one.rows, one.between)
 
 
-def _nearest_hz(asked: Request, classes: dict[str | None, _Class]) -> float | None:
+def _nearest_hz(query: Request, classes: dict[str | None, _Class]) -> float | None:
     """The mode nearest to the middle of a band that holds none."""
     tones = [one.nearest_hz for one in classes.values() if one.nearest_hz is not None]
-    if any(one.rows for one in classes.values()) or not tones or not asked.band_hz:
+    if any(one.rows for one in classes.values()) or not tones or not query.band_hz:
         return None
-    middle = sum(asked.band_hz) / 2.0
+    middle = sum(query.band_hz) / 2.0
     return min(tones, key=lambda tone: abs(tone - middle))
 
 
@@ -283,7 +289,7 @@ def _more_in_mesh(model: PartModel, classes: dict[str | None, _Class], count: Co
 
 
 @dataclass(frozen=True)
-class _Judged:
+class ReductionErrorEstimate:
     """How far the reduction may put modes too high, relative: the worst of all; the wanted one's by modes and by degrees."""
 
     worst: float
@@ -295,7 +301,7 @@ class _Judged:
         return self.modes + self.degrees
 
 
-def _judged(found: PartModes, errors: dict[str | None, ModeErrors]) -> _Judged | None:
+def _reduction_error(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> ReductionErrorEstimate | None:
     """The reduction's estimate; None for a body that was not reduced and where no mode was found.
 
     Without a wanted mode the worst one stands for it.
@@ -305,23 +311,23 @@ def _judged(found: PartModes, errors: dict[str | None, ModeErrors]) -> _Judged |
         return None
     both = np.hstack(every)
     worst = both[:, int(np.argmax(both.sum(axis=0)))]
-    row = found.wanted.row if found.wanted else None
+    row = part_modes.wanted.row if part_modes.wanted else None
     own = (errors[row.parity].modes[row.column], errors[row.parity].degrees[row.column]) if row else worst
-    return _Judged(float(worst.sum()), float(own[0]), float(own[1]))
+    return ReductionErrorEstimate(float(worst.sum()), float(own[0]), float(own[1]))
 
 
-def _bar(case: Case, way: Way, found: PartModes, reduction: float | None) -> ErrorBar | None:
+def _bar(case: Case, choice: ModelChoice, part_modes: PartModes, reduction: float | None) -> ErrorBar | None:
     """What the wanted mode's frequency and confinement may be off by; None without one."""
-    row = found.wanted.row if found.wanted else None
-    if row is None or found.wanted is None:
+    row = part_modes.wanted.row if part_modes.wanted else None
+    if row is None or part_modes.wanted is None:
         return None
-    bar = ErrorBar(error_bar.expected_error(way, case.design, row.frequency_hz), reduction)
+    bar = ErrorBar(error_bar.expected_error(choice, case.design, row.frequency_hz), reduction)
     if bar.frequency is None or row.confinement_db is None:
         return bar
-    kin = list(found.wanted.rows)
-    touch = found.model.touch(row.parity, found.vectors[row.parity][:, [each.column for each in kin]])
-    tones = np.array([each.frequency_hz for each in kin])
-    most, share = mixing_db(touch, tones, kin.index(row), case.design, bar.frequency), calibration.mixing()
+    siblings = list(part_modes.wanted.rows)
+    touch = part_modes.model.touch(row.parity, part_modes.vectors[row.parity][:, [each.column for each in siblings]])
+    tones = np.array([each.frequency_hz for each in siblings])
+    most, share = mixing_db(touch, tones, siblings.index(row), case.design, bar.frequency), calibration.mixing()
     return replace(bar, confinement_db=None if most is None or share is None else share * most)
 
 
@@ -329,18 +335,18 @@ def _classes(model: PartModel, parity: str | None) -> tuple[str | None, ...]:
     if parity is None:
         return model.parities
     if parity not in model.parities:
-        raise InputFault(f"parity {parity}: this model has no mirror classes; leave --parity out")
+        raise InputError(f"parity {parity}: this model has no symmetry classes; leave --parity out")
     return (parity,)
 
 
-def _solve(pencil: SymmetricPencil, asked: Request) -> Modes:
-    if asked.band_hz:
-        return modes_in_band(pencil, *asked.band_hz)
-    assert asked.near_hz is not None and asked.count is not None
-    return modes_near(pencil, asked.near_hz, asked.count)
+def _solve(pencil: SymmetricPencil, query: Request) -> Modes:
+    if query.band_hz:
+        return modes_in_band(pencil, *query.band_hz)
+    assert query.near_hz is not None and query.count is not None
+    return modes_near(pencil, query.near_hz, query.count)
 
 
-def _merged(asked: Request, classes: dict[str | None, _Class]) -> tuple[list[ModeRow], Count]:
+def _merged(query: Request, classes: dict[str | None, _Class]) -> tuple[list[ModeRow], Count]:
     """The modes that were asked for over all classes in ascending order, and their count between common ends."""
     rows = [row for one in classes.values() for row in one.rows]
     rows.sort(key=lambda row: (row.frequency_hz, row.parity or ""))
@@ -351,18 +357,18 @@ def _merged(asked: Request, classes: dict[str | None, _Class]) -> tuple[list[Mod
         sum(c.expected for c in counts),
         sum(c.found for c in counts),
     )
-    return _nearest(rows, asked, count) if asked.count is not None and not asked.band_hz else (rows, count)
+    return _nearest(rows, query, count) if query.count is not None and not query.band_hz else (rows, count)
 
 
-def _nearest(rows: list[ModeRow], asked: Request, count: Count) -> tuple[list[ModeRow], Count]:
+def _nearest(rows: list[ModeRow], query: Request, count: Count) -> tuple[list[ModeRow], Count]:
     """The `count` modes nearest to the frequency over all classes, degenerate partners of the last one kept.
 
     Every class is complete in its own, wider interval, so the common one is complete too.
     """
-    assert asked.near_hz is not None and asked.count is not None
-    near = asked.near_hz
+    assert query.near_hz is not None and query.count is not None
+    near = query.near_hz
     ordered = sorted(rows, key=lambda row: abs(row.frequency_hz - near))
-    size = min(asked.count, len(ordered))
+    size = min(query.count, len(ordered))
     while size < len(ordered) and _same(ordered[size].frequency_hz, ordered[size - 1].frequency_hz):
         size += 1
     kept = ordered[:size]
@@ -378,20 +384,20 @@ def _same(first: float, second: float) -> bool:
     return abs(first - second) <= 1e-6 * max(first, second)
 
 
-def wanted_record(found: PartModes) -> dict[str, Any]:
+def wanted_record(part_modes: PartModes) -> dict[str, Any]:
     """The wanted mode's measures and rivals, its pillars' share of kinetic energy, where it stands among the modes (`index`).
 
     Without a wanted mode, its status and window alone.
     """
-    assert found.wanted
-    row, document = found.wanted.row, found.wanted.json()
+    assert part_modes.wanted
+    row, document = part_modes.wanted.row, part_modes.wanted.json()
     if row is None:
         return document
-    vector = found.vectors[row.parity][:, [row.column]]
+    vector = part_modes.vectors[row.parity][:, [row.column]]
     return document | {
-        "index": found.index(row),
+        "index": part_modes.index(row),
         "extension_db": row.extension_db,
-        "frequency_error": found.bar.frequency if found.bar else None,
-        "confinement_error_db": found.bar.confinement_db if found.bar else None,
-        "pillar_energy_share": float(found.model.pillar_share(row.parity, vector)[0]),
+        "frequency_error": part_modes.bar.frequency if part_modes.bar else None,
+        "confinement_error_db": part_modes.bar.confinement_db if part_modes.bar else None,
+        "pillar_energy_share": float(part_modes.model.pillar_share(row.parity, vector)[0]),
     }

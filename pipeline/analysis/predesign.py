@@ -17,18 +17,18 @@ THEORIES = {  # what the document and what the calibration call them
 
 def run(case: Case) -> tuple[dict[str, Any], str]:
     """The JSON document and the text of a case's analytic sizing, with what each theory may be off the clamped solid by."""
-    found = predesign(case.design)
-    document = found.as_json()
+    sizing = predesign(case.design)
+    document = sizing.as_json()
     lines = []
     for part in [each for each in THEORIES if document[each]]:
         lines.append(f"{part}: {', '.join(_pairs(document[part]))}")
         known = expected_errors(part, case.design)
         errors = {name: error for name, error in known.items() if document[part].get(name) is not None}
         if errors:
-            told = ", ".join(f"{name} {error:.1%}" for name, error in errors.items())
-            lines.append(f"{part}, expected error beside a solid with clamped faces: {told}")
+            expected = ", ".join(f"{name} {error:.1%}" for name, error in errors.items())
+            lines.append(f"{part}, expected error beside a solid with clamped faces: {expected}")
         document[part] = document[part] | {"expected_error": errors}
-    return document, "\n".join([*lines, *(f"limit: {text}" for text in found.limits)])
+    return document, "\n".join([*lines, *(f"limit: {text}" for text in sizing.limits)])
 
 
 def short_wave(design: Design) -> str | None:
@@ -51,8 +51,8 @@ def expected_errors(part: str, design: Design) -> dict[str, float]:
         slender = design.pillar.base_m / design.pillar.height_m
     elif design.nodal_lines < 2:
         return {}
-    found = {name: calibration.by_theory(part, theory, slender) for name, theory in THEORIES[part].items()}
-    return {name: error for name, error in found.items() if error is not None}
+    errors_by_theory = {name: calibration.by_theory(part, theory, slender) for name, theory in THEORIES[part].items()}
+    return {name: error for name, error in errors_by_theory.items() if error is not None}
 
 
 def _pairs(values: dict[str, Any]) -> list[str]:

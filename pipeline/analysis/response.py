@@ -12,7 +12,7 @@ from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import error_bar
-from pipeline.planning.model_choice import way_of
+from pipeline.planning.model_choice import model_choice_of
 from solvers.piezo.circuit import CircuitShift, circuit_shift
 from solvers.piezo.forced import Curve, ForcedPlate
 from solvers.piezo.peaks import Peak, curve_about, highest_hz, near_hz, peak_of
@@ -105,7 +105,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
         curve = curve_about(forced, low, high, points, peaks_hz)
         wanted = peak_of(curve, peaks_hz[0]) if len(peaks_hz) > 1 else None
         shape_points, shape = _gridded(*forced.shape(peaks_hz[0]))
-    found = Response(
+    forced_response = Response(
         f"{plate.name} with {patches.count} patches",
         sum(group.pencil.dof for group in plate.groups),
         curve,
@@ -120,10 +120,10 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
         forced,
         circuit_shift(forced),
         meshes,
-        error_bar.told(way_of(case, "plate", high), case, log, high),
+        error_bar.log_expected(model_choice_of(case, "plate", high), case, log, high),
     )
-    _tell(found, log)
-    return found
+    _log_summary(forced_response, log)
+    return forced_response
 
 
 def _driven_hz(forced: ForcedPlate) -> float | None:
@@ -144,55 +144,64 @@ def _gridded(points: FloatArray, values: Any) -> tuple[FloatArray, Any]:
     return grid, values[cKDTree(points).query(grid)[1]]
 
 
-def _tell(found: Response, log: Log) -> None:
-    log.info(lines(found)[0])
-    if found.circuit:
-        shift = found.circuit
+def _log_summary(forced_response: Response, log: Log) -> None:
+    log.info(lines(forced_response)[0])
+    if forced_response.circuit:
+        shift = forced_response.circuit
         log.info(
             f"wanted mode at {shift.short_hz:.1f} Hz with all patches short, {shift.open_hz:.1f} Hz with all open: "
             f"coupling factor squared {shift.coupling:.2e}"
         )
-    _warn_of_wanted(found, log)
-    if found.highest.frequency_hz in (found.curve.frequency_hz[0], found.curve.frequency_hz[-1]):
-        log.alarm("PEAK_AT_END", "the response is largest at the end of the band: widen it")
-    quality = found.peak.quality
-    if quality and abs(quality / found.quality_given - 1.0) > 0.2:
-        log.alarm(
+    _warn_of_wanted(forced_response, log)
+    if forced_response.highest.frequency_hz in (
+        forced_response.curve.frequency_hz[0],
+        forced_response.curve.frequency_hz[-1],
+    ):
+        log.warning("PEAK_AT_END", "the response is largest at the end of the band: widen it")
+    quality = forced_response.peak.quality
+    if quality and abs(quality / forced_response.quality_given - 1.0) > 0.2:
+        log.warning(
             "SHARED_PEAK",
-            f"the peak's width tells a quality factor of {quality:.0f}, given is {found.quality_given:.0f}: modes overlap",
+            f"the peak's width tells a quality factor of {quality:.0f}, given is "
+            f"{forced_response.quality_given:.0f}: modes overlap",
         )
 
 
-def _warn_of_wanted(found: Response, log: Log) -> None:
-    """An alarm where the highest peak is not the wanted mode's, or the band has no wanted mode."""
-    (low, high), highest = found.forced.band_hz, found.highest.frequency_hz
-    if found.wanted is None:
-        where = f"it lies at {found.wanted_hz:.1f} Hz" if found.wanted_hz else "no mode about the band has its shape"
-        log.alarm(
+def _warn_of_wanted(forced_response: Response, log: Log) -> None:
+    """A warning where the highest peak is not the wanted mode's, or the band has no wanted mode."""
+    (low, high), highest = forced_response.forced.band_hz, forced_response.highest.frequency_hz
+    if forced_response.wanted is None:
+        where = (
+            f"it lies at {forced_response.wanted_hz:.1f} Hz"
+            if forced_response.wanted_hz
+            else "no mode about the band has its shape"
+        )
+        log.warning(
             "NO_MODE",
             f"the band from {low:.0f} to {high:.0f} Hz does not hold the wanted mode, {where}: the peak is another mode's",
         )
-    elif not found.same:
-        log.alarm(
+    elif not forced_response.same:
+        log.warning(
             "OTHER_PEAK",
-            f"the response is highest at {highest:.1f} Hz, which is not the wanted mode at {found.wanted.frequency_hz:.1f} Hz",
+            f"the response is highest at {highest:.1f} Hz, which is not the wanted mode at "
+            f"{forced_response.wanted.frequency_hz:.1f} Hz",
         )
-    if found.forced.verdict.status == "split":
-        log.alarm(
+    if forced_response.forced.verdict.status == "split":
+        log.warning(
             "SPLIT_MODE", "the wanted shape is split among several modes of the patched plate: the strongest is meant"
         )
 
 
-def lines(found: Response) -> list[str]:
+def lines(forced_response: Response) -> list[str]:
     """What the response says, for people: the wanted mode's peak, and the highest where it is another."""
-    said = [_told("wanted mode's peak", found.wanted)] if found.wanted else []
-    return said if found.same else [*said, _told("highest peak", found.highest)]
+    said = [_summary("wanted mode's peak", forced_response.wanted)] if forced_response.wanted else []
+    return said if forced_response.same else [*said, _summary("highest peak", forced_response.highest)]
 
 
-def _told(name: str, peak: Peak) -> str:
-    held = "" if peak.confinement_db is None else f", {peak.confinement_db:.1f} dB above the passive face"
+def _summary(name: str, peak: Peak) -> str:
+    confinement_text = "" if peak.confinement_db is None else f", {peak.confinement_db:.1f} dB above the passive face"
     quality = "none" if peak.quality is None else f"{peak.quality:.0f}"
     return (
-        f"{name} at {peak.frequency_hz:.1f} Hz: {1e9 * peak.zone_rms:.2f} nm/V rms on the zone{held}; "
+        f"{name} at {peak.frequency_hz:.1f} Hz: {1e9 * peak.zone_rms:.2f} nm/V rms on the zone{confinement_text}; "
         f"quality factor from the curve: {quality}"
     )

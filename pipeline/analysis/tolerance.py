@@ -9,12 +9,12 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from pipeline.case.model import Case, Tolerance
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import patched_plate
-from pipeline.models.cell_cache import CellShelf, FamilyShelf
+from pipeline.models.cell_cache import CellCache, ParametricCellCache
 from pipeline.planning import foresight
-from pipeline.planning.model_choice import HEX, SUPERELEMENT, way_of
+from pipeline.planning.model_choice import HEX, SUPERELEMENT, model_choice_of
 from pipeline.planning.request import driven_band_hz
 from pipeline.planning.simplifications import khz
 from pipeline.records.study import CONFINED_DB
@@ -60,7 +60,7 @@ class ToleranceStudy:
     drive: str
     unit: str
     pillars: int
-    unknowns: int
+    dofs: int
     nominal: Measured
     samples: tuple[Measured, ...]
     space_change_hz: float | None
@@ -86,7 +86,7 @@ class ToleranceStudy:
             "drive": self.drive,
             "rms_unit": self.unit,
             "pillars": self.pillars,
-            "unknowns": self.unknowns,
+            "dofs": self.dofs,
             "nominal": asdict(self.nominal),
             "samples": [asdict(one) for one in self.samples],
             "lost": len(self.samples) - len(peaks),
@@ -122,18 +122,18 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> T
         still = plate.sample(np.zeros((count, 4)))
         nominal = _measured(still)
         if nominal.peak_hz is None:
-            raise InputFault(
+            raise InputError(
                 f"{case.name}: no mode about {khz(band[0])} to {khz(band[1])} has the wanted shape, which a tolerance follows: "
                 "antinode modes tells where it is; give another --band or solve.band_kHz"
             )
-        shown = _shown(nominal.peak_hz, band)
-        first = still.curve(shown).zone_rms_m_per_v
-    log.info(_told("nominal", nominal))
-    samples, more = _sampled(plate, changes, shown, log)
+        summary = _shown(nominal.peak_hz, band)
+        first = still.curve(summary).zone_rms_m_per_v
+    log.info(_summary("nominal", nominal))
+    samples, more = _sampled(plate, changes, summary, log)
     with log.step("a sample in a smaller space"):
         low, high = (factor * edge for factor, edge in zip(NARROWER, band, strict=True))
         narrow = _measured(plate.sample(changes[0], (low, high)))
-    found = ToleranceStudy(
+    tolerance_study = ToleranceStudy(
         given,
         "patches" if case.patches else "pressure in the wanted shape",
         "m/V" if case.patches else "m/N",
@@ -143,16 +143,16 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> T
         tuple(samples),
         _apart(narrow.peak_hz, samples[0].peak_hz),
         _apart(narrow.confinement_db, samples[0].confinement_db),
-        shown,
+        summary,
         np.array([first, *more]),
         changes,
     )
-    _tell(found, forced, band, log)
-    return found
+    _log_summary(tolerance_study, forced, band, log)
+    return tolerance_study
 
 
 def _sampled(
-    plate: VariedPlate, changes: FloatArray, shown: FloatArray, log: Log
+    plate: VariedPlate, changes: FloatArray, summary: FloatArray, log: Log
 ) -> tuple[list[Measured], list[FloatArray]]:
     """Every plate measured, and the zone's rms at the frequencies that the picture shows."""
     samples, curves = [], []
@@ -160,22 +160,22 @@ def _sampled(
         with log.step(f"sample {number} of {len(changes)}"):
             sample = plate.sample(change)
             samples.append(_measured(sample))
-            curves.append(sample.curve(shown).zone_rms_m_per_v)
-        log.info(_told(f"sample {number}", samples[-1]))
+            curves.append(sample.curve(summary).zone_rms_m_per_v)
+        log.info(_summary(f"sample {number}", samples[-1]))
     return samples, curves
 
 
 def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -> VariedPlate:
-    design, way = case.design, way_of(case, "plate", band[1])
+    design, choice = case.design, model_choice_of(case, "plate", band[1])
     assert design.pillar
-    if way.model != SUPERELEMENT or way.kind != HEX or way.recipe is None:
-        raise InputFault(
+    if choice.model != SUPERELEMENT or choice.kind != HEX or choice.reduction is None:
+        raise InputError(
             f"{case.name}: [tolerance]: pillars are varied in joined cells of hexahedra: solve.model must be auto or "
             "superelement, solve.mesh auto or hex"
         )
     foresight.announce(
         "plates with printed tolerances",
-        foresight.of_response(case, way, band, given.samples * (DRAWN + AROUND_PEAK)),
+        foresight.of_response(case, choice, band, given.samples * (DRAWN + AROUND_PEAK)),
         log,
     )
     reach = Deviations(given.height_m, given.side_m, given.position_m).reach_m
@@ -183,22 +183,22 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
         design.thickness_m,
         design.material,
         design.pillar,
-        way.recipe,
-        CellShelf(),
+        choice.reduction,
+        CellCache(),
         reach_m=reach,
-        family_shelf=FamilyShelf(),
+        parametric_cache=ParametricCellCache(),
     )
     with log.step("reduce cells and their changes"):
         model = PlateModel(design, reductions)
     log.info(
         f"{len(reductions.families)} kinds of pillar cells, each interpolated between "
         f"{1 + max(len(family.nodes) for family in reductions.families.values())} reductions: "
-        f"{reductions.fresh} pieces reduced now, {reductions.reused} taken from the shelf"
+        f"{reductions.fresh} pieces reduced now, {reductions.reused} taken from the cache"
     )
     if case.patches:
         forced = patched_plate.driven(case, model, band, log)
     else:
-        pressed = PressedPlate({parity: model.joined(parity) for parity in CLASSES}, design, model.name)
+        pressed = PressedPlate({parity: model.assembled(parity) for parity in CLASSES}, design, model.name)
         with log.step("modes of the plate"):
             forced = ForcedPlate(pressed, design, (0,), (), band, case.quality)
     with log.step("the space of the samples"):
@@ -228,44 +228,49 @@ def _apart(first: float | None, second: float | None) -> float | None:
     return None if first is None or second is None else abs(first - second)
 
 
-def _told(name: str, found: Measured) -> str:
-    if found.peak_hz is None:
+def _summary(name: str, tolerance_study: Measured) -> str:
+    if tolerance_study.peak_hz is None:
         return f"{name}: lost, no mode has the wanted mode's shape"
-    held = "" if found.confinement_db is None else f", confinement {found.confinement_db:.1f} dB"
-    split = ", split among several modes" if found.tracking == "split" else ""
-    return f"{name}: peak at {found.peak_hz:.1f} Hz{held}{split}"
+    confinement = (
+        "" if tolerance_study.confinement_db is None else f", confinement {tolerance_study.confinement_db:.1f} dB"
+    )
+    split = ", split among several modes" if tolerance_study.tracking == "split" else ""
+    return f"{name}: peak at {tolerance_study.peak_hz:.1f} Hz{confinement}{split}"
 
 
-def lines(found: ToleranceStudy) -> list[str]:
+def lines(tolerance_study: ToleranceStudy) -> list[str]:
     """What the study says, for people."""
-    shown = found.json()
-    peak, shift, held = shown["peak_hz"], shown["peak_shift_hz"], shown["confinement_db"]
-    out, count = [_told("nominal", found.nominal)], len(found.peaks_hz)
+    summary = tolerance_study.json()
+    peak, shift, confinement = summary["peak_hz"], summary["peak_shift_hz"], summary["confinement_db"]
+    out, count = [_summary("nominal", tolerance_study.nominal)], len(tolerance_study.peaks_hz)
     if peak and shift:
         out.append(
             f"{count} plates: peak {peak['mean']:.1f} Hz, spread {peak['deviation']:.1f} Hz, "
             f"{peak['lowest']:.1f} to {peak['highest']:.1f} Hz; moved by {shift['mean']:+.1f} Hz on average"
         )
-    if held:
+    if confinement:
         out.append(
-            f"confinement {held['mean']:.1f} dB, spread {held['deviation']:.1f} dB, worst {held['lowest']:.1f} dB; "
-            f"{shown['confined']} of {count} confined"
+            f"confinement {confinement['mean']:.1f} dB, spread {confinement['deviation']:.1f} dB, "
+            f"worst {confinement['lowest']:.1f} dB; "
+            f"{summary['confined']} of {count} confined"
         )
-    if shown["lost"]:
-        out.append(f"{shown['lost']} of {len(found.samples)} plates lost the wanted mode: no mode has its shape")
+    if summary["lost"]:
+        out.append(
+            f"{summary['lost']} of {len(tolerance_study.samples)} plates lost the wanted mode: no mode has its shape"
+        )
     return out
 
 
-def _tell(found: ToleranceStudy, forced: ForcedPlate, band: tuple[float, float], log: Log) -> None:
-    for line in lines(found):
+def _log_summary(tolerance_study: ToleranceStudy, forced: ForcedPlate, band: tuple[float, float], log: Log) -> None:
+    for line in lines(tolerance_study):
         log.info(line)
-    peaks, nominal = found.peaks_hz, found.nominal.peak_hz
+    peaks, nominal = tolerance_study.peaks_hz, tolerance_study.nominal.peak_hz
     if ((peaks <= band[0]) | (peaks >= band[1])).any():
-        log.alarm("PEAK_AT_END", "a sample's wanted mode lies outside the band: widen it")
-    if len(peaks) < len(found.samples):
-        log.alarm("LOST", lines(found)[-1])
-    change = found.space_change_hz
+        log.warning("PEAK_AT_END", "a sample's wanted mode lies outside the band: widen it")
+    if len(peaks) < len(tolerance_study.samples):
+        log.warning("LOST", lines(tolerance_study)[-1])
+    change = tolerance_study.space_change_hz
     if change is not None and nominal and change > max(MOVED * spread(peaks).deviation, 0.1 * nominal * forced.loss):
-        log.alarm(
+        log.warning(
             "SPACE_TOO_SMALL", f"a narrower space of modes moves a sample's peak by {change:.1f} Hz: widen the band"
         )

@@ -80,20 +80,20 @@ def look(
     """
     if known.high_hz < window_hz[0] or known.low_hz > window_hz[1]:
         return Wanted(NONE, (), *window_hz, None, "the frequencies asked for do not reach it")
-    ends, found = window_hz, NONE
+    ends, verdict = window_hz, NONE
     for _ in range(ROUNDS):
         rows, known = _completed(rows, known, ends, solve)
         inside = _within(rows, ends)
-        found = _verdict(inside)
-        if found.index is None:
+        verdict = _verdict(inside)
+        if verdict.index is None:
             break
-        wider = reaching(ends, inside[found.index].frequency_hz)
+        wider = reaching(ends, inside[verdict.index].frequency_hz)
         if wider == ends:
             break
         ends = wider
-    if found.index is None and found_beyond(rows, ends):
+    if verdict.index is None and rows_beyond(rows, ends):
         return look_among(rows, known)
-    return Wanted(found, _within(rows, ends), *ends, known)
+    return Wanted(verdict, _within(rows, ends), *ends, known)
 
 
 def look_among(rows: tuple[ModeRow, ...], known: Count) -> Wanted:
@@ -101,7 +101,7 @@ def look_among(rows: tuple[ModeRow, ...], known: Count) -> Wanted:
     return Wanted(_verdict(rows), rows, known.low_hz, known.high_hz, known)
 
 
-def found_beyond(rows: tuple[ModeRow, ...], ends: tuple[float, float]) -> bool:
+def rows_beyond(rows: tuple[ModeRow, ...], ends: tuple[float, float]) -> bool:
     """Whether a mode of the wanted shape is known outside the window."""
     return _verdict(rows).index is not None and len(_within(rows, ends)) < len(rows)
 

@@ -11,15 +11,15 @@ from pipeline.logs import Log
 from solvers.measures.wanted_mode import CLEAR
 
 
-def lines(found: PartModes, design: Design) -> list[str]:
+def lines(part_modes: PartModes, design: Design) -> list[str]:
     """The wanted mode, what it may be off by, and what was counted."""
-    said = verdict(found.wanted, design) if found.wanted else []
-    row = found.wanted.row if found.wanted else None
-    if row and found.index(row) is None:
+    said = verdict(part_modes.wanted, design) if part_modes.wanted else []
+    row = part_modes.wanted.row if part_modes.wanted else None
+    if row and part_modes.index(row) is None:
         said.append("It lies outside the modes listed above.")
-    if row and found.bar:
-        said.append(f"expected errors: {found.bar.text()}")
-    return [*said, count(found)]
+    if row and part_modes.bar:
+        said.append(f"expected errors: {part_modes.bar.text()}")
+    return [*said, count(part_modes)]
 
 
 def verdict(wanted: Wanted, design: Design) -> list[str]:
@@ -30,42 +30,47 @@ def verdict(wanted: Wanted, design: Design) -> list[str]:
         return [f"The wanted {name} mode is expected between {window}: {wanted.why}."]
     if row is None:
         return [f"No mode between {window} has the wanted {name} shape: the best are less than half alike (MAC)."]
-    held = "" if row.confinement_db is None else f", {row.confinement_db:.1f} dB"
+    level_text = "" if row.confinement_db is None else f", {row.confinement_db:.1f} dB"
     if wanted.status == "single":
-        return [f"wanted {name} mode: {row.frequency_hz:.1f} Hz, MAC {row.mac:.3f}, strength {row.strength:.3f}{held}"]
+        return [
+            f"wanted {name} mode: {row.frequency_hz:.1f} Hz, MAC {row.mac:.3f}, strength {row.strength:.3f}{level_text}"
+        ]
     others = "; ".join(_named(rival) for rival in wanted.rivals)
     return [
         f"The wanted {name} shape is split among several modes between {window}: strongest at {row.frequency_hz:.1f} Hz, "
-        f"MAC {row.mac:.3f}, strength {row.strength:.3f}{held}" + (f"; others: {others}" if others else _alone(row))
+        f"MAC {row.mac:.3f}, strength {row.strength:.3f}{level_text}"
+        + (f"; others: {others}" if others else _alone(row))
     ]
 
 
 def _named(row: ModeRow) -> str:
-    held = "" if row.confinement_db is None else f", {row.confinement_db:.1f} dB"
-    return f"{row.frequency_hz:.1f} Hz (MAC {row.mac:.3f}, strength {row.strength:.3f}{held})"
+    level_text = "" if row.confinement_db is None else f", {row.confinement_db:.1f} dB"
+    return f"{row.frequency_hz:.1f} Hz (MAC {row.mac:.3f}, strength {row.strength:.3f}{level_text})"
 
 
 def _alone(row: ModeRow) -> str:
     return f"; no other is a quarter as strong, but its MAC is below {CLEAR:g}" if (row.mac or 0.0) < CLEAR else ""
 
 
-def count(found: PartModes) -> str:
+def count(part_modes: PartModes) -> str:
     """The count by inertia, of what it is, and what it proves."""
-    check = found.count
-    text = f"count by inertia of the {found.counts}: {check.expected}, found: {check.found}"
-    if found.counts == "mesh":
+    check = part_modes.count
+    text = f"count by inertia of the {part_modes.counts}: {check.expected}, found: {check.found}"
+    if part_modes.counts == "mesh":
         return text
-    if found.more_in_mesh is None:
+    if part_modes.more_in_mesh is None:
         return f"{text}; how many the meshes behind it have is not bounded"
-    if found.more_in_mesh == 0:
+    if part_modes.more_in_mesh == 0:
         return f"{text}; the meshes behind it have no more of them up to {check.high_hz / 1e3:.4g} kHz"
-    return f"{text}; the meshes behind it have at most {found.more_in_mesh} more up to {check.high_hz / 1e3:.4g} kHz"
+    return (
+        f"{text}; the meshes behind it have at most {part_modes.more_in_mesh} more up to {check.high_hz / 1e3:.4g} kHz"
+    )
 
 
 def warn_of_wanted(wanted: Wanted, case: Case, log: Log) -> None:
-    """Say which mode is the wanted one; an alarm where none is, or where several share its shape."""
+    """Say which mode is the wanted one; a warning where none is, or where several share its shape."""
     (said,) = verdict(wanted, case.design)
     if wanted.status == "single":
         log.info(said)
     else:
-        log.alarm("NO_MODE" if wanted.status == "none" else "SPLIT_MODE", said)
+        log.warning("NO_MODE" if wanted.status == "none" else "SPLIT_MODE", said)

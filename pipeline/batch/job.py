@@ -14,10 +14,10 @@ from typing import Any
 
 from pipeline.batch import peak_memory
 from pipeline.records import fingerprint, store
-from pipeline.records.run_log import Mess, close_abandoned
+from pipeline.records.run_log import RunLog, close_abandoned
 from solvers.fem.factor.memory import memory_text
 
-Compute = Callable[[dict[str, Any], Path, Mess], dict[str, Any]]
+Compute = Callable[[dict[str, Any], Path, RunLog], dict[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Job:
 
 @dataclass(frozen=True)
 class CaseEnd:
-    """How a case ended: status OK, ALARM or FAILED, one line of diagnosis, seconds taken."""
+    """How a case ended: status OK, WARNING or FAILED, one line of diagnosis, seconds taken."""
 
     case_id: str
     status: str
@@ -50,7 +50,7 @@ def record_loss(job: Job, study: Path, error: BaseException) -> CaseEnd:
     with suppress(store.StoreError, OSError):
         folder.mkdir(parents=True, exist_ok=True)
         store.sweep_leftovers(folder)
-        close_abandoned(folder / store.MESS, "LOST", diagnosis)
+        close_abandoned(folder / store.RUN_LOG, "LOST", diagnosis)
         store.finish(folder, _dressed(job, _failed_record(diagnosis), fingerprint.current()), {"seconds": {}})
     return CaseEnd(job.case_id, "FAILED", diagnosis, 0.0)
 
@@ -81,24 +81,24 @@ def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerpr
     try:
         peak_memory.restart()
         store.begin(folder, job.payload)
-        with Mess(folder / store.MESS) as log:
+        with RunLog(folder / store.RUN_LOG) as log:
             log.banner(job.case_id, _program_version(), mark.versions)
             log.echo(job.payload)
             record = _dressed(job, _guarded(compute, job, folder, log, mark), mark)
             timing = {
                 "seconds": {**log.seconds, "total": log.elapsed},
-                "peak_memory_bytes": peak_memory.told_peak_bytes(),
+                "peak_memory_bytes": peak_memory.reported_peak_bytes(),
             }
             store.finish(folder, record, timing)
             log.close(record["status"])
     except (store.StoreError, OSError) as error:
-        close_abandoned(folder / store.MESS, "LOST", str(error))
+        close_abandoned(folder / store.RUN_LOG, "LOST", str(error))
         store.sweep_leftovers(folder)
         return CaseEnd(job.case_id, "FAILED", str(error), time.perf_counter() - start)
     return CaseEnd(job.case_id, record["status"], record["diagnosis"], time.perf_counter() - start)
 
 
-def _guarded(compute: Compute, job: Job, folder: Path, log: Mess, mark: fingerprint.Fingerprint) -> dict[str, Any]:
+def _guarded(compute: Compute, job: Job, folder: Path, log: RunLog, mark: fingerprint.Fingerprint) -> dict[str, Any]:
     try:
         if fingerprint.current().code_hash != mark.code_hash:
             raise RuntimeError("this worker runs other sources than the study was started with; run the study again")
@@ -114,7 +114,7 @@ def _guarded(compute: Compute, job: Job, folder: Path, log: Mess, mark: fingerpr
             log.info(traceback.format_exc())
         record = _failed_record(text)
     record["left_out"] = list(dict.fromkeys([*record.get("left_out", []), *log.left_out_list]))
-    record["warnings"] = list(dict.fromkeys([*record.get("warnings", []), *log.alarms]))
+    record["warnings"] = list(dict.fromkeys([*record.get("warnings", []), *log.warnings]))
     record.setdefault("status", "ALARM" if record["warnings"] else "OK")
     record.setdefault("diagnosis", record["warnings"][0] if record["warnings"] else "done")
     return record

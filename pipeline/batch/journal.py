@@ -18,7 +18,7 @@ class Journal:
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / JOURNAL
-        self.complaint: str | None = None
+        self.read_error: str | None = None
 
     def write(self, event: str, **fields: Any) -> None:
         """Append one event. A full disk does not stop a study: the loss is kept in `complaint`."""
@@ -31,7 +31,7 @@ class Journal:
             finally:
                 os.close(descriptor)
         except OSError as error:
-            self.complaint = f"{self.path}: a line could not be written ({error.strerror})"
+            self.read_error = f"{self.path}: a line could not be written ({error.strerror})"
 
 
 def _line_end(descriptor: int) -> str:
@@ -42,7 +42,7 @@ def _line_end(descriptor: int) -> str:
 def read(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
     """Entries of a study's journal and a complaint for each line that cannot be read."""
     entries: list[dict[str, Any]] = []
-    complaints: list[str] = []
+    read_errors: list[str] = []
     with suppress(FileNotFoundError):
         for number, line in enumerate((folder / JOURNAL).read_bytes().split(b"\n"), start=1):
             if not line.strip():
@@ -50,10 +50,10 @@ def read(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
             try:
                 entries.append(_checked(json.loads(line)))
             except (ValueError, RecursionError):
-                complaints.append(f"{JOURNAL}, line {number}: torn, passed over")
+                read_errors.append(f"{JOURNAL}, line {number}: torn, passed over")
             except TypeError:
-                complaints.append(f"{JOURNAL}, line {number}: not an entry of a journal, passed over")
-    return entries, complaints
+                read_errors.append(f"{JOURNAL}, line {number}: not an entry of a journal, passed over")
+    return entries, read_errors
 
 
 def _checked(entry: Any) -> dict[str, Any]:

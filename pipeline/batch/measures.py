@@ -16,12 +16,12 @@ from pipeline.analysis.wanted_text import warn_of_wanted
 from pipeline.batch.job import Job
 from pipeline.batch.study_file import StudyFile
 from pipeline.case.model import Case, load_case
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.planning import plan, resources, simplifications
 from pipeline.planning.request import of_case
 from pipeline.records import store
-from pipeline.records.run_log import Mess
+from pipeline.records.run_log import RunLog
 
 if TYPE_CHECKING:
     from solvers.piezo.forced import ForcedPlate
@@ -40,7 +40,7 @@ def jobs_of(study: StudyFile, fields_too: bool = False) -> list[Job]:
         try:
             case = load_case(study.case_path, overrides)
             _check(case, measure)
-        except InputFault as fault:
+        except InputError as fault:
             faults += [f"case {case_id}: {line}" for line in fault.lines]
             continue
         sweep = dict(zip(study.sweep, _values(overrides), strict=True)) if overrides else {}
@@ -54,13 +54,13 @@ def jobs_of(study: StudyFile, fields_too: bool = False) -> list[Job]:
             payload["firmware"] = emulation.sources_hash()
         jobs.append(Job(case_id, payload, sweep, _memory(case, measure)))
     if faults:
-        raise InputFault(faults)
+        raise InputError(faults)
     return jobs
 
 
 def _memory(case: Case, measure: tuple[str, ...]) -> int:
     """What a case is foreseen to take, B; 0 for one that its own run will refuse."""
-    with suppress(InputFault):
+    with suppress(InputError):
         return round(max(demand.memory_bytes for demand in plan.of_measures(case, measure).demands.values()))
     return 0
 
@@ -78,7 +78,7 @@ def _check(case: Case, measure: tuple[str, ...]) -> None:
     if "tolerance" in measure:
         case.require("tolerance", command="the measure tolerance")
     if "board" in measure and not {"modes", "confinement"} & set(measure):
-        raise InputFault("the measure board plays the modes' table: measure must hold modes too")
+        raise InputError("the measure board plays the modes' table: measure must hold modes too")
 
 
 def computer(study: StudyFile) -> Any:
@@ -86,17 +86,17 @@ def computer(study: StudyFile) -> Any:
     return partial(compute, str(study.case_path))
 
 
-def compute(case_path: str, payload: dict[str, Any], folder: Path, log: Mess) -> dict[str, Any]:
+def compute(case_path: str, payload: dict[str, Any], folder: Path, log: RunLog) -> dict[str, Any]:
     """Record of one case; arrays go to the case's folder. Raises what its solvers and meshers raise."""
     case = load_case(case_path, payload["overrides"])
     if case.as_understood() != payload["case"]:
-        raise InputFault(f"{Path(case_path).name}: changed while the study was running; run the study again")
+        raise InputError(f"{Path(case_path).name}: changed while the study was running; run the study again")
     record: dict[str, Any] = {"design": describe(case), "meshes": []}
     arrays: dict[str, FloatArray] = {}
     planned = plan.of_measures(case, payload["measure"])
     log.info(planned.text(), "PLAN")
     resources.refuse(planned.demands)
-    simplifications.told(planned.whole, log)
+    simplifications.log_all(planned.whole, log)
     record["plan"] = planned.json()
     solved: dict[str, ForcedPlate] = {}
     run: dict[str, Callable[[], None]] = {
@@ -138,63 +138,63 @@ def describe(case: Case) -> dict[str, Any]:
     return plain | {"pillar": shape, "pillar_centres_m": design.pillar_centres().tolist()}
 
 
-def _in_full(found: modes.PartModes, payload: dict[str, Any], folder: Path, log: Log) -> None:
+def _in_full(part_modes: modes.PartModes, payload: dict[str, Any], folder: Path, log: Log) -> None:
     """Every mode's field into the case's folder, where the run asked for it."""
     if payload.get("fields"):
         with log.step("fields in full"):
-            store.save_arrays(folder, mode_fields.full_fields(found), store.FIELDS)
+            store.save_arrays(folder, mode_fields.full_fields(part_modes), store.FIELDS)
 
 
 def _plate(
-    case: Case, log: Mess, record: dict[str, Any], arrays: dict[str, FloatArray], folder: Path
+    case: Case, log: RunLog, record: dict[str, Any], arrays: dict[str, FloatArray], folder: Path
 ) -> modes.PartModes:
-    found = modes.solve_modes(case, of_case(case), log).whole_window
-    record["modes"] = found.json()
-    record["meshes"] += found.meshes
-    assert found.wanted
-    record["wanted"] = modes.wanted_record(found)
-    index = found.index(found.wanted.row)
-    warn_of_wanted(found.wanted, case, log)
+    part_modes = modes.solve_modes(case, of_case(case), log).whole_window
+    record["modes"] = part_modes.json()
+    record["meshes"] += part_modes.meshes
+    assert part_modes.wanted
+    record["wanted"] = modes.wanted_record(part_modes)
+    index = part_modes.index(part_modes.wanted.row)
+    warn_of_wanted(part_modes.wanted, case, log)
     if index is None:
-        return found
-    record["shapes"] = mode_fields.shapes_record(found, case.design)
+        return part_modes
+    record["shapes"] = mode_fields.shapes_record(part_modes, case.design)
     with log.step("fields"):
-        arrays |= mode_fields.kept_arrays(found, nearest_rows(found, index)[:KEPT])
+        arrays |= mode_fields.kept_arrays(part_modes, nearest_rows(part_modes, index)[:KEPT])
     from pipeline.board.export import write_table
 
-    write_table(case, found, index, folder)
-    return found
+    write_table(case, part_modes, index, folder)
+    return part_modes
 
 
-def nearest_rows(found: modes.PartModes, index: int) -> list[int]:
+def nearest_rows(part_modes: modes.PartModes, index: int) -> list[int]:
     """The wanted mode and its neighbours in frequency, the wanted one first."""
-    distance = np.abs(np.array([row.frequency_hz for row in found.rows]) - found.rows[index].frequency_hz)
+    distance = np.abs(np.array([row.frequency_hz for row in part_modes.rows]) - part_modes.rows[index].frequency_hz)
     return [int(i) for i in np.argsort(distance, kind="stable")[: NEIGHBOURS + 1]]
 
 
 def _bands(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
     from pipeline.analysis import bands
 
-    found = bands.solve_bands(case, log, shapes=True)
-    corner = found.at("M")
-    record["bands"] = found.json() | {
-        "method": found.model,
+    computed = bands.solve_bands(case, log, shapes=True)
+    corner = computed.at("M")
+    record["bands"] = computed.json() | {
+        "method": computed.model,
         "bending_at_m_hz": [float(f) for f in corner[:2]] if corner is not None else None,
     }
-    record["meshes"] += found.meshes
-    arrays |= found.shapes
+    record["meshes"] += computed.meshes
+    arrays |= computed.shapes
 
 
 def _attenuation(case: Case, log: Log, record: dict[str, Any]) -> None:
     """Complex bands, and beside them what the finite plate does: rows times the decay per row at the wanted mode."""
     from pipeline.analysis import attenuation
 
-    found = attenuation.solve(case, log, points=plan.ATTENUATION_POINTS)
-    record["attenuation"] = found.json()
-    record["meshes"] += found.meshes
+    computed = attenuation.solve(case, log, points=plan.ATTENUATION_POINTS)
+    record["attenuation"] = computed.json()
+    record["meshes"] += computed.meshes
     wanted = record.get("wanted") or {}
     if wanted.get("frequency_hz"):
-        record["prediction"] = attenuation.prediction(found, wanted["frequency_hz"], wanted["extension_db"])
+        record["prediction"] = attenuation.prediction(computed, wanted["frequency_hz"], wanted["extension_db"])
 
 
 def _response(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> ForcedPlate:
@@ -203,23 +203,26 @@ def _response(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, Fl
     from pipeline.measured import comparison
 
     measured = comparison.read(case, None, None, None)
-    found = response.solve(case, log, points=plan.RESPONSE_POINTS)
-    record["response"] = found.json()
+    computed = response.solve(case, log, points=plan.RESPONSE_POINTS)
+    record["response"] = computed.json()
     if measured:
-        beside = comparison.compare(case, found, measured, log)
+        beside = comparison.compare(case, computed, measured, log)
         record["measured"] = beside.document
         arrays |= beside.arrays
-    record["meshes"] += found.meshes
-    arrays |= {"response_xy": found.shape_points.astype(np.float32), "response_uz": found.shape.astype(np.complex64)}
-    return found.forced
+    record["meshes"] += computed.meshes
+    arrays |= {
+        "response_xy": computed.shape_points.astype(np.float32),
+        "response_uz": computed.shape.astype(np.complex64),
+    }
+    return computed.forced
 
 
 def _tolerance(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
     from pipeline.analysis import tolerance
 
-    found = tolerance.solve(case, log)
-    record["tolerance"] = found.json()
-    arrays |= found.arrays()
+    computed = tolerance.solve(case, log)
+    record["tolerance"] = computed.json()
+    arrays |= computed.arrays()
 
 
 def _board(
@@ -239,8 +242,8 @@ def _board(
         return
     if forced and can_be_computed(case) and forced.wanted_hz():
         export.write_gains(case, folder, log, forced=forced)
-    record["board"], found = emulation.solve(folder, log)
-    arrays |= found
+    record["board"], computed = emulation.solve(folder, log)
+    arrays |= computed
 
 
 def _geometry(case: Case, log: Log, record: dict[str, Any], folder: Path) -> None:

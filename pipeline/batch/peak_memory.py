@@ -13,7 +13,7 @@ def restart() -> None:
         Path("/proc/self/clear_refs").write_text("5")
 
 
-def told_peak_bytes() -> int | None:
+def reported_peak_bytes() -> int | None:
     """Largest resident size since the last restart, by the kernel; None where it does not tell."""
     with suppress(OSError, StopIteration, ValueError):
         lines = Path("/proc/self/status").read_text().splitlines()
@@ -23,9 +23,9 @@ def told_peak_bytes() -> int | None:
 
 def peak_bytes() -> int:
     """The same, or else the process's largest size ever (getrusage, which may begin with the parent's)."""
-    told = told_peak_bytes()
-    if told is not None:
-        return told
+    text = reported_peak_bytes()
+    if text is not None:
+        return text
     import resource
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from pipeline.records.run_log import current_step
-from pipeline.records.store import MESS
+from pipeline.records.store import RUN_LOG
 
 if TYPE_CHECKING:
     from pipeline.batch.job import Planned
 
 HEARTBEAT_S = 30.0
-MOST_NAMED = 4
-MOST_REASONS = 8
+MAX_NAMED = 4
+MAX_REASONS = 8
 EXPECTED = {"new", "not finished before", "forced"}
 
 
@@ -47,10 +47,10 @@ class Progress:
         kept = f", {reused} already computed" if reused else ""
         self.say(f"{folder}: {len(planned)} case{'s' * (len(planned) != 1)}{kept}, {len(todo)} to compute")
         again = [item for item in planned if item.why and item.why not in EXPECTED]
-        for item in again[:MOST_REASONS]:
+        for item in again[:MAX_REASONS]:
             self.say(f"{item.case_id}: computed again, {item.why}")
-        if len(again) > MOST_REASONS:
-            self.say(f"and {len(again) - MOST_REASONS} more (antinode run --dry-run tells why)")
+        if len(again) > MAX_REASONS:
+            self.say(f"and {len(again) - MAX_REASONS} more (antinode run --dry-run tells why)")
         if todo and self.stream.isatty():
             self._open_live()
 
@@ -107,8 +107,8 @@ class Progress:
             self._live = None
 
     def _now(self) -> str:
-        first = list(self._running)[:MOST_NAMED]
-        steps = {case_id: current_step(self._folder / case_id / MESS) for case_id in first}
+        first = list(self._running)[:MAX_NAMED]
+        steps = {case_id: current_step(self._folder / case_id / RUN_LOG) for case_id in first}
         at_work = [f"{case_id} ({step or 'starting'})" for case_id, step in steps.items()]
         if len(self._running) > len(first):
             at_work.append(f"and {len(self._running) - len(first)} more")

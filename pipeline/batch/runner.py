@@ -140,8 +140,8 @@ class _Run:
     def go(self) -> StudyOutcome:
         entries, torn = journal.read(self.folder)
         self.progress.begin(self.folder, self.planned, journal.seconds_by_case(entries))
-        for complaint in torn:
-            self.progress.say(complaint)
+        for read_error in torn:
+            self.progress.say(read_error)
         self.journal.write("run", cases=len(self.planned), to_compute=len(self.waiting), pid=os.getpid())
         executor = self.options.executor or (_local(self.workers) if self.waiting else None)
         try:
@@ -160,8 +160,8 @@ class _Run:
             self.journal.write("executor_lost", at_work=given_up)
         undone = given_up + tuple(job.case_id for job in self.waiting)
         self.journal.write("end", failed=sum(end.status == "FAILED" for end in self.ended), undone=len(undone))
-        if self.journal.complaint:
-            self.progress.say(self.journal.complaint)
+        if self.journal.read_error:
+            self.progress.say(self.journal.read_error)
         return StudyOutcome(self.folder, self.planned, tuple(self.ended), undone, given_up)
 
     def _drain(self, executor: Executor) -> None:
@@ -222,8 +222,8 @@ class _Run:
         """Close the log of a case that was begun and not finished."""
         folder = self.folder / job.case_id
         store.sweep_leftovers(folder)
-        if (folder / store.MESS).exists() and not (folder / store.RECORD).exists():
-            close_abandoned(folder / store.MESS, "INTERRUPTED", text)
+        if (folder / store.RUN_LOG).exists() and not (folder / store.RECORD).exists():
+            close_abandoned(folder / store.RUN_LOG, "INTERRUPTED", text)
 
 
 def _local(count: int) -> workers.LocalWorkers:

@@ -21,10 +21,10 @@ from typing import Any
 
 from pipeline import paths
 from pipeline.batch.job import Job
-from pipeline.case.diagnostics import Faults
+from pipeline.case.diagnostics import Diagnostics
 from pipeline.case.overrides import read_toml
 from pipeline.records import fingerprint, store
-from pipeline.records.run_log import Mess
+from pipeline.records.run_log import RunLog
 from pipeline.report.script_page import Page, write_page
 
 SHARED = ("ladder", "scenes")  # modules of studies/ that scripts build upon
@@ -50,7 +50,7 @@ def load_script(path: Path) -> ScriptStudy | None:
     table = raw.get("study")
     if not isinstance(table, dict) or "script" not in table:
         return None
-    faults = Faults(str(path))
+    faults = Diagnostics(str(path))
     for key in raw:
         if key != "study":
             faults.unknown(key, raw[key], ["study"])
@@ -85,7 +85,7 @@ def computer(study: ScriptStudy) -> Any:
     return partial(compute, study.script)
 
 
-def compute(script: str, payload: Mapping[str, Any], folder: Path, log: Mess) -> dict[str, Any]:
+def compute(script: str, payload: Mapping[str, Any], folder: Path, log: RunLog) -> dict[str, Any]:
     """Record of one case of a script."""
     module = importlib.import_module(f"studies.{script}")
     return dict(module.compute(payload["parameters"], folder, log))

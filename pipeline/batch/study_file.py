@@ -14,19 +14,19 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from pipeline.case.diagnostics import Faults, check_table, nearest
+from pipeline.case.diagnostics import Diagnostics, check_table, nearest
 from pipeline.case.overrides import is_file, read_toml
 from pipeline.case.schema import known_keys
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 Measure = Literal[
     "modes", "confinement", "bands", "attenuation", "response", "tolerance", "parts", "geometry", "tetrahedra", "board"
 ]
 MEASURES: tuple[str, ...] = get_args(Measure)
-LONGEST_ID = 120
-MOST_CASES = 100_000
-MOST_BYTES = 10_000_000  # of a study file: the values of as many cases
+MAX_ID_LENGTH = 120
+MAX_CASES = 100_000
+MAX_BYTES = 10_000_000  # of a study file: the values of as many cases
 
 
 class StudyTable(BaseModel):
@@ -66,20 +66,20 @@ class StudyFile:
         keys = list(self.sweep)
         rows = zip(*self.sweep.values(), strict=True) if self.zip else itertools.product(*self.sweep.values())
         labels = _labels(keys)
-        found = []
+        cases = []
         for values in rows if keys else [()]:
             overrides = [f"{key}={toml_text(value)}" for key, value in zip(keys, values, strict=True)]
-            found.append((_case_id(labels, values), overrides))
-        return found
+            cases.append((_case_id(labels, values), overrides))
+        return cases
 
 
 def load_study(path_or_name: str | Path) -> StudyFile:
     """The study of a file, or of studies/NAME.toml of the checkout; InputFault with one line for every fault."""
     path = find_study(path_or_name)
-    raw = read_toml(path, MOST_BYTES)
-    faults = Faults(str(path))
+    raw = read_toml(path, MAX_BYTES)
+    faults = Diagnostics(str(path))
     if "study" not in raw and {"plate", "zone", "material"} & set(raw):
-        raise InputFault(f"{path}: a case file, must be a study file with a [study] table")
+        raise InputError(f"{path}: a case file, must be a study file with a [study] table")
     for key in raw:
         if key not in ("study", "sweep"):
             faults.unknown(key, raw[key], ["study", "sweep"])
@@ -105,11 +105,11 @@ def find_study(path_or_name: str | Path) -> Path:
         names = sorted(file.stem for file in STUDIES.glob("*.toml"))
         near = get_close_matches(text, names, n=1, cutoff=0.5)
         hint = f" (did you mean {near[0]}?)" if near else ""
-        raise InputFault(f"study {text!r}: no such file, and not one of {', '.join(names)}{hint}")
+        raise InputError(f"study {text!r}: no such file, and not one of {', '.join(names)}{hint}")
     return named
 
 
-def _read_study(raw: dict[str, Any], faults: Faults) -> dict[str, Any]:
+def _read_study(raw: dict[str, Any], faults: Diagnostics) -> dict[str, Any]:
     table = raw.get("study")
     if table is None:
         faults.missing("[study]", "must be a table with name, case and measure")
@@ -126,7 +126,7 @@ def _read_study(raw: dict[str, Any], faults: Faults) -> dict[str, Any]:
     return check_table(StudyTable, table, "study.", known, faults)
 
 
-def _check_measures(key: str, measures: list[Any], faults: Faults) -> None:
+def _check_measures(key: str, measures: list[Any], faults: Diagnostics) -> None:
     for name in measures:
         if name not in MEASURES:
             hint = nearest(name, MEASURES) if isinstance(name, str) else ""
@@ -135,15 +135,15 @@ def _check_measures(key: str, measures: list[Any], faults: Faults) -> None:
         faults.add(f"study.{key}", measures, "must name at least one measure, each once")
 
 
-def _read_sweep(table: Any, faults: Faults, paired: bool) -> tuple[dict[str, tuple[Any, ...]], bool]:
+def _read_sweep(table: Any, faults: Diagnostics, paired: bool) -> tuple[dict[str, tuple[Any, ...]], bool]:
     if not isinstance(table, dict):
         faults.add("sweep", table, "must be a table [sweep] of lists")
         return {}, False
     flat = dict(_flatten(table))
-    asked = flat.pop("zip", False)
-    if not isinstance(asked, bool):
-        faults.add("sweep.zip", asked, "must be true or false")
-    paired = paired or asked is True
+    zipped = flat.pop("zip", False)
+    if not isinstance(zipped, bool):
+        faults.add("sweep.zip", zipped, "must be true or false")
+    paired = paired or zipped is True
     known = known_keys()
     for key, values in flat.items():
         if key not in known:
@@ -155,11 +155,11 @@ def _read_sweep(table: Any, faults: Faults, paired: bool) -> tuple[dict[str, tup
     return {key: tuple(values) for key, values in flat.items() if isinstance(values, list) and values}, paired
 
 
-def _check_counts(sweep: dict[str, tuple[Any, ...]], paired: bool, faults: Faults) -> None:
+def _check_counts(sweep: dict[str, tuple[Any, ...]], paired: bool, faults: Diagnostics) -> None:
     lengths = {key: len(values) for key, values in sweep.items()}
     if paired and len(set(lengths.values())) > 1:
-        told = ", ".join(f"{key} has {count}" for key, count in lengths.items())
-        faults.add("sweep.zip", True, f"needs lists of equal length ({told})")
+        counts = ", ".join(f"{key} has {count}" for key, count in lengths.items())
+        faults.add("sweep.zip", True, f"needs lists of equal length ({counts})")
     elif paired:
         rows = [toml_text(list(row)) for row in zip(*sweep.values(), strict=True)]
         for row in sorted({row for row in rows if rows.count(row) > 1}):
@@ -167,8 +167,8 @@ def _check_counts(sweep: dict[str, tuple[Any, ...]], paired: bool, faults: Fault
     total = 1
     for count in lengths.values():
         total *= count
-    if not paired and total > MOST_CASES:
-        faults.add("sweep", f"{total} cases", f"must be at most {MOST_CASES}")
+    if not paired and total > MAX_CASES:
+        faults.add("sweep", f"{total} cases", f"must be at most {MAX_CASES}")
 
 
 def _flatten(table: dict[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
@@ -203,9 +203,9 @@ def _case_id(labels: list[str], values: tuple[Any, ...]) -> str:
     exact = ",".join(f"{label}={toml_text(value)}" for label, value in zip(labels, values, strict=True))
     plain = ",".join(f"{label}={_plain(value)}" for label, value in zip(labels, values, strict=True))
     readable = re.sub(r"[^A-Za-z0-9._+=,-]", "_", plain)
-    if readable == exact.replace('"', "") and len(readable) <= LONGEST_ID:
+    if readable == exact.replace('"', "") and len(readable) <= MAX_ID_LENGTH:
         return readable
-    return f"{readable[: LONGEST_ID - 9]}-{hashlib.sha256(exact.encode()).hexdigest()[:8]}"
+    return f"{readable[: MAX_ID_LENGTH - 9]}-{hashlib.sha256(exact.encode()).hexdigest()[:8]}"
 
 
 def _plain(value: Any) -> str:

@@ -18,7 +18,7 @@ def solve(folder: Path, log: Log) -> tuple[dict[str, Any] | None, dict[str, NDAr
     """Record and arrays (board_time_s, board_reference, board_u_d, board_u_q, board_drive) of a step of 0.2 G Vmax.
 
     Amplitudes in full scales of the converters; board_u_d and board_u_q turned into the mode's frame. (None, {}) when what
-    it needs is not installed; a fault of the image is an alarm and stands in the record.
+    it needs is not installed; a fault of the image is a warning and stands in the record.
     """
     from firmware.build import BuildError
     from firmware.emulate import EmulationError, board_run
@@ -32,7 +32,7 @@ def solve(folder: Path, log: Log) -> tuple[dict[str, Any] | None, dict[str, NDAr
         log.left_out("closed loop on the emulated board", str(missing))
         return None, {}
     except EmulationError as fault:
-        log.alarm("BOARD", f"emulated board: {fault}")
+        log.warning("BOARD", f"emulated board: {fault}")
         return {"fault": str(fault)}, {}
     record = {
         "compiler": run.compiler,
@@ -45,15 +45,15 @@ def solve(folder: Path, log: Log) -> tuple[dict[str, Any] | None, dict[str, NDAr
         "t95_s": run.t95_s,
         "overshoot": run.overshoot,
     }
-    _tell(record, log)
+    _log_summary(record, log)
     return record, {f"board_{name}": run.columns[name] for name in COLUMNS}
 
 
-def _tell(record: dict[str, Any], log: Log) -> None:
-    found = "identified" if record["swept"] else "taken from the table"
+def _log_summary(record: dict[str, Any], log: Log) -> None:
+    origin = "identified" if record["swept"] else "taken from the table"
     reached = "not reached" if record["t95_s"] is None else f"after {1e3 * record['t95_s']:.2f} ms"
     log.info(
-        f"emulated board: mode at {record['frequency_hz']:.2f} Hz {found}, tau {1e3 * record['tau_s']:.3f} ms, gain "
+        f"emulated board: mode at {record['frequency_hz']:.2f} Hz {origin}, tau {1e3 * record['tau_s']:.3f} ms, gain "
         f"{abs(complex(*record['gain'])):.4g}; 95 % of a step to {record['reference']:.4g} {reached}"
     )
 
@@ -65,9 +65,9 @@ def sources_hash() -> str:
     from pipeline.records.fingerprint import HOUSE, file_hash
 
     folders = ("core", "board", "emulate", "host")
-    found = [path for name in folders for path in (HOUSE / "firmware" / name).rglob("*") if path.suffix in SOURCES]
-    found += (HOUSE / "firmware").glob("*.py")
-    lines = [f"{path.relative_to(HOUSE).as_posix()} {file_hash(path)}" for path in sorted(found)]
+    paths = [path for name in folders for path in (HOUSE / "firmware" / name).rglob("*") if path.suffix in SOURCES]
+    paths += (HOUSE / "firmware").glob("*.py")
+    lines = [f"{path.relative_to(HOUSE).as_posix()} {file_hash(path)}" for path in sorted(paths)]
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 

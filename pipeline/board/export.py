@@ -27,11 +27,11 @@ DRIVE_LIMIT = 0.85  # the DAC's buffer does not reach the rails
 NEIGHBOURS = 6
 
 
-def table_of(case: Case, found: PartModes, wanted: int) -> ModeTable:
+def table_of(case: Case, part_modes: PartModes, wanted: int) -> ModeTable:
     """Wanted mode and nearest neighbours, ascending; time constants from the case's quality factor, gains unidentified."""
-    kept = _nearest([row.frequency_hz for row in found.rows], wanted)
+    kept = _nearest([row.frequency_hz for row in part_modes.rows], wanted)
     modes = tuple(
-        Mode.from_quality(found.rows[i].frequency_hz, case.quality, delay_s=HOLD_S, drive_limit=DRIVE_LIMIT)
+        Mode.from_quality(part_modes.rows[i].frequency_hz, case.quality, delay_s=HOLD_S, drive_limit=DRIVE_LIMIT)
         for i in kept
     )
     return ModeTable(SAMPLE_RATE_HZ, design_hash(case), modes, kept.index(wanted))
@@ -89,7 +89,7 @@ def design_hash(case: Case) -> bytes:
 
 
 def write_table(
-    case: Case, found: PartModes, wanted: int, folder: Path, stem: str = "mode_table", log: Log | None = None
+    case: Case, part_modes: PartModes, wanted: int, folder: Path, stem: str = "mode_table", log: Log | None = None
 ) -> list[Path]:
     """Write STEM.bin and STEM.h; both hold the same bytes.
 
@@ -100,9 +100,9 @@ def write_table(
         from pipeline.board.gains import can_be_computed
 
         if can_be_computed(case):
-            return write_gains(case, folder, log, stem, near_hz=found.rows[wanted].frequency_hz)
+            return write_gains(case, folder, log, stem, near_hz=part_modes.rows[wanted].frequency_hz)
         log.info("mode table: gains unidentified, no patch drives while another listens; the board finds them")
-    return write(table_of(case, found, wanted), folder, stem)
+    return write(table_of(case, part_modes, wanted), folder, stem)
 
 
 def write_gains(
@@ -123,11 +123,11 @@ def write_gains(
 
     gains = modal_gains(forced or forced_plate(case, log), near_hz)
     table = table_with_gains(case, gains)
-    _tell(case, gains, table, log)
+    _log_summary(case, gains, table, log)
     return write(table, folder, stem)
 
 
-def _tell(case: Case, gains: ModalGains, table: ModeTable, log: Log) -> None:
+def _log_summary(case: Case, gains: ModalGains, table: ModeTable, log: Log) -> None:
     assert case.patches is not None
     mode = table.modes[table.wanted]
     if mode.gain is None:

@@ -1,6 +1,6 @@
 """Gains of a plate's modes from its drive patches to its sensor patches, by modal residues.
 
-Sensors are open: with E = C + R_ss (held capacitance and quasi-static rest), modes r of the plate with closed circuits,
+Sensors are open: with E = C + R_ss (clamped capacitance and quasi-static residual), modes r of the plate with closed circuits,
 gains g_rp = phi_r' theta_p and lambda_r' = lambda_r (1 + i/Q),
 
     (diag(lambda') + g_s E^-1 g_s' - lambda) q = g_d - g_s E^-1 R_sd,    V_s = -E^-1 (R_sd + g_s' q) per volt.
@@ -52,26 +52,26 @@ def can_be_computed(case: Case) -> bool:
 
 
 def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains:
-    """Modes and gains of a plate with open sensors, the quasi-static rest taken at the wanted mode.
+    """Modes and gains of a plate with open sensors, the quasi-static residual taken at the wanted mode.
 
     Without a wanted mode, the one nearest to `near_hz` stands for it; SolverError where that is not given either. Modes that
     no driver moves or no sensor hears (|G| of every pair below 1e-6 V/V) are left out.
     """
-    values = np.concatenate([found.eigenvalue for found in forced.modes])
-    gain = np.concatenate([found.gain for found in forced.modes])
+    values = np.concatenate([basis.eigenvalue for basis in forced.modes])
+    gain = np.concatenate([basis.gain for basis in forced.modes])
     scale = forced.plate.scale.eigenvalue(1.0)
     tone = forced.wanted_hz() or near_hz
     if tone is None:
         raise SolverError("no mode of the plate with its patches has the wanted shape: there is none to drive")
     start = int(np.argmin(np.abs(values - scale * tone**2)))
-    rest = sum(one.rest_gain[0] + (values[start] - one.middle) * one.rest_gain[1] for one in forced.modes)
+    residual = sum(one.residual_gain[0] + (values[start] - one.middle) * one.residual_gain[1] for one in forced.modes)
     d, s = forced.drivers, forced.sensors
-    held = np.diag(forced.plate.capacitance_f[s]) / forced.plate.stiffness_unit + rest[np.ix_(s, s)]
-    listened = np.linalg.solve(held, gain[:, s].T)  # E^-1 g_s', (sensors, modes)
+    clamped = np.diag(forced.plate.capacitance_f[s]) / forced.plate.stiffness_unit + residual[np.ix_(s, s)]
+    listened = np.linalg.solve(clamped, gain[:, s].T)  # E^-1 g_s', (sensors, modes)
     system = np.diag(values * (1.0 + 1j * forced.loss)) + gain[:, s] @ listened
     mu, vectors = np.linalg.eig(system)
     vectors = vectors / np.sqrt(np.sum(vectors**2, axis=0))  # x'x = 1: the system is complex symmetric
-    pushed = gain[:, d] - listened.T @ rest[np.ix_(s, d)]
+    pushed = gain[:, d] - listened.T @ residual[np.ix_(s, d)]
     residues = np.einsum("dm,sm->mds", pushed.T @ vectors, -listened @ vectors)
     root = np.sqrt(mu / scale)
     parts = residues / (1j * mu.imag)[:, None, None]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from firmware.table_format import MAX_SHAPES, MIN_SHAPE_HZ
 from pipeline.board.gains import hold
 from pipeline.board.table_file import ModeTable, Pattern, Shape
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.records.fingerprint import canonical_json, code_hash
 from solvers.errors import SolverError
 from solvers.shaping.acoustic_contrast import REGIONS, best_contrast, region_points, region_target
@@ -46,15 +46,15 @@ def full_scale(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float, .
 def patterns(model: ShapedBeam, signal: Signal, frequency_hz: float) -> tuple[Pattern, ...]:
     """The eight patterns at a frequency. Raises SolverError."""
     matrix, field, line = model.matrix(frequency_hz, signal), model.field(frequency_hz), model.line_m
-    found: list[tuple[str, ComplexArray]] = [(region, region_target(region, len(matrix))) for region in REGIONS]
+    named_targets: list[tuple[str, ComplexArray]] = [(region, region_target(region, len(matrix))) for region in REGIONS]
     for region, name in zip(REGIONS, ("left max", "mid max", "rightmax"), strict=True):
         inside = region_points(region, model.places_m, line)
-        found.append((name, matrix @ best_contrast(field, inside)))
+        named_targets.append((name, matrix @ best_contrast(field, inside)))
     k = 2.0 * pi / model.free_wavelength_m(frequency_hz)
     window = inner_window(line, *travel_window(model, frequency_hz))
     for name, sign in (("wave+", 1.0), ("wave-", -1.0)):
-        found.append((name, matrix @ best_travelling_drive(field[window], sign * line[window], k)[0]))
-    return tuple(Pattern(name, _relative(target)) for name, target in found)
+        named_targets.append((name, matrix @ best_travelling_drive(field[window], sign * line[window], k)[0]))
+    return tuple(Pattern(name, _relative(target)) for name, target in named_targets)
 
 
 def _relative(target: ComplexArray) -> tuple[complex, ...]:
@@ -68,10 +68,10 @@ def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float
     board refuses, SolverError.
     """
     if len(frequencies_hz) > MAX_SHAPES:
-        raise InputFault(f"--frequency: {len(frequencies_hz)} of them, a table holds at most {MAX_SHAPES}")
+        raise InputError(f"--frequency: {len(frequencies_hz)} of them, a table holds at most {MAX_SHAPES}")
     chosen = frequencies_hz or _best(model, signal)
     if min(chosen) < MIN_SHAPE_HZ:
-        raise InputFault(f"--frequency: {min(chosen):g} Hz, the six-channel board takes {MIN_SHAPE_HZ:g} Hz and more")
+        raise InputError(f"--frequency: {min(chosen):g} Hz, the six-channel board takes {MIN_SHAPE_HZ:g} Hz and more")
     scale = full_scale(model, signal, chosen)
     slowest_s = float((model.table.quality / (pi * model.table.frequencies_hz)).max())
     shapes = tuple(
@@ -85,8 +85,8 @@ def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float
 
 
 def _best(model: ShapedBeam, signal: Signal) -> tuple[float, ...]:
-    found = scan_signal(model, signal, np.linspace(*BAND_HZ, SCANNED))
-    return tuple(float(f) for f in operating_frequencies(found, MAX_SHAPES))
+    scan = scan_signal(model, signal, np.linspace(*BAND_HZ, SCANNED))
+    return tuple(float(f) for f in operating_frequencies(scan, MAX_SHAPES))
 
 
 def _rows(matrix: ComplexArray) -> tuple[tuple[complex, ...], ...]:
@@ -120,7 +120,7 @@ def main(arguments: list[str] | None = None) -> int:
         if chosen.unmeasured:
             table = replace(table, shapes=tuple(replace(shape, matrix=None) for shape in table.shapes))
         write(table, chosen.file.parent, chosen.file.stem)
-    except (InputFault, SolverError, ValueError, OSError) as error:
+    except (InputError, SolverError, ValueError, OSError) as error:
         print(f"mode table: {error}", file=sys.stderr)
         return 3 if isinstance(error, SolverError) else 2
     print(describe(table))

@@ -218,9 +218,9 @@ def _read_header(data: bytes) -> dict:
     if header["total_bytes"] != len(data):
         raise TableError(f"mode table: truncated or padded, {len(data)} bytes where it states {header['total_bytes']}")
     (stated,) = layout.CRC.unpack_from(data, len(data) - layout.CRC.size)
-    found = layout.crc32(data[: -layout.CRC.size])
-    if stated != found:
-        raise TableError(f"mode table: damaged, its CRC-32 is {found:08x} where it states {stated:08x}")
+    checksum = layout.crc32(data[: -layout.CRC.size])
+    if stated != checksum:
+        raise TableError(f"mode table: damaged, its CRC-32 is {checksum:08x} where it states {stated:08x}")
     _check_lengths(header)
     return header
 

@@ -11,7 +11,7 @@ from pipeline.case import limits
 from pipeline.case.overrides import SECTIONS
 
 Values = dict[str, Any]
-Fault = tuple[str, Any, str]  # key, value, what is wrong and what is allowed
+Diagnostic = tuple[str, Any, str]  # key, value, what is wrong and what is allowed
 THINNEST = 5000.0
 """Longest side over thickness that the meshers hold.
 
@@ -38,7 +38,7 @@ def footprint_mm(good: Values, step: StepPillar | None) -> float | None:
     return None if section is None or fillet is None else section + 2.0 * fillet
 
 
-def check_pillar_keys(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_pillar_keys(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """Each shape has its own keys: none missing, none of another shape."""
     shape = good.get("pillar.shape")
     if shape not in SECTIONS:
@@ -54,14 +54,14 @@ def check_pillar_keys(good: Values, step: StepPillar | None) -> Iterator[Fault]:
         yield "pillar.fillet_mm", good["pillar.fillet_mm"], "must be 0 with a step pillar: the file has the final shape"
 
 
-def check_fillet(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_fillet(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """The foot fillet ends below the tip."""
     fillet, height = good.get("pillar.fillet_mm"), good.get("pillar.height_mm")
     if fillet and height and fillet >= height:
         yield "pillar.fillet_mm", fillet, f"must be smaller than the pillar's height {height:g} mm"
 
 
-def check_pitch(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_pitch(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """pitch_mm alone or both of its parts; neighbours apart."""
     names = [name for name in ("pitch_mm", "pitch_x_mm", "pitch_y_mm") if good.get(f"array.{name}") is not None]
     if "pitch_mm" in names and len(names) > 1:
@@ -83,7 +83,7 @@ def check_pitch(good: Values, step: StepPillar | None) -> Iterator[Fault]:
             yield f"array.{name}", pitch, f"{text}, a gap that a mesh can hold"
 
 
-def check_slenderness(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_slenderness(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """Pillar height, sides and foot fillet differ by no more than beams and elements can follow."""
     height, most = good.get("pillar.height_mm"), limits.MAX_SLENDERNESS
     for name in ("side_mm", "diameter_mm", "base_mm", "tip_mm"):
@@ -99,7 +99,7 @@ def check_slenderness(good: Values, step: StepPillar | None) -> Iterator[Fault]:
         yield "pillar.fillet_mm", fillet, f"must be 0, or at least {section / most:g}, {1.0 / most:g} of the foot"
 
 
-def check_pillar_on_plate(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_pillar_on_plate(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """The pillars' feet and the passive rim are no needles beside the plate's thickness; fewer than a million pillars."""
     thickness, section, most = good.get("plate.thickness_mm"), section_mm(good, step), limits.MAX_SLENDERNESS
     if thickness and section and good.get("array.rows") != 0 and thickness > most * section:
@@ -119,7 +119,7 @@ def _pitch_along(good: Values) -> float | None:
     return good.get("array.pitch_mm") or good.get("array.pitch_x_mm")
 
 
-def check_nodal_lines(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_nodal_lines(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """The wanted mode's flexural wave is longer than the plate is thick: a shorter one is two separate surface waves."""
     lines, length, thickness = (good.get(key) for key in ("zone.nodal_lines", "zone.length_mm", "plate.thickness_mm"))
     if lines and length and thickness and lines > 1 and 2.0 * length / lines < thickness:
@@ -128,14 +128,14 @@ def check_nodal_lines(good: Values, step: StepPillar | None) -> Iterator[Fault]:
         yield "zone.nodal_lines", lines, text
 
 
-def check_zone_width(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_zone_width(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """The zone holds at least two pillar sides between its rows."""
     width, side = good.get("zone.width_mm"), section_mm(good, step)
     if width is not None and side is not None and good.get("array.rows") != 0 and width < 2.0 * side:
         yield "zone.width_mm", width, f"zone narrower than two pillar sides: must be at least {2.0 * side:g} mm"
 
 
-def check_row_fits(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_row_fits(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """A row of at least one pillar fits along the zone."""
     length, footprint = good.get("zone.length_mm"), footprint_mm(good, step)
     if length is not None and footprint is not None and good.get("array.rows") != 0 and footprint > length:
@@ -152,7 +152,7 @@ def _whole_width(good: Values, step: StepPillar | None) -> list[float]:
     return [width + 2.0 * (span + (good.get("array.extension_mm") or 0.0))]
 
 
-def check_thickness(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_thickness(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """The plate is not thinner than the mesher can hold."""
     thickness = good.get("plate.thickness_mm")
     names = ("zone.length_mm", "array.pitch_mm", "array.pitch_x_mm", "array.pitch_y_mm")
@@ -167,7 +167,7 @@ def check_thickness(good: Values, step: StepPillar | None) -> Iterator[Fault]:
         )
 
 
-def check_not_a_block(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_not_a_block(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """The plate is thinner than its zone is wide; else a unit was mistaken."""
     thickness, width = good.get("plate.thickness_mm"), good.get("zone.width_mm")
     if thickness is not None and width is not None and thickness > width:
@@ -178,7 +178,7 @@ def check_not_a_block(good: Values, step: StepPillar | None) -> Iterator[Fault]:
         )
 
 
-def check_rows(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_rows(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """Rows need a pillar and a pitch."""
     rows = good.get("array.rows")
     if not rows:
@@ -190,7 +190,7 @@ def check_rows(good: Values, step: StepPillar | None) -> Iterator[Fault]:
         yield "array.pitch_mm", None, "rows need a pitch: pitch_mm, or pitch_x_mm and pitch_y_mm"
 
 
-def check_solve(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_solve(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """A rising band, or a target with a count, not both."""
     band, near, count = (good.get(f"solve.{name}") for name in ("band_kHz", "near_kHz", "count"))
     if band is not None and not (band[0] < band[1] and band[1] >= limits.FREQUENCY_KHZ[0]):
@@ -202,14 +202,14 @@ def check_solve(good: Values, step: StepPillar | None) -> Iterator[Fault]:
         yield "solve.count", count, "goes with near_kHz, must be left out beside band_kHz"
 
 
-def check_path(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_path(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """Neighbouring points of the wavevector path differ."""
     path = good.get("bands.path")
     if path and any(a == b for a, b in pairwise(path)):
         yield "bands.path", path, "must not repeat a point twice in a row"
 
 
-def check_patch_keys(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_patch_keys(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """Centres or antinodes, not both; antinodes need a zone; sensors counted once."""
     if "patches" not in good:
         return
@@ -222,7 +222,7 @@ def check_patch_keys(good: Values, step: StepPillar | None) -> Iterator[Fault]:
         yield "patches.sensors", sensors, "must name each patch once"
 
 
-def check_measured(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_measured(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """Something was measured, on a plate with patches; a laser's place belongs to a sweep."""
     if "measured" not in good:
         return
@@ -235,7 +235,7 @@ def check_measured(good: Values, step: StepPillar | None) -> Iterator[Fault]:
         yield "measured.sweep", sweep, "needs [patches]: what was measured is compared with their response"
 
 
-def check_tolerance(good: Values, step: StepPillar | None) -> Iterator[Fault]:
+def check_tolerance(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
     """Something varies, on square pillars, and three standard deviations leave each pillar a body and its place."""
     if "tolerance" not in good:
         return
@@ -262,7 +262,7 @@ def check_tolerance(good: Values, step: StepPillar | None) -> Iterator[Fault]:
         yield "tolerance.position_mm", position, text
 
 
-CHECKS: tuple[Callable[[Values, StepPillar | None], Iterator[Fault]], ...] = (
+CHECKS: tuple[Callable[[Values, StepPillar | None], Iterator[Diagnostic]], ...] = (
     check_pillar_keys,
     check_fillet,
     check_slenderness,

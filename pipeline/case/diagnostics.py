@@ -9,35 +9,37 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 
-LONGEST = 60  # characters of a value or key that are shown
-MOST_LINES = 50  # faults told one by one; a file with more is no case file
+MAX_LENGTH = 60  # characters of a value or key that are shown
+MAX_LINES = 50  # faults told one by one; a file with more is no case file
 
 
-def shown(value: Any) -> str:
+def quoted(value: Any) -> str:
     """A value as TOML would write it, cut to one short line."""
     if isinstance(value, bool):
         text = str(value).lower()
     elif isinstance(value, str):
-        text = '"' + value[:LONGEST].encode("unicode_escape").decode().replace('"', '\\"') + '"'
-        text = text if len(value) <= LONGEST else text[:-1].ljust(LONGEST + 1, ".")
+        text = '"' + value[:MAX_LENGTH].encode("unicode_escape").decode().replace('"', '\\"') + '"'
+        text = text if len(value) <= MAX_LENGTH else text[:-1].ljust(MAX_LENGTH + 1, ".")
     elif isinstance(value, dict):
         text = (
-            "{" + ", ".join(f"{key_shown(key)} = {shown(item)}" for key, item in islice(value.items(), LONGEST)) + "}"
+            "{"
+            + ", ".join(f"{key_quoted(key)} = {quoted(item)}" for key, item in islice(value.items(), MAX_LENGTH))
+            + "}"
         )
     elif isinstance(value, (list, tuple)):
-        text = "[" + ", ".join(shown(item) for item in value[:LONGEST]) + "]"
+        text = "[" + ", ".join(quoted(item) for item in value[:MAX_LENGTH]) + "]"
     elif isinstance(value, float):
         text = f"{value:.12g}"
     else:
         text = str(value) if not isinstance(value, int) or abs(value) < 10**30 else "an integer beyond 1e30"
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+    return text if len(text) <= MAX_LENGTH else text[: MAX_LENGTH - 3] + "..."
 
 
-def key_shown(key: str) -> str:
+def key_quoted(key: str) -> str:
     """A key as it stands in a file, cut to one short line."""
-    return key if len(key) <= LONGEST else f"{key[: LONGEST - 3]}..."
+    return key if len(key) <= MAX_LENGTH else f"{key[: MAX_LENGTH - 3]}..."
 
 
 def nearest(word: str, known: Collection[str]) -> str:
@@ -45,7 +47,7 @@ def nearest(word: str, known: Collection[str]) -> str:
 
     A dotted key is compared whole first, then by its last part; what is longer than any key resembles none.
     """
-    if len(word) > LONGEST:
+    if len(word) > MAX_LENGTH:
         return ""
     match = get_close_matches(word, known, n=1, cutoff=0.6)
     if not match:
@@ -56,7 +58,7 @@ def nearest(word: str, known: Collection[str]) -> str:
     return f" (did you mean {match[0]}?)" if match else ""
 
 
-class Faults:
+class Diagnostics:
     """The lines found so far in one file; overridden keys are told as coming from --set."""
 
     def __init__(self, file: str, overridden: Iterable[str] = ()) -> None:
@@ -73,7 +75,7 @@ class Faults:
 
     def add(self, key: str, value: Any, text: str) -> None:
         """One line: origin: key = value: text."""
-        self._note(key, f"{self.origin(key)}: {key_shown(key)} = {shown(value)}: {text}")
+        self._note(key, f"{self.origin(key)}: {key_quoted(key)} = {quoted(value)}: {text}")
 
     def missing(self, key: str, text: str) -> None:
         """One line for a key that is not there."""
@@ -85,25 +87,25 @@ class Faults:
 
     def _note(self, key: str, line: str) -> None:
         self.keys.add(key)
-        if len(self.lines) >= MOST_LINES:
+        if len(self.lines) >= MAX_LINES:
             self.untold += 1
         elif line not in self.lines:
             self.lines.append(line)
 
     def unknown(self, key: str, value: Any, known: Collection[str]) -> None:
         """One line for a key that does not exist, with the nearest known one."""
-        hint = nearest(key, known) if len(self.lines) < MOST_LINES else ""
+        hint = nearest(key, known) if len(self.lines) < MAX_LINES else ""
         self.add(key, value, f"unknown {'table' if isinstance(value, dict) else 'key'}{hint}")
 
     def stop(self) -> None:
-        """InputFault with every line, if there is any; beyond MOST_LINES of them with how many there are."""
+        """InputFault with every line, if there is any; beyond MAX_LINES of them with how many there are."""
         if self.lines:
             more = [f"{self.file}: {self.untold} faults more"] if self.untold else []
-            raise InputFault([*self.lines, *more])
+            raise InputError([*self.lines, *more])
 
 
 def check_table(
-    model: type[BaseModel], raw: dict[str, Any], prefix: str, known: Collection[str], faults: Faults
+    model: type[BaseModel], raw: dict[str, Any], prefix: str, known: Collection[str], faults: Diagnostics
 ) -> dict[str, Any]:
     """The valid values of one table, defaults filled in, keys dotted with prefix; every fault is added to `faults`."""
     bad: set[str] = set()
@@ -113,7 +115,7 @@ def check_table(
         for detail in error.errors(include_url=False):
             name = str(detail["loc"][0])
             if name not in bad:
-                _tell(model, name, detail["type"], raw.get(name), prefix, known, faults)
+                _log_summary(model, name, detail["type"], raw.get(name), prefix, known, faults)
             bad.add(name)
     fields = model.model_fields
     good = {
@@ -124,8 +126,8 @@ def check_table(
     return {prefix + name: value for name, value in good.items()}
 
 
-def _tell(
-    model: type[BaseModel], name: str, kind: str, value: Any, prefix: str, known: Collection[str], faults: Faults
+def _log_summary(
+    model: type[BaseModel], name: str, kind: str, value: Any, prefix: str, known: Collection[str], faults: Diagnostics
 ) -> None:
     key = prefix + name
     if kind == "extra_forbidden":

@@ -15,7 +15,7 @@ from pipeline.case.overrides import SECTIONS, apply_overrides, is_file, parse_ov
 from pipeline.case.patches import read_patches
 from pipeline.case.reader import KHZ, MM, read_values
 from pipeline.case.reader import CaseValues as Values
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from solvers.measures.confinement import wanted_parity
 
 
@@ -108,8 +108,8 @@ class Case:
         lacking = [key for key in keys if key not in self.given]
         where = self.source if self.source is not None else self.name
         if lacking:
-            shown = (key if "." in key else f"[{key}]" for key in lacking)
-            raise InputFault(f"{where}: {name}: missing, {command} needs it" for name in shown)
+            visible = (key if "." in key else f"[{key}]" for key in lacking)
+            raise InputError(f"{where}: {name}: missing, {command} needs it" for name in visible)
 
     def require_plate(self, command: str = "this command") -> None:
         """InputFault unless a finite plate is described: [plate], [zone] and, with pillars, array.rows."""
@@ -165,10 +165,10 @@ def _parsed(overrides: Iterable[str]) -> list[tuple[str, Any]]:
     for text in overrides:
         try:
             parsed.append(parse_override(text))
-        except InputFault as fault:
+        except InputError as fault:
             lines += fault.lines
     if lines:
-        raise InputFault(lines)
+        raise InputError(lines)
     return parsed
 
 
@@ -220,14 +220,14 @@ def _measured(values: Values, source: Path | None) -> MeasuredFiles | None:
     good = values.good
     if "measured" not in good:
         return None
-    found: dict[str, Path | None] = {}
+    paths: dict[str, Path | None] = {}
     for name in ("sweep", "map"):
         given = good.get(f"measured.{name}")
-        found[name] = path = None if given is None else (source.parent if source else Path()) / given
+        paths[name] = path = None if given is None else (source.parent if source else Path()) / given
         if path is not None and not is_file(path):
             values.faults.add(f"measured.{name}", given, f"no such file {path}")
     place = good.get("measured.at_mm")
-    return MeasuredFiles(found["sweep"], found["map"], (MM * place[0], MM * place[1]) if place else None)
+    return MeasuredFiles(paths["sweep"], paths["map"], (MM * place[0], MM * place[1]) if place else None)
 
 
 def _tolerance(values: Values) -> Tolerance | None:

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from geometry.files import read_by_command
-from pipeline.case.diagnostics import shown
-from pipeline.errors import InputFault
+from pipeline.case.diagnostics import quoted
+from pipeline.errors import InputError
 
 # keys that stand for one another: setting one drops the others that the file gave
 ALTERNATIVES: dict[str, tuple[str, ...]] = {
@@ -21,7 +21,7 @@ ALTERNATIVES: dict[str, tuple[str, ...]] = {
     "patches.centres_mm": ("patches.at",),
     "patches.at": ("patches.centres_mm",),
 }
-MOST_BYTES = 200_000  # of a case file: the most patches that it may hold take half
+MAX_BYTES = 200_000  # of a case file: the most patches that it may hold take half
 DEEPEST = 8  # tables and lists inside one another; a case has four
 TOO_DEEP = f"tables or lists nested deeper than {DEEPEST}, which nothing in it may be"
 # a key of so many parts costs tomllib the square of their number before its depth could be seen
@@ -34,7 +34,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 }
 
 
-def read_toml(path: Path, most_bytes: int = MOST_BYTES) -> dict[str, Any]:
+def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
     """The file as a dictionary; InputFault for what cannot be read or parsed, with the line number where known.
 
     A file of more than `most_bytes`, or nested deeper than DEEPEST, is refused as well.
@@ -42,29 +42,29 @@ def read_toml(path: Path, most_bytes: int = MOST_BYTES) -> dict[str, Any]:
     read_by_command(path)
     try:
         with path.open("rb") as file:
-            content = file.read(most_bytes + 1)
+            content = file.read(max_bytes + 1)
         text = content.decode("utf-8-sig")
     except FileNotFoundError:
-        raise InputFault(f"{path}: no such file") from None
+        raise InputError(f"{path}: no such file") from None
     except IsADirectoryError:
-        raise InputFault(f"{path}: is a directory, must be a TOML file") from None
+        raise InputError(f"{path}: is a directory, must be a TOML file") from None
     except UnicodeDecodeError as error:
-        raise InputFault(f"{path}: not UTF-8 text at byte {error.start}, must be a TOML file in UTF-8") from None
+        raise InputError(f"{path}: not UTF-8 text at byte {error.start}, must be a TOML file in UTF-8") from None
     except (OSError, ValueError) as error:
-        raise InputFault(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    if len(content) > most_bytes:
-        raise InputFault(f"{path}: more than {most_bytes} bytes: must be a TOML file of at most so many")
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if len(content) > max_bytes:
+        raise InputError(f"{path}: more than {max_bytes} bytes: must be a TOML file of at most so many")
     if LONG_KEY.search(text):
-        raise InputFault(f"{path}: {TOO_DEEP}")
+        raise InputError(f"{path}: {TOO_DEEP}")
     try:
-        found = tomllib.loads(text)
+        parsed = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputFault(f"{path}: not valid TOML: {error}") from None
+        raise InputError(f"{path}: not valid TOML: {error}") from None
     except (ValueError, RecursionError) as error:
-        raise InputFault(f"{path}: not valid TOML: {type(error).__name__} {str(error)[:80]}") from None
-    if _is_deeper(found):
-        raise InputFault(f"{path}: {TOO_DEEP}")
-    return found
+        raise InputError(f"{path}: not valid TOML: {type(error).__name__} {str(error)[:80]}") from None
+    if _is_deeper(parsed):
+        raise InputError(f"{path}: {TOO_DEEP}")
+    return parsed
 
 
 def is_file(path: Path) -> bool:
@@ -89,13 +89,13 @@ def _items(owner: dict[str, Any] | list[Any]) -> Iterable[Any]:
 
 def parse_value(text: str) -> Any:
     """A TOML value, or the bare word as a string."""
-    if len(text) > MOST_BYTES:
+    if len(text) > MAX_BYTES:
         return text.strip()
     try:
-        found = tomllib.loads(f"value = {text}")
+        parsed = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
         return text.strip()
-    return found["value"] if set(found) == {"value"} else text.strip()
+    return parsed["value"] if set(parsed) == {"value"} else text.strip()
 
 
 def parse_override(text: str) -> tuple[str, Any]:
@@ -103,11 +103,11 @@ def parse_override(text: str) -> tuple[str, Any]:
     key, equals, value = text.partition("=")
     parts = [part.strip() for part in key.split(".")]
     if not equals or not all(parts) or not value.strip():
-        raise InputFault(f"--set {shown(text)[1:-1]}: must be key.path=value, such as array.pitch_mm=6")
-    found = parse_value(value)
-    if len(parts) > DEEPEST or _is_deeper(found):
-        raise InputFault(f"--set {shown(text)[1:-1]}: nested deeper than {DEEPEST}, which no key is")
-    return ".".join(parts), found
+        raise InputError(f"--set {quoted(text)[1:-1]}: must be key.path=value, such as array.pitch_mm=6")
+    parsed = parse_value(value)
+    if len(parts) > DEEPEST or _is_deeper(parsed):
+        raise InputError(f"--set {quoted(text)[1:-1]}: nested deeper than {DEEPEST}, which no key is")
+    return ".".join(parts), parsed
 
 
 def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -> dict[str, Any]:
@@ -155,7 +155,7 @@ def _put(raw: dict[str, Any], parts: list[str], value: Any) -> None:
             below = _material_table(below)
         if below is not None and not isinstance(below, dict):
             path = ".".join(parts[: depth + 1])
-            raise InputFault(f"--set {'.'.join(parts)}: {path} is a value, not a table")
+            raise InputError(f"--set {'.'.join(parts)}: {path} is a value, not a table")
         owner[part] = below = {} if below is None else below
         owner = below
     owner[parts[-1]] = value

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from geometry.layout import Design
 from geometry.patches import FloatArray, Patches, antinode_places
 from geometry.piezo_materials import PIEZO_MATERIALS
-from pipeline.case.diagnostics import Faults, nearest
+from pipeline.case.diagnostics import Diagnostics, nearest
 from pipeline.case.reader import MM, CaseValues
 from solvers.analytic.beams import antinodes, free_free_mode
 
-MOST_TOLD = 3  # patches or pairs of them that are named
+MAX_LISTED = 3  # patches or pairs of them that are named
 TOUCHING = 1e-9  # relative to the patch: boxes that share an edge do not overlap
 
 
@@ -55,7 +55,7 @@ def _places(
     return antinode_places(inner, length, size_m, ends=lines > 0)
 
 
-def _check_sensors(patches: Patches, faults: Faults) -> None:
+def _check_sensors(patches: Patches, faults: Diagnostics) -> None:
     wrong = [number for number in patches.sensors if number >= patches.count]
     if wrong:
         faults.add(
@@ -65,7 +65,7 @@ def _check_sensors(patches: Patches, faults: Faults) -> None:
         faults.add("patches.sensors", list(patches.sensors), "every patch listens: at least one must drive")
 
 
-def _check_places(patches: Patches, design: Design, good: dict[str, object], faults: Faults) -> None:
+def _check_places(patches: Patches, design: Design, good: dict[str, object], faults: Diagnostics) -> None:
     boxes, size = patches.boxes_m(), good["patches.size_mm"]
     slack = TOUCHING * max(patches.size_m)
     half_x, half_y = design.length_m / 2.0 + slack, design.half_span_m + slack
@@ -77,7 +77,7 @@ def _check_places(patches: Patches, design: Design, good: dict[str, object], fau
         ("patches.size_mm", size) if patches.at == "antinodes" else ("patches.centres_mm", good["patches.centres_mm"])
     )
     outside = (np.abs(boxes[:, :2]) > half_x).any(axis=1) | (np.abs(boxes[:, 2:]) > half_y).any(axis=1)
-    for number in np.flatnonzero(outside)[:MOST_TOLD]:
+    for number in np.flatnonzero(outside)[:MAX_LISTED]:
         faults.add(key, value, f"patch {number} reaches beyond the plate, which is {length_mm:g} x {width_mm:g} mm")
     for i, j in _first_overlaps(boxes, slack):
         faults.add(key, value, f"patches {i} and {j} overlap")
@@ -87,7 +87,9 @@ def _check_places(patches: Patches, design: Design, good: dict[str, object], fau
         faults.add(key, value, "no room for the end patches: must be shorter along x")
 
 
-def _check_pillars(patches: Patches, design: Design, key: str, value: object, faults: Faults, slack: float) -> None:
+def _check_pillars(
+    patches: Patches, design: Design, key: str, value: object, faults: Diagnostics, slack: float
+) -> None:
     if not design.pillar or not design.rows:
         return
     rows, half = design.row_centres(), design.footprint_m / 2.0
@@ -105,13 +107,13 @@ def _holds(ascending: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[
 
 
 def _first_overlaps(boxes_m: FloatArray, slack: float) -> list[tuple[int, int]]:
-    """The first MOST_TOLD pairs i < j of footprints x0, x1, y0, y1 that share more than an edge."""
-    found: list[tuple[int, int]] = []
+    """The first MAX_TOLD pairs i < j of footprints x0, x1, y0, y1 that share more than an edge."""
+    overlaps: list[tuple[int, int]] = []
     for i, (x0, x1, y0, y1) in enumerate(boxes_m):
         later = boxes_m[i + 1 :]
         apart = (x1 <= later[:, 0] + slack) | (later[:, 1] <= x0 + slack)
         apart |= (y1 <= later[:, 2] + slack) | (later[:, 3] <= y0 + slack)
-        found += [(i, i + 1 + int(j)) for j in np.flatnonzero(~apart)[:MOST_TOLD]]
-        if len(found) >= MOST_TOLD:
+        overlaps += [(i, i + 1 + int(j)) for j in np.flatnonzero(~apart)[:MAX_LISTED]]
+        if len(overlaps) >= MAX_LISTED:
             break
-    return found[:MOST_TOLD]
+    return overlaps[:MAX_LISTED]

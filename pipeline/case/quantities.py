@@ -6,7 +6,7 @@ import re
 from math import inf, nan
 
 from pipeline.case.limits import FREQUENCY_KHZ, span
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 
 HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6}
 FREQUENCY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*([A-Za-z]*)\s*")
@@ -23,9 +23,9 @@ def parse_frequency(text: str, what: str = "frequency") -> float:
     number, unit = match.groups() if match else ("nan", "")
     value = float(number) * HERTZ.get(unit.lower(), 1.0 if not unit else nan)
     if not unit and 0.0 < value < inf:
-        raise InputFault(f"{what} = {text!r}: {number} could mean {number} Hz or {number} kHz: write the unit")
+        raise InputError(f"{what} = {text!r}: {number} could mean {number} Hz or {number} kHz: write the unit")
     if not FREQUENCY_KHZ[0] <= value / 1e3 <= FREQUENCY_KHZ[1]:
-        raise InputFault(f"{what} = {text!r}: must be {ALLOWED}")
+        raise InputError(f"{what} = {text!r}: must be {ALLOWED}")
     return value
 
 
@@ -33,11 +33,11 @@ def parse_band(text: str, what: str = "band") -> tuple[float, float]:
     """(low, high) in Hz from "30kHz:34kHz"; InputFault when an end is wrong or the band is empty or reversed."""
     ends = text.split(":")
     if len(ends) != 2:
-        raise InputFault(f"{what} = {text!r}: must be two frequencies joined by a colon, such as 30kHz:34kHz")
+        raise InputError(f"{what} = {text!r}: must be two frequencies joined by a colon, such as 30kHz:34kHz")
     _refuse_bare(ends, text, what)
     low, high = (parse_frequency(end, f"{what} {side} end") for end, side in zip(ends, ("low", "high"), strict=True))
     if not low < high:
-        raise InputFault(f"{what} = {text!r}: the low end must lie below the high end")
+        raise InputError(f"{what} = {text!r}: the low end must lie below the high end")
     return low, high
 
 
@@ -46,4 +46,4 @@ def _refuse_bare(ends: list[str], text: str, what: str) -> None:
     bare = [match.group(1) for end in ends if (match := FREQUENCY.fullmatch(end)) and not match.group(2)]
     if len(bare) == 2 and all(0.0 < float(number) < inf for number in bare):
         readings = " or ".join(f"{bare[0]} {unit} to {bare[1]} {unit}" for unit in ("Hz", "kHz"))
-        raise InputFault(f"{what} = {text!r}: {':'.join(bare)} could mean {readings}: write the unit")
+        raise InputError(f"{what} = {text!r}: {':'.join(bare)} could mean {readings}: write the unit")

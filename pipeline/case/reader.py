@@ -11,7 +11,7 @@ from geometry.cad.step_pillar import StepPillar, load_step_pillar
 from geometry.errors import GeometryError
 from geometry.materials import MATERIALS, Material
 from pipeline.case.checks import CHECKS
-from pipeline.case.diagnostics import Faults, check_table, nearest
+from pipeline.case.diagnostics import Diagnostics, check_table, nearest
 from pipeline.case.limits import MAX_CONTRAST
 from pipeline.case.schema import MATERIAL_ALLOWED, MATERIAL_OWNERS, NAME_ALLOWED, TABLES, MaterialTable, known_keys
 
@@ -31,12 +31,12 @@ class CaseValues:
     step: StepPillar | None
     step_file: str | None
     given: frozenset[str]
-    faults: Faults
+    faults: Diagnostics
 
 
 def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[str]) -> CaseValues:
     """Check a parsed case file table by table, then across tables; nothing is raised, `faults` has the lines."""
-    faults = Faults(str(source) if source is not None else "case", overridden)
+    faults = Diagnostics(str(source) if source is not None else "case", overridden)
     known = known_keys()
     good: dict[str, Any] = {}
     materials: dict[str, Material] = {}
@@ -66,7 +66,7 @@ def _without_material(table: str, content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _read_material(
-    owner_table: Any, owner: str, materials: dict[str, Material], known: list[str], faults: Faults
+    owner_table: Any, owner: str, materials: dict[str, Material], known: list[str], faults: Diagnostics
 ) -> None:
     key = f"{owner}.material".lstrip(".")
     if not isinstance(owner_table, dict) or "material" not in owner_table:
@@ -89,7 +89,7 @@ def _read_material(
         faults.add(key, value, f"must be {MATERIAL_ALLOWED}")
 
 
-def _check_contrast(materials: dict[str, Material], faults: Faults) -> None:
+def _check_contrast(materials: dict[str, Material], faults: Diagnostics) -> None:
     """One line where plate and pillar differ in stiffness by more than one matrix can hold."""
     if set(materials) != {"", "pillar"}:
         return
@@ -99,14 +99,14 @@ def _check_contrast(materials: dict[str, Material], faults: Faults) -> None:
         faults.add("pillar.material.young_GPa", pillar, limit)
 
 
-def _read_name(raw: dict[str, Any], source: Path | None, faults: Faults) -> str:
+def _read_name(raw: dict[str, Any], source: Path | None, faults: Diagnostics) -> str:
     name = raw.get("name", source.stem if source is not None else "case")
     if not (isinstance(name, str) and 0 < len(name) <= 100 and name.isprintable() and not set(name) & set("/\\")):
         faults.add("name", name, f"must be {NAME_ALLOWED}")
     return str(name)
 
 
-def _read_step(good: dict[str, Any], source: Path | None, faults: Faults) -> tuple[str | None, StepPillar | None]:
+def _read_step(good: dict[str, Any], source: Path | None, faults: Diagnostics) -> tuple[str | None, StepPillar | None]:
     """Path and measures of the STEP pillar; CAD is imported only here, and only for shape = "step"."""
     file = good.get("pillar.file")
     if good.get("pillar.shape") != "step" or file is None:
@@ -119,7 +119,7 @@ def _read_step(good: dict[str, Any], source: Path | None, faults: Faults) -> tup
         return str(path), None
 
 
-def _check_across(good: dict[str, Any], step: StepPillar | None, faults: Faults) -> None:
+def _check_across(good: dict[str, Any], step: StepPillar | None, faults: Diagnostics) -> None:
     for check in CHECKS:
         for key, value, text in check(good, step):
             if value is None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from pipeline.case.model import Case, load_case
 from pipeline.case.quantities import parse_band, parse_frequency
-from pipeline.errors import CheckFailed, InputFault
+from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import TerminalLog
 from pipeline.paths import STUDIES
 from pipeline.records import outputs
@@ -32,8 +32,8 @@ def predesign(arguments: Namespace) -> int:
 
     case = _case(arguments)
     case.require("plate", "zone", command="predesign")
-    if told := short_wave(case.design):
-        _log(arguments).alarm("SHORT_WAVE", told)
+    if warning_text := short_wave(case.design):
+        _log(arguments).warning("SHORT_WAVE", warning_text)
     outputs.emit(arguments, "predesign", *run(case))
     return 0
 
@@ -47,31 +47,34 @@ def modes(arguments: Namespace) -> int:
     from pipeline.planning.request import SYMMETRIES, Request
 
     if arguments.parity and arguments.symmetry:
-        raise InputFault(f"--parity {arguments.parity}: must be left out beside --symmetry {arguments.symmetry}")
+        raise InputError(f"--parity {arguments.parity}: must be left out beside --symmetry {arguments.symmetry}")
     parity = SYMMETRIES[arguments.symmetry] if arguments.symmetry else arguments.parity
-    asked = Request(arguments.part, band, near, arguments.count, parity)
+    query = Request(arguments.part, band, near, arguments.count, parity)
     if arguments.explain:
         if arguments.mesh_file:
-            raise InputFault("--explain: must be left out beside --mesh-file, whose mesh is solved whole as it is")
+            raise InputError("--explain: must be left out beside --mesh-file, whose mesh is solved whole as it is")
         _require_part(case, arguments.part)
-        return _explained(arguments, "of_modes", case, asked)
+        return _explained(arguments, "of_modes", case, query)
     if arguments.fields and not arguments.out:
-        raise InputFault("--fields: needs --out DIR, the folder that fields.npz goes to")
+        raise InputError("--fields: needs --out DIR, the folder that fields.npz goes to")
     from pipeline.analysis import wanted_text
     from pipeline.analysis.modes import solve_modes
 
     if arguments.mesh_file:
         from pipeline.exchange import user_mesh
 
-        found = user_mesh.solve(case, arguments.mesh_file, arguments.unit or "m", arguments.clamp, asked, log)
+        part_modes = user_mesh.solve(case, arguments.mesh_file, arguments.unit or "m", arguments.clamp, query, log)
     else:
         _require_part(case, arguments.part)
-        found = solve_modes(case, asked, log)
-    document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+        part_modes = solve_modes(case, query, log)
+    document = part_modes.json() | {"seconds": log.seconds | {"total": log.elapsed}}
     head = ("frequency_hz", "parity", "zone_share", "confinement_db", "mac", "strength", "residual")
-    rows = [[getattr(row, key) for key in head] for row in found.rows]
-    text = [f"{found.model.name}, {found.dof} unknowns, {found.rigid_count} rigid motions", outputs.table(head, rows)]
-    text += wanted_text.lines(found, case.design)
+    rows = [[getattr(row, key) for key in head] for row in part_modes.rows]
+    text = [
+        f"{part_modes.model.name}, {part_modes.dof} degrees of freedom, {part_modes.rigid_count} rigid-body modes",
+        outputs.table(head, rows),
+    ]
+    text += wanted_text.lines(part_modes, case.design)
     outputs.emit(arguments, "modes", document, "\n".join(text))
     if arguments.out:
         outputs.write_file(Path(arguments.out) / "modes.csv", outputs.csv_bytes(head, rows))
@@ -79,7 +82,7 @@ def modes(arguments: Namespace) -> int:
         from pipeline.analysis import mode_fields
         from pipeline.records import store
 
-        store.save_arrays(outputs.folder(arguments.out), mode_fields.full_fields(found), store.FIELDS)
+        store.save_arrays(outputs.folder(arguments.out), mode_fields.full_fields(part_modes), store.FIELDS)
     return 0
 
 
@@ -95,7 +98,7 @@ def _refuse_options_without_effect(arguments: Namespace) -> None:
             lines.append(f"--unit = {arguments.unit}: needs --mesh-file FILE, whose lengths it is for")
         lines += [f"--clamp = {name}: needs --mesh-file FILE, one of whose groups it names" for name in arguments.clamp]
     if lines:
-        raise InputFault(lines)
+        raise InputError(lines)
 
 
 def _require_part(case: Case, part: str) -> None:
@@ -123,23 +126,23 @@ def bands(arguments: Namespace) -> int:
         return _explained(arguments, "of_bands", case)
     from pipeline.analysis.bands import solve_bands
 
-    found = solve_bands(case, log)
-    document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
-    count = found.frequencies_hz.shape[1]
+    computed = solve_bands(case, log)
+    document = computed.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    count = computed.frequencies_hz.shape[1]
     head = ("label", "kx_per_m", "ky_per_m", *(f"band_{n}_hz" for n in range(1, count + 1)))
     rows = [
         [label, float(k[0]), float(k[1]), *(float(f) for f in row)]
-        for label, k, row in zip(found.path.labels, found.path.wavevectors, found.frequencies_hz, strict=True)
+        for label, k, row in zip(computed.path.labels, computed.path.wavevectors, computed.frequencies_hz, strict=True)
     ]
     labelled = [row for row in rows if row[0]]
     gaps = [
         f"Gap from band {g.lower_band} ({g.lower_hz / 1e3:.2f} kHz) to band {g.upper_band} ({g.upper_hz / 1e3:.2f} kHz), "
         f"{200 * (g.upper_hz - g.lower_hz) / (g.upper_hz + g.lower_hz):.2f} %"
-        for g in found.gaps
+        for g in computed.gaps
     ] or ["No complete gap along the path"]
-    text = [f"{found.model}, {found.dof} unknowns a wavevector", outputs.table(head, labelled), *gaps]
-    if found.expected_error is not None:
-        text.append(f"expected error of a frequency: {found.expected_error:.2%} by the mesh")
+    text = [f"{computed.model}, {computed.dof} degrees of freedom a wavevector", outputs.table(head, labelled), *gaps]
+    if computed.expected_error is not None:
+        text.append(f"expected error of a frequency: {computed.expected_error:.2%} by the mesh")
     outputs.emit(arguments, "bands", document, "\n".join(text))
     if arguments.out:
         outputs.write_file(Path(arguments.out) / "bands.csv", outputs.csv_bytes(head, rows))
@@ -180,14 +183,14 @@ def attenuation(arguments: Namespace) -> int:
         return _explained(arguments, "of_attenuation", case, band, arguments.kx, arguments.points, bool(arguments.out))
     from pipeline.analysis import attenuation as rows
 
-    found = rows.solve(case, log, band, arguments.kx, arguments.points)
-    document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    computed = rows.solve(case, log, band, arguments.kx, arguments.points)
+    document = computed.json() | {"seconds": log.seconds | {"total": log.elapsed}}
     head = ("frequency_hz", "db_per_row", "reflected", "passed_flexural", "passed_shear", "passed_longitudinal")
-    table = [_attenuation_row(point) for point in found.points]
+    table = [_attenuation_row(point) for point in computed.points]
     step = max(1, len(table) // 20)
     text = [
-        f"{found.model}, kx = {found.kx_per_m:.1f} rad/m; decay of the least attenuated flexural wave, and shares of an "
-        f"incoming flexural wave's power after {found.rows} rows",
+        f"{computed.model}, kx = {computed.kx_per_m:.1f} rad/m; decay of the least attenuated flexural wave, and shares of an "
+        f"incoming flexural wave's power after {computed.rows} rows",
         outputs.table(head, table[::step]),
     ]
     outputs.emit(arguments, "attenuation", document, "\n".join(text))
@@ -203,7 +206,7 @@ def attenuation(arguments: Namespace) -> int:
 
 
 def _attenuation_row(point: Any) -> list[Any]:
-    passed = point.passage
+    passed = point.transmission
     shares = [None] * 4 if passed is None else [passed.reflected, passed.flexural, passed.shear, passed.longitudinal]
     return [point.frequency_hz, point.db_per_row, *shares]
 
@@ -218,19 +221,20 @@ def response(arguments: Namespace) -> int:
     from pipeline.measured import comparison, synthetic
 
     measured = comparison.read(case, arguments.measured, arguments.map, arguments.at)
-    found = forced.solve(case, log, band, arguments.points)
-    beside = comparison.compare(case, found, measured, log) if measured else None
-    made = synthetic.write(arguments, case, found) if arguments.synthesise else []
-    document = found.json() | ({"measured": beside.document} if beside else {})
+    computed = forced.solve(case, log, band, arguments.points)
+    beside = comparison.compare(case, computed, measured, log) if measured else None
+    made = synthetic.write(arguments, case, computed) if arguments.synthesise else []
+    document = computed.json() | ({"measured": beside.document} if beside else {})
     document |= {"seconds": log.seconds | {"total": log.elapsed}}
     head, rows = _response_table(document)
-    peak_hz = found.peak.frequency_hz
+    peak_hz = computed.peak.frequency_hz
     near = sorted(range(len(rows)), key=lambda i: abs(rows[i][0] - peak_hz))[:15]
     text = [
-        f"{found.model}, {found.dof} unknowns; around the peak of the {'wanted mode' if found.wanted else 'zone'}, "
+        f"{computed.model}, {computed.dof} degrees of freedom; around the peak of "
+        f"the {'wanted mode' if computed.wanted else 'zone'}, "
         "per volt of drive:",
         outputs.table(head, [rows[i] for i in sorted(near)]),
-        *forced.lines(found),
+        *forced.lines(computed),
         *(beside.lines if beside else []),
         *(f"wrote {path}" for path in made),
     ]
@@ -242,12 +246,12 @@ def response(arguments: Namespace) -> int:
         folder = outputs.folder(arguments.out)
         outputs.write_file(folder / "response.csv", outputs.csv_bytes(head, rows))
         with style.style():
-            style.save(curves(document, found.shape_points, found.shape), folder)
+            style.save(curves(document, computed.shape_points, computed.shape), folder)
             if beside:
                 from pipeline.batch.measures import describe
-                from pipeline.plots.measured import drawing
+                from pipeline.plots.measured import report_figure
 
-                style.save(drawing(beside.document, beside.arrays, describe(case)), folder)
+                style.save(report_figure(beside.document, beside.arrays, describe(case)), folder)
     return 0
 
 
@@ -257,7 +261,7 @@ def _response_table(document: dict[str, Any]) -> tuple[tuple[str, ...], list[lis
     passive = document["passive_rms_m_per_V"] or [None] * count
     sensor = document["sensor_V_per_V"] or [[None, None]] * count
     columns = zip(document["frequency_hz"], document["zone_rms_m_per_V"], passive, sensor, strict=True)
-    return head, [[f, zone, rest, *pair] for f, zone, rest, pair in columns]
+    return head, [[f, zone, passive_rms, *pair] for f, zone, passive_rms, pair in columns]
 
 
 def active(arguments: Namespace) -> int:

@@ -65,8 +65,8 @@ def read_reference(path: Path = FILE) -> dict[str, tuple[float, float]]:
 
 def check_gap(case: Case, log: Log) -> list[Edge]:
     """Every committed edge beside what is found now."""
-    found = edges_of(solve_bands(case, log))
-    return [Edge(name, hz, found.get(name), allowed) for name, (hz, allowed) in read_reference().items()]
+    edges = edges_of(solve_bands(case, log))
+    return [Edge(name, hz, edges.get(name), allowed) for name, (hz, allowed) in read_reference().items()]
 
 
 def as_json(edges: list[Edge]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.records import outputs
 
 NEEDED = (
@@ -41,13 +41,13 @@ def doctor(arguments: Namespace) -> int:
     if arguments.what == "table":
         return _table(arguments)
     findings = examine()
-    lines = [line for group, found in findings.items() for line in (group, *_entries(found))]
+    lines = [line for group, entries in findings.items() for line in (group, *_entries(entries))]
     outputs.emit(arguments, "doctor", {"schema": 1, **findings}, "\n".join(lines))
     return 0
 
 
-def _entries(found: dict[str, str]) -> list[str]:
-    return [f"   {name:14} {text}" for name, text in found.items()]
+def _entries(entries: dict[str, str]) -> list[str]:
+    return [f"   {name:14} {text}" for name, text in entries.items()]
 
 
 def examine() -> dict[str, dict[str, str]]:
@@ -63,7 +63,7 @@ def examine() -> dict[str, dict[str, str]]:
 def _machine() -> dict[str, str]:
     from solvers.fem.factor.factoriser import available
 
-    found = {
+    entries = {
         "python": sys.version.split()[0],
         "system": f"{platform.system()} {platform.machine()}",
         "cores": str(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()),
@@ -73,8 +73,8 @@ def _machine() -> dict[str, str]:
         import psutil
 
         memory = psutil.virtual_memory()
-        found["memory"] = f"{memory.available / 2**30:.1f} of {memory.total / 2**30:.1f} GiB free"
-    return found
+        entries["memory"] = f"{memory.available / 2**30:.1f} of {memory.total / 2**30:.1f} GiB free"
+    return entries
 
 
 def _tools() -> dict[str, str]:
@@ -98,11 +98,11 @@ def _table(arguments: Namespace) -> int:
     from pipeline.board.table_file import TableError, describe, from_bytes
 
     if not arguments.file:
-        raise InputFault("doctor table: FILE: missing, must be a mode table such as mode_table.bin")
+        raise InputError("doctor table: FILE: missing, must be a mode table such as mode_table.bin")
     try:
         table = from_bytes(Path(arguments.file).read_bytes())
     except (OSError, TableError) as fault:
-        raise InputFault(f"{arguments.file}: {fault}") from fault
+        raise InputError(f"{arguments.file}: {fault}") from fault
     document: dict[str, Any] = {
         "schema": 1,
         "version": table.version,

@@ -18,7 +18,7 @@ from pipeline.process import lend_cache_folders, terminable
 
 # What commands read, by the names of their arguments: never written over.
 READ = ("case", "study", "target", "mesh_file", "measured", "map", "table", "sweep", "file")
-LONGEST_NUMBER = 40  # characters
+MAX_DIGITS = 40  # characters
 DONE, WRONG_INPUT, NOT_TRUSTED, NOT_HELD, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4, 5, 130
 
 
@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as fault:
         if arguments.debug:
             raise
-        return _told(fault)
+        return _report_error(fault)
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -74,7 +74,7 @@ def _run(arguments: argparse.Namespace) -> int:
         return int(getattr(importlib.import_module(module), function)(arguments))
 
 
-def _told(fault: Exception) -> int:
+def _report_error(fault: Exception) -> int:
     """One line per reason, and the code that a fault stands for."""
     from geometry.errors import GeometryError, MeshError
     from pipeline.errors import CommandError
@@ -155,7 +155,7 @@ def _add_case_commands(commands: Any) -> None:
         "--parity",
         type=_signs,
         choices=("++", "+-", "-+", "--"),
-        help="one mirror class: u_z even (+) or odd (-) in x, y",
+        help="one symmetry class: u_z even (+) or odd (-) in x, y",
     )
     modes.add_argument(
         "--symmetry",
@@ -244,9 +244,9 @@ def _up_to(most: int) -> Callable[[str], int]:
     """The type of an option that counts something, from 1 to `most`, as the same key of a case file does."""
 
     def number(text: str) -> int:
-        value = int(text) if len(text) < LONGEST_NUMBER else 0
+        value = int(text) if len(text) < MAX_DIGITS else 0
         if not 1 <= value <= most:
-            raise argparse.ArgumentTypeError(f"{text[:LONGEST_NUMBER]}: must be 1 or more, at most {most}")
+            raise argparse.ArgumentTypeError(f"{text[:MAX_DIGITS]}: must be 1 or more, at most {most}")
         return value
 
     return number
@@ -270,7 +270,7 @@ def _add_search(commands: Any) -> None:
         "what to raise: dB on the zone over the passive face, or over the plate beyond the rows (default: confinement)"
     )
     search.add_argument("--goal", choices=("confinement", "extension"), default="confinement", help=goal)
-    budget = "joined plates to spend, three columns of cells to each (default: 16)"
+    budget = "assembled plates to spend, three columns of cells to each (default: 16)"
     search.add_argument("--evaluations", type=_up_to(limits.MAX_EVALUATIONS), metavar="N", default=16, help=budget)
     search.add_argument("--above", metavar="F", default="25kHz", help="least frequency (default: 25kHz)")
     half = "largest half-wavelength along the zone (default: 20)"
@@ -337,7 +337,7 @@ def _add_study_commands(commands: Any) -> None:
         "--set", action="append", default=[], metavar="KEY=VALUE", help="CASE: override a key, such as array.rows=2"
     )
     view.add_argument("--solve", action="store_true", help="CASE: compute its wanted mode, too (takes seconds)")
-    view.add_argument("--case", dest="case_id", metavar="ID", help="STUDY: which case (default: the one held best)")
+    view.add_argument("--case", dest="case_id", metavar="ID", help="STUDY: which case (default: the one confined best)")
 
 
 def _add_export(commands: Any) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from pipeline.case.model import load_case
 from pipeline.case.quantities import parse_frequency
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.records import outputs
 from pipeline.search.limits import Limits
@@ -26,12 +26,12 @@ def search(arguments: Namespace) -> int:
     from pipeline.search.optimiser import search as find
 
     log = TerminalLog(arguments.quiet)
-    found = find(space, Settings(arguments.goal, limits, arguments.evaluations), log)
-    proof = _proof(found, arguments, log)
-    document = as_json(found) | proof | {"seconds": log.seconds | {"total": log.elapsed}}
-    outputs.emit(arguments, "search", document, text(found, proof))
+    outcome = find(space, Settings(arguments.goal, limits, arguments.evaluations), log)
+    proof = _proof(outcome, arguments, log)
+    document = as_json(outcome) | proof | {"seconds": log.seconds | {"total": log.elapsed}}
+    outputs.emit(arguments, "search", document, text(outcome, proof))
     if arguments.out:
-        _write(found, document, arguments.out)
+        _write(outcome, document, arguments.out)
     return 0
 
 
@@ -44,123 +44,134 @@ def limits_of(arguments: Namespace) -> Limits:
     if not 0.0 <= arguments.mac <= 1.0:
         faults.append(f"--mac = {arguments.mac:g}: must be a number from 0 to 1")
     if faults:
-        raise InputFault(faults)
+        raise InputError(faults)
     above = parse_frequency(arguments.above, "--above")
     return Limits(above, 1e-3 * arguments.half_wave, 1e-3 * arguments.feature, arguments.mac)
 
 
-def _proof(found: Any, arguments: Namespace, log: TerminalLog) -> dict[str, Any]:
+def _proof(outcome: Any, arguments: Namespace, log: TerminalLog) -> dict[str, Any]:
     """Both designs by the whole plate as a solid mesh, when asked for."""
     if arguments.confirm != "solid":
         return {}
-    from pipeline.search.fidelity import SOLID, EvaluationShelf, judge
+    from pipeline.search.fidelity import SOLID, EvaluationCache, evaluate
 
     proof = {}
-    for name, each in (("base", found.base), ("best", found.best)):
+    for name, each in (("base", outcome.base), ("best", outcome.best)):
         with log.step(f"solid model of the {name} design"):
-            judged = judge(found.space.case(each.values), SOLID, each.judged.frequency_hz, EvaluationShelf())
-        if judged.why_not:
-            raise InputFault(f"--confirm solid: the {name} design: {judged.why_not}")
-        proof[name] = {"frequency_hz": judged.frequency_hz, "confinement_db": judged.confinement_db, "mac": judged.mac}
+            result = evaluate(outcome.space.case(each.values), SOLID, each.result.frequency_hz, EvaluationCache())
+        if result.why_not:
+            raise InputError(f"--confirm solid: the {name} design: {result.why_not}")
+        proof[name] = {"frequency_hz": result.frequency_hz, "confinement_db": result.confinement_db, "mac": result.mac}
     return {"solid": proof}
 
 
-def as_json(found: Any) -> dict[str, Any]:
+def as_json(outcome: Any) -> dict[str, Any]:
     """The document, without times."""
     from pipeline.search.fidelity import MODELS
 
-    limits = found.settings.limits
+    limits = outcome.settings.limits
     return {
         "schema": 1,
-        "goal": found.settings.goal,
-        "vary": [{"key": v.key, "low": v.low, "high": v.high, "step": v.step} for v in found.space.variables],
+        "goal": outcome.settings.goal,
+        "vary": [{"key": v.key, "low": v.low, "high": v.high, "step": v.step} for v in outcome.space.variables],
         "limits": vars(limits),
         "rungs": [
             {
-                "name": rung,
-                "model": MODELS[rung],
+                "name": fidelity,
+                "model": MODELS[fidelity],
                 "designs": len(each),
                 "not_judged": sum(e.goal_db is None for e in each),
             }
-            for rung, each in found.by_rung.items()
+            for fidelity, each in outcome.by_fidelity.items()
         ],
-        "softness": found.softness,
-        "repeat": [*found.space.fixed, *found.space.overrides(found.best.values), *found.window],
-        "base": design_json(found, found.base),
-        "best": design_json(found, found.best),
-        "gain_db": found.gain_db,
-        "gain_error_db": found.gain_error_db,
-        "tradeoff": [design_json(found, each) for each in found.tradeoff],
-        "evaluations": [design_json(found, each) for each in all_judged(found)],
+        "softness": outcome.softness,
+        "repeat": [*outcome.space.fixed, *outcome.space.overrides(outcome.best.values), *outcome.window],
+        "base": design_json(outcome, outcome.base),
+        "best": design_json(outcome, outcome.best),
+        "gain_db": outcome.gain_db,
+        "gain_error_db": outcome.gain_error_db,
+        "tradeoff": [design_json(outcome, each) for each in outcome.tradeoff],
+        "evaluations": [design_json(outcome, each) for each in all_results(outcome)],
     }
 
 
-def all_judged(found: Any) -> list[Any]:
-    """Every evaluation, the cheapest rung first."""
-    return [each for listed in found.by_rung.values() for each in listed]
+def all_results(outcome: Any) -> list[Any]:
+    """Every evaluation, the cheapest fidelity first."""
+    return [each for listed in outcome.by_fidelity.values() for each in listed]
 
 
-def design_json(found: Any, each: Any) -> dict[str, Any]:
+def design_json(outcome: Any, each: Any) -> dict[str, Any]:
     """One evaluation."""
-    judged = each.judged
+    result = each.result
     return {
-        "rung": judged.rung,
-        "set": {v.key: value for v, value in zip(found.space.variables, each.values, strict=False)},
-        "frequency_hz": judged.frequency_hz,
-        "confinement_db": judged.confinement_db,
-        "extension_db": judged.extension_db,
-        "mac": judged.mac,
-        "frequency_error": judged.frequency_error,
-        "confinement_error_db": judged.confinement_error_db,
+        "mesh_level": result.fidelity,
+        "set": {v.key: value for v, value in zip(outcome.space.variables, each.values, strict=False)},
+        "frequency_hz": result.frequency_hz,
+        "confinement_db": result.confinement_db,
+        "extension_db": result.extension_db,
+        "mac": result.mac,
+        "frequency_error": result.frequency_error,
+        "confinement_error_db": result.confinement_error_db,
         "mass_kg": each.mass_kg,
-        "breaks": list(each.broken),
-        "why_not": judged.why_not or None,
+        "breaks": list(each.violations),
+        "why_not": result.why_not or None,
     }
 
 
-def text(found: Any, proof: dict[str, Any]) -> str:
+def text(outcome: Any, proof: dict[str, Any]) -> str:
     """The best designs as a table, the gain, and the words to repeat it."""
     from pipeline.search.fidelity import PLATE
 
-    keys = [v.key for v in found.space.variables]
+    keys = [v.key for v in outcome.space.variables]
     head = (*keys, "frequency_hz", "confinement_db", "extension_db", "mac", "mass_g")
-    plates = sorted((e for e in found.by_rung[PLATE] if e.keeps), key=lambda e: -e.merit)[:SHOWN]
+    plates = sorted((e for e in outcome.by_fidelity[PLATE] if e.keeps), key=lambda e: -e.objective)[:SHOWN]
     rows = [_row(each) for each in plates]
-    best, base = found.best, found.base
+    best, base = outcome.best, outcome.base
     lines = [
-        f"{', '.join(f'{len(each)} by {rung}' for rung, each in found.by_rung.items())}; the best joined plates:",
+        f"{', '.join(f'{len(each)} by {fidelity}' for fidelity, each in outcome.by_fidelity.items())}; "
+        "the best assembled plates:",
         outputs.table(head, rows),
-        f"as it was: {_told(base)}",
-        f"best:      {_told(best)}" + ("" if found.gain_db is None else f", {found.gain_db:+.2f} dB"),
+        f"as it was: {_summary(base)}",
+        f"best:      {_summary(best)}" + ("" if outcome.gain_db is None else f", {outcome.gain_db:+.2f} dB"),
         *(f"solid mesh, {name}: {values['confinement_db']:.2f} dB at {values['frequency_hz']:.1f} Hz"
           for name, values in (proof.get("solid") or {}).items()),
-        f"repeat it: antinode modes {found.space.path} "
-        + " ".join(f"--set {part}" for part in [*found.space.fixed, *found.space.overrides(best.values), *found.window]),
+        f"repeat it: antinode modes {outcome.space.path} "
+        + " ".join(f"--set {part}" for part in [*outcome.space.fixed, *outcome.space.overrides(best.values), *outcome.window]),
     ]  # fmt: skip
     return "\n".join(lines)
 
 
 def _row(each: Any) -> list[Any]:
-    judged, mass = each.judged, None if each.mass_kg is None else 1e3 * each.mass_kg
-    return [*each.values, judged.frequency_hz, judged.confinement_db, judged.extension_db, judged.mac, mass]
+    result, mass = each.result, None if each.mass_kg is None else 1e3 * each.mass_kg
+    return [*each.values, result.frequency_hz, result.confinement_db, result.extension_db, result.mac, mass]
 
 
-def _told(each: Any) -> str:
-    from pipeline.search.designs import told
+def _summary(each: Any) -> str:
+    from pipeline.search.designs import summary
 
-    return told(each)
+    return summary(each)
 
 
-def _write(found: Any, document: dict[str, Any], out: str) -> None:
+def _write(outcome: Any, document: dict[str, Any], out: str) -> None:
     """Every evaluation as CSV, and the picture."""
     from pipeline.plots import style
     from pipeline.search.plots import landscape
 
     folder = outputs.folder(out)
-    keys = [v.key for v in found.space.variables]
-    head = ("rung", *keys, "frequency_hz", "confinement_db", "extension_db", "mac", "mass_kg", "breaks", "why_not")
+    keys = [v.key for v in outcome.space.variables]
+    head = (
+        "mesh_level",
+        *keys,
+        "frequency_hz",
+        "confinement_db",
+        "extension_db",
+        "mac",
+        "mass_kg",
+        "breaks",
+        "why_not",
+    )
     rows = [
-        [each["rung"], *each["set"].values(), *(each[key] for key in head[1 + len(keys) : -2]),
+        [each["mesh_level"], *each["set"].values(), *(each[key] for key in head[1 + len(keys) : -2]),
          "; ".join(each["breaks"]), each["why_not"]]
         for each in document["evaluations"]
     ]  # fmt: skip

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline import paths
 from pipeline.batch.job import Job
 from pipeline.batch.study_file import find_study, load_study
-from pipeline.errors import InputFault, NotAvailable
+from pipeline.errors import InputError, NotAvailable
 
 if TYPE_CHECKING:
     from pipeline.batch.runner import StudyOutcome
@@ -87,14 +87,14 @@ def run(arguments: Namespace) -> int:
         progress = Progress(arguments.quiet)
         outcome = runner.run_study(jobs, task.computer(), folder, options, progress, task.about)
     except StudyBusy as fault:
-        raise InputFault(str(fault)) from fault
+        raise InputError(str(fault)) from fault
     if arguments.dry_run:
         for planned, job in zip(outcome.plan, jobs, strict=True):
             print(f"{planned.case_id}: {'would run, ' + planned.why if planned.why else 'stands'}")
-            if told := task.explain(job):
-                print("  " + told.replace("\n", "\n  "))
+            if text := task.explain(job):
+                print("  " + text.replace("\n", "\n  "))
         return 0
-    _tell(task.conclude(folder), arguments.quiet)
+    _log_summary(task.conclude(folder), arguments.quiet)
     if outcome.given_up:
         print(f"antinode: {_lost(arguments.scheduler, outcome)}", file=sys.stderr)
     for end in outcome.failed:
@@ -118,7 +118,7 @@ def _table_and_report(folder: Path) -> Sequence[Path]:
     return [tables.write_table(folder), page.build(folder)]
 
 
-def _tell(paths: Sequence[Path], quiet: bool) -> None:
+def _log_summary(paths: Sequence[Path], quiet: bool) -> None:
     if not quiet:
         for path in paths:
             print(f"{'report' if path.suffix == '.html' else 'table '} {path}")
@@ -134,7 +134,7 @@ def _executor(address: str | None) -> Executor | None:
     try:
         client = Client(address, timeout="10s")
     except (OSError, TimeoutError, ValueError) as fault:
-        raise InputFault(f"--scheduler = {address}: no Dask scheduler answers there ({fault})") from fault
+        raise InputError(f"--scheduler = {address}: no Dask scheduler answers there ({fault})") from fault
     for name in ("distributed", "distributed.client"):  # a lost scheduler is told in one line, not in its traceback
         logging.getLogger(name).setLevel(logging.CRITICAL)
     executor: Executor = client.get_executor()
@@ -148,11 +148,13 @@ def report(arguments: Namespace) -> int:
     task = _task(arguments.study)
     folder = paths.RESULTS / task.name
     if not (folder / "cases.json").exists():
-        raise InputFault(
+        raise InputError(
             f"{arguments.study}: no results under {folder.name}; run it first: antinode run {arguments.study}"
         )
-    _tell(task.conclude(folder), arguments.quiet)
+    _log_summary(task.conclude(folder), arguments.quiet)
     for case in read_study(folder).cases:
-        if case.complaint:
-            print(f"antinode: case {case.case_id} is not shown: {case.complaint}; run the study again", file=sys.stderr)
+        if case.read_error:
+            print(
+                f"antinode: case {case.case_id} is not shown: {case.read_error}; run the study again", file=sys.stderr
+            )
     return 0

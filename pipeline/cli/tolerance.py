@@ -26,18 +26,22 @@ def tolerance(arguments: Namespace) -> int:
         return 0
     from pipeline.analysis import tolerance as drawn
 
-    found = drawn.solve(case, log, band)
-    document = found.json() | {"seconds": log.seconds | {"total": log.elapsed}}
-    head = tuple(field.name for field in fields(found.nominal))
-    rows = [list(astuple(one)) for one in found.samples]
-    text = [f"{found.pillars} pillars, driven by {found.drive}", outputs.table(head, rows), *drawn.lines(found)]
+    computed = drawn.solve(case, log, band)
+    document = computed.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    head = tuple(field.name for field in fields(computed.nominal))
+    rows = [list(astuple(one)) for one in computed.samples]
+    text = [
+        f"{computed.pillars} pillars, driven by {computed.drive}",
+        outputs.table(head, rows),
+        *drawn.lines(computed),
+    ]
     outputs.emit(arguments, "tolerance", document, "\n".join(text))
     if arguments.out:
         from pipeline.plots import style
-        from pipeline.plots.response import drawing
+        from pipeline.plots.response import report_figure
 
         folder = outputs.folder(arguments.out)
         outputs.write_file(folder / "tolerance.csv", outputs.csv_bytes(head, rows))
         with style.style():
-            style.save(drawing(document, found.arrays()), folder)
+            style.save(report_figure(document, computed.arrays()), folder)
     return 0

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from pipeline import paths
-from pipeline.errors import InputFault, NotAvailable
+from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
 from pipeline.plots.plate import FloatArray, IntArray, skin_faces
 from pipeline.records import store
@@ -43,7 +43,7 @@ class Scene:
 
 
 def view(arguments: Namespace) -> int:
-    """Show a case, a VTU file or the best held plate of a study. Raises NotAvailable without a display."""
+    """Show a case, a VTU file or the best confined plate of a study. Raises NotAvailable without a display."""
     kind = _kind(arguments.target)
     if missing := display_fault():
         raise NotAvailable(f"view: {missing}; without a window, {INSTEAD}")
@@ -64,7 +64,7 @@ def _kind(target: str) -> str:
 
     if Path(target).suffix == ".vtu":
         if not Path(target).is_file():
-            raise InputFault(f"{target}: no such file")
+            raise InputError(f"{target}: no such file")
         return "file"
     path = find_study(target)
     return "study" if "study" in read_toml(path) else "case"
@@ -77,18 +77,20 @@ def display_fault() -> str:
     name = os.environ.get("DISPLAY", "")
     if not name:
         return "no display (the environment has no DISPLAY)"
-    found = re.fullmatch(r"(?:[a-z]+/)?([^:]*):(\d+)(?:\.\d+)?", name)
-    if not found:
+    match = re.fullmatch(r"(?:[a-z]+/)?([^:]*):(\d+)(?:\.\d+)?", name)
+    if not match:
         return f"DISPLAY = {name}: must be like :0 or host:10.0"
-    host, number = found[1], int(found[2])
-    return "" if any(_answers(place) for place in _places(host, number)) else f"no display answers at DISPLAY = {name}"
+    hostname, number = match[1], int(match[2])
+    return (
+        "" if any(_answers(place) for place in _places(hostname, number)) else f"no display answers at DISPLAY = {name}"
+    )
 
 
-def _places(host: str, number: int) -> list[Any]:
+def _places(hostname: str, number: int) -> list[Any]:
     """Where an X server listens: a socket of this machine (abstract or in /tmp), or TCP."""
-    if host in {"", "unix"}:
+    if hostname in {"", "unix"}:
         return [f"\0/tmp/.X11-unix/X{number}", f"/tmp/.X11-unix/X{number}"]
-    return [(host, 6000 + number)]
+    return [(hostname, 6000 + number)]
 
 
 def _answers(place: Any) -> bool:
@@ -103,35 +105,35 @@ def _answers(place: Any) -> bool:
 
 
 def of_study(target: str, case_id: str | None = None) -> Scene:
-    """A stored case of a study, the best held one unless named, with its stored modes."""
+    """A stored case of a study, the best confined one unless named, with its stored modes."""
     from pipeline.batch.script_study import load_script
     from pipeline.batch.study_file import find_study, load_study
     from pipeline.report import text
 
     if script := load_script(find_study(target)):
-        raise InputFault(
+        raise InputError(
             f"{target}: {script.name} holds no plate to view; antinode report {script.name} writes its page"
         )
     folder = paths.RESULTS / load_study(target).name
     try:
         study = read_study(folder)
     except store.BadRecord as fault:
-        raise InputFault(f"{target}: nothing is stored yet; run it first: antinode run {target}") from fault
+        raise InputError(f"{target}: nothing is stored yet; run it first: antinode run {target}") from fault
     names = [case.case_id for case in study.cases]
     if case_id is not None and case_id not in names:
-        raise InputFault(f"--case = {case_id}: must be one of {', '.join(names[:12])}")
+        raise InputError(f"--case = {case_id}: must be one of {', '.join(names[:12])}")
     case = study.cases[names.index(case_id)] if case_id else text.best_case(study)
     if case is None:
-        raise InputFault(f"{target}: no case of it has a wanted mode")
+        raise InputError(f"{target}: no case of it has a wanted mode")
     return _stored(case)
 
 
 def _stored(case: StoredCase) -> Scene:
-    arrays, complaints = case.read_arrays()
+    arrays, read_errors = case.read_arrays()
     if skin_faces(arrays, "surface") is None or "surface_u" not in arrays:
         ended = case.status in {"OK", "ALARM"}
         why = "its record holds no moving surface; measure modes and run the study again" if ended else case.diagnosis
-        raise InputFault(complaints or f"{case.case_id}: {why}")
+        raise InputError(read_errors or f"{case.case_id}: {why}")
     return of_arrays(case.case_id, arrays, case.record.get("design") or {})
 
 
@@ -158,13 +160,15 @@ def of_case(arguments: Namespace) -> Scene:
     case.require_plate(command="view")
     if not arguments.solve:
         return _solid(case, log)
-    found = modes.solve_modes(case, modes.Request("plate", parity=case.parity_wanted), log)
-    found = found.whole_window
-    index = found.index(found.wanted.row) if found.wanted else None
+    part_modes = modes.solve_modes(case, modes.Request("plate", parity=case.parity_wanted), log)
+    part_modes = part_modes.whole_window
+    index = part_modes.index(part_modes.wanted.row) if part_modes.wanted else None
     if index is None:
-        raise InputFault(f"{case.name}: no mode of the plate has the wanted shape; antinode modes tells what is there")
+        raise InputError(f"{case.name}: no mode of the plate has the wanted shape; antinode modes tells what is there")
     return of_arrays(
-        case.name, mode_fields.plate_arrays(found, measures.nearest_rows(found, index)), measures.describe(case)
+        case.name,
+        mode_fields.plate_arrays(part_modes, measures.nearest_rows(part_modes, index)),
+        measures.describe(case),
     )
 
 
@@ -188,9 +192,9 @@ def of_vtu(path: Path) -> Scene:
         try:
             mesh = pv.read(path)
         except Exception as fault:  # VTK's readers raise what they like
-            raise InputFault(f"{path}: not a VTU file that can be read ({type(fault).__name__}: {fault})") from fault
+            raise InputError(f"{path}: not a VTU file that can be read ({type(fault).__name__}: {fault})") from fault
         if not isinstance(mesh, pv.UnstructuredGrid) or not mesh.n_cells:
-            raise InputFault(f"{path}: no cells could be read; must be a VTU file, an unstructured grid with cells")
+            raise InputError(f"{path}: no cells could be read; must be a VTU file, an unstructured grid with cells")
         surface = mesh.extract_surface(nonlinear_subdivision=0).triangulate()
     names = [name for name in surface.point_data if np.shape(surface.point_data[name]) == (surface.n_points, 3)]
     shapes = [(name, np.asarray(surface.point_data[name], dtype=float)) for name in names]

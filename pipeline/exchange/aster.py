@@ -17,7 +17,7 @@ from pipeline.records.outputs import delivered, write_file
 
 ENDINGS = (".med", ".comm", ".export", "_README.txt")
 MODES_A_BAND = 40  # one Lanczos subspace each: keeps its vectors and its orthogonalisation small
-ABOVE_RIGID_HZ = 1.0  # a free body's band must not hold its rigid motions
+ABOVE_RIGID_HZ = 1.0  # a free body's band must not hold its rigid-body modes
 NODES = "N_"  # before the name of a face group: the group of its nodes
 MESH_NAME_LENGTH = 24
 UNITS = {".med": ("mmed", "D", 20), ".comm": ("comm", "D", 1)}
@@ -26,15 +26,15 @@ RESULTS = {".mess": ("mess", 6), ".resu": ("resu", 8), ".rmed": ("rmed", 80)}
 
 def write(case: Case, part: str, output: Path, log: Log) -> list[Path]:
     """Write NAME.med, NAME.comm, NAME.export and NAME_README.txt; `output` gives folder and name."""
-    found = exchange(case, part, log)
+    part_mesh = exchange(case, part, log)
     med, comm, export, note = places(output)
     stem = med.with_suffix("")
     with log.step("write MED"), delivered(med) as temporary:
-        write_med(raw_mesh(found), temporary, mesh_name(found))
-    bounds = _bounds(case, found, log)
-    write_file(comm, commands(found, bounds).encode())
+        write_med(raw_mesh(part_mesh), temporary, mesh_name(part_mesh))
+    bounds = _bounds(case, part_mesh, log)
+    write_file(comm, commands(part_mesh, bounds).encode())
     write_file(export, export_file(stem.name).encode())
-    write_file(note, _note(found, stem.name).encode())
+    write_file(note, _note(part_mesh, stem.name).encode())
     log.info(f"run it with: run_aster {export.name}")
     return [med, comm, export, note]
 
@@ -45,53 +45,53 @@ def places(output: Path) -> list[Path]:
     return [output.with_name(name + ending) for ending in ENDINGS]
 
 
-def mesh_name(found: Exchange) -> str:
+def mesh_name(part_mesh: Exchange) -> str:
     """The mesh's name in the MED file."""
-    return found.part.upper()[:MESH_NAME_LENGTH]
+    return part_mesh.part.upper()[:MESH_NAME_LENGTH]
 
 
-def raw_mesh(found: Exchange) -> RawMesh:
+def raw_mesh(part_mesh: Exchange) -> RawMesh:
     """Volume cells, the facets of named faces, volume groups, face groups, and their nodes as N_..."""
-    mesh = found.mesh
+    mesh = part_mesh.mesh
     kind = (mesh.kind, mesh.order)
-    named = np.unique(np.concatenate(list(found.faces.values())))
-    place = np.full(len(found.facets.nodes), -1)
+    named = np.unique(np.concatenate(list(part_mesh.faces.values())))
+    place = np.full(len(part_mesh.facets.nodes), -1)
     place[named] = np.arange(len(named))
     blocks = [
         (VOLUME[kind], mesh.cells[:, local_nodes(*kind)]),
-        (FACET[kind], found.facets.nodes[named]),
+        (FACET[kind], part_mesh.facets.nodes[named]),
     ]
-    groups = {name: {0: cells} for name, cells in found.volumes.items()}
-    groups |= {name: {1: place[facets]} for name, facets in found.faces.items()}
-    return RawMesh(mesh.nodes, blocks, groups, {NODES + name: found.nodes_of(name) for name in found.faces})
+    groups = {name: {0: cells} for name, cells in part_mesh.volumes.items()}
+    groups |= {name: {1: place[facets]} for name, facets in part_mesh.faces.items()}
+    return RawMesh(mesh.nodes, blocks, groups, {NODES + name: part_mesh.nodes_of(name) for name in part_mesh.faces})
 
 
-def _bounds(case: Case, found: Exchange, log: Log) -> tuple[float, ...]:
+def _bounds(case: Case, part_mesh: Exchange, log: Log) -> tuple[float, ...]:
     """Ends of the sub-bands, Hz: as many as the modes in the band need; none when no band is asked for."""
-    if found.search.band_hz is None:
+    if part_mesh.search.band_hz is None:
         return ()
-    low, high = found.search.band_hz
+    low, high = part_mesh.search.band_hz
     low = max(low, ABOVE_RIGID_HZ)
-    below_low, below_high = modes_below(case, found.part, (low, high), log)
+    below_low, below_high = modes_below(case, part_mesh.part, (low, high), log)
     count = below_high - below_low
     parts = max(1, ceil(count / MODES_A_BAND))
     log.info(f"about {count} modes from {low:g} to {high:g} Hz: {parts} sub-band(s)")
     return tuple(float(f) for f in np.linspace(low, high, parts + 1))
 
 
-def commands(found: Exchange, bounds: tuple[float, ...]) -> str:
+def commands(part_mesh: Exchange, bounds: tuple[float, ...]) -> str:
     """The command file: mesh, model, materials, clamps, matrices, count of modes, modes, results."""
-    materials = {volume: f"MAT_{volume}" for volume in found.volumes}
+    materials = {volume: f"MAT_{volume}" for volume in part_mesh.volumes}
     blocks = [
-        _head(found),
+        _head(part_mesh),
         'DEBUT(LANG="EN")',
-        f'MESH = LIRE_MAILLAGE(FORMAT="MED", UNITE=20, NOM_MED="{mesh_name(found)}", VERI_MAIL=_F(VERIF="OUI"))',
-        _model(found),
-        *(_material(name, found.materials[volume]) for volume, name in materials.items()),
+        f'MESH = LIRE_MAILLAGE(FORMAT="MED", UNITE=20, NOM_MED="{mesh_name(part_mesh)}", VERI_MAIL=_F(VERIF="OUI"))',
+        _model(part_mesh),
+        *(_material(name, part_mesh.materials[volume]) for volume, name in materials.items()),
         _affected(materials),
-        *(_clamp() if found.clamped else ()),
-        _matrices(found.clamped),
-        *_modes(found, bounds),
+        *(_clamp() if part_mesh.clamped else ()),
+        _matrices(part_mesh.clamped),
+        *_modes(part_mesh, bounds),
         'MODES = NORM_MODE(reuse=MODES, MODE=MODES, NORME="MASS_GENE")',
         'IMPR_RESU(FORMAT="MED", UNITE=80, RESU=_F(RESULTAT=MODES, NOM_CHAM="DEPL"))',
         'FREQS = RECU_TABLE(CO=MODES, NOM_PARA=("FREQ", "MASS_GENE", "RIGI_GENE"))',
@@ -101,17 +101,17 @@ def commands(found: Exchange, bounds: tuple[float, ...]) -> str:
     return "\n\n".join(blocks) + "\n"
 
 
-def _head(found: Exchange) -> str:
-    mesh = found.mesh
+def _head(part_mesh: Exchange) -> str:
+    mesh = part_mesh.mesh
     return (
-        f"# {found.name}: the whole {found.part}, {len(mesh.cells)} {VOLUME[mesh.kind, mesh.order]}, "
-        f"{mesh.dof} unknowns.\n# Units: m, Pa, kg/m3, Hz. Mesh sha256 {mesh.sha256}. Written by antinode."
+        f"# {part_mesh.name}: the whole {part_mesh.part}, {len(mesh.cells)} {VOLUME[mesh.kind, mesh.order]}, "
+        f"{mesh.dof} degrees of freedom.\n# Units: m, Pa, kg/m3, Hz. Mesh sha256 {mesh.sha256}. Written by antinode."
     )
 
 
-def _model(found: Exchange) -> str:
+def _model(part_mesh: Exchange) -> str:
     return (
-        f"MODEL = AFFE_MODELE(MAILLAGE=MESH, AFFE=_F(GROUP_MA={_names(found.volumes)}, "
+        f"MODEL = AFFE_MODELE(MAILLAGE=MESH, AFFE=_F(GROUP_MA={_names(part_mesh.volumes)}, "
         'PHENOMENE="MECANIQUE", MODELISATION="3D"))'
     )
 
@@ -144,7 +144,7 @@ def _matrices(clamped: bool) -> str:
     )
 
 
-def _modes(found: Exchange, bounds: tuple[float, ...]) -> list[str]:
+def _modes(part_mesh: Exchange, bounds: tuple[float, ...]) -> list[str]:
     """INFO_MODE and CALC_MODES of a band, or CALC_MODES nearest to a frequency; both checked by Sturm's count."""
     check = 'VERI_MODE=_F(STURM="OUI", STOP_ERREUR="OUI")'
     matrices = "MATR_RIGI=RIGI, MATR_MASS=MASS"
@@ -155,11 +155,11 @@ def _modes(found: Exchange, bounds: tuple[float, ...]) -> list[str]:
             'IMPR_TABLE(TABLE=COUNT, UNITE=8, FORMAT="TABLEAU", SEPARATEUR=" ; ")',
             f'MODES = CALC_MODES({matrices}, OPTION="BANDE", CALC_FREQ=_F(FREQ={ends}), {check})',
         ]
-    near, count = found.search.near_hz or 0.0, found.search.count
+    near, count = part_mesh.search.near_hz or 0.0, part_mesh.search.count
     if near:
         option, where = "CENTRE", f"FREQ={near!r}, NMAX_FREQ={count}"
     else:
-        option, where = "PLUS_PETITE", f"NMAX_FREQ={count if found.clamped else (count or 0) + 6}"
+        option, where = "PLUS_PETITE", f"NMAX_FREQ={count if part_mesh.clamped else (count or 0) + 6}"
     return [f'MODES = CALC_MODES({matrices}, OPTION="{option}", CALC_FREQ=_F({where}), {check})']
 
 
@@ -167,40 +167,40 @@ def export_file(name: str, memory_mb: int = 8192, seconds: int = 7200) -> str:
     """What run_aster reads: parameters, files in (D) and results (R) with their units; paths beside this file."""
     lines = ["P actions make_etude", f"P time_limit {seconds}", f"P memory_limit {memory_mb}"]
     lines += ["P ncpus 2", "P mpi_nbcpu 1"]
-    lines += [f"F {kind} {name}{ending} {way} {unit}" for ending, (kind, way, unit) in UNITS.items()]
+    lines += [f"F {kind} {name}{ending} {choice} {unit}" for ending, (kind, choice, unit) in UNITS.items()]
     lines += [f"F {kind} {name}{ending} R {unit}" for ending, (kind, unit) in RESULTS.items()]
     return "\n".join(lines) + "\n"
 
 
-def _note(found: Exchange, name: str) -> str:
-    mesh = found.mesh
-    asked = found.search
-    window = f"--band {asked.band_hz[0]:g}Hz:{asked.band_hz[1]:g}Hz" if asked.band_hz else f"--count {asked.count}"
-    window = f"--near {asked.near_hz:g}Hz {window}" if asked.near_hz and not asked.band_hz else window
-    clamp = f" --clamp {CLAMP}" if found.clamped else ""
-    held = (
-        f"the faces of group {CLAMP} are held"
-        if found.clamped
-        else "the body is free: its rigid motions lie below the band"
+def _note(part_mesh: Exchange, name: str) -> str:
+    mesh = part_mesh.mesh
+    search = part_mesh.search
+    window = f"--band {search.band_hz[0]:g}Hz:{search.band_hz[1]:g}Hz" if search.band_hz else f"--count {search.count}"
+    window = f"--near {search.near_hz:g}Hz {window}" if search.near_hz and not search.band_hz else window
+    clamp = f" --clamp {CLAMP}" if part_mesh.clamped else ""
+    clamped = (
+        f"the faces of group {CLAMP} are clamped"
+        if part_mesh.clamped
+        else "the body is free: its rigid-body modes lie below the band"
     )
-    return f"""{found.name} for Code_Aster 15 or later
+    return f"""{part_mesh.name} for Code_Aster 15 or later
 
 Run:      run_aster {name}.export
 Read:     {name}.resu (frequencies), {name}.rmed (mode shapes, for SALOME or ParaVis), {name}.mess (log)
 Compare:  antinode modes CASE --mesh-file {name}.med {window}{clamp}
           solves the same elements on the same mesh: frequencies must agree to rounding.
 
-The mesh is the whole {found.part}: {len(mesh.cells)} {VOLUME[mesh.kind, mesh.order]}, {len(mesh.nodes)} nodes, in metres.
-Cell groups: {", ".join(found.volumes)} (volumes, one material each); {", ".join(found.faces)} (faces).
+The mesh is the whole {part_mesh.part}: {len(mesh.cells)} {VOLUME[mesh.kind, mesh.order]}, {len(mesh.nodes)} nodes, in metres.
+Cell groups: {", ".join(part_mesh.volumes)} (volumes, one material each); {", ".join(part_mesh.faces)} (faces).
 Node groups: the same faces with {NODES} before the name.
 
 What differs from `antinode modes CASE`:
 - one body of quadratic elements here; antinode joins reduced cells (plates of boxes) or takes elements of higher order on a
   half or quarter. The coarser mesh here is stiffer: its frequencies lie higher by its own mesh error. A finer one:
-  --set solve.accuracy=0.001 (the limit of unknowns stays).
-- no mirror classes: every mode of the body comes, in ascending order.
+  --set solve.accuracy=0.001 (the limit of degrees of freedom stays).
+- no symmetry classes: every mode of the body comes, in ascending order.
 - piezoelectric patches and damping are left out: free vibration of the elastic body.
-- {held}.
+- {clamped}.
 - modes are scaled to unit generalised mass (NORME='MASS_GENE').
 The mesh and the commands were checked by independent readers and against the command catalogue of version 16; no
 Code_Aster was at hand to run them when this exporter was written.

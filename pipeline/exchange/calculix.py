@@ -20,11 +20,11 @@ SPARE_MODES = 6
 
 def write(case: Case, part: str, output: Path, log: Log) -> list[Path]:
     """Write NAME.inp with everything a run needs (ccx NAME)."""
-    found = exchange(case, part, log, tetrahedra=True)
-    count = _count(case, found, log)
+    part_mesh = exchange(case, part, log, tetrahedra=True)
+    count = _count(case, part_mesh, log)
     path = place(output)
     with log.step("write the input file"), delivered(path) as temporary:
-        temporary.write_text(input_deck(found, count))
+        temporary.write_text(input_deck(part_mesh, count))
     log.info(f"run it with: ccx {path.stem}")
     return [path]
 
@@ -36,48 +36,48 @@ def place(output: Path) -> Path:
     return output.with_name(output.name + ".inp")
 
 
-def _count(case: Case, found: Exchange, log: Log) -> int:
+def _count(case: Case, part_mesh: Exchange, log: Log) -> int:
     """Modes to ask for: CalculiX begins at the lowest one whatever the band, so those below it count too."""
-    rigid = 0 if found.clamped else 6
-    if found.search.band_hz is None:
-        top = found.search.near_hz or 0.0
-        below = modes_below(case, found.part, (top,), log)[0] if top else rigid
-        return below + (found.search.count or 1)
-    high = found.search.band_hz[1]
-    below = modes_below(case, found.part, (high,), log)[0]
+    rigid = 0 if part_mesh.clamped else 6
+    if part_mesh.search.band_hz is None:
+        top = part_mesh.search.near_hz or 0.0
+        below = modes_below(case, part_mesh.part, (top,), log)[0] if top else rigid
+        return below + (part_mesh.search.count or 1)
+    high = part_mesh.search.band_hz[1]
+    below = modes_below(case, part_mesh.part, (high,), log)[0]
     log.info(f"about {below} modes below {high:g} Hz: CalculiX finds them all before it drops those below the band")
     return int(SPARE * below) + SPARE_MODES
 
 
-def input_deck(found: Exchange, count: int) -> str:
+def input_deck(part_mesh: Exchange, count: int) -> str:
     """The whole input file; `count` modes are asked for from the lowest up."""
     out = io.StringIO()
-    out.write(f"*HEADING\n{found.name}: the whole {found.part}, SI units (m, kg, s, N), written by antinode\n")
-    out.write(f"** mesh sha256 {found.mesh.sha256}\n")
-    _nodes(out, found)
-    _elements(out, found)
-    for name, places in found.faces.items():
-        _set(out, f"*NSET, NSET={name}", found.nodes_of(name) + 1)
-        _surface(out, found, name, places)
-    _materials(out, found)
-    if found.clamped:
+    out.write(f"*HEADING\n{part_mesh.name}: the whole {part_mesh.part}, SI units (m, kg, s, N), written by antinode\n")
+    out.write(f"** mesh sha256 {part_mesh.mesh.sha256}\n")
+    _nodes(out, part_mesh)
+    _elements(out, part_mesh)
+    for name, places in part_mesh.faces.items():
+        _set(out, f"*NSET, NSET={name}", part_mesh.nodes_of(name) + 1)
+        _surface(out, part_mesh, name, places)
+    _materials(out, part_mesh)
+    if part_mesh.clamped:
         out.write(f"*BOUNDARY\n{CLAMP}, 1, 3\n")
-    out.write(_step(found, count))
+    out.write(_step(part_mesh, count))
     return out.getvalue()
 
 
-def _nodes(out: io.StringIO, found: Exchange) -> None:
+def _nodes(out: io.StringIO, part_mesh: Exchange) -> None:
     """CalculiX reads at most 20 characters a number."""
     out.write("*NODE, NSET=NALL\n")
-    numbers = np.arange(1, len(found.mesh.nodes) + 1)
-    np.savetxt(out, np.column_stack([numbers, found.mesh.nodes]), fmt="%d, %.12e, %.12e, %.12e")
+    numbers = np.arange(1, len(part_mesh.mesh.nodes) + 1)
+    np.savetxt(out, np.column_stack([numbers, part_mesh.mesh.nodes]), fmt="%d, %.12e, %.12e, %.12e")
 
 
-def _elements(out: io.StringIO, found: Exchange) -> None:
+def _elements(out: io.StringIO, part_mesh: Exchange) -> None:
     """Local nodes stand as in our tetrahedra: corners, then middles of 12, 23, 13, 14, 24, 34."""
-    for name, cells in found.volumes.items():
+    for name, cells in part_mesh.volumes.items():
         out.write(f"*ELEMENT, TYPE=C3D10, ELSET={name}\n")
-        np.savetxt(out, np.column_stack([cells + 1, found.mesh.cells[cells] + 1]), fmt="%d", delimiter=", ")
+        np.savetxt(out, np.column_stack([cells + 1, part_mesh.mesh.cells[cells] + 1]), fmt="%d", delimiter=", ")
 
 
 def _set(out: io.StringIO, head: str, members: IntArray) -> None:
@@ -86,24 +86,24 @@ def _set(out: io.StringIO, head: str, members: IntArray) -> None:
         out.write(", ".join(str(n) for n in members[start : start + PER_LINE]) + ",\n")
 
 
-def _surface(out: io.StringIO, found: Exchange, name: str, places: IntArray) -> None:
+def _surface(out: io.StringIO, part_mesh: Exchange, name: str, places: IntArray) -> None:
     """Faces of elements: our four stand in CalculiX's order S1 to S4."""
     out.write(f"*SURFACE, NAME=S_{name}, TYPE=ELEMENT\n")
-    facets = found.facets.only(places)
+    facets = part_mesh.facets.only(places)
     for cell, local in zip(facets.cells, facets.local, strict=True):
         out.write(f"{cell + 1}, S{local + 1}\n")
 
 
-def _materials(out: io.StringIO, found: Exchange) -> None:
-    for volume, material in found.materials.items():
+def _materials(out: io.StringIO, part_mesh: Exchange) -> None:
+    for volume, material in part_mesh.materials.items():
         out.write(f"** {material.name}\n*MATERIAL, NAME=MAT_{volume}\n")
         out.write(f"*ELASTIC\n{material.young_pa:.12g}, {material.poisson:.12g}\n")
         out.write(f"*DENSITY\n{material.density_kg_m3:.12g}\n")
         out.write(f"*SOLID SECTION, ELSET={volume}, MATERIAL=MAT_{volume}\n")
 
 
-def _step(found: Exchange, count: int) -> str:
-    band = found.search.band_hz
+def _step(part_mesh: Exchange, count: int) -> str:
+    band = part_mesh.search.band_hz
     window = f", {band[0]:.12g}, {band[1]:.12g}" if band else ""
     return (
         "** CalculiX finds the lowest modes, as many as the number says, and prints those inside the band\n"

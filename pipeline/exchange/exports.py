@@ -7,7 +7,7 @@ from typing import Any
 
 from pipeline.analysis import wanted_text
 from pipeline.case.model import Case
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.records import outputs
 
@@ -22,7 +22,7 @@ def write(case: Case, form: str, output: str | None, log: Log, part: str = "plat
     `force`: a mode table even where no mode is the wanted one.
     """
     if form not in SOLVER_FILES and part != "plate":
-        raise InputFault(f"export {form} --part {part}: must be plate; {' and '.join(SOLVER_FILES)} take any part")
+        raise InputError(f"export {form} --part {part}: must be plate; {' and '.join(SOLVER_FILES)} take any part")
     path = Path(f"{case.name}{SUFFIX.get(form, '')}" if output is None else output)
     outputs.check_files("-o", places(form, output if output == "" else path))
     if form in SOLVER_FILES:
@@ -45,7 +45,7 @@ def places(form: str, output: str | Path) -> list[str | Path]:
     several = aster.places(path) if form == "aster" else export.places(path.parent, path.stem)
     if outputs.is_standard_output(output) or (path.exists() and not (path.is_file() or path.is_dir())):
         names = ", ".join(each.name for each in several)
-        raise InputFault(f"-o {output}: export {form} writes several files ({names}); must be a file's name")
+        raise InputError(f"-o {output}: export {form} writes several files ({names}); must be a file's name")
     return [*several]
 
 
@@ -79,7 +79,7 @@ def _cad(case: Case, form: str, path: Path, log: Log) -> Path:
             files.write_3mf(body, temporary, _metadata(case))
         else:
             files.write_stl(body, temporary, case.name)
-            _tell(printability.check_print(temporary, body, case.design), log)
+            _log_summary(printability.check_print(temporary, body, case.design), log)
     return path
 
 
@@ -95,7 +95,7 @@ def print_files(case: Case, folder: Path, log: Log) -> dict[str, Any]:
         files.write_3mf(body, folder / "plate.3mf", _metadata(case))
     with log.step("check the print file"):
         report = printability.check_print(folder / "plate_mm.stl", body, case.design)
-    _tell(report, log)
+    _log_summary(report, log)
     return {
         "volume_m3": report.volume_m3,
         "mass_kg": report.mass_kg,
@@ -110,7 +110,7 @@ def print_files(case: Case, folder: Path, log: Log) -> dict[str, Any]:
     }
 
 
-def _tell(report: Any, log: Log) -> None:
+def _log_summary(report: Any, log: Log) -> None:
     name, size = report.smallest_feature
     log.info(
         f"print file: closed {report.watertight}, {report.bodies} body, volume {report.volume_error:+.1e} of the solid's, "
@@ -118,7 +118,7 @@ def _tell(report: Any, log: Log) -> None:
         f"overhang {report.overhang_deg:.0f} degrees"
     )
     for fault in report.faults:
-        log.alarm("PRINT", fault)
+        log.warning("PRINT", fault)
 
 
 def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
@@ -131,14 +131,16 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
     from solvers.fem.solid import SolidModel
 
     solid = replace(case, solve=replace(case.solve, model="solid", accuracy=max(case.solve.accuracy, 0.02)))
-    found = solve_modes(solid, Request("plate", parity=case.parity_wanted), log)
-    assert isinstance(found.model, SolidModel) and found.wanted
-    warn_of_wanted(found.wanted, case, log)
-    data, row = {}, found.wanted.row
+    part_modes = solve_modes(solid, Request("plate", parity=case.parity_wanted), log)
+    assert isinstance(part_modes.model, SolidModel) and part_modes.wanted
+    warn_of_wanted(part_modes.wanted, case, log)
+    data, row = {}, part_modes.wanted.row
     if row is not None:
-        data["displacement"] = found.model.field(row.parity, found.vectors[row.parity][:, [row.column]])[:, :, 0]
+        data["displacement"] = part_modes.model.field(row.parity, part_modes.vectors[row.parity][:, [row.column]])[
+            :, :, 0
+        ]
     with outputs.delivered(path) as temporary:
-        write_vtu(found.model.mesh, temporary, data)
+        write_vtu(part_modes.model.mesh, temporary, data)
     return [path]
 
 
@@ -149,17 +151,17 @@ def _table(case: Case, path: Path, log: Log, force: bool) -> list[Path]:
     from pipeline.board.export import write_table
     from pipeline.planning.request import of_case
 
-    found = solve_modes(case, of_case(case), log).whole_window
-    assert found.wanted
-    index = found.index(found.wanted.row)
+    part_modes = solve_modes(case, of_case(case), log).whole_window
+    assert part_modes.wanted
+    index = part_modes.index(part_modes.wanted.row)
     if index is not None or force:
-        warn_of_wanted(found.wanted, case, log)
-    if index is None and force and found.rows:
-        index = max(range(len(found.rows)), key=lambda i: found.rows[i].mac or 0.0)
+        warn_of_wanted(part_modes.wanted, case, log)
+    if index is None and force and part_modes.rows:
+        index = max(range(len(part_modes.rows)), key=lambda i: part_modes.rows[i].mac or 0.0)
     if index is None:
-        (said,) = wanted_text.verdict(found.wanted, case.design)
-        raise InputFault(
+        (said,) = wanted_text.verdict(part_modes.wanted, case.design)
+        raise InputError(
             f"{case.name}: {said} A table would drive another mode: change the design or solve.band_kHz, or take the most "
             "similar mode with --force"
         )
-    return write_table(case, found, index, path.parent, path.stem, log)
+    return write_table(case, part_modes, index, path.parent, path.stem, log)

@@ -17,7 +17,7 @@ from geometry.layout import Design
 from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
 from geometry.tet import scenes
-from pipeline.analysis.modes import Request, understood
+from pipeline.analysis.modes import Request, with_defaults
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models import parts
@@ -26,11 +26,11 @@ from pipeline.planning.model_choice import check_model
 from solvers.fem.eigen import factor_near
 from solvers.fem.factor.factoriser import Factoriser
 
-MOST_UNKNOWNS = 300_000  # what a desktop solves in another program without thinking about memory
+MAX_DOFS = 300_000  # what a desktop solves in another program without thinking about memory
 FINENESS = (0.25, 0.5, 1.0, 2.0, 4.0)  # element sizes tried, over the part's smallest dimension
 FINEST = {0.03: 2.0, 0.01: 1.0, 0.003: 0.5}  # accuracy: where in FINENESS to begin
-UNKNOWNS_PER_HEX = 24  # at least: 8 nodes of its own, 3 unknowns each
-UNKNOWNS_PER_TET = 4.5  # a quadratic tetrahedron brings about 1.5 nodes
+DOFS_PER_HEX = 24  # at least: 8 nodes of its own, 3 degrees of freedom each
+DOFS_PER_TET = 4.5  # a quadratic tetrahedron brings about 1.5 nodes
 TETS_PER_CUBE = 8.5  # tetrahedra of edge h in a cube of side h
 COARSER = 1.25
 COUNT_ACCURACY = 0.03
@@ -79,7 +79,7 @@ class Exchange:
 
     @property
     def clamped(self) -> bool:
-        """Whether some face is held."""
+        """Whether some face is clamped."""
         return CLAMP in self.faces
 
     def nodes_of(self, group: str) -> IntArray:
@@ -101,7 +101,7 @@ def exchange(case: Case, part: str, log: Log, tetrahedra: bool = False) -> Excha
         VOLUMES[name]: pillar.material if name == "pillar" and pillar else design.material
         for name in mesh.region_of_cells()
     }
-    found = Exchange(
+    part_mesh = Exchange(
         case.name,
         part,
         mesh,
@@ -109,14 +109,14 @@ def exchange(case: Case, part: str, log: Log, tetrahedra: bool = False) -> Excha
         _faces(mesh, facets, design, part),
         {VOLUMES[name]: cells for name, cells in mesh.region_of_cells().items()},
         materials,
-        understood(case, Request(part)),
+        with_defaults(case, Request(part)),
     )
-    _tell(found, log)
-    return found
+    _log_summary(part_mesh, log)
+    return part_mesh
 
 
 def clamped_faces(part: str, mesh: Mesh) -> tuple[str, ...]:
-    """The faces that are held: both long sides of the zone, the pillar's foot, none of the plate's."""
+    """The faces that are clamped: both long sides of the zone, the pillar's foot, none of the plate's."""
     if part == "zone":
         return ("y-", "y+")
     return ("foot" if "foot" in mesh.faces else "touch",) if part == "pillar" else ()
@@ -129,16 +129,17 @@ def _faces(mesh: Mesh, facets: Facets, design: Design, part: str) -> dict[str, I
         height = mesh.nodes[facets.nodes, 2]
         inside["back"] = (np.abs(height - design.thickness_m) < 1e-9 * design.thickness_m).all(axis=1)
     groups = {GROUPS[name]: np.flatnonzero(on) for name, on in inside.items() if on.any()}
-    held = [groups[GROUPS[name]] for name in clamped_faces(part, mesh)]
-    return groups | ({CLAMP: np.unique(np.concatenate(held))} if held else {})
+    clamped = [groups[GROUPS[name]] for name in clamped_faces(part, mesh)]
+    return groups | ({CLAMP: np.unique(np.concatenate(clamped))} if clamped else {})
 
 
-def _tell(found: Exchange, log: Log) -> None:
-    mesh = found.mesh
+def _log_summary(part_mesh: Exchange, log: Log) -> None:
+    mesh = part_mesh.mesh
     what = {"hex": "hexahedra of 27 nodes", "tet": "tetrahedra of 10 nodes"}[mesh.kind]
     log.info(
-        f"mesh written: the whole {found.part}, {len(mesh.cells)} {what}, {len(mesh.nodes)} nodes, {mesh.dof} unknowns, "
-        f"sha256 {mesh.sha256[:12]}; groups {', '.join([*found.volumes, *found.faces])}"
+        f"mesh written: the whole {part_mesh.part}, {len(mesh.cells)} {what}, {len(mesh.nodes)} nodes, "
+        f"{mesh.dof} degrees of freedom, "
+        f"sha256 {mesh.sha256[:12]}; groups {', '.join([*part_mesh.volumes, *part_mesh.faces])}"
     )
 
 
@@ -162,7 +163,7 @@ def _settings(case: Case, part: str) -> Iterator[HexSettings]:
 
 
 def _boxes(case: Case, part: str, log: Log) -> Boxes:
-    """The finest boxes below the limit of unknowns; the coarsest there are when none is."""
+    """The finest boxes below the limit of degrees of freedom; the coarsest there are when none is."""
     design = case.design
     boxes: Boxes | None = None
     for settings in _settings(case, part):
@@ -173,28 +174,30 @@ def _boxes(case: Case, part: str, log: Log) -> Boxes:
         else:
             assert design.pillar
             boxes = pillar_boxes(design.pillar, settings, quarter=False)
-        if _unknowns(boxes) <= MOST_UNKNOWNS:
+        if _dofs(boxes) <= MAX_DOFS:
             return boxes
     assert boxes is not None
-    log.alarm("LARGE", f"the coarsest mesh of this {part} has {_unknowns(boxes)} unknowns, more than {MOST_UNKNOWNS}")
+    log.warning(
+        "LARGE", f"the coarsest mesh of this {part} has {_dofs(boxes)} degrees of freedom, more than {MAX_DOFS}"
+    )
     return boxes
 
 
-def _unknowns(boxes: Boxes) -> int:
-    """Unknowns of the boxes at order 2."""
+def _dofs(boxes: Boxes) -> int:
+    """Degrees of freedom of the boxes at order 2."""
     cells = int((boxes.region >= 0).sum())
-    if UNKNOWNS_PER_HEX * cells > MOST_UNKNOWNS:
-        return UNKNOWNS_PER_HEX * cells
+    if DOFS_PER_HEX * cells > MAX_DOFS:
+        return DOFS_PER_HEX * cells
     return hex_mesh(boxes, 2).dof
 
 
 def _tetrahedra(case: Case, part: str, log: Log) -> Mesh:
     """The part through CAD and pytetwild, coarsened until it is below the limit."""
     body, smallest, mesher = _cad_part(case.design, part)
-    fewest = (UNKNOWNS_PER_TET * TETS_PER_CUBE * body.volume_m3 / MOST_UNKNOWNS) ** (1.0 / 3.0)
+    fewest = (DOFS_PER_TET * TETS_PER_CUBE * body.volume_m3 / MAX_DOFS) ** (1.0 / 3.0)
     edge = max(mesh_rules.tet_edge_m(smallest, max(case.solve.accuracy, 0.01)), fewest)
-    while (mesh := mesher(edge)).dof > MOST_UNKNOWNS:
-        log.info(f"{mesh.dof} unknowns are more than {MOST_UNKNOWNS}: meshing again, coarser")
+    while (mesh := mesher(edge)).dof > MAX_DOFS:
+        log.info(f"{mesh.dof} degrees of freedom are more than {MAX_DOFS}: meshing again, coarser")
         edge *= COARSER
     return mesh
 

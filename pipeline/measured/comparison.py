@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.analysis.response import Response
 from pipeline.case.model import Case
 from pipeline.case.reader import MM
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.measured.files import Complex, FloatArray, MeasuredField, MeasuredSweep, read_field, read_sweep
 from pipeline.records.study import CONFINED_DB
@@ -51,13 +51,13 @@ def read(case: Case, sweep: str | None, field: str | None, at: str | None) -> Me
         at = None if given.at_m is None else f"{given.at_m[0] / MM!r},{given.at_m[1] / MM!r}"
     if sweep is None and field is None:
         if at is not None:
-            raise InputFault(f"--at = {at}: goes with --measured")
+            raise InputError(f"--at = {at}: goes with --measured")
         return None
     case.require_plate(command="response")
     case.require("patches", command="response")
     measured = read_sweep(sweep) if sweep is not None else None
     if measured and measured.quantity == "sensor" and not (case.patches and case.patches.sensors):
-        raise InputFault(f"{sweep}: a sensor's voltage, but the case has no patches.sensors: must name one")
+        raise InputError(f"{sweep}: a sensor's voltage, but the case has no patches.sensors: must name one")
     mapped = read_field(field, case.design) if field is not None else None
     weights = _weighed(mapped, case) if mapped else None
     return Measurements(measured, _place(at, case), mapped, weights)
@@ -67,7 +67,7 @@ def _weighed(field: MeasuredField, case: Case) -> Weights:
     try:
         return weigh(field.points_m, case.design)
     except SolverError as fault:
-        raise InputFault(f"{field.file}: {fault}") from fault
+        raise InputError(f"{field.file}: {fault}") from fault
 
 
 def _place(at: str | None, case: Case) -> tuple[float, float] | None:
@@ -78,48 +78,48 @@ def _place(at: str | None, case: Case) -> tuple[float, float] | None:
     try:
         x, y = (MM * float(part) for part in at.split(","))
     except ValueError as fault:
-        raise InputFault(f"--at = {at!r}: {allowed}") from fault
+        raise InputError(f"--at = {at!r}: {allowed}") from fault
     if not (abs(x) <= half[0] and abs(y) <= half[1]):
-        raise InputFault(f"--at = {at!r}: {allowed}")
+        raise InputError(f"--at = {at!r}: {allowed}")
     return x, y
 
 
-def compare(case: Case, found: Response, measured: Measurements, log: Log) -> Comparison:
+def compare(case: Case, response: Response, measured: Measurements, log: Log) -> Comparison:
     """Both files beside the computed response. InputFault when the sweep and the response share no frequency."""
     document: dict[str, Any] = {"sweep": None, "map": None}
     arrays: dict[str, Any] = {}
     lines: list[str] = []
     with log.step("compare with the measurement"):
         if measured.sweep:
-            document["sweep"], drawn, told = _sweep(case, found, measured.sweep, measured.at_m, log)
-            arrays, lines = arrays | drawn, [*lines, told]
+            document["sweep"], drawn_arrays, summary = _sweep(case, response, measured.sweep, measured.at_m, log)
+            arrays, lines = arrays | drawn_arrays, [*lines, summary]
         if measured.field and measured.weights:
-            document["map"], drawn, told = _map(case, found, measured.field, measured.weights, log)
-            arrays, lines = arrays | drawn, [*lines, told]
+            document["map"], drawn_arrays, summary = _map(case, response, measured.field, measured.weights, log)
+            arrays, lines = arrays | drawn_arrays, [*lines, summary]
     for line in lines:
         log.info(line)
     return Comparison(document, arrays, lines)
 
 
 def _sweep(
-    case: Case, found: Response, measured: MeasuredSweep, at_m: tuple[float, float] | None, log: Log
+    case: Case, response: Response, measured: MeasuredSweep, at_m: tuple[float, float] | None, log: Log
 ) -> tuple[dict[str, Any], dict[str, Any], str]:
-    given, tone = measured.sweep, found.curve.frequency_hz
+    given, tone = measured.sweep, response.curve.frequency_hz
     low, high = given.frequencies_hz[0], given.frequencies_hz[-1]
     if high <= tone[0] or low >= tone[-1]:
-        raise InputFault(
+        raise InputError(
             f"{measured.file}: {low:g} to {high:g} Hz: must overlap the response, {tone[0]:g} to {tone[-1]:g} Hz (--band)"
         )
     sensor: Sensor = "velocity" if measured.quantity == "velocity" else "displacement"
-    place, curve = _computed(case, found, measured, at_m)
+    place, curve = _computed(case, response, measured, at_m)
     theirs, ours = resonance(given, sensor), resonance(Sweep(tone, curve), sensor)
     shift = theirs.frequency_hz - ours.frequency_hz
     if theirs.trouble:
-        log.alarm(
+        log.warning(
             "NO_CIRCLE", f"{measured.file}: {theirs.trouble}; the peak and its half-power width are given instead"
         )
     if not tone[0] <= theirs.peak_hz <= tone[-1]:
-        log.alarm(
+        log.warning(
             "PEAK_OUTSIDE", f"{measured.file}: its peak at {theirs.peak_hz:.0f} Hz lies outside the response's band"
         )
     document = {
@@ -139,34 +139,34 @@ def _sweep(
         "measured_computed_hz": tone,
         "measured_computed": curve,
     }
-    return document, arrays, _told_sweep(measured, theirs, ours)
+    return document, arrays, _sweep_summary(measured, theirs, ours)
 
 
 def _computed(
-    case: Case, found: Response, measured: MeasuredSweep, at_m: tuple[float, float] | None
+    case: Case, response: Response, measured: MeasuredSweep, at_m: tuple[float, float] | None
 ) -> tuple[tuple[float, float] | None, Complex]:
     """What the measuring instrument would have shown of the computed plate, per volt, and where it points."""
-    tone = found.curve.frequency_hz
+    tone = response.curve.frequency_hz
     if measured.quantity == "sensor":
-        return None, found.curve.sensor_v_per_v[:, 0]
-    place = at_m or loudest_point(found.forced, found.peak.frequency_hz, case.design.width_m / 2.0)
-    moved = point_response(found.forced, place, tone)
+        return None, response.curve.sensor_v_per_v[:, 0]
+    place = at_m or loudest_point(response.forced, response.peak.frequency_hz, case.design.width_m / 2.0)
+    moved = point_response(response.forced, place, tone)
     return place, 2j * np.pi * tone * moved if measured.quantity == "velocity" else moved
 
 
-def _identified(found: Resonance) -> dict[str, Any]:
-    circle = found.circle
+def _identified(identified: Resonance) -> dict[str, Any]:
+    circle = identified.circle
     return {
-        "peak_hz": found.peak_hz,
-        "frequency_hz": found.frequency_hz,
-        "quality": found.quality,
-        "quality_half_power": found.half_power_quality,
-        "circle": None if circle is None else circle.as_json() | {"fitted_hz": [found.low_hz, found.high_hz]},
-        "no_circle": found.trouble,
+        "peak_hz": identified.peak_hz,
+        "frequency_hz": identified.frequency_hz,
+        "quality": identified.quality,
+        "quality_half_power": identified.half_power_quality,
+        "circle": None if circle is None else circle.as_json() | {"fitted_hz": [identified.low_hz, identified.high_hz]},
+        "no_circle": identified.trouble,
     }
 
 
-def _told_sweep(measured: MeasuredSweep, theirs: Resonance, ours: Resonance) -> str:
+def _sweep_summary(measured: MeasuredSweep, theirs: Resonance, ours: Resonance) -> str:
     shift = theirs.frequency_hz - ours.frequency_hz
     losses = " against ".join("none" if q is None else f"{q:.0f}" for q in (theirs.quality, ours.quality))
     return (
@@ -181,13 +181,13 @@ def _marked(synthetic: bool) -> str:
 
 
 def _map(
-    case: Case, found: Response, measured: MeasuredField, weights: Weights, log: Log
+    case: Case, response: Response, measured: MeasuredField, weights: Weights, log: Log
 ) -> tuple[dict[str, Any], dict[str, Any], str]:
-    design, tone = case.design, found.peak.frequency_hz
-    computed = sampled(*found.forced.shape(tone), measured.points_m)
-    held, seen = confinement_of(weights, measured.values, design), confinement_of(weights, computed, design)
+    design, tone = case.design, response.peak.frequency_hz
+    computed = sampled(*response.forced.shape(tone), measured.points_m)
+    measured_level, seen = confinement_of(weights, measured.values, design), confinement_of(weights, computed, design)
     alike = assurance(weights.area_m2, measured.values[weights.index], computed[weights.index])
-    _tell_cover(measured, weights, log)
+    _log_cover(measured, weights, log)
     document = {
         "file": Path(measured.file).name,
         "synthetic": measured.synthetic,
@@ -195,38 +195,42 @@ def _map(
         "points": len(measured.values),
         "covered_active": weights.active,
         "covered_passive": weights.passive,
-        "zone_share": held.zone_share,
-        "confinement_db": held.confinement_db,
-        "confined": None if held.confinement_db is None else held.confinement_db >= CONFINED_DB,
-        "mac": held.mac,
+        "zone_share": measured_level.zone_share,
+        "confinement_db": measured_level.confinement_db,
+        "confined": None if measured_level.confinement_db is None else measured_level.confinement_db >= CONFINED_DB,
+        "mac": measured_level.mac,
         "mac_operating": alike,
         "computed": {
             "frequency_hz": tone,
-            "confinement_db": found.peak.confinement_db,
+            "confinement_db": response.peak.confinement_db,
             "confinement_at_points_db": seen.confinement_db,
             "zone_share_at_points": seen.zone_share,
             "mac": seen.mac,
         },
     }
     arrays = {"measured_xy": measured.points_m, "measured_field": measured.values, "measured_operating": computed}
-    told = "no passive face" if held.confinement_db is None else f"confinement {held.confinement_db:.1f} dB"
+    summary = (
+        "no passive face"
+        if measured_level.confinement_db is None
+        else f"confinement {measured_level.confinement_db:.1f} dB"
+    )
     beside = "" if seen.confinement_db is None else f" (computed {seen.confinement_db:.1f} dB at the same points)"
     line = (
-        f"{Path(measured.file).name}{_marked(measured.synthetic)}: {len(measured.values)} points, {told}{beside}, "
-        f"MAC {alike:.3f} to the operating shape at {tone:.1f} Hz, {held.mac:.3f} to the wanted one"
+        f"{Path(measured.file).name}{_marked(measured.synthetic)}: {len(measured.values)} points, {summary}{beside}, "
+        f"MAC {alike:.3f} to the operating shape at {tone:.1f} Hz, {measured_level.mac:.3f} to the wanted one"
     )
     return document, arrays, line
 
 
-def _tell_cover(measured: MeasuredField, weights: Weights, log: Log) -> None:
+def _log_cover(measured: MeasuredField, weights: Weights, log: Log) -> None:
     for name, share in (("active", weights.active), ("passive", weights.passive)):
         if share is not None and share < COVERED:
-            log.alarm(
+            log.warning(
                 "MAP_PARTIAL",
                 f"{measured.file}: covers {100.0 * share:.0f} % of the {name} touch face: its rms is that of the part covered",
             )
 
 
-def operating_field(found: Response, points_m: FloatArray) -> Complex:
+def operating_field(response: Response, points_m: FloatArray) -> Complex:
     """Computed u_z per volt at the peak, (n,) in m/V, at points (n, 2) in m."""
-    return sampled(*found.forced.shape(found.peak.frequency_hz), points_m)
+    return sampled(*response.forced.shape(response.peak.frequency_hz), points_m)

@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 
 from geometry.files import read_by_command
 from geometry.layout import Design
-from pipeline.case.diagnostics import nearest, shown
+from pipeline.case.diagnostics import nearest, quoted
 from pipeline.case.limits import FREQUENCY_KHZ, span
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from solvers.control.identification import Sweep
 
 Complex = NDArray[np.complex128]
 FloatArray = NDArray[np.float64]
 Quantity = Literal["velocity", "displacement", "sensor"]
 SYNTHETIC = "SYNTHETIC"  # the first word of the first comment of files that this program made
-FEWEST = 8  # rows of a sweep: what a circle fit needs
+MIN_COUNT = 8  # rows of a sweep: what a circle fit needs
 PLACES = {"x": {"x_mm": 1e-3, "x_m": 1.0}, "y": {"y_mm": 1e-3, "y_m": 1.0}}
 TONES = {"frequency": {"frequency_hz": 1.0, "frequency_khz": 1e3, "frequency_mhz": 1e6}}
 VALUE = re.compile(r"(?:(velocity|displacement|sensor)_)?(amplitude|phase|real|imag)(?:_(\w+))?")
@@ -79,8 +79,8 @@ def read_sweep(path: str | Path) -> MeasuredSweep:
     if len(twice):
         first, second = sorted(order[twice[0] : twice[0] + 2])
         raise table.fault(f"stands in line {table.lines[first]} already: each frequency once", int(second), "frequency")
-    if len(tone) < FEWEST:
-        raise table.fault(f"{len(tone)} frequencies: must be at least {FEWEST}")
+    if len(tone) < MIN_COUNT:
+        raise table.fault(f"{len(tone)} frequencies: must be at least {MIN_COUNT}")
     return MeasuredSweep(str(path), table.synthetic, quantity, Sweep(tone[order], values[order]))
 
 
@@ -114,7 +114,7 @@ def _values(table: _Table) -> tuple[Quantity, Complex]:
     else:
         lone = next((pair for pair in PAIRS if set(pair) & set(table.roles)), None)
         lacking = "" if lone is None else f" ({next(role for role in lone if role not in table.roles)} is missing)"
-        raise table.fault(f"columns {table.told_names}: must hold {PAIRS_ALLOWED}{lacking}")
+        raise table.fault(f"columns {table.names_text}: must hold {PAIRS_ALLOWED}{lacking}")
     kinds, units = zip(*(_parsed(table.name(role)) for role in (first, second)), strict=True)
     if kinds[0] != kinds[1]:
         raise table.fault(f"columns {table.name(first)} and {table.name(second)}: must be of one quantity")
@@ -181,7 +181,7 @@ class _Table:
             raise self.fault("no rows: values must follow the line of column names")
 
     @property
-    def told_names(self) -> str:
+    def names_text(self) -> str:
         """The columns that the file has."""
         return ", ".join(self.names)
 
@@ -195,19 +195,19 @@ class _Table:
         if scales is not None:
             if role not in self.roles:
                 near = next((hint for name in self.names if (hint := nearest(name.lower(), list(scales)))), "")
-                told = f"columns {self.told_names}: must hold {' or '.join(_spelled(scales))}"
-                raise self.fault(told + _spelled_hint(near))
+                text = f"columns {self.names_text}: must hold {' or '.join(_spelled(scales))}"
+                raise self.fault(text + _spelled_hint(near))
             scale = scales[self.name(role).lower()]
         return scale * np.array([self._number(row, role) for row in range(len(self.rows))])
 
-    def fault(self, text: str, row: int | None = None, role: str = "") -> InputFault:
+    def fault(self, text: str, row: int | None = None, role: str = "") -> InputError:
         """One line: file, line, column, what came, what is allowed."""
         line = self.lines[row] if row is not None else getattr(self, "head_line", None)
         where = f"{self.path}: line {line}" if line is not None else str(self.path)
         if role:
             assert row is not None
-            where += f", column {self.name(role)} = {shown(self.rows[row][self.roles[role]])}"
-        return InputFault(f"{where}: {text}")
+            where += f", column {self.name(role)} = {quoted(self.rows[row][self.roles[role]])}"
+        return InputError(f"{where}: {text}")
 
     def _cells(self, line: str) -> list[str]:
         try:
@@ -263,8 +263,8 @@ def _text(path: Path) -> str:
     try:
         return path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as fault:
-        raise InputFault(f"{path}: not UTF-8 text at byte {fault.start}: must be a CSV file in UTF-8") from fault
+        raise InputError(f"{path}: not UTF-8 text at byte {fault.start}: must be a CSV file in UTF-8") from fault
     except FileNotFoundError as fault:
-        raise InputFault(f"{path}: no such file: must be a CSV file") from fault
+        raise InputError(f"{path}: no such file: must be a CSV file") from fault
     except OSError as fault:
-        raise InputFault(f"{path}: cannot be read ({fault.strerror}): must be a CSV file") from fault
+        raise InputError(f"{path}: cannot be read ({fault.strerror}): must be a CSV file") from fault

@@ -26,13 +26,13 @@ SPACING_M = 2e-3  # of the map's points, or an eighth of the zone's width where 
 NOISE = 0.01  # of the peak, rms per point
 
 
-def write(arguments: Namespace, case: Case, found: Response) -> list[Path]:
+def write(arguments: Namespace, case: Case, response: Response) -> list[Path]:
     """Write sweep.csv and field.csv into the folder --synthesise. InputFault when it cannot be written."""
     noise = NOISE if arguments.noise is None else arguments.noise
     random = np.random.default_rng(arguments.seed)
     head = f"# {SYNTHETIC}, not measured: made by {_command(arguments)}\n"
     place = folder(arguments.synthesise)
-    sweep, field = _sweep(case, found, noise, random), _field(case, found, noise, random)
+    sweep, field = _sweep(case, response, noise, random), _field(case, response, noise, random)
     written = []
     for name, text in ((SWEEP, sweep), (FIELD, field)):
         write_file(place / name, (head + text).encode())
@@ -55,24 +55,24 @@ def _scattered(values: Complex, noise: float, random: np.random.Generator) -> Co
     return np.asarray(values + noise * np.abs(values).max() * (parts[0] + 1j * parts[1]))
 
 
-def _sweep(case: Case, found: Response, noise: float, random: np.random.Generator) -> str:
+def _sweep(case: Case, response: Response, noise: float, random: np.random.Generator) -> str:
     """Velocity per volt where the zone moves most, amplitude and phase."""
-    peak = found.peak.frequency_hz
+    peak = response.peak.frequency_hz
     reach = REACH * peak / case.quality / 2.0
     tone = np.linspace(peak - reach, peak + reach, TONES)
-    place = loudest_point(found.forced, peak, case.design.width_m / 2.0)
-    seen = _scattered(2j * pi * tone * point_response(found.forced, place, tone), noise, random)
+    place = loudest_point(response.forced, peak, case.design.width_m / 2.0)
+    seen = _scattered(2j * pi * tone * point_response(response.forced, place, tone), noise, random)
     lines = [f"# a laser at x = {1e3 * place[0]:.2f} mm, y = {1e3 * place[1]:.2f} mm of the touch face"]
     lines.append("frequency_Hz,velocity_amplitude_m_per_s_per_V,velocity_phase_deg")
     lines += [f"{f:.3f},{abs(v):.6e},{np.degrees(np.angle(v)):.4f}" for f, v in zip(tone, seen, strict=True)]
     return "\n".join(lines) + "\n"
 
 
-def _field(case: Case, found: Response, noise: float, random: np.random.Generator) -> str:
+def _field(case: Case, response: Response, noise: float, random: np.random.Generator) -> str:
     """Velocity per volt over the touch face at the peak, real and imaginary."""
-    peak = found.peak.frequency_hz
+    peak = response.peak.frequency_hz
     points = grid(case.design)
-    seen = _scattered(2j * pi * peak * operating_field(found, points), noise, random)
+    seen = _scattered(2j * pi * peak * operating_field(response, points), noise, random)
     lines = [f"# at {peak:.3f} Hz", "x_mm,y_mm,velocity_real_m_per_s_per_V,velocity_imag_m_per_s_per_V"]
     lines += [f"{1e3 * x:.3f},{1e3 * y:.3f},{v.real:.4e},{v.imag:.4e}" for (x, y), v in zip(points, seen, strict=True)]
     return "\n".join(lines) + "\n"

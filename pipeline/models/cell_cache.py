@@ -20,7 +20,7 @@ from solvers.superelement.cell import Cell, Expansion
 from solvers.superelement.interface import Interface
 from solvers.variation.parametric_cell import CellFamily, nodes_of
 
-MOST_BYTES = 200_000_000  # of all cells: a long sweep must not fill the disk with cells that it never meets again
+MAX_BYTES = 200_000_000  # of all cells: a long sweep must not fill the disk with cells that it never meets again
 PARTS = {"scale": Scale, "interface": Interface, "touch": Expansion, "skin": Expansion}
 OWN = ("reach_m", "stiffness_changes", "mass_changes")
 
@@ -30,11 +30,11 @@ def _salt() -> str:
     return fingerprint.code_hash()[:16]
 
 
-class CellShelf:
+class CellCache:
     """A folder of .npz files, one per cell, the longest unused ones removed; a torn or foreign file counts as absent."""
 
-    def __init__(self, folder: Path = RESULTS / ".cells", most_bytes: int = MOST_BYTES) -> None:
-        self.folder, self.most_bytes = folder, most_bytes
+    def __init__(self, folder: Path = RESULTS / ".cells", max_bytes: int = MAX_BYTES) -> None:
+        self.folder, self.max_bytes = folder, max_bytes
 
     def get(self, key: str) -> Cell | None:
         """A cell kept under this key by the same code, or None."""
@@ -42,9 +42,9 @@ class CellShelf:
             contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile),
             np.load(self._path(key)) as file,
         ):
-            found = _unpacked({name: file[name] for name in file.files})
+            cell = _unpacked({name: file[name] for name in file.files})
             os.utime(self._path(key))  # used now: the last to go
-            return found
+            return cell
         return None
 
     def put(self, key: str, cell: Cell) -> None:
@@ -65,7 +65,7 @@ class CellShelf:
         cells = sorted(((path.stat(), path) for path in self.folder.glob("*.npz")), key=lambda pair: pair[0].st_mtime)
         total = sum(stat.st_size for stat, _ in cells)
         for stat, path in cells:
-            if total <= self.most_bytes:
+            if total <= self.max_bytes:
                 return
             if path != newest:
                 path.unlink(missing_ok=True)
@@ -98,7 +98,7 @@ def _unpacked(flat: dict[str, Any]) -> Cell:
     return Cell(**plain)
 
 
-class FamilyShelf(CellShelf):
+class ParametricCellCache(CellCache):
     """A folder of .npz files, one per family, beside those of cells; a torn or foreign file counts as absent."""
 
     def get(self, key: str) -> CellFamily | None:  # type: ignore[override]

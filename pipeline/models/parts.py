@@ -7,27 +7,27 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import HexSettings, Piece, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
+from geometry.hex.boxes import HexSettings, Panel, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
 from geometry.layout import Design
 from geometry.mesh import Mesh, check_mesh
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.models.cell_cache import CellShelf
+from pipeline.models.cell_cache import CellCache
 from pipeline.planning import simplifications
 from pipeline.planning.mesh_rules import tet_cell_edge_m, tet_edge_m, tet_plate_edge_m
-from pipeline.planning.model_choice import TET, Way, way_of
+from pipeline.planning.model_choice import TET, ModelChoice, model_choice_of
 from pipeline.records import fingerprint
 from solvers.fem.eigen import SymmetricPencil
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
-from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 
 LOCKING = 0.45  # Poisson's ratio
 
 
 class PartModel(Protocol):
-    """A body whose modes are solved mirror class by mirror class."""
+    """A body whose modes are solved symmetry class by symmetry class."""
 
     name: str
     parities: tuple[str | None, ...]
@@ -67,14 +67,14 @@ def mesh_record(what: str, mesh: Mesh, volume_m3: float | None = None) -> dict[s
 
 def build(case: Case, part: str, high_hz: float, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
     """The model that the case asks for; its meshes are appended to `meshes`. InputFault for one that cannot serve."""
-    way = way_of(case, part, high_hz)
-    simplifications.told(way.left_out, log)
-    return built(case, way, log, meshes)
+    choice = model_choice_of(case, part, high_hz)
+    simplifications.log_all(choice.left_out, log)
+    return built(case, choice, log, meshes)
 
 
-def built(case: Case, way: Way, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
+def built(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
     """The model of a way that is decided already."""
-    return {"plate": _plate, "zone": _zone, "pillar": _pillar}[way.part](case, way, log, meshes)
+    return {"plate": _plate, "zone": _zone, "pillar": _pillar}[choice.part](case, choice, log, meshes)
 
 
 def _solid(
@@ -95,64 +95,68 @@ def warn_of_locking(design: Design, mesh: Mesh, log: Log) -> None:
     """Say where displacement elements are known to be too stiff (`antinode report extremes` has the measurement)."""
     stiffest = max(design.material.poisson, design.pillar.material.poisson if design.pillar else -1.0)
     if mesh.kind == "tet" and mesh.order == 2 and stiffest > LOCKING:
-        log.alarm(
+        log.warning(
             "LOCKING", f"nu = {stiffest:g}: quadratic tetrahedra lock above {LOCKING:g}; hexahedra of order 4 do not"
         )
     if mesh.order == 1:
-        log.alarm("ORDER_1", "elements of order 1 are far too stiff in bending: kept for comparison only")
+        log.warning("ORDER_1", "elements of order 1 are far too stiff in bending: kept for comparison only")
 
 
 def _hex(boxes: Any, settings: HexSettings) -> Mesh:
     return hex_mesh(boxes, settings.order)
 
 
-def _zone(case: Case, way: Way, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
-    if way.kind == TET:
+def _zone(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
+    if choice.kind == TET:
         mesh = tet_zone(case.design, case.solve.accuracy, log)
     else:
-        assert way.hexahedra
-        mesh = _hex(zone_boxes(case.design, way.hexahedra), way.hexahedra)
-    return _solid(case, "zone", mesh, ("y+",), way.mirrored, meshes, log)
+        assert choice.hexahedra
+        mesh = _hex(zone_boxes(case.design, choice.hexahedra), choice.hexahedra)
+    return _solid(case, "zone", mesh, ("y+",), choice.mirrored, meshes, log)
 
 
-def _pillar(case: Case, way: Way, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
+def _pillar(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
     assert case.design.pillar
-    if way.kind == TET:
+    if choice.kind == TET:
         return _solid(
-            case, "pillar", tet_pillar(case.design, case.solve.accuracy, log), ("foot",), way.mirrored, meshes, log
+            case, "pillar", tet_pillar(case.design, case.solve.accuracy, log), ("foot",), choice.mirrored, meshes, log
         )
-    assert way.hexahedra
-    mesh = _hex(pillar_boxes(case.design.pillar, way.hexahedra), way.hexahedra)
-    return _solid(case, "pillar", mesh, ("touch",), way.mirrored, meshes, log)
+    assert choice.hexahedra
+    mesh = _hex(pillar_boxes(case.design.pillar, choice.hexahedra), choice.hexahedra)
+    return _solid(case, "pillar", mesh, ("touch",), choice.mirrored, meshes, log)
 
 
-def _plate(case: Case, way: Way, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
+def _plate(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
     design, accuracy = case.design, case.solve.accuracy
-    if way.recipe:
+    if choice.reduction:
         mesher = None
-        if way.kind == TET:
-            mesher = piece_mesher(design, accuracy, log)
-        return _joined(design, accuracy, way.recipe, log, mesher)
-    if way.kind == TET:
+        if choice.kind == TET:
+            mesher = panel_mesher(design, accuracy, log)
+        return _joined(design, accuracy, choice.reduction, log, mesher)
+    if choice.kind == TET:
         mesh, mirrored = tet_plate(design, accuracy, log)
-        assert mirrored == way.mirrored
+        assert mirrored == choice.mirrored
     else:
-        assert way.hexahedra
-        mesh = _hex(plate_boxes(design, way.hexahedra), way.hexahedra)
-    return _solid(case, "plate", mesh, (), way.mirrored, meshes, log)
+        assert choice.hexahedra
+        mesh = _hex(plate_boxes(design, choice.hexahedra), choice.hexahedra)
+    return _solid(case, "plate", mesh, (), choice.mirrored, meshes, log)
 
 
 def _joined(
-    design: Design, accuracy: float, recipe: Recipe, log: Log, mesher: Callable[[Piece], Mesh] | None = None
+    design: Design,
+    accuracy: float,
+    reduction: ReductionSettings,
+    log: Log,
+    mesher: Callable[[Panel], Mesh] | None = None,
 ) -> PlateModel:
     file = design.pillar.file if design.pillar else None
     name = f"tet {accuracy!r} {fingerprint.file_hash(Path(file)) if file else ''}" if mesher else ""
-    reductions = Reductions(design.thickness_m, design.material, design.pillar, recipe, CellShelf(), mesher, name)
+    reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache(), mesher, name)
     with log.step("reduce cells"):
         model = PlateModel(design, reductions)
     log.info(
-        f"{len(model.tiling.x) - 1} x {len(model.tiling.y) - 1} pieces of {len(model.cells)} kinds: "
-        f"{reductions.fresh} reduced now, {reductions.reused} taken from the shelf"
+        f"{len(model.tiling.x) - 1} x {len(model.tiling.y) - 1} panels of {len(model.cells)} kinds: "
+        f"{reductions.fresh} reduced now, {reductions.reused} taken from the cache"
     )
     return model
 
@@ -202,14 +206,14 @@ def tet_cell(design: Design, accuracy: float, log: Log) -> tuple[Mesh, tuple[int
         )
 
 
-def piece_mesher(design: Design, accuracy: float, log: Log) -> Callable[[Piece], Mesh]:
-    """What meshes the pieces of a joined plate that carry a pillar."""
+def panel_mesher(design: Design, accuracy: float, log: Log) -> Callable[[Panel], Mesh]:
+    """What meshes the panels of a assembled plate that carry a pillar."""
     from geometry.tet import scenes
 
     edge = tet_cell_edge_m(design, accuracy)
 
-    def mesh(piece: Piece) -> Mesh:
-        with log.step("mesh a piece by tetrahedra"):
-            return scenes.tet_piece(design, piece, edge)
+    def mesh(panel: Panel) -> Mesh:
+        with log.step("mesh a panel by tetrahedra"):
+            return scenes.tet_panel(design, panel, edge)
 
     return mesh

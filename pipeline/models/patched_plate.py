@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from pipeline.case.model import Case
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.planning import foresight
-from pipeline.planning.model_choice import way_of
+from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import driven_band_hz
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.patch import bonded_patch
@@ -25,24 +25,24 @@ def forced_plate(
     InputFault for a model that cannot carry patches; raises what its solvers raise.
     """
     band = driven_band_hz(case, band_hz)
-    demand = foresight.of_response(case, way_of(case, "plate", band[1]), band, 0)
+    demand = foresight.of_response(case, model_choice_of(case, "plate", band[1]), band, 0)
     foresight.announce("the forced response", demand, log)
     model = parts.build(case, "plate", band[1], log, [] if meshes is None else meshes)
     if not isinstance(model, PlateModel):
-        raise InputFault(f"{case.name}: solve.model: patches are bonded to joined cells, must be auto or superelement")
+        raise InputError(f"{case.name}: solve.model: patches are bonded to joined cells, must be auto or superelement")
     return driven(case, model, band, log)
 
 
 def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log) -> ForcedPlate:
-    """A joined plate with the case's patches, and its modes about the band."""
+    """A assembled plate with the case's patches, and its modes about the band."""
     patches = case.patches
     assert patches is not None
     back = patches.face == "back"
     with log.step("bond the patches"):
         bonded = [bonded_patch(patches.material, box, patches.size_m[2], back) for box in patches.boxes_m()]
-        joined = {plate.parity: plate for plate in map(model.joined, model.parities)}
+        joined = {plate.parity: plate for plate in map(model.assembled, model.parities)}
         plate = PatchedPlate(joined, bonded, back, model.name)
-    if plate.silent:
-        log.left_out("mirror classes " + ", ".join(plate.silent), "the patches do not drive them")
+    if plate.undriven:
+        log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")
     with log.step("modes of the patched plate"):
         return ForcedPlate(plate, case.design, patches.drivers, patches.sensors, band_hz, case.quality, patches.circuit)

@@ -12,12 +12,12 @@ from geometry.hex.boxes import HexSettings
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.models.cell_cache import CellShelf
+from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import mesh_record
 from pipeline.planning import mesh_rules, simplifications
-from pipeline.planning.refinement import higher_degree, more_modes, told
+from pipeline.planning.refinement import describe_change, higher_degree, more_modes
 from solvers.errors import SolverError
-from solvers.superelement.build import Recipe, Reductions, lattice_piece
+from solvers.superelement.build import Reductions, ReductionSettings, lattice_panel
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
@@ -25,13 +25,13 @@ from solvers.superelement.lattice_error import ReductionError, reduction_error
 
 ROUNDS = 8
 MARGIN = 0.9  # of the accuracy, for what coarse and fine mesh differ by
-MOST_DOF = 400  # at a wavevector: beyond, a dense solve costs more than the accuracy is worth
-Reduce = Callable[[Recipe], Cell]
+MAX_DOF = 400  # at a wavevector: beyond, a dense solve costs more than the accuracy is worth
+Reduce = Callable[[ReductionSettings], Cell]
 
 
 @dataclass(frozen=True)
 class LatticeModel:
-    """A lattice, what computed it, and how far its bands may lie too high by the reduction, relative."""
+    """A lattice, what computed it, and how far its bands may lie too overestimated by truncation, relative."""
 
     name: str
     lattice: Lattice
@@ -39,24 +39,26 @@ class LatticeModel:
 
 
 def lattice_model(case: Case, corners: FloatArray, log: Log, meshes: list[dict[str, Any]]) -> LatticeModel:
-    """The case's lattice, good enough for its bands at the corners (n, 2) of its path; an alarm where it is not."""
+    """The case's lattice, good enough for its bands at the corners (n, 2) of its path; a warning where it is not."""
     design, accuracy = case.design, case.solve.accuracy
-    recipe = mesh_rules.lattice_recipe(design, accuracy)
+    reduction = mesh_rules.lattice_reduction(design, accuracy)
     if by_tetrahedra(case):
         name, reduce = _from_tetrahedra(design, accuracy, log, meshes)
     else:
-        name, reduce = f"superelement hex{recipe.hexahedra.order}", _from_hexahedra(design, log)
-    lattice, error = _good_enough(reduce, recipe, corners, case, log)
+        name, reduce = f"superelement hex{reduction.hexahedra.order}", _from_hexahedra(design, log)
+    lattice, error = _good_enough(reduce, reduction, corners, case, log)
     return LatticeModel(name, lattice, error)
 
 
 def _from_hexahedra(design: Design, log: Log) -> Reduce:
-    def reduce(recipe: Recipe) -> Cell:
-        reductions = Reductions(design.thickness_m, design.material, design.pillar, recipe, CellShelf())
+    def reduce(reduction: ReductionSettings) -> Cell:
+        reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
         with log.step("reduce the cell"):
-            cell = reductions.cell(lattice_piece(design))
-        source = "reduced now" if reductions.fresh else "taken from the shelf"
-        log.info(f"cell of {cell.mesh_dof} unknowns in its mesh, {Lattice(cell).dof} at a wavevector, {source}")
+            cell = reductions.cell(lattice_panel(design))
+        source = "reduced now" if reductions.fresh else "taken from the cache"
+        log.info(
+            f"cell of {cell.mesh_dof} degrees of freedom in its mesh, {Lattice(cell).dof} at a wavevector, {source}"
+        )
         return cell
 
     return reduce
@@ -68,18 +70,22 @@ def _from_tetrahedra(design: Design, accuracy: float, log: Log, meshes: list[dic
     mesh, halved = tet_cell(design, accuracy, log)
     meshes.append(mesh_record("cell", mesh))
 
-    def reduce(recipe: Recipe) -> Cell:
-        reductions = Reductions(design.thickness_m, design.material, design.pillar, recipe, None, lambda piece: mesh)
+    def reduce(reduction: ReductionSettings) -> Cell:
+        reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, None, lambda panel: mesh)
         with log.step("reduce the cell"):
-            cell = reductions.cell(replace(lattice_piece(design), halved=halved))
+            cell = reductions.cell(replace(lattice_panel(design), halved=halved))
         dof = Lattice(cell).dof
-        log.info(f"cell of {mesh.dof} unknowns in its mesh, {dof} at a wavevector; opposite faces need not match")
+        log.info(
+            f"cell of {mesh.dof} degrees of freedom in its mesh, {dof} at a wavevector; opposite faces need not match"
+        )
         return cell
 
     return f"superelement tet{mesh.order}", reduce
 
 
-def _piloted(design: Design, recipe: Recipe, corners: FloatArray, count: int, wanted: float, log: Log) -> Recipe:
+def _piloted(
+    design: Design, reduction: ReductionSettings, corners: FloatArray, count: int, wanted: float, log: Log
+) -> ReductionSettings:
     """Degrees and modes that reach an estimate on a coarse mesh of a cell with a box for its pillar.
 
     The reduction's error hardly depends on the mesh, and a coarse one is reduced in a fraction of a second.
@@ -88,38 +94,46 @@ def _piloted(design: Design, recipe: Recipe, corners: FloatArray, count: int, wa
     along = box.height_m if box else None
     coarse = HexSettings(3, 2.0 * design.thickness_m, 0, pillar_size_m=along)
     stand_in = replace(design, pillar=box)
-    held = recipe
+    level = reduction
     with (
         log.step("choose degrees and modes on a coarse cell"),
         suppress(SolverError),
     ):  # more than the coarse mesh can hold
         for _ in range(ROUNDS):
-            trial = replace(recipe, hexahedra=coarse)
-            lattice = Lattice(Reductions(design.thickness_m, design.material, box, trial).cell(lattice_piece(stand_in)))
+            trial = replace(reduction, hexahedra=coarse)
+            lattice = Lattice(Reductions(design.thickness_m, design.material, box, trial).cell(lattice_panel(stand_in)))
             error = reduction_error(lattice, corners, count)
-            held, recipe = recipe, recipe if error.total <= wanted else _raised(recipe, lattice, error, wanted)
-            if recipe == held:
+            level, reduction = (
+                reduction,
+                reduction if error.total <= wanted else _raised(reduction, lattice, error, wanted),
+            )
+            if reduction == level:
                 break
-    return held
+    return level
 
 
-def _good_enough(reduce: Reduce, recipe: Recipe, corners: FloatArray, case: Case, log: Log) -> tuple[Lattice, float]:
+def _good_enough(
+    reduce: Reduce, reduction: ReductionSettings, corners: FloatArray, case: Case, log: Log
+) -> tuple[Lattice, float]:
     """Reduce as the coarse cell advises, and once more where the estimate still exceeds the accuracy."""
     count, accuracy = case.bands.count, case.solve.accuracy
-    advised = _piloted(case.design, recipe, corners, count, MARGIN * accuracy, log)
-    if advised != recipe:
-        log.info(f"for {count} bands within {accuracy:.2%}: {told(recipe, advised)}")
+    advised = _piloted(case.design, reduction, corners, count, MARGIN * accuracy, log)
+    if advised != reduction:
+        log.info(f"for {count} bands within {accuracy:.2%}: {describe_change(reduction, advised)}")
     lattice = Lattice(reduce(advised))
     error = reduction_error(lattice, corners, count)
     finer = advised if error.total <= accuracy else _raised(advised, lattice, error, MARGIN * accuracy)
     if finer != advised:
-        log.info(f"bands up to {error.total:.2%} high by the reduction, {accuracy:.2%} wanted: {told(advised, finer)}")
+        log.info(
+            f"bands up to {error.total:.2%} overestimated by truncation, {accuracy:.2%} wanted: "
+            f"{describe_change(advised, finer)}"
+        )
         with suppress(SolverError):  # more than the mesh can hold
             trial = Lattice(reduce(finer))
             lattice, error = trial, reduction_error(trial, corners, count)
-    log.info(f"bands at most {error.total:.2%} high by the reduction, as its own truncations tell")
+    log.info(f"bands at most {error.total:.2%} overestimated by truncation, as its own truncations tell")
     if error.total > accuracy:
-        log.alarm(
+        log.warning(
             "REDUCTION",
             f"the reduction may put a band {error.total:.2%} too high, solve.accuracy asks for {accuracy:.2%}: "
             f"lower bands.count ({count}), raise solve.accuracy, or take solve.model = 'solid'",
@@ -127,18 +141,18 @@ def _good_enough(reduce: Reduce, recipe: Recipe, corners: FloatArray, case: Case
     return lattice, error.total
 
 
-def _raised(recipe: Recipe, lattice: Lattice, error: ReductionError, wanted: float) -> Recipe:
+def _raised(reduction: ReductionSettings, lattice: Lattice, error: ReductionError, wanted: float) -> ReductionSettings:
     """More fixed-interface modes or a higher degree along the sides, whichever more error comes from; the same at the limit."""
-    face, modes = recipe.interface, len(lattice.cell.fixed_hz)
+    face, modes = reduction.interface, len(lattice.cell.fixed_hz)
     if error.degrees > error.modes:
-        finer = higher_degree(recipe)
-        return finer if _boundary(finer.interface) + modes <= MOST_DOF else recipe
-    limit = (max(MOST_DOF - _boundary(face), modes) / max(modes, 1)) ** (1.0 / 3.0)  # modes go as top_hz^3
-    return more_modes(recipe, error.modes, max(wanted - error.degrees, wanted / 4.0), limit)
+        finer = higher_degree(reduction)
+        return finer if _boundary(finer.interface) + modes <= MAX_DOF else reduction
+    limit = (max(MAX_DOF - _boundary(face), modes) / max(modes, 1)) ** (1.0 / 3.0)  # modes go as top_hz^3
+    return more_modes(reduction, error.modes, max(wanted - error.degrees, wanted / 4.0), limit)
 
 
 def _boundary(face: Interface) -> int:
-    """Boundary unknowns of the lattice."""
+    """Boundary degrees of freedom of the lattice."""
     return face.vertex_block + 2 * face.side_block
 
 
@@ -148,8 +162,8 @@ def by_tetrahedra(case: Case) -> bool:
 
 
 def bare_cell(case: Case, interface: Interface, log: Log) -> Cell:
-    """The unit cell's piece of plate without a pillar, with the boundary functions of the cell beside it."""
+    """The unit cell's panel of plate without a pillar, with the boundary functions of the cell beside it."""
     design = replace(case.design, pillar=None)
-    recipe = replace(mesh_rules.lattice_recipe(design, case.solve.accuracy), interface=interface)
+    reduction = replace(mesh_rules.lattice_reduction(design, case.solve.accuracy), interface=interface)
     with log.step("reduce the bare cell"):
-        return Reductions(design.thickness_m, design.material, None, recipe, CellShelf()).cell(lattice_piece(design))
+        return Reductions(design.thickness_m, design.material, None, reduction, CellCache()).cell(lattice_panel(design))

@@ -26,7 +26,7 @@ SAFETY = {HEX: 1.5, TET: 2.0, PLATE: 1.25}  # a plate's modes lie far below the 
 
 
 @dataclass(frozen=True)
-class Rung:
+class MeshLevel:
     """Order, layers towards singular edges, their shrink factor, the elements' size over the part's own, and how many at
     least lie through a plate that has pillars.
 
@@ -60,9 +60,9 @@ class Measured:
     error: float
 
     @property
-    def rung(self) -> Rung:
+    def mesh_level(self) -> MeshLevel:
         """The mesh of hexahedra."""
-        return Rung(self.order, self.layers, self.factor, self.share, self.through)
+        return MeshLevel(self.order, self.layers, self.factor, self.share, self.through)
 
 
 @lru_cache(maxsize=1)
@@ -81,7 +81,7 @@ def _measured(row: dict[str, str]) -> Measured:
     return Measured(row["part"], row["kind"], order, layers, factor, share, through, across, growth, error)
 
 
-def by_hexahedra(part: str, rung: Rung, kind: str = HEX, growth: float = 1.0) -> float | None:
+def by_hexahedra(part: str, mesh_level: MeshLevel, kind: str = HEX, growth: float = 1.0) -> float | None:
     """Error to expect of graded hexahedra, with the safety of a kind; None where the mesh was not measured.
 
     At `growth` times the frequency that the planner calls the mesh good for, bending waves are sqrt(growth) shorter. Between
@@ -89,7 +89,7 @@ def by_hexahedra(part: str, rung: Rung, kind: str = HEX, growth: float = 1.0) ->
     """
     if growth < 1.0:
         raise ValueError(f"growth = {growth}: must be 1 or more")
-    rows = [row for row in table() if (row.part, row.kind, row.rung) == (part, HEX, rung)]
+    rows = [row for row in table() if (row.part, row.kind, row.mesh_level) == (part, HEX, mesh_level)]
     return SAFETY[kind] * _grown(sorted(rows, key=lambda row: row.growth), growth) if rows else None
 
 

@@ -10,7 +10,7 @@ from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning import calibration, mesh_rules
 from pipeline.planning.calibration import TET_ORDER
-from pipeline.planning.model_choice import SUPERELEMENT, TET, Way
+from pipeline.planning.model_choice import SUPERELEMENT, TET, ModelChoice
 from pipeline.planning.simplifications import khz
 
 
@@ -32,9 +32,11 @@ class ErrorBar:
 
     def text(self) -> str:
         """In words."""
-        held = "" if self.confinement_db is None else f", {self.confinement_db:.2f} dB of its confinement"
+        allowed = "" if self.confinement_db is None else f", {self.confinement_db:.2f} dB of its confinement"
         return (
-            "none measured" if self.frequency is None else f"{self.frequency:.2%} of the wanted mode's frequency{held}"
+            "none measured"
+            if self.frequency is None
+            else f"{self.frequency:.2%} of the wanted mode's frequency{allowed}"
         )
 
     def json(self) -> dict[str, Any]:
@@ -42,36 +44,36 @@ class ErrorBar:
         return {"frequency": self.frequency, "confinement_db": self.confinement_db}
 
 
-def expected_error(way: Way, design: Design, highest_hz: float = 0.0) -> float | None:
+def expected_error(choice: ModelChoice, design: Design, highest_hz: float = 0.0) -> float | None:
     """Relative error that the way's mesh is expected to make in frequencies up to one; None where none was measured.
 
     Beyond what was measured it grows as `calibration.by_hexahedra` tells; of tetrahedra as (k h)^2p, k as the frequency's root.
     """
-    growth = max(1.0, highest_hz / way.good_to_hz)
-    if way.kind == TET:
-        # a joined plate is as good as its pieces with a pillar
-        measured = "cell" if way.model == SUPERELEMENT else way.part
-        error = calibration.by_tetrahedra(measured, _smallest_m(way, design) / (way.edge_m or 1.0))
+    growth = max(1.0, highest_hz / choice.good_to_hz)
+    if choice.kind == TET:
+        # a assembled plate is as good as its panels with a pillar
+        measured = "cell" if choice.model == SUPERELEMENT else choice.part
+        error = calibration.by_tetrahedra(measured, _smallest_m(choice, design) / (choice.edge_m or 1.0))
         return None if error is None else error * growth**TET_ORDER
-    assert way.rung
-    whole = way.part == "plate" and way.model != SUPERELEMENT
-    return mesh_rules.expected_error("whole" if whole else way.part, way.rung, growth)
+    assert choice.mesh_level
+    whole = choice.part == "plate" and choice.model != SUPERELEMENT
+    return mesh_rules.expected_error("whole" if whole else choice.part, choice.mesh_level, growth)
 
 
-def told(way: Way, case: Case, log: Log, highest_hz: float = 0.0) -> float | None:
+def log_expected(choice: ModelChoice, case: Case, log: Log, highest_hz: float = 0.0) -> float | None:
     """The expected error up to a frequency, said in the log; with what to do where the case asks for less."""
-    error = expected_error(way, case.design, highest_hz)
+    error = expected_error(choice, case.design, highest_hz)
     if error is None:
-        log.info(f"no error was measured for {way.name} of the {way.part}: compare with a finer solve.accuracy")
+        log.info(f"no error was measured for {choice.name} of the {choice.part}: compare with a finer solve.accuracy")
         return None
     short = f"; solve.accuracy asks for {case.solve.accuracy:.2%}" if error > case.solve.accuracy else ""
-    beyond = f"; measured up to {khz(way.good_to_hz)}, foreseen beyond" if highest_hz > way.good_to_hz else ""
+    beyond = f"; measured up to {khz(choice.good_to_hz)}, foreseen beyond" if highest_hz > choice.good_to_hz else ""
     log.info(f"expected error of a frequency by the mesh {error:.2%} or less{short}{beyond}")
     return error
 
 
-def _smallest_m(way: Way, design: Design) -> float:
+def _smallest_m(choice: ModelChoice, design: Design) -> float:
     """What the reference part's tetrahedra are counted across: the thinner of plate and pillar; the zone's two thicknesses."""
-    if way.part == "zone" or design.pillar is None:
+    if choice.part == "zone" or design.pillar is None:
         return 2.0 * design.thickness_m
-    return design.pillar.tip_m if way.part == "pillar" else min(design.thickness_m, design.pillar.tip_m)
+    return design.pillar.tip_m if choice.part == "pillar" else min(design.thickness_m, design.pillar.tip_m)

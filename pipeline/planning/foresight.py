@@ -7,39 +7,39 @@ from dataclasses import replace
 from math import ceil, floor
 
 from geometry.hex.box_counts import BoxCounts, box_counts
-from geometry.hex.boxes import HexSettings, Piece, Scene, cell_scene, piece_scene, pillar_scene, plate_scene, zone_scene
+from geometry.hex.boxes import HexSettings, Panel, Scene, cell_scene, panel_scene, pillar_scene, plate_scene, zone_scene
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning import mesh_rules
-from pipeline.planning.model_choice import HEX, SOLID, Way, way_of
+from pipeline.planning.model_choice import HEX, SOLID, ModelChoice, model_choice_of
 from pipeline.planning.request import Request, model_high_hz
 from pipeline.planning.resources import Demand, refuse
 from solvers.analytic.mode_density import highest_hz, pillar_modes, plate_modes
 from solvers.fem.dissection import Fill, grid_fill, nodal, panelled
 from solvers.fem.solve_cost import Cost, MeshCounts, Stage, assembly, modal_solve, solid_modes
-from solvers.superelement.build import Recipe
+from solvers.superelement.build import ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.tiling import grid
 
-MOST_LINES = 2_000_000  # of a plate's grid: more are not even drawn to be counted
+MAX_LINES = 2_000_000  # of a plate's grid: more are not even drawn to be counted
 MANY_FUNCTIONS = 1000  # of one cell or panel: some 300 are common
-LATTICE_DOF = 400  # unknowns a wavevector that a cell may be refined to (lattice_cell.MOST_DOF)
+LATTICE_DOF = 400  # degrees of freedom a wavevector that a cell may be refined to (lattice_cell.MAX_DOF)
 DENSE_COPIES = 34  # of a lattice's matrices: nine steps of K and of M, and what one wavevector takes
 DENSE_OPERATIONS = 2.0  # of a dense eigen-solve over n^3
 GAP_SOLVES = 70  # wavevectors that edges of gaps take beside the path's
 JOINING_BYTES = 45.0  # an entry of a panel's matrices while they are summed
-PANEL_OPERATIONS = 2e6  # worth of time to number a panel's unknowns
+PANEL_OPERATIONS = 2e6  # worth of time to number a panel's degrees of freedom
 TETRAHEDRA = 10.0  # times volume over edge cubed, graded edges included
 NODES, PAIRS = 1.45, 28.0  # a quadratic tetrahedron's nodes; nodes that share an element with one
 TET_FILL = 4.0  # entries of the factor over n^(4/3)
-SKIN = 0.4  # of a piece's nodes that lie on its surface
+SKIN = 0.4  # of a panel's nodes that lie on its surface
 EMBEDDED = 2.2  # entries of the real embedding over those of the cell
-SPLIT_BYTES, SPLIT_HELD = 70.0, 16.0  # an entry, while the cell is split by phases, and afterwards
+SPLIT_BYTES, SPLIT_KEPT = 70.0, 16.0  # an entry, while the cell is split by phases, and afterwards
 
 Kind = tuple[
     MeshCounts, float, int
-]  # a kind of piece: its mesh, its fixed-interface modes, how many of it make the piece
+]  # a kind of panel: its mesh, its fixed-interface modes, how many of it make the panel
 
 
 def announce(what: str, demand: Demand, log: Log) -> None:
@@ -47,7 +47,7 @@ def announce(what: str, demand: Demand, log: Log) -> None:
     refuse({what: demand})
     log.info(demand.text())
     if demand.functions and demand.functions > MANY_FUNCTIONS:
-        log.alarm(
+        log.warning(
             "MANY_FUNCTIONS",
             f"the reduction keeps about {demand.functions} functions {demand.a_what} for {what}: its modes are kept up to a "
             "frequency that the plate sets, where waves in so soft or large a pillar are short; expect much time and memory",
@@ -65,11 +65,11 @@ def of_boxes(scene: Scene, order: int) -> MeshCounts:
 
 def _box_fill(counts: BoxCounts) -> Fill:
     """The body's fill and every pillar's, whose foot belongs to the body."""
-    total, unknowns = grid_fill(counts.body, nodal(counts.order)), nodal(counts.order)
+    total, dofs = grid_fill(counts.body, nodal(counts.order)), nodal(counts.order)
     ends = ((True, True), (True, True), (False, True))
     for nx, columns in Counter(counts.columns).items():
         for ny, rows in Counter(counts.rows).items():
-            total += grid_fill((nx, ny, counts.up), unknowns, ends).times(columns * rows)
+            total += grid_fill((nx, ny, counts.up), dofs, ends).times(columns * rows)
     return total
 
 
@@ -84,54 +84,54 @@ def of_tetrahedra(volume_m3: float, edge_m: float) -> MeshCounts:
 # -- lone parts and plates meshed whole --------------------------------------------------------------------------------
 
 
-def of_modes(case: Case, way: Way, asked: Request) -> Demand:
+def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
     """Modes of a part by its way."""
-    high, total = _window(case, way, asked)
-    if asked.count is not None and not asked.band_hz and way.part != "plate" and way.kind == HEX:
-        way = way_of(case, way.part, max(high, model_high_hz(case, asked)))
-    classes = 1 if asked.parity else len(way.classes)
-    each = total if not way.mirrored else total / 4.0
-    near = asked.band_hz is None
-    each = float(asked.count) if near and asked.count is not None else each
-    change = _changes(case, way, asked)
-    if way.recipe is not None:
-        return _joined(case, way, way.recipe, classes, each, near, change)
-    body = _body(case, way)
-    each = min(each, body.unknowns)
-    shown = min(each, total) if near else classes * each
-    return Demand(solid_modes(body, classes, each, near), shown, change=change, cad=way.kind != HEX)
+    high, total = _window(case, choice, query)
+    if query.count is not None and not query.band_hz and choice.part != "plate" and choice.kind == HEX:
+        choice = model_choice_of(case, choice.part, max(high, model_high_hz(case, query)))
+    classes = 1 if query.parity else len(choice.classes)
+    each = total if not choice.mirrored else total / 4.0
+    near = query.band_hz is None
+    each = float(query.count) if near and query.count is not None else each
+    change = _changes(case, choice, query)
+    if choice.reduction is not None:
+        return _joined(case, choice, choice.reduction, classes, each, near, change)
+    body = _body(case, choice)
+    each = min(each, body.dofs)
+    reported = min(each, total) if near else classes * each
+    return Demand(solid_modes(body, classes, each, near), reported, change=change, cad=choice.kind != HEX)
 
 
-def of_response(case: Case, way: Way, band_hz: tuple[float, float], frequencies: int) -> Demand:
-    """Every class of the joined plate with its modes about a band, summed at so many frequencies."""
+def of_response(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> Demand:
+    """Every class of the assembled plate with its modes about a band, summed at so many frequencies."""
     from solvers.piezo.forced import MARGIN
 
     reach = (MARGIN[0] * band_hz[0], MARGIN[1] * band_hz[1])
-    demand = of_modes(case, way, Request("plate", reach))
+    demand = of_modes(case, choice, Request("plate", reach))
     modes = demand.modes or 0.0
     summing = Cost((), 100.0 * modes**2 * frequencies)
     return replace(demand, cost=demand.cost.then(summing))
 
 
 def of_meshed_whole(case: Case, accuracy: float, count: int) -> Demand:
-    """A few modes of the plate meshed whole by tetrahedra, of one mirror class."""
+    """A few modes of the plate meshed whole by tetrahedra, of one symmetry class."""
     whole = replace(case, solve=replace(case.solve, mesh="tet", model=SOLID, accuracy=accuracy))
-    asked = Request(
+    query = Request(
         "plate", near_hz=mesh_rules.wanted_window_hz(case.design)[0], count=count, parity=case.parity_wanted
     )
-    return of_modes(whole, way_of(whole, "plate", model_high_hz(whole, asked)), asked)
+    return of_modes(whole, model_choice_of(whole, "plate", model_high_hz(whole, query)), query)
 
 
-def _window(case: Case, way: Way, asked: Request) -> tuple[float, float]:
+def _window(case: Case, choice: ModelChoice, query: Request) -> tuple[float, float]:
     """Up to where modes are looked for, Hz, and how many of a whole part are expected there."""
 
     def below(frequency_hz: float) -> float:
-        return part_modes(case.design, way.part, frequency_hz)
+        return part_modes(case.design, choice.part, frequency_hz)
 
-    if asked.band_hz:
-        low, high = asked.band_hz
+    if query.band_hz:
+        low, high = query.band_hz
         return high, max(0.0, below(high) - below(low))
-    near, count = asked.near_hz or 0.0, float(asked.count or 0)
+    near, count = query.near_hz or 0.0, float(query.count or 0)
     high = highest_hz(below(near) + count / 2.0 if near else count, below, max(near, 1.0))
     return high, count
 
@@ -142,8 +142,10 @@ def part_modes(design: Design, part: str, frequency_hz: float) -> float:
         assert design.pillar
         return pillar_modes(frequency_hz, design.pillar)
     if part == "zone":
-        held = 2.0 * design.length_m
-        return plate_modes(frequency_hz, design.length_m, design.width_m, design.thickness_m, design.material, held)
+        held_bytes = 2.0 * design.length_m
+        return plate_modes(
+            frequency_hz, design.length_m, design.width_m, design.thickness_m, design.material, held_bytes
+        )
     across = 2.0 * design.half_span_m
     plate = plate_modes(frequency_hz, design.length_m, across, design.thickness_m, design.material)
     pillars = pillar_count(design)
@@ -157,22 +159,23 @@ def pillar_count(design: Design) -> int:
     return 2 * design.rows * (floor((design.length_m - design.footprint_m) / design.pitch_x_m + 1e-6) + 1)
 
 
-def _body(case: Case, way: Way) -> MeshCounts:
+def _body(case: Case, choice: ModelChoice) -> MeshCounts:
     """The mesh of a part solved as it is."""
     design = case.design
-    if way.kind != HEX:
-        assert way.edge_m
+    if choice.kind != HEX:
+        assert choice.edge_m
         return of_tetrahedra(
-            _volume_m3(design, way.part) / (4.0 if way.mirrored and way.part != "pillar" else 1.0), way.edge_m
+            _volume_m3(design, choice.part) / (4.0 if choice.mirrored and choice.part != "pillar" else 1.0),
+            choice.edge_m,
         )
-    assert way.hexahedra
-    if way.part == "pillar":
+    assert choice.hexahedra
+    if choice.part == "pillar":
         assert design.pillar
-        return of_boxes(pillar_scene(design.pillar, way.hexahedra), way.hexahedra.order)
-    if way.part == "plate" and pillar_count(design) > MOST_LINES:
-        return _many_pillars(design, way.hexahedra)
-    scene = (zone_scene if way.part == "zone" else plate_scene)(design, way.hexahedra)
-    return of_boxes(scene, way.hexahedra.order)
+        return of_boxes(pillar_scene(design.pillar, choice.hexahedra), choice.hexahedra.order)
+    if choice.part == "plate" and pillar_count(design) > MAX_LINES:
+        return _many_pillars(design, choice.hexahedra)
+    scene = (zone_scene if choice.part == "zone" else plate_scene)(design, choice.hexahedra)
+    return of_boxes(scene, choice.hexahedra.order)
 
 
 def _many_pillars(design: Design, settings: HexSettings) -> MeshCounts:
@@ -196,180 +199,200 @@ def _volume_m3(design: Design, part: str) -> float:
     return design.length_m * 2.0 * design.half_span_m * design.thickness_m + pillar_count(design) * one
 
 
-# -- reduced pieces and what is joined of them -------------------------------------------------------------------------
+# -- reduced panels and what is joined of them -------------------------------------------------------------------------
 
 
 def _joined(
-    case: Case, way: Way, recipe: Recipe, classes: int, modes: float, near: bool, change: tuple[str, ...]
+    case: Case,
+    choice: ModelChoice,
+    reduction: ReductionSettings,
+    classes: int,
+    modes: float,
+    near: bool,
+    change: tuple[str, ...],
 ) -> Demand:
-    """A plate joined from reduced pieces: the costliest kind of piece, then the joined classes."""
+    """A plate assembled from reduced panels: the costliest kind of panel, then the joined classes."""
     design = case.design
-    nx, ny = _panels(design, recipe)
-    kinds = _pieces(design, recipe, way)
+    nx, ny = _panels(design, reduction)
+    kinds = _panel_kinds(design, reduction, choice)
     inner = max(functions for _, functions, _ in kinds)
     mean = _mean_functions(design, kinds, nx * ny)
     reducing = Cost()
     for body, functions, copies in kinds:
-        reducing = reducing.then(_reduction(body, recipe.interface, functions, copies))
-    across = (ceil(nx / 2), ceil(ny / 2)) if way.mirrored else (nx, ny)
-    face = recipe.interface
+        reducing = reducing.then(_reduction(body, reduction.interface, functions, copies))
+    across = (ceil(nx / 2), ceil(ny / 2)) if choice.mirrored else (nx, ny)
+    face = reduction.interface
     fill = grid_fill(across, panelled(face.vertex_block, face.side_block, mean))
     count = across[0] * across[1]
     entries = count * (face.count + mean) ** 2
-    unknowns = count * (face.vertex_block + 2 * face.side_block + mean)
-    modes = min(modes, unknowns)
+    dofs = count * (face.vertex_block + 2 * face.side_block + mean)
+    modes = min(modes, dofs)
     kept = len(kinds) * 24.0 * (face.count + inner) ** 2
     joining = Stage("joining the panels", JOINING_BYTES * entries)
-    solve = modal_solve(unknowns, entries, fill, modes, near)
+    solve = modal_solve(dofs, entries, fill, modes, near)
     cost = reducing.then(Cost((joining,), classes * PANEL_OPERATIONS * nx * ny), kept)
-    held = kept + 3.0 * 12.0 * entries + (classes - 1) * 8.0 * unknowns * modes
+    held_bytes = kept + 3.0 * 12.0 * entries + (classes - 1) * 8.0 * dofs * modes
     for _ in range(classes):
-        cost = cost.then(solve, held)
-    return Demand(cost, modes if near else classes * modes, round(face.count + inner), nx * ny, change, way.kind != HEX)
+        cost = cost.then(solve, held_bytes)
+    return Demand(
+        cost, modes if near else classes * modes, round(face.count + inner), nx * ny, change, choice.kind != HEX
+    )
 
 
-def _panels(design: Design, recipe: Recipe) -> tuple[int, int]:
-    """Pieces along x and y."""
-    bare = design.length_m / recipe.longest_m, 2.0 * design.half_span_m / recipe.longest_m
+def _panels(design: Design, reduction: ReductionSettings) -> tuple[int, int]:
+    """Panels along x and y."""
+    bare = design.length_m / reduction.max_edge_m, 2.0 * design.half_span_m / reduction.max_edge_m
     many = pillar_count(design)
-    if many > MOST_LINES or max(bare) > MOST_LINES:
+    if many > MAX_LINES or max(bare) > MAX_LINES:
         columns = many / (2 * design.rows) if design.rows else 0.0
         return ceil(max(columns, bare[0] if not columns else 0.0)), 2 * design.rows + ceil(bare[1])
-    x, y = grid(design, recipe.longest_m)
+    x, y = grid(design, reduction.max_edge_m)
     return len(x) - 1, len(y) - 1
 
 
-def _pieces(design: Design, recipe: Recipe, way: Way) -> list[Kind]:
-    """The mesh of each kind of piece, the largest of its kind, and its fixed-interface modes."""
-    longest = recipe.longest_m
+def _panel_kinds(design: Design, reduction: ReductionSettings, choice: ModelChoice) -> list[Kind]:
+    """The mesh of each kind of panel, the largest of its kind, and its fixed-interface modes."""
+    longest = reduction.max_edge_m
     bare_m = (design.pitch_x_m if design.rows else longest, longest)
-    settings = recipe.hexahedra
-    bare = Piece((-bare_m[0] / 2.0, -bare_m[1] / 2.0), (bare_m[0] / 2.0, bare_m[1] / 2.0), None, (0, 1))
+    settings = reduction.hexahedra
+    bare = Panel((-bare_m[0] / 2.0, -bare_m[1] / 2.0), (bare_m[0] / 2.0, bare_m[1] / 2.0), None, (0, 1))
     mesh = of_boxes(
-        piece_scene(bare, design.thickness_m, None, replace(settings, size_m=recipe.bare_size_m or settings.size_m)),
+        panel_scene(bare, design.thickness_m, None, replace(settings, size_m=reduction.bare_size_m or settings.size_m)),
         settings.order,
     )
-    kinds: list[Kind] = [(mesh, fixed_modes(design, recipe, False, bare_m, mesh), 4)]
+    kinds: list[Kind] = [(mesh, fixed_modes(design, reduction, False, bare_m, mesh), 4)]
     if design.pillar and design.rows:
         pitch = (design.pitch_x_m, design.pitch_y_m)
-        halves = ((0, 1), (1,)) if way.mirrored else ((),)
-        kinds += [_pillar_piece(design, recipe, way, pitch, halved) for halved in halves]
+        halves = ((0, 1), (1,)) if choice.mirrored else ((),)
+        kinds += [_pillar_panel(design, reduction, choice, pitch, halved) for halved in halves]
     return kinds
 
 
-def _pillar_piece(
-    design: Design, recipe: Recipe, way: Way, pitch: tuple[float, float], halved: tuple[int, ...]
+def _pillar_panel(
+    design: Design,
+    reduction: ReductionSettings,
+    choice: ModelChoice,
+    pitch: tuple[float, float],
+    halved: tuple[int, ...],
 ) -> Kind:
     low, high = (-pitch[0] / 2.0, -pitch[1] / 2.0), (pitch[0] / 2.0, pitch[1] / 2.0)
-    if way.kind != HEX:
-        assert way.edge_m
-        mesh = of_tetrahedra(_volume_m3(design, "cell") / 2 ** len(halved), way.edge_m)
+    if choice.kind != HEX:
+        assert choice.edge_m
+        mesh = of_tetrahedra(_volume_m3(design, "cell") / 2 ** len(halved), choice.edge_m)
     else:
-        piece = Piece(low, high, (0.0, 0.0) if design.pillar else None, halved)
-        mesh = of_boxes(piece_scene(piece, design.thickness_m, design.pillar, recipe.hexahedra), recipe.hexahedra.order)
-    return mesh, fixed_modes(design, recipe, bool(design.pillar), pitch, mesh), 2 ** len(halved)
+        panel = Panel(low, high, (0.0, 0.0) if design.pillar else None, halved)
+        mesh = of_boxes(
+            panel_scene(panel, design.thickness_m, design.pillar, reduction.hexahedra), reduction.hexahedra.order
+        )
+    return mesh, fixed_modes(design, reduction, bool(design.pillar), pitch, mesh), 2 ** len(halved)
 
 
-def fixed_modes(design: Design, recipe: Recipe, foot: bool, size_m: tuple[float, float], mesh: MeshCounts) -> float:
-    """Fixed-interface modes that a piece keeps, no more than its mesh can have."""
+def fixed_modes(
+    design: Design, reduction: ReductionSettings, foot: bool, size_m: tuple[float, float], mesh: MeshCounts
+) -> float:
+    """Fixed-interface modes that a panel keeps, no more than its mesh can have."""
     rim = 2.0 * sum(size_m)
-    count = plate_modes(recipe.top_hz, *size_m, design.thickness_m, design.material, rim)
+    count = plate_modes(reduction.top_hz, *size_m, design.thickness_m, design.material, rim)
     if foot and design.pillar:
-        count += pillar_modes(recipe.top_hz, design.pillar)
-    return min(count, 0.8 * mesh.unknowns)
+        count += pillar_modes(reduction.top_hz, design.pillar)
+    return min(count, 0.8 * mesh.dofs)
 
 
 def _mean_functions(design: Design, kinds: list[Kind], panels: int) -> float:
-    """Fixed-interface modes of an average piece."""
+    """Fixed-interface modes of an average panel."""
     share = min(1.0, pillar_count(design) / max(panels, 1))
     return share * kinds[-1][1] + (1.0 - share) * kinds[0][1]
 
 
 def _reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int) -> Cost:
-    """One piece reduced, `copies` times as large as its mesh: matrices, constraint shapes and fixed-interface modes."""
-    surface = 2.0 * SKIN * copies * mesh.unknowns * 8.0 * (face.count + functions)
-    shapes = 8.0 * mesh.unknowns * (face.count + functions)
-    held = mesh.mesh_bytes + 2.0 * 9.0 * 12.0 * mesh.pairs
-    solve = modal_solve(mesh.unknowns, 9.0 * mesh.pairs, mesh.fill, functions / 2.0)
-    shaping = Stage("projecting a reduced cell", held + 4.0 * shapes + surface + 24.0 * (face.count + functions) ** 2)
-    operations = 6.0 * mesh.unknowns * (face.count + functions) ** 2
-    first = assembly(mesh).then(solve, held + 12.0 * 9.0 * mesh.pairs)
+    """One panel reduced, `copies` times as large as its mesh: matrices, constraint shapes and fixed-interface modes."""
+    surface = 2.0 * SKIN * copies * mesh.dofs * 8.0 * (face.count + functions)
+    shapes = 8.0 * mesh.dofs * (face.count + functions)
+    held_bytes = mesh.mesh_bytes + 2.0 * 9.0 * 12.0 * mesh.pairs
+    solve = modal_solve(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, functions / 2.0)
+    shaping = Stage(
+        "projecting a reduced cell", held_bytes + 4.0 * shapes + surface + 24.0 * (face.count + functions) ** 2
+    )
+    operations = 6.0 * mesh.dofs * (face.count + functions) ** 2
+    first = assembly(mesh).then(solve, held_bytes + 12.0 * 9.0 * mesh.pairs)
     return first.then(Cost((shaping,), operations))
 
 
 # -- unit cells --------------------------------------------------------------------------------------------------------
 
 
-def of_bands(case: Case, way: Way, wavevectors: int) -> Demand:
+def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
     """Bands at so many wavevectors."""
-    if way.recipe is None:
-        return _meshed_cell(case, way, wavevectors)
+    if choice.reduction is None:
+        return _meshed_cell(case, choice, wavevectors)
     solves = wavevectors + GAP_SOLVES + (case.bands.grid + 1) ** 2
-    reducing, functions = _reduced_cell(case, way, way.recipe)
-    return _lattice(reducing, functions, DENSE_OPERATIONS * solves, case, way)
+    reducing, functions = _reduced_cell(case, choice, choice.reduction)
+    return _lattice(reducing, functions, DENSE_OPERATIONS * solves, case, choice)
 
 
-def of_attenuation(case: Case, way: Way, frequencies: int) -> Demand:
+def of_attenuation(case: Case, choice: ModelChoice, frequencies: int) -> Demand:
     """Complex bands at so many frequencies; the bare cell is reduced too."""
-    assert way.recipe
-    reducing, functions = _reduced_cell(case, way, way.recipe)
-    return _lattice(reducing, functions, 2.0 * DENSE_OPERATIONS * frequencies, case, way)
+    assert choice.reduction
+    reducing, functions = _reduced_cell(case, choice, choice.reduction)
+    return _lattice(reducing, functions, 2.0 * DENSE_OPERATIONS * frequencies, case, choice)
 
 
-def _reduced_cell(case: Case, way: Way, recipe: Recipe) -> tuple[Cost, int]:
-    """The unit cell's reduction, and its unknowns a wavevector."""
-    design, face = case.design, recipe.interface
+def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings) -> tuple[Cost, int]:
+    """The unit cell's reduction, and its degrees of freedom a wavevector."""
+    design, face = case.design, reduction.interface
     pitch = (design.pitch_x_m, design.pitch_y_m)
     halved = (0, 1) if design.pillar is None or design.pillar.is_own_image else ()
-    mesh, functions, copies = _pillar_piece(design, recipe, way, pitch, halved)
+    mesh, functions, copies = _pillar_panel(design, reduction, choice, pitch, halved)
     functions = max(functions, LATTICE_DOF / 2.0)
     reducing = _reduction(mesh, face, functions, copies)
     return reducing, round(face.vertex_block + 2 * face.side_block + functions)
 
 
-def _lattice(reducing: Cost, dof: int, operations: float, case: Case, way: Way) -> Demand:
-    """Dense pencils of so many unknowns, `operations` times their cube."""
+def _lattice(reducing: Cost, dof: int, operations: float, case: Case, choice: ModelChoice) -> Demand:
+    """Dense pencils of so many degrees of freedom, `operations` times their cube."""
     dense = Cost((Stage("solving the cell's dense pencils", DENSE_COPIES * 8.0 * dof**2),), operations * dof**3, dof)
-    return Demand(reducing.then(dense), None, dof, change=_cell_changes(case, way), cad=way.kind != HEX)
+    return Demand(reducing.then(dense), None, dof, change=_cell_changes(case, choice), cad=choice.kind != HEX)
 
 
-def _meshed_cell(case: Case, way: Way, wavevectors: int) -> Demand:
+def _meshed_cell(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
     """The cell as meshed: at a wavevector the real embedding, of twice the size."""
-    assert way.hexahedra
-    mesh = of_boxes(cell_scene(case.design, way.hexahedra), way.hexahedra.order)
+    assert choice.hexahedra
+    mesh = of_boxes(cell_scene(case.design, choice.hexahedra), choice.hexahedra.order)
     fill = mesh.fill.times(4)
-    solve = modal_solve(2.0 * mesh.unknowns, EMBEDDED * 9.0 * mesh.pairs, fill, 2.0 * case.bands.count, True)
+    solve = modal_solve(2.0 * mesh.dofs, EMBEDDED * 9.0 * mesh.pairs, fill, 2.0 * case.bands.count, True)
     split = Stage("splitting the cell by phases", SPLIT_BYTES * 9.0 * mesh.pairs)
-    cost = assembly(mesh).then(Cost((split,))).then(solve, (SPLIT_HELD + 24.0 * EMBEDDED) * 9.0 * mesh.pairs)
+    cost = assembly(mesh).then(Cost((split,))).then(solve, (SPLIT_KEPT + 24.0 * EMBEDDED) * 9.0 * mesh.pairs)
     return Demand(
-        Cost(cost.stages, assembly(mesh).operations + wavevectors * solve.operations, cost.unknowns),
+        Cost(cost.stages, assembly(mesh).operations + wavevectors * solve.operations, cost.dofs),
         float(case.bands.count),
-        change=_cell_changes(case, way),
+        change=_cell_changes(case, choice),
     )
 
 
 # -- what to change ----------------------------------------------------------------------------------------------------
 
 
-def _changes(case: Case, way: Way, asked: Request) -> tuple[str, ...]:
+def _changes(case: Case, choice: ModelChoice, query: Request) -> tuple[str, ...]:
     """What makes the modes of a part cheaper, the most effective first."""
-    found = [_coarser(case)]
-    if way.model == SOLID and way.part == "plate":
-        found.insert(0, 'take solve.model = "superelement"')
-    if way.mirrored and asked.parity is None:
-        found.append("ask for one mirror class")
-    found.append("ask for fewer modes (a lower count)" if asked.band_hz is None else "narrow or lower the band")
-    if way.part == "plate" and pillar_count(case.design):
-        found.append("take fewer rows or a larger pitch")
-    if asked.part != "pillar" and case.design.is_short_wave:
-        found.append("take fewer zone.nodal_lines: half a wave of the wanted mode is no longer than the plate is thick")
-    return tuple(found)
+    changes = [_coarser(case)]
+    if choice.model == SOLID and choice.part == "plate":
+        changes.insert(0, 'take solve.model = "superelement"')
+    if choice.mirrored and query.parity is None:
+        changes.append("ask for one symmetry class")
+    changes.append("ask for fewer modes (a lower count)" if query.band_hz is None else "narrow or lower the band")
+    if choice.part == "plate" and pillar_count(case.design):
+        changes.append("take fewer rows or a larger pitch")
+    if query.part != "pillar" and case.design.is_short_wave:
+        changes.append(
+            "take fewer zone.nodal_lines: half a wave of the wanted mode is no longer than the plate is thick"
+        )
+    return tuple(changes)
 
 
-def _cell_changes(case: Case, way: Way) -> tuple[str, ...]:
+def _cell_changes(case: Case, choice: ModelChoice) -> tuple[str, ...]:
     """What makes a unit cell cheaper."""
-    found = [_coarser(case), "take a stiffer or smaller pillar", "a smaller pitch", "or fewer bands.points"]
-    return tuple(['take solve.model = "superelement"', *found] if way.model == SOLID else found)
+    changes = [_coarser(case), "take a stiffer or smaller pillar", "a smaller pitch", "or fewer bands.points"]
+    return tuple(['take solve.model = "superelement"', *changes] if choice.model == SOLID else changes)
 
 
 def _coarser(case: Case) -> str:

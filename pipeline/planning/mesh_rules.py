@@ -10,10 +10,10 @@ from math import sqrt
 from geometry.hex.boxes import HexSettings
 from geometry.layout import Design
 from pipeline.planning import calibration
-from pipeline.planning.calibration import Rung
+from pipeline.planning.calibration import MeshLevel
 from solvers.analytic.plates import Strip, levy_hz, thin_plate_hz
 from solvers.analytic.predesign import pillar_frequencies_hz
-from solvers.superelement.build import Recipe
+from solvers.superelement.build import ReductionSettings
 from solvers.superelement.interface import Interface
 
 WINDOW = (0.72, 1.35)  # of the exact thin-plate frequency: where the wanted mode of plates with pillars was found
@@ -22,68 +22,78 @@ ALONG = {
     5: 0.4,
 }  # degree along a side: the longest side over the wanted half-wavelength; the log checks each solve
 ACROSS = 2.05  # elements over the zone's width, a little more than two: two in each half
-LONGEST = 5.0  # thicknesses that an element of the zone is long at most: about as in the calibration, longer ones lock
+MAX_LENGTH = (
+    5.0  # thicknesses that an element of the zone is long at most: about as in the calibration, longer ones lock
+)
 LOCKED = (
     0.5  # of the length that waves allow: however thin the zone, elements so short make no more than those measured
 )
 ELEMENT = 0.26  # of a shear wave: what an element of a cell spans at the tenth band of the calibrated one
-REACH = 9.0  # fixed-interface modes of a plate's pieces go up to so many times the highest frequency looked for
+REACH = 9.0  # fixed-interface modes of a plate's panels go up to so many times the highest frequency looked for
 FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too few are noticed and raised
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
-RUNGS = {  # by their unknowns; a joined plate is meshed as its cell is; a whole one's grading would run across it
+# by their degrees of freedom; a assembled plate is meshed as its cell is; a whole one's grading would run across it
+MESH_LEVELS = {
     "zone": (
-        Rung(3, 1, 0.1), Rung(3, 1, 0.1, 0.8), Rung(3, 1, 0.1, 0.6), Rung(3, 1, 0.1, 0.5), Rung(4, 1, 0.1, 0.9),
-        Rung(4, 2, 0.15, 0.8),
+        MeshLevel(3, 1, 0.1), MeshLevel(3, 1, 0.1, 0.8), MeshLevel(3, 1, 0.1, 0.6), MeshLevel(3, 1, 0.1, 0.5),
+        MeshLevel(4, 1, 0.1, 0.9), MeshLevel(4, 2, 0.15, 0.8),
     ),
-    "pillar": (Rung(2, 1, 0.15, 0.5), Rung(3, 1, 0.1), Rung(4, 1, 0.1), Rung(4, 2, 0.15), Rung(4, 3, 0.15)),
+    "pillar": (
+        MeshLevel(2, 1, 0.15, 0.5),
+        MeshLevel(3, 1, 0.1),
+        MeshLevel(4, 1, 0.1),
+        MeshLevel(4, 2, 0.15),
+        MeshLevel(4, 3, 0.15),
+    ),
     "cell": (
-        Rung(2, 1, 0.15, 0.45), Rung(3, 1, 0.1), Rung(3, 1, 0.12, 0.7, 2), Rung(3, 2, 0.2), Rung(3, 2, 0.2, 0.7, 2),
-        Rung(4, 2, 0.15), Rung(4, 3, 0.15),
+        MeshLevel(2, 1, 0.15, 0.45), MeshLevel(3, 1, 0.1), MeshLevel(3, 1, 0.12, 0.7, 2), MeshLevel(3, 2, 0.2),
+        MeshLevel(3, 2, 0.2, 0.7, 2), MeshLevel(4, 2, 0.15), MeshLevel(4, 3, 0.15),
     ),
-    "whole": (Rung(3, 0, 0.1), Rung(4, 0, 0.1), Rung(3, 1, 0.1), Rung(3, 1, 0.12, 0.45)),
+    "whole": (MeshLevel(3, 0, 0.1), MeshLevel(4, 0, 0.1), MeshLevel(3, 1, 0.1), MeshLevel(3, 1, 0.12, 0.45)),
 }  # fmt: skip
-FINEST = 24  # intervals of a leg on which branches are followed and gaps looked for, at least
+FINEST = 24  # intervals of a segment on which branches are followed and gaps looked for, at least
 PLATE_ACCURACY = 0.03  # a whole plate of tetrahedra as a cross-check, not as the answer
 NEAR_COUNT = 16
 
 
-def rungs(part: str) -> tuple[Rung, ...]:
-    """The meshes of a part: zone, pillar, cell, joined plate, or plate meshed as a whole."""
-    return RUNGS["cell" if part == "plate" else part]
+def mesh_levels(part: str) -> tuple[MeshLevel, ...]:
+    """The meshes of a part: zone, pillar, cell, assembled plate, or plate meshed as a whole."""
+    return MESH_LEVELS["cell" if part == "plate" else part]
 
 
-def rung(part: str, accuracy: float) -> Rung:
-    """The cheapest rung expected to meet the accuracy on a part; the finest where none is."""
-    for row in rungs(part):
+def mesh_level(part: str, accuracy: float) -> MeshLevel:
+    """The cheapest mesh level expected to meet the accuracy on a part; the finest where none is."""
+    for row in mesh_levels(part):
         expected = expected_error(part, row)
         if expected is not None and expected <= accuracy:
             return row
-    return rungs(part)[-1]
+    return mesh_levels(part)[-1]
 
 
-def reaching(part: str, design: Design, accuracy: float, high_hz: float) -> tuple[Rung, float]:
-    """The cheapest rung expected to meet the accuracy for a lone part's modes up to a frequency, and what to mesh it for, Hz.
+def reaching(part: str, design: Design, accuracy: float, high_hz: float) -> tuple[MeshLevel, float]:
+    """The cheapest mesh level expected to meet the accuracy for a lone part's modes up to a frequency, and what to
+    mesh it for, Hz.
 
-    Where every rung misses beyond the frequencies that were measured, the elements shrink with the waves.
+    Where every mesh level misses beyond the frequencies that were measured, the elements shrink with the waves.
     """
     good = good_to_hz(part, design)
     growth = max(1.0, high_hz / good)
-    for row in rungs(part):
+    for row in mesh_levels(part):
         expected = expected_error(part, row, growth)
         if expected is not None and expected <= accuracy:
             return row, good
-    return rung(part, accuracy), max(good, high_hz)
+    return mesh_level(part, accuracy), max(good, high_hz)
 
 
-def expected_error(part: str, row: Rung, growth: float = 1.0) -> float | None:
-    """Error to expect of a rung at `growth` times the frequencies measured; None where it was not measured.
+def expected_error(part: str, row: MeshLevel, growth: float = 1.0) -> float | None:
+    """Error to expect of a mesh level at `growth` times the frequencies measured; None where it was not measured.
 
-    A joined plate's is that of its cell too.
+    A assembled plate's is that of its cell too.
     """
     parts = ("cell", "plate") if part == "plate" else (part,)
     kind = calibration.PLATE if part in ("plate", "whole") else calibration.HEX
-    found = [calibration.by_hexahedra(each, row, kind, growth) for each in parts]
-    known = [error for error in found if error is not None]
+    errors = [calibration.by_hexahedra(each, row, kind, growth) for each in parts]
+    known = [error for error in errors if error is not None]
     return max(known) if len(known) == len(parts) else None
 
 
@@ -100,14 +110,14 @@ def good_to_hz(part: str, design: Design) -> float:
     return ELEMENT * _shear_speed(design) / size
 
 
-def zone_mesh(design: Design, row: Rung, high_hz: float = 0.0) -> HexSettings:
+def zone_mesh(design: Design, row: MeshLevel, high_hz: float = 0.0) -> HexSettings:
     """Elements of the bare strip for modes up to a frequency: its clamped faces are singular edges."""
     longest = min(design.half_wavelength_m * 2.0 / 3.0, design.width_m / ACROSS)
-    size = min(longest, max(LONGEST * design.thickness_m, LOCKED * longest))
+    size = min(longest, max(MAX_LENGTH * design.thickness_m, LOCKED * longest))
     return _settings(row, size * _shrunk("zone", design, high_hz))
 
 
-def pillar_mesh(design: Design, row: Rung, high_hz: float = 0.0) -> HexSettings:
+def pillar_mesh(design: Design, row: MeshLevel, high_hz: float = 0.0) -> HexSettings:
     """Elements of the lone pillar for modes up to a frequency: two along the section, graded towards the clamped foot."""
     assert design.pillar
     shrunk = _shrunk("pillar", design, high_hz)
@@ -120,17 +130,17 @@ def _shrunk(part: str, design: Design, high_hz: float) -> float:
     return min(1.0, sqrt(good_to_hz(part, design) / high_hz)) if high_hz > 0.0 else 1.0
 
 
-def cell_mesh(design: Design, row: Rung) -> HexSettings:
+def cell_mesh(design: Design, row: MeshLevel) -> HexSettings:
     """Elements of plate and cells: two thicknesses wide, graded towards the pillars' feet."""
     return _settings(row, 2.0 * design.thickness_m, _along(design) if design.pillar else None)
 
 
 def cell_settings(design: Design, accuracy: float) -> HexSettings:
     """The same for an accuracy."""
-    return cell_mesh(design, rung("cell", accuracy))
+    return cell_mesh(design, mesh_level("cell", accuracy))
 
 
-def _settings(row: Rung, size_m: float, along_m: float | None = None) -> HexSettings:
+def _settings(row: MeshLevel, size_m: float, along_m: float | None = None) -> HexSettings:
     return HexSettings(row.order, row.share * size_m, row.layers, row.factor, along_m, row.through)
 
 
@@ -149,26 +159,28 @@ def _shear_speed(design: Design) -> float:
     return sqrt(design.material.shear_pa / design.material.density_kg_m3)
 
 
-def lattice_recipe(design: Design, accuracy: float) -> Recipe:
+def lattice_reduction(design: Design, accuracy: float) -> ReductionSettings:
     """Reduction of the unit cell for its lowest bands: where a coarse cell starts to look for what the accuracy needs."""
     longest = max(design.pitch_x_m, design.pitch_y_m)
     top = 1.5 * shear_cutoff_hz(design) * 2.0 * design.thickness_m / max(2.0 * design.thickness_m, longest)
     top *= (0.01 / min(accuracy, 0.01)) ** FINER
     along = 4 if longest <= 2.5 * design.thickness_m else 6
-    return Recipe(Interface(along, 3), top, cell_settings(design, accuracy))
+    return ReductionSettings(Interface(along, 3), top, cell_settings(design, accuracy))
 
 
-def plate_recipe(design: Design, accuracy: float, high_hz: float) -> Recipe:
-    """Reduction of a plate's pieces: REACH times the highest frequency bounds the fixed-interface modes."""
+def plate_reduction(design: Design, accuracy: float, high_hz: float) -> ReductionSettings:
+    """Reduction of a plate's panels: REACH times the highest frequency bounds the fixed-interface modes."""
     longest = max(design.pitch_x_m, design.pitch_y_m) if design.rows else 3.0 * design.thickness_m
     share = longest / design.half_wavelength_m
     along = next((degree for degree, limit in ALONG.items() if share <= limit), 6)
-    mesh = cell_mesh(design, rung("plate", accuracy))
-    return Recipe(Interface(along, 3), REACH * high_hz, mesh, 3.0 * design.thickness_m, bare_size_m(design, mesh.order))
+    mesh = cell_mesh(design, mesh_level("plate", accuracy))
+    return ReductionSettings(
+        Interface(along, 3), REACH * high_hz, mesh, 3.0 * design.thickness_m, bare_size_m(design, mesh.order)
+    )
 
 
 def bare_size_m(design: Design, order: int) -> float | None:
-    """Elements of a plate's pieces without a pillar, m: nothing is singular there, and order 3 follows the wave."""
+    """Elements of a plate's panels without a pillar, m: nothing is singular there, and order 3 follows the wave."""
     return 2.0 * design.thickness_m if order > 2 else None
 
 
@@ -179,7 +191,7 @@ def tet_edge_m(smallest_m: float, accuracy: float) -> float:
 
 
 def tet_cell_edge_m(design: Design, accuracy: float) -> float:
-    """Edge length in a unit cell, or in a joined plate's piece, with its pillar."""
+    """Edge length in a unit cell, or in a assembled plate's panel, with its pillar."""
     return tet_edge_m(_smallest_m(design), accuracy)
 
 

@@ -13,10 +13,10 @@ from typing import Any
 
 from pipeline.case.model import Case
 from pipeline.planning import foresight, simplifications
-from pipeline.planning.model_choice import SOLID, Way, cell_way, way_of
-from pipeline.planning.request import Request, driven_band_hz, model_high_hz, of_case, understood, with_search
+from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice, model_choice_of
+from pipeline.planning.request import Request, driven_band_hz, model_high_hz, of_case, with_defaults, with_search
 from pipeline.planning.resources import Demand, too_much
-from pipeline.planning.simplifications import Omission, khz
+from pipeline.planning.simplifications import Simplification, khz
 
 ATTENUATION_POINTS = 101  # frequencies of a study's attenuation; the command asks for 201
 RESPONSE_POINTS = 401
@@ -25,7 +25,7 @@ ORDER = ("modes", "bands", "attenuation", "response", "tolerance", "board", "par
 
 @dataclass(frozen=True)
 class Step:
-    """One computation: the measure it serves, its model and mesh in words, mirror classes, what it looks for, and why.
+    """One computation: the measure it serves, its model and mesh in words, symmetry classes, what it looks for, and why.
 
     `numbers` holds the same for scripts: band_hz or near_hz with count, wavevectors, frequencies, kx_per_m, patches.
     """
@@ -37,7 +37,7 @@ class Step:
     classes: tuple[str, ...]
     looks_for: str
     why: tuple[str, ...]
-    left_out: tuple[Omission, ...] = ()
+    left_out: tuple[Simplification, ...] = ()
     numbers: dict[str, Any] = field(default_factory=dict)
     demand: Demand | None = None
 
@@ -60,10 +60,10 @@ class Plan:
 
     name: str
     steps: tuple[Step, ...]
-    whole: tuple[Omission, ...]
+    whole: tuple[Simplification, ...]
 
     @property
-    def left_out(self) -> tuple[Omission, ...]:
+    def left_out(self) -> tuple[Simplification, ...]:
         """Every rule taken, by a step or for the scene as a whole, each once."""
         return tuple(dict.fromkeys([each for step in self.steps for each in step.left_out] + [*self.whole]))
 
@@ -104,11 +104,11 @@ def _foreseen(step: Step) -> list[str]:
     """What a step will take, and that this machine cannot hold it where that is so."""
     if not step.demand:
         return []
-    told = too_much(step.demand)
-    return [step.demand.text(), *([f"will be refused: {told}"] if told else [])]
+    reason = too_much(step.demand)
+    return [step.demand.text(), *([f"will be refused: {reason}"] if reason else [])]
 
 
-def _plan(case: Case, steps: Iterable[Step], whole: Iterable[Omission | None]) -> Plan:
+def _plan(case: Case, steps: Iterable[Step], whole: Iterable[Simplification | None]) -> Plan:
     return Plan(case.name, tuple(steps), tuple(each for each in whole if each))
 
 
@@ -117,7 +117,7 @@ def of_modes(case: Case, request: Request) -> Plan:
     whole = (
         simplifications.no_patches(case.patches, ()),
         simplifications.no_response(()),
-        simplifications.nothing_drawn(()),
+        simplifications.no_figures(()),
     )
     return _plan(case, [modes_step(case, request)], whole)
 
@@ -127,7 +127,7 @@ def of_bands(case: Case) -> Plan:
     whole = (
         simplifications.no_plate_modes(()),
         simplifications.no_patches(case.patches, ()),
-        simplifications.nothing_drawn(()),
+        simplifications.no_figures(()),
     )
     return _plan(case, [bands_step(case)], whole)
 
@@ -139,19 +139,19 @@ def of_attenuation(
     whole = (
         simplifications.no_plate_modes(()),
         simplifications.no_patches(case.patches, ()),
-        simplifications.nothing_drawn((), drawn),
+        simplifications.no_figures((), drawn),
     )
     return _plan(case, [attenuation_step(case, band_hz, kx_per_m, points)], whole)
 
 
 def of_response(case: Case, band_hz: tuple[float, float] | None, points: int, drawn: bool) -> Plan:
     """`antinode response`. InputFault for a model that cannot carry patches."""
-    return _plan(case, [response_step(case, band_hz, points)], [simplifications.nothing_drawn((), drawn)])
+    return _plan(case, [response_step(case, band_hz, points)], [simplifications.no_figures((), drawn)])
 
 
 def of_measures(case: Case, measures: Collection[str]) -> Plan:
     """A study's case: the steps that its measures ask for, in the order in which they run."""
-    asked = set(measures) | ({"modes"} if "confinement" in measures else set())
+    query = set(measures) | ({"modes"} if "confinement" in measures else set())
     makers = {
         "modes": lambda: modes_step(case, of_case(case)),
         "bands": lambda: bands_step(case),
@@ -166,36 +166,36 @@ def of_measures(case: Case, measures: Collection[str]) -> Plan:
         "tetrahedra": lambda: tetrahedra_step(case),
     }
     lattice: tuple[str, ...] = ("bands", "attenuation")
-    lacking = {name: simplifications.no_lattice(case.design, name) for name in lattice if name in asked}
-    steps = [makers[name]() for name in ORDER if name in asked and not lacking.get(name)]
+    lacking = {name: simplifications.no_lattice(case.design, name) for name in lattice if name in query}
+    steps = [makers[name]() for name in ORDER if name in query and not lacking.get(name)]
     whole = (
         *lacking.values(),
         simplifications.no_plate_modes(measures),
         simplifications.no_patches(case.patches, measures),
         simplifications.no_response(measures),
-        simplifications.nothing_drawn(measures),
+        simplifications.no_figures(measures),
     )
     return _plan(case, steps, whole)
 
 
 def modes_step(case: Case, request: Request) -> Step:
     """Modes of a part."""
-    asked = understood(case, request)
-    way = way_of(case, asked.part, model_high_hz(case, asked))
-    classes = way.classes if asked.parity is None else (asked.parity,)
-    window = simplifications.other_frequencies(asked.band_hz, asked.near_hz, asked.count)
-    left_out = (*way.left_out, simplifications.other_classes(way.classes, asked.parity), window)
-    numbers: dict[str, Any] = {"band_hz": list(asked.band_hz)} if asked.band_hz else {}
-    if not asked.band_hz:
-        numbers = {"near_hz": asked.near_hz, "count": asked.count}
-    step = _step("modes", f"modes of the {asked.part}", way, classes, _window(asked), left_out, numbers)
-    return replace(step, demand=foresight.of_modes(case, way, with_search(case, asked)))
+    query = with_defaults(case, request)
+    choice = model_choice_of(case, query.part, model_high_hz(case, query))
+    classes = choice.classes if query.parity is None else (query.parity,)
+    window = simplifications.other_frequencies(query.band_hz, query.near_hz, query.count)
+    left_out = (*choice.left_out, simplifications.other_classes(choice.classes, query.parity), window)
+    numbers: dict[str, Any] = {"band_hz": list(query.band_hz)} if query.band_hz else {}
+    if not query.band_hz:
+        numbers = {"near_hz": query.near_hz, "count": query.count}
+    step = _step("modes", f"modes of the {query.part}", choice, classes, _window(query), left_out, numbers)
+    return replace(step, demand=foresight.of_modes(case, choice, with_search(case, query)))
 
 
-def _window(asked: Request) -> str:
-    if asked.band_hz:
-        return f"every mode from {khz(asked.band_hz[0])} to {khz(asked.band_hz[1])}"
-    return f"the {asked.count} modes " + (f"nearest {khz(asked.near_hz)}" if asked.near_hz else "lowest")
+def _window(query: Request) -> str:
+    if query.band_hz:
+        return f"every mode from {khz(query.band_hz[0])} to {khz(query.band_hz[1])}"
+    return f"the {query.count} modes " + (f"nearest {khz(query.near_hz)}" if query.near_hz else "lowest")
 
 
 def bands_step(case: Case) -> Step:
@@ -203,31 +203,31 @@ def bands_step(case: Case) -> Step:
     from pipeline.planning.mesh_rules import FINEST
 
     case.require("plate", "array.pitch_mm", command="bands")
-    way, asked = cell_way(case), case.bands
-    wavevectors = (len(asked.path) - 1) * asked.points + 1
-    looks = f"{asked.count} bands at {wavevectors} wavevectors of {asked.path}"
-    numbers: dict[str, Any] = {"wavevectors": wavevectors, "count": asked.count, "path": asked.path, "grid": asked.grid}
-    if way.model != SOLID:
-        factor = -(-FINEST // asked.points)
-        numbers["solved_wavevectors"] = (len(asked.path) - 1) * asked.points * factor + 1
+    choice, query = cell_model_choice(case), case.bands
+    wavevectors = (len(query.path) - 1) * query.points + 1
+    looks = f"{query.count} bands at {wavevectors} wavevectors of {query.path}"
+    numbers: dict[str, Any] = {"wavevectors": wavevectors, "count": query.count, "path": query.path, "grid": query.grid}
+    if choice.model != SOLID:
+        factor = -(-FINEST // query.points)
+        numbers["solved_wavevectors"] = (len(query.path) - 1) * query.points * factor + 1
         looks += f", {numbers['solved_wavevectors']} solved to follow branches" if factor > 1 else ""
-    looks += f" and a grid of {asked.grid} intervals" if asked.grid else ""
-    left_out = (*way.left_out, simplifications.off_path(case.design, asked.path, asked.grid))
-    step = _step("bands", "bands of the unit cell", way, (), looks, left_out, numbers)
-    return replace(step, demand=foresight.of_bands(case, way, numbers.get("solved_wavevectors", wavevectors)))
+    looks += f" and a grid of {query.grid} intervals" if query.grid else ""
+    left_out = (*choice.left_out, simplifications.off_path(case.design, query.path, query.grid))
+    step = _step("bands", "bands of the unit cell", choice, (), looks, left_out, numbers)
+    return replace(step, demand=foresight.of_bands(case, choice, numbers.get("solved_wavevectors", wavevectors)))
 
 
 def attenuation_step(case: Case, band_hz: tuple[float, float] | None, kx_per_m: float | None, points: int) -> Step:
     """Complex bands of a row."""
     case.require("plate", "array.pitch_mm", "pillar", command="attenuation")
-    way = cell_way(case)
+    choice = cell_model_choice(case)
     low, high = driven_band_hz(case, band_hz)
     kx = case.kx_wanted_per_m if kx_per_m is None else kx_per_m
     looks = f"{points} frequencies from {khz(low)} to {khz(high)} at kx = {kx:.1f} rad/m"
     numbers = {"band_hz": [low, high], "frequencies": points, "kx_per_m": kx}
-    left_out = (*way.left_out, simplifications.waves_downwards(case.design))
-    step = _step("attenuation", "attenuation across the rows", way, (), looks, left_out, numbers)
-    return replace(step, demand=foresight.of_attenuation(case, way, points) if way.recipe else None)
+    left_out = (*choice.left_out, simplifications.waves_downwards(case.design))
+    step = _step("attenuation", "attenuation across the rows", choice, (), looks, left_out, numbers)
+    return replace(step, demand=foresight.of_attenuation(case, choice, points) if choice.reduction else None)
 
 
 def response_step(case: Case, band_hz: tuple[float, float] | None, points: int) -> Step:
@@ -237,25 +237,27 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int) 
     patches = case.patches
     assert patches is not None
     low, high = driven_band_hz(case, band_hz)
-    way = way_of(case, "plate", high)
+    choice = model_choice_of(case, "plate", high)
     looks = f"{points} frequencies and more at the peak, from {khz(low)} to {khz(high)}; {patches.count} patches"
     numbers = {"band_hz": [low, high], "frequencies": points, "patches": patches.count, "quality": case.quality}
-    demand = foresight.of_response(case, way, (low, high), points)
-    if not way.mirrored:
-        return _step("response", "forced response", way, ("whole",), looks, way.left_out, numbers, demand)
-    silent = simplifications.silent_classes(patches)
-    groups = [group for group in simplifications.patch_groups(patches) if not (silent and set(group) <= _named(silent))]
+    demand = foresight.of_response(case, choice, (low, high), points)
+    if not choice.mirrored:
+        return _step("response", "forced response", choice, ("whole",), looks, choice.left_out, numbers, demand)
+    undriven = simplifications.undriven_classes(patches)
+    groups = [
+        group for group in simplifications.patch_groups(patches) if not (undriven and set(group) <= _named(undriven))
+    ]
     classes = tuple(" with ".join(group) for group in groups)
     apart = [axis for axis, kept in zip("xy", simplifications.patch_mirrors(patches), strict=True) if not kept]
-    step = _step("response", "forced response", way, classes, looks, (*way.left_out, silent), numbers, demand)
+    step = _step("response", "forced response", choice, classes, looks, (*choice.left_out, undriven), numbers, demand)
     if not apart:
         return step
     coupled = f"the patches are no mirror image along {' and '.join(apart)}: classes are solved together"
     return Step(**{**vars(step), "why": (*step.why, coupled)})
 
 
-def _named(omission: Omission) -> set[str]:
-    return set(omission.what.removeprefix("mirror classes ").split(", "))
+def _named(simplification: Simplification) -> set[str]:
+    return set(simplification.what.removeprefix("symmetry classes ").split(", "))
 
 
 def tolerance_step(case: Case) -> Step:
@@ -264,19 +266,19 @@ def tolerance_step(case: Case) -> Step:
     given = case.tolerance
     assert given is not None
     low, high = driven_band_hz(case, None)
-    way, scattered = way_of(case, "plate", high), simplifications.is_scattered(case)
+    choice, scattered = model_choice_of(case, "plate", high), simplifications.is_scattered(case)
     broken = {"mirror_images", "alike_cells"}
-    kept = [each for each in way.left_out if each.rule not in broken]
+    kept = [each for each in choice.left_out if each.rule not in broken]
     mirrored = (
         simplifications.mirror_images(case.design, "plate", scattered),
         simplifications.alike_cells(case.design, scattered),
     )
     looks = f"{given.samples} plates drawn with seed {given.seed}, from {khz(low)} to {khz(high)}"
     numbers = {"band_hz": [low, high], "samples": given.samples, "seed": given.seed}
-    demand = foresight.of_response(case, way, (low, high), given.samples * RESPONSE_POINTS)
-    classes = way.classes if mirrored[0] else (None,)
+    demand = foresight.of_response(case, choice, (low, high), given.samples * RESPONSE_POINTS)
+    classes = choice.classes if mirrored[0] else (None,)
     return _step(
-        "tolerance", "plates with printed tolerances", way, classes, looks, (*kept, *mirrored), numbers, demand
+        "tolerance", "plates with printed tolerances", choice, classes, looks, (*kept, *mirrored), numbers, demand
     )
 
 
@@ -320,18 +322,28 @@ def _plain(measure: str, name: str, model: str) -> Step:
 
 
 def _step(
-    measure: str, name: str, way: Way, classes: tuple[str | None, ...], looks: str,
-    left_out: tuple[Omission | None, ...], numbers: dict[str, Any], demand: Demand | None = None,
+    measure: str, name: str, choice: ModelChoice, classes: tuple[str | None, ...], looks: str,
+    left_out: tuple[Simplification | None, ...], numbers: dict[str, Any], demand: Demand | None = None,
 ) -> Step:  # fmt: skip
-    model, details = way.name, dict(numbers)
-    if way.recipe:
-        face = way.recipe.interface
-        model += (
-            f", degrees {face.along} along and {face.through} through, modes of the pieces to {khz(way.recipe.top_hz)}"
-        )
+    model, details = choice.name, dict(numbers)
+    if choice.reduction:
+        face = choice.reduction.interface
+        model += f", degrees {face.along} along and {face.through} through, "
+        model += f"modes of the panels to {khz(choice.reduction.top_hz)}"
         details["degrees"] = [face.along, face.through]
-    if way.hexahedra and way.kind == "hex":
-        mesh = way.hexahedra
+    if choice.hexahedra and choice.kind == "hex":
+        mesh = choice.hexahedra
         details |= {"order": mesh.order, "size_m": mesh.size_m, "layers": mesh.layers, "through": mesh.through}
-    shown = tuple("whole" if parity is None else parity for parity in classes)
-    return Step(measure, name, model, way.mesh, shown, looks, way.why, tuple(o for o in left_out if o), details, demand)
+    classes_shown = tuple("whole" if parity is None else parity for parity in classes)
+    return Step(
+        measure,
+        name,
+        model,
+        choice.mesh,
+        classes_shown,
+        looks,
+        choice.why,
+        tuple(o for o in left_out if o),
+        details,
+        demand,
+    )

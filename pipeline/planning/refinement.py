@@ -1,5 +1,5 @@
-"""One rung up: more fixed-interface modes or a higher degree where the reduction's own estimate exceeds the accuracy; shorter
-elements where a lone part's modes lie higher than its mesh was meant for.
+"""One mesh level finer: more fixed-interface modes or a higher degree where the reduction's own estimate exceeds the
+accuracy; shorter elements where a lone part's modes lie higher than its mesh was meant for.
 """
 
 from __future__ import annotations
@@ -13,88 +13,91 @@ from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning import mesh_rules
 from pipeline.planning.error_bar import expected_error
-from pipeline.planning.model_choice import HEX, Way, way_of
+from pipeline.planning.model_choice import HEX, ModelChoice, model_choice_of
 from pipeline.planning.simplifications import khz
 from solvers.errors import SolverError
-from solvers.superelement.build import Recipe
+from solvers.superelement.build import ReductionSettings
 from solvers.superelement.interface import Interface
 
-MARGIN = 2.0  # a joined plate's single modes may lie somewhat above their estimate, the worst of a class never did
+MARGIN = 2.0  # a assembled plate's single modes may lie somewhat above their estimate, the worst of a class never did
 RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_hz^3
 SLIGHT = 1e-9
 STEP = (1.08, 2.0)  # least and largest factor on top_hz at once
 
 
-def more_modes(recipe: Recipe, error: float, wanted: float, most: float = inf) -> Recipe:
+def more_modes(reduction: ReductionSettings, error: float, wanted: float, most: float = inf) -> ReductionSettings:
     """Fixed-interface modes up to where their error is foreseen as wanted; at most `most` times as high."""
     factor = (error / wanted) ** (1.0 / RATE)
-    return replace(recipe, top_hz=recipe.top_hz * min(max(factor, STEP[0]), STEP[1], most))
+    return replace(reduction, top_hz=reduction.top_hz * min(max(factor, STEP[0]), STEP[1], most))
 
 
-def higher_degree(recipe: Recipe) -> Recipe:
+def higher_degree(reduction: ReductionSettings) -> ReductionSettings:
     """One degree more along the sides."""
-    face = recipe.interface
-    return replace(recipe, interface=Interface(face.along + 1, face.through))
+    face = reduction.interface
+    return replace(reduction, interface=Interface(face.along + 1, face.through))
 
 
-def told(recipe: Recipe, finer: Recipe) -> str:
-    """What a finer recipe changes, in words."""
+def describe_change(reduction: ReductionSettings, finer: ReductionSettings) -> str:
+    """What a finer reduction settings changes, in words."""
     words = []
-    if finer.top_hz > recipe.top_hz:
-        words.append(f"fixed-interface modes up to {finer.top_hz / 1e6:.2f} MHz instead of {recipe.top_hz / 1e6:.2f}")
-    if finer.interface != recipe.interface:
-        words.append(f"degree {finer.interface.along} along the sides instead of {recipe.interface.along}")
+    if finer.top_hz > reduction.top_hz:
+        words.append(
+            f"fixed-interface modes up to {finer.top_hz / 1e6:.2f} MHz instead of {reduction.top_hz / 1e6:.2f}"
+        )
+    if finer.interface != reduction.interface:
+        words.append(f"degree {finer.interface.along} along the sides instead of {reduction.interface.along}")
     return ", ".join(words)
 
 
-def climbed(way: Way, modes: float, degrees: float, case: Case, log: Log) -> Way | None:
-    """The way one rung up, where the estimates for the wanted mode ask for it; None where they do not."""
+def climbed(choice: ModelChoice, modes: float, degrees: float, case: Case, log: Log) -> ModelChoice | None:
+    """The way one mesh level finer, where the estimates for the wanted mode ask for it; None where they do not."""
     total, accuracy = MARGIN * (modes + degrees), case.solve.accuracy
-    if way.recipe is None or total <= accuracy:
+    if choice.reduction is None or total <= accuracy:
         return None
     share = accuracy / MARGIN / 2.0
-    finer = higher_degree(way.recipe) if degrees > share else way.recipe
+    finer = higher_degree(choice.reduction) if degrees > share else choice.reduction
     finer = more_modes(finer, modes, share) if modes > share else finer
     log.info(
-        f"the reduction may put the wanted mode {total:.2%} too high, {accuracy:.2%} wanted: {told(way.recipe, finer)}"
+        f"the reduction may put the wanted mode {total:.2%} too high, {accuracy:.2%} wanted: "
+        f"{describe_change(choice.reduction, finer)}"
     )
-    return replace(way, recipe=finer)
+    return replace(choice, reduction=finer)
 
 
-def remeshed(way: Way, highest_hz: float, case: Case, log: Log) -> Way | None:
+def remeshed(choice: ModelChoice, highest_hz: float, case: Case, log: Log) -> ModelChoice | None:
     """The way of a lone part with elements for the highest mode found, where its own are expected to miss the accuracy."""
-    error = expected_error(way, case.design, highest_hz)
-    short = error is not None and error > case.solve.accuracy and highest_hz > way.good_to_hz
-    if not short or way.part == "plate" or way.kind != HEX:
+    error = expected_error(choice, case.design, highest_hz)
+    short = error is not None and error > case.solve.accuracy and highest_hz > choice.good_to_hz
+    if not short or choice.part == "plate" or choice.kind != HEX:
         return None
     log.info(
-        f"modes up to {khz(highest_hz)}: expected error {error:.2%} on elements for {khz(way.good_to_hz)}, meshed again"
+        f"modes up to {khz(highest_hz)}: expected error {error:.2%} on elements for {khz(choice.good_to_hz)}, meshed again"
     )
-    return way_of(case, way.part, highest_hz)
+    return model_choice_of(case, choice.part, highest_hz)
 
 
-def rereduced(way: Way, highest_hz: float, log: Log) -> Way | None:
+def rereduced(choice: ModelChoice, highest_hz: float, log: Log) -> ModelChoice | None:
     """The way of a reduced plate with fixed-interface modes for the highest mode found, where it was made for lower ones."""
-    if way.recipe is None or way.recipe.top_hz >= mesh_rules.REACH * highest_hz * (1.0 - SLIGHT):
+    if choice.reduction is None or choice.reduction.top_hz >= mesh_rules.REACH * highest_hz * (1.0 - SLIGHT):
         return None
-    made_for = way.recipe.top_hz / mesh_rules.REACH
+    made_for = choice.reduction.top_hz / mesh_rules.REACH
     log.info(f"modes up to {khz(round(highest_hz))}: cells reduced for {khz(round(made_for))}, reduced again")
-    return replace(way, recipe=replace(way.recipe, top_hz=mesh_rules.REACH * highest_hz))
+    return replace(choice, reduction=replace(choice.reduction, top_hz=mesh_rules.REACH * highest_hz))
 
 
 @contextmanager
 def refused(log: Log) -> Iterator[None]:
-    """What a finer recipe cannot do (more functions than the mesh holds) is said, and what was found stays."""
+    """What a finer reduction settings cannot do (more functions than the mesh holds) is said, and what was found stays."""
     try:
         yield
     except SolverError as fault:
-        log.info(f"no rung higher: {fault}")
+        log.info(f"no mesh level higher: {fault}")
 
 
 def warn(error: float, case: Case, log: Log) -> None:
-    """An alarm where the wanted mode's estimate still exceeds the accuracy."""
+    """A warning where the wanted mode's estimate still exceeds the accuracy."""
     if MARGIN * error > case.solve.accuracy:
-        log.alarm(
+        log.warning(
             "REDUCTION",
             f"the reduction may put the wanted mode {MARGIN * error:.2%} too high, solve.accuracy asks for "
             f"{case.solve.accuracy:.2%}: narrow the band, raise solve.accuracy, or take solve.model = 'solid'",

@@ -15,7 +15,7 @@ MEASURED = ("plate", "zone")  # parts whose touch face tells which mode is the w
 
 @dataclass(frozen=True)
 class Request:
-    """What to solve: a band, or `count` modes near a frequency (0: the lowest); one mirror class or all.
+    """What to solve: a band, or `count` modes near a frequency (0: the lowest); one symmetry class or all.
 
     search: look for the wanted mode in its own window, beyond what is asked for; else among the modes found alone.
     """
@@ -33,21 +33,21 @@ class Request:
         return self.band_hz[1] if self.band_hz else 2.0 * (self.near_hz or 0.0) or None
 
 
-def understood(case: Case, request: Request) -> Request:
+def with_defaults(case: Case, request: Request) -> Request:
     """Fill what the command line left out from the case, then from pre-design."""
-    solve, asked = case.solve, request
-    if asked.band_hz is None and asked.near_hz is None and asked.count is None:
-        asked = replace(asked, band_hz=solve.band_hz, near_hz=solve.near_hz, count=solve.count)
-    if asked.band_hz is not None:
-        return asked
-    if asked.near_hz is not None:
-        return replace(asked, count=asked.count or solve.count or DEFAULT_COUNT)
-    if asked.count is not None:
-        return replace(asked, near_hz=0.0)
-    if asked.part == "pillar":
-        return replace(asked, near_hz=0.0, count=4)
-    wanted = case.parity_wanted if asked.part == "plate" else wanted_parity(case.design.nodal_lines)
-    return replace(asked, band_hz=mesh_rules.wanted_window_hz(case.design), parity=asked.parity or wanted)
+    solve, query = case.solve, request
+    if query.band_hz is None and query.near_hz is None and query.count is None:
+        query = replace(query, band_hz=solve.band_hz, near_hz=solve.near_hz, count=solve.count)
+    if query.band_hz is not None:
+        return query
+    if query.near_hz is not None:
+        return replace(query, count=query.count or solve.count or DEFAULT_COUNT)
+    if query.count is not None:
+        return replace(query, near_hz=0.0)
+    if query.part == "pillar":
+        return replace(query, near_hz=0.0, count=4)
+    wanted = case.parity_wanted if query.part == "plate" else wanted_parity(case.design.nodal_lines)
+    return replace(query, band_hz=mesh_rules.wanted_window_hz(case.design), parity=query.parity or wanted)
 
 
 def of_case(case: Case) -> Request:
@@ -61,27 +61,27 @@ def symmetry_of(parity: str | None) -> str | None:
     return next((name for name, signs in SYMMETRIES.items() if signs == parity), None)
 
 
-def wanted_window_hz(case: Case, asked: Request) -> tuple[float, float] | None:
+def wanted_window_hz(case: Case, query: Request) -> tuple[float, float] | None:
     """Where the wanted mode is looked for first; None where that has no meaning: other parts and symmetry classes."""
-    own = asked.part in MEASURED and asked.parity in (None, wanted_parity(case.design.nodal_lines))
+    own = query.part in MEASURED and query.parity in (None, wanted_parity(case.design.nodal_lines))
     return mesh_rules.wanted_window_hz(case.design) if own else None
 
 
-def model_high_hz(case: Case, asked: Request) -> float:
+def model_high_hz(case: Case, query: Request) -> float:
     """Up to where the part's model has to be good, Hz: what is asked for, and the wanted mode's window where they meet."""
-    high = asked.highest_hz or mesh_rules.wanted_window_hz(case.design)[1]
-    window = wanted_window_hz(case, asked) if asked.search else None
-    meets = window and window[0] <= high and (asked.band_hz is None or asked.band_hz[0] <= window[1])
+    high = query.highest_hz or mesh_rules.wanted_window_hz(case.design)[1]
+    window = wanted_window_hz(case, query) if query.search else None
+    meets = window and window[0] <= high and (query.band_hz is None or query.band_hz[0] <= window[1])
     return max(high, window[1]) if window and meets else high
 
 
-def with_search(case: Case, asked: Request) -> Request:
+def with_search(case: Case, query: Request) -> Request:
     """The request with the wanted mode's window in its band, where they meet: what is solved for in all."""
-    window = wanted_window_hz(case, asked) if asked.search else None
-    band = asked.band_hz
+    window = wanted_window_hz(case, query) if query.search else None
+    band = query.band_hz
     if not window or not band or band[0] > window[1] or window[0] > band[1]:
-        return asked
-    return replace(asked, band_hz=(min(band[0], window[0]), max(band[1], window[1])))
+        return query
+    return replace(query, band_hz=(min(band[0], window[0]), max(band[1], window[1])))
 
 
 def driven_band_hz(case: Case, band_hz: tuple[float, float] | None) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""What a computation will take, foretold from its plan: memory, unknowns, modes, an order of time; and what there is.
+"""What a computation will take, foretold from its plan: memory, degrees of freedom, modes, an order of time; and what there is.
 
 An estimate may be off by the factors of MEMORY_RANGE and SECONDS_RANGE, which `studies/benchmarks/foresight.py` measured on
 scenes of other materials, sizes, models and accuracies than the calibrated design.
@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from solvers.fem.factor.memory import available_bytes
 from solvers.fem.solve_cost import Cost
 
@@ -28,8 +28,8 @@ SECONDS_RANGE = (0.2, 5.0)
 class Demand:
     """What a step of a plan will take, and what to change where that is too much.
 
-    modes: how many the window may hold (None where nothing is counted); functions: unknowns of a reduced cell, at a
-    wavevector or in one of the panels of a joined plate; `change` in the order in which it helps.
+    modes: how many the window may hold (None where nothing is counted); functions: degrees of freedom of a reduced cell, at a
+    wavevector or in one of the panels of a assembled plate; `change` in the order in which it helps.
     """
 
     cost: Cost
@@ -65,7 +65,7 @@ class Demand:
         parts = [f"memory {_size(self.memory_bytes)} ({_size(low)} to {_size(high)}), most while {self.cost.peak.name}"]
         if self.panels:
             parts.append(f"{_count(self.panels)} panels")
-        parts.append(f"{_count(self.cost.unknowns)} unknowns at once")
+        parts.append(f"{_count(self.cost.dofs)} degrees of freedom at once")
         if self.functions:
             parts.append(f"about {_count(self.functions)} functions {self.a_what}")
         if self.modes is not None:
@@ -80,7 +80,7 @@ class Demand:
             "memory_bytes": round(self.memory_bytes),
             "memory_range_bytes": [round(factor * self.memory_bytes) for factor in MEMORY_RANGE],
             "most_while": self.cost.peak.name,
-            "unknowns": self.cost.unknowns,
+            "dofs": self.cost.dofs,
             "modes": None if self.modes is None else round(self.modes),
             "functions": self.functions,
             "panels": self.panels,
@@ -94,18 +94,18 @@ def too_much(demand: Demand) -> str | None:
     needed, room = MEMORY_RANGE[1] * demand.memory_bytes, available_bytes()
     if needed <= room:
         return None
-    told = f"{_count(demand.cost.unknowns)} unknowns, most while {demand.cost.peak.name}"
+    reason = f"{_count(demand.cost.dofs)} degrees of freedom, most while {demand.cost.peak.name}"
     return (
-        f"needs about {_size(demand.memory_bytes)} of memory, up to {_size(needed)} ({told}), {_size(room)} are available: "
+        f"needs about {_size(demand.memory_bytes)} of memory, up to {_size(needed)} ({reason}), {_size(room)} are available: "
         f"{', or '.join(demand.change) or 'ask for less'}"
     )
 
 
 def refuse(demands: Mapping[str, Demand]) -> None:
     """InputFault with a line for every demand, by its name, that this machine cannot hold."""
-    lines = [f"{name}: {told}" for name, demand in demands.items() if (told := too_much(demand))]
+    lines = [f"{name}: {reason}" for name, demand in demands.items() if (reason := too_much(demand))]
     if lines:
-        raise InputFault(lines)
+        raise InputError(lines)
 
 
 def _size(number: float) -> str:

@@ -21,23 +21,23 @@ CLASSES = ("++", "+-", "-+", "--")
 
 
 @dataclass(frozen=True)
-class Omission:
+class Simplification:
     """The rule that was taken, what it leaves out, and why that is allowed."""
 
     rule: str
     what: str
     why: str
 
-    def tell(self, log: Log) -> None:
+    def log(self, log: Log) -> None:
         """Say it to a log."""
         log.left_out(self.what, self.why)
 
 
-def told(omissions: Collection[Omission | None], log: Log) -> None:
+def log_all(simplifications: Collection[Simplification | None], log: Log) -> None:
     """Say those that were taken."""
-    for omission in omissions:
-        if omission:
-            omission.tell(log)
+    for simplification in simplifications:
+        if simplification:
+            simplification.log(log)
 
 
 def is_scattered(case: Case) -> bool:
@@ -49,16 +49,16 @@ def is_scattered(case: Case) -> bool:
 # -- the scene ---------------------------------------------------------------------------------------------------------
 
 
-def no_pillars(design: Design, part: str) -> Omission | None:
+def no_pillars(design: Design, part: str) -> Simplification | None:
     """Pillars and their cells, where the part has none."""
     if part == "cell":
-        return None if design.pillar else Omission("no_pillars", "pillars", "the case has none: the cell is bare")
+        return None if design.pillar else Simplification("no_pillars", "pillars", "the case has none: the cell is bare")
     if part == "plate" and not (design.rows and design.pillar):
-        return Omission("no_pillars", "pillars", "the plate has no rows")
+        return Simplification("no_pillars", "pillars", "the plate has no rows")
     return None
 
 
-def boxes(case: Case, part: str) -> Omission | None:
+def boxes(case: Case, part: str) -> Simplification | None:
     """CAD and tetrahedra, where structured hexahedra follow every face: no pillar of another shape, no mesh = "tet"."""
     design = case.design
     shaped = {"zone": False, "pillar": True, "cell": True, "plate": bool(design.rows)}[part]
@@ -70,14 +70,14 @@ def boxes(case: Case, part: str) -> Omission | None:
         "cell": "the cell is made of boxes",
         "plate": "the scene is made of boxes",
     }
-    return Omission("boxes", "CAD and tetrahedra", why[part])
+    return Simplification("boxes", "CAD and tetrahedra", why[part])
 
 
-def mirror_images(design: Design, part: str, scattered: bool = False) -> Omission | None:
+def mirror_images(design: Design, part: str, scattered: bool = False) -> Simplification | None:
     """Three quarters of a part that is its own mirror image twice; not with pillars from a STEP file or scattered ones."""
-    held = not scattered and (part == "zone" or _own_image(design, part))
+    allowed = not scattered and (part == "zone" or _own_image(design, part))
     what = f"three quarters of the {part}"
-    return Omission("mirror_images", what, "it is its own mirror image along x and y") if held else None
+    return Simplification("mirror_images", what, "it is its own mirror image along x and y") if allowed else None
 
 
 def _own_image(design: Design, part: str) -> bool:
@@ -86,67 +86,71 @@ def _own_image(design: Design, part: str) -> bool:
     return design.pillar is None or design.pillar.is_own_image
 
 
-def alike_cells(design: Design, scattered: bool = False) -> Omission | None:
+def alike_cells(design: Design, scattered: bool = False) -> Simplification | None:
     """Reductions of cells that equal one already reduced; not where every pillar differs."""
     if scattered or not (design.rows and design.pillar):
         return None
-    return Omission("alike_cells", "reductions of equal cells", "cells alike are reduced once and kept on the shelf")
+    return Simplification(
+        "alike_cells", "reductions of equal cells", "cells alike are reduced once and kept in the cache"
+    )
 
 
 # -- what is asked -----------------------------------------------------------------------------------------------------
 
 
-def other_classes(known: Collection[str | None], asked: str | None) -> Omission | None:
-    """Mirror classes that nobody asked for."""
-    if asked is None or asked not in known or len(known) < 2:
+def other_classes(known: Collection[str | None], query: str | None) -> Simplification | None:
+    """Symmetry classes that nobody asked for."""
+    if query is None or query not in known or len(known) < 2:
         return None
-    return Omission("other_classes", f"mirror classes other than {asked}", "not asked for")
+    return Simplification("other_classes", f"symmetry classes other than {query}", "not asked for")
 
 
-def other_frequencies(band_hz: tuple[float, float] | None, near_hz: float | None, count: int | None) -> Omission:
+def other_frequencies(band_hz: tuple[float, float] | None, near_hz: float | None, count: int | None) -> Simplification:
     """Modes outside the window."""
     if band_hz:
         what = f"modes below {khz(band_hz[0])} and above {khz(band_hz[1])}"
     else:
         what = f"modes beyond the {count} " + (f"nearest {khz(near_hz)}" if near_hz else "lowest")
-    return Omission("other_frequencies", what, "not asked for; the count by inertia proves the window complete")
+    return Simplification("other_frequencies", what, "not asked for; the count by inertia proves the window complete")
 
 
-def no_patches(patches: Patches | None, measures: Collection[str]) -> Omission | None:
+def no_patches(patches: Patches | None, measures: Collection[str]) -> Simplification | None:
     """Piezo patches: the case has none, or no measure drives them."""
     if patches is None:
-        return Omission("no_patches", "piezo patches and their electrical unknowns", "the case has none")
+        return Simplification(
+            "no_patches", "piezo patches and their electrical degrees of freedom", "the case has none"
+        )
     if not {"response", "tolerance"} & set(measures):
         why = "they act in the response; these modes are those of the plate without them"
-        return Omission("no_patches", "piezo patches", why)
+        return Simplification("no_patches", "piezo patches", why)
     return None
 
 
-def no_response(measures: Collection[str]) -> Omission | None:
+def no_response(measures: Collection[str]) -> Simplification | None:
     """Damping, which only a forced response has."""
     driven = {"response", "tolerance"} & set(measures)
-    return None if driven else Omission("no_response", "damping", "no response is asked")
+    return None if driven else Simplification("no_response", "damping", "no response is asked")
 
 
-def no_plate_modes(measures: Collection[str]) -> Omission | None:
+def no_plate_modes(measures: Collection[str]) -> Simplification | None:
     """The finite plate's modes."""
     if {"modes", "confinement"} & set(measures):
         return None
-    return Omission("no_plate_modes", "modes of the plate", "no measure asks for them")
+    return Simplification("no_plate_modes", "modes of the plate", "no measure asks for them")
 
 
-def nothing_drawn(measures: Collection[str], drawn: bool = False) -> Omission | None:
+def no_figures(measures: Collection[str], drawn: bool = False) -> Simplification | None:
     """Rendering: pictures are drawn for a page or for --out, from what is stored."""
-    return None if drawn else Omission("nothing_drawn", "rendering", "nothing is drawn until a page asks for it")
+    return None if drawn else Simplification("nothing_drawn", "rendering", "nothing is drawn until a page asks for it")
 
 
-def no_lattice(design: Design, measure: str) -> Omission | None:
+def no_lattice(design: Design, measure: str) -> Simplification | None:
     """Bands without a pitch, attenuation without a pitch or pillars."""
     no_pitch = design.pitch_x_m != design.pitch_x_m
     if measure == "bands" and no_pitch:
-        return Omission("no_lattice", "bands", "the case has no pitch")
+        return Simplification("no_lattice", "bands", "the case has no pitch")
     if measure == "attenuation" and (no_pitch or design.pillar is None):
-        return Omission("no_lattice", "attenuation", "the case has no pillars or no pitch")
+        return Simplification("no_lattice", "attenuation", "the case has no pillars or no pitch")
     return None
 
 
@@ -159,7 +163,7 @@ def patch_mirrors(patches: Patches) -> tuple[bool, bool]:
 
 
 def patch_groups(patches: Patches) -> list[tuple[str, ...]]:
-    """Mirror classes that have to be solved together: an axis along which the patches are no mirror image couples two."""
+    """Symmetry classes that have to be solved together: an axis along which the patches are no mirror image couples two."""
     kept = patch_mirrors(patches)
     groups: dict[tuple[str, ...], list[str]] = {}
     for parity in CLASSES:
@@ -167,13 +171,13 @@ def patch_groups(patches: Patches) -> list[tuple[str, ...]]:
     return [tuple(group) for group in groups.values()]
 
 
-def silent_classes(patches: Patches) -> Omission | None:
+def undriven_classes(patches: Patches) -> Simplification | None:
     """Classes odd along an axis in whose plane every patch is centred: no patch pushes them, none hears them."""
     centred = [max(abs(centre[axis]) for centre in patches.centres_m) < SAME_M for axis in (0, 1)]
-    silent = [p for p in CLASSES if any(centred[axis] and p[axis] == "-" for axis in (0, 1))]
-    if not silent:
+    undriven = [p for p in CLASSES if any(centred[axis] and p[axis] == "-" for axis in (0, 1))]
+    if not undriven:
         return None
-    return Omission("silent_classes", "mirror classes " + ", ".join(silent), "the patches do not drive them")
+    return Simplification("silent_classes", "symmetry classes " + ", ".join(undriven), "the patches do not drive them")
 
 
 def lattice_mirrors(design: Design) -> tuple[str, ...]:
@@ -183,25 +187,27 @@ def lattice_mirrors(design: Design) -> tuple[str, ...]:
     return ("x", "y", "d") if design.pitch_x_m == design.pitch_y_m else ("x", "y")
 
 
-def off_path(design: Design, path: str, grid: int = 0) -> Omission | None:
+def off_path(design: Design, path: str, grid: int = 0) -> Simplification | None:
     """Wavevectors off a path along the whole border of the irreducible zone, where band edges lie but for rare cases.
 
     A square cell's zone is bounded by G-X, X-M, M-G, another pitch's by G-X, X-M, M-Y, Y-G; a cell without mirrors has none
     of them for a border. Not taken for an oblique path, for one that misses a side, or when a grid is asked for.
     """
-    legs = {frozenset(pair) for pair in pairwise(path)}
+    segments = {frozenset(pair) for pair in pairwise(path)}
     mirrors = lattice_mirrors(design)
     border = ("GX", "XM", "MG") if "d" in mirrors else ("GX", "XM", "MY", "YG")
-    if grid or not mirrors or not {frozenset(leg) for leg in border} <= legs:
+    if grid or not mirrors or not {frozenset(segment) for segment in border} <= segments:
         return None
-    return Omission("off_path", "wavevectors off the path", f"{path} bounds the irreducible Brillouin zone")
+    return Simplification("off_path", "wavevectors off the path", f"{path} bounds the irreducible Brillouin zone")
 
 
-def waves_downwards(design: Design) -> Omission | None:
+def waves_downwards(design: Design) -> Simplification | None:
     """Waves towards -y across the rows: mirror images of those towards +y, unless a row is not its own mirror image."""
     if "y" not in lattice_mirrors(design):
         return None
-    return Omission("waves_downwards", "waves towards -y", "a row is its own mirror image: they come in pairs k, -k")
+    return Simplification(
+        "waves_downwards", "waves towards -y", "a row is its own mirror image: they come in pairs k, -k"
+    )
 
 
 def khz(frequency_hz: float) -> str:

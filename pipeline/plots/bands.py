@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.plate import FloatArray
-from pipeline.plots.style import Drawing
+from pipeline.plots.style import ReportFigure
 from pipeline.records.study import StoredCase
 from pipeline.records.tables import widest_gap
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 KHZ = 1e-3
 NAMES = {"G": "Γ"}
-MOST_COLUMNS = 3
+MAX_COLUMNS = 3
 ZOOM = 1.6  # of the bending frequency at M
 PILLAR = "pillar"
 # colour, marker and size of the plate's polarisation: told apart in grey too
@@ -45,7 +45,7 @@ def shear_speed(case: StoredCase) -> float | None:
         return None
 
 
-def dispersion(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
+def dispersion(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """Bands with the complete gaps shaded; beside it the low bands with the bending ones marked at M."""
     bands = case.record.get("bands")
     if not bands or not bands.get("points"):
@@ -63,7 +63,7 @@ def dispersion(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
     if bending:
         _bending(panels[1], case, bands, bending)
     _legend(figure, panels[0])
-    return Drawing("dispersion", "Dispersion diagram of the unit cell", _alt(case, bending), figure, vector=True)
+    return ReportFigure("dispersion", "Dispersion diagram of the unit cell", _alt(case, bending), figure, vector=True)
 
 
 def _top(bands: dict[str, Any]) -> float:
@@ -174,7 +174,7 @@ def _legend(figure: Any, axes: Axes) -> None:
     for panel in figure.axes:
         handles |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
     if len(handles) > 1:
-        columns = min(len(handles), MOST_COLUMNS)
+        columns = min(len(handles), MAX_COLUMNS)
         figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns, fontsize=8)
 
 
@@ -187,8 +187,8 @@ def _alt(case: StoredCase, bending: list[float]) -> str:
         else "no complete gap opens along the path"
     )
     kinds = {name for point in case.record["bands"]["points"] for name in point.get("plate_polarisation") or ()}
-    told = ", ".join(name for name in POLARISATIONS if name in kinds)
-    marked = f"; waves are marked as {told}" if told else ""
+    names_text = ", ".join(name for name in POLARISATIONS if name in kinds)
+    marked = f"; waves are marked as {names_text}" if names_text else ""
     at_m = (
         f"; the bending bands meet M at {' and '.join(f'{tone * KHZ:.2f}' for tone in bending)} kHz" if bending else ""
     )

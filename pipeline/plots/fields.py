@@ -22,7 +22,7 @@ from pipeline.plots.plate import (
     skin_faces,
     zone_peak,
 )
-from pipeline.plots.style import Drawing
+from pipeline.plots.style import ReportFigure
 from pipeline.records.study import CONFINED_DB, StoredCase
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.collections import TriMesh
 
 DRAWN_SHARE = 0.3  # of a pillar's height: the largest displacement in the side view
-MOST_NEIGHBOURS = 4
+MAX_NEIGHBOURS = 4
 
 
 def _has_mode(case: StoredCase, arrays: dict[str, Any]) -> bool:
@@ -47,8 +47,8 @@ def _khz(frequency_hz: float | None) -> str:
     return "" if frequency_hz is None else f" at {frequency_hz / 1e3:.2f} kHz"
 
 
-def held(case: StoredCase) -> str:
-    """How well the wanted mode is held, in words."""
+def level_text(case: StoredCase) -> str:
+    """How well the wanted mode is confined, in words."""
     if case.confined is None:
         return "confinement has no meaning here (no passive face)"
     verdict = "confined" if case.confined else "leaking"
@@ -66,7 +66,7 @@ def _paint(axes: Axes, arrays: dict[str, Any], values: FloatArray, design: dict[
     return field
 
 
-def touch_face(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
+def touch_face(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """Normal displacement of the wanted mode on the touch face, zone and footprints drawn."""
     if not _has_mode(case, arrays):
         return None
@@ -77,19 +77,19 @@ def touch_face(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
     bar = figure.colorbar(field, ax=axes, shrink=0.85, pad=0.01, aspect=22)
     bar.set_label("u$_z$ / largest in the zone (no unit)")
     title = f"Wanted mode on the touch face{_khz(wanted_hz(case, arrays))}"
-    axes.set_title(f"{title}\n{held(case)}")
+    axes.set_title(f"{title}\n{level_text(case)}")
     alt = (
         f"Map of the normal displacement of the wanted mode{_khz(wanted_hz(case, arrays))} on the touch face of "
-        f"{case.case_id}: {held(case)}. Dashed lines bound the active zone, small outlines the pillars' feet."
+        f"{case.case_id}: {level_text(case)}. Dashed lines bound the active zone, small outlines the pillars' feet."
     )
-    return Drawing("touch_face", title, alt, figure)
+    return ReportFigure("touch_face", title, alt, figure)
 
 
-def neighbours(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
+def neighbours(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """The kept modes side by side, the wanted one first."""
     if not _has_mode(case, arrays) or len(arrays["touch_uz"]) < 2 or "surface_frequency_hz" not in arrays:
         return None
-    design, shapes = case.record["design"], arrays["touch_uz"][:MOST_NEIGHBOURS]
+    design, shapes = case.record["design"], arrays["touch_uz"][:MAX_NEIGHBOURS]
     rows = -(-len(shapes) // 2)
     figure = style.new_figure(style.WIDTH_IN, rows * (flat_height_in(design, 3.4) + 0.55))
     panels = figure.subplots(rows, 2, squeeze=False, sharex=True, sharey=True).ravel()
@@ -105,10 +105,10 @@ def neighbours(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
         f"Normal displacement on the touch face of the wanted mode and its neighbours, at {tones} kHz, "
         "each over its own largest value."
     )
-    return Drawing("neighbours", "The wanted mode and its neighbours", alt, figure)
+    return ReportFigure("neighbours", "The wanted mode and its neighbours", alt, figure)
 
 
-def pillars_in_plane(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
+def pillars_in_plane(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """In-plane displacement of each pillar's tip, over the zone's largest normal displacement."""
     if not _has_mode(case, arrays) or "surface_u" not in arrays:
         return None
@@ -137,7 +137,7 @@ def pillars_in_plane(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None
         f"Two maps of the pillars of {case.case_id}, coloured by the displacement of their tips along x and along y; the "
         f" largest is {limit:.2g} times the zone's largest normal displacement."
     )
-    return Drawing("pillars_in_plane", title, alt, figure)
+    return ReportFigure("pillars_in_plane", title, alt, figure)
 
 
 def _squares(axes: Axes, pillars: Pillars, values: FloatArray, limit: float, foot: float) -> Any:
@@ -151,7 +151,7 @@ def _squares(axes: Axes, pillars: Pillars, values: FloatArray, limit: float, foo
     return squares
 
 
-def side_view(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
+def side_view(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """Two side views with displacements exaggerated by a stated factor: across the zone, and along the first row."""
     if not _has_mode(case, arrays) or "surface_u" not in arrays or skin_faces(arrays, "surface") is None:
         return None
@@ -179,7 +179,7 @@ def side_view(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
         f"Plate and pillars of {case.case_id} seen along x and along y in the wanted mode; displacements are exaggerated "
         f"{factor:.0f} times for 1 micrometre at the zone's largest normal displacement. Dashed lines bound the active zone."
     )
-    return Drawing("side_view", title, alt, figure)
+    return ReportFigure("side_view", title, alt, figure)
 
 
 def _cuts(arrays: dict[str, Any], design: dict[str, Any], pillars: Pillars | None) -> tuple[float, float]:
@@ -211,11 +211,13 @@ def _side(
     lift = _along(arrays, line, cut) / zone_peak(arrays, design) * 1e-6 * factor
     axes.fill_between(line * MM, lift * MM, (lift + design["thickness_m"]) * MM, color="#B9C4CE", lw=0.4, ec="#44525E")
     if pillars is not None:
-        shown = np.abs(pillars.centres[pillars.face_owner, 1 - axis] - where) < footprint_m(design) / 2
+        in_view = np.abs(pillars.centres[pillars.face_owner, 1 - axis] - where) < footprint_m(design) / 2
         faces = skin_faces(arrays, "surface")
         assert faces is not None
-        drawn = (arrays["surface_points"] + factor * u)[faces[pillars.faces[shown]]] * MM
-        axes.add_collection(PolyCollection(drawn[:, :, [axis, 2]], facecolor=style.BLUE, edgecolor=style.BLUE, lw=0.3))
+        outlines = (arrays["surface_points"] + factor * u)[faces[pillars.faces[in_view]]] * MM
+        axes.add_collection(
+            PolyCollection(outlines[:, :, [axis, 2]], facecolor=style.BLUE, edgecolor=style.BLUE, lw=0.3)
+        )
     axes.set_xlim(-1.03 * half * MM, 1.03 * half * MM)
     axes.autoscale_view(scalex=False)
     axes.margins(y=0.08)
@@ -237,7 +239,7 @@ def _along(arrays: dict[str, Any], line: FloatArray, cut: tuple[int, float]) -> 
     return np.asarray(np.interp(line, at[order], field[order]))
 
 
-def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
+def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """The wanted mode's normal displacement on the touch face: hexahedra beside tetrahedra, the same part of the plate."""
     design = case.record.get("design")
     if not design or not {"tet_points", "tet_triangles", "tet_u", "touch_uz"} <= arrays.keys():
@@ -268,9 +270,9 @@ def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> Drawing | N
         axes.label_outer()
     bar = figure.colorbar(field, ax=list(panels), shrink=0.8, pad=0.01)
     bar.set_label("u$_z$ / largest in the zone")
-    told = f"; frequencies differ by {compared['relative_difference']:.2%}" if "relative_difference" in compared else ""
-    alt = f"Normal displacement of {case.case_id}'s wanted mode on the touch face by hexahedra and by tetrahedra{told}."
-    return Drawing("mode_on_both_meshes", "The wanted mode by hexahedra and by tetrahedra", alt, figure)
+    text = f"; frequencies differ by {compared['relative_difference']:.2%}" if "relative_difference" in compared else ""
+    alt = f"Normal displacement of {case.case_id}'s wanted mode on the touch face by hexahedra and by tetrahedra{text}."
+    return ReportFigure("mode_on_both_meshes", "The wanted mode by hexahedra and by tetrahedra", alt, figure)
 
 
 def _aligned(arrays: dict[str, Any], points: FloatArray, uz: FloatArray, faces: IntArray) -> FloatArray:

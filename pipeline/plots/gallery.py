@@ -11,7 +11,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from pipeline.plots.style import PICTURES, Drawing, Picture, save, style
+from pipeline.plots.style import PICTURES, ReportFigure, StoredFigure, save, style
 from pipeline.records import store
 from pipeline.records.fingerprint import canonical_json, file_hash
 from pipeline.records.study import StoredCase, StoredStudy
@@ -20,10 +20,10 @@ INDEX = "index.json"
 
 
 @dataclass(frozen=True)
-class Drawn:
+class FigureSet:
     """Pictures, and what could not be drawn and why."""
 
-    pictures: list[Picture]
+    pictures: list[StoredFigure]
     troubles: list[str] = field(default_factory=list)
 
 
@@ -34,16 +34,16 @@ ORDER = (
 )
 
 
-def draw_case(case: StoredCase) -> Drawn:
+def draw_case(case: StoredCase) -> FigureSet:
     """Draw every picture that a case's records allow, or take the stored ones when nothing they show has changed."""
     from pipeline.plots import attenuation, bands, board, fields, measured, mesh, response
 
     if case.status not in {"OK", "ALARM"}:
-        return Drawn([])
+        return FigureSet([])
     if (kept := kept_pictures(case)) is not None:
-        return Drawn(kept)
-    draws: tuple[Callable[..., Drawing | list[Drawing] | None], ...] = (
-        mesh.drawings,
+        return FigureSet(kept)
+    draws: tuple[Callable[..., ReportFigure | list[ReportFigure] | None], ...] = (
+        mesh.report_figures,
         fields.touch_face,
         fields.side_view,
         fields.pillars_in_plane,
@@ -56,27 +56,27 @@ def draw_case(case: StoredCase) -> Drawn:
         response.tolerance,
         board.board,
     )
-    arrays, complaints = case.read_arrays()
-    return _draw(case.folder / PICTURES, _case_key(case), [partial(draw, case, arrays) for draw in draws], complaints)
+    arrays, read_errors = case.read_arrays()
+    return _draw(case.folder / PICTURES, _case_key(case), [partial(draw, case, arrays) for draw in draws], read_errors)
 
 
-def kept_pictures(case: StoredCase) -> list[Picture] | None:
+def kept_pictures(case: StoredCase) -> list[StoredFigure] | None:
     """The stored pictures of a case, None when they have to be drawn again."""
     return _kept(case.folder / PICTURES, _case_key(case)) if case.status in {"OK", "ALARM"} else []
 
 
 def _case_key(case: StoredCase) -> str:
-    folders = (case.folder, *case.kin)
+    folders = (case.folder, *case.siblings)
     return _key(case.record, [folder / name for folder in folders for name in (store.ARRAYS, store.INPUT)])
 
 
-def draw_study(study: StoredStudy) -> Drawn:
+def draw_study(study: StoredStudy) -> FigureSet:
     """Draw the pictures that compare a study's cases, or take the stored ones."""
     from pipeline.plots import sweep
 
     key = _key([study.about, *([case.sweep, case.record] for case in study.cases)], [])
     if (kept := _kept(study.folder / PICTURES, key)) is not None:
-        return Drawn(kept)
+        return FigureSet(kept)
     return _draw(
         study.folder / PICTURES,
         key,
@@ -87,17 +87,17 @@ def draw_study(study: StoredStudy) -> Drawn:
 def _draw(
     folder: Path,
     key: str,
-    draws: Sequence[Callable[[], Drawing | list[Drawing] | None]],
-    complaints: Sequence[str] = (),
-) -> Drawn:
+    draws: Sequence[Callable[[], ReportFigure | list[ReportFigure] | None]],
+    read_errors: Sequence[str] = (),
+) -> FigureSet:
     """Draw and save; one that cannot be drawn is told beside the complaints about its data and spoils no other."""
-    pictures: list[Picture] = []
-    troubles = list(complaints)
+    pictures: list[StoredFigure] = []
+    troubles = list(read_errors)
     for draw in draws:
         try:
             with style():
                 made = draw() or []
-            pictures += [save(drawing, folder) for drawing in (made if isinstance(made, list) else [made])]
+            pictures += [save(report_figure, folder) for report_figure in (made if isinstance(made, list) else [made])]
         except (store.StoreError, MemoryError):
             raise
         except Exception as error:
@@ -107,22 +107,22 @@ def _draw(
     if not troubles and (pictures or folder.exists()):
         folder.mkdir(parents=True, exist_ok=True)
         store.write_json(folder / INDEX, {"key": key, "pictures": [asdict(picture) for picture in pictures]})
-    return Drawn(pictures, troubles)
+    return FigureSet(pictures, troubles)
 
 
-def _kept(folder: Path, key: str) -> list[Picture] | None:
+def _kept(folder: Path, key: str) -> list[StoredFigure] | None:
     with suppress(store.BadRecord, TypeError, KeyError):
         index = store.read_json(folder / INDEX)
-        pictures = [Picture(**entry) for entry in index["pictures"]]
+        pictures = [StoredFigure(**entry) for entry in index["pictures"]]
         files = [folder / name for picture in pictures for name in (picture.svg, picture.png, picture.shown)]
         if index["key"] == key and all(path.is_file() for path in files):
             return pictures
     return None
 
 
-def _key(shown: Any, files: list[Path]) -> str:
+def _key(visible: Any, files: list[Path]) -> str:
     """Hash of what pictures show and of what draws them."""
     sources = sorted(Path(__file__).parent.glob("*.py"))
-    parts = [canonical_json(shown), metadata.version("matplotlib")]
+    parts = [canonical_json(visible), metadata.version("matplotlib")]
     parts += [file_hash(path) for path in [*files, *sources] if path.exists()]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.plots import rendering, style
 from pipeline.plots.plate import KINDS, MM, FloatArray, IntArray, skin_faces
 from pipeline.plots.rendering import Surface
-from pipeline.plots.style import Drawing
+from pipeline.plots.style import ReportFigure
 from pipeline.records.study import StoredCase
 
 if TYPE_CHECKING:
@@ -21,17 +21,17 @@ MIXED = "pieces with a pillar in tetrahedra,\nbare ones in hexahedra"
 TITLES = {"plate": "Meshes of the plate, one corner", "cell": "Meshes of the unit cell"}
 
 
-def drawings(case: StoredCase, arrays: dict[str, Any]) -> list[Drawing]:
+def report_figures(case: StoredCase, arrays: dict[str, Any]) -> list[ReportFigure]:
     """Geometry, the plate's meshes and the cell's, all rendered in one go."""
-    shown = {name: surface for name, surface in _surfaces(case, arrays).items() if surface is not None}
-    images, fault = rendering.render(list(shown.values()))
-    picture = dict(zip(shown, images, strict=True))
-    found = [
+    visible = {name: surface for name, surface in _surfaces(case, arrays).items() if surface is not None}
+    images, fault = rendering.render(list(visible.values()))
+    picture = dict(zip(visible, images, strict=True))
+    images_of_parts = [
         _geometry(case, picture, fault),
-        _meshes(case, shown, picture, "plate", fault),
-        _meshes(case, shown, picture, "cell", fault),
+        _meshes(case, visible, picture, "plate", fault),
+        _meshes(case, visible, picture, "cell", fault),
     ]
-    return [drawing for drawing in found if drawing]
+    return [report_figure for report_figure in images_of_parts if report_figure]
 
 
 def _surfaces(case: StoredCase, arrays: dict[str, Any]) -> dict[str, Surface | None]:
@@ -77,14 +77,14 @@ def _corner(points: FloatArray, faces: IntArray, design: dict[str, Any]) -> tupl
     columns = np.unique(np.reshape(design.get("pillar_centres_m") or [], (-1, 2))[:, 0])
     between = (columns[1:] + columns[:-1]) / 2  # cut no pillar
     start = design["length_m"] / 2 - CORNER_M
-    shown = middles[:, 0] > (between[np.argmin(np.abs(between - start))] if between.size else start)
-    shown &= middles[:, 1] > min(design["width_m"] / 2, design["half_span_m"] - CORNER_M)
-    shown |= ~shown.any()  # a mesh that has no such corner is shown whole
-    used, renumbered = np.unique(faces[shown], return_inverse=True)
+    visible = middles[:, 0] > (between[np.argmin(np.abs(between - start))] if between.size else start)
+    visible &= middles[:, 1] > min(design["width_m"] / 2, design["half_span_m"] - CORNER_M)
+    visible |= ~visible.any()  # a mesh that has no such corner is shown whole
+    used, renumbered = np.unique(faces[visible], return_inverse=True)
     return points[used], renumbered.reshape(-1, faces.shape[1])
 
 
-def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> Drawing | None:
+def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> ReportFigure | None:
     """The whole plate from the pillars' side, dimensions beside."""
     if "geometry" not in picture:
         return None
@@ -95,7 +95,7 @@ def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> Drawing 
     axes.set_title("The plate, seen from the pillars' side (the touch face is below)")
     figure.supxlabel(_dimensions(design, case.record.get("geometry") or {}), fontsize=8.5)
     alt = f"The plate of {case.case_id} in perspective, pillars up: {_dimensions(design, {})}.{_note(fault)}"
-    return Drawing("geometry", "Geometry", alt, figure)
+    return ReportFigure("geometry", "Geometry", alt, figure)
 
 
 def _dimensions(design: dict[str, Any], geometry: dict[str, Any]) -> str:
@@ -138,8 +138,8 @@ def face_quality(points: FloatArray, faces: IntArray) -> FloatArray:
 
 
 def _meshes(
-    case: StoredCase, shown: dict[str, Surface], picture: dict[str, Any], what: str, fault: str
-) -> Drawing | None:
+    case: StoredCase, visible: dict[str, Surface], picture: dict[str, Any], what: str, fault: str
+) -> ReportFigure | None:
     """Meshes of the plate or of the unit cell side by side, coloured by the shape of the visible faces."""
     kinds = [kind for kind in KINDS if f"{what} {kind}" in picture]
     if not kinds:
@@ -151,17 +151,19 @@ def _meshes(
     words = []
     for axes, image, kind in zip(panels, images, kinds, strict=True):
         _show(axes, image)
-        of_triangles = shown[f"{what} {kind}"].faces.shape[1] == 3
+        of_triangles = visible[f"{what} {kind}"].faces.shape[1] == 3
         label = MIXED if kind == "hex" and of_triangles else _mesh_words(case, what, kind)
         axes.set_title(label)
-        quality = shown[f"{what} {kind}"].values
+        quality = visible[f"{what} {kind}"].values
         worst = (
             f", face quality {quality.min():.2f} to {quality.max():.2f}" if quality is not None and quality.size else ""
         )
         words.append(label.replace("\n", ", ") + worst)
     _quality_bar(figure, panels)
     title = TITLES[what]
-    return Drawing(f"{what}_meshes", title, f"{title} of {case.case_id}: {'; '.join(words)}.{_note(fault)}", figure)
+    return ReportFigure(
+        f"{what}_meshes", title, f"{title} of {case.case_id}: {'; '.join(words)}.{_note(fault)}", figure
+    )
 
 
 def _mesh_words(case: StoredCase, what: str, kind: str) -> str:
@@ -171,7 +173,7 @@ def _mesh_words(case: StoredCase, what: str, kind: str) -> str:
     order = f", order {mesh['order']}" if mesh.get("order") else ""
     counts = [
         f"{mesh[key]:,} {word}".replace(",", "\u202f")
-        for key, word in (("cells", "cells"), ("dof", "unknowns"))
+        for key, word in (("cells", "cells"), ("dof", "dofs"))
         if mesh.get(key)
     ]
     return f"{KINDS[kind]}{order}" + (f"\n{', '.join(counts)}" if counts else "")

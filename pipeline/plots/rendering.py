@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 TIMEOUT_S = 120.0
 SIZE = (1500, 940)
-LEAST_INK, MOST_INK = 0.005, 0.995  # share of pixels that are not background
+MIN_INK, MAX_INK = 0.005, 0.995  # share of pixels that are not background
 PLAIN_COLOUR = "#AEB8C2"
 _broken: list[str] = []  # why rendering failed in this process: not tried again
 
@@ -111,7 +111,7 @@ def image_fault(image: NDArray[np.uint8] | None) -> str:
     if image is None:
         return "the image cannot be read"
     ink = float(np.mean(_inked(image)))
-    if not LEAST_INK < ink < MOST_INK:
+    if not MIN_INK < ink < MAX_INK:
         return f"the image is empty ({ink:.1%} of it is not background)"
     return ""
 

@@ -7,44 +7,44 @@ from typing import Any
 import numpy as np
 
 from pipeline.plots import style as plots_style
-from pipeline.plots.style import Drawing
+from pipeline.plots.style import ReportFigure
 from pipeline.records.study import CONFINED_DB, StoredCase
 
 KHZ, NM, MM = 1e-3, 1e9, 1e3
 
 
-def response(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
+def response(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """The response of a case's record."""
-    found = case.record.get("response")
-    return curves(found, arrays.get("response_xy"), arrays.get("response_uz")) if found else None
+    record = case.record.get("response")
+    return curves(record, arrays.get("response_xy"), arrays.get("response_uz")) if record else None
 
 
-def curves(found: dict[str, Any], points: Any = None, shape: Any = None) -> Drawing:
+def curves(record: dict[str, Any], points: Any = None, shape: Any = None) -> ReportFigure:
     """Curves over frequency, and the operating shape at the peak when its field is there."""
-    has_sensor = found["sensor_V_per_V"] is not None
+    has_sensor = record["sensor_V_per_V"] is not None
     count = 1 + has_sensor + (shape is not None)
     figure = plots_style.new_figure(plots_style.WIDTH_IN, 2.3 * count + 0.6)
     panels = list(np.atleast_1d(figure.subplots(count, 1)))
-    tone = KHZ * np.array(found["frequency_hz"])
-    _amplitudes(panels[0], tone, found)
+    tone = KHZ * np.array(record["frequency_hz"])
+    _amplitudes(panels[0], tone, record)
     if has_sensor:
-        _sensor(panels[1], tone, found)
+        _sensor(panels[1], tone, record)
     if shape is not None:
-        _shape(panels[-1], points, shape, found)
-    return Drawing("response", "Response per volt of drive", _alt(found), figure, vector=shape is None)
+        _shape(panels[-1], points, shape, record)
+    return ReportFigure("response", "Response per volt of drive", _alt(record), figure, vector=shape is None)
 
 
-def _amplitudes(axes: Any, tone: Any, found: dict[str, Any]) -> None:
-    axes.semilogy(tone, NM * np.array(found["zone_rms_m_per_V"]), color=plots_style.BLUE, label="zone")
-    if found["passive_rms_m_per_V"] is not None:
+def _amplitudes(axes: Any, tone: Any, record: dict[str, Any]) -> None:
+    axes.semilogy(tone, NM * np.array(record["zone_rms_m_per_V"]), color=plots_style.BLUE, label="zone")
+    if record["passive_rms_m_per_V"] is not None:
         axes.semilogy(
             tone,
-            NM * np.array(found["passive_rms_m_per_V"]),
+            NM * np.array(record["passive_rms_m_per_V"]),
             color=plots_style.VERMILION,
             ls="--",
             label="passive face",
         )
-    wanted, highest = found["wanted_peak"], found["highest_peak"]
+    wanted, highest = record["wanted_peak"], record["highest_peak"]
     for peak, style in ((wanted, ":"), (highest, "-.")) if wanted else ((highest, "-."),):
         axes.axvline(KHZ * peak["frequency_hz"], color=plots_style.GREY, ls=style, lw=0.8)
     axes.set_ylabel("rms u_z (nm/V)")
@@ -56,8 +56,8 @@ def _amplitudes(axes: Any, tone: Any, found: dict[str, Any]) -> None:
     axes.legend(fontsize=8)
 
 
-def _sensor(axes: Any, tone: Any, found: dict[str, Any]) -> None:
-    volts = np.array(found["sensor_V_per_V"]) @ np.array([1.0, 1j])
+def _sensor(axes: Any, tone: Any, record: dict[str, Any]) -> None:
+    volts = np.array(record["sensor_V_per_V"]) @ np.array([1.0, 1j])
     axes.semilogy(tone, np.abs(volts), color=plots_style.GREEN)
     axes.set_ylabel("sensor (V/V)")
     axes.set_xlabel("frequency (kHz)")
@@ -66,15 +66,15 @@ def _sensor(axes: Any, tone: Any, found: dict[str, Any]) -> None:
     phase.plot(tone, np.degrees(np.unwrap(np.angle(volts))), color=plots_style.ORANGE, ls="--")
     phase.set_ylabel("phase (°)", color=plots_style.ORANGE)
     phase.spines["right"].set_visible(True)
-    axes.set_title(f"Sensor patch {found['sensors'][0]}, open circuit")
+    axes.set_title(f"Sensor patch {record['sensors'][0]}, open circuit")
 
 
-def shown_peak(found: dict[str, Any]) -> dict[str, Any]:
+def shown_peak(record: dict[str, Any]) -> dict[str, Any]:
     """The wanted mode's peak; the highest where the band has none."""
-    return found["wanted_peak"] or found["highest_peak"]
+    return record["wanted_peak"] or record["highest_peak"]
 
 
-def _shape(axes: Any, points: Any, shape: Any, found: dict[str, Any]) -> None:
+def _shape(axes: Any, points: Any, shape: Any, record: dict[str, Any]) -> None:
     turned = shape * np.exp(-1j * np.angle(shape[np.argmax(np.abs(shape))]))
     limit = NM * np.abs(shape).max()
     x, y = np.unique(points[:, 0]), np.unique(points[:, 1])
@@ -83,46 +83,48 @@ def _shape(axes: Any, points: Any, shape: Any, found: dict[str, Any]) -> None:
         MM * x, MM * y, field, cmap=plots_style.SIGNED, vmin=-limit, vmax=limit, shading="gouraud", rasterized=True
     )
     plots_style.mm_axes(axes)
-    axes.set_title(f"Operating shape at {KHZ * shown_peak(found)['frequency_hz']:.2f} kHz")
+    axes.set_title(f"Operating shape at {KHZ * shown_peak(record)['frequency_hz']:.2f} kHz")
     axes.figure.colorbar(image, ax=axes, label="u_z (nm/V)")
 
 
-def _alt(found: dict[str, Any]) -> str:
-    peak, whose = shown_peak(found), "the wanted mode peaks" if found["wanted_peak"] else "the zone peaks highest"
-    held = "" if peak["confinement_db"] is None else f", {peak['confinement_db']:.1f} dB above the passive face"
+def _alt(record: dict[str, Any]) -> str:
+    peak, whose = shown_peak(record), "the wanted mode peaks" if record["wanted_peak"] else "the zone peaks highest"
+    level_text = "" if peak["confinement_db"] is None else f", {peak['confinement_db']:.1f} dB above the passive face"
     quality = "" if peak["quality"] is None else f", quality factor {peak['quality']:.0f} read from the curve"
     return (
         f"Displacement per volt over frequency: {whose} at {KHZ * peak['frequency_hz']:.2f} kHz with "
-        f"{NM * peak['zone_rms_m_per_V']:.2f} nm/V rms{held}{quality}"
+        f"{NM * peak['zone_rms_m_per_V']:.2f} nm/V rms{level_text}{quality}"
     )
 
 
-def tolerance(case: StoredCase, arrays: dict[str, Any]) -> Drawing | None:
+def tolerance(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """The tolerance study of a case's record."""
-    found = case.record.get("tolerance")
-    return drawing(found, arrays) if found else None
+    record = case.record.get("tolerance")
+    return report_figure(record, arrays) if record else None
 
 
-def drawing(found: dict[str, Any], arrays: dict[str, Any]) -> Drawing:
+def report_figure(record: dict[str, Any], arrays: dict[str, Any]) -> ReportFigure:
     """Curves over frequency; below, each plate's peak and how well it holds it."""
-    held = found["confinement_db"] is not None
-    figure = plots_style.new_figure(plots_style.WIDTH_IN, 5.6 if held else 3.0)
-    panels = list(np.atleast_1d(figure.subplots(1 + held, 1)))
-    _curves(panels[0], found, arrays)
-    if held:
-        _peaks(panels[1], found)
-    return Drawing("tolerance", "What printed pillars do to the response", _spread_alt(found), figure, vector=True)
+    level_text = record["confinement_db"] is not None
+    figure = plots_style.new_figure(plots_style.WIDTH_IN, 5.6 if level_text else 3.0)
+    panels = list(np.atleast_1d(figure.subplots(1 + level_text, 1)))
+    _curves(panels[0], record, arrays)
+    if level_text:
+        _peaks(panels[1], record)
+    return ReportFigure(
+        "tolerance", "What printed pillars do to the response", _spread_alt(record), figure, vector=True
+    )
 
 
-def _curves(axes: Any, found: dict[str, Any], arrays: dict[str, Any]) -> None:
+def _curves(axes: Any, record: dict[str, Any], arrays: dict[str, Any]) -> None:
     tone, curves = KHZ * arrays["tolerance_hz"], 1e9 * np.asarray(arrays["tolerance_curves"])
     for number, curve in enumerate(curves[1:]):
         axes.semilogy(tone, curve, color=plots_style.SKY, lw=0.6, alpha=0.7, label="samples" if number == 0 else None)
     axes.semilogy(tone, curves[0], color="black", lw=1.3, label="nominal plate")
     axes.set_xlabel("frequency (kHz)")
-    axes.set_ylabel(f"zone rms u_z (n{found['rms_unit']})")
-    peak = found["peak_hz"]
-    count = len(found["samples"]) - found["lost"]
+    axes.set_ylabel(f"zone rms u_z (n{record['rms_unit']})")
+    peak = record["peak_hz"]
+    count = len(record["samples"]) - record["lost"]
     axes.set_title(
         f"Wanted mode's peak {KHZ * peak['mean']:.2f} kHz, spread {peak['deviation']:.0f} Hz over {count} plates"
         if peak
@@ -132,9 +134,9 @@ def _curves(axes: Any, found: dict[str, Any], arrays: dict[str, Any]) -> None:
     axes.legend(fontsize=8, frameon=True, framealpha=0.9, edgecolor="none")
 
 
-def _peaks(axes: Any, found: dict[str, Any]) -> None:
-    samples = [one for one in found["samples"] if one["peak_hz"] is not None]
-    nominal, level = found["nominal"], found["confinement_db"]
+def _peaks(axes: Any, record: dict[str, Any]) -> None:
+    samples = [one for one in record["samples"] if one["peak_hz"] is not None]
+    nominal, level = record["nominal"], record["confinement_db"]
     axes.plot(
         [KHZ * one["peak_hz"] for one in samples],
         [one["confinement_db"] for one in samples],
@@ -157,13 +159,13 @@ def _peaks(axes: Any, found: dict[str, Any]) -> None:
     axes.legend(fontsize=8, frameon=True, framealpha=0.9, edgecolor="none")
 
 
-def _spread_alt(found: dict[str, Any]) -> str:
-    peak, level = found["peak_hz"], found["confinement_db"]
+def _spread_alt(record: dict[str, Any]) -> str:
+    peak, level = record["peak_hz"], record["confinement_db"]
     if not peak:
-        return f"None of {len(found['samples'])} plates whose pillars differ kept the wanted mode."
+        return f"None of {len(record['samples'])} plates whose pillars differ kept the wanted mode."
     said = (
-        f"Response of {len(found['samples'])} plates whose pillars differ: the peak lies at {KHZ * peak['mean']:.2f} kHz "
-        f"with a spread of {peak['deviation']:.0f} Hz, nominally at {KHZ * found['nominal']['peak_hz']:.2f} kHz"
+        f"Response of {len(record['samples'])} plates whose pillars differ: the peak lies at {KHZ * peak['mean']:.2f} kHz "
+        f"with a spread of {peak['deviation']:.0f} Hz, nominally at {KHZ * record['nominal']['peak_hz']:.2f} kHz"
     )
     if level:
         said += (

@@ -49,7 +49,7 @@ STYLE = {
 
 
 @dataclass(frozen=True)
-class Drawing:
+class ReportFigure:
     """A figure with its file name, its title and what it shows in words."""
 
     name: str
@@ -60,7 +60,7 @@ class Drawing:
 
 
 @dataclass(frozen=True)
-class Picture:
+class StoredFigure:
     """A stored picture: file names without folder, title, alternative text; `shown` is the file that a page embeds."""
 
     name: str
@@ -97,23 +97,23 @@ def mm_axes(axes: Axes, x: str = "x", y: str = "y") -> None:
     axes.set_ylabel(f"{y} (mm)")
 
 
-def save(drawing: Drawing, folder: Path) -> Picture:
+def save(report_figure: ReportFigure, folder: Path) -> StoredFigure:
     """Write folder/NAME.svg and .png, each whole or not at all; the same figure gives the same bytes."""
     folder.mkdir(parents=True, exist_ok=True)
-    words = {"Title": drawing.title, "Description": drawing.alt}
+    words = {"Title": report_figure.title, "Description": report_figure.alt}
     files: dict[str, str] = {}
     with style():
-        if engine := drawing.figure.get_layout_engine():  # once for both files
-            engine.execute(drawing.figure)
-        drawing.figure.set_layout_engine("none")
+        if engine := report_figure.figure.get_layout_engine():  # once for both files
+            engine.execute(report_figure.figure)
+        report_figure.figure.set_layout_engine("none")
     for kind, notes in (("svg", {**words, "Date": None}), ("png", {**words, "Software": None})):
         buffer = io.BytesIO()
         with style():
-            drawing.figure.savefig(buffer, format=kind, dpi=DPI, metadata=notes)
-        files[kind] = f"{drawing.name}.{kind}"
+            report_figure.figure.savefig(buffer, format=kind, dpi=DPI, metadata=notes)
+        files[kind] = f"{report_figure.name}.{kind}"
         store.write_atomic(folder / files[kind], buffer.getvalue())
-    shown = files["svg"] if drawing.vector else _compressed(folder, files["png"])
-    return Picture(drawing.name, drawing.title, drawing.alt, files["svg"], files["png"], shown)
+    file = files["svg"] if report_figure.vector else _compressed(folder, files["png"])
+    return StoredFigure(report_figure.name, report_figure.title, report_figure.alt, files["svg"], files["png"], file)
 
 
 def _compressed(folder: Path, png: str) -> str:

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 
 from pipeline.plots import style
-from pipeline.plots.style import Drawing
+from pipeline.plots.style import ReportFigure
 from pipeline.records import tracking
 from pipeline.records.study import CONFINED_DB, StoredCase, StoredStudy
 from pipeline.records.sweep_lines import axis_label, lines_along, main_key, swept
 from pipeline.records.tracking import Followed
 
-MOST_TICKS = 12
+MAX_TICKS = 12
 
 
-def against_sweep(study: StoredStudy) -> Drawing | None:
+def against_sweep(study: StoredStudy) -> ReportFigure | None:
     """Confinement and the wanted mode's frequency against the most varied numeric key, one line per set of the others."""
     cases = [case for case in swept(list(study.cases)) if case.wanted.get("frequency_hz")]
     key = main_key(study, cases) if cases else None
@@ -34,7 +34,7 @@ def against_sweep(study: StoredStudy) -> Drawing | None:
     if len(labels) > 1:
         figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), fontsize=8)
     title = f"Confinement and frequency against {axis_label(key)}"
-    return Drawing("against_sweep", title, _alt(study, cases, key), figure, vector=True)
+    return ReportFigure("against_sweep", title, _alt(study, cases, key), figure, vector=True)
 
 
 def _draw_line(
@@ -42,14 +42,14 @@ def _draw_line(
 ) -> None:
     colour, marker = style.CYCLE[index % len(style.CYCLE)], style.MARKERS[index % len(style.MARKERS)]
     x = np.array([case.sweep[key] for case in line], dtype=float)
-    held = np.array([case.wanted.get("confinement_db") for case in line], dtype=float)
+    levels = np.array([case.wanted.get("confinement_db") for case in line], dtype=float)
     khz = np.array([case.wanted["frequency_hz"] / 1e3 for case in line])
-    for axes, values in ((level, held), (tone, khz)):
+    for axes, values in ((level, levels), (tone, khz)):
         for first, last in _same_mode(line, tracked):
             axes.plot(x[first:last], values[first:last], color=colour, lw=1.1)
     for filled in (True, False):
-        shown = np.array([bool(case.confined) for case in line]) == filled
-        level.plot(x[shown], held[shown], marker, color=colour, mfc=colour if filled else "white", ms=6)
+        marked = np.array([bool(case.confined) for case in line]) == filled
+        level.plot(x[marked], levels[marked], marker, color=colour, mfc=colour if filled else "white", ms=6)
     tone.plot(x, khz, color=colour, marker=marker, ms=5, ls="none", label=name)
 
 
@@ -74,7 +74,7 @@ def _finish(level: Any, tone: Any, key: str) -> None:
     for axes in (level, tone):
         axes.grid(True)
     values = sorted({float(value) for line in tone.lines for value in line.get_xdata()})
-    if len(values) <= MOST_TICKS:
+    if len(values) <= MAX_TICKS:
         tone.set_xticks(values, [f"{value:g}" for value in values])
 
 
@@ -110,7 +110,7 @@ def _alt(study: StoredStudy, cases: list[StoredCase], key: str) -> str:
     )
 
 
-def how_many_rows(study: StoredStudy) -> Drawing | None:
+def how_many_rows(study: StoredStudy) -> ReportFigure | None:
     """Decibels from zone to extension: rows times the decay per row (infinite rows) against the finite plates."""
     cases = [case for case in study.cases if (case.record.get("prediction") or {}).get("rows_db") is not None]
     cases = [case for case in cases if case.wanted.get("extension_db") is not None]
@@ -124,10 +124,10 @@ def how_many_rows(study: StoredStudy) -> Drawing | None:
         finite = [case.wanted["extension_db"] for case in line]
         label = f", {name}" if name else ""
         axes.plot(rows, finite, color=colour, marker="o", label=f"finite plate{label}")
-        told = [case.record["prediction"]["rows_db"] for case in line]
-        axes.plot(rows, told, color=colour, marker="s", mfc="white", ls="--", label=f"rows x decay per row{label}")
-        passed = [case.record["prediction"]["through_db"] for case in line]
-        axes.plot(rows, passed, color=colour, marker="^", mfc="white", ls=":", label=f"through the rows{label}")
+        predicted = [case.record["prediction"]["rows_db"] for case in line]
+        axes.plot(rows, predicted, color=colour, marker="s", mfc="white", ls="--", label=f"rows x decay per row{label}")
+        transmitted = [case.record["prediction"]["through_db"] for case in line]
+        axes.plot(rows, transmitted, color=colour, marker="^", mfc="white", ls=":", label=f"through the rows{label}")
     axes.set_xticks(sorted({case.sweep["array.rows"] for case in cases}))
     axes.set_xlabel("rows on each side of the zone")
     axes.set_ylabel("zone to extension (dB)")
@@ -138,4 +138,4 @@ def how_many_rows(study: StoredStudy) -> Drawing | None:
         f"{c.case_id}: {c.wanted['extension_db']:.1f} dB, predicted {c.record['prediction']['rows_db']:.1f} dB"
         for c in cases
     )
-    return Drawing("how_many_rows", title, f"{title}. {parts}", figure, vector=True)
+    return ReportFigure("how_many_rows", title, f"{title}. {parts}", figure, vector=True)

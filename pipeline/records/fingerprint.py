@@ -85,8 +85,8 @@ def file_hash(path: Path) -> str:
 
 def computing_sources(house: Path = HOUSE) -> list[Path]:
     """Every source file whose edit may change a number: all of them but the few that only dispatch and show."""
-    found = (path for folder in COMPUTING_FOLDERS for path in (house / folder).rglob("*.py"))
-    return sorted(path for path in found if not _only_shows(path.relative_to(house)))
+    paths = (path for folder in COMPUTING_FOLDERS for path in (house / folder).rglob("*.py"))
+    return sorted(path for path in paths if not _only_shows(path.relative_to(house)))
 
 
 def _only_shows(relative: Path) -> bool:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry import files
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.records.store import StoreError, write_atomic
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def check_places(arguments: Namespace) -> None:
         lines += _faults(f"--{name}", [getattr(arguments, name, None)])
     lines += _faults("--out", _known_files(arguments))
     if lines:
-        raise InputFault(lines)
+        raise InputError(lines)
 
 
 def check_apart(json_place: str | None, output: str | None) -> None:
@@ -81,7 +81,7 @@ def check_apart(json_place: str | None, output: str | None) -> None:
         return
     both = [is_standard_output(place) for place in (json_place, output)]
     if all(both) or (not any(both) and os.path.realpath(json_place) == os.path.realpath(output)):
-        raise InputFault(
+        raise InputError(
             f"--json = {json_place} and -o = {output}: go to the same place; name another one for one of them"
         )
 
@@ -89,7 +89,7 @@ def check_apart(json_place: str | None, output: str | None) -> None:
 def check_files(option: str, places: Iterable[str | Path]) -> None:
     """Before computing: InputFault with a line for each place of an option that cannot be written."""
     if lines := _faults(option, places):
-        raise InputFault(lines)
+        raise InputError(lines)
 
 
 def _faults(option: str, places: Iterable[str | Path | None]) -> list[str]:
@@ -134,7 +134,7 @@ def folder(path: str) -> Path:
     try:
         place.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
-        raise InputFault(f"--out = {path}: {fault.strerror}: must be a folder that can be written") from fault
+        raise InputError(f"--out = {path}: {fault.strerror}: must be a folder that can be written") from fault
     return place
 
 
@@ -143,7 +143,7 @@ def write_file(path: Path, data: bytes) -> None:
     try:
         write_atomic(path, data)
     except StoreError as fault:
-        raise InputFault(fault.lines) from fault
+        raise InputError(fault.lines) from fault
 
 
 @contextmanager
@@ -160,15 +160,15 @@ def delivered(place: Path) -> Iterator[Path]:
         with files.written_whole(place) as temporary:
             yield temporary
     except files.UnwritableError as fault:
-        raise InputFault(str(fault)) from fault
+        raise InputError(str(fault)) from fault
     except OSError as fault:
-        raise InputFault(f"{place}: cannot be written ({fault.strerror or fault})") from fault
+        raise InputError(f"{place}: cannot be written ({fault.strerror or fault})") from fault
 
 
 @contextmanager
 def _for_standard_output() -> Iterator[Path]:
     if sys.stdout.isatty():
-        raise InputFault("-o -: standard output is a terminal; send it to a file or a pipe")
+        raise InputError("-o -: standard output is a terminal; send it to a file or a pipe")
     with tempfile.TemporaryDirectory(prefix="antinode-") as place:
         temporary = Path(place, "output")
         yield temporary

@@ -22,27 +22,27 @@ DIAGNOSES = {
     "LOST": "<F>_ABNORMAL_ABORT",
 }
 STEP_MARK = "-- STEP : "
-SAME_ALARM_LIMIT = 5
+SAME_WARNING_LIMIT = 5
 
 
-class Mess:
+class RunLog:
     """The log of one case; every line is on the disk as soon as it is said.
 
-    `alarms`, `left_out_list` and `seconds` (by step, s) keep what the record and timing.json repeat.
+    `warnings`, `left_out_list` and `seconds` (by step, s) keep what the record and timing.json repeat.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.alarms: list[str] = []
+        self.warnings: list[str] = []
         self.left_out_list: list[str] = []
         self.seconds: dict[str, float] = {}
-        self._told: Counter[str] = Counter()
+        self._summary: Counter[str] = Counter()
         self._start = time.perf_counter()
         self._cpu_start = time.process_time()
         self._closed = False
         self._file: TextIO = path.open("w", encoding="utf-8", buffering=1)
 
-    def __enter__(self) -> Mess:
+    def __enter__(self) -> RunLog:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -65,15 +65,15 @@ class Mess:
         """A fact: a mesh, a count, a choice taken and why."""
         self._say(_coded("I", id, text))
 
-    def alarm(self, id: str, text: str) -> None:
+    def warning(self, id: str, text: str) -> None:
         """Something that the reader must know before believing the numbers; said at most five times per id."""
-        if text not in self.alarms:
-            self.alarms.append(text)
-        self._told[id] += 1
-        if self._told[id] <= SAME_ALARM_LIMIT:
+        if text not in self.warnings:
+            self.warnings.append(text)
+        self._summary[id] += 1
+        if self._summary[id] <= SAME_WARNING_LIMIT:
             self._say(_coded("A", id, text))
-        if self._told[id] == SAME_ALARM_LIMIT:
-            self._say(f"   alarm {id} came {SAME_ALARM_LIMIT} times: further ones are counted only")
+        if self._summary[id] == SAME_WARNING_LIMIT:
+            self._say(f"   warning {id} came {SAME_WARNING_LIMIT} times: further ones are counted only")
 
     def error(self, id: str, text: str) -> None:
         """What ends the case."""
@@ -103,13 +103,13 @@ class Mess:
         return time.perf_counter() - self._start
 
     def close(self, status: str) -> None:
-        """Last lines: times, alarms counted, and the diagnostic (OK, ALARM, FAILED). Once only."""
+        """Last lines: times, warnings counted, and the diagnostic (OK, WARNING, FAILED). Once only."""
         if self._closed:
             return
         self._closed = True
-        for id, count in self._told.items():
-            if count > SAME_ALARM_LIMIT:
-                self._say(f"   alarm {id} came {count} times in all")
+        for id, count in self._summary.items():
+            if count > SAME_WARNING_LIMIT:
+                self._say(f"   warning {id} came {count} times in all")
         cpu = time.process_time() - self._cpu_start
         self._say(f"{RULE}\nTOTAL_JOB : cpu {cpu:.2f} s : elapsed {self.elapsed:.2f} s")
         self._say(diagnostic(status))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 FIELDS = "fields.npz"  # every mode in full: written on demand only
-INPUT, RECORD, ARRAYS, TIMING, MANIFEST, MESS = (
+INPUT, RECORD, ARRAYS, TIMING, MANIFEST, RUN_LOG = (
     "input.json",
     "record.json",
     "arrays.npz",
@@ -28,7 +28,7 @@ INPUT, RECORD, ARRAYS, TIMING, MANIFEST, MESS = (
     "run.mess",
 )
 TEMPORARY = files.PART
-UNLISTED = {RECORD, TIMING, MANIFEST, MESS}
+UNLISTED = {RECORD, TIMING, MANIFEST, RUN_LOG}
 PROOF = "proof"
 NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 CASE_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+=,@-]*")

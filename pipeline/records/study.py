@@ -16,7 +16,7 @@ CONFINED_DB = 10.0
 SAME_PLATE = ("tet_modes", "geometry")  # what a case shows of another one with the very same design
 SAME_CELL = ("tet_bands",)  # ... with the same unit cell
 CELL_KEYS = ("pitch_x_m", "pitch_y_m", "thickness_m", "pillar")
-KIN_ARRAYS = ("tet_", "cell_")
+SIBLING_ARRAYS = ("tet_", "cell_")
 OTHER_VERSION = (KeyError, TypeError, AttributeError, ValueError, IndexError)
 
 
@@ -28,24 +28,24 @@ class StoredCase:
     case_id: str
     sweep: dict[str, Any]
     record: dict[str, Any] = field(default_factory=dict)
-    complaint: str = ""
-    kin: tuple[Path, ...] = ()  # folders of cases with the same design, whose arrays may be shown beside
+    read_error: str = ""
+    siblings: tuple[Path, ...] = ()  # folders of cases with the same design, whose arrays may be shown beside
 
     @property
     def status(self) -> str:
-        """OK, ALARM, FAILED, or MISSING when nothing readable is stored."""
+        """OK, WARNING, FAILED, or MISSING when nothing readable is stored."""
         return str(self.record.get("status", "MISSING"))
 
     @property
     def diagnosis(self) -> str:
         """One line on how it ended."""
-        return self.complaint or str(self.record.get("diagnosis", ""))
+        return self.read_error or str(self.record.get("diagnosis", ""))
 
     @property
     def wanted(self) -> dict[str, Any]:
         """The wanted mode's measures, empty when there is none."""
-        found = self.record.get("wanted") or {}
-        return found if found.get("frequency_hz") is not None else {}
+        stored = self.record.get("wanted") or {}
+        return stored if stored.get("frequency_hz") is not None else {}
 
     @property
     def wanted_status(self) -> str | None:
@@ -64,36 +64,36 @@ class StoredCase:
     @property
     def driven_db(self) -> float | None:
         """Confinement at the wanted mode's peak as the patches drive it, dB; None without a response or without that peak."""
-        found = (self.record.get("response") or {}).get("wanted_peak") or {}
-        return found.get("confinement_db")
+        stored = (self.record.get("response") or {}).get("wanted_peak") or {}
+        return stored.get("confinement_db")
 
     def read(self, name: str) -> Any:
         """A JSON file of the case, {} when it is missing or torn, no object, or not what the record proves."""
         try:
-            found = store.read_listed(self.folder, name)
+            stored = store.read_listed(self.folder, name)
         except store.BadRecord:
             return {}
-        return found if isinstance(found, dict) else {}
+        return stored if isinstance(stored, dict) else {}
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The stored arrays and those borrowed from kin; {} when there are none or they cannot be believed."""
+        """The stored arrays and those borrowed from siblings; {} when there are none or they cannot be believed."""
         return self.read_arrays()[0]
 
     def read_arrays(self) -> tuple[dict[str, np.ndarray], list[str]]:
         """The same, and a line for each file of arrays that cannot be believed."""
         from pipeline.records.surface_codec import unfolded
 
-        found: dict[str, np.ndarray] = {}
-        complaints = []
-        for folder in (*self.kin, self.folder):
+        stored: dict[str, np.ndarray] = {}
+        read_errors = []
+        for folder in (*self.siblings, self.folder):
             try:
                 arrays = unfolded(store.load_arrays(folder))
             except store.BadRecord as error:
-                complaints.append(f"{folder.name}: {error}")
+                read_errors.append(f"{folder.name}: {error}")
                 continue
             own = folder == self.folder
-            found |= {name: array for name, array in arrays.items() if own or name.startswith(KIN_ARRAYS)}
-        return found, complaints
+            stored |= {name: array for name, array in arrays.items() if own or name.startswith(SIBLING_ARRAYS)}
+        return stored, read_errors
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,8 @@ class StoredStudy:
         cells = [other for other in others if design and _cell(other.record.get("design")) == _cell(design)]
         borrowed = {
             key: other.record[key]
-            for keys, kin in ((SAME_CELL, cells), (SAME_PLATE, plates))
-            for other in kin
+            for keys, siblings in ((SAME_CELL, cells), (SAME_PLATE, plates))
+            for other in siblings
             for key in keys
             if other.record.get(key) and not case.record.get(key)
         }
@@ -132,12 +132,12 @@ class StoredStudy:
             other.folder for other in plates if other.record.get("tet_modes") or other.record.get("tet_bands")
         )
         meshes = [*case.record.get("meshes", []), *_tet_meshes(plates, "plate"), *_tet_meshes(cells, "cell")]
-        return replace(case, record={**case.record, **borrowed, "meshes": meshes}, kin=folders)
+        return replace(case, record={**case.record, **borrowed, "meshes": meshes}, siblings=folders)
 
 
-def _tet_meshes(kin: list[StoredCase], what: str) -> list[dict[str, Any]]:
-    found = (mesh for case in kin for mesh in case.record.get("meshes") or [])
-    return [mesh for mesh in found if mesh.get("what") == what and mesh.get("kind") == "tet"][:1]
+def _tet_meshes(siblings: list[StoredCase], what: str) -> list[dict[str, Any]]:
+    stored = (mesh for case in siblings for mesh in case.record.get("meshes") or [])
+    return [mesh for mesh in stored if mesh.get("what") == what and mesh.get("kind") == "tet"][:1]
 
 
 def _cell(design: dict[str, Any] | None) -> list[Any] | None:

@@ -40,8 +40,8 @@ def _part(part: str, key: str) -> Callable[[StoredCase], Any]:
 
 def _peak(which: str, key: str, factor: float = 1.0) -> Callable[[StoredCase], Any]:
     def value(case: StoredCase) -> Any:
-        found = ((case.record.get("response") or {}).get(which) or {}).get(key)
-        return None if found is None else factor * found
+        peak = ((case.record.get("response") or {}).get(which) or {}).get(key)
+        return None if peak is None else factor * peak
 
     return value
 
@@ -131,7 +131,7 @@ MEASURES = (
     Column("tolerance_db", "confinement, pillars unlike: mean", _spread("confinement_db", "mean"), ".2f", "dB"),
     Column("tolerance_spread_db", "its spread", _spread("confinement_db", "deviation"), ".2f", "dB"),
     Column("tolerance_worst_db", "the worst", _spread("confinement_db", "lowest"), ".2f", "dB"),
-    Column("dof", "unknowns", _dof, "d"),
+    Column("dof", "dofs", _dof, "d"),
     Column("mass_kg", "mass", _part("geometry", "mass_kg"), ".6f", "kg"),
 )
 
@@ -150,15 +150,15 @@ def columns_of(study: StoredStudy) -> list[Column]:
 
 def _followed(study: StoredStudy) -> tuple[Column, ...]:
     """Columns of the mode that is followed along the sweep from where the wanted one is plainest."""
-    found = tracking.along_sweep(study)
+    peak = tracking.along_sweep(study)
 
-    def told(key: str) -> Callable[[StoredCase], Any]:
-        return lambda case: getattr(found.get(case.case_id), key, None)
+    def column(key: str) -> Callable[[StoredCase], Any]:
+        return lambda case: getattr(peak.get(case.case_id), key, None)
 
     return (
-        Column("tracked_hz", "tracked mode", told("frequency_hz"), ".2f", "Hz"),
-        Column("tracked_mac", "MAC with the case before", told("mac"), ".4f"),
-        Column("tracking", "tracking along the sweep", told("identity")),
+        Column("tracked_hz", "tracked mode", column("frequency_hz"), ".2f", "Hz"),
+        Column("tracked_mac", "MAC with the case before", column("mac"), ".4f"),
+        Column("tracking", "tracking along the sweep", column("identity")),
     )
 
 

@@ -28,26 +28,28 @@ def along_sweep(study: StoredStudy) -> dict[str, Followed]:
     """Every case of a sweep by its id; {} where nothing numeric is swept or no shapes are stored."""
     cases = [case for case in study.cases if case.record.get("shapes")]
     key = main_key(study, cases) if len(cases) > 1 else None
-    found: dict[str, Followed] = {}
+    tracked: dict[str, Followed] = {}
     for line in lines_along(study, cases, key).values() if key else ():
-        found |= _line(line)
-    return found
+        tracked |= _line(line)
+    return tracked
 
 
 def _line(line: list[StoredCase]) -> dict[str, Followed]:
     """From the case with the plainest wanted mode to both ends of the line."""
     start = max(range(len(line)), key=lambda i: line[i].wanted.get("share") or 0.0)
     first = line[start]
-    found = {first.case_id: Followed(first.wanted["frequency_hz"], None, "start")}
-    for way in (line[start:], line[start::-1]):
-        plates = [_shapes(case) for case in way]
+    tracked = {first.case_id: Followed(first.wanted["frequency_hz"], None, "start")}
+    for choice in (line[start:], line[start::-1]):
+        plates = [_shapes(case) for case in choice]
         steps = follow(plates, int(first.record["shapes"]["wanted"]))
-        for number, case in enumerate(way[1:]):
-            found[case.case_id] = _told(steps[number], case) if number < len(steps) else Followed(None, None, "lost")
-    return found
+        for number, case in enumerate(choice[1:]):
+            tracked[case.case_id] = (
+                _summary(steps[number], case) if number < len(steps) else Followed(None, None, "lost")
+            )
+    return tracked
 
 
-def _told(step: Step, case: StoredCase) -> Followed:
+def _summary(step: Step, case: StoredCase) -> Followed:
     if step.row is None or not step.kept:
         return Followed(None, step.mac, "lost")
     stored = case.record["shapes"]

@@ -14,9 +14,9 @@ from pipeline.records.fingerprint import canonical_json
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.report.mode_shapes import Gallery
 
-MOST_CELLS = 12
-MOST_WITH_SHAPES = 3
-MOST_POINTS = 1200
+MAX_CELLS = 12
+MAX_WITH_SHAPES = 3
+MAX_POINTS = 1200
 TILES = 2  # cells shown along each axis, so that the phase from cell to cell is seen
 SPREAD = 0.12  # of the cell's height: the largest displacement as first drawn
 KINDS = tuple(POLARISATIONS)
@@ -30,19 +30,19 @@ def diagrams(study: StoredStudy, best: StoredCase | None) -> dict[str, Any]:
             groups.setdefault(_key(case), []).append(case)
     gallery = Gallery()
     cells: list[dict[str, Any]] = []
-    for members in list(groups.values())[:MOST_CELLS]:
+    for members in list(groups.values())[:MAX_CELLS]:
         cell = _cell(members, best)
-        if sum("shapes" in other for other in cells) < MOST_WITH_SHAPES:
+        if sum("shapes" in other for other in cells) < MAX_WITH_SHAPES:
             cell |= _shapes(gallery, members)
         cells.append(cell)
-    return {"cells": cells, "left": max(0, len(groups) - MOST_CELLS), **vars(gallery)}
+    return {"cells": cells, "left": max(0, len(groups) - MAX_CELLS), **vars(gallery)}
 
 
 def _key(case: StoredCase) -> str:
     """Cases with the same bands show one diagram."""
     points = case.record["bands"]["points"]
-    shown = [[p["kx_per_m"], p["ky_per_m"], p["frequencies_hz"]] for p in points]
-    return hashlib.sha256(canonical_json(shown).encode()).hexdigest()
+    visible = [[p["kx_per_m"], p["ky_per_m"], p["frequencies_hz"]] for p in points]
+    return hashlib.sha256(canonical_json(visible).encode()).hexdigest()
 
 
 def _cell(members: list[StoredCase], best: StoredCase | None) -> dict[str, Any]:
@@ -112,20 +112,20 @@ def _shapes(gallery: Gallery, members: list[StoredCase]) -> dict[str, Any]:
 
 def _add(gallery: Gallery, case: StoredCase, arrays: dict[str, Any], facets: Any) -> dict[str, list[int]]:
     points = np.asarray(arrays["bands_points"], dtype=float)
-    kept, small = coarse(points, facets, MOST_POINTS)
+    kept, small = coarse(points, facets, MAX_POINTS)
     body = gallery.add_body(points[kept], small, SPREAD * float(np.ptp(points[:, 2])))
     design = case.record["design"]
     pitch = np.array([design["pitch_x_m"], design["pitch_y_m"]])
     marked = {point["label"]: point for point in case.record["bands"]["points"] if point.get("label")}
-    found: dict[str, list[int]] = {}
+    places: dict[str, list[int]] = {}
     for label, waves in zip(arrays["bands_labels"].tolist(), arrays["bands_u"].astype(float), strict=True):
         point = marked[label]
         copies = _tiles(np.array([point["kx_per_m"], point["ky_per_m"]]), pitch)
-        found[label] = [
+        places[label] = [
             gallery.add_shape(body, (wave[0] + 1j * wave[1])[kept], _words(label, band, point), copies)
             for band, wave in enumerate(waves)
         ]
-    return found
+    return places
 
 
 def _words(label: str, band: int, point: dict[str, Any]) -> dict[str, str]:

@@ -14,9 +14,9 @@ from geometry.decimate import coarse, with_sides
 from pipeline.plots.plate import FloatArray, IntArray, skin_faces
 from pipeline.records.study import StoredCase
 
-MOST_SHAPES = 12  # of plates in a page
-LEAST_OF_BEST = 4
-MOST_POINTS = 9000  # of a surface as sent; a quarter is sent where the others are its mirror images
+MAX_SHAPES = 12  # of plates in a page
+MIN_OF_BEST = 4
+MAX_POINTS = 9000  # of a surface as sent; a quarter is sent where the others are its mirror images
 FULL = 32767
 SAME = 1e-5  # of the largest: mirror images within rounding of the stored singles
 QUARTER = ((1, 1), (-1, 1), (1, -1), (-1, -1))
@@ -73,15 +73,15 @@ def _short(values: Iterable[float]) -> list[float]:
 
 
 def plates(cases: Sequence[StoredCase], best: StoredCase | None, stills: dict[str, str]) -> Gallery:
-    """Shapes of the best held case, and the wanted ones of the others; `stills` holds a picture's id for each case."""
+    """Shapes of the best confined case, and the wanted ones of the others; `stills` holds a picture's id for each case."""
     gallery = Gallery()
     ordered = sorted(cases, key=lambda case: best is None or case.case_id != best.case_id)
     for place, case in enumerate(ordered):
-        left = MOST_SHAPES - len(gallery.shapes)
+        left = MAX_SHAPES - len(gallery.shapes)
         if left < 1:
             break
         others = len(ordered) - 1 - place
-        most = max(LEAST_OF_BEST, left - others) if place == 0 else 1
+        most = max(MIN_OF_BEST, left - others) if place == 0 else 1
         _add_plate(gallery, case, most, stills.get(case.case_id, ""))
     return gallery
 
@@ -95,7 +95,7 @@ def _add_plate(gallery: Gallery, case: StoredCase, most: int, still: str) -> Non
     points = np.asarray(arrays["surface_points"], dtype=float)
     points, facets, u, signs = quarter(points, facets, u)
     facets = with_sides(points, facets, float(design.get("thickness_m") or 0.0))
-    kept, small = coarse(points, facets, MOST_POINTS)
+    kept, small = coarse(points, facets, MAX_POINTS)
     body = gallery.add_body(points[kept], small, 0.4 * _tallest(design))
     tones = arrays.get("surface_frequency_hz", np.full(len(u), np.nan))
     for number, (shape, sign) in enumerate(zip(u, signs, strict=True)):
@@ -111,12 +111,12 @@ def _tallest(design: dict[str, Any]) -> float:
 def _words(case: StoredCase, frequency_hz: float, wanted: bool) -> dict[str, str]:
     tone = f"{frequency_hz / 1e3:.2f} kHz" if np.isfinite(frequency_hz) else "frequency not stored"
     level = case.wanted.get("confinement_db") if wanted else None
-    held = "" if level is None else f", {level:.1f} dB from zone to passive face"
+    level_text = "" if level is None else f", {level:.1f} dB from zone to passive face"
     which = "wanted mode" if wanted else "neighbour"
     return {
         "group": case.case_id,
         "name": f"{tone}, {which}",
-        "about": f"{which.capitalize()} of {case.case_id} at {tone}{held}",
+        "about": f"{which.capitalize()} of {case.case_id} at {tone}{level_text}",
     }
 
 

@@ -10,20 +10,20 @@ from typing import Any
 
 from pipeline.plots import style
 from pipeline.records import store
-from pipeline.report.pictures import Embedder, Shown
+from pipeline.report.pictures import EmbeddedFigure, Embedder
 from pipeline.report.script_page import PAGE, SCHEMA
 
 STUDIES = {"accuracy": "Error against run time", "extremes": "Extreme scenes"}
 
 
 @dataclass(frozen=True)
-class Told:
+class StudySection:
     """A heading with words, tables as text and pictures."""
 
     heading: str
     words: list[str] = field(default_factory=list)
     tables: list[tuple[str, list[str], list[list[str]]]] = field(default_factory=list)
-    pictures: list[Shown] = field(default_factory=list)
+    pictures: list[EmbeddedFigure] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Beside:
     lead: str = ""
     address: str = ""
     missing: str = ""
-    sections: list[Told] = field(default_factory=list)
+    sections: list[StudySection] = field(default_factory=list)
 
 
 def beside(folder: Path, embedder: Embedder) -> list[Beside]:
@@ -62,12 +62,12 @@ def _read(folder: Path, name: str, title: str, embedder: Embedder) -> Beside:
         return Beside(name, title, missing=f"written by another version ({fault}): antinode report {name}")
 
 
-def _section(folder: Path, name: str, section: dict[str, Any], embedder: Embedder) -> Told:
+def _section(folder: Path, name: str, section: dict[str, Any], embedder: Embedder) -> StudySection:
     """A section; its tables only where it has no picture to say the same."""
-    pictures = [style.Picture(**entry) for entry in section["pictures"]]
-    shown = [embedder.show(f"../{name}/{style.PICTURES}", picture) for picture in pictures]
-    tables = [] if shown else [_table(folder.parent / name, table) for table in section["tables"]]
-    return Told(section["heading"], list(section["words"]), tables, shown)
+    pictures = [style.StoredFigure(**entry) for entry in section["pictures"]]
+    embedded = [embedder.show(f"../{name}/{style.PICTURES}", picture) for picture in pictures]
+    tables = [] if embedded else [_table(folder.parent / name, table) for table in section["tables"]]
+    return StudySection(section["heading"], list(section["words"]), tables, embedded)
 
 
 def _table(other: Path, name: str) -> tuple[str, list[str], list[list[str]]]:

@@ -15,13 +15,13 @@ from pipeline.records.study import OTHER_VERSION, StoredCase, StoredStudy, other
 from pipeline.report import dispersion, mode_shapes, text
 from pipeline.report.html import environment, script_data, vendored
 from pipeline.report.other_studies import beside
-from pipeline.report.pictures import Embedder, Shown, link
+from pipeline.report.pictures import EmbeddedFigure, Embedder, link
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 REPORT = "report.html"
-MOST_DRAWN = 12
+MAX_FIGURES = 12
 FILES = ("run.mess", "input.json", "record.json", "timing.json", "arrays.npz")
 STILLS = ("side_view", "touch_face", "geometry")  # what stands for a moving shape, the first that is drawn
 OF_BEST = {"attenuation": "Attenuation", "response": "Response"}
@@ -34,7 +34,7 @@ class CasePage:
     case: StoredCase
     anchor: str
     facts: list[tuple[str, str]]
-    pictures: list[Shown]
+    pictures: list[EmbeddedFigure]
     files: list[tuple[str, str]]
     seconds: dict[str, float]
     troubles: list[str] = field(default_factory=list)
@@ -57,19 +57,19 @@ class Moving:
     troubles: list[str]
 
 
-def build(folder: Path, most_drawn: int = MOST_DRAWN, say: Callable[[str], None] | None = None) -> Path:
+def build(folder: Path, max_figures: int = MAX_FIGURES, say: Callable[[str], None] | None = None) -> Path:
     """Write report.html of a study, pictures of at most `most_drawn` cases drawn anew or kept; returns its path.
 
     `say` is told when drawing takes its time. Solves nothing. Raises store.BadRecord when the folder holds no study.
     """
     study = _readable(read_study(folder))
-    shown = StoredStudy(folder, study.about, tuple(study.for_showing(case) for case in study.cases))
-    drawn = draw_cases(chosen(shown, most_drawn), say)
+    visible = StoredStudy(folder, study.about, tuple(study.for_showing(case) for case in study.cases))
+    figure_sets = draw_cases(chosen(visible, max_figures), say)
     embedder = Embedder(folder)
-    compared = _told(partial(gallery.draw_study, study))
+    compared = _without_failing(partial(gallery.draw_study, study))
     pictures = [embedder.show(style.PICTURES, picture) for picture in compared.pictures]
-    pages = _case_pages(shown, drawn, embedder)
-    moving = _moving(shown, [page for page in pages if page.drawn])
+    pages = _case_pages(visible, figure_sets, embedder)
+    moving = _moving(visible, [page for page in pages if page.drawn])
     path = folder / REPORT
     store.write_atomic(path, _page(study, pages, embedder, moving, (pictures, compared.troubles)).encode())
     return path
@@ -85,13 +85,13 @@ def _checked(study: StoredStudy, case: StoredCase) -> StoredCase:
     try:
         alone.for_showing(case)
         tables.table_text(alone)
-        for told in (text.cards, text.sentences, text.left_out, text.plans):
-            told(alone)
+        for part in (text.cards, text.sentences, text.left_out, text.plans):
+            part(alone)
         text.facts(case)
         for mode in text.modes(case):
             float(mode["frequency_hz"])
     except OTHER_VERSION as fault:
-        return replace(case, record={}, complaint=f"{store.RECORD}: {other_version(fault)}")
+        return replace(case, record={}, read_error=f"{store.RECORD}: {other_version(fault)}")
     return case
 
 
@@ -100,7 +100,7 @@ def _page(
     pages: list[CasePage],
     embedder: Embedder,
     moving: Moving,
-    compared: tuple[list[Shown], list[str]],
+    compared: tuple[list[EmbeddedFigure], list[str]],
 ) -> str:
     """The page's HTML; `compared` holds the pictures over the study and what could not be drawn."""
     columns = tables.columns_of(study)
@@ -125,7 +125,7 @@ def _page(
         left_out=text.left_out(study),
         plans=text.plans(study),
         repeat=f"antinode run {study.about['name']}" if study.about.get("name") else "",
-        understood=_understood(study),
+        with_defaults=_understood(study),
         shapes=moving.shapes,
         bands=moving.cells,
         bands_data=moving.bands,
@@ -162,12 +162,12 @@ def _of_best(study: StoredStudy, pages: list[CasePage]) -> list[tuple[str, str]]
     """Titles and anchors of the best case's attenuation and response, or of the first case that has them."""
     best = text.best_case(study)
     ordered = sorted(pages, key=lambda page: best is None or page.case.case_id != best.case_id)
-    found = []
+    figures = []
     for name, title in OF_BEST.items():
         page = next((page for page in ordered if any(picture.name == name for picture in page.pictures)), None)
         if page:
-            found.append((title, f"{page.anchor}-{name}"))
-    return found
+            figures.append((title, f"{page.anchor}-{name}"))
+    return figures
 
 
 def _understood(study: StoredStudy) -> str:
@@ -180,7 +180,7 @@ def _understood(study: StoredStudy) -> str:
 
 
 def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
-    """Which cases get pictures: all of a short study; of a long one the best and the worst held, the rest evenly spread."""
+    """Which cases get pictures: all of a short study; of a long one the best and the worst confined, the rest evenly spread."""
     drawable = [case for case in study.cases if case.status in {"OK", "ALARM"}]
     if len(drawable) <= most or most < 2:
         return drawable[:most]
@@ -195,7 +195,7 @@ def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
     return [case for case in drawable if case.case_id in picked]
 
 
-def draw_cases(cases: list[StoredCase], say: Callable[[str], None] | None = None) -> dict[str, gallery.Drawn]:
+def draw_cases(cases: list[StoredCase], say: Callable[[str], None] | None = None) -> dict[str, gallery.FigureSet]:
     """Pictures of each case by its id, drawn in parallel."""
     from pipeline.workers import LocalWorkers, default_jobs
 
@@ -203,51 +203,53 @@ def draw_cases(cases: list[StoredCase], say: Callable[[str], None] | None = None
     if stale and say:
         say(f"drawing the pictures of {len(stale)} case{'s' * (len(stale) != 1)}")
     if len(stale) < 2:
-        return {case.case_id: _told(partial(gallery.draw_case, case)) for case in cases}
+        return {case.case_id: _without_failing(partial(gallery.draw_case, case)) for case in cases}
     with LocalWorkers(default_jobs(len(stale)), 1) as workers:
         futures = {case.case_id: workers.submit(gallery.draw_case, case) for case in stale}
-        kept = {case.case_id: partial(gallery.draw_case, case) for case in cases if case.case_id not in futures}
-        return {case.case_id: _told(kept.get(case.case_id) or futures[case.case_id].result) for case in cases}
+        jobs = {case.case_id: partial(gallery.draw_case, case) for case in cases if case.case_id not in futures}
+        return {
+            case.case_id: _without_failing(jobs.get(case.case_id) or futures[case.case_id].result) for case in cases
+        }
 
 
-def _told(draw: Callable[[], gallery.Drawn]) -> gallery.Drawn:
+def _without_failing(draw: Callable[[], gallery.FigureSet]) -> gallery.FigureSet:
     """Pictures, or why there are none: a page without pictures is better than no page."""
     try:
         return draw()
     except Exception as error:
-        return gallery.Drawn([], [f"{type(error).__name__}: {error}"])
+        return gallery.FigureSet([], [f"{type(error).__name__}: {error}"])
 
 
-def _case_pages(study: StoredStudy, drawn: dict[str, gallery.Drawn], embedder: Embedder) -> list[CasePage]:
+def _case_pages(study: StoredStudy, figure_sets: dict[str, gallery.FigureSet], embedder: Embedder) -> list[CasePage]:
     """Every case's part of the page in the study's order; the best case's pictures are embedded first."""
     best = text.best_case(study)
     order = sorted(range(len(study.cases)), key=lambda i: best is None or study.cases[i].case_id != best.case_id)
-    made = {i: _case_page(study.cases[i], i, drawn.get(study.cases[i].case_id), embedder) for i in order}
+    made = {i: _case_page(study.cases[i], i, figure_sets.get(study.cases[i].case_id), embedder) for i in order}
     return [made[i] for i in range(len(study.cases))]
 
 
-def _case_page(case: StoredCase, index: int, drawn: gallery.Drawn | None, embedder: Embedder) -> CasePage:
+def _case_page(case: StoredCase, index: int, figure_sets: gallery.FigureSet | None, embedder: Embedder) -> CasePage:
     timing, stored = case.read(store.TIMING) or {}, case.read(store.INPUT)
     folder = f"{case.case_id}/{style.PICTURES}"
     return CasePage(
         case=case,
         anchor=f"case-{index + 1}",
         facts=text.facts(case),
-        pictures=[embedder.show(folder, picture) for picture in (drawn.pictures if drawn else [])],
+        pictures=[embedder.show(folder, picture) for picture in (figure_sets.pictures if figure_sets else [])],
         files=list(_files(case)),
         seconds=_seconds(timing.get("seconds")),
-        troubles=drawn.troubles if drawn else [],
-        modes=text.modes(case) if drawn is not None else [],
+        troubles=figure_sets.troubles if figure_sets else [],
+        modes=text.modes(case) if figure_sets is not None else [],
         overrides=[str(text) for text in (stored.get("overrides") or [])] if isinstance(stored, dict) else [],
-        drawn=drawn is not None,
+        drawn=figure_sets is not None,
     )
 
 
-def _seconds(told: Any) -> dict[str, float]:
+def _seconds(part: Any) -> dict[str, float]:
     """Times by step; they stand outside of the record's proof, so what is no time is left out."""
-    if not isinstance(told, dict):
+    if not isinstance(part, dict):
         return {}
-    return {name: value for name, value in told.items() if isinstance(value, int | float)}
+    return {name: value for name, value in part.items() if isinstance(value, int | float)}
 
 
 def _files(case: StoredCase) -> Iterator[tuple[str, str]]:

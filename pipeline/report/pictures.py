@@ -15,7 +15,7 @@ SVG_SIZE = re.compile(r'<svg[^>]*?\swidth="([\d.]+)pt"[^>]*?\sheight="([\d.]+)pt
 
 
 @dataclass(frozen=True)
-class Shown:
+class EmbeddedFigure:
     """A picture in the page: where its pixels come from (data or file), its size, links and words."""
 
     name: str
@@ -34,7 +34,7 @@ class Embedder:
     def __init__(self, study: Path, budget: int | None = None) -> None:
         self.study, self.left, self.linked = study, EMBEDDED_BYTES if budget is None else budget, 0
 
-    def show(self, folder: str, picture: style.Picture) -> Shown:
+    def show(self, folder: str, picture: style.StoredFigure) -> EmbeddedFigure:
         """The picture of a folder (relative to the study), embedded or linked."""
         path = self.study / folder / picture.shown
         data = path.read_bytes()
@@ -45,14 +45,14 @@ class Embedder:
         else:
             self.linked += 1
         links = (link(folder, picture.svg), link(folder, picture.png))
-        return Shown(picture.name, source, *size(path, data), *links, picture.title, picture.alt)
+        return EmbeddedFigure(picture.name, source, *size(path, data), *links, picture.title, picture.alt)
 
 
 def size(path: Path, data: bytes) -> tuple[int, int]:
     """Width and height of a picture in its own units; (0, 0) when it does not tell."""
     if path.suffix == ".svg":
-        found = SVG_SIZE.search(data[:2000].decode(errors="replace"))
-        return (round(float(found[1])), round(float(found[2]))) if found else (0, 0)
+        match = SVG_SIZE.search(data[:2000].decode(errors="replace"))
+        return (round(float(match[1])), round(float(match[2]))) if match else (0, 0)
     from PIL import Image
 
     try:
@@ -64,4 +64,4 @@ def size(path: Path, data: bytes) -> tuple[int, int]:
 
 def link(*parts: str) -> str:
     """A relative address whose folder names may hold = and commas."""
-    return "/".join(quote(piece) for part in parts for piece in part.split("/"))
+    return "/".join(quote(panel) for part in parts for panel in part.split("/"))

@@ -13,7 +13,7 @@ from pipeline.plots import style
 from pipeline.records import store
 from pipeline.records.outputs import no_formula
 from pipeline.report.html import environment
-from pipeline.report.pictures import Embedder, Shown
+from pipeline.report.pictures import EmbeddedFigure, Embedder
 
 PAGE = "page.json"  # what the page holds, for the pages of other studies
 SCHEMA = 1
@@ -36,7 +36,7 @@ class Section:
     heading: str
     words: Sequence[str] = ()
     tables: Sequence[Table] = ()
-    drawings: Sequence[Callable[[], style.Drawing]] = ()
+    report_figures: Sequence[Callable[[], style.ReportFigure]] = ()
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Page:
 
 def write_page(folder: Path, name: str, title: str, lead: str, page: Page) -> list[Path]:
     """Write CSV files, pictures, report.html, report.md and page.json; returns the tables and the page."""
-    written, shown, kept = [], [], []
+    written, embedded, kept = [], [], []
     embedder = Embedder(folder, EMBEDDED_BYTES)
     for section in page.sections:
         for table in section.tables:
@@ -56,17 +56,17 @@ def write_page(folder: Path, name: str, title: str, lead: str, page: Page) -> li
             store.write_atomic(path, _csv(table).encode())
             written.append(path)
         with style.style():
-            pictures = [style.save(draw(), folder / style.PICTURES) for draw in section.drawings]
-        shown.append((section, [embedder.show(style.PICTURES, picture) for picture in pictures]))
+            pictures = [style.save(draw(), folder / style.PICTURES) for draw in section.report_figures]
+        embedded.append((section, [embedder.show(style.PICTURES, picture) for picture in pictures]))
         kept.append(_kept(section, pictures))
     html = folder / "report.html"
-    store.write_atomic(html, _html(name, title, lead, shown).encode())
+    store.write_atomic(html, _html(name, title, lead, embedded).encode())
     store.write_atomic(folder / "report.md", markdown(title, lead, page).encode())
     store.write_json(folder / PAGE, {"schema": SCHEMA, "name": name, "title": title, "lead": lead, "sections": kept})
     return [*written, html]
 
 
-def _kept(section: Section, pictures: list[style.Picture]) -> dict[str, Any]:
+def _kept(section: Section, pictures: list[style.StoredFigure]) -> dict[str, Any]:
     return {
         "heading": section.heading,
         "words": list(section.words),
@@ -113,6 +113,6 @@ def _cell(value: Any) -> Any:
     return no_formula(value) if isinstance(value, str) else "" if value is None else value
 
 
-def _html(name: str, title: str, lead: str, shown: list[tuple[Section, list[Shown]]]) -> str:
+def _html(name: str, title: str, lead: str, embedded: list[tuple[Section, list[EmbeddedFigure]]]) -> str:
     template = environment().get_template("scripted.html.j2")
-    return template.render(name=name, title=title, lead=lead, sections=shown, text=text)
+    return template.render(name=name, title=title, lead=lead, sections=embedded, text=text)

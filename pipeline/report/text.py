@@ -10,19 +10,19 @@ from pipeline.records.study import CONFINED_DB, StoredCase, StoredStudy
 from pipeline.records.tables import widest_gap
 from pipeline.report.thesis import compare
 
-MOST_MODES = 40
-MOST_PLANS = 12
+MAX_MODES = 40
+MAX_PLANS = 12
 WIDE = "\u202f"
 
 
 @dataclass(frozen=True)
 class Card:
-    """A headline: its name, its value, a line beneath, its mood (good, bad or plain)."""
+    """A headline: its name, its value, a line beneath, its severity (good, bad or plain)."""
 
     name: str
     value: str
     note: str
-    mood: str = "plain"
+    severity: str = "plain"
 
 
 def si(value: Any, unit: str = "", digits: int = 4) -> str:
@@ -46,12 +46,12 @@ def khz(frequency_hz: float | None) -> str:
 
 
 def verdict(case: StoredCase) -> str:
-    """Whether the wanted mode is held, as a mode and driven, and whether the expected error leaves that open."""
+    """Whether the wanted mode is confined, as a mode and driven, and whether the expected error leaves that open."""
     as_mode = case.wanted["confinement_db"] >= CONFINED_DB
-    held = "confined" if case.confined else "confined as a mode, not as driven" if as_mode else "leaking"
+    level_word = "confined" if case.confined else "confined as a mode, not as driven" if as_mode else "leaking"
     error = case.wanted.get("confinement_error_db")
     close = error is not None and abs(case.wanted["confinement_db"] - CONFINED_DB) <= error
-    return f"{held}, but nearer to {CONFINED_DB:.0f} dB than its expected error" if close else held
+    return f"{level_word}, but nearer to {CONFINED_DB:.0f} dB than its expected error" if close else level_word
 
 
 def _level(wanted: dict[str, Any]) -> str:
@@ -60,18 +60,18 @@ def _level(wanted: dict[str, Any]) -> str:
 
 
 def best_case(study: StoredStudy) -> StoredCase | None:
-    """The case whose wanted mode is held best; without any, the first that has one."""
-    held = [case for case in plates(study) if case.confined is not None]
-    if held:
-        return max(held, key=lambda case: case.wanted["confinement_db"])
+    """The case whose wanted mode is confined best; without any, the first that has one."""
+    level_word = [case for case in plates(study) if case.confined is not None]
+    if level_word:
+        return max(level_word, key=lambda case: case.wanted["confinement_db"])
     return next((case for case in study.cases if case.wanted), None)
 
 
 def cards(study: StoredStudy) -> list[Card]:
-    """Headlines of a study: wanted mode, how well it is held, gap, how the cases ended."""
+    """Headlines of a study: wanted mode, how well it is confined, gap, how the cases ended."""
     best = best_case(study)
-    told = (_wanted_card, _held_card, _rows_card, _gap_card) if best else ()
-    cards = [tell(study, best) for tell in told if best]
+    texts = (_wanted_card, _confinement_card, _rows_card, _gap_card) if best else ()
+    cards = [write(study, best) for write in texts if best]
     return [*(card for card in cards if card), _ended(study)]
 
 
@@ -87,7 +87,7 @@ def _wanted_card(study: StoredStudy, best: StoredCase) -> Card:
     return Card("Wanted mode", khz(best.wanted.get("frequency_hz")), note + split + _source(study, best))
 
 
-def _held_card(study: StoredStudy, best: StoredCase) -> Card | None:
+def _confinement_card(study: StoredStudy, best: StoredCase) -> Card | None:
     if best.confined is None:
         return None
     driven = "" if best.driven_db is None else f"; driven at its own peak {best.driven_db:.1f}{WIDE}dB"
@@ -100,9 +100,9 @@ def _held_card(study: StoredStudy, best: StoredCase) -> Card | None:
 
 def _rows_card(study: StoredStudy, best: StoredCase) -> Card | None:
     """The fewest rows on which a finite plate like the best holds its mode; without any, the estimate of endless rows."""
-    told = best.record.get("prediction") or {}
-    estimate = told.get("rows_for_10_db")
-    per_row = f"{told['db_per_row']:.1f}{WIDE}dB a row at the wanted mode, " if told.get("db_per_row") else ""
+    texts = best.record.get("prediction") or {}
+    estimate = texts.get("rows_for_10_db")
+    per_row = f"{texts['db_per_row']:.1f}{WIDE}dB a row at the wanted mode, " if texts.get("db_per_row") else ""
     name = f"Rows for {CONFINED_DB:.0f}{WIDE}dB"
     enough = [case.sweep["array.rows"] for case in _like(study, best) if case.confined]
     if enough:
@@ -115,11 +115,11 @@ def _rows_card(study: StoredStudy, best: StoredCase) -> Card | None:
 
 def _like(study: StoredStudy, best: StoredCase) -> list[StoredCase]:
     """Plates that differ from the best in their rows alone."""
-    rest = {key: value for key, value in best.sweep.items() if key != "array.rows"}
+    others = {key: value for key, value in best.sweep.items() if key != "array.rows"}
     return [
         case
         for case in study.cases
-        if "array.rows" in case.sweep and {k: v for k, v in case.sweep.items() if k != "array.rows"} == rest
+        if "array.rows" in case.sweep and {k: v for k, v in case.sweep.items() if k != "array.rows"} == others
     ]
 
 
@@ -149,25 +149,25 @@ def _ended(study: StoredStudy) -> Card:
     done = counts["OK"] + counts["ALARM"]
     words = [
         f"{counts[key]} {word}"
-        for key, word in (("ALARM", "with alarms"), ("FAILED", "failed"), ("MISSING", "missing"))
+        for key, word in (("ALARM", "with warnings"), ("FAILED", "failed"), ("MISSING", "missing"))
     ]
-    told = ", ".join(word for word in words if not word.startswith("0 ")) or "no alarm"
+    texts = ", ".join(word for word in words if not word.startswith("0 ")) or "no warning"
     good = done == len(study.cases)
-    return Card("Cases", f"{done} of {len(study.cases)} done", told, "good" if good else "bad")
+    return Card("Cases", f"{done} of {len(study.cases)} done", texts, "good" if good else "bad")
 
 
 def sentences(study: StoredStudy) -> list[str]:
     """The study's answer in a few sentences."""
     said = []
-    held = [case for case in plates(study) if case.confined is not None]
-    if len(held) > 1:
-        confined = [case.case_id for case in held if case.confined]
+    level_word = [case for case in plates(study) if case.confined is not None]
+    if len(level_word) > 1:
+        confined = [case.case_id for case in level_word if case.confined]
         names = f": {', '.join(confined)}" if 0 < len(confined) <= 6 else ""
         said.append(
-            f"{len(confined)} of {len(held)} plates hold the wanted mode by at least {CONFINED_DB:.0f} dB{names}."
+            f"{len(confined)} of {len(level_word)} plates confine the wanted mode by at least {CONFINED_DB:.0f} dB{names}."
         )
-    for case in held[: 1 if len(held) == 1 else 0]:
-        said.append(_held_sentence(case))
+    for case in level_word[: 1 if len(level_word) == 1 else 0]:
+        said.append(_confinement_sentence(case))
     best = best_case(study)
     bending = (best.record.get("bands") or {}).get("bending_at_m_hz") if best else None
     if best and bending:
@@ -180,7 +180,7 @@ def sentences(study: StoredStudy) -> list[str]:
     return said
 
 
-def _held_sentence(case: StoredCase) -> str:
+def _confinement_sentence(case: StoredCase) -> str:
     verb = "holds" if case.confined else "does not hold"
     share = case.wanted.get("zone_share")
     inside = f"; {share:.0%} of its squared normal displacement lies in the zone" if share is not None else ""
@@ -202,36 +202,36 @@ def comparison(study: StoredStudy) -> list[dict[str, Any]]:
 
 def facts(case: StoredCase) -> list[tuple[str, str]]:
     """A case's results in words and numbers."""
-    told = (_mode_facts, _response_facts, _band_facts, _part_facts, _plate_facts, _mesh_facts)
-    return [fact for tell in told for fact in tell(case)]
+    texts = (_mode_facts, _response_facts, _band_facts, _part_facts, _plate_facts, _mesh_facts)
+    return [fact for write in texts for fact in write(case)]
 
 
 def _mode_facts(case: StoredCase) -> list[tuple[str, str]]:
-    wanted, found = case.wanted, []
+    wanted, lines = case.wanted, []
     if wanted:
         error = "" if wanted.get("frequency_error") is None else f" ± {wanted['frequency_error']:.2%}"
-        found.append(
+        lines.append(
             ("wanted mode", f"{khz(wanted.get('frequency_hz'))}{error}, MAC {si(wanted.get('mac'), digits=3)}")
         )
     if case.confined is not None:
         driven = "" if case.driven_db is None else f" as a mode, {case.driven_db:.1f} dB driven at its own peak"
-        found.append(("confinement", f"{_level(wanted)}{driven}: {verdict(case)} (at least {CONFINED_DB:.0f} dB)"))
+        lines.append(("confinement", f"{_level(wanted)}{driven}: {verdict(case)} (at least {CONFINED_DB:.0f} dB)"))
     for key, name in (
         ("zone_share", "share of the touch face's u_z² in the zone"),
         ("pillar_energy_share", "pillars' share of energy"),
     ):
         if wanted.get(key) is not None:
-            found.append((name, f"{wanted[key]:.1%}"))
+            lines.append((name, f"{wanted[key]:.1%}"))
     if wanted.get("status") == "split":
-        told = [f"{khz(rival['frequency_hz'])} (strength {rival['strength']:.3f})" for rival in wanted["rivals"]]
-        found.append(
-            ("the wanted shape is split: other modes that carry it", ", ".join(told) or "none a quarter as strong")
+        texts = [f"{khz(rival['frequency_hz'])} (strength {rival['strength']:.3f})" for rival in wanted["rivals"]]
+        lines.append(
+            ("the wanted shape is split: other modes that carry it", ", ".join(texts) or "none a quarter as strong")
         )
     check = (case.record.get("modes") or {}).get("count_check")
     if check:
         outcome = "holds" if check["expected"] == check["found"] else "does not hold"
         band = f"{khz(check['low_hz'])} to {khz(check['high_hz'])}"
-        found.append(
+        lines.append(
             ("count check by inertia", f"{outcome}: {check['found']} found, {check['expected']} expected in {band}")
         )
     tet = case.record.get("tet_modes") or {}
@@ -239,79 +239,82 @@ def _mode_facts(case: StoredCase) -> list[tuple[str, str]]:
         gap = (
             f", {tet['relative_difference']:+.2%} from hexahedra" if tet.get("relative_difference") is not None else ""
         )
-        found.append(
-            ("wanted mode, tetrahedra (pytetwild)", f"{khz(tet['frequency_hz'])}{gap}, {si(tet.get('dof'))} unknowns")
+        lines.append(
+            (
+                "wanted mode, tetrahedra (pytetwild)",
+                f"{khz(tet['frequency_hz'])}{gap}, {si(tet.get('dof'))} degrees of freedom",
+            )
         )
-    return found
+    return lines
 
 
 def _response_facts(case: StoredCase) -> list[tuple[str, str]]:
     """What was measured beside the response, and what unlike pillars do to it."""
-    found: list[tuple[str, str]] = []
+    lines: list[tuple[str, str]] = []
     measured, spread = case.record.get("measured") or {}, case.record.get("tolerance") or {}
     if sweep := measured.get("sweep"):
         marked = ", synthetic" if sweep["synthetic"] else ""
         quality = "" if sweep["quality"] is None else f", quality factor {sweep['quality']:.0f}"
         shift = f"{sweep['frequency_shift_hz']:+.0f} Hz from the computed one"
-        found.append(
+        lines.append(
             (f"measured resonance ({sweep['file']}{marked})", f"{khz(sweep['frequency_hz'])}, {shift}{quality}")
         )
     if field := measured.get("map"):
         level = "no passive face" if field["confinement_db"] is None else f"{field['confinement_db']:.1f} dB"
         marked = ", synthetic" if field["synthetic"] else ""
         name = f"measured confinement ({field['file']}{marked})"
-        found.append((name, f"{level}; MAC {field['mac_operating']:.3f} to the computed operating shape"))
+        lines.append((name, f"{level}; MAC {field['mac_operating']:.3f} to the computed operating shape"))
     if spread:
         peak, level = spread["peak_hz"], spread["confinement_db"]
         if peak:
             kept = len(spread["samples"]) - spread["lost"]
-            found.append((f"wanted mode's peak of {kept} plates of unlike pillars", _spread_words(peak, "Hz", 1)))
+            lines.append((f"wanted mode's peak of {kept} plates of unlike pillars", _spread_words(peak, "Hz", 1)))
         if spread["lost"]:
-            found.append(("plates that lost the wanted mode", f"{spread['lost']} of {len(spread['samples'])}"))
+            lines.append(("plates that lost the wanted mode", f"{spread['lost']} of {len(spread['samples'])}"))
         if level:
-            found.append(("their confinement", f"{_spread_words(level, 'dB', 1)}; worst {level['lowest']:.1f} dB"))
-    return found
+            lines.append(("their confinement", f"{_spread_words(level, 'dB', 1)}; worst {level['lowest']:.1f} dB"))
+    return lines
 
 
-def _spread_words(found: dict[str, Any], unit: str, digits: int) -> str:
-    return f"{found['mean']:.{digits}f}{WIDE}{unit}, spread {found['deviation']:.{digits}f}{WIDE}{unit}"
+def _spread_words(lines: dict[str, Any], unit: str, digits: int) -> str:
+    return f"{lines['mean']:.{digits}f}{WIDE}{unit}, spread {lines['deviation']:.{digits}f}{WIDE}{unit}"
 
 
 def _band_facts(case: StoredCase) -> list[tuple[str, str]]:
-    bands, found = case.record.get("bands") or {}, []
+    bands, lines = case.record.get("bands") or {}, []
     for gap in bands.get("gaps") or []:
         name = f"complete gap, bands {gap['lower_band']} to {gap['upper_band']}"
-        found.append((name, f"{khz(gap['lower_hz'])} to {khz(gap['upper_hz'])}"))
+        lines.append((name, f"{khz(gap['lower_hz'])} to {khz(gap['upper_hz'])}"))
     if bands and not bands.get("gaps"):
-        found.append(("complete gap", "none along the path"))
+        lines.append(("complete gap", "none along the path"))
     if bands.get("bending_at_m_hz"):
         tones = dict.fromkeys(khz(tone) for tone in bands["bending_at_m_hz"])
         both = " (both)" if len(tones) < len(bands["bending_at_m_hz"]) else ""
-        found.append(("bending bands at M", " and ".join(tones) + both))
+        lines.append(("bending bands at M", " and ".join(tones) + both))
     worst = band_difference(case)
     if worst is not None:
-        found.append(("bands, tetrahedra against hexahedra", f"at most {worst:.2%} apart at the labelled points"))
-    return found
+        lines.append(("bands, tetrahedra against hexahedra", f"at most {worst:.2%} apart at the labelled points"))
+    return lines
 
 
 def _part_facts(case: StoredCase) -> list[tuple[str, str]]:
     """The pre-design, the bare zone and the lone pillar, where they were computed."""
-    found = []
+    lines = []
     predesign = case.record.get("predesign") or {}
     if (predesign.get("zone") or {}).get("frequency_hz"):
-        found.append(("pre-design: zone", khz(predesign["zone"]["frequency_hz"])))
+        lines.append(("pre-design: zone", khz(predesign["zone"]["frequency_hz"])))
     if (predesign.get("pillar") or {}).get("frequency_hz"):
         pillar = predesign["pillar"]
         height = f", {pillar['height_mm']:.2f} mm high" if pillar.get("height_mm") else ""
-        found.append(("pre-design: pillar", f"{khz(pillar['frequency_hz'])}{height}"))
+        lines.append(("pre-design: pillar", f"{khz(pillar['frequency_hz'])}{height}"))
     zone = case.record.get("zone_modes") or {}
     if (zone.get("wanted") or {}).get("frequency_hz"):
         name = f"bare zone, long sides clamped, {zone.get('nodal_lines')} nodal lines"
-        found.append((name, khz(zone["wanted"]["frequency_hz"])))
+        lines.append((name, khz(zone["wanted"]["frequency_hz"])))
     pillars = (case.record.get("pillar_modes") or {}).get("modes") or []
     if pillars:
-        found.append(("lone pillar, foot clamped", ", ".join(khz(mode["frequency_hz"]) for mode in pillars[:4])))
-    return found
+        lines.append(("lone pillar, foot clamped", ", ".join(khz(mode["frequency_hz"]) for mode in pillars[:4])))
+    return lines
 
 
 def band_difference(case: StoredCase) -> float | None:
@@ -328,21 +331,21 @@ def band_difference(case: StoredCase) -> float | None:
 
 def _plate_facts(case: StoredCase) -> list[tuple[str, str]]:
     plate = case.record.get("geometry") or {}
-    found = []
+    lines = []
     if plate.get("mass_kg") is not None:
         volume = f", {plate['volume_m3'] * 1e9:.0f} mm³" if plate.get("volume_m3") else ""
-        found.append(("mass", f"{plate['mass_kg'] * 1e3:.2f} g{volume}"))
+        lines.append(("mass", f"{plate['mass_kg'] * 1e3:.2f} g{volume}"))
     if plate.get("watertight") is not None:
         tight = "watertight" if plate["watertight"] else "NOT watertight"
-        found.append(
+        lines.append(
             (
                 "print file",
                 f"{tight}, {plate.get('bodies', '?')} body, volume error {si(plate.get('volume_error'), digits=2)}",
             )
         )
     if plate.get("smallest_feature_m") is not None:
-        found.append(("smallest feature", f"{plate['smallest_feature_m'] * 1e3:g} mm"))
-    return found
+        lines.append(("smallest feature", f"{plate['smallest_feature_m'] * 1e3:g} mm"))
+    return lines
 
 
 def _mesh_facts(case: StoredCase) -> list[tuple[str, str]]:
@@ -350,7 +353,7 @@ def _mesh_facts(case: StoredCase) -> list[tuple[str, str]]:
     return [
         (
             f"mesh of the {mesh.get('what', '?')}, {kinds.get(mesh.get('kind', ''), mesh.get('kind'))}",
-            f"{si(mesh.get('cells'))} cells of order {si(mesh.get('order'))}, {si(mesh.get('dof'))} unknowns",
+            f"{si(mesh.get('cells'))} cells of order {si(mesh.get('order'))}, {si(mesh.get('dof'))} degrees of freedom",
         )
         for mesh in case.record.get("meshes") or []
     ]
@@ -358,22 +361,22 @@ def _mesh_facts(case: StoredCase) -> list[tuple[str, str]]:
 
 def modes(case: StoredCase) -> list[dict[str, Any]]:
     """The modes nearest the wanted one, at most forty, each told whether it is the wanted one."""
-    found = list((case.record.get("modes") or {}).get("modes") or [])
+    lines = list((case.record.get("modes") or {}).get("modes") or [])
     index = case.wanted.get("index")
-    rows = [{**mode, "number": number + 1, "wanted": number == index} for number, mode in enumerate(found)]
-    if len(rows) > MOST_MODES:
-        start = max(0, min(len(rows) - MOST_MODES, (index or 0) - MOST_MODES // 2))
-        rows = rows[start : start + MOST_MODES]
+    rows = [{**mode, "number": number + 1, "wanted": number == index} for number, mode in enumerate(lines)]
+    if len(rows) > MAX_MODES:
+        start = max(0, min(len(rows) - MAX_MODES, (index or 0) - MAX_MODES // 2))
+        rows = rows[start : start + MAX_MODES]
     return rows
 
 
 def left_out(study: StoredStudy) -> list[dict[str, str]]:
     """What was left out and why, each once, with the cases it holds for."""
-    told: dict[str, list[str]] = {}
+    texts: dict[str, list[str]] = {}
     for case in study.cases:
         for text in case.record.get("left_out") or []:
-            told.setdefault(text, []).append(case.case_id)
-    return [{"text": text, "cases": _which(names, study)} for text, names in told.items()]
+            texts.setdefault(text, []).append(case.case_id)
+    return [{"text": text, "cases": _which(names, study)} for text, names in texts.items()]
 
 
 def _which(names: list[str], study: StoredStudy) -> str:
@@ -383,12 +386,12 @@ def _which(names: list[str], study: StoredStudy) -> str:
 
 def plans(study: StoredStudy) -> list[dict[str, Any]]:
     """What was computed and why, step by step: every distinct plan with the cases that followed it."""
-    told: dict[str, tuple[list[str], list[list[str]]]] = {}
+    texts: dict[str, tuple[list[str], list[list[str]]]] = {}
     for case in study.cases:
         steps = [_step(step) for step in (case.record.get("plan") or {}).get("steps") or []]
         if steps:
-            told.setdefault(str(steps), ([], steps))[0].append(case.case_id)
-    return [{"cases": _which(names, study), "steps": steps} for names, steps in list(told.values())[:MOST_PLANS]]
+            texts.setdefault(str(steps), ([], steps))[0].append(case.case_id)
+    return [{"cases": _which(names, study), "steps": steps} for names, steps in list(texts.values())[:MAX_PLANS]]
 
 
 def _step(step: dict[str, Any]) -> list[str]:

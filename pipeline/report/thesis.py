@@ -40,15 +40,15 @@ def _ours(entry: dict[str, str], record: dict[str, Any]) -> float | str | None:
 
 
 def _same_design(entry: dict[str, str], design: dict[str, Any]) -> bool:
-    asked = {"rows": 1.0, "pitch_mm": 1e3, "extension_mm": 1e3}
+    query = {"rows": 1.0, "pitch_mm": 1e3, "extension_mm": 1e3}
     names = {"rows": "rows", "pitch_mm": "pitch_x_m", "extension_mm": "extension_m"}
     return all(
         not entry[key] or math.isclose(float(entry[key]), factor * (design.get(names[key]) or 0.0), abs_tol=1e-6)
-        for key, factor in asked.items()
+        for key, factor in query.items()
     )
 
 
-def held_words(mode_db: float | None, driven_db: float | None) -> str | None:
+def confinement_words(mode_db: float | None, driven_db: float | None) -> str | None:
     """Whether a plate holds its mode, as the thesis looked at it, and whether it does so driven; None without passive face."""
     if mode_db is None:
         return None
@@ -66,7 +66,7 @@ def _figure(key: str, record: dict[str, Any]) -> float | str | None:
     zone, pillar = record.get("zone_modes") or {}, record.get("pillar_modes") or {}
     if key == "verdict":
         peak = (record.get("response") or {}).get("wanted_peak") or {}
-        return held_words(wanted.get("confinement_db"), peak.get("confinement_db"))
+        return confinement_words(wanted.get("confinement_db"), peak.get("confinement_db"))
     if key == "zone":
         return (zone.get("wanted") or {}).get("frequency_hz")
     if key == "pillar":

@@ -9,12 +9,12 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
-from pipeline.search.fidelity import PLATE, SLACK, Judged
+from pipeline.search.fidelity import PLATE, SLACK, FidelityResult
 from pipeline.search.limits import Limits, mass_kg
 from pipeline.search.space import Space
 
 GOALS = {"confinement": "confinement_db", "extension": "extension_db"}
-EVALUATIONS = 16  # joined plates
+EVALUATIONS = 16  # assembled plates
 BROKEN = 1000.0  # dB below any design that keeps the limits
 STEEP = 1000.0  # dB for breaking a limit by its own size: a slope that a descent slides along, not a cliff that it sticks to
 UNBUILT = -1e6  # merit of what cannot be built or judged
@@ -24,7 +24,7 @@ Values = tuple[float | int, ...]
 
 @dataclass(frozen=True)
 class Settings:
-    """What to maximise, what to keep, how many joined plates to spend."""
+    """What to maximise, what to keep, how many assembled plates to spend."""
 
     goal: str = "confinement"
     limits: Limits = field(default_factory=Limits)
@@ -33,38 +33,38 @@ class Settings:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A design as one rung judged it: the goal's value in dB (None: nothing to judge), what limits it breaks, its merit.
+    """A design as one fidelity judged it: the goal's value in dB (None: nothing to judge), what limits it breaks, its merit.
 
-    `descent` is what ranks designs for the next rung and what a local search climbs: the goal, less what a broken limit
-    costs the more it is broken; without the slack that a cheap rung has before a limit counts as broken.
+    `descent` is what ranks designs for the next fidelity and what a local search climbs: the goal, less what a broken limit
+    costs the more it is broken; without the slack that a cheap fidelity has before a limit counts as broken.
     """
 
     values: Values
-    judged: Judged
+    result: FidelityResult
     goal_db: float | None
     mass_kg: float | None
-    broken: tuple[str, ...]
-    merit: float
-    descent: float
+    violations: tuple[str, ...]
+    objective: float
+    penalised_objective: float
 
     @property
     def keeps(self) -> bool:
         """Whether it was judged and keeps every limit."""
-        return self.goal_db is not None and not self.broken
+        return self.goal_db is not None and not self.violations
 
     @property
     def goal_error_db(self) -> float | None:
         """What the goal may be off by, where it is the confinement."""
-        return self.judged.confinement_error_db if self.goal_db == self.judged.confinement_db else None
+        return self.result.confinement_error_db if self.goal_db == self.result.confinement_db else None
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Everything judged, by rung; the design as it was and the best one, both solved as `antinode modes` would."""
+    """Everything judged, by fidelity; the design as it was and the best one, both solved as `antinode modes` would."""
 
     space: Space
     settings: Settings
-    by_rung: dict[str, tuple[Evaluation, ...]]
+    by_fidelity: dict[str, tuple[Evaluation, ...]]
     base: Evaluation
     best: Evaluation
     softness: float
@@ -85,8 +85,10 @@ class Outcome:
 
     @property
     def tradeoff(self) -> list[Evaluation]:
-        """Joined plates within the limits that no other beats in goal, frequency and mass at once, the best held first."""
-        return front([each for each in self.by_rung[PLATE] if each.keeps])
+        """Assembled plates within the limits that no other beats in goal, frequency and mass at once, the best
+        confined first.
+        """
+        return front([each for each in self.by_fidelity[PLATE] if each.keeps])
 
 
 def front(evaluations: Sequence[Evaluation]) -> list[Evaluation]:
@@ -94,36 +96,36 @@ def front(evaluations: Sequence[Evaluation]) -> list[Evaluation]:
 
     def worth(each: Evaluation) -> FloatArray:
         mass = each.mass_kg if each.mass_kg is not None else 0.0
-        return np.array([each.goal_db or 0.0, each.judged.frequency_hz or 0.0, -mass])
+        return np.array([each.goal_db or 0.0, each.result.frequency_hz or 0.0, -mass])
 
-    kept = [
+    undominated = [
         each
         for each in evaluations
         if not any((worth(o) >= worth(each)).all() and (worth(o) > worth(each)).any() for o in evaluations)
     ]
-    return sorted(kept, key=lambda each: -each.merit)
+    return sorted(undominated, key=lambda each: -each.objective)
 
 
-def appraise(values: Values, judged: Judged, settings: Settings, design: Design) -> Evaluation:
+def rate(values: Values, result: FidelityResult, settings: Settings, design: Design) -> Evaluation:
     """Goal, mass and limits of a judged design."""
-    goal: float | None = getattr(judged, GOALS[settings.goal])
-    if goal is None or judged.frequency_hz is None or judged.mac is None:
-        return Evaluation(values, judged, None, None, (), UNBUILT, UNBUILT)
-    slack = SLACK[judged.rung]
-    broken = settings.limits.of_design(design) + settings.limits.of_mode(judged.frequency_hz, judged.mac, slack)
+    goal: float | None = getattr(result, GOALS[settings.goal])
+    if goal is None or result.frequency_hz is None or result.mac is None:
+        return Evaluation(values, result, None, None, (), UNBUILT, UNBUILT)
+    slack = SLACK[result.fidelity]
+    broken = settings.limits.of_design(design) + settings.limits.of_mode(result.frequency_hz, result.mac, slack)
     excess = sum(amount for _, amount in broken)
     mass = mass_kg(design)
-    merit = goal if not broken else -BROKEN * (1.0 + excess)
-    strict = settings.limits.of_design(design) + settings.limits.of_mode(judged.frequency_hz, judged.mac)
-    descent = goal - STEEP * sum(amount for _, amount in strict) - float(bool(strict))
-    told = tuple(text for text, _ in broken)
-    return Evaluation(values, judged, goal, mass if mass == mass else None, told, merit, descent)
+    objective = goal if not broken else -BROKEN * (1.0 + excess)
+    strict = settings.limits.of_design(design) + settings.limits.of_mode(result.frequency_hz, result.mac)
+    penalised_objective = goal - STEEP * sum(amount for _, amount in strict) - float(bool(strict))
+    texts = tuple(text for text, _ in broken)
+    return Evaluation(values, result, goal, mass if mass == mass else None, texts, objective, penalised_objective)
 
 
-def told(each: Evaluation) -> str:
+def summary(each: Evaluation) -> str:
     """An evaluation in a few words."""
-    if each.goal_db is None or each.judged.frequency_hz is None:
-        return f"not judged: {each.judged.why_not}"
-    broken = f"; breaks: {'; '.join(each.broken)}" if each.broken else ""
+    if each.goal_db is None or each.result.frequency_hz is None:
+        return f"not judged: {each.result.why_not}"
+    broken = f"; breaks: {'; '.join(each.violations)}" if each.violations else ""
     bar = "" if each.goal_error_db is None else f" +-{each.goal_error_db:.2f}"
-    return f"{each.goal_db:.2f}{bar} dB at {each.judged.frequency_hz / 1e3:.2f} kHz, MAC {each.judged.mac:.2f}{broken}"
+    return f"{each.goal_db:.2f}{bar} dB at {each.result.frequency_hz / 1e3:.2f} kHz, MAC {each.result.mac:.2f}{broken}"

@@ -22,28 +22,32 @@ class Limits:
 
     def of_design(self, design: Design) -> list[tuple[str, float]]:
         """Limits that the geometry alone breaks: in words, and by how much (relative)."""
-        found = []
+        violations = []
         half = half_wavelength_m(design)
         if not half <= self.half_wavelength_m:
-            told = f"half-wavelength {MM * half:.1f} mm, at most {MM * self.half_wavelength_m:g}"
-            found.append((told, half / self.half_wavelength_m - 1.0))
+            text = f"half-wavelength {MM * half:.1f} mm, at most {MM * self.half_wavelength_m:g}"
+            violations.append((text, half / self.half_wavelength_m - 1.0))
         name, size = min(features(design).items(), key=lambda item: item[1])
         if size < self.feature_m * (1.0 - 1e-9):
-            found.append((f"{name} {MM * size:.2f} mm, at least {MM * self.feature_m:g}", 1.0 - size / self.feature_m))
+            violations.append(
+                (f"{name} {MM * size:.2f} mm, at least {MM * self.feature_m:g}", 1.0 - size / self.feature_m)
+            )
         lean = overhang_deg(design.pillar) if design.pillar else 0.0
         if lean > SUPPORT_DEG:
-            found.append((f"pillars lean out by {lean:.0f} degrees, at most {SUPPORT_DEG:g}", lean / SUPPORT_DEG - 1.0))
-        return found
+            violations.append(
+                (f"pillars lean out by {lean:.0f} degrees, at most {SUPPORT_DEG:g}", lean / SUPPORT_DEG - 1.0)
+            )
+        return violations
 
     def of_mode(self, frequency_hz: float, mac: float, slack: float = 0.0) -> list[tuple[str, float]]:
-        """Limits that the wanted mode breaks by more than `slack` (relative: what a cheap rung may err by)."""
-        found = []
+        """Limits that the wanted mode breaks by more than `slack` (relative: what a cheap fidelity may err by)."""
+        violations = []
         if frequency_hz < self.lowest_hz * (1.0 - slack):
-            told = f"{frequency_hz / 1e3:.2f} kHz, at least {self.lowest_hz / 1e3:g}"
-            found.append((told, 1.0 - frequency_hz / self.lowest_hz))
+            text = f"{frequency_hz / 1e3:.2f} kHz, at least {self.lowest_hz / 1e3:g}"
+            violations.append((text, 1.0 - frequency_hz / self.lowest_hz))
         if mac < self.mac * (1.0 - slack):
-            found.append((f"MAC {mac:.2f} to the wanted shape, at least {self.mac:g}", 1.0 - mac / self.mac))
-        return found
+            violations.append((f"MAC {mac:.2f} to the wanted shape, at least {self.mac:g}", 1.0 - mac / self.mac))
+        return violations
 
 
 def half_wavelength_m(design: Design) -> float:

@@ -1,7 +1,8 @@
-"""The design that holds the wanted mode best: cheap models look everywhere, dear ones only where it pays.
+"""The design that holds the wanted mode best: cheap models look everywhere, expensive ones only where it pays.
 
 A strip judges a whole grid of designs in seconds; the best of it, well apart, go to a column of computed cells; the best of
-those to joined plates. Each computed rung ends with a Nelder-Mead descent from its best design (scipy). The winner and the
+those to assembled plates. Each computed fidelity ends with a Nelder-Mead descent from its best design (scipy). The
+winner and the
 design as it was are solved once more as `antinode modes` would, so that what is claimed is what the user gets.
 """
 
@@ -12,10 +13,19 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline.errors import CheckFailed, InputFault
+from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
-from pipeline.search.designs import UNBUILT, Evaluation, Outcome, Settings, Values, appraise, told
-from pipeline.search.fidelity import COLUMN, PLATE, STRIP, EvaluationShelf, Judged, by_strip, judge, window_around
+from pipeline.search.designs import UNBUILT, Evaluation, Outcome, Settings, Values, rate, summary
+from pipeline.search.fidelity import (
+    COLUMN,
+    PLATE,
+    STRIP,
+    EvaluationCache,
+    FidelityResult,
+    by_strip,
+    evaluate,
+    window_around,
+)
 from pipeline.search.space import Space
 
 COLUMNS_A_PLATE = 3
@@ -23,16 +33,16 @@ SOFTNESS = 0.5  # of a half-space's, around a pillar's foot, until a column tell
 SOFTEST = 2.0
 GRID = {1: 121, 2: 25}  # strips along each axis; beyond two axes Sobol's points
 SOBOL = 10  # 2^10 strips
-APART = 0.12  # of the box: how far candidates for the next rung lie apart
+APART = 0.12  # of the box: how far candidates for the next fidelity lie apart
 FIRST_STEP = 0.06  # of the box: the descent's first simplex
 FINEST = 0.004
-MOST_CONFIRMED = 3
+MAX_CONFIRMED = 3
 
 
-def search(space: Space, settings: Settings, log: Log, shelf: EvaluationShelf | None = None) -> Outcome:
+def search(space: Space, settings: Settings, log: Log, cache: EvaluationCache | None = None) -> Outcome:
     """The best design of a space. InputFault for a scene without rows of pillars; CheckFailed when none keeps the limits."""
     _check(space, settings)
-    return _Search(space, settings, log, shelf or EvaluationShelf()).go()
+    return _Search(space, settings, log, cache or EvaluationCache()).go()
 
 
 def _check(space: Space, settings: Settings) -> None:
@@ -41,20 +51,20 @@ def _check(space: Space, settings: Settings) -> None:
     case.require("pillar", "array.pitch_mm", command="search")
     varied = {variable.key for variable in space.variables}
     if not case.design.rows and "array.rows" not in varied:
-        raise InputFault(f"{space.path}: array.rows = 0: must be 1 or more, a bare plate holds nothing")
+        raise InputError(f"{space.path}: array.rows = 0: must be 1 or more, a bare plate holds nothing")
     if settings.goal == "extension" and not case.design.extension_m and "array.extension_mm" not in varied:
-        raise InputFault(f"{space.path}: array.extension_mm = 0: must be above 0 for --goal extension")
+        raise InputError(f"{space.path}: array.extension_mm = 0: must be above 0 for --goal extension")
 
 
 class _Spent(Exception):
-    """The rung's budget is used up."""
+    """The fidelity's budget is used up."""
 
 
 class _Search:
     """One search, while it lasts."""
 
-    def __init__(self, space: Space, settings: Settings, log: Log, shelf: EvaluationShelf) -> None:
-        self.space, self.settings, self.log, self.shelf = space, settings, log, shelf
+    def __init__(self, space: Space, settings: Settings, log: Log, cache: EvaluationCache) -> None:
+        self.space, self.settings, self.log, self.cache = space, settings, log, cache
         self.known: dict[str, dict[Values, Evaluation]] = {STRIP: {}, COLUMN: {}, PLATE: {}}
         plates = settings.evaluations
         self.budget = {COLUMN: COLUMNS_A_PLATE * plates, PLATE: plates}
@@ -68,65 +78,65 @@ class _Search:
         source = STRIP
         if self.boxes:
             first = max(2, self.budget[COLUMN] // 2)
-            self._rung(COLUMN, source, first - first // 3, even_points(self.space, first // 3))
+            self._at_fidelity(COLUMN, source, first - first // 3, even_points(self.space, first // 3))
             source = COLUMN
         else:
             self.log.left_out(
                 "columns of reduced cells", "a pillar that is no box is meshed through CAD for each design"
             )
-        self._rung(PLATE, source, max(2, self.budget[PLATE] // 3))
-        own = judge(self.space.case(), COLUMN, None, self.shelf).frequency_hz if self.boxes else None
+        self._at_fidelity(PLATE, source, max(2, self.budget[PLATE] // 3))
+        own = evaluate(self.space.case(), COLUMN, None, self.cache).frequency_hz if self.boxes else None
         base = self._confirmed((), own)
         best = self._best()
-        window = window_around(self.space.case(best.values), best.judged.frequency_hz)
-        judged = {rung: tuple(known.values()) for rung, known in self.known.items()}
-        return Outcome(self.space, self.settings, judged, base, best, self.softness, window)
+        window = window_around(self.space.case(best.values), best.result.frequency_hz)
+        results = {fidelity: tuple(known.values()) for fidelity, known in self.known.items()}
+        return Outcome(self.space, self.settings, results, base, best, self.softness, window)
 
     def _calibrate(self) -> None:
         """Soften the strips' feet until the file's own design has the frequency that a column of computed cells gives it."""
         case = self.space.case()
         with self.log.step("calibrate the strips on one column"):
-            column = judge(case, COLUMN, None, self.shelf)
+            column = evaluate(case, COLUMN, None, self.cache)
             tried = [(softness, by_strip(case, softness).frequency_hz) for softness in np.linspace(0.0, SOFTEST, 41)]
         known = [(abs(tone - column.frequency_hz), s, tone) for s, tone in tried if tone and column.frequency_hz]
         if not known:
             return
         _, softness, tone = min(known)
         self.softness = float(softness)
-        told = f"column {column.frequency_hz:.0f} Hz, strip {tone:.0f} Hz"
-        self.log.info(f"{told} with feet {softness:.2f} times as soft as a half-space's")
+        comparison_text = f"column {column.frequency_hz:.0f} Hz, strip {tone:.0f} Hz"
+        self.log.info(f"{comparison_text} with feet {softness:.2f} times as soft as a half-space's")
 
     def _screen(self) -> None:
         """Judge the whole box by strips."""
         with self.log.step("strips over the whole box"):
             for shares in screening_points(self.space):
-                self._appraised(self.space.values(shares), STRIP)
-        found = list(self.known[STRIP].values())
-        unbuilt = [each for each in found if each.goal_db is None]
-        keeping = sum(each.keeps for each in found)
-        self.log.info(f"{len(found)} designs by strips: {keeping} keep the limits, {len(unbuilt)} cannot be built")
-        if len(unbuilt) == len(found):
-            raise CheckFailed(f"no design between the ends can be built: {unbuilt[0].judged.why_not}")
+                self._evaluation(self.space.values(shares), STRIP)
+        screened = list(self.known[STRIP].values())
+        unbuilt = [each for each in screened if each.goal_db is None]
+        keeping = sum(each.keeps for each in screened)
+        self.log.info(f"{len(screened)} designs by strips: {keeping} keep the limits, {len(unbuilt)} cannot be built")
+        if len(unbuilt) == len(screened):
+            raise CheckFailed(f"no design between the ends can be built: {unbuilt[0].result.why_not}")
 
-    def _rung(self, rung: str, source: str, first: int, more: Sequence[Values] = ()) -> None:
-        """Judge the file's own design, the best ones of the rung below and some more, then descend from the best two."""
+    def _at_fidelity(self, fidelity: str, source: str, first: int, more: Sequence[Values] = ()) -> None:
+        """Judge the file's own design, the best ones of the fidelity below and some more, then descend from the best two."""
         picked = [each.values for each in spread(self.known[source].values(), first, self.space)]
         own = self.space.own_values()
-        for values in list(dict.fromkeys([*([own] if own else []), *picked, *more]))[: self.budget[rung]]:
-            self._tried(values, rung)
-        with_goal = [each for each in self.known[rung].values() if each.goal_db is not None]
+        for values in list(dict.fromkeys([*([own] if own else []), *picked, *more]))[: self.budget[fidelity]]:
+            self._tried(values, fidelity)
+        with_goal = [each for each in self.known[fidelity].values() if each.goal_db is not None]
         if not with_goal:
-            reasons = [each.judged.why_not for each in self.known[rung].values()]
+            reasons = [each.result.why_not for each in self.known[fidelity].values()]
             raise CheckFailed(
-                f"no design could be judged by the rung {rung}: {reasons[0] if reasons else 'none tried'}"
+                f"no design could be judged by the fidelity {fidelity}: {reasons[0] if reasons else 'none tried'}"
             )
-        for start in sorted(with_goal, key=lambda each: -each.descent)[:2]:
-            if not self._descend(rung, start):
-                self.log.info(f"the {rung} rung's budget of {self.budget[rung]} designs is used up")
+        for start in sorted(with_goal, key=lambda each: -each.penalised_objective)[:2]:
+            if not self._descend(fidelity, start):
+                self.log.info(f"the {fidelity} fidelity's budget of {self.budget[fidelity]} designs is used up")
                 break
 
-    def _descend(self, rung: str, start: Evaluation) -> bool:
-        """Nelder-Mead over the keys that are no counts; False when the rung's budget ended it."""
+    def _descend(self, fidelity: str, start: Evaluation) -> bool:
+        """Nelder-Mead over the keys that are no counts; False when the fidelity's budget ended it."""
         from scipy.optimize import minimize
 
         loose = [i for i, variable in enumerate(self.space.variables) if not variable.whole]
@@ -137,9 +147,11 @@ class _Search:
         def worse(shares: FloatArray) -> float:
             point = origin.copy()
             point[loose] = shares
-            return -self._tried(self.space.values(point), rung).descent
+            return -self._tried(self.space.values(point), fidelity).penalised_objective
 
-        first = FIRST_STEP if rung == COLUMN or not self.boxes else FIRST_STEP / 2.0  # a column has been there already
+        first = (
+            FIRST_STEP if fidelity == COLUMN or not self.boxes else FIRST_STEP / 2.0
+        )  # a column has been there already
         options = {"initial_simplex": _simplex(origin[loose], first), "xatol": FINEST, "fatol": 1e-2, "maxfev": 500}
         try:
             minimize(worse, origin[loose], method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(loose), options=options)
@@ -147,58 +159,60 @@ class _Search:
             return False
         return True
 
-    def _tried(self, values: Values, rung: str) -> Evaluation:
-        """A design by a computed rung, told; _Spent when it would exceed the budget."""
-        if values in self.known[rung]:
-            return self.known[rung][values]
-        if len(self.known[rung]) >= self.budget[rung]:
+    def _tried(self, values: Values, fidelity: str) -> Evaluation:
+        """A design by a computed fidelity, told; _Spent when it would exceed the budget."""
+        if values in self.known[fidelity]:
+            return self.known[fidelity][values]
+        if len(self.known[fidelity]) >= self.budget[fidelity]:
             raise _Spent
-        found = self._appraised(values, rung)
-        count = f"{len(self.known[rung])}/{self.budget[rung]}"
-        self.log.info(f"{rung} {count}: {', '.join(self.space.overrides(values))}: {told(found)}")
-        return found
+        evaluation = self._evaluation(values, fidelity)
+        count = f"{len(self.known[fidelity])}/{self.budget[fidelity]}"
+        self.log.info(f"{fidelity} {count}: {', '.join(self.space.overrides(values))}: {summary(evaluation)}")
+        return evaluation
 
-    def _appraised(self, values: Values, rung: str) -> Evaluation:
-        if values not in self.known[rung]:
-            near = self._near(values) if rung == PLATE else None
-            self.known[rung][values] = self._judged(values, rung, near)
-        return self.known[rung][values]
+    def _evaluation(self, values: Values, fidelity: str) -> Evaluation:
+        if values not in self.known[fidelity]:
+            near = self._near(values) if fidelity == PLATE else None
+            self.known[fidelity][values] = self._evaluated(values, fidelity, near)
+        return self.known[fidelity][values]
 
     def _near(self, values: Values) -> float | None:
         """Where the plate's wanted mode is looked for: about the column's."""
         if not self.boxes:
             return None
-        column = self.known[COLUMN].get(values) or self._judged(values, COLUMN, None)
+        column = self.known[COLUMN].get(values) or self._evaluated(values, COLUMN, None)
         self.known[COLUMN][values] = column
-        return column.judged.frequency_hz
+        return column.result.frequency_hz
 
-    def _judged(self, values: Values, rung: str, near_hz: float | None, more: Sequence[str] = ()) -> Evaluation:
+    def _evaluated(self, values: Values, fidelity: str, near_hz: float | None, more: Sequence[str] = ()) -> Evaluation:
         try:
             case = self.space.case(values, more)
-        except InputFault as fault:
-            nothing = Judged(rung, None, None, None, None, fault.lines[0])
+        except InputError as fault:
+            nothing = FidelityResult(fidelity, None, None, None, None, fault.lines[0])
             return Evaluation(values, nothing, None, None, (), UNBUILT, UNBUILT)
-        judged = by_strip(case, self.softness) if rung == STRIP else judge(case, rung, near_hz, self.shelf)
-        return appraise(values, judged, self.settings, case.design)
+        results = by_strip(case, self.softness) if fidelity == STRIP else evaluate(case, fidelity, near_hz, self.cache)
+        return rate(values, results, self.settings, case.design)
 
     def _confirmed(self, values: Values, near_hz: float | None) -> Evaluation:
-        """A design (none: as the file has it) by the joined plate in the case's own window, which must hold the mode found."""
+        """A design (none: as the file has it) by the assembled plate in the case's own window, which must hold the
+        mode found.
+        """
         with self.log.step("solve the design as it was" if not values else "solve the best design again"):
-            found = self._judged(values, PLATE, None, window_around(self.space.case(values), near_hz))
-        for id, text in found.judged.alarms:
-            self.log.alarm(id, text)
-        return found
+            confirmed = self._evaluated(values, PLATE, None, window_around(self.space.case(values), near_hz))
+        for id, text in confirmed.result.warnings:
+            self.log.warning(id, text)
+        return confirmed
 
     def _best(self) -> Evaluation:
-        """The best joined plate that stands when solved in the case's own window."""
-        ranked = sorted((e for e in self.known[PLATE].values() if e.keeps), key=lambda e: -e.merit)
+        """The best assembled plate that stands when solved in the case's own window."""
+        ranked = sorted((e for e in self.known[PLATE].values() if e.keeps), key=lambda e: -e.objective)
         if not ranked:
             raise CheckFailed(_none_keeps(self.known[PLATE].values(), self.space))
         confirmed: list[Evaluation] = []
-        for position, each in enumerate(ranked[:MOST_CONFIRMED]):
-            confirmed.append(self._confirmed(each.values, each.judged.frequency_hz))
-            leader = max(confirmed, key=lambda e: e.merit)
-            if position + 1 == len(ranked) or leader.merit >= ranked[position + 1].merit:
+        for position, each in enumerate(ranked[:MAX_CONFIRMED]):
+            confirmed.append(self._confirmed(each.values, each.result.frequency_hz))
+            leader = max(confirmed, key=lambda e: e.objective)
+            if position + 1 == len(ranked) or leader.objective >= ranked[position + 1].objective:
                 break
         if not leader.keeps:
             raise CheckFailed(_none_keeps(confirmed, self.space))
@@ -220,7 +234,7 @@ def screening_points(space: Space) -> FloatArray:
 
 
 def even_points(space: Space, count: int) -> list[Values]:
-    """Designs evenly over the box (Halton): a cheaper rung may be wrong about where the best lie."""
+    """Designs evenly over the box (Halton): a cheaper fidelity may be wrong about where the best lie."""
     if not count:
         return []
     from scipy.stats import qmc
@@ -231,8 +245,8 @@ def even_points(space: Space, count: int) -> list[Values]:
 def spread(evaluations: Iterable[Evaluation], count: int, space: Space) -> list[Evaluation]:
     """The best `count` designs that lie apart in the box; fewer where there are no more."""
     picked: list[Evaluation] = []
-    for each in sorted(evaluations, key=lambda each: -each.descent):
-        if len(picked) == count or each.descent <= UNBUILT:
+    for each in sorted(evaluations, key=lambda each: -each.penalised_objective):
+        if len(picked) == count or each.penalised_objective <= UNBUILT:
             break
         here = space.shares(each.values)
         if all(np.abs(here - space.shares(other.values)).max() >= APART for other in picked):
@@ -247,7 +261,7 @@ def _simplex(origin: FloatArray, first: float) -> FloatArray:
 
 
 def _none_keeps(evaluations: Iterable[Evaluation], space: Space) -> str:
-    closest = max(evaluations, key=lambda each: each.merit)
+    closest = max(evaluations, key=lambda each: each.objective)
     where = ", ".join(space.overrides(closest.values))
-    why = "; ".join(closest.broken) or closest.judged.why_not
+    why = "; ".join(closest.violations) or closest.result.why_not
     return f"no design that was tried keeps every limit; the closest, {where}: {why}"

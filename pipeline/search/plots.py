@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from pipeline.plots import style
-from pipeline.plots.style import Drawing
+from pipeline.plots.style import ReportFigure
 
 KHZ = 1e-3
 GOALS = {"confinement": ("confinement_db", "confinement (dB)"), "extension": ("extension_db", "zone to extension (dB)")}
 STRIP, COLUMN, PLATE = "strip", "column", "plate"
 
 
-def landscape(document: dict[str, Any]) -> Drawing:
+def landscape(document: dict[str, Any]) -> ReportFigure:
     """Two panels from a search's document: the goal over one or two keys, and the goal against frequency and mass."""
     figure = style.new_figure(style.WIDTH_IN, 3.9)
     left, right = figure.subplots(1, 2, width_ratios=[1.15, 1.0])
@@ -25,7 +25,7 @@ def landscape(document: dict[str, Any]) -> Drawing:
     else:
         _map(left, document, axes, key, label)
     _tradeoff(right, document, key, label)
-    return Drawing("search", "Where the wanted mode is held best", _alt(document, key), figure, vector=True)
+    return ReportFigure("search", "Where the wanted mode is confined best", _alt(document, key), figure, vector=True)
 
 
 def shown_keys(document: dict[str, Any]) -> list[str]:
@@ -36,14 +36,14 @@ def shown_keys(document: dict[str, Any]) -> list[str]:
     from scipy.stats import spearmanr
 
     key = GOALS[document["goal"]][0]
-    judged = [each for each in _of(document, STRIP) if each[key] is not None]
-    goal = [each[key] for each in judged]
-    strength = {k: abs(spearmanr([e["set"][k] for e in judged], goal).statistic) for k in keys}
+    screened = [each for each in _of(document, STRIP) if each[key] is not None]
+    goal = [each[key] for each in screened]
+    strength = {k: abs(spearmanr([e["set"][k] for e in screened], goal).statistic) for k in keys}
     return sorted(keys, key=lambda k: -np.nan_to_num(strength[k]))[:2]
 
 
-def _of(document: dict[str, Any], rung: str) -> list[dict[str, Any]]:
-    return [each for each in document["evaluations"] if each["rung"] == rung]
+def _of(document: dict[str, Any], fidelity: str) -> list[dict[str, Any]]:
+    return [each for each in document["evaluations"] if each["rung"] == fidelity]
 
 
 def _points(listed: list[dict[str, Any]], keys: list[str], value: str) -> Any:
@@ -52,13 +52,13 @@ def _points(listed: list[dict[str, Any]], keys: list[str], value: str) -> Any:
 
 
 def _line(axes: Any, document: dict[str, Any], key: str, value: str, label: str) -> None:
-    """The goal over one key, by every rung."""
+    """The goal over one key, by every fidelity."""
     looks = {STRIP: (style.GREY, "", "-"), COLUMN: (style.SKY, "s", ""), PLATE: (style.BLUE, "o", "")}
-    for rung, (colour, marker, line) in looks.items():
-        found = _points(_of(document, rung), [key], value)
-        if found.size:
-            x, y = found[:, np.argsort(found[0])]
-            axes.plot(x, y, color=colour, marker=marker or None, ls=line or "none", ms=4, label=rung)
+    for fidelity, (colour, marker, line) in looks.items():
+        points = _points(_of(document, fidelity), [key], value)
+        if points.size:
+            x, y = points[:, np.argsort(points[0])]
+            axes.plot(x, y, color=colour, marker=marker or None, ls=line or "none", ms=4, label=fidelity)
     best = document["best"]
     axes.plot(best["set"][key], best[value], "*", color=style.VERMILION, ms=13, label="best")
     axes.set_xlabel(axis_words(key))
@@ -82,7 +82,7 @@ def _map(axes: Any, document: dict[str, Any], keys: list[str], value: str, label
             *columns[:2], c=columns[2], marker="s", s=14, edgecolors="white", linewidths=0.5, label="column", **look
         )
     image = axes.scatter(
-        *plates[:2], c=plates[2], marker="o", s=42, edgecolors="black", linewidths=0.8, label="joined plate", **look
+        *plates[:2], c=plates[2], marker="o", s=42, edgecolors="black", linewidths=0.8, label="assembled plate", **look
     )
     best = document["best"]["set"]
     axes.plot(best[keys[0]], best[keys[1]], "*", color=style.VERMILION, mec="white", ms=15, ls="none", label="best")
@@ -95,8 +95,8 @@ def _map(axes: Any, document: dict[str, Any], keys: list[str], value: str, label
 
 def _tradeoff(axes: Any, document: dict[str, Any], value: str, label: str) -> None:
     """The goal against frequency, coloured by mass; designs that no other beats are joined."""
-    for rung, look in ((COLUMN, {"marker": "s", "s": 12, "alpha": 0.6}), (PLATE, {"marker": "o", "s": 36})):
-        listed = [e for e in _of(document, rung) if e[value] is not None and not e["breaks"]]
+    for fidelity, look in ((COLUMN, {"marker": "s", "s": 12, "alpha": 0.6}), (PLATE, {"marker": "o", "s": 36})):
+        listed = [e for e in _of(document, fidelity) if e[value] is not None and not e["breaks"]]
         if not listed:
             continue
         mass = [1e3 * e["mass_kg"] if e["mass_kg"] is not None else np.nan for e in listed]
@@ -130,7 +130,7 @@ def _alt(document: dict[str, Any], value: str) -> str:
     best, base = document["best"], document["base"]
     where = ", ".join(f"{key} = {each:g}" for key, each in best["set"].items())
     was = "" if base[value] is None else f"; as it was, {base[value]:.1f} dB"
-    counts = ", ".join(f"{rung['designs']} by {rung['name']}" for rung in document["rungs"])
+    counts = ", ".join(f"{fidelity['designs']} by {fidelity['name']}" for fidelity in document["rungs"])
     return (
         f"Goal over what was varied ({counts}) and against frequency: best {best[value]:.1f} dB at "
         f"{KHZ * best['frequency_hz']:.2f} kHz with {where}{was}"

@@ -15,7 +15,7 @@ from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, parse_override, parse_value, read_toml
 from pipeline.case.schema import TABLES
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 
 VARIED = ("plate", "zone", "pillar", "array")  # the tables that shape the plate
 STEP_MM = 0.01  # a printer holds no more
@@ -92,15 +92,15 @@ def read_space(path: str, fixed: Sequence[str], texts: Sequence[str]) -> Space:
         try:
             variable = parse_vary(text)
             if variable.key in {known.key for known in variables}:
-                raise InputFault(f"--vary {text}: {variable.key} is varied already")
+                raise InputError(f"--vary {text}: {variable.key} is varied already")
             _check_ends(raw, file, fixed, variable, text)
             variables.append(variable)
-        except InputFault as fault:
+        except InputError as fault:
             faults += fault.lines
     if not texts:
         faults.append(f"--vary: missing, search needs at least one KEY=LOW:HIGH, {EXAMPLE}")
     if faults:
-        raise InputFault(faults)
+        raise InputError(faults)
     return Space(file, raw, tuple(fixed), tuple(variables))
 
 
@@ -109,31 +109,31 @@ def parse_vary(text: str) -> Variable:
     key, equals, ends = (part.strip() for part in text.partition("="))
     parts = ends.split(":")
     if not equals or len(parts) != 2:
-        raise InputFault(f"--vary {text}: must be KEY=LOW:HIGH, {EXAMPLE}")
+        raise InputError(f"--vary {text}: must be KEY=LOW:HIGH, {EXAMPLE}")
     known = searchable_keys()
     if key not in known:
-        raise InputFault(f"--vary {text}: {key} is no number that shapes the plate{nearest(key, sorted(known))}")
+        raise InputError(f"--vary {text}: {key} is no number that shapes the plate{nearest(key, sorted(known))}")
     whole = known[key]
     numbers = [parse_value(part) for part in parts]
     if not all(isinstance(n, int | float) and not isinstance(n, bool) and isfinite(n) for n in numbers):
-        raise InputFault(f"--vary {text}: both ends must be numbers, {EXAMPLE}")
+        raise InputError(f"--vary {text}: both ends must be numbers, {EXAMPLE}")
     low, high = (float(n) for n in numbers)
     if not low < high:
-        raise InputFault(f"--vary {text}: the low end must lie below the high end")
+        raise InputError(f"--vary {text}: the low end must lie below the high end")
     if whole and not (low.is_integer() and high.is_integer()):
-        raise InputFault(f"--vary {text}: {key} counts something, both ends must be whole numbers")
+        raise InputError(f"--vary {text}: {key} counts something, both ends must be whole numbers")
     return Variable(key, low, high, 1.0 if whole else min(STEP_MM, (high - low) / 10.0), whole)
 
 
 def searchable_keys() -> dict[str, bool]:
     """Keys of the tables that shape the plate whose value is one number, and whether it is a whole one."""
-    found: dict[str, bool] = {}
+    keys: dict[str, bool] = {}
     for table in VARIED:
         for name, field in TABLES[table].model_fields.items():
             kind = str(field.annotation)
             if "Literal" not in kind and "str" not in kind:
-                found[f"{table}.{name}"] = "int" in kind
-    return found
+                keys[f"{table}.{name}"] = "int" in kind
+    return keys
 
 
 def _check_ends(raw: dict[str, Any], file: Path, fixed: Sequence[str], variable: Variable, text: str) -> None:
@@ -142,11 +142,11 @@ def _check_ends(raw: dict[str, Any], file: Path, fixed: Sequence[str], variable:
     for end in (variable.low, variable.high):
         try:
             case_from_dict(raw, file, [*fixed, f"{variable.key}={end:g}"])
-        except InputFault as fault:
+        except InputError as fault:
             lines.append(fault.lines)
             if any("must be a " in line for line in fault.lines):  # the schema's words: wrong by itself
                 break
     else:
         if len(lines) < 2:
             return
-    raise InputFault(f"--vary {text}: {lines[-1][0].partition(': ')[2] or lines[-1][0]}")
+    raise InputError(f"--vary {text}: {lines[-1][0].partition(': ')[2] or lines[-1][0]}")

@@ -77,9 +77,9 @@ class FreeBeam:
         except np.linalg.LinAlgError:
             raise SolverError(EXACTLY) from None
         distances = x[:, None] - sources[None, :]
-        found = _direct(roots[..., None, :], distances, 0) + self._waves(roots, x, 0) @ echoes
-        _check_bounded(found, size[..., None], at)
-        return np.asarray(found / stiff[..., None, None])
+        response = _direct(roots[..., None, :], distances, 0) + self._waves(roots, x, 0) @ echoes
+        _check_bounded(response, size[..., None], at)
+        return np.asarray(response / stiff[..., None, None])
 
     def modal_receptance(self, x_m: ArrayLike, source_m: ArrayLike, s: complex, modes: int) -> ComplexArray:
         """The same from the first `modes` shapes: sum of phi(x) phi(source)/(rho A L (s^2 + omega^2 (1 + s theta)))."""
@@ -132,9 +132,9 @@ def _direct(roots: ComplexArray, distance: FloatArray, derivative: int) -> Compl
     return np.asarray(np.sum(roots**derivative * np.exp(roots * d) / (4.0 * roots**3), axis=-1))
 
 
-def _check_bounded(found: ComplexArray, size: FloatArray, s: ComplexArray) -> None:
+def _check_bounded(response: ComplexArray, size: FloatArray, s: ComplexArray) -> None:
     """SolverError when an answer is rounding noise over the zero of a lossless resonance."""
-    peaks = np.ravel(np.max(np.abs(found) * size**3, axis=(-2, -1), initial=0.0))
+    peaks = np.ravel(np.max(np.abs(response) * size**3, axis=(-2, -1), initial=0.0))
     if not np.all(peaks <= UNBOUNDED / 4.0):
         worst = abs(np.ravel(s)[int(np.argmax(np.nan_to_num(peaks, nan=np.inf)))])
         raise SolverError(f"{EXACTLY} (near {worst / (2.0 * pi):.9g} Hz)")

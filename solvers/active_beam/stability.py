@@ -77,8 +77,8 @@ def characteristic_loci(beam: FreeBeam, layout: Layout, high_hz: float, low_hz: 
     """Eigenvalues of j omega C G(j omega) B on a grid that resolves every resonance from low_hz to high_hz."""
     omega = _grid(beam, 2.0 * pi * low_hz, 2.0 * pi * high_hz)
     spread, pick, points = np.array(layout.spread), np.array(layout.pick), np.array(layout.points_m)
-    found = 1j * omega[:, None, None] * (pick @ beam.receptance(points, points, 1j * omega) @ spread)
-    values = np.linalg.eigvals(found)
+    loci = 1j * omega[:, None, None] * (pick @ beam.receptance(points, points, 1j * omega) @ spread)
+    values = np.linalg.eigvals(loci)
     orders = [list(order) for order in permutations(range(values.shape[1]))]
     for i in range(1, len(values)):
         candidates = values[i][np.array(orders)]

@@ -49,11 +49,11 @@ class ActiveBeamData:
         """Middle of the left loops, m."""
         if self.left_m is not None:
             return self.left_m
-        found = antinodes_m(self.beam, self.length_m / 2.0, 2.0 * pi * self.frequencies_hz[0])
-        room = (found > self.apart_m) & (found < self.length_m / 2.0 - self.apart_m)
+        antinodes = antinodes_m(self.beam, self.length_m / 2.0, 2.0 * pi * self.frequencies_hz[0])
+        room = (antinodes > self.apart_m) & (antinodes < self.length_m / 2.0 - self.apart_m)
         if not room.any():
             raise SolverError("no antinode lies between an end and the middle of the beam: state where the loops stand")
-        return float(found[room][np.argmin(np.abs(found[room] - self.length_m / 4.0))])
+        return float(antinodes[room][np.argmin(np.abs(antinodes[room] - self.length_m / 4.0))])
 
     def layouts(self, left_m: float) -> tuple[Layout, ...]:
         """point, pair, couple and opposed, in this order."""

@@ -27,7 +27,7 @@ class Sections:
 
 @dataclass(frozen=True)
 class BeamMatrices:
-    """K over (u, w) and M over w. nodes_m (n + 1,); u has 2 n + 1 unknowns, w has (w, w') at each node.
+    """K over (u, w) and M over w. nodes_m (n + 1,); u has 2 n + 1 degrees of freedom, w has (w, w') at each node.
 
     stretching (u, u), coupling (u, w), bending (w, w), mass (w, w).
     """

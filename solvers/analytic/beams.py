@@ -32,7 +32,7 @@ HALVINGS = 40  # of a bracket of 1/(32 half-waves): below 1e-13
 class BeamMode:
     """One mode: phi(s) = sum of coefficients times basis, s = x/L in [0, 1], mean of phi^2 equal to 1.
 
-    kappa is beta L, dimensionless; 0 marks a rigid motion. Source: blevins1979.
+    kappa is beta L, dimensionless; 0 marks a rigid-body mode. Source: blevins1979.
     """
 
     kappa: float
@@ -51,7 +51,7 @@ def check_ends(*ends: str) -> None:
 
 
 def _basis(kappa: float, s: FloatArray, derivative: int = 0) -> FloatArray:
-    """cos, sin, scaled cosh and sinh of kappa (s - 1/2), last axis 4; for kappa = 0 the rigid motions 1, 2s - 1."""
+    """cos, sin, scaled cosh and sinh of kappa (s - 1/2), last axis 4; for kappa = 0 the rigid-body modes 1, 2s - 1."""
     t = s - 0.5
     if kappa == 0.0:
         columns = [np.ones_like(t), 2.0 * t] if derivative == 0 else [np.zeros_like(t), np.full_like(t, 2.0)]
@@ -77,12 +77,12 @@ def _determinant(kappa: float, left: str, right: str) -> float:
 
 
 def rigid_count(left: End, right: End) -> int:
-    """Number of rigid motions the two ends leave: 2 for free-free, 1 for pinned-free, sliding-free, sliding-sliding."""
+    """Number of rigid-body modes the two ends leave: 2 for free-free, 1 for pinned-free, sliding-free, sliding-sliding."""
     check_ends(left, right)
-    held = np.array(
+    constraints = np.array(
         [[1.0, s] if n == 0 else [0.0, 1.0] for s, end in ((0.0, left), (1.0, right)) for n in VANISHING[end] if n < 2]
     ).reshape(-1, 2)
-    return 2 - int(np.linalg.matrix_rank(held)) if held.size else 2
+    return 2 - int(np.linalg.matrix_rank(constraints)) if constraints.size else 2
 
 
 def roots(left: End, right: End, count: int) -> tuple[float, ...]:
@@ -103,11 +103,11 @@ def _first_roots(left: str, right: str, count: int) -> tuple[float, ...]:
     grid = np.arange(LOWEST, (bracketed + 2) * pi, STEP)
     values = [_determinant(float(kappa), left, right) for kappa in grid]
     brackets = [(a, b) for (a, fa), (b, fb) in pairwise(zip(grid, values, strict=True)) if (fa < 0.0) != (fb < 0.0)]
-    found = [root_between(lambda kappa: _determinant(kappa, left, right), a, b, 1e-13) for a, b in brackets[:bracketed]]
-    if len(found) < bracketed:
-        raise SolverError(f"{left}-{right} beam: {len(found)} of {bracketed} roots were found")
-    quarters = round(4.0 * found[-1] / pi)
-    return (*found, *(pi / 4.0 * (quarters + 4 * n) for n in range(1, count - bracketed + 1)))
+    roots = [root_between(lambda kappa: _determinant(kappa, left, right), a, b, 1e-13) for a, b in brackets[:bracketed]]
+    if len(roots) < bracketed:
+        raise SolverError(f"{left}-{right} beam: {len(roots)} of {bracketed} roots were found")
+    quarters = round(4.0 * roots[-1] / pi)
+    return (*roots, *(pi / 4.0 * (quarters + 4 * n) for n in range(1, count - bracketed + 1)))
 
 
 def _normalised(kappa: float, coefficients: FloatArray) -> BeamMode:
@@ -132,7 +132,7 @@ def beam_mode(left: End, right: End, number: int) -> BeamMode:
 
 
 def free_free_mode(nodes: int) -> BeamMode:
-    """The free-free shape with this number of nodes: 0 and 1 are rigid motions, N is elastic mode N - 1."""
+    """The free-free shape with this number of nodes: 0 and 1 are rigid-body modes, N is elastic mode N - 1."""
     if nodes < 0:
         raise SolverError(f"nodal lines = {nodes}: must be 0 or more")
     if nodes < 2:

@@ -71,15 +71,15 @@ def folded_hz(
 
     SolverError above 0.9 of the first thickness-shear cut-off, where higher waves would have to be counted.
     """
-    found: list[float] = []
+    frequencies: list[float] = []
     for m in range(-3, 4):
         for n in range(-3, 4):
             k = float(np.hypot(*(wavevector + 2.0 * pi * np.array([m, n]) / np.array(pitch_m))))
             if k < 1e-9:
-                found += [0.0, 0.0, 0.0]
+                frequencies += [0.0, 0.0, 0.0]
                 continue
-            found += [lamb_hz(k, thickness_m, material, s) for s in (False, True)] + [shear_hz(k, material)]
-    lowest = np.sort(found)[:count]
+            frequencies += [lamb_hz(k, thickness_m, material, s) for s in (False, True)] + [shear_hz(k, material)]
+    lowest = np.sort(frequencies)[:count]
     if lowest[-1] >= 0.9 * shear_speed(material) / (2.0 * thickness_m):
         raise SolverError(f"{count} waves reach above the thickness-shear cut-off: ask for fewer")
     return np.asarray(lowest)

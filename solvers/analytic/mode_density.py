@@ -16,14 +16,14 @@ from geometry.elements import FloatArray
 from geometry.layout import Pillar
 from geometry.materials import Material
 
-SOME = 0.5  # of a branch on a held plate: fewer are none
-MOST_BRANCHES = 200  # across one side: beyond, the volume alone counts
+SOME = 0.5  # of a branch on a clamped plate: fewer are none
+MAX_BRANCHES = 200  # across one side: beyond, the volume alone counts
 
 
 def plate_modes(
     frequency_hz: float, length_m: float, width_m: float, thickness_m: float, material: Material, held_m: float = 0.0
 ) -> float:
-    """Modes below a frequency of a rectangular plate, `held_m` of its rim held: (A k^2 - R k)/(4 pi) + 1/4 a branch."""
+    """Modes below a frequency of a rectangular plate, `held_m` of its rim clamped: (A k^2 - R k)/(4 pi) + 1/4 a branch."""
     area, waves = length_m * width_m, _branches(frequency_hz, thickness_m, material)
     if not held_m:
         return area * sum(k * k for k in waves) / (4.0 * pi)
@@ -32,11 +32,11 @@ def plate_modes(
 
 
 def pillar_modes(frequency_hz: float, pillar: Pillar) -> float:
-    """Modes below a frequency of a pillar on a held foot, h (n - 1/2) half-waves along it on every branch of its section."""
+    """Modes below a frequency of a pillar on a clamped foot, h (n - 1/2) half-waves along it on every branch of its section."""
     height, material = pillar.height_m, pillar.material
     side = sqrt(pillar.section_area_m2)
     shear, longitudinal, bending = _waves(frequency_hz, side, material)
-    if shear * side / pi > MOST_BRANCHES:
+    if shear * side / pi > MAX_BRANCHES:
         return height * side**2 * (longitudinal**3 + 2.0 * shear**3) / (6.0 * pi**2)
     across = (np.arange(floor(shear * side / pi) + 1) * pi / side) ** 2
     section = across[:, None] + across
@@ -79,17 +79,17 @@ def _branches(frequency_hz: float, thickness_m: float, material: Material) -> li
     """Real wavenumbers of a plate's branches, rad/m."""
     shear, longitudinal, bending = _waves(frequency_hz, thickness_m, material)
     plane = shear * sqrt((1.0 - material.poisson) / 2.0)  # the plate's own longitudinal wave
-    found = [bending, shear, plane]
+    branches = [bending, shear, plane]
     for wave, many in ((shear, 2), (longitudinal, 1)):
-        found += many * _higher(wave, thickness_m)
-    return found
+        branches += many * _higher(wave, thickness_m)
+    return branches
 
 
 def _higher(wave: float, thickness_m: float) -> list[float]:
     last = floor(wave * thickness_m / pi)
-    if last > MOST_BRANCHES:  # as many as before of the same sum of squares: the integral
-        number = np.linspace(0.0, 1.0, MOST_BRANCHES + 1)[:-1] + 0.5 / MOST_BRANCHES
-        return list(wave * np.sqrt((1.0 - number**2) * last / MOST_BRANCHES))
+    if last > MAX_BRANCHES:  # as many as before of the same sum of squares: the integral
+        number = np.linspace(0.0, 1.0, MAX_BRANCHES + 1)[:-1] + 0.5 / MAX_BRANCHES
+        return list(wave * np.sqrt((1.0 - number**2) * last / MAX_BRANCHES))
     number = np.arange(1.0, last + 1.0)
     squares: FloatArray = wave**2 - (number * pi / thickness_m) ** 2
     return list(np.sqrt(np.maximum(squares, 0.0)))

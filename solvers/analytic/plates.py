@@ -1,4 +1,4 @@
-"""The zone as a thin plate: sides y = 0 and y = W held, ends x = +-L/2 free. The thesis' formula and exact solutions."""
+"""The zone as a thin plate: sides y = 0 and y = W clamped, ends x = +-L/2 free. The thesis' formula and exact solutions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from solvers.errors import SolverError
 
 @dataclass(frozen=True)
 class Strip:
-    """The bare zone, SI: length along x (free ends), width along y (held sides), thickness, elastic constants."""
+    """The bare zone, SI: length along x (free ends), width along y (clamped sides), thickness, elastic constants."""
 
     length_m: float
     width_m: float
@@ -87,7 +87,7 @@ def levy_wavenumber_per_m(strip: Strip, nodal_lines: int) -> float:
         raise SolverError(f"nodal lines = {nodal_lines}: must be 0 or more")
     q = strip.across_per_m
     low = q * 0.5 * (1.0 - strip.poisson**2) ** 0.25  # the narrow-strip limit is twice this
-    found, step = 0, 0.125 * pi / strip.length_m
+    sign_changes, step = 0, 0.125 * pi / strip.length_m
     even = nodal_lines % 2 == 0
 
     def edges(kappa: float) -> float:
@@ -96,8 +96,8 @@ def levy_wavenumber_per_m(strip: Strip, nodal_lines: int) -> float:
     grid = [low, *(sqrt(q**2 + (i * step) ** 2) for i in range(8 * (nodal_lines + 3)))]
     for a, b in pairwise(grid):
         if (edges(a) < 0.0) != (edges(b) < 0.0):
-            found += 1
-            if found == nodal_lines // 2 + 1:
+            sign_changes += 1
+            if sign_changes == nodal_lines // 2 + 1:
                 return root_between(edges, a, b, 1e-14 * b)
     raise SolverError(f"Levy's equation: the mode with {nodal_lines} nodal lines was not found for {strip}")
 

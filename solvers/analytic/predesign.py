@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from geometry.layout import Design, Pillar
 from solvers.analytic.beams import frequency_hz, roots
 from solvers.analytic.plates import Strip, beam_function_hz, levy_hz, levy_wavenumber_per_m
-from solvers.analytic.ritz_plates import MOST_LINES, kirchhoff_mode, mindlin_mode
+from solvers.analytic.ritz_plates import MAX_LINES, kirchhoff_mode, mindlin_mode
 from solvers.analytic.root_finding import root_between
 from solvers.analytic.section import Beam, round_beam, square_beam
 from solvers.analytic.timoshenko import exact_omegas
@@ -149,8 +149,8 @@ def zone_width_m(strip: Strip, nodal_lines: int, wanted_hz: float) -> float:
     try:
         return _solved(lambda width: levy_hz(replace(strip, width_m=width), nodal_lines) - wanted_hz, strip.width_m)
     except SolverError:
-        told = f"no width gives {wanted_hz:g} Hz with {nodal_lines} nodal lines on {strip.length_m:g} m"
-        raise SolverError(f"{told}: take fewer lines, a longer or a thinner zone") from None
+        reason = f"no width gives {wanted_hz:g} Hz with {nodal_lines} nodal lines on {strip.length_m:g} m"
+        raise SolverError(f"{reason}: take fewer lines, a longer or a thinner zone") from None
 
 
 def thickness_m(strip: Strip, nodal_lines: int, wanted_hz: float) -> float:
@@ -159,7 +159,7 @@ def thickness_m(strip: Strip, nodal_lines: int, wanted_hz: float) -> float:
     return strip.thickness_m * wanted_hz / levy_hz(strip, nodal_lines)
 
 
-def fewest_nodal_lines(strip: Strip, half_wavelength_m: float) -> int:
+def min_nodal_lines(strip: Strip, half_wavelength_m: float) -> int:
     """Smallest N whose half-wavelength L/(N - 1/2) is not larger than the one wanted."""
     _above_zero("half-wavelength", half_wavelength_m)
     return max(2, ceil(strip.length_m / half_wavelength_m + 0.5 - 1e-9))
@@ -185,7 +185,7 @@ def sizing_chart(design: Design, points: int = 40) -> SizingChart:
 def _zone_size(strip: Strip, lines: int) -> ZoneSize:
     kappa = levy_wavenumber_per_m(strip, lines)
     along = kappa**2 - strip.across_per_m**2
-    ritz = lines <= MOST_LINES
+    ritz = lines <= MAX_LINES
     return ZoneSize(
         nodal_lines=lines,
         frequency_hz=levy_hz(strip, lines),
@@ -275,7 +275,7 @@ def _zone_limits(design: Design, zone: ZoneSize) -> list[str]:
             f"and {zone.half_wavelength_m / design.thickness_m:.1f} times the thickness"
         )
     if zone.pinned_hz is None or zone.clamped_hz is None or zone.thin_clamped_hz is None:
-        return [*lines, f"zone: shear and clamped sides are not estimated beyond {MOST_LINES} nodal lines"]
+        return [*lines, f"zone: shear and clamped sides are not estimated beyond {MAX_LINES} nodal lines"]
     return [
         *lines,
         f"zone: shear and rotary inertia change the frequency by {100 * (zone.pinned_hz / zone.frequency_hz - 1):+.1f} % "

@@ -22,12 +22,12 @@ from solvers.errors import SolverError
 FloatArray = NDArray[np.float64]
 Sides = Literal["pinned", "clamped"]
 ACROSS = 5  # even polynomials across the zone
-MOST_LINES = 40  # beyond, the dense matrices would take seconds
+MAX_LINES = 40  # beyond, the dense matrices would take seconds
 
 
 @dataclass(frozen=True)
 class ZoneMode:
-    """The mode found: frequency in Hz and mac, its likeness to sin(pi y/W) times the free-free beam shape (0 to 1)."""
+    """The mode found: frequency in Hz and mac, its modal overlap to sin(pi y/W) times the free-free beam shape (0 to 1)."""
 
     frequency_hz: float
     mac: float
@@ -119,8 +119,8 @@ def _power(sides: str) -> int:
 
 def _along(strip: Strip, nodal_lines: int, odd_shift: int = 0) -> _Axis:
     """Legendre polynomials of the mode's parity along x, enough for N nodes; odd_shift = 1 for the rotation."""
-    if not 0 <= nodal_lines <= MOST_LINES:
-        raise SolverError(f"nodal lines = {nodal_lines}: must be from 0 to {MOST_LINES} for a Ritz estimate")
+    if not 0 <= nodal_lines <= MAX_LINES:
+        raise SolverError(f"nodal lines = {nodal_lines}: must be from 0 to {MAX_LINES} for a Ritz estimate")
     parity = (nodal_lines + odd_shift) % 2
     return _axis(strip.length_m, parity, int(0.8 * nodal_lines) + 9, 0)  # N half-waves need a degree of pi/2 N
 

@@ -7,7 +7,7 @@ from math import isfinite
 
 from solvers.errors import SolverError
 
-MOST = 200
+MAX_COUNT = 200
 
 
 def root_between(
@@ -22,7 +22,7 @@ def root_between(
     if not (isfinite(fa) and isfinite(fb)) or (fa != 0.0 and fb != 0.0 and (fa < 0.0) == (fb < 0.0)):
         raise SolverError(f"no sign change between {low:g} and {high:g}: {fb:g} and {fa:g}")
     c, fc, share = a, fa, 0.5
-    for _ in range(MOST):
+    for _ in range(MAX_COUNT):
         best, value = (a, fa) if abs(fa) < abs(fb) else (b, fb)
         least = (xtol + rtol * abs(best)) / 2.0 / abs(a - b)
         if value == 0.0 or least > 0.5:
@@ -37,7 +37,7 @@ def root_between(
             c, fc, b, fb = b, fb, a, fa
         a, fa = x, fx
         share = _inverse_quadratic(a, b, c, fa, fb, fc)
-    raise SolverError(f"no root within {xtol:g} between {low:g} and {high:g} after {MOST} steps")
+    raise SolverError(f"no root within {xtol:g} between {low:g} and {high:g} after {MAX_COUNT} steps")
 
 
 def _inverse_quadratic(a: float, b: float, c: float, fa: float, fb: float, fc: float) -> float:

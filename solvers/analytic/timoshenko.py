@@ -45,7 +45,7 @@ class BeamModes:
 
 
 def beam_modes(beam: Beam, left: End, right: End, count: int) -> BeamModes:
-    """The first `count` elastic modes; rigid motions are left out.
+    """The first `count` elastic modes; rigid-body modes are left out.
 
     EI psi'' + kappa G A (w' - psi) + rho I omega^2 psi = 0, kappa G A (w'' - psi') + rho A omega^2 w = 0.
     Raises SolverError for an unknown end, count < 1, a size that is not above 0 or a tapered beam.
@@ -70,17 +70,17 @@ def exact_omegas(beam: Beam, left: End, right: End, count: int) -> list[float]:
 def _scanned(beam: Beam, left: str, right: str, count: int) -> list[float]:
     """Roots below the cut-off, at most `count`: sign changes over the bending wavenumber."""
     cutoff = 1.0 / sqrt(beam.flexibility * beam.rotation)
-    found: list[float] = []
+    roots_hz: list[float] = []
     start, width = LOWEST, STEP * 4
-    while len(found) < count:
+    while len(roots_hz) < count:
         wavenumbers = np.arange(start, start + width + STEP / 2, STEP)
         omegas = [omega for omega in (_omega_of(float(a), beam) for a in wavenumbers) if omega < cutoff]
         omegas += [cutoff * (1.0 - 1e-12)] if len(omegas) < len(wavenumbers) else []
-        found += _sign_changes(omegas, beam, left, right)
+        roots_hz += _sign_changes(omegas, beam, left, right)
         if len(omegas) < len(wavenumbers):
             break
         start += width
-    return found[:count]
+    return roots_hz[:count]
 
 
 def _omega_of(wavenumber: float, beam: Beam) -> float:
@@ -151,9 +151,9 @@ def _basis_of(omega: float, beam: Beam) -> Callable[[float], tuple[FloatArray, F
     Two solutions have wavenumber^2 = trig, two lambda^2 = other; these are scaled to one at the ends.
     """
     b, turn = beam.flexibility * omega**2, beam.rotation * omega**2
-    half, rest = (b + turn) / 2.0, turn * b - omega**2
-    trig = half + sqrt(half**2 - rest)
-    other = -rest / trig
+    half, product = (b + turn) / 2.0, turn * b - omega**2
+    trig = half + sqrt(half**2 - product)
+    other = -product / trig
     a, root = sqrt(trig), sqrt(abs(other))
 
     def at(t: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

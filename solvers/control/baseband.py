@@ -179,14 +179,14 @@ def feasibility(
     for value in (reference, response_s, drive_limit):
         _check_response(value)
     size = abs(plant.gain)
-    held = abs(1.0 + 1j * plant.tau_s * detuning_rad_s)
-    peak = max(plant.tau_s / response_s, held)
+    detuned = abs(1.0 + 1j * plant.tau_s * detuning_rad_s)
+    peak = max(plant.tau_s / response_s, detuned)
     reach = size * drive_limit
-    within = reference * held <= reach
+    within = reference * detuned <= reach
     return Feasibility(
         reference=reference,
         response_s=response_s,
-        steady_drive=held * reference / size,
+        steady_drive=detuned * reference / size,
         peak_drive=peak * reference / size,
         largest_reference=reach / peak,
         least_time_s=-plant.tau_s * log(1.0 - 0.95 * reference / reach) if within else inf,

@@ -22,7 +22,7 @@ class Entry:
         return asdict(self)
 
 
-def judged(ours: float, thesis: float) -> str:
+def agreement(ours: float, thesis: float) -> str:
     """Agreement of two numbers in words: agrees within 15 %, else by how much ours is off."""
     change = ours / thesis - 1.0
     return f"{'agrees' if abs(change) <= NEAR else 'differs'}: ours is {100.0 * change:+.0f} % off"

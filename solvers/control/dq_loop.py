@@ -163,9 +163,9 @@ def run(setup: Setup, references: FloatArray) -> Trace:
         acting = command
         phasor = control.fit(samples)
         measured.append(phasor)
-        command, met = control.step(phasor, float(reference))
+        command, at_limit = control.step(phasor, float(reference))
         drives.append(control.drive)
-        limited.append(met)
+        limited.append(at_limit)
     time = np.arange(len(references), dtype=np.float64) * setup.rates.period_s + start
     return Trace(time, np.asarray(references, dtype=float), np.array(measured), np.array(drives), np.array(limited))
 
@@ -181,9 +181,9 @@ class Plate:
         ts = 1.0 / rates.sample_rate_hz
         poles = np.array([-1.0 / m.tau_s + 1j * np.sqrt(m.omega_rad_s**2 - m.tau_s**-2) for m in setup.modes])
         whole, part = divmod(setup.delay_s / ts, 1.0)
-        held = (np.exp(poles * (1.0 - part) * ts) - 1.0) / poles
+        hold = (np.exp(poles * (1.0 - part) * ts) - 1.0) / poles
         self.decay = np.exp(poles * ts)
-        self.push = np.stack([held, (self.decay - 1.0) / poles - held], axis=1)
+        self.push = np.stack([hold, (self.decay - 1.0) / poles - hold], axis=1)
         self.residue = [4.0 * m.gain / m.tau_s * p / (p - np.conj(p)) for m, p in zip(setup.modes, poles, strict=True)]
         self.state = np.zeros(len(poles), dtype=complex)
         self.line = np.zeros(int(whole) + 2)  # levels that are on their way, the code of the last sample among them
@@ -196,8 +196,8 @@ class Plate:
         n = np.arange(rates.period)
         carrier = np.exp(1j * (self.phase + self.turn * n))
         levels = _dac(np.where(n < rates.gap, acting * carrier, command * carrier).real, rates.bits)
-        on_the_way = np.concatenate([self.line, levels])
-        new, old = on_the_way[1 : rates.period + 1], on_the_way[: rates.period]
+        in_transit = np.concatenate([self.line, levels])
+        new, old = in_transit[1 : rates.period + 1], in_transit[: rates.period]
         signal = np.full(rates.period, self.setup.offset)
         for i, (decay, (now, before)) in enumerate(zip(self.decay, self.push, strict=True)):
             drive = now * new + before * old
@@ -205,7 +205,7 @@ class Plate:
             states = np.concatenate([[self.state[i]], path[:-1]])
             self.state[i] = path[-1]
             signal += (self.residue[i] * states).real
-        self.line = on_the_way[rates.period :]
+        self.line = in_transit[rates.period :]
         self.phase = (self.phase + self.turn * rates.period) % (2.0 * pi)
         if self.setup.noise:
             signal += self.random.normal(scale=self.setup.noise, size=signal.size)
@@ -240,15 +240,15 @@ class Controller:
     def fit(self, samples: FloatArray) -> complex:
         """a + j b of a cos - b sin + c over the window, exact at any frequency, turned to the drive's phase."""
         a, b, _ = self.fitting @ samples
-        found = complex(a, b) * self.phase
+        phasor = complex(a, b) * self.phase
         self.phase *= self.advance
-        return complex(found)
+        return complex(phasor)
 
     def step(self, measured: complex, reference: float) -> tuple[complex, bool]:
         """The next drive, turned ahead for delay and the gain's phase, and whether it met its limit."""
         law = int(self.limited == LIMITED)
-        held = self.states[law] * measured + self.feeds[law] * self.drive
-        drive = complex(self.integral + self.proportional[law] * reference - held)
+        predicted = self.states[law] * measured + self.feeds[law] * self.drive
+        drive = complex(self.integral + self.proportional[law] * reference - predicted)
         limited = abs(drive) > self.setup.drive_limit
         matched = self.setup.anti_windup == "match" and (limited or self.limited > 0)
         self.limited = LIMITED if limited else max(self.limited - 1, 0)

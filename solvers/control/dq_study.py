@@ -68,7 +68,7 @@ class DqStudy:
     windups: tuple[Step, ...]
 
     @property
-    def asked(self) -> Step:
+    def query(self) -> Step:
         """The step at the smallest detuning, without neighbours."""
         return min((s for s in self.steps if s.name == "alone"), key=lambda s: abs(s.detuning_hz))
 
@@ -90,17 +90,20 @@ class DqStudy:
 
     def entries(self) -> list[Entry]:
         """The thesis' closed-loop response beside ours."""
-        reached, over = self.asked.trace.reached_s(), self.asked.trace.overshoot()
+        reached, over = self.query.trace.reached_s(), self.query.trace.overshoot()
         fast = next(step.trace for step in self.steps if step.name == "firmware's constant")
         ours = (
             f"{reached * 1e3:.2f} ms, overshoot {100 * over:.1f} %, from the change of the reference, planned with "
             f"{self.planned_s * 1e3:.2f} ms; {fast.reached_s() * 1e3:.2f} ms by the firmware's {FIRMWARE_RESPONSE_S * 1e3:g} ms"
         )
-        held = "agrees" if reached <= 1.01 * THESIS_95_S else f"differs, {self.data.within_s * 1e3:g} ms were asked for"
-        told = (
-            f"{held}; without meeting the drive's limit up to {self.largest_share:.2f} of the amplitude at full drive"
+        verdict = (
+            "agrees" if reached <= 1.01 * THESIS_95_S else f"differs, {self.data.within_s * 1e3:g} ms were asked for"
         )
-        return [Entry("closed loop, 95 % response", f"{THESIS_95_S * 1e3:g} ms, no overshoot", ours, told)]
+        description = (
+            f"{verdict}; without meeting the drive's limit up to {self.largest_share:.2f} of the amplitude "
+            "at full drive"
+        )
+        return [Entry("closed loop, 95 % response", f"{THESIS_95_S * 1e3:g} ms, no overshoot", ours, description)]
 
     def table_entry(self) -> dict[str, Any]:
         """What the mode table carries of this: the plant, from which the firmware plans its gains as `sampled` here."""
@@ -174,10 +177,10 @@ def dq_study(data: DqData | None = None) -> DqStudy:
     if not (isfinite(data.share) and 0.0 < data.share < 1.0):
         raise SolverError(f"share {data.share:g} of the amplitude at full drive: must be above 0 and below 1")
     seen = _measured(data)
-    found = identify(seen, data.sensor, data.delay_guess_s)
-    plant, response = found.plant, data.response_s
+    identified = identify(seen, data.sensor, data.delay_guess_s)
+    plant, response = identified.plant, data.response_s
     reach = abs(plant.gain) * data.drive_limit
-    setup = _setup(data, found)
+    setup = _setup(data, identified)
     setup = replace(setup, response_s=planned_response_s(setup, data.within_s))
     return DqStudy(
         data=data,
@@ -186,7 +189,7 @@ def dq_study(data: DqData | None = None) -> DqStudy:
         sampled=_with_neighbours(setup, data).gains,
         feasible=tuple(feasibility(plant, share * reach, response, data.drive_limit) for share in SHARES),
         sweep=seen,
-        identified=found,
+        identified=identified,
         margins=margins(replace(setup, modes=(plant,), known=None, known_delay_s=None)),
         steps=tuple(_steps(data, setup, reach)),
         windups=tuple(_windup(setup, kind, reach) for kind in ("match", "freeze", "none")),
@@ -225,15 +228,15 @@ def _measured(data: DqData) -> Sweep:
     return replace(sweep, response=sweep.response * (1.0 - np.exp(-turn)) / turn)
 
 
-def _setup(data: DqData, found: Identified) -> Setup:
+def _setup(data: DqData, identified: Identified) -> Setup:
     """The loop with the identified mode as what the controller knows."""
     return Setup(
         modes=(_sensed(data.wanted, data.sensor),),
-        known=found.plant,
+        known=identified.plant,
         response_s=data.response_s,
         drive_limit=data.drive_limit,
         delay_s=data.delay_s,
-        known_delay_s=found.delay_s,
+        known_delay_s=identified.delay_s,
         noise=data.noise,
         rates=data.rates,
     )
@@ -248,15 +251,15 @@ def _with_neighbours(setup: Setup, data: DqData) -> Setup:
 
 
 def _steps(data: DqData, setup: Setup, reach: float) -> list[Step]:
-    found = []
+    steps = []
     for detuning in data.detunings_hz:
-        held = abs(1.0 + 2j * pi * detuning * data.wanted.tau_s)
-        reference = data.share * reach / max(1.0, held * data.response_s / data.wanted.tau_s)
-        found.append(_step("alone", replace(setup, detuning_hz=detuning), reference))
-    found.append(_step("firmware's constant", replace(setup, response_s=FIRMWARE_RESPONSE_S), 0.5 * data.share * reach))
+        detuned = abs(1.0 + 2j * pi * detuning * data.wanted.tau_s)
+        reference = data.share * reach / max(1.0, detuned * data.response_s / data.wanted.tau_s)
+        steps.append(_step("alone", replace(setup, detuning_hz=detuning), reference))
+    steps.append(_step("firmware's constant", replace(setup, response_s=FIRMWARE_RESPONSE_S), 0.5 * data.share * reach))
     if data.neighbours:
-        found.append(_step("with neighbours", _with_neighbours(setup, data), data.share * reach))
-    return found
+        steps.append(_step("with neighbours", _with_neighbours(setup, data), data.share * reach))
+    return steps
 
 
 def _step(name: str, setup: Setup, reference: float) -> Step:

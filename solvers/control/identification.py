@@ -100,9 +100,9 @@ def fit_circle(points: ComplexArray) -> Circle:
     def distances(p: FloatArray) -> FloatArray:
         return np.asarray(np.hypot(z.real - p[0], z.imag - p[1]) - p[2])
 
-    found = least_squares(distances, start, xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    x, y, radius = found.x
-    misfit = float(np.sqrt(np.mean(found.fun**2)) / abs(radius))
+    fit = least_squares(distances, start, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    x, y, radius = fit.x
+    misfit = float(np.sqrt(np.mean(fit.fun**2)) / abs(radius))
     return Circle(complex(middle + size * (x + 1j * y)), float(size * abs(radius)), misfit)
 
 
@@ -119,8 +119,8 @@ def fit_phase(frequencies_hz: FloatArray, angles: FloatArray) -> tuple[float, fl
         x = stretched_detuning(2.0 * pi * f, 2.0 * pi * (start_hz + p[0] * span))
         return np.asarray(p[2] - 2.0 * np.arctan(np.exp(p[1]) * x) - angles)
 
-    found = least_squares(residual, start, xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    return float(start_hz + found.x[0] * span), float(np.exp(found.x[1])), float(found.x[2])
+    fit = least_squares(residual, start, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    return float(start_hz + fit.x[0] * span), float(np.exp(fit.x[1])), float(fit.x[2])
 
 
 def identify(sweep: Sweep, sensor: Sensor = "velocity", delay_s: float = 0.0) -> Identified:
@@ -133,9 +133,9 @@ def identify(sweep: Sweep, sensor: Sensor = "velocity", delay_s: float = 0.0) ->
     velocity = _as_velocity(sweep, sensor)
     for _ in range(3):
         plant = _fit(sweep.frequencies_hz, velocity, delay_s)[0]
-        rest = (np.angle(plant.gain) + pi / 2.0) % pi - pi / 2.0
-        delay_s = float(delay_s - rest / plant.omega_rad_s)
-    if delay_s < 0.0:  # noise about none, or half a turn too few
+        phase_left = (np.angle(plant.gain) + pi / 2.0) % pi - pi / 2.0
+        delay_s = float(delay_s - phase_left / plant.omega_rad_s)
+    if delay_s < 0.0:  # noise about none, or a half turn too few
         delay_s = 0.0 if delay_s * plant.frequency_hz > -ROUNDING_TURNS else delay_s + 0.5 / plant.frequency_hz
     plant, background, circle = _fit(sweep.frequencies_hz, velocity, delay_s)
     if sensor == "displacement":

@@ -14,7 +14,7 @@ FloatArray = NDArray[np.float64]
 FLOOR = (
     0.5  # of the peak: the circle is fitted to the points about it that reach so high, 240 degrees of a single mode's
 )
-FEWEST = 8
+MIN_COUNT = 8
 
 
 @dataclass(frozen=True)
@@ -42,20 +42,22 @@ def resonance(sweep: Sweep, sensor: Sensor) -> Resonance:
     low, high = _about(amplitude, peak)
     part = Sweep(sweep.frequencies_hz[low:high], sweep.response[low:high])
     half = half_power_quality(sweep.frequencies_hz, amplitude, peak)
-    found, trouble = None, None
+    identified, trouble = None, None
     try:
-        found = identify(part, sensor)
-        if not part.frequencies_hz[0] <= found.plant.frequency_hz <= part.frequencies_hz[-1]:
-            raise SolverError(f"the circle's frequency {found.plant.frequency_hz:.1f} Hz lies outside what was fitted")
+        identified = identify(part, sensor)
+        if not part.frequencies_hz[0] <= identified.plant.frequency_hz <= part.frequencies_hz[-1]:
+            raise SolverError(
+                f"the circle's frequency {identified.plant.frequency_hz:.1f} Hz lies outside what was fitted"
+            )
     except SolverError as fault:
-        found, trouble = None, str(fault)
+        identified, trouble = None, str(fault)
     peak_hz = float(sweep.frequencies_hz[peak])
     return Resonance(
         peak_hz,
-        found.plant.frequency_hz if found else peak_hz,
-        found.plant.quality if found else half,
+        identified.plant.frequency_hz if identified else peak_hz,
+        identified.plant.quality if identified else half,
         half,
-        found,
+        identified,
         float(part.frequencies_hz[0]),
         float(part.frequencies_hz[-1]),
         trouble,
@@ -67,7 +69,7 @@ def _about(amplitude: FloatArray, peak: int) -> tuple[int, int]:
     above = amplitude >= FLOOR * amplitude[peak]
     low = peak - int(np.argmin(above[peak::-1])) + 1 if not above[: peak + 1].all() else 0
     high = peak + int(np.argmin(above[peak:])) if not above[peak:].all() else len(amplitude)
-    while high - low < min(FEWEST, len(amplitude)):
+    while high - low < min(MIN_COUNT, len(amplitude)):
         low, high = max(0, low - 1), min(len(amplitude), high + 1)
     return low, high
 

@@ -49,7 +49,7 @@ class Scale:
 
 @dataclass(frozen=True)
 class System:
-    """Scaled stiffness K (3n, 3n) with unknowns (node, axis), and the scalar mass m (n, n): M = m (x) I3.
+    """Scaled stiffness K (3n, 3n) with degrees of freedom (node, axis), and the scalar mass m (n, n): M = m (x) I3.
 
     density (e,) is per element, in units of the scale.
     """

@@ -13,9 +13,9 @@ import numpy as np
 from geometry.elements import FloatArray
 
 BLOCK = 8
-MOST = 6.0  # vectors of the basis over pairs wanted: beyond, restarts are the better way
+MAX_COUNT = 6.0  # vectors of the basis over pairs wanted: beyond, restarts are the better way
 TOLERANCE = 1e-11  # residual over the inverse's eigenvalue; the errors of eigenvalues go with its square
-WIDE = 15  # unknowns a pair at least: below, the basis would be most of the space
+WIDE = 15  # degrees of freedom a pair at least: below, the basis would be most of the space
 MASSLESS = 1e-14  # v'Mv over the largest seen: v'v is 1 for each, and such a direction moves no mass
 BYTES = 512e6  # of a basis that is still held whole
 EVERY = 2  # blocks between looks at the residuals
@@ -24,13 +24,13 @@ Operator = Callable[[FloatArray], FloatArray]
 
 
 def fits(size: int, count: int) -> bool:
-    """Whether the whole basis for `count` pairs of `size` unknowns may be held."""
+    """Whether the whole basis for `count` pairs of `size` degrees of freedom may be held."""
     return WIDE * count <= size and 16.0 * size * basis_size(size, count) <= BYTES
 
 
 def basis_size(size: int, count: int) -> int:
-    """Vectors that the basis for `count` pairs of `size` unknowns may grow to."""
-    return min(size, int(MOST * count) + 24 * BLOCK)
+    """Vectors that the basis for `count` pairs of `size` degrees of freedom may grow to."""
+    return min(size, int(MAX_COUNT * count) + 24 * BLOCK)
 
 
 def block_lanczos(inverse: Operator, mass: Operator, size: int, count: int) -> tuple[FloatArray, FloatArray] | None:
@@ -50,9 +50,9 @@ def block_lanczos(inverse: Operator, mass: Operator, size: int, count: int) -> t
         coupling = basis.append(images)
         full = basis.count == last
         if full or (last >= 1.5 * count and turn % EVERY == 0):
-            found = _converged(projected[:last, :last], first, coupling, count)
-            if found is not None or full:
-                return found and (found[0], basis.vectors[:, :last] @ found[1])
+            converged = _converged(projected[:last, :last], first, coupling, count)
+            if converged is not None or full:
+                return converged and (converged[0], basis.vectors[:, :last] @ converged[1])
         first = last
 
 

@@ -1,4 +1,4 @@
-"""Clamps and mirrors: which unknowns stay free, and which rigid motions survive."""
+"""Clamps and mirrors: which degrees of freedom stay free, and which rigid-body modes survive."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ AXES = "xyz"
 
 
 def free_mask(mesh: Mesh, clamped: Iterable[str] = (), mirrors: Mapping[str, str] | None = None) -> BoolArray:
-    """Free unknowns, shape (n, 3).
+    """Free degrees of freedom, shape (n, 3).
 
     `clamped` names faces whose displacement is zero. `mirrors` maps a face on a mirror plane to `+` (u_z even: the
     normal displacement vanishes there) or `-` (u_z odd: both tangential displacements vanish).
@@ -34,7 +34,7 @@ def free_mask(mesh: Mesh, clamped: Iterable[str] = (), mirrors: Mapping[str, str
     return free
 
 
-def rigid_motions(nodes: FloatArray) -> FloatArray:
+def rigid_body_modes(nodes: FloatArray) -> FloatArray:
     """Three translations and three rotations about the centroid, shape (n, 3, 6), columns of like size."""
     arm = nodes - nodes.mean(axis=0)
     arm = arm / max(float(np.abs(arm).max()), 1e-300)
@@ -49,7 +49,7 @@ def rigid_motions(nodes: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Pencil:
-    """K and M of the free unknowns, with the maps between free and full vectors."""
+    """K and M of the free degrees of freedom, with the maps between free and full vectors."""
 
     stiffness: sp.csc_array
     mass: sp.csc_array
@@ -59,7 +59,7 @@ class Pencil:
 
     @property
     def dof(self) -> int:
-        """Free unknowns."""
+        """Free degrees of freedom."""
         return int(self.stiffness.shape[0])
 
     @property
@@ -84,14 +84,14 @@ class Pencil:
         return np.asarray(product.T[self.free])
 
     def expand(self, vectors: FloatArray) -> FloatArray:
-        """Free vectors (dof, k) as nodal fields (n, 3, k), zero where held."""
+        """Free vectors (dof, k) as nodal fields (n, 3, k), zero where clamped."""
         full = np.zeros((*self.free.shape, vectors.shape[1]), dtype=vectors.dtype)
         full[self.free] = vectors
         return full
 
 
 def constrain(system: System, free: BoolArray) -> Pencil:
-    """Restrict a system to its free unknowns and count the rigid motions that remain."""
+    """Restrict a system to its free degrees of freedom and count the rigid-body modes that remain."""
     keep = np.flatnonzero(free.ravel())
     return Pencil(
         _symmetric(_restrict(system.stiffness, keep)),
@@ -122,9 +122,9 @@ def _restrict(matrix: sp.csr_array, keep: NDArray[np.int64]) -> sp.csr_array:
 
 
 def _surviving(nodes: FloatArray, free: BoolArray) -> int:
-    """Rigid motions that the held unknowns allow: 6 minus the rank of their rows."""
-    held = rigid_motions(nodes)[~free]
-    if not len(held):
+    """Rigid-body modes that the constrained degrees of freedom allow: 6 minus the rank of their rows."""
+    rigid_at_clamps = rigid_body_modes(nodes)[~free]
+    if not len(rigid_at_clamps):
         return 6
-    singular = np.linalg.svd(held.T @ held, compute_uv=False)
-    return int(6 - (singular > 1e-10 * max(len(held), 1)).sum())
+    singular = np.linalg.svd(rigid_at_clamps.T @ rigid_at_clamps, compute_uv=False)
+    return int(6 - (singular > 1e-10 * max(len(rigid_at_clamps), 1)).sum())

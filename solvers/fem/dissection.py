@@ -1,6 +1,6 @@
 """What a nested dissection of a regular grid leads to: entries of the factor and operations, without a matrix (george1973).
 
-A box of elements is cut in halves by a plane of nodes until one element is left. Eliminating m unknowns that b others
+A box of elements is cut in halves by a plane of nodes until one element is left. Eliminating m degrees of freedom that b others
 surround fills m (m + 1)/2 + m b entries and takes m^3/3 + m^2 b + m b^2 operations.
 """
 
@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 Ends = tuple[bool, bool]  # whether the planes at the lower and the upper end belong to the box itself
-Unknowns = Callable[[list[int], list[int]], float]
+Dofs = Callable[[list[int], list[int]], float]
 
 
 @dataclass(frozen=True)
@@ -30,46 +30,46 @@ class Fill:
 
 
 def eliminated(inside: float, around: float) -> Fill:
-    """One front: `inside` unknowns eliminated, `around` left."""
+    """One front: `inside` degrees of freedom eliminated, `around` left."""
     m, b = inside, around
     return Fill(m * (m + 1.0) / 2.0 + m * b, m**3 / 3.0 + m * m * b + m * b * b, (m + b) ** 2)
 
 
-def grid_fill(elements: tuple[int, ...], unknowns: Unknowns, ends: tuple[Ends, ...] | None = None) -> Fill:
+def grid_fill(elements: tuple[int, ...], dofs: Dofs, ends: tuple[Ends, ...] | None = None) -> Fill:
     """The fill of a grid of elements (any number of axes); `ends` tells which end planes are the grid's own (all).
 
     `unknowns(lines, gaps)` counts those of a box from its planes of nodes and from its elements, one number an axis.
     """
-    return _Dissection(unknowns).fill(elements, ends or ((True, True),) * len(elements))
+    return _Dissection(dofs).fill(elements, ends or ((True, True),) * len(elements))
 
 
-def nodal(order: int, a_node: int = 3) -> Unknowns:
-    """Unknowns of hexahedra of an order, `a_node` a node."""
+def nodal(order: int, a_node: int = 3) -> Dofs:
+    """Degrees of freedom of hexahedra of an order, `a_node` a node."""
 
-    def unknowns(lines: list[int], gaps: list[int]) -> float:
+    def dofs(lines: list[int], gaps: list[int]) -> float:
         total = float(a_node)
         for line, gap in zip(lines, gaps, strict=True):
             total *= line + (order - 1) * gap
         return total
 
-    return unknowns
+    return dofs
 
 
-def panelled(vertex: int, side: int, inner: float) -> Unknowns:
-    """Unknowns of reduced panels in a plane: so many a vertex line, a side, and within each."""
+def panelled(vertex: int, side: int, inner: float) -> Dofs:
+    """Degrees of freedom of reduced panels in a plane: so many a vertex line, a side, and within each."""
 
-    def unknowns(lines: list[int], gaps: list[int]) -> float:
+    def dofs(lines: list[int], gaps: list[int]) -> float:
         corners, sides = lines[0] * lines[1], lines[0] * gaps[1] + lines[1] * gaps[0]
         return float(vertex * corners + side * sides + inner * gaps[0] * gaps[1])
 
-    return unknowns
+    return dofs
 
 
 class _Dissection:
     """The recursion, each kind of box computed once."""
 
-    def __init__(self, unknowns: Unknowns) -> None:
-        self.unknowns = unknowns
+    def __init__(self, dofs: Dofs) -> None:
+        self.dofs = dofs
         self.known: dict[tuple[tuple[int, ...], tuple[Ends, ...]], Fill] = {}
 
     def fill(self, elements: tuple[int, ...], ends: tuple[Ends, ...]) -> Fill:
@@ -93,13 +93,13 @@ class _Dissection:
 
     def _own(self, elements: tuple[int, ...], ends: tuple[Ends, ...]) -> float:
         lines = [count - 1 + low + high for count, (low, high) in zip(elements, ends, strict=True)]
-        return self.unknowns(lines, list(elements))
+        return self.dofs(lines, list(elements))
 
     def _plane(self, elements: tuple[int, ...], ends: tuple[Ends, ...], axis: int) -> float:
         lines = [count - 1 + low + high for count, (low, high) in zip(elements, ends, strict=True)]
         gaps = list(elements)
         lines[axis], gaps[axis] = 1, 0
-        return self.unknowns(lines, gaps)
+        return self.dofs(lines, gaps)
 
 
 def _put(values: tuple, axis: int, value: object) -> tuple:  # type: ignore[type-arg]

@@ -26,7 +26,7 @@ CLEAN = RESIDUAL / 100.0  # above it a solve was disturbed: rounding leaves 1e-1
 PASSES = 3  # over the pairs that are not clean
 RIGID = tuple(
     10.0**-n for n in range(9, 16)
-)  # shares of the pencil's norm ratio tried as the floor above rigid motions
+)  # shares of the pencil's norm ratio tried as the floor above rigid-body modes
 LOST = 0.02  # relative error of a frequency by rounding above which it is refused
 EPSILON = float(np.finfo(float).eps)
 SLICE = 120  # eigenpairs a shift at most: Lanczos vectors and their orthogonalisation stay cheap
@@ -35,7 +35,7 @@ SHIFTS = 6  # tried before a shift is given up: the last is moved by 1e-4
 
 
 class SymmetricPencil(Protocol):
-    """What a solve needs to know of K and M: symmetric sparse matrices, units, and rigid motions to expect."""
+    """What a solve needs to know of K and M: symmetric sparse matrices, units, and rigid-body modes to expect."""
 
     @property
     def stiffness(self) -> sp.csc_array:
@@ -49,7 +49,7 @@ class SymmetricPencil(Protocol):
 
     @property
     def rigid_count(self) -> int:
-        """Rigid motions to expect among the eigenvalues."""
+        """Rigid-body modes to expect among the eigenvalues."""
         ...
 
     @property
@@ -257,7 +257,7 @@ class _Solver:
 
     @cached_property
     def rigid_limit(self) -> float:
-        """A floor between rigid motions and elastic modes, proven by a count; 0 where nothing moves rigidly."""
+        """A floor between rigid-body modes and elastic modes, proven by a count; 0 where nothing moves rigidly."""
         if not self.pencil.rigid_count:
             return 0.0
         counts = []
@@ -266,7 +266,7 @@ class _Solver:
             if counts[-1] == self.pencil.rigid_count:
                 return share * self.norm_ratio
         raise SolverError(
-            f"{counts[0]} eigenvalues lie where {self.pencil.rigid_count} rigid motions are expected: the lowest modes are "
+            f"{counts[0]} eigenvalues lie where {self.pencil.rigid_count} rigid-body modes are expected: the lowest modes are "
             "too soft to be told from rounding; the body is too slender for one solid mesh, or its parts do not hang together"
         )
 
@@ -311,7 +311,7 @@ class _Solver:
     def lanczos(self, solve: Operator, shift: float, count: int) -> tuple[FloatArray, FloatArray]:
         """`count` eigenpairs nearest to the shift, ascending; pairs that rounding disturbed are found again.
 
-        A solve's rounding grows with the largest 1 / |lambda - shift|. For a shift just above the rigid motions, or on
+        A solve's rounding grows with the largest 1 / |lambda - shift|. For a shift just above the rigid-body modes, or on
         a mode, that is millions of times the one of the other pairs, and they lose as many digits. The pairs without
         such a loss are kept and projected out, so that they disturb the others no more (parlett1998, chapter 5).
         """
@@ -321,8 +321,8 @@ class _Solver:
             if clean.all() or not clean.any():
                 break
             kept = vectors[:, clean]
-            more, found = self._krylov(self._without(solve, kept), shift, count - kept.shape[1])
-            values, vectors = _ascending(np.append(values[clean], more), np.hstack([kept, found]))
+            more, missing = self._krylov(self._without(solve, kept), shift, count - kept.shape[1])
+            values, vectors = _ascending(np.append(values[clean], more), np.hstack([kept, missing]))
         return values, vectors
 
     def _without(self, solve: Operator, vectors: FloatArray) -> Operator:
@@ -342,9 +342,9 @@ class _Solver:
     def _krylov(self, solve: Operator, shift: float, count: int) -> tuple[FloatArray, FloatArray]:
         """`count` eigenpairs nearest to the shift, ascending, from a fixed start vector."""
         size = self.pencil.dof
-        found = block_lanczos(solve, self.pencil.apply_mass, size, count) if fits(size, count) else None
-        if found is not None:
-            return _ascending(shift + 1.0 / found[0], found[1])
+        converged = block_lanczos(solve, self.pencil.apply_mass, size, count) if fits(size, count) else None
+        if converged is not None:
+            return _ascending(shift + 1.0 / converged[0], converged[1])
         basis = min(size, max(2 * count + 1, count + 32))
         shape = (size, size)
         mass = LinearOperator(shape, matvec=self.pencil.apply_mass, dtype=np.float64)
@@ -378,8 +378,8 @@ class _Solver:
                 break
             values, vectors = self._missing(factor, shift, low, high, values, vectors, expected)
         if len(values) != expected:
-            found = len(values)
-            raise CountMismatch(self._mismatch(low, high, expected, found))
+            computed = len(values)
+            raise CountMismatch(self._mismatch(low, high, expected, computed))
         return values, vectors
 
     def _inside(
@@ -403,9 +403,9 @@ class _Solver:
         expected: int,
     ) -> tuple[FloatArray, FloatArray]:
         """Second pass: the same solve with what was found projected out, so that lost members of clusters appear."""
-        more, found = self._inside(self._without(factor.solve, vectors), shift, low, high, expected - len(values) + 6)
-        fresh = np.linalg.norm(vectors.T @ self.pencil.apply_mass(found), axis=0) < 0.5
-        return _ascending(np.append(values, more[fresh]), np.hstack([vectors, found[:, fresh]]))
+        more, missing = self._inside(self._without(factor.solve, vectors), shift, low, high, expected - len(values) + 6)
+        fresh = np.linalg.norm(vectors.T @ self.pencil.apply_mass(missing), axis=0) < 0.5
+        return _ascending(np.append(values, more[fresh]), np.hstack([vectors, missing[:, fresh]]))
 
     def _halves(self, low: float, high: float, below_low: int, below_high: int) -> tuple[FloatArray, FloatArray]:
         """Split at a count-balancing shift: bisect until each part holds a fair share."""
@@ -421,10 +421,10 @@ class _Solver:
         second = self.between(middle, high, below, below_high)
         return np.append(first[0], second[0]), np.hstack([first[1], second[1]])
 
-    def _mismatch(self, low: float, high: float, expected: int, found: int) -> str:
+    def _mismatch(self, low: float, high: float, expected: int, computed: int) -> str:
         ends = self.pencil.scale.frequency(np.array([low, high]))
         return (
-            f"{found} modes found between {ends[0]:.1f} and {ends[1]:.1f} Hz where the inertia counts {expected}; "
+            f"{computed} modes found between {ends[0]:.1f} and {ends[1]:.1f} Hz where the inertia counts {expected}; "
             "move the ends of the band away from a mode or ask for a narrower band"
         )
 

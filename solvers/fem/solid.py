@@ -1,4 +1,4 @@
-"""A body meshed whole or as its quarter: modes of each mirror class, and what is measured on them."""
+"""A body meshed whole or as its quarter: modes of each symmetry class, and what is measured on them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from solvers.fem.constraints import Pencil, constrain, free_mask
 from solvers.fem.surface import FaceQuadrature, Skin, face_quadrature, skin_faces
 from solvers.measures.confinement import TouchField
 
-LARGE = 200_000  # unknowns
+LARGE = 200_000  # degrees of freedom
 CLASSES = ("++", "+-", "-+", "--")
 
 
@@ -39,7 +39,7 @@ class SolidModel:
         return self.system.scale
 
     def pencil(self, parity: str | None) -> Pencil:
-        """K and M of one mirror class."""
+        """K and M of one symmetry class."""
         mirrors = {"x-": parity[0], "y-": parity[1]} if parity else {}
         pencil = constrain(self.system, free_mask(self.mesh, self.clamped, mirrors))
         if self.mesh.dof > LARGE and self.scale:
@@ -48,7 +48,7 @@ class SolidModel:
         return pencil
 
     def field(self, parity: str | None, vectors: FloatArray) -> FloatArray:
-        """Nodal displacements (n, 3, k) from free unknowns (dof, k)."""
+        """Nodal displacements (n, 3, k) from free degrees of freedom (dof, k)."""
         mirrors = {"x-": parity[0], "y-": parity[1]} if parity else {}
         free = free_mask(self.mesh, self.clamped, mirrors)
         full = np.zeros((*free.shape, vectors.shape[1]))

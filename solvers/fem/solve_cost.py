@@ -36,22 +36,22 @@ class Stage:
 
 @dataclass(frozen=True)
 class Cost:
-    """Stages one after another, operations, and the unknowns of the largest system solved at once."""
+    """Stages one after another, operations, and the degrees of freedom of the largest system solved at once."""
 
     stages: tuple[Stage, ...] = ()
     operations: float = 0.0
-    unknowns: int = 0
+    dofs: int = 0
 
     @property
     def peak(self) -> Stage:
         """The stage that takes most."""
         return max(self.stages, key=lambda stage: stage.bytes, default=Stage("nothing", 0.0))
 
-    def then(self, other: Cost, held_bytes: float = 0.0) -> Cost:
+    def then(self, other: Cost, kept_bytes: float = 0.0) -> Cost:
         """Another computation after this one, while `held_bytes` of this one stay."""
-        later = tuple(Stage(stage.name, stage.bytes + held_bytes) for stage in other.stages)
+        later = tuple(Stage(stage.name, stage.bytes + kept_bytes) for stage in other.stages)
         operations = self.operations + other.operations
-        return Cost(self.stages + later, operations, max(self.unknowns, other.unknowns))
+        return Cost(self.stages + later, operations, max(self.dofs, other.dofs))
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class MeshCounts:
     fill: Fill
 
     @property
-    def unknowns(self) -> float:
+    def dofs(self) -> float:
         """Displacements before any constraint."""
         return 3.0 * self.nodes
 
@@ -80,26 +80,26 @@ def assembly(mesh: MeshCounts) -> Cost:
     entries = mesh.elements * mesh.corners**2
     making = Stage("meshing", mesh.mesh_bytes + 48.0 * mesh.elements * mesh.corners)
     summing = Stage("assembling the matrices", mesh.mesh_bytes + 20.0 * entries + (STIFFNESS + 24.0) * mesh.pairs)
-    return Cost((making, summing), 30.0 * entries, round(mesh.unknowns))
+    return Cost((making, summing), 30.0 * entries, round(mesh.dofs))
 
 
-def factorisation(unknowns: float, entries: float, fill: Fill, times: float) -> Cost:
+def factorisation(dofs: float, entries: float, fill: Fill, times: float) -> Cost:
     """`times` factorisations of a matrix with so many entries, one held at a time."""
-    peak, _ = FACTOR[preferred(round(unknowns))]
+    peak, _ = FACTOR[preferred(round(dofs))]
     stages = (
         Stage("analysing the factorisation", ANALYSIS * entries),
         Stage("factorising", peak * fill.entries + COPY * entries),
     )
-    return Cost(stages, times * fill.operations / DENSE_GAIN, round(unknowns))
+    return Cost(stages, times * fill.operations / DENSE_GAIN, round(dofs))
 
 
-def modal_solve(unknowns: float, entries: float, fill: Fill, modes: float, near: bool = False) -> Cost:
+def modal_solve(dofs: float, entries: float, fill: Fill, modes: float, near: bool = False) -> Cost:
     """Eigenpairs of a pencil of so many entries; `near`: all in one go, not by slices of a band."""
-    kept = FACTOR[preferred(round(unknowns))][1] * fill.entries + COPY * entries
+    kept = FACTOR[preferred(round(dofs))][1] * fill.entries + COPY * entries
     at_once = modes if near else min(modes, SLICE)
-    if modes >= unknowns - 1.0:
-        return Cost((Stage("a dense eigen-solve", 6.0 * 8.0 * unknowns**2),), 10.0 * unknowns**3, round(unknowns))
-    size, count = round(unknowns), max(1, round(1.1 * at_once) + 4)
+    if modes >= dofs - 1.0:
+        return Cost((Stage("a dense eigen-solve", 6.0 * 8.0 * dofs**2),), 10.0 * dofs**3, round(dofs))
+    size, count = round(dofs), max(1, round(1.1 * at_once) + 4)
     block = min(basis_size(size, count), BASIS * count + 64.0)
     basis = 16.0 * size * block if fits(size, count) else 8.0 * size * (3.0 * count + 32.0)
     slices = max(1.0, modes / SLICE) if not near else 1.0
@@ -110,17 +110,17 @@ def modal_solve(unknowns: float, entries: float, fill: Fill, modes: float, near:
     solves = SOLVES * modes + 40.0 * slices
     sweeps = 8.0 * fill.entries * solves + 4.0 * size * (2.5 * count) ** 2 * slices
     shifts = FACTORISATIONS + 2.0 * (slices - 1.0)
-    return factorisation(unknowns, entries, fill, shifts).then(Cost(stages, sweeps, size))
+    return factorisation(dofs, entries, fill, shifts).then(Cost(stages, sweeps, size))
 
 
 def solid_modes(mesh: MeshCounts, classes: int, modes: float, near: bool = False) -> Cost:
-    """Modes of a meshed body: `classes` mirror classes one after another, so many modes each."""
-    large = mesh.unknowns > LARGE
-    held = mesh.mesh_bytes + (STIFFNESS * (1 if large else 2) + MASS + ENTRY) * mesh.pairs
-    restricted = Stage("taking the free unknowns", mesh.mesh_bytes + (3 * STIFFNESS + ENTRY) * mesh.pairs)
-    solve = modal_solve(mesh.unknowns, 9.0 * mesh.pairs, mesh.fill, modes, near)
+    """Modes of a meshed body: `classes` symmetry classes one after another, so many modes each."""
+    large = mesh.dofs > LARGE
+    mesh_and_matrices = mesh.mesh_bytes + (STIFFNESS * (1 if large else 2) + MASS + ENTRY) * mesh.pairs
+    restricted = Stage("taking the free degrees of freedom", mesh.mesh_bytes + (3 * STIFFNESS + ENTRY) * mesh.pairs)
+    solve = modal_solve(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, modes, near)
     whole = assembly(mesh).then(Cost((restricted,)))
     shifted = STIFFNESS * mesh.pairs
-    kept = (classes - 1) * 8.0 * mesh.unknowns * modes
-    found = whole.then(solve, held + shifted + kept)
-    return Cost(found.stages, classes * solve.operations + whole.operations, found.unknowns)
+    kept = (classes - 1) * 8.0 * mesh.dofs * modes
+    cost = whole.then(solve, mesh_and_matrices + shifted + kept)
+    return Cost(cost.stages, classes * solve.operations + whole.operations, cost.dofs)

@@ -33,7 +33,7 @@ class Skin:
     displacement: FloatArray
 
     def unfolded(self, parity: str | None) -> Skin:
-        """The whole body from its quarter x, y >= 0 of a mirror class (two signs of u_z), or itself."""
+        """The whole body from its quarter x, y >= 0 of a symmetry class (two signs of u_z), or itself."""
         skin = self
         for axis, mark in enumerate(parity or ""):
             flip = np.ones(3)

@@ -60,7 +60,7 @@ class TouchField:
 def measure(touch: TouchField, design: Design, parity: str | None) -> Confinement:
     """Confinement of modes from their normal displacement on the touch face.
 
-    `parity` is the mirror class of a halved model (a shape of another class has no share in it), None for a whole plate.
+    `parity` is the symmetry class of a halved model (a shape of another class has no share in it), None for a whole plate.
     """
     active = np.abs(touch.points[:, 1]) < design.width_m / 2.0
     squares = touch.weights[:, None] * touch.values**2
@@ -116,7 +116,7 @@ class Profile:
 
 
 @dataclass(frozen=True)
-class Held:
+class ProfileConfinement:
     """Measures per mode, (k,) each, as solvers.measures.confinement has them; NaN where the plate has no such part."""
 
     zone_share: FloatArray
@@ -131,7 +131,7 @@ class Held:
         return verdict(self.strength, self.zone_share, self.mac)
 
 
-def held(profile: Profile, design: Design) -> Held:
+def profile_confinement(profile: Profile, design: Design) -> ProfileConfinement:
     """Share of the zone, 20 log10 of rms ratios, and modal assurance with the wanted motion inside the zone."""
     y, weights = np.abs(profile.y_m), profile.weights
     squares = weights[:, None] * np.abs(profile.values) ** 2
@@ -141,7 +141,7 @@ def held(profile: Profile, design: Design) -> Held:
     shape, values = profile.shape[active], profile.values[active]
     own = weights[active] @ np.abs(shape) ** 2
     projection = np.abs((weights[active] * shape.conj()) @ values) ** 2
-    return Held(
+    return ProfileConfinement(
         share,
         _decibels(squares, weights, active, ~active),
         _decibels(squares, weights, active, beyond),

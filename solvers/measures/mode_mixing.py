@@ -21,7 +21,7 @@ def mixing_db(touch: TouchField, frequency_hz: FloatArray, index: int, design: D
     neighbours c_j = d_ij / (w_i^2 - w_j^2), one at most. Each moves the level by (20 / ln 10) c_j (A_ij / A_ii - P_ij / P_ii),
     where A and P are products of u_z over the active and the passive touch face. Neighbours add up by their squares.
 
-    `touch` holds the modes of one mirror class, `frequency_hz` (k,) theirs, `index` the mode's; None without a passive face.
+    `touch` holds the modes of one symmetry class, `frequency_hz` (k,) theirs, `index` the mode's; None without a passive face.
     """
     active = np.abs(touch.points[:, 1]) < design.width_m / 2.0
     if active.all():

@@ -76,14 +76,14 @@ def step(first: Shapes, second: Shapes, row: int) -> Step:
     mac = mac_matrix(first.coefficients, second.coefficients)
     score = mac * np.sqrt(np.outer(first.share, second.share))
     rows, columns = linear_sum_assignment(score, maximize=True)
-    found = dict(zip(rows.tolist(), columns.tolist(), strict=True)).get(row)
-    if found is None:
+    partner = dict(zip(rows.tolist(), columns.tolist(), strict=True)).get(row)
+    if partner is None:
         return Step(None, 0.0, float(score[row].max()))
-    others = np.delete(score[row], found)
-    own = score[row, found]
+    others = np.delete(score[row], partner)
+    own = score[row, partner]
     # a rival is as much the same mode when its score reaches the assigned one's
-    rival = float(mac[row, found] * others.max(initial=0.0) / own) if own > 0.0 else 1.0
-    return Step(found, float(mac[row, found]), rival)
+    rival = float(mac[row, partner] * others.max(initial=0.0) / own) if own > 0.0 else 1.0
+    return Step(partner, float(mac[row, partner]), rival)
 
 
 def follow(plates: Sequence[Shapes], row: int) -> list[Step]:
@@ -91,8 +91,8 @@ def follow(plates: Sequence[Shapes], row: int) -> list[Step]:
     steps: list[Step] = []
     for before, after in pairwise(plates):
         steps.append(step(before, after, row))
-        found = steps[-1].row
-        if found is None or not steps[-1].kept:
+        last_row = steps[-1].row
+        if last_row is None or not steps[-1].kept:
             break
-        row = found
+        row = last_row
     return steps

@@ -145,12 +145,12 @@ def confinement_of(weights: Weights, values: Complex, design: Design) -> FieldMe
         np.tile(weights.area_m2, BOTH),
         np.concatenate([field.real, field.imag])[:, None],
     )
-    held = measure(both, design, None)
+    confinement = measure(both, design, None)
     on = np.abs(weights.points[:, 1]) < design.width_m / 2.0
     shape = wanted_shape(design, weights.points[on])
     return FieldMeasures(
-        _finite(held.zone_share[0]),
-        _finite(held.confinement_db[0]),
+        _finite(confinement.zone_share[0]),
+        _finite(confinement.confinement_db[0]),
         assurance(weights.area_m2[on], field[on], shape.astype(complex)),
     )
 
@@ -170,8 +170,8 @@ def sampled(points_m: FloatArray, values: Complex, at_m: FloatArray) -> Complex:
     size = float(np.ptp(points_m, axis=0).max())
     _, once = np.unique(np.round(points_m / (1e-9 * size)).astype(np.int64), axis=0, return_index=True)
     points, values = points_m[once], values[once]
-    found = np.asarray(LinearNDInterpolator(points, values)(at_m), dtype=complex)
-    beyond = ~np.isfinite(found)
+    values_at = np.asarray(LinearNDInterpolator(points, values)(at_m), dtype=complex)
+    beyond = ~np.isfinite(values_at)
     if beyond.any():
-        found[beyond] = values[cKDTree(points).query(at_m[beyond])[1]]
-    return found
+        values_at[beyond] = values[cKDTree(points).query(at_m[beyond])[1]]
+    return values_at

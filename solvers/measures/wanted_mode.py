@@ -55,14 +55,14 @@ def verdict(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> Ve
     The strongest mode of those similar to the wanted shape; single where it is clear, leads its rivals, each counted by what
     of it looks like the wanted shape, and carries more than all of them together.
     """
-    scores, likeness = score(strength, zone_share), np.nan_to_num(mac)
-    candidates = np.where(likeness >= SIMILAR, scores, 0.0)
+    scores, modal_overlap = score(strength, zone_share), np.nan_to_num(mac)
+    candidates = np.where(modal_overlap >= SIMILAR, scores, 0.0)
     if not candidates.any():
         return NONE
     best = int(np.argmax(candidates))
-    weight = scores * likeness
+    weight = scores * modal_overlap
     others = np.delete(weight, best)
-    clear = likeness[best] >= CLEAR and weight[best] >= LEAD * others.max(initial=0.0)
+    clear = modal_overlap[best] >= CLEAR and weight[best] >= LEAD * others.max(initial=0.0)
     share = float(weight[best] / weight.sum())
     rivals = tuple(
         int(i) for i in np.argsort(-weight, kind="stable") if i != best and weight[i] >= RIVAL * weight[best]

@@ -38,7 +38,8 @@ class CircuitShift:
 def open_modes(forced: ForcedPlate, opened: Sequence[int]) -> tuple[FloatArray, FloatArray]:
     """Frequencies in Hz, ascending, with these patches open and the others short, and unit coordinates (modes, columns).
 
-    Columns are those of the groups' modes and rests, one group after another. Only what lies within the band means something.
+    Columns are those of the groups' modes and residuals, one group after another. Only what lies within the band
+    means something.
     """
     stiffness, mass, loads = _projected(forced)
     plate = forced.plate
@@ -67,9 +68,9 @@ def circuit_shift(forced: ForcedPlate, opened: Sequence[int] | None = None) -> C
 def _projected(forced: ForcedPlate) -> tuple[FloatArray, FloatArray, FloatArray]:
     """K, M (c, c) and the loads (c, patches) in the columns of all groups, scaled."""
     stiffness, mass, loads = [], [], []
-    for found in forced.modes:
-        pencil, columns = found.group.pencil, found.columns
+    for basis in forced.modes:
+        pencil, columns = basis.group.pencil, basis.columns
         stiffness.append(columns.T @ (pencil.stiffness @ columns))
         mass.append(columns.T @ pencil.apply_mass(columns))
-        loads.append(columns.T @ found.group.loads)
+        loads.append(columns.T @ basis.group.loads)
     return scipy.linalg.block_diag(*stiffness), scipy.linalg.block_diag(*mass), np.vstack(loads)

@@ -1,4 +1,4 @@
-"""Forced response of a patched plate by modal superposition with a quasi-static rest.
+"""Forced response of a patched plate by modal superposition with a quasi-static residual.
 
 u(w) = sum_r phi_r phi_r' theta V / (lambda_r (1 + i/Q) - lambda) + [R + (lambda - lambda_0) R1] V, where R is
 (K - lambda_0 M)^-1 theta less the same modes at lambda_0 and R1 = (K - lambda_0 M)^-1 M R: what lies outside the band
@@ -27,7 +27,7 @@ from solvers.measures.wanted_mode import Verdict, verdict
 from solvers.piezo.patched_plate import Group
 
 Complex = NDArray[np.complex128]
-MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are the rest
+MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are in the residual
 COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
 
 
@@ -41,7 +41,7 @@ class GroupModes:
     gain: FloatArray
     columns: FloatArray
     middle: float
-    rest_gain: tuple[FloatArray, FloatArray]
+    residual_gain: tuple[FloatArray, FloatArray]
 
     def amplitudes(self, eigenvalue: float, loss: float, volts: Complex) -> Complex:
         """Coefficients of the columns at an eigenvalue (scaled frequency squared), per the patches' voltages."""
@@ -51,8 +51,8 @@ class GroupModes:
     def receptance(self, eigenvalue: float, loss: float) -> Complex:
         """theta' u per volt, (patches, patches), scaled."""
         modal = self.gain / (self.eigenvalue * (1.0 + 1j * loss) - eigenvalue)[:, None]
-        rest = self.rest_gain[0] + (eigenvalue - self.middle) * self.rest_gain[1]
-        return np.asarray(self.gain.T @ modal + rest)
+        residual = self.residual_gain[0] + (eigenvalue - self.middle) * self.residual_gain[1]
+        return np.asarray(self.gain.T @ modal + residual)
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Curve:
 
 
 class DrivenPlate(Protocol):
-    """A plate that loads drive: its mirror classes solved together, each load a patch or a pressure."""
+    """A plate that loads drive: its symmetry classes solved together, each load a patch or a pressure."""
 
     name: str
     scale: Scale
@@ -85,7 +85,7 @@ class DrivenPlate(Protocol):
 
     @property
     def capacitance_f(self) -> FloatArray:
-        """Of each patch with its bonded face held, F."""
+        """Of each patch with its bonded face clamped, F."""
         ...
 
 
@@ -112,7 +112,7 @@ class ForcedPlate:
     @cached_property
     def verdict(self) -> Verdict:
         """Which of the patched plate's modes is the wanted one, group after group (`solvers.measures.wanted_mode`)."""
-        parts = [self._measures(found) for found in self.modes]
+        parts = [self._measures(basis) for basis in self.modes]
         return verdict(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     @cached_property
@@ -121,10 +121,10 @@ class ForcedPlate:
         left = self.verdict.index
         if left is None:
             return None
-        for found in self.modes:
-            if left < len(found.frequency_hz):
-                return found, left
-            left -= len(found.frequency_hz)
+        for basis in self.modes:
+            if left < len(basis.frequency_hz):
+                return basis, left
+            left -= len(basis.frequency_hz)
         raise SolverError("the wanted mode is in no group of the patched plate")
 
     def _wanted_signs(self) -> FloatArray:
@@ -134,19 +134,19 @@ class ForcedPlate:
         """
         if self._wanted is None:
             return np.ones(len(self.plate.patches))
-        found, index = self._wanted
-        return same_way(found.gain[index], self.drivers)
+        basis, index = self._wanted
+        return in_phase_signs(basis.gain[index], self.drivers)
 
-    def _measures(self, found: GroupModes) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _measures(self, basis: GroupModes) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Strength, zone share and MAC of a group's modes, (k,) each.
 
         Classes that the patches couple move together: the wanted class alone has a part in the shape, all have one in the rest.
         """
-        count = len(found.frequency_hz)
-        inside, outside = (np.diag(gram)[:count] for gram in touch_grams(found, self.design))
+        count = len(basis.frequency_hz)
+        inside, outside = (np.diag(gram)[:count] for gram in touch_grams(basis, self.design))
         strength = np.zeros(count)
-        fields = found.group.touch(found.columns[:, :count])
-        for parity, field in zip(found.group.parities, fields, strict=True):
+        fields = basis.group.touch(basis.columns[:, :count])
+        for parity, field in zip(basis.group.parities, fields, strict=True):
             strength += measure(field, self.design, parity or None).strength if count else 0.0
         per_area = self.design.material.density_kg_m3 * self.design.thickness_m / self.plate.scale.mass_kg
         whole = np.maximum(inside + outside, 1e-300)
@@ -156,7 +156,7 @@ class ForcedPlate:
     @property
     def resonances_hz(self) -> FloatArray:
         """Frequencies of the patched plate's modes about the band, group after group."""
-        return np.concatenate([found.frequency_hz for found in self.modes])
+        return np.concatenate([basis.frequency_hz for basis in self.modes])
 
     def wanted_hz(self) -> float | None:
         """Frequency of the patched plate's wanted mode; None when no mode about the band is the wanted one."""
@@ -166,7 +166,7 @@ class ForcedPlate:
         """Number of the wanted mode's group, and its own among that group's modes; None when the band holds none."""
         if self._wanted is None:
             return None
-        return next(i for i, found in enumerate(self.modes) if found is self._wanted[0]), self._wanted[1]
+        return next(i for i, basis in enumerate(self.modes) if basis is self._wanted[0]), self._wanted[1]
 
     def wanted_column(self) -> int | None:
         """Place of the wanted mode among the columns of all groups, one after another; None when the band holds none."""
@@ -179,7 +179,7 @@ class ForcedPlate:
         """
 
         def charge() -> Complex:
-            parts = [found.receptance(eigenvalue, self.loss) for found in self.modes]
+            parts = [basis.receptance(eigenvalue, self.loss) for basis in self.modes]
             return np.asarray(np.sum(parts, axis=0) * self.plate.stiffness_unit)
 
         return self.patch_volts(charge)
@@ -195,14 +195,14 @@ class ForcedPlate:
         volts[fed] = self.signs[fed]
         if left:
             moved = charge()
-            held = moved[np.ix_(left, left)] + np.diag(capacitance[left])
-            volts[left] = np.linalg.solve(held, charged[left] - moved[np.ix_(left, fed)] @ volts[fed])
+            clamped = moved[np.ix_(left, left)] + np.diag(capacitance[left])
+            volts[left] = np.linalg.solve(clamped, charged[left] - moved[np.ix_(left, fed)] @ volts[fed])
         return volts
 
     @cached_property
     def _grams(self) -> list[tuple[FloatArray, FloatArray]]:
         """Integrals of u_z^2 over the active and the passive touch face, per pair of columns."""
-        return [touch_grams(found, self.design) for found in self.modes]
+        return [touch_grams(basis, self.design) for basis in self.modes]
 
     def curve(self, frequency_hz: FloatArray) -> Curve:
         """Response at frequencies in Hz."""
@@ -212,8 +212,8 @@ class ForcedPlate:
             eigenvalue = self.plate.scale.eigenvalue(float(frequency))
             volts = self.volts(eigenvalue)
             sensors[row] = volts[self.sensors]
-            for found, (inside, outside) in zip(self.modes, self._grams, strict=True):
-                a = found.amplitudes(eigenvalue, self.loss, volts)
+            for basis, (inside, outside) in zip(self.modes, self._grams, strict=True):
+                a = basis.amplitudes(eigenvalue, self.loss, volts)
                 zone[row] += float((a.conj() @ inside @ a).real)
                 passive[row] += float((a.conj() @ outside @ a).real)
         return Curve(np.asarray(frequency_hz), *rms(zone, passive, self.design), sensors)
@@ -223,11 +223,11 @@ class ForcedPlate:
         eigenvalue = self.plate.scale.eigenvalue(frequency_hz)
         volts = self.volts(eigenvalue)
         points, values = None, None
-        for found in self.modes:
-            motion = found.columns @ found.amplitudes(eigenvalue, self.loss, volts)
+        for basis in self.modes:
+            motion = basis.columns @ basis.amplitudes(eigenvalue, self.loss, volts)
             for part in (1.0, 1j):
                 real = np.real(motion) if part == 1.0 else np.imag(motion)
-                for parity, field in zip(found.group.parities, found.group.touch(real[:, None]), strict=True):
+                for parity, field in zip(basis.group.parities, basis.group.touch(real[:, None]), strict=True):
                     whole_points, whole = _unfolded(field.points, field.values[:, 0], parity)
                     points = whole_points
                     values = part * whole if values is None else values + part * whole
@@ -235,7 +235,7 @@ class ForcedPlate:
         return points, np.asarray(values)
 
 
-def same_way(gain: FloatArray, drivers: list[int]) -> FloatArray:
+def in_phase_signs(gain: FloatArray, drivers: list[int]) -> FloatArray:
     """Signs (patches,) with which loads `gain` on a mode add up, 1 for the first driver that counts."""
     strong = [index for index in drivers if abs(gain[index]) > COUNTS * np.abs(gain).max(initial=0.0)]
     turn = -1.0 if strong and gain[strong[0]] < 0.0 else 1.0
@@ -249,11 +249,11 @@ def rms(zone_m4: FloatArray, passive_m4: FloatArray, design: Design) -> tuple[Fl
     return np.sqrt(zone_m4 / active), np.sqrt(passive_m4 / passive) if passive > 1e-9 * active else None
 
 
-def touch_grams(found: GroupModes, design: Design) -> tuple[FloatArray, FloatArray]:
+def touch_grams(basis: GroupModes, design: Design) -> tuple[FloatArray, FloatArray]:
     """Integrals of u_z^2 over the active and the passive touch face per pair of columns, (columns, columns) each."""
-    inside = np.zeros((found.columns.shape[1],) * 2)
+    inside = np.zeros((basis.columns.shape[1],) * 2)
     outside = inside.copy()
-    for field in found.group.touch(found.columns):
+    for field in basis.group.touch(basis.columns):
         active = np.abs(field.points[:, 1]) < design.width_m / 2.0
         for gram, part in ((inside, active), (outside, ~active)):
             gram += field.values[part].T @ (field.weights[part, None] * field.values[part])
@@ -270,7 +270,7 @@ def _unfolded(points: FloatArray, values: FloatArray, parity: str) -> tuple[Floa
 
 
 def group_modes(group: Group, band_hz: tuple[float, float], margin: tuple[float, float]) -> GroupModes:
-    """Modes of a group within the band widened by the margin, and its rests about the band's middle."""
+    """Modes of a group within the band widened by the margin, and its residual vectors about the band's middle."""
     scale = group.pencil.scale
     factorise = Factoriser()
     modes = modes_in_band(group.pencil, margin[0] * band_hz[0], margin[1] * band_hz[1], factorise)
@@ -280,8 +280,8 @@ def group_modes(group: Group, band_hz: tuple[float, float], margin: tuple[float,
     while len(values) and np.abs(values / middle - 1.0).min() < 1e-6:
         middle *= 1.0 + 3e-6
     factor, middle = factor_near(group.pencil, middle, factorise)
-    rest = factor.solve(group.loads) - modes.vectors @ (gain / (values - middle)[:, None])
-    slope = factor.solve(group.pencil.apply_mass(rest))
-    columns = np.hstack([modes.vectors, rest, slope])
-    gains = (group.loads.T @ rest, group.loads.T @ slope)
+    residual = factor.solve(group.loads) - modes.vectors @ (gain / (values - middle)[:, None])
+    slope = factor.solve(group.pencil.apply_mass(residual))
+    columns = np.hstack([modes.vectors, residual, slope])
+    gains = (group.loads.T @ residual, group.loads.T @ slope)
     return GroupModes(group, modes.frequency_hz, values, gain, columns, middle, gains)

@@ -25,7 +25,7 @@ class BondedPatch:
     """A patch at its place, condensed to the nodes of its bonded face.
 
     points (b, 2) in m of those nodes; stiffness and mass (3b, 3b) in N/m and kg at constant voltage; theta (3b,) in N/V
-    = C/m; capacitance_f with the bonded face held.
+    = C/m; capacitance_f with the bonded face clamped.
     """
 
     points: FloatArray

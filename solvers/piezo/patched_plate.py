@@ -1,4 +1,4 @@
-"""A joined plate with bonded patches: mirror classes that the patches couple are solved together.
+"""A assembled plate with bonded patches: symmetry classes that the patches couple are solved together.
 
 u = sum over classes E_c q_c at the bonded faces; K = diag(K_c) + sum over patches E' K_E E, M alike, loads E' theta.
 """
@@ -20,17 +20,17 @@ from solvers.fem.eigen import PlainPencil
 from solvers.measures.confinement import TouchField
 from solvers.piezo.patch import BondedPatch
 from solvers.superelement.bond import displacement_at
-from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, JoinedPlate
+from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
 
 CLASSES = ("++", "+-", "-+", "--")
-SILENT = 1e-9  # of the largest load: a class below it is not driven
+UNDRIVEN = 1e-9  # of the largest load: a class below it is not driven
 
 
 @dataclass(frozen=True)
 class Group:
-    """Mirror classes solved together: K, M, and the load of one volt on each patch, (dof, patches), scaled."""
+    """Symmetry classes solved together: K, M, and the load of one volt on each patch, (dof, patches), scaled."""
 
-    plates: tuple[JoinedPlate, ...]
+    plates: tuple[AssembledPlate, ...]
     pencil: PlainPencil
     loads: FloatArray
 
@@ -40,7 +40,7 @@ class Group:
         return tuple(plate.parity for plate in self.plates)
 
     def split(self, vectors: FloatArray) -> list[FloatArray]:
-        """Unknowns of each class."""
+        """Degrees of freedom of each class."""
         return np.split(vectors, np.cumsum([plate.dof for plate in self.plates])[:-1])
 
     def touch(self, vectors: FloatArray) -> list[TouchField]:
@@ -51,21 +51,25 @@ class Group:
 class PatchedPlate:
     """Patches on the bare face of a plate; lengths in m, forces and charges in SI after `unscaled`.
 
-    `joined`: the plate by mirror class, or the whole one alone under WHOLE.
+    `joined`: the plate by symmetry class, or the whole one alone under WHOLE.
     """
 
     def __init__(
-        self, joined: Mapping[str, JoinedPlate], patches: Sequence[BondedPatch], back: bool, name: str = "superelement"
+        self,
+        joined: Mapping[str, AssembledPlate],
+        patches: Sequence[BondedPatch],
+        back: bool,
+        name: str = "superelement",
     ) -> None:
         if not patches:
             raise SolverError("no patches: nothing drives the plate")
         self.patches, self.back, self.name = tuple(patches), back, name
-        self.scale: Scale = next(iter(joined.values())).placed[0].cell.scale
+        self.scale: Scale = next(iter(joined.values())).placed_cells[0].cell.scale
         classes = [[WHOLE]] if WHOLE in joined else coupled_classes(self.patches)
         self.everything = [self._group([joined[p] for p in parities]) for parities in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
-        self.groups = [group for group in self.everything if np.abs(group.loads).max() > SILENT * loudest]
-        self.silent = [p for group in self.everything if group not in self.groups for p in group.parities]
+        self.groups = [group for group in self.everything if np.abs(group.loads).max() > UNDRIVEN * loudest]
+        self.undriven = [p for group in self.everything if group not in self.groups for p in group.parities]
 
     @cached_property
     def stiffness_unit(self) -> float:
@@ -74,10 +78,10 @@ class PatchedPlate:
 
     @property
     def capacitance_f(self) -> FloatArray:
-        """Capacitance of each patch with its bonded face held, F."""
+        """Capacitance of each patch with its bonded face clamped, F."""
         return np.array([patch.capacitance_f for patch in self.patches])
 
-    def _group(self, plates: list[JoinedPlate]) -> Group:
+    def _group(self, plates: list[AssembledPlate]) -> Group:
         pencils = [plate.pencil() for plate in plates]
         stiffness = sp.block_diag([p.stiffness for p in pencils], format="csc")
         mass = sp.block_diag([p.mass for p in pencils], format="csc")
@@ -112,7 +116,7 @@ def _sum(parts: list[sp.coo_array]) -> sp.csc_array:
 
 
 def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:
-    """Mirror classes that stay apart: along an axis about which the set of patches is its own mirror image."""
+    """Symmetry classes that stay apart: along an axis about which the set of patches is its own mirror image."""
     low = np.array([patch.points.min(axis=0) for patch in patches])
     high = np.array([patch.points.max(axis=0) for patch in patches])
     even = mirrored_axes(np.column_stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]]))

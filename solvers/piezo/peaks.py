@@ -96,13 +96,13 @@ def _between(driven: Driven, top: float, low: float, high: float) -> float:
     """The largest response about a point of a fine grid."""
     step = top * driven.loss / PER_WIDTH
     ends = (max(low, top - step), min(high, top + step))
-    found = minimize_scalar(
+    minimum = minimize_scalar(
         lambda hz: -float(driven.curve(np.array([hz])).zone_rms_m_per_v[0]),
         bounds=ends,
         method="bounded",
         options={"xatol": SHARP * top * driven.loss},
     )
-    return float(found.x) if low < top < high else top
+    return float(minimum.x) if low < top < high else top
 
 
 def curve_about(driven: Driven, low: float, high: float, points: int, peaks_hz: list[float]) -> Curve:

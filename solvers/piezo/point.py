@@ -10,13 +10,13 @@ from solvers.piezo.forced import Complex, ForcedPlate, GroupModes
 
 def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_hz: FloatArray) -> Complex:
     """u_z per volt of drive, (n,) in m/V, at the quadrature point of the touch face nearest to a point in m."""
-    rows = [_row(found, point_m) for found in forced.modes]
+    rows = [_row(basis, point_m) for basis in forced.modes]
     out = np.zeros(len(frequency_hz), dtype=complex)
     for index, frequency in enumerate(frequency_hz):
         eigenvalue = forced.plate.scale.eigenvalue(float(frequency))
         volts = forced.volts(eigenvalue)
-        for found, row in zip(forced.modes, rows, strict=True):
-            out[index] += row @ found.amplitudes(eigenvalue, forced.loss, volts)
+        for basis, row in zip(forced.modes, rows, strict=True):
+            out[index] += row @ basis.amplitudes(eigenvalue, forced.loss, volts)
     return out
 
 
@@ -29,10 +29,10 @@ def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float)
     return float(points[best, 0]), float(points[best, 1])
 
 
-def _row(found: GroupModes, point_m: tuple[float, float]) -> FloatArray:
-    """u_z at the point per unit of each column, (columns,): the mirror classes of the group added up."""
-    target, total = np.array(point_m), np.zeros(found.columns.shape[1])
-    for parity, field in zip(found.group.parities, found.group.touch(found.columns), strict=True):
+def _row(basis: GroupModes, point_m: tuple[float, float]) -> FloatArray:
+    """u_z at the point per unit of each column, (columns,): the symmetry classes of the group added up."""
+    target, total = np.array(point_m), np.zeros(basis.columns.shape[1])
+    for parity, field in zip(basis.group.parities, basis.group.touch(basis.columns), strict=True):
         folded, sign = target.copy(), 1.0
         for axis, mark in enumerate(parity):
             if target[axis] < 0.0:

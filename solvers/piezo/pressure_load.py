@@ -13,39 +13,39 @@ from geometry.elements import FloatArray
 from geometry.layout import Design
 from solvers.measures.confinement import wanted_parity, wanted_shape
 from solvers.piezo.patched_plate import Group
-from solvers.superelement.plate import JoinedPlate
+from solvers.superelement.plate import AssembledPlate
 
 
 class PressedPlate:
-    """Mirror classes of a joined plate, one load of 1 N where patches would be; only the wanted class feels it."""
+    """Symmetry classes of a assembled plate, one load of 1 N where patches would be; only the wanted class feels it."""
 
-    def __init__(self, joined: Mapping[str, JoinedPlate], design: Design, name: str) -> None:
+    def __init__(self, joined: Mapping[str, AssembledPlate], design: Design, name: str) -> None:
         self.name = name
         self.patches: tuple[object, ...] = ("pressure",)
-        self.scale = next(iter(joined.values())).placed[0].cell.scale
+        self.scale = next(iter(joined.values())).placed_cells[0].cell.scale
         self.stiffness_unit = self.scale.young_pa * self.scale.length_m
         self.capacitance_f: FloatArray = np.ones(1)  # no circuit: never open
         wanted = wanted_parity(design.nodal_lines)
         self.everything = [self._group(plate, design, parity == wanted) for parity, plate in joined.items()]
         self.groups = [group for group in self.everything if group.parities == (wanted,)]
-        self.silent = [parity for parity in joined if parity != wanted]
+        self.undriven = [parity for parity in joined if parity != wanted]
 
-    def _group(self, plate: JoinedPlate, design: Design, pressed: bool) -> Group:
+    def _group(self, plate: AssembledPlate, design: Design, pressed: bool) -> Group:
         load = _pressure(plate, design) / self.stiffness_unit if pressed else np.zeros(plate.dof)
         return Group((plate,), plate.pencil(), load[:, None])
 
 
-def _pressure(plate: JoinedPlate, design: Design) -> FloatArray:
+def _pressure(plate: AssembledPlate, design: Design) -> FloatArray:
     """Work of the pressure on each unknown, (dof,), N."""
     load, size = np.zeros(plate.dof), 0.0
-    for placed in plate.placed:
-        expansion = placed.cell.touch
+    for placed_cell in plate.placed_cells:
+        expansion = placed_cell.cell.touch
         assert expansion.weights is not None
-        points = expansion.points[:, :2] + np.array(placed.middle)
+        points = expansion.points[:, :2] + np.array(placed_cell.middle)
         active = np.abs(points[:, 1]) < design.width_m / 2.0
-        force = placed.copies * expansion.weights[active] * wanted_shape(design, points[active])
+        force = placed_cell.copies * expansion.weights[active] * wanted_shape(design, points[active])
         size += float(np.abs(force).sum())
-        live = placed.coefficient != 0.0
-        work = placed.coefficient * (force @ expansion.matrix[active, 0])
-        np.add.at(load, placed.unknown[live], work[live])
+        live = placed_cell.coefficient != 0.0
+        work = placed_cell.coefficient * (force @ expansion.matrix[active, 0])
+        np.add.at(load, placed_cell.unknown[live], work[live])
     return load / size

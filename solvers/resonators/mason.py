@@ -153,8 +153,8 @@ def nodal_response(line: Line, omega: ArrayLike) -> LineResponse:
             matrix[:, row, joint] = -scale
     for row, end, current, voltage in ((-2, line.left, 0, size), (-1, line.right, cells, -1)):
         matrix[:, row, current if end == "clamped" else voltage] = 1.0
-    found = _solved(matrix, load)
-    response = LineResponse(found[:, :size], found[:, size:].reshape(w.size, cells, 2) * z0)
+    solution = _solved(matrix, load)
+    response = LineResponse(solution[:, :size], solution[:, size:].reshape(w.size, cells, 2) * z0)
     return _bounded(line, response, w)
 
 

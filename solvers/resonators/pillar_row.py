@@ -15,7 +15,7 @@ from solvers.analytic.timoshenko import exact_omegas
 from solvers.errors import SolverError
 from solvers.resonators.impedance import ComplexArray, pillar_foot
 from solvers.resonators.scattering import (
-    Host,
+    HostBeam,
     decay_db_per_row,
     half_power_band,
     moment_total_reflection_rad_s,
@@ -71,13 +71,13 @@ class PillarFilter:
         return {"schema": 1, **numbers, **bands, **arrays}
 
 
-def strip_host(design: Design, plate: bool = True) -> Host:
-    """The strip of one pitch: bending stiffness D pitch of a plate held straight along x, or E I of a free beam."""
+def strip_host(design: Design, plate: bool = True) -> HostBeam:
+    """The strip of one pitch: bending stiffness D pitch of a plate kept straight along x, or E I of a free beam."""
     material, width = design.material, design.pitch_x_m
     if isnan(width) or isnan(design.thickness_m):
         raise SolverError("the strip needs a pitch and a thickness")
     rigidity = material.young_pa * design.thickness_m**3 / 12.0 / ((1.0 - material.poisson**2) if plate else 1.0)
-    return Host(rigidity * width, material.density_kg_m3 * design.thickness_m * width)
+    return HostBeam(rigidity * width, material.density_kg_m3 * design.thickness_m * width)
 
 
 def pillar_filter(
@@ -89,27 +89,31 @@ def pillar_filter(
     """
     if design.pillar is None:
         raise SolverError("a row of pillars needs a pillar")
-    host, pillar = strip_host(design, plate), design.pillar
+    host_beam, pillar = strip_host(design, plate), design.pillar
     omega, rows = 2.0 * pi * frequencies_hz, max(design.rows, 1)
     lever_m = design.thickness_m / 2.0 if lever else 0.0
     feet = design_feet(pillar, omega, loss, lever_m)
-    found = [scatter(host, feet, [n * design.pitch_y_m for n in range(count)], omega) for count in range(1, rows + 1)]
+    scattered = [
+        scatter(host_beam, feet, [n * design.pitch_y_m for n in range(count)], omega) for count in range(1, rows + 1)
+    ]
     beam = pillar_beam(pillar)
     clamped = exact_omegas(beam, "clamped", "free", 1)[0] * beam.unit_rad_s
-    transmitted = np.stack([np.abs(one.transmission) ** 2 for one in found])
-    decay = decay_db_per_row(host, feet, design.pitch_y_m, omega)
+    transmitted = np.stack([np.abs(one.transmission) ** 2 for one in scattered])
+    decay = decay_db_per_row(host_beam, feet, design.pitch_y_m, omega)
     lossless = feet if loss == 0.0 else design_feet(pillar, omega, 0.0, lever_m)
-    stopping = decay_db_per_row(host, lossless, design.pitch_y_m, omega) > DECAYS_DB
-    stopped = moment_total_reflection_rad_s(host, lambda w: design_feet(pillar, np.array([w]), 0.0, lever_m), clamped)
+    stopping = decay_db_per_row(host_beam, lossless, design.pitch_y_m, omega) > DECAYS_DB
+    stopped = moment_total_reflection_rad_s(
+        host_beam, lambda w: design_feet(pillar, np.array([w]), 0.0, lever_m), clamped
+    )
     mass = beam.mass_kg_m * beam.length_m
     return PillarFilter(
         frequencies_hz=frequencies_hz,
         transmitted=transmitted,
-        reflected=np.stack([np.abs(one.reflection) ** 2 for one in found]),
+        reflected=np.stack([np.abs(one.reflection) ** 2 for one in scattered]),
         decay_db=decay,
         clamped_hz=clamped / (2.0 * pi),
         stopped_hz=stopped / (2.0 * pi),
-        oscillator_stopped_hz=oscillator_total_reflection_rad_s(host, mass, clamped) / (2.0 * pi),
+        oscillator_stopped_hz=oscillator_total_reflection_rad_s(host_beam, mass, clamped) / (2.0 * pi),
         bands_hz=tuple(half_power_band(one, frequencies_hz) for one in transmitted),
         stop_hz=half_power_band(np.where(stopping, 0.0, 1.0), frequencies_hz),
     )

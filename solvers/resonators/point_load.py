@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.errors import SolverError
-from solvers.resonators.scattering import Host, field, scatter
+from solvers.resonators.scattering import HostBeam, field, scatter
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -22,7 +22,7 @@ SPAN = 2.0  # wavelengths shown on each side
 
 
 @dataclass(frozen=True)
-class Met:
+class ScatteringCase:
     """One resonator: deflection phasor (n,) along the beam, shares of power transmitted, reflected and absorbed."""
 
     name: str
@@ -37,9 +37,9 @@ class PointForce:
     """x over the wavelength (n,), and what a unit wave from the left becomes at each kind of point."""
 
     x_over_wavelength: FloatArray
-    cases: tuple[Met, ...]
+    cases: tuple[ScatteringCase, ...]
 
-    def of(self, name: str) -> Met:
+    def of(self, name: str) -> ScatteringCase:
         """The case of a name. SolverError without one."""
         for case in self.cases:
             if case.name == name:
@@ -73,30 +73,30 @@ def point_force(points: int = 801) -> PointForce:
     if points < 2:
         raise SolverError(f"points = {points}: must be 2 or more")
     x = np.linspace(-SPAN, SPAN, points)
-    cases = [_met(name, s, axis, x) for name, s, axis in KINDS]
+    cases = [_scattering_case(name, s, axis, x) for name, s, axis in KINDS]
     beta_x = 2.0 * pi * x
     green = (1j * np.exp(1j * np.abs(beta_x)) - np.exp(-np.abs(beta_x))) / 4.0
     force = -4j  # over EI beta^3 W_p
     back = 1j * force / 4.0
     there = 1.0 + back
     powers = abs(there) ** 2, abs(back) ** 2
-    driven = Met("printed force", np.exp(1j * beta_x) + force * green, *powers, 1.0 - sum(powers))
+    driven = ScatteringCase("printed force", np.exp(1j * beta_x) + force * green, *powers, 1.0 - sum(powers))
     return PointForce(x, (*cases, driven))
 
 
 KINDS = (("spring", 1.0, 0), ("pinned", PINNED, 0), ("printed damper", -1j, 0), ("moment", -1.0, 1))
 
 
-def _met(name: str, strength: complex, axis: int, x: FloatArray) -> Met:
-    host, omega = Host(1.0, 1.0), np.array([4.0 * pi**2])  # beta = 2 pi: lengths in wavelengths
-    beta = float(host.wavenumber_per_m(omega)[0])
+def _scattering_case(name: str, strength: complex, axis: int, x: FloatArray) -> ScatteringCase:
+    host_beam, omega = HostBeam(1.0, 1.0), np.array([4.0 * pi**2])  # beta = 2 pi: lengths in wavelengths
+    beta = float(host_beam.wavenumber_per_m(omega)[0])
     foot = np.zeros((1, 2, 2), dtype=complex)
     foot[0, axis, axis] = 4.0 * strength * beta ** (3 - 2 * axis)
-    found = scatter(host, foot, [0.0], omega)
-    return Met(
+    scattered = scatter(host_beam, foot, [0.0], omega)
+    return ScatteringCase(
         name,
-        field(host, found, [0.0], omega, x)[0],
-        float(abs(found.transmission[0]) ** 2),
-        float(abs(found.reflection[0]) ** 2),
-        float(found.absorbed[0]),
+        field(host_beam, scattered, [0.0], omega, x)[0],
+        float(abs(scattered.transmission[0]) ** 2),
+        float(abs(scattered.reflection[0]) ** 2),
+        float(scattered.absorbed[0]),
     )

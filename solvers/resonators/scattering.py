@@ -19,7 +19,7 @@ ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
-class Host:
+class HostBeam:
     """The infinite Euler-Bernoulli beam: EI in N m2, rho A in kg/m."""
 
     bending_n_m2: float
@@ -62,25 +62,25 @@ def moment_transmission(strength: ArrayLike) -> ComplexArray:
     return np.asarray((1.0 + s) / (1.0 + s + 1j * s))
 
 
-def strengths(host: Host, feet: ComplexArray, omega: ArrayLike) -> tuple[ComplexArray, ComplexArray]:
+def strengths(host_beam: HostBeam, feet: ComplexArray, omega: ArrayLike) -> tuple[ComplexArray, ComplexArray]:
     """Dimensionless force and moment strengths K_ww/(4 EI beta^3), K_tt/(4 EI beta) of a foot, each shape (n,)."""
-    beta, ei = host.wavenumber_per_m(omega), host.bending_n_m2
+    beta, ei = host_beam.wavenumber_per_m(omega), host_beam.bending_n_m2
     return feet[:, 0, 0] / (4.0 * ei * beta**3), feet[:, 1, 1] / (4.0 * ei * beta)
 
 
-def scatter(host: Host, feet: ComplexArray, places_m: Sequence[float], omega: ArrayLike) -> Scattering:
+def scatter(host_beam: HostBeam, feet: ComplexArray, places_m: Sequence[float], omega: ArrayLike) -> Scattering:
     """Waves of one or several resonators of foot stiffness `feet` (n, 2, 2) standing at places_m; near fields kept.
 
     w = e^{i beta x} + sum of F_j g(x - x_j) - M_j g'(x - x_j), g = (i e^{i beta|x|} - e^{-beta|x|})/(4 EI beta^3), and
     (F_j, M_j) = -K (w, w_x) at x_j. SolverError for no place, two resonators at one place or a singular system.
     Source: graff1975.
     """
-    beta, places = host.wavenumber_per_m(omega), np.asarray(places_m, dtype=float)
+    beta, places = host_beam.wavenumber_per_m(omega), np.asarray(places_m, dtype=float)
     if places.size == 0 or np.unique(places).size < places.size or not np.all(np.isfinite(places)):
         raise SolverError("places of the resonators must be finite, at least one, all different")
-    loads = np.stack([_loads(host, k, foot, places) for k, foot in zip(beta, feet, strict=True)])
+    loads = np.stack([_loads(host_beam, k, foot, places) for k, foot in zip(beta, feet, strict=True)])
     phase = np.exp(1j * beta[:, None] * places)
-    force, moment = loads[..., 0] / (4.0 * host.bending_n_m2), loads[..., 1] / (4.0 * host.bending_n_m2)
+    force, moment = loads[..., 0] / (4.0 * host_beam.bending_n_m2), loads[..., 1] / (4.0 * host_beam.bending_n_m2)
     cubed, squared = beta[:, None] ** 3, beta[:, None] ** 2
     reflection = np.sum((1j * force / cubed - moment / squared) * phase, axis=1)
     transmission = 1.0 + np.sum((1j * force / cubed + moment / squared) * phase.conj(), axis=1)
@@ -88,28 +88,28 @@ def scatter(host: Host, feet: ComplexArray, places_m: Sequence[float], omega: Ar
 
 
 def field(
-    host: Host, scattering: Scattering, places_m: Sequence[float], omega: ArrayLike, x_m: ArrayLike
+    host_beam: HostBeam, scattering: Scattering, places_m: Sequence[float], omega: ArrayLike, x_m: ArrayLike
 ) -> ComplexArray:
     """Deflection of the host for a unit incident wave, shape (n, points)."""
-    beta, x = host.wavenumber_per_m(omega), np.asarray(x_m, dtype=float)
+    beta, x = host_beam.wavenumber_per_m(omega), np.asarray(x_m, dtype=float)
     rows = []
     for k, loads in zip(beta, scattering.loads, strict=True):
-        g = _green(host, k, x[:, None] - np.asarray(places_m, dtype=float))
+        g = _green(host_beam, k, x[:, None] - np.asarray(places_m, dtype=float))
         rows.append(np.exp(1j * k * x) + g[0] @ loads[:, 0] - g[1] @ loads[:, 1])
     return np.stack(rows)
 
 
-def _green(host: Host, beta: float, x: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+def _green(host_beam: HostBeam, beta: float, x: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """g, g' and g'' of a unit point force at 0."""
     wave, near, sign = np.exp(1j * beta * np.abs(x)), np.exp(-beta * np.abs(x)), np.sign(x)
-    scale = 1.0 / (4.0 * host.bending_n_m2 * beta**3)
+    scale = 1.0 / (4.0 * host_beam.bending_n_m2 * beta**3)
     return scale * (1j * wave - near), scale * beta * sign * (near - wave), -scale * beta**2 * (near + 1j * wave)
 
 
-def _loads(host: Host, beta: float, foot: ComplexArray, places: FloatArray) -> ComplexArray:
+def _loads(host_beam: HostBeam, beta: float, foot: ComplexArray, places: FloatArray) -> ComplexArray:
     """Forces and moments of every resonator, shape (resonators, 2): (1 + G K) u = incident, load = -K u."""
     count = places.size
-    g, slope, curve = _green(host, beta, places[:, None] - places[None, :])
+    g, slope, curve = _green(host_beam, beta, places[:, None] - places[None, :])
     mobility = np.empty((count, 2, count, 2), dtype=complex)
     mobility[:, 0, :, 0], mobility[:, 0, :, 1] = g, -slope
     mobility[:, 1, :, 0], mobility[:, 1, :, 1] = slope, -curve
@@ -124,12 +124,12 @@ def _loads(host: Host, beta: float, foot: ComplexArray, places: FloatArray) -> C
     return np.asarray(-(motion.reshape(count, 2) * scale) @ foot.T)
 
 
-def transfer_matrix(host: Host, foot: ComplexArray, pitch_m: float, omega: float) -> ComplexArray:
+def transfer_matrix(host_beam: HostBeam, foot: ComplexArray, pitch_m: float, omega: float) -> ComplexArray:
     """State (w, w_x/beta, w_xx/beta^2, w_xxx/beta^3) just before one resonator to just before the next, shape (4, 4).
 
     T = free beam over the pitch times the jump of moment and shear at the foot (2, 2).
     """
-    beta, ei = float(host.wavenumber_per_m(omega)[0]), host.bending_n_m2
+    beta, ei = float(host_beam.wavenumber_per_m(omega)[0]), host_beam.bending_n_m2
     s, c = np.sin(beta * pitch_m), np.cos(beta * pitch_m)
     sh, ch = np.sinh(beta * pitch_m), np.cosh(beta * pitch_m)
     even, odd = (ch + c) / 2.0, (sh + s) / 2.0
@@ -148,23 +148,23 @@ def transfer_matrix(host: Host, foot: ComplexArray, pitch_m: float, omega: float
     return np.asarray(free @ jump)
 
 
-def decay_db_per_row(host: Host, feet: ComplexArray, pitch_m: float, omega: ArrayLike) -> FloatArray:
+def decay_db_per_row(host_beam: HostBeam, feet: ComplexArray, pitch_m: float, omega: ArrayLike) -> FloatArray:
     """Decay in decibels per resonator of the least attenuated Bloch wave of an endless row, shape (n,).
 
     The eigenvalues of T come in pairs lambda, 1/lambda whose sums follow from two traces: 20 log10 of the smaller outer one.
     """
     w = np.atleast_1d(np.asarray(omega, dtype=float))
-    found = []
+    decays = []
     for value, foot in zip(w, feet, strict=True):
-        matrix = transfer_matrix(host, foot, pitch_m, float(value))
+        matrix = transfer_matrix(host_beam, foot, pitch_m, float(value))
         trace = np.trace(matrix)
         second = (trace**2 - np.trace(matrix @ matrix)) / 2.0
         root = np.sqrt(trace**2 - 4.0 * (second - 2.0) + 0j)
         sums = np.array([(trace + root) / 2.0, (trace - root) / 2.0])  # lambda + 1/lambda of each pair
         outer = np.sqrt(sums**2 - 4.0 + 0j)
         larger = np.maximum(np.abs(sums + outer), np.abs(sums - outer)) / 2.0
-        found.append(20.0 * np.log10(larger.min()))
-    return np.array(found)
+        decays.append(20.0 * np.log10(larger.min()))
+    return np.array(decays)
 
 
 def half_power_band(transmitted: FloatArray, omega: FloatArray) -> tuple[float, float] | None:
@@ -185,11 +185,11 @@ def half_power_band(transmitted: FloatArray, omega: FloatArray) -> tuple[float, 
     return crossing(int(starts[i]), int(starts[i]) - 1), crossing(int(ends[i]), int(ends[i]) + 1)
 
 
-def oscillator_total_reflection_rad_s(host: Host, mass_kg: float, resonance_rad_s: float) -> float:
+def oscillator_total_reflection_rad_s(host_beam: HostBeam, mass_kg: float, resonance_rad_s: float) -> float:
     """Where an undamped vertical oscillator lets nothing through: w^2 = w0^2 [1 + m beta(w)/(4 rho A)], above w0."""
 
     def excess(omega: float) -> float:
-        added = mass_kg * float(host.wavenumber_per_m(omega)[0]) / (4.0 * host.mass_kg_m)
+        added = mass_kg * float(host_beam.wavenumber_per_m(omega)[0]) / (4.0 * host_beam.mass_kg_m)
         return omega**2 - resonance_rad_s**2 * (1.0 + added)
 
     high = resonance_rad_s
@@ -198,13 +198,15 @@ def oscillator_total_reflection_rad_s(host: Host, mass_kg: float, resonance_rad_
     return float(brentq(excess, resonance_rad_s, high, xtol=1e-12 * high)) if high > resonance_rad_s else high
 
 
-def moment_total_reflection_rad_s(host: Host, foot_of: Callable[[float], ComplexArray], clamped_rad_s: float) -> float:
+def moment_total_reflection_rad_s(
+    host_beam: HostBeam, foot_of: Callable[[float], ComplexArray], clamped_rad_s: float
+) -> float:
     """Where a lossless pillar acting by its foot's moment lets nothing through: K_tt = -4 EI beta, below clamped_rad_s.
 
     K_tt falls from 0 to minus infinity as the frequency rises to the pillar's clamped resonance (Foster), so there is one.
     """
 
     def excess(omega: float) -> float:
-        return float(strengths(host, foot_of(omega), omega)[1][0].real) + 1.0
+        return float(strengths(host_beam, foot_of(omega), omega)[1][0].real) + 1.0
 
     return float(brentq(excess, 1e-3 * clamped_rad_s, (1.0 - 1e-9) * clamped_rad_s, xtol=1e-12 * clamped_rad_s))

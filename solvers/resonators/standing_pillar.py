@@ -1,6 +1,6 @@
 """A pillar on a moving foot: what it carries rigidly and how its own vibrations follow, ready to stand on a plate.
 
-Foot motion d and own modes a_j (foot held): T = J d'^2/2 + sum L_j a_j' d' + a_j'^2/2, V = sum omega_j^2 a_j^2/2
+Foot motion d and own modes a_j (foot clamped): T = J d'^2/2 + sum L_j a_j' d' + a_j'^2/2, V = sum omega_j^2 a_j^2/2
 (Craig and Bampton, one body). Shear and rotary inertia are Timoshenko's; the section may taper.
 """
 
@@ -25,7 +25,7 @@ ROOT = 16.67 / np.pi
 
 
 @dataclass(frozen=True)
-class Carried:
+class EffectiveMass:
     """One motion of the foot: its rigid inertia J, own frequencies omega (n,) in rad/s, couplings L (n,).
 
     For the foot's rotation J in kg m2 and L in sqrt(kg) m, for its lift in kg and sqrt(kg).
@@ -44,7 +44,7 @@ def root_compliance(pillar: Pillar) -> float:
     return ROOT / (pillar.material.young_pa * pillar.section_area_m2**1.5)
 
 
-def bending_carried(pillar: Pillar, lever_m: float, compliance: float = 0.0) -> Carried:
+def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0.0) -> EffectiveMass:
     """The foot turns about a line `lever_m` below it (the plate's middle), the pillar bends. Source: craig1968.
 
     `compliance` (rad/(N m)) lets the pillar turn on its foot, too: what the plate gives way around it.
@@ -69,7 +69,7 @@ def bending_carried(pillar: Pillar, lever_m: float, compliance: float = 0.0) -> 
     return _own(stiffness, mass, deflection.T @ (heavy * arm) + turn.T @ rotary, inertia)
 
 
-def lifting_carried(pillar: Pillar) -> Carried:
+def lifting_effective_mass(pillar: Pillar) -> EffectiveMass:
     """The foot moves along the pillar's axis, the pillar stretches."""
     beam = pillar_beam(pillar)
     s, weight, ratio = _rule(beam)
@@ -100,6 +100,6 @@ def _gram(left: FloatArray, right: FloatArray, weight: FloatArray) -> FloatArray
     return np.asarray(left.T @ (weight[:, None] * right))
 
 
-def _own(stiffness: FloatArray, mass: FloatArray, coupling: FloatArray, inertia: float) -> Carried:
+def _own(stiffness: FloatArray, mass: FloatArray, coupling: FloatArray, inertia: float) -> EffectiveMass:
     values, vectors = eigh(stiffness, mass, subset_by_index=[0, OWN - 1])
-    return Carried(inertia, np.sqrt(values), vectors.T @ coupling)
+    return EffectiveMass(inertia, np.sqrt(values), vectors.T @ coupling)

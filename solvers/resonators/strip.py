@@ -22,8 +22,13 @@ from solvers.analytic.beam_elements import hermite
 from solvers.analytic.plates import Strip, mindlin_wave_hz, thin_plate_hz
 from solvers.analytic.predesign import strip_of
 from solvers.errors import SolverError
-from solvers.measures.confinement import Held, Profile, held
-from solvers.resonators.standing_pillar import Carried, bending_carried, lifting_carried, root_compliance
+from solvers.measures.confinement import Profile, ProfileConfinement, profile_confinement
+from solvers.resonators.standing_pillar import (
+    EffectiveMass,
+    bending_effective_mass,
+    lifting_effective_mass,
+    root_compliance,
+)
 
 FloatArray = NDArray[np.float64]
 PER_WIDTH = 8  # elements across a zone's width: a wave of the zone's is 16 long, cubic ones are exact to 1e-5
@@ -32,10 +37,10 @@ _GAUSS = legendre.leggauss(4)
 
 @dataclass(frozen=True)
 class StripModes:
-    """Modes even about y = 0, ascending: frequency_hz (k,) and how each is held."""
+    """Modes even about y = 0, ascending: frequency_hz (k,) and how well each is confined."""
 
     frequency_hz: FloatArray
-    held: Held
+    confinement: ProfileConfinement
 
 
 def wavenumber_along_per_m(design: Design) -> float:
@@ -63,7 +68,7 @@ def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float =
     values, vectors = eigh(stiffness[square], mass[square], subset_by_value=window)
     full = np.zeros((len(stiffness), len(values)))
     full[free] = vectors
-    return StripModes(np.sqrt(values) / (2.0 * pi), held(_profile(nodes, full, design), design))
+    return StripModes(np.sqrt(values) / (2.0 * pi), profile_confinement(_profile(nodes, full, design), design))
 
 
 def _nodes(design: Design) -> FloatArray:
@@ -72,8 +77,8 @@ def _nodes(design: Design) -> FloatArray:
     rows = design.row_centres() if design.rows else np.empty(0)
     fixed = np.unique(np.round([0.0, design.width_m / 2.0, *rows, half], 9))
     longest = design.width_m / PER_WIDTH
-    pieces = [np.linspace(a, b, ceil((b - a) / longest) + 1)[1:] for a, b in pairwise(fixed)]
-    return np.concatenate([fixed[:1], *pieces])
+    panels = [np.linspace(a, b, ceil((b - a) / longest) + 1)[1:] for a, b in pairwise(fixed)]
+    return np.concatenate([fixed[:1], *panels])
 
 
 def _rigidity(strip: Strip, kx: float) -> float:
@@ -127,7 +132,7 @@ def _with_rows(
     assert design.pillar
     density = len(design.column_centres()) / design.length_m
     lever_m, compliance = design.thickness_m / 2.0, softness * root_compliance(design.pillar)
-    turning, lifting = bending_carried(design.pillar, lever_m, compliance), lifting_carried(design.pillar)
+    turning, lifting = bending_effective_mass(design.pillar, lever_m, compliance), lifting_effective_mass(design.pillar)
     for y in design.row_centres():
         node = int(np.argmin(np.abs(nodes - y)))
         for carried, unknown, factor in (
@@ -140,7 +145,7 @@ def _with_rows(
 
 
 def _standing(
-    stiffness: FloatArray, mass: FloatArray, carried: Carried, unknown: int, factor: float, density: float
+    stiffness: FloatArray, mass: FloatArray, carried: EffectiveMass, unknown: int, factor: float, density: float
 ) -> tuple[FloatArray, FloatArray]:
     """`density` pillars per length whose foot moves by `factor` times an unknown; their own modes are appended."""
     old, count = len(stiffness), len(carried.omega)
@@ -158,8 +163,8 @@ def _standing(
 def _profile(nodes: FloatArray, vectors: FloatArray, design: Design) -> Profile:
     """Y of every mode at the Gauss points of the elements, and half a sine across the zone."""
     (value, _, _), weight = _shapes(nodes)
-    unknowns = 2 * np.arange(len(nodes) - 1)[:, None] + np.arange(4)
-    moved = np.einsum("eqi,eik->eqk", value, vectors[unknowns])
+    dofs = 2 * np.arange(len(nodes) - 1)[:, None] + np.arange(4)
+    moved = np.einsum("eqi,eik->eqk", value, vectors[dofs])
     y = (nodes[:-1, None] + np.diff(nodes)[:, None] * (_GAUSS[0] + 1.0) / 2.0).ravel()
     shape = np.cos(pi * y / design.width_m)
     return Profile(y, weight.ravel(), moved.reshape(len(y), -1), shape, 1.0)

@@ -23,8 +23,8 @@ REGIONS: tuple[Region, ...] = ("left", "middle", "right")
 
 
 @dataclass(frozen=True)
-class Held:
-    """How well a field is held inside: ratios of amplitudes, inside over outside."""
+class Contrast:
+    """How well a field is confined inside: ratios of amplitudes, inside over outside."""
 
     peak_ratio: float
     contrast: float
@@ -59,7 +59,7 @@ def region_target(region: str, count: int, alternate: bool = False) -> ComplexAr
     return target
 
 
-def held(displacement: ComplexArray, inside: BoolArray, weights: FloatArray | None = None) -> Held:
+def contrast(displacement: ComplexArray, inside: BoolArray, weights: FloatArray | None = None) -> Contrast:
     """Ratios of a field (p,) over points; weights (p,): the area or length each stands for, equal if not given.
 
     SolverError when a side has no point or nothing moves outside and inside.
@@ -71,7 +71,7 @@ def held(displacement: ComplexArray, inside: BoolArray, weights: FloatArray | No
     power = [float(np.average(size[side] ** 2, weights=share[side])) for side in (inside, ~inside)]
     with np.errstate(divide="ignore"):
         peak = np.float64(size[inside].max()) / size[~inside].max()
-        return Held(float(peak), float(np.sqrt(np.float64(power[0]) / power[1])))
+        return Contrast(float(peak), float(np.sqrt(np.float64(power[0]) / power[1])))
 
 
 def best_contrast(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from solvers.errors import SolverError
-from solvers.shaping.acoustic_contrast import best_contrast, held
+from solvers.shaping.acoustic_contrast import best_contrast, contrast
 from solvers.shaping.modal_table import ModalTable, field_matrix
 
 FloatArray = NDArray[np.float64]
@@ -45,10 +45,10 @@ def attach_oscillators(
     energy = vectors[:modes] ** 2 * (table.angular**2)[:, None]
     lost = (energy / table.quality[:, None]).sum(axis=0) + np.einsum("im,ij,jm->m", vectors, springs, vectors) / quality
     with np.errstate(divide="ignore", invalid="ignore"):
-        joined_quality = np.where(lost > 0.0, values / lost, np.inf)
+        composite_quality = np.where(lost > 0.0, values / lost, np.inf)
     return ModalTable(
         frequencies_hz=np.sqrt(np.maximum(values, 0.0)) / (2.0 * pi),
-        quality=joined_quality,
+        quality=composite_quality,
         actuators=vectors[:modes].T @ table.actuators,
         sensors=vectors[:modes].T @ table.sensors,
         field=vectors[:modes].T @ table.field,
@@ -84,7 +84,7 @@ def confinement(
         raise SolverError(f"driver {driver}: must be from 0 to {table.actuator_count - 1}")
     field = field_matrix(table, frequency_hz)
     voltages = best_contrast(field, inside, weights, alpha)
-    alone, shaped = held(field[:, driver], inside, weights), held(field @ voltages, inside, weights)
+    alone, shaped = contrast(field[:, driver], inside, weights), contrast(field @ voltages, inside, weights)
     return Confined(frequency_hz, alone.contrast_db, shaped.contrast_db, voltages)
 
 

@@ -68,13 +68,13 @@ def _check(matrix: ComplexArray, target: ComplexArray, alpha: float, limit_v: fl
 def _refuse_singular(matrix: ComplexArray, singular: FloatArray) -> None:
     if singular[-1] > SINGULAR * singular[0]:
         return
-    likeness = orthogonality(matrix)
-    np.fill_diagonal(likeness, 0.0)
-    i, j = np.unravel_index(int(np.argmax(likeness)), likeness.shape)
+    modal_overlap = orthogonality(matrix)
+    np.fill_diagonal(modal_overlap, 0.0)
+    i, j = np.unravel_index(int(np.argmax(modal_overlap)), modal_overlap.shape)
     condition = singular[0] / singular[-1] if singular[-1] > 0.0 else np.inf
     raise SolverError(
         f"T is singular (condition number {condition:.2g}): sensors {min(i, j) + 1} and {max(i, j) + 1} are the most alike "
-        f"({likeness[i, j]:.6f} of 1); move off the resonance, move a patch, or regularise (alpha > 0)"
+        f"({modal_overlap[i, j]:.6f} of 1); move off the resonance, move a patch, or regularise (alpha > 0)"
     )
 
 
@@ -101,8 +101,8 @@ def _limited(
     }
     first = start / np.maximum(np.abs(start), limit_v)
     x0 = np.concatenate([first.real, first.imag])
-    found = minimize(cost, x0, jac=True, constraints=[room], method="SLSQP", options={"ftol": 1e-15, "maxiter": 500})
-    voltages = found.x[:size] + 1j * found.x[size:]
+    optimum = minimize(cost, x0, jac=True, constraints=[room], method="SLSQP", options={"ftol": 1e-15, "maxiter": 500})
+    voltages = optimum.x[:size] + 1j * optimum.x[size:]
     voltages = voltages / np.maximum(np.abs(voltages), 1.0)
     gap = optimality_gap(gram, pull, voltages)
     if gap > OPTIMAL:

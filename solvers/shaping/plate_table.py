@@ -2,7 +2,7 @@
 
 A patch poled through its thickness t pulls alike along x and y with e V per length, e = d31/(s11 + s12), at z_p = (h + t)/2
 from the middle plane: its modal force is e z_p times the integral of w_xx + w_yy over it (to sign), its charge the same times
-the modal coordinate, its held capacitance C = (eps33^T - 2 d31^2/(s11 + s12)) A/t. The modes are taken as they come: the
+the modal coordinate, its clamped capacitance C = (eps33^T - 2 d31^2/(s11 + s12)) A/t. The modes are taken as they come: the
 patches' own mass and stiffness are not in them unless their solver put them there, and in-plane motion is left out. Source:
 ieee176.
 """
@@ -106,9 +106,9 @@ def plate_table(
     per_field = piezo.d31 / (piezo.s11 + piezo.s12)
     lever = (thickness_m + patches.size_m[2]) / 2.0
     pull = per_field * lever * laplacian_integrals(touch.points, touch.values, boxes)
-    held = float(piezo.permittivity_free_f_m[2, 2]) - 2.0 * piezo.d31 * per_field
+    clamped_capacitance = float(piezo.permittivity_free_f_m[2, 2]) - 2.0 * piezo.d31 * per_field
     area = (boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2])
-    volts = pull * patches.size_m[2] / (held * area)
+    volts = pull * patches.size_m[2] / (clamped_capacitance * area)
     drivers, sensors = list(patches.drivers), list(patches.sensors) or list(range(patches.count))
     return ModalTable(
         frequencies_hz=frequencies_hz,
@@ -120,8 +120,8 @@ def plate_table(
     )
 
 
-def joined_tables(tables: list[ModalTable]) -> ModalTable:
-    """One table of the modes of several mirror classes over the same points, actuators and sensors, in ascending order.
+def composite_tables(tables: list[ModalTable]) -> ModalTable:
+    """One table of the modes of several symmetry classes over the same points, actuators and sensors, in ascending order.
 
     SolverError for an empty list or points that differ.
     """

@@ -60,12 +60,12 @@ def calibrate(measured: Measured) -> Calibration:
     _refuse_nodes(v, "answers")
     power = np.sum(np.abs(v) ** 2, axis=0)
     factor = np.sum(v.conj() * w, axis=0) / power
-    rest = np.sqrt(np.sum(np.abs(w - factor * v) ** 2, axis=0))
+    residual = np.sqrt(np.sum(np.abs(w - factor * v) ** 2, axis=0))
     common = np.sum(factor / np.abs(factor))
     return Calibration(
         factor=factor,
-        standard_error=rest / np.sqrt(power * (len(w) - 1)),
-        nonlinearity=rest / np.sqrt(np.sum(np.abs(w) ** 2, axis=0)),
+        standard_error=residual / np.sqrt(power * (len(w) - 1)),
+        nonlinearity=residual / np.sqrt(np.sum(np.abs(w) ** 2, axis=0)),
         common_phase=float(np.angle(common)),
         own_phase=np.angle(factor * np.exp(-1j * np.angle(common))),
     )

@@ -16,7 +16,7 @@ from solvers.shaping.modal_table import ModalTable, sensor_matrix
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-SILENT = 1e-9  # of the largest row: a sensor below it hears nothing
+UNDRIVEN = 1e-9  # of the largest row: a sensor below it hears nothing
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ def orthogonality(matrix: ComplexArray) -> FloatArray:
     matrix = np.asarray(matrix, dtype=complex)
     size = np.linalg.norm(matrix, axis=1)
     largest = float(size.max(initial=0.0))
-    silent = np.flatnonzero(size <= SILENT * largest) if largest > 0.0 else np.arange(len(size))
-    if silent.size:
+    undriven = np.flatnonzero(size <= UNDRIVEN * largest) if largest > 0.0 else np.arange(len(size))
+    if undriven.size:
         raise SolverError(
-            f"sensor {silent[0] + 1} answers no actuator (its row of T is {size[silent[0]]:.3g} against {largest:.3g}): "
+            f"sensor {undriven[0] + 1} answers no actuator (its row of T is {size[undriven[0]]:.3g} against {largest:.3g}): "
             "it sits on a node of every mode that is excited; move it or change the frequency"
         )
     rows = matrix / size[:, None]
@@ -51,8 +51,8 @@ def coupling_index(matrix: ComplexArray) -> float:
     """||I - ORT||_2/(N - 1), from 0 (orthogonal rows) to 1 (all parallel); SolverError below two rows or for a silent one."""
     if len(matrix) < 2:
         raise SolverError("the coupling index compares sensors: it needs two or more")
-    likeness = orthogonality(matrix)
-    return float(np.linalg.norm(np.eye(len(likeness)) - likeness, 2) / (len(likeness) - 1))
+    modal_overlap = orthogonality(matrix)
+    return float(np.linalg.norm(np.eye(len(modal_overlap)) - modal_overlap, 2) / (len(modal_overlap) - 1))
 
 
 def conditioning(matrix: ComplexArray) -> Conditioning:
@@ -73,11 +73,11 @@ class Scan:
 
 def scan(table: ModalTable, frequencies_hz: FloatArray) -> Scan:
     """Conditioning of T at each frequency; errors as receptance and coupling_index."""
-    found = [conditioning(sensor_matrix(table, float(f))) for f in frequencies_hz]
+    couplings = [conditioning(sensor_matrix(table, float(f))) for f in frequencies_hz]
     return Scan(
         np.asarray(frequencies_hz, dtype=float),
-        np.array([one.condition for one in found]),
-        np.array([one.coupling for one in found]),
+        np.array([one.condition for one in couplings]),
+        np.array([one.coupling for one in couplings]),
     )
 
 

@@ -19,7 +19,7 @@ from solvers.errors import SolverError
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-FEWEST = 8  # points for a two-wave fit
+MIN_COUNT = 8  # points for a two-wave fit
 
 
 def wave_target(places_m: FloatArray, wavelength_m: float) -> ComplexArray:
@@ -79,7 +79,7 @@ class TwoWaves:
     forward: complex
     backward: complex
     wavenumber: float
-    rest: float
+    residual: float
 
     @property
     def twr(self) -> float:
@@ -93,8 +93,8 @@ def two_wave_fit(x_m: FloatArray, displacement: ComplexArray, guess: float) -> T
 
     What does not fit (near fields of ends and patches) is left in `rest`. SolverError below 8 points or for zeros.
     """
-    if len(x_m) < FEWEST or not np.abs(displacement).any():
-        raise SolverError(f"a two-wave fit needs {FEWEST} points of a field that is not zero, {len(x_m)} came")
+    if len(x_m) < MIN_COUNT or not np.abs(displacement).any():
+        raise SolverError(f"a two-wave fit needs {MIN_COUNT} points of a field that is not zero, {len(x_m)} came")
     size = float(np.linalg.norm(displacement))
 
     def fit(k: float) -> tuple[ComplexArray, float]:
@@ -105,9 +105,9 @@ def two_wave_fit(x_m: FloatArray, displacement: ComplexArray, guess: float) -> T
     grid = guess * np.geomspace(1.0 / 1.5, 1.5, 41)
     best = int(np.argmin([fit(float(k))[1] for k in grid]))
     bounds = (float(grid[max(best - 1, 0)]), float(grid[min(best + 1, 40)]))
-    found = minimize_scalar(lambda k: fit(k)[1], bounds=bounds, method="bounded", options={"xatol": 1e-9 * guess})
-    amplitudes, rest = fit(float(found.x))
-    return TwoWaves(complex(amplitudes[0]), complex(amplitudes[1]), float(found.x), rest)
+    minimum = minimize_scalar(lambda k: fit(k)[1], bounds=bounds, method="bounded", options={"xatol": 1e-9 * guess})
+    amplitudes, residual = fit(float(minimum.x))
+    return TwoWaves(complex(amplitudes[0]), complex(amplitudes[1]), float(minimum.x), residual)
 
 
 def best_travelling_drive(field: ComplexArray, x_m: FloatArray, guess: float) -> tuple[ComplexArray, float]:
@@ -122,8 +122,8 @@ def best_travelling_drive(field: ComplexArray, x_m: FloatArray, guess: float) ->
         voltages = np.linalg.lstsq(scaled, np.exp(-1j * k * x_m), rcond=None)[0]
         starts.append((travelling_wave_ratio(scaled @ voltages), voltages))
     starts.sort(key=lambda one: -one[0])
-    found = [_raised(scaled, voltages) for _, voltages in starts[:4]] + [voltages for _, voltages in starts[:1]]
-    best = max(found, key=lambda voltages: travelling_wave_ratio(scaled @ voltages))
+    candidates = [_raised(scaled, voltages) for _, voltages in starts[:4]] + [voltages for _, voltages in starts[:1]]
+    best = max(candidates, key=lambda voltages: travelling_wave_ratio(scaled @ voltages))
     return best, travelling_wave_ratio(scaled @ best)
 
 
@@ -148,7 +148,7 @@ def _raised(field: ComplexArray, start: ComplexArray) -> ComplexArray:
     x0 = np.concatenate([unit.real, unit.imag, [float(np.abs(field @ unit).min()) ** 2]])
     ascent = np.zeros(2 * size + 1)
     ascent[-1] = -1.0
-    found = minimize(
+    optimum = minimize(
         lambda x: -x[-1], x0, jac=lambda _: ascent, constraints=room, method="SLSQP", options={"maxiter": 200}
     )
-    return np.asarray(found.x[:size] + 1j * found.x[size:-1])
+    return np.asarray(optimum.x[:size] + 1j * optimum.x[size:-1])

@@ -122,8 +122,8 @@ def _choice(one: Choice) -> dict[str, Any]:
         "peak_twr": one.peak_twr,
         "peak_wavelength_m": one.peak_wavelength_m,
         **{
-            signal: {"condition": found.condition, "independence": found.independence}
-            for signal, found in one.conditioning.items()
+            signal: {"condition": coupling.condition, "independence": coupling.independence}
+            for signal, coupling in one.conditioning.items()
         },
     }
 
@@ -149,7 +149,7 @@ def _travelling(one: Travelling) -> dict[str, Any]:
         "free": {
             "twr": one.best_twr,
             "fitted_twr": one.best_fit,
-            "near_field_share": one.best_rest,
+            "near_field_share": one.best_residual,
             "voltages_relative": _complex(one.best_voltages),
         },
     }

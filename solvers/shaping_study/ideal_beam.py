@@ -29,7 +29,7 @@ def point_beam_table(
     """The bare beam of the same material and ends with points in place of its patches; default: 301 points along it.
 
     phi = phi_exact/sqrt(rho A L), phi_exact of mean square 1. SolverError for an empty list of places, places off the beam,
-    modes below 1, or ends that are unknown or leave a rigid motion.
+    modes below 1, or ends that are unknown or leave a rigid-body mode.
     """
     places = np.array(beam.centres_m)
     if not places.size:
@@ -37,7 +37,7 @@ def point_beam_table(
     if (places < 0.0).any() or (places > beam.length_m).any():
         raise SolverError(f"beam: places must lie from 0 to {beam.length_m:g} m")
     if "clamped" not in beam.ends and beam.ends != ("pinned", "pinned"):
-        raise SolverError(f"beam: ends {beam.ends} leave a rigid motion; clamp one or pin both")
+        raise SolverError(f"beam: ends {beam.ends} leave a rigid-body mode; clamp one or pin both")
     if modes < 1:
         raise SolverError(f"modes = {modes}: must be 1 or more")
     points = np.linspace(0.0, beam.length_m, 301) if points_m is None else points_m

@@ -74,10 +74,10 @@ def patched(name: str, beam: PatchedBeam, modes: int, calibrate_near_hz: float) 
     places = beam_table(beam, modes, np.array(beam.centres_m))
     for mode in np.argsort(np.abs(table.frequencies_hz - calibrate_near_hz), kind="stable"):
         try:
-            found = calibrate(standing_wave(places, int(mode)))
+            calibration = calibrate(standing_wave(places, int(mode)))
         except SolverError:
             continue  # a sensor on a node of this mode: the next one
-        return ShapedBeam(name, beam, table, found, int(mode))
+        return ShapedBeam(name, beam, table, calibration, int(mode))
     raise SolverError(f"{name}: on every mode some sensor sits on a node, none can be calibrated")
 
 

@@ -69,8 +69,8 @@ class PatchedBeam:
     def capacitance_f(self, width_m: float) -> float:
         """eps33^T (1 - k31^2) b l/t of a patch of this width held along x and free across, F."""
         free = float(self.piezo.permittivity_free_f_m[2, 2])
-        held = free - self.piezo.d31**2 / self.piezo.s11
-        return held * width_m * self.patch_length_m / self.patch_thickness_m
+        clamped = free - self.piezo.d31**2 / self.piezo.s11
+        return clamped * width_m * self.patch_length_m / self.patch_thickness_m
 
 
 def section(beam: PatchedBeam, patched: bool) -> tuple[float, float, float, float]:
@@ -87,8 +87,9 @@ def section(beam: PatchedBeam, patched: bool) -> tuple[float, float, float, floa
 
 @dataclass(frozen=True)
 class Condensed:
-    """The beam over its free (w, w') unknowns alone: K, M; forces (n, a) in N/V, N m/V; signals (s, n) and their direct
-    part (s, a); charges of the actuators (a, a) at rest in C/V; `rows` gives w at points from the unknowns.
+    """The beam over its free (w, w') degrees of freedom alone: K, M; forces (n, a) in N/V, N m/V; signals (s, n) and
+    their direct
+    part (s, a); charges of the actuators (a, a) at rest in C/V; `rows` gives w at points from the degrees of freedom.
     """
 
     matrices: BeamMatrices
@@ -101,7 +102,7 @@ class Condensed:
     capacitance: FloatArray
 
     def rows(self, points_m: FloatArray) -> FloatArray:
-        """w at points from the free unknowns, shape (points, n)."""
+        """w at points from the free degrees of freedom, shape (points, n)."""
         return deflection_rows(self.matrices.nodes_m, points_m)[:, self.free]
 
 
@@ -128,7 +129,7 @@ def condense(beam: PatchedBeam, element_m: float = 1.5e-3) -> Condensed:
     factor = cho_factor(k_uu)
     follow, pulled = cho_solve(factor, k_uw), cho_solve(factor, force_u[:, free_u].T)
     output = 1.0 / np.sqrt(beam.capacitance_f(beam.sensor_width_m))
-    held = beam.capacitance_f(beam.actuator_width_m) * np.eye(len(beam.centres_m))
+    clamped = beam.capacitance_f(beam.actuator_width_m) * np.eye(len(beam.centres_m))
     return Condensed(
         matrices=matrices,
         free=free_w,
@@ -137,14 +138,14 @@ def condense(beam: PatchedBeam, element_m: float = 1.5e-3) -> Condensed:
         forces=force_w[:, free_w].T - follow.T @ force_u[:, free_u].T,
         signals=output * (sense_w[:, free_w] - sense_u[:, free_u] @ follow),
         direct=output * sense_u[:, free_u] @ pulled,
-        capacitance=held + force_u[:, free_u] @ pulled,
+        capacitance=clamped + force_u[:, free_u] @ pulled,
     )
 
 
 def beam_table(beam: PatchedBeam, modes: int = 20, points_m: FloatArray | None = None) -> ModalTable:
     """Modes, actuator weights, open-circuit sensor voltages and deflection at points (default: 301 along the beam).
 
-    Raises SolverError as condense, and for a number of modes that is not from 1 to the number of unknowns.
+    Raises SolverError as condense, and for a number of modes that is not from 1 to the number of degrees of freedom.
     """
     points = np.linspace(0.0, beam.length_m, 301) if points_m is None else points_m
     body = condense(beam)
@@ -164,17 +165,17 @@ def _table(
         raise SolverError(f"modes = {modes}: must be from 1 to {len(body.stiffness)}")
     values, vectors = eigh(body.stiffness, body.mass, subset_by_index=(0, modes - 1))
     actuators, sensors, rows = vectors.T @ body.forces, (signals @ vectors).T, body.rows(points)
-    shown = (rows @ vectors).T
-    rest = np.linalg.solve(body.stiffness, body.forces) - vectors @ (actuators / values[:, None])
+    field = (rows @ vectors).T
+    residual = np.linalg.solve(body.stiffness, body.forces) - vectors @ (actuators / values[:, None])
     return ModalTable(
         frequencies_hz=np.sqrt(values) / (2.0 * np.pi),
         quality=np.full(modes, beam.quality),
         actuators=actuators,
         sensors=sensors,
-        field=shown,
+        field=field,
         points_m=points[:, None],
-        sensor_residual=signals @ rest + direct,
-        field_residual=rows @ rest,
+        sensor_residual=signals @ residual + direct,
+        field_residual=rows @ residual,
     )
 
 
@@ -200,7 +201,7 @@ def check_beam(beam: PatchedBeam) -> None:
         if end not in HELD:
             raise SolverError(f"beam: end {end!r}: must be one of {', '.join(HELD)}")
     if "clamped" not in beam.ends and beam.ends != ("pinned", "pinned"):
-        raise SolverError(f"beam: ends {beam.ends} leave a rigid motion; clamp one or pin both")
+        raise SolverError(f"beam: ends {beam.ends} leave a rigid-body mode; clamp one or pin both")
 
 
 def _above_zero(name: str, value: float) -> None:
@@ -227,7 +228,7 @@ def _edge_rows(beam: PatchedBeam, nodes: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def _free(beam: PatchedBeam, nodes: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Unknowns of u and of (w, w') that the ends leave free."""
+    """Degrees of freedom of u and of (w, w') that the ends leave free."""
     held_u: list[int] = []
     held_w: list[int] = []
     for end, node in zip(beam.ends, (0, nodes - 1), strict=True):

@@ -8,7 +8,7 @@ from math import log, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.shaping.acoustic_contrast import REGIONS, best_contrast, held, region_points, region_target
+from solvers.shaping.acoustic_contrast import REGIONS, best_contrast, contrast, region_points, region_target
 from solvers.shaping.hybrid import PassiveActive, attach_oscillators, confinement
 from solvers.shaping.inversion import drive_voltages
 from solvers.shaping.modal_table import ModalTable
@@ -57,24 +57,24 @@ class Confinement:
 def confine(model: ShapedBeam, signal: Signal, frequency_hz: float, limit_v: float) -> list[Confinement]:
     """Left, middle and right, both target patterns, at one frequency."""
     field, matrix, count = model.field(frequency_hz), model.matrix(frequency_hz, signal), len(model.places_m)
-    found = []
+    levels = []
     for region in REGIONS:
         inside = region_points(region, model.places_m, model.line_m)
-        best = held(field @ best_contrast(field, inside), inside)
+        best = contrast(field @ best_contrast(field, inside), inside)
         for name, alternate in TARGETS.items():
             target = region_target(region, count, alternate)
             drive = drive_voltages(matrix, target)
             limited = drive_voltages(matrix, MICROMETRE * target, limit_v=limit_v)
             size, chosen = np.abs(drive.voltages), target != 0.0
-            got, kept = held(field @ drive.voltages, inside), held(field @ limited.voltages, inside)
-            found.append(
+            got, kept = contrast(field @ drive.voltages, inside), contrast(field @ limited.voltages, inside)
+            levels.append(
                 Confinement(
                     model.name, signal, frequency_hz, region, name, got.peak_ratio, got.contrast_db,
                     float(size.max()) * MICROMETRE, float(size[~chosen].max() / size[chosen].max()), limited.error,
                     kept.peak_ratio, best.peak_ratio, best.contrast_db,
                 )
             )  # fmt: skip
-    return found
+    return levels
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Travelling:
     fitted_twr: FloatArray
     best_twr: float
     best_fit: float
-    best_rest: float
+    best_residual: float
     best_voltages: ComplexArray
 
     @property
@@ -128,14 +128,16 @@ def travel(model: ShapedBeam, signal: Signal, frequency_hz: float, wavelengths_m
     fit = two_wave_fit(x, field @ voltages, k)
     return Travelling(
         model.name, signal, frequency_hz, window, 2.0 * pi / k, wavelengths_m,
-        twr, fitted, best, fit.twr, fit.rest, voltages / np.abs(voltages).max(),
+        twr, fitted, best, fit.twr, fit.residual, voltages / np.abs(voltages).max(),
     )  # fmt: skip
 
 
 def scan_signal(model: ShapedBeam, signal: Signal, frequencies_hz: FloatArray) -> Scan:
     """Conditioning of T over frequency for a signal."""
-    found = [conditioning(model.matrix(float(f), signal)) for f in frequencies_hz]
-    return Scan(frequencies_hz, np.array([one.condition for one in found]), np.array([one.coupling for one in found]))
+    couplings = [conditioning(model.matrix(float(f), signal)) for f in frequencies_hz]
+    return Scan(
+        frequencies_hz, np.array([one.condition for one in couplings]), np.array([one.coupling for one in couplings])
+    )
 
 
 @dataclass(frozen=True)
@@ -157,7 +159,7 @@ def error_trials(
     wave = monte_carlo(matrix, wave_target(model.places_m, wavelength_m), errors, trials, seed + 1)
     window = inner_window(model.line_m, *travel_window(model, frequency_hz))
     return ErrorTrials(
-        np.array([held(field @ v, inside).peak_ratio for v in left.voltages]),
+        np.array([contrast(field @ v, inside).peak_ratio for v in left.voltages]),
         np.array([travelling_wave_ratio(field[window] @ v) for v in wave.voltages]),
         left.error,
     )
@@ -171,15 +173,15 @@ def travel_window(model: ShapedBeam, frequency_hz: float) -> tuple[float, float]
 
 def line_table(model: ShapedBeam) -> ModalTable:
     """The beam's table over the points along it alone."""
-    table, rest = model.table, model.table.field_residual
+    table, residual = model.table, model.table.field_residual
     return ModalTable(
         table.frequencies_hz, table.quality, table.actuators, table.sensors, table.field[:, :LINE],
-        table.points_m[:LINE], table.sensor_residual, None if rest is None else rest[:LINE],
+        table.points_m[:LINE], table.sensor_residual, None if residual is None else residual[:LINE],
     )  # fmt: skip
 
 
 def best_pair(model: ShapedBeam, zone_m: tuple[float, float], others: float, highest_hz: float) -> ModePair:
-    """Neighbouring modes whose quarter-period sum travels best inside a zone when held, both below a frequency."""
+    """Neighbouring modes whose quarter-period sum travels best inside a zone when contrast, both below a frequency."""
     table = line_table(model)
     inside = inner_window(table.points_m, *zone_m)
     last = int(np.searchsorted(table.frequencies_hz, highest_hz))

@@ -35,7 +35,7 @@ FloatArray = NDArray[np.float64]
 ASSUMPTIONS = (
     "patches: Pz26, each actuator in the middle of an equal share of the beam, its two sensor strips beside it as one sensor",
     "quality factor 50 for every mode; perfect clamps; layered Euler-Bernoulli beam, extension without inertia",
-    "sensors open; voltages positive when they stretch a patch; 20 modes and the static rest of the others",
+    "sensors open; voltages positive when they stretch a patch; 20 modes and the static residual of the others",
     "point beams: the same bare beams with point forces and deflection sensors, without residual, as the text simulates them",
     "a region is a third of the sensors and the points nearest to them; a travelling wave is judged where the ends' near "
     "field has fallen to a tenth",
@@ -162,12 +162,12 @@ def _check(data: ShapingData) -> None:
 
 
 def _beams(data: ShapingData) -> tuple[ShapedBeam, ...]:
-    found = []
+    beams = []
     for beam in (data.beam, data.short):
         name = f"{1e3 * beam.length_m:g} mm"
-        found.append(patched(f"{name}, patches", beam, data.modes, data.calibrate_near_hz))
-        found.append(pointed(f"{name}, points", beam, data.modes))
-    return tuple(found)
+        beams.append(patched(f"{name}, patches", beam, data.modes, data.calibrate_near_hz))
+        beams.append(pointed(f"{name}, points", beam, data.modes))
+    return tuple(beams)
 
 
 def _used(data: ShapingData, scans: dict[tuple[str, Signal], Scan], beam: ShapedBeam, signal: Signal) -> list[float]:
@@ -209,7 +209,7 @@ def choices(data: ShapingData, frequency_hz: float) -> tuple[Choice, ...]:
     """Pitches of 1/6, 1/6.5 and 1/7 of the length with quality 20, 50 and 200; TWR of waves asked for in displacement."""
     length = data.beam.length_m
     variants = [(length / share, quality) for share in (6.0, 6.5, 7.0) for quality in (20.0, 50.0, 200.0)]
-    found = []
+    drives = []
     for pitch, quality in variants:
         beam = replace(data.beam, centres_m=evenly(length, len(data.beam.centres_m), pitch), quality=quality)
         model = patched("variant", beam, data.modes, data.calibrate_near_hz)
@@ -217,5 +217,5 @@ def choices(data: ShapingData, frequency_hz: float) -> tuple[Choice, ...]:
         twr, _ = sweep(model, "displacement", frequency_hz, wavelengths)
         matrices = {signal: conditioning(model.matrix(frequency_hz, signal)) for signal in model.signals}
         best = int(np.argmax(twr))
-        found.append(Choice(pitch, quality, matrices, float(twr[best]), float(wavelengths[best])))
-    return tuple(found)
+        drives.append(Choice(pitch, quality, matrices, float(twr[best]), float(wavelengths[best])))
+    return tuple(drives)

@@ -1,7 +1,7 @@
-"""Bloch waves made real by half a turn about the cell's middle: a third of the time of a Hermitian pencil's dense solve.
+"""Bloch waves made real by a half turn about the cell's middle: a third of the time of a Hermitian pencil's dense solve.
 
 Half a turn takes k to -k, conjugation (time reversal) takes it back, so that both together leave the waves at k among
-themselves; unknowns that they leave alone have real K and M (wigner1932).
+themselves; degrees of freedom that they leave alone have real K and M (wigner1932).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ REAL = 1e-9  # of the pencil's largest entry: an imaginary part that is rounding
 
 
 @dataclass(frozen=True)
-class HalfTurn:
+class C2Symmetry:
     """v = D w with real w, D = diag(exp(-i k.c) s): c (dof, 2) in m, s (dof,) of 1 or i.
 
     The turn takes a side's unknown to the opposite side, times its sign: c is half the step between the two, s makes the
@@ -44,8 +44,8 @@ class HalfTurn:
         return bool(np.abs(turned.imag).max() <= REAL * np.abs(turned).max())
 
 
-def half_turn(cell: Cell, column: IntArray, offset: FloatArray) -> HalfTurn | None:
-    """The turn of a lattice's free unknowns, of which `column` (cell dof,) follow, `offset` (cell dof, 2) pitches on.
+def c2_symmetry(cell: Cell, column: IntArray, offset: FloatArray) -> C2Symmetry | None:
+    """The turn of a lattice's free degrees of freedom, of which `column` (cell dof,) follow, `offset` (cell dof, 2) pitches on.
 
     None where a fixed-interface mode's parity is not known.
     """
@@ -59,4 +59,4 @@ def half_turn(cell: Cell, column: IntArray, offset: FloatArray) -> HalfTurn | No
     first = offset.sum(axis=1) == 0.0
     own[column[first]] = sign[first]
     np.maximum.at(middle, column, offset * np.array(cell.size_m[:2]) / 2.0)
-    return HalfTurn(middle, np.where(own > 0.0, 1.0 + 0.0j, 1.0j))
+    return C2Symmetry(middle, np.where(own > 0.0, 1.0 + 0.0j, 1.0j))

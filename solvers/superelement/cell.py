@@ -1,4 +1,4 @@
-"""Craig-Bampton reduction of one finely meshed piece of plate to boundary polynomials and fixed-interface modes.
+"""Craig-Bampton reduction of one finely meshed panel of plate to boundary polynomials and fixed-interface modes.
 
 V = [constraint shapes K_II Psi = -K_IB P, fixed-interface modes of (K_II, M_II)]; K_r = V'KV, M_r = V'MV
 (craig1968, castanier2001). Frequencies converge from above in the degrees and in the number of modes.
@@ -19,11 +19,11 @@ from geometry.elements import FloatArray, IntArray
 from geometry.mesh import Mesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System
-from solvers.fem.constraints import BoolArray, Pencil, constrain, free_mask, rigid_motions
+from solvers.fem.constraints import BoolArray, Pencil, constrain, free_mask, rigid_body_modes
 from solvers.fem.eigen import Modes, SymmetricPencil, lowest_hz, modes_in_band
 from solvers.fem.factor.factoriser import Factor, Factoriser
 from solvers.fem.surface import face_quadrature, skin_faces
-from solvers.superelement.diagonal import Half, diagonal_mirror
+from solvers.superelement.diagonal import DiagonalSector, diagonal_mirror
 from solvers.superelement.interface import SIDES, VERTICES, Interface
 from solvers.threads import one_thread
 
@@ -32,7 +32,7 @@ RIGID = 1e-8
 
 @dataclass(frozen=True)
 class Expansion:
-    """Displacements at fixed points of the cell: u(points) = matrix @ unknowns.
+    """Displacements at fixed points of the cell: u(points) = matrix @ degrees of freedom.
 
     points (p, 3) in m from the cell's middle, matrix (p, c, dof) for c components, weights (p,) in m2 of a quadrature,
     facets (m, corners) of a surface between the points.
@@ -46,7 +46,7 @@ class Expansion:
 
 @dataclass(frozen=True)
 class Cell:
-    """A reduced cell: K_r and M_r over [boundary unknowns, fixed-interface modes], in the units of `scale`.
+    """A reduced cell: K_r and M_r over [boundary degrees of freedom, fixed-interface modes], in the units of `scale`.
 
     size_m: edges along x, y and the plate's thickness; fixed_hz: fixed-interface frequencies kept, with their parity
     (modes, 2) under the cell's mirrors (0 without); touch: u_z at quadrature points of the touch face; skin: corners of
@@ -73,7 +73,7 @@ class Cell:
 
     @property
     def dof(self) -> int:
-        """Unknowns of the reduced cell."""
+        """Degrees of freedom of the reduced cell."""
         return len(self.stiffness)
 
     def growth(self, eigenvalue: FloatArray | float) -> FloatArray:
@@ -83,7 +83,7 @@ class Cell:
         return np.where(below, edge / np.where(below, edge - values, 1.0), np.inf)
 
     def on_boundary(self, matrix: FloatArray) -> FloatArray:
-        """A matrix (boundary, boundary) among all unknowns, (dof, dof)."""
+        """A matrix (boundary, boundary) among all degrees of freedom, (dof, dof)."""
         out = np.zeros_like(self.mass)
         out[: len(matrix), : len(matrix)] = matrix
         return out
@@ -92,12 +92,12 @@ class Cell:
 def reduce_cell(
     system: System, interface: Interface, top_hz: float, halved: tuple[int, ...] = (), free: tuple[str, ...] = ()
 ) -> Cell:
-    """Reduce a piece whose mesh has its middle at the origin; `halved` lists the axes meshed on their positive side only.
+    """Reduce a panel whose mesh has its middle at the origin; `halved` lists the axes meshed on their positive side only.
 
     Sides listed in `free` join nothing: they move as the mesh lets them, and their bubbles carry nothing.
-    Fixed-interface modes up to `top_hz` are kept. Raises SolverError when a rigid motion meets a force or the mass is off.
+    Fixed-interface modes up to `top_hz` are kept. Raises SolverError when a rigid-body mode meets a force or the mass is off.
     """
-    _carried(system, interface)
+    _effective_mass(system, interface)
     with one_thread():  # blocks of eight columns: a second thread mostly waits, and another case can use its core
         build = CellBuilder(system, interface, halved, free)
         cell = build.join(build.classes(top_hz))
@@ -105,7 +105,7 @@ def reduce_cell(
     return cell
 
 
-def _carried(system: System, interface: Interface) -> None:
+def _effective_mass(system: System, interface: Interface) -> None:
     """SolverError when the mesh has fewer nodes through the plate than the boundary functions need."""
     mesh = system.mesh
     side = mesh.nodes[mesh.nodes_of("x+")]
@@ -118,8 +118,8 @@ def _carried(system: System, interface: Interface) -> None:
 
 
 @dataclass(frozen=True)
-class MirrorClass:
-    """One mirror class: its basis of boundary unknowns, nodal shapes (3n, m) and fixed-interface frequencies.
+class SymmetryClass:
+    """One symmetry class: its basis of boundary degrees of freedom, nodal shapes (3n, m) and fixed-interface frequencies.
 
     No fixed-interface mode of the class below dropped_hz was left out; flexibility (boundary, boundary) is
     (M Psi)' K_II^-1 (M Psi), what all of its modes together answer to the boundary's motion.
@@ -131,12 +131,14 @@ class MirrorClass:
     fixed_hz: FloatArray
     dropped_hz: float
     flexibility: FloatArray
-    turned: MirrorClass | None = None  # the class that this one is, turned over: its matrices are the same
+    turned: SymmetryClass | None = None  # the class that this one is, turned over: its matrices are the same
 
 
 @dataclass(frozen=True)
-class HeldClass:
-    """One mirror class with its boundary held: its basis, constraint shapes (3n, m), free unknowns, pencil and K_II^-1."""
+class ClampedBoundaryClass:
+    """One symmetry class with its boundary clamped: its basis, constraint shapes (3n, m), free degrees of freedom,
+    pencil and K_II^-1.
+    """
 
     basis: FloatArray
     shapes: FloatArray
@@ -147,7 +149,7 @@ class HeldClass:
 
 
 class CellBuilder:
-    """Reduces the mirror classes of one piece and joins them."""
+    """Reduces the symmetry classes of one piece and joins them."""
 
     def __init__(self, system: System, interface: Interface, halved: tuple[int, ...], free: tuple[str, ...]) -> None:
         mesh = system.mesh
@@ -170,17 +172,19 @@ class CellBuilder:
 
     @cached_property
     def diagonal(self) -> IntArray | None:
-        """Nodes under the mirror x <-> y of a quarter, (n,); None where mesh, materials or held sides differ along x and y."""
+        """Nodes under the mirror x <-> y of a quarter, (n,); None where mesh, materials or clamped sides differ
+        along x and y.
+        """
         turned = {face.translate(str.maketrans("xy", "yx")) for face in self.outer}
         square = self.halved == (0, 1) and turned == set(self.outer)
         return diagonal_mirror(self.system) if square else None
 
-    def swapped(self, part: MirrorClass) -> MirrorClass:
+    def swapped(self, part: SymmetryClass) -> SymmetryClass:
         """The same class with x and y exchanged: u'_x(x, y) = u_y(y, x)."""
         assert self.diagonal is not None
         shapes = part.shapes.reshape(len(self.diagonal), 3, -1)[self.diagonal][:, [1, 0, 2]]
         signs = {0: part.signs[1], 1: part.signs[0]}
-        return MirrorClass(
+        return SymmetryClass(
             signs,
             part.basis[self.interface.diagonal()],
             shapes.reshape(part.shapes.shape),
@@ -190,8 +194,8 @@ class CellBuilder:
             part,
         )
 
-    def classes(self, top_hz: float) -> list[MirrorClass]:
-        """Every mirror class reduced; where x and y are alike, the class (-, +) is (+, -) turned over."""
+    def classes(self, top_hz: float) -> list[SymmetryClass]:
+        """Every symmetry class reduced; where x and y are alike, the class (-, +) is (+, -) turned over."""
         classes = list(product((1, -1), repeat=len(self.halved)))
         turned = {(-1, 1)} if self.diagonal is not None else set()
         wanted = [signs for signs in classes if signs not in turned]
@@ -199,7 +203,7 @@ class CellBuilder:
         return [parts[signs] if signs in parts else self.swapped(parts[signs[::-1]]) for signs in classes]
 
     def _inside(self, signs: dict[int, int]) -> BoolArray:
-        """Free unknowns (n, 3) of one mirror class."""
+        """Free degrees of freedom (n, 3) of one symmetry class."""
         mirrors = {face: "+" if signs[axis] > 0 else "-" for axis, face in self.planes.items()}
         return self.inside & free_mask(self.system.mesh, (), mirrors)
 
@@ -211,60 +215,62 @@ class CellBuilder:
         return full.reshape(-1, basis.shape[1])
 
     def _pull(self, shapes: FloatArray) -> FloatArray:
-        """K_IB P at every node, (3n, m): few rows move, and no product over the whole piece is needed."""
+        """K_IB P at every node, (3n, m): few rows move, and no product over the whole panel is needed."""
         moved = np.flatnonzero(shapes.any(axis=1))
         return np.asarray(self.system.stiffness[moved].T @ shapes[moved])
 
-    def hold(self, signs: dict[int, int]) -> HeldClass:
-        """The constraint shapes of one mirror class: K_II Psi = -K_IB P."""
+    def hold(self, signs: dict[int, int]) -> ClampedBoundaryClass:
+        """The constraint shapes of one symmetry class: K_II Psi = -K_IB P."""
         inside, basis = self._inside(signs), self.interface.parity_basis(signs)
         shapes = self._at_boundary(basis)
         keep = np.flatnonzero(inside.ravel())
         pencil = constrain(self.system, inside)
         factorise, factor = _static(pencil)
         shapes[keep] = -factor.solve(self._pull(shapes)[keep])
-        return HeldClass(basis, shapes, keep, pencil, factorise, factor)
+        return ClampedBoundaryClass(basis, shapes, keep, pencil, factorise, factor)
 
-    def reduce(self, signs: dict[int, int], top_hz: float) -> MirrorClass:
-        """Constraint shapes and fixed-interface modes of one mirror class, by halves where x and y are alike in it."""
+    def reduce(self, signs: dict[int, int], top_hz: float) -> SymmetryClass:
+        """Constraint shapes and fixed-interface modes of one symmetry class, by halves where x and y are alike in it."""
         if self.diagonal is not None and signs[0] == signs[1]:
             return self._by_halves(signs, top_hz)
-        held = self.hold(signs)
-        modes = modes_in_band(held.pencil, 0.0, top_hz, held.factorise, held.factor)
-        fixed = held.pencil.expand(modes.vectors).reshape(len(held.shapes), -1)
-        dropped = _dropped_hz(held.pencil, modes, top_hz, held.factor)
-        flexible = _flexibility(self._pushed(held.shapes)[held.keep], held.factor)
-        return MirrorClass(signs, held.basis, np.hstack([held.shapes, fixed]), modes.frequency_hz, dropped, flexible)
+        clamped = self.hold(signs)
+        modes = modes_in_band(clamped.pencil, 0.0, top_hz, clamped.factorise, clamped.factor)
+        fixed = clamped.pencil.expand(modes.vectors).reshape(len(clamped.shapes), -1)
+        dropped = _dropped_hz(clamped.pencil, modes, top_hz, clamped.factor)
+        flexible = _flexibility(self._pushed(clamped.shapes)[clamped.keep], clamped.factor)
+        return SymmetryClass(
+            signs, clamped.basis, np.hstack([clamped.shapes, fixed]), modes.frequency_hz, dropped, flexible
+        )
 
     def _pushed(self, shapes: FloatArray) -> FloatArray:
         """M Psi at every node, (3n, m)."""
         nodes = len(self.system.mesh.nodes)
         return np.asarray(self.system.mass @ shapes.reshape(nodes, -1)).reshape(shapes.shape)
 
-    def _by_halves(self, signs: dict[int, int], top_hz: float) -> MirrorClass:
+    def _by_halves(self, signs: dict[int, int], top_hz: float) -> SymmetryClass:
         """The same from what the mirror x <-> y leaves alone and what it turns over, each of half the size."""
         assert self.diagonal is not None
-        inside, bases, shapes, fixed, found, dropped = self._inside(signs), [], [], [], [], []
+        inside, bases, shapes, fixed, fixed_hz, dropped = self._inside(signs), [], [], [], [], []
         flexible: list[FloatArray] = []
         for sign in (1, -1):
-            half = Half(self.system, self.diagonal, inside, sign)
+            half = DiagonalSector(self.system, self.diagonal, inside, sign)
             bases.append(self.interface.parity_basis(signs, sign))
             boundary = self._at_boundary(bases[-1])
             factorise, factor = _static(half.pencil)
             shapes.append(boundary - half.spread(factor.solve(half.gathered(self._pull(boundary)))))
             modes = modes_in_band(half.pencil, 0.0, top_hz, factorise, factor)
             fixed.append(half.spread(modes.vectors))
-            found.append(modes.frequency_hz)
+            fixed_hz.append(modes.frequency_hz)
             dropped.append(_dropped_hz(half.pencil, modes, top_hz, factor))
             flexible.append(_flexibility(half.gathered(self._pushed(shapes[-1])), factor))
-        order = np.argsort(np.concatenate(found), kind="stable")
+        order = np.argsort(np.concatenate(fixed_hz), kind="stable")
         whole = np.hstack([*shapes, np.hstack(fixed)[:, order]])
-        return MirrorClass(
-            signs, np.hstack(bases), whole, np.concatenate(found)[order], min(dropped), block_diag(*flexible)
+        return SymmetryClass(
+            signs, np.hstack(bases), whole, np.concatenate(fixed_hz)[order], min(dropped), block_diag(*flexible)
         )
 
-    def join(self, parts: list[MirrorClass]) -> Cell:
-        """One cell from its mirror classes: block-diagonal in the classes, then in the sides' own unknowns."""
+    def join(self, parts: list[SymmetryClass]) -> Cell:
+        """One cell from its symmetry classes: block-diagonal in the classes, then in the sides' own degrees of freedom."""
         system, interface = self.system, self.interface
         fixed = np.concatenate([part.fixed_hz for part in parts])
         places = self._places(parts, interface.count + len(fixed))
@@ -291,7 +297,7 @@ class CellBuilder:
         )
 
     def _dropped(
-        self, parts: list[MirrorClass], places: list[FloatArray], projected: Mapping[int, tuple[FloatArray, ...]]
+        self, parts: list[SymmetryClass], places: list[FloatArray], projected: Mapping[int, tuple[FloatArray, ...]]
     ) -> FloatArray:
         """Cell.dropped, (boundary, boundary): the flexibility of all fixed-interface modes less that of the modes kept."""
         own = self.interface.count
@@ -303,15 +309,15 @@ class CellBuilder:
             out += self.copies * basis @ (part.flexibility - kept) @ basis.T
         return (out + out.T) / 2.0
 
-    def _projected(self, part: MirrorClass) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _projected(self, part: SymmetryClass) -> tuple[FloatArray, FloatArray, FloatArray]:
         """V'KV, V'MV and V'MV of the pillar alone, (m, m) each."""
         system, shapes = self.system, part.shapes
         pillar = system.region_mass("pillar")
         stiffness, mass = shapes.T @ (system.stiffness @ shapes), weighted(shapes, system.mass)
         return stiffness, mass, np.zeros_like(mass) if pillar is None else weighted(shapes, pillar)
 
-    def _places(self, parts: list[MirrorClass], count: int) -> list[FloatArray]:
-        """From each class's unknowns to the cell's, (count, m)."""
+    def _places(self, parts: list[SymmetryClass], count: int) -> list[FloatArray]:
+        """From each class's degrees of freedom to the cell's, (count, m)."""
         start, places = self.interface.count, []
         for part in parts:
             place = np.zeros((count, part.shapes.shape[1]))
@@ -324,7 +330,7 @@ class CellBuilder:
         return places
 
     def _mirrored(
-        self, points: FloatArray, rows: list[FloatArray], parts: list[MirrorClass], places: list[FloatArray]
+        self, points: FloatArray, rows: list[FloatArray], parts: list[SymmetryClass], places: list[FloatArray]
     ) -> tuple[FloatArray, FloatArray]:
         """Points and matrices on every mirror image; rows[c] (p, 3 or 1, m) is the class's field at the points."""
         all_points, all_rows = [], []
@@ -340,13 +346,13 @@ class CellBuilder:
             all_rows.append(total)
         return np.concatenate(all_points), np.concatenate(all_rows)
 
-    def _touch(self, parts: list[MirrorClass], places: list[FloatArray]) -> Expansion:
+    def _touch(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion:
         rule = face_quadrature(self.system.mesh, "touch")
         rows = [(rule.interpolation @ part.shapes[2::3])[:, None, :] for part in parts]
         points, matrix = self._mirrored(rule.points, rows, parts, places)
         return Expansion(points, matrix, weights=np.tile(rule.weights, self.copies))
 
-    def _skin(self, parts: list[MirrorClass], places: list[FloatArray]) -> Expansion:
+    def _skin(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion:
         mesh = self.system.mesh
         hidden = [np.isin(skin_faces(mesh), mesh.nodes_of(face)).all(axis=1) for face in SIDES]
         facets = skin_faces(mesh)[~np.any(hidden, axis=0)]
@@ -367,7 +373,7 @@ def _static(pencil: SymmetricPencil) -> tuple[Factoriser, Factor]:
 
 
 def _flexibility(pushed: FloatArray, factor: Factor) -> FloatArray:
-    """(M Psi)' K_II^-1 (M Psi) from M Psi at the free unknowns, (m, m)."""
+    """(M Psi)' K_II^-1 (M Psi) from M Psi at the free degrees of freedom, (m, m)."""
     return np.asarray(pushed.T @ factor.solve(pushed))
 
 
@@ -384,20 +390,20 @@ def weighted(shapes: FloatArray, mass: object) -> FloatArray:
 
 
 def _check(cell: Cell, whole: float) -> None:
-    """Rigid motions carry no stiffness, translations carry the whole mass."""
+    """Rigid-body modes carry no stiffness, translations carry the whole mass."""
     motions = rigid_boundary(cell)
     force = np.abs(cell.stiffness @ motions).max() / np.abs(cell.stiffness).max()
     if force > RIGID:
-        raise SolverError(f"a rigid motion of the reduced cell meets a force of {force:.1e} of its stiffness")
-    carried = np.diag(motions[:, :3].T @ cell.mass @ motions[:, :3])
-    if np.abs(carried / whole - 1.0).max() > RIGID:
-        raise SolverError(f"the reduced cell carries {carried / whole} of its mass")
+        raise SolverError(f"a rigid-body mode of the reduced cell meets a force of {force:.1e} of its stiffness")
+    masses = np.diag(motions[:, :3].T @ cell.mass @ motions[:, :3])
+    if np.abs(masses / whole - 1.0).max() > RIGID:
+        raise SolverError(f"the reduced cell carries {masses / whole} of its mass")
 
 
 def rigid_boundary(cell: Cell) -> FloatArray:
-    """The six rigid motions in the cell's unknowns, shape (dof, 6); exact, because they are linear in x, y, z."""
+    """The six rigid-body modes in the cell's degrees of freedom, shape (dof, 6); exact, because they are linear in x, y, z."""
     corners = np.array([[*corner, z] for corner in VERTICES for z in (-1, 1)], dtype=float)
-    motions = rigid_motions(corners * np.array(cell.size_m) / 2.0).reshape(4, 2, 3, 6)
+    motions = rigid_body_modes(corners * np.array(cell.size_m) / 2.0).reshape(4, 2, 3, 6)
     out = np.zeros((cell.dof, 6))
     for vertex in range(4):
         block = np.zeros((cell.interface.layers, 3, 6))

@@ -39,10 +39,10 @@ def _turned(field: FloatArray, image: IntArray) -> FloatArray:
     return field[image][:, [1, 0, 2]]
 
 
-class Half:
+class DiagonalSector:
     """Fields u = F v that the mirror leaves alone (sign 1) or turns over (-1), F'F = 1, with K and M of v.
 
-    image (n,) as diagonal_mirror gives it, inside (n, 3) the free unknowns, alike under the mirror.
+    image (n,) as diagonal_mirror gives it, inside (n, 3) the free degrees of freedom, alike under the mirror.
     """
 
     def __init__(self, system: System, image: IntArray, inside: BoolArray, sign: int) -> None:

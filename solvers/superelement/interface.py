@@ -36,25 +36,25 @@ class Interface:
 
     @property
     def vertex_block(self) -> int:
-        """Unknowns of one vertex line."""
+        """Degrees of freedom of one vertex line."""
         return 3 * self.layers
 
     @property
     def side_block(self) -> int:
-        """Unknowns of one side."""
+        """Degrees of freedom of one side."""
         return 3 * self.layers * self.bubbles
 
     @property
     def count(self) -> int:
-        """Boundary unknowns of a cell."""
+        """Boundary degrees of freedom of a cell."""
         return 4 * (self.vertex_block + self.side_block)
 
     def vertex(self, index: int) -> IntArray:
-        """Unknowns of vertex line `index` (order -x-y, +x-y, -x+y, +x+y): component fastest, then thickness."""
+        """Degrees of freedom of vertex line `index` (order -x-y, +x-y, -x+y, +x+y): component fastest, then thickness."""
         return np.arange(self.vertex_block) + index * self.vertex_block
 
     def side(self, index: int) -> IntArray:
-        """Unknowns of side `index` (x-, x+, y-, y+): component fastest, then thickness, then bubble degree."""
+        """Degrees of freedom of side `index` (x-, x+, y-, y+): component fastest, then thickness, then bubble degree."""
         return np.arange(self.side_block) + 4 * self.vertex_block + index * self.side_block
 
     def evaluate(self, points: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """Bloch waves of the infinite lattice of one reduced cell: a phase per side, one dense pencil a wavevector.
 
 K(k) = sum over d of K_d exp(i k.d), d in {-1, 0, 1}^2 pitches, with real K_d folded once from the reduced cell. It is
-Hermitian, and real symmetric in other unknowns where half a turn leaves the cell as it is.
+Hermitian, and real symmetric in other degrees of freedom where a half turn leaves the cell as it is.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from scipy.linalg import LinAlgError, eigh
 
 from geometry.elements import FloatArray, IntArray
 from solvers.errors import SolverError
-from solvers.superelement.c2_symmetry import HalfTurn, half_turn
+from solvers.superelement.c2_symmetry import C2Symmetry, c2_symmetry
 from solvers.superelement.cell import Cell, Expansion
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
 
 Complex = NDArray[np.complex128]
-ROUNDING = 1e-12  # of the pencil's norms: smaller eigenvalues are rigid motions
+ROUNDING = 1e-12  # of the pencil's norms: smaller eigenvalues are rigid-body modes
 OFFSETS = ((0, 0), (1, 0), (0, 1), (1, 1))
 
 
@@ -29,13 +29,13 @@ OFFSETS = ((0, 0), (1, 0), (0, 1), (1, 1))
 class Waves:
     """The lowest waves at a wavevector (2,) in rad/m: scaled eigenvalues and frequencies in Hz, both (n,) ascending.
 
-    unknowns (cell dof, n): the cell's, u^H M u = 1, orthogonal within a degenerate group.
+    degrees of freedom (cell dof, n): the cell's, u^H M u = 1, orthogonal within a degenerate group.
     """
 
     wavevector: FloatArray
     eigenvalue: FloatArray
     frequency_hz: FloatArray
-    unknowns: Complex
+    dofs: Complex
 
 
 class Lattice:
@@ -82,9 +82,9 @@ class Lattice:
         return stiffness, mass
 
     @cached_property
-    def half_turn(self) -> HalfTurn | None:
+    def c2_symmetry(self) -> C2Symmetry | None:
         """What makes the pencil real; None where the cell has no such turn, as a wavevector without symmetries tells."""
-        turn = half_turn(self.cell, self.column, self.offset)
+        turn = c2_symmetry(self.cell, self.column, self.offset)
         wavevector = np.array([1.0, np.sqrt(2.0)]) / np.array(self.cell.size_m[:2])
         if turn is None or not all(turn.is_real(matrix, wavevector) for matrix in self.pencil(wavevector)):
             return None
@@ -105,16 +105,16 @@ class Lattice:
         """The `count` lowest waves at a wavevector (2,) in rad/m, every one counted. Errors as frequencies."""
         wavevector = np.asarray(wavevector, dtype=float)
         values, vectors = self._solve(wavevector, count, True)
-        unknowns = self._phases(wavevector)[:, None] * vectors[self.column]
-        return Waves(wavevector, values, self.cell.scale.frequency(values), unknowns)
+        dofs = self._phases(wavevector)[:, None] * vectors[self.column]
+        return Waves(wavevector, values, self.cell.scale.frequency(values), dofs)
 
     def slopes(self, waves: Waves) -> Complex:
         """d lambda / d k between the waves: u_i^H (dK/dk - lambda dM/dk) u_j, Hermitian, (2, n, n), scaled over rad/m.
 
         Its diagonal is Hellmann-Feynman's derivative; in a degenerate group the eigenvalues of the group's block along a
-        direction are. dT/dk_x = i a o_x T with o_x the offsets of the cell's unknowns.
+        direction are. dT/dk_x = i a o_x T with o_x the offsets of the cell's degrees of freedom.
         """
-        u = waves.unknowns
+        u = waves.dofs
         stiff, heavy = _times(self.cell.stiffness, u), _times(self.cell.mass, u)
         out = []
         for axis in (0, 1):
@@ -132,21 +132,23 @@ class Lattice:
 
     @cached_property
     def rounding(self) -> float:
-        """Scaled eigenvalues below it are rigid motions."""
+        """Scaled eigenvalues below it are rigid-body modes."""
         return float(ROUNDING * np.abs(self.cell.stiffness).max() / np.abs(self.cell.mass).max())
 
     def _solve(self, wavevector: FloatArray, count: int, vectors: bool) -> tuple[FloatArray, Complex]:
-        turn, matrices = self.half_turn, self.pencil(wavevector)
+        turn, matrices = self.c2_symmetry, self.pencil(wavevector)
         stiffness, mass = (turn.turned(matrix, wavevector).real for matrix in matrices) if turn else matrices
         subset = [0, min(count, self.dof) - 1]
         try:
             with one_thread():
-                found = eigh(stiffness, mass, eigvals_only=not vectors, subset_by_index=subset, driver="gvx")
+                pairs = eigh(stiffness, mass, eigvals_only=not vectors, subset_by_index=subset, driver="gvx")
         except LinAlgError as fault:
             face = self.cell.interface
-            told = f"boundary functions of degree {face.along} along and {face.through} through the thickness"
-            raise SolverError(f"{told} are more than the cell's mesh can hold: refine it or lower them") from fault
-        values, waves = found if vectors else (found, np.empty((self.dof, 0), dtype=complex))
+            degrees_text = f"boundary functions of degree {face.along} along and {face.through} through the thickness"
+            raise SolverError(
+                f"{degrees_text} are more than the cell's mesh can hold: refine it or lower them"
+            ) from fault
+        values, waves = pairs if vectors else (pairs, np.empty((self.dof, 0), dtype=complex))
         waves = turn.diagonal(wavevector)[:, None] * waves if turn else waves
         return np.where(np.abs(values) < self.rounding, 0.0, values), waves
 

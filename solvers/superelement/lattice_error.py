@@ -18,7 +18,7 @@ from solvers.superelement.lattice import Lattice
 
 RATE = 1.5  # measured against full cells: square and oblong, 3 to 12 mm, bare, short and tall pillars
 SHARES = (1 / 3, 1 / 2, 2 / 3)
-STILL = 1e-4  # of the highest frequency asked for: slower waves are rigid motions but for rounding
+STILL = 1e-4  # of the highest frequency asked for: slower waves are rigid-body modes but for rounding
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def _without_modes(lattice: Lattice, wavevectors: FloatArray, count: int) -> flo
     lost, worst = lattice.cell.on_boundary(lattice.cell.dropped), 0.0
     for k in wavevectors:
         waves = lattice.waves(k, count)
-        energy = np.einsum("in,in->n", waves.unknowns.conj(), lost @ waves.unknowns).real
+        energy = np.einsum("in,in->n", waves.dofs.conj(), lost @ waves.dofs).real
         moving = waves.frequency_hz > STILL * waves.frequency_hz[-1]
         rise = 0.5 * waves.eigenvalue * lattice.cell.growth(waves.eigenvalue) * energy
         worst = max(worst, float(rise[moving].max(initial=0.0)))

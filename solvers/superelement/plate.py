@@ -1,6 +1,8 @@
-"""A finite plate joined from reduced cells: neighbours share vertex lines and sides; mirrors halve it twice where it has them.
+"""A finite plate assembled from reduced cells: neighbours share vertex lines and sides; mirrors halve it twice where
+it has them.
 
-K = sum T_c' K_c T_c, where T_c places a cell's unknowns among the plate's, with the sign of a mirror image or zero where
+K = sum T_c' K_c T_c, where T_c places a cell's degrees of freedom among the plate's, with the sign of a mirror
+image or zero where
 the parity class forbids them.
 """
 
@@ -22,13 +24,15 @@ from solvers.superelement.cell import Cell, Expansion
 from solvers.superelement.interface import SIDES, VERTICES, Interface
 from solvers.superelement.tiling import Signature, Tiling, signature
 
-WHOLE = ""  # no mirror: every piece is assembled
+WHOLE = ""  # no mirror: every panel is assembled
 RIGID_OF_CLASS = {"++": 1, "+-": 2, "-+": 2, "--": 1, WHOLE: 6}
 
 
 @dataclass(frozen=True)
-class Placed:
-    """A cell in the plate: which reduction, its middle (m), its unknowns among the reduced plate's, their coefficients."""
+class PlacedCell:
+    """A cell in the plate: which reduction, its middle (m), its degrees of freedom among the reduced plate's, their
+    coefficients.
+    """
 
     cell: Cell
     middle: tuple[float, float]
@@ -37,8 +41,9 @@ class Placed:
     copies: int
 
 
-class JoinedPlate:
-    """Cells on a tiling, restricted to one mirror class; `parity` = two signs of u_z, x then y; WHOLE for all of them at once.
+class AssembledPlate:
+    """Cells on a tiling, restricted to one symmetry class; `parity` = two signs of u_z, x then y; WHOLE for all of
+    them at once.
 
     Raises SolverError for cells that do not fit, and for a class of a plate that is not its own mirror image.
     """
@@ -46,47 +51,47 @@ class JoinedPlate:
     def __init__(self, tiling: Tiling, cells: Mapping[Signature, Cell], parity: str) -> None:
         self.tiling, self.parity = tiling, parity
         if parity != WHOLE and not tiling.mirrored:
-            raise SolverError("the plate is not its own mirror image: it has no mirror classes")
+            raise SolverError("the plate is not its own mirror image: it has no symmetry classes")
         self.grid = _Grid(tiling, cells, parity == WHOLE)
         whole, sign = self.grid.representatives(parity)
         alive = np.unique(whole[sign != 0.0])
         self.dof = len(alive)
         number = np.full(self.grid.count, -1, dtype=np.int64)
         number[alive] = np.arange(len(alive))
-        self.placed = [self._place(i, j, number[whole], sign) for i, j in self.grid.representative_cells()]
+        self.placed_cells = [self._place(i, j, number[whole], sign) for i, j in self.grid.representative_cells()]
 
-    def _place(self, i: int, j: int, number: IntArray, sign: FloatArray) -> Placed:
-        unknowns = self.grid.unknowns(i, j)
-        piece = self.tiling.piece(i, j)
+    def _place(self, i: int, j: int, number: IntArray, sign: FloatArray) -> PlacedCell:
+        dofs = self.grid.dofs(i, j)
+        panel = self.tiling.panel(i, j)
         copies = self.grid.copies(i, j)
-        return Placed(self.grid.cell(i, j), piece.middle, number[unknowns], sign[unknowns], copies)
+        return PlacedCell(self.grid.cell(i, j), panel.middle, number[dofs], sign[dofs], copies)
 
     def pencil(self) -> PlainPencil:
         """K and M of the class, per whole plate."""
-        stiffness = self._assembled(self.placed, [p.cell.stiffness for p in self.placed])
-        mass = self._assembled(self.placed, [p.cell.mass for p in self.placed])
-        return PlainPencil(stiffness, mass, self.placed[0].cell.scale, RIGID_OF_CLASS[self.parity])
+        stiffness = self._assembled(self.placed_cells, [p.cell.stiffness for p in self.placed_cells])
+        mass = self._assembled(self.placed_cells, [p.cell.mass for p in self.placed_cells])
+        return PlainPencil(stiffness, mass, self.placed_cells[0].cell.scale, RIGID_OF_CLASS[self.parity])
 
     def pillar_share(self, vectors: FloatArray) -> FloatArray:
         """Share of the pillars in the kinetic energy of M-orthonormal modes, (k,)."""
-        mass = self._assembled(self.placed, [p.cell.pillar_mass for p in self.placed])
+        mass = self._assembled(self.placed_cells, [p.cell.pillar_mass for p in self.placed_cells])
         return np.asarray(np.einsum("ik,ik->k", vectors, mass @ vectors))
 
     def of_cells(self, matrix: Callable[[Cell], FloatArray]) -> sp.csc_array:
         """The cells' matrices (cell dof, cell dof) summed over the plate, (dof, dof); cells of zeros are passed over."""
-        known = {id(cell): matrix(cell) for cell in {id(p.cell): p.cell for p in self.placed}.values()}
-        chosen = [p for p in self.placed if known[id(p.cell)].any()]
+        known = {id(cell): matrix(cell) for cell in {id(p.cell): p.cell for p in self.placed_cells}.values()}
+        chosen = [p for p in self.placed_cells if known[id(p.cell)].any()]
         return self._assembled(chosen, [known[id(p.cell)] for p in chosen])
 
-    def _assembled(self, chosen: list[Placed], matrices: list[FloatArray]) -> sp.csc_array:
+    def _assembled(self, chosen: list[PlacedCell], matrices: list[FloatArray]) -> sp.csc_array:
         if not chosen:
             return sp.csc_array((self.dof, self.dof))
         rows, columns, values = [], [], []
-        for placed, matrix in zip(chosen, matrices, strict=True):
-            live = np.flatnonzero(placed.coefficient != 0.0)
-            weight = placed.coefficient[live]
-            block = placed.copies * matrix[np.ix_(live, live)] * np.outer(weight, weight)
-            place = placed.unknown[live].astype(np.int32)
+        for placed_cell, matrix in zip(chosen, matrices, strict=True):
+            live = np.flatnonzero(placed_cell.coefficient != 0.0)
+            weight = placed_cell.coefficient[live]
+            block = placed_cell.copies * matrix[np.ix_(live, live)] * np.outer(weight, weight)
+            place = placed_cell.unknown[live].astype(np.int32)
             rows.append(np.repeat(place, len(live)))
             columns.append(np.tile(place, len(live)))
             values.append(block.ravel())
@@ -95,40 +100,40 @@ class JoinedPlate:
         matrix.sum_duplicates()
         return matrix
 
-    def cell_vectors(self, placed: Placed, vectors: FloatArray) -> FloatArray:
-        """A cell's unknowns (cell dof, k) from the plate's (dof, k)."""
-        return np.asarray(placed.coefficient[:, None] * vectors[np.maximum(placed.unknown, 0)])
+    def cell_vectors(self, placed_cell: PlacedCell, vectors: FloatArray) -> FloatArray:
+        """A cell's degrees of freedom (cell dof, k) from the plate's (dof, k)."""
+        return np.asarray(placed_cell.coefficient[:, None] * vectors[np.maximum(placed_cell.unknown, 0)])
 
     def touch(self, vectors: FloatArray) -> TouchField:
         """u_z over the touch faces of the cells of the class, weighted as the whole plate."""
         points, weights, values = [], [], []
-        for placed in self.placed:
-            expansion = placed.cell.touch
+        for placed_cell in self.placed_cells:
+            expansion = placed_cell.cell.touch
             assert expansion.weights is not None
-            points.append(expansion.points[:, :2] + np.array(placed.middle))
-            weights.append(expansion.weights * placed.copies)
-            values.append(expansion.matrix[:, 0] @ self.cell_vectors(placed, vectors))
-        mass = self.placed[0].cell.scale.mass_kg
+            points.append(expansion.points[:, :2] + np.array(placed_cell.middle))
+            weights.append(expansion.weights * placed_cell.copies)
+            values.append(expansion.matrix[:, 0] @ self.cell_vectors(placed_cell, vectors))
+        mass = self.placed_cells[0].cell.scale.mass_kg
         return TouchField(np.concatenate(points), np.concatenate(weights), np.concatenate(values), mass)
 
     def skin(self, vectors: FloatArray) -> Skin:
         """Outer skin of the cells of the class."""
         points, facets, values, start = [], [], [], 0
-        for placed in self.placed:
-            expansion: Expansion = placed.cell.skin
+        for placed_cell in self.placed_cells:
+            expansion: Expansion = placed_cell.cell.skin
             assert expansion.facets is not None
-            points.append(expansion.points + np.array([*placed.middle, 0.0]))
+            points.append(expansion.points + np.array([*placed_cell.middle, 0.0]))
             facets.append(expansion.facets + start)
-            field = np.tensordot(expansion.matrix, self.cell_vectors(placed, vectors), axes=(2, 0))
+            field = np.tensordot(expansion.matrix, self.cell_vectors(placed_cell, vectors), axes=(2, 0))
             values.append(field.transpose(2, 0, 1))
             start += len(expansion.points)
-        if len({part.shape[1] for part in facets}) > 1:  # tetrahedra beside bare pieces of hexahedra
+        if len({part.shape[1] for part in facets}) > 1:  # tetrahedra beside bare panels of hexahedra
             facets = [triangles(part) for part in facets]
         return Skin(np.concatenate(points), np.concatenate(facets), np.concatenate(values, axis=1))
 
 
 def _fit(tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:
-    """SolverError unless all cells share boundary functions, units and thickness, and each fills its piece."""
+    """SolverError unless all cells share boundary functions, units and thickness, and each fills its panel."""
     first = next(iter(cells.values()))
     for key, cell in cells.items():
         same = cell.interface == first.interface and cell.scale == first.scale
@@ -137,11 +142,13 @@ def _fit(tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:
                 f"cells do not fit together: {cell.interface} beside {first.interface}, or another thickness"
             )
         if not np.allclose(cell.size_m[:2], [float(v) for v in key[:2]], rtol=0.0, atol=1e-8):
-            raise SolverError(f"a cell of {cell.size_m[:2]} m does not fill its piece of {key[:2]} m")
+            raise SolverError(f"a cell of {cell.size_m[:2]} m does not fill its panel of {key[:2]} m")
 
 
 class _Grid:
-    """Numbers of the whole plate's unknowns, and what the two mirrors do to them; `whole`: no piece stands for its image."""
+    """Numbers of the whole plate's degrees of freedom, and what the two mirrors do to them; `whole`: no panel stands
+    for its image.
+    """
 
     def __init__(self, tiling: Tiling, cells: Mapping[Signature, Cell], whole: bool = False) -> None:
         self.tiling, self.cells, self.whole = tiling, cells, whole
@@ -157,8 +164,8 @@ class _Grid:
         self.count = int(self.mode_start[-1])
 
     def cell(self, i: int, j: int) -> Cell:
-        """The reduction of piece (i, j); that of its mirror image for pieces on the negative sides of a mirrored plate."""
-        return self.cells[signature(self.tiling.piece(*self._positive(i, j)))]
+        """The reduction of panel (i, j); that of its mirror image for panels on the negative sides of a mirrored plate."""
+        return self.cells[signature(self.tiling.panel(*self._positive(i, j)))]
 
     def _positive(self, i: int, j: int) -> tuple[int, int]:
         if self.whole:
@@ -172,31 +179,31 @@ class _Grid:
         return (i * (self.ny + 1) + j) * self.interface.vertex_block + np.arange(self.interface.vertex_block)
 
     def _side_x(self, i: int, j: int) -> IntArray:
-        """Unknowns on the line x = x[i], between y[j] and y[j + 1]."""
+        """Degrees of freedom on the line x = x[i], between y[j] and y[j + 1]."""
         return self.start_x + (i * self.ny + j) * self.interface.side_block + np.arange(self.interface.side_block)
 
     def _side_y(self, i: int, j: int) -> IntArray:
-        """Unknowns on the line y = y[j], between x[i] and x[i + 1]."""
+        """Degrees of freedom on the line y = y[j], between x[i] and x[i + 1]."""
         return self.start_y + (i * (self.ny + 1) + j) * self.interface.side_block + np.arange(self.interface.side_block)
 
     def _fixed(self, i: int, j: int) -> IntArray:
         cell = i * self.ny + j
         return np.arange(self.mode_start[cell], self.mode_start[cell + 1])
 
-    def unknowns(self, i: int, j: int) -> IntArray:
-        """Unknowns of piece (i, j) in the order of its cell."""
+    def dofs(self, i: int, j: int) -> IntArray:
+        """Degrees of freedom of panel (i, j) in the order of its cell."""
         corners = [self._vertex(i, j), self._vertex(i + 1, j), self._vertex(i, j + 1), self._vertex(i + 1, j + 1)]
         sides = [self._side_x(i, j), self._side_x(i + 1, j), self._side_y(i, j), self._side_y(i, j + 1)]
         return np.concatenate([*corners, *sides, self._fixed(i, j)])
 
     def copies(self, i: int, j: int) -> int:
-        """How many pieces a representative one stands for."""
+        """How many panels a representative one stands for."""
         if self.whole:
             return 1
         return (1 if 2 * i == self.nx - 1 else 2) * (1 if 2 * j == self.ny - 1 else 2)
 
     def representative_cells(self) -> list[tuple[int, int]]:
-        """Pieces to assemble."""
+        """Panels to assemble."""
         return self.tiling.representatives(self.whole)
 
     def representatives(self, parity: str) -> tuple[IntArray, FloatArray]:
@@ -216,12 +223,12 @@ class _Grid:
         idle = np.zeros(self.count, dtype=bool)
         for i in range(self.nx):
             for j in range(self.ny):
-                free, unknowns = set(self.tiling.free_sides(i, j)), self.unknowns(i, j)
+                free, dofs = set(self.tiling.free_sides(i, j)), self.dofs(i, j)
                 for side in free:
-                    idle[unknowns[self.interface.side(SIDES.index(side))]] = True
+                    idle[dofs[self.interface.side(SIDES.index(side))]] = True
                 for index, (x, y) in enumerate(VERTICES):
                     if {"x+" if x > 0 else "x-", "y+" if y > 0 else "y-"} <= free:
-                        idle[unknowns[self.interface.vertex(index)]] = True
+                        idle[dofs[self.interface.vertex(index)]] = True
         return idle
 
     def _mirror(self, axis: int) -> tuple[IntArray, FloatArray]:
@@ -231,7 +238,7 @@ class _Grid:
         for i in range(self.nx):
             for j in range(self.ny):
                 other = (self.nx - 1 - i, j) if axis == 0 else (i, self.ny - 1 - j)
-                mine, theirs = self.unknowns(i, j), self.unknowns(*other)
+                mine, theirs = self.dofs(i, j), self.dofs(*other)
                 boundary = self.interface.count
                 image[mine[:boundary]] = theirs[:boundary][local]
                 sign[mine[:boundary]] = flips

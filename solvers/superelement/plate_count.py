@@ -1,4 +1,4 @@
-"""How many modes the meshes behind a joined plate have where its reduced pencil has so many: a count, not an estimate.
+"""How many modes the meshes behind a assembled plate have where its reduced pencil has so many: a count, not an estimate.
 
 The meshes joined at their boundary functions have the boundary's dynamic stiffness S and the interiors' own eigenvalues,
 N = N(S) + sum N(interior), both below lambda (wittrick1971). Every interior mode up to Lambda is kept, so the reduced pencil
@@ -13,16 +13,18 @@ import numpy as np
 from geometry.elements import FloatArray
 from solvers.fem.eigen import PlainPencil, SymmetricPencil, count_below
 from solvers.superelement.cell import Cell
-from solvers.superelement.plate import JoinedPlate
+from solvers.superelement.plate import AssembledPlate
 
 
-def more_below(plate: JoinedPlate, pencil: SymmetricPencil, edge_hz: float, reduced: int | None = None) -> int | None:
+def more_below(
+    plate: AssembledPlate, pencil: SymmetricPencil, edge_hz: float, reduced: int | None = None
+) -> int | None:
     """How many more modes the joined meshes have at most below a frequency than the reduced pencil; None without a bound.
 
     `reduced`: the reduced pencil's own count there, rigid-body modes included, where it is known already.
     """
     value = pencil.scale.eigenvalue(edge_hz)
-    if not all(np.isfinite(placed.cell.growth(value)) for placed in plate.placed):
+    if not all(np.isfinite(placed_cell.cell.growth(value)) for placed_cell in plate.placed_cells):
         return None
 
     def lost(cell: Cell) -> FloatArray:

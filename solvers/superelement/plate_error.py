@@ -1,4 +1,4 @@
-"""How far a mode of a joined plate lies above that of its meshes: by the modes left out, and by the degrees along the sides.
+"""How far a mode of a assembled plate lies above that of its meshes: by the modes left out, and by the degrees along the sides.
 
 Fixed-interface modes left out take l^2 D from the boundary's dynamic stiffness, D their residual flexibility, which each
 cell knows (`Cell.dropped`): an eigenvalue l falls by l^2 u'D u, to first order. Without a part d of the eigenvector u, its
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from geometry.elements import FloatArray, IntArray
 from solvers.fem.eigen import SymmetricPencil
 from solvers.superelement.cell import Cell
-from solvers.superelement.plate import JoinedPlate
+from solvers.superelement.plate import AssembledPlate
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class ModeErrors:
         return self.modes + self.degrees
 
 
-def mode_errors(plate: JoinedPlate, pencil: SymmetricPencil, vectors: FloatArray) -> ModeErrors:
-    """Estimate for M-orthonormal modes (dof, k) of a mirror class and its pencil."""
+def mode_errors(plate: AssembledPlate, pencil: SymmetricPencil, vectors: FloatArray) -> ModeErrors:
+    """Estimate for M-orthonormal modes (dof, k) of a symmetry class and its pencil."""
     stiff, heavy = pencil.stiffness @ vectors, pencil.mass @ vectors
     value = np.einsum("ik,ik->k", vectors, stiff)
 
@@ -52,27 +52,27 @@ def mode_errors(plate: JoinedPlate, pencil: SymmetricPencil, vectors: FloatArray
         ]
         return np.asarray(np.sqrt(np.maximum(left[0] / left[1] / value, 1.0)) - 1.0)
 
-    return ModeErrors(_by_modes(plate, value, vectors), rise(_unknowns(plate, _last_bubbles)))
+    return ModeErrors(_by_modes(plate, value, vectors), rise(_dofs(plate, _last_bubbles)))
 
 
-def _by_modes(plate: JoinedPlate, value: FloatArray, vectors: FloatArray) -> FloatArray:
+def _by_modes(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> FloatArray:
     """Half of l u' D u over the modes' l, D the residual flexibility of every cell, as large as it may be at l, (k,)."""
     total = np.zeros_like(value)
-    for edge in sorted({placed.cell.dropped_hz for placed in plate.placed}):
-        alike = next(placed.cell for placed in plate.placed if placed.cell.dropped_hz == edge)
+    for edge in sorted({placed_cell.cell.dropped_hz for placed_cell in plate.placed_cells}):
+        alike = next(placed_cell.cell for placed_cell in plate.placed_cells if placed_cell.cell.dropped_hz == edge)
         lost = plate.of_cells(lambda cell, edge=edge: cell.on_boundary((cell.dropped_hz == edge) * cell.dropped))  # type: ignore[misc]
         total += 0.5 * value * alike.growth(value) * np.einsum("ik,ik->k", vectors, lost @ vectors)
     return total
 
 
-def _unknowns(plate: JoinedPlate, of_cell: Callable[[Cell], IntArray]) -> NDArray[np.bool_]:
-    """Which of the plate's unknowns are those of its cells, (dof,)."""
-    found = np.zeros(plate.dof, dtype=bool)
-    for placed in plate.placed:
-        local = of_cell(placed.cell)
-        local = local[placed.coefficient[local] != 0.0]
-        found[placed.unknown[local]] = True
-    return found
+def _dofs(plate: AssembledPlate, of_cell: Callable[[Cell], IntArray]) -> NDArray[np.bool_]:
+    """Which of the plate's degrees of freedom are those of its cells, (dof,)."""
+    chosen = np.zeros(plate.dof, dtype=bool)
+    for placed_cell in plate.placed_cells:
+        local = of_cell(placed_cell.cell)
+        local = local[placed_cell.coefficient[local] != 0.0]
+        chosen[placed_cell.unknown[local]] = True
+    return chosen
 
 
 def _last_bubbles(cell: Cell) -> IntArray:

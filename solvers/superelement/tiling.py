@@ -1,4 +1,4 @@
-"""How a finite plate is cut into rectangular pieces: grid lines, the pillar of each piece, and equal pieces counted once."""
+"""How a finite plate is cut into rectangular panels: grid lines, the pillar of each panel, and equal panels counted once."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from math import ceil
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import Piece
+from geometry.hex.boxes import Panel
 from geometry.layout import Design
 
 Signature = tuple[float | str, ...]
-DIGITS = 9  # of a length in m: pieces that agree to a nanometre are the same
+DIGITS = 9  # of a length in m: panels that agree to a nanometre are the same
 
 
 @dataclass(frozen=True)
 class Tiling:
-    """Grid lines x (nx + 1) and y (ny + 1) in m, symmetric about 0, and the foot in each piece, {(i, j): (x, y)}.
+    """Grid lines x (nx + 1) and y (ny + 1) in m, symmetric about 0, and the foot in each panel, {(i, j): (x, y)}.
 
     mirrored: whether a pillar is its own mirror image, and with it the plate.
     """
@@ -28,46 +28,46 @@ class Tiling:
     feet: dict[tuple[int, int], tuple[float, float]]
     mirrored: bool = True
 
-    def piece(self, i: int, j: int) -> Piece:
-        """Piece in column i, row j, halved along every axis about which it is its own mirror image.
+    def panel(self, i: int, j: int) -> Panel:
+        """Panel in column i, row j, halved along every axis about which it is its own mirror image.
 
-        The outer sides of a piece with a pillar are left free: its foot may stand flush with the plate's edge, where
-        no polynomial follows it. Bare pieces keep all four sides, so that one reduction serves inside and at the edge.
+        The outer sides of a panel with a pillar are left free: its foot may stand flush with the plate's edge, where
+        no polynomial follows it. Bare panels keep all four sides, so that one reduction serves inside and at the edge.
         """
         low, high = (float(self.x[i]), float(self.y[j])), (float(self.x[i + 1]), float(self.y[j + 1]))
         foot = self.feet.get((i, j))
-        whole = Piece(low, high, foot)
+        whole = Panel(low, high, foot)
         free = self.free_sides(i, j)
         centred = [
             foot is None or (self.mirrored and abs(foot[axis] - whole.middle[axis]) < 10.0**-DIGITS) for axis in (0, 1)
         ]
         even = [not {f"{axis}-", f"{axis}+"} & set(free) for axis in "xy"]
-        return Piece(low, high, foot, tuple(axis for axis in (0, 1) if centred[axis] and even[axis]), free)
+        return Panel(low, high, foot, tuple(axis for axis in (0, 1) if centred[axis] and even[axis]), free)
 
     def representatives(self, whole: bool) -> list[tuple[int, int]]:
-        """Pieces (i, j) that stand for the others: those with middle x >= 0 and y >= 0, or all."""
+        """Panels (i, j) that stand for the others: those with middle x >= 0 and y >= 0, or all."""
         nx, ny = len(self.x) - 1, len(self.y) - 1
         first = (0, 0) if whole else (nx // 2, ny // 2)
         return [(i, j) for i in range(first[0], nx) for j in range(first[1], ny)]
 
     def free_sides(self, i: int, j: int) -> tuple[str, ...]:
-        """Sides of piece (i, j) on which nothing is joined and nothing need be."""
+        """Sides of panel (i, j) on which nothing is joined and nothing need be."""
         if (i, j) not in self.feet:
             return ()
         ends = {"x-": i == 0, "x+": i == len(self.x) - 2, "y-": j == 0, "y+": j == len(self.y) - 2}
         return tuple(side for side, at_end in ends.items() if at_end)
 
 
-def signature(piece: Piece) -> Signature:
-    """What a piece's reduction depends on: its edges, where in it the pillar stands, and its free sides."""
-    size = (piece.high[0] - piece.low[0], piece.high[1] - piece.low[1])
-    offset = (piece.foot[0] - piece.middle[0], piece.foot[1] - piece.middle[1]) if piece.foot else (np.inf, np.inf)
-    return (*(round(v, DIGITS) + 0.0 for v in (*size, *offset)), *piece.free)
+def signature(panel: Panel) -> Signature:
+    """What a panel's reduction depends on: its edges, where in it the pillar stands, and its free sides."""
+    size = (panel.high[0] - panel.low[0], panel.high[1] - panel.low[1])
+    offset = (panel.foot[0] - panel.middle[0], panel.foot[1] - panel.middle[1]) if panel.foot else (np.inf, np.inf)
+    return (*(round(v, DIGITS) + 0.0 for v in (*size, *offset)), *panel.free)
 
 
-def tile(design: Design, longest_m: float) -> Tiling:
-    """Cut a plate: one piece per pillar, bare pieces no longer than `longest_m` elsewhere."""
-    x, y = grid(design, longest_m)
+def tile(design: Design, max_edge_m: float) -> Tiling:
+    """Cut a plate: one piece per pillar, bare panels no longer than `longest_m` elsewhere."""
+    x, y = grid(design, max_edge_m)
     if not design.rows:
         return Tiling(x, y, {}, design.is_mirrored)
     rows = design.row_centres()
@@ -75,14 +75,14 @@ def tile(design: Design, longest_m: float) -> Tiling:
     return Tiling(x, y, _feet(x, y, design.column_centres(), feet_rows), design.is_mirrored)
 
 
-def grid(design: Design, longest_m: float) -> tuple[FloatArray, FloatArray]:
+def grid(design: Design, max_edge_m: float) -> tuple[FloatArray, FloatArray]:
     """The grid lines of `tile`, x (nx + 1) and y (ny + 1), m."""
     columns = design.column_centres() if design.rows else np.empty(0)
     half_x, half_y = design.length_m / 2.0, design.half_span_m
     x = (
-        _lines_about(columns, design.pitch_x_m, half_x, longest_m)
+        _lines_about(columns, design.pitch_x_m, half_x, max_edge_m)
         if len(columns)
-        else _bare(-half_x, half_x, longest_m)
+        else _bare(-half_x, half_x, max_edge_m)
     )
     inner, outer, rows = design.width_m / 2.0, half_y, design.row_centres() if design.rows else np.empty(0)
     upper = [inner, outer]
@@ -94,11 +94,11 @@ def grid(design: Design, longest_m: float) -> tuple[FloatArray, FloatArray]:
             upper.append(outer)
     cuts = np.unique(np.round([-c for c in upper] + upper, DIGITS + 3))
     feet_rows = np.concatenate([-rows[::-1], rows])
-    return x, _refined(cuts, feet_rows, longest_m)
+    return x, _refined(cuts, feet_rows, max_edge_m)
 
 
 def _lines_about(centres: FloatArray, pitch: float, end: float, longest: float) -> FloatArray:
-    """Lines half-way between pillars; the last piece reaches the plate's end, cut again when it is much longer."""
+    """Lines half-way between pillars; the last panel reaches the plate's end, cut again when it is much longer."""
     between = (centres[1:] + centres[:-1]) / 2.0
     reach = min(centres[-1] + pitch / 2.0, end)
     lines = [-reach, *between, reach]
@@ -113,7 +113,7 @@ def _bare(low: float, high: float, longest: float) -> FloatArray:
 
 
 def _refined(cuts: FloatArray, feet: FloatArray, longest: float) -> FloatArray:
-    """Cut every interval without a pillar into pieces no longer than `longest`, the middle one into an even number."""
+    """Cut every interval without a pillar into panels no longer than `longest`, the middle one into an even number."""
     lines = [cuts[:1]]
     for low, high in pairwise(cuts.tolist()):
         if ((feet > low) & (feet < high)).any():

@@ -17,13 +17,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import Boxes, HexSettings, Piece, hex_mesh, piece_boxes
+from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, panel_boxes
 from geometry.layout import Pillar
 from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System, assemble
-from solvers.superelement.cell import Cell, CellBuilder, HeldClass, weighted
+from solvers.superelement.cell import Cell, CellBuilder, ClampedBoundaryClass, weighted
 from solvers.superelement.interface import Interface
 
 HEIGHT, SIDE, X, Y = range(4)  # the parameters of a pillar, m
@@ -34,7 +34,7 @@ Pair = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class CellFamily:
-    """A cell and what K_r and M_r change by at the nodes of the interpolation, in the cell's unknowns and scale.
+    """A cell and what K_r and M_r change by at the nodes of the interpolation, in the cell's degrees of freedom and scale.
 
     reach_m (4,): how far height, side, x and y go from the nominal pillar on either side; 0 where nothing varies.
     """
@@ -81,7 +81,7 @@ def nodes_of(reach_m: FloatArray) -> tuple[Node, ...]:
 
 @dataclass(frozen=True)
 class Setting:
-    """What every piece of a plate shares: thickness (m), materials, pillar, boundary functions, modes' limit, mesh."""
+    """What every panel of a plate shares: thickness (m), materials, pillar, boundary functions, modes' limit, mesh."""
 
     thickness_m: float
     material: Material
@@ -91,11 +91,11 @@ class Setting:
     hexahedra: HexSettings
 
 
-def cell_family(setting: Setting, piece: Piece, reach_m: FloatArray) -> CellFamily:
-    """Reduce a piece at every node. SolverError for a pillar that is no box or reaches out of its piece."""
-    if not setting.pillar.is_box or piece.foot is None:
+def cell_family(setting: Setting, panel: Panel, reach_m: FloatArray) -> CellFamily:
+    """Reduce a panel at every node. SolverError for a pillar that is no box or reaches out of its panel."""
+    if not setting.pillar.is_box or panel.foot is None:
         raise SolverError("only square pillars without fillet can be varied")
-    sampler = _Sampler(setting, piece)
+    sampler = _Sampler(setting, panel)
     nodes = nodes_of(np.asarray(reach_m, dtype=float))
     zero = sampler.matrices(np.zeros(4))
     for one, other in zip(zero, (sampler.cell.stiffness, sampler.cell.mass), strict=True):
@@ -110,13 +110,13 @@ def cell_family(setting: Setting, piece: Piece, reach_m: FloatArray) -> CellFami
 
 
 class _Sampler:
-    """Reductions of one piece on moved meshes, in the unknowns of its nominal cell."""
+    """Reductions of one piece on moved meshes, in the degrees of freedom of its nominal cell."""
 
-    def __init__(self, setting: Setting, piece: Piece) -> None:
-        self.setting, self.piece = setting, piece
-        self.boxes = piece_boxes(piece, setting.thickness_m, setting.pillar, setting.hexahedra)
+    def __init__(self, setting: Setting, panel: Panel) -> None:
+        self.setting, self.panel = setting, panel
+        self.boxes = panel_boxes(panel, setting.thickness_m, setting.pillar, setting.hexahedra)
         nominal = self._system(self.boxes)
-        build = CellBuilder(nominal, setting.interface, piece.halved, piece.free)
+        build = CellBuilder(nominal, setting.interface, panel.halved, panel.free)
         self.parts = build.classes(setting.top_hz)
         self.cell: Cell = build.join(self.parts)
         self.nodes = nominal.mesh.nodes
@@ -125,7 +125,7 @@ class _Sampler:
         """K_r and M_r at a node less the nominal ones; a foot moved back is the mirror image of one moved on."""
         height, side, x, y = node
         for axis, moved, twin in ((0, x, (height, side, -x, y)), (1, y, (height, side, x, -y))):
-            if moved and twin in before and axis in self.piece.halved:
+            if moved and twin in before and axis in self.panel.halved:
                 return self._mirrored(before[twin], axis)
         varied = self.matrices(np.array(node) * reach_m)
         return varied[0] - self.cell.stiffness, varied[1] - self.cell.mass
@@ -139,24 +139,24 @@ class _Sampler:
         return one, two
 
     def matrices(self, change_m: FloatArray) -> Pair:
-        """K_r and M_r over [boundary unknowns, the nominal cell's fixed-interface modes]."""
-        kept = tuple(axis for axis in self.piece.halved if change_m[X + axis] == 0.0)
-        opened = [axis for axis in self.piece.halved if axis not in kept]
+        """K_r and M_r over [boundary degrees of freedom, the nominal cell's fixed-interface modes]."""
+        kept = tuple(axis for axis in self.panel.halved if change_m[X + axis] == 0.0)
+        opened = [axis for axis in self.panel.halved if axis not in kept]
         boxes = self.boxes
         for axis in opened:
             boxes = unfolded(boxes, axis)
-        still, moved = self._mesh(boxes), self._system(moved_boxes(boxes, self.setting, self.piece, change_m))
-        build = CellBuilder(moved, self.setting.interface, kept, self.piece.free)
+        still, moved = self._mesh(boxes), self._system(moved_boxes(boxes, self.setting, self.panel, change_m))
+        build = CellBuilder(moved, self.setting.interface, kept, self.panel.free)
         stiffness, mass = (np.zeros((self.cell.dof,) * 2) for _ in range(2))
         for signs in product((1, -1), repeat=len(kept)):
             wanted = dict(zip(kept, signs, strict=True))
             modes, fixed = self._fixed(still, opened, wanted)
-            held = build.hold(wanted)
+            clamped = build.hold(wanted)
             eigenvalue = moved.scale.eigenvalue(1.0) * self.cell.fixed_hz[modes] ** 2
-            shapes = np.hstack([held.shapes, _carried_over(build, held, fixed, eigenvalue)])
-            width = held.basis.shape[1]
+            shapes = np.hstack([clamped.shapes, _carried_over(build, clamped, fixed, eigenvalue)])
+            width = clamped.basis.shape[1]
             place = np.zeros((self.cell.dof, shapes.shape[1]))
-            place[: len(held.basis), :width] = held.basis
+            place[: len(clamped.basis), :width] = clamped.basis
             place[self.cell.interface.count + modes, width + np.arange(len(modes))] = 1.0
             stiffness += build.copies * place @ (shapes.T @ (moved.stiffness @ shapes)) @ place.T
             mass += build.copies * place @ weighted(shapes, moved.mass) @ place.T
@@ -173,7 +173,7 @@ class _Sampler:
         return assemble(mesh, materials, scale)
 
     def _fixed(self, still: Mesh, opened: list[int], signs: dict[int, int]) -> tuple[FloatArray, FloatArray]:
-        """The nominal modes of a mirror class, numbers and nodal shapes (3n, m), on the mesh unfolded about `opened`."""
+        """The nominal modes of a symmetry class, numbers and nodal shapes (3n, m), on the mesh unfolded about `opened`."""
         folded = still.nodes.copy()
         folded[:, opened] = np.abs(folded[:, opened])
         distance, source = cKDTree(self.nodes).query(folded)
@@ -195,12 +195,14 @@ class _Sampler:
         return np.concatenate(numbers), np.hstack(columns)
 
 
-def _carried_over(build: CellBuilder, held: HeldClass, fixed: FloatArray, eigenvalue: FloatArray) -> FloatArray:
+def _carried_over(
+    build: CellBuilder, clamped: ClampedBoundaryClass, fixed: FloatArray, eigenvalue: FloatArray
+) -> FloatArray:
     """K_II^-1 M_II Phi_0 Lambda_0 at every node, (3n, m)."""
     nodes = len(build.system.mesh.nodes)
     heavy = (build.system.mass @ (fixed * eigenvalue).reshape(nodes, -1)).reshape(fixed.shape)
     own = np.zeros_like(fixed)
-    own[held.keep] = held.factor.solve(heavy[held.keep])
+    own[clamped.keep] = clamped.factor.solve(heavy[clamped.keep])
     return own
 
 
@@ -215,11 +217,11 @@ def unfolded(boxes: Boxes, axis: int) -> Boxes:
     return Boxes(lines[0], lines[1], lines[2], region, boxes.names)
 
 
-def moved_boxes(boxes: Boxes, setting: Setting, piece: Piece, change_m: Sequence[float] | FloatArray) -> Boxes:
-    """The grid with its foot's edges and its pillar's layers moved. SolverError where the foot leaves the piece."""
-    assert piece.foot is not None
+def moved_boxes(boxes: Boxes, setting: Setting, panel: Panel, change_m: Sequence[float] | FloatArray) -> Boxes:
+    """The grid with its foot's edges and its pillar's layers moved. SolverError where the foot leaves the panel."""
+    assert panel.foot is not None
     lines = [
-        _moved_line(line, setting.pillar.base_m, piece, axis, change_m) for axis, line in enumerate((boxes.x, boxes.y))
+        _moved_line(line, setting.pillar.base_m, panel, axis, change_m) for axis, line in enumerate((boxes.x, boxes.y))
     ]
     top = setting.thickness_m
     stretch = 1.0 + change_m[HEIGHT] / setting.pillar.height_m
@@ -230,12 +232,12 @@ def moved_boxes(boxes: Boxes, setting: Setting, piece: Piece, change_m: Sequence
 
 
 def _moved_line(
-    line: FloatArray, side_m: float, piece: Piece, axis: int, change_m: Sequence[float] | FloatArray
+    line: FloatArray, side_m: float, panel: Panel, axis: int, change_m: Sequence[float] | FloatArray
 ) -> FloatArray:
-    """Linear between the piece's edges and the foot's; a foot flush with an edge stays so and grows to the other side."""
-    assert piece.foot is not None
-    edge = (piece.high[axis] - piece.low[axis]) / 2.0
-    centre = piece.foot[axis] - piece.middle[axis]
+    """Linear between the panel's edges and the foot's; a foot flush with an edge stays so and grows to the other side."""
+    assert panel.foot is not None
+    edge = (panel.high[axis] - panel.low[axis]) / 2.0
+    centre = panel.foot[axis] - panel.middle[axis]
     feet = centre + side_m / 2.0 * np.array([-1.0, 1.0])
     moved = centre + change_m[X + axis] + (side_m + change_m[SIDE]) / 2.0 * np.array([-1.0, 1.0])
     flush = np.abs(np.abs(feet) - edge) < FLUSH_M
@@ -244,7 +246,7 @@ def _moved_line(
         moved = np.where(flush, feet, feet + (0.0 if flush.all() else grown))
     inner = np.concatenate([moved[:1] + edge, np.diff(moved), edge - moved[1:]])
     if (inner[1:2] <= 0.0).any() or (inner[[0, 2]] < np.where(flush, 0.0, FLUSH_M) - FLUSH_M / 2.0).any():
-        raise SolverError("a pillar reaches out of its piece: its spread is too wide for the pitch")
+        raise SolverError("a pillar reaches out of its panel: its spread is too wide for the pitch")
     from_, to = np.array([-edge, *feet, edge]), np.array([-edge, *moved, edge])
     once = np.concatenate([[True], np.diff(from_) > FLUSH_M])
     return np.interp(line, from_[once], to[once])

@@ -1,4 +1,4 @@
-"""Reductions of a plate whose pillars differ: a family for each kind of piece with a pillar, bare pieces as ever."""
+"""Reductions of a plate whose pillars differ: a family for each kind of panel with a pillar, bare panels as ever."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from geometry.hex.boxes import Piece
+from geometry.hex.boxes import Panel
 from solvers.errors import SolverError
 from solvers.superelement.build import Reductions
 from solvers.superelement.cell import Cell
@@ -16,7 +16,7 @@ from solvers.superelement.tiling import Signature, signature
 from solvers.variation.parametric_cell import CellFamily, Setting, cell_family
 
 
-class FamilyShelf(Protocol):
+class ParametricCellCache(Protocol):
     """Where families are kept between runs."""
 
     def get(self, key: str) -> CellFamily | None:
@@ -30,25 +30,25 @@ class FamilyShelf(Protocol):
 
 @dataclass
 class VariedReductions(Reductions):
-    """reach_m: how far a pillar's height, side, x and y may go from nominal; `families` fills as pieces are asked for."""
+    """reach_m: how far a pillar's height, side, x and y may go from nominal; `families` fills as panels are asked for."""
 
     reach_m: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    family_shelf: FamilyShelf | None = None
+    parametric_cache: ParametricCellCache | None = None
     families: dict[Signature, CellFamily] = field(default_factory=dict)
 
-    def cell(self, piece: Piece) -> Cell:
-        """The nominal cell of a piece. SolverError for pillars that are not boxes."""
-        if not piece.foot:
-            return super().cell(piece)
-        if signature(piece) not in self.families:
-            self.families[signature(piece)] = self._family(piece)
-        return self.families[signature(piece)].cell
+    def cell(self, panel: Panel) -> Cell:
+        """The nominal cell of a panel. SolverError for pillars that are not boxes."""
+        if not panel.foot:
+            return super().cell(panel)
+        if signature(panel) not in self.families:
+            self.families[signature(panel)] = self._family(panel)
+        return self.families[signature(panel)].cell
 
-    def _family(self, piece: Piece) -> CellFamily:
+    def _family(self, panel: Panel) -> CellFamily:
         if self.pillar is None or self.mesher is not None:
             raise SolverError("only square pillars without fillet, meshed by hexahedra, can be varied")
-        key = hashlib.sha256(repr(("family", self._key(piece), self.reach_m)).encode()).hexdigest()
-        kept = self.family_shelf.get(key) if self.family_shelf else None
+        key = hashlib.sha256(repr(("family", self._key(panel), self.reach_m)).encode()).hexdigest()
+        kept = self.parametric_cache.get(key) if self.parametric_cache else None
         if kept is not None:
             self.reused += 1
             return kept
@@ -56,12 +56,12 @@ class VariedReductions(Reductions):
             self.thickness_m,
             self.material,
             self.pillar,
-            self.recipe.interface,
-            self.recipe.top_hz,
-            self.recipe.hexahedra,
+            self.reduction.interface,
+            self.reduction.top_hz,
+            self.reduction.hexahedra,
         )
-        family = cell_family(setting, piece, np.array(self.reach_m))
+        family = cell_family(setting, panel, np.array(self.reach_m))
         self.fresh += 1
-        if self.family_shelf:
-            self.family_shelf.put(key, family)
+        if self.parametric_cache:
+            self.parametric_cache.put(key, family)
         return family

@@ -1,7 +1,7 @@
 """Plates whose pillars differ one by one: seeded deviations, and the response of each plate in the nominal one's space.
 
 K = K_0 + sum over pillars of the change of its cell, alike M, both projected on the nominal plate's modes about the band,
-of every mirror class, and its answers to the patches (Rayleigh-Ritz): frequencies err by the square of what a mode lacks of
+of every symmetry class, and its answers to the patches (Rayleigh-Ritz): frequencies err by the square of what a mode lacks of
 that space, which is the smaller the wider the band; the response follows by superposition of the projected modes.
 """
 
@@ -73,9 +73,9 @@ class VariedPlate:
 
     def __init__(self, forced: ForcedPlate, families: Mapping[Signature, CellFamily]) -> None:
         self.forced, self.design, self.loss = forced, forced.design, forced.loss
-        silent = [group for group in forced.plate.everything if group not in forced.plate.groups]
-        found = [*forced.modes, *(group_modes(group, forced.band_hz, forced.margin) for group in silent)]
-        self._spaces = [_orthonormal(one) for one in found]
+        undriven = [group for group in forced.plate.everything if group not in forced.plate.groups]
+        bases = [*forced.modes, *(group_modes(group, forced.band_hz, forced.margin) for group in undriven)]
+        self._spaces = [_orthonormal(one) for one in bases]
         self._starts = np.cumsum([0, *(len(space.eigenvalue) for space in self._spaces)])
         place = forced.wanted_place()
         self.wanted = None if place is None else int(self._starts[place[0]]) + place[1]
@@ -100,14 +100,14 @@ class VariedPlate:
             for total, nodes in ((stiffness, kind.stiffness), (mass, kind.mass)):
                 moved = np.tensordot(weights, nodes, axes=1) @ kind.motions
                 total += flat.T @ moved.reshape(-1, self.size)
-        held = np.arange(self.size, dtype=np.int64) if within_hz is None else self._within(within_hz)
-        cut = np.ix_(held, held)
+        within = np.arange(self.size, dtype=np.int64) if within_hz is None else self._within(within_hz)
+        cut = np.ix_(within, within)
         values, vectors = scipy.linalg.eigh((stiffness + stiffness.T)[cut] / 2.0, (mass + mass.T)[cut] / 2.0)
         grams = tuple(vectors.T @ gram[cut] @ vectors for gram in (self.inside, self.outside))
-        alike = self.inside[self.wanted, held] @ vectors if self.wanted is not None else np.zeros(len(values))
+        alike = self.inside[self.wanted, within] @ vectors if self.wanted is not None else np.zeros(len(values))
         own = float(self.inside[self.wanted, self.wanted]) if self.wanted is not None else 1.0
         return VariedSample(
-            self.forced, values, vectors.T @ self.loads[held], grams[0], grams[1], np.asarray(alike**2 / own)
+            self.forced, values, vectors.T @ self.loads[within], grams[0], grams[1], np.asarray(alike**2 / own)
         )
 
     def _within(self, band_hz: tuple[float, float]) -> IntArray:
@@ -135,7 +135,7 @@ class VariedPlate:
                 turn = [-1.0 if turned else 1.0 for turned in flip]
                 motion = self._turned(parts, turn)
                 entry = ((turn[0] * foot[0], turn[1] * foot[1]), np.array([1.0, 1.0, *turn]), motion)
-                gathered.setdefault(signature(tiling.piece(i, j)), []).append(entry)
+                gathered.setdefault(signature(tiling.panel(i, j)), []).append(entry)
         feet = np.array([foot for entries in gathered.values() for foot, _, _ in entries]).reshape(-1, 2)
         order = np.lexsort(np.round(feet, 9).T)
         numbers = np.empty(len(feet), dtype=np.int64)
@@ -148,12 +148,12 @@ class VariedPlate:
         return feet[order], kinds
 
     def _cell_motions(self, place: int) -> list[tuple[int, str, FloatArray]]:
-        """Motions (cell unknowns, columns) of one cell, class by class: first column, parity, values."""
+        """Motions (cell degrees of freedom, columns) of one cell, class by class: first column, parity, values."""
         parts = []
         for start, space in zip(self._starts, self._spaces, strict=False):
             group = space.columns.group
             for plate, part in zip(group.plates, group.split(space.columns.columns), strict=True):
-                parts.append((int(start), plate.parity, plate.cell_vectors(plate.placed[place], part)))
+                parts.append((int(start), plate.parity, plate.cell_vectors(plate.placed_cells[place], part)))
         return parts
 
     def _turned(self, parts: list[tuple[int, str, FloatArray]], turn: list[float]) -> FloatArray:
@@ -186,24 +186,24 @@ class _Space:
     loads: FloatArray
 
 
-def _orthonormal(found: GroupModes) -> _Space:
+def _orthonormal(basis: GroupModes) -> _Space:
     """Modes stay as they are, rests become what they add to them; columns of no load drop out."""
-    pencil, columns = found.group.pencil, found.columns
-    modes = len(found.eigenvalue)
-    rest = columns[:, modes:]
-    rest = rest - columns[:, :modes] @ (columns[:, :modes].T @ pencil.apply_mass(rest))
-    size = np.sqrt(np.maximum(np.einsum("ik,ik->k", rest, pencil.apply_mass(rest)), 0.0))
-    rest = rest[:, size > 0.0] / size[size > 0.0]
-    if rest.shape[1]:
-        value, vector = scipy.linalg.eigh(rest.T @ pencil.apply_mass(rest))
+    pencil, columns = basis.group.pencil, basis.columns
+    modes = len(basis.eigenvalue)
+    residual = columns[:, modes:]
+    residual = residual - columns[:, :modes] @ (columns[:, :modes].T @ pencil.apply_mass(residual))
+    size = np.sqrt(np.maximum(np.einsum("ik,ik->k", residual, pencil.apply_mass(residual)), 0.0))
+    residual = residual[:, size > 0.0] / size[size > 0.0]
+    if residual.shape[1]:
+        value, vector = scipy.linalg.eigh(residual.T @ pencil.apply_mass(residual))
         kept = value > SAME * value[-1]
-        rest = rest @ (vector[:, kept] / np.sqrt(value[kept]))
-    whole = np.hstack([columns[:, :modes], rest])
+        residual = residual @ (vector[:, kept] / np.sqrt(value[kept]))
+    whole = np.hstack([columns[:, :modes], residual])
     stiffness = whole.T @ (pencil.stiffness @ whole)
     made = GroupModes(
-        found.group, found.frequency_hz, found.eigenvalue, found.gain, whole, found.middle, found.rest_gain
+        basis.group, basis.frequency_hz, basis.eigenvalue, basis.gain, whole, basis.middle, basis.residual_gain
     )
-    return _Space(made, np.diag(stiffness).copy(), (stiffness + stiffness.T) / 2.0, whole.T @ found.group.loads)
+    return _Space(made, np.diag(stiffness).copy(), (stiffness + stiffness.T) / 2.0, whole.T @ basis.group.loads)
 
 
 @dataclass(frozen=True)
@@ -248,8 +248,8 @@ class VariedSample:
             volts = forced.patch_volts(lambda d=denominator: self._charge(d))  # type: ignore[misc]
             sensors[row] = volts[forced.sensors]
             amplitudes[:, row] = (self.gain @ volts) / denominator
-        held = [_quadratic(gram, amplitudes) for gram in (self.inside, self.outside)]
-        return Curve(np.asarray(frequency_hz), *rms(held[0], held[1], forced.design), sensors)
+        energies = [_quadratic(gram, amplitudes) for gram in (self.inside, self.outside)]
+        return Curve(np.asarray(frequency_hz), *rms(energies[0], energies[1], forced.design), sensors)
 
     def _charge(self, denominator: Complex) -> Complex:
         return np.asarray(self.gain.T @ (self.gain / denominator[:, None]) * self.forced.plate.stiffness_unit)

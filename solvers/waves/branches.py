@@ -1,6 +1,7 @@
-"""Waves followed along a path through their crossings, by the likeness of their shapes.
+"""Waves followed along a path through their crossings, by the modal overlap of their shapes.
 
-The likeness of two waves is the modal assurance criterion |u^H M v|^2 of their fields on one and the same cell (allemang2003);
+The modal overlap of two waves is the modal assurance criterion |u^H M v|^2 of their fields on one and the same cell
+(allemang2003);
 there the phases exp(i k.r) of neighbouring wavevectors differ little, and the global phase drops out. Degenerate waves are
 first turned into those that continue to each side: eigenvectors of d lambda / d k along the step within their group.
 """
@@ -20,7 +21,7 @@ from solvers.superelement.lattice import Lattice, Waves
 
 Complex = NDArray[np.complex128]
 EQUAL = 1e-7  # relative distance of eigenvalues that count as one
-CLEAR = 0.5  # likeness from which a wave is followed without looking closer
+CLEAR = 0.5  # modal overlap from which a wave is followed without looking closer
 LOST = 0.1  # below it a wave is another one
 DEEPEST = 4  # halvings of a step
 EXTRA = 4  # waves followed above those asked for, so that a branch may come down
@@ -61,7 +62,7 @@ def follow(solved: Solved, wavevectors: FloatArray) -> Branches:
         start = turned(lattice, solved(here), there - here, solved(there))
         if not kept:
             kept, numbers = [start], [np.arange(1, len(start.eigenvalue) + 1, dtype=np.int64)]
-        leaving = numbers[-1][_partner(likeness(lattice, kept[-1], start)).argsort()]
+        leaving = numbers[-1][_partner(modal_overlap(lattice, kept[-1], start)).argsort()]
         partner, likely = _step(solved, start, there, DEEPEST)
         new = 1 + max(int(number.max()) for number in numbers)
         arriving = np.empty_like(leaving)
@@ -71,10 +72,10 @@ def follow(solved: Solved, wavevectors: FloatArray) -> Branches:
     return Branches(tuple(kept), _dense(numbers))
 
 
-def likeness(lattice: Lattice, one: Waves, two: Waves) -> FloatArray:
+def modal_overlap(lattice: Lattice, one: Waves, two: Waves) -> FloatArray:
     """|u_i^H M v_j|^2 on the cell, (n, m)."""
-    heavy = lattice.cell.mass @ two.unknowns.real + 1j * (lattice.cell.mass @ two.unknowns.imag)
-    return np.asarray(np.abs(one.unknowns.conj().T @ heavy) ** 2)
+    heavy = lattice.cell.mass @ two.dofs.real + 1j * (lattice.cell.mass @ two.dofs.imag)
+    return np.asarray(np.abs(one.dofs.conj().T @ heavy) ** 2)
 
 
 def groups(lattice: Lattice, eigenvalue: FloatArray) -> list[slice]:
@@ -99,18 +100,18 @@ def turned(lattice: Lattice, waves: Waves, direction: FloatArray, neighbour: Wav
     several = [group for group in groups(lattice, waves.eigenvalue) if group.stop - group.start > 1]
     if not several:
         return waves
-    unknowns = waves.unknowns.copy()
+    dofs = waves.dofs.copy()
     slope = np.tensordot(np.asarray(direction) / np.linalg.norm(direction), lattice.slopes(waves), axes=1)
     close = 1e-6 * np.abs(slope).max()
     for group in several:
         values, vectors = np.linalg.eigh(slope[group, group])
-        unknowns[:, group] = unknowns[:, group] @ vectors
+        dofs[:, group] = dofs[:, group] @ vectors
         bounds = [0, *(np.flatnonzero(np.diff(values) > close) + 1), len(values)]
         for low, high in pairwise(bounds):
             if high - low > 1:
                 part = slice(group.start + low, group.start + high)
-                unknowns[:, part] = _aligned(lattice, unknowns[:, part], neighbour.unknowns)
-    return replace(waves, unknowns=unknowns)
+                dofs[:, part] = _aligned(lattice, dofs[:, part], neighbour.dofs)
+    return replace(waves, dofs=dofs)
 
 
 def _aligned(lattice: Lattice, waves: Complex, neighbour: Complex) -> Complex:
@@ -131,11 +132,11 @@ def _step(solved: Solved, start: Waves, end: FloatArray, halvings: int) -> tuple
     """For each wave at the start its partner at the end and how like they are, looking closer where that is not clear."""
     lattice, step = solved.lattice, end - start.wavevector
     there = turned(lattice, solved(end), step, start)
-    like = likeness(lattice, start, there)
+    like = modal_overlap(lattice, start, there)
     partner = _partner(like)
-    found = like[np.arange(len(partner)), partner]
-    if halvings == 0 or found[: solved.count].min() >= CLEAR:
-        return partner, found
+    matched = like[np.arange(len(partner)), partner]
+    if halvings == 0 or matched[: solved.count].min() >= CLEAR:
+        return partner, matched
     middle = turned(lattice, solved(start.wavevector + step / 2.0), step, start)
     first, near = _step(solved, start, middle.wavevector, halvings - 1)
     second, far = _step(solved, middle, end, halvings - 1)

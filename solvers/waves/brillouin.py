@@ -13,7 +13,7 @@ CORNERS = {"G": (0.0, 0.0), "X": (1.0, 0.0), "M": (1.0, 1.0), "Y": (0.0, 1.0)}
 
 
 @dataclass(frozen=True)
-class Leg:
+class PathSegment:
     """A straight part of a path between two labelled points: their letters and their indices in the path."""
 
     start: str
@@ -36,10 +36,10 @@ class Path:
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     @property
-    def legs(self) -> list[Leg]:
+    def segments(self) -> list[PathSegment]:
         """The straight parts, in their order."""
         marks = [(index, label) for index, label in enumerate(self.labels) if label]
-        return [Leg(start, end, first, last) for (first, start), (last, end) in pairwise(marks)]
+        return [PathSegment(start, end, first, last) for (first, start), (last, end) in pairwise(marks)]
 
     def finer(self, factor: int) -> Path:
         """The same path with every interval cut into `factor`: its every factor-th wavevector is one of ours, unchanged."""

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from geometry.elements import FloatArray, IntArray
-from geometry.hex.boxes import Piece
+from geometry.hex.boxes import Panel
 from geometry.layout import Design
 from solvers.errors import SolverError
-from solvers.measures.confinement import Held, Profile, held
+from solvers.measures.confinement import Profile, ProfileConfinement, profile_confinement
 from solvers.superelement.build import Reductions
 from solvers.superelement.tiling import DIGITS, tile
 from solvers.threads import one_thread
@@ -29,15 +29,15 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class ColumnModes:
-    """Modes with u_z even about y = 0, ascending: frequency_hz (k,) and how each is held."""
+    """Modes with u_z even about y = 0, ascending: frequency_hz (k,) and how well each is confined."""
 
     frequency_hz: FloatArray
-    held: Held
+    confinement: ProfileConfinement
 
 
 @dataclass(frozen=True)
-class _Placed:
-    """A piece's row of cells, the y of its middle (m), its unknowns among the column's (-1 where nothing moves)."""
+class _PlacedCell:
+    """A panel's row of cells, the y of its middle (m), its degrees of freedom among the column's (-1 where nothing moves)."""
 
     row: Row
     middle: float
@@ -45,39 +45,39 @@ class _Placed:
 
 
 class Column:
-    """The pieces of one pitch along x, y >= 0, joined at a wavenumber along x in rad/m."""
+    """The panels of one pitch along x, y >= 0, joined at a wavenumber along x in rad/m."""
 
     def __init__(self, design: Design, reductions: Reductions, kx_per_m: float) -> None:
         self.design, self.kx = design, kx_per_m
-        self.pieces = column_pieces(design, reductions.recipe.longest_m)
-        alike = [_centred(piece) for piece in self.pieces]
-        rows = {piece: Row(reductions.cell(piece), kx_per_m) for piece in dict.fromkeys(alike)}
-        self.rows = [rows[piece] for piece in alike]
-        self.placed, self.dof = self._places()
+        self.panels = column_panels(design, reductions.reduction.max_edge_m)
+        alike = [_centred(panel) for panel in self.panels]
+        rows = {panel: Row(reductions.cell(panel), kx_per_m) for panel in dict.fromkeys(alike)}
+        self.rows = [rows[panel] for panel in alike]
+        self.placed_cells, self.dof = self._places()
         self.scale = self.rows[0].cell.scale
 
-    def _places(self) -> tuple[list[_Placed], int]:
-        """Numbers of [lower edge, upper edge, inner] of every piece; edges are shared."""
+    def _places(self) -> tuple[list[_PlacedCell], int]:
+        """Numbers of [lower edge, upper edge, inner] of every panel; edges are shared."""
         edge, placed = self.rows[0].edge, []
         lower = np.arange(edge)
         lower[1::3] = -1  # u_y vanishes on the mirror
         lower[lower >= 0] = np.arange(np.count_nonzero(lower >= 0))
         start = int(np.count_nonzero(lower >= 0))
-        for piece, row in zip(self.pieces, self.rows, strict=True):
+        for panel, row in zip(self.panels, self.rows, strict=True):
             upper = start + np.arange(edge)
-            if "y+" in piece.free:  # what would follow a foot flush with the plate's edge carries nothing
+            if "y+" in panel.free:  # what would follow a foot flush with the plate's edge carries nothing
                 upper[row.cell.interface.vertex_block :] = -1
             start += int(np.count_nonzero(upper >= 0))
             inner = start + np.arange(row.inner)
             start += row.inner
-            placed.append(_Placed(row, (piece.low[1] + piece.high[1]) / 2.0, np.concatenate([lower, upper, inner])))
+            placed.append(_PlacedCell(row, (panel.low[1] + panel.high[1]) / 2.0, np.concatenate([lower, upper, inner])))
             lower = upper
         return placed, start
 
     def pencil(self) -> tuple[Complex, Complex]:
         """Hermitian K and M, (dof, dof) each."""
         stiffness, mass = (np.zeros((self.dof,) * 2, dtype=complex) for _ in range(2))
-        for place in self.placed:
+        for place in self.placed_cells:
             live = np.flatnonzero(place.unknown >= 0)
             here = np.ix_(place.unknown[live], place.unknown[live])
             stiffness[here] += place.row.stiffness[np.ix_(live, live)]
@@ -95,12 +95,12 @@ class Column:
             raise SolverError(
                 "the column's cells hold more boundary functions than their meshes can tell apart"
             ) from fault
-        return ColumnModes(self.scale.frequency(values), held(self._profile(vectors), self.design))
+        return ColumnModes(self.scale.frequency(values), profile_confinement(self._profile(vectors), self.design))
 
     def _profile(self, vectors: Complex) -> Profile:
         """u_z of every mode on the touch face of the column, and exp(i k x) cos(pi y / W) there."""
         places, weights, values, shapes = [], [], [], []
-        for place in self.placed:
+        for place in self.placed_cells:
             touch = place.row.cell.touch
             assert touch.weights is not None
             local = np.where(place.unknown[:, None] >= 0, vectors[np.maximum(place.unknown, 0)], 0.0)
@@ -113,26 +113,26 @@ class Column:
         return Profile(y_m, area_m2, moved, wanted, self.scale.mass_kg)
 
 
-def column_pieces(design: Design, longest_m: float) -> list[Piece]:
-    """The pieces of one column with y >= 0, from the zone's middle outwards. SolverError unless they part at y = 0."""
-    width = longest_m if isnan(design.pitch_x_m) or not design.rows else design.pitch_x_m
-    lines = [float(y) for y in tile(design, longest_m).y if y > -(10.0**-DIGITS)]
+def column_panels(design: Design, max_edge_m: float) -> list[Panel]:
+    """The panels of one column with y >= 0, from the zone's middle outwards. SolverError unless they part at y = 0."""
+    width = max_edge_m if isnan(design.pitch_x_m) or not design.rows else design.pitch_x_m
+    lines = [float(y) for y in tile(design, max_edge_m).y if y > -(10.0**-DIGITS)]
     if lines[0] > 10.0**-DIGITS:
-        raise SolverError("the plate's pieces do not part at its middle line: a column cannot be halved there")
+        raise SolverError("the plate's panels do not part at its middle line: a column cannot be halved there")
     feet = design.row_centres() if design.rows else np.empty(0)
-    pieces = []
+    panels = []
     for low, high in pairwise(lines):
         inside = feet[(feet > low) & (feet < high)]
         foot = (0.0, float(inside[0])) if len(inside) else None
         free = ("y+",) if foot and high == lines[-1] else ()
         even = foot is None or (abs(foot[1] - (low + high) / 2.0) < 10.0**-DIGITS and not free)
-        pieces.append(Piece((-width / 2.0, low), (width / 2.0, high), foot, (0, 1) if even else (0,), free))
-    return pieces
+        panels.append(Panel((-width / 2.0, low), (width / 2.0, high), foot, (0, 1) if even else (0,), free))
+    return panels
 
 
-def _centred(piece: Piece) -> Piece:
-    """The same piece with its middle at the origin: equal pieces are then equal."""
-    middle = piece.middle[1]
-    low, high = (round(edge - middle, 12) for edge in (piece.low[1], piece.high[1]))
-    foot = (0.0, round(piece.foot[1] - middle, 12)) if piece.foot else None
-    return Piece((piece.low[0], low), (piece.high[0], high), foot, piece.halved, piece.free)
+def _centred(panel: Panel) -> Panel:
+    """The same panel with its middle at the origin: equal panels are then equal."""
+    middle = panel.middle[1]
+    low, high = (round(edge - middle, 12) for edge in (panel.low[1], panel.high[1]))
+    foot = (0.0, round(panel.foot[1] - middle, 12)) if panel.foot else None
+    return Panel((panel.low[0], low), (panel.high[0], high), foot, panel.halved, panel.free)

@@ -40,13 +40,14 @@ class RowWaves:
     """The waves that go or decay towards +y, the least decaying first.
 
     factor (n,): lambda, |lambda| <= 1; edge (m, n): displacements of the lower edge; force (m, n): forces on it;
-    unknowns (cell dof, n); flux (n,): power upwards, Im(force^H edge)/2, in scaled units over w (0 for decaying waves).
+    degrees of freedom (cell dof, n); flux (n,): power upwards, Im(force^H edge)/2, in scaled units over w (0 for
+    decaying waves).
     """
 
     factor: Complex
     edge: Complex
     force: Complex
-    unknowns: Complex
+    dofs: Complex
     flux: FloatArray
     pitch_m: float
 
@@ -75,7 +76,7 @@ class Row:
         self.mass = adjoint @ (cell.mass @ self.transform)
 
     def _transform(self, phase: complex) -> Complex:
-        """Cell unknowns from [lower edge, upper edge, inner]: an edge is a vertex line and a side, inner the rest."""
+        """Cell degrees of freedom from [lower edge, upper edge, inner]: an edge is a vertex line and a side, inner the rest."""
         face, out = self.cell.interface, np.zeros((self.cell.dof, 2 * self.edge + self.inner), dtype=complex)
         for row, (near, far, side) in enumerate(((0, 1, 2), (2, 3, 3))):
             start = row * self.edge
@@ -96,9 +97,9 @@ class Row:
         return sign
 
     def condensed(self, frequency_hz: float) -> tuple[RowStiffness, Complex]:
-        """Stiffness between the edges, and the inner unknowns (inner, 2 m) per unit of the edges' motion.
+        """Stiffness between the edges, and the inner degrees of freedom (inner, 2 m) per unit of the edges' motion.
 
-        Raises SolverError where the frequency falls on a resonance of the row with both edges held.
+        Raises SolverError where the frequency falls on a resonance of the row with both edges clamped.
         """
         dynamic = self.stiffness - self.cell.scale.eigenvalue(frequency_hz) * self.mass
         n = 2 * self.edge
@@ -106,7 +107,9 @@ class Row:
         factors = lu_factor(inner)
         pivots = np.abs(np.diag(factors[0]))
         if pivots.min() < 1e-13 * pivots.max():
-            raise SolverError(f"{frequency_hz:.6g} Hz is a resonance of the row with its edges held: move it a little")
+            raise SolverError(
+                f"{frequency_hz:.6g} Hz is a resonance of the row with its edges clamped: move it a little"
+            )
         follow = -lu_solve(factors, coupling)
         edges = dynamic[:n, :n] + dynamic[:n, n:] @ follow
         edges = (edges + edges.conj().T) / 2.0
@@ -114,7 +117,7 @@ class Row:
         return RowStiffness(edges[:m, :m], edges[:m, m:], edges[m:, :m], edges[m:, m:]), np.asarray(follow)
 
     def waves(self, frequency_hz: float) -> RowWaves:
-        """Every wave towards +y at a frequency in Hz: as many as an edge has unknowns. Errors as condensed."""
+        """Every wave towards +y at a frequency in Hz: as many as an edge has degrees of freedom. Errors as condensed."""
         if not frequency_hz > 0.0:
             raise SolverError(f"frequency = {frequency_hz} Hz: must be above 0")
         try:
@@ -127,10 +130,10 @@ class Row:
         decaying = np.abs(np.log(np.maximum(np.abs(factor), TINY))) > PROPAGATING
         factor, edge, force, flux = _upwards(factor, edge, force, flux, decaying, stiffness, self.mirror_sign)
         motion = np.vstack([edge, edge * factor])
-        unknowns = self.transform @ np.vstack([motion, follow @ motion])
+        dofs = self.transform @ np.vstack([motion, follow @ motion])
         order = np.argsort(-np.abs(factor), kind="stable")
         return RowWaves(
-            factor[order], edge[:, order], force[:, order], unknowns[:, order], flux[order], self.cell.size_m[1]
+            factor[order], edge[:, order], force[:, order], dofs[:, order], flux[order], self.cell.size_m[1]
         )
 
     def _symmetric(self, d: RowStiffness) -> bool:

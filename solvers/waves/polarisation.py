@@ -39,30 +39,28 @@ class Label:
     pillar_share: float
 
 
-def label_of(cell: Cell, unknowns: Complex, wavevector: Complex, with_pillars: bool = False) -> list[Label]:
-    """Labels of waves with unknowns (cell dof, n) at wavevectors (2, n) in rad/m, complex where they decay.
+def label_of(cell: Cell, dofs: Complex, wavevector: Complex, with_pillars: bool = False) -> list[Label]:
+    """Labels of waves with degrees of freedom (cell dof, n) at wavevectors (2, n) in rad/m, complex where they decay.
 
     Flexural: <|u_z|^2> above a quarter of <|u|^2> (pillars on one face mix in-plane motion into every wave), means
     through the thickness and along the boundary lines. Else longitudinal
     when the plane wave exp(i (k + G).r) that u resembles most has u || k + G, else shear; at k = 0 give a short
     vector for the direction meant. "pillar" with `with_pillars` where the pillar has over half of the kinetic energy.
     """
-    motion, weights = _line_motion(cell, unknowns)
+    motion, weights = _line_motion(cell, dofs)
     square = np.einsum("p,pck->ck", weights, np.abs(motion) ** 2)
     flexural = square[2] / np.maximum(square.sum(axis=0), np.finfo(float).tiny)
     longitudinal = _longitudinal(cell, motion, np.asarray(wavevector, dtype=complex))
-    pillar = pillar_share(cell, unknowns)
+    pillar = pillar_share(cell, dofs)
     return [
         _label(float(out), float(along), float(moving), with_pillars)
         for out, along, moving in zip(flexural, longitudinal, pillar, strict=True)
     ]
 
 
-def pillar_share(cell: Cell, unknowns: Complex) -> FloatArray:
+def pillar_share(cell: Cell, dofs: Complex) -> FloatArray:
     """The pillar's share of the kinetic energy, u^H M_pillar u / u^H M u, (n,)."""
-    part, whole = (
-        np.einsum("ik,ik->k", unknowns.conj(), matrix @ unknowns).real for matrix in (cell.pillar_mass, cell.mass)
-    )
+    part, whole = (np.einsum("ik,ik->k", dofs.conj(), matrix @ dofs).real for matrix in (cell.pillar_mass, cell.mass))
     return np.asarray(np.clip(part / whole, 0.0, 1.0))
 
 
@@ -72,11 +70,11 @@ def _label(flexural: float, longitudinal: float, pillar: float, with_pillars: bo
     return Label("pillar" if with_pillars and pillar > HALF else plate, plate, flexural, longitudinal, pillar)
 
 
-def _line_motion(cell: Cell, unknowns: Complex) -> tuple[Complex, FloatArray]:
+def _line_motion(cell: Cell, dofs: Complex) -> tuple[Complex, FloatArray]:
     """Thickness means (points, 3, n) at quadrature points of the four sides, and the points' weights (sum 1)."""
     face = cell.interface
     _, weights, values = _lines(face, cell.size_m[:2])
-    layer = unknowns[: face.count].reshape(-1, 3, unknowns.shape[1])[:: face.layers]
+    layer = dofs[: face.count].reshape(-1, 3, dofs.shape[1])[:: face.layers]
     return np.tensordot(values, layer, axes=1), weights
 
 
@@ -94,9 +92,9 @@ def _lines(face: Interface, size_m: tuple[float, float]) -> tuple[FloatArray, Fl
 
 def _longitudinal(cell: Cell, motion: Complex, wavevector: Complex) -> FloatArray:
     """|<l, u>|^2 / (|<l, u>|^2 + |<t, u>|^2) for the k + G that has the plane wave, l or t, that u resembles most, (n,)."""
-    along, across = (found.reshape(len(found), -1) for found in _resemblance(cell, motion, wavevector))
+    along, across = (overlap.reshape(len(overlap), -1) for overlap in _resemblance(cell, motion, wavevector))
     best = np.maximum(along, across).argmax(axis=1)[:, None]
-    along, across = (np.take_along_axis(found, best, axis=1)[:, 0] for found in (along, across))
+    along, across = (np.take_along_axis(overlap, best, axis=1)[:, 0] for overlap in (along, across))
     return np.asarray(along / np.maximum(along + across, np.finfo(float).tiny))
 
 

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from geometry.elements import FloatArray
 from solvers.superelement.lattice import Waves
-from solvers.waves.branches import Branches, Solved, likeness
+from solvers.waves.branches import Branches, Solved, modal_overlap
 from solvers.waves.gaps import SMALLEST
 from solvers.waves.polarisation import Label, label_of
 from solvers.waves.refine import CLOSE, tent_top
@@ -34,24 +34,22 @@ class PolarisationGap:
 def labels_along(solved: Solved, branches: Branches) -> list[list[Label]]:
     """Labels of every wave at every wavevector, pillars told; at k = 0 for the direction of the path."""
     vectors = np.array([waves.wavevector for waves in branches.waves])
-    found = []
+    labels = []
     for index, waves in enumerate(branches.waves):
         towards = vectors[index + 1 if index == 0 else index - 1]
         k = waves.wavevector if waves.wavevector.any() else 1e-6 * towards
-        found.append(_labels(solved, waves, k))
-    return found
+        labels.append(_labels(solved, waves, k))
+    return labels
 
 
 def polarisation_gaps(solved: Solved, branches: Branches, labels: list[list[Label]]) -> list[PolarisationGap]:
     """Gaps of each polarisation that has waves below and above them, within the bands asked for."""
     ceiling = min(float(waves.eigenvalue[solved.count - 1]) for waves in branches.waves)
-    found = []
+    gaps = []
     for name in ("flexural", "shear", "longitudinal"):
         steps = [step for step in _steps(branches, labels, name) if step.low < ceiling]
-        found += [
-            gap for gap in _openings(solved, steps, name) if gap.upper_hz - gap.lower_hz > SMALLEST * gap.upper_hz
-        ]
-    return found
+        gaps += [gap for gap in _openings(solved, steps, name) if gap.upper_hz - gap.lower_hz > SMALLEST * gap.upper_hz]
+    return gaps
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ class _Step:
 
 def _steps(branches: Branches, labels: list[list[Label]], name: str) -> list[_Step]:
     """Steps with the label at either end, by their lower end."""
-    found = []
+    steps = []
     for index in range(len(branches.waves) - 1):
         here, there = branches.waves[index : index + 2]
         places = {int(number): place for place, number in enumerate(branches.number[index + 1])}
@@ -87,12 +85,12 @@ def _steps(branches: Branches, labels: list[list[Label]], name: str) -> list[_St
             partner = places.get(int(number), place)  # a lost branch goes on with its band, which is continuous
             holds = labels[index][place].plate == name, labels[index + 1][partner].plate == name
             if any(holds):
-                found.append(_Step(here, there, place, partner, holds))
-    return sorted(found, key=lambda step: step.low)
+                steps.append(_Step(here, there, place, partner, holds))
+    return sorted(steps, key=lambda step: step.low)
 
 
 def _openings(solved: Solved, steps: list[_Step], name: str) -> list[PolarisationGap]:
-    found = []
+    openings = []
     reached = steps[:1]
     for step in steps[1:]:
         top = max(below.high for below in reached)
@@ -100,9 +98,9 @@ def _openings(solved: Solved, steps: list[_Step], name: str) -> list[Polarisatio
             lower = _outermost(solved, [below for below in reached if below.high >= _near(top, step.low)], name, 1)
             above = [other for other in steps if _near(step.low, top) >= other.low > top]
             upper = _outermost(solved, above, name, -1)
-            found.append(PolarisationGap(name, _hz(solved, lower), _hz(solved, upper)))
+            openings.append(PolarisationGap(name, _hz(solved, lower), _hz(solved, upper)))
         reached.append(step)
-    return found
+    return openings
 
 
 def _near(edge: float, other: float) -> float:
@@ -160,7 +158,7 @@ def _inside(solved: Solved, step: _Step, sign: int) -> float:
         nonlocal best
         if share in (0.0, 1.0):
             return rates[int(share)]
-        waves, place = _on_the_way(solved, step, share)
+        waves, place = _in_between(solved, step, share)
         best = max(best, sign * float(waves.eigenvalue[place]))
         return float(np.tensordot(along, solved.lattice.slopes(waves), axes=1)[place, place].real)
 
@@ -170,34 +168,34 @@ def _inside(solved: Solved, step: _Step, sign: int) -> float:
 
 def _change(solved: Solved, step: _Step, name: str) -> float:
     """Eigenvalue at the wavevector where the label is lost on the way, by bisection."""
-    held, lost = (0.0, step.ends[0]), (1.0, step.ends[1])
+    keeping, lost = (0.0, step.ends[0]), (1.0, step.ends[1])
     if not step.holds[0]:
-        held, lost = lost, held
-    while abs(held[0] - lost[0]) > SHARP and abs(held[1] - lost[1]) > KNOWN * held[1]:
-        middle = (held[0] + lost[0]) / 2.0
+        keeping, lost = lost, keeping
+    while abs(keeping[0] - lost[0]) > SHARP and abs(keeping[1] - lost[1]) > KNOWN * keeping[1]:
+        middle = (keeping[0] + lost[0]) / 2.0
         value, label = _between(solved, step, middle)
-        held, lost = ((middle, value), lost) if label.plate == name else (held, (middle, value))
-    return held[1]
+        keeping, lost = ((middle, value), lost) if label.plate == name else (keeping, (middle, value))
+    return keeping[1]
 
 
 def _between(solved: Solved, step: _Step, share: float) -> tuple[float, Label]:
     """Eigenvalue and label of the step's wave on the way."""
-    waves, place = _on_the_way(solved, step, share)
+    waves, place = _in_between(solved, step, share)
     return float(waves.eigenvalue[place]), _labels(solved, waves, waves.wavevector)[place]
 
 
-def _on_the_way(solved: Solved, step: _Step, share: float) -> tuple[Waves, int]:
+def _in_between(solved: Solved, step: _Step, share: float) -> tuple[Waves, int]:
     """The waves between the samples, and which is the step's: the likest to its two ends, each by how near it is."""
     waves = solved(step.start.wavevector + share * (step.end.wavevector - step.start.wavevector))
-    like = (1.0 - share) * likeness(solved.lattice, step.start, waves)[step.at_start]
-    like = like + share * likeness(solved.lattice, step.end, waves)[step.at_end]
+    like = (1.0 - share) * modal_overlap(solved.lattice, step.start, waves)[step.at_start]
+    like = like + share * modal_overlap(solved.lattice, step.end, waves)[step.at_end]
     return waves, int(like.argmax())
 
 
 def _labels(solved: Solved, waves: Waves, wavevector: FloatArray) -> list[Label]:
     """Labels of the waves, named for a wavevector (2,)."""
     vectors = np.tile(np.asarray(wavevector, dtype=complex)[:, None], len(waves.eigenvalue))
-    return label_of(solved.lattice.cell, waves.unknowns, vectors, with_pillars=True)
+    return label_of(solved.lattice.cell, waves.dofs, vectors, with_pillars=True)
 
 
 def _hz(solved: Solved, eigenvalue: float) -> float:

@@ -1,6 +1,6 @@
-"""Extremes of bands between the sampled wavevectors: along straight legs of a path, and over the irreducible zone.
+"""Extremes of bands between the sampled wavevectors: along straight segments of a path, and over the irreducible zone.
 
-A leg is searched where the cubic through sampled values and group velocities (Hellmann-Feynman, one-sided at degenerate
+A segment is searched where the cubic through sampled values and group velocities (Hellmann-Feynman, one-sided at degenerate
 points) may exceed the best sample; the zone from its best grid points, with the gradient.
 """
 
@@ -29,7 +29,7 @@ class Extreme:
 
 
 class Line:
-    """The sorted bands on a straight leg of a path, sampled at its wavevectors (m, 2), with slopes along the leg."""
+    """The sorted bands on a straight segment of a path, sampled at its wavevectors (m, 2), with slopes along the segment."""
 
     def __init__(self, solved: Solved, wavevectors: FloatArray) -> None:
         self.solved, self.start, self.along = solved, wavevectors[0], wavevectors[-1] - wavevectors[0]
@@ -41,7 +41,7 @@ class Line:
         self._found: dict[tuple[int, int], Extreme] = {}
 
     def extreme(self, band: int, sign: int) -> Extreme:
-        """The largest (sign 1) or smallest (-1) frequency of a sorted band (from 0) on the leg, ends included."""
+        """The largest (sign 1) or smallest (-1) frequency of a sorted band (from 0) on the segment, ends included."""
         if (band, sign) not in self._found:
             self._found[band, sign] = self._search(band, sign)
         return self._found[band, sign]
@@ -54,14 +54,14 @@ class Line:
         best, where = float(value.max()), float(self.at[value.argmax()])
         for i in np.flatnonzero((top > ends) & (bound >= best)):
             low, high = self.at[i], self.at[i + 1]
-            found = minimize_scalar(
+            minimum = minimize_scalar(
                 lambda s: -sign * self._eigenvalue(float(s), band),
                 bounds=(low, high),
                 method="bounded",
                 options={"xatol": CLOSE * (high - low)},
             )
-            if -found.fun > best:
-                best, where = float(-found.fun), float(found.x)
+            if -minimum.fun > best:
+                best, where = float(-minimum.fun), float(minimum.x)
         return Extreme(_hz(self.solved.lattice, sign * best), self.start + where * self.along)
 
     def _eigenvalue(self, s: float, band: int) -> float:

@@ -55,7 +55,7 @@ def _joined(lower: RowStiffness, upper: RowStiffness) -> RowStiffness:
 def scatter(rows: RowStiffness, half: RowWaves, sign: FloatArray, incoming: int) -> Scattering:
     """A wave of the lower half-plate, index `incoming`, meets the rows; the same plate goes on above them.
 
-    Unknowns r, t of q_0 = phi + S Phi r and q_N = Phi t: -f_phi + S F r + D_bb q_0 + D_bt q_N = 0,
+    Degrees of freedom r, t of q_0 = phi + S Phi r and q_N = Phi t: -f_phi + S F r + D_bb q_0 + D_bt q_N = 0,
     D_tb q_0 + D_tt q_N + F t = 0. Raises SolverError when the incoming wave does not propagate.
     """
     if not half.flux[incoming] > 0.0:

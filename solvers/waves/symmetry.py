@@ -35,24 +35,24 @@ class Mirrors:
         change = {"x": 2.0 * turns[0], "y": 2.0 * turns[1], "d": turns[0] - turns[1]}
         return tuple(name for name in self.names if abs(change[name] - round(change[name])) < SAME)
 
-    def image(self, name: str, unknowns: Complex) -> Complex:
+    def image(self, name: str, dofs: Complex) -> Complex:
         """The mirrored waves, (cell dof, n)."""
-        face, out = self.cell.interface, np.empty_like(unknowns)
-        inner = unknowns[face.count :]
+        face, out = self.cell.interface, np.empty_like(dofs)
+        inner = dofs[face.count :]
         if name == "d":
             assert self._diagonal is not None
-            out[: face.count] = unknowns[face.diagonal()]
+            out[: face.count] = dofs[face.diagonal()]
             out[face.count :] = self._diagonal @ inner
         else:
             where, sign = face.mirror(AXES[name])
-            out[: face.count] = sign[:, None] * unknowns[where]
+            out[: face.count] = sign[:, None] * dofs[where]
             out[face.count :] = self.cell.fixed_parity[:, AXES[name], None] * inner
         return out
 
-    def parity(self, name: str, unknowns: Complex) -> IntArray:
+    def parity(self, name: str, dofs: Complex) -> IntArray:
         """+1 where u_z is even under the mirror, -1 where it is odd, 0 where neither (degenerate waves mixed), (n,)."""
-        value = np.einsum("ik,ik->k", unknowns.conj(), self.cell.mass @ self.image(name, unknowns)).real
-        size = np.einsum("ik,ik->k", unknowns.conj(), self.cell.mass @ unknowns).real
+        value = np.einsum("ik,ik->k", dofs.conj(), self.cell.mass @ self.image(name, dofs)).real
+        size = np.einsum("ik,ik->k", dofs.conj(), self.cell.mass @ dofs).real
         return np.where(np.abs(value) > PURE * size, np.sign(value), 0.0).astype(np.int64)
 
     @cached_property

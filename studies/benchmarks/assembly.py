@@ -22,9 +22,9 @@ from studies.benchmarks.meshes import cube_hexahedra, cube_tetrahedra
 ALUMINIUM = MATERIALS["aluminium"]
 DEGREE = {"tet2": 4, "hex2": 5}
 EDGE_M = 1e-2
-CUTS = 17  # 3 x 35^3 = 128625 unknowns for both
-LEAST_RATIO = {"tet2": 8.0, "hex2": 20.0}
-MOST_PEAK = 2.5  # of the final matrices
+CUTS = 17  # 3 x 35^3 = 128625 degrees of freedom for both
+MIN_RATIO = {"tet2": 8.0, "hex2": 20.0}
+MAX_PEAK = 2.5  # of the final matrices
 SAME = 1e-9  # relative difference of the two stiffness matrices' Frobenius norms
 MODULE = "studies.benchmarks.assembly"
 Matrices = tuple[Any, Any]
@@ -76,21 +76,21 @@ def scikit(kind: str, cuts: int) -> Callable[[], Matrices]:
     return run
 
 
-WAYS = {"ours": ours, "scikit-fem": scikit}
+VARIANTS = {"ours": ours, "scikit-fem": scikit}
 
 
 def _stored(matrix: Any) -> int:
     return int(matrix.data.nbytes + matrix.indices.nbytes + matrix.indptr.nbytes)
 
 
-def one(kind: str, way: str, cuts: int, repeats: int) -> dict[str, Any]:
+def one(kind: str, choice: str, cuts: int, repeats: int) -> dict[str, Any]:
     """Time and peak memory of one way in this process: growth of the resident size over what stood before."""
-    run = WAYS[way](kind, cuts)
+    run = VARIANTS[choice](kind, cuts)
     before = resident_bytes()
     matrices = run()
     peak = peak_bytes() - before
     result = {
-        "unknowns": int(matrices[0].shape[0]),
+        "dofs": int(matrices[0].shape[0]),
         "peak_bytes": peak,
         "matrix_bytes": sum(map(_stored, matrices)),
         "stiffness_norm": float(np.linalg.norm(matrices[0].data)),
@@ -104,35 +104,38 @@ def measure(cuts: int = CUTS, repeats: int = 5) -> dict[str, Any]:
 
     The faster way repeats `repeats` times, scikit-fem's minute-long one twice; each runs in a process of its own.
     """
-    found: dict[str, Any] = {}
+    measured: dict[str, Any] = {}
     for kind in DEGREE:
-        runs = {way: in_a_process(MODULE, kind, way, str(cuts), str(repeats if way == "ours" else 2)) for way in WAYS}
+        runs = {
+            choice: in_a_process(MODULE, kind, choice, str(cuts), str(repeats if choice == "ours" else 2))
+            for choice in VARIANTS
+        }
         mine, other = runs["ours"], runs["scikit-fem"]
         if abs(mine["stiffness_norm"] / other["stiffness_norm"] - 1.0) > SAME:
             raise RuntimeError(f"{kind}: the two ways assembled different matrices")
-        found[kind] = {
+        measured[kind] = {
             "runs": runs,
             "ratio": other["seconds"] / mine["seconds"],
             "peak_over_matrices": mine["peak_bytes"] / mine["matrix_bytes"],
         }
-    return found
+    return measured
 
 
 def main() -> None:
     """Print the table."""
     print("K and M; time: shortest of several; peak: growth of the resident size over interpreter and mesh")
     print(f"{'mesh':6} {'unknowns':>8} {'way':11} {'time s':>8} {'peak MB':>8} {'peak/matrices':>13}")
-    for kind, found in measure().items():
-        for way, run in found["runs"].items():
+    for kind, measured in measure().items():
+        for choice, run in measured["runs"].items():
             share = run["peak_bytes"] / run["matrix_bytes"]
             print(
-                f"{kind:6} {run['unknowns']:8d} {way:11} {run['seconds']:8.2f} {run['peak_bytes'] / 1e6:8.0f} "
+                f"{kind:6} {run['unknowns']:8d} {choice:11} {run['seconds']:8.2f} {run['peak_bytes'] / 1e6:8.0f} "
                 f"{share:13.2f}"
             )
-        kept = found["ratio"] >= LEAST_RATIO[kind] and found["peak_over_matrices"] < MOST_PEAK
+        kept = measured["ratio"] >= MIN_RATIO[kind] and measured["peak_over_matrices"] < MAX_PEAK
         print(
-            f"{kind}: {found['ratio']:.0f} times as fast (asked: {LEAST_RATIO[kind]:.0f}), peak "
-            f"{found['peak_over_matrices']:.2f} times the matrices (asked: below {MOST_PEAK}): "
+            f"{kind}: {measured['ratio']:.0f} times as fast (asked: {MIN_RATIO[kind]:.0f}), peak "
+            f"{measured['peak_over_matrices']:.2f} times the matrices (asked: below {MAX_PEAK}): "
             f"{'holds' if kept else 'FALLS SHORT'}"
         )
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from pipeline.planning.mesh_rules import Rung, rungs
+from pipeline.planning.mesh_rules import MeshLevel, mesh_levels
 
 MODULE = "studies.benchmarks.auto"
 CASE = """name = "scene"
@@ -45,8 +45,14 @@ points = 25
 count = 10
 """
 # fixed meshes beside those of the planner's own ladder, and what the errors are measured against
-OTHERS = (Rung(2, 1, 0.15), Rung(2, 2, 0.15), Rung(3, 1, 0.2), Rung(3, 2, 0.15), Rung(4, 1, 0.2))
-FINEST = {"zone": Rung(4, 2, 0.15, 0.444), "pillar": Rung(4, 3, 0.15), "cell": Rung(4, 2, 0.15, 0.45)}
+OTHERS = (
+    MeshLevel(2, 1, 0.15),
+    MeshLevel(2, 2, 0.15),
+    MeshLevel(3, 1, 0.2),
+    MeshLevel(3, 2, 0.15),
+    MeshLevel(4, 1, 0.2),
+)
+FINEST = {"zone": MeshLevel(4, 2, 0.15, 0.444), "pillar": MeshLevel(4, 3, 0.15), "cell": MeshLevel(4, 2, 0.15, 0.45)}
 ROUNDS = 3
 FIXED = "--fixed"  # before a mesh: what a process of its own is started with
 ALLOWED = 1.5
@@ -83,19 +89,19 @@ SCENES = (
 )
 
 
-def run(scene: Scene, mesh: Rung | None, patience_s: float | None = None) -> tuple[float, list[float]]:
+def run(scene: Scene, mesh: MeshLevel | None, patience_s: float | None = None) -> tuple[float, list[float]]:
     """Seconds of the whole command, and its frequencies in Hz; infinity and none where it took longer than the patience."""
     with tempfile.TemporaryDirectory() as folder:
-        told = Path(folder) / "told.json"
+        entry = Path(folder) / "told.json"
         settings = [f"solve.accuracy={scene.accuracy}", *scene.overrides]
         case = Path(folder) / "scene.toml"
         case.write_text(CASE)
         words = [scene.command[0], str(case), *scene.command[1:], *(w for each in settings for w in ("--set", each))]
         start = perf_counter()
         try:
-            told_mesh = (FIXED, json.dumps(mesh and astuple(mesh)))
+            mesh_in = (FIXED, json.dumps(mesh and astuple(mesh)))
             done = subprocess.run(
-                [sys.executable, "-m", MODULE, *told_mesh, *words, "--quiet", "--json", str(told)],
+                [sys.executable, "-m", MODULE, *mesh_in, *words, "--quiet", "--json", str(entry)],
                 env={**os.environ, "ANTINODE_RESULTS": folder}, capture_output=True, text=True, timeout=patience_s,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
@@ -105,7 +111,7 @@ def run(scene: Scene, mesh: Rung | None, patience_s: float | None = None) -> tup
             raise RuntimeError(f"{scene.name}: {done.stderr.strip().splitlines()[-1]}")
         if done.returncode:  # a mesh that the solver refuses serves nobody
             return inf, []
-        return seconds, frequencies(json.loads(told.read_text()))
+        return seconds, frequencies(json.loads(entry.read_text()))
 
 
 def frequencies(document: dict[str, Any]) -> list[float]:
@@ -116,14 +122,14 @@ def frequencies(document: dict[str, Any]) -> list[float]:
     return [hz for label in sorted(corners) for hz in corners[label] if hz > 1.0]
 
 
-def error(found: list[float], reference: list[float], band: bool) -> float:
+def error(measured: list[float], reference: list[float], band: bool) -> float:
     """The largest relative difference of the frequencies that both have; of a band lined up as closely as they can be.
 
     A mode near an end of the band may lie within it for one mesh and beyond it for another.
     """
     ends = ENDS if band else 0
-    pairs = [(found[step:], reference) for step in range(ends + 1)]
-    pairs += [(found, reference[step:]) for step in range(1, ends + 1)]
+    pairs = [(measured[step:], reference) for step in range(ends + 1)]
+    pairs += [(measured, reference[step:]) for step in range(1, ends + 1)]
     aligned = [(ours, theirs) for ours, theirs in pairs if ours and theirs and abs(len(ours) - len(theirs)) <= ends]
     return min((max(abs(a / b - 1.0) for a, b in zip(*pair, strict=False)) for pair in aligned), default=inf)
 
@@ -134,12 +140,12 @@ def part_of(scene: Scene) -> str:
     return words[words.index("--part") + 1] if "--part" in words else "cell"
 
 
-def compare(scene: Scene, reference: list[float]) -> tuple[float, float, Rung, float]:
+def compare(scene: Scene, reference: list[float]) -> tuple[float, float, MeshLevel, float]:
     """Auto's seconds and error, the best fixed mesh and its seconds. ValueError where none serves."""
     band = "--band" in scene.command
     auto_s, auto_hz = run(scene, None)
-    serving: dict[Rung, float] = {}
-    for mesh in dict.fromkeys((*OTHERS, *rungs(part_of(scene)))):
+    serving: dict[MeshLevel, float] = {}
+    for mesh in dict.fromkeys((*OTHERS, *mesh_levels(part_of(scene)))):
         quickest = min(serving.values(), default=2.0 * auto_s)
         seconds, hz = run(scene, mesh, QUICK * quickest)
         if error(hz, reference, band) <= scene.accuracy:
@@ -182,8 +188,8 @@ def _fixed(mesh: list[Any] | None, words: list[str]) -> int:
     from pipeline.planning import mesh_rules
 
     if mesh:
-        fixed = Rung(*mesh)
-        mesh_rules.rung = lambda part, accuracy: fixed
+        fixed = MeshLevel(*mesh)
+        mesh_rules.mesh_level = lambda part, accuracy: fixed
         mesh_rules.reaching = lambda part, design, accuracy, high_hz: (fixed, mesh_rules.good_to_hz(part, design))
     return command(words)
 

@@ -40,13 +40,13 @@ def seconds(arguments: tuple[str, ...]) -> float:
 def slowest(arguments: tuple[str, ...]) -> list[tuple[str, float]]:
     """The packages whose import took longest, with what they import themselves, ms (the interpreter's own accounting)."""
     command = [sys.executable, "-X", "importtime", "-m", "pipeline.cli.main", *arguments]
-    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stderr
-    found: dict[str, float] = {}
-    for match in LINE.finditer(told):
+    entry = subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stderr
+    measured: dict[str, float] = {}
+    for match in LINE.finditer(entry):
         name = match.group(4)
         if "." not in name:
-            found[name] = float(match.group(2)) / 1e3
-    return sorted(found.items(), key=lambda pair: -pair[1])[:SHOWN]
+            measured[name] = float(match.group(2)) / 1e3
+    return sorted(measured.items(), key=lambda pair: -pair[1])[:SHOWN]
 
 
 def main() -> None:

@@ -29,7 +29,7 @@ MODULE = "studies.benchmarks.factorisations"
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
 SHIFT_HZ = 32e3
-LONG = 30_000  # unknowns above which a run is repeated less
+LONG = 30_000  # degrees of freedom above which a run is repeated less
 
 
 def _shifted(model: SolidModel, parity: str | None) -> sp.csc_array:
@@ -38,7 +38,7 @@ def _shifted(model: SolidModel, parity: str | None) -> sp.csc_array:
 
 
 def plate(length_m: float, rows: int, order: int, size_m: float) -> sp.csc_array:
-    """One mirror class of a plate 20 mm wide with rows of pillars on both sides."""
+    """One symmetry class of a plate 20 mm wide with rows of pillars on both sides."""
     design = Design(length_m, 20e-3, 2e-3, 8, ALUMINIUM, PILLAR, 4e-3, 4e-3, rows, 0.0)
     settings = HexSettings(order, size_m, 0, pillar_size_m=1.6 * size_m)
     mesh = hex_mesh(plate_boxes(design, settings), order)
@@ -71,9 +71,9 @@ def one(path: Path, backend: str) -> dict[str, Any]:
     solves = timed(lambda: [factor.solve(right) for _ in range(10)], repeats)
     many = timed(lambda: factor.solve(np.tile(right[:, None], 10)), repeats)
     solution = factor.solve(right)
-    told = {"foreseen_bytes": factor.foreseen_bytes, "held_bytes": factor.memory_bytes}
+    entry = {"foreseen_bytes": factor.foreseen_bytes, "held_bytes": factor.memory_bytes}
     factor.free()
-    return told | {
+    return entry | {
         "first_s": timed(lambda: Factoriser(backend)(matrix).free(), repeats),
         "next_s": timed(lambda: factoriser(matrix).free(), repeats),
         "ten_solves_s": solves,
@@ -85,8 +85,10 @@ def one(path: Path, backend: str) -> dict[str, Any]:
 
 
 def measure(problems: tuple[str, ...] = tuple(PROBLEMS)) -> dict[str, Any]:
-    """For each problem: unknowns, stored entries, and what `one` returns for every backend, or the reason it failed."""
-    found: dict[str, Any] = {}
+    """For each problem: degrees of freedom, stored entries, and what `one` returns for every backend, or the reason
+    it failed.
+    """
+    measured: dict[str, Any] = {}
     for name in problems:
         matrix = PROBLEMS[name]()
         runs: dict[str, Any] = {}
@@ -98,8 +100,8 @@ def measure(problems: tuple[str, ...] = tuple(PROBLEMS)) -> dict[str, Any]:
                     runs[backend] = in_a_process(MODULE, str(path), backend)
                 except RuntimeError as fault:
                     runs[backend] = {"failed": str(fault)}
-        found[name] = {"unknowns": matrix.shape[0], "entries": matrix.nnz, "runs": runs}
-    return found
+        measured[name] = {"dofs": matrix.shape[0], "entries": matrix.nnz, "runs": runs}
+    return measured
 
 
 def main() -> None:
@@ -112,9 +114,9 @@ def main() -> None:
         f"{'foreseen':>8} {'peak':>7} {'held':>7} {'negative':>8}"
     )
     for name in PROBLEMS:
-        found = measure((name,))[name]
-        for backend, run in found["runs"].items():
-            head = f"{name:11} {found['unknowns']:8d} {backend:8}"
+        measured = measure((name,))[name]
+        for backend, run in measured["runs"].items():
+            head = f"{name:11} {measured['unknowns']:8d} {backend:8}"
             if "failed" in run:
                 print(f"{head} {run['failed']}")
                 continue

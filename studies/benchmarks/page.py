@@ -52,10 +52,12 @@ def main(study: str) -> int:
         return 0
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=chromium, args=list(ARGUMENTS))
-        found = [measure(page_file, browser) for _ in range(REPEATS)]
+        measured = [measure(page_file, browser) for _ in range(REPEATS)]
         browser.close()
-    print(f"{study}: {page_file.stat().st_size / 1e6:.1f} MB, loaded in {statistics.median(t for t, _ in found):.2f} s")
-    shapes = [shape for _, shape in found if shape is not None]
+    print(
+        f"{study}: {page_file.stat().st_size / 1e6:.1f} MB, loaded in {statistics.median(t for t, _ in measured):.2f} s"
+    )
+    shapes = [shape for _, shape in measured if shape is not None]
     if shapes:
         print(f"first mode shape after {statistics.median(shapes):.2f} s")
     return 0

@@ -1,4 +1,4 @@
-"""The thesis' hand-tuned design against what a search finds at equal rows, by the joined plate and by the whole solid mesh.
+"""The thesis' hand-tuned design against what a search finds at equal rows, by the assembled plate and by the whole solid mesh.
 
 `python -m studies.benchmarks.search` searches pillar height and pitch of the plate with three rows and prints both designs
 by both models. Evaluations are kept: a second run goes on where the first one stopped.

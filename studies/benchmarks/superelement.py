@@ -19,13 +19,13 @@ from pipeline.planning import mesh_rules
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import Modes, modes_in_band
 from solvers.fem.solid import CLASSES, SolidModel
-from solvers.superelement.build import PlateModel, Recipe, Reductions, lattice_piece
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings, lattice_panel
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
 from solvers.waves.bloch import BlochCell
 from solvers.waves.brillouin import path_through
 from studies import ladder
-from studies.benchmarks import likeness
+from studies.benchmarks import modal_overlap
 
 ACCURACY = 0.003
 PLATE_ACCURACY = 0.01  # finer cells make a solid plate that no 8 GB hold
@@ -33,7 +33,7 @@ TONES_HZ = np.linspace(30.5e3, 33.5e3, 601)  # inside the band, where modes left
 BAND_HZ = (30e3, 34e3)
 
 
-class Shelf:
+class Cache:
     """Cells kept in memory between the plates of one process."""
 
     def __init__(self) -> None:
@@ -48,20 +48,20 @@ class Shelf:
         self.kept[key] = cell
 
 
-def reductions(design: Design, recipe: Any, shelf: Shelf | None = None) -> Reductions:
+def reductions(design: Design, reduction: Any, cache: Cache | None = None) -> Reductions:
     """Reductions that never look at the disk."""
-    return Reductions(design.thickness_m, design.material, design.pillar, recipe, shelf)
+    return Reductions(design.thickness_m, design.material, design.pillar, reduction, cache)
 
 
 def bands() -> dict[str, Any]:
     """25 intervals a segment, 10 bands: reduction and wavevectors, against sparse Bloch solves of the same mesh."""
     design = ladder.design()
     start = time.perf_counter()
-    lattice = Lattice(reductions(design, mesh_rules.lattice_recipe(design, ACCURACY)).cell(lattice_piece(design)))
+    lattice = Lattice(reductions(design, mesh_rules.lattice_reduction(design, ACCURACY)).cell(lattice_panel(design)))
     reduced = time.perf_counter() - start
     path = path_through("GXMG", 25, design.pitch_x_m, design.pitch_y_m)
     start = time.perf_counter()
-    found = np.array([lattice.frequencies(k, 10) for k in path.wavevectors])
+    measured = np.array([lattice.frequencies(k, 10) for k in path.wavevectors])
     swept = time.perf_counter() - start
     settings = mesh_rules.cell_settings(design, ACCURACY)
     start = time.perf_counter()
@@ -82,7 +82,7 @@ def bands() -> dict[str, Any]:
         "full_per_wavevector_s": each,
         "full_total_s": whole,
         "ratio": whole / (reduced + swept),
-        "largest_difference": float(np.abs(found[sampled][some] / exact[some] - 1.0).max()),
+        "largest_difference": float(np.abs(measured[sampled][some] / exact[some] - 1.0).max()),
     }
 
 
@@ -97,10 +97,10 @@ def degrees() -> list[tuple[Any, ...]]:
     for q in (1, 2, 3, 4, 6):
         for r in (1, 2, 3):
             for top_hz in (250e3, 500e3, 1000e3):
-                recipe = Recipe(Interface(q, r), top_hz, coarse)
-                lattice = Lattice(reductions(design, recipe).cell(lattice_piece(design)))
-                found = np.array([lattice.frequencies(k, 10) for k in ladder.points().values()])
-                error = np.where(some, found / np.where(some, exact, 1.0) - 1.0, 0.0)
+                reduction = ReductionSettings(Interface(q, r), top_hz, coarse)
+                lattice = Lattice(reductions(design, reduction).cell(lattice_panel(design)))
+                measured = np.array([lattice.frequencies(k, 10) for k in ladder.points().values()])
+                error = np.where(some, measured / np.where(some, exact, 1.0) - 1.0, 0.0)
                 rows.append(
                     (q, r, len(lattice.cell.fixed_hz), lattice.dof, np.abs(error[:, :6]).max(), np.abs(error).max())
                 )
@@ -109,42 +109,42 @@ def degrees() -> list[tuple[Any, ...]]:
 
 def plates(with_solid: bool = True) -> dict[str, Any]:
     """One row and 5 mm joined against the solid of the same cell mesh; three rows and 25 mm; what a change costs."""
-    design, told = ladder.plate_design(), {}
-    recipe = mesh_rules.plate_recipe(design, PLATE_ACCURACY, BAND_HZ[1])
-    shelf = Shelf()
+    design, entry = ladder.plate_design(), {}
+    reduction = mesh_rules.plate_reduction(design, PLATE_ACCURACY, BAND_HZ[1])
+    cache = Cache()
     peak_memory.restart()
     before, start = peak_memory.resident_bytes(), time.perf_counter()
-    joined = PlateModel(design, reductions(design, recipe, shelf))
-    found = _all_classes(joined)
-    told["one row + 5 mm (s)"] = time.perf_counter() - start
-    told["one row + 5 mm (MB)"] = (peak_memory.peak_bytes() - before) / 1e6
-    told["one row + 5 mm, modes"] = sum(len(modes.frequency_hz) for modes in found.values())
+    joined = PlateModel(design, reductions(design, reduction, cache))
+    measured = _all_classes(joined)
+    entry["one row + 5 mm (s)"] = time.perf_counter() - start
+    entry["one row + 5 mm (MB)"] = (peak_memory.peak_bytes() - before) / 1e6
+    entry["one row + 5 mm, modes"] = sum(len(modes.frequency_hz) for modes in measured.values())
     three = ladder.design()
     peak_memory.restart()
     before, start = peak_memory.resident_bytes(), time.perf_counter()
     modes = _all_classes(
-        PlateModel(three, reductions(three, mesh_rules.plate_recipe(three, PLATE_ACCURACY, BAND_HZ[1])))
+        PlateModel(three, reductions(three, mesh_rules.plate_reduction(three, PLATE_ACCURACY, BAND_HZ[1])))
     )
-    told["three rows + 25 mm, cold (s)"] = time.perf_counter() - start
-    told["three rows + 25 mm (MB)"] = (peak_memory.peak_bytes() - before) / 1e6
-    told["three rows + 25 mm, modes"] = sum(len(each.frequency_hz) for each in modes.values())
+    entry["three rows + 25 mm, cold (s)"] = time.perf_counter() - start
+    entry["three rows + 25 mm (MB)"] = (peak_memory.peak_bytes() - before) / 1e6
+    entry["three rows + 25 mm, modes"] = sum(len(each.frequency_hz) for each in modes.values())
     for name, changed in (
         ("one row more", replace(design, rows=2)),
         ("extension 25 mm", replace(design, extension_m=25e-3)),
         ("width 24 mm", replace(design, width_m=24e-3)),
         ("pitch 5 mm", replace(design, pitch_x_m=5e-3, pitch_y_m=5e-3)),
     ):
-        counted = reductions(changed, recipe, shelf)
+        counted = reductions(changed, reduction, cache)
         PlateModel(changed, counted)
-        told[f"new reductions: {name}"] = counted.fresh
-    return told | (_solid(design, joined, found, told["one row + 5 mm (s)"]) if with_solid else {})
+        entry[f"new reductions: {name}"] = counted.fresh
+    return entry | (_solid(design, joined, measured, entry["one row + 5 mm (s)"]) if with_solid else {})
 
 
 def _all_classes(model: PartModel) -> dict[str, Modes]:
     return {parity: modes_in_band(model.pencil(parity), *BAND_HZ) for parity in CLASSES}
 
 
-def _solid(design: Design, model: PlateModel, joined: dict[str, Modes], joined_s: float) -> dict[str, Any]:
+def _solid(design: Design, model: PlateModel, joined: dict[str, Modes], assembled_s: float) -> dict[str, Any]:
     settings = mesh_rules.cell_settings(design, PLATE_ACCURACY)
     peak_memory.restart()
     before, start = peak_memory.resident_bytes(), time.perf_counter()
@@ -152,30 +152,30 @@ def _solid(design: Design, model: PlateModel, joined: dict[str, Modes], joined_s
     full = SolidModel(mesh, ladder.materials(), (), True)
     solid = _all_classes(full)
     spent = time.perf_counter() - start
-    told: dict[str, Any] = {
+    entry: dict[str, Any] = {
         "solid dof": 3 * len(mesh.nodes),
         "solid (s)": spent,
         "solid (MB)": (peak_memory.peak_bytes() - before) / 1e6,
-        "ratio": spent / joined_s,
+        "ratio": spent / assembled_s,
     }
     half = (design.length_m / 2.0, design.half_span_m)
     cell = next(iter(model.cells.values()))
     units = (_unit_kg(cell.scale), 4.0 * _unit_kg(full.system.scale))  # a solid's vectors belong to its quarter
     for parity in CLASSES:
         ours, theirs = joined[parity], solid[parity]
-        told[f"counts {parity} (joined, solid)"] = (len(ours.frequency_hz), len(theirs.frequency_hz))
+        entry[f"counts {parity} (joined, solid)"] = (len(ours.frequency_hz), len(theirs.frequency_hz))
         if len(ours.frequency_hz) != len(theirs.frequency_hz):
             continue
-        told[f"largest difference {parity}"] = float(np.abs(ours.frequency_hz / theirs.frequency_hz - 1.0).max())
+        entry[f"largest difference {parity}"] = float(np.abs(ours.frequency_hz / theirs.frequency_hz - 1.0).max())
         pair = [
-            likeness.fields(modes.frequency_hz, each.touch(parity, modes.vectors), parity, half, mass_kg)
+            modal_overlap.fields(modes.frequency_hz, each.touch(parity, modes.vectors), parity, half, mass_kg)
             for each, modes, mass_kg in ((model, ours, units[0]), (full, theirs, units[1]))
         ]
-        for first_hz, count, angle in likeness.cluster_angles(*pair):
-            told[f"angle {parity}, {count} from {first_hz:.0f} Hz (degrees)"] = angle
+        for first_hz, count, angle in modal_overlap.cluster_angles(*pair):
+            entry[f"angle {parity}, {count} from {first_hz:.0f} Hz (degrees)"] = angle
         if parity == "++":
-            told |= _receptances(*pair)
-    return told
+            entry |= _receptances(*pair)
+    return entry
 
 
 def _unit_kg(scale: Scale) -> float:
@@ -183,10 +183,10 @@ def _unit_kg(scale: Scale) -> float:
     return scale.density_kg_m3 * scale.length_m**3
 
 
-def _receptances(ours: likeness.Fields, theirs: likeness.Fields) -> dict[str, Any]:
+def _receptances(ours: modal_overlap.Fields, theirs: modal_overlap.Fields) -> dict[str, Any]:
     """The peaks of both curves, and how far apart they are with the solid's frequencies put under both."""
-    curves = [likeness.receptance(ours, TONES_HZ), likeness.receptance(theirs, TONES_HZ)]
-    aligned = likeness.receptance(likeness.Fields(theirs.frequency_hz, ours.coefficients), TONES_HZ)
+    curves = [modal_overlap.receptance(ours, TONES_HZ), modal_overlap.receptance(theirs, TONES_HZ)]
+    aligned = modal_overlap.receptance(modal_overlap.Fields(theirs.frequency_hz, ours.coefficients), TONES_HZ)
     tops = [(float(TONES_HZ[int(curve.argmax())]), float(curve.max() / curves[1].max())) for curve in curves]
     return {
         "receptance at the middle: highest peak, joined (Hz, share of the solid's)": tops[0],
@@ -204,7 +204,7 @@ def measure() -> dict[str, Any]:
 
 def main() -> None:
     """Print it."""
-    print("q  r  modes  unknowns  error of bands 1-6  of bands 1-10")
+    print("q  r  modes  degrees of freedom  error of bands 1-6  of bands 1-10")
     for row in degrees():
         print("{:d}  {:d}  {:5d}  {:8d}  {:18.1e}  {:13.1e}".format(*row), flush=True)
     for name, table in (("bands", bands), ("plates", plates)):

@@ -37,9 +37,9 @@ def loaded_by(*arguments: str, code: int = 0, results: Path | None = None) -> se
     environment = os.environ | ({"ANTINODE_RESULTS": str(results)} if results else {})
     command = [sys.executable, "-c", RUN, json.dumps(arguments)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=environment)
-    told = json.loads(done.stderr.splitlines()[-1])
-    assert told["code"] == code, done.stderr
-    return set(told["loaded"])
+    text = json.loads(done.stderr.splitlines()[-1])
+    assert text["code"] == code, done.stderr
+    return set(text["loaded"])
 
 
 def packages(modules: set[str]) -> set[str]:
@@ -48,14 +48,14 @@ def packages(modules: set[str]) -> set[str]:
 
 @pytest.mark.parametrize("arguments", [("--help",), ("modes", "--help"), ("search", "--help"), ("run", "--help")])
 def test_help_loads_the_standard_library_alone(arguments: tuple[str, ...]) -> None:
-    found = packages(loaded_by(*arguments))
-    assert not found & (ALWAYS_LATE | NUMBERS | OURS | {"pydantic", "rich", "jinja2", "psutil"})
+    result = packages(loaded_by(*arguments))
+    assert not result & (ALWAYS_LATE | NUMBERS | OURS | {"pydantic", "rich", "jinja2", "psutil"})
 
 
 def test_predesign_loads_numpy_and_no_scipy() -> None:
-    found = packages(loaded_by("predesign", CASE, "--json", "-"))
-    assert "numpy" in found
-    assert not found & (ALWAYS_LATE | {"scipy", "rich", "jinja2", "psutil"})
+    result = packages(loaded_by("predesign", CASE, "--json", "-"))
+    assert "numpy" in result
+    assert not result & (ALWAYS_LATE | {"scipy", "rich", "jinja2", "psutil"})
 
 
 def test_a_tapered_pillar_asks_for_what_it_needs() -> None:
@@ -70,8 +70,8 @@ def test_faults_of_the_input_are_told_before_anything_heavy_is_loaded() -> None:
         ("search", CASE, "--vary", "pillar.height_mm=8:5"),
         ("run", "nothing"),
     ):
-        found = packages(loaded_by(*arguments, code=2))
-        assert not found & (ALWAYS_LATE | {"scipy"}), arguments
+        result = packages(loaded_by(*arguments, code=2))
+        assert not result & (ALWAYS_LATE | {"scipy"}), arguments
 
 
 @pytest.mark.parametrize(
@@ -93,9 +93,9 @@ def test_doctor_asks_for_versions_without_importing() -> None:
 
 def test_a_solve_of_boxes_loads_no_cad_mesher_or_renderer(tmp_path: Path) -> None:
     coarse = ("--set", "solve.accuracy=0.1", "--count", "1", "--quiet", "--json", str(tmp_path / "m.json"))
-    found = loaded_by("modes", CASE, "--part", "pillar", *coarse)
-    assert "scipy" in packages(found) and not packages(found) & ALWAYS_LATE
-    assert not {name for name in found if name.startswith(LATE_HERE)}
+    result = loaded_by("modes", CASE, "--part", "pillar", *coarse)
+    assert "scipy" in packages(result) and not packages(result) & ALWAYS_LATE
+    assert not {name for name in result if name.startswith(LATE_HERE)}
 
 
 @pytest.mark.slow
@@ -109,5 +109,5 @@ def test_a_report_whose_pictures_stand_draws_nothing(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    found = packages(loaded_by("report", "rows", results=tmp_path))
-    assert not found & (CAD | MESHERS | {"vtk", "vtkmodules", "pyvista"})
+    result = packages(loaded_by("report", "rows", results=tmp_path))
+    assert not result & (CAD | MESHERS | {"vtk", "vtkmodules", "pyvista"})

@@ -36,9 +36,9 @@ def loaded_by(*arguments: str) -> set[str]:
     command = [sys.executable, "-c", RUN, json.dumps(arguments)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stderr.splitlines()[-1])
-    assert told["code"] == 0, done.stderr
-    return set(told["loaded"])
+    text = json.loads(done.stderr.splitlines()[-1])
+    assert text["code"] == 0, done.stderr
+    return set(text["loaded"])
 
 
 def test_imports_go_one_way() -> None:

@@ -51,8 +51,8 @@ def circle(graph: dict[str, set[str]]) -> list[str]:
     """One circle of modules, the first named again at the end; empty where there is none."""
     try:
         TopologicalSorter(graph).prepare()
-    except CycleError as found:
-        return list(found.args[1])
+    except CycleError as result:
+        return list(result.args[1])
     return []
 
 

@@ -30,12 +30,12 @@ def docstrings(path: Path) -> Iterator[str]:
 
 def cited() -> dict[str, set[str]]:
     """Key -> files whose docstrings name it."""
-    found: dict[str, set[str]] = {}
+    result: dict[str, set[str]] = {}
     for folder in FOLDERS:
         for path in (ROOT / folder).rglob("*.py"):
             for key in set().union(*map(keys_in, docstrings(path))):
-                found.setdefault(key, set()).add(path.relative_to(ROOT).as_posix())
-    return found
+                result.setdefault(key, set()).add(path.relative_to(ROOT).as_posix())
+    return result
 
 
 def entries() -> list[str]:
@@ -43,9 +43,9 @@ def entries() -> list[str]:
 
 
 def test_every_cited_key_is_listed() -> None:
-    found = cited()
-    assert {"craig1968", "ieee176"} <= found.keys()  # the search itself works
-    missing = {key: sorted(files) for key, files in found.items() if key not in entries()}
+    result = cited()
+    assert {"craig1968", "ieee176"} <= result.keys()  # the search itself works
+    missing = {key: sorted(files) for key, files in result.items() if key not in entries()}
     assert not missing, f"not in docs/references.bib: {missing}"
 
 

@@ -17,7 +17,7 @@ from pipeline.report import page
 from tests.helpers import synthetic
 
 CHROMIUM = next(
-    (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), ""
+    (result for name in ("chromium", "chromium-browser", "google-chrome") if (result := shutil.which(name))), ""
 )
 SOFTWARE_GL = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 NO_GL = ("--no-sandbox", "--disable-3d-apis")
@@ -29,7 +29,7 @@ class Visit:
 
     page: Any
     faults: list[str] = field(default_factory=list)
-    asked: list[str] = field(default_factory=list)
+    query: list[str] = field(default_factory=list)
 
 
 @pytest.fixture(scope="session")
@@ -78,7 +78,7 @@ def visits(browser: Any) -> Iterator[Callable[..., Visit]]:
         seen = Visit(page)
         page.on("console", lambda said: seen.faults.append(said.text) if said.type == "error" else None)
         page.on("pageerror", lambda fault: seen.faults.append(str(fault)))
-        page.on("request", lambda request: seen.asked.append(request.url[:80]))
+        page.on("request", lambda request: seen.query.append(request.url[:80]))
         page.goto(path.as_uri())
         return seen
 
@@ -95,7 +95,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     tables.write_table(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rendering, "_broken", ["not looked at here"])
-        return page.build(folder, most_drawn=1)
+        return page.build(folder, max_figures=1)
 
 
 def put_waves(case: Path) -> None:

@@ -59,7 +59,7 @@ def test_it_loads_without_a_fault_and_asks_for_nothing_else(visit: Visits, study
     seen.page.evaluate("scrollTo(0, document.body.scrollHeight)")
     seen.page.wait_for_timeout(300)
     assert seen.faults == []
-    assert [url for url in seen.asked if not url.startswith("data:")] == [study.as_uri()[:80]]
+    assert [url for url in seen.query if not url.startswith("data:")] == [study.as_uri()[:80]]
     broken = "[...document.images].filter((i) => i.complete && !i.naturalWidth).length"
     assert seen.page.evaluate(broken) == 0
 
@@ -115,13 +115,13 @@ def test_a_mode_moves_and_stops_by_keyboard(visit: Visits, study: Path) -> None:
     page.keyboard.press("Space")
     assert page.locator('[data-viewer="plate"]').get_attribute("data-state") == "paused"
     drawn(page)
-    still, shown = frames(canvas), canvas.screenshot()
+    still, visible = frames(canvas), canvas.screenshot()
     page.wait_for_timeout(250)
-    assert frames(canvas) == still and canvas.screenshot() == shown
+    assert frames(canvas) == still and canvas.screenshot() == visible
     page.keyboard.press("ArrowLeft")
     drawn(page)
     turned = canvas.screenshot()
-    assert turned != shown
+    assert turned != visible
     page.keyboard.press("+")
     drawn(page)
     assert canvas.screenshot() != turned
@@ -130,11 +130,11 @@ def test_a_mode_moves_and_stops_by_keyboard(visit: Visits, study: Path) -> None:
 def test_another_shape_is_another_picture_with_other_words(visit: Visits, study: Path) -> None:
     page = visit(study, reduced_motion="reduce").page
     canvas = moving(page)
-    words, shown = canvas.get_attribute("aria-label"), canvas.screenshot()
+    words, visible = canvas.get_attribute("aria-label"), canvas.screenshot()
     assert page.locator('[data-viewer="plate"] option').count() > 1
     page.locator('[data-viewer="plate"] select').select_option(index=1)
     drawn(page)
-    assert canvas.get_attribute("aria-label") != words and canvas.screenshot() != shown
+    assert canvas.get_attribute("aria-label") != words and canvas.screenshot() != visible
 
 
 def test_who_wants_less_motion_gets_none_until_asked_for(visit: Visits, study: Path) -> None:

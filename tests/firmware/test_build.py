@@ -89,22 +89,22 @@ def test_the_map_tells_where_everything_lies(image: builder.Image) -> None:
 
 def test_the_register_description_has_the_manuals_addresses(image: builder.Image) -> None:
     """RM0390: of each peripheral a register, by base and offset."""
-    found = {}
+    result = {}
     for peripheral in ElementTree.parse(image.svd).getroot().iter("peripheral"):
         base = int(peripheral.findtext("baseAddress"), 16)
         for one in peripheral.iter("register"):
-            found[f"{peripheral.findtext('name')}.{one.findtext('name')}"] = (
+            result[f"{peripheral.findtext('name')}.{one.findtext('name')}"] = (
                 base + int(one.findtext("addressOffset"), 16),
                 one.findtext("size"),
             )
-    assert found["RCC.AHB1ENR"] == (0x40023830, "32")
-    assert found["TIM1.BDTR"] == (0x40010044, "32")
-    assert found["GPIOB.IDR"] == (0x40020410, "32")
-    assert found["DMA2.stream0_CR"] == (0x40026410, "32")
-    assert found["DMA1.stream6_M0AR"] == (0x400260AC, "32")
-    assert found["ADC1.DR"] == (0x4001204C, "32")
-    assert found["SCB.SHPR10"] == (0xE000ED22, "8") and found["SCB.CPACR"] == (0xE000ED88, "32")
-    assert not [name for name in found if "unused" in name]
+    assert result["RCC.AHB1ENR"] == (0x40023830, "32")
+    assert result["TIM1.BDTR"] == (0x40010044, "32")
+    assert result["GPIOB.IDR"] == (0x40020410, "32")
+    assert result["DMA2.stream0_CR"] == (0x40026410, "32")
+    assert result["DMA1.stream6_M0AR"] == (0x400260AC, "32")
+    assert result["ADC1.DR"] == (0x4001204C, "32")
+    assert result["SCB.SHPR10"] == (0xE000ED22, "8") and result["SCB.CPACR"] == (0xE000ED88, "32")
+    assert not [name for name in result if "unused" in name]
 
 
 def test_a_register_of_an_unknown_type_is_refused() -> None:

@@ -269,8 +269,8 @@ def test_no_board_or_several_are_told(
 def test_the_only_board_is_found(monkeypatch: pytest.MonkeyPatch, capsys, before: list[str]) -> None:
     pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
     with pseudo_terminal(FakePort()) as name:
-        found = [port_of("/dev/ttyS0", None), port_of(name, 0x0483)]
-        monkeypatch.setattr("serial.tools.list_ports.comports", lambda: found)
+        result = [port_of("/dev/ttyS0", None), port_of(name, 0x0483)]
+        monkeypatch.setattr("serial.tools.list_ports.comports", lambda: result)
         assert command_line.main([*before, "status"]) == 0
     assert "state idle" in capsys.readouterr().out
 
@@ -319,14 +319,14 @@ class Bench(FakePort):
         self.status = single_status(
             self.state, self.faults, windows, self.wrong.get("cycles", 300), self.wrong.get("offset", 0.004)
         )
-        found = super().reply(request)
+        result = super().reply(request)
         if request.kind == Kind.IDENTITY:
             changed = {"protocol": 0, "build": 1, "count": 3}
-            payload = bytearray(found.payload)
+            payload = bytearray(result.payload)
             for name, at in changed.items():
                 payload[1 + at] = self.wrong.get(name, payload[1 + at])
-            return Message(found.kind, found.sequence, bytes(payload))
-        return found
+            return Message(result.kind, result.sequence, bytes(payload))
+        return result
 
 
 @pytest.fixture

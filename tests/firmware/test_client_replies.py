@@ -79,8 +79,8 @@ def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys):
         fake.Serial = lambda *_, **__: port  # type: ignore[attr-defined]
         monkeypatch.setitem(sys.modules, "serial", fake)
         code = command_line.main(["COM7", action, *VALUES.get(action, [])])
-        told = capsys.readouterr()
-        return code, told.out, told.err
+        text = capsys.readouterr()
+        return code, text.out, text.err
 
     return go
 
@@ -213,8 +213,8 @@ def test_a_real_port_is_spoken_to(action: str, tmp_path: Path, capsys, monkeypat
     monkeypatch.chdir(tmp_path)
     with pseudo_terminal(FakePort()) as name:
         assert command_line.main([name, action, *VALUES.get(action, [])]) == 0
-    told = capsys.readouterr()
-    assert "mode 31250.000 Hz" in told.out and told.err == ""
+    text = capsys.readouterr()
+    assert "mode 31250.000 Hz" in text.out and text.err == ""
 
 
 @pytest.mark.parametrize(

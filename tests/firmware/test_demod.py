@@ -30,8 +30,8 @@ def fit(core, step: int, first: int, samples: np.ndarray) -> tuple[complex, floa
         sine += sample * np.float32(carrier.im)
         offset += sample
     sums.cosine, sums.sine, sums.offset = float(cosine), float(sine), float(offset)
-    found = core.lib.an_demod_fit(demod, sums, int(phases(step, first)[-1]))
-    return complex(found.tone.re, found.tone.im), found.offset
+    result = core.lib.an_demod_fit(demod, sums, int(phases(step, first)[-1]))
+    return complex(result.tone.re, result.tone.im), result.offset
 
 
 def random_case() -> tuple[int, int, complex]:
@@ -44,8 +44,8 @@ def test_unquantised_tone_with_offset_to_a_millionth(core) -> None:
     worst = 0.0
     for _ in range(1000):
         step, first, phasor = random_case()
-        found, offset = fit(core, step, first, tone(step, first, phasor, 0.1))
-        worst = max(worst, abs(found - phasor))
+        result, offset = fit(core, step, first, tone(step, first, phasor, 0.1))
+        worst = max(worst, abs(result - phasor))
         assert abs(offset - 0.1) < 1e-6
     assert worst < 1e-6
 
@@ -68,17 +68,17 @@ def test_noise_is_fitted_as_numpy_does(core) -> None:
         angle = 2.0 * math.pi * phases(step, first) / TURN
         matrix = np.stack([np.cos(angle), -np.sin(angle), np.ones(WINDOW)], axis=1)
         a, b, c = np.linalg.lstsq(matrix, samples, rcond=None)[0]
-        found, offset = fit(core, step, first, samples)
-        assert found == pytest.approx(complex(a, b), abs=2e-6)
+        result, offset = fit(core, step, first, samples)
+        assert result == pytest.approx(complex(a, b), abs=2e-6)
         assert offset == pytest.approx(c, abs=2e-6)
 
 
 def test_the_other_side_of_the_carrier_is_a_conjugate_not_the_same(core) -> None:
     """A reversed q axis would still measure every amplitude rightly, and drive the loop apart."""
     step, first, phasor = random_case()
-    found, _ = fit(core, step, first, tone(step, first, phasor, 0.0))
-    assert abs(found - phasor.conjugate()) > 0.1 or abs(phasor.imag) < 0.05
-    assert found.imag * phasor.imag >= 0.0
+    result, _ = fit(core, step, first, tone(step, first, phasor, 0.0))
+    assert abs(result - phasor.conjugate()) > 0.1 or abs(phasor.imag) < 0.05
+    assert result.imag * phasor.imag >= 0.0
 
 
 @pytest.mark.parametrize("frequency_hz", [0.0, 100.0, 124.9e3])

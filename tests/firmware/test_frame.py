@@ -20,12 +20,12 @@ class Reader:
         core.lib.an_frame_reader_init(self.reader)
 
     def feed(self, data: bytes) -> list[Message]:
-        found = []
+        result = []
         for byte in data:
             if self.core.lib.an_frame_feed(self.reader, byte, self.message):
                 content = bytes(self.message.payload)[: self.message.length]
-                found.append(Message(self.message.kind, self.message.sequence, content))
-        return found
+                result.append(Message(self.message.kind, self.message.sequence, content))
+        return result
 
 
 def written(core, message: Message) -> bytes:
@@ -84,9 +84,9 @@ def test_every_flipped_bit_is_refused(core, message: Message) -> None:
     for bit in range(8 * len(frame)):
         damaged = bytearray(frame)
         damaged[bit // 8] ^= 1 << bit % 8
-        found = Reader(core).feed(bytes(damaged) + follower + follower)
-        assert message not in found
-        assert set(found) <= {Message(Kind.STATUS, 9)} and found
+        result = Reader(core).feed(bytes(damaged) + follower + follower)
+        assert message not in result
+        assert set(result) <= {Message(Kind.STATUS, 9)} and result
 
 
 @pytest.mark.parametrize("message", MESSAGES)

@@ -106,22 +106,22 @@ def closed_loop(core, gain: float, detuning_hz: float, reference: float, steps: 
     gains, pi = planned(core, law_gain or gain, detuning_hz), core.ffi.new("an_pi *")
     core.lib.an_pi_init(pi, gains, core.ffi.new("an_complex *")[0])
     law, plates = DoubleLaw(law_gain or gain, detuning_hz), (Baseband(gain, detuning_hz), Baseband(gain, detuning_hz))
-    measured, found = [0j, 0j], []
+    measured, result = [0j, 0j], []
     for _ in range(steps):
         z = core.ffi.new("an_complex *", {"re": measured[0].real, "im": measured[0].imag})[0]
         drive = as_complex(core.lib.an_pi_step(pi, gains, z, reference))
         exact = law.step(measured[1], reference)
-        found.append((measured[0], drive, measured[1], exact))
+        result.append((measured[0], drive, measured[1], exact))
         measured = [plates[0].step(drive), plates[1].step(exact)]
-    return np.array(found)
+    return np.array(result)
 
 
 @pytest.mark.parametrize("detuning_hz", [0.0, 100.0, -300.0, 300.0])
 @pytest.mark.parametrize("reference", [0.1, 0.5])
 def test_core_follows_the_double_precision_law(core, detuning_hz: float, reference: float) -> None:
-    found = closed_loop(core, 0.8, detuning_hz, reference, 60)
-    assert np.abs(found[:, 0] - found[:, 2]).max() < 2e-5
-    assert np.abs(found[:, 1] - found[:, 3]).max() < 5e-4
+    result = closed_loop(core, 0.8, detuning_hz, reference, 60)
+    assert np.abs(result[:, 0] - result[:, 2]).max() < 2e-5
+    assert np.abs(result[:, 1] - result[:, 3]).max() < 5e-4
 
 
 def test_the_closed_loop_has_the_pole_that_its_description_states(core) -> None:
@@ -157,8 +157,8 @@ def test_recovery_from_saturation_is_near_the_bound(core) -> None:
 
 
 def test_drive_never_leaves_the_disc(core) -> None:
-    found = closed_loop(core, 0.8, 300.0, 0.75, 200, law_gain=0.4)
-    assert np.abs(found[:, 1]).max() <= LIMIT * (1.0 + 1e-6)
+    result = closed_loop(core, 0.8, 300.0, 0.75, 200, law_gain=0.4)
+    assert np.abs(result[:, 1]).max() <= LIMIT * (1.0 + 1e-6)
 
 
 def test_lead_undoes_one_sample_the_delay_and_the_phase_of_the_gain(core) -> None:

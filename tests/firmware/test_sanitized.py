@@ -22,8 +22,8 @@ def library(name: str) -> str:
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
         pytest.skip("no C compiler with sanitizers: install gcc")
-    found = subprocess.run([compiler, f"-print-file-name={name}"], capture_output=True, text=True, check=True)
-    path = Path(found.stdout.strip())
+    result = subprocess.run([compiler, f"-print-file-name={name}"], capture_output=True, text=True, check=True)
+    path = Path(result.stdout.strip())
     if not path.is_absolute():
         pytest.skip(f"the C compiler has no {name}: install gcc with its sanitizers")
     return str(path)

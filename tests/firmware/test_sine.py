@@ -24,9 +24,9 @@ def test_turn_is_the_unit_circle_to_third_order(core) -> None:
     phases = [*edges, *[edge - 1 for edge in edges[1:]], *np.random.default_rng(1).integers(0, 2**32, 20000).tolist()]
     worst = 0.0
     for phase in phases:
-        found = core.lib.an_turn(phase)
+        result = core.lib.an_turn(phase)
         angle = 2.0 * math.pi * phase / TURN
-        worst = max(worst, abs(complex(found.re, found.im) - complex(math.cos(angle), math.sin(angle))))
+        worst = max(worst, abs(complex(result.re, result.im) - complex(math.cos(angle), math.sin(angle))))
     assert worst < THIRD_ORDER + 3.0 * ROUNDING
 
 
@@ -34,8 +34,8 @@ def test_turn_is_the_unit_circle_to_third_order(core) -> None:
 def test_phase_of_inverts_turn(core, angle: float, size: float) -> None:
     z = core.ffi.new("an_complex *", {"re": size * math.cos(angle), "im": size * math.sin(angle)})[0]
     exact = math.atan2(z.im, z.re)
-    found = core.lib.an_phase_of(z) / TURN * 2.0 * math.pi
-    assert abs(math.remainder(found - exact, 2.0 * math.pi)) < THIRD_ORDER + 4.0 * ROUNDING
+    result = core.lib.an_phase_of(z) / TURN * 2.0 * math.pi
+    assert abs(math.remainder(result - exact, 2.0 * math.pi)) < THIRD_ORDER + 4.0 * ROUNDING
 
 
 def test_phase_of_nothing_is_zero(core) -> None:

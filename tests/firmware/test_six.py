@@ -56,12 +56,12 @@ def test_beam_in_time_is_the_beam_in_frequency() -> None:
     simulation = BeamSimulation(dataclasses.replace(BEAM, noise=0.0))
     turn = 2.0 * np.pi * 2400.0 / BEAM.sample_rate_hz
     drive = np.array([0.5, 0, 0, -0.3, 0, 0])
-    found = []
+    result = []
     for n in range(int(12.0 * BEAM.slowest_s * BEAM.sample_rate_hz)):
-        found.append(simulation.sense())
+        result.append(simulation.sense())
         simulation.drive(drive * np.cos(turn * n))
-    n = np.arange(len(found) - 1000, len(found))
-    phasors = 2.0 * np.mean(np.array(found[-1000:]) * np.exp(-1j * turn * n)[:, None], axis=0)
+    n = np.arange(len(result) - 1000, len(result))
+    phasors = 2.0 * np.mean(np.array(result[-1000:]) * np.exp(-1j * turn * n)[:, None], axis=0)
     assert np.abs(phasors - seen_matrix() @ drive).max() < 1e-3
 
 

@@ -23,14 +23,14 @@ def test_plate_in_time_is_the_plate_in_frequency(displacement: bool) -> None:
     resonances = (Resonance(TRUE, TAU, 0.8), Resonance(TRUE + 700.0, TAU, -0.3))
     plate = Plate(resonances, displacement, delay_s=9.7e-6)
     frequency_hz = TRUE + 40.0
-    simulation, found = PlateSimulation(plate), []
+    simulation, result = PlateSimulation(plate), []
     turn = 2.0 * math.pi * frequency_hz / plate.sample_rate_hz
     for n in range(round(12.0 * TAU * plate.sample_rate_hz)):
-        found.append(simulation.sense())
+        result.append(simulation.sense())
         simulation.drive(math.cos(turn * n))
-    n = np.arange(len(found) - 500, len(found))
+    n = np.arange(len(result) - 500, len(result))
     basis = np.stack([np.cos(turn * n), -np.sin(turn * n)], axis=1)
-    re, im = np.linalg.lstsq(basis, np.array(found[-500:]), rcond=None)[0]
+    re, im = np.linalg.lstsq(basis, np.array(result[-500:]), rcond=None)[0]
     assert complex(re, im) == pytest.approx(response(plate, [frequency_hz])[0], abs=2e-4)
 
 
@@ -61,17 +61,17 @@ def emulation(core) -> None:
 
 
 def test_step_response_of_the_table_s_own_plate(emulation) -> None:
-    found = step_response(TABLE, plate_from_table(TABLE, Assumed(scale=1.0), noise=1e-3))
-    assert set(found) == {"time_s", "reference", "u_d", "u_q", "drive"}
-    assert len({len(column) for column in found.values()}) == 1
-    before, after = found["time_s"] < 0.0, found["time_s"] > 10e-3
+    result = step_response(TABLE, plate_from_table(TABLE, Assumed(scale=1.0), noise=1e-3))
+    assert set(result) == {"time_s", "reference", "u_d", "u_q", "drive"}
+    assert len({len(column) for column in result.values()}) == 1
+    before, after = result["time_s"] < 0.0, result["time_s"] > 10e-3
     reference = 0.2 * 0.8 * DROOP
-    assert found["reference"][after] == pytest.approx(reference, rel=1e-5)
-    assert np.abs(found["u_d"][before]).max() < 0.02 * reference
-    assert found["u_d"][after].mean() == pytest.approx(reference, rel=5e-3)
-    assert np.abs(found["u_q"][after]).mean() < 0.01 * reference
-    assert found["drive"][after].mean() == pytest.approx(0.2, rel=0.02)
-    assert found["drive"].max() > 0.6  # the push that makes it fast
+    assert result["reference"][after] == pytest.approx(reference, rel=1e-5)
+    assert np.abs(result["u_d"][before]).max() < 0.02 * reference
+    assert result["u_d"][after].mean() == pytest.approx(reference, rel=5e-3)
+    assert np.abs(result["u_q"][after]).mean() < 0.01 * reference
+    assert result["drive"][after].mean() == pytest.approx(0.2, rel=0.02)
+    assert result["drive"].max() > 0.6  # the push that makes it fast
 
 
 def test_a_computed_gain_is_not_trusted_before_the_board_has_measured(emulation) -> None:

@@ -23,9 +23,9 @@ def test_plain_is_one(core, texture) -> None:
 
 def test_sine_swings_between_one_and_one_less_its_depth(core, texture) -> None:
     assert core.lib.an_texture_sine(texture, 50.0, 0.6, WINDOW_HZ)
-    found = np.array([core.lib.an_texture_step(texture) for _ in range(1000)])
+    result = np.array([core.lib.an_texture_step(texture) for _ in range(1000)])
     expected = 1.0 - 0.3 * (1.0 - np.cos(2.0 * np.pi * 50.0 / WINDOW_HZ * np.arange(1, 1001)))
-    assert np.abs(found - expected).max() < 1e-5
+    assert np.abs(result - expected).max() < 1e-5
 
 
 @pytest.mark.parametrize(("rate_hz", "depth"), [(-1.0, 0.5), (501.0, 0.5), (50.0, 1.1), (50.0, -0.1), (math.nan, 0.5)])
@@ -39,9 +39,9 @@ def test_samples_last_their_time_and_the_last_stays(core, texture) -> None:
     assert lib.an_texture_stream(texture, 3)
     for sample in (65535, 0, 32768):
         assert lib.an_texture_give(texture, sample)
-    found = [lib.an_texture_step(texture) for _ in range(12)]
-    assert found[:9] == pytest.approx([1.0] * 3 + [0.0] * 3 + [32768 / 65535] * 3, abs=1e-6)
-    assert found[9:] == found[8:9] * 3
+    result = [lib.an_texture_step(texture) for _ in range(12)]
+    assert result[:9] == pytest.approx([1.0] * 3 + [0.0] * 3 + [32768 / 65535] * 3, abs=1e-6)
+    assert result[9:] == result[8:9] * 3
     assert texture.starved == 1
 
 

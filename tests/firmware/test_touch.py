@@ -58,8 +58,8 @@ def test_a_finger_is_not_a_fault(make, shift_hz: float, share: float) -> None:
     rig.run(0.1)
     ramp(rig, first, 1.0 / 6.0, shift_hz, on=True)
     assert rig.state == RUN, hex(rig.faults)
-    held = np.abs(rig.windows(0.2)["measured"][-200:]).mean() / reference
-    assert held == pytest.approx(min(1.0, 1.0 / (6.0 * share)), abs=0.01)
+    clamped = np.abs(rig.windows(0.2)["measured"][-200:]).mean() / reference
+    assert clamped == pytest.approx(min(1.0, 1.0 / (6.0 * share)), abs=0.01)
     assert rig.frequency_hz == pytest.approx(TRUE + shift_hz, abs=2.0)
     assert rig.lib.an_single_is_limited(rig.pointer) == (share > 1.0 / 6.0)
     ramp(rig, first, 1.0 / 6.0, shift_hz, on=False)

@@ -72,8 +72,8 @@ def test_quadrature_is_exact_to_its_stated_degree(kind: str, order: int) -> None
     for powers in product(range(degree + 1), repeat=3):
         if kind == "tet" and sum(powers) > degree:
             continue
-        found = rule.weights @ np.prod(rule.points ** np.array(powers), axis=1)
-        assert abs(found - exact_moment(kind, powers)) < 1e-12, powers
+        result = rule.weights @ np.prod(rule.points ** np.array(powers), axis=1)
+        assert abs(result - exact_moment(kind, powers)) < 1e-12, powers
 
 
 def test_quadrature_of_a_hexahedron_is_not_exact_beyond_its_degree() -> None:

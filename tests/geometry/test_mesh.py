@@ -94,8 +94,8 @@ def test_an_unknown_face_is_refused_with_the_names_there_are() -> None:
 
 def test_jacobians_of_a_box_are_its_half_edges() -> None:
     mesh = block(3)
-    found = jacobians(mesh, np.arange(8), mesh.element.quadrature.points)
-    assert np.allclose(found, np.diag([0.5e-3, 0.25e-3, 0.25e-3]), atol=1e-15)
+    result = jacobians(mesh, np.arange(8), mesh.element.quadrature.points)
+    assert np.allclose(result, np.diag([0.5e-3, 0.25e-3, 0.25e-3]), atol=1e-15)
 
 
 def test_affine_elements_are_told_from_curved_ones() -> None:

@@ -24,13 +24,13 @@ def test_constants_agree_with_the_sheets_own_coupling_factors(name):
     m = PIEZO_MATERIALS[name]
     eps = m.permittivity_free_f_m[2, 2]
     clamped, c33, e33 = m.permittivity_clamped_f_m[2, 2], m.stiffness_pa[2, 2], m.stress_c_m2[2, 2]
-    found = (
+    result = (
         -m.d31 / sqrt(m.s11 * eps),
         m.d33 / sqrt(m.s33 * eps),
         -m.d31 * sqrt(2.0 / ((m.s11 + m.s12) * eps)),
         e33 / sqrt(clamped * c33 + e33**2),
     )
-    assert found == pytest.approx(SHEETS[name], rel=0.03)  # each is measured and rounded by itself
+    assert result == pytest.approx(SHEETS[name], rel=0.03)  # each is measured and rounded by itself
 
 
 @pytest.mark.parametrize("name", SHEETS)

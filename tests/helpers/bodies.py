@@ -77,7 +77,7 @@ def at(mesh: Mesh, axis: int, value: float) -> np.ndarray:
     return np.abs(mesh.nodes[:, axis] - value) < 1e-9 * np.ptp(mesh.nodes, axis=0).max()
 
 
-def held(mesh: Mesh, material: Material, stops: list[tuple[np.ndarray, list[int]]]) -> Pencil:
+def constrained(mesh: Mesh, material: Material, stops: list[tuple[np.ndarray, list[int]]]) -> Pencil:
     """Pencil of a body whose nodes (masks) are stopped along some axes."""
     free = np.ones((len(mesh.nodes), 3), dtype=bool)
     for nodes, axes in stops:

@@ -1,4 +1,4 @@
-"""Unit cells on the coarsest mesh and no shelf, for tests of what does not depend on either."""
+"""Unit cells on the coarsest mesh and no cache, for tests of what does not depend on either."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.planning import mesh_rules
 COARSE = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
 
 
-class NoShelf:
+class NoCache:
     """Nothing is kept between tests."""
 
     def get(self, key: str) -> None:
@@ -24,4 +24,4 @@ class NoShelf:
 def put_in(patch: pytest.MonkeyPatch) -> None:
     """Every cell coarse and reduced anew."""
     patch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: COARSE)
-    patch.setattr(unit_cell, "CellShelf", NoShelf)
+    patch.setattr(unit_cell, "CellShelf", NoCache)

@@ -37,7 +37,7 @@ def compute(payload, folder, log):
         if fate == "full":
             raise store.DiskFull(f"{folder}: no space left")
         if fate == "alarm":
-            log.alarm("MESH_1", "a thin element")
+            log.warning("MESH_1", "a thin element")
     log.left_out("patches", "the case has none")
     with log.step("solve"):
         values = np.random.default_rng(payload["value"]).normal(size=1000)
@@ -49,7 +49,7 @@ def compute(payload, folder, log):
 
 def signals_held_back():
     """Names of the signals that this process does not get."""
-    return {held.name for held in signal.pthread_sigmask(signal.SIG_BLOCK, [])}
+    return {clamped.name for clamped in signal.pthread_sigmask(signal.SIG_BLOCK, [])}
 
 
 def jobs(count, seconds=0.02, fates=None):

@@ -182,12 +182,12 @@ def attenuation(rows: int, level_db: float | None) -> dict:
         wave = {"polarisation": "flexural", "ky_re_per_m": 300.0, "ky_im_per_m": decay * 28.8, "db_per_row": decay}
         steep = {"polarisation": "shear", "ky_re_per_m": 0.0, "ky_im_per_m": 200.0, "db_per_row": 7.0}
         passed = {"reflected": 0.9, "flexural": 0.1, "shear": 0.0, "longitudinal": 0.0}
-        found = [wave, {**steep, "pillar_share": 0.1}]
-        points.append({"frequency_hz": frequency, "waves": found, "db_per_row": decay, "through_rows": passed})
-    told = {"frequency_hz": 31500.0, "db_per_row": 4.5, "rows_db": 4.5 * rows, "through_db": 5.0 * rows}
+        result = [wave, {**steep, "pillar_share": 0.1}]
+        points.append({"frequency_hz": frequency, "waves": result, "db_per_row": decay, "through_rows": passed})
+    text = {"frequency_hz": 31500.0, "db_per_row": 4.5, "rows_db": 4.5 * rows, "through_db": 5.0 * rows}
     return {
         "attenuation": {"schema": 1, "kx_per_m": 204.0, "pitch_y_m": 0.004, "rows": rows, "points": points},
-        "prediction": {**told, "zone_to_extension_db": level_db, "rows_for_10_db": 3},
+        "prediction": {**text, "zone_to_extension_db": level_db, "rows_for_10_db": 3},
     }
 
 

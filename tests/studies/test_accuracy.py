@@ -11,10 +11,12 @@ from pipeline.report.script_page import write_page
 from studies import accuracy
 
 
-def record(part: str, rung: dict[str, Any], value: float, seconds: float, role: str = "rung") -> dict[str, Any]:
+def record(
+    part: str, mesh_level: dict[str, Any], value: float, seconds: float, role: str = "mesh_level"
+) -> dict[str, Any]:
     measured = {"seconds": seconds, "repeats": 1, "peak_bytes": 5_000_000}
     quantity = accuracy.QUANTITIES[part][0]
-    parameters = {"part": part, "rung": rung, "role": role}
+    parameters = {"part": part, "mesh_level": mesh_level, "role": role}
     return {
         "case_id": "c", "status": "OK", "diagnosis": "done", "parameters": parameters,
         "values": {quantity: value}, "dof": 10, "measured": measured,
@@ -68,6 +70,6 @@ def test_a_rung_is_measured_and_repeated() -> None:
         def info(self, *_: Any) -> None:
             pass
 
-    rung = {"model": "hex", "order": 2, "size_mm": 1.0, "layers": 0}
-    found = accuracy.compute({"part": "pillar", "rung": rung, "role": "rung"}, Path(), Quiet())
-    assert found["measured"]["repeats"] == 3 and 38e3 < found["values"]["pillar"] < 41e3
+    mesh_level = {"model": "hex", "order": 2, "size_mm": 1.0, "layers": 0}
+    result = accuracy.compute({"part": "pillar", "mesh_level": mesh_level, "role": "mesh_level"}, Path(), Quiet())
+    assert result["measured"]["repeats"] == 3 and 38e3 < result["values"]["pillar"] < 41e3

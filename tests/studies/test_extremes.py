@@ -26,11 +26,11 @@ QUICK = [
 
 @pytest.mark.parametrize(("name", "parameters"), QUICK, ids=[name for name, _ in QUICK])
 def test_right_or_refused(name: str, parameters: dict[str, Any]) -> None:
-    found = extremes.compute(parameters, Path(), Quiet())["found"]
+    result = extremes.compute(parameters, Path(), Quiet())["found"]
     low_order = parameters.get("element") in ("hex1", "tet1", "tet2")
-    assert found["verdict"] in (("right", "refused", "locks") if low_order else ("right", "refused"))
-    if found["verdict"] == "refused":
-        assert found["reason"]
+    assert result["verdict"] in (("right", "refused", "locks") if low_order else ("right", "refused"))
+    if result["verdict"] == "refused":
+        assert result["reason"]
 
 
 def test_the_slender_and_the_impossible_are_refused() -> None:

@@ -115,10 +115,10 @@ def test_what_the_page_says_of_unicorn() -> None:
     assert "Distributed under free software license GPLv2" in (unicorn.read_text("METADATA") or "")
     assert "released under LGPL2" in Path(str(unicorn.locate_file("unicorn/include/unicorn/unicorn.h"))).read_text()
     assert not [file for file in licences.files_of(unicorn) if licences.LICENCE_FILE.search(file)]
-    found = licences.package("unicorn", licences.locked())
-    assert [licences.family(terms) for _, terms, _ in found.inside] == ["GPL"]
+    result = licences.package("unicorn", licences.locked())
+    assert [licences.family(terms) for _, terms, _ in result.inside] == ["GPL"]
     page = licences.PAGE.read_text()
-    assert f"version {found.version}" in page and '"Distributed under free software license GPLv2"' in page
+    assert f"version {result.version}" in page and '"Distributed under free software license GPLv2"' in page
 
 
 @pytest.mark.parametrize(
@@ -126,7 +126,7 @@ def test_what_the_page_says_of_unicorn() -> None:
 )
 def test_a_package_is_read_beyond_its_metadata(name: str, terms: str) -> None:
     try:
-        found = licences.package(name, licences.locked())
+        result = licences.package(name, licences.locked())
     except licences.NotInstalled as missing:
         pytest.skip(str(missing))
-    assert any(terms in inside for _, inside, _ in found.inside)
+    assert any(terms in inside for _, inside, _ in result.inside)

@@ -32,8 +32,8 @@ def test_pillars_get_lower_as_they_get_longer() -> None:
 
 
 def test_studies_that_were_not_run_are_named(tmp_path: Path) -> None:
-    found, missing = reproduction.plates(tmp_path)
-    assert found == []
+    result, missing = reproduction.plates(tmp_path)
+    assert result == []
     assert missing == list(reproduction.STUDIES)
 
 

@@ -47,10 +47,10 @@ def test_every_mesh_that_an_accuracy_may_choose_is_on_the_committed_envelope_or_
     start = next(i for i, row in enumerate(rows) if row[-1] == "over the envelope")
     table = [row for row in rows[start + 1 :] if len(row) == 5 and row[0] in names]
     chosen = {
-        (part, accuracy.name(rung))
-        for part, listed in accuracy.rungs().items()
-        for rung in listed
-        if accuracy._planned(part, rung)
+        (part, accuracy.name(mesh_level))
+        for part, listed in accuracy.mesh_levels().items()
+        for mesh_level in listed
+        if accuracy._planned(part, mesh_level)
     }
     assert {(names[row[0]], row[1]) for row in table} == chosen
     assert all(float(row[4]) <= NEAR for row in table), [row for row in table if float(row[4]) > NEAR]

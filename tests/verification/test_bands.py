@@ -14,7 +14,7 @@ from geometry.materials import MATERIALS
 from pipeline.planning import mesh_rules
 from solvers.analytic import lamb
 from solvers.fem.assembly import assemble
-from solvers.superelement.build import Recipe, Reductions, lattice_piece
+from solvers.superelement.build import Reductions, ReductionSettings, lattice_panel
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
 from solvers.waves.bloch import BlochCell
@@ -30,15 +30,15 @@ SHARES = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (0.37, 0.81), (0.8, -0
 BENDING_AT_M_HZ, GAP_HZ = 32540.0, (163100.0, 175840.0)
 
 
-def reduced(design: Design, recipe: Recipe) -> Lattice:
+def reduced(design: Design, reduction: ReductionSettings) -> Lattice:
     """The lattice of one reduced cell."""
-    return Lattice(Reductions(design.thickness_m, ALUMINIUM, design.pillar, recipe).cell(lattice_piece(design)))
+    return Lattice(Reductions(design.thickness_m, ALUMINIUM, design.pillar, reduction).cell(lattice_panel(design)))
 
 
 @lru_cache
 def planned(accuracy: float) -> Lattice:
     """As the bands of a case are computed."""
-    return reduced(CELL, mesh_rules.lattice_recipe(CELL, accuracy))
+    return reduced(CELL, mesh_rules.lattice_reduction(CELL, accuracy))
 
 
 def wavevector(share: tuple[float, float], design: Design) -> np.ndarray:
@@ -84,17 +84,17 @@ def test_finer_settings_meet_them_closer() -> None:
 
 
 def test_bands_at_gamma_are_the_known_ones() -> None:
-    found = planned(0.01).frequencies(np.zeros(2), 9)
-    assert (found[:3] < 20.0).all()
+    result = planned(0.01).frequencies(np.zeros(2), 9)
+    assert (result[:3] < 20.0).all()
     known = np.array([39.67e3, 39.67e3, 108.45e3, 175.83e3, 175.83e3, 233.28e3])
-    assert np.abs(found[3:] / known - 1.0).max() < 0.005
+    assert np.abs(result[3:] / known - 1.0).max() < 0.005
 
 
 @pytest.mark.parametrize("design", [CELL, OBLONG], ids=["square", "oblong"])
 def test_the_reduced_cell_has_the_bands_of_the_full_cell(design: Design) -> None:
     settings = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
-    recipe = Recipe(Interface(4, 3), mesh_rules.lattice_recipe(design, 0.01).top_hz, settings)
-    whole, lattice = full(design, settings), reduced(design, recipe)
+    reduction = ReductionSettings(Interface(4, 3), mesh_rules.lattice_reduction(design, 0.01).top_hz, settings)
+    whole, lattice = full(design, settings), reduced(design, reduction)
     for share in SHARES[1:]:
         k = wavevector(share, design)
         ours, truth = lattice.frequencies(k, 6), whole.frequencies(k, 6)
@@ -109,7 +109,7 @@ def test_the_bare_plate_carries_the_exact_lamb_and_shear_waves(route: str) -> No
         bands, allowed = full(bare, settings).frequencies, 1e-3
     else:
         # the reduction may add as much again as it may differ from the full cell
-        bands, allowed = reduced(bare, Recipe(Interface(6, 3), 3e6, settings)).frequencies, 2e-3
+        bands, allowed = reduced(bare, ReductionSettings(Interface(6, 3), 3e6, settings)).frequencies, 2e-3
     for share in SHARES[1:]:
         k = wavevector(share, bare)
         exact = lamb.folded_hz(k, (3e-3, 4e-3), 2e-3, ALUMINIUM, 4)

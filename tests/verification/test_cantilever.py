@@ -43,16 +43,16 @@ def solid_hz(slenderness: float, poisson: float) -> np.ndarray:
         x = np.insert(x, 1, 0.3 * x[1])
     mesh = bodies.bricks((x, across, across), 3)
     stops = [(bodies.at(mesh, 0, 0.0), [0, 1, 2]), (bodies.at(mesh, 1, 0.0), [1]), (bodies.at(mesh, 2, 0.0), [0, 1])]
-    pencil = bodies.held(mesh, Material("beam", YOUNG, DENSITY, poisson), stops)
+    pencil = bodies.constrained(mesh, Material("beam", YOUNG, DENSITY, poisson), stops)
     truth = beam_hz(slenderness, poisson)
     return modes_in_band(pencil, 0.2 * truth[0], 1.1 * truth[2]).frequency_hz
 
 
 def check_without_poisson() -> None:
     """nu = 0: the clamp disturbs nothing, and what Timoshenko neglects is of second order in his own correction."""
-    found = solid_hz(10.0, 0.0)
-    assert len(found) == 3
-    assert (np.abs(found / beam_hz(10.0, 0.0) - 1.0) < correction(10.0, 0.0) ** 2).all()
+    result = solid_hz(10.0, 0.0)
+    assert len(result) == 3
+    assert (np.abs(result / beam_hz(10.0, 0.0) - 1.0) < correction(10.0, 0.0) ** 2).all()
 
 
 def check_with_poisson() -> None:
@@ -63,9 +63,9 @@ def check_with_poisson() -> None:
     """
     shares = []
     for slenderness in (10.0, 20.0):
-        found = solid_hz(slenderness, 0.3)
-        assert len(found) == 3
-        excess = found / beam_hz(slenderness, 0.3) - 1.0
+        result = solid_hz(slenderness, 0.3)
+        assert len(result) == 3
+        excess = result / beam_hz(slenderness, 0.3) - 1.0
         shares.append((excess * slenderness / 2.0)[:2])
     shares = np.array(shares)
     assert (shares > 0.0).all() and (shares < 0.3**2 / 2.0).all()

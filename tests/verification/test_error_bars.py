@@ -1,4 +1,4 @@
-"""The error bars of scenes that no calibration saw, against the finest rung: they must hold in at least 95 of 100."""
+"""The error bars of scenes that no calibration saw, against the finest mesh level: they must hold in at least 95 of 100."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pipeline.logs import TerminalLog
 
 CASE = Path(__file__).resolve().parents[2] / "studies" / "three-rows.toml"
 COARSE, FINE = (0.03, 0.01, 0.003), 0.0005
-FINE_PLATE = 0.001  # the finest rung of a plate that was measured
+FINE_PLATE = 0.001  # the finest mesh level of a plate that was measured
 HOLDS = 0.95
 CALM = TerminalLog(True)
 SEED = 20
@@ -23,10 +23,10 @@ SEED = 20
 def scenes(count: int) -> list[list[str]]:
     """Overrides of the reference case: thickness, zone, pillar and pitch drawn at random, the same each time."""
     draw = np.random.default_rng(SEED)
-    found = []
+    result = []
     for _ in range(count):
         thickness, side = draw.uniform(1.2, 3.0), draw.uniform(1.2, 2.6)
-        found.append(
+        result.append(
             [
                 f"plate.thickness_mm={thickness:.3f}",
                 f"zone.width_mm={draw.uniform(14, 26):.3f}",
@@ -40,32 +40,32 @@ def scenes(count: int) -> list[list[str]]:
                 "bands.count=10",
             ]
         )
-    return found
+    return result
 
 
 def part(name: str, overrides: list[str], accuracy: float, count: int = 4) -> tuple[np.ndarray, float]:
     """The lowest frequencies of a lone part and their bar."""
     case = load_case(CASE, [*overrides, f"solve.accuracy={accuracy}"])
-    found = solve_modes(case, Request(name, near_hz=0.0, count=count), CALM)
-    assert found.expected_error is not None
-    return np.array([row.frequency_hz for row in found.rows[:count]]), found.expected_error
+    result = solve_modes(case, Request(name, near_hz=0.0, count=count), CALM)
+    assert result.expected_error is not None
+    return np.array([row.frequency_hz for row in result.rows[:count]]), result.expected_error
 
 
 def wanted(name: str, overrides: list[str], accuracy: float) -> tuple[float, float, float | None, float | None]:
     """The wanted mode's frequency and confinement (dB), and the bars of both."""
     case = load_case(CASE, [*overrides, f"solve.accuracy={accuracy}"])
-    found = solve_modes(case, Request(name, parity=case.parity_wanted), CALM)
-    row = found.wanted.row if found.wanted else None
-    assert row is not None and found.bar and found.bar.frequency is not None
-    return row.frequency_hz, found.bar.frequency, row.confinement_db, found.bar.confinement_db
+    result = solve_modes(case, Request(name, parity=case.parity_wanted), CALM)
+    row = result.wanted.row if result.wanted else None
+    assert row is not None and result.bar and result.bar.frequency is not None
+    return row.frequency_hz, result.bar.frequency, row.confinement_db, result.bar.confinement_db
 
 
 def bands(overrides: list[str], accuracy: float) -> tuple[np.ndarray, float]:
     """The bands at the corners of the path and their bar, the reduction's own error included."""
     case = load_case(CASE, [*overrides, f"solve.accuracy={accuracy}"])
-    found = solve_bands(case, CALM)
-    assert found.expected_error is not None and found.detail is not None
-    return found.frequencies_hz, found.expected_error + found.detail.reduction_error
+    result = solve_bands(case, CALM)
+    assert result.expected_error is not None and result.detail is not None
+    return result.frequencies_hz, result.expected_error + result.detail.reduction_error
 
 
 def held(coarse: tuple[np.ndarray, float], fine: tuple[np.ndarray, float]) -> tuple[int, int]:
@@ -114,7 +114,7 @@ def test_bars_of_modes_far_above_those_of_the_calibration(name: str, count: int)
 def plates(count: int) -> list[list[str]]:
     """Small plates of one row; their wanted mode is held by 3 to 15 dB."""
     draw = np.random.default_rng(SEED)
-    found = []
+    result = []
     for _ in range(count):
         thickness, lines = draw.uniform(1.6, 2.4), int(draw.integers(3, 6))
         sizes = {
@@ -127,8 +127,8 @@ def plates(count: int) -> list[list[str]]:
             "array.extension_mm": draw.uniform(3.0, 8.0),
             "array.rows": 1,
         }
-        found.append([*(f"{key}={round(value, 3)}" for key, value in sizes.items()), "patches.sensors=[0]"])
-    return found
+        result.append([*(f"{key}={round(value, 3)}" for key, value in sizes.items()), "patches.sensors=[0]"])
+    return result
 
 
 @pytest.mark.slow
@@ -141,8 +141,8 @@ def test_bars_of_plates_and_of_their_confinement() -> None:
             assert None not in (fine_db, fine_db_bar, db, db_bar)
             tones.append((abs(coarse / fine - 1.0), bar + fine_bar))
             levels.append((abs(db - fine_db), db_bar + fine_db_bar))
-    for found in (tones, levels):
-        assert sum(off <= bar for off, bar in found) >= HOLDS * len(found), found
+    for result in (tones, levels):
+        assert sum(off <= bar for off, bar in result) >= HOLDS * len(result), result
 
 
 @pytest.mark.slow

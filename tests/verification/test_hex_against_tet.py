@@ -16,7 +16,7 @@ COUNT = 5
 
 def elastic_hz(mesh: Mesh) -> np.ndarray:
     """The lowest modes of the free block."""
-    pencil = bodies.held(mesh, SOFT, [])
+    pencil = bodies.constrained(mesh, SOFT, [])
     assert pencil.rigid_count == 6
     return modes_in_band(pencil, 0.0, 500e3).frequency_hz[:COUNT]
 

@@ -1,17 +1,17 @@
-"""A finite plate joined from reduced cells against the same plate meshed in one piece."""
+"""A finite plate assembled from reduced cells against the same plate meshed in one piece."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import VOID, Boxes, HexSettings, hex_mesh, piece_boxes
+from geometry.hex.boxes import VOID, Boxes, HexSettings, hex_mesh, panel_boxes
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import measure
-from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -22,23 +22,23 @@ ORDER_3 = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=3.15e-3)
 
 def joined(settings: HexSettings, through: int = 3) -> PlateModel:
     """The plate from reduced cells."""
-    recipe = Recipe(Interface(5, through), 600e3, settings, 4e-3)
-    return PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, PILLAR, recipe))
+    reduction = ReductionSettings(Interface(5, through), 600e3, settings, 4e-3)
+    return PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, PILLAR, reduction))
 
 
 def lines_of_pieces(model: PlateModel, settings: HexSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Every line along which some cell of the quarter x, y >= 0 was meshed."""
     tiling = model.tiling
-    found: list[list[float]] = [[], [], []]
+    result: list[list[float]] = [[], [], []]
     for i in range(len(tiling.x) - 1):
         for j in range(len(tiling.y) - 1):
-            piece = tiling.piece(i, j)
-            boxes = piece_boxes(piece, DESIGN.thickness_m, PILLAR, settings)
+            panel = tiling.panel(i, j)
+            boxes = panel_boxes(panel, DESIGN.thickness_m, PILLAR, settings)
             for axis, lines in enumerate((boxes.x, boxes.y)):
-                both = np.concatenate([lines, -lines]) if axis in piece.halved else lines
-                found[axis].extend(both + piece.middle[axis])
-            found[2].extend(boxes.z)
-    x, y, z = (np.unique(np.round(line, 10)) for line in found)
+                both = np.concatenate([lines, -lines]) if axis in panel.halved else lines
+                result[axis].extend(both + panel.middle[axis])
+            result[2].extend(boxes.z)
+    x, y, z = (np.unique(np.round(line, 10)) for line in result)
     return x[x >= 0.0], y[y >= 0.0], z
 
 
@@ -75,7 +75,7 @@ def test_the_joined_plate_has_the_modes_of_the_whole_mesh() -> None:
 
 def test_the_joined_plate_weighs_what_the_plate_weighs() -> None:
     model = joined(ORDER_3)
-    field = model.touch("++", np.eye(model.joined("++").dof)[:, :1])
+    field = model.touch("++", np.eye(model.assembled("++").dof)[:, :1])
     area = 24e-3 * 2.0 * DESIGN.half_span_m
     assert field.weights.sum() == pytest.approx(area, rel=1e-12)
 

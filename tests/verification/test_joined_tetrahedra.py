@@ -52,7 +52,7 @@ def test_the_joined_plate_has_the_modes_of_the_whole_body(tmp_path: Path, pillar
     """Two meshes of 1 % each: sorted frequencies within their sum, equal counts."""
     joined, whole = solved(case(tmp_path, pillar)), solved(case(tmp_path, pillar, model="solid"))
     assert joined.model.name == "superelement tet2" and whole.model.name == "solid tet2"
-    first, second = (np.array([row.frequency_hz for row in found.rows]) for found in (joined, whole))
+    first, second = (np.array([row.frequency_hz for row in result.rows]) for result in (joined, whole))
     assert len(first) == len(second) >= 2
     assert np.abs(first / second - 1.0).max() < 0.02
 
@@ -62,6 +62,6 @@ def test_cells_of_tetrahedra_and_of_hexahedra_make_the_same_plate(tmp_path: Path
     """The same square pillars by both meshes, 1 % of accuracy each."""
     boxes, cad = solved(case(tmp_path, SQUARE)), solved(case(tmp_path, SQUARE, mesh="tet"))
     assert boxes.model.name.startswith("superelement hex") and cad.model.name == "superelement tet2"
-    first, second = (np.array([row.frequency_hz for row in found.rows]) for found in (boxes, cad))
+    first, second = (np.array([row.frequency_hz for row in result.rows]) for result in (boxes, cad))
     assert len(first) == len(second) >= 2
     assert np.abs(first / second - 1.0).max() < 0.01

@@ -44,7 +44,7 @@ def membrane(cuts: tuple[int, int], order: int, graded: int = 0) -> Pencil:
         return np.column_stack([nodes[:, 0], (2.0 * nodes[:, 1] - 1.0) * half, nodes[:, 2]])
 
     mesh = bodies.mapped(bodies.bricks((x, y, z), order), taper)
-    return bodies.held(mesh, STEEL, [(bodies.at(mesh, 0, 0.0), [0, 1]), (bodies.at(mesh, 2, 0.0), [2])])
+    return bodies.constrained(mesh, STEEL, [(bodies.at(mesh, 0, 0.0), [0, 1]), (bodies.at(mesh, 2, 0.0), [2])])
 
 
 def membrane_hz(cuts: tuple[int, int], order: int, graded: int = 0) -> np.ndarray:
@@ -84,7 +84,7 @@ def thick_plate(cuts: tuple[int, int, int], order: int) -> Pencil:
     """FV52: 10 x 10 x 1 m, u_z = 0 along the four edges of the lower face, nothing else held."""
     mesh = bodies.bricks(bodies.even((10.0, 10.0, 1.0), cuts), order)
     edges = lower_edges(mesh, ((0, 0.0), (0, 10.0), (1, 0.0), (1, 10.0)))
-    return bodies.held(mesh, STEEL, [(edges, [2])])
+    return bodies.constrained(mesh, STEEL, [(edges, [2])])
 
 
 def serendipity(mesh: Mesh) -> tuple[np.ndarray, sp.csr_array]:
@@ -131,10 +131,10 @@ def check_line_supports() -> None:
     The in-plane modes agree in every published digit. Bending ones are within 1e-3: another rule of integration with
     14 points alone moves them by up to 2.7e-3, and the published rule is not stated.
     """
-    found = modes_in_band(twenty_node_plate((4, 4, 1)), 1.0, 210.0).frequency_hz
-    assert len(found) == 7
-    assert np.abs(found / FV52_HZ - 1.0)[IN_PLANE].max() < ROUNDED
-    assert np.abs(found / FV52_HZ - 1.0).max() < 1e-3
+    result = modes_in_band(twenty_node_plate((4, 4, 1)), 1.0, 210.0).frequency_hz
+    assert len(result) == 7
+    assert np.abs(result / FV52_HZ - 1.0)[IN_PLANE].max() < ROUNDED
+    assert np.abs(result / FV52_HZ - 1.0).max() < 1e-3
 
 
 def test_fv52_published_frequencies_are_those_of_twenty_node_bricks() -> None:
@@ -162,7 +162,7 @@ def graded_quarter(level: int) -> tuple[Mesh, Pencil]:
     mesh = bodies.bricks((x, x, z), 2)
     edges = lower_edges(mesh, ((0, 10.0), (1, 10.0)))
     stops = [(edges, [2]), (bodies.at(mesh, 0, 5.0), [0]), (bodies.at(mesh, 1, 5.0), [1])]
-    return mesh, bodies.held(mesh, STEEL, stops)
+    return mesh, bodies.constrained(mesh, STEEL, stops)
 
 
 def drift_rate(mesh: Mesh, pencil: Pencil) -> tuple[float, float]:
@@ -205,11 +205,11 @@ def check_drift(levels: tuple[int, ...] = (2, 3, 4)) -> None:
 
     One per cent: the trapezoidal mean of the rates at both ends leaves terms of second order in a drift of 1.6 %.
     """
-    found = [drift_rate(*graded_quarter(level)) for level in levels]
-    drop = np.diff([eigenvalue for eigenvalue, _ in found])
-    told = [(first[1] + second[1]) / 2.0 for first, second in pairwise(found)]
-    assert np.abs(drop / np.array(told) - 1.0).max() < 0.01
-    compliance = np.diff([1.0 / eigenvalue for eigenvalue, _ in found])
+    result = [drift_rate(*graded_quarter(level)) for level in levels]
+    drop = np.diff([eigenvalue for eigenvalue, _ in result])
+    text = [(first[1] + second[1]) / 2.0 for first, second in pairwise(result)]
+    assert np.abs(drop / np.array(text) - 1.0).max() < 0.01
+    compliance = np.diff([1.0 / eigenvalue for eigenvalue, _ in result])
     assert (compliance[1:] > 0.9 * compliance[:-1]).all(), "no limit: the steps do not fade"
 
 

@@ -19,31 +19,31 @@ TOP_HZ = 315.0
 
 def exact_hz() -> np.ndarray:
     """Antisymmetric waves for m, n >= 1 and in-plane shear for m + n >= 1, at k = pi sqrt(m^2 + n^2) / a."""
-    found = []
+    result = []
     for m in range(6):
         for n in range(6):
             k = pi * sqrt(m * m + n * n) / 10.0
             if m and n and m * m + n * n < 20:
-                found.append(lamb.lamb_hz(k, 1.0, STEEL, False))
+                result.append(lamb.lamb_hz(k, 1.0, STEEL, False))
             if m or n:
-                found.append(lamb.shear_hz(k, STEEL))
-    return np.sort([value for value in found if value < TOP_HZ])
+                result.append(lamb.shear_hz(k, STEEL))
+    return np.sort([value for value in result if value < TOP_HZ])
 
 
 def computed_hz(cuts: int, order: int) -> np.ndarray:
     """The plate between edges that stop u_z and the tangential motion."""
     mesh = bodies.bricks(bodies.even((10.0, 10.0, 1.0), (cuts, cuts, 1)), order)
     sides = [bodies.at(mesh, axis, 0.0) | bodies.at(mesh, axis, 10.0) for axis in (0, 1)]
-    pencil = bodies.held(mesh, STEEL, [(sides[0], [1, 2]), (sides[1], [0, 2])])
+    pencil = bodies.constrained(mesh, STEEL, [(sides[0], [1, 2]), (sides[1], [0, 2])])
     return modes_in_band(pencil, 1.0, TOP_HZ).frequency_hz
 
 
 def check_families() -> None:
     """Every mode there is and no other, each within 1e-4 and none below its exact value."""
-    found, exact = computed_hz(4, 4), exact_hz()
-    assert len(found) == len(exact) == 13
-    assert (found > exact * (1.0 - 1e-9)).all()
-    assert np.abs(found / exact - 1.0).max() < 1e-4
+    result, exact = computed_hz(4, 4), exact_hz()
+    assert len(result) == len(exact) == 13
+    assert (result > exact * (1.0 - 1e-9)).all()
+    assert np.abs(result / exact - 1.0).max() < 1e-4
 
 
 def test_the_exact_frequencies_are_the_known_ones() -> None:

@@ -29,14 +29,14 @@ def design(height_m: float = 6.3e-3) -> Design:
 
 
 def every_class(model: SolidModel, low_hz: float, high_hz: float) -> np.ndarray:
-    """Frequencies of the four mirror classes, ascending."""
-    found = [modes_in_band(model.pencil(parity), low_hz, high_hz).frequency_hz for parity in model.parities]
-    return np.sort(np.concatenate(found))
+    """Frequencies of the four symmetry classes, ascending."""
+    result = [modes_in_band(model.pencil(parity), low_hz, high_hz).frequency_hz for parity in model.parities]
+    return np.sort(np.concatenate(result))
 
 
 def zone(accuracy: float) -> np.ndarray:
     """Frequencies of the strip between 15 and 67 kHz."""
-    settings = mesh_rules.zone_mesh(design(), mesh_rules.rung("zone", accuracy))
+    settings = mesh_rules.zone_mesh(design(), mesh_rules.mesh_level("zone", accuracy))
     mesh = hex_mesh(zone_boxes(design(), settings), settings.order)
     return every_class(SolidModel(mesh, {"plate": ALUMINIUM}, ("y+",), True), 15e3, 67e3)
 
@@ -54,13 +54,13 @@ def test_zone_fine_settings_meet_all_fourteen_frequencies() -> None:
 
 def test_elements_graded_towards_the_free_ends_take_half_of_the_zones_error_away() -> None:
     """The field is singular where a free end meets a clamped side, and even elements along the zone do not follow it."""
-    coarse, fine = mesh_rules.rungs("zone")[0], mesh_rules.rungs("zone")[-2]
+    coarse, fine = mesh_rules.mesh_levels("zone")[0], mesh_rules.mesh_levels("zone")[-2]
 
-    def even(boxes: Boxes, row: mesh_rules.Rung) -> Boxes:
+    def even(boxes: Boxes, row: mesh_rules.MeshLevel) -> Boxes:
         lines = grid_lines({0.0: False, float(boxes.x[-1]): False}, mesh_rules.zone_mesh(design(), row).grading)
         return replace(boxes, x=lines, region=boxes.region[: len(lines) - 1])
 
-    def mode_hz(row: mesh_rules.Rung, graded: bool = True) -> float:
+    def mode_hz(row: mesh_rules.MeshLevel, graded: bool = True) -> float:
         boxes = zone_boxes(design(), mesh_rules.zone_mesh(design(), row))
         mesh = hex_mesh(boxes if graded else even(boxes, row), row.order)
         model = SolidModel(mesh, {"plate": ALUMINIUM}, ("y+",), True)
@@ -72,7 +72,7 @@ def test_elements_graded_towards_the_free_ends_take_half_of_the_zones_error_away
 
 @pytest.mark.parametrize(("height_m", "parity"), [(6.3e-3, "+-"), (6.3e-3, "-+"), (6.5e-3, "+-")])
 def test_pillar_bends_once_below_80_khz_at_the_known_frequency(height_m: float, parity: str) -> None:
-    settings = mesh_rules.pillar_mesh(design(height_m), mesh_rules.rung("pillar", 0.01))
+    settings = mesh_rules.pillar_mesh(design(height_m), mesh_rules.mesh_level("pillar", 0.01))
     pillar = design(height_m).pillar
     assert pillar
     mesh = hex_mesh(pillar_boxes(pillar, settings), settings.order)
@@ -85,14 +85,14 @@ def test_pillar_bends_once_below_80_khz_at_the_known_frequency(height_m: float, 
 def test_three_bendings_of_the_pillar_lie_within_their_bar() -> None:
     """Elements too long for the third would keep the first one right and the bar small."""
 
-    def bending(row: mesh_rules.Rung) -> np.ndarray:
+    def bending(row: mesh_rules.MeshLevel) -> np.ndarray:
         settings = mesh_rules.pillar_mesh(design(6.3e-3), row)
         mesh = hex_mesh(pillar_boxes(design(6.3e-3).pillar, settings), settings.order)
         return modes_near(SolidModel(mesh, {"pillar": ALUMINIUM}, ("touch",), True).pencil("-+"), 0.0, 3).frequency_hz[
             :3
         ]
 
-    coarse, fine = mesh_rules.rung("pillar", 0.01), mesh_rules.rungs("pillar")[-2]
+    coarse, fine = mesh_rules.mesh_level("pillar", 0.01), mesh_rules.mesh_levels("pillar")[-2]
     error = np.abs(bending(coarse) / bending(fine) - 1.0)
     bar = mesh_rules.expected_error("pillar", coarse)
     assert bar is not None and (error <= bar).all(), (error, bar)

@@ -33,7 +33,7 @@ from solvers.piezo.circuit import circuit_shift, open_modes
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.patch import _matrices, _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from tests.helpers.unimorph import CERAMIC, CERAMIC_M, D31, LENGTH_M, METAL_M, STEEL_LIKE, published
 
@@ -66,14 +66,14 @@ def cantilever(material: PiezoMaterial) -> tuple[float, float]:
     m[np.ix_(second, second)] += mass
     load[second] += theta
     kept = np.repeat(unique[:, 0] > 0, 3)
-    found = []
+    result = []
     for opened in (0.0, 1.0):
         whole = k + opened * np.outer(load, load) / capacitance
         pencil = [sp.csc_array(matrix[kept][:, kept]) for matrix in (whole, m)]
         value = spla.eigsh(pencil[0], 2, pencil[1], sigma=0.0, return_eigenvectors=False)
-        found.append(np.sqrt(np.sort(value)) / (2.0 * np.pi))
-    bends = 0 if found[0][0] > 30.0 else 1  # narrower than high it first sways sideways
-    return float(found[0][bends]), float(found[1][bends])
+        result.append(np.sqrt(np.sort(value)) / (2.0 * np.pi))
+    bends = 0 if result[0][0] > 30.0 else 1  # narrower than high it first sways sideways
+    return float(result[0][bends]), float(result[1][bends])
 
 
 def test_the_published_cantilever_as_solids() -> None:
@@ -112,10 +112,10 @@ def section(pair: Pair) -> Section:
 
 @cache
 def joined(metal: Material) -> dict:
-    recipe = Recipe(Interface(5, 2), 200e3, HexSettings(3, 5e-3, 0, 0.2), 5e-3)
+    reduction = ReductionSettings(Interface(5, 2), 200e3, HexSettings(3, 5e-3, 0, 0.2), 5e-3)
     design = replace(FREE, material=metal)
-    model = PlateModel(design, Reductions(FREE.thickness_m, metal, None, recipe))
-    return {parity: model.joined(parity) for parity in CLASSES}
+    model = PlateModel(design, Reductions(FREE.thickness_m, metal, None, reduction))
+    return {parity: model.assembled(parity) for parity in CLASSES}
 
 
 @cache
@@ -129,13 +129,13 @@ def covered(pair: Pair, back: bool = True, circuit: str = "short") -> ForcedPlat
 
 def first_even(forced: ForcedPlate) -> tuple[float, float, float]:
     """Frequency, gain per volt (N/(V sqrt(kg))) and the touch face's u_z at x = L/2 of the only driven mode."""
-    found = max(forced.modes, key=lambda one: np.abs(one.gain).max(initial=0.0))
-    index = int(np.abs(found.gain[:, 0]).argmax())
-    field = found.group.touch(found.columns[:, [index]])[found.group.parities.index("++")]
+    result = max(forced.modes, key=lambda one: np.abs(one.gain).max(initial=0.0))
+    index = int(np.abs(result.gain[:, 0]).argmax())
+    field = result.group.touch(result.columns[:, [index]])[result.group.parities.index("++")]
     end = field.values[np.argmax(field.points[:, 0]), 0]
     plate = forced.plate
     unit = plate.stiffness_unit / np.sqrt(plate.scale.mass_kg)
-    return float(found.frequency_hz[index]), float(found.gain[index, 0] * unit), float(end)
+    return float(result.frequency_hz[index]), float(result.gain[index, 0] * unit), float(end)
 
 
 def slender(number: int) -> float:
@@ -149,9 +149,9 @@ def slender(number: int) -> float:
 def test_a_free_strip_under_one_patch_has_the_laminates_frequency(pair: Pair) -> None:
     """Shear and rotation lower it; what a strip's width does to the real pair, (width/half-wave)^2 of nu^2, raises it."""
     exact = free_even_hz(section(pair), FREE.length_m, 1, False)
-    found = first_even(covered(pair))[0]
+    result = first_even(covered(pair))[0]
     wide = pair.metal.poisson**2 * (FREE.width_m * 1.5 * np.pi / FREE.length_m) ** 2 / 2.0
-    assert -2.0 * slender(1) < found / exact - 1.0 < 0.5 * slender(1) + wide
+    assert -2.0 * slender(1) < result / exact - 1.0 < 0.5 * slender(1) + wide
 
 
 @PAIRS
@@ -175,9 +175,9 @@ def test_open_it_is_stiffer_by_the_laminates_share(pair: Pair) -> None:
 def test_the_space_of_modes_and_rests_holds_the_open_mode() -> None:
     """Against the whole pencil with theta theta'/C added to it."""
     forced = covered(REAL)
-    found = next(one for one in forced.modes if "++" in one.group.parities)
-    pencil, plate = found.group.pencil, forced.plate
-    load = found.group.loads
+    result = next(one for one in forced.modes if "++" in one.group.parities)
+    pencil, plate = result.group.pencil, forced.plate
+    load = result.group.loads
     whole = pencil.stiffness.toarray() + load @ load.T * plate.stiffness_unit / plate.capacitance_f[0]
     values = scipy.linalg.eigh(whole, pencil.mass.toarray(), eigvals_only=True)
     direct = plate.scale.frequency(values)

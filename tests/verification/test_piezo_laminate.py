@@ -81,9 +81,9 @@ def elements(section: Section, count: int, clamped: bool, is_open: bool) -> np.n
 def test_beam_elements_with_one_electrode_give_the_same(number: int, is_open: bool) -> None:
     """Cubic elements converge from above as (k/n)^4/1440."""
     section = published(stretch=True)
-    held = elements(section, 40, True, is_open)[number - 1]
+    clamped = elements(section, 40, True, is_open)[number - 1]
     loose = elements(section, 40, False, is_open)[2:][2 * (number - 1)]
-    assert cantilever_hz(section, LENGTH_M, number, is_open) == pytest.approx(held, rel=2e-6 * number**4)
+    assert cantilever_hz(section, LENGTH_M, number, is_open) == pytest.approx(clamped, rel=2e-6 * number**4)
     assert free_even_hz(section, LENGTH_M, number, is_open) == pytest.approx(loose, rel=4e-6 * (number + 0.5) ** 4)
 
 

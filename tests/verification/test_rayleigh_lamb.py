@@ -24,12 +24,12 @@ def cell(order: int) -> BlochCell:
 
 def errors(order: int) -> np.ndarray:
     """Relative errors of the lowest bands at every wavevector, (wavevectors, bands)."""
-    lattice, found = cell(order), []
+    lattice, result = cell(order), []
     for share in SHARES:
         k = np.array(share) * np.pi / np.array(PITCH_M)
         exact = lamb.folded_hz(k, PITCH_M, THICKNESS_M, STEEL, COUNT)
-        found.append(lattice.frequencies(k, COUNT) / exact - 1.0)
-    return np.array(found)
+        result.append(lattice.frequencies(k, COUNT) / exact - 1.0)
+    return np.array(result)
 
 
 def check_bands() -> None:

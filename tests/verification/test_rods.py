@@ -74,15 +74,15 @@ def computed_hz(torsion: bool) -> np.ndarray:
     ends = bodies.at(mesh, 2, 0.0) | bodies.at(mesh, 2, LENGTH_M)
     # a torsional motion is odd in both mirrors: nothing moves along them; a longitudinal one is even
     stops = [(bodies.at(mesh, axis, 0.0), [1 - axis, 2] if torsion else [axis]) for axis in (0, 1)]
-    pencil = bodies.held(mesh, STEEL, [(ends, [2]), *stops])
+    pencil = bodies.constrained(mesh, STEEL, [(ends, [2]), *stops])
     return modes_in_band(pencil, 1e3, 60e3 if torsion else 95e3).frequency_hz
 
 
 def check_rod(torsion: bool) -> None:
     """Two modes, above the exact ones by no more than twice what these elements' dispersion along the rod explains."""
-    found = computed_hz(torsion)
-    assert len(found) == 2
-    for number, value in enumerate(found, start=1):
+    result = computed_hz(torsion)
+    assert len(result) == 2
+    for number, value in enumerate(result, start=1):
         error = value / (torsional_hz if torsion else longitudinal_hz)(number) - 1.0
         assert 0.0 < error < 2.0 * dispersion(number), (number, error)
 

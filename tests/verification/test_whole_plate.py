@@ -1,4 +1,4 @@
-"""A plate that is not its own mirror image, joined whole: against its mirror classes and against the plate in one piece."""
+"""A plate that is not its own mirror image, joined whole: against its symmetry classes and against the plate in one piece."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import VOID, Boxes, HexSettings, Piece, hex_mesh, piece_boxes
+from geometry.hex.boxes import VOID, Boxes, HexSettings, Panel, hex_mesh, panel_boxes
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh
 from solvers.errors import SolverError
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import CLASSES, SolidModel
-from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
-from solvers.superelement.plate import WHOLE, JoinedPlate
+from solvers.superelement.plate import WHOLE, AssembledPlate
 from solvers.superelement.tiling import signature
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -29,30 +29,30 @@ BAND_HZ = (20e3, 70e3)
 ALIKE = 0.006
 
 
-def skewed(piece: Piece) -> Mesh:
+def skewed(panel: Panel) -> Mesh:
     """A piece whose pillar stands beside the place that it was given."""
-    foot = tuple((np.array(piece.foot) + SHIFT).tolist())
-    return hex_mesh(piece_boxes(replace(piece, foot=foot), DESIGN.thickness_m, BOX, MESH), MESH.order)
+    foot = tuple((np.array(panel.foot) + SHIFT).tolist())
+    return hex_mesh(panel_boxes(replace(panel, foot=foot), DESIGN.thickness_m, BOX, MESH), MESH.order)
 
 
 def joined(design: Design, mesher: object = None) -> PlateModel:
-    recipe = Recipe(Interface(5, 3), 700e3, MESH, 4e-3)
-    return PlateModel(design, Reductions(design.thickness_m, ALUMINIUM, design.pillar, recipe, None, mesher))
+    reduction = ReductionSettings(Interface(5, 3), 700e3, MESH, 4e-3)
+    return PlateModel(design, Reductions(design.thickness_m, ALUMINIUM, design.pillar, reduction, None, mesher))
 
 
 def in_one_piece(model: PlateModel) -> SolidModel:
     """The whole plate on the union of its pieces' lines."""
-    tiling, found = model.tiling, ([], [], [])
+    tiling, result = model.tiling, ([], [], [])
     for i in range(len(tiling.x) - 1):
         for j in range(len(tiling.y) - 1):
-            piece = tiling.piece(i, j)
-            foot = tuple((np.array(piece.foot) + SHIFT).tolist()) if piece.foot else None
-            boxes = piece_boxes(replace(piece, foot=foot), DESIGN.thickness_m, BOX, MESH)
+            panel = tiling.panel(i, j)
+            foot = tuple((np.array(panel.foot) + SHIFT).tolist()) if panel.foot else None
+            boxes = panel_boxes(replace(panel, foot=foot), DESIGN.thickness_m, BOX, MESH)
             for axis, lines in enumerate((boxes.x, boxes.y)):
-                both = np.concatenate([lines, -lines]) if axis in piece.halved else lines
-                found[axis].extend(both + piece.middle[axis])
-            found[2].extend(boxes.z)
-    x, y, z = (np.unique(np.round(line, 10)) for line in found)
+                both = np.concatenate([lines, -lines]) if axis in panel.halved else lines
+                result[axis].extend(both + panel.middle[axis])
+            result[2].extend(boxes.z)
+    x, y, z = (np.unique(np.round(line, 10)) for line in result)
     middles = [(line[1:] + line[:-1]) / 2.0 for line in (x, y, z)]
     above = middles[2] > DESIGN.thickness_m
     region = np.where(above, VOID, 0)[None, None, :] * np.ones((len(x) - 1, len(y) - 1, 1), dtype=np.int64)
@@ -87,7 +87,7 @@ def test_a_skewed_plate_is_the_solid_of_its_meshes() -> None:
 def test_the_whole_plate_has_the_modes_of_all_mirror_classes() -> None:
     design = replace(DESIGN, pillar=BOX)
     model = joined(design)
-    whole = JoinedPlate(model.tiling, every_piece(model), WHOLE)
+    whole = AssembledPlate(model.tiling, every_piece(model), WHOLE)
     apart = np.sort(np.concatenate([modes_in_band(model.pencil(p), *BAND_HZ).frequency_hz for p in CLASSES]))
     together = modes_in_band(whole.pencil(), *BAND_HZ)
     assert together.rigid_count == 6
@@ -96,13 +96,13 @@ def test_the_whole_plate_has_the_modes_of_all_mirror_classes() -> None:
 
 def every_piece(model: PlateModel) -> dict:
     """The cells of the negative sides too, each reduced for itself."""
-    recipe = Recipe(Interface(5, 3), 700e3, MESH, 4e-3)
-    reductions = Reductions(DESIGN.thickness_m, ALUMINIUM, BOX, recipe)
-    pieces = [model.tiling.piece(i, j) for i in range(len(model.tiling.x) - 1) for j in range(len(model.tiling.y) - 1)]
-    return {signature(piece): reductions.cell(piece) for piece in {signature(p): p for p in pieces}.values()}
+    reduction = ReductionSettings(Interface(5, 3), 700e3, MESH, 4e-3)
+    reductions = Reductions(DESIGN.thickness_m, ALUMINIUM, BOX, reduction)
+    panels = [model.tiling.panel(i, j) for i in range(len(model.tiling.x) - 1) for j in range(len(model.tiling.y) - 1)]
+    return {signature(panel): reductions.cell(panel) for panel in {signature(p): p for p in panels}.values()}
 
 
 def test_mirror_classes_of_a_skewed_plate_are_refused() -> None:
     model = joined(DESIGN, skewed)
     with pytest.raises(SolverError, match="not its own mirror image"):
-        model.joined("++")
+        model.assembled("++")

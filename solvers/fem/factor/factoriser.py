@@ -20,7 +20,9 @@ from solvers.fem.factor.pardiso import Pardiso, load
 from solvers.fem.factor.rslab import Rslab
 from solvers.fem.factor.superlu import SuperLU
 
-SMALL = 8000  # unknowns up to which SuperLU is as fast as PARDISO: python -m studies.benchmarks.factorisations
+SMALL = (
+    8000  # degrees of freedom up to which SuperLU is as fast as PARDISO: python -m studies.benchmarks.factorisations
+)
 BACKWARD_ERROR = 1e-10  # of one solve; rounding times growth stays far below, garbage far above
 
 
@@ -51,20 +53,20 @@ class Factor(Protocol):
 @lru_cache(maxsize=1)
 def available() -> tuple[str, ...]:
     """Factorisations of this machine, the preferred one for large matrices first."""
-    found = ["rslab"] if importlib.util.find_spec("rslab") else []
+    names = ["rslab"] if importlib.util.find_spec("rslab") else []
     if importlib.util.find_spec("pypardiso"):
         try:
             load()
-            found.append("pardiso")
+            names.append("pardiso")
         except (ImportError, OSError):  # the wheel is there, MKL is not
             pass
-    return (*found, "superlu")
+    return (*names, "superlu")
 
 
-def preferred(unknowns: int) -> str:
+def preferred(dofs: int) -> str:
     """The measured choice: rslab at every size; without it PARDISO, but SuperLU for what it does as fast."""
     first = available()[0]
-    return "superlu" if first == "pardiso" and unknowns <= SMALL else first
+    return "superlu" if first == "pardiso" and dofs <= SMALL else first
 
 
 class Factoriser:

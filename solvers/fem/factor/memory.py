@@ -44,14 +44,14 @@ def _group_rooms() -> list[float]:
 
 def _groups() -> list[Path]:
     """Folders of this process's control groups and of those above them."""
-    found = [GROUPS, GROUPS / "memory"]
+    groups = [GROUPS, GROUPS / "memory"]
     with suppress(OSError):
         for line in Path("/proc/self/cgroup").read_text().splitlines():
             _, names, path = line.split(":", 2)
             if names in ("", "memory"):
                 folder = (GROUPS / names) / path.strip("/")
-                found += [folder, *(each for each in folder.parents if GROUPS in each.parents)]
-    return list(dict.fromkeys(found))
+                groups += [folder, *(each for each in folder.parents if GROUPS in each.parents)]
+    return list(dict.fromkeys(groups))
 
 
 def _process_rooms() -> list[float]:
@@ -73,22 +73,22 @@ def room_bytes() -> float:
 def memory_text(fault: MemoryError, doing: str = "") -> str:
     """One line for a MemoryError: what was being done, how much one array asked for where numpy tells, what to change."""
     shape, kind = getattr(fault, "shape", None), getattr(fault, "dtype", None)
-    asked = ""
+    request = ""
     if shape is not None and kind is not None:
-        asked = f", {math.prod(shape) * kind.itemsize / 2**30:.3g} GiB were asked for at once"
+        request = f", {math.prod(shape) * kind.itemsize / 2**30:.3g} GiB were asked for at once"
     while_doing = f" in the step '{doing}'" if doing else ""
     return (
-        f"memory ran out{while_doing}{asked}, {available_bytes() / 2**30:.3g} GiB are available: raise solve.accuracy, ask "
+        f"memory ran out{while_doing}{request}, {available_bytes() / 2**30:.3g} GiB are available: raise solve.accuracy, ask "
         "for a narrower band or fewer modes, or take solve.model = 'superelement'"
     )
 
 
-def foresee(needed_bytes: float, unknowns: int) -> int:
+def foresee(needed_bytes: float, dofs: int) -> int:
     """The estimate itself, B; TooLarge, with the estimate and what to do, for what would not fit into memory."""
     room = room_bytes()
     if needed_bytes > room:
         raise TooLarge(
-            f"factorising {unknowns} unknowns needs about {needed_bytes / 2**30:.1f} GiB, "
+            f"factorising {dofs} degrees of freedom needs about {needed_bytes / 2**30:.1f} GiB, "
             f"{room / 2**30:.1f} GiB are free: "
             "ask for a coarser mesh, a lower order, or model = superelement"
         )

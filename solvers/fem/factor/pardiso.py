@@ -49,13 +49,13 @@ class _Handle:
     """PARDISO's memory for one matrix."""
 
     def __init__(self, matrix: sp.csc_array) -> None:
-        self.unknowns = matrix.shape[0]
+        self.dofs = matrix.shape[0]
         self.starts, self.columns, self.values = _upper(matrix)
         self.solver = load()
         for number, value in SETTINGS.items():
             self.solver.iparm[number - 1] = value
 
-    def told(self, number: int) -> int:
+    def statistic(self, number: int) -> int:
         """One of PARDISO's outputs."""
         return int(self.solver.iparm[number - 1])
 
@@ -75,7 +75,7 @@ class _Handle:
             number(1),
             number(SYMMETRIC_INDEFINITE),
             number(phase),
-            number(self.unknowns),
+            number(self.dofs),
             self.values.ctypes.data_as(doubles),
             self.starts.ctypes.data_as(ints),
             self.columns.ctypes.data_as(ints),
@@ -87,15 +87,15 @@ class _Handle:
             out.ctypes.data_as(doubles),
             ctypes.byref(error),
         )
-        _judge(error.value, phase, self.unknowns)
+        _judge(error.value, phase, self.dofs)
         return out
 
 
-def _judge(error: int, phase: int, unknowns: int) -> None:
+def _judge(error: int, phase: int, dofs: int) -> None:
     if error == ZERO_PIVOT:
         raise SingularShift("the shifted matrix is singular (PARDISO found a zero pivot)")
     if error == NO_MEMORY:
-        raise TooLarge(f"factorising {unknowns} unknowns took more memory than there is (PARDISO)")
+        raise TooLarge(f"factorising {dofs} degrees of freedom took more memory than there is (PARDISO)")
     if error:
         raise SolverError(f"PARDISO failed in phase {phase} with error {error}")
 
@@ -109,13 +109,13 @@ class Pardiso:
         self._release = weakref.finalize(self, handle.call, RELEASE)
         self._release.atexit = False  # the process ends, and its memory with it
         handle.call(ANALYSE)
-        needed = 1024.0 * max(handle.told(PEAK_KB), handle.told(KEPT_KB) + handle.told(NUMERIC_KB))
-        self.foreseen_bytes = foresee(needed, handle.unknowns)
+        needed = 1024.0 * max(handle.statistic(PEAK_KB), handle.statistic(KEPT_KB) + handle.statistic(NUMERIC_KB))
+        self.foreseen_bytes = foresee(needed, handle.dofs)
         handle.call(FACTORISE)
-        if handle.told(PERTURBED):
-            raise SingularShift(f"the shifted matrix has {handle.told(PERTURBED)} pivot(s) of rounding size")
-        self.negative = handle.told(NEGATIVE)
-        self.memory_bytes = 1024 * (handle.told(KEPT_KB) + handle.told(NUMERIC_KB))
+        if handle.statistic(PERTURBED):
+            raise SingularShift(f"the shifted matrix has {handle.statistic(PERTURBED)} pivot(s) of rounding size")
+        self.negative = handle.statistic(NEGATIVE)
+        self.memory_bytes = 1024 * (handle.statistic(KEPT_KB) + handle.statistic(NUMERIC_KB))
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Solution of A x = right, for (n,) or (n, k)."""

@@ -20,12 +20,12 @@ class Rslab:
     """L D L' with the inertia of D's blocks of one and two."""
 
     def __init__(self, matrix: sp.csc_array, symbolic: Any | None = None) -> None:
-        unknowns = matrix.shape[0]
+        dofs = matrix.shape[0]
         if symbolic is None:
-            foresee(ANALYSIS_BYTES * matrix.nnz, unknowns)
+            foresee(ANALYSIS_BYTES * matrix.nnz, dofs)
         self.symbolic = symbolic or _analysed(matrix)
         plan = self.symbolic.memory_plan()
-        self.foreseen_bytes = foresee(plan["peak_bytes"] + COPY_BYTES * matrix.nnz, unknowns)
+        self.foreseen_bytes = foresee(plan["peak_bytes"] + COPY_BYTES * matrix.nnz, dofs)
         self.memory_bytes = int(plan["factor_bytes"])
         try:
             self._factor = self.symbolic.factor(matrix)
@@ -53,4 +53,4 @@ def _analysed(matrix: sp.csc_array) -> Any:
     if symbolic.memory_plan()["factor_bytes"] <= FILLED * 8.0 * matrix.nnz / 2.0:
         return symbolic
     other = rslab.analyze(matrix, path="ldlt", threads=threads(), ordering="metis")
-    return min(symbolic, other, key=lambda found: found.memory_plan()["factor_bytes"])
+    return min(symbolic, other, key=lambda result: result.memory_plan()["factor_bytes"])

@@ -20,8 +20,8 @@ from solvers.fem.factor.memory import foresee
 from solvers.fem.factor.symbolic import alike, postordered, quotient
 from solvers.threads import one_thread
 
-DENSE = 3000  # unknowns up to which even a full triangle is small: SuperLU orders by itself
-WORTH = 0.5  # classes of alike unknowns are ordered instead of unknowns when they are this few
+DENSE = 3000  # degrees of freedom up to which even a full triangle is small: SuperLU orders by itself
+WORTH = 0.5  # classes of alike degrees of freedom are ordered instead of degrees of freedom when they are this few
 SOLVE_BYTES = 26  # measured peak a factor entry: 8 in L, 12 in U, and the buffers that grow
 INERTIA_BYTES = 24  # scipy copies L and U to show U's diagonal
 COPY_BYTES = 16  # an entry of the matrix, reordered
@@ -45,7 +45,7 @@ class Ordering:
 
 
 def analyse(matrix: sp.csc_array) -> Ordering:
-    """Minimum degree on the graph of alike unknowns, and the exact count of L's entries. Source: davis2006."""
+    """Minimum degree on the graph of alike degrees of freedom, and the exact count of L's entries. Source: davis2006."""
     count = matrix.shape[0]
     if count <= DENSE:
         return Ordering(None, count * (count + 1) // 2)
@@ -96,7 +96,7 @@ class SuperLU:
 
     def _factorised(self) -> Any:
         """SuperLU's L and U. Raises SingularShift where they are not those of a symmetric elimination, TooLarge."""
-        order, unknowns = self.symbolic.order, self._matrix.shape[0]
+        order, dofs = self.symbolic.order, self._matrix.shape[0]
         column = "NATURAL" if order is not None else "MMD_AT_PLUS_A"
         kept = self._matrix if order is None else _reordered(self._matrix, order)
         with one_thread():
@@ -105,7 +105,7 @@ class SuperLU:
             except RuntimeError as fault:
                 raise SingularShift(f"the shifted matrix is singular ({fault})") from fault
             except MemoryError as fault:
-                raise TooLarge(f"factorising {unknowns} unknowns took more memory than there is") from fault
+                raise TooLarge(f"factorising {dofs} degrees of freedom took more memory than there is") from fault
         if not np.array_equal(factors.perm_r, factors.perm_c):
             raise SingularShift("SuperLU left the diagonal while pivoting, so that the inertia cannot be read")
         return factors
@@ -135,15 +135,15 @@ class SuperLU:
         return worst
 
     def _foreseen(self) -> int:
-        unknowns, stored = self._matrix.shape[0], self._matrix.nnz
+        dofs, stored = self._matrix.shape[0], self._matrix.nnz
         if max(FIRST_GUESS * stored, GROWTH * self.symbolic.entries) > INDEX_LIMIT:
             raise TooLarge(
-                f"{unknowns} unknowns with {stored:.2g} entries, {self.symbolic.entries:.2g} in the factor, are more "
+                f"{dofs} degrees of freedom with {stored:.2g} entries, {self.symbolic.entries:.2g} in the factor, are more "
                 "than SuperLU can count: install rslab, or ask for a coarser mesh, a lower order, or model = superelement"
             )
         factorise = SOLVE_BYTES * self.symbolic.entries + COPY_BYTES * stored
         count = (SOLVE_BYTES + INERTIA_BYTES) * self.symbolic.entries
-        return foresee(max(factorise, count), unknowns)
+        return foresee(max(factorise, count), dofs)
 
     @property
     def negative(self) -> int:
@@ -155,8 +155,8 @@ class SuperLU:
     @property
     def memory_bytes(self) -> int:
         """Bytes held: L in supernodes, U with indices, scipy's copies of both once the inertia was read, and the matrix."""
-        held = 20 if self._negative is None else 20 + INERTIA_BYTES
-        return int(self._lu.nnz // 2 * held + MATRIX_BYTES * self._matrix.nnz)
+        bytes_per_entry = 20 if self._negative is None else 20 + INERTIA_BYTES
+        return int(self._lu.nnz // 2 * bytes_per_entry + MATRIX_BYTES * self._matrix.nnz)
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Solution of A x = right, for (n,) or (n, k), refined to a backward error of rounding. Raises SingularShift."""
@@ -186,7 +186,7 @@ class SuperLU:
         return float((size[2] / np.maximum(self._norm * size[0] + size[1], 1e-300)).max(initial=0.0))
 
     def _substituted(self, right: FloatArray) -> FloatArray:
-        """(LU)^-1 right for (n, k), in the unknowns' own order."""
+        """(LU)^-1 right for (n, k), in the degrees of freedom' own order."""
         order = self.symbolic.order
         if order is None:
             return np.asarray(self._lu.solve(right))

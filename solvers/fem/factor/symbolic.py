@@ -1,4 +1,4 @@
-"""Symbolic Cholesky analysis: which unknowns are alike, the elimination tree, and the exact size of L.
+"""Symbolic Cholesky analysis: which degrees of freedom are alike, the elimination tree, and the exact size of L.
 
 No entry of L is formed: the tree comes from a minimum spanning tree, the counts from sums over its subtrees.
 """
@@ -13,7 +13,7 @@ from geometry.elements import FloatArray, IntArray
 
 
 def alike(graph: sp.csc_array) -> tuple[IntArray, IntArray]:
-    """Class of each unknown (n,) and members of each class (m,): unknowns coupled to the same ones are alike.
+    """Class of each unknown (n,) and members of each class (m,): degrees of freedom coupled to the same ones are alike.
 
     Columns are compared by sums of random 62-bit keys of their rows.
     """
@@ -22,14 +22,14 @@ def alike(graph: sp.csc_array) -> tuple[IntArray, IntArray]:
     sums = np.zeros(graph.shape[0], dtype=np.uint64)
     sums[filled] = np.add.reduceat(key[graph.indices], graph.indptr[filled])
     _, first, label, size = np.unique(sums, return_index=True, return_inverse=True, return_counts=True)
-    by_place = np.argsort(first)  # keep the unknowns' own order
+    by_place = np.argsort(first)  # keep the degrees of freedom' own order
     rank = np.empty_like(by_place)
     rank[by_place] = np.arange(len(by_place))
     return rank[label], size[by_place]
 
 
 def quotient(graph: sp.csc_array, label: IntArray, count: int) -> sp.csc_array:
-    """The graph between classes of alike unknowns."""
+    """The graph between classes of alike degrees of freedom."""
     first = np.full(count, graph.shape[0])
     np.minimum.at(first, label, np.arange(len(label)))
     part = graph[:, first]
@@ -43,7 +43,7 @@ def quotient(graph: sp.csc_array, label: IntArray, count: int) -> sp.csc_array:
 def postordered(graph: sp.csc_array, place: IntArray, size: IntArray) -> tuple[IntArray, int]:
     """An order as good as the given one in which supernodes are contiguous, and the entries of L, diagonal included.
 
-    place (m,) is each unknown's turn, size (m,) how many alike unknowns it stands for. Exact but for cancellation.
+    place (m,) is each unknown's turn, size (m,) how many alike degrees of freedom it stands for. Exact but for cancellation.
     Row subtrees as in davis2006, section 4.5: each adds its size at its leaves and takes it off where two leaves meet
     and above its root, so that sums over the tree's subtrees are the column counts.
     """

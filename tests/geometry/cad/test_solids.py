@@ -165,11 +165,11 @@ def box_at(x=-1.0, y=-1.0, z=0.0, sides=(2.0, 2.0, 6.3)):
 def test_step_pillar_is_read_in_any_unit(tmp_path, unit, in_mm):
     """The exporter labels the model's numbers with the unit, so 2 mm is written as 2 / 25.4 inches."""
     path = step_file(tmp_path, box_at().scale(1.0 / in_mm), unit)
-    found = load_step_pillar(path)
-    assert [found.height_m, found.foot_size_m, found.tip_size_m, found.extent_m] == pytest.approx(
+    result = load_step_pillar(path)
+    assert [result.height_m, result.foot_size_m, result.tip_size_m, result.extent_m] == pytest.approx(
         [6.3e-3, 2e-3, 2e-3, 2e-3], rel=1e-6
     )
-    assert found.volume_m3 == pytest.approx(25.2 * MM3, rel=1e-6)
+    assert result.volume_m3 == pytest.approx(25.2 * MM3, rel=1e-6)
     assert 4 * plate_solid(design(pillar("step", file=str(path))), "xy").volume_m3 == pytest.approx(
         plate_solid(design(pillar())).volume_m3, rel=KERNEL
     )
@@ -177,8 +177,8 @@ def test_step_pillar_is_read_in_any_unit(tmp_path, unit, in_mm):
 
 def test_step_pillar_wider_above_tells_its_extent(tmp_path):
     mushroom = box_at().fuse(box_at(-1.5, -1.5, 5.3, (3.0, 3.0, 1.0)))
-    found = load_step_pillar(step_file(tmp_path, mushroom))
-    assert [found.foot_size_m, found.extent_m] == pytest.approx([2e-3, 3e-3], rel=1e-6)
+    result = load_step_pillar(step_file(tmp_path, mushroom))
+    assert [result.foot_size_m, result.extent_m] == pytest.approx([2e-3, 3e-3], rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from pipeline.active import options, thesis_beam
 from pipeline.active.loop import _plant
 from pipeline.board import table_file
 from pipeline.cli import main
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from solvers.active_beam.study import ActiveBeamData
 from solvers.control.baseband import ModePlant
 from solvers.control.identification import sweep_of
@@ -42,12 +42,12 @@ def run(*arguments: str) -> int:
 @pytest.mark.parametrize("model", ["mason", "pillar", "beam", "dq", "shaping"])
 def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: Path, capsys) -> None:
     assert run(model, "--out", str(tmp_path), "--quiet") == 0
-    told = capsys.readouterr().out
+    text = capsys.readouterr().out
     document = json.loads((tmp_path / f"active_{model}.json").read_text())
     assert document["schema"] == 1
     for entry in document["comparison"]:
         assert set(entry) == {"quantity", "thesis", "ours", "agreement"}
-        assert entry["ours"] in told and entry["agreement"] in told
+        assert entry["ours"] in text and entry["agreement"] in text
     assert {path.stem for path in tmp_path.glob("*.svg")} == FIGURES[model]
     assert {path.stem for path in tmp_path.glob("*.png")} == FIGURES[model]
     for path in tmp_path.glob("*.svg"):
@@ -104,18 +104,18 @@ def test_pillar_losses_are_the_cases_or_none(tmp_path: Path, capsys) -> None:
     absorbed, duller = [], ("--set", "damping.quality=50")
     for arguments in ((str(bare),), (CASE,), (CASE, "--quality", "inf"), (CASE, *duller)):
         assert run("pillar", *arguments, "--json", "-") == 0
-        found = json.loads(capsys.readouterr().out)
-        shares = 1.0 - np.array(found["transmitted"]) - np.array(found["reflected"])
+        result = json.loads(capsys.readouterr().out)
+        shares = 1.0 - np.array(result["transmitted"]) - np.array(result["reflected"])
         absorbed.append(np.abs(shares).max())
     assert absorbed[0] < 1e-10 and absorbed[2] < 1e-10 and absorbed[3] > 2.0 * absorbed[1] > 1e-3
 
 
 def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, capsys) -> None:
     """What `attenuation` returns is compared and drawn; None (too steep to keep) counts as stopped."""
-    asked = {}
+    query = {}
 
     def solve(case, log, band_hz, kx_per_m, points):
-        asked.update(band=band_hz, kx=kx_per_m)
+        query.update(band=band_hz, kx=kx_per_m)
         tones = np.linspace(*band_hz, 41)
         points = [
             SimpleNamespace(frequency_hz=f, db_per_row=None if 34e3 < f < 35e3 else 3.0 * (30e3 < f < 36e3))
@@ -126,7 +126,7 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
     monkeypatch.setattr("pipeline.analysis.attenuation.solve", solve)
     assert run("pillar", "--cell", "--band", "25kHz:45kHz", "--quiet", "--out", str(tmp_path)) == 0
     document = json.loads((tmp_path / "active_pillar.json").read_text())
-    assert asked == {"band": (25e3, 45e3), "kx": 0.0} and document["cell"]["model"] == "stub"
+    assert query == {"band": (25e3, 45e3), "kx": 0.0} and document["cell"]["model"] == "stub"
     assert document["comparison"][-1]["ours"] == "30.50-35.50 kHz"
     assert "edge lies" in document["comparison"][-1]["agreement"]
     capsys.readouterr()
@@ -167,8 +167,8 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
 def test_what_is_wrong_is_told_in_one_line(arguments: tuple[str, ...], said: str, capsys) -> None:
     assert run(*arguments) == 2
     caught = capsys.readouterr()
-    told = [line for line in caught.err.splitlines() if line.startswith("antinode: ")]
-    assert len(told) == 1 and said in told[0] and caught.out == ""
+    text = [line for line in caught.err.splitlines() if line.startswith("antinode: ")]
+    assert len(text) == 1 and said in text[0] and caught.out == ""
 
 
 def test_lossless_resonance_of_the_beam_is_told(capsys) -> None:
@@ -183,16 +183,16 @@ def test_the_circuits_verdicts_are_those_of_its_modes_whatever_band_is_shown(ban
     assert run("mason", "--json", "-") == 0
     whole = json.loads(capsys.readouterr().out)
     assert run("mason", "--band", band, "--quiet") == 0
-    told = capsys.readouterr().out
-    assert "nan" not in told
+    text = capsys.readouterr().out
+    assert "nan" not in text
     for entry in whole["comparison"]:
-        assert entry["ours"] in told and entry["agreement"] in told
+        assert entry["ours"] in text and entry["agreement"] in text
 
 
 def test_a_band_without_modes_says_where_they_are(capsys) -> None:
     assert run("mason", "--band", "30Hz:34Hz") == 2
-    told = capsys.readouterr()
-    assert told.out == "" and "holds no mode of the three bars" in told.err and "from 7.101 to 39.57 kHz" in told.err
+    text = capsys.readouterr()
+    assert text.out == "" and "holds no mode of the three bars" in text.err and "from 7.101 to 39.57 kHz" in text.err
 
 
 class OneBeam:
@@ -226,7 +226,7 @@ def test_times(text: str, value: float) -> None:
 
 @pytest.mark.parametrize("text", ["", "4", "-1ms", "infs", "nanms", "ms", "4kHz"])
 def test_times_refused(text: str) -> None:
-    with pytest.raises(InputFault, match="--delay"):
+    with pytest.raises(InputError, match="--delay"):
         options.seconds(text, "--delay")
 
 
@@ -262,11 +262,11 @@ def test_a_measured_sweep_becomes_the_tables_mode(displacement: bool, tmp_path: 
     """Frequency, time constant, complex gain and delay of a plate that the table guessed wrongly."""
     truth = ModePlant.from_quality(31_437.3, 260.0, 0.6)
     sensor = "displacement" if displacement else "velocity"
-    found = sweep_of((truth,), np.linspace(31_100.0, 31_800.0, 141), sensor, 8e-6, 0.001, 1e-4)
+    result = sweep_of((truth,), np.linspace(31_100.0, 31_800.0, 141), sensor, 8e-6, 0.001, 1e-4)
     sweep = tmp_path / "sweep.csv"
     rows = [
         f"{f!r},{h.real!r},{h.imag!r}"
-        for f, h in zip(found.frequencies_hz.tolist(), found.response.tolist(), strict=True)
+        for f, h in zip(result.frequencies_hz.tolist(), result.response.tolist(), strict=True)
     ]
     sweep.write_text("\n".join(["frequency_hz,re,im", *rows]))
     old = tmp_path / "old.bin"

@@ -72,19 +72,21 @@ def test_power_is_shared_out_whole_and_none_is_turned_in_plane(document: dict) -
 
 def test_straight_across_in_plane_waves_take_their_share() -> None:
     case = load_case(CASE, ["solve.accuracy=0.03"])
-    found = attenuation.solve(case, TerminalLog(True), (34e3, 36e3), 0.0, 3)
-    for point in found.points:
-        passed = point.passage
+    result = attenuation.solve(case, TerminalLog(True), (34e3, 36e3), 0.0, 3)
+    for point in result.points:
+        passed = point.transmission
         assert passed is not None and passed.longitudinal > 0.0
         assert passed.reflected + passed.flexural + passed.shear + passed.longitudinal == pytest.approx(1.0, abs=1e-8)
 
 
 def test_the_prediction_is_rows_times_the_decay() -> None:
     waves = (attenuation.Wave("flexural", 0.0, 150.0, 5.0, 0.9),)
-    points = tuple(attenuation.Point(f, waves, 5.0, attenuation.Passage(0.99, 0.01, 0.0, 0.0)) for f in (30e3, 40e3))
-    told = attenuation.prediction(attenuation.Attenuation("m", 204.0, 3, 4e-3, points), 35e3, 12.0)
-    assert told["rows_db"] == 15.0 and told["through_db"] == pytest.approx(20.0) and told["rows_for_10_db"] == 2
-    assert told["zone_to_extension_db"] == 12.0
+    points = tuple(
+        attenuation.Point(f, waves, 5.0, attenuation.Transmission(0.99, 0.01, 0.0, 0.0)) for f in (30e3, 40e3)
+    )
+    text = attenuation.prediction(attenuation.Attenuation("m", 204.0, 3, 4e-3, points), 35e3, 12.0)
+    assert text["rows_db"] == 15.0 and text["through_db"] == pytest.approx(20.0) and text["rows_for_10_db"] == 2
+    assert text["zone_to_extension_db"] == 12.0
 
 
 @pytest.mark.parametrize(

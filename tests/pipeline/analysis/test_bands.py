@@ -14,17 +14,17 @@ import pytest
 from pipeline.analysis import bands
 from pipeline.analysis.bands import Bands, solve_bands
 from pipeline.case.model import Case, load_case
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.models import unit_cell
 from pipeline.planning import mesh_rules
 from pipeline.plots import bands as plots_bands
 from pipeline.plots import style
 from pipeline.records.study import StoredCase
-from solvers.superelement.build import Recipe
+from solvers.superelement.build import ReductionSettings
 from solvers.superelement.interface import Interface
-from solvers.waves.gaps import Gap, ZoneGap
+from solvers.waves.gaps import BrillouinZoneGap, Gap
 from tests.helpers import coarse_cells
-from tests.helpers.told import Told
+from tests.helpers.recording_log import RecordingLog
 
 CASE = Path(__file__).resolve().parents[3] / "studies" / "three-rows.toml"
 
@@ -39,14 +39,14 @@ def case(*settings: str) -> Case:
     return load_case(CASE, ["solve.accuracy=0.02", *settings])
 
 
-def solved(*settings: str) -> tuple[Bands, Told]:
-    log = Told()
+def solved(*settings: str) -> tuple[Bands, RecordingLog]:
+    log = RecordingLog()
     return solve_bands(case(*settings), log), log
 
 
 def test_points_tell_polarisation_parity_branch_and_group_velocity() -> None:
-    found, log = solved("bands.points=6", "bands.count=8")
-    document = json.loads(json.dumps(found.json(), allow_nan=False))
+    result, log = solved("bands.points=6", "bands.count=8")
+    document = json.loads(json.dumps(result.json(), allow_nan=False))
     assert [p["label"] for p in document["points"] if p["label"]] == ["G", "X", "M", "G"] and len(
         document["points"]
     ) == 19
@@ -65,19 +65,19 @@ def test_points_tell_polarisation_parity_branch_and_group_velocity() -> None:
     assert document["points"][0]["plate_polarisation"][:3] == ["flexural", "shear", "longitudinal"]
     assert all(mark in ("y+", "y-") for mark in document["points"][3]["parity"])
     assert "zone_gaps" not in document and "wavevectors off the path" in log.omitted
-    assert document["reduction_error"] < 0.02 and "REDUCTION" not in log.alarms
+    assert document["reduction_error"] < 0.02 and "REDUCTION" not in log.warnings
     assert {"start", "end", "lower_band", "upper_hz"} <= set(document["directional_gaps"][0])
     assert {"polarisation", "lower_hz", "upper_hz"} == set(document["polarisation_gaps"][0])
     assert len(json.dumps(document)) < 19 * 8 * 150
 
 
 def test_the_group_velocity_of_a_point_is_the_slope_of_its_band() -> None:
-    found, _ = solved("bands.points=40", "bands.count=4", "bands.path=GX")
-    assert found.detail
-    k, hz = found.path.wavevectors[:, 0], found.frequencies_hz[:, 0]
+    result, _ = solved("bands.points=40", "bands.count=4", "bands.path=GX")
+    assert result.detail
+    k, hz = result.path.wavevectors[:, 0], result.frequencies_hz[:, 0]
     slope = 2.0 * np.pi * np.gradient(hz, k)[2:-2]
-    assert np.abs(found.detail.velocity[2:-2, 0, 0] - slope).max() < 0.05 * np.abs(slope).max()
-    assert np.abs(found.detail.velocity[1:-1, :, 1]).max() < 1e-3 * np.abs(slope).max()  # along the line by symmetry
+    assert np.abs(result.detail.velocity[2:-2, 0, 0] - slope).max() < 0.05 * np.abs(slope).max()
+    assert np.abs(result.detail.velocity[1:-1, :, 1]).max() < 1e-3 * np.abs(slope).max()  # along the line by symmetry
 
 
 def test_a_coarse_path_finds_the_edges_of_a_fine_one() -> None:
@@ -91,8 +91,8 @@ def test_a_coarse_path_finds_the_edges_of_a_fine_one() -> None:
 
 
 def test_the_full_cell_gives_frequencies_only_and_says_so() -> None:
-    found, log = solved("solve.model=solid", "bands.points=1", "bands.count=7", "bands.grid=1")
-    document = found.json()
+    result, log = solved("solve.model=solid", "bands.points=1", "bands.count=7", "bands.grid=1")
+    document = result.json()
     assert set(document["points"][0]) == {"label", "kx_per_m", "ky_per_m", "frequencies_hz"}
     assert "reduction_error" not in document and "polarisation, branches and group velocity" in log.omitted
     reduced, _ = solved("bands.points=1", "bands.count=7")
@@ -100,55 +100,55 @@ def test_the_full_cell_gives_frequencies_only_and_says_so() -> None:
 
 
 def test_a_grid_checks_the_gaps_over_the_zone() -> None:
-    found, log = solved("bands.points=4", "bands.count=8", "bands.grid=6")
-    assert found.zone_gaps and "ZONE" not in log.alarms
-    for along, whole in zip(found.gaps, found.zone_gaps, strict=True):
+    result, log = solved("bands.points=4", "bands.count=8", "bands.grid=6")
+    assert result.zone_gaps and "ZONE" not in log.warnings
+    for along, whole in zip(result.gaps, result.zone_gaps, strict=True):
         assert (along.lower_hz, along.upper_hz) == pytest.approx((whole.lower_hz, whole.upper_hz), rel=1e-6)
     assert any("one of the whole zone" in fact for fact in log.facts)
     assert "wavevectors off the path" not in log.omitted
 
 
 def test_an_edge_off_the_path_and_a_gap_that_closes_are_alarms() -> None:
-    log, along = Told(), [Gap(6, 7, 160e3, 170e3)]
-    bands._tell_zone(along, [ZoneGap(6, 7, 161e3, 170e3, (300.0, 200.0), (0.0, 0.0))], log)
-    assert "lower edge at 161000.0 Hz, k = (300.0, 200.0) rad/m, off the path" in log.alarms["ZONE"]
-    assert "upper" not in log.alarms["ZONE"] and not log.facts
-    bands._tell_zone(along, [], log)
-    assert "waves off the path fill it" in log.alarms["ZONE"]
+    log, along = RecordingLog(), [Gap(6, 7, 160e3, 170e3)]
+    bands._log_zone(along, [BrillouinZoneGap(6, 7, 161e3, 170e3, (300.0, 200.0), (0.0, 0.0))], log)
+    assert "lower edge at 161000.0 Hz, k = (300.0, 200.0) rad/m, off the path" in log.warnings["ZONE"]
+    assert "upper" not in log.warnings["ZONE"] and not log.facts
+    bands._log_zone(along, [], log)
+    assert "waves off the path fill it" in log.warnings["ZONE"]
 
 
 @pytest.mark.parametrize("value", ["-1", "1.5", "201", "true"])
 def test_a_grid_that_is_no_count_of_intervals_is_refused(value: str) -> None:
-    with pytest.raises(InputFault, match=r"bands\.grid.*whole number from 0"):
+    with pytest.raises(InputError, match=r"bands\.grid.*whole number from 0"):
         case(f"bands.grid={value}")
 
 
-def poor(accuracy: float) -> Recipe:
+def poor(accuracy: float) -> ReductionSettings:
     """Degrees and modes that are too few on purpose."""
-    return Recipe(Interface(2, 3), 6e5, coarse_cells.COARSE)
+    return ReductionSettings(Interface(2, 3), 6e5, coarse_cells.COARSE)
 
 
 def test_a_reduction_too_poor_for_the_accuracy_is_raised_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mesh_rules, "lattice_recipe", lambda design, accuracy: poor(accuracy))
-    found, log = solved("bands.points=1", "bands.count=8")
-    assert found.detail and found.detail.reduction_error < 0.02 and "REDUCTION" not in log.alarms
+    result, log = solved("bands.points=1", "bands.count=8")
+    assert result.detail and result.detail.reduction_error < 0.02 and "REDUCTION" not in log.warnings
     assert any("degree" in fact and "instead of 2" in fact and "MHz" in fact for fact in log.facts)
     whole, _ = solved("solve.model=solid", "bands.points=1", "bands.count=8")
     moving = whole.frequencies_hz > 10.0
-    assert (found.frequencies_hz[moving] / whole.frequencies_hz[moving] - 1.0).max() < 0.02
+    assert (result.frequencies_hz[moving] / whole.frequencies_hz[moving] - 1.0).max() < 0.02
 
 
 def test_a_reduction_that_cannot_be_raised_enough_is_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mesh_rules, "lattice_recipe", lambda design, accuracy: poor(accuracy))
     monkeypatch.setattr(unit_cell, "MOST_DOF", 10)
-    found, log = solved("bands.points=1", "bands.count=8")
-    assert found.detail and found.detail.reduction_error > 0.02
-    assert "lower bands.count (8), raise solve.accuracy, or take solve.model = 'solid'" in log.alarms["REDUCTION"]
+    result, log = solved("bands.points=1", "bands.count=8")
+    assert result.detail and result.detail.reduction_error > 0.02
+    assert "lower bands.count (8), raise solve.accuracy, or take solve.model = 'solid'" in log.warnings["REDUCTION"]
 
 
 @cache
 def document() -> dict[str, Any]:
-    log = Told()
+    log = RecordingLog()
     made = solve_bands(replace(case("bands.points=4", "bands.count=8")), log)
     return made.json() | {"bending_at_m_hz": None}
 
@@ -156,12 +156,12 @@ def document() -> dict[str, Any]:
 def test_the_picture_marks_every_wave_by_its_polarisation(tmp_path: Path) -> None:
     stored = StoredCase(tmp_path, "cell", {}, {"bands": document(), "design": {"pitch_x_m": 4e-3}})
     with style.style():
-        drawing = plots_bands.dispersion(stored, {})
-    assert drawing
-    axes = drawing.figure.axes[0]
+        report_figure = plots_bands.dispersion(stored, {})
+    assert report_figure
+    axes = report_figure.figure.axes[0]
     marks = [line for line in axes.lines if line.get_marker() in ("o", "s", "^")]
     assert sum(len(np.atleast_1d(line.get_xdata())) for line in marks) == 13 * 8  # every band at every point, once
     names = {str(line.get_label()).split(",")[0] for line in marks}
     assert names == {"flexural", "shear", "longitudinal"}
     assert len({(line.get_color(), line.get_marker(), line.get_markerfacecolor()) for line in marks}) == len(marks)
-    assert "waves are marked as flexural, shear, longitudinal" in drawing.alt
+    assert "waves are marked as flexural, shear, longitudinal" in report_figure.alt

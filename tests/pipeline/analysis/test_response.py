@@ -79,9 +79,9 @@ def test_a_charge_drives_where_the_case_says_so(case: Path, document: dict, tmp_
     file = tmp_path / "r.json"
     fed = ["--points", "101", "--set", 'patches.circuit="open"', "--json", str(file)]
     assert main(["response", str(case), "--quiet", *fed]) == 0
-    found = json.loads(file.read_text())
-    assert found["circuit"]["drivers"] == "open"
-    short, opened = (one["wanted_peak"] or one["highest_peak"] for one in (document, found))
+    result = json.loads(file.read_text())
+    assert result["circuit"]["drivers"] == "open"
+    short, opened = (one["wanted_peak"] or one["highest_peak"] for one in (document, result))
     assert short["frequency_hz"] < opened["frequency_hz"] <= document["circuit"]["open_hz"] * 1.001
 
 

@@ -12,7 +12,7 @@ from geometry.layout import Pillar
 from pipeline.case.model import load_case
 from pipeline.logs import TerminalLog
 from pipeline.models import parts
-from pipeline.planning.model_choice import way_of
+from pipeline.planning.model_choice import model_choice_of
 
 CASE = Path(__file__).resolve().parents[3] / "studies" / "three-rows.toml"
 
@@ -31,7 +31,7 @@ def key_of(file: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     pillar = Pillar("step", 2e-3, 2e-3, 6.3e-3, case.design.material, file=str(file))
     case = replace(case, design=replace(case.design, pillar=pillar))
     with pytest.raises(StopIteration):
-        parts.built(case, way_of(case, "plate", 45e3), TerminalLog(True), [])
+        parts.built(case, model_choice_of(case, "plate", 45e3), TerminalLog(True), [])
     return str(heard[0].mesher_name)
 
 

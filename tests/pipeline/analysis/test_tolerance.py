@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 
 CASE = """name = "small"
 material = "aluminium"
@@ -51,9 +51,9 @@ def run(case: Path, *more: str) -> dict:
     assert main(["tolerance", str(case), "--quiet", "--out", str(out), *more]) == 0
     assert (out / "tolerance.png").exists()
     rows = (out / "tolerance.csv").read_text().splitlines()
-    found = json.loads((out / "tolerance.json").read_text())
-    assert len(rows) == 1 + len(found["samples"])
-    return found
+    result = json.loads((out / "tolerance.json").read_text())
+    assert len(rows) == 1 + len(result["samples"])
+    return result
 
 
 @pytest.fixture(scope="module")
@@ -89,9 +89,9 @@ def test_the_same_seed_draws_the_same_plates_and_more_samples_go_on(case: Path, 
 def test_with_patches_they_drive(case: Path, tmp_path: Path) -> None:
     path = tmp_path / "patched.toml"
     path.write_text(CASE + PATCHES)
-    found = run(path, "--samples", "1", "--set", "tolerance.position_mm=0.01")
-    assert found["drive"] == "patches" and found["rms_unit"] == "m/V"
-    assert found["peak_hz"]["deviation"] == 0.0
+    result = run(path, "--samples", "1", "--set", "tolerance.position_mm=0.01")
+    assert result["drive"] == "patches" and result["rms_unit"] == "m/V"
+    assert result["peak_hz"]["deviation"] == 0.0
 
 
 @pytest.mark.parametrize(
@@ -126,5 +126,5 @@ def test_a_case_without_the_table_is_understood_as_before(tmp_path: Path) -> Non
     assert "tolerance" not in load_case(path).as_understood()
     given = load_case(path, ["tolerance.side_mm=0.02"]).as_understood()["tolerance"]
     assert given == {"height_m": 0.0, "side_m": 2e-5, "position_m": 0.0, "samples": 20, "seed": 1}
-    with pytest.raises(InputFault, match=r"did you mean tolerance\.side_mm"):
+    with pytest.raises(InputError, match=r"did you mean tolerance\.side_mm"):
         load_case(path, ["tolerance.sides_mm=0.02"])

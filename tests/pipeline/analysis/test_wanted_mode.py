@@ -14,7 +14,7 @@ from pipeline.analysis.wanted_text import lines
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
 from pipeline.planning.request import Request
-from tests.helpers.told import Told
+from tests.helpers.recording_log import RecordingLog
 
 ROOT = Path(__file__).resolve().parents[3]
 SMALL = ROOT / "examples" / "small.toml"
@@ -27,7 +27,7 @@ def case(*more: str) -> Case:
 
 @lru_cache
 def found(band_hz: tuple[float, float] | None, near_hz: float | None = None, count: int | None = None) -> PartModes:
-    return solve_modes(case(), Request("plate", band_hz, near_hz, count, "++"), Told())
+    return solve_modes(case(), Request("plate", band_hz, near_hz, count, "++"), RecordingLog())
 
 
 @lru_cache
@@ -71,25 +71,25 @@ def test_a_window_that_does_not_reach_the_wanted_mode_says_so() -> None:
 
 def test_a_plate_without_the_wanted_shape_has_no_wanted_mode(capsys: pytest.CaptureFixture[str]) -> None:
     """The zone alone, free at its long sides: nothing there is half a sine across it."""
-    told = document("modes", str(ROOT / "examples" / "zone.toml"), capsys=capsys)
-    assert told["wanted"]["status"] == "none" and told["wanted"]["frequency_hz"] is None
-    assert told["wanted"]["confinement_db"] is None and told["error_bar"] is None
+    text = document("modes", str(ROOT / "examples" / "zone.toml"), capsys=capsys)
+    assert text["wanted"]["status"] == "none" and text["wanted"]["frequency_hz"] is None
+    assert text["wanted"]["confinement_db"] is None and text["error_bar"] is None
 
 
 def test_the_document_names_the_wanted_mode_and_its_rivals(capsys: pytest.CaptureFixture[str]) -> None:
-    told = document("modes", str(SMALL), "--band", "30kHz:36kHz", "--parity", "++", capsys=capsys)
-    wanted = told["wanted"]
+    text = document("modes", str(SMALL), "--band", "30kHz:36kHz", "--parity", "++", capsys=capsys)
+    wanted = text["wanted"]
     assert wanted["status"] == "single" and wanted["driven_confinement_db"] is None
-    listed = [mode for mode in told["modes"] if mode["frequency_hz"] == wanted["frequency_hz"]]
+    listed = [mode for mode in text["modes"] if mode["frequency_hz"] == wanted["frequency_hz"]]
     assert len(listed) == 1 and listed[0]["strength"] == wanted["strength"]
     assert wanted["rivals"] and all(rival["strength"] is not None for rival in wanted["rivals"])
-    assert told["count_check"]["counts"] == "reduced pencil" and told["count_check"]["more_in_mesh_at_most"] == 0
+    assert text["count_check"]["counts"] == "reduced pencil" and text["count_check"]["more_in_mesh_at_most"] == 0
 
 
 def test_another_symmetry_class_has_no_wanted_mode(capsys: pytest.CaptureFixture[str]) -> None:
-    told = document("modes", str(SMALL), "--band", "30kHz:34kHz", "--symmetry", "SA", capsys=capsys)
-    assert told["wanted"] is None
-    assert {(mode["parity"], mode["symmetry"]) for mode in told["modes"]} == {("+-", "SA")}
+    text = document("modes", str(SMALL), "--band", "30kHz:34kHz", "--symmetry", "SA", capsys=capsys)
+    assert text["wanted"] is None
+    assert {(mode["parity"], mode["symmetry"]) for mode in text["modes"]} == {("+-", "SA")}
     assert main(["modes", str(SMALL), "--parity", "+-", "--symmetry", "SS", "--quiet"]) == 2
     assert "--symmetry SS" in capsys.readouterr().err
 
@@ -112,12 +112,12 @@ def test_an_empty_answer_says_where_modes_are(capsys: pytest.CaptureFixture[str]
     said = capsys.readouterr().err
     lowest = found(None, 0.0, 3).rows[0].frequency_hz
     assert "warning NO_MODES" in said
-    told = float(said.split("nearest lies at about ")[1].split(" Hz")[0])
-    assert told == pytest.approx(lowest, rel=0.05)
+    text = float(said.split("nearest lies at about ")[1].split(" Hz")[0])
+    assert text == pytest.approx(lowest, rel=0.05)
 
 
 @pytest.mark.parametrize("command", [("predesign",), ("modes", "--part", "pillar", "--count", "1")])
 def test_every_document_says_what_it_answers(command: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
-    told = document(command[0], str(SMALL), *command[1:], "--set", "array.rows=2", capsys=capsys)
-    assert told["schema"] == 1 and told["case"] == "small" and told["version"]
-    assert told["with_defaults"] == load_case(str(SMALL), ["array.rows=2"]).as_understood()
+    text = document(command[0], str(SMALL), *command[1:], "--set", "array.rows=2", capsys=capsys)
+    assert text["schema"] == 1 and text["case"] == "small" and text["version"]
+    assert text["with_defaults"] == load_case(str(SMALL), ["array.rows=2"]).as_understood()

@@ -33,9 +33,9 @@ def test_a_weaker_peak_is_found_where_its_mode_is() -> None:
     assert highest_hz(plate, 20e3, 45e3, 101) == pytest.approx(26e3, abs=0.02 * 26e3 / 300)
     assert near_hz(plate, 34e3) == pytest.approx(34e3, abs=0.05 * 34e3 / 300)
     curve = curve_about(plate, 20e3, 45e3, 51, [near_hz(plate, 34e3)])
-    found = peak_of(curve, near_hz(plate, 34e3))
-    assert found.quality == pytest.approx(300.0, rel=0.02)
-    assert found.confinement_db == pytest.approx(20.0 * np.log10(4.0))
+    result = peak_of(curve, near_hz(plate, 34e3))
+    assert result.quality == pytest.approx(300.0, rel=0.02)
+    assert result.confinement_db == pytest.approx(20.0 * np.log10(4.0))
 
 
 def test_a_mode_on_anothers_flank_keeps_its_own_frequency_and_has_no_quality_factor() -> None:

@@ -10,7 +10,7 @@ import pytest
 from pipeline.analysis.bands import Bands, solve_bands
 from pipeline.case.model import load_case
 from tests.helpers import coarse_cells
-from tests.helpers.told import Told
+from tests.helpers.recording_log import RecordingLog
 
 CASE = Path(__file__).resolve().parents[3] / "studies" / "three-rows.toml"
 
@@ -20,11 +20,11 @@ def found() -> Bands:
     with pytest.MonkeyPatch.context() as patch:
         coarse_cells.put_in(patch)
         case = load_case(CASE, ["solve.accuracy=0.05", "bands.points=2", "bands.count=6"])
-        return solve_bands(case, Told(), shapes=True)
+        return solve_bands(case, RecordingLog(), shapes=True)
 
 
-def test_every_label_has_its_lowest_bands(found: Bands) -> None:
-    shapes = found.shapes
+def test_every_label_has_its_lowest_bands(result: Bands) -> None:
+    shapes = result.shapes
     assert shapes["bands_labels"].tolist() == ["G", "X", "M"]
     assert shapes["bands_u"].shape == (3, 6, 2, len(shapes["bands_points"]), 3)
     assert shapes["bands_quads"].max() == len(shapes["bands_points"]) - 1
@@ -32,16 +32,16 @@ def test_every_label_has_its_lowest_bands(found: Bands) -> None:
     np.testing.assert_allclose(size.max(axis=(2, 3)), 1.0, atol=2e-3)
 
 
-def test_the_waves_at_rest_are_translations(found: Bands) -> None:
+def test_the_waves_at_rest_are_translations(result: Bands) -> None:
     """At k = 0 the three lowest waves move the whole cell as one."""
-    u = found.shapes["bands_u"].astype(float)
+    u = result.shapes["bands_u"].astype(float)
     rest, moving = u[0, :3, 0], u[0, 3, 0]
     assert np.ptp(rest, axis=1).max() < 5e-3 and np.ptp(moving, axis=0).max() > 0.5
 
 
-def test_opposite_sides_move_alike_or_against_each_other(found: Bands) -> None:
+def test_opposite_sides_move_alike_or_against_each_other(result: Bands) -> None:
     """u(r + a) = u(r) exp(i k.a): the same at G, opposite along x at X, opposite along both at M."""
-    shapes = found.shapes
+    shapes = result.shapes
     points, u = shapes["bands_points"].astype(float), shapes["bands_u"].astype(float)
     middle = [0.5 * (points[:, axis].min() + points[:, axis].max()) for axis in (0, 1)]
     corner = {}
@@ -60,4 +60,4 @@ def test_shapes_are_made_only_when_asked_for() -> None:
     with pytest.MonkeyPatch.context() as patch:
         coarse_cells.put_in(patch)
         case = load_case(CASE, ["solve.accuracy=0.05", "bands.points=1", "bands.count=4"])
-        assert solve_bands(case, Told()).shapes == {}
+        assert solve_bands(case, RecordingLog()).shapes == {}

@@ -11,9 +11,9 @@ def test_lines_come_back_in_order(tmp_path: Path):
     log = journal.Journal(tmp_path)
     log.write("started", case="a")
     log.write("finished", case="a", seconds=2.5)
-    entries, complaints = journal.read(tmp_path)
+    entries, read_errors = journal.read(tmp_path)
     assert [entry["event"] for entry in entries] == ["started", "finished"]
-    assert complaints == [] and log.complaint is None
+    assert read_errors == [] and log.read_error is None
     assert journal.seconds_by_case(entries) == {"a": 2.5}
 
 
@@ -23,9 +23,9 @@ def test_a_torn_line_is_named_and_spoils_no_other(tmp_path: Path):
     with log.path.open("ab") as file:
         file.write(b'{"at": "2026-01-01", "event": "fin')
     log.write("started", case="b")
-    entries, complaints = journal.read(tmp_path)
+    entries, read_errors = journal.read(tmp_path)
     assert [entry["case"] for entry in entries] == ["a", "b"]
-    assert complaints == ["journal.jsonl, line 2: torn, passed over"]
+    assert read_errors == ["journal.jsonl, line 2: torn, passed over"]
 
 
 @pytest.mark.parametrize(
@@ -49,9 +49,9 @@ def test_a_line_of_other_types_is_passed_over(tmp_path: Path, line: bytes):
     log.write("finished", case="b", seconds=2)
     with log.path.open("ab") as file:
         file.write(line + b"\n")
-    entries, complaints = journal.read(tmp_path)
+    entries, read_errors = journal.read(tmp_path)
     assert journal.seconds_by_case(entries) == {"b": 2.0}
-    assert len(complaints) == 1 and complaints[0].startswith("journal.jsonl, line 2: ")
+    assert len(read_errors) == 1 and read_errors[0].startswith("journal.jsonl, line 2: ")
 
 
 def test_no_journal_is_an_empty_one(tmp_path: Path):
@@ -66,4 +66,4 @@ def test_a_full_disk_is_kept_as_a_complaint(tmp_path: Path, monkeypatch: pytest.
 
     monkeypatch.setattr(os, "write", full)
     log.write("started", case="a")
-    assert "No space left" in log.complaint
+    assert "No space left" in log.read_error

@@ -40,14 +40,14 @@ def test_every_way_to_end_is_recorded_by_name_and_stops_no_other(tmp_path: Path)
     fates = {1: "raise", 2: "kill", 3: "bug", 4: "memory", 5: "alarm", 6: "full"}
     outcome = run(tmp_path, fake_study.jobs(8, fates=fates))
     study = records_study.read_study(tmp_path)
-    told = {case.case_id: (case.status, case.diagnosis) for case in study.cases}
-    assert told["value=0"] == told["value=7"] == ("OK", "done")
-    assert told["value=1"] == ("FAILED", "no count by inertia at 31 kHz; try another band")
-    assert told["value=2"][0] == "FAILED" and "SIGKILL" in told["value=2"][1]
-    assert told["value=3"] == ("FAILED", "KeyError: 'nobody expected this'")
-    assert told["value=4"][0] == "FAILED" and "memory ran out" in told["value=4"][1]
-    assert told["value=5"] == ("ALARM", "a thin element")
-    assert told["value=6"][0] == "MISSING"  # no room for a record: said by the outcome
+    text = {case.case_id: (case.status, case.diagnosis) for case in study.cases}
+    assert text["value=0"] == text["value=7"] == ("OK", "done")
+    assert text["value=1"] == ("FAILED", "no count by inertia at 31 kHz; try another band")
+    assert text["value=2"][0] == "FAILED" and "SIGKILL" in text["value=2"][1]
+    assert text["value=3"] == ("FAILED", "KeyError: 'nobody expected this'")
+    assert text["value=4"][0] == "FAILED" and "memory ran out" in text["value=4"][1]
+    assert text["value=5"] == ("ALARM", "a thin element")
+    assert text["value=6"][0] == "MISSING"  # no room for a record: said by the outcome
     assert {end.case_id for end in outcome.failed} == {"value=1", "value=2", "value=3", "value=4", "value=6"}
     assert outcome.exit_code == 3
     lines = {case.case_id: (case.folder / "run.mess").read_text().splitlines()[-1] for case in study.cases}
@@ -273,9 +273,9 @@ def test_a_lost_scheduler_fails_no_case_and_the_next_run_goes_on(tmp_path: Path,
 def test_a_lost_scheduler_is_told_in_one_line_with_what_to_do():
     planned = tuple(job.Planned(f"c{i}", "new") for i in range(5))
     outcome = runner.StudyOutcome(Path("x"), planned, (), ("c3", "c4"), ("c3",))
-    told = study_commands._lost("tcp://host:8786", outcome)
-    assert "tcp://host:8786" in told and "1 of 5 were at work" in told and "The 3 finished ones are kept" in told
-    assert "repeat the command" in told and "CancelledError" not in told
+    text = study_commands._lost("tcp://host:8786", outcome)
+    assert "tcp://host:8786" in text and "1 of 5 were at work" in text and "The 3 finished ones are kept" in text
+    assert "repeat the command" in text and "CancelledError" not in text
 
 
 def test_a_worker_with_other_sources_is_refused(tmp_path: Path):
@@ -335,18 +335,18 @@ def test_a_dask_scheduler_killed_in_the_middle(tmp_path: Path, monkeypatch: pyte
     )
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    told = tmp_path / "scheduler.json"
+    text = tmp_path / "scheduler.json"
     common = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path}
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--no-dashboard"]
-    scheduler = subprocess.Popen([*dask, "--scheduler-file", str(told)], **common)
-    wait_for(told.exists, 60)
+    scheduler = subprocess.Popen([*dask, "--scheduler-file", str(text)], **common)
+    wait_for(text.exists, 60)
     dask = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny", "--no-dashboard"]
-    worker = subprocess.Popen([*dask, "--death-timeout", "5", "--scheduler-file", str(told)], **common)
+    worker = subprocess.Popen([*dask, "--death-timeout", "5", "--scheduler-file", str(text)], **common)
     try:
         jobs = fake_study.jobs(4, seconds=0.1)
         for job in jobs[1:]:
             job.payload["seconds"] = 20.0
-        with distributed.Client(scheduler_file=str(told)) as client, ThreadPoolExecutor(1) as beside:
+        with distributed.Client(scheduler_file=str(text)) as client, ThreadPoolExecutor(1) as beside:
             going = beside.submit(run, tmp_path / "study", jobs, jobs=None, executor=client.get_executor())
             wait_for(lambda: len(starts(tmp_path / "study")) == 2, 60)
             scheduler.kill()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.batch import script_study
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.report.script_page import Page, Section, Table, markdown, text, write_page
 
 
@@ -23,9 +23,9 @@ def test_a_study_of_a_case_is_none_of_these(tmp_path: Path) -> None:
 
 def test_every_fault_of_the_file_is_told(tmp_path: Path) -> None:
     path = written(tmp_path, '[study]\nscript = "extreme"\nname = "a b"\njobs = 2\n[sweep]\nx = [1]\n')
-    with pytest.raises(InputFault) as told:
+    with pytest.raises(InputError) as text:
         script_study.load_script(path)
-    assert len(told.value.lines) == 4 and any("extremes" in line for line in told.value.lines)
+    assert len(text.value.lines) == 4 and any("extremes" in line for line in text.value.lines)
 
 
 def test_cases_of_the_extremes_have_their_own_folders_and_the_hash_of_their_source(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.batch.study_file import STUDIES, load_study
 from pipeline.case.model import load_case
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 
 STUDY = '[study]\nname = "s"\ncase = "three-rows.toml"\nmeasure = ["modes"]\n'
 
@@ -28,7 +28,7 @@ def study(tmp_path):
 
 
 def lines_of(path: Path) -> list[str]:
-    with pytest.raises(InputFault) as fault:
+    with pytest.raises(InputError) as fault:
         load_study(path)
     return fault.value.lines
 

@@ -13,10 +13,10 @@ from pipeline.batch import measures
 from pipeline.batch.study_file import load_study
 from pipeline.board import emulation
 from pipeline.board.table_file import Mode, ModeTable, from_bytes, to_bytes
-from pipeline.errors import InputFault
-from pipeline.records.run_log import Mess
+from pipeline.errors import InputError
+from pipeline.records.run_log import RunLog
+from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import three_patches
-from tests.helpers.told import Told
 
 CASE = three_patches((20.0, 40.0), 0.05)
 
@@ -50,22 +50,22 @@ def a_run(overshoot: float = 0.01) -> emulate.BoardRun:
 
 def test_record_and_arrays(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(emulate, "board_run", lambda table: a_run())
-    told = Told()
-    record, arrays = emulation.solve(folder, told)
+    text = RecordingLog()
+    record, arrays = emulation.solve(folder, text)
     assert record is not None and record["swept"] and record["gain"] == [0.0, -0.5]
     assert record["overshoot"] == pytest.approx(0.01) and record["reference"] == 0.1
     # 95 % of 1 - exp(-t/0.5 ms) is passed at 1.498 ms, by the window that begins at 1.6 and stands for 0.108 ms later
     assert record["t95_s"] == pytest.approx(1.6e-3 + 0.108e-3)
     assert set(arrays) == {f"board_{name}" for name in emulation.COLUMNS}
-    assert "identified" in told.facts[-1] and "1.71 ms" in told.facts[-1]
+    assert "identified" in text.facts[-1] and "1.71 ms" in text.facts[-1]
 
 
 def test_a_step_that_is_never_reached_says_so(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run = a_run()
     run.columns["u_d"] *= 0.5
     monkeypatch.setattr(emulate, "board_run", lambda table: run)
-    record, _ = emulation.solve(folder, told := Told())
-    assert record is not None and record["t95_s"] is None and "not reached" in told.facts[-1]
+    record, _ = emulation.solve(folder, text := RecordingLog())
+    assert record is not None and record["t95_s"] is None and "not reached" in text.facts[-1]
 
 
 def test_what_is_not_installed_is_left_out_and_a_fault_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,21 +75,21 @@ def test_what_is_not_installed_is_left_out_and_a_fault_is_told(folder: Path, mon
 
         return run
 
-    told = Told()
+    text = RecordingLog()
     monkeypatch.setattr(emulate, "board_run", fails(BuildError("no compiler", 5)))
     assert (
-        emulation.solve(folder, told) == (None, {})
-        and "no compiler" in told.omitted["closed loop on the emulated board"]
+        emulation.solve(folder, text) == (None, {})
+        and "no compiler" in text.omitted["closed loop on the emulated board"]
     )
     monkeypatch.setattr(emulate, "board_run", fails(emulate.EmulationError("identify")))
-    assert emulation.solve(folder, told) == ({"fault": "identify"}, {}) and "BOARD" in told.alarms
+    assert emulation.solve(folder, text) == ({"fault": "identify"}, {}) and "BOARD" in text.warnings
     monkeypatch.setattr(emulate, "board_run", fails(BuildError("the compiler refused", 3)))
     with pytest.raises(BuildError):
-        emulation.solve(folder, told)
+        emulation.solve(folder, text)
 
 
 def test_the_board_needs_the_modes_and_depends_on_the_firmware(tmp_path: Path) -> None:
-    with pytest.raises(InputFault, match="must hold modes"):
+    with pytest.raises(InputError, match="must hold modes"):
         measures.jobs_of(study(tmp_path, '["bands", "board"]'))
     with_board, without = (measures.jobs_of(study(tmp_path, m))[0].payload for m in ('["modes", "board"]', '["modes"]'))
     assert with_board["firmware"] == emulation.sources_hash() and "firmware" not in without
@@ -105,13 +105,13 @@ def test_a_case_with_patches_is_played_with_its_computed_gain(tmp_path: Path) ->
         pytest.skip(str(missing))
     one = study(tmp_path, '["modes", "response", "board"]')
     job = measures.jobs_of(one)[0]
-    with Mess(tmp_path / "run.mess") as log:
+    with RunLog(tmp_path / "run.mess") as log:
         record = measures.compute(str(one.case_path), job.payload, tmp_path, log)
     table = from_bytes((tmp_path / emulation.TABLE).read_bytes())
     gain = table.modes[table.wanted].gain
     assert gain is not None
-    found = record["board"]
-    assert found["swept"] and found["frequency_hz"] == pytest.approx(
+    result = record["board"]
+    assert result["swept"] and result["frequency_hz"] == pytest.approx(
         1.002 * table.modes[table.wanted].frequency_hz, abs=0.1
     )
-    assert abs(complex(*found["gain"])) == pytest.approx(abs(gain), rel=5e-3)
+    assert abs(complex(*result["gain"])) == pytest.approx(abs(gain), rel=5e-3)

@@ -14,7 +14,7 @@ from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
 from pipeline.logs import TerminalLog
 from pipeline.models.patched_plate import forced_plate
-from solvers.piezo.forced import ForcedPlate, same_way
+from solvers.piezo.forced import ForcedPlate, in_phase_signs
 from tests.helpers.scenes import three_patches
 
 CASE = three_patches((12.0, 40.0), 0.03)
@@ -75,8 +75,8 @@ def test_open_sensors_stiffen_the_modes_and_the_signs_add_up(forced: ForcedPlate
 
 def test_the_sign_of_an_eigenvector_decides_nothing() -> None:
     gain = np.array([1e-9, -0.4, 0.5, -0.2])  # the first patch stands on a nodal line, the last one listens
-    assert list(same_way(gain, [0, 1, 2])[1:]) == [1.0, -1.0, 1.0]
-    assert np.array_equal(same_way(gain, [0, 1, 2])[1:], same_way(-gain, [0, 1, 2])[1:])
+    assert list(in_phase_signs(gain, [0, 1, 2])[1:]) == [1.0, -1.0, 1.0]
+    assert np.array_equal(in_phase_signs(gain, [0, 1, 2])[1:], in_phase_signs(-gain, [0, 1, 2])[1:])
 
 
 def test_the_table_carries_them(case: Case, gains: ModalGains) -> None:
@@ -96,10 +96,10 @@ def test_export_computes_them_only_for_patches_that_drive_and_listen(file: Path,
     target = file.parent / "table.bin"
     assert can_be_computed(case)
     assert main(["export", "table", str(file), "-o", str(target), "--force"]) == 0
-    told = capsys.readouterr().err
+    text = capsys.readouterr().err
     table = from_bytes(target.read_bytes())
-    assert table.modes[table.wanted].gain is not None and "gain 0." in told and "on PA5" in told
+    assert table.modes[table.wanted].gain is not None and "gain 0." in text and "on PA5" in text
     assert main(["export", "table", str(file), "-o", str(target), "--force", "--set", "patches.sensors=[]"]) == 0
-    told = capsys.readouterr().err
+    text = capsys.readouterr().err
     assert all(mode.gain is None for mode in from_bytes(target.read_bytes()).modes)
-    assert "unidentified" in told and "bond the patches" not in told
+    assert "unidentified" in text and "bond the patches" not in text

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.case.model import case_from_dict, load_case
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 
 CASE = Path(__file__).parents[3] / "studies" / "three-rows.toml"
 RAW = tomllib.loads(CASE.read_text())
@@ -64,14 +64,14 @@ def test_tables_may_be_absent_until_a_command_needs_them():
     assert isnan(cell.design.length_m) and cell.design.pitch_x_m == 4e-3
     assert cell.parity_wanted is None
     cell.require("plate", "array", "array.pitch_mm")
-    with pytest.raises(InputFault, match=r"\[zone\]: missing, antinode response needs it") as fault:
+    with pytest.raises(InputError, match=r"\[zone\]: missing, antinode response needs it") as fault:
         cell.require("zone", "patches", command="antinode response")
     assert len(fault.value.lines) == 2
 
 
 def test_a_plate_with_pillars_needs_its_rows_said():
     case_from_dict(without("array", "pillar", "patches")).require_plate()
-    with pytest.raises(InputFault, match=r"array\.rows: missing"):
+    with pytest.raises(InputError, match=r"array\.rows: missing"):
         case_from_dict(without("patches") | {"array": {"pitch_mm": 4.0}}).require_plate()
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.case.model import case_from_dict, load_case
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from solvers.analytic.beams import antinodes, free_free_mode
 
 CASE = Path(__file__).parents[3] / "studies" / "three-rows.toml"
@@ -17,7 +17,7 @@ RAW = tomllib.loads(CASE.read_text())
 
 
 def lines_of(overrides: list[str], raw: dict | None = None) -> list[str]:
-    with pytest.raises(InputFault) as fault:
+    with pytest.raises(InputError) as fault:
         case_from_dict(raw or RAW, source=CASE, overrides=overrides)
     assert fault.value.exit_code == 2
     assert all("\n" not in line for line in fault.value.lines)
@@ -147,7 +147,7 @@ def timed_lines(tmp_path, text: str, *overrides: str) -> list[str]:
     """The faults of a file, found within a second of work: what took 14 s to minutes did so by growing squares."""
     (tmp_path / "case.toml").write_text(text)
     start = time.process_time()
-    with pytest.raises(InputFault) as fault:
+    with pytest.raises(InputError) as fault:
         load_case(tmp_path / "case.toml", overrides)
     assert time.process_time() - start < 3.0
     return fault.value.lines
@@ -246,13 +246,13 @@ def test_footprint_limit_is_sharp():
 def test_unreadable_files(tmp_path, content, expected):
     path = tmp_path / "case.toml"
     path.mkdir() if content is None else path.write_bytes(content)
-    with pytest.raises(InputFault, match=expected) as fault:
+    with pytest.raises(InputError, match=expected) as fault:
         load_case(path)
     assert len(fault.value.lines) == 1 and str(path) in fault.value.lines[0]
 
 
 def test_missing_file(tmp_path):
-    with pytest.raises(InputFault, match="no such file"):
+    with pytest.raises(InputError, match="no such file"):
         load_case(tmp_path / "nothing.toml")
 
 
@@ -272,7 +272,7 @@ class TestStep:
         elif text is not None:
             path.write_text(text)
         (folder / "case.toml").write_text(CASE.read_text())
-        with pytest.raises(InputFault) as fault:
+        with pytest.raises(InputError) as fault:
             load_case(folder / "case.toml", ["pillar.shape=step", "pillar.file=pillar.step"])
         (line,) = fault.value.lines
         return line

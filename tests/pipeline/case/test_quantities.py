@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pipeline.case.quantities import parse_band, parse_frequency
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 
 
 @pytest.mark.parametrize("text", ["32kHz", "32 kHz", "32000Hz", "0.032MHz", "3.2e4Hz", "32.0KHZ", " 32khz "])
@@ -17,18 +17,18 @@ def test_units(text):
     "text", ["", "kHz", "-32kHz", "0", "nan", "inf", "1e999", "32 GHz", "3 2kHz", "32kHz:34kHz", "٣٢"]
 )
 def test_refused_frequencies(text):
-    with pytest.raises(InputFault, match=r"--near = .*must be a frequency above 0"):
+    with pytest.raises(InputError, match=r"--near = .*must be a frequency above 0"):
         parse_frequency(text, "--near")
 
 
 @pytest.mark.parametrize("text", ["32", "32000", " 3.2e4 ", "+32", ".5"])
 def test_a_bare_number_is_refused_with_both_readings(text):
     number = text.strip()
-    with pytest.raises(InputFault) as fault:
+    with pytest.raises(InputError) as fault:
         parse_frequency(text, "--near")
     assert fault.value.exit_code == 2
-    told = f"--near = {text!r}: {number} could mean {number} Hz or {number} kHz: write the unit"
-    assert fault.value.lines == [told]
+    words = f"--near = {text!r}: {number} could mean {number} Hz or {number} kHz: write the unit"
+    assert fault.value.lines == [words]
 
 
 def test_band():
@@ -36,15 +36,15 @@ def test_band():
 
 
 def test_a_bare_band_is_refused_with_both_readings():
-    with pytest.raises(InputFault) as fault:
+    with pytest.raises(InputError) as fault:
         parse_band("30:34", "--band")
-    told = "--band = '30:34': 30:34 could mean 30 Hz to 34 Hz or 30 kHz to 34 kHz: write the unit"
-    assert fault.value.lines == [told]
+    text = "--band = '30:34': 30:34 could mean 30 Hz to 34 Hz or 30 kHz to 34 kHz: write the unit"
+    assert fault.value.lines == [text]
 
 
 @pytest.mark.parametrize(("text", "end"), [("30:34kHz", "low end = '30'"), ("30kHz:34", "high end = '34'")])
 def test_one_bare_end_is_refused(text, end):
-    with pytest.raises(InputFault, match=f"--band {end}: .* could mean .* Hz or .* kHz: write the unit"):
+    with pytest.raises(InputError, match=f"--band {end}: .* could mean .* Hz or .* kHz: write the unit"):
         parse_band(text, "--band")
 
 
@@ -61,5 +61,5 @@ def test_one_bare_end_is_refused(text, end):
     ],
 )
 def test_refused_bands(text, expected):
-    with pytest.raises(InputFault, match=expected):
+    with pytest.raises(InputError, match=expected):
         parse_band(text, "--band")

@@ -59,9 +59,9 @@ def test_wrong_input_is_one_clear_line_and_exit_code_2(
     arguments: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(*arguments) == 2
-    told = lines(capsys.readouterr().err)
-    assert len(told) == 1
-    assert said in told[0]
+    text = lines(capsys.readouterr().err)
+    assert len(text) == 1
+    assert said in text[0]
 
 
 def test_every_command_ends_its_help_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:
@@ -161,8 +161,8 @@ def test_a_report_names_the_cases_that_it_does_not_believe(
     record = tmp_path / "rows/a/record.json"
     record.write_text(record.read_text().replace("OK", "ALARM"))
     assert run("report", "rows") == 0
-    told = lines(capsys.readouterr().err)
-    assert len(told) == 1 and "case a is not shown" in told[0] and "not what was written" in told[0]
+    text = lines(capsys.readouterr().err)
+    assert len(text) == 1 and "case a is not shown" in text[0] and "not what was written" in text[0]
 
 
 @pytest.mark.parametrize("words", [["--parity", "-+"], ["--parity=-+"], ["--parity", "--"], ["--parity=--"]])

@@ -26,12 +26,12 @@ from pipeline.analysis import predesign
 from pipeline.case.model import load_case
 from pipeline.case.quantities import parse_band, parse_frequency
 from pipeline.case.schema import known_keys
-from pipeline.errors import CommandError, InputFault
+from pipeline.errors import CommandError, InputError
 from pipeline.measured.files import read_field, read_sweep
 from pipeline.records import store
 
 CASE = (Path(__file__).parents[3] / "studies" / "three-rows.toml").read_text()
-LONGEST_S = (
+MAX_DURATION_S = (
     10.0  # of processor time for one input: a hundred times what any takes, below the squares that once took minutes
 )
 KEYS = known_keys()
@@ -113,8 +113,8 @@ class Mutants:
         lines = CASE.splitlines()
         at = draw.choice([i for i, line in enumerate(lines) if "=" in line])
         lines[at] = f"{lines[at].partition('=')[0]}= {draw.choice(ODD)}"
-        found = "\n".join(lines).encode() if draw.random() < 0.4 else damaged(CASE.encode(), draw)
-        return load_case(self.write("damaged.toml", found))
+        result = "\n".join(lines).encode() if draw.random() < 0.4 else damaged(CASE.encode(), draw)
+        return load_case(self.write("damaged.toml", result))
 
     def number(self, draw: random.Random) -> Any:
         """One number of the plate between the odd and the ordinary; the slow run sizes what can be built as well."""
@@ -126,17 +126,17 @@ class Mutants:
         return parse_band(":".join(ends), "--band") if draw.random() < 0.5 else parse_frequency(ends[0], "--near")
 
     def sweep(self, draw: random.Random) -> Any:
-        found = renumbered(SWEEP, draw) if draw.random() < 0.6 else damaged(SWEEP.encode(), draw)
-        return read_sweep(self.write("sweep.csv", found))
+        result = renumbered(SWEEP, draw) if draw.random() < 0.6 else damaged(SWEEP.encode(), draw)
+        return read_sweep(self.write("sweep.csv", result))
 
     def field(self, draw: random.Random) -> Any:
-        found = renumbered(FIELD, draw) if draw.random() < 0.6 else damaged(FIELD.encode(), draw)
-        return read_field(self.write("field.csv", found), DESIGN)
+        result = renumbered(FIELD, draw) if draw.random() < 0.6 else damaged(FIELD.encode(), draw)
+        return read_field(self.write("field.csv", result), DESIGN)
 
     def mesh(self, draw: random.Random) -> Any:
         name, text = draw.choice((("m.inp", INP), ("m.msh", MSH)))
-        found = renumbered(text, draw) if draw.random() < 0.6 else damaged(text.encode(), draw)
-        return load(self.write(name, found))
+        result = renumbered(text, draw) if draw.random() < 0.6 else damaged(text.encode(), draw)
+        return load(self.write(name, result))
 
     def binary_mesh(self, draw: random.Random) -> Any:
         data = bytearray(self.med)
@@ -170,44 +170,44 @@ def outcome(read: Callable[[random.Random], Any], seed: int) -> str:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of readers of other people's; what they lead to is what counts
             read(draw)
-        told = "read"
+        text = "read"
     except CommandError as fault:
         wrong = fault.exit_code == 2 or isinstance(fault, store.StoreError)
         assert wrong and fault.lines and not isinstance(fault, NotImplementedError), seed
         assert all(line.isprintable() and len(line) < 2200 for line in fault.lines), (seed, fault.lines)
-        told = "refused"
+        text = "refused"
     except MeshFileError as fault:  # the command tells its lines with exit code 2
         assert all(len(line) < 2200 for line in str(fault).splitlines()), seed
-        told = "refused"
+        text = "refused"
     except Exception as fault:
         raise AssertionError(f"{read.__name__}, seed {seed}: {type(fault).__name__}: {fault}") from fault
-    assert time.process_time() - start < LONGEST_S, f"{read.__name__}, seed {seed}"
-    return told
+    assert time.process_time() - start < MAX_DURATION_S, f"{read.__name__}, seed {seed}"
+    return text
 
 
 def run(folder: Path, count: int, first: int, sizes: bool = False) -> dict[str, dict[str, int]]:
     """How many inputs of each kind were read and refused; seeds count from `first`."""
     mutants = Mutants(folder, sizes)
     total = sum(SHARES.values())
-    found: dict[str, dict[str, int]] = {}
+    result: dict[str, dict[str, int]] = {}
     for name, share in SHARES.items():
         outcomes = [outcome(getattr(mutants, name), first + i) for i in range(-(-count * share // total))]
-        found[name] = {told: outcomes.count(told) for told in ("read", "refused")}
-    return found
+        result[name] = {text: outcomes.count(text) for text in ("read", "refused")}
+    return result
 
 
 def test_two_thousand_damaged_inputs_are_read_or_refused_in_one_line_each(tmp_path: Path, capfd: Any) -> None:
-    found = run(tmp_path, 2000, 1)
-    assert sum(sum(told.values()) for told in found.values()) >= 2000
-    assert all(told["refused"] > 0 for told in found.values())
-    assert all(told["read"] > 0 for name, told in found.items() if name not in MOSTLY_REFUSED), found
+    result = run(tmp_path, 2000, 1)
+    assert sum(sum(text.values()) for text in result.values()) >= 2000
+    assert all(text["refused"] > 0 for text in result.values())
+    assert all(text["read"] > 0 for name, text in result.items() if name not in MOSTLY_REFUSED), result
     assert "Traceback" not in "".join(capfd.readouterr())
 
 
 @pytest.mark.slow
 def test_fifty_thousand_damaged_inputs(tmp_path: Path) -> None:
-    found = run(tmp_path, 50_000, 1_000_000, sizes=True)
-    assert sum(sum(told.values()) for told in found.values()) >= 50_000
+    result = run(tmp_path, 50_000, 1_000_000, sizes=True)
+    assert sum(sum(text.values()) for text in result.values()) >= 50_000
 
 
 def test_a_reader_that_lets_an_exception_through_is_caught_by_this_test(tmp_path: Path) -> None:
@@ -217,4 +217,4 @@ def test_a_reader_that_lets_an_exception_through_is_caught_by_this_test(tmp_path
             raise TypeError("unhashable")
 
         outcome(fails, 7)
-    assert outcome(lambda draw: (_ for _ in ()).throw(InputFault("one line")), 7) == "refused"
+    assert outcome(lambda draw: (_ for _ in ()).throw(InputError("one line")), 7) == "refused"

@@ -12,13 +12,13 @@ import pytest
 from pipeline.analysis import cross_check
 from pipeline.case.model import load_case
 from pipeline.cli import main
-from pipeline.models.cell_cache import CellShelf
+from pipeline.models.cell_cache import CellCache
 from solvers.errors import TooLarge
 from solvers.fem import eigen
 from solvers.fem.factor import factoriser
 from tests.helpers import coarse_cells
+from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import three_patches
-from tests.helpers.told import Told
 
 SMALL = str(Path(__file__).resolve().parents[3] / "examples" / "small.toml")
 COARSE = ("--set", "solve.accuracy=0.1")
@@ -46,25 +46,25 @@ def scipy_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(factoriser, "available", lambda: ("superlu",))
     for name in ("Rslab", "Pardiso"):
         monkeypatch.setattr(factoriser, name, absent)
-    monkeypatch.setattr(CellShelf, "get", lambda self, key: REDUCED.get(key))
-    monkeypatch.setattr(CellShelf, "put", lambda self, key, cell: REDUCED.setdefault(key, cell))
+    monkeypatch.setattr(CellCache, "get", lambda self, key: REDUCED.get(key))
+    monkeypatch.setattr(CellCache, "put", lambda self, key, cell: REDUCED.setdefault(key, cell))
 
 
 def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
     """The JSON of a command that must end well."""
     code = main.main([*arguments, "--json", "-", "--quiet"])
-    told = capsys.readouterr()
-    assert code == 0, told.err
-    found: dict[str, Any] = json.loads(told.out)
-    return found
+    text = capsys.readouterr()
+    assert code == 0, text.err
+    result: dict[str, Any] = json.loads(text.out)
+    return result
 
 
 @pytest.mark.parametrize("what", MODES)
 def test_modes_are_found_counted_and_clean(what: str, capsys: pytest.CaptureFixture[str]) -> None:
-    found = answer(capsys, "modes", *MODES[what])
-    count = found["count_check"]
+    result = answer(capsys, "modes", *MODES[what])
+    count = result["count_check"]
     assert count["expected"] == count["found"] >= 1
-    assert max(mode["residual"] for mode in found["modes"]) <= eigen.CLEAN
+    assert max(mode["residual"] for mode in result["modes"]) <= eigen.CLEAN
 
 
 def test_bands_and_attenuation_are_found(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -77,13 +77,13 @@ def test_bands_and_attenuation_are_found(capsys: pytest.CaptureFixture[str], mon
 def test_a_response_is_found(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     case = tmp_path / "patched.toml"
     case.write_text(three_patches((20.0, 30.0), 0.1))
-    found = answer(capsys, "response", str(case))
-    assert max(found["zone_rms_m_per_V"]) > 0.0
+    result = answer(capsys, "response", str(case))
+    assert max(result["zone_rms_m_per_V"]) > 0.0
 
 
 def test_a_cross_check_that_memory_cannot_hold_is_left_out_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def too_large(*_: Any) -> None:
-        raise TooLarge("factorising 314396 unknowns needs about 7.5 GiB, 4.0 GiB are free")
+        raise TooLarge("factorising 314396 degrees of freedom needs about 7.5 GiB, 4.0 GiB are free")
 
     done: list[str] = []
     monkeypatch.setattr(
@@ -91,7 +91,7 @@ def test_a_cross_check_that_memory_cannot_hold_is_left_out_and_told(monkeypatch:
     )
     monkeypatch.setattr(cross_check, "_plate", too_large)
     monkeypatch.setattr(cross_check, "_cell", lambda *_: done.append("cell"))
-    log, record = Told(), {"meshes": []}
+    log, record = RecordingLog(), {"meshes": []}
     cross_check.add(load_case(SMALL), log, record, {})
     assert done == ["cell"] and "tet_modes" not in record
-    assert "is left out: factorising 314396 unknowns needs about 7.5 GiB" in log.alarms["TOO_LARGE"]
+    assert "is left out: factorising 314396 degrees of freedom needs about 7.5 GiB" in log.warnings["TOO_LARGE"]

@@ -17,7 +17,7 @@ import pytest
 
 from pipeline import paths
 from pipeline.cli import main, view
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from tests.helpers import synthetic
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -79,14 +79,14 @@ def test_a_study_shows_its_best_plate_or_the_one_named(tmp_path: Path, monkeypat
     )
     assert np.ptp(best.points[:, 0]) == pytest.approx(115.5)  # mm
     assert view.of_study("rows", "pitch_mm=4,rows=1").title == "pitch_mm=4,rows=1"
-    with pytest.raises(InputFault, match="must be one of pitch_mm=4,rows=1"):
+    with pytest.raises(InputError, match="must be one of pitch_mm=4,rows=1"):
         view.of_study("rows", "pitch_mm=5")
-    with pytest.raises(InputFault, match="rows=1: the mesh has a cell with a negative Jacobian"):
+    with pytest.raises(InputError, match="rows=1: the mesh has a cell with a negative Jacobian"):
         view.of_study("rows", "pitch_mm=12,rows=1")
-    with pytest.raises(InputFault, match="holds no plate to view"):
+    with pytest.raises(InputError, match="holds no plate to view"):
         view.of_study("extremes")
     monkeypatch.setattr(paths, "RESULTS", tmp_path / "none")
-    with pytest.raises(InputFault, match="run it first"):
+    with pytest.raises(InputError, match="run it first"):
         view.of_study("rows")
 
 
@@ -99,7 +99,7 @@ def test_a_vtu_file_shows_its_surface_and_its_vectors(tmp_path: Path, capfd: pyt
     assert [name for name, _ in scene.shapes] == ["displacement"] and np.ptp(scene.points[:, 0]) == pytest.approx(20.0)
     assert scene.facets.shape == (12, 3)
     (tmp_path / "bad.vtu").write_text("<VTKFile")
-    with pytest.raises(InputFault, match=r"bad.vtu"):
+    with pytest.raises(InputError, match=r"bad.vtu"):
         view.of_vtu(tmp_path / "bad.vtu")
     assert capfd.readouterr().err == ""  # nothing of VTK's own complaints
 

@@ -20,7 +20,7 @@ from geometry.mesh import Mesh, cell_volumes, check_mesh
 from pipeline.case.model import Case, case_from_dict
 from pipeline.cli import main
 from pipeline.exchange import aster
-from pipeline.exchange.part_mesh import MOST_UNKNOWNS, Exchange, exchange, modes_below
+from pipeline.exchange.part_mesh import MAX_DOFS, Exchange, exchange, modes_below
 from pipeline.logs import TerminalLog
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
@@ -191,9 +191,9 @@ STUDIES = [("plate", {}), ("zone", {}), ("pillar", {}), ("pillar", {"band_kHz": 
 
 @pytest.mark.parametrize(("part", "solve"), STUDIES, ids=["plate", "zone", "pillar", "near"])
 def test_commands_are_python_and_every_keyword_is_in_the_catalogue(part: str, solve: dict[str, Any]) -> None:
-    asked = {key: value for key, value in (SCENE["solve"] | solve).items() if value is not None}
-    found = exchange(case_from_dict(SCENE | {"solve": asked}), part, TerminalLog(True))
-    text = aster.commands(found, (5e3, 30e3, 60e3) if found.search.band_hz else ())
+    query = {key: value for key, value in (SCENE["solve"] | solve).items() if value is not None}
+    result = exchange(case_from_dict(SCENE | {"solve": query}), part, TerminalLog(True))
+    text = aster.commands(result, (5e3, 30e3, 60e3) if result.search.band_hz else ())
     calls = _calls(text)
     names = [name for name, _ in calls]
     for name, call in calls:
@@ -202,9 +202,9 @@ def test_commands_are_python_and_every_keyword_is_in_the_catalogue(part: str, so
     order = ["LIRE_MAILLAGE", "AFFE_MODELE", "DEFI_MATERIAU", "AFFE_MATERIAU", "ASSEMBLAGE", "CALC_MODES", "IMPR_RESU"]
     assert all(names.index(a) < names.index(b) for a, b in pairwise(order))
     assert ("AFFE_CHAR_MECA" in names) == ("CHARGE=CLAMPED" in text) == (part != "plate")
-    assert ("INFO_MODE" in names) == bool(found.search.band_hz)
+    assert ("INFO_MODE" in names) == bool(result.search.band_hz)
     groups = {node.value for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Constant)}
-    assert set(found.volumes) <= groups
+    assert set(result.volumes) <= groups
     assert "STURM" in text
 
 
@@ -216,8 +216,8 @@ def test_the_catalogue_check_refuses_a_wrong_keyword_and_a_wrong_word() -> None:
 
 
 def test_each_volume_has_its_own_material() -> None:
-    found = exchange(scene(), "plate", TerminalLog(True))
-    text = aster.commands(found, (5e3, 60e3))
+    result = exchange(scene(), "plate", TerminalLog(True))
+    text = aster.commands(result, (5e3, 60e3))
     assert text.count("DEFI_MATERIAU") == 2
     assert "RHO=7850.0" in text.split("MAT_PILLAR = ")[1].split("\n")[0]
     assert "RHO=2700.0" in text.split("MAT_PLATE = ")[1].split("\n")[0]
@@ -238,8 +238,8 @@ def test_every_line_of_the_export_file_is_one_that_run_aster_reads(tmp_path: Pat
 
 def test_modes_counted_for_the_sub_bands_are_those_of_the_mesh_written() -> None:
     case = scene()
-    found = exchange(case, "pillar", TerminalLog(True))
-    model = SolidModel(found.mesh, {"pillar": case.design.pillar.material}, ("touch",), False)  # type: ignore[union-attr]
+    result = exchange(case, "pillar", TerminalLog(True))
+    model = SolidModel(result.mesh, {"pillar": case.design.pillar.material}, ("touch",), False)  # type: ignore[union-attr]
     whole = modes_in_band(model.pencil(None), 0.0, 150e3)
     assert modes_below(case, "pillar", (1e3, 150e3), TerminalLog(True)) == [0, len(whole.frequency_hz)]
 
@@ -254,7 +254,7 @@ def test_the_command_writes_four_files_that_go_together(tmp_path: Path, capsys: 
     target.parent.mkdir()
     assert main.main(["export", "aster", str(case), "--part", "pillar", "-o", str(target)]) == 0
     said = capsys.readouterr().err
-    assert "hexahedra of 27 nodes" in said and "unknowns" in said
+    assert "hexahedra of 27 nodes" in said and "dofs" in said
     names = {path.name for path in target.parent.iterdir()}
     assert names == {"one.med", "one.comm", "one.export", "one_README.txt"}
     assert "one.med" in (target.parent / "one.export").read_text()
@@ -269,5 +269,5 @@ def test_the_default_plate_stays_below_the_limit_of_unknowns() -> None:
     from pipeline.case.model import load_case
 
     root = Path(__file__).resolve().parents[3]
-    found = exchange(load_case(root / "studies" / "three-rows.toml"), "plate", TerminalLog(True))
-    assert MOST_UNKNOWNS / 4 < found.mesh.dof <= MOST_UNKNOWNS
+    result = exchange(load_case(root / "studies" / "three-rows.toml"), "plate", TerminalLog(True))
+    assert MAX_DOFS / 4 < result.mesh.dof <= MAX_DOFS

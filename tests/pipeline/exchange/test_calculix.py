@@ -37,17 +37,17 @@ def part(name: str, band_khz: list[float], accuracy: float, **pillar: Any) -> Ex
     return exchange(case_from_dict(raw), name, TerminalLog(True), tetrahedra=True)
 
 
-def ours(found: Exchange) -> Modes:
-    materials = {region: found.materials[region.upper()] for region in found.mesh.region_of_cells()}
-    model = SolidModel(found.mesh, materials, clamped_faces(found.part, found.mesh), False)
-    assert found.search.band_hz
-    return modes_in_band(model.pencil(None), *found.search.band_hz)
+def ours(result: Exchange) -> Modes:
+    materials = {region: result.materials[region.upper()] for region in result.mesh.region_of_cells()}
+    model = SolidModel(result.mesh, materials, clamped_faces(result.part, result.mesh), False)
+    assert result.search.band_hz
+    return modes_in_band(model.pencil(None), *result.search.band_hz)
 
 
-def theirs(found: Exchange, count: int, folder: Path) -> FloatArray:
+def theirs(result: Exchange, count: int, folder: Path) -> FloatArray:
     """Frequencies that ccx prints, Hz."""
     assert CCX
-    (folder / "part.inp").write_text(calculix.input_deck(found, count))
+    (folder / "part.inp").write_text(calculix.input_deck(result, count))
     subprocess.run([CCX, "part"], cwd=folder, check=True, capture_output=True, timeout=600)
     table = (folder / "part.dat").read_text().split("P A R T I C I P A T I O N")[0]
     rows = [line.split() for line in table.splitlines()]
@@ -55,27 +55,27 @@ def theirs(found: Exchange, count: int, folder: Path) -> FloatArray:
 
 
 def test_an_independent_reader_finds_nodes_elements_and_sets(tmp_path: Path) -> None:
-    found = part("plate", [5.0, 40.0], 0.03)
-    (tmp_path / "part.inp").write_text(calculix.input_deck(found, 10))
+    result = part("plate", [5.0, 40.0], 0.03)
+    (tmp_path / "part.inp").write_text(calculix.input_deck(result, 10))
     read = meshio.read(tmp_path / "part.inp")
-    assert np.allclose(read.points, found.mesh.nodes, rtol=1e-12, atol=1e-15)
+    assert np.allclose(read.points, result.mesh.nodes, rtol=1e-12, atol=1e-15)
     assert {block.type for block in read.cells} == {"tetra10"}
-    written = np.vstack([found.mesh.cells[cells] for cells in found.volumes.values()])
+    written = np.vstack([result.mesh.cells[cells] for cells in result.volumes.values()])
     assert np.array_equal(np.vstack([block.data for block in read.cells]), written)
-    assert [len(block.data) for block in read.cells] == [len(cells) for cells in found.volumes.values()]
-    for name in found.faces:
-        assert np.array_equal(np.sort(read.point_sets[name]), found.nodes_of(name))
+    assert [len(block.data) for block in read.cells] == [len(cells) for cells in result.volumes.values()]
+    for name in result.faces:
+        assert np.array_equal(np.sort(read.point_sets[name]), result.nodes_of(name))
 
 
 def test_surfaces_name_the_faces_that_calculix_means() -> None:
-    found = part("plate", [5.0, 40.0], 0.03)
-    text = calculix.input_deck(found, 10)
+    result = part("plate", [5.0, 40.0], 0.03)
+    text = calculix.input_deck(result, 10)
     lines = text.split("*SURFACE, NAME=S_BACK, TYPE=ELEMENT\n")[1].split("*")[0].splitlines()
-    assert len(lines) == len(found.faces["BACK"])
+    assert len(lines) == len(result.faces["BACK"])
     for line in lines:
         element, face = (word.strip() for word in line.split(","))
-        corners = found.mesh.cells[int(element) - 1, np.array(CCX_FACES[face]) - 1]
-        assert np.allclose(found.mesh.nodes[corners, 2], 2e-3)
+        corners = result.mesh.cells[int(element) - 1, np.array(CCX_FACES[face]) - 1]
+        assert np.allclose(result.mesh.nodes[corners, 2], 2e-3)
 
 
 def test_each_volume_has_its_density_and_only_clamped_parts_a_boundary() -> None:
@@ -110,11 +110,11 @@ def test_ccx_finds_our_frequencies_on_the_same_mesh(
     name: str, band_khz: list[float], accuracy: float, tmp_path: Path
 ) -> None:
     """CalculiX integrates the mass of C3D10 with four points, exact only to degree 2: its difference falls with the mesh."""
-    found = part(name, band_khz, accuracy)
-    mine = ours(found)
+    result = part(name, band_khz, accuracy)
+    mine = ours(result)
     assert len(mine.frequency_hz) >= 3
     below = len(mine.frequency_hz) + mine.rigid_count + SPARE
-    other = theirs(found, below, tmp_path)
+    other = theirs(result, below, tmp_path)
     assert other[: len(mine.frequency_hz)] == pytest.approx(mine.frequency_hz, rel=AGREEMENT)
     assert len(other) == len(mine.frequency_hz)
 
@@ -122,7 +122,7 @@ def test_ccx_finds_our_frequencies_on_the_same_mesh(
 @needs_ccx
 @pytest.mark.slow
 def test_ccx_reads_a_pillar_meshed_through_cad(tmp_path: Path) -> None:
-    found = part("pillar", [10.0, 200.0], 0.01, shape="round", diameter_mm=2.0, height_mm=6.0)
-    mine = ours(found)
-    other = theirs(found, len(mine.frequency_hz) + SPARE, tmp_path)
+    result = part("pillar", [10.0, 200.0], 0.01, shape="round", diameter_mm=2.0, height_mm=6.0)
+    mine = ours(result)
+    other = theirs(result, len(mine.frequency_hz) + SPARE, tmp_path)
     assert other == pytest.approx(mine.frequency_hz, rel=AGREEMENT)

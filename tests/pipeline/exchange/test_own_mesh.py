@@ -114,8 +114,8 @@ def test_gmsh_files_in_millimetres_give_the_frequencies_of_our_mesh(
 ) -> None:
     mesh = bar(order, kind)
     meshio.write(tmp_path / "bar.msh", as_meshio(mesh, 1e3), file_format="gmsh22")
-    asked = [case_file, "--mesh-file", str(tmp_path / "bar.msh"), "--unit", "mm", "--clamp", "FIXED", "--count", "5"]
-    document = found(asked, tmp_path)
+    query = [case_file, "--mesh-file", str(tmp_path / "bar.msh"), "--unit", "mm", "--clamp", "FIXED", "--count", "5"]
+    document = found(query, tmp_path)
     assert document["part"] == "mesh" and document["model"] == f"solid {kind}{order}"
     assert document["rigid_count"] == 0
     assert document["count_check"]["expected"] == document["count_check"]["found"]
@@ -143,8 +143,8 @@ def gmsh41(mesh: Mesh) -> str:
 def test_a_file_of_gmsh_4_is_read_with_its_physical_groups(case_file: str, tmp_path: Path) -> None:
     mesh = bar(2, "tet")
     (tmp_path / "bar.msh").write_text(gmsh41(mesh))
-    asked = [case_file, "--mesh-file", str(tmp_path / "bar.msh"), "--clamp", "FIXED", "--count", "4"]
-    computed = [mode["frequency_hz"] for mode in found(asked, tmp_path)["modes"]][:4]
+    query = [case_file, "--mesh-file", str(tmp_path / "bar.msh"), "--clamp", "FIXED", "--count", "4"]
+    computed = [mode["frequency_hz"] for mode in found(query, tmp_path)["modes"]][:4]
     assert computed == pytest.approx(frequencies(mesh, ("touch",), 4)[:4], rel=SAME)
 
 
@@ -167,8 +167,8 @@ def test_an_exported_med_file_comes_back_with_the_same_modes_and_measures(
 def test_a_calculix_file_is_read_with_its_node_sets(case_file: str, tmp_path: Path) -> None:
     part = exchange(scene(), "pillar", TerminalLog(True), tetrahedra=True)
     (tmp_path / "part.inp").write_text(calculix.input_deck(part, 5))
-    asked = [case_file, "--mesh-file", str(tmp_path / "part.inp"), "--clamp", "CLAMP", "--count", "4"]
-    computed = [mode["frequency_hz"] for mode in found(asked, tmp_path)["modes"]][:4]
+    query = [case_file, "--mesh-file", str(tmp_path / "part.inp"), "--clamp", "CLAMP", "--count", "4"]
+    computed = [mode["frequency_hz"] for mode in found(query, tmp_path)["modes"]][:4]
     assert computed == pytest.approx(frequencies(part.mesh, ("touch",), 4)[:4], rel=1e-7)  # the file keeps 13 digits
 
 
@@ -362,9 +362,9 @@ def test_a_mesh_that_cannot_serve_is_one_clear_line_and_exit_code_2(
         make(tmp_path / name)
     capsys.readouterr()  # meshio warns while it writes
     assert main.main(["modes", case_file, "--quiet", "--mesh-file", str(tmp_path / name)]) == 2
-    told = [line for line in capsys.readouterr().err.splitlines() if line]
-    assert len(told) == 1
-    assert all(word in told[0] for word in [name, *said])
+    text = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert len(text) == 1
+    assert all(word in text[0] for word in [name, *said])
 
 
 def test_a_med_file_without_the_expected_group_names_those_it_has(
@@ -372,15 +372,15 @@ def test_a_med_file_without_the_expected_group_names_those_it_has(
 ) -> None:
     part = exchange(scene(), "pillar", TerminalLog(True))
     write_med(aster.raw_mesh(part), tmp_path / "part.med", "PILLAR")
-    asked = ["modes", case_file, "--quiet", "--mesh-file", str(tmp_path / "part.med")]
-    assert main.main([*asked, "--clamp", "CLAMPS"]) == 2
-    told = capsys.readouterr().err
-    assert "did you mean CLAMP?" in told and "XMIN" in told and told.count("\n") == 1
+    query = ["modes", case_file, "--quiet", "--mesh-file", str(tmp_path / "part.med")]
+    assert main.main([*query, "--clamp", "CLAMPS"]) == 2
+    text = capsys.readouterr().err
+    assert "did you mean CLAMP?" in text and "XMIN" in text and text.count("\n") == 1
     bare = RawMesh(part.mesh.nodes, [("hexahedron27", part.mesh.cells[:, local_nodes("hex", 2)])])
     write_med(bare, tmp_path / "bare.med", "PILLAR")
-    assert main.main([*asked[:-1], str(tmp_path / "bare.med"), "--clamp", "FOOT"]) == 2
+    assert main.main([*query[:-1], str(tmp_path / "bare.med"), "--clamp", "FOOT"]) == 2
     assert "it has none" in capsys.readouterr().err
-    assert main.main([*asked, "--parity", "++"]) == 2
+    assert main.main([*query, "--parity", "++"]) == 2
 
 
 def test_a_file_in_millimetres_taken_for_metres_is_said(
@@ -407,5 +407,5 @@ def test_a_broken_step_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFi
     )
     (tmp_path / "broken.step").write_text("ISO-10303-21;\nHEADER;\n#1=NOTHING(\n")
     assert main.main(["export", "aster", str(tmp_path / "own.toml"), "--quiet"]) == 2
-    told = capsys.readouterr()
-    assert "broken.step" in told.err and len([line for line in told.err.splitlines() if line]) == 1
+    text = capsys.readouterr()
+    assert "broken.step" in text.err and len([line for line in text.err.splitlines() if line]) == 1

@@ -9,7 +9,7 @@ import pytest
 
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.measured.files import MeasuredSweep, read_field, read_sweep
 
 DESIGN = Design(60e-3, 20e-3, 2e-3, 4, MATERIALS["aluminium"], None, float("nan"), float("nan"), 0, 12e-3)
@@ -43,10 +43,10 @@ WRITTEN = {
 
 @pytest.mark.parametrize("text", WRITTEN.values(), ids=WRITTEN.keys())
 def test_one_sweep_written_in_many_ways(tmp_path: Path, text: str) -> None:
-    found = swept(tmp_path, text)
-    assert np.allclose(found.sweep.frequencies_hz, TONES, rtol=1e-12)
-    assert np.allclose(found.sweep.response, VALUES, rtol=1e-12)
-    assert found.quantity == "velocity" and not found.synthetic
+    result = swept(tmp_path, text)
+    assert np.allclose(result.sweep.frequencies_hz, TONES, rtol=1e-12)
+    assert np.allclose(result.sweep.response, VALUES, rtol=1e-12)
+    assert result.quantity == "velocity" and not result.synthetic
 
 
 @pytest.mark.parametrize("quantity", ["velocity", "displacement", "sensor"])
@@ -86,7 +86,7 @@ BAD_SWEEPS = [
 
 @pytest.mark.parametrize(("text", "words"), BAD_SWEEPS, ids=[str(i) for i in range(len(BAD_SWEEPS))])
 def test_a_bad_sweep_is_told_in_one_line(tmp_path: Path, text: str, words: list[str]) -> None:
-    with pytest.raises(InputFault) as fault:
+    with pytest.raises(InputError) as fault:
         swept(tmp_path, text)
     assert len(fault.value.lines) == 1 and "\n" not in fault.value.lines[0]
     for word in ["sweep.csv", *words]:
@@ -97,7 +97,7 @@ def test_what_is_no_text_or_not_there_is_told(tmp_path: Path) -> None:
     binary = tmp_path / "sweep.csv"
     binary.write_bytes(b"\xff\xfe\x00")
     for path, word in ((binary, "UTF-8"), (tmp_path / "none.csv", "no such file"), (tmp_path, "cannot be read")):
-        with pytest.raises(InputFault, match=word):
+        with pytest.raises(InputError, match=word):
             read_sweep(path)
 
 
@@ -109,13 +109,13 @@ def mapped(tmp_path: Path, text: str) -> object:
 
 def test_a_map_in_millimetres_and_in_metres(tmp_path: Path) -> None:
     for head, unit in (("x_mm,y_mm", 1.0), ("x_m,y_m", 1e-3)):
-        found = mapped(
+        result = mapped(
             tmp_path,
             f"{head},velocity_amplitude,velocity_phase_deg\n"
             + rows([30 * unit, 0], [-22 * unit, 1 * unit], [1, 2], [0, 90]),
         )
-        assert np.allclose(found.points_m, [[30e-3, -22e-3], [0.0, 1e-3]])
-        assert np.allclose(found.values, [1.0, 2.0j])
+        assert np.allclose(result.points_m, [[30e-3, -22e-3], [0.0, 1e-3]])
+        assert np.allclose(result.values, [1.0, 2.0j])
 
 
 BAD_MAPS = [
@@ -128,14 +128,14 @@ BAD_MAPS = [
 
 @pytest.mark.parametrize(("text", "words"), BAD_MAPS, ids=[str(i) for i in range(len(BAD_MAPS))])
 def test_a_bad_map_is_told_in_one_line(tmp_path: Path, text: str, words: list[str]) -> None:
-    with pytest.raises(InputFault) as fault:
+    with pytest.raises(InputError) as fault:
         mapped(tmp_path, text)
     assert len(fault.value.lines) == 1
     for word in ["field.csv", *words]:
         assert word in fault.value.lines[0]
 
 
-SILENT = "frequency_Hz,amplitude,phase_deg\n" + rows(TONES, np.zeros(9), DEGREES)
+UNDRIVEN = "frequency_Hz,amplitude,phase_deg\n" + rows(TONES, np.zeros(9), DEGREES)
 LOUD = "frequency_Hz,amplitude,phase_deg\n" + rows(TONES, 1e308 * np.ones(9), DEGREES)
 DEAFENING = "frequency_Hz,amplitude_dB,phase_deg\n" + rows(TONES, 7000.0 * np.ones(9), DEGREES)
 HIGH = "frequency_MHz,amplitude,phase_deg\n" + rows(np.multiply(TONES, 1e6), np.ones(9), DEGREES)
@@ -144,7 +144,7 @@ HIGH = "frequency_MHz,amplitude,phase_deg\n" + rows(np.multiply(TONES, 1e6), np.
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (SILENT, "every value is 0: nothing was measured"),
+        (UNDRIVEN, "every value is 0: nothing was measured"),
         (LOUD, "line 2, column amplitude = "),
         (DEAFENING, "must be from -600 to 600 dB"),
         (HIGH, "must be from 1e-06 to 1e+06 kHz"),
@@ -153,7 +153,7 @@ HIGH = "frequency_MHz,amplitude,phase_deg\n" + rows(np.multiply(TONES, 1e6), np.
     ids=["silent", "loud", "decibels", "frequency", "cell"],
 )
 def test_what_no_instrument_measures_is_refused(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(InputFault) as fault:
+    with pytest.raises(InputError) as fault:
         swept(tmp_path, text)
     (line,) = fault.value.lines
     assert said in line and "sweep.csv" in line

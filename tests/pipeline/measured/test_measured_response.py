@@ -68,32 +68,34 @@ def close(first: np.ndarray, second: np.ndarray) -> None:
 
 def test_the_shift_and_the_losses_of_the_specimen_are_found(compared: Path, specimen: Path) -> None:
     """Five standard deviations of noise/sqrt(points) about the specimen's own peak and its given losses."""
-    found, given = document(compared)["measured"]["sweep"], document(specimen)
+    result, given = document(compared)["measured"]["sweep"], document(specimen)
     width = given["wanted_peak"]["frequency_hz"] / given["quality_given"]
-    assert found["synthetic"] and found["quantity"] == "velocity"
-    assert found["quality"] == pytest.approx(given["quality_given"], rel=0.05)
-    assert found["frequency_hz"] == pytest.approx(given["wanted_peak"]["frequency_hz"], abs=0.05 * width)
+    assert result["synthetic"] and result["quantity"] == "velocity"
+    assert result["quality"] == pytest.approx(given["quality_given"], rel=0.05)
+    assert result["frequency_hz"] == pytest.approx(given["wanted_peak"]["frequency_hz"], abs=0.05 * width)
     ours = document(compared)["wanted_peak"]["frequency_hz"]
-    assert found["computed"]["frequency_hz"] == pytest.approx(ours, abs=0.1 * width)
-    assert found["frequency_shift_hz"] == pytest.approx(given["wanted_peak"]["frequency_hz"] - ours, abs=0.15 * width)
-    assert found["frequency_shift_hz"] < -width  # the shipped specimen is softer than the case
-    assert found["computed"]["quality"] == pytest.approx(document(compared)["quality_given"], rel=0.05)
+    assert result["computed"]["frequency_hz"] == pytest.approx(ours, abs=0.1 * width)
+    assert result["frequency_shift_hz"] == pytest.approx(given["wanted_peak"]["frequency_hz"] - ours, abs=0.15 * width)
+    assert result["frequency_shift_hz"] < -width  # the shipped specimen is softer than the case
+    assert result["computed"]["quality"] == pytest.approx(document(compared)["quality_given"], rel=0.05)
 
 
 def test_the_map_is_held_as_the_specimen_was(compared: Path, specimen: Path) -> None:
     """Noise of 1 % of the peak fills the passive face with its own power; the expected confinement counts it in."""
-    found, peak = document(compared)["measured"]["map"], document(specimen)["wanted_peak"]
+    result, peak = document(compared)["measured"]["map"], document(specimen)["wanted_peak"]
     values = read_field(FOLDER / "field.csv", load_case(CASE).design).values
     floor = (NOISE * np.abs(values).max()) ** 2
     tone = 2.0 * np.pi * peak["frequency_hz"]
     levels = [(tone * peak[key]) ** 2 + floor for key in ("zone_rms_m_per_V", "passive_rms_m_per_V")]
-    assert found["confinement_db"] == pytest.approx(10.0 * np.log10(levels[0] / levels[1]), abs=0.3)
-    assert found["confined"] == (found["confinement_db"] >= 10.0)
-    assert found["covered_active"] == pytest.approx(1.0, rel=1e-6)
-    assert found["covered_passive"] == pytest.approx(1.0, rel=1e-6)
-    assert found["computed"]["confinement_at_points_db"] == pytest.approx(found["computed"]["confinement_db"], abs=0.3)
-    assert 0.9 < found["mac_operating"] <= 1.0
-    assert abs(found["mac"] - found["computed"]["mac"]) < 0.05
+    assert result["confinement_db"] == pytest.approx(10.0 * np.log10(levels[0] / levels[1]), abs=0.3)
+    assert result["confined"] == (result["confinement_db"] >= 10.0)
+    assert result["covered_active"] == pytest.approx(1.0, rel=1e-6)
+    assert result["covered_passive"] == pytest.approx(1.0, rel=1e-6)
+    assert result["computed"]["confinement_at_points_db"] == pytest.approx(
+        result["computed"]["confinement_db"], abs=0.3
+    )
+    assert 0.9 < result["mac_operating"] <= 1.0
+    assert abs(result["mac"] - result["computed"]["mac"]) < 0.05
 
 
 def test_a_case_may_name_its_measurements(compared: Path, tmp_path: Path) -> None:
@@ -101,13 +103,13 @@ def test_a_case_may_name_its_measurements(compared: Path, tmp_path: Path) -> Non
     named = ["--set", 'measured.sweep="sweep.csv"', "--set", "measured.at_mm=[19.86, 0.16]"]
     out = tmp_path / "named.json"
     assert main(["response", str(CASE), "--quiet", *named, "--json", str(out)]) == 0
-    found = json.loads(out.read_text())["measured"]
-    assert found["map"] is None
+    result = json.loads(out.read_text())["measured"]
+    assert result["map"] is None
     given = document(compared)["measured"]["sweep"]
-    assert found["sweep"]["frequency_hz"] == given["frequency_hz"]
-    assert found["sweep"]["computed"]["point_mm"] == pytest.approx([19.86, 0.16])
-    understood = load_case(CASE, [named[1], named[3]]).as_understood()["measured"]
-    assert len(understood["sweep_sha256"]) == 64 and "map" not in understood
+    assert result["sweep"]["frequency_hz"] == given["frequency_hz"]
+    assert result["sweep"]["computed"]["point_mm"] == pytest.approx([19.86, 0.16])
+    with_defaults = load_case(CASE, [named[1], named[3]]).as_understood()["measured"]
+    assert len(with_defaults["sweep_sha256"]) == 64 and "map" not in with_defaults
 
 
 def test_pictures_are_written(compared: Path) -> None:

@@ -13,13 +13,13 @@ import pytest
 from pipeline.batch import measures
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.paths import ROOT
 from pipeline.planning import plan
 from pipeline.planning.request import Request
 from pipeline.planning.resources import MEMORY_RANGE, too_much
-from pipeline.records.run_log import Mess
+from pipeline.records.run_log import RunLog
 from solvers.errors import OutOfMemory
 from solvers.fem.factor import memory
 from solvers.fem.factor.memory import GROUP_FILES, available_bytes
@@ -79,7 +79,7 @@ def test_explain_tells_memory_unknowns_modes_and_time(sixteen_gib: None, capsys:
     text = capsys.readouterr().out
     for words in (
         "foreseen: memory ",
-        "unknowns at once",
+        "degrees of freedom at once",
         "modes; time of the order of",
         "will be refused: needs about",
     ):
@@ -96,8 +96,8 @@ def test_a_case_of_a_study_is_refused_before_its_first_step(tmp_path: Path, monk
     monkeypatch.setenv(memory.STATED, "0.1")
     payload = {"case": load_case(SMALL).as_understood(), "overrides": [], "measure": ["modes", "bands"]}
     with (
-        Mess(tmp_path / "run.mess") as log,
-        pytest.raises(InputFault, match=r"modes of the plate: needs about") as fault,
+        RunLog(tmp_path / "run.mess") as log,
+        pytest.raises(InputError, match=r"modes of the plate: needs about") as fault,
     ):
         measures.compute(SMALL, payload, tmp_path, log)
     assert len(fault.value.lines) == 2  # the bands too, told at once
@@ -152,7 +152,7 @@ def test_memory_that_runs_out_is_one_line(monkeypatch: pytest.MonkeyPatch, capsy
 
 
 def test_memory_that_runs_out_in_a_case_names_its_step(tmp_path: Path) -> None:
-    for log in (TerminalLog(quiet=True), Mess(tmp_path / "run.mess")):
+    for log in (TerminalLog(quiet=True), RunLog(tmp_path / "run.mess")):
         with pytest.raises(OutOfMemory, match="in the step 'a step'"), log.step("a step"):
             raise MemoryError
 
@@ -179,9 +179,9 @@ def test_a_soft_pillar_s_many_functions_are_told(
         raise Begun
 
     monkeypatch.setattr("pipeline.analysis.bands.lattice_model", begin)
-    for more, told in (([], 0), (["--set", SOFT], 1)):
+    for more, text in (([], 0), (["--set", SOFT], 1)):
         main(["bands", SMALL, *more, "--quiet"])
-        assert capsys.readouterr().err.count("warning MANY_FUNCTIONS") == told
+        assert capsys.readouterr().err.count("warning MANY_FUNCTIONS") == text
 
 
 # -- the estimate ------------------------------------------------------------------------------------------------------

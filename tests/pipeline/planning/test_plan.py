@@ -18,11 +18,11 @@ from pipeline.case.overrides import read_toml
 from pipeline.cli.main import main
 from pipeline.paths import STUDIES
 from pipeline.planning import plan, simplifications
-from pipeline.planning.model_choice import cell_way, way_of
+from pipeline.planning.model_choice import cell_model_choice, model_choice_of
 from pipeline.planning.request import Request
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import coupled_classes
-from tests.helpers.told import Told
+from tests.helpers.recording_log import RecordingLog
 
 ROOT = Path(__file__).resolve().parents[3]
 CASE = str(STUDIES / "three-rows.toml")
@@ -43,16 +43,16 @@ def small(*overrides: str) -> Case:
 
 def with_pillar(shape: str) -> Case:
     """The reference case with a pillar of another shape; a STEP file is not read for a plan."""
-    found = case()
-    pillar = Pillar(shape, 2e-3, 2e-3, 6.3e-3, found.design.material)
-    return replace(found, design=replace(found.design, pillar=pillar))
+    result = case()
+    pillar = Pillar(shape, 2e-3, 2e-3, 6.3e-3, result.design.material)
+    return replace(result, design=replace(result.design, pillar=pillar))
 
 
 def rules(planned: plan.Plan) -> set[str]:
     return {each.rule for each in planned.left_out}
 
 
-def told_apart(heard: Told) -> set[str]:
+def told_apart(heard: RecordingLog) -> set[str]:
     return {f"{what}: {why}" for what, why in heard.omitted.items()}
 
 
@@ -119,15 +119,15 @@ def test_a_patch_off_a_mirror_plane_couples_the_classes_there() -> None:
 
 
 def test_classes_that_no_patch_drives_are_silent() -> None:
-    def silent(*centres: str) -> str:
+    def undriven(*centres: str) -> str:
         patches = case(f"patches.centres_mm=[{','.join(centres)}]", "patches.sensors=[]").patches
         assert patches
-        found = simplifications.silent_classes(patches)
-        return found.what if found else ""
+        result = simplifications.undriven_classes(patches)
+        return result.what if result else ""
 
-    assert silent("[0.0,0.0]") == "mirror classes +-, -+, --"
-    assert silent("[-20.0,0.0]", "[20.0,0.0]") == "mirror classes +-, --"
-    assert silent("[-20.0,5.0]", "[20.0,5.0]") == ""
+    assert undriven("[0.0,0.0]") == "symmetry classes +-, -+, --"
+    assert undriven("[-20.0,0.0]", "[20.0,0.0]") == "symmetry classes +-, --"
+    assert undriven("[-20.0,5.0]", "[20.0,5.0]") == ""
 
 
 def test_wavevectors_off_the_path_only_where_it_bounds_the_zone() -> None:
@@ -144,8 +144,8 @@ def test_the_path_that_nobody_gave_bounds_the_zone_of_the_pitches() -> None:
     raw = read_toml(Path(CASE))
     del raw["bands"]
     for overrides, path in (((), "GXMG"), (("array.pitch_x_mm=4", "array.pitch_y_mm=6"), "GXMYG")):
-        found = case_from_dict(raw, Path(CASE), overrides)
-        assert found.bands.path == path and simplifications.off_path(found.design, path)
+        result = case_from_dict(raw, Path(CASE), overrides)
+        assert result.bands.path == path and simplifications.off_path(result.design, path)
 
 
 def test_the_mirrors_of_the_cell() -> None:
@@ -162,7 +162,7 @@ def test_patches_damping_modes_and_pictures_only_where_asked() -> None:
     some = plan.of_measures(case(), ["bands"])
     assert {"no_patches", "no_response", "no_plate_modes", "nothing_drawn"} <= rules(some)
     assert "the case has none" in simplifications.no_patches(None, ["response"]).why  # type: ignore[union-attr]
-    assert simplifications.nothing_drawn(()) and not simplifications.nothing_drawn((), drawn=True)
+    assert simplifications.no_figures(()) and not simplifications.no_figures((), drawn=True)
     assert [step.measure for step in plan.of_measures(case(), ["confinement", "attenuation"]).steps] == [
         "modes", "attenuation",
     ]  # fmt: skip
@@ -188,13 +188,13 @@ def test_other_classes_and_other_frequencies() -> None:
 
 
 def test_models() -> None:
-    assert way_of(case(), "plate", 45e3).name == "superelement hex3"
-    assert way_of(case("solve.model='solid'"), "plate", 45e3).name == "solid hex3"
-    step = way_of(with_pillar("step"), "plate", 45e3)
+    assert model_choice_of(case(), "plate", 45e3).name == "superelement hex3"
+    assert model_choice_of(case("solve.model='solid'"), "plate", 45e3).name == "solid hex3"
+    step = model_choice_of(with_pillar("step"), "plate", 45e3)
     assert (step.name, step.classes) == ("superelement tet2", (None,))
     assert "mirror_images" not in {each.rule for each in step.left_out}
-    assert cell_way(case("solve.model='solid'")).name == "solid hex3"
-    assert cell_way(case("solve.model='solid'", "solve.mesh='tet'")).name == "superelement tet2"
+    assert cell_model_choice(case("solve.model='solid'")).name == "solid hex3"
+    assert cell_model_choice(case("solve.model='solid'", "solve.mesh='tet'")).name == "superelement tet2"
 
 
 def test_a_response_with_pillars_from_a_step_file_is_planned_whole() -> None:
@@ -217,32 +217,32 @@ def test_a_response_with_pillars_from_a_step_file_is_planned_whole() -> None:
     ],
 )
 def test_modes_are_solved_as_planned(overrides: tuple[str, ...], request_: Request) -> None:
-    scene, heard = small(*overrides), Told()
+    scene, heard = small(*overrides), RecordingLog()
     planned = plan.of_modes(scene, request_)
     (step,) = planned.steps
-    found = modes.solve_modes(scene, request_, heard)
-    assert step.model.startswith(found.model.name)
+    result = modes.solve_modes(scene, request_, heard)
+    assert step.model.startswith(result.model.name)
     assert [name for name in heard.steps if name.startswith("solve class")] == [
         f"solve class {p}" for p in step.classes
     ]
     if "band_hz" in step.numbers:
-        assert [found.count.low_hz, found.count.high_hz] == pytest.approx(step.numbers["band_hz"])
+        assert [result.count.low_hz, result.count.high_hz] == pytest.approx(step.numbers["band_hz"])
     else:
-        assert len(found.rows) >= step.numbers["count"]
+        assert len(result.rows) >= step.numbers["count"]
     promised = {f"{each.what}: {each.why}" for each in planned.left_out}
     assert told_apart(heard) <= promised
     if step.numbers.get("order"):
-        assert all(mesh["order"] == step.numbers["order"] for mesh in found.meshes)
+        assert all(mesh["order"] == step.numbers["order"] for mesh in result.meshes)
 
 
 def test_bands_and_attenuation_are_solved_as_planned() -> None:
-    scene, heard = small("bands.points=2", "bands.count=6"), Told()
+    scene, heard = small("bands.points=2", "bands.count=6"), RecordingLog()
     planned = plan.of_bands(scene)
-    found = bands.solve_bands(scene, heard)
+    result = bands.solve_bands(scene, heard)
     numbers = planned.steps[0].numbers
-    assert len(found.path.wavevectors) == numbers["wavevectors"] == 7
+    assert len(result.path.wavevectors) == numbers["wavevectors"] == 7
     assert f"{numbers['solved_wavevectors']} wavevectors" in heard.steps
-    assert planned.steps[0].model.startswith(found.model)
+    assert planned.steps[0].model.startswith(result.model)
     assert told_apart(heard) <= {f"{each.what}: {each.why}" for each in planned.left_out}
     crossed = attenuation.solve(scene, heard, None, None, 3)
     step = plan.of_attenuation(scene, None, None, 3, False).steps[0]
@@ -252,10 +252,10 @@ def test_bands_and_attenuation_are_solved_as_planned() -> None:
 
 def test_a_response_couples_the_classes_that_were_planned() -> None:
     for centres in ("[[-6.0,0.0],[6.0,0.0]]", "[[-6.0,1.0],[6.0,0.0]]"):
-        scene, heard = small(f"patches.centres_mm={centres}", "solve.band_kHz=[28.0,32.0]"), Told()
+        scene, heard = small(f"patches.centres_mm={centres}", "solve.band_kHz=[28.0,32.0]"), RecordingLog()
         planned = plan.of_response(scene, None, 11, False)
-        found = response.solve(scene, heard, None, 11)
-        solved = {" with ".join(group.parities) for group in found.forced.plate.groups}
+        result = response.solve(scene, heard, None, 11)
+        solved = {" with ".join(group.parities) for group in result.forced.plate.groups}
         assert solved == set(planned.steps[0].classes)
         assert told_apart(heard) <= {f"{each.what}: {each.why}" for each in planned.left_out}
 
@@ -274,8 +274,8 @@ def test_explain_computes_nothing(
         monkeypatch.setattr(name, refuse)
     monkeypatch.setattr("solvers.superelement.build.Reductions.cell", refuse)
     assert main([command, CASE, "--explain"]) == 0
-    told = capsys.readouterr().out
-    assert told.startswith("plan for three-rows") and "because" in told and "boxes: CAD and tetrahedra" in told
+    text = capsys.readouterr().out
+    assert text.startswith("plan for three-rows") and "because" in text and "boxes: CAD and tetrahedra" in text
     assert main([command, CASE, "--explain", "--json", "-"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["schema"] == 1 and document["steps"][0]["measure"] == command
@@ -296,10 +296,10 @@ def test_explain_refuses_what_the_command_refuses(
 
 def test_a_dry_run_tells_the_plan_of_each_case(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "rows", "--dry-run"]) == 0
-    told = capsys.readouterr().out
+    text = capsys.readouterr().out
     cases = 1 + len(load_study("rows").cases())  # the unswept one too
-    assert told.count("modes of the plate: superelement hex3") == told.count("left out: ") == cases
-    assert "the same plate and cell by tetrahedra" in told
+    assert text.count("modes of the plate: superelement hex3") == text.count("left out: ") == cases
+    assert "the same plate and cell by tetrahedra" in text
 
 
 # -- a scene that has nothing does nothing -----------------------------------------------------------------------------
@@ -364,18 +364,18 @@ BARE = (
 
 
 def test_a_scene_without_pillars_patches_and_response_does_none_of_their_work(tmp_path: Path) -> None:
-    found = traced(tmp_path, BARE)
+    result = traced(tmp_path, BARE)
     for what, places in WORK.items():
-        done = {name: n for name, n in found["calls"].items() if name.startswith(places)}
+        done = {name: n for name, n in result["calls"].items() if name.startswith(places)}
         assert not done, f"{what}: {done}"
-    assert not {name.partition(".")[0] for name in found["modules"]} & HEAVY
+    assert not {name.partition(".")[0] for name in result["modules"]} & HEAVY
     assert not [
-        name for name in found["modules"] if name.startswith(("solvers.piezo", "pipeline.plots", "solvers.waves"))
+        name for name in result["modules"] if name.startswith(("solvers.piezo", "pipeline.plots", "solvers.waves"))
     ]
     assert {"no_pillars", "boxes", "mirror_images", "no_patches", "no_response", "nothing_drawn"} <= {
-        each["rule"] for each in found["record"]["left_out"]
+        each["rule"] for each in result["record"]["left_out"]
     }
-    assert any(name.startswith("solvers/superelement/plate.py") for name in found["calls"])  # the trace does count
+    assert any(name.startswith("solvers/superelement/plate.py") for name in result["calls"])  # the trace does count
 
 
 FULL = (
@@ -389,7 +389,7 @@ FULL = (
 def test_the_trace_sees_all_of_what_a_scene_does_ask_for(tmp_path: Path) -> None:
     """The same trace over a scene that has and asks for everything: so an empty count means something."""
     measures = ("bands", "attenuation", "response", "geometry")
-    found = traced(tmp_path, BARE.replace("accuracy = 0.05", "accuracy = 0.1") + FULL, *measures)
+    result = traced(tmp_path, BARE.replace("accuracy = 0.05", "accuracy = 0.1") + FULL, *measures)
     for what in WORK.keys() - {"drawing"}:  # a case never draws: its page does
-        assert any(name.startswith(WORK[what]) for name in found["calls"]), what
-    assert "cadquery" in found["modules"]
+        assert any(name.startswith(WORK[what]) for name in result["calls"]), what
+    assert "cadquery" in result["modules"]

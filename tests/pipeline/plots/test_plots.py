@@ -78,11 +78,11 @@ def test_units_on_every_axis(case: StoredCase):
             plots_fields.mode_on_both_meshes(case, arrays),
             bands.dispersion(case, arrays),
         ]
-    for drawing in drawn:
-        for axes in drawing.figure.axes:
-            shown = [label for label in (axes.get_xlabel(), axes.get_ylabel()) if label]
-            assert all("(" in label or "/" in label for label in shown), (drawing.name, shown)
-        assert "(mm)" in labels(drawing.figure) or "(kHz)" in labels(drawing.figure)
+    for report_figure in drawn:
+        for axes in report_figure.figure.axes:
+            visible = [label for label in (axes.get_xlabel(), axes.get_ylabel()) if label]
+            assert all("(" in label or "/" in label for label in visible), (report_figure.name, visible)
+        assert "(mm)" in labels(report_figure.figure) or "(kHz)" in labels(report_figure.figure)
 
 
 def test_the_same_record_gives_the_same_bytes(case: StoredCase, tmp_path: Path):
@@ -95,11 +95,11 @@ def test_the_same_record_gives_the_same_bytes(case: StoredCase, tmp_path: Path):
 
 
 def test_the_gap_and_the_bending_bands_are_told_with_their_numbers(case: StoredCase):
-    drawing = bands.dispersion(case, {})
-    text = labels(drawing.figure)
+    report_figure = bands.dispersion(case, {})
+    text = labels(report_figure.figure)
     assert "complete gap 163.10 to 175.84 kHz" in text and "bending at M\n32.54 kHz" in text
-    assert [tick.get_text() for tick in drawing.figure.axes[0].get_xticklabels()] == ["Γ", "X", "M", "Γ"]
-    assert "163.10 and 175.84" in drawing.alt and "32.54" in drawing.alt
+    assert [tick.get_text() for tick in report_figure.figure.axes[0].get_xticklabels()] == ["Γ", "X", "M", "Γ"]
+    assert "163.10 and 175.84" in report_figure.alt and "32.54" in report_figure.alt
     none = replace(case, record={**case.record, "bands": {**case.record["bands"], "gaps": []}})
     assert "No complete gap" in labels(bands.dispersion(none, {}).figure)
 
@@ -125,13 +125,13 @@ def test_the_path_is_drawn_to_scale():
 
 def test_the_side_view_states_its_factor_truly(case: StoredCase):
     arrays, design = case.arrays(), case.record["design"]
-    drawing = fields.side_view(case, arrays)
-    told = float(drawing.title.split("drawn ")[1].split(" times")[0].replace("\u202f", ""))
+    report_figure = fields.side_view(case, arrays)
+    text = float(report_figure.title.split("drawn ")[1].split(" times")[0].replace("\u202f", ""))
     largest = np.abs(arrays["surface_u"][0]).max() / plate.zone_peak(arrays, design) * 1e-6
-    drawn = largest * told
+    drawn = largest * text
     limit = fields.DRAWN_SHARE * design["pillar"]["height_m"]
     assert limit / 2.5 < drawn <= limit  # the largest of 1, 2, 5 that fits
-    tips = drawing.figure.axes[0].collections[1].get_paths()
+    tips = report_figure.figure.axes[0].collections[1].get_paths()
     reach = max(np.abs(path.vertices[:, 0]).max() for path in tips) / 1e3
     foot = max(abs(y) for _, y in design["pillar_centres_m"]) + design["pillar"]["base_m"] / 2
     assert abs(reach - foot) < drawn * 1.01
@@ -157,25 +157,27 @@ def test_face_quality_by_hand():
 
 def test_a_tetrahedral_field_of_the_other_sign_is_turned(case: StoredCase):
     arrays = case.arrays()
-    drawings = [plots_fields.mode_on_both_meshes(case, {**arrays, "tet_u": sign * arrays["tet_u"]}) for sign in (1, -1)]
-    fields = [drawing.figure.axes[1].collections[0].get_array() for drawing in drawings]
+    report_figures = [
+        plots_fields.mode_on_both_meshes(case, {**arrays, "tet_u": sign * arrays["tet_u"]}) for sign in (1, -1)
+    ]
+    fields = [report_figure.figure.axes[1].collections[0].get_array() for report_figure in report_figures]
     np.testing.assert_allclose(fields[0], fields[1])
 
 
 def test_prediction_and_finite_plates_share_a_picture(study: StoredStudy):
-    drawing = sweep.how_many_rows(study)
-    assert drawing is not None and "predicted 9.0 dB" in drawing.alt
-    words = labels(drawing.figure)
+    report_figure = sweep.how_many_rows(study)
+    assert report_figure is not None and "predicted 9.0 dB" in report_figure.alt
+    words = labels(report_figure.figure)
     assert "zone to extension (dB)" in words and "rows on each side" in words
 
 
 def test_confinement_against_what_was_swept(study: StoredStudy):
-    drawing = sweep.against_sweep(study)
-    level, tone = drawing.figure.axes
+    report_figure = sweep.against_sweep(study)
+    level, tone = report_figure.figure.axes
     assert level.get_ylabel() == "confinement (dB)" and tone.get_xlabel() == "array pitch (mm)"
     named = {line.get_label() for line in tone.lines if not line.get_label().startswith("_")}
     assert named == {"array rows = 1", "array rows = 2", "unit cell: bending at M"}
-    assert "3 of 4 reach 10 dB" in drawing.alt
+    assert "3 of 4 reach 10 dB" in report_figure.alt
     lone = StoredStudy(study.folder, study.about, study.cases[:1])
     assert sweep.against_sweep(lone) is None
 
@@ -230,7 +232,11 @@ def test_a_bare_plate_has_its_pictures(tmp_path: Path, by_hand):
     shape = synthetic.design(0, 0.004, 0.005)
     arrays = synthetic.shapes(shape, 12.0)
     case = StoredCase(tmp_path, "bare-plate", {}, synthetic.record("bare-plate", {}, shape, 3.0))
-    names = [drawing.name for drawing in (fields.touch_face(case, arrays), fields.side_view(case, arrays)) if drawing]
+    names = [
+        report_figure.name
+        for report_figure in (fields.touch_face(case, arrays), fields.side_view(case, arrays))
+        if report_figure
+    ]
     assert names == ["touch_face", "side_view"] and fields.pillars_in_plane(case, arrays) is None
 
 
@@ -251,8 +257,8 @@ def test_a_linear_field_is_cut_exactly_even_through_cells_stored_twice(axis: int
     xy = np.concatenate([xy, xy])
     arrays = {"touch_xy": xy, "touch_triangles": twice, "touch_uz": (2 * xy[:, 0] - 3 * xy[:, 1] + 1)[None]}
     line = np.linspace(-1, 1, 33)
-    found = fields._along(arrays, line, (axis, 0.3))
-    np.testing.assert_allclose(found, 2 * line - 3 * 0.3 + 1 if axis == 0 else 2 * 0.3 - 3 * line + 1, atol=1e-12)
+    result = fields._along(arrays, line, (axis, 0.3))
+    np.testing.assert_allclose(result, 2 * line - 3 * 0.3 + 1 if axis == 0 else 2 * 0.3 - 3 * line + 1, atol=1e-12)
 
 
 @pytest.mark.parametrize("corners", [3, 4])

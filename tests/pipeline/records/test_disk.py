@@ -13,11 +13,11 @@ from pipeline.batch import measures
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.logs import TerminalLog
-from pipeline.models.cell_cache import CellShelf
+from pipeline.models.cell_cache import CellCache
 from pipeline.paths import STUDIES
 from pipeline.planning.request import Request
 from pipeline.records import store
-from pipeline.records.run_log import Mess
+from pipeline.records.run_log import RunLog
 from pipeline.records.study import StoredCase
 from pipeline.records.surface_codec import folded, from_steps, in_steps, scaled, surface_arrays, touch_arrays, unfolded
 from solvers.fem.surface import Skin
@@ -51,16 +51,16 @@ def test_steps_keep_a_number_to_half_a_step() -> None:
 @pytest.mark.parametrize("parities", [("++",), ("-+", "+-"), ("--", "++", "+-"), (None,)])
 def test_what_was_folded_unfolds_to_the_whole_plate(parities: tuple[str | None, ...]) -> None:
     skins = [quarter(seed) for seed in range(len(parities))]
-    found = unfolded(folded(skins, parities, np.arange(1.0, 1.0 + len(skins))))
+    result = unfolded(folded(skins, parities, np.arange(1.0, 1.0 + len(skins))))
     whole = [skin.unfolded(parity) for skin, parity in zip(skins, parities, strict=True)]
     expected = surface_arrays(whole) | touch_arrays(whole)
-    assert set(expected) <= set(found) and found["surface_frequency_hz"].tolist() == [
+    assert set(expected) <= set(result) and result["surface_frequency_hz"].tolist() == [
         1.0 + i for i in range(len(skins))
     ]
     for name, array in expected.items():
-        np.testing.assert_allclose(found[name], array, atol=1.3e-4 if array.dtype.kind == "f" else 0)
-    np.testing.assert_allclose(found["mesh_points"], skins[0].points, atol=1e-8)
-    assert np.abs(found["surface_u"]).max() == 1.0 == np.abs(scaled(skins[0].displacement)).max()
+        np.testing.assert_allclose(result[name], array, atol=1.3e-4 if array.dtype.kind == "f" else 0)
+    np.testing.assert_allclose(result["mesh_points"], skins[0].points, atol=1e-8)
+    assert np.abs(result["surface_u"]).max() == 1.0 == np.abs(scaled(skins[0].displacement)).max()
 
 
 def test_arrays_that_were_never_folded_stay_as_they_are() -> None:
@@ -74,7 +74,7 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("case")
     case = load_case(CASE, SMALL)
     payload = {"case": case.as_understood(), "overrides": SMALL, "measure": ["modes", "bands"], "fields": True}
-    with Mess(folder / store.MESS) as log:
+    with RunLog(folder / store.RUN_LOG) as log:
         record = measures.compute(CASE, payload, folder, log)
     store.seal(folder, {**record, "schema": 1, "case_id": folder.name})
     return folder
@@ -115,7 +115,7 @@ def test_fields_on_demand_hold_every_mode_and_no_less(computed: Path) -> None:
 def test_a_case_keeps_no_fields_unless_asked(tmp_path: Path) -> None:
     case = load_case(CASE, [*SMALL, "array.rows=0"])
     payload = {"case": case.as_understood(), "overrides": [*SMALL, "array.rows=0"], "measure": ["modes"]}
-    with Mess(tmp_path / store.MESS) as log:
+    with RunLog(tmp_path / store.RUN_LOG) as log:
         measures.compute(CASE, payload, tmp_path, log)
     assert not (tmp_path / store.FIELDS).exists() and (tmp_path / store.ARRAYS).exists()
 
@@ -132,8 +132,8 @@ def test_modes_write_fields_where_they_are_asked_to(tmp_path: Path, capsys: pyte
 def test_pictures_and_commands_read_the_same_arrays() -> None:
     """plate_arrays, which shows a mode at once, is what a record unfolds to."""
     case = load_case(CASE, [*SMALL, "array.rows=0"])
-    found = modes.solve_modes(case, Request("plate", near_hz=30e3, count=2, parity="++"), TerminalLog(True))
-    direct, stored = mode_fields.plate_arrays(found, [0, 1]), unfolded(mode_fields.kept_arrays(found, [0, 1]))
+    result = modes.solve_modes(case, Request("plate", near_hz=30e3, count=2, parity="++"), TerminalLog(True))
+    direct, stored = mode_fields.plate_arrays(result, [0, 1]), unfolded(mode_fields.kept_arrays(result, [0, 1]))
     assert direct.keys() == stored.keys()
     assert all(np.array_equal(direct[name], stored[name]) for name in direct)
 
@@ -144,18 +144,18 @@ def test_the_shelf_forgets_what_was_not_used_for_longest(tmp_path: Path) -> None
     from solvers.superelement.interface import Interface
 
     cell = bare_cell(case, Interface(2, 2), TerminalLog(True))
-    CellShelf(tmp_path).put("size", cell)
+    CellCache(tmp_path).put("size", cell)
     (path,) = tmp_path.glob("*.npz")
     size = path.stat().st_size
     path.unlink()
-    shelf = CellShelf(tmp_path, most_bytes=3 * size + 100)
+    cache = CellCache(tmp_path, max_bytes=3 * size + 100)
     for number, key in enumerate(("first", "second", "third")):
-        shelf.put(key, cell)
-        os.utime(shelf._path(key), (1000.0 + number, 1000.0 + number))
-    assert shelf.get("first") is not None  # used now
-    shelf.put("fourth", cell)
-    assert shelf.get("second") is None
-    assert all(shelf.get(key) is not None for key in ("first", "third", "fourth"))
-    tight = CellShelf(tmp_path, most_bytes=1)
+        cache.put(key, cell)
+        os.utime(cache._path(key), (1000.0 + number, 1000.0 + number))
+    assert cache.get("first") is not None  # used now
+    cache.put("fourth", cell)
+    assert cache.get("second") is None
+    assert all(cache.get(key) is not None for key in ("first", "third", "fourth"))
+    tight = CellCache(tmp_path, max_bytes=1)
     tight.put("fifth", cell)
     assert tight.get("fifth") is not None and len(list(tmp_path.glob("*.npz"))) == 1

@@ -14,7 +14,7 @@ import pytest
 
 from pipeline.analysis import predesign
 from pipeline.cli import case_commands, main
-from pipeline.errors import InputFault, one_line
+from pipeline.errors import InputError, one_line
 from pipeline.exchange import exports
 from pipeline.logs import TerminalLog
 from pipeline.records import outputs
@@ -84,8 +84,8 @@ def test_places_that_cannot_serve_are_refused_in_one_line_before_computing(
     os.mkfifo("fifo")
     before = sorted(path.name for path in case.parent.rglob("*"))
     assert main.main(words.split()) == 2
-    told = capsys.readouterr().err.splitlines()
-    assert len(told) == 1 and said in told[0], told
+    message = capsys.readouterr().err.splitlines()
+    assert len(message) == 1 and said in message[0], message
     assert case.read_bytes() == text and sorted(path.name for path in case.parent.rglob("*")) == before
 
 
@@ -117,9 +117,9 @@ def test_a_file_for_others_on_standard_output_is_alone_and_whole(case: Path, cap
     for form in ("3mf", "stl"):
         exports.write(loaded, form, f"x.{form}", TerminalLog(quiet=True))
         exports.write(loaded, form, "-", TerminalLog(quiet=True))
-        told = capfdbinary.readouterr().out  # type: ignore[attr-defined]
-        assert told == Path(f"x.{form}").read_bytes()
-        sizes[form] = told
+        text = capfdbinary.readouterr().out  # type: ignore[attr-defined]
+        assert text == Path(f"x.{form}").read_bytes()
+        sizes[form] = text
     assert len(ZipFile(io.BytesIO(sizes["3mf"])).namelist()) == 3 and not Path("-").exists()
 
 
@@ -133,7 +133,7 @@ def test_a_calculix_file_goes_where_it_is_sent(tmp_path: Path) -> None:
 
 def test_a_terminal_is_no_place_for_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    with pytest.raises(InputFault, match="terminal"), outputs.delivered(Path("-")):
+    with pytest.raises(InputError, match="terminal"), outputs.delivered(Path("-")):
         pass
 
 
@@ -162,8 +162,8 @@ def test_options_without_effect_are_refused(
     case: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main.main(["modes", "c.toml", *words]) == 2
-    told = capsys.readouterr().err.splitlines()
-    assert len(told) == 1 and said in told[0]
+    text = capsys.readouterr().err.splitlines()
+    assert len(text) == 1 and said in text[0]
 
 
 @pytest.mark.parametrize(
@@ -184,8 +184,8 @@ def test_a_fault_is_one_line_of_sane_length(case: Path, words: list[str], capsys
         code = main.main(words)
     except SystemExit as end:
         code = int(end.code or 0)
-    told = capsys.readouterr().err
-    assert code == 2 and told.count("\n") == 1 and "\x1b" not in told and len(told) < 2100, told
+    text = capsys.readouterr().err
+    assert code == 2 and text.count("\n") == 1 and "\x1b" not in text and len(text) < 2100, text
 
 
 def test_a_long_unknown_key_is_cut(case: Path, capsys: pytest.CaptureFixture[str]) -> None:

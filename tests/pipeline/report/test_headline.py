@@ -70,8 +70,8 @@ def test_a_mode_held_but_not_as_driven_is_not_confined() -> None:
     assert driven.confined is False
     assert text.verdict(driven) == "confined as a mode, not as driven"
     assert plate(4, 3, 12.2, 10.1).confined is True and plate(4, 3, 9.9, 10.1).confined is False
-    held = cards(StoredStudy(Path("s"), {}, (driven,)))["Held in the zone"]
-    assert "driven at its own peak 9.3" in held.note.replace("\u202f", " ") and held.mood == "bad"
+    clamped = cards(StoredStudy(Path("s"), {}, (driven,)))["Held in the zone"]
+    assert "driven at its own peak 9.3" in clamped.note.replace("\u202f", " ") and clamped.severity == "bad"
 
 
 def test_without_a_wanted_mode_nothing_is_claimed() -> None:

@@ -31,7 +31,7 @@ class Page(HTMLParser):
         super().__init__()
         self.tags: list[tuple[str, dict[str, str]]] = []
         self.open: list[str] = []
-        self.complaints: list[str] = []
+        self.read_errors: list[str] = []
         self.words: list[str] = []
         self.feed(text)
 
@@ -42,7 +42,7 @@ class Page(HTMLParser):
 
     def handle_endtag(self, tag):
         if not self.open or self.open.pop() != tag:
-            self.complaints.append(tag)
+            self.read_errors.append(tag)
 
     def handle_data(self, data):
         if not self.open or self.open[-1] not in {"style", "script"}:
@@ -77,7 +77,7 @@ def page(folder: Path) -> Page:
 
 
 def test_it_is_one_sound_file_that_needs_nothing_else(folder: Path, page: Page):
-    assert page.complaints == [] and page.open == []
+    assert page.read_errors == [] and page.open == []
     assert all(image["src"].startswith("data:image/") for image in page.all("img"))
     assert page.all("script") and not any(script.get("src") for script in page.all("script"))
     assert all(link["href"].startswith("data:") for link in page.all("link"))
@@ -105,7 +105,7 @@ def test_every_picture_has_words_and_every_table_headings(page: Page):
 def test_it_says_what_matters(page: Page):
     text = page.text
     assert "31.50\u202fkHz" in text and "confined, best of 2" in text and "163.1–175.8\u202fkHz" in text
-    assert "1 of 2 plates hold the wanted mode by at least 10 dB: pitch_mm=4,rows=1." in text
+    assert "1 of 2 plates confine the wanted mode by at least 10 dB: pitch_mm=4,rows=1." in text
     assert "pitch_mm=12,rows=1 gave no answer: the mesh has a cell with a negative Jacobian <7>." in text
     assert "39.81" in text and "+4.8%" in text and "faces <clamped>" in text
     assert "a thin element" in text and "patches: no response is asked (2 of 3" in text
@@ -140,7 +140,7 @@ def test_torn_arrays_and_a_lost_record_spoil_nothing_else(folder: Path, tmp_path
     (copy / "pitch_mm=4,rows=1/arrays.npz").write_bytes(b"PK torn")
     (copy / "pitch_mm=6,rows=1/record.json").write_text("{")
     page = Page(report_page.build(copy).read_text())
-    assert page.complaints == [] and "record.json is unreadable" in page.text and "MISSING" in page.text
+    assert page.read_errors == [] and "record.json is unreadable" in page.text and "MISSING" in page.text
 
 
 def test_a_picture_that_cannot_be_drawn_is_told_and_spoils_no_other(folder: Path, tmp_path: Path):
@@ -172,15 +172,15 @@ def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Pat
     listed["cases"].insert(0, {"case_id": "base", "sweep": {}})
     store.write_json(folder / "cases.json", listed)
     study = read_study(folder)
-    shown = study.for_showing(study.cases[1])
-    assert shown.record["tet_bands"] == whole["tet_bands"] and shown.record["tet_modes"] == whole["tet_modes"]
-    assert {"tet_points", "touch_uz"} <= shown.arrays().keys()
+    visible = study.for_showing(study.cases[1])
+    assert visible.record["tet_bands"] == whole["tet_bands"] and visible.record["tet_modes"] == whole["tet_modes"]
+    assert {"tet_points", "touch_uz"} <= visible.arrays().keys()
     assert study.for_showing(study.cases[0]).record == once  # what has no answer of its own borrows none
     other = synthetic.design(2, 0.004, 0.005)
     stranger = replace(study.cases[1], record={**rest, "design": other})
     mixed = StoredStudy(folder, {}, (study.cases[0], stranger)).for_showing(stranger)
     assert "tet_bands" in mixed.record and "tet_modes" not in mixed.record  # the same cell, another plate
-    text = Page(report_page.build(folder, most_drawn=0).read_text()).text
+    text = Page(report_page.build(folder, max_figures=0).read_text()).text
     assert "wanted mode, tetrahedra (pytetwild)" in text
     assert tables.table_text(study).splitlines()[2].count("31520.00") == 0  # the table keeps each case's own numbers
 
@@ -217,7 +217,7 @@ def test_a_thousand_cases_stay_a_light_page(tmp_path: Path):
             store.seal(folder / name, {**record, "case_id": name, "sweep": {"n": number}})
         listed = [{"case_id": name, "sweep": {"n": number}} for number, name in enumerate(names)]
         store.write_json(folder / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
-        sizes.append(report_page.build(folder, most_drawn=1).stat().st_size)
+        sizes.append(report_page.build(folder, max_figures=1).stat().st_size)
     each = (sizes[1] - sizes[0]) / 40
     fixed = pictures.EMBEDDED_BYTES + 4.8e6  # pictures; viewer, shapes and diagrams
     assert fixed + 1000 * each < 15e6, each
@@ -229,8 +229,8 @@ def test_no_study_is_one_clear_line(tmp_path: Path):
 
 
 def data(path: Path, name: str) -> dict:
-    found = re.search(rf'<script type="application/json" id="{name}">(.*?)</script>', path.read_text(), re.DOTALL)
-    return json.loads(found.group(1))
+    result = re.search(rf'<script type="application/json" id="{name}">(.*?)</script>', path.read_text(), re.DOTALL)
+    return json.loads(result.group(1))
 
 
 def test_moving_shapes_and_diagram_are_in_the_page(folder: Path, page: Page):
@@ -273,7 +273,7 @@ def test_a_record_of_another_version_is_one_line_and_spoils_no_other(folder: Pat
     path = copy / "pitch_mm=6,rows=1/record.json"
     store.seal(path.parent, {**json.loads(path.read_text()), **harm})
     page = Page(report_page.build(copy).read_text())
-    assert page.complaints == [] and ("another version" in page.text or "has schema 0" in page.text)
+    assert page.read_errors == [] and ("another version" in page.text or "has schema 0" in page.text)
     assert "31.50\u202fkHz" in page.text
 
 
@@ -310,7 +310,7 @@ def test_other_studies_of_the_same_folder_are_told_beside(folder: Path, tmp_path
     write_page(tmp_path / "accuracy", "accuracy", "Error against run time", "Its lead.", script)
     page = Page(report_page.build(copy).read_text())
     assert "words of it" in page.text and "1.5" in page.text and "../accuracy/report.html" in str(page.all("a"))
-    assert page.complaints == [] and all(
+    assert page.read_errors == [] and all(
         (copy / unquote(a["href"])).is_file() for a in page.all("a") if "accuracy" in a["href"] and a["href"][0] != "#"
     )
     (tmp_path / "accuracy/page.json").write_text('{"schema": 7}')

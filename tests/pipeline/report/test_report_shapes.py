@@ -74,9 +74,9 @@ def unfolded(parity: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize(("parity", "signs"), [("++", (1, 1)), ("-+", (-1, 1)), ("+-", (1, -1)), ("--", (-1, -1))])
 def test_an_unfolded_skin_is_sent_as_its_quarter_and_drawn_whole(parity: str, signs: tuple[int, int]) -> None:
     points, facets, u = unfolded(parity)
-    first, few, small, found = mode_shapes.quarter(points, facets, u)
-    assert found == [signs] and 4 * len(first) == len(points) and 4 * len(few) == len(facets)
-    images = mode_shapes._images(found[0])
+    first, few, small, result = mode_shapes.quarter(points, facets, u)
+    assert result == [signs] and 4 * len(first) == len(points) and 4 * len(few) == len(facets)
+    images = mode_shapes._images(result[0])
     drawn = np.concatenate([first * image["flip"] for image in images])
     moved = np.concatenate([image["parity"] * small[0] * image["flip"] for image in images])
     np.testing.assert_allclose(drawn, points)
@@ -114,21 +114,21 @@ def test_a_page_shows_the_best_plate_with_neighbours_and_the_others_wanted_modes
     assert [shape["group"] for shape in gallery.shapes].count(cases[0].case_id) == 1
     assert gallery.shapes[0]["group"] == cases[1].case_id and "wanted" in gallery.shapes[0]["name"]
     assert gallery.shapes[0]["still"] == "case-2-side_view" and "16.0 dB" in gallery.shapes[0]["about"]
-    assert len(gallery.shapes) <= mode_shapes.MOST_SHAPES
+    assert len(gallery.shapes) <= mode_shapes.MAX_SHAPES
 
 
 def test_a_long_study_stays_light(study: Path) -> None:
     case = next(case for case in read_study(study).cases if case.status == "OK")
     many = [replace(case, case_id=f"c{number}") for number in range(30)]
     gallery = mode_shapes.plates(many, many[7], {})
-    assert len(gallery.shapes) == mode_shapes.MOST_SHAPES and gallery.shapes[0]["group"] == "c7"
+    assert len(gallery.shapes) == mode_shapes.MAX_SHAPES and gallery.shapes[0]["group"] == "c7"
 
 
 def test_cases_with_the_same_bands_share_a_diagram(study: Path) -> None:
     stored = read_study(study)
-    found = dispersion.diagrams(stored, stored.cases[1])
-    assert len(found["cells"]) == 1 and found["cells"][0]["name"] == "pitch_mm=4,rows=2, pitch_mm=4,rows=1"
-    cell = found["cells"][0]
+    result = dispersion.diagrams(stored, stored.cases[1])
+    assert len(result["cells"]) == 1 and result["cells"][0]["name"] == "pitch_mm=4,rows=2, pitch_mm=4,rows=1"
+    cell = result["cells"][0]
     assert cell["kind"] is None and cell["pillar"] is None and "shapes" not in cell  # a record of an older version
     assert cell["gaps"][0]["lower_hz"] == 163100.0 and cell["wanted_hz"] == 31500.0
     assert len(cell["arc"]) == len(cell["hz"]) == 76 and [x for x in cell["labels"] if x] == ["G", "X", "M", "G"]

@@ -1,4 +1,6 @@
-"""antinode search: what may vary, what a design must keep, cheap rungs before dear ones, evaluations kept, faults told."""
+"""antinode search: what may vary, what a design must keep, cheap fidelities before expensive ones, evaluations kept,
+faults told.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from pipeline.cli.main import main
 from pipeline.paths import STUDIES
 from pipeline.search import fidelity, optimiser
 from pipeline.search.designs import Evaluation, Settings, front
-from pipeline.search.fidelity import COLUMN, PLATE, STRIP, EvaluationShelf, Judged, by_strip, judge
+from pipeline.search.fidelity import COLUMN, PLATE, STRIP, EvaluationCache, FidelityResult, by_strip, evaluate
 from pipeline.search.limits import Limits, mass_kg
 from pipeline.search.space import parse_vary, read_space, searchable_keys
 
@@ -38,18 +40,18 @@ def small(*more: str) -> list[str]:
     return [part for text in (*SMALL, *more) for part in ("--set", text)]
 
 
-def fake(case, rung: str, near_hz: float | None = None, shelf: object = None) -> Judged:
+def fake(case, fidelity: str, near_hz: float | None = None, cache: object = None) -> FidelityResult:
     """A smooth landscape with its top at 6.56 mm and 4.75 mm, between the strips' grid points; they see it 0.4 mm off."""
     height, pitch = 1e3 * case.design.pillar.height_m, 1e3 * case.design.pitch_x_m
-    top = 6.16 if rung == STRIP else 6.56
-    held = 20.0 - 30.0 * (height - top) ** 2 - 4.0 * (pitch - 4.75) ** 2
-    return Judged(rung, 5e3 * height, held, held - 1.0, 0.95)
+    top = 6.16 if fidelity == STRIP else 6.56
+    clamped = 20.0 - 30.0 * (height - top) ** 2 - 4.0 * (pitch - 4.75) ** 2
+    return FidelityResult(fidelity, 5e3 * height, clamped, clamped - 1.0, 0.95)
 
 
-def put(monkeypatch: pytest.MonkeyPatch, judged) -> None:
+def put(monkeypatch: pytest.MonkeyPatch, result) -> None:
     """A landscape in place of all models."""
-    monkeypatch.setattr(optimiser, "judge", judged)
-    monkeypatch.setattr(optimiser, "by_strip", lambda case, softness: judged(case, STRIP))
+    monkeypatch.setattr(optimiser, "judge", result)
+    monkeypatch.setattr(optimiser, "by_strip", lambda case, softness: result(case, STRIP))
 
 
 @pytest.mark.parametrize(
@@ -76,8 +78,8 @@ def test_a_bad_search_is_one_line_and_exit_code_2(
     arguments: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(CASE, "--quiet", *arguments) == 2
-    told = [line for line in capsys.readouterr().err.splitlines() if line]
-    assert len(told) == 1 and said in told[0]
+    text = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert len(text) == 1 and said in text[0]
 
 
 def test_what_may_vary() -> None:
@@ -123,23 +125,23 @@ def test_cheap_rungs_lead_the_dear_one_to_the_top(monkeypatch: pytest.MonkeyPatc
     """The strips' top is 0.4 mm off; columns and plates find the true one, within the step, and within the budget."""
     put(monkeypatch, fake)
     space = read_space(CASE, [], ["pillar.height_mm=5:8", "array.pitch_mm=4:8"])
-    found = optimiser.search(space, Settings(evaluations=12), fidelity.SilentLog(), EvaluationShelf(tmp_path))
-    assert found.best.values[0] == pytest.approx(6.56, abs=0.03) and found.best.values[1] == pytest.approx(
+    result = optimiser.search(space, Settings(evaluations=12), fidelity.WarningLog(), EvaluationCache(tmp_path))
+    assert result.best.values[0] == pytest.approx(6.56, abs=0.03) and result.best.values[1] == pytest.approx(
         4.75, abs=0.1
     )
-    assert found.best.goal_db == pytest.approx(20.0, abs=0.05)
-    assert len(found.by_rung[PLATE]) <= 12 and len(found.by_rung[COLUMN]) <= 12 * 4
-    assert len(found.by_rung[STRIP]) == 25 * 25
-    assert found.gain_db == pytest.approx(found.best.goal_db - fake(space.case(), PLATE).confinement_db)
+    assert result.best.goal_db == pytest.approx(20.0, abs=0.05)
+    assert len(result.by_fidelity[PLATE]) <= 12 and len(result.by_fidelity[COLUMN]) <= 12 * 4
+    assert len(result.by_fidelity[STRIP]) == 25 * 25
+    assert result.gain_db == pytest.approx(result.best.goal_db - fake(space.case(), PLATE).confinement_db)
 
 
 def test_no_limit_is_traded_for_the_goal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     put(monkeypatch, fake)
     space = read_space(CASE, [], ["pillar.height_mm=5:8", "array.pitch_mm=4:8"])
     settings = Settings(limits=Limits(lowest_hz=34.5e3), evaluations=12)
-    found = optimiser.search(space, settings, fidelity.SilentLog(), EvaluationShelf(tmp_path))
-    assert found.best.judged.frequency_hz >= 34.5e3 and found.best.values[0] == pytest.approx(6.9, abs=0.05)
-    assert all(each.judged.frequency_hz >= 34.5e3 for each in found.tradeoff)
+    result = optimiser.search(space, settings, fidelity.WarningLog(), EvaluationCache(tmp_path))
+    assert result.best.result.frequency_hz >= 34.5e3 and result.best.values[0] == pytest.approx(6.9, abs=0.05)
+    assert all(each.result.frequency_hz >= 34.5e3 for each in result.tradeoff)
 
 
 def test_where_nothing_keeps_the_limits_the_closest_is_named(
@@ -147,88 +149,90 @@ def test_where_nothing_keeps_the_limits_the_closest_is_named(
 ) -> None:
     put(monkeypatch, fake)
     assert run(CASE, "--quiet", "--vary", "pillar.height_mm=5:6", "--above", "90kHz", "--evaluations", "4") == 4
-    told = capsys.readouterr().err
-    assert "pillar.height_mm=6" in told and "at least 90" in told
+    text = capsys.readouterr().err
+    assert "pillar.height_mm=6" in text and "at least 90" in text
 
 
 def test_counts_are_tried_and_not_descended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def by_rows(case, rung: str, near_hz: float | None = None, shelf: object = None) -> Judged:
-        return replace(fake(case, rung), confinement_db=4.0 * case.design.rows)
+    def by_rows(case, fidelity: str, near_hz: float | None = None, cache: object = None) -> FidelityResult:
+        return replace(fake(case, fidelity), confinement_db=4.0 * case.design.rows)
 
     put(monkeypatch, by_rows)
     space = read_space(CASE, [], ["array.rows=1:4"])
-    found = optimiser.search(space, Settings(evaluations=4), fidelity.SilentLog(), EvaluationShelf(tmp_path))
-    assert found.best.values == (4,) and len(found.by_rung[STRIP]) == 4
+    result = optimiser.search(space, Settings(evaluations=4), fidelity.WarningLog(), EvaluationCache(tmp_path))
+    assert result.best.values == (4,) and len(result.by_fidelity[STRIP]) == 4
 
 
 def test_pillars_that_are_no_boxes_go_from_strips_to_plates(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     put(monkeypatch, fake)
     shape = ["pillar.shape=round", "pillar.diameter_mm=2"]
     space = read_space(CASE, shape, ["pillar.height_mm=6:7"])
-    found = optimiser.search(space, Settings(evaluations=6), fidelity.SilentLog(), EvaluationShelf(tmp_path))
-    assert not found.by_rung[COLUMN] and len(found.by_rung[PLATE]) <= 6
-    assert found.best.values[0] == pytest.approx(6.56, abs=0.1)
+    result = optimiser.search(space, Settings(evaluations=6), fidelity.WarningLog(), EvaluationCache(tmp_path))
+    assert not result.by_fidelity[COLUMN] and len(result.by_fidelity[PLATE]) <= 6
+    assert result.best.values[0] == pytest.approx(6.56, abs=0.1)
 
 
 def test_of_designs_that_no_other_beats() -> None:
     def one(goal: float, hertz: float, mass: float) -> Evaluation:
-        judged = Judged(PLATE, hertz, goal, None, 0.9)
-        return Evaluation((goal,), judged, goal, mass, (), goal, goal)
+        result = FidelityResult(PLATE, hertz, goal, None, 0.9)
+        return Evaluation((goal,), result, goal, mass, (), goal, goal)
 
     listed = [one(10, 30e3, 0.1), one(12, 29e3, 0.1), one(9, 29e3, 0.1), one(9, 29e3, 0.05)]
     assert front(listed) == [listed[1], listed[0], listed[3]]
 
 
 def test_a_judgement_is_kept_by_question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[str] = []
+    query: list[str] = []
 
-    def solved(case, rung: str, near_hz: float | None) -> Judged:
-        asked.append(f"{1e3 * case.design.pillar.height_m:g} {rung} {near_hz}")
-        return Judged(rung, 3e4, 12.0, 13.0, 0.9)
+    def solved(case, fidelity: str, near_hz: float | None) -> FidelityResult:
+        query.append(f"{1e3 * case.design.pillar.height_m:g} {fidelity} {near_hz}")
+        return FidelityResult(fidelity, 3e4, 12.0, 13.0, 0.9)
 
     monkeypatch.setattr(fidelity, "_solved", solved)
-    shelf, case = EvaluationShelf(tmp_path), load_case(CASE)
-    first = judge(case, COLUMN, None, shelf)
-    assert judge(case, COLUMN, None, EvaluationShelf(tmp_path)) == first and len(asked) == 1
-    judge(case, PLATE, None, shelf)
-    judge(case, PLATE, 3e4, shelf)
-    judge(load_case(CASE, ["pillar.height_mm=6.31"]), COLUMN, None, shelf)
-    assert asked == ["6.3 column None", "6.3 plate None", "6.3 plate 30000.0", "6.31 column None"]
+    cache, case = EvaluationCache(tmp_path), load_case(CASE)
+    first = evaluate(case, COLUMN, None, cache)
+    assert evaluate(case, COLUMN, None, EvaluationCache(tmp_path)) == first and len(query) == 1
+    evaluate(case, PLATE, None, cache)
+    evaluate(case, PLATE, 3e4, cache)
+    evaluate(load_case(CASE, ["pillar.height_mm=6.31"]), COLUMN, None, cache)
+    assert query == ["6.3 column None", "6.3 plate None", "6.3 plate 30000.0", "6.31 column None"]
     for path in tmp_path.iterdir():
         path.write_text("{torn")
-    judge(case, COLUMN, None, shelf)
-    assert len(asked) == 5
+    evaluate(case, COLUMN, None, cache)
+    assert len(query) == 5
 
 
-@pytest.mark.parametrize("rung", [COLUMN, PLATE])
-def test_what_cannot_be_solved_is_told_and_passed_over(rung: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("mesh_level", [COLUMN, PLATE])
+def test_what_cannot_be_solved_is_told_and_passed_over(fidelity: str, monkeypatch: pytest.MonkeyPatch) -> None:
     from solvers.errors import SolverError
 
     def refuse(*_: object) -> None:
         raise SolverError("too soft")
 
     monkeypatch.setattr("solvers.superelement.build.Reductions.cell", refuse)
-    found = judge(load_case(CASE), rung)
-    assert found.why_not == "too soft" and found.frequency_hz is None
+    result = evaluate(load_case(CASE), fidelity)
+    assert result.why_not == "too soft" and result.frequency_hz is None
 
 
 def test_strips_are_calibrated_on_the_files_own_column(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A column as a strip with feet of 0.8 would answer: the search finds the 0.8."""
     case = load_case(CASE)
     wanted = by_strip(case, 0.8)
-    monkeypatch.setattr(optimiser, "judge", lambda case, rung, near_hz=None, shelf=None: replace(wanted, rung=rung))
+    monkeypatch.setattr(
+        optimiser, "judge", lambda case, fidelity, near_hz=None, cache=None: replace(wanted, fidelity=fidelity)
+    )
     space = read_space(CASE, [], ["pillar.height_mm=6:6.5"])
-    found = optimiser.search(space, Settings(evaluations=1), fidelity.SilentLog(), EvaluationShelf(tmp_path))
-    assert found.softness == pytest.approx(0.8)
+    result = optimiser.search(space, Settings(evaluations=1), fidelity.WarningLog(), EvaluationCache(tmp_path))
+    assert result.softness == pytest.approx(0.8)
 
 
 @pytest.fixture(scope="module")
 def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, dict, Path]:
-    """A small plate searched by all rungs, and once more from the shelf alone."""
+    """A small plate searched by all fidelities, and once more from the cache alone."""
     folder = tmp_path_factory.mktemp("search")
     documents = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fidelity.EvaluationShelf.__init__, "__defaults__", (folder / "shelf",))
+        patch.setattr(fidelity.EvaluationCache.__init__, "__defaults__", (folder / "shelf",))
         for name in ("first", "second"):
             arguments = [CASE, *VARY, *small(), "--quiet", "--evaluations", "2", "--mac", "0.5"]
             assert run(*arguments, "--out", str(folder / name), "--json", str(folder / f"{name}.json")) == 0
@@ -239,11 +243,11 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, dict, Path
 
 def test_a_search_ends_with_the_best_of_what_it_solved(searched: tuple[dict, dict, Path]) -> None:
     document, _, folder = searched
-    assert document["schema"] == 1 and document["best"]["rung"] == PLATE
-    plates = [e for e in document["evaluations"] if e["rung"] == PLATE and not e["breaks"]]
+    assert document["schema"] == 1 and document["best"]["mesh_level"] == PLATE
+    plates = [e for e in document["evaluations"] if e["mesh_level"] == PLATE and not e["breaks"]]
     assert document["best"]["confinement_db"] >= document["base"]["confinement_db"] - 0.1
     assert document["best"]["confinement_db"] == pytest.approx(max(e["confinement_db"] for e in plates), abs=0.2)
-    assert {rung["name"]: rung["designs"] for rung in document["rungs"]}[PLATE] == 2
+    assert {fidelity["name"]: fidelity["designs"] for fidelity in document["rungs"]}[PLATE] == 2
     names = {path.name for path in (folder / "first").iterdir()}
     assert {"search.json", "search.csv", "search.svg", "search.png"} <= names
 
@@ -267,7 +271,7 @@ def test_the_command_that_it_names_gives_the_number_that_it_claims(
 
 @pytest.mark.slow
 def test_the_thesis_design_is_beaten_at_equal_rows_by_plate_and_solid(tmp_path: Path) -> None:
-    """Height and pitch free, three rows as before: better held by the joined plate, and by the whole solid mesh too."""
+    """Height and pitch free, three rows as before: better held by the assembled plate, and by the whole solid mesh too."""
     arguments = [
         CASE,
         "--vary",

@@ -95,8 +95,8 @@ def test_waves_against_finite_elements_at_their_order():
         load = np.zeros(len(mass))
         at = 2 * np.round(nodes / LENGTH * elements).astype(int)
         load[at[1]] = 1.0
-        found = np.linalg.solve(stiffness * (1 + 1j * OMEGA * BEAM.viscosity_s) - OMEGA**2 * mass, load)[at]
-        errors.append(np.abs(found - exact).max() / np.abs(exact).max())
+        result = np.linalg.solve(stiffness * (1 + 1j * OMEGA * BEAM.viscosity_s) - OMEGA**2 * mass, load)[at]
+        errors.append(np.abs(result - exact).max() / np.abs(exact).max())
     assert errors[-1] < 1e-4
     assert np.all(np.log2(np.array(errors[:-1]) / errors[1:]) > 3.8)
 
@@ -120,10 +120,10 @@ def test_closed_loop_against_finite_elements_with_dampers(layout):
     load = np.zeros(len(mass))
     load[elements] = 1.0
     motion = np.linalg.solve(stiffness + 1j * OMEGA * damping - OMEGA**2 * mass, load)
-    found = forced(BEAM, layout, gain, OMEGA, np.linspace(0.0, LENGTH, elements + 1), LENGTH / 2)
-    assert found.deflection == pytest.approx(motion[::2], rel=1e-5, abs=1e-5 * np.abs(motion).max())
+    result = forced(BEAM, layout, gain, OMEGA, np.linspace(0.0, LENGTH, elements + 1), LENGTH / 2)
+    assert result.deflection == pytest.approx(motion[::2], rel=1e-5, abs=1e-5 * np.abs(motion).max())
     pulled = -1j * gain * np.array(layout.spread) @ np.array(layout.pick) @ motion[dofs]
-    assert found.forces == pytest.approx(pulled, rel=1e-4, abs=1e-4 * np.abs(pulled).max())
+    assert result.forces == pytest.approx(pulled, rel=1e-4, abs=1e-4 * np.abs(pulled).max())
 
 
 @pytest.mark.parametrize("layout", LAYOUTS[:3], ids=lambda layout: layout.name)
@@ -150,26 +150,26 @@ def test_closed_loop_against_time_stepping(layout):
 
     same = Truncated(beam.length_m, beam.bending_n_m2, beam.mass_kg_m, beam.viscosity_s)
     points = np.array(layout.points_m)
-    if layout.name == "couple":  # nothing holds its rigid motions: take their drift out
+    if layout.name == "couple":  # nothing holds its rigid-body modes: take their drift out
         phasor, points = phasor - phasor.mean(), points
-    found = forced(same, layout, gain, OMEGA, points, LENGTH / 2).deflection
-    found = found - found.mean() if layout.name == "couple" else found
-    assert phasor == pytest.approx(found, abs=2e-3 * np.abs(found).max())
+    result = forced(same, layout, gain, OMEGA, points, LENGTH / 2).deflection
+    result = result - result.mean() if layout.name == "couple" else result
+    assert phasor == pytest.approx(result, abs=2e-3 * np.abs(result).max())
 
 
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.name)
 @pytest.mark.parametrize("gain", [1e5, 1e7, 1e9])
 def test_power_of_the_excitation_is_what_the_loops_take(layout, gain):
-    found = forced(LOSSLESS, layout, gain, OMEGA, np.linspace(0.0, LENGTH, 11), LENGTH / 2)
-    scale = 0.5 * OMEGA * abs(found.deflection[5])  # of the reactive power
-    assert found.given_w == pytest.approx(found.taken_w, abs=1e-10 * scale)
+    result = forced(LOSSLESS, layout, gain, OMEGA, np.linspace(0.0, LENGTH, 11), LENGTH / 2)
+    scale = 0.5 * OMEGA * abs(result.deflection[5])  # of the reactive power
+    assert result.given_w == pytest.approx(result.taken_w, abs=1e-10 * scale)
     if layout.dual:
-        assert found.taken_w > 0.0
+        assert result.taken_w > 0.0
 
 
 def test_open_lossless_beam_takes_no_power():
-    found = forced(LOSSLESS, LAYOUTS[0], 0.0, OMEGA, np.linspace(0.0, LENGTH, 11), LENGTH / 2)
-    assert abs(found.given_w) < 1e-10 * 0.5 * OMEGA * abs(found.deflection[5])
+    result = forced(LOSSLESS, LAYOUTS[0], 0.0, OMEGA, np.linspace(0.0, LENGTH, 11), LENGTH / 2)
+    assert abs(result.given_w) < 1e-10 * 0.5 * OMEGA * abs(result.deflection[5])
 
 
 def test_endless_gain_pins_the_points():
@@ -178,32 +178,32 @@ def test_endless_gain_pins_the_points():
     stiffness, mass = hermite(BEAM, elements)
     dynamic = stiffness * (1 + 1j * OMEGA * BEAM.viscosity_s) - OMEGA**2 * mass
     for layout in LAYOUTS[:2]:
-        held = 2 * np.round(np.array(layout.points_m) / LENGTH * elements).astype(int)
-        kept = np.setdiff1d(np.arange(len(mass)), held)
+        clamped = 2 * np.round(np.array(layout.points_m) / LENGTH * elements).astype(int)
+        kept = np.setdiff1d(np.arange(len(mass)), clamped)
         load = (kept == elements).astype(float)
         motion = np.zeros(len(mass), dtype=complex)
         motion[kept] = np.linalg.solve(dynamic[np.ix_(kept, kept)], load)
-        reactions = (dynamic @ motion)[held]
-        found = forced(BEAM, layout, 1e13, OMEGA, np.linspace(0.0, LENGTH, elements + 1), LENGTH / 2)
-        assert found.deflection == pytest.approx(motion[::2], abs=1e-4 * np.abs(motion[::2]).max())
-        assert found.forces == pytest.approx(reactions, rel=1e-4)
+        reactions = (dynamic @ motion)[clamped]
+        result = forced(BEAM, layout, 1e13, OMEGA, np.linspace(0.0, LENGTH, elements + 1), LENGTH / 2)
+        assert result.deflection == pytest.approx(motion[::2], abs=1e-4 * np.abs(motion[::2]).max())
+        assert result.forces == pytest.approx(reactions, rel=1e-4)
 
 
 def test_a_late_answer_turns_the_force_back():
     """f(t) = -c w'(t - delay), hence F = -j K' e^{-j omega delay} W; a quarter period late it is a spring of -K'."""
     quarter = pi / 2 / OMEGA
-    found = forced(BEAM, LAYOUTS[0], 1e5, OMEGA, np.array(LAYOUTS[0].points_m), LENGTH / 2, quarter)
-    assert found.forces == pytest.approx(-1e5 * found.deflection, rel=1e-9)
+    result = forced(BEAM, LAYOUTS[0], 1e5, OMEGA, np.array(LAYOUTS[0].points_m), LENGTH / 2, quarter)
+    assert result.forces == pytest.approx(-1e5 * result.deflection, rel=1e-9)
     lossless = forced(LOSSLESS, LAYOUTS[0], 1e5, OMEGA, np.array([0.0, LENGTH / 2]), LENGTH / 2, quarter)
     assert abs(lossless.given_w) < 1e-10 * 0.5 * OMEGA * abs(lossless.deflection[1])
 
 
 def test_law_in_its_two_components():
     """F_d = K' W_q and F_q = -K' W_d, against the velocity: power is taken out."""
-    found = forced(BEAM, LAYOUTS[0], 1e6, OMEGA, np.array(LAYOUTS[0].points_m), LENGTH / 2)
-    assert found.forces.real == pytest.approx(1e6 * found.deflection.imag, rel=1e-9)
-    assert found.forces.imag == pytest.approx(-1e6 * found.deflection.real, rel=1e-9)
-    assert found.forces == pytest.approx(-1e6 / OMEGA * 1j * OMEGA * found.deflection, rel=1e-9)
+    result = forced(BEAM, LAYOUTS[0], 1e6, OMEGA, np.array(LAYOUTS[0].points_m), LENGTH / 2)
+    assert result.forces.real == pytest.approx(1e6 * result.deflection.imag, rel=1e-9)
+    assert result.forces.imag == pytest.approx(-1e6 * result.deflection.real, rel=1e-9)
+    assert result.forces == pytest.approx(-1e6 / OMEGA * 1j * OMEGA * result.deflection, rel=1e-9)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS[:3], ids=lambda layout: layout.name)
@@ -236,8 +236,8 @@ def test_poles_without_loops_are_the_beams_own():
     square = BEAM.natural_rad_s(12)[2:] ** 2
     half = BEAM.viscosity_s * square / 2
     expected = -half + 1j * np.sqrt(square - half**2)
-    found = elastic(poles, BEAM)
-    assert found[np.argsort(found.imag)] == pytest.approx(expected, rel=1e-6)
+    result = elastic(poles, BEAM)
+    assert result[np.argsort(result.imag)] == pytest.approx(expected, rel=1e-6)
 
 
 def delayed_growth(layout: Layout, damper: float, delay: float, modes: int = 40, nodes: int = 24) -> float:
@@ -258,8 +258,8 @@ def delayed_growth(layout: Layout, damper: float, delay: float, modes: int = 40,
     generator[: 2 * modes] = 0.0
     generator[: 2 * modes, : 2 * modes] = now
     generator[: 2 * modes, -2 * modes :] = then
-    found = np.linalg.eigvals(generator)
-    return float(found[np.abs(found) > 100.0].real.max())
+    result = np.linalg.eigvals(generator)
+    return float(result[np.abs(result) > 100.0].real.max())
 
 
 @pytest.mark.parametrize(("layout", "delay"), [(LAYOUTS[0], 1e-4), (LAYOUTS[1], 1e-4), (LAYOUTS[2], 6e-5)])
@@ -284,9 +284,9 @@ def test_demodulating_loop_is_its_filter():
         past = grid[:, None] - delay - fine[None, :]
         amplitude = np.mean(2 * np.cos(omega * past) * np.exp(-1j * carrier * past), axis=1)
         force = np.real(-1j * gain * amplitude * np.exp(1j * carrier * grid))
-        found = 2 * np.mean(force * np.exp(-1j * omega * grid))
+        result = 2 * np.mean(force * np.exp(-1j * omega * grid))
         law = -gain / carrier * 1j * omega * demodulated(carrier, window, delay)(np.array([omega]))[0]
-        assert found == pytest.approx(law, abs=2e-3 * gain)
+        assert result == pytest.approx(law, abs=2e-3 * gain)
 
 
 def test_loop_that_never_falls_below_one_is_refused():
@@ -303,8 +303,8 @@ def test_antinodes_are_where_the_slope_turns():
 
 
 def test_confinement_counts_inside_and_beyond():
-    found = confinement(np.linspace(0, 1, 11), np.array([1, 1, 1, 4, 4j, 4, -4, 4, 1, 1, 1.0]), (0.25, 0.75))
-    assert (found.inside_max, found.outside_max, found.ratio) == pytest.approx((4.0, 1.0, 4.0))
+    result = confinement(np.linspace(0, 1, 11), np.array([1, 1, 1, 4, 4j, 4, -4, 4, 1, 1, 1.0]), (0.25, 0.75))
+    assert (result.inside_max, result.outside_max, result.ratio) == pytest.approx((4.0, 1.0, 4.0))
     with pytest.raises(SolverError, match="must hold some"):
         confinement(np.linspace(0, 1, 11), np.ones(11), (-1.0, 2.0))
 
@@ -331,9 +331,9 @@ def test_study_is_one_plain_document(study):
 def test_study_holds_what_its_parts_give(study):
     case = study.case("point", 3000.0, 1e8)
     layout = points_layout(study.left_m, LENGTH)
-    found = forced(BEAM, layout, 1e8, OMEGA, study.x_m, LENGTH / 2)
-    assert case.after.ratio == confinement(study.x_m, found.deflection, layout.region_m).ratio
-    assert case.force_n == np.abs(found.forces).max() and case.kept > 1.0
+    result = forced(BEAM, layout, 1e8, OMEGA, study.x_m, LENGTH / 2)
+    assert case.after.ratio == confinement(study.x_m, result.deflection, layout.region_m).ratio
+    assert case.force_n == np.abs(result.forces).max() and case.kept > 1.0
     opened = np.abs(BEAM.receptance(layout.points_m, LENGTH / 2, 1j * OMEGA)).max()
     assert case.switch_on_n == pytest.approx(1e8 * opened, rel=1e-9)
     unstable = {one.layout: max(one.growth_per_s) > 0.0 for one in study.stability}

@@ -10,7 +10,7 @@ FIXED = {"clamped": (0, 1), "pinned": (0,), "sliding": (1,), "free": ()}
 
 
 def hermite_omegas(left: str, right: str, elements: int = 40, ratio=lambda s: 1.0) -> np.ndarray:
-    """Dimensionless omega sqrt(rho A L^4/EI), rigid motions included; ratio(s) scales a square section's width."""
+    """Dimensionless omega sqrt(rho A L^4/EI), rigid-body modes included; ratio(s) scales a square section's width."""
     h = 1.0 / elements
     k = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h],
                   [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h * h, -6 * h, 4 * h * h]]) / h**3  # fmt: skip
@@ -23,8 +23,8 @@ def hermite_omegas(left: str, right: str, elements: int = 40, ratio=lambda s: 1.
         span = slice(2 * e, 2 * e + 4)
         stiffness[span, span] += width**4 * k
         mass[span, span] += width**2 * m
-    held = [*FIXED[left], *(size - 2 + n for n in FIXED[right])]
-    free = np.setdiff1d(np.arange(size), held)
+    clamped = [*FIXED[left], *(size - 2 + n for n in FIXED[right])]
+    free = np.setdiff1d(np.arange(size), clamped)
     values = eigh(stiffness[np.ix_(free, free)], mass[np.ix_(free, free)], eigvals_only=True)
     return np.sqrt(np.abs(values))
 

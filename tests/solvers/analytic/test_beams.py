@@ -16,11 +16,11 @@ PAIRS = list(product(VANISHING, VANISHING))
 
 @pytest.mark.parametrize(("left", "right"), PAIRS)
 def test_roots_and_rigid_motions_against_finite_elements(left, right, hermite_omegas):
-    found = hermite_omegas(left, right)
+    result = hermite_omegas(left, right)
     rigid = rigid_count(left, right)
-    assert np.all(found[:rigid] < 1e-2) and found[rigid] > 2.0
+    assert np.all(result[:rigid] < 1e-2) and result[rigid] > 2.0
     expected = np.array(roots(left, right, 6)) ** 2
-    assert found[rigid : rigid + 6] == pytest.approx(expected, rel=2e-4)  # h^4 (beta h)^4/720 for the sixth
+    assert result[rigid : rigid + 6] == pytest.approx(expected, rel=2e-4)  # h^4 (beta h)^4/720 for the sixth
 
 
 @pytest.mark.parametrize(("left", "right"), PAIRS)

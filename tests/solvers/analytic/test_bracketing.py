@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from solvers.analytic.root_finding import MOST, root_between
+from solvers.analytic.root_finding import MAX_COUNT, root_between
 from solvers.errors import SolverError
 
 FUNCTIONS: list[tuple[Callable[[float], float], float, float]] = [
@@ -35,18 +35,18 @@ def test_the_root_is_scipys_and_cheap(number: int) -> None:
         calls += 1
         return function(x)
 
-    found = root_between(counted, low, high, 1e-12)
+    result = root_between(counted, low, high, 1e-12)
     exact = 3.0 if number == 3 else brentq(function, low, high, xtol=1e-13)
-    assert found == pytest.approx(exact, abs=3e-12)
+    assert result == pytest.approx(exact, abs=3e-12)
     assert calls <= (60 if number in (3, 7) else 15)
-    assert root_between(function, high, low, 1e-12) == pytest.approx(found, abs=3e-12)
+    assert root_between(function, high, low, 1e-12) == pytest.approx(result, abs=3e-12)
 
 
 @given(st.floats(-0.999, 0.999), st.floats(1.0, 9.0), st.floats(1e-12, 1e-3))
 def test_the_error_stays_within_what_was_asked(root: float, power: float, xtol: float) -> None:
     """f = sign |x - root|^power is steep or flat at will; the interval is [-1, 1]."""
-    found = root_between(lambda x: (x - root) * abs(x - root) ** (power - 1.0), -1.0, 1.0, xtol)
-    assert abs(found - root) <= xtol + 1e-12
+    result = root_between(lambda x: (x - root) * abs(x - root) ** (power - 1.0), -1.0, 1.0, xtol)
+    assert abs(result - root) <= xtol + 1e-12
 
 
 def test_an_end_may_be_the_root() -> None:
@@ -61,5 +61,5 @@ def test_refusals() -> None:
         root_between(lambda x: inf if x > 0.5 else -1.0, 0.0, 1.0, 1e-9)
     with pytest.raises(SolverError, match="no finite value"):
         root_between(lambda x: float("nan") if 0.2 < x < 0.8 else x - 0.5, 0.0, 1.0, 1e-9)
-    with pytest.raises(SolverError, match=f"after {MOST}"):
+    with pytest.raises(SolverError, match=f"after {MAX_COUNT}"):
         root_between(lambda x: -1.0 if x < 1 / 3 else 1.0, 0.0, 1.0, 0.0, 0.0)  # nothing is nearer than the next number

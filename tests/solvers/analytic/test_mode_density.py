@@ -22,9 +22,9 @@ def test_bending_of_a_thin_plate_is_counted_as_by_navier() -> None:
     wave = (STEEL.density_kg_m3 * thick * omega**2 / stiffness) ** 0.25
     m, n = np.meshgrid(np.arange(1, 500), np.arange(1, 500))
     exact = int(((m * pi / length) ** 2 + (n * pi / width) ** 2 < wave**2).sum())
-    found = plate_modes(hz, length, width, thick, STEEL)
+    result = plate_modes(hz, length, width, thick, STEEL)
     rim = 2.0 * (length + width) * wave / (4.0 * pi)
-    assert exact < found < exact + 1.3 * rim
+    assert exact < result < exact + 1.3 * rim
     assert plate_modes(hz, length, width, thick, STEEL, 2.0 * (length + width)) == pytest.approx(exact, rel=0.05)
 
 

@@ -93,8 +93,8 @@ def test_mindlin_ritz_against_its_own_wave():
 
 @pytest.mark.parametrize("nodal_lines", range(10))
 def test_clamped_mindlin_plate_against_the_clamped_solid(nodal_lines):
-    found = mindlin_mode(ZONE, nodal_lines, "clamped").frequency_hz
-    assert found == pytest.approx(SOLID[nodal_lines], rel=0.01)
+    result = mindlin_mode(ZONE, nodal_lines, "clamped").frequency_hz
+    assert result == pytest.approx(SOLID[nodal_lines], rel=0.01)
     assert kirchhoff_mode(ZONE, nodal_lines, "clamped").frequency_hz > 1.06 * SOLID[nodal_lines]
 
 

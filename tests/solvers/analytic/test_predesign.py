@@ -16,7 +16,7 @@ from geometry.materials import MATERIALS
 from solvers.analytic import ritz_plates, timoshenko
 from solvers.analytic.plates import levy_hz
 from solvers.analytic.predesign import (
-    fewest_nodal_lines,
+    min_nodal_lines,
     pillar_frequencies_hz,
     pillar_height_m,
     predesign,
@@ -34,16 +34,16 @@ SHAPES = [SQUARE, replace(SQUARE, shape="round"), replace(SQUARE, shape="tapered
 
 
 def test_document_in_the_units_of_its_names():
-    found = json.loads(json.dumps(predesign(DESIGN).as_json(), allow_nan=False))
-    assert found["schema"] == 1
-    assert found["zone"]["frequency_hz"] == pytest.approx(33_980, abs=5)
-    assert found["zone"]["formula_hz"] == pytest.approx(32_980, abs=5)
-    assert found["zone"]["half_wavelength_mm"] == pytest.approx(115.5 / 7.5)
-    assert found["zone"]["clamped_hz"] == pytest.approx(39_807, rel=0.01)
-    assert found["pillar"]["given_euler_hz"] == pytest.approx(32_633 * (7.1 / 6.3) ** 2, rel=1e-4)
-    assert found["pillar"]["height_mm"] == pytest.approx(7.1 * (32_633 / 33_979) ** 0.5, rel=1e-3)
+    result = json.loads(json.dumps(predesign(DESIGN).as_json(), allow_nan=False))
+    assert result["schema"] == 1
+    assert result["zone"]["frequency_hz"] == pytest.approx(33_980, abs=5)
+    assert result["zone"]["formula_hz"] == pytest.approx(32_980, abs=5)
+    assert result["zone"]["half_wavelength_mm"] == pytest.approx(115.5 / 7.5)
+    assert result["zone"]["clamped_hz"] == pytest.approx(39_807, rel=0.01)
+    assert result["pillar"]["given_euler_hz"] == pytest.approx(32_633 * (7.1 / 6.3) ** 2, rel=1e-4)
+    assert result["pillar"]["height_mm"] == pytest.approx(7.1 * (32_633 / 33_979) ** 0.5, rel=1e-3)
     assert all(
-        isinstance(line, str) and "\n" not in line and any(c.isdigit() for c in line) for line in found["limits"]
+        isinstance(line, str) and "\n" not in line and any(c.isdigit() for c in line) for line in result["limits"]
     )
 
 
@@ -79,13 +79,13 @@ def test_a_frequency_below_the_free_beams_has_no_width():
 
 def test_nodal_lines_for_a_fingertip():
     strip = strip_of(DESIGN)
-    lines = fewest_nodal_lines(strip, 0.020)
+    lines = min_nodal_lines(strip, 0.020)
     assert strip.length_m / (lines - 0.5) <= 0.020 < strip.length_m / (lines - 1.5)
-    assert fewest_nodal_lines(strip, strip.length_m / 7.5) == 8
+    assert min_nodal_lines(strip, strip.length_m / 7.5) == 8
 
 
 @pytest.mark.parametrize("call", [lambda s: pillar_height_m(SQUARE, 0.0, "euler"), lambda s: zone_width_m(s, 8, -1.0),
-                                  lambda s: thickness_m(s, 8, nan), lambda s: fewest_nodal_lines(s, 0.0)])  # fmt: skip
+                                  lambda s: thickness_m(s, 8, nan), lambda s: min_nodal_lines(s, 0.0)])  # fmt: skip
 def test_refused(call):
     with pytest.raises(SolverError, match="must be a finite number above 0"):
         call(strip_of(DESIGN))
@@ -99,10 +99,10 @@ def test_parts_that_are_not_given_are_not_computed():
 
 @pytest.mark.parametrize("lines", [0, 1, 2, 40, 41, 300])
 def test_any_number_of_lines(lines):
-    found = predesign(replace(DESIGN, nodal_lines=lines)).as_json()
-    json.dumps(found, allow_nan=False)
-    assert (found["zone"]["clamped_hz"] is None) == (lines > 40)
-    assert (found["zone"]["half_wavelength_mm"] is None) == (lines < 2)
+    result = predesign(replace(DESIGN, nodal_lines=lines)).as_json()
+    json.dumps(result, allow_nan=False)
+    assert (result["zone"]["clamped_hz"] is None) == (lines > 40)
+    assert (result["zone"]["half_wavelength_mm"] is None) == (lines < 2)
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
@@ -112,11 +112,11 @@ def test_everything_scales(scale):
     sizes = {
         name: scale * getattr(DESIGN, name) for name in ("length_m", "width_m", "thickness_m", "pitch_x_m", "pitch_y_m")
     }
-    found, base = predesign(replace(DESIGN, pillar=pillar, **sizes)), predesign(DESIGN)
+    result, base = predesign(replace(DESIGN, pillar=pillar, **sizes)), predesign(DESIGN)
     for name in ("frequency_hz", "formula_hz", "pinned_hz", "clamped_hz"):
-        assert getattr(found.zone, name) * scale == pytest.approx(getattr(base.zone, name), rel=1e-9)
-    assert found.pillar.height_m / scale == pytest.approx(base.pillar.height_m, rel=1e-8)
-    assert found.pillar.timoshenko_height_m / scale == pytest.approx(base.pillar.timoshenko_height_m, rel=1e-8)
+        assert getattr(result.zone, name) * scale == pytest.approx(getattr(base.zone, name), rel=1e-9)
+    assert result.pillar.height_m / scale == pytest.approx(base.pillar.height_m, rel=1e-8)
+    assert result.pillar.timoshenko_height_m / scale == pytest.approx(base.pillar.timoshenko_height_m, rel=1e-8)
 
 
 def test_stubby_pillars_are_called_a_guess():
@@ -135,8 +135,8 @@ def test_work_stays_that_of_an_instant_answer(monkeypatch: pytest.MonkeyPatch):
     """Three dense solves and a few hundred 4 x 4 determinants; `make bench` prints the time they take."""
     solved, determinants = [], []
     lowest, characteristic = ritz_plates._lowest, timoshenko.characteristic
-    monkeypatch.setattr(ritz_plates, "_lowest", lambda k, *told: solved.append(len(k)) or lowest(k, *told))
-    monkeypatch.setattr(timoshenko, "characteristic", lambda *told: determinants.append(1) or characteristic(*told))
+    monkeypatch.setattr(ritz_plates, "_lowest", lambda k, *text: solved.append(len(k)) or lowest(k, *text))
+    monkeypatch.setattr(timoshenko, "characteristic", lambda *text: determinants.append(1) or characteristic(*text))
     predesign(DESIGN)
     assert len(solved) == 3 and max(solved) <= 250
     assert 20 <= len(determinants) <= 400

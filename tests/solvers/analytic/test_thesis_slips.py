@@ -25,12 +25,12 @@ def velocity_envelope(detuning: float, end: float) -> tuple[np.ndarray, np.ndarr
 
 @pytest.mark.parametrize("detuning", [-1500.0, 0.0, 900.0])
 def test_baseband_model_with_its_sign_of_detuning(detuning):
-    time, found = velocity_envelope(detuning, 4 * TAU)
+    time, result = velocity_envelope(detuning, 4 * TAU)
     pole = (DAMPING + 2j * MASS * detuning) / (2 * MASS)
     expected = FORCE / (2 * MASS * pole) * (1.0 - np.exp(-pole * time))
-    assert found == pytest.approx(expected, abs=0.01 * GAIN)  # 1/Q and the ripple of one period
+    assert result == pytest.approx(expected, abs=0.01 * GAIN)  # 1/Q and the ripple of one period
     if detuning:
-        assert np.abs(found - expected.conj()).max() > 0.1 * GAIN
+        assert np.abs(result - expected.conj()).max() > 0.1 * GAIN
 
 
 def test_pole_compensation_takes_the_plants_time_constant():

@@ -113,8 +113,8 @@ def test_what_cannot_be_held_has_no_time():
     reach = abs(PLANT.gain)
     assert feasibility(PLANT, 1.01 * reach, 1e-3, 1.0).least_time_s == inf
     assert feasibility(PLANT, 0.9 * reach, 1e-3, 1.0, 4 / PLANT.tau_s).least_time_s == inf
-    held = feasibility(PLANT, 0.1 * reach, PLANT.tau_s / 4, 1.0)
-    assert held.feasible and held.largest_reference == pytest.approx(reach / 4)
+    clamped = feasibility(PLANT, 0.1 * reach, PLANT.tau_s / 4, 1.0)
+    assert clamped.feasible and clamped.largest_reference == pytest.approx(reach / 4)
     assert not feasibility(PLANT, 0.26 * reach, PLANT.tau_s / 4, 1.0).feasible
 
 
@@ -129,9 +129,9 @@ def test_sampled_gains_place_their_poles():
 
 def test_neighbours_bound_the_proportional_gain():
     free = sampled_gains(PLANT, 5e-4, 2e-4)
-    held = sampled_gains(PLANT, 5e-4, 2e-4, 0.5 * free.proportional)
-    assert held.bounded and not free.bounded and held.proportional == pytest.approx(0.5 * free.proportional)
-    assert held.integral / held.proportional == pytest.approx(free.integral / free.proportional)
+    clamped = sampled_gains(PLANT, 5e-4, 2e-4, 0.5 * free.proportional)
+    assert clamped.bounded and not free.bounded and clamped.proportional == pytest.approx(0.5 * free.proportional)
+    assert clamped.integral / clamped.proportional == pytest.approx(free.integral / free.proportional)
     assert sampled_gains(PLANT, 5e-4, 2e-4, 1e-9).proportional == pytest.approx(0.1 / abs(PLANT.gain))
 
 

@@ -18,9 +18,9 @@ SPAN = np.linspace(31_150.0, 31_650.0, 101)
 def test_circle_through_exact_points_and_noisy_ones():
     angles = np.linspace(-2.0, 2.5, 40)
     points = 3.0 - 2.0j + 0.7 * np.exp(1j * angles)
-    found = fit_circle(points)
-    assert found.centre == pytest.approx(3.0 - 2.0j, abs=1e-10) and found.radius == pytest.approx(0.7, rel=1e-10)
-    assert found.misfit < 1e-9
+    result = fit_circle(points)
+    assert result.centre == pytest.approx(3.0 - 2.0j, abs=1e-10) and result.radius == pytest.approx(0.7, rel=1e-10)
+    assert result.misfit < 1e-9
     rng = np.random.default_rng(3)
     noise = 0.01
     many = [fit_circle(points + noise * (rng.normal(size=40) + 1j * rng.normal(size=40))).radius for _ in range(200)]
@@ -37,32 +37,32 @@ def test_phase_fit_is_exact_on_its_own_curve():
 @pytest.mark.parametrize("delay", [0.0, 2e-6, 13e-6])
 def test_one_mode_comes_out(sensor, delay):
     """Displacement over velocity's circle is off by the background alone: feed-through times the span's width."""
-    found = identify(sweep_of((PLANT,), SPAN, sensor, delay, 0.002j), sensor, 0.8 * delay + 0.5e-6)
+    result = identify(sweep_of((PLANT,), SPAN, sensor, delay, 0.002j), sensor, 0.8 * delay + 0.5e-6)
     tilt = 1e-9 if sensor == "velocity" else 0.002 * 250.0 / 31_400.0 / 0.8
-    assert found.plant.frequency_hz == pytest.approx(PLANT.frequency_hz, abs=0.01 + 1e3 * tilt)
-    assert found.plant.tau_s == pytest.approx(PLANT.tau_s, rel=1e-7 + 3 * tilt)
-    assert found.plant.gain == pytest.approx(0.8 if sensor == "velocity" else -0.8j, rel=1e-7 + 3 * tilt)
-    assert found.delay_s == pytest.approx(delay, abs=1e-11 + 3 * tilt / PLANT.omega_rad_s)
-    assert found.circle.radius == pytest.approx(0.4, rel=1e-7 + 3 * tilt)
+    assert result.plant.frequency_hz == pytest.approx(PLANT.frequency_hz, abs=0.01 + 1e3 * tilt)
+    assert result.plant.tau_s == pytest.approx(PLANT.tau_s, rel=1e-7 + 3 * tilt)
+    assert result.plant.gain == pytest.approx(0.8 if sensor == "velocity" else -0.8j, rel=1e-7 + 3 * tilt)
+    assert result.delay_s == pytest.approx(delay, abs=1e-11 + 3 * tilt / PLANT.omega_rad_s)
+    assert result.circle.radius == pytest.approx(0.4, rel=1e-7 + 3 * tilt)
 
 
 def test_negative_gain_keeps_its_sign_when_the_delay_is_known():
     turned = ModePlant(PLANT.frequency_hz, PLANT.tau_s, -0.8)
-    found = identify(sweep_of((turned,), SPAN, "velocity", 5e-6), "velocity", 4e-6)
-    assert found.plant.gain == pytest.approx(-0.8, rel=1e-7) and found.delay_s == pytest.approx(5e-6, abs=1e-11)
+    result = identify(sweep_of((turned,), SPAN, "velocity", 5e-6), "velocity", 4e-6)
+    assert result.plant.gain == pytest.approx(-0.8, rel=1e-7) and result.delay_s == pytest.approx(5e-6, abs=1e-11)
 
 
 def test_noise_scatters_as_it_should():
     """Cramer and Rao's order: sigma_f about noise/gain half-widths over sqrt(points); many trials stay near it."""
     noise = 1e-3
-    found = [
+    result = [
         identify(sweep_of((PLANT,), SPAN, "velocity", 5e-6, 0, noise, seed), "velocity", 5e-6) for seed in range(40)
     ]
-    frequencies = np.array([one.plant.frequency_hz for one in found])
+    frequencies = np.array([one.plant.frequency_hz for one in result])
     width = PLANT.bandwidth_rad_s / (2 * pi)
     assert abs(frequencies.mean() - PLANT.frequency_hz) < 4 * frequencies.std() / np.sqrt(40)
     assert frequencies.std() < width * noise / 0.8
-    taus = np.array([one.plant.tau_s for one in found]) / PLANT.tau_s
+    taus = np.array([one.plant.tau_s for one in result]) / PLANT.tau_s
     assert taus.std() < 5e-3 and abs(taus.mean() - 1) < 4 * taus.std() / np.sqrt(40)
 
 
@@ -72,11 +72,11 @@ def test_ignored_delay_spoils_gain_only_slightly_and_neighbours_less_than_they_a
     tilted = fit_circle(sweep_of((PLANT,), SPAN, "velocity", 10e-6).response)
     assert 1e-3 < abs(2 * tilted.radius / 0.8 - 1) < 1e-2
     others = (ModePlant.from_quality(30_600.0, 300.0, 0.03), ModePlant.from_quality(32_500.0, 300.0, -0.04))
-    found = identify(sweep_of((PLANT, *others), SPAN, "velocity", 10e-6), "velocity", 9e-6).plant
-    assert found.frequency_hz == pytest.approx(31_400.0, abs=0.1) and found.tau_s == pytest.approx(
+    result = identify(sweep_of((PLANT, *others), SPAN, "velocity", 10e-6), "velocity", 9e-6).plant
+    assert result.frequency_hz == pytest.approx(31_400.0, abs=0.1) and result.tau_s == pytest.approx(
         PLANT.tau_s, rel=5e-3
     )
-    assert abs(found.gain) == pytest.approx(0.8, rel=5e-3)
+    assert abs(result.gain) == pytest.approx(0.8, rel=5e-3)
 
 
 def test_radius_is_no_bandwidth():

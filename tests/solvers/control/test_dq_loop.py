@@ -38,7 +38,7 @@ def test_plate_in_time_is_the_plate_in_frequency(delay, gain):
     modes = (ModePlant.from_quality(TRUE, 300.0, gain), ModePlant.from_quality(TRUE + 900.0, 250.0, 0.1 * gain))
     setup = Setup(modes, detuning_hz=40.0, delay_s=delay, rates=IDEAL)
     plate, control = Plate(setup), Controller(setup)
-    found = [control.fit(plate.period(0.5, 0.5)) for _ in range(300)][-1]
+    result = [control.fit(plate.period(0.5, 0.5)) for _ in range(300)][-1]
     frequency = TRUE + 40.0
     turn = 2j * pi * frequency
     expected = 0j
@@ -49,23 +49,23 @@ def test_plate_in_time_is_the_plate_in_frequency(delay, gain):
         else:
             expected += complex(mode.response(2 * pi * frequency))
     expected *= 0.5 * hold(frequency) * np.exp(-turn * (delay + 4e-6))
-    assert found == pytest.approx(expected, abs=2e-3 * abs(gain))  # terms of order 1/Q
+    assert result == pytest.approx(expected, abs=2e-3 * abs(gain))  # terms of order 1/Q
 
 
 def test_plate_against_its_differential_equation():
     """Held drive, solve_ivp from sample to sample."""
     setup = Setup((PLANT,), rates=IDEAL)
-    found = Plate(setup).period(0.9, 0.9)
+    result = Plate(setup).period(0.9, 0.9)
     omega0, width = PLANT.omega_rad_s, 2 / PLANT.tau_s
     turn, state, samples = setup.omega_rad_s / 250e3, [0.0, 0.0], []
-    held = 0.0
+    clamped = 0.0
     for n in range(50):
         samples.append(PLANT.gain * width * state[1])
         end = solve_ivp(
-            lambda t, y, u=held: [y[1], u - width * y[1] - omega0**2 * y[0]], (0, 4e-6), state, rtol=1e-9, atol=1e-18
+            lambda t, y, u=clamped: [y[1], u - width * y[1] - omega0**2 * y[0]], (0, 4e-6), state, rtol=1e-9, atol=1e-18
         )
-        state, held = list(end.y[:, -1]), 0.9 * np.cos(turn * n)
-    assert found == pytest.approx(
+        state, clamped = list(end.y[:, -1]), 0.9 * np.cos(turn * n)
+    assert result == pytest.approx(
         np.array(samples)[4:], abs=1e-6 * np.abs(samples).max() + 2e-3 * np.abs(samples).max()
     )
 
@@ -107,8 +107,8 @@ def test_time_steps_follow_the_envelopes_recursion(detuning):
         v -= feedback * (decay(108e-6) * measured + model * (1 - decay(108e-6)) * trace_drive(trace, len(expected)))
         integral += gains.integral * (reference - 0.54 * (reference - last) - measured)
         last = reference
-    found = trace.measured
-    assert np.abs(found - np.array(expected)).max() < 0.02 * 0.08
+    result = trace.measured
+    assert np.abs(result - np.array(expected)).max() < 0.02 * 0.08
 
 
 def trace_drive(trace, step: int) -> complex:
@@ -159,13 +159,13 @@ def test_gain_margin_is_where_the_simulation_diverges():
 def test_poles_and_return_ratio_are_of_one_loop():
     """1 + L vanishes at each closed-loop pole: here by its zero at the gain margin on the unit circle."""
     setup = replace(BASE, detuning_hz=150.0)
-    found = margins(setup)
-    assert found.stable and found.sensitivity >= 1.0
+    result = margins(setup)
+    assert result.stable and result.sensitivity >= 1.0
     loop = sampled_loop(setup)
-    turned = np.min(np.abs(1 + np.exp(1j * np.radians(found.phase_deg)) * loop.open_loop))
-    other = np.min(np.abs(1 + np.exp(-1j * np.radians(found.phase_deg)) * loop.open_loop))
+    turned = np.min(np.abs(1 + np.exp(1j * np.radians(result.phase_deg)) * loop.open_loop))
+    other = np.min(np.abs(1 + np.exp(-1j * np.radians(result.phase_deg)) * loop.open_loop))
     assert min(turned, other) < 5e-3
-    assert np.abs(closed_loop_poles(setup, np.exp(1j * np.radians(found.phase_deg) * 0.99))).max() < 1.0
+    assert np.abs(closed_loop_poles(setup, np.exp(1j * np.radians(result.phase_deg) * 0.99))).max() < 1.0
     assert loop.closed_loop[loop.omega_rad_s.size // 2] == pytest.approx(1.0, abs=1e-2)
     with pytest.raises(SolverError, match="unstable"):
         margins(replace(setup, known=replace(PLANT, gain=-0.8)))
@@ -281,8 +281,8 @@ def test_study_closes_the_chain():
     assert entry["tau_s"] == pytest.approx(wanted.tau_s, rel=5e-3)
     assert complex(*entry["gain"]) == pytest.approx(-1j * wanted.gain * abs(hold(wanted.frequency_hz)), rel=5e-3)
     assert entry["delay_s"] == pytest.approx(9e-6, abs=5e-8)
-    assert study.asked.trace.reached_s() == pytest.approx(2e-3, rel=0.05)
-    assert study.asked.trace.overshoot() < 0.02
+    assert study.query.trace.reached_s() == pytest.approx(2e-3, rel=0.05)
+    assert study.query.trace.overshoot() < 0.02
     assert {step["name"] for step in document["steps"]} == {"alone", "firmware's constant", "with neighbours"}
     feasible = [one["feasible"] for one in document["feasibility"]]
     assert feasible == sorted(feasible, reverse=True) and feasible[0] and not feasible[-1]
@@ -291,7 +291,7 @@ def test_study_closes_the_chain():
 
 def test_a_faster_wish_is_met_and_costs_amplitude():
     slow, fast = (dq_study(DqData(within_s=within, share=0.05)) for within in (4e-3, 1.5e-3))
-    assert fast.asked.trace.reached_s() == pytest.approx(1.5e-3, rel=0.05)
+    assert fast.query.trace.reached_s() == pytest.approx(1.5e-3, rel=0.05)
     assert fast.largest_share < 0.5 * slow.largest_share
 
 

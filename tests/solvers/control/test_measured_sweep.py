@@ -19,38 +19,38 @@ TONES = np.linspace(F0 - 10 * WIDTH, F0 + 10 * WIDTH, 401)
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_a_mode_is_found_within_what_its_noise_leaves_open(sensor: Sensor, noise: float) -> None:
     """About 35 points carry the fit: five standard deviations of noise/sqrt(points) in Q, of half that width in f."""
-    found = resonance(sweep_of([MODE], TONES, sensor, noise=noise * 0.8), sensor)
+    result = resonance(sweep_of([MODE], TONES, sensor, noise=noise * 0.8), sensor)
     reach = 5.0 * noise / np.sqrt(35.0) + 1e-6
-    assert found.circle is not None and found.trouble is None
-    assert found.quality == pytest.approx(Q, rel=2.0 * reach)
-    assert found.frequency_hz == pytest.approx(F0, abs=WIDTH * reach)
+    assert result.circle is not None and result.trouble is None
+    assert result.quality == pytest.approx(Q, rel=2.0 * reach)
+    assert result.frequency_hz == pytest.approx(F0, abs=WIDTH * reach)
 
 
 def test_neighbours_far_away_do_not_move_it() -> None:
     others = [ModePlant.from_quality(F0 - 12 * WIDTH, Q, 0.5), ModePlant.from_quality(F0 + 15 * WIDTH, Q, 0.4)]
-    found = resonance(sweep_of([MODE, *others], TONES), "velocity")
-    assert found.frequency_hz == pytest.approx(F0, abs=0.03 * WIDTH)
-    assert found.quality == pytest.approx(
+    result = resonance(sweep_of([MODE, *others], TONES), "velocity")
+    assert result.frequency_hz == pytest.approx(F0, abs=0.03 * WIDTH)
+    assert result.quality == pytest.approx(
         Q, rel=0.05
     )  # their tails are constant to 1/12 of their own sizes over the fit
 
 
 def test_half_power_and_circle_agree_on_a_clean_curve() -> None:
-    found = resonance(sweep_of([MODE], TONES), "velocity")
-    assert found.half_power_quality == pytest.approx(Q, rel=0.005)
-    assert found.peak_hz == pytest.approx(F0, abs=TONES[1] - TONES[0])
+    result = resonance(sweep_of([MODE], TONES), "velocity")
+    assert result.half_power_quality == pytest.approx(Q, rel=0.005)
+    assert result.peak_hz == pytest.approx(F0, abs=TONES[1] - TONES[0])
 
 
 def test_where_there_is_no_circle_the_peak_is_told_and_why() -> None:
     flat = Sweep(TONES, np.linspace(1.0, 2.0, len(TONES)).astype(complex))
-    found = resonance(flat, "velocity")
-    assert found.circle is None and found.trouble
-    assert found.frequency_hz == found.peak_hz == TONES[-1]
-    assert found.quality is None
+    result = resonance(flat, "velocity")
+    assert result.circle is None and result.trouble
+    assert result.frequency_hz == result.peak_hz == TONES[-1]
+    assert result.quality is None
 
 
 def test_a_sweep_too_coarse_for_the_floor_takes_its_neighbours_along() -> None:
     coarse = np.linspace(F0 - 4 * WIDTH, F0 + 4 * WIDTH, 17)  # five of them above the floor
-    found = resonance(sweep_of([MODE], coarse), "velocity")
-    assert found.quality == pytest.approx(Q, rel=1e-4)
-    assert found.high_hz - found.low_hz >= 7 * (coarse[1] - coarse[0]) * 0.999
+    result = resonance(sweep_of([MODE], coarse), "velocity")
+    assert result.quality == pytest.approx(Q, rel=1e-4)
+    assert result.high_hz - result.low_hz >= 7 * (coarse[1] - coarse[0]) * 0.999

@@ -1,4 +1,4 @@
-"""Stiffness and mass: patch test, rigid motions, total mass, one path against the other, and scikit-fem as oracle."""
+"""Stiffness and mass: patch test, rigid-body modes, total mass, one path against the other, and scikit-fem as oracle."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from geometry.materials import Material
 from geometry.mesh import Mesh, is_affine
 from solvers.fem import assembly
 from solvers.fem.assembly import Scale, assemble, elasticity
-from solvers.fem.constraints import mass_rows, rigid_motions
+from solvers.fem.constraints import mass_rows, rigid_body_modes
 from tests.helpers import small_meshes as small
 
 SI = Scale(1.0, 1.0, 1.0)
@@ -61,7 +61,7 @@ def test_patch_a_linear_displacement_is_in_equilibrium_and_meets_hookes_traction
 def test_rigid_motions_meet_no_force(kind: str) -> None:
     mesh = small.ALL[kind]()
     stiffness = assemble(mesh, BODY).stiffness
-    motions = rigid_motions(mesh.nodes).reshape(-1, 6)
+    motions = rigid_body_modes(mesh.nodes).reshape(-1, 6)
     assert np.linalg.norm(stiffness @ motions) <= 1e-12 * norm(stiffness) * np.linalg.norm(motions)
 
 
@@ -136,17 +136,17 @@ def test_regions_carry_their_own_material_and_region_masses_add_up() -> None:
 
 def test_the_elasticity_tensor_is_hookes_law() -> None:
     gradient = np.random.default_rng(6).normal(size=(3, 3))
-    found = np.einsum("ikjl,jl->ik", elasticity(small.SOFT), gradient)
-    assert np.allclose(found, engineer_stress(small.SOFT, gradient), rtol=1e-13)
+    result = np.einsum("ikjl,jl->ik", elasticity(small.SOFT), gradient)
+    assert np.allclose(result, engineer_stress(small.SOFT, gradient), rtol=1e-13)
 
 
 def test_the_scale_changes_no_frequency() -> None:
-    mesh, found = small.tets(2, (1, 1, 1)), []
+    mesh, result = small.tets(2, (1, 1, 1)), []
     for scale in (None, SI, Scale(3e-4, 7e7, 4e3)):
         system = assemble(mesh, BODY, scale)
         mass = np.kron(system.mass.toarray(), np.eye(3))
-        found.append(system.scale.frequency(eigh(system.stiffness.toarray(), mass, eigvals_only=True)[6:]))
-    assert np.allclose(found[1], found[0], rtol=1e-9) and np.allclose(found[2], found[0], rtol=1e-9)
+        result.append(system.scale.frequency(eigh(system.stiffness.toarray(), mass, eigvals_only=True)[6:]))
+    assert np.allclose(result[1], result[0], rtol=1e-9) and np.allclose(result[2], result[0], rtol=1e-9)
     assert SI.eigenvalue(float(SI.frequency(np.array([7.0]))[0])) == pytest.approx(7.0, rel=1e-14)
 
 
@@ -175,9 +175,9 @@ def test_eigenvalues_agree_with_scikit_fem(kind: str) -> None:
 
     oracle = eigh(stiffness.assemble(basis).toarray(), mass.assemble(basis).toarray(), eigvals_only=True)
     system = assemble(ours, BODY, Scale(1e-3, small.SOFT.young_pa, small.SOFT.density_kg_m3))
-    found = eigh(system.stiffness.toarray(), np.kron(system.mass.toarray(), np.eye(3)), eigvals_only=True)
-    assert len(found) == len(oracle)
-    assert np.abs(found[6:] / oracle[6:] - 1.0).max() < 1e-9
+    result = eigh(system.stiffness.toarray(), np.kron(system.mass.toarray(), np.eye(3)), eigvals_only=True)
+    assert len(result) == len(oracle)
+    assert np.abs(result[6:] / oracle[6:] - 1.0).max() < 1e-9
 
 
 def test_rows_of_the_mass_of_three_components_are_those_of_the_kronecker_product() -> None:

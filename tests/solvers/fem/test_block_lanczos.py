@@ -18,9 +18,9 @@ from solvers.fem.eigen import modes_in_band
 
 def pairs(stiffness: sp.csc_array, mass: sp.csc_array, shift: float, count: int) -> tuple[np.ndarray, np.ndarray]:
     factor = splu(sp.csc_matrix(stiffness - shift * mass))
-    found = block_lanczos(factor.solve, lambda x: mass @ x, stiffness.shape[0], count)
-    assert found is not None
-    return shift + 1.0 / found[0], found[1]
+    result = block_lanczos(factor.solve, lambda x: mass @ x, stiffness.shape[0], count)
+    assert result is not None
+    return shift + 1.0 / result[0], result[1]
 
 
 def chain(size: int) -> tuple[sp.csc_array, sp.csc_array, np.ndarray]:
@@ -77,12 +77,12 @@ def test_a_solid_has_the_same_modes_by_arpack(monkeypatch: pytest.MonkeyPatch) -
     mesh = hex_mesh(Boxes(*lines, np.zeros((10, 10, 1), dtype=np.int64), ("plate",)), 2)
     system = assemble(mesh, {"plate": MATERIALS["aluminium"]})
     pencil = constrain(system, free_mask(mesh, ()))
-    found = modes_in_band(pencil, 5e3, 120e3)
-    used = len(found.frequency_hz)
+    result = modes_in_band(pencil, 5e3, 120e3)
+    used = len(result.frequency_hz)
     monkeypatch.setattr(module, "BYTES", 0.0)
     by_arpack = modes_in_band(pencil, 5e3, 120e3)
-    assert used > 20 and found.frequency_hz == pytest.approx(by_arpack.frequency_hz, rel=1e-10)
-    assert not np.array_equal(found.vectors, by_arpack.vectors)  # two ways indeed
+    assert used > 20 and result.frequency_hz == pytest.approx(by_arpack.frequency_hz, rel=1e-10)
+    assert not np.array_equal(result.vectors, by_arpack.vectors)  # two ways indeed
 
 
 @pytest.mark.filterwarnings("error")

@@ -33,15 +33,15 @@ MESHES = {  # order, cuts of the coarse and the fine mesh
 
 def exact_hz(count: int) -> np.ndarray:
     """The lowest frequencies: one pressure wave a wavevector, two shear waves, one when a component of k is zero."""
-    body, found = small.SOFT, []
+    body, result = small.SOFT, []
     shear = body.young_pa / (2.0 * (1.0 + body.poisson)) / body.density_kg_m3
     pressure = shear * (2.0 - 2.0 * body.poisson) / (1.0 - 2.0 * body.poisson)
     for numbers in product(range(4), repeat=3):
         k = pi * float(np.linalg.norm(np.array(numbers) / np.array(EDGES_M)))
         turns = sum(n > 0 for n in numbers)
         if turns:
-            found += [sqrt(pressure) * k / (2.0 * pi)] + [sqrt(shear) * k / (2.0 * pi)] * (turns - 1)
-    return np.sort(found)[:count]
+            result += [sqrt(pressure) * k / (2.0 * pi)] + [sqrt(shear) * k / (2.0 * pi)] * (turns - 1)
+    return np.sort(result)[:count]
 
 
 def box(kind: str, cuts: int) -> Mesh:
@@ -65,10 +65,10 @@ def errors(kind: str, cuts: int) -> np.ndarray:
     """Relative errors of the lowest eigenvalues, (COUNT,)."""
     truth = exact_hz(COUNT + 1)
     top = (truth[COUNT - 1] + truth[COUNT]) / 2.0
-    found = modes_in_band(
+    result = modes_in_band(
         sliding(box(kind, cuts)), 0.0, (1.5 if cuts < 6 and kind.endswith("1") else 1.05) * top
     ).frequency_hz[:COUNT]
-    return (found / truth[:COUNT]) ** 2 - 1.0
+    return (result / truth[:COUNT]) ** 2 - 1.0
 
 
 def check_rate(kind: str) -> None:

@@ -12,7 +12,7 @@ def test_one_element_is_a_dense_triangle() -> None:
 
 
 def test_two_elements_are_two_insides_and_the_plane_between_them() -> None:
-    """Order 1 in a row: four nodes inside each end, four on the plane, three unknowns a node."""
+    """Order 1 in a row: four nodes inside each end, four on the plane, three degrees of freedom a node."""
     end, plane = eliminated(12, 12), eliminated(12, 0)
     assert grid_fill((2, 1, 1), nodal(1)) == end + end + plane
 

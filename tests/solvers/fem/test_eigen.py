@@ -186,8 +186,8 @@ def test_a_shift_exactly_on_an_eigenvalue_is_moved(backend: str) -> None:
     body = diagonal([float(v) for v in values])
     at = float(body.scale.frequency(np.array([9.0]))[0])
     modes = modes_near(body, at, 3, backend)
-    found = [round(body.scale.eigenvalue(f), 6) for f in modes.frequency_hz]
-    assert found == [8.0, 9.0, 10.0]
+    result = [round(body.scale.eigenvalue(f), 6) for f in modes.frequency_hz]
+    assert result == [8.0, 9.0, 10.0]
 
 
 def test_a_shift_on_a_computed_frequency_of_a_body_works() -> None:
@@ -279,6 +279,6 @@ def test_the_lowest_modes_of_a_square_bar_end_in_a_whole_pair(count: int) -> Non
     """Bending pairs of a free square bar: asking for a number that splits one returns it whole."""
     mesh = small.hexes(2, (6, 1, 1), (6e-3, 1e-3, 1e-3))
     modes = modes_near(constrain(assemble(mesh, {"body": small.SOFT}), free_mask(mesh)), 0.0, count)
-    found = modes.frequency_hz
-    assert len(found) == modes.count.expected == modes.count.found and len(found) - count in (0, 1)
-    assert abs(found[1] / found[0] - 1.0) < 1e-9
+    result = modes.frequency_hz
+    assert len(result) == modes.count.expected == modes.count.found and len(result) - count in (0, 1)
+    assert abs(result[1] / result[0] - 1.0) < 1e-9

@@ -24,24 +24,24 @@ def field(of: object, half_m: float = 20e-3) -> TouchField:
 
 
 def test_a_field_ten_times_smaller_outside_is_twenty_decibels_confined() -> None:
-    found = measure(field(lambda p: np.where(np.abs(p[:, 1]) < 10e-3, 1.0, 0.1)), DESIGN, None)
-    assert found.confinement_db[0] == pytest.approx(20.0, abs=1e-9)
-    assert found.zone_share[0] == pytest.approx(1.0 / 1.01, rel=1e-12)
+    result = measure(field(lambda p: np.where(np.abs(p[:, 1]) < 10e-3, 1.0, 0.1)), DESIGN, None)
+    assert result.confinement_db[0] == pytest.approx(20.0, abs=1e-9)
+    assert result.zone_share[0] == pytest.approx(1.0 / 1.01, rel=1e-12)
 
 
 def test_an_even_field_is_not_confined_whatever_its_size() -> None:
     for size in (1.0, 1e-6):
-        found = measure(field(lambda p, size=size: np.full(len(p), size)), DESIGN, None)
-        assert found.confinement_db[0] == pytest.approx(0.0, abs=1e-9)
-        assert found.zone_share[0] == pytest.approx(0.5, rel=1e-12)
+        result = measure(field(lambda p, size=size: np.full(len(p), size)), DESIGN, None)
+        assert result.confinement_db[0] == pytest.approx(0.0, abs=1e-9)
+        assert result.zone_share[0] == pytest.approx(0.5, rel=1e-12)
 
 
 def test_the_wanted_shape_has_a_mac_of_one_and_another_order_none() -> None:
     other = Design(**{**vars(DESIGN), "nodal_lines": 4})
     both = field(lambda p: np.column_stack([-3.0 * wanted_shape(DESIGN, p), wanted_shape(other, p)]))
-    found = measure(both, DESIGN, None)
-    assert found.mac[0] == pytest.approx(1.0, abs=1e-12)
-    assert found.mac[1] < 1e-4
+    result = measure(both, DESIGN, None)
+    assert result.mac[0] == pytest.approx(1.0, abs=1e-12)
+    assert result.mac[1] < 1e-4
 
 
 def test_motion_outside_the_zone_does_not_change_the_mac() -> None:
@@ -73,8 +73,8 @@ def test_another_mirror_class_has_no_part_in_the_wanted_shape() -> None:
 
 
 def test_a_plate_without_passive_face_has_no_confinement_number() -> None:
-    found = measure(field(lambda p: np.ones(len(p)), 10e-3 * (1.0 - 1e-9)), DESIGN, None)
-    assert np.isnan(found.zone_share[0]) and np.isnan(found.confinement_db[0])
+    result = measure(field(lambda p: np.ones(len(p)), 10e-3 * (1.0 - 1e-9)), DESIGN, None)
+    assert np.isnan(result.zone_share[0]) and np.isnan(result.confinement_db[0])
 
 
 def test_strength_is_one_for_a_plate_that_moves_in_the_wanted_shape_alone() -> None:

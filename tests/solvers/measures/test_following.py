@@ -31,8 +31,8 @@ def touch(shapes: list, count: int) -> TouchField:
 def test_a_crossing_in_small_steps_of_large_angle_is_followed() -> None:
     plates = [two_modes(d) for d in (-400.0, -200.0, 200.0, 400.0)]  # the coupling of 20 is jumped over
     steps = follow(plates, 0)
-    assert [found.row for found in steps] == [0, 1, 1]
-    assert all(found.kept and found.mac > 0.9 for found in steps)
+    assert [result.row for result in steps] == [0, 1, 1]
+    assert all(result.kept and result.mac > 0.9 for result in steps)
 
 
 def test_an_even_mixture_loses_the_identity() -> None:

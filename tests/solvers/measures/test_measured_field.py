@@ -58,9 +58,9 @@ def test_a_grid_to_the_edges_is_the_trapezoidal_rule() -> None:
 @pytest.mark.parametrize("points", [lines(7, 20), strewn(900)], ids=["grid", "strewn"])
 def test_a_field_of_two_levels_is_held_by_their_ratio_on_any_grid(points: np.ndarray) -> None:
     values = np.where(np.abs(points[:, 1]) < DESIGN.width_m / 2, 2.0 + 1.0j, 1.0j)
-    held = confinement_of(weigh(points, DESIGN), values, DESIGN)
-    assert held.confinement_db == pytest.approx(10.0 * np.log10(5.0), abs=1e-9)
-    assert held.zone_share == pytest.approx(5.0 * 20.0 / (5.0 * 20.0 + 24.0), rel=1e-3)
+    clamped = confinement_of(weigh(points, DESIGN), values, DESIGN)
+    assert clamped.confinement_db == pytest.approx(10.0 * np.log10(5.0), abs=1e-9)
+    assert clamped.zone_share == pytest.approx(5.0 * 20.0 / (5.0 * 20.0 + 24.0), rel=1e-3)
 
 
 def falling(points: np.ndarray) -> np.ndarray:
@@ -72,10 +72,10 @@ def falling(points: np.ndarray) -> np.ndarray:
 def test_strewn_points_measure_what_the_integral_is() -> None:
     """Integrals in closed form; each cell errs by at most its area times the field's slope times its reach."""
     points = strewn(4000)
-    held = confinement_of(weigh(points, DESIGN), falling(points), DESIGN)
+    clamped = confinement_of(weigh(points, DESIGN), falling(points), DESIGN)
     inner, outer = (1.0 - np.exp(-20.0 / 8.0)) / 20.0, (np.exp(-20.0 / 8.0) - np.exp(-44.0 / 8.0)) / 24.0
     exact = 10.0 * np.log10(inner / outer)
-    assert held.confinement_db == pytest.approx(exact, abs=0.15)
+    assert clamped.confinement_db == pytest.approx(exact, abs=0.15)
     even = np.abs(points[:, 1]) < DESIGN.width_m / 2
     plain = np.mean(np.abs(falling(points[even])) ** 2) / np.mean(np.abs(falling(points[~even])) ** 2)
     assert abs(10.0 * np.log10(plain) - exact) > 0.6  # without areas the crowd about y = 0 decides
@@ -93,8 +93,8 @@ def test_the_wanted_shape_has_a_mac_of_one_whatever_its_phase_and_size() -> None
 def test_a_plate_without_passive_face_has_no_confinement() -> None:
     points = lines(13, 45)
     points = points[np.abs(points[:, 1]) <= 10e-3 + 1e-9]
-    held = confinement_of(weigh(points, BARE), np.ones(len(points), dtype=complex), BARE)
-    assert held.confinement_db is None and held.zone_share is None
+    clamped = confinement_of(weigh(points, BARE), np.ones(len(points), dtype=complex), BARE)
+    assert clamped.confinement_db is None and clamped.zone_share is None
 
 
 def test_what_a_map_does_not_cover_is_told() -> None:

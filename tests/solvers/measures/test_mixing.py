@@ -33,8 +33,8 @@ def test_one_neighbour_moves_the_level_as_its_share_does() -> None:
     values, tones, error = fields(2), TONES[:2], 1e-5
     share = 2.0 * error * tones[0] * tones[1] / (tones[1] ** 2 - tones[0] ** 2)
     moved = level(values[:, 0] + share * values[:, 1]) - level(values[:, 0])
-    found = mixing_db(face(values), tones, 0, DESIGN, error)
-    assert found == pytest.approx(abs(moved), rel=10.0 * share)
+    result = mixing_db(face(values), tones, 0, DESIGN, error)
+    assert result == pytest.approx(abs(moved), rel=10.0 * share)
 
 
 def test_neighbours_add_by_their_squares() -> None:

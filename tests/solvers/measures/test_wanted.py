@@ -12,8 +12,8 @@ NAN = np.nan
 
 def judged(*modes: tuple[float, float, float]) -> tuple[str, int | None, tuple[int, ...]]:
     """Status, index and rivals of modes given as strength, zone share and MAC."""
-    found = verdict(*np.array(modes, dtype=float).T)
-    return found.status, found.index, found.rivals
+    result = verdict(*np.array(modes, dtype=float).T)
+    return result.status, result.index, result.rivals
 
 
 def test_a_mode_that_hardly_moves_the_zone_is_not_the_wanted_one_however_well_it_looks() -> None:
@@ -66,9 +66,9 @@ def test_a_vague_shape_is_never_single() -> None:
 
 def test_the_order_of_the_modes_does_not_matter() -> None:
     modes = np.random.default_rng(3).uniform(0.01, 1.0, (40, 3))
-    found = verdict(*modes.T)
+    result = verdict(*modes.T)
     turned = verdict(*modes[::-1].T)
-    assert found.index == len(modes) - 1 - turned.index and found.status == turned.status
+    assert result.index == len(modes) - 1 - turned.index and result.status == turned.status
 
 
 def test_a_window_is_widened_to_both_sides_and_never_narrowed() -> None:

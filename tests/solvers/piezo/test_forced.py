@@ -19,9 +19,9 @@ from solvers.fem.solid import SolidModel
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.patch import _matrices, _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, coupled_classes
-from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
-from solvers.superelement.plate import WHOLE, JoinedPlate
+from solvers.superelement.plate import WHOLE, AssembledPlate
 
 ALUMINIUM = MATERIALS["aluminium"]
 PZ26 = PIEZO_MATERIALS["pz26"]
@@ -38,12 +38,12 @@ LOPSIDED = np.array([[2e-3, 10e-3, -1e-3, 3e-3]])
 
 @cache
 def model() -> PlateModel:
-    recipe = Recipe(Interface(6, 3), 900e3, HexSettings(3, 2e-3, 0, 0.2), 4e-3)
-    return PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, None, recipe))
+    reduction = ReductionSettings(Interface(6, 3), 900e3, HexSettings(3, 2e-3, 0, 0.2), 4e-3)
+    return PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, None, reduction))
 
 
 def joined() -> dict:
-    return {parity: model().joined(parity) for parity in CLASSES}
+    return {parity: model().assembled(parity) for parity in CLASSES}
 
 
 def patched(boxes: np.ndarray, material: PiezoMaterial = PLAIN, back: bool = True) -> PatchedPlate:
@@ -64,13 +64,13 @@ def conforming(box: np.ndarray) -> np.ndarray:
 
 def test_a_free_patch_strains_by_d31_and_has_the_free_capacitance() -> None:
     mesh = _mesh(np.array([0.0, 12e-3, 0.0, 3e-3]), 0.3e-3, 2e-3)
-    stiffness, mass, theta, held = _matrices(mesh, PZ26, 0.3e-3)
+    stiffness, mass, theta, clamped = _matrices(mesh, PZ26, 0.3e-3)
     u = np.linalg.lstsq(stiffness, theta, rcond=1e-12)[0]
     moved = u.reshape(-1, 3)
     assert np.ptp(moved[:, 0]) / 12e-3 == pytest.approx(-PZ26.d31 / 0.3e-3, rel=1e-9)
     assert np.ptp(moved[:, 2]) / 0.3e-3 == pytest.approx(PZ26.d33 / 0.3e-3, rel=1e-9)
     free = PZ26.permittivity_free_f_m[2, 2] * 36e-6 / 0.3e-3
-    assert held + theta @ u == pytest.approx(free, rel=1e-9)
+    assert clamped + theta @ u == pytest.approx(free, rel=1e-9)
     assert mass[::3, ::3].sum() == pytest.approx(7700.0 * 36e-6 * 0.3e-3, rel=1e-12)
 
 
@@ -91,7 +91,7 @@ def test_a_bonded_body_has_the_modes_of_the_same_solid(box: np.ndarray) -> None:
     every = list(plate.groups)
     mine = np.sort(np.concatenate([modes_in_band(g.pencil, *BAND_HZ).frequency_hz for g in every]))
     solid = conforming(box)
-    if plate.silent:  # classes that a middle patch does not drive are not solved here
+    if plate.undriven:  # classes that a middle patch does not drive are not solved here
         solid = solid[[int(np.abs(solid - f).argmin()) for f in mine]]
     assert len(mine) == len(solid) >= 2
     assert np.abs(mine / solid - 1.0).max() < 0.01
@@ -122,11 +122,11 @@ def test_superposition_meets_direct_solves(frequency: float) -> None:
     plate = forced(TWO, (0,), (1,))
     eigenvalue = plate.plate.scale.eigenvalue(frequency)
     volts = plate.volts(eigenvalue)
-    for found in plate.modes:
-        pencil = found.group.pencil
+    for result in plate.modes:
+        pencil = result.group.pencil
         matrix = (pencil.stiffness * (1.0 + 0.01j) - eigenvalue * pencil.mass).tocsc()
-        direct = spla.splu(matrix).solve((found.group.loads @ volts).astype(complex))
-        summed = found.columns @ found.amplitudes(eigenvalue, 0.01, volts)
+        direct = spla.splu(matrix).solve((result.group.loads @ volts).astype(complex))
+        summed = result.columns @ result.amplitudes(eigenvalue, 0.01, volts)
         assert np.linalg.norm(direct - summed) < 0.02 * np.linalg.norm(direct)
 
 
@@ -134,7 +134,7 @@ def test_superposition_meets_direct_solves(frequency: float) -> None:
 def test_the_plate_joined_whole_answers_as_its_mirror_classes() -> None:
     """Patches on the negative sides, where the classes fold and the whole plate does not."""
     bonded = [bonded_patch(PZ26, box, THICK_M, True) for box in np.vstack([-LOPSIDED[:, [1, 0, 3, 2]], MIDDLE])]
-    whole = JoinedPlate(model().tiling, model().cells, WHOLE)
+    whole = AssembledPlate(model().tiling, model().cells, WHOLE)
     forced = [
         ForcedPlate(PatchedPlate(plates, bonded, True), DESIGN, (0,), (1,), BAND_HZ, 100.0)
         for plates in ({WHOLE: whole}, joined())

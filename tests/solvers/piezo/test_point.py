@@ -15,7 +15,7 @@ from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.piezo.point import loudest_point, point_response
-from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -25,11 +25,11 @@ TONE_HZ = 33e3
 
 @cache
 def lopsided() -> ForcedPlate:
-    """One patch off both axes: it drives all four mirror classes at once."""
-    recipe = Recipe(Interface(4, 2), 600e3, HexSettings(2, 2e-3, 0, 0.2), 4e-3)
-    model = PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, None, recipe))
+    """One patch off both axes: it drives all four symmetry classes at once."""
+    reduction = ReductionSettings(Interface(4, 2), 600e3, HexSettings(2, 2e-3, 0, 0.2), 4e-3)
+    model = PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, None, reduction))
     patch = bonded_patch(PIEZO_MATERIALS["pz26"], np.array([2e-3, 10e-3, -1e-3, 3e-3]), 0.3e-3, True)
-    plate = PatchedPlate({parity: model.joined(parity) for parity in CLASSES}, [patch], True)
+    plate = PatchedPlate({parity: model.assembled(parity) for parity in CLASSES}, [patch], True)
     return ForcedPlate(plate, DESIGN, (0,), (), (20e3, 45e3), 100.0)
 
 
@@ -37,15 +37,15 @@ def lopsided() -> ForcedPlate:
 def test_a_point_moves_as_the_shape_does_there(place: tuple[float, float]) -> None:
     points, values = lopsided().shape(TONE_HZ)
     nearest = int(np.argmin(((points - np.array(place)) ** 2).sum(axis=1)))
-    found = point_response(lopsided(), place, np.array([TONE_HZ]))[0]
-    assert found == pytest.approx(values[nearest], rel=1e-9)
+    result = point_response(lopsided(), place, np.array([TONE_HZ]))[0]
+    assert result == pytest.approx(values[nearest], rel=1e-9)
     mirrored = point_response(lopsided(), (-place[0], -place[1]), np.array([TONE_HZ]))[0]
-    assert abs(found - mirrored) > 0.05 * np.abs(values).max()
+    assert abs(result - mirrored) > 0.05 * np.abs(values).max()
 
 
 def test_the_loudest_point_of_the_zone_is_the_shapes_largest() -> None:
     points, values = lopsided().shape(TONE_HZ)
     place = loudest_point(lopsided(), TONE_HZ, DESIGN.width_m / 2)
     inside = np.abs(points[:, 1]) < DESIGN.width_m / 2
-    found = point_response(lopsided(), place, np.array([TONE_HZ]))[0]
-    assert abs(found) == pytest.approx(np.abs(values[inside]).max(), rel=1e-6)
+    result = point_response(lopsided(), place, np.array([TONE_HZ]))[0]
+    assert abs(result) == pytest.approx(np.abs(values[inside]).max(), rel=1e-6)

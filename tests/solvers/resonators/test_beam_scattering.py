@@ -18,7 +18,7 @@ from solvers.resonators.impedance import bending_foot, oscillator_foot, pillar_f
 from solvers.resonators.pillar_row import pillar_filter, strip_host
 from solvers.resonators.point_load import point_force
 from solvers.resonators.scattering import (
-    Host,
+    HostBeam,
     decay_db_per_row,
     field,
     force_transmission,
@@ -31,7 +31,7 @@ from solvers.resonators.scattering import (
 )
 
 ALUMINIUM = MATERIALS["aluminium"]
-HOST = Host(70e9 * 4e-3 * 2e-3**3 / 12, 2700 * 8e-6)
+HOST = HostBeam(70e9 * 4e-3 * 2e-3**3 / 12, 2700 * 8e-6)
 PILLAR = square_beam(6.3e-3, 2e-3, 70e9, 2700.0, 0.34)
 THIN = replace(PILLAR, shear_n=inf, rotary_kg_m=0.0)
 EA = 70e9 * 4e-6
@@ -72,8 +72,8 @@ def frame(omega: float, places: list[float], thin: bool = True, lever: float = 0
     return complex(r), complex(t)
 
 
-def waves(state: np.ndarray, k: float, way: int) -> np.ndarray:
-    return np.linalg.solve(np.array([[1, 1], [way * 1j * k, -way * k]]), state)
+def waves(state: np.ndarray, k: float, choice: int) -> np.ndarray:
+    return np.linalg.solve(np.array([[1, 1], [choice * 1j * k, -choice * k]]), state)
 
 
 def hermite(bending: float, mass: float, h: float, omega: float) -> np.ndarray:
@@ -103,34 +103,34 @@ def standing(omega: float, lever: float, elements: int = 24) -> np.ndarray:
 @pytest.mark.parametrize("places", [[0.0], [-2e-3, 2e-3], [0.0, 4e-3, 9e-3]])
 def test_pillars_against_a_finite_element_frame(places, lever):
     omega = OMEGA[::4]
-    found = scatter(HOST, pillar_foot(THIN, omega, EA, lever_m=lever), places, omega)
+    result = scatter(HOST, pillar_foot(THIN, omega, EA, lever_m=lever), places, omega)
     for i, value in enumerate(omega):
         r, t = frame(float(value), places, lever=lever)
-        assert found.reflection[i] == pytest.approx(r, abs=1e-3)  # rods of linear elements: (k h)^2/24 of their mass
-        assert found.transmission[i] == pytest.approx(t, abs=1e-3)
+        assert result.reflection[i] == pytest.approx(r, abs=1e-3)  # rods of linear elements: (k h)^2/24 of their mass
+        assert result.transmission[i] == pytest.approx(t, abs=1e-3)
 
 
 @pytest.mark.parametrize("strength", [0.3, 1.0, -2.0, 5.0, -1j, 0.4 - 0.7j])
 def test_point_force_closed_form(strength):
-    found = scatter(HOST, spring_of(strength), [0.0], OMEGA[:1])
+    result = scatter(HOST, spring_of(strength), [0.0], OMEGA[:1])
     t = complex(force_transmission(strength))
-    assert found.transmission[0] == pytest.approx(t, abs=1e-12)
-    assert found.reflection[0] == pytest.approx(t - 1.0, abs=1e-12)
+    assert result.transmission[0] == pytest.approx(t, abs=1e-12)
+    assert result.reflection[0] == pytest.approx(t - 1.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("strength", [0.3, -1.0, -5.0, 2.0 - 1.0j])
 def test_point_moment_closed_form(strength):
     feet = np.zeros((1, 2, 2), dtype=complex)
     feet[:, 1, 1] = strength * 4 * HOST.bending_n_m2 * HOST.wavenumber_per_m(OMEGA[:1])
-    found = scatter(HOST, feet, [0.0], OMEGA[:1])
+    result = scatter(HOST, feet, [0.0], OMEGA[:1])
     t = complex(moment_transmission(strength))
-    assert found.transmission[0] == pytest.approx(t, abs=1e-12)
-    assert found.reflection[0] == pytest.approx(1.0 - t, abs=1e-12)
+    assert result.transmission[0] == pytest.approx(t, abs=1e-12)
+    assert result.reflection[0] == pytest.approx(1.0 - t, abs=1e-12)
 
 
 def test_one_spring_stops_a_wave_without_losing_any_power():
-    found = scatter(HOST, spring_of(1.0), [0.0], OMEGA[:1])
-    assert abs(found.transmission[0]) < 1e-12 and abs(found.reflection[0]) == pytest.approx(1.0, abs=1e-12)
+    result = scatter(HOST, spring_of(1.0), [0.0], OMEGA[:1])
+    assert abs(result.transmission[0]) < 1e-12 and abs(result.reflection[0]) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_pinned_point_halves_the_power():
@@ -139,17 +139,17 @@ def test_pinned_point_halves_the_power():
 
 def test_the_theses_matched_damper_absorbs_two_fifths():
     """A damper of 4 EI beta^3/omega, the condition of (3.21), neither stops the wave nor reflects it whole."""
-    found = scatter(HOST, spring_of(-1j), [0.0], OMEGA[:1])
-    powers = abs(found.transmission[0]) ** 2, abs(found.reflection[0]) ** 2, found.absorbed[0]
+    result = scatter(HOST, spring_of(-1j), [0.0], OMEGA[:1])
+    powers = abs(result.transmission[0]) ** 2, abs(result.reflection[0]) ** 2, result.absorbed[0]
     assert powers == pytest.approx((0.4, 0.2, 0.4), abs=1e-12)
 
 
 def test_prescribed_force_of_total_reflection():
     """F = +4 i EI beta^3 W_p with e^{-i omega t}; the point itself then moves by -i W_p."""
-    found = scatter(HOST, spring_of(1.0), [0.0], OMEGA[:1])
+    result = scatter(HOST, spring_of(1.0), [0.0], OMEGA[:1])
     beta = HOST.wavenumber_per_m(OMEGA[:1])[0]
-    assert found.loads[0, 0, 0] == pytest.approx(4j * HOST.bending_n_m2 * beta**3, rel=1e-12)
-    assert field(HOST, found, [0.0], OMEGA[:1], [0.0])[0, 0] == pytest.approx(-1j, abs=1e-12)
+    assert result.loads[0, 0, 0] == pytest.approx(4j * HOST.bending_n_m2 * beta**3, rel=1e-12)
+    assert field(HOST, result, [0.0], OMEGA[:1], [0.0])[0, 0] == pytest.approx(-1j, abs=1e-12)
 
 
 def test_energy_is_conserved_without_losses():
@@ -169,15 +169,15 @@ def test_energy_is_conserved_without_losses():
 
 
 def test_losses_only_absorb():
-    found = scatter(HOST, pillar_foot(PILLAR, OMEGA, EA, loss=0.02), [0.0, 4e-3], OMEGA)
-    assert np.all(found.absorbed > 0.0) and np.all(found.absorbed < 1.0)
+    result = scatter(HOST, pillar_foot(PILLAR, OMEGA, EA, loss=0.02), [0.0, 4e-3], OMEGA)
+    assert np.all(result.absorbed > 0.0) and np.all(result.absorbed < 1.0)
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])
 def test_scattering_against_transfer_matrices(count):
     pitch = 4e-3
     feet = pillar_foot(PILLAR, OMEGA, EA, lever_m=1e-3)
-    found = scatter(HOST, feet, [n * pitch for n in range(count)], OMEGA)
+    result = scatter(HOST, feet, [n * pitch for n in range(count)], OMEGA)
     for i, omega in enumerate(OMEGA):
         through = np.linalg.matrix_power(transfer_matrix(HOST, feet[i], pitch, omega), count)
         powers = (
@@ -187,8 +187,8 @@ def test_scattering_against_transfer_matrices(count):
         after = powers[:, [0, 3]]
         r, _, t, _ = np.linalg.solve(np.hstack([-(through @ before), after]), through @ powers[:, 0])
         beta = HOST.wavenumber_per_m(omega)[0]
-        assert found.reflection[i] == pytest.approx(r, abs=1e-9)
-        assert found.transmission[i] == pytest.approx(t * np.exp(-1j * beta * count * pitch), abs=1e-9)
+        assert result.reflection[i] == pytest.approx(r, abs=1e-9)
+        assert result.transmission[i] == pytest.approx(t * np.exp(-1j * beta * count * pitch), abs=1e-9)
 
 
 def test_decay_of_an_endless_row_is_what_many_rows_show():
@@ -213,12 +213,12 @@ def test_vertical_oscillator_stops_above_and_bending_pillar_below_its_resonance(
     foot = oscillator_foot(mass, mass * resonance**2, 0.0, stopped)
     assert abs(scatter(HOST, foot, [0.0], stopped).transmission[0]) < 1e-9
     assert stopped > 1.05 * resonance
-    found = pillar_filter(DESIGN, np.linspace(25e3, 45e3, 41), plate=False, lever=False)
-    assert 0.83 < found.stopped_hz / found.clamped_hz < 0.90
-    moment_only = pillar_foot(PILLAR, 2 * pi * found.stopped_hz, EA)
+    result = pillar_filter(DESIGN, np.linspace(25e3, 45e3, 41), plate=False, lever=False)
+    assert 0.83 < result.stopped_hz / result.clamped_hz < 0.90
+    moment_only = pillar_foot(PILLAR, 2 * pi * result.stopped_hz, EA)
     moment_only[:, 0, 0] = 0.0
     host = strip_host(DESIGN, plate=False)
-    assert abs(scatter(host, moment_only, [0.0], 2 * pi * found.stopped_hz).transmission[0]) < 1e-9
+    assert abs(scatter(host, moment_only, [0.0], 2 * pi * result.stopped_hz).transmission[0]) < 1e-9
 
 
 def test_rows_of_a_design_stand_on_a_strip_of_plate_half_a_thickness_up():
@@ -226,32 +226,32 @@ def test_rows_of_a_design_stand_on_a_strip_of_plate_half_a_thickness_up():
     assert host.bending_n_m2 == pytest.approx(70e9 * 2e-3**3 / 12 / (1 - 0.34**2) * 4e-3, rel=1e-12)
     assert host.mass_kg_m == pytest.approx(2700 * 8e-6, rel=1e-12)
     assert strip_host(DESIGN, plate=False).bending_n_m2 == pytest.approx(HOST.bending_n_m2, rel=1e-12)
-    found = pillar_filter(DESIGN, OMEGA / (2 * pi), loss=0.01)
+    result = pillar_filter(DESIGN, OMEGA / (2 * pi), loss=0.01)
     feet = pillar_foot(PILLAR, OMEGA, EA, loss=0.01, lever_m=1e-3)
     for count in (1, 2, 3):
         expected = scatter(host, feet, [n * 4e-3 for n in range(count)], OMEGA)
-        assert found.transmitted[count - 1] == pytest.approx(np.abs(expected.transmission) ** 2, rel=1e-9)
-        assert found.reflected[count - 1] == pytest.approx(np.abs(expected.reflection) ** 2, rel=1e-9)
-    assert found.absorbed == pytest.approx(1.0 - found.transmitted - found.reflected) and found.absorbed.min() > 0.0
+        assert result.transmitted[count - 1] == pytest.approx(np.abs(expected.transmission) ** 2, rel=1e-9)
+        assert result.reflected[count - 1] == pytest.approx(np.abs(expected.reflection) ** 2, rel=1e-9)
+    assert result.absorbed == pytest.approx(1.0 - result.transmitted - result.reflected) and result.absorbed.min() > 0.0
     lossless = pillar_filter(DESIGN, OMEGA / (2 * pi))
     assert np.abs(lossless.absorbed).max() < 1e-10
-    document = json.loads(json.dumps(found.as_json(), allow_nan=False))
-    assert document["stopped_hz"] == found.stopped_hz and len(document["transmitted"]) == 3
+    document = json.loads(json.dumps(result.as_json(), allow_nan=False))
+    assert document["stopped_hz"] == result.stopped_hz and len(document["transmitted"]) == 3
 
 
 def test_stop_band_is_where_no_bloch_wave_passes():
     fine = np.linspace(25e3, 45e3, 801)
-    found = pillar_filter(DESIGN, fine)
+    result = pillar_filter(DESIGN, fine)
     host, feet = strip_host(DESIGN), pillar_foot(PILLAR, 2 * pi * fine, EA, lever_m=1e-3)
     passing = [
         np.min(np.abs(np.abs(np.linalg.eigvals(transfer_matrix(host, foot, 4e-3, 2 * pi * f))) - 1.0)) < 1e-4
         for f, foot in zip(fine, feet, strict=True)
     ]
     inside = fine[~np.array(passing)]
-    assert found.stop_hz == pytest.approx((inside[0], inside[-1]), abs=2 * 25.0)
-    assert pillar_filter(DESIGN, fine, loss=0.01).stop_hz == found.stop_hz
-    assert len(found.bands_hz) == 3 and found.bands_hz[0] == found.band_hz
-    assert found.stop_hz[0] < found.stopped_hz < found.stop_hz[1]
+    assert result.stop_hz == pytest.approx((inside[0], inside[-1]), abs=2 * 25.0)
+    assert pillar_filter(DESIGN, fine, loss=0.01).stop_hz == result.stop_hz
+    assert len(result.bands_hz) == 3 and result.bands_hz[0] == result.band_hz
+    assert result.stop_hz[0] < result.stopped_hz < result.stop_hz[1]
 
 
 def test_one_point_on_an_endless_beam():

@@ -47,8 +47,8 @@ def bar(line: Line, per_cell: int = 40, loss: float = 0.0):
         at = [2 * joint * per_cell, joints + i]
         stiffness[np.ix_(at, at)] += np.array([[1, -1], [-1, 1]]) / one.capacitance_m_n
         mass[joints + i, joints + i] += one.inductance_kg
-    held = [0] * (line.left == "clamped") + [joints - 1] * (line.right == "clamped")
-    kept = np.setdiff1d(np.arange(size), held)
+    clamped = [0] * (line.left == "clamped") + [joints - 1] * (line.right == "clamped")
+    kept = np.setdiff1d(np.arange(size), clamped)
     where = [
         int(np.flatnonzero(kept == 2 * j * per_cell)[0]) if 2 * j * per_cell in kept else None for j in range(cells + 1)
     ]
@@ -63,8 +63,10 @@ def test_chain_matrix_is_a_line_and_the_printed_shunt_sign_is_not():
         arm = np.moveaxis(
             np.array([[np.ones_like(series), -series], [np.zeros_like(series), np.ones_like(series)]]), -1, 0
         )
-        leg = np.moveaxis(np.array([[np.ones_like(series), 0 * series], [-sign / shunt, np.ones_like(series)]]), -1, 0)
-        whole = arm @ leg @ arm  # right from left
+        segment = np.moveaxis(
+            np.array([[np.ones_like(series), 0 * series], [-sign / shunt, np.ones_like(series)]]), -1, 0
+        )
+        whole = arm @ segment @ arm  # right from left
         assert np.linalg.det(whole) == pytest.approx(1.0)
         phase = cell.phase(OMEGA)
         expected = np.cos(phase) if holds else 2.0 - np.cos(phase)
@@ -81,8 +83,8 @@ def test_chain_matrix_is_a_line_and_the_printed_shunt_sign_is_not():
 def test_natural_frequencies_of_a_bare_line_are_the_rods(ends, orders):
     line = Line((CELL,) * 4, *ends, (0.0,) * 4)
     expected = np.array(orders) * SPEED / (2 * 4 * CELL.length_m)
-    found = natural_frequencies_hz(line, 1e3, expected[-1] * 1.1)
-    assert found == pytest.approx(expected, rel=1e-10)
+    result = natural_frequencies_hz(line, 1e3, expected[-1] * 1.1)
+    assert result == pytest.approx(expected, rel=1e-10)
 
 
 @pytest.mark.parametrize("ends", [("free", "free"), ("clamped", "clamped"), ("free", "clamped"), ("clamped", "free")])
@@ -100,12 +102,12 @@ def test_natural_frequencies_against_finite_elements(ends, filters):
 def test_driven_velocities_against_finite_elements(solve, ends):
     cells = tuple(replace(CELL, loss=0.02, length_m=length) for length in (0.03, 0.025, 0.04))
     line = Line(cells, *ends, (0.0, 1.0, -0.4))
-    found = solve(line, OMEGA)
+    result = solve(line, OMEGA)
     stiffness, mass, load, where = bar(line, loss=0.02)
     for i, omega in enumerate(OMEGA):
         velocity = 1j * omega * np.linalg.solve(stiffness - omega**2 * mass, load)
         expected = np.array([velocity[j] if j is not None else 0.0 for j in where])
-        assert np.abs(found.currents[i]) == pytest.approx(np.abs(expected), rel=1e-4, abs=1e-7)
+        assert np.abs(result.currents[i]) == pytest.approx(np.abs(expected), rel=1e-4, abs=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -177,10 +179,10 @@ def test_document_is_plain_json():
 def test_central_source_drives_even_clamped_modes_only():
     """Of three clamped cells the first and third mode stay silent: the target at 25 kHz is the second."""
     study = mason_study()
-    silent, target = study.clamped_modes_hz[0], study.clamped_modes_hz[1]
-    assert (silent, target) == pytest.approx((12_500.0, 25_000.0), rel=1e-9)
+    undriven, target = study.clamped_modes_hz[0], study.clamped_modes_hz[1]
+    assert (undriven, target) == pytest.approx((12_500.0, 25_000.0), rel=1e-9)
     quiet, loud = (
-        np.abs(nodal_response(three_clamped(study.data), 2 * pi * f).currents[0, 1]) for f in (silent, target)
+        np.abs(nodal_response(three_clamped(study.data), 2 * pi * f).currents[0, 1]) for f in (undriven, target)
     )
     assert loud > 100 * quiet
 

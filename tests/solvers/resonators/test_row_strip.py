@@ -12,10 +12,10 @@ from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.analytic.plates import mindlin_wave_hz, thin_plate_hz
 from solvers.analytic.predesign import pillar_beam, strip_of
-from solvers.measures.confinement import Profile, held
+from solvers.measures.confinement import Profile, profile_confinement
 from solvers.resonators import strip as resonators_strip
 from solvers.resonators.impedance import pillar_foot
-from solvers.resonators.standing_pillar import bending_carried, lifting_carried
+from solvers.resonators.standing_pillar import bending_effective_mass, lifting_effective_mass
 from solvers.resonators.strip import PER_WIDTH, strip_modes
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -33,8 +33,8 @@ def test_a_standing_pillar_pulls_as_the_exact_beam_does(lever_m: float, shape: s
         omega = 2.0 * pi * hertz
         exact = pillar_foot(pillar_beam(pillar), omega, stretch, 0.0, lever_m)[0].real
         for carried, value in (
-            (bending_carried(pillar, lever_m), exact[1, 1]),
-            (lifting_carried(pillar), exact[0, 0]),
+            (bending_effective_mass(pillar, lever_m), exact[1, 1]),
+            (lifting_effective_mass(pillar), exact[0, 0]),
         ):
             own = (carried.coupling**2 * omega**2 / (carried.omega**2 - omega**2)).sum()
             assert -(omega**2) * (carried.inertia + own) == pytest.approx(value, rel=3e-3)
@@ -42,10 +42,10 @@ def test_a_standing_pillar_pulls_as_the_exact_beam_does(lever_m: float, shape: s
 
 def test_a_tapered_pillar_carries_less_and_rings_higher() -> None:
     tapered = Pillar("tapered", 2e-3, 1e-3, 6.3e-3, ALUMINIUM)
-    heavy, light = bending_carried(PILLAR, 1e-3), bending_carried(tapered, 1e-3)
+    heavy, light = bending_effective_mass(PILLAR, 1e-3), bending_effective_mass(tapered, 1e-3)
     assert light.inertia < heavy.inertia and light.omega[0] > heavy.omega[0]
     volume = 6.3e-3 * (2e-3**2 + 2e-3 * 1e-3 + 1e-3**2) / 3.0
-    assert lifting_carried(tapered).inertia == pytest.approx(ALUMINIUM.density_kg_m3 * volume, rel=1e-12)
+    assert lifting_effective_mass(tapered).inertia == pytest.approx(ALUMINIUM.density_kg_m3 * volume, rel=1e-12)
 
 
 def test_a_bare_strip_rigid_along_x_is_a_free_beam() -> None:
@@ -57,17 +57,17 @@ def test_a_bare_strip_rigid_along_x_is_a_free_beam() -> None:
     shear = mindlin_wave_hz(strip, pi / bare.width_m) / thin_plate_hz(strip, pi / bare.width_m)
     betas = [kappa / span for kappa in (4.730040745, 10.995607838)]
     exact = [shear * thin_plate_hz(strip, beta) for beta in betas]
-    found = strip_modes(bare, 0.5 * exact[0], 1.2 * exact[1]).frequency_hz
-    assert len(found) == 2
-    for beta, tone, wanted in zip(betas, found, exact, strict=True):
+    result = strip_modes(bare, 0.5 * exact[0], 1.2 * exact[1]).frequency_hz
+    assert len(result) == 2
+    for beta, tone, wanted in zip(betas, result, exact, strict=True):
         assert -1e-7 < tone / wanted - 1.0 < 1.2 * (beta * element) ** 4 / 1440.0
 
 
 def test_rows_hold_the_wanted_mode_better_the_more_there_are() -> None:
     levels = []
     for rows in (1, 2, 3):
-        found = strip_modes(replace(DESIGN, rows=rows), 25e3, 45e3)
-        levels.append(found.held.confinement_db[found.held.wanted.index])
+        result = strip_modes(replace(DESIGN, rows=rows), 25e3, 45e3)
+        levels.append(result.confinement.confinement_db[result.confinement.wanted.index])
     assert levels[0] < levels[1] < levels[2]
 
 
@@ -103,9 +103,11 @@ def test_measures_of_a_known_profile() -> None:
         value.append(inside if level is None else np.full(2000, level / sqrt(2.0)))
     places = np.concatenate(y)
     shape = np.cos(pi * places / design.width_m)
-    found = held(Profile(places, np.concatenate(weights), 1j * np.concatenate(value)[:, None], shape, 1.0), design)
+    result = profile_confinement(
+        Profile(places, np.concatenate(weights), 1j * np.concatenate(value)[:, None], shape, 1.0), design
+    )
     passive = (0.5**2 * 10.0 + 0.1**2 * 25.0) / 35.0
-    assert found.confinement_db[0] == pytest.approx(-10.0 * log10(passive), abs=1e-4)
-    assert found.extension_db[0] == pytest.approx(20.0, abs=1e-4)
-    assert found.mac[0] == pytest.approx(1.0, abs=1e-9)
-    assert found.zone_share[0] == pytest.approx(10.0 / (10.0 + 35.0 * passive), rel=1e-5)
+    assert result.confinement_db[0] == pytest.approx(-10.0 * log10(passive), abs=1e-4)
+    assert result.extension_db[0] == pytest.approx(20.0, abs=1e-4)
+    assert result.mac[0] == pytest.approx(1.0, abs=1e-9)
+    assert result.zone_share[0] == pytest.approx(10.0 / (10.0 + 35.0 * passive), rel=1e-5)

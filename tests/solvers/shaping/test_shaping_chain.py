@@ -48,8 +48,8 @@ def test_small_errors_follow_first_order_theory(kind):
         "phase_rad": 1.0,
         "crosstalk": (neighbours @ np.abs(TARGET) ** 2).sum() / power,
     }[kind]
-    found = monte_carlo(MATRIX, TARGET, Errors(**{kind: size}), TRIALS, seed=5).error ** 2
-    assert np.mean(found) == pytest.approx(expected * size**2, rel=4.0 * spread_of_mean(found))
+    result = monte_carlo(MATRIX, TARGET, Errors(**{kind: size}), TRIALS, seed=5).error ** 2
+    assert np.mean(result) == pytest.approx(expected * size**2, rel=4.0 * spread_of_mean(result))
 
 
 def test_trials_repeat_with_their_seed_and_vanish_without_errors():
@@ -57,8 +57,8 @@ def test_trials_repeat_with_their_seed_and_vanish_without_errors():
     first, again, other = (monte_carlo(MATRIX, TARGET, errors, 20, seed).voltages for seed in (1, 1, 2))
     assert (first == again).all() and (first != other).any()
     assert monte_carlo(MATRIX, TARGET, Errors(), 3).error.max() < 1e-12
-    found = quantiles(np.arange(101.0))
-    assert found == {"q05": 5.0, "median": 50.0, "q95": 95.0}
+    result = quantiles(np.arange(101.0))
+    assert result == {"q05": 5.0, "median": 50.0, "q95": 95.0}
     with pytest.raises(SolverError, match="noise = -1: must be 0 or more"):
         Errors(noise=-1.0)
     with pytest.raises(SolverError, match="trials = 0"):
@@ -73,10 +73,10 @@ def test_calibration_finds_the_chain_that_was_put_in():
         * np.exp(1j * np.array([0, 0.02, -0.02, 0.01, -0.01, 0]))
     )
     ideal = field_matrix(PLACES, frequency)[:, 1] / sensor_matrix(PLACES, frequency)[:, 1]
-    found = calibrate(simulate_standing_wave(PLACES, frequency, np.linspace(1, 10, 8), 1, Chain(gains)))
-    assert found.factor == pytest.approx(ideal / gains)
-    assert found.nonlinearity.max() < 1e-12 and found.standard_error.max() < 1e-12 * np.abs(found.factor).max()
-    assert found.common_phase + found.own_phase == pytest.approx(np.angle(found.factor))
+    result = calibrate(simulate_standing_wave(PLACES, frequency, np.linspace(1, 10, 8), 1, Chain(gains)))
+    assert result.factor == pytest.approx(ideal / gains)
+    assert result.nonlinearity.max() < 1e-12 and result.standard_error.max() < 1e-12 * np.abs(result.factor).max()
+    assert result.common_phase + result.own_phase == pytest.approx(np.angle(result.factor))
     plain = calibrate(simulate_standing_wave(PLACES, frequency, np.linspace(1, 10, 8), 1, Chain(np.ones(6))))
     late = calibrate(
         simulate_standing_wave(PLACES, frequency, np.linspace(1, 10, 8), 1, Chain(np.full(6, np.exp(-0.4j))))
@@ -104,8 +104,8 @@ def test_a_sensor_that_saturates_shows():
     limit = 0.6 * np.abs(measured.voltage[:, 2]).max()
     voltage = measured.voltage.copy()
     voltage[:, 2] *= np.minimum(1.0, limit / np.abs(voltage[:, 2]))
-    found = calibrate(Measured(measured.displacement, voltage))
-    assert found.nonlinearity[2] > 0.05 and np.delete(found.nonlinearity, 2).max() < 1e-12
+    result = calibrate(Measured(measured.displacement, voltage))
+    assert result.nonlinearity[2] > 0.05 and np.delete(result.nonlinearity, 2).max() < 1e-12
 
 
 def test_sensor_on_a_node_of_the_standing_wave_cannot_be_calibrated():
@@ -126,8 +126,8 @@ def csv_of(measured: Measured) -> str:
 def test_imported_measurements_calibrate_like_simulated_ones():
     frequency = float(PLACES.frequencies_hz[3])
     measured = simulate_standing_wave(PLACES, frequency, np.linspace(1, 10, 4), 1, Chain(np.ones(6), 1e-4, 1e-9))
-    found = calibrate(measured_from_csv(csv_of(measured)))
-    assert found.factor == pytest.approx(calibrate(measured).factor, rel=1e-12)
+    result = calibrate(measured_from_csv(csv_of(measured)))
+    assert result.factor == pytest.approx(calibrate(measured).factor, rel=1e-12)
 
 
 HEAD = ",".join(COLUMNS) + "\n"

@@ -19,8 +19,8 @@ from solvers.measures.confinement import TouchField
 from solvers.shaping.hybrid import attach_oscillators, confinement
 from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
 from solvers.shaping.mode_pairs import travelling_pair
-from solvers.shaping.plate_table import joined_tables, laplacian_integrals, mass_normalised, plate_table, whole_touch
-from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.shaping.plate_table import composite_tables, laplacian_integrals, mass_normalised, plate_table, whole_touch
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -87,7 +87,7 @@ def test_patches_feel_the_curvature_under_them():
 
 
 def test_forces_and_voltages_of_a_patch_are_the_thin_plates():
-    """Moment of a biaxially held patch times the exact curvature under it; charge over the held capacitance."""
+    """Moment of a biaxially held patch times the exact curvature under it; charge over the clamped capacitance."""
     frequencies, touch = supported_plate()
     placed = patches([(0.0, 0.0), (0.03, -0.02)], sensors=(1,))
     table = plate_table(frequencies, touch, placed, THICK, inf)
@@ -99,9 +99,9 @@ def test_forces_and_voltages_of_a_patch_are_the_thin_plates():
         np.abs(moment * exact[:, 0]), abs=1e-4 * moment * np.abs(exact).max()
     )
     strain = np.array([piezo.d31, piezo.d31])
-    held = 1330 * 8.8541878128e-12 - strain @ plane_stress @ strain
+    clamped = 1330 * 8.8541878128e-12 - strain @ plane_stress @ strain
     charge = moment * exact[:, 1]
-    capacitance = held * 12e-3**2 / 0.3e-3
+    capacitance = clamped * 12e-3**2 / 0.3e-3
     assert np.abs(table.sensors[:, 0]) == pytest.approx(
         np.abs(charge / capacitance), abs=1e-4 * np.abs(charge / capacitance).max()
     )
@@ -161,12 +161,12 @@ def test_classes_join_into_one_table_in_ascending_order():
         )
         for half in (slice(1, None, 2), slice(0, None, 2))
     )
-    joined = joined_tables([first, second])
+    joined = composite_tables([first, second])
     assert (joined.frequencies_hz == table.frequencies_hz).all() and (joined.field == table.field).all()
     with pytest.raises(SolverError, match="must share their points"):
-        joined_tables([first, replace(second, points_m=second.points_m + 1.0)])
+        composite_tables([first, replace(second, points_m=second.points_m + 1.0)])
     with pytest.raises(SolverError, match="no class to join"):
-        joined_tables([])
+        composite_tables([])
 
 
 def test_a_wave_travels_along_the_middle_of_a_plate():
@@ -206,8 +206,8 @@ PLACES = [(x, 0.0) for x in (-24e-3, -8e-3, 8e-3, 24e-3)] + [
 def solved_plate(design: Design) -> tuple[ModalTable, np.ndarray]:
     """The free plate to 45 kHz from reduced cells, four patches in the zone and four beyond the pillars; area weights."""
     settings = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
-    recipe = Recipe(Interface(3, 2), 90e3, settings, longest_m=4e-3)
-    model = PlateModel(design, Reductions(design.thickness_m, ALUMINIUM, design.pillar, recipe))
+    reduction = ReductionSettings(Interface(3, 2), 90e3, settings, max_edge_m=4e-3)
+    model = PlateModel(design, Reductions(design.thickness_m, ALUMINIUM, design.pillar, reduction))
     placed = Patches(
         PIEZO_MATERIALS["pz26"], (6e-3, 3e-3, 0.3e-3), "back", "centres", tuple(PLACES), (6e-3,) * 8, (), 1.0
     )
@@ -215,10 +215,10 @@ def solved_plate(design: Design) -> tuple[ModalTable, np.ndarray]:
     for parity in ("++", "+-", "-+", "--"):
         pencil = model.pencil(parity)
         modes = modes_in_band(pencil, 1e3, 45e3)
-        touch = mass_normalised(whole_touch(model.joined(parity).touch(modes.vectors), parity), pencil.scale)
+        touch = mass_normalised(whole_touch(model.assembled(parity).touch(modes.vectors), parity), pencil.scale)
         tables.append(plate_table(modes.frequency_hz, touch, placed, design.thickness_m, 300.0))
         weights = touch.weights
-    return joined_tables(tables), weights
+    return composite_tables(tables), weights
 
 
 @pytest.mark.slow
@@ -241,8 +241,8 @@ def test_pillars_and_patches_on_a_plate_of_reduced_cells():
     assert neither.alone_db < both.alone_db < both.shaped_db
     assert both.alone_db > 10.0
     line = (np.abs(passive.points_m[:, 1]) < 1.2e-3) & (np.abs(passive.points_m[:, 0]) < 15e-3)
-    held = np.flatnonzero(share > 0.8)
-    pairs = [travelling_pair(passive, (wanted, int(n)), line, others=0.01) for n in held if n != wanted]
+    clamped = np.flatnonzero(share > 0.8)
+    pairs = [travelling_pair(passive, (wanted, int(n)), line, others=0.01) for n in clamped if n != wanted]
     best = max(pairs, key=lambda pair: pair.twr * (pair.wavenumber > 1.0))
     alone = _ratio(np.abs(field_matrix(passive, best.frequency_hz)[line, 1]))
     assert best.wavenumber > 1.0 and best.twr > 0.5 and best.twr > 3.0 * alone

@@ -27,7 +27,7 @@ RANDOM = np.random.default_rng(7)
 
 
 def small_table(quality: float = 30.0) -> ModalTable:
-    """Three modes, two actuators, two sensors, a static rest."""
+    """Three modes, two actuators, two sensors, a static residual."""
     return ModalTable(
         np.array([300.0, 700.0, 1100.0]), np.full(3, quality), RANDOM.normal(size=(3, 2)), RANDOM.normal(size=(3, 2)),
         RANDOM.normal(size=(3, 4)), np.arange(4.0)[:, None], RANDOM.normal(size=(2, 2)) * 1e-7,
@@ -52,8 +52,8 @@ def test_phasors_are_the_steady_state_of_the_modes_in_time():
         )  # fmt: skip
         signals = signals + lsim(plant, drive, time)[1][:, None] * table.sensors[mode]
     settled = slice(-20 * 200, None)
-    found = 2.0 * np.mean(signals[settled] * np.exp(-1j * omega * time[settled])[:, None], axis=0)
-    assert found == pytest.approx(sensor_matrix(table, frequency) @ volts, rel=1e-3)
+    result = 2.0 * np.mean(signals[settled] * np.exp(-1j * omega * time[settled])[:, None], axis=0)
+    assert result == pytest.approx(sensor_matrix(table, frequency) @ volts, rel=1e-3)
 
 
 def test_frequencies_and_resonances_that_have_no_answer():
@@ -107,19 +107,19 @@ def test_printed_normalisation_depends_on_the_size_of_the_signals():
 def test_two_equal_rows_of_six_couple_little_and_are_singular():
     matrix = np.linalg.qr(matrix_of(6))[0]
     matrix[1] = matrix[0]
-    found = conditioning(matrix)
-    assert found.coupling == pytest.approx(0.2)
-    assert found.condition > 1e12
+    result = conditioning(matrix)
+    assert result.coupling == pytest.approx(0.2)
+    assert result.condition > 1e12
     with pytest.raises(SolverError, match="sensors 1 and 2 are the most alike"):
         drive_voltages(matrix, np.ones(6))
 
 
 def test_rows_become_parallel_on_a_resonance_as_losses_vanish():
-    found = []
+    result = []
     for quality in (1e3, 1e5):
         table = point_beam_table(PatchedBeam(quality=quality), 12)
-        found.append(1.0 - coupling_index(sensor_matrix(table, float(table.frequencies_hz[3]))))
-    assert found[1] < 1e-2 * found[0] < 1e-4
+        result.append(1.0 - coupling_index(sensor_matrix(table, float(table.frequencies_hz[3]))))
+    assert result[1] < 1e-2 * result[0] < 1e-4
 
 
 def test_sensor_on_a_node_is_named():
@@ -141,9 +141,9 @@ def test_sensor_on_a_node_is_named():
 def test_operating_frequencies_are_the_minima_of_the_condition_number():
     table = point_beam_table(PatchedBeam(), 12)
     grid = np.linspace(500.0, 4000.0, 351)
-    found = scan(table, grid)
-    best = operating_frequencies(found, 2)
-    assert found.condition[grid == best[0]] == found.condition[1:-1].min()
+    result = scan(table, grid)
+    best = operating_frequencies(result, 2)
+    assert result.condition[grid == best[0]] == result.condition[1:-1].min()
     for frequency in best:
         here, beside = (np.linalg.cond(sensor_matrix(table, frequency + d)) for d in (0.0, 10.0))
         assert here < beside
@@ -166,21 +166,21 @@ def test_limited_voltages_are_the_constrained_minimum():
     for _ in range(5):
         matrix, target = matrix_of(5), matrix_of(5)[0]
         free = np.abs(drive_voltages(matrix, target).voltages).max()
-        found = drive_voltages(matrix, target, limit_v=0.4 * free)
-        assert np.abs(found.voltages).max() <= 0.4 * free * (1 + 1e-12) and found.limited.any()
+        result = drive_voltages(matrix, target, limit_v=0.4 * free)
+        assert np.abs(result.voltages).max() <= 0.4 * free * (1 + 1e-12) and result.limited.any()
         voltages, step = np.zeros(5, complex), 1.0 / np.linalg.norm(matrix, 2) ** 2
         for _ in range(40_000):  # projected gradient: slow, and sure for a convex problem
             voltages = voltages - step * matrix.conj().T @ (matrix @ voltages - target)
             voltages = voltages / np.maximum(np.abs(voltages) / (0.4 * free), 1.0)
         expected = np.linalg.norm(matrix @ voltages - target)
-        assert np.linalg.norm(matrix @ found.voltages - target) == pytest.approx(expected, rel=1e-5)
-        assert found.error == pytest.approx(expected / np.linalg.norm(target), rel=1e-5)
+        assert np.linalg.norm(matrix @ result.voltages - target) == pytest.approx(expected, rel=1e-5)
+        assert result.error == pytest.approx(expected / np.linalg.norm(target), rel=1e-5)
 
 
 def test_one_actuator_is_clipped_along_its_own_phase():
-    found = drive_voltages(np.array([[2.0j]]), np.array([3.0 + 0j]), limit_v=1.0)
-    assert found.voltages == pytest.approx([-1.0j])
-    assert found.error == pytest.approx(1.0 / 3.0)
+    result = drive_voltages(np.array([[2.0j]]), np.array([3.0 + 0j]), limit_v=1.0)
+    assert result.voltages == pytest.approx([-1.0j])
+    assert result.error == pytest.approx(1.0 / 3.0)
 
 
 def test_limits_are_reached_in_any_unit():

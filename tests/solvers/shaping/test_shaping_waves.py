@@ -10,7 +10,14 @@ import pytest
 from scipy.linalg import eigh
 
 from solvers.errors import SolverError
-from solvers.shaping.acoustic_contrast import REGIONS, best_contrast, held, region_points, region_sensors, region_target
+from solvers.shaping.acoustic_contrast import (
+    REGIONS,
+    best_contrast,
+    contrast,
+    region_points,
+    region_sensors,
+    region_target,
+)
 from solvers.shaping.hybrid import PassiveActive, attach_oscillators, confinement
 from solvers.shaping.modal_table import ModalTable, field_matrix, modal_drive
 from solvers.shaping.mode_pairs import hold_modes, travelling_pair
@@ -39,8 +46,8 @@ def waves(backward: complex, wavenumber: float = K) -> np.ndarray:
 
 def test_twr_is_one_minus_the_ratio_of_the_two_waves():
     for size in (0.0, 0.42, 0.9):
-        found = travelling_wave_ratio(waves(size * np.exp(0.7j)))
-        assert found == pytest.approx(1.0 - size, abs=2e-3)  # the grid misses the extremes by (k dx)^2
+        result = travelling_wave_ratio(waves(size * np.exp(0.7j)))
+        assert result == pytest.approx(1.0 - size, abs=2e-3)  # the grid misses the extremes by (k dx)^2
         assert standing_wave_ratio(waves(size)) == pytest.approx(size, abs=2e-3)
 
 
@@ -62,12 +69,12 @@ def test_shares_of_energy_are_those_of_the_two_fluxes():
 
 
 def test_two_wave_fit_finds_both_waves_and_leaves_near_fields_out():
-    found = two_wave_fit(X, waves(0.3 - 0.2j), 80.0)
-    assert found.wavenumber == pytest.approx(K, rel=1e-6)
-    assert (found.forward, found.backward) == (pytest.approx(1.0, abs=1e-5), pytest.approx(0.3 - 0.2j, abs=1e-5))
-    assert found.rest < 1e-5 and found.twr == pytest.approx(1 - abs(0.3 - 0.2j), abs=1e-5)
+    result = two_wave_fit(X, waves(0.3 - 0.2j), 80.0)
+    assert result.wavenumber == pytest.approx(K, rel=1e-6)
+    assert (result.forward, result.backward) == (pytest.approx(1.0, abs=1e-5), pytest.approx(0.3 - 0.2j, abs=1e-5))
+    assert result.residual < 1e-5 and result.twr == pytest.approx(1 - abs(0.3 - 0.2j), abs=1e-5)
     disturbed = two_wave_fit(X, waves(0.3) + np.exp(-K * X), 80.0)
-    assert disturbed.rest > 0.05 and disturbed.twr == pytest.approx(0.7, abs=0.1)
+    assert disturbed.residual > 0.05 and disturbed.twr == pytest.approx(0.7, abs=0.1)
 
 
 def test_free_wavelength_is_that_of_phase_velocity_and_of_the_beams_equation():
@@ -126,22 +133,22 @@ def test_regions_are_thirds_that_mirror_each_other():
 
 def test_ratios_of_a_field_that_is_known():
     inside = np.array([True, True, False, False])
-    found = held(np.array([3.0, 4j, 1.0, -1.0]), inside)
-    assert found.peak_ratio == 4.0 and found.contrast == pytest.approx(np.sqrt(12.5))
-    weighted = held(np.array([3.0, 4j, 1.0, 2.0]), inside, np.array([1.0, 0.0, 1.0, 3.0]))
+    result = contrast(np.array([3.0, 4j, 1.0, -1.0]), inside)
+    assert result.peak_ratio == 4.0 and result.contrast == pytest.approx(np.sqrt(12.5))
+    weighted = contrast(np.array([3.0, 4j, 1.0, 2.0]), inside, np.array([1.0, 0.0, 1.0, 3.0]))
     assert weighted.contrast == pytest.approx(np.sqrt(9.0 / 3.25))
     with pytest.raises(SolverError, match="some points must lie inside"):
-        held(np.ones(4), np.ones(4, bool))
+        contrast(np.ones(4), np.ones(4, bool))
     with pytest.raises(SolverError, match="zero everywhere"):
-        held(np.zeros(4), inside)
+        contrast(np.zeros(4), inside)
 
 
 def test_best_contrast_is_the_best_of_a_grid_of_two_voltages():
     field = RANDOM.normal(size=(9, 2)) + 1j * RANDOM.normal(size=(9, 2))
     inside = np.arange(9) < 4
-    best = held(field @ best_contrast(field, inside), inside).contrast
+    best = contrast(field @ best_contrast(field, inside), inside).contrast
     grid = [
-        held(field @ np.array([np.cos(a), np.sin(a) * np.exp(1j * p)]), inside).contrast
+        contrast(field @ np.array([np.cos(a), np.sin(a) * np.exp(1j * p)]), inside).contrast
         for a in np.linspace(0, pi / 2, 181)
         for p in np.linspace(0, 2 * pi, 181)
     ]
@@ -161,8 +168,8 @@ def cosines(detuning: float = 0.02, quality: float = 100.0) -> ModalTable:
 
 def test_modes_held_are_the_ones_asked_for():
     table = cosines()
-    found = hold_modes(table, 1000.0, {0: 2e-6, 1: 1e-6j})
-    assert modal_drive(table, 1000.0) @ found.voltages == pytest.approx(np.array([2e-6, 1e-6j, 0.0]), abs=1e-18)
+    result = hold_modes(table, 1000.0, {0: 2e-6, 1: 1e-6j})
+    assert modal_drive(table, 1000.0) @ result.voltages == pytest.approx(np.array([2e-6, 1e-6j, 0.0]), abs=1e-18)
     free = hold_modes(table, 1000.0, {0: 2e-6}, others=0.0)
     got = modal_drive(table, 1000.0) @ free.voltages
     assert got[0] == pytest.approx(2e-6) and np.linalg.norm(free.voltages) < np.linalg.norm(
@@ -209,7 +216,7 @@ def test_modes_that_cannot_be_held_are_refused(call, message):
         call()
 
 
-def joined_matrices(beam: PatchedBeam, at: np.ndarray, mass: float, frequency: float):
+def assembled_matrices(beam: PatchedBeam, at: np.ndarray, mass: float, frequency: float):
     """The finite-element beam with its oscillators, nothing modal about it."""
     body = condense(beam)
     rows = body.rows(at)
@@ -223,7 +230,7 @@ def joined_matrices(beam: PatchedBeam, at: np.ndarray, mass: float, frequency: f
 
 def test_oscillators_on_a_modal_table_are_oscillators_on_the_finite_element_beam():
     beam, points = replace(BEAM, quality=inf), np.array([0.045, 0.105, 0.06])
-    body, stiffness, inertia = joined_matrices(beam, points[:2], 5e-4, 2400.0)
+    body, stiffness, inertia = assembled_matrices(beam, points[:2], 5e-4, 2400.0)
     exact = np.sqrt(eigh(stiffness, inertia, eigvals_only=True, subset_by_index=(0, 7))) / (2 * pi)
     errors = []
     for modes in (10, 60):
@@ -254,9 +261,9 @@ def test_resonators_and_patches_hold_more_than_either():
     levels = both.as_json()
     assert levels["neither_db"] < levels["passive_db"] < levels["both_db"]
     assert levels["neither_db"] < levels["active_db"] < levels["both_db"]
-    found = both.passive
-    again = held(field_matrix(passive, 2400.0) @ found.voltages, inside).contrast_db
-    assert again == pytest.approx(found.shaped_db) and np.abs(found.voltages).max() == pytest.approx(1.0)
+    result = both.passive
+    again = contrast(field_matrix(passive, 2400.0) @ result.voltages, inside).contrast_db
+    assert again == pytest.approx(result.shaped_db) and np.abs(result.voltages).max() == pytest.approx(1.0)
     with pytest.raises(SolverError, match="driver 6: must be from 0 to 5"):
         confinement(bare, 2400.0, inside, 6)
     with pytest.raises(SolverError, match="points must be from 0 to 300"):

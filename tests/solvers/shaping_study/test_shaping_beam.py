@@ -106,9 +106,9 @@ def test_sensor_voltages_are_those_of_the_exact_stepped_beam(beam):
     for frequency in (700.0, 1700.0, 2400.0, 3800.0):
         matrix, loads = exact_stepped(beam, frequency)
         exact = -np.linalg.solve(matrix, loads)[-len(beam.centres_m) :]  # wires turned: stretching is positive
-        found = sensor_matrix(table, frequency)
-        assert np.abs(found.imag).max() == 0.0
-        assert found.real == pytest.approx(exact, abs=1e-4 * np.abs(exact).max())
+        result = sensor_matrix(table, frequency)
+        assert np.abs(result.imag).max() == 0.0
+        assert result.real == pytest.approx(exact, abs=1e-4 * np.abs(exact).max())
 
 
 def test_the_exact_stepped_beam_is_singular_at_the_tables_frequencies():
@@ -123,9 +123,9 @@ def test_static_rest_of_the_left_out_modes_makes_few_modes_enough():
     assert few.sensor_residual is not None
     detuning = (2400.0 / many.frequencies_hz[10]) ** 2
     allowed = detuning / (1.0 - detuning) * np.abs(few.sensor_residual).max()
-    exact, found = sensor_matrix(many, 2400.0), sensor_matrix(few, 2400.0)
-    assert np.abs(found - exact).max() < allowed
-    assert np.abs(found - few.sensor_residual - exact).max() > 10.0 * allowed
+    exact, result = sensor_matrix(many, 2400.0), sensor_matrix(few, 2400.0)
+    assert np.abs(result - exact).max() < allowed
+    assert np.abs(result - few.sensor_residual - exact).max() > 10.0 * allowed
 
 
 def test_a_cantilever_bends_under_a_patch_as_statics_say():
@@ -164,9 +164,9 @@ def test_charge_at_rest_is_held_capacitance_and_what_the_patch_gives_way():
     body, table = condense(BEAM), charge_table(BEAM)
     rest = body.capacitance + body.forces.T @ np.linalg.solve(body.stiffness, body.forces)
     assert sensor_matrix(table, 0.01).real == pytest.approx(rest, rel=1e-6)
-    held = BEAM.capacitance_f(BEAM.actuator_width_m)
+    clamped = BEAM.capacitance_f(BEAM.actuator_width_m)
     free = 1330 * 8.8541878128e-12 * 12e-3**2 / 0.3e-3
-    assert held < rest[0, 0] < free
+    assert clamped < rest[0, 0] < free
 
 
 def test_point_beam_is_the_emulated_beam_of_the_six_channel_build():
@@ -190,7 +190,7 @@ def test_point_beam_is_the_emulated_beam_of_the_six_channel_build():
         ({"centres_m": (0.002,)}, "overhangs"),
         ({"centres_m": (0.05, 0.055)}, "overlap"),
         ({"sensor_width_m": 0.02}, "do not fit"),
-        ({"ends": ("free", "free")}, "leave a rigid motion"),
+        ({"ends": ("free", "free")}, "leave a rigid-body mode"),
         ({"ends": ("clamped", "glued")}, "must be one of clamped, pinned, free"),
         ({"quality": 0.0}, "quality = 0: must be above 0"),
     ],

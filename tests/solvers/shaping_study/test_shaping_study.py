@@ -11,7 +11,7 @@ import pytest
 from pipeline.active.thesis_shaping import entries
 from solvers.control.comparison import Entry
 from solvers.errors import SolverError
-from solvers.shaping.acoustic_contrast import REGIONS, held, region_points
+from solvers.shaping.acoustic_contrast import REGIONS, contrast, region_points
 from solvers.shaping.modal_table import field_matrix, sensor_matrix
 from solvers.shaping.transfer_matrix import conditioning
 from solvers.shaping_study.document import document as document_of
@@ -72,9 +72,9 @@ def test_confinement_on_the_simulated_beam_found_again(study):
         target[chosen] = 1.0
         wave = np.abs(field_matrix(table, frequency) @ np.linalg.solve(sensor_matrix(table, frequency), target))
         inside = (x >= 0.1 / 3 * REGIONS.index(region) - 1e-12) & (x <= 0.1 / 3 * (REGIONS.index(region) + 1) + 1e-12)
-        found = study.confinement("100 mm, points", "displacement", frequency, region, "in phase")
-        assert found.peak_ratio == pytest.approx(wave[inside].max() / wave[~inside].max(), rel=1e-9)
-        assert found.best_peak_ratio > 0.0 and found.best_contrast_db >= found.contrast_db
+        result = study.confinement("100 mm, points", "displacement", frequency, region, "in phase")
+        assert result.peak_ratio == pytest.approx(wave[inside].max() / wave[~inside].max(), rel=1e-9)
+        assert result.best_peak_ratio > 0.0 and result.best_contrast_db >= result.contrast_db
 
 
 def test_no_voltages_beat_the_best_contrast(study):
@@ -85,7 +85,7 @@ def test_no_voltages_beat_the_best_contrast(study):
         best = study.confinement(model.name, "displacement", 2400.0, region, "in phase").best_contrast_db
         for _ in range(200):
             volts = random.normal(size=6) + 1j * random.normal(size=6)
-            assert held(field @ volts, inside).contrast_db <= best
+            assert contrast(field @ volts, inside).contrast_db <= best
 
 
 def test_calibrated_sensors_read_the_displacement_of_their_own_standing_wave(study):
@@ -100,9 +100,9 @@ def test_calibrated_sensors_read_the_displacement_of_their_own_standing_wave(stu
 
 def test_coupling_entry_is_that_of_the_matrix(study):
     table = beam_table(PatchedBeam(), 20, np.array(PatchedBeam().centres_m))
-    found = conditioning(field_matrix(table, 2400.0))
+    result = conditioning(field_matrix(table, 2400.0))
     ours = entry_of(study, "coupling at 2.4 kHz|patches|displacement").ours
-    assert f"coupling {found.coupling:.3f}" in ours and f"condition number {found.condition:.1f}" in ours
+    assert f"coupling {result.coupling:.3f}" in ours and f"condition number {result.condition:.1f}" in ours
 
 
 def test_limits_are_kept_and_cost_accuracy(study):

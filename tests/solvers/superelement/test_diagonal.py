@@ -8,24 +8,24 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh, subspace_angles
 
-from geometry.hex.boxes import HexSettings, Piece, hex_mesh, piece_boxes
+from geometry.hex.boxes import HexSettings, Panel, hex_mesh, panel_boxes
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.superelement import cell as reduction
 from solvers.superelement.cell import reduce_cell
-from solvers.superelement.diagonal import Half, diagonal_mirror
+from solvers.superelement.diagonal import DiagonalSector, diagonal_mirror
 from solvers.superelement.interface import Interface
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
 FACE = Interface(3, 2)
-SQUARE = Piece((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))
+SQUARE = Panel((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))
 
 
-def system(piece: Piece = SQUARE, stiffer: bool = False) -> System:
+def system(panel: Panel = SQUARE, stiffer: bool = False) -> System:
     """A quarter cell, or one with a stiffer element off the diagonal."""
-    mesh = hex_mesh(piece_boxes(piece, 2e-3, PILLAR, HexSettings(2, 2e-3, 1)), 2)
+    mesh = hex_mesh(panel_boxes(panel, 2e-3, PILLAR, HexSettings(2, 2e-3, 1)), 2)
     materials = {"plate": ALUMINIUM, "pillar": ALUMINIUM, "odd": MATERIALS["steel"]}
     if stiffer:
         corner = np.argmax(mesh.nodes[mesh.cells].mean(axis=1) @ [1.0, -1.0, 0.0])
@@ -54,23 +54,23 @@ def test_the_halves_are_what_the_mirror_leaves_alone_and_what_it_turns_over(sign
     body = system()
     image, inside = diagonal_mirror(body), np.ones_like(body.mesh.nodes, dtype=bool)
     inside[body.mesh.nodes_of("x-"), 0] = inside[body.mesh.nodes_of("y-"), 1] = False  # even about both axes
-    half = Half(body, image, inside, sign)
+    half = DiagonalSector(body, image, inside, sign)
     fold = half.fold.toarray()
     assert np.allclose(fold.T @ fold, np.eye(half.pencil.dof))
     assert not fold[~inside.ravel()].any()
     fields = fold.reshape(-1, 3, half.pencil.dof)
     assert np.array_equal(fields[image][:, [1, 0, 2]], sign * fields)
     mass = np.kron(body.mass.toarray(), np.eye(3))
-    for found, whole in ((half.pencil.stiffness, body.stiffness.toarray()), (half.pencil.mass, mass)):
+    for result, whole in ((half.pencil.stiffness, body.stiffness.toarray()), (half.pencil.mass, mass)):
         truth = fold.T @ whole @ fold
-        assert np.abs(found.toarray() - truth).max() < 1e-12 * np.abs(truth).max()
+        assert np.abs(result.toarray() - truth).max() < 1e-12 * np.abs(truth).max()
     assert np.allclose(half.gathered(fold), np.eye(half.pencil.dof))
 
 
 def test_both_halves_together_are_the_whole() -> None:
     body = system()
     inside = np.ones_like(body.mesh.nodes, dtype=bool)
-    halves = [Half(body, diagonal_mirror(body), inside, sign).fold.toarray() for sign in (1, -1)]
+    halves = [DiagonalSector(body, diagonal_mirror(body), inside, sign).fold.toarray() for sign in (1, -1)]
     assert np.allclose(np.hstack(halves).T @ np.hstack(halves), np.eye(inside.size))
 
 

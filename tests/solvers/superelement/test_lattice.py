@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from geometry.hex.boxes import HexSettings, Piece, hex_mesh, piece_boxes
+from geometry.hex.boxes import HexSettings, Panel, hex_mesh, panel_boxes
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.analytic.lamb import lamb_hz, shear_speed
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
-from solvers.superelement.build import Recipe, Reductions
+from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice, Waves
 from solvers.superelement.lattice_error import reduction_error
@@ -29,10 +29,10 @@ COARSE = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
 GENERIC = np.array([310.0, 520.0])
 
 
-def piece(pitch: tuple[float, float], pillar: bool, halved: tuple[int, ...] = (0, 1)) -> Piece:
+def panel(pitch: tuple[float, float], pillar: bool, halved: tuple[int, ...] = (0, 1)) -> Panel:
     """One cell about the origin."""
     low, high = (-pitch[0] / 2.0, -pitch[1] / 2.0), (pitch[0] / 2.0, pitch[1] / 2.0)
-    return Piece(low, high, (0.0, 0.0) if pillar else None, halved)
+    return Panel(low, high, (0.0, 0.0) if pillar else None, halved)
 
 
 @cache
@@ -40,14 +40,14 @@ def lattice(
     pitch: tuple[float, float] = (4e-3, 4e-3), pillar: bool = True, top_hz: float = 1.2e6, face: Interface | None = None,
     settings: HexSettings = COARSE,
 ) -> Lattice:  # fmt: skip
-    recipe = Recipe(face or Interface(4, 3), top_hz, settings)
-    return Lattice(Reductions(THICK_M, ALUMINIUM, PILLAR, recipe).cell(piece(pitch, pillar)))
+    reduction = ReductionSettings(face or Interface(4, 3), top_hz, settings)
+    return Lattice(Reductions(THICK_M, ALUMINIUM, PILLAR, reduction).cell(panel(pitch, pillar)))
 
 
 @cache
 def full(pitch: tuple[float, float], pillar: bool) -> BlochCell:
     """The same mesh, whole and not reduced."""
-    boxes = piece_boxes(piece(pitch, pillar), THICK_M, PILLAR, COARSE)
+    boxes = panel_boxes(panel(pitch, pillar), THICK_M, PILLAR, COARSE)
 
     def whole(lines: np.ndarray) -> np.ndarray:
         return np.concatenate([-lines[:0:-1], lines])
@@ -66,17 +66,17 @@ def corners(pitch: tuple[float, float]) -> np.ndarray:
 def test_the_folded_pencil_is_that_of_the_transformed_cell() -> None:
     one = lattice()
     transform = one.transform(GENERIC)
-    for found, matrix in zip(one.pencil(GENERIC), (one.cell.stiffness, one.cell.mass), strict=True):
+    for result, matrix in zip(one.pencil(GENERIC), (one.cell.stiffness, one.cell.mass), strict=True):
         truth = transform.conj().T @ matrix @ transform
-        assert np.abs(found - truth).max() < 1e-13 * np.abs(truth).max()
-        assert np.abs(found - found.conj().T).max() < 1e-13 * np.abs(truth).max()
+        assert np.abs(result - truth).max() < 1e-13 * np.abs(truth).max()
+        assert np.abs(result - result.conj().T).max() < 1e-13 * np.abs(truth).max()
 
 
 def test_waves_carry_the_phase_of_each_side_and_their_own_energy() -> None:
     one = lattice()
     waves, face = one.waves(GENERIC, 8), one.cell.interface
     assert np.allclose(waves.frequency_hz, one.frequencies(GENERIC, 8), rtol=1e-10)
-    u = waves.unknowns
+    u = waves.dofs
     assert np.allclose(u.conj().T @ one.cell.mass @ u, np.eye(8), atol=1e-10)
     assert np.allclose(np.diag(u.conj().T @ one.cell.stiffness @ u), waves.eigenvalue, rtol=1e-9)
     turn = np.exp(1j * GENERIC * 4e-3)
@@ -99,13 +99,13 @@ def test_a_wrong_phase_on_one_side_is_seen(side: int) -> None:
 @pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3)])
 def test_half_a_turn_makes_the_waves_real_and_changes_none(pitch: tuple[float, float]) -> None:
     one, hermitian = lattice(pitch), Lattice(lattice(pitch).cell)
-    assert one.half_turn is not None
+    assert one.c2_symmetry is not None
     hermitian.__dict__["half_turn"] = None
     for wavevector in (np.zeros(2), GENERIC, np.array([np.pi / pitch[0], 200.0])):
         real, truth = one.waves(wavevector, 8), hermitian.waves(wavevector, 8)
         moving = truth.frequency_hz > 1.0
         assert np.allclose(real.frequency_hz[moving], truth.frequency_hz[moving], rtol=1e-10)
-        u, stiffness, mass = real.unknowns, one.cell.stiffness, one.cell.mass
+        u, stiffness, mass = real.dofs, one.cell.stiffness, one.cell.mass
         assert np.allclose(u.conj().T @ mass @ u, np.eye(8), atol=1e-10)
         transform = one.transform(wavevector)
         defect = transform.conj().T @ (stiffness @ u - (mass @ u) * real.eigenvalue)
@@ -115,10 +115,10 @@ def test_half_a_turn_makes_the_waves_real_and_changes_none(pitch: tuple[float, f
 def test_a_cell_of_unknown_or_broken_symmetry_keeps_its_hermitian_pencil() -> None:
     """Reduced without mirrors nothing tells the modes' parity; with the wrong parities the turned pencil is not real."""
     cell = lattice().cell
-    assert Lattice(replace(cell, fixed_parity=np.zeros_like(cell.fixed_parity))).half_turn is None
+    assert Lattice(replace(cell, fixed_parity=np.zeros_like(cell.fixed_parity))).c2_symmetry is None
     swapped = cell.fixed_parity.copy()
     swapped[0, 0] *= -1
-    assert Lattice(replace(cell, fixed_parity=swapped)).half_turn is None
+    assert Lattice(replace(cell, fixed_parity=swapped)).c2_symmetry is None
 
 
 def test_group_velocity_is_the_derivative_of_the_frequency() -> None:
@@ -143,8 +143,8 @@ def test_degenerate_waves_have_the_slopes_of_the_bands_that_leave_the_point() ->
     beyond = (one.eigenvalues((cross + step) * direction, 4) - here.eigenvalue) / step
     before = (here.eigenvalue - one.eigenvalues((cross - step) * direction, 4)) / step
     assert abs(beyond[3] - beyond[2]) > 0.1 * abs(beyond).max()
-    for found, truth in zip(one_sided(one, here, direction), (beyond, before), strict=True):
-        assert np.allclose(found, truth, rtol=1e-3, atol=1e-3 * abs(beyond).max())
+    for result, truth in zip(one_sided(one, here, direction), (beyond, before), strict=True):
+        assert np.allclose(result, truth, rtol=1e-3, atol=1e-3 * abs(beyond).max())
 
 
 def test_at_a_corner_no_wave_of_a_mirror_symmetric_cell_goes_anywhere() -> None:
@@ -204,9 +204,9 @@ def test_the_estimate_bounds_the_reductions_error(pitch: tuple[float, float], to
         ours, exact = one.frequencies(k, count), full(pitch, True).frequencies(k, count)
         moving = exact > 1e-4 * exact[-1]
         truth = max(truth, float((ours[moving] / exact[moving] - 1.0).max()))
-    found = reduction_error(one, corners(pitch), count)
-    assert truth <= found.total <= 20.0 * truth
-    assert found.total == found.modes + found.degrees
+    result = reduction_error(one, corners(pitch), count)
+    assert truth <= result.total <= 20.0 * truth
+    assert result.total == result.modes + result.degrees
 
 
 def test_more_boundary_functions_than_the_mesh_can_hold_are_refused_in_words() -> None:
@@ -219,5 +219,5 @@ def test_more_boundary_functions_than_the_mesh_can_hold_are_refused_in_words() -
 
 def test_a_wavevector_costs_one_solve_and_asks_for_no_more_than_there_is() -> None:
     one = lattice()
-    found = one.waves(GENERIC, 10_000)
-    assert isinstance(found, Waves) and len(found.frequency_hz) == one.dof
+    result = one.waves(GENERIC, 10_000)
+    assert isinstance(result, Waves) and len(result.frequency_hz) == one.dof

@@ -11,7 +11,7 @@ from geometry.hex.boxes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.fem.eigen import modes_in_band
-from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 
 STEEL = MATERIALS["steel"]
@@ -25,8 +25,8 @@ FINE_HZ = 3e6
 @lru_cache
 def model(top_hz: float, pillars: bool) -> PlateModel:
     design = DESIGN if pillars else BARE
-    recipe = Recipe(Interface(3, 3), top_hz, MESH)
-    return PlateModel(design, Reductions(design.thickness_m, STEEL, design.pillar, recipe))
+    reduction = ReductionSettings(Interface(3, 3), top_hz, MESH)
+    return PlateModel(design, Reductions(design.thickness_m, STEEL, design.pillar, reduction))
 
 
 def count(top_hz: float, edge_hz: float, pillars: bool) -> int:
@@ -67,7 +67,7 @@ def test_the_estimate_is_the_true_error_to_first_order(top_hz: float, pillars: b
     ours, theirs = (modes_in_band(each.pencil("++"), *band) for each in (coarse, fine))
     assert len(ours.frequency_hz) == len(theirs.frequency_hz) > 1
     rise = ours.frequency_hz / theirs.frequency_hz - 1.0
-    told = coarse.mode_errors("++", coarse.pencil("++"), ours.vectors).modes
+    text = coarse.mode_errors("++", coarse.pencil("++"), ours.vectors).modes
     small = (rise < 0.005) & (rise > 1e-7)
-    assert small.any() and np.abs(told[small] / rise[small] - 1.0).max() < 0.05
-    assert (told[~small] >= 0.0).all()
+    assert small.any() and np.abs(text[small] / rise[small] - 1.0).max() < 0.05
+    assert (text[~small] >= 0.0).all()

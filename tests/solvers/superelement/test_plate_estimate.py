@@ -1,4 +1,4 @@
-"""The estimate of a joined plate's reduction error against a plate reduced much finer from the same meshes."""
+"""The estimate of a assembled plate's reduction error against a plate reduced much finer from the same meshes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from geometry.hex.boxes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.fem.eigen import modes_near
-from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.plate_error import mode_errors
 
@@ -25,8 +25,8 @@ COUNT = 12
 @lru_cache
 def plate(along: int, top_hz: float) -> tuple[np.ndarray, float, float]:
     """Lowest frequencies of a class, and the worst estimates by modes and by degrees."""
-    recipe = Recipe(Interface(along, 3), top_hz, MESH)
-    joined = PlateModel(DESIGN, Reductions(2e-3, ALUMINIUM, PILLAR, recipe)).joined("++")
+    reduction = ReductionSettings(Interface(along, 3), top_hz, MESH)
+    joined = PlateModel(DESIGN, Reductions(2e-3, ALUMINIUM, PILLAR, reduction)).assembled("++")
     modes = modes_near(joined.pencil(), 0.0, COUNT)
     errors = mode_errors(joined, joined.pencil(), modes.vectors[:, :COUNT])
     return modes.frequency_hz[:COUNT], float(errors.modes.max()), float(errors.degrees.max())

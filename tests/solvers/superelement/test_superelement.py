@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from geometry.hex.boxes import HexSettings, Piece
+from geometry.hex.boxes import HexSettings, Panel
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.errors import SolverError
-from solvers.superelement.build import PlateModel, Recipe, Reductions, lattice_piece
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings, lattice_panel
 from solvers.superelement.cell import Cell, _check, rigid_boundary
 from solvers.superelement.interface import Interface, bubble_functions
-from solvers.superelement.plate import JoinedPlate
+from solvers.superelement.plate import AssembledPlate
 from solvers.superelement.tiling import signature, tile
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -27,8 +27,8 @@ FACE = Interface(4, 3)
 
 def cell(halved: tuple[int, ...] = (0, 1), top_hz: float = 400e3, face: Interface = FACE) -> Cell:
     """One unit cell with its pillar."""
-    reductions = Reductions(2e-3, ALUMINIUM, PILLAR, Recipe(face, top_hz, SETTINGS))
-    return reductions.cell(replace(lattice_piece(DESIGN), halved=halved))
+    reductions = Reductions(2e-3, ALUMINIUM, PILLAR, ReductionSettings(face, top_hz, SETTINGS))
+    return reductions.cell(replace(lattice_panel(DESIGN), halved=halved))
 
 
 def free_hz(of: Cell) -> np.ndarray:
@@ -76,8 +76,8 @@ def test_the_cell_carries_its_mass_and_that_of_its_pillar() -> None:
 
 
 def test_rigid_motions_meet_no_force_and_there_are_six() -> None:
-    found = free_hz(cell())
-    assert (found[:6] < 1e-4 * found[6]).all()
+    result = free_hz(cell())
+    assert (result[:6] < 1e-4 * result[6]).all()
 
 
 def test_frequencies_fall_as_unknowns_are_added_and_converge() -> None:
@@ -91,9 +91,9 @@ def test_frequencies_fall_as_unknowns_are_added_and_converge() -> None:
 @pytest.mark.parametrize("order", [2, 3])
 def test_a_narrow_piece_is_meshed_so_that_its_sides_hold_their_functions(order: int) -> None:
     size = {2: 1.8e-3, 3: 4e-3}[order]  # one element over the narrow side would make functions of degree 6 one
-    recipe = Recipe(Interface(6, 3), 1e5, HexSettings(order, size, 0))
-    narrow = Piece((0.0, 0.0), (1.8e-3, 6e-3))
-    mass = Reductions(2e-3, ALUMINIUM, None, recipe).cell(narrow).mass
+    reduction = ReductionSettings(Interface(6, 3), 1e5, HexSettings(order, size, 0))
+    narrow = Panel((0.0, 0.0), (1.8e-3, 6e-3))
+    mass = Reductions(2e-3, ALUMINIUM, None, reduction).cell(narrow).mass
     values = np.linalg.eigvalsh(mass)
     assert values[0] > 1e-9 * values[-1]
 
@@ -104,7 +104,7 @@ def test_a_cell_that_lost_mass_or_holds_rigid_motions_is_refused() -> None:
     _check(reduced, whole)
     with pytest.raises(SolverError, match="of its mass"):
         _check(replace(reduced, mass=reduced.mass * 0.99), whole)
-    with pytest.raises(SolverError, match="a rigid motion of the reduced cell meets a force"):
+    with pytest.raises(SolverError, match="a rigid-body mode of the reduced cell meets a force"):
         _check(replace(reduced, stiffness=reduced.stiffness + 1e-3 * np.eye(reduced.dof)), whole)
 
 
@@ -114,8 +114,8 @@ def test_tiling_gives_each_pillar_its_own_piece_and_covers_the_plate_symmetrical
     assert (tiling.x[-1], tiling.y[-1]) == pytest.approx((12e-3, DESIGN.half_span_m))
     assert (np.diff(tiling.x) > 0.0).all() and (np.diff(tiling.y) > 0.0).all()
     assert len(tiling.feet) == len(DESIGN.pillar_centres())
-    found = np.array(sorted(tiling.feet.values()))
-    assert np.allclose(found, np.array(sorted(map(tuple, DESIGN.pillar_centres()))))
+    result = np.array(sorted(tiling.feet.values()))
+    assert np.allclose(result, np.array(sorted(map(tuple, DESIGN.pillar_centres()))))
     for (i, j), (cx, cy) in tiling.feet.items():
         assert tiling.x[i] <= cx - 1e-3 + 1e-12 and cx + 1e-3 <= tiling.x[i + 1] + 1e-12
         assert tiling.y[j] <= cy - 1e-3 + 1e-12 and cy + 1e-3 <= tiling.y[j + 1] + 1e-12
@@ -123,24 +123,24 @@ def test_tiling_gives_each_pillar_its_own_piece_and_covers_the_plate_symmetrical
 
 def test_equal_pieces_are_reduced_once() -> None:
     tiling = tile(DESIGN, 4e-3)
-    kinds = {signature(tiling.piece(i, j)) for i in range(len(tiling.x) - 1) for j in range(len(tiling.y) - 1)}
+    kinds = {signature(tiling.panel(i, j)) for i in range(len(tiling.x) - 1) for j in range(len(tiling.y) - 1)}
     assert len(kinds) < (len(tiling.x) - 1) * (len(tiling.y) - 1) / 2
 
 
 def test_cells_that_do_not_fit_together_are_refused() -> None:
     cut = tile(DESIGN, 6e-3)
-    made = Reductions(2e-3, ALUMINIUM, PILLAR, Recipe(FACE, 200e3, SETTINGS, 6e-3))
+    made = Reductions(2e-3, ALUMINIUM, PILLAR, ReductionSettings(FACE, 200e3, SETTINGS, 6e-3))
     cells = PlateModel(DESIGN, made).cells
     key = next(iter(cells))
     other = replace(cells[key], interface=Interface(3, 3))
     with pytest.raises(SolverError, match="do not fit together"):
-        JoinedPlate(cut, {**cells, key: other}, "++")
-    with pytest.raises(SolverError, match="does not fill its piece"):
-        JoinedPlate(cut, {**cells, key: replace(cells[key], size_m=(1e-3, 1e-3, 2e-3))}, "++")
+        AssembledPlate(cut, {**cells, key: other}, "++")
+    with pytest.raises(SolverError, match="does not fill its panel"):
+        AssembledPlate(cut, {**cells, key: replace(cells[key], size_m=(1e-3, 1e-3, 2e-3))}, "++")
 
 
 def test_a_mesh_too_coarse_for_the_boundary_functions_is_refused() -> None:
     coarse = HexSettings(order=1, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
-    made = Reductions(2e-3, ALUMINIUM, PILLAR, Recipe(Interface(4, 3), 200e3, coarse))
+    made = Reductions(2e-3, ALUMINIUM, PILLAR, ReductionSettings(Interface(4, 3), 200e3, coarse))
     with pytest.raises(SolverError, match="through the thickness"):
-        made.cell(lattice_piece(DESIGN))
+        made.cell(lattice_panel(DESIGN))

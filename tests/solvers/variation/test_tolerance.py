@@ -18,7 +18,7 @@ from solvers.measures.confinement import wanted_shape
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.patched_plate import CLASSES
 from solvers.piezo.pressure_load import PressedPlate
-from solvers.superelement.build import PlateModel, Recipe
+from solvers.superelement.build import PlateModel, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.tiling import signature
 from solvers.variation.reductions import VariedReductions
@@ -29,16 +29,16 @@ PILLAR = Pillar("square", 2e-3, 2e-3, 6.0e-3, ALUMINIUM)
 DESIGN = Design(17e-3, 10e-3, 2e-3, 2, ALUMINIUM, PILLAR, 4e-3, 4e-3, 1, 3e-3)
 BAND_HZ, QUALITY = (20e3, 50e3), 100.0
 DEVIATIONS = Deviations(0.06e-3, 0.02e-3, 0.02e-3)
-RECIPE = Recipe(Interface(3, 2), 450e3, HexSettings(2, 4e-3, 0, 0.25, 4e-3), 6e-3)
+REDUCTION = ReductionSettings(Interface(3, 2), 450e3, HexSettings(2, 4e-3, 0, 0.25, 4e-3), 6e-3)
 
 
 def model(design: Design) -> tuple[PlateModel, VariedReductions]:
-    reductions = VariedReductions(design.thickness_m, ALUMINIUM, design.pillar, RECIPE, reach_m=DEVIATIONS.reach_m)
+    reductions = VariedReductions(design.thickness_m, ALUMINIUM, design.pillar, REDUCTION, reach_m=DEVIATIONS.reach_m)
     return PlateModel(design, reductions), reductions
 
 
 def pressed(made: PlateModel, design: Design) -> ForcedPlate:
-    plate = PressedPlate({parity: made.joined(parity) for parity in CLASSES}, design, made.name)
+    plate = PressedPlate({parity: made.assembled(parity) for parity in CLASSES}, design, made.name)
     return ForcedPlate(plate, design, (0,), (), BAND_HZ, QUALITY)
 
 
@@ -64,18 +64,18 @@ class Whole:
 
     def __init__(self, change_m: np.ndarray) -> None:
         have = stand()
-        joined = have.made.joined("++")
+        joined = have.made.assembled("++")
         self.tiling, self.grid = joined.tiling, joined.grid
-        self.scale = joined.placed[0].cell.scale
+        self.scale = joined.placed_cells[0].cell.scale
         rows, columns, stiff, heavy = [], [], [], []
-        self.pieces = []
+        self.panels = []
         for i in range(self.grid.nx):
             for j in range(self.grid.ny):
                 cell, turn, k, m = self._cell(i, j, change_m)
-                unknowns = self.grid.unknowns(i, j)
-                self.pieces.append((i, j, cell, turn, unknowns))
-                rows.append(np.repeat(unknowns, len(unknowns)))
-                columns.append(np.tile(unknowns, len(unknowns)))
+                dofs = self.grid.dofs(i, j)
+                self.panels.append((i, j, cell, turn, dofs))
+                rows.append(np.repeat(dofs, len(dofs)))
+                columns.append(np.tile(dofs, len(dofs)))
                 stiff.append((turn.T @ k @ turn).ravel())
                 heavy.append((turn.T @ m @ turn).ravel())
         place = (np.concatenate(rows), np.concatenate(columns))
@@ -87,7 +87,7 @@ class Whole:
         )
 
     def _cell(self, i: int, j: int, change_m: np.ndarray) -> tuple:
-        """The reduction of the piece's positive image, what turns the piece's unknowns into that one's, and K, M."""
+        """The reduction of the piece's positive image, what turns the piece's degrees of freedom into that one's, and K, M."""
         other = (max(i, self.grid.nx - 1 - i), max(j, self.grid.ny - 1 - j))
         cell = self.grid.cell(i, j)
         turn, signs = np.eye(cell.dof), np.ones(4)
@@ -103,32 +103,32 @@ class Whole:
             return cell, turn, cell.stiffness, cell.mass
         have = stand()
         number = int(np.argmin(np.abs(have.varied.pillars - np.array(foot)).sum(axis=1)))
-        family = have.reductions.families[signature(self.tiling.piece(*other))]
+        family = have.reductions.families[signature(self.tiling.panel(*other))]
         return cell, turn, *family.at(signs * change_m[number])
 
     def rms(self, frequency_hz: float) -> tuple[float, float]:
         """rms |u_z| on zone and passive face under the pressure in the wanted shape, m/N."""
         load, size, faces = np.zeros(self.grid.count), 0.0, []
-        for i, j, cell, turn, unknowns in self.pieces:
-            middle = np.array(self.tiling.piece(i, j).middle)
+        for i, j, cell, turn, dofs in self.panels:
+            middle = np.array(self.tiling.panel(i, j).middle)
             side = np.where(np.array([2 * i < self.grid.nx - 1, 2 * j < self.grid.ny - 1]), -1.0, 1.0)
             points = cell.touch.points[:, :2] * side + middle
             active = np.abs(points[:, 1]) < DESIGN.width_m / 2.0
             rows = cell.touch.matrix[:, 0] @ turn
             force = np.where(active, cell.touch.weights * wanted_shape(DESIGN, points), 0.0)
-            np.add.at(load, unknowns, force @ rows)
+            np.add.at(load, dofs, force @ rows)
             size += np.abs(force).sum()
-            faces.append((unknowns, rows, cell.touch.weights, active))
+            faces.append((dofs, rows, cell.touch.weights, active))
         matrix = self.k * (1.0 + 1j / QUALITY) - self.scale.eigenvalue(frequency_hz) * self.m
         unit = self.scale.young_pa * self.scale.length_m
         u = np.zeros(self.grid.count, dtype=complex)
         u[self.live] = spla.splu(sp.csc_array(matrix)).solve((load[self.live] / size / unit).astype(complex))
-        held = np.zeros(2)
-        for unknowns, rows, weights, active in faces:
-            square = weights * np.abs(rows @ u[unknowns]) ** 2
-            held += [square[active].sum(), square[~active].sum()]
+        clamped = np.zeros(2)
+        for dofs, rows, weights, active in faces:
+            square = weights * np.abs(rows @ u[dofs]) ** 2
+            clamped += [square[active].sum(), square[~active].sum()]
         areas = np.array([DESIGN.width_m, 2.0 * DESIGN.half_span_m - DESIGN.width_m]) * DESIGN.length_m
-        zone, passive = np.sqrt(held / areas)
+        zone, passive = np.sqrt(clamped / areas)
         return float(zone), float(passive)
 
 
@@ -177,7 +177,7 @@ def faces(varied: VariedPlate, change: np.ndarray, tones: np.ndarray) -> np.ndar
 @cache
 def widened() -> VariedPlate:
     have = stand()
-    plate = PressedPlate({parity: have.made.joined(parity) for parity in CLASSES}, DESIGN, have.made.name)
+    plate = PressedPlate({parity: have.made.assembled(parity) for parity in CLASSES}, DESIGN, have.made.name)
     forced = ForcedPlate(plate, DESIGN, (0,), (), BAND_HZ, QUALITY, margin=(0.3, 2.5))
     return VariedPlate(forced, have.reductions.families)
 
@@ -234,9 +234,9 @@ def test_draws_are_seeded_cut_and_of_the_given_size() -> None:
 
 
 def test_statistics_of_few_values() -> None:
-    found = spread(np.array([1.0, 2.0, 6.0]))
-    assert (found.mean, found.lowest, found.highest) == (3.0, 1.0, 6.0)
-    assert found.deviation == pytest.approx(np.sqrt(7.0))
+    result = spread(np.array([1.0, 2.0, 6.0]))
+    assert (result.mean, result.lowest, result.highest) == (3.0, 1.0, 6.0)
+    assert result.deviation == pytest.approx(np.sqrt(7.0))
     assert spread(np.array([4.0])).deviation == 0.0
 
 

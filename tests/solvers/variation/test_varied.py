@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings, Piece, hex_mesh, piece_boxes
+from geometry.hex.boxes import HexSettings, Panel, hex_mesh, panel_boxes
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.errors import SolverError
@@ -20,37 +20,37 @@ ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 5e-3, ALUMINIUM)
 THICK_M, TONE_HZ = 2e-3, 40e3
 SETTING = Setting(THICK_M, ALUMINIUM, PILLAR, Interface(3, 2), 450e3, HexSettings(2, 4e-3, 1, 0.25, 4e-3))
-MIDDLE = Piece((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))
-EDGE = Piece((0.0, -2e-3), (3.5e-3, 2e-3), (2e-3, 0.0), (1,), ("x+",))
-FLUSH = Piece((0.0, -2e-3), (3e-3, 2e-3), (2e-3, 0.0), (1,), ("x+",))
+MIDDLE = Panel((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))
+EDGE = Panel((0.0, -2e-3), (3.5e-3, 2e-3), (2e-3, 0.0), (1,), ("x+",))
+FLUSH = Panel((0.0, -2e-3), (3e-3, 2e-3), (2e-3, 0.0), (1,), ("x+",))
 REACH_M = np.array([0.15e-3, 0.06e-3, 0.15e-3, 0.15e-3])  # 3 % of height and side
 
 
-def anew(piece: Piece, change_m: np.ndarray, setting: Setting = SETTING) -> Cell:
+def anew(panel: Panel, change_m: np.ndarray, setting: Setting = SETTING) -> Cell:
     """The cell reduced from a mesh of the changed pillar."""
     side, height = setting.pillar.base_m + change_m[1], setting.pillar.height_m + change_m[0]
     pillar = replace(setting.pillar, base_m=side, tip_m=side, height_m=height)
-    assert piece.foot is not None
-    whole = Piece(piece.low, piece.high, (piece.foot[0] + change_m[2], piece.foot[1] + change_m[3]), (), piece.free)
-    mesh = hex_mesh(piece_boxes(whole, THICK_M, pillar, setting.hexahedra), setting.hexahedra.order)
+    assert panel.foot is not None
+    whole = Panel(panel.low, panel.high, (panel.foot[0] + change_m[2], panel.foot[1] + change_m[3]), (), panel.free)
+    mesh = hex_mesh(panel_boxes(whole, THICK_M, pillar, setting.hexahedra), setting.hexahedra.order)
     scale = Scale(THICK_M, ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3)
     system = assemble(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}, scale)
-    return reduce_cell(system, setting.interface, setting.top_hz, (), piece.free)
+    return reduce_cell(system, setting.interface, setting.top_hz, (), panel.free)
 
 
 def seen(stiffness: np.ndarray, mass: np.ndarray, boundary: int, scale: Scale) -> np.ndarray:
-    """Dynamic stiffness of the boundary, the inner unknowns condensed."""
+    """Dynamic stiffness of the boundary, the inner degrees of freedom condensed."""
     dynamic = stiffness - scale.eigenvalue(TONE_HZ) * mass
     b, i = slice(0, boundary), slice(boundary, None)
     return dynamic[b, b] - dynamic[b, i] @ np.linalg.solve(dynamic[i, i], dynamic[i, b])
 
 
-def errors(family: CellFamily, piece: Piece, change_m: np.ndarray) -> tuple[float, float]:
+def errors(family: CellFamily, panel: Panel, change_m: np.ndarray) -> tuple[float, float]:
     """What the family misses of a change, over the change, and the change over the whole."""
     count, scale = SETTING.interface.count, family.cell.scale
     nominal = seen(family.cell.stiffness, family.cell.mass, count, scale)
     mine = seen(*family.at(change_m), count, scale)
-    other = anew(piece, change_m)
+    other = anew(panel, change_m)
     theirs = seen(other.stiffness, other.mass, count, scale)
     change = np.linalg.norm(theirs - nominal)
     return float(np.linalg.norm(mine - theirs) / change), float(change / np.linalg.norm(nominal))
@@ -101,7 +101,7 @@ def test_a_piece_at_the_edge_keeps_its_free_side() -> None:
 
 
 def test_a_foot_flush_with_the_edge_stays_there_and_grows_inwards() -> None:
-    boxes = piece_boxes(FLUSH, THICK_M, PILLAR, SETTING.hexahedra)
+    boxes = panel_boxes(FLUSH, THICK_M, PILLAR, SETTING.hexahedra)
     moved = moved_boxes(boxes, SETTING, FLUSH, [0.0, 0.1e-3, 0.05e-3, 0.0])
     assert moved.x[-1] == boxes.x[-1] == pytest.approx(1.5e-3)
     foot = moved.x[:-1][moved.region[:, len(moved.y) // 2 - 1, -1] >= 0]
@@ -118,7 +118,7 @@ def test_only_what_was_reached_is_interpolated(middle: CellFamily) -> None:
 
 
 def test_a_pillar_that_reaches_out_of_its_piece_and_one_that_is_no_box_are_refused() -> None:
-    boxes = piece_boxes(MIDDLE, THICK_M, PILLAR, SETTING.hexahedra)
+    boxes = panel_boxes(MIDDLE, THICK_M, PILLAR, SETTING.hexahedra)
     with pytest.raises(SolverError, match="too wide for the pitch"):
         moved_boxes(unfolded(unfolded(boxes, 0), 1), SETTING, MIDDLE, [0.0, 0.0, 1.1e-3, 0.0])
     with pytest.raises(SolverError, match="above 0"):

@@ -8,14 +8,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings, Piece
+from geometry.hex.boxes import HexSettings, Panel
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.analytic.lamb import lamb_hz, shear_hz
-from solvers.superelement.build import Recipe, Reductions
+from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
-from solvers.waves.branches import Solved, follow, groups, likeness, turned
+from solvers.waves.branches import Solved, follow, groups, modal_overlap, turned
 from solvers.waves.brillouin import Path, path_through
 from solvers.waves.symmetry import Mirrors
 
@@ -31,8 +31,8 @@ def lattice(
     """A coarse cell with its pillar; a bare one with more degrees and modes, for its waves are the exact ones."""
     half = np.array(pitch) / 2.0
     degrees, top_hz = (Interface(4, 3), 1e6) if foot else (Interface(7, 3), 3e6)
-    recipe = Recipe(degrees, top_hz, HexSettings(3, 4e-3 if foot else 1e-3, 0, 0.2, 6.3e-3))
-    return Lattice(Reductions(2e-3, ALUMINIUM, PILLAR, recipe).cell(Piece(tuple(-half), tuple(half), foot, halved)))
+    reduction = ReductionSettings(degrees, top_hz, HexSettings(3, 4e-3 if foot else 1e-3, 0, 0.2, 6.3e-3))
+    return Lattice(Reductions(2e-3, ALUMINIUM, PILLAR, reduction).cell(Panel(tuple(-half), tuple(half), foot, halved)))
 
 
 def test_the_diagonal_mirror_of_the_unknowns_is_that_of_the_field() -> None:
@@ -55,8 +55,8 @@ def test_a_mirrored_wave_is_a_wave_at_the_mirrored_wavevector(name: str, image: 
     one, k = lattice(), np.array([310.0, 520.0])
     there = k[::-1] if image is None else k * np.array(image)
     waves, others = one.waves(k, 6), one.waves(there, 6)
-    mirrored = Mirrors(one.cell).image(name, waves.unknowns)
-    overlap = np.abs(others.unknowns.conj().T @ one.cell.mass @ mirrored)
+    mirrored = Mirrors(one.cell).image(name, waves.dofs)
+    overlap = np.abs(others.dofs.conj().T @ one.cell.mass @ mirrored)
     assert np.allclose(overlap, np.eye(6), atol=1e-6)
 
 
@@ -74,15 +74,15 @@ def test_a_mirror_keeps_a_wavevector_up_to_a_reciprocal_vector() -> None:
     assert mirrors.keeping(np.array([0.3, 0.4]) * edge) == ()
 
 
-def crossed(path: Path, leg: int, mirror: str, sorted_bands: bool) -> int:
-    """How often the parity of a branch, or of a sorted band, changes inside a leg."""
+def crossed(path: Path, segment: int, mirror: str, sorted_bands: bool) -> int:
+    """How often the parity of a branch, or of a sorted band, changes inside a segment."""
     one = lattice()
-    solved, part = Solved(one, 10), path.legs[leg]
-    found = follow(solved, path.wavevectors)
+    solved, part = Solved(one, 10), path.segments[segment]
+    result = follow(solved, path.wavevectors)
     mirrors, changes = Mirrors(one.cell), 0
     parity = [
-        dict(zip(range(14) if sorted_bands else n, mirrors.parity(mirror, w.unknowns), strict=True))
-        for n, w in zip(found.number, found.waves, strict=True)
+        dict(zip(range(14) if sorted_bands else n, mirrors.parity(mirror, w.dofs), strict=True))
+        for n, w in zip(result.number, result.waves, strict=True)
     ][part.first + 1 : part.last]
     for here, there in pairwise(parity):
         changes += sum(here[name] != there[name] for name in here.keys() & there.keys())
@@ -93,19 +93,19 @@ def crossed(path: Path, leg: int, mirror: str, sorted_bands: bool) -> int:
 @pytest.mark.parametrize("points", [10, 25])
 @pytest.mark.parametrize(("leg", "mirror"), [(0, "y"), (1, "x"), (2, "d")])
 def test_a_branch_keeps_its_parity_along_a_symmetry_line_where_sorted_bands_do_not(
-    leg: int, mirror: str, points: int
+    segment: int, mirror: str, points: int
 ) -> None:
     path = path_through("GXMG", points, *SQUARE)
-    assert crossed(path, leg, mirror, sorted_bands=False) == 0
-    assert crossed(path, leg, mirror, sorted_bands=True) > 0
+    assert crossed(path, segment, mirror, sorted_bands=False) == 0
+    assert crossed(path, segment, mirror, sorted_bands=True) > 0
 
 
 def test_branches_are_numbered_once_at_each_wavevector_from_one_on() -> None:
     path = path_through("GXMYG", 8, *OBLONG)
-    found = follow(Solved(lattice(OBLONG), 8), path.wavevectors)
-    assert found.number.shape == (33, 12) and found.number[0].tolist() == list(range(1, 13))
-    assert all(len(set(row)) == 12 for row in found.number.tolist())
-    assert set(found.number.ravel()) == set(range(1, found.number.max() + 1))
+    result = follow(Solved(lattice(OBLONG), 8), path.wavevectors)
+    assert result.number.shape == (33, 12) and result.number[0].tolist() == list(range(1, 13))
+    assert all(len(set(row)) == 12 for row in result.number.tolist())
+    assert set(result.number.ravel()) == set(range(1, result.number.max() + 1))
 
 
 @pytest.mark.parametrize("points", [5, 24])
@@ -114,10 +114,10 @@ def test_waves_of_the_bare_plate_are_followed_through_the_folded_ones(points: in
     pitch = (8e-3, 4e-3)
     bare, edge = lattice(pitch, foot=None), np.pi / pitch[0]
     vectors = np.column_stack([np.linspace(0.1, 0.97, points + 1) * edge, np.zeros(points + 1)])
-    found = follow(Solved(bare, 10), vectors)
-    place = [[int(np.flatnonzero(row == n)[0]) for n in found.number[0][:3]] for row in found.number]
+    result = follow(Solved(bare, 10), vectors)
+    place = [[int(np.flatnonzero(row == n)[0]) for n in result.number[0][:3]] for row in result.number]
     assert place[0] == [0, 1, 2] and max(place[-1]) > 3  # overtaken on the way
-    for k, waves, row in zip(vectors[:, 0], found.waves, place, strict=True):
+    for k, waves, row in zip(vectors[:, 0], result.waves, place, strict=True):
         exact = [lamb_hz(k, 2e-3, ALUMINIUM, False), shear_hz(k, ALUMINIUM), lamb_hz(k, 2e-3, ALUMINIUM, True)]
         assert np.allclose(waves.frequency_hz[row], exact, rtol=2e-3)
 
@@ -127,10 +127,10 @@ def test_degenerate_waves_are_turned_to_those_that_go_on() -> None:
     one, k = lattice(), np.array([8.0, 0.0])
     still, near = one.waves(np.zeros(2), 10), one.waves(k, 10)
     assert [group.stop - group.start for group in groups(one, still.eigenvalue)][:2] == [3, 2]
-    mixed = still.unknowns.copy()
+    mixed = still.dofs.copy()
     mixed[:, 3:5] = mixed[:, 3:5] @ np.array([[0.6, 0.8], [-0.8, 0.6]])
-    for unknowns in (still.unknowns, mixed):
-        start = turned(one, type(still)(still.wavevector, still.eigenvalue, still.frequency_hz, unknowns), k, near)
-        like = likeness(one, start, near)
+    for dofs in (still.dofs, mixed):
+        start = turned(one, type(still)(still.wavevector, still.eigenvalue, still.frequency_hz, dofs), k, near)
+        like = modal_overlap(one, start, near)
         assert (like[:5].max(axis=1) > 0.97).all()
-        assert np.allclose(start.unknowns.conj().T @ one.cell.mass @ start.unknowns, np.eye(10), atol=1e-9)
+        assert np.allclose(start.dofs.conj().T @ one.cell.mass @ start.dofs, np.eye(10), atol=1e-9)

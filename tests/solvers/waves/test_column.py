@@ -1,4 +1,4 @@
-"""One column of cells at the wanted wavenumber against the joined plate and against exact waves."""
+"""One column of cells at the wanted wavenumber against the assembled plate and against exact waves."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from solvers.fem.eigen import modes_in_band
 from solvers.measures.confinement import measure
 from solvers.measures.wanted_mode import verdict
 from solvers.resonators.strip import strip_modes
-from solvers.superelement.build import PlateModel, Recipe, Reductions
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
-from solvers.waves.column import Column, column_pieces
+from solvers.waves.column import Column, column_panels
 
 ALUMINIUM = MATERIALS["aluminium"]
 DESIGN = Design(40e-3, 12e-3, 2e-3, 4, ALUMINIUM, Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM), 4e-3, 4e-3, 1, 6e-3)
-RECIPE = Recipe(Interface(4, 3), 250e3, HexSettings(3, 4e-3, 0, 0.25, 3.15e-3))
+REDUCTION = ReductionSettings(Interface(4, 3), 250e3, HexSettings(3, 4e-3, 0, 0.25, 3.15e-3))
 
 
 def reductions(design: Design) -> Reductions:
-    return Reductions(design.thickness_m, design.material, design.pillar, RECIPE)
+    return Reductions(design.thickness_m, design.material, design.pillar, REDUCTION)
 
 
 @pytest.mark.parametrize("extension_m", [0.0, 1e-3, 6e-3])
 def test_the_pieces_fill_half_the_plate_and_hold_every_row(extension_m: float) -> None:
     design = replace(DESIGN, rows=2, extension_m=extension_m)
-    pieces = column_pieces(design, 6e-3)
-    assert pieces[0].low[1] == pytest.approx(0.0, abs=1e-12)
-    assert pieces[-1].high[1] == pytest.approx(design.half_span_m)
-    assert all(a.high[1] == b.low[1] for a, b in pairwise(pieces))
-    feet = [piece.foot[1] for piece in pieces if piece.foot]
+    panels = column_panels(design, 6e-3)
+    assert panels[0].low[1] == pytest.approx(0.0, abs=1e-12)
+    assert panels[-1].high[1] == pytest.approx(design.half_span_m)
+    assert all(a.high[1] == b.low[1] for a, b in pairwise(panels))
+    feet = [panel.foot[1] for panel in panels if panel.foot]
     assert feet == pytest.approx(design.row_centres().tolist())
 
 
@@ -45,8 +45,8 @@ def test_at_no_wavenumber_a_bare_column_is_a_free_beam() -> None:
     bare = replace(DESIGN, pillar=None, rows=0)
     span, rigidity = 24e-3, 70e9 * 2e-3**3 / 12.0 / (1.0 - 0.34**2)
     thin = (4.730040745 / span) ** 2 / (2.0 * pi) * np.sqrt(rigidity / (2700.0 * 2e-3))
-    found = Column(bare, reductions(bare), 0.0).modes(0.7 * thin, 1.05 * thin)
-    flexural = found.frequency_hz[found.held.mac > 0.3]
+    result = Column(bare, reductions(bare), 0.0).modes(0.7 * thin, 1.05 * thin)
+    flexural = result.frequency_hz[result.confinement.mac > 0.3]
     assert len(flexural) == 1
     shear = (pi / (span / 1.5)) ** 2 * (2e-3) ** 2 / 12.0 * (1.0 + 2.4 / (1.0 - 0.34))  # of k^2 (rotation and shear)
     assert 1.0 - shear < flexural[0] / thin < 1.0
@@ -58,9 +58,11 @@ def test_a_thin_bare_column_is_the_strip_of_plate_theory() -> None:
     kx = 3.5 * pi / bare.length_m
     thin = strip_modes(bare, 1e3, 40e3)
     settings = HexSettings(3, 3e-3, 0, 0.25)
-    found = Column(bare, Reductions(0.5e-3, ALUMINIUM, None, replace(RECIPE, hexahedra=settings)), kx).modes(1e3, 40e3)
+    result = Column(bare, Reductions(0.5e-3, ALUMINIUM, None, replace(REDUCTION, hexahedra=settings)), kx).modes(
+        1e3, 40e3
+    )
     flexural = [
-        float(found.frequency_hz[np.argmin(np.abs(found.frequency_hz / tone - 1.0))]) for tone in thin.frequency_hz
+        float(result.frequency_hz[np.argmin(np.abs(result.frequency_hz / tone - 1.0))]) for tone in thin.frequency_hz
     ]
     assert len(thin.frequency_hz) >= 3
     assert flexural == pytest.approx(thin.frequency_hz.tolist(), rel=0.01)
@@ -75,15 +77,15 @@ def test_a_column_finds_the_plates_wanted_mode_and_ranks_its_heights() -> None:
         zone = {"length_m": 80e-3, "nodal_lines": 6, "width_m": 20e-3}
         design = replace(DESIGN, **zone, rows=2, extension_m=8e-3, pillar=pillar)
         column = Column(design, reductions(design), 5.5 * pi / design.length_m).modes(28e3, 44e3)
-        at = column.held.wanted.index
+        at = column.confinement.wanted.index
         assert at is not None
         around = (0.95 * column.frequency_hz[at], 1.05 * column.frequency_hz[at])
         model = PlateModel(design, reductions(design))
-        found = modes_in_band(model.pencil("++"), *around)
-        plate = measure(model.touch("++", found.vectors), design, "++")
+        result = modes_in_band(model.pencil("++"), *around)
+        plate = measure(model.touch("++", result.vectors), design, "++")
         best = verdict(plate.strength, plate.zone_share, plate.mac).index
         assert best is not None
-        assert column.frequency_hz[at] == pytest.approx(found.frequency_hz[best], rel=0.02)
-        assert column.held.mac[at] > 0.95
-        levels.append((column.held.confinement_db[at], plate.confinement_db[best]))
+        assert column.frequency_hz[at] == pytest.approx(result.frequency_hz[best], rel=0.02)
+        assert column.confinement.mac[at] > 0.95
+        levels.append((column.confinement.confinement_db[at], plate.confinement_db[best]))
     assert levels[0][0] > levels[1][0] and levels[0][1] > levels[1][1]

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from geometry.hex.boxes import HexSettings, Piece
+from geometry.hex.boxes import HexSettings, Panel
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.analytic.lamb import lamb_hz, shear_hz
 from solvers.errors import SolverError
-from solvers.superelement.build import Recipe, Reductions
+from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
@@ -30,13 +30,13 @@ PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
 @cache
 def cell(foot: tuple[float, float] | None = (0.0, 0.0), halved: tuple[int, ...] = (0, 1)) -> Cell:
     half = PITCH_M / 2.0
-    recipe = Recipe(Interface(4, 3), 600e3, HexSettings(3, 2e-3, 0, 0.2, 3e-3))
-    piece = Piece((-half, -half), (half, half), foot, halved)
-    return Reductions(THICK_M, ALUMINIUM, PILLAR, recipe).cell(piece)
+    reduction = ReductionSettings(Interface(4, 3), 600e3, HexSettings(3, 2e-3, 0, 0.2, 3e-3))
+    panel = Panel((-half, -half), (half, half), foot, halved)
+    return Reductions(THICK_M, ALUMINIUM, PILLAR, reduction).cell(panel)
 
 
-def closest(found: evanescent.RowWaves, ky: float) -> int:
-    k = found.wavenumber_per_m
+def closest(result: evanescent.RowWaves, ky: float) -> int:
+    k = result.wavenumber_per_m
     return int(np.argmin(np.abs(np.abs(k.real) - ky) + np.abs(k.imag)))
 
 
@@ -47,10 +47,10 @@ def test_every_real_band_is_a_propagating_wave(foot: tuple[float, float] | None,
     c = cell(foot)
     row = Row(c, KX)
     for frequency in Lattice(c).frequencies(np.array([KX, ky]), 5):
-        found = row.waves(float(frequency))
-        index = closest(found, ky)
-        assert abs(abs(found.wavenumber_per_m[index]) - ky) < 1e-6 * ky
-        assert abs(abs(found.factor[index]) - 1.0) < 1e-9
+        result = row.waves(float(frequency))
+        index = closest(result, ky)
+        assert abs(abs(result.wavenumber_per_m[index]) - ky) < 1e-6 * ky
+        assert abs(abs(result.factor[index]) - 1.0) < 1e-9
 
 
 def test_every_propagating_wave_of_a_lopsided_row_is_on_a_real_band() -> None:
@@ -58,8 +58,8 @@ def test_every_propagating_wave_of_a_lopsided_row_is_on_a_real_band() -> None:
     c = cell((0.3e-3, 0.4e-3), ())
     row, seen = Row(c, KX), 0
     for frequency in (20e3, 31e3, 40e3, 120e3, 150e3):
-        found = row.waves(frequency)
-        for ky in found.wavenumber_per_m[found.flux > 0.0]:
+        result = row.waves(frequency)
+        for ky in result.wavenumber_per_m[result.flux > 0.0]:
             bands = Lattice(c).frequencies(np.array([KX, ky.real]), 8)
             assert np.abs(bands / frequency - 1.0).min() < 1e-7
             seen += 1
@@ -68,13 +68,13 @@ def test_every_propagating_wave_of_a_lopsided_row_is_on_a_real_band() -> None:
 
 def test_the_bare_plate_carries_and_holds_back_the_exact_waves() -> None:
     """A0 propagates above its cut-off at k_x; SH0 decays by Im k_y = sqrt(k_x^2 - k_t^2), a reduced cell's own error apart."""
-    found = Row(cell(None), KX).waves(35e3)
-    k = found.wavenumber_per_m[found.flux > 0.0]
+    result = Row(cell(None), KX).waves(35e3)
+    k = result.wavenumber_per_m[result.flux > 0.0]
     assert len(k) == 1
     assert lamb_hz(float(np.hypot(KX, k[0].real)), THICK_M, ALUMINIUM, False) == pytest.approx(35e3, rel=2e-4)
     slow = 2.0 * pi * 35e3 / (shear_hz(1.0, ALUMINIUM) * 2.0 * pi)
     decay = np.sqrt(KX**2 - slow**2)
-    assert np.abs(found.wavenumber_per_m - 1j * decay).min() < 2e-4 * decay
+    assert np.abs(result.wavenumber_per_m - 1j * decay).min() < 2e-4 * decay
 
 
 def test_pairs_are_exact_and_the_two_routes_agree() -> None:
@@ -92,19 +92,19 @@ def test_pairs_are_exact_and_the_two_routes_agree() -> None:
 def test_each_wave_balances_forces_between_rows() -> None:
     row = Row(cell(), KX)
     stiffness, _ = row.condensed(33.5e3)
-    found = row.waves(33.5e3)
+    result = row.waves(33.5e3)
     for index in range(12):
-        factor, q = found.factor[index], found.edge[:, index]
+        factor, q = result.factor[index], result.edge[:, index]
         upper = stiffness.tb @ q + stiffness.tt @ (q * factor)
-        assert np.abs(upper + factor * found.force[:, index]).max() < 1e-9 * np.abs(stiffness.bb).max()
+        assert np.abs(upper + factor * result.force[:, index]).max() < 1e-9 * np.abs(stiffness.bb).max()
 
 
 def test_a_wrong_phase_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     frequency = float(Lattice(cell()).frequencies(np.array([KX, 300.0]), 1)[0])
     true = Row._transform
     monkeypatch.setattr(Row, "_transform", lambda self, phase: true(self, phase * np.exp(0.02j)))
-    found = Row(cell(), KX).waves(frequency)
-    assert abs(abs(found.wavenumber_per_m[closest(found, 300.0)]) - 300.0) > 1e-4 * 300.0
+    result = Row(cell(), KX).waves(frequency)
+    assert abs(abs(result.wavenumber_per_m[closest(result, 300.0)]) - 300.0) > 1e-4 * 300.0
 
 
 @pytest.mark.parametrize("kx", [0.0, 40.0, KX])
@@ -116,16 +116,16 @@ def test_energy_is_neither_lost_nor_made(kx: float, count: int) -> None:
     assert len(going) == (1 if kx == KX else 3)
     stiffness, _ = row.condensed(36e3)
     for incoming in going:
-        found = scatter(stacked(stiffness, count), half, bare.mirror_sign, int(incoming))
-        assert found.reflected.sum() + found.transmitted.sum() == pytest.approx(1.0, abs=1e-10)
+        result = scatter(stacked(stiffness, count), half, bare.mirror_sign, int(incoming))
+        assert result.reflected.sum() + result.transmitted.sum() == pytest.approx(1.0, abs=1e-10)
 
 
 def test_rows_of_bare_plate_reflect_nothing() -> None:
     bare = Row(cell(None), KX)
     half = bare.waves(36e3)
     stiffness, _ = bare.condensed(36e3)
-    found = scatter(stacked(stiffness, 5), half, bare.mirror_sign, int(np.flatnonzero(half.flux > 0.0)[0]))
-    assert found.reflected.sum() < 1e-18 and found.transmitted.sum() == pytest.approx(1.0, abs=1e-10)
+    result = scatter(stacked(stiffness, 5), half, bare.mirror_sign, int(np.flatnonzero(half.flux > 0.0)[0]))
+    assert result.reflected.sum() < 1e-18 and result.transmitted.sum() == pytest.approx(1.0, abs=1e-10)
 
 
 def test_a_long_stack_decays_as_its_least_attenuated_wave() -> None:

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings, Piece
+from geometry.hex.boxes import HexSettings, Panel
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.fem.assembly import Scale
-from solvers.superelement.build import Recipe, Reductions
+from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice, Waves
 from solvers.waves.branches import Solved, follow
 from solvers.waves.brillouin import path_through, zone_grid
-from solvers.waves.gaps import leg_gaps, path_gaps, path_lines, sampled_zone_gaps, zone_gaps
+from solvers.waves.gaps import directional_gaps, path_gaps, path_lines, sampled_zone_gaps, zone_gaps
 from solvers.waves.polarisation_gaps import labels_along, polarisation_gaps
 from solvers.waves.refine import Line, cubic_top, tent_top
 
@@ -73,9 +73,9 @@ def hump(x: float, y: float) -> float:
 def test_an_edge_between_the_samples_is_found(points: int) -> None:
     solved = made_up(hump, lambda x, y: 4.0 + 0.1 * np.cos(x))
     line = Line(solved, path_through("GX", points, 1.0, 1.0).wavevectors)
-    found = line.extreme(0, 1)
-    assert found.hz == pytest.approx(float(ONE.frequency(np.array(2.0))), rel=1e-8)
-    assert found.wavevector == pytest.approx([1.1, 0.0], abs=1e-4)
+    result = line.extreme(0, 1)
+    assert result.hz == pytest.approx(float(ONE.frequency(np.array(2.0))), rel=1e-8)
+    assert result.wavevector == pytest.approx([1.1, 0.0], abs=1e-4)
     assert line.value[:, 0].max() < 2.0 - 1e-4  # the samples alone would not do
 
 
@@ -106,14 +106,14 @@ def test_an_edge_off_the_path_is_found_over_the_zone() -> None:
     along = path_gaps(path_lines(solved, path))
     grid = zone_grid(12, 1.0, 1.0, True, True)
     values = np.array([solved.lattice.eigenvalues(k, 2) for k in grid])
-    (found,) = zone_gaps(solved, grid, values, along)
-    assert found.lower_hz == pytest.approx(float(ONE.frequency(np.array(2.0))), rel=1e-6)
-    assert found.lower_at == pytest.approx((2.1, 1.03), abs=1e-3)
-    assert found.upper_at == pytest.approx((np.pi, np.pi), abs=1e-3)
-    assert found.upper_hz == pytest.approx(along[0].upper_hz, rel=1e-9)
-    assert along[0].lower_hz < 0.9 * found.lower_hz
+    (result,) = zone_gaps(solved, grid, values, along)
+    assert result.lower_hz == pytest.approx(float(ONE.frequency(np.array(2.0))), rel=1e-6)
+    assert result.lower_at == pytest.approx((2.1, 1.03), abs=1e-3)
+    assert result.upper_at == pytest.approx((np.pi, np.pi), abs=1e-3)
+    assert result.upper_hz == pytest.approx(along[0].upper_hz, rel=1e-9)
+    assert along[0].lower_hz < 0.9 * result.lower_hz
     (sampled,) = sampled_zone_gaps(grid, ONE.frequency(values), along)
-    assert along[0].lower_hz < sampled.lower_hz < found.lower_hz
+    assert along[0].lower_hz < sampled.lower_hz < result.lower_hz
 
 
 def test_a_gap_that_the_zone_fills_is_no_gap_of_the_zone() -> None:
@@ -129,25 +129,25 @@ def test_a_gap_that_the_zone_fills_is_no_gap_of_the_zone() -> None:
 @cache
 def lattice() -> Lattice:
     half = np.array(PITCH) / 2.0
-    recipe = Recipe(Interface(4, 3), 1.2e6, HexSettings(3, 4e-3, 0, 0.2, 6.3e-3))
-    piece = Piece(tuple(-half), tuple(half), (0.0, 0.0), (0, 1))
-    return Lattice(Reductions(2e-3, ALUMINIUM, PILLAR, recipe).cell(piece))
+    reduction = ReductionSettings(Interface(4, 3), 1.2e6, HexSettings(3, 4e-3, 0, 0.2, 6.3e-3))
+    panel = Panel(tuple(-half), tuple(half), (0.0, 0.0), (0, 1))
+    return Lattice(Reductions(2e-3, ALUMINIUM, PILLAR, reduction).cell(panel))
 
 
 def test_three_points_a_leg_give_the_edges_of_twenty_five_and_of_a_brute_search() -> None:
-    """An oblong cell: edges inside legs, not only at their ends."""
-    found = []
+    """An oblong cell: edges inside segments, not only at their ends."""
+    result = []
     for points, factor in ((3, 8), (25, 1)):
         path = path_through("GXMYG", points, *PITCH).finer(factor)
         lines = path_lines(Solved(lattice(), 10), path)
-        found.append((path_gaps(lines), leg_gaps(path, lines)))
-    for coarse, fine in zip(*found, strict=True):
+        result.append((path_gaps(lines), directional_gaps(path, lines)))
+    for coarse, fine in zip(*result, strict=True):
         assert len(coarse) == len(fine) > 0
         for one, two in zip(coarse, fine, strict=True):
             assert one.lower_band == two.lower_band
             assert one.lower_hz == pytest.approx(two.lower_hz, rel=1e-6)
             assert one.upper_hz == pytest.approx(two.upper_hz, rel=1e-6)
-    first = next(gap for gap in found[0][1] if (gap.start, gap.end) == ("G", "X"))
+    first = next(gap for gap in result[0][1] if (gap.start, gap.end) == ("G", "X"))
     k = np.column_stack([np.linspace(0.5, 1.0, 120) * np.pi / PITCH[0], np.zeros(120)])
     brute = max(float(lattice().frequencies(each, first.lower_band)[-1]) for each in k)
     assert first.lower_hz == pytest.approx(brute, rel=2e-5) and first.lower_hz >= brute * (1.0 - 1e-9)
@@ -157,12 +157,17 @@ def test_three_points_a_leg_give_the_edges_of_twenty_five_and_of_a_brute_search(
 def test_directional_gaps_contain_the_complete_ones() -> None:
     path = path_through("GXMYG", 12, *PITCH)
     lines = path_lines(Solved(lattice(), 10), path)
-    complete, directional = path_gaps(lines), leg_gaps(path, lines)
+    complete, directional = path_gaps(lines), directional_gaps(path, lines)
     for gap in complete:
-        legs = [leg for leg in directional if leg.lower_band == gap.lower_band]
-        assert [(leg.start, leg.end) for leg in legs] == [("G", "X"), ("X", "M"), ("M", "Y"), ("Y", "G")]
-        assert max(leg.lower_hz for leg in legs) == gap.lower_hz
-        assert min(leg.upper_hz for leg in legs) == gap.upper_hz
+        segments = [segment for segment in directional if segment.lower_band == gap.lower_band]
+        assert [(segment.start, segment.end) for segment in segments] == [
+            ("G", "X"),
+            ("X", "M"),
+            ("M", "Y"),
+            ("Y", "G"),
+        ]
+        assert max(segment.lower_hz for segment in segments) == gap.lower_hz
+        assert min(segment.upper_hz for segment in segments) == gap.upper_hz
 
 
 def test_no_wave_of_a_polarisation_lies_in_its_gaps_and_some_lie_at_their_edges() -> None:

@@ -7,11 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings, Piece
+from geometry.hex.boxes import HexSettings, Panel
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.analytic.lamb import lamb_hz, shear_hz
-from solvers.superelement.build import Recipe, Reductions
+from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.cell import Cell, rigid_boundary
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
@@ -25,33 +25,33 @@ PITCH, THICK_M = (3e-3, 4e-3), 2e-3
 @cache
 def cell(foot: bool = False) -> Cell:
     half = np.array(PITCH) / 2.0
-    recipe = Recipe(Interface(6, 3), 2e6, HexSettings(3, 1.5e-3, 0, 0.2, 3e-3))
-    piece = Piece(tuple(-half), tuple(half), (0.0, 0.0) if foot else None, (0, 1))
-    return Reductions(THICK_M, ALUMINIUM, PILLAR, recipe).cell(piece)
+    reduction = ReductionSettings(Interface(6, 3), 2e6, HexSettings(3, 1.5e-3, 0, 0.2, 3e-3))
+    panel = Panel(tuple(-half), tuple(half), (0.0, 0.0) if foot else None, (0, 1))
+    return Reductions(THICK_M, ALUMINIUM, PILLAR, reduction).cell(panel)
 
 
 def labels(of: Cell, k: np.ndarray, count: int, named: np.ndarray | None = None) -> list[Label]:
     """Labels of the lowest waves at k, told under another name of the wavevector if given."""
     waves = Lattice(of).waves(k, count)
-    return label_of(of, waves.unknowns, np.tile((k if named is None else named)[:, None], count))
+    return label_of(of, waves.dofs, np.tile((k if named is None else named)[:, None], count))
 
 
 def exact(k: np.ndarray, count: int) -> list[str]:
     """Names of the bare plate's waves seen as a lattice, by frequency."""
-    found = []
+    result = []
     for m in range(-2, 3):
         for n in range(-2, 3):
             q = float(np.hypot(*(k + 2.0 * np.pi * np.array([m, n]) / PITCH)))
-            found += [(lamb_hz(q, THICK_M, ALUMINIUM, False), "flexural"), (shear_hz(q, ALUMINIUM), "shear")]
-            found.append((lamb_hz(q, THICK_M, ALUMINIUM, True), "longitudinal"))
-    return [name for _, name in sorted(found)[:count]]
+            result += [(lamb_hz(q, THICK_M, ALUMINIUM, False), "flexural"), (shear_hz(q, ALUMINIUM), "shear")]
+            result.append((lamb_hz(q, THICK_M, ALUMINIUM, True), "longitudinal"))
+    return [name for _, name in sorted(result)[:count]]
 
 
 @pytest.mark.parametrize("k", [(300.0, 0.0), (0.0, 250.0), (310.0, 420.0), (-500.0, 330.0)])
 def test_a0_sh0_and_s0_of_the_bare_plate_are_named_and_pure(k: tuple[float, float]) -> None:
-    found = labels(cell(), np.array(k), 3)
-    assert [label.name for label in found] == exact(np.array(k), 3)
-    for label in found:
+    result = labels(cell(), np.array(k), 3)
+    assert [label.name for label in result] == exact(np.array(k), 3)
+    for label in result:
         assert label.flexural_share == pytest.approx(float(label.name == "flexural"), abs=1e-9)
         if label.name != "flexural":
             assert label.longitudinal_share == pytest.approx(float(label.name == "longitudinal"), abs=1e-3)
@@ -75,8 +75,8 @@ def test_labels_do_not_depend_on_the_name_of_the_wavevector() -> None:
 def test_at_the_zones_centre_a_short_vector_tells_the_direction_meant() -> None:
     motions = rigid_boundary(cell())[:, :3].astype(complex)
     for direction, names in (((1e-6, 0.0), ("longitudinal", "shear")), ((0.0, 1e-6), ("shear", "longitudinal"))):
-        found = label_of(cell(), motions, np.tile(np.array(direction)[:, None], 3))
-        assert [label.name for label in found] == [*names, "flexural"]
+        result = label_of(cell(), motions, np.tile(np.array(direction)[:, None], 3))
+        assert [label.name for label in result] == [*names, "flexural"]
 
 
 @pytest.mark.parametrize("kx", [0.0, 204.0])
@@ -89,13 +89,13 @@ def test_decaying_in_plane_waves_are_told_apart(kx: float, decay: float) -> None
         ((k[1], -k[0], 0.0), "shear"),
         ((0.0, 0.0, 1.0), "flexural"),
     ):
-        unknowns = on_boundary(k, np.array(motion))
-        (found,) = label_of(cell(), unknowns[:, None], k[:, None])
-        assert found.name == name
+        dofs = on_boundary(k, np.array(motion))
+        (result,) = label_of(cell(), dofs[:, None], k[:, None])
+        assert result.name == name
 
 
 def on_boundary(k: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """A plane wave, constant through the thickness, in the cell's unknowns by least squares."""
+    """A plane wave, constant through the thickness, in the cell's degrees of freedom by least squares."""
     s, one = np.linspace(-1.0, 1.0, 41), np.ones(41)
     at = np.concatenate(
         [np.column_stack(xy) for xy in ((-one, s, 0 * s), (one, s, 0 * s), (s, -one, 0 * s), (s, one, 0 * s))]
@@ -119,7 +119,7 @@ def test_pillar_waves_are_named_only_where_asked() -> None:
     k = np.array([900.0, 700.0])
     waves = Lattice(cell(True)).waves(k, 3)
     k = np.tile(k[:, None], 3)
-    plain, asked = label_of(cell(True), waves.unknowns, k), label_of(cell(True), waves.unknowns, k, with_pillars=True)
-    assert [label.name for label in asked] == ["pillar"] * 3
-    assert all(label.pillar_share > 0.9 for label in asked)
-    assert [label.name for label in plain] == [label.plate for label in plain] == [label.plate for label in asked]
+    plain, query = label_of(cell(True), waves.dofs, k), label_of(cell(True), waves.dofs, k, with_pillars=True)
+    assert [label.name for label in query] == ["pillar"] * 3
+    assert all(label.pillar_share > 0.9 for label in query)
+    assert [label.name for label in plain] == [label.plate for label in plain] == [label.plate for label in query]

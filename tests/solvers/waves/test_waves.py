@@ -11,7 +11,7 @@ from geometry.materials import MATERIALS
 from geometry.mesh import Mesh
 from solvers.fem.assembly import assemble
 from solvers.waves.bloch import BlochCell, periodic_nodes
-from solvers.waves.brillouin import Leg, path_through, zone_grid
+from solvers.waves.brillouin import PathSegment, path_through, zone_grid
 from solvers.waves.gaps import Gap, complete_gaps
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -46,8 +46,13 @@ def test_a_finer_path_keeps_the_wavevectors_and_the_legs() -> None:
     fine = path.finer(4)
     assert (fine.wavevectors[::4] == path.wavevectors).all() and fine.labels[::4] == path.labels
     assert np.allclose(np.diff(fine.arc)[:12], path.arc[3] / 12.0)
-    assert path.legs == [Leg("G", "X", 0, 3), Leg("X", "M", 3, 6), Leg("M", "Y", 6, 9), Leg("Y", "G", 9, 12)]
-    assert [(leg.first, leg.last) for leg in fine.legs] == [(0, 12), (12, 24), (24, 36), (36, 48)]
+    assert path.segments == [
+        PathSegment("G", "X", 0, 3),
+        PathSegment("X", "M", 3, 6),
+        PathSegment("M", "Y", 6, 9),
+        PathSegment("Y", "G", 9, 12),
+    ]
+    assert [(segment.first, segment.last) for segment in fine.segments] == [(0, 12), (12, 24), (24, 36), (36, 48)]
     assert (path.finer(1).wavevectors == path.wavevectors).all()
 
 
@@ -104,9 +109,9 @@ def test_the_pencil_is_hermitian_and_carries_the_phase_of_each_side() -> None:
     fold = np.kron(fold, np.eye(3))
     truth = fold.conj().T @ (system.stiffness @ fold)
     size = len(truth)
-    found = pencil.stiffness.toarray()
-    assert np.abs(found[:size, :size] + 1j * found[size:, :size] - truth).max() < 1e-12 * np.abs(truth).max()
-    assert np.abs(found - found.T).max() < 1e-12 * np.abs(truth).max()
+    result = pencil.stiffness.toarray()
+    assert np.abs(result[:size, :size] + 1j * result[size:, :size] - truth).max() < 1e-12 * np.abs(truth).max()
+    assert np.abs(result - result.T).max() < 1e-12 * np.abs(truth).max()
 
 
 def test_phases_that_are_real_halve_the_problem_and_gamma_has_three_still_waves() -> None:
@@ -114,5 +119,5 @@ def test_phases_that_are_real_halve_the_problem_and_gamma_has_three_still_waves(
     for share in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)):
         pencil, multiplicity = bloch.pencil(np.array(share) * np.pi / np.array(PITCH))
         assert (pencil.dof, multiplicity) == (bloch.dof, 1)
-    found = bloch.frequencies(np.zeros(2), 5)
-    assert (found[:3] < 1e-4 * found[3]).all() and found[3] > 1e5
+    result = bloch.frequencies(np.zeros(2), 5)
+    assert (result[:3] < 1e-4 * result[3]).all() and result[3] > 1e5

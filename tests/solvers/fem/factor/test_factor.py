@@ -46,9 +46,9 @@ def test_one_and_many_right_hand_sides_are_solved(backend: str) -> None:
     kept = many.copy()
     assert np.allclose(made.solve(many), exact, rtol=1e-8, atol=1e-9 * np.abs(exact).max())
     for column in range(5):
-        found = made.solve(many[:, column])
-        assert found.shape == (matrix.shape[0],)
-        assert np.allclose(found, exact[:, column], rtol=1e-8, atol=1e-9 * np.abs(exact).max())
+        result = made.solve(many[:, column])
+        assert result.shape == (matrix.shape[0],)
+        assert np.allclose(result, exact[:, column], rtol=1e-8, atol=1e-9 * np.abs(exact).max())
     assert (many == kept).all(), "the right-hand side is the caller's"
 
 
@@ -64,11 +64,11 @@ def test_the_inertia_is_that_of_dense_algebra(backend: str, kind: str) -> None:
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_every_factorisation_gives_the_same_eigenvalues(backend: str) -> None:
     body = pencil("hex3")
-    found = modes_near(body, 3e5, 12, backend)
+    result = modes_near(body, 3e5, 12, backend)
     truth = body.scale.frequency(eigh(body.stiffness.toarray(), body.mass.toarray(), eigvals_only=True))
     nearest = np.sort(truth[np.argsort(np.abs(truth - 3e5))[:12]])
-    assert np.abs(found.frequency_hz / nearest - 1.0).max() < 1e-9
-    assert found.count.expected == found.count.found == 12
+    assert np.abs(result.frequency_hz / nearest - 1.0).max() < 1e-9
+    assert result.count.expected == result.count.found == 12
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -94,7 +94,9 @@ def test_what_does_not_fit_is_refused_before_it_is_factorised(backend: str, monk
     monkeypatch.setattr(memory, "room_bytes", lambda: 0.99 * needed)
     started: list[str] = []
     monkeypatch.setattr(superlu, "splu", lambda *a, **k: started.append("splu"))
-    with pytest.raises(TooLarge, match=rf"factorising {matrix.shape[0]} unknowns needs about .* GiB are free"):
+    with pytest.raises(
+        TooLarge, match=rf"factorising {matrix.shape[0]} degrees of freedom needs about .* GiB are free"
+    ):
         Factoriser(backend)(matrix)
     assert not started
     monkeypatch.undo()
@@ -180,7 +182,7 @@ def test_threads_are_those_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def filled_entries(pattern: np.ndarray, place: np.ndarray, size: np.ndarray) -> int:
-    """Entries of L by elimination itself, each vertex standing for `size` alike unknowns."""
+    """Entries of L by elimination itself, each vertex standing for `size` alike degrees of freedom."""
     order = np.argsort(place)
     lower, weight = np.tril(pattern[order][:, order]), size[order]
     for k in range(len(size)):

@@ -106,10 +106,10 @@ def test_the_count_beside_an_eigenvalue_is_right_or_refused() -> None:
         for distance in (1e-3, 1e-6, 1e-9):
             for side in (-1.0, 1.0):
                 shift = values[index] * (1.0 + side * distance)
-                told = counted_or_refused(sp.csc_array(body.stiffness - shift * body.mass))
+                text = counted_or_refused(sp.csc_array(body.stiffness - shift * body.mass))
                 expected = int((values < shift).sum())
-                assert told in (expected, None), (index, distance, side)
-                right.append(told == expected)
+                assert text in (expected, None), (index, distance, side)
+                right.append(text == expected)
     assert all(right), "none of these is so near that it must be refused"
 
 
@@ -170,10 +170,10 @@ class Noisy(Factoriser):
 
 
 @pytest.mark.parametrize("backend", available())
-@pytest.mark.parametrize("place", ["above rigid motions", "on a mode"])
+@pytest.mark.parametrize("place", ["above rigid-body modes", "on a mode"])
 def test_rounding_beside_the_shift_does_not_spoil_the_modes_far_from_it(backend: str, place: str) -> None:
     """A pair six powers of ten nearer to the shift than the others: a solve's rounding grows by as much."""
-    low = [1e-15, 2e-15] if place == "above rigid motions" else [3.1e-3, 3.6e-3]
+    low = [1e-15, 2e-15] if place == "above rigid-body modes" else [3.1e-3, 3.6e-3]
     values = np.sort(np.concatenate([low, 1e-3 * np.arange(1.0, 9.0), np.linspace(0.1, 1.0, 190)]))
     turn = np.linalg.qr(np.random.default_rng(1).standard_normal((len(values), len(values))))[0]
     stiffness = (turn * values) @ turn.T
@@ -181,9 +181,9 @@ def test_rounding_beside_the_shift_does_not_spoil_the_modes_far_from_it(backend:
         sp.csc_array((stiffness + stiffness.T) / 2.0),
         sp.eye_array(len(values), format="csc"),
         Scale(1.0, 1.0, 1.0),
-        rigid_count=2 if place == "above rigid motions" else 0,
+        rigid_count=2 if place == "above rigid-body modes" else 0,
     )
-    target = 0.0 if place == "above rigid motions" else 3.6e-3 * (1.0 + 1e-8)
+    target = 0.0 if place == "above rigid-body modes" else 3.6e-3 * (1.0 + 1e-8)
     modes = modes_near(pencil, float(np.sqrt(target) / (2.0 * np.pi)), 5, Noisy(backend))  # type: ignore[arg-type]
     elastic = values[pencil.rigid_count :]
     nearest = np.sort(elastic[np.argsort(np.abs(np.sqrt(elastic) - np.sqrt(target)))[:5]])

@@ -1,4 +1,6 @@
-"""One rung up: taken where the wanted mode's own estimate asks for it, not taken where it does not, and said when it fails."""
+"""One mesh level finer: taken where the wanted mode's own estimate asks for it, not taken where it does not, and
+said when it fails.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from pipeline.case.model import Case, case_from_dict
 from pipeline.planning import mesh_rules
 from pipeline.planning.request import Request
 from solvers.errors import SolverError
-from tests.helpers.told import Told
+from tests.helpers.recording_log import RecordingLog
 
 BAND_HZ = (25e3, 45e3)
 
@@ -30,8 +32,8 @@ def case(accuracy: float) -> Case:
     )
 
 
-def solved(accuracy: float) -> tuple[modes.PartModes, Told]:
-    log = Told()
+def solved(accuracy: float) -> tuple[modes.PartModes, RecordingLog]:
+    log = RecordingLog()
     return modes.solve_modes(case(accuracy), Request("plate", BAND_HZ, None, None), log), log
 
 
@@ -41,7 +43,7 @@ def too_low(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mesh_rules, "ALONG", {2: 100.0})
 
 
-def climbs(log: Told) -> list[str]:
+def climbs(log: RecordingLog) -> list[str]:
     return [line for line in log.facts if "degree 3 along the sides instead of 2" in line]
 
 
@@ -50,7 +52,7 @@ def test_a_degree_too_low_is_raised_and_every_mode_comes_down() -> None:
     low, kept = solved(0.1)
     high, log = solved(0.01)
     assert climbs(log) and not climbs(kept)
-    ours, theirs = ([row.frequency_hz for row in found.rows] for found in (high, low))
+    ours, theirs = ([row.frequency_hz for row in result.rows] for result in (high, low))
     assert len(ours) >= len(theirs) and all(a < b for a, b in zip(ours, theirs, strict=False))
     assert high.reduction_error < low.reduction_error / 2.0
 
@@ -64,12 +66,12 @@ def test_what_is_good_enough_stays_on_its_rung() -> None:
 def test_a_rung_that_cannot_be_solved_leaves_what_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
     built = modes.parts.built
 
-    def first_only(case: Case, way: Any, log: Any, meshes: Any) -> Any:
-        if way.recipe.interface.along > 2:
+    def first_only(case: Case, choice: Any, log: Any, meshes: Any) -> Any:
+        if choice.reduction.interface.along > 2:
             raise SolverError("the mesh holds no more")
-        return built(case, way, log, meshes)
+        return built(case, choice, log, meshes)
 
     monkeypatch.setattr(modes.parts, "built", first_only)
-    found, log = solved(0.01)
-    assert found.rows and "no rung higher: the mesh holds no more" in log.facts
-    assert "REDUCTION" in log.alarms
+    result, log = solved(0.01)
+    assert result.rows and "no mesh level higher: the mesh holds no more" in log.facts
+    assert "REDUCTION" in log.warnings

@@ -1,4 +1,6 @@
-"""The expected error: from the committed table, growing with coarser meshes, and the planner's rungs meet what they promise."""
+"""The expected error: from the committed table, growing with coarser meshes, and the planner's mesh levels meet what
+they promise.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ from pipeline.case.model import load_case
 from pipeline.planning import calibration, mesh_rules
 from pipeline.planning.calibration import HEX, SAFETY, Measured, table
 from pipeline.planning.error_bar import expected_error
-from pipeline.planning.model_choice import cell_way, way_of
+from pipeline.planning.model_choice import cell_model_choice, model_choice_of
 from studies import ladder
 
 CASE = Path(__file__).resolve().parents[3] / "studies" / "three-rows.toml"
@@ -24,41 +26,41 @@ CASE = Path(__file__).resolve().parents[3] / "studies" / "three-rows.toml"
 @pytest.mark.parametrize("part", ["zone", "pillar", "cell", "plate"])
 def test_what_the_planner_takes_is_expected_to_meet_the_accuracy(part: str, accuracy: float) -> None:
     case = load_case(CASE, [f"solve.accuracy={accuracy}"])
-    way = cell_way(case) if part == "cell" else way_of(case, part, 45e3)
-    error = expected_error(way, case.design)
+    choice = cell_model_choice(case) if part == "cell" else model_choice_of(case, part, 45e3)
+    error = expected_error(choice, case.design)
     assert error is not None and error <= accuracy
 
 
 def test_the_cheapest_mesh_that_serves_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = (4e-3, 2e-3, 1e-3, 2e-4)
-    ladder_of_zone = mesh_rules.rungs("zone")
+    ladder_of_zone = mesh_rules.mesh_levels("zone")
     rows = [
         Measured("zone", "hex", r.order, r.layers, r.factor, r.share, r.through, 0.0, 1.0, e)
         for r, e in zip(ladder_of_zone, errors, strict=False)
     ]
     monkeypatch.setattr(calibration, "table", lambda: tuple(rows))
-    taken = [mesh_rules.rung("zone", SAFETY[HEX] * (error + 1e-9)) for error in (1.0, *errors, 1e-5)]
+    taken = [mesh_rules.mesh_level("zone", SAFETY[HEX] * (error + 1e-9)) for error in (1.0, *errors, 1e-5)]
     assert taken == [ladder_of_zone[0], *ladder_of_zone[: len(errors)], ladder_of_zone[-1]]
 
 
 @pytest.mark.parametrize("accuracy", [0.03, 0.003, 0.0015])
 def test_a_plates_bar_is_that_of_the_mesh_it_is_reduced_on(accuracy: float) -> None:
     case = load_case(CASE, [f"solve.accuracy={accuracy}"])
-    way = way_of(case, "plate", 45e3)
-    assert way.recipe is not None and way.rung is not None
-    assert way.recipe.hexahedra == way.hexahedra == mesh_rules.cell_mesh(case.design, way.rung)
+    choice = model_choice_of(case, "plate", 45e3)
+    assert choice.reduction is not None and choice.mesh_level is not None
+    assert choice.reduction.hexahedra == choice.hexahedra == mesh_rules.cell_mesh(case.design, choice.mesh_level)
 
 
 def test_every_mesh_but_a_plates_finest_was_measured() -> None:
     for part in ("zone", "pillar", "cell", "plate"):
-        rows = mesh_rules.rungs(part)[:-1] if part == "plate" else mesh_rules.rungs(part)
+        rows = mesh_rules.mesh_levels(part)[:-1] if part == "plate" else mesh_rules.mesh_levels(part)
         assert all(mesh_rules.expected_error(part, row) is not None for row in rows)
 
 
 def test_a_plate_without_pillars_has_no_tetrahedra_and_no_bar_of_theirs() -> None:
     case = load_case(CASE, ["solve.mesh=tet", "array.rows=0", "patches.sensors=[0]"])
-    way = way_of(case, "plate", 45e3)
-    assert way.kind == "hex" and expected_error(way, case.design) is not None
+    choice = model_choice_of(case, "plate", 45e3)
+    assert choice.kind == "hex" and expected_error(choice, case.design) is not None
 
 
 MESHES = {
@@ -71,7 +73,7 @@ MESHES = {
 @pytest.mark.parametrize("part", MESHES)
 def test_the_study_measures_the_very_elements_of_the_planner(part: str) -> None:
     boxes = {"zone": zone_boxes, "pillar": lambda design, mesh: pillar_boxes(design.pillar, mesh), "cell": cell_boxes}
-    for row in mesh_rules.rungs(part):
+    for row in mesh_rules.mesh_levels(part):
         planned, measured = MESHES[part](ladder.design(), row), ladder.settings(ladder.of_the_planner(part, row))
         studied = boxes[part](ladder.design(), measured)
         assert all(np.allclose(getattr(planned, axis), getattr(studied, axis), rtol=1e-12) for axis in "xyz")
@@ -80,24 +82,26 @@ def test_the_study_measures_the_very_elements_of_the_planner(part: str) -> None:
 def test_a_zones_error_counts_from_the_mode_at_which_it_was_measured() -> None:
     """Modes above the wanted one are given more, those within its window too: what was measured lies no lower than good."""
     design = ladder.design()
-    measured_hz = ladder.zone({"model": "hex", **ladder.of_the_planner("zone", mesh_rules.rungs("zone")[0])})[0]["zone"]
+    measured_hz = ladder.zone({"model": "hex", **ladder.of_the_planner("zone", mesh_rules.mesh_levels("zone")[0])})[0][
+        "zone"
+    ]
     good = mesh_rules.good_to_hz("zone", design)
     assert 0.0 < good <= measured_hz
 
 
 def test_elements_of_a_thin_zone_are_no_longer_over_its_thickness_than_those_that_were_measured() -> None:
     """Elements of order 3 that bend lock as they grow longer than they are thick."""
-    row, given = mesh_rules.rungs("zone")[0], ladder.design()
+    row, given = mesh_rules.mesh_levels("zone")[0], ladder.design()
     measured, thin = (
         mesh_rules.zone_mesh(replace(given, thickness_m=t), row).size_m / t for t in (given.thickness_m, 1e-3)
     )
-    assert measured < mesh_rules.LONGEST and thin == pytest.approx(mesh_rules.LONGEST)
-    assert 1.1 * measured > mesh_rules.LONGEST
+    assert measured < mesh_rules.MAX_LENGTH and thin == pytest.approx(mesh_rules.MAX_LENGTH)
+    assert 1.1 * measured > mesh_rules.MAX_LENGTH
 
 
 def test_the_elements_of_a_foil_do_not_shrink_with_its_thickness_for_ever() -> None:
-    """Locking ends where shear vanishes: a zone of 20 um would otherwise have millions of unknowns."""
-    row, given = mesh_rules.rungs("zone")[0], ladder.design()
+    """Locking ends where shear vanishes: a zone of 20 um would otherwise have millions of degrees of freedom."""
+    row, given = mesh_rules.mesh_levels("zone")[0], ladder.design()
     foil, thinner = (mesh_rules.zone_mesh(replace(given, thickness_m=t), row).size_m for t in (2e-5, 1e-5))
     assert foil == thinner == pytest.approx(mesh_rules.LOCKED * mesh_rules.zone_mesh(given, row).size_m)
 
@@ -105,7 +109,7 @@ def test_the_elements_of_a_foil_do_not_shrink_with_its_thickness_for_ever() -> N
 @pytest.mark.parametrize("part", MESHES)
 def test_the_rungs_ascend_in_unknowns(part: str) -> None:
     design = load_case(CASE, []).design
-    sizes = [hex_mesh(MESHES[part](design, row), row.order).dof for row in mesh_rules.rungs(part)]
+    sizes = [hex_mesh(MESHES[part](design, row), row.order).dof for row in mesh_rules.mesh_levels(part)]
     assert sizes == sorted(sizes) and len(set(sizes)) == len(sizes)
 
 
@@ -126,38 +130,38 @@ def test_a_finer_mesh_of_one_kind_is_never_worse() -> None:
 
 def test_tetrahedra_say_that_they_miss_a_fine_accuracy() -> None:
     case = load_case(CASE, ["solve.mesh=tet", "solve.accuracy=0.003"])
-    error = expected_error(cell_way(case), case.design)
+    error = expected_error(cell_model_choice(case), case.design)
     assert error is not None and error > 0.003
 
 
 def test_a_plate_joined_from_tetrahedra_has_the_bar_of_its_cell_and_a_whole_one_its_own() -> None:
     joined = load_case(CASE, ["solve.mesh=tet", "solve.accuracy=0.01"])
-    cell = expected_error(cell_way(joined), joined.design)
-    assert cell is not None and expected_error(way_of(joined, "plate", 45e3), joined.design) == cell
+    cell = expected_error(cell_model_choice(joined), joined.design)
+    assert cell is not None and expected_error(model_choice_of(joined, "plate", 45e3), joined.design) == cell
     whole = load_case(CASE, ["solve.mesh=tet", "solve.accuracy=0.01", "solve.model=solid"])
-    error = expected_error(way_of(whole, "plate", 45e3), whole.design)
+    error = expected_error(model_choice_of(whole, "plate", 45e3), whole.design)
     assert error is not None and error > cell
 
 
 def test_what_was_never_measured_has_no_bar() -> None:
     case = load_case(CASE, ["solve.mesh=tet", "solve.accuracy=0.03"])
-    way = way_of(case, "zone", 45e3)
-    assert expected_error(way, case.design) is not None
+    choice = model_choice_of(case, "zone", 45e3)
+    assert expected_error(choice, case.design) is not None
     coarse = mesh_rules.tet_edge_m(1.0, 0.03) * 1e3
-    assert expected_error(type(way)(**{**vars(way), "edge_m": coarse}), case.design) is None
+    assert expected_error(type(choice)(**{**vars(choice), "edge_m": coarse}), case.design) is None
 
 
 def test_the_bar_grows_with_the_frequency_and_elements_shrink_where_no_rung_serves() -> None:
     case = load_case(CASE, ["solve.accuracy=0.01"])
     good = mesh_rules.good_to_hz("zone", case.design)
-    low, high, far = (way_of(case, "zone", factor * good) for factor in (1.0, 3.0, 20.0))
-    assert low.rung and far.hexahedra and low.hexahedra
+    low, high, far = (model_choice_of(case, "zone", factor * good) for factor in (1.0, 3.0, 20.0))
+    assert low.mesh_level and far.hexahedra and low.hexahedra
     within, beyond = expected_error(low, case.design, good), expected_error(low, case.design, 3.0 * good)
-    assert within and beyond and 3.0 * within < beyond <= within * 3.0**low.rung.order
-    assert high.rung != low.rung and high.good_to_hz == good
+    assert within and beyond and 3.0 * within < beyond <= within * 3.0**low.mesh_level.order
+    assert high.mesh_level != low.mesh_level and high.good_to_hz == good
     assert far.hexahedra.size_m == pytest.approx(low.hexahedra.size_m / 20.0**0.5) and far.good_to_hz == 20.0 * good
-    for way, factor in ((high, 3.0), (far, 20.0)):
-        error = expected_error(way, case.design, factor * good)
+    for choice, factor in ((high, 3.0), (far, 20.0)):
+        error = expected_error(choice, case.design, factor * good)
         assert error is not None and error <= 0.01
 
 
@@ -171,28 +175,30 @@ def test_a_theory_is_off_by_more_on_a_stockier_pillar() -> None:
 
 def test_a_whole_plate_has_a_bar_though_it_is_not_graded() -> None:
     case = load_case(CASE, ["solve.model=solid", "solve.accuracy=0.04", "array.rows=1"])
-    way = way_of(case, "plate", 45e3)
-    assert way.hexahedra and way.hexahedra.layers == 0 and expected_error(way, case.design) is not None
+    choice = model_choice_of(case, "plate", 45e3)
+    assert choice.hexahedra and choice.hexahedra.layers == 0 and expected_error(choice, case.design) is not None
 
 
 def test_each_mesh_has_the_error_of_its_own_elements_through_the_plate(monkeypatch: pytest.MonkeyPatch) -> None:
     rows = tuple(Measured("cell", "hex", 3, 1, 0.1, 1.0, through, 0.0, 1.0, 1e-3 / through) for through in (1, 2))
     for listed in (rows, rows[::-1]):
         monkeypatch.setattr(calibration, "table", lambda listed=listed: listed)
-        found = [mesh_rules.expected_error("cell", mesh_rules.Rung(3, 1, 0.1, 1.0, through)) for through in (1, 2, 3)]
-        assert found == [SAFETY[HEX] * 1e-3, SAFETY[HEX] * 5e-4, None]
+        result = [
+            mesh_rules.expected_error("cell", mesh_rules.MeshLevel(3, 1, 0.1, 1.0, through)) for through in (1, 2, 3)
+        ]
+        assert result == [SAFETY[HEX] * 1e-3, SAFETY[HEX] * 5e-4, None]
 
 
-MESH = calibration.Rung(3, 1, 0.1)
+MESH = calibration.MeshLevel(3, 1, 0.1)
 
 
 def at_growth(monkeypatch: pytest.MonkeyPatch, errors: dict[float, float], growth: float) -> float:
     """The error that is expected of a mesh at a growth, without the safety."""
     rows = tuple(Measured("zone", "hex", 3, 1, 0.1, 1.0, 1, 0.0, each, error) for each, error in errors.items())
     monkeypatch.setattr(calibration, "table", lambda: rows)
-    found = calibration.by_hexahedra("zone", MESH, growth=growth)
-    assert found is not None
-    return found / SAFETY[HEX]
+    result = calibration.by_hexahedra("zone", MESH, growth=growth)
+    assert result is not None
+    return result / SAFETY[HEX]
 
 
 @pytest.mark.parametrize(("edges", "wave"), [(1e-3, 0.0), (0.0, 1e-3), (3e-4, 7e-4), (9e-4, 1e-4)])
@@ -220,12 +226,12 @@ def test_a_higher_mode_is_never_expected_to_be_better(monkeypatch: pytest.Monkey
 
 def test_a_mesh_that_was_not_measured_has_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
     at_growth(monkeypatch, {1.0: 1e-3}, 1.0)
-    assert calibration.by_hexahedra("zone", calibration.Rung(3, 1, 0.1, 0.7)) is None
+    assert calibration.by_hexahedra("zone", calibration.MeshLevel(3, 1, 0.1, 0.7)) is None
     with pytest.raises(ValueError, match="growth"):
         calibration.by_hexahedra("zone", MESH, growth=0.9)
 
 
 def test_a_zones_higher_modes_were_measured() -> None:
-    for row in mesh_rules.rungs("zone"):
-        found = [each.growth for each in table() if (each.part, each.kind, each.rung) == ("zone", "hex", row)]
-        assert len(found) == 3 and 1.0 <= min(found) < 1.5 < max(found)
+    for row in mesh_rules.mesh_levels("zone"):
+        result = [each.growth for each in table() if (each.part, each.kind, each.mesh_level) == ("zone", "hex", row)]
+        assert len(result) == 3 and 1.0 <= min(result) < 1.5 < max(result)

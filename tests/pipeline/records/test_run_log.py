@@ -2,12 +2,12 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.records.run_log import SAME_ALARM_LIMIT, Mess, close_abandoned, current_step
+from pipeline.records.run_log import SAME_WARNING_LIMIT, RunLog, close_abandoned, current_step
 
 
 def test_it_reads_like_a_message_file_while_it_runs(tmp_path: Path):
     path = tmp_path / "run.mess"
-    with Mess(path) as log:
+    with RunLog(path) as log:
         log.banner("three-rows", "0.1.0", {"python": "3.11", "numpy": "2.0"})
         log.echo({"name": "c", "zone": {"length_m": 0.1155}})
         log.left_out("patches", "the case has none")
@@ -15,19 +15,19 @@ def test_it_reads_like_a_message_file_while_it_runs(tmp_path: Path):
             text = path.read_text()  # not closed: readable already
             assert "zone.length_m = 0.1155" in text and "<I> <LEFT_OUT> patches: left out, the case has none" in text
             assert current_step(path) == "mesh"
-        log.alarm("MESH_12", "a thin element")
+        log.warning("MESH_12", "a thin element")
         log.close("ALARM")
     text = path.read_text()
     assert "-- ANTINODE -- VERSION 0.1.0 -- three-rows" in text and "numpy 2.0" in text
     assert "<A> <MESH_12> a thin element" in text and "TOTAL_JOB : cpu" in text
     assert text.endswith("--- DIAGNOSTIC JOB : <A>_ALARM\n")
-    assert log.alarms == ["a thin element"] and log.left_out_list == ["patches: the case has none"]
+    assert log.warnings == ["a thin element"] and log.left_out_list == ["patches: the case has none"]
     assert set(log.seconds) == {"mesh"}
 
 
 @pytest.mark.parametrize(("status", "line"), [("OK", "OK"), ("ALARM", "<A>_ALARM"), ("FAILED", "<F>_ERROR")])
 def test_closing_line(tmp_path: Path, status: str, line: str):
-    with Mess(tmp_path / "run.mess") as log:
+    with RunLog(tmp_path / "run.mess") as log:
         log.close(status)
         log.close("OK")  # once only
     assert (tmp_path / "run.mess").read_text().splitlines()[-1] == f"--- DIAGNOSTIC JOB : {line}"
@@ -35,19 +35,19 @@ def test_closing_line(tmp_path: Path, status: str, line: str):
 
 
 def test_the_same_alarm_is_not_said_without_end(tmp_path: Path):
-    with Mess(tmp_path / "run.mess") as log:
-        for number in range(SAME_ALARM_LIMIT + 7):
-            log.alarm("EIGEN_3", f"residual of mode {number}")
+    with RunLog(tmp_path / "run.mess") as log:
+        for number in range(SAME_WARNING_LIMIT + 7):
+            log.warning("EIGEN_3", f"residual of mode {number}")
         log.close("ALARM")
     text = (tmp_path / "run.mess").read_text()
-    assert text.count("<A> <EIGEN_3>") == SAME_ALARM_LIMIT
-    assert f"alarm EIGEN_3 came {SAME_ALARM_LIMIT + 7} times in all" in text
-    assert len(log.alarms) == SAME_ALARM_LIMIT + 7  # the record keeps all of them
+    assert text.count("<A> <EIGEN_3>") == SAME_WARNING_LIMIT
+    assert f"warning EIGEN_3 came {SAME_WARNING_LIMIT + 7} times in all" in text
+    assert len(log.warnings) == SAME_WARNING_LIMIT + 7  # the record keeps all of them
 
 
 def test_a_step_that_fails_is_timed_and_an_abandoned_log_closed(tmp_path: Path):
     path = tmp_path / "run.mess"
-    with Mess(path) as log, pytest.raises(ValueError), log.step("solve"):
+    with RunLog(path) as log, pytest.raises(ValueError), log.step("solve"):
         raise ValueError
     assert "solve" in log.seconds
     close_abandoned(path, "LOST", "the worker process was lost")

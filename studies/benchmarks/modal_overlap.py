@@ -1,4 +1,4 @@
-"""How alike two models' modes of one mirror class are: angles between clusters' touch-face fields, and receptances.
+"""How alike two models' modes of one symmetry class are: angles between clusters' touch-face fields, and receptances.
 
 Both fields are projected on cosines over the quarter plate, so that their points need not coincide.
 """
@@ -29,7 +29,7 @@ class Fields:
 def fields(
     frequency_hz: FloatArray, touch: TouchField, parity: str, half_m: tuple[float, float], mass_kg: float
 ) -> Fields:
-    """Project u_z of a mirror class on orthonormal cosines of |x| and |y|, for modes of 1 kg modal mass.
+    """Project u_z of a symmetry class on orthonormal cosines of |x| and |y|, for modes of 1 kg modal mass.
 
     half_m: half the plate's length and width; mass_kg: the whole plate's modal mass that the vectors were normalised to.
     """
@@ -51,16 +51,16 @@ def _cosines(share: FloatArray, count: int) -> FloatArray:
 
 def cluster_angles(ours: Fields, theirs: Fields) -> list[tuple[float, int, float]]:
     """Clusters of equally many modes: (first frequency in Hz, modes, largest angle between the spans in degrees)."""
-    found, start = [], 0
+    measured, start = [], 0
     for end in range(1, len(ours.frequency_hz) + 1):
         last = end == len(ours.frequency_hz)
         if not last and ours.frequency_hz[end] / ours.frequency_hz[end - 1] - 1.0 < CLUSTER:
             continue
         spans = [each.coefficients[:, start:end] for each in (ours, theirs)]
         angle = float(np.degrees(subspace_angles(*spans).max()))
-        found.append((float(ours.frequency_hz[start]), end - start, angle))
+        measured.append((float(ours.frequency_hz[start]), end - start, angle))
         start = end
-    return found
+    return measured
 
 
 def receptance(modes: Fields, tones_hz: FloatArray) -> FloatArray:
