@@ -155,7 +155,7 @@ def slender(height_over_side: float) -> Result:
 
     def solved(order: int, layers: int, size: float) -> tuple[Pencil, Modes]:
         mesh = hex_mesh(pillar_boxes(pillar, HexSettings(order, 2e-3, layers, 0.15, size)), order)
-        pencil = constrain(assemble(mesh, {"pillar": ALUMINIUM}), free_mask(mesh, ("touch",), {"x-": "-", "y-": "+"}))
+        pencil = constrain(assemble(mesh, {"pillar": ALUMINIUM}), free_mask(mesh, ("touch",), {"x-": "A", "y-": "S"}))
         return pencil, modes_near(pencil, 0.0, 1)
 
     along = max(2e-3, pillar.height_m / 4.0)
@@ -169,7 +169,7 @@ def contrast(young_ratio: float) -> Result:
     pillar_material = replace(ALUMINIUM, name="stiff", young_pa=ALUMINIUM.young_pa * young_ratio)
     pillar = Pillar("square", 2e-3, 2e-3, 6.3e-3, pillar_material)
     panel = Panel((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))
-    walls = {"x-": "-", "y-": "+", "x+": "-", "y+": "+"}
+    walls = {"x-": "A", "y-": "S", "x+": "A", "y+": "S"}
 
     def solved(order: int, layers: int) -> tuple[Pencil, Modes]:
         mesh = hex_mesh(panel_boxes(panel, 2e-3, pillar, HexSettings(order, 2e-3, layers, 0.15, 3e-3)), order)

@@ -24,7 +24,7 @@ from solvers.fem.assembly import System, assemble
 from solvers.fem.constraints import constrain, free_mask
 from solvers.fem.eigen import modes_in_band, modes_near
 from solvers.fem.solid import CLASSES, SolidModel
-from solvers.measures.confinement import measure, wanted_parity
+from solvers.measures.confinement import measure, wanted_symmetry
 from solvers.measures.mode_mixing import mixing_db
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings, lattice_panel
 from solvers.superelement.interface import Interface
@@ -93,10 +93,10 @@ def zone(mesh_level: dict[str, Any]) -> tuple[Values, int]:
     else:
         mesh = hex_mesh(zone_boxes(d, settings(mesh_level)), mesh_level["order"])
     model = SolidModel(check(mesh), materials(), ("y+",), True)
-    pencil = model.pencil(wanted_parity(d.nodal_lines))
+    pencil = model.pencil(wanted_symmetry(d.nodal_lines))
     modes = modes_near(pencil, 50e3, 6)
-    touch = model.touch("++", modes.vectors)
-    like = [measure(touch, replace(d, nodal_lines=d.nodal_lines + more), "++").mac for more in ZONE.values()]
+    touch = model.touch("SS", modes.vectors)
+    like = [measure(touch, replace(d, nodal_lines=d.nodal_lines + more), "SS").mac for more in ZONE.values()]
     quantities = {name: modes.frequency_hz[mac > ALIKE] for name, mac in zip(ZONE, like, strict=True)}
     return {name: float(hz[0]) for name, hz in quantities.items() if len(hz)}, pencil.dof
 
@@ -113,7 +113,7 @@ def pillar(mesh_level: dict[str, Any]) -> tuple[Values, int]:
         hz = modes_near(pencil, 0.0, WHOLE_BENDING[-1] + 1).frequency_hz
         return _bending(hz[WHOLE_BENDING if mesh_level["order"] > 1 else WHOLE_BENDING[:1]]), pencil.dof
     mesh = hex_mesh(pillar_boxes(d.pillar, settings(mesh_level)), mesh_level["order"])
-    pencil = SolidModel(check(mesh), materials(), ("touch",), True).pencil("-+")
+    pencil = SolidModel(check(mesh), materials(), ("touch",), True).pencil("AS")
     return _bending(modes_near(pencil, 0.0, len(BENDING)).frequency_hz), pencil.dof
 
 
@@ -181,15 +181,15 @@ def _quarter_cell(mesh_level: dict[str, Any]) -> tuple[Values, int]:
     mesh = check(hex_mesh(cell_boxes(design(), settings(mesh_level), True), mesh_level["order"]))
     system = assemble(mesh, materials())
     values = {}
-    for quantity, (parity, point, index) in places.items():
-        values[quantity] = float(_standing(system, parity, point, index + 1)[index])
+    for quantity, (symmetry, point, index) in places.items():
+        values[quantity] = float(_standing(system, symmetry, point, index + 1)[index])
     return values, 3 * len(mesh.nodes)
 
 
-def _standing(system: System, parity: str, point: str, count: int) -> FloatArray:
+def _standing(system: System, symmetry: str, point: str, count: int) -> FloatArray:
     """The lowest frequencies of one symmetry class at a point, rigid-body modes as zeros."""
-    far = [sign if flip > 0 else "+-".replace(sign, "") for sign, flip in zip(parity, POINTS[point], strict=True)]
-    planes = {"x-": parity[0], "y-": parity[1], "x+": far[0], "y+": far[1]}
+    far = [sign if flip > 0 else "SA".replace(sign, "") for sign, flip in zip(symmetry, POINTS[point], strict=True)]
+    planes = {"x-": symmetry[0], "y-": symmetry[1], "x+": far[0], "y+": far[1]}
     pencil = constrain(system, free_mask(system.mesh, (), planes))
     elastic = modes_near(pencil, 0.0, max(count - pencil.rigid_count, 1)).frequency_hz
     return np.concatenate([np.zeros(pencil.rigid_count), elastic])
@@ -202,14 +202,14 @@ def _classes_of_quantities() -> dict[str, tuple[str, str, int]]:
     system = assemble(hex_mesh(cell_boxes(design(), settings(coarse), True), 3), materials())
     quantities: dict[str, list[tuple[float, str, int]]] = {
         point: sorted(
-            (float(f), parity, i) for parity in CLASSES for i, f in enumerate(_standing(system, parity, point, 5))
+            (float(f), symmetry, i) for symmetry in CLASSES for i, f in enumerate(_standing(system, symmetry, point, 5))
         )
         for point in POINTS
     }
     places = {}
     for quantity, (point, band) in FOLLOWED.items():
-        _, parity, index = quantities[point][band]
-        places[quantity] = (parity, point, index)
+        _, symmetry, index = quantities[point][band]
+        places[quantity] = (symmetry, point, index)
     return places
 
 
@@ -217,7 +217,7 @@ def plate(mesh_level: dict[str, Any]) -> tuple[Values, int]:
     """One row and 5 mm: the wanted mode, how well it is confined (dB), and what an error may change of that, dB over
     the error.
     """
-    d, parity = plate_design(), wanted_parity(design().nodal_lines)
+    d, symmetry = plate_design(), wanted_symmetry(design().nodal_lines)
     if mesh_level["model"] == "analytic":
         return {"plate": float(getattr(predesign(d).zone, mesh_level["theory"]))}, 0
     if mesh_level["model"] == "superelement":
@@ -236,12 +236,12 @@ def plate(mesh_level: dict[str, Any]) -> tuple[Values, int]:
     else:
         mesh = hex_mesh(plate_boxes(d, settings(mesh_level)), mesh_level["order"])
         model = SolidModel(check(mesh), materials(), (), True)
-    pencil = model.pencil(parity)
+    pencil = model.pencil(symmetry)
     modes = modes_in_band(pencil, *WINDOW_HZ)
-    measures = measure(model.touch(parity, modes.vectors), d, parity)
+    measures = measure(model.touch(symmetry, modes.vectors), d, symmetry)
     assert measures.zone_share is not None and measures.confinement_db is not None
     best = int(np.argmax(measures.mac * measures.zone_share))
-    most = mixing_db(model.touch(parity, modes.vectors), modes.frequency_hz, best, d, SMALL)
+    most = mixing_db(model.touch(symmetry, modes.vectors), modes.frequency_hz, best, d, SMALL)
     assert most
     values = {"plate": float(modes.frequency_hz[best]), "confinement (dB)": float(measures.confinement_db[best])}
     return values | {"mixing (dB)": most / SMALL}, pencil.dof

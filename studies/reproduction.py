@@ -83,7 +83,7 @@ def pillars() -> list[Row]:
         model = SolidModel(
             hex_mesh(pillar_boxes(pillar, settings), settings.order), ladder.materials(), ("touch",), True
         )
-        ours = min(modes_near(model.pencil(parity), 0.0, 1).frequency_hz[0] for parity in model.parities) / 1e3
+        ours = min(modes_near(model.pencil(symmetry), 0.0, 1).frequency_hz[0] for symmetry in model.symmetries) / 1e3
         if height_mm == max(PILLARS_MM):
             beam = float(pillar_frequencies_hz(pillar, "euler")[0]) / 1e3
             words = f"{beam:.2f} kHz by beam theory, {ours:.2f} in three dimensions"

@@ -23,7 +23,7 @@ def box(edges_m: Sequence[float], cuts: Sequence[int], order: int) -> Mesh:
 
 def supported(mesh: Mesh, material: Material) -> Pencil:
     """A rectangular plate on hard supports: no u_z and no tangential displacement on its four sides."""
-    return constrain(assemble(mesh, {"body": material}), free_mask(mesh, (), dict.fromkeys(SIDES, "-")))
+    return constrain(assemble(mesh, {"body": material}), free_mask(mesh, (), dict.fromkeys(SIDES, "A")))
 
 
 def copies(mesh: Mesh, count: int, step_m: float) -> Mesh:

@@ -71,7 +71,7 @@ def _data(arguments: Namespace, case: Case | None, table: ModeTable | None, log:
     return replace(
         data,
         wanted=wanted,
-        within_s=seconds(arguments.within, "--within") if arguments.within else data.within_s,
+        within_s=seconds(arguments.settling_time, "--settling-time") if arguments.settling_time else data.within_s,
         delay_s=seconds(delays[0], "--delay") if delays else data.delay_s,
         delay_guess_s=seconds(delays[0], "--delay") if delays else data.delay_guess_s,
     )

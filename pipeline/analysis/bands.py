@@ -220,7 +220,7 @@ def _detail(
     parity = []
     for each in waves:
         signs = {name: mirrors.parity(name, each.dofs[:, :count]) for name in mirrors.keeping(each.wavevector)}
-        parity.append(["".join(f"{n}{'-?+'[v[i] + 1]}" for n, v in signs.items()) for i in range(count)])
+        parity.append(["".join(f"{n}{'A?S'[v[i] + 1]}" for n, v in signs.items()) for i in range(count)])
     velocity = np.array([model.lattice.group_velocity(each)[:count] for each in waves])
     number = branches.number[::factor, :count]
     visible = [row[:count] for row in labels[::factor]]

@@ -15,7 +15,7 @@ from solvers.errors import TooLarge
 
 def add(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
     """Adds tet_modes, tet_bands and the tet_* arrays to a record; a plate that memory cannot hold is left out, and told."""
-    structured = modes.solve_modes(case, modes.Request("plate", parity=case.parity_wanted), log)
+    structured = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), log)
     row = structured.wanted.row if structured.wanted else None
     if row is None:
         log.warning("NO_MODE", "no mode has the wanted shape: nothing to compare tetrahedra with")
@@ -33,7 +33,7 @@ def _plate(
     accuracy = max(PLATE_ACCURACY, case.solve.accuracy)
     coarse = replace(case, solve=replace(case.solve, mesh="tet", model="solid", accuracy=accuracy))
     request = modes.Request(
-        "plate", near_hz=structured.frequency_hz, count=NEAR_COUNT, parity=case.parity_wanted, search=False
+        "plate", near_hz=structured.frequency_hz, count=NEAR_COUNT, symmetry=case.symmetry_wanted, search=False
     )
     part_modes = modes.solve_modes(coarse, request, log)
     record["meshes"] += part_modes.meshes
@@ -55,7 +55,7 @@ def _plate(
         "count_check": part_modes.json()["count_check"],
     }
     log.info(f"wanted mode by tetrahedra {row.frequency_hz:.1f} Hz, structured {structured.frequency_hz:.1f} Hz")
-    skin = part_modes.model.skin(row.parity, part_modes.vectors[row.parity][:, [row.column]]).unfolded(row.parity)
+    skin = part_modes.model.skin(row.symmetry, part_modes.vectors[row.symmetry][:, [row.column]]).unfolded(row.symmetry)
     surface = mode_fields.surface_arrays([skin])
     arrays["tet_points"], arrays["tet_triangles"] = surface["surface_points"], surface["surface_triangles"]
     arrays["tet_u"] = surface["surface_u"][0]

@@ -23,7 +23,7 @@ def kept_arrays(part_modes: PartModes, rows: Sequence[int]) -> dict[str, Any]:
     """folded_* arrays of the chosen modes, the first one being the wanted mode."""
     skins = [_skin(part_modes, index) for index in rows]
     chosen = [part_modes.rows[index] for index in rows]
-    return folded(skins, [row.parity for row in chosen], np.array([row.frequency_hz for row in chosen]))
+    return folded(skins, [row.symmetry for row in chosen], np.array([row.frequency_hz for row in chosen]))
 
 
 def plate_arrays(part_modes: PartModes, rows: Sequence[int]) -> dict[str, Any]:
@@ -32,9 +32,10 @@ def plate_arrays(part_modes: PartModes, rows: Sequence[int]) -> dict[str, Any]:
 
 
 def full_fields(part_modes: PartModes) -> dict[str, Any]:
-    """Every mode on the skin that was meshed: points (p, 3) in m, facets, frequency_hz and parity (k,), displacement (k, p, 3).
+    """Every mode on the meshed skin: points (p, 3) in m, facets, frequency_hz and symmetry (k,), displacement (k, p, 3).
 
-    M-orthonormal in the model's scaled units; a quarter where a parity is given: u_z is even (+) or odd (-) in x, then y.
+    M-orthonormal in the model's scaled units; a quarter where a symmetry class is given: u_z symmetric (S) or
+    antisymmetric (A) in x, then y.
     """
     skins = [_skin(part_modes, index) for index in range(len(part_modes.rows))]
     if not skins:
@@ -43,14 +44,14 @@ def full_fields(part_modes: PartModes) -> dict[str, Any]:
         "points": skins[0].points,
         "facets": skins[0].facets.astype(np.int32),
         "frequency_hz": np.array([row.frequency_hz for row in part_modes.rows]),
-        "parity": np.array([row.parity or "" for row in part_modes.rows]),
+        "symmetry": np.array([row.symmetry or "" for row in part_modes.rows]),
         "displacement": np.concatenate([skin.displacement for skin in skins]),
     }
 
 
 def _skin(part_modes: PartModes, index: int) -> Skin:
     row = part_modes.rows[index]
-    return part_modes.model.skin(row.parity, part_modes.vectors[row.parity][:, [row.column]])
+    return part_modes.model.skin(row.symmetry, part_modes.vectors[row.symmetry][:, [row.column]])
 
 
 def shapes_record(part_modes: PartModes, design: Design) -> dict[str, Any]:
@@ -61,8 +62,8 @@ def shapes_record(part_modes: PartModes, design: Design) -> dict[str, Any]:
     rows = sorted(part_modes.wanted.rows, key=_score, reverse=True)[:KEPT_MODES]
     rows.sort(key=lambda row: row.frequency_hz)
     columns = [row.column for row in rows]
-    touch = part_modes.model.touch(wanted.parity, part_modes.vectors[wanted.parity][:, columns])
-    shapes = zone_coefficients(touch, design, wanted.parity)
+    touch = part_modes.model.touch(wanted.symmetry, part_modes.vectors[wanted.symmetry][:, columns])
+    shapes = zone_coefficients(touch, design, wanted.symmetry)
     shapes = shapes / np.maximum(np.linalg.norm(shapes, axis=1, keepdims=True), 1e-300)
     return {
         "wanted": rows.index(wanted),

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from geometry.elements import FloatArray
+from pipeline.planning.request import SIGNS
 from solvers.fem.eigen import Modes
 from solvers.measures.confinement import Confinement
 
@@ -16,7 +17,7 @@ class ModeRow:
 
     frequency_hz: float
     residual: float
-    parity: str | None
+    symmetry: str | None
     column: int
     zone_share: float | None
     confinement_db: float | None
@@ -24,8 +25,13 @@ class ModeRow:
     extension_db: float | None = None
     strength: float | None = None
 
+    @property
+    def parity(self) -> str | None:
+        """The symmetry class as two signs, x then y: u_z even (+) or odd (-)."""
+        return SIGNS[self.symmetry] if self.symmetry else None
 
-def mode_rows(modes: Modes, parity: str | None, measures: Confinement | None, first: int = 0) -> list[ModeRow]:
+
+def mode_rows(modes: Modes, symmetry: str | None, measures: Confinement | None, first: int = 0) -> list[ModeRow]:
     """One row a mode, its column counted from `first`; a measure that has no meaning, or none at all, is None."""
 
     def at(values: FloatArray | None, index: int) -> float | None:
@@ -36,7 +42,7 @@ def mode_rows(modes: Modes, parity: str | None, measures: Confinement | None, fi
         ModeRow(
             float(frequency),
             float(modes.residual[i]),
-            parity,
+            symmetry,
             first + i,
             at(measures.zone_share if measures else None, i),
             at(measures.confinement_db if measures else None, i),

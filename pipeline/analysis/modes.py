@@ -26,14 +26,13 @@ from pipeline.planning.request import (
     MEASURED,
     Request,
     model_high_hz,
-    symmetry_of,
     wanted_window_hz,
     with_defaults,
     with_search,
 )
 from pipeline.planning.simplifications import khz
 from solvers.fem.eigen import Count, Modes, SymmetricPencil, modes_in_band, modes_near
-from solvers.measures.confinement import Confinement, measure, wanted_parity
+from solvers.measures.confinement import Confinement, measure, wanted_symmetry
 from solvers.measures.mode_mixing import mixing_db
 from solvers.superelement.build import PlateModel
 from solvers.superelement.plate_error import ModeErrors
@@ -84,7 +83,9 @@ class PartModes:
 
     def index(self, row: ModeRow | None) -> int | None:
         """Where a mode stands among `rows`; None for one that is not there."""
-        places = (i for i, one in enumerate(self.rows) if row and (one.parity, one.column) == (row.parity, row.column))
+        places = (
+            i for i, one in enumerate(self.rows) if row and (one.symmetry, one.column) == (row.symmetry, row.column)
+        )
         return next(places, None)
 
     @property
@@ -94,16 +95,14 @@ class PartModes:
 
     def json(self) -> dict[str, Any]:
         """The contract's fields, without times."""
-        keys = ("frequency_hz", "residual", "parity", "zone_share", "confinement_db", "mac", "strength")
+        keys = ("frequency_hz", "residual", "symmetry", "parity", "zone_share", "confinement_db", "mac", "strength")
         return {
             "schema": 1,
             "model": self.model.name,
             "part": self.part,
             "dof": self.dof,
             "rigid_count": self.rigid_count,
-            "modes": [
-                {key: getattr(row, key) for key in keys} | {"symmetry": symmetry_of(row.parity)} for row in self.rows
-            ],
+            "modes": [{key: getattr(row, key) for key in keys} for row in self.rows],
             "count_check": {
                 "low_hz": self.count.low_hz,
                 "high_hz": self.count.high_hz,
@@ -128,7 +127,7 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
         log.warning("SHORT_WAVE", short)
     unpatched = simplifications.no_patches(case.patches, ()) if query.part == "plate" and case.patches else None
     simplifications.log_all(
-        (*choice.left_out, unpatched, simplifications.other_classes(choice.classes, query.parity)), log
+        (*choice.left_out, unpatched, simplifications.other_classes(choice.classes, query.symmetry)), log
     )
     (part_modes, errors), choice = _within_reach(case, query, choice, log)
     _warn_of_nothing(part_modes, query, log)
@@ -154,7 +153,7 @@ def _warn_of_nothing(part_modes: PartModes, query: Request, log: Log) -> None:
     if part_modes.rows or query.band_hz is None:
         return
     low, high = query.band_hz
-    of_class = f" of class {query.parity}" if query.parity else ""
+    of_class = f" of class {query.symmetry}" if query.symmetry else ""
     nearest = "" if part_modes.nearest_hz is None else f"; the nearest lies at about {part_modes.nearest_hz:.4g} Hz"
     log.warning("NO_MODES", f"no mode{of_class} of the {query.part} lies between {low:.6g} and {high:.6g} Hz{nearest}")
 
@@ -181,10 +180,10 @@ def _solved(
     model = parts.built(case, choice, log, meshes)
     classes: dict[str | None, _Class] = {}
     wanted: Wanted | None = None
-    for parity in _classes(model, query.parity):
-        one = classes[parity] = _Class(case, query.part, model, parity, log)
+    for symmetry in _classes(model, query.symmetry):
+        one = classes[symmetry] = _Class(case, query.part, model, symmetry, log)
         one.ask(query)
-        if parity in (None, wanted_parity(case.design.nodal_lines)):
+        if symmetry in (None, wanted_symmetry(case.design.nodal_lines)):
             wanted = _wanted(case, query, one)
         one.let_go()
     rows, count = _merged(query, classes)
@@ -192,7 +191,7 @@ def _solved(
         query.part,
         model,
         tuple(rows),
-        {parity: one.vectors for parity, one in classes.items()},
+        {symmetry: one.vectors for symmetry, one in classes.items()},
         sum(one.dof for one in classes.values()),
         sum(one.rigid_count for one in classes.values()),
         count,
@@ -203,15 +202,15 @@ def _solved(
     )
     errors: dict[str | None, ModeErrors] = {}
     if isinstance(model, PlateModel):
-        errors = {parity: model.mode_errors(parity, one.pencil, one.vectors) for parity, one in classes.items()}
+        errors = {symmetry: model.mode_errors(symmetry, one.pencil, one.vectors) for symmetry, one in classes.items()}
     return part_modes, errors
 
 
 class _Class:
     """One symmetry class of a model: its pencil, and the modes that were solved for so far, as columns of `vectors`."""
 
-    def __init__(self, case: Case, part: str, model: PartModel, parity: str | None, log: Log) -> None:
-        self.case, self.part, self.model, self.parity, self.log = case, part, model, parity, log
+    def __init__(self, case: Case, part: str, model: PartModel, symmetry: str | None, log: Log) -> None:
+        self.case, self.part, self.model, self.symmetry, self.log = case, part, model, symmetry, log
         self.pencil: SymmetricPencil
         self.dof = 0
         self.vectors: FloatArray
@@ -222,9 +221,9 @@ class _Class:
 
     def ask(self, query: Request) -> None:
         """Solve what was asked for."""
-        name = f"class {self.parity or 'whole'}"
+        name = f"class {self.symmetry or 'whole'}"
         with self.log.step(f"solve {name}"):
-            self.pencil = self.model.pencil(self.parity)
+            self.pencil = self.model.pencil(self.symmetry)
             self.dof = self.pencil.dof
             self.vectors = np.empty((self.dof, 0))
             solution = _solve(self.pencil, query)
@@ -250,8 +249,8 @@ class _Class:
         self.vectors = np.hstack([self.vectors, modes.vectors])
         measures: Confinement | None = None
         if self.part in MEASURED and len(modes.frequency_hz):
-            measures = measure(self.model.touch(self.parity, modes.vectors), self.case.design, self.parity)
-        return tuple(mode_rows(modes, self.parity, measures, first))
+            measures = measure(self.model.touch(self.symmetry, modes.vectors), self.case.design, self.symmetry)
+        return tuple(mode_rows(modes, self.symmetry, measures, first))
 
 
 def _wanted(case: Case, query: Request, one: _Class) -> Wanted | None:
@@ -278,10 +277,10 @@ def _more_in_mesh(model: PartModel, classes: dict[str | None, _Class], count: Co
     if not isinstance(model, PlateModel):
         return 0
     total = 0
-    for parity, one in classes.items():
+    for symmetry, one in classes.items():
         same = one.count.below is not None and one.count.high_hz == count.high_hz
         reduced = one.count.below + one.count.expected if same and one.count.below is not None else None
-        more = model.more_below(parity, one.pencil, count.high_hz, reduced)
+        more = model.more_below(symmetry, one.pencil, count.high_hz, reduced)
         if more is None:
             return None
         total += more
@@ -312,7 +311,7 @@ def _reduction_error(part_modes: PartModes, errors: dict[str | None, ModeErrors]
     both = np.hstack(every)
     worst = both[:, int(np.argmax(both.sum(axis=0)))]
     row = part_modes.wanted.row if part_modes.wanted else None
-    own = (errors[row.parity].modes[row.column], errors[row.parity].degrees[row.column]) if row else worst
+    own = (errors[row.symmetry].modes[row.column], errors[row.symmetry].degrees[row.column]) if row else worst
     return ReductionErrorEstimate(float(worst.sum()), float(own[0]), float(own[1]))
 
 
@@ -325,18 +324,20 @@ def _bar(case: Case, choice: ModelChoice, part_modes: PartModes, reduction: floa
     if bar.frequency is None or row.confinement_db is None:
         return bar
     siblings = list(part_modes.wanted.rows)
-    touch = part_modes.model.touch(row.parity, part_modes.vectors[row.parity][:, [each.column for each in siblings]])
+    touch = part_modes.model.touch(
+        row.symmetry, part_modes.vectors[row.symmetry][:, [each.column for each in siblings]]
+    )
     tones = np.array([each.frequency_hz for each in siblings])
     most, share = mixing_db(touch, tones, siblings.index(row), case.design, bar.frequency), calibration.mixing()
     return replace(bar, confinement_db=None if most is None or share is None else share * most)
 
 
-def _classes(model: PartModel, parity: str | None) -> tuple[str | None, ...]:
-    if parity is None:
-        return model.parities
-    if parity not in model.parities:
-        raise InputError(f"parity {parity}: this model has no symmetry classes; leave --parity out")
-    return (parity,)
+def _classes(model: PartModel, symmetry: str | None) -> tuple[str | None, ...]:
+    if symmetry is None:
+        return model.symmetries
+    if symmetry not in model.symmetries:
+        raise InputError(f"--symmetry {symmetry}: this model has no symmetry classes; leave --symmetry out")
+    return (symmetry,)
 
 
 def _solve(pencil: SymmetricPencil, query: Request) -> Modes:
@@ -349,7 +350,7 @@ def _solve(pencil: SymmetricPencil, query: Request) -> Modes:
 def _merged(query: Request, classes: dict[str | None, _Class]) -> tuple[list[ModeRow], Count]:
     """The modes that were asked for over all classes in ascending order, and their count between common ends."""
     rows = [row for one in classes.values() for row in one.rows]
-    rows.sort(key=lambda row: (row.frequency_hz, row.parity or ""))
+    rows.sort(key=lambda row: (row.frequency_hz, row.symmetry or ""))
     counts = [one.count for one in classes.values()]
     count = Count(
         max(c.low_hz for c in counts),
@@ -377,7 +378,7 @@ def _nearest(rows: list[ModeRow], query: Request, count: Count) -> tuple[list[Mo
     reach = (inner + outer) / 2.0 if outer is not None else count.high_hz - near
     low, high = max(near - reach, 0.0), near + reach
     missing = count.expected - count.found
-    return sorted(kept, key=lambda row: (row.frequency_hz, row.parity or "")), Count(low, high, size + missing, size)
+    return sorted(kept, key=lambda row: (row.frequency_hz, row.symmetry or "")), Count(low, high, size + missing, size)
 
 
 def _same(first: float, second: float) -> bool:
@@ -393,11 +394,11 @@ def wanted_record(part_modes: PartModes) -> dict[str, Any]:
     row, document = part_modes.wanted.row, part_modes.wanted.json()
     if row is None:
         return document
-    vector = part_modes.vectors[row.parity][:, [row.column]]
+    vector = part_modes.vectors[row.symmetry][:, [row.column]]
     return document | {
         "index": part_modes.index(row),
         "extension_db": row.extension_db,
         "frequency_error": part_modes.bar.frequency if part_modes.bar else None,
         "confinement_error_db": part_modes.bar.confinement_db if part_modes.bar else None,
-        "pillar_energy_share": float(part_modes.model.pillar_share(row.parity, vector)[0]),
+        "pillar_energy_share": float(part_modes.model.pillar_share(row.symmetry, vector)[0]),
     }

@@ -198,7 +198,7 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
     if case.patches:
         forced = patched_plate.driven(case, model, band, log)
     else:
-        pressed = PressedPlate({parity: model.assembled(parity) for parity in CLASSES}, design, model.name)
+        pressed = PressedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, design, model.name)
         with log.step("modes of the plate"):
             forced = ForcedPlate(pressed, design, (0,), (), band, case.quality)
     with log.step("the space of the samples"):

@@ -54,7 +54,7 @@ class Wanted:
     def json(self) -> dict[str, Any]:
         """The contract's fields, the window, and the mode's part of the shape in it."""
         row = self.row
-        keys = ("frequency_hz", "mac", "strength", "confinement_db", "zone_share", "parity")
+        keys = ("frequency_hz", "mac", "strength", "confinement_db", "zone_share", "symmetry")
         own = {key: getattr(row, key) if row else None for key in keys}
         named = ("frequency_hz", "strength", "mac", "confinement_db")
         return {

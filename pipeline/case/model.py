@@ -16,7 +16,7 @@ from pipeline.case.patches import read_patches
 from pipeline.case.reader import KHZ, MM, read_values
 from pipeline.case.reader import CaseValues as Values
 from pipeline.errors import InputError
-from solvers.measures.confinement import wanted_parity
+from solvers.measures.confinement import wanted_symmetry
 
 
 @dataclass(frozen=True)
@@ -85,14 +85,14 @@ class Case:
     measured: MeasuredFiles | None = None
 
     @property
-    def parity_wanted(self) -> str | None:
+    def symmetry_wanted(self) -> str | None:
         """Mirror signs of u_z in the wanted mode, x then y: N nodes are even when N is.
 
         None without a zone, and where the plate is not its own mirror image: its modes have no such signs.
         """
         if "zone" not in self.given or not self.design.is_mirrored:
             return None
-        return wanted_parity(self.design.nodal_lines)
+        return wanted_symmetry(self.design.nodal_lines)
 
     @property
     def kx_wanted_per_m(self) -> float:

@@ -44,19 +44,16 @@ def modes(arguments: Namespace) -> int:
     case, log = _case(arguments), _log(arguments)
     band = parse_band(arguments.band, "--band") if arguments.band else None
     near = parse_frequency(arguments.near, "--near") if arguments.near else None
-    from pipeline.planning.request import SYMMETRIES, Request
+    from pipeline.planning.request import Request
 
-    if arguments.parity and arguments.symmetry:
-        raise InputError(f"--parity {arguments.parity}: must be left out beside --symmetry {arguments.symmetry}")
-    parity = SYMMETRIES[arguments.symmetry] if arguments.symmetry else arguments.parity
-    query = Request(arguments.part, band, near, arguments.count, parity)
+    query = Request(arguments.part, band, near, arguments.count, arguments.symmetry)
     if arguments.explain:
         if arguments.mesh_file:
             raise InputError("--explain: must be left out beside --mesh-file, whose mesh is solved whole as it is")
         _require_part(case, arguments.part)
         return _explained(arguments, "of_modes", case, query)
-    if arguments.fields and not arguments.out:
-        raise InputError("--fields: needs --out DIR, the folder that fields.npz goes to")
+    if arguments.save_all_fields and not arguments.out:
+        raise InputError("--save-all-fields: needs --out DIR, the folder that fields.npz goes to")
     from pipeline.analysis import wanted_text
     from pipeline.analysis.modes import solve_modes
 
@@ -68,7 +65,7 @@ def modes(arguments: Namespace) -> int:
         _require_part(case, arguments.part)
         part_modes = solve_modes(case, query, log)
     document = part_modes.json() | {"seconds": log.seconds | {"total": log.elapsed}}
-    head = ("frequency_hz", "parity", "zone_share", "confinement_db", "mac", "strength", "residual")
+    head = ("frequency_hz", "symmetry", "zone_share", "confinement_db", "mac", "strength", "residual")
     rows = [[getattr(row, key) for key in head] for row in part_modes.rows]
     text = [
         f"{part_modes.model.name}, {part_modes.dof} degrees of freedom, {part_modes.rigid_count} rigid-body modes",
@@ -78,7 +75,7 @@ def modes(arguments: Namespace) -> int:
     outputs.emit(arguments, "modes", document, "\n".join(text))
     if arguments.out:
         outputs.write_file(Path(arguments.out) / "modes.csv", outputs.csv_bytes(head, rows))
-    if arguments.fields:
+    if arguments.save_all_fields:
         from pipeline.analysis import mode_fields
         from pipeline.records import store
 
@@ -223,7 +220,7 @@ def response(arguments: Namespace) -> int:
     measured = comparison.read(case, arguments.measured, arguments.map, arguments.at)
     computed = forced.solve(case, log, band, arguments.points)
     beside = comparison.compare(case, computed, measured, log) if measured else None
-    made = synthetic.write(arguments, case, computed) if arguments.synthesise else []
+    made = synthetic.write(arguments, case, computed) if arguments.synthetic_data else []
     document = computed.json() | ({"measured": beside.document} if beside else {})
     document |= {"seconds": log.seconds | {"total": log.elapsed}}
     head, rows = _response_table(document)

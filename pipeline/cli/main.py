@@ -19,6 +19,16 @@ from pipeline.process import lend_cache_folders, terminable
 # What commands read, by the names of their arguments: never written over.
 READ = ("case", "study", "target", "mesh_file", "measured", "map", "table", "sweep", "file")
 MAX_DIGITS = 40  # characters
+RENAMED = {
+    "--symmetry": "--symmetry SS, SA, AS or AA",
+    "--fields": "--save-all-fields",
+    "--above": "--min-frequency",
+    "--half-wave": "--max-half-wavelength",
+    "--feature": "--min-feature",
+    "--confirm": "--verify-with",
+    "--within": "--settling-time",
+    "--synthesise": "--synthetic-data",
+}
 DONE, WRONG_INPUT, NOT_TRUSTED, NOT_HELD, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4, 5, 130
 
 
@@ -30,23 +40,25 @@ class _Parser(argparse.ArgumentParser):
         raise SystemExit(WRONG_INPUT)
 
 
-def _with_signs(argv: Sequence[str]) -> list[str]:
-    """The command line with `--parity -+` as one word, m for -: argparse takes what begins with a dash for an option."""
-    words = list(argv)
-    if "--parity" in words[:-1]:
-        at = words.index("--parity")
-        words[at : at + 2] = [f"--parity={words[at + 1]}"]
-    name = "--parity="
-    return [name + word[len(name) :].replace("-", "m") if word.startswith(name) else word for word in words]
-
-
-def _signs(text: str) -> str:
-    return text.replace("m", "-")
+def _refuse_renamed(words: Sequence[str]) -> None:
+    """One line for an option by the name it had once, with the one it has now; exit code 2."""
+    lines = [
+        f"antinode: {old}: is called {RENAMED[old]} now"
+        for old in dict.fromkeys(
+            word.partition("=")[0] for word in words[: words.index("--") if "--" in words else None]
+        )
+        if old in RENAMED
+    ]
+    if lines:
+        print("\n".join(lines), file=sys.stderr)
+        raise SystemExit(WRONG_INPUT)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; the exit code is the contract with scripts."""
-    arguments = _parser().parse_args(_with_signs(sys.argv[1:] if argv is None else argv))
+    words = sys.argv[1:] if argv is None else argv
+    _refuse_renamed(words)
+    arguments = _parser().parse_args(words)
     try:
         with terminable():
             return _run(arguments)
@@ -152,22 +164,16 @@ def _add_case_commands(commands: Any) -> None:
     )
     modes.add_argument("--band", metavar="F:F", help="every mode between two frequencies, such as 30kHz:34kHz")
     modes.add_argument(
-        "--parity",
-        type=_signs,
-        choices=("++", "+-", "-+", "--"),
-        help="one symmetry class: u_z even (+) or odd (-) in x, y",
-    )
-    modes.add_argument(
         "--symmetry",
         choices=("SS", "SA", "AS", "AA"),
-        help="the same by letters: u_z symmetric (S) or antisymmetric (A) in x, y",
+        help="one symmetry class: u_z symmetric (S) or antisymmetric (A), in x then in y",
     )
     modes.add_argument("--mesh-file", metavar="FILE", help="solve this mesh instead of a part: .med, .msh or .inp")
     modes.add_argument("--unit", choices=("m", "mm"), help="length unit of the mesh file (default: m)")
     clamp = "hold this group of faces or nodes of the mesh file (repeatable)"
     modes.add_argument("--clamp", action="append", default=[], metavar="NAME", help=clamp)
     every = "write the field of every mode into --out DIR (fields.npz)"
-    modes.add_argument("--fields", action="store_true", help=every)
+    modes.add_argument("--save-all-fields", action="store_true", help=every)
     _explains(modes)
     _explains(_takes_case(_solver(commands, "bands", "Bloch bands and gaps of the unit cell", f"bands {case}")))
     waves = _takes_case(
@@ -228,10 +234,14 @@ def _add_measured(response: argparse.ArgumentParser) -> None:
         "--at", metavar="X,Y", help="where the sweep's laser stood, mm (default: where the zone moves most)"
     )
     response.add_argument(
-        "--synthesise", metavar="DIR", help="write sweep.csv and field.csv as if measured, marked SYNTHETIC"
+        "--synthetic-data", metavar="DIR", help="write sweep.csv and field.csv as if measured, marked SYNTHETIC"
     )
     response.add_argument(
-        "--seed", type=_up_to(limits.MAX_SEED), default=1, metavar="N", help="of the noise of --synthesise (default: 1)"
+        "--seed",
+        type=_up_to(limits.MAX_SEED),
+        default=1,
+        metavar="N",
+        help="of the noise of --synthetic-data (default: 1)",
     )
     response.add_argument("--noise", type=_share, metavar="R", help="rms of that noise over the peak (default: 0.01)")
 
@@ -272,14 +282,18 @@ def _add_search(commands: Any) -> None:
     search.add_argument("--goal", choices=("confinement", "extension"), default="confinement", help=goal)
     budget = "assembled plates to spend, three columns of cells to each (default: 16)"
     search.add_argument("--evaluations", type=_up_to(limits.MAX_EVALUATIONS), metavar="N", default=16, help=budget)
-    search.add_argument("--above", metavar="F", default="25kHz", help="least frequency (default: 25kHz)")
+    search.add_argument(
+        "--min-frequency", metavar="F", default="25kHz", help="lowest frequency allowed (default: 25kHz)"
+    )
     half = "largest half-wavelength along the zone (default: 20)"
-    search.add_argument("--half-wave", type=float, metavar="MM", default=20.0, help=half)
-    search.add_argument("--feature", type=float, metavar="MM", default=0.4, help="least printable size (default: 0.4)")
+    search.add_argument("--max-half-wavelength", type=float, metavar="MM", default=20.0, help=half)
+    search.add_argument(
+        "--min-feature", type=float, metavar="MM", default=0.4, help="smallest printable size (default: 0.4)"
+    )
     mac = "least modal assurance to the wanted shape (default: 0.8)"
     search.add_argument("--mac", type=float, metavar="SHARE", default=0.8, help=mac)
     proof = "solve the design as it was and the best one by this model, too (solid: minutes each)"
-    search.add_argument("--confirm", choices=("plate", "solid"), default="plate", help=proof)
+    search.add_argument("--verify-with", choices=("plate", "solid"), default="plate", help=proof)
 
 
 def _share(text: str) -> float:
@@ -298,7 +312,7 @@ def _add_active(commands: Any) -> None:
     active.add_argument("--gain", metavar="K", help="beam: K' in N/m (repeatable)", **again)
     active.add_argument("--quality", metavar="Q", help="mason, pillar, beam, dq: quality factor, inf for no losses")
     active.add_argument("--delay", metavar="T", help="beam (repeatable), dq: dead time, such as 4us", **again)
-    active.add_argument("--within", metavar="T", help="dq: 95 %% response asked for, such as 2ms")
+    active.add_argument("--settling-time", metavar="T", help="dq: 95 %% response asked for, such as 2ms")
     active.add_argument("--band", metavar="F:F", help="mason, pillar: frequencies, such as 25kHz:45kHz")
     active.add_argument(
         "--cell", action="store_true", help="pillar: compare with the computed plate cell (takes seconds)"
@@ -323,7 +337,7 @@ def _add_study_commands(commands: Any) -> None:
     run.add_argument("--keep-going", action="store_true", help="finish the other cases after a failure (the default)")
     run.add_argument("--dry-run", action="store_true", help="list what would run, and why, and each case's plan")
     run.add_argument(
-        "--fields", action="store_true", help="keep the field of every mode, too (fields.npz in each case)"
+        "--save-all-fields", action="store_true", help="keep the field of every mode, too (fields.npz in each case)"
     )
     text = "rebuild pages and pictures from records"
     report = _command(commands, "report", text, "report rows", "pipeline.cli.study_commands:report")

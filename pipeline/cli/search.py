@@ -38,20 +38,23 @@ def search(arguments: Namespace) -> int:
 def limits_of(arguments: Namespace) -> Limits:
     """The limits of the command line. InputFault for a size or share that cannot be one."""
     faults = []
-    for name, value in (("--half-wave", arguments.half_wave), ("--feature", arguments.feature)):
+    for name, value in (
+        ("--max-half-wavelength", arguments.max_half_wavelength),
+        ("--min-feature", arguments.min_feature),
+    ):
         if not 0.0 < value < 1e6:
             faults.append(f"{name} = {value:g}: must be a length in mm above 0")
     if not 0.0 <= arguments.mac <= 1.0:
         faults.append(f"--mac = {arguments.mac:g}: must be a number from 0 to 1")
     if faults:
         raise InputError(faults)
-    above = parse_frequency(arguments.above, "--above")
-    return Limits(above, 1e-3 * arguments.half_wave, 1e-3 * arguments.feature, arguments.mac)
+    lowest = parse_frequency(arguments.min_frequency, "--min-frequency")
+    return Limits(lowest, 1e-3 * arguments.max_half_wavelength, 1e-3 * arguments.min_feature, arguments.mac)
 
 
 def _proof(outcome: Any, arguments: Namespace, log: TerminalLog) -> dict[str, Any]:
     """Both designs by the whole plate as a solid mesh, when asked for."""
-    if arguments.confirm != "solid":
+    if arguments.verify_with != "solid":
         return {}
     from pipeline.search.fidelity import SOLID, EvaluationCache, evaluate
 
@@ -60,7 +63,7 @@ def _proof(outcome: Any, arguments: Namespace, log: TerminalLog) -> dict[str, An
         with log.step(f"solid model of the {name} design"):
             result = evaluate(outcome.space.case(each.values), SOLID, each.result.frequency_hz, EvaluationCache())
         if result.why_not:
-            raise InputError(f"--confirm solid: the {name} design: {result.why_not}")
+            raise InputError(f"--verify-with solid: the {name} design: {result.why_not}")
         proof[name] = {"frequency_hz": result.frequency_hz, "confinement_db": result.confinement_db, "mac": result.mac}
     return {"solid": proof}
 

@@ -73,7 +73,7 @@ def run(arguments: Namespace) -> int:
     from pipeline.batch.progress import Progress
     from pipeline.batch.runner import Options
 
-    task = _task(arguments.study, arguments.fields)
+    task = _task(arguments.study, arguments.save_all_fields)
     folder = paths.RESULTS / task.name
     jobs = task.jobs()
     options = Options(

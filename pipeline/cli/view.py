@@ -160,7 +160,7 @@ def of_case(arguments: Namespace) -> Scene:
     case.require_plate(command="view")
     if not arguments.solve:
         return _solid(case, log)
-    part_modes = modes.solve_modes(case, modes.Request("plate", parity=case.parity_wanted), log)
+    part_modes = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), log)
     part_modes = part_modes.whole_window
     index = part_modes.index(part_modes.wanted.row) if part_modes.wanted else None
     if index is None:

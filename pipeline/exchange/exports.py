@@ -131,12 +131,12 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
     from solvers.fem.solid import SolidModel
 
     solid = replace(case, solve=replace(case.solve, model="solid", accuracy=max(case.solve.accuracy, 0.02)))
-    part_modes = solve_modes(solid, Request("plate", parity=case.parity_wanted), log)
+    part_modes = solve_modes(solid, Request("plate", symmetry=case.symmetry_wanted), log)
     assert isinstance(part_modes.model, SolidModel) and part_modes.wanted
     warn_of_wanted(part_modes.wanted, case, log)
     data, row = {}, part_modes.wanted.row
     if row is not None:
-        data["displacement"] = part_modes.model.field(row.parity, part_modes.vectors[row.parity][:, [row.column]])[
+        data["displacement"] = part_modes.model.field(row.symmetry, part_modes.vectors[row.symmetry][:, [row.column]])[
             :, :, 0
         ]
     with outputs.delivered(path) as temporary:

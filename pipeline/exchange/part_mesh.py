@@ -220,8 +220,8 @@ def modes_below(case: Case, part: str, frequencies_hz: Sequence[float], log: Log
     counts = [0] * len(frequencies_hz)
     with log.step("count modes"):
         model = parts.build(coarse, part, max(frequencies_hz), log, [])
-        for parity in model.parities:
-            pencil = model.pencil(parity)
+        for symmetry in model.symmetries:
+            pencil = model.pencil(symmetry)
             factorise = Factoriser()
             for i, frequency in enumerate(frequencies_hz):
                 counts[i] += factor_near(pencil, pencil.scale.eigenvalue(frequency), factorise)[0].negative

@@ -29,8 +29,10 @@ LARGE_M = 5.0
 
 def solve(case: Case, file: str, unit: str, clamps: Sequence[str], query: Request, log: Log) -> PartModes:
     """Modes of the mesh in a file with the case's material. Raises InputFault for a mesh that cannot serve, SolverError."""
-    if query.parity:
-        raise InputError(f"--parity {query.parity}: a mesh from a file has no symmetry classes; leave --parity out")
+    if query.symmetry:
+        raise InputError(
+            f"--symmetry {query.symmetry}: a mesh from a file has no symmetry classes; leave --symmetry out"
+        )
     with log.step("read the mesh"):
         mesh = load(file, unit)
     for name in clamps:

@@ -27,11 +27,11 @@ NOISE = 0.01  # of the peak, rms per point
 
 
 def write(arguments: Namespace, case: Case, response: Response) -> list[Path]:
-    """Write sweep.csv and field.csv into the folder --synthesise. InputFault when it cannot be written."""
+    """Write sweep.csv and field.csv into the folder --synthetic-data. InputFault when it cannot be written."""
     noise = NOISE if arguments.noise is None else arguments.noise
     random = np.random.default_rng(arguments.seed)
     head = f"# {SYNTHETIC}, not measured: made by {_command(arguments)}\n"
-    place = folder(arguments.synthesise)
+    place = folder(arguments.synthetic_data)
     sweep, field = _sweep(case, response, noise, random), _field(case, response, noise, random)
     written = []
     for name, text in ((SWEEP, sweep), (FIELD, field)):
@@ -45,7 +45,7 @@ def _command(arguments: Namespace) -> str:
     words += ["--band", arguments.band] if arguments.band else []
     for setting in arguments.set:
         words += ["--set", setting]
-    words += ["--synthesise", str(arguments.synthesise), "--seed", str(arguments.seed)]
+    words += ["--synthetic-data", str(arguments.synthetic_data), "--seed", str(arguments.seed)]
     words += [] if arguments.noise is None else ["--noise", f"{arguments.noise:g}"]
     return shlex.join(words)
 

@@ -30,21 +30,21 @@ class PartModel(Protocol):
     """A body whose modes are solved symmetry class by symmetry class."""
 
     name: str
-    parities: tuple[str | None, ...]
+    symmetries: tuple[str | None, ...]
 
-    def pencil(self, parity: str | None) -> SymmetricPencil:
+    def pencil(self, symmetry: str | None) -> SymmetricPencil:
         """K and M of a class."""
         ...
 
-    def touch(self, parity: str | None, vectors: FloatArray) -> TouchField:
+    def touch(self, symmetry: str | None, vectors: FloatArray) -> TouchField:
         """u_z on the touch face."""
         ...
 
-    def pillar_share(self, parity: str | None, vectors: FloatArray) -> FloatArray:
+    def pillar_share(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
         """Share of the pillars in the kinetic energy."""
         ...
 
-    def skin(self, parity: str | None, vectors: FloatArray) -> Skin:
+    def skin(self, symmetry: str | None, vectors: FloatArray) -> Skin:
         """Outer surface."""
         ...
 

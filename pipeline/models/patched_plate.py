@@ -40,7 +40,7 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
     back = patches.face == "back"
     with log.step("bond the patches"):
         bonded = [bonded_patch(patches.material, box, patches.size_m[2], back) for box in patches.boxes_m()]
-        joined = {plate.parity: plate for plate in map(model.assembled, model.parities)}
+        joined = {plate.symmetry: plate for plate in map(model.assembled, model.symmetries)}
         plate = PatchedPlate(joined, bonded, back, model.name)
     if plate.undriven:
         log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")

@@ -89,7 +89,7 @@ def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
     high, total = _window(case, choice, query)
     if query.count is not None and not query.band_hz and choice.part != "plate" and choice.kind == HEX:
         choice = model_choice_of(case, choice.part, max(high, model_high_hz(case, query)))
-    classes = 1 if query.parity else len(choice.classes)
+    classes = 1 if query.symmetry else len(choice.classes)
     each = total if not choice.mirrored else total / 4.0
     near = query.band_hz is None
     each = float(query.count) if near and query.count is not None else each
@@ -117,7 +117,7 @@ def of_meshed_whole(case: Case, accuracy: float, count: int) -> Demand:
     """A few modes of the plate meshed whole by tetrahedra, of one symmetry class."""
     whole = replace(case, solve=replace(case.solve, mesh="tet", model=SOLID, accuracy=accuracy))
     query = Request(
-        "plate", near_hz=mesh_rules.wanted_window_hz(case.design)[0], count=count, parity=case.parity_wanted
+        "plate", near_hz=mesh_rules.wanted_window_hz(case.design)[0], count=count, symmetry=case.symmetry_wanted
     )
     return of_modes(whole, model_choice_of(whole, "plate", model_high_hz(whole, query)), query)
 
@@ -377,7 +377,7 @@ def _changes(case: Case, choice: ModelChoice, query: Request) -> tuple[str, ...]
     changes = [_coarser(case)]
     if choice.model == SOLID and choice.part == "plate":
         changes.insert(0, 'take solve.model = "superelement"')
-    if choice.mirrored and query.parity is None:
+    if choice.mirrored and query.symmetry is None:
         changes.append("ask for one symmetry class")
     changes.append("ask for fewer modes (a lower count)" if query.band_hz is None else "narrow or lower the band")
     if choice.part == "plate" and pillar_count(case.design):

@@ -182,9 +182,9 @@ def modes_step(case: Case, request: Request) -> Step:
     """Modes of a part."""
     query = with_defaults(case, request)
     choice = model_choice_of(case, query.part, model_high_hz(case, query))
-    classes = choice.classes if query.parity is None else (query.parity,)
+    classes = choice.classes if query.symmetry is None else (query.symmetry,)
     window = simplifications.other_frequencies(query.band_hz, query.near_hz, query.count)
-    left_out = (*choice.left_out, simplifications.other_classes(choice.classes, query.parity), window)
+    left_out = (*choice.left_out, simplifications.other_classes(choice.classes, query.symmetry), window)
     numbers: dict[str, Any] = {"band_hz": list(query.band_hz)} if query.band_hz else {}
     if not query.band_hz:
         numbers = {"near_hz": query.near_hz, "count": query.count}
@@ -334,7 +334,7 @@ def _step(
     if choice.hexahedra and choice.kind == "hex":
         mesh = choice.hexahedra
         details |= {"order": mesh.order, "size_m": mesh.size_m, "layers": mesh.layers, "through": mesh.through}
-    classes_shown = tuple("whole" if parity is None else parity for parity in classes)
+    classes_shown = tuple("whole" if symmetry is None else symmetry for symmetry in classes)
     return Step(
         measure,
         name,

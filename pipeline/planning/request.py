@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 from pipeline.case.model import Case
 from pipeline.planning import mesh_rules
-from solvers.measures.confinement import wanted_parity
+from solvers.measures.confinement import wanted_symmetry
 
 DEFAULT_COUNT = 20
-SYMMETRIES = {"SS": "++", "SA": "+-", "AS": "-+", "AA": "--"}  # u_z symmetric or antisymmetric, x then y, and its signs
+SIGNS = {"SS": "++", "SA": "+-", "AS": "-+", "AA": "--"}  # u_z symmetric or antisymmetric, x then y: as signs
 MEASURED = ("plate", "zone")  # parts whose touch face tells which mode is the wanted one
 
 
@@ -24,7 +24,7 @@ class Request:
     band_hz: tuple[float, float] | None = None
     near_hz: float | None = None
     count: int | None = None
-    parity: str | None = None
+    symmetry: str | None = None
     search: bool = True
 
     @property
@@ -46,24 +46,19 @@ def with_defaults(case: Case, request: Request) -> Request:
         return replace(query, near_hz=0.0)
     if query.part == "pillar":
         return replace(query, near_hz=0.0, count=4)
-    wanted = case.parity_wanted if query.part == "plate" else wanted_parity(case.design.nodal_lines)
-    return replace(query, band_hz=mesh_rules.wanted_window_hz(case.design), parity=query.parity or wanted)
+    wanted = case.symmetry_wanted if query.part == "plate" else wanted_symmetry(case.design.nodal_lines)
+    return replace(query, band_hz=mesh_rules.wanted_window_hz(case.design), symmetry=query.symmetry or wanted)
 
 
 def of_case(case: Case) -> Request:
     """The plate's modes as a study asks for them: the case's window and the wanted mode's in one, the wanted mode's class."""
     solve = case.solve
-    return with_search(case, Request("plate", solve.band_hz, solve.near_hz, solve.count, case.parity_wanted))
-
-
-def symmetry_of(parity: str | None) -> str | None:
-    """A symmetry class by its letters; None for a body without mirrors."""
-    return next((name for name, signs in SYMMETRIES.items() if signs == parity), None)
+    return with_search(case, Request("plate", solve.band_hz, solve.near_hz, solve.count, case.symmetry_wanted))
 
 
 def wanted_window_hz(case: Case, query: Request) -> tuple[float, float] | None:
     """Where the wanted mode is looked for first; None where that has no meaning: other parts and symmetry classes."""
-    own = query.part in MEASURED and query.parity in (None, wanted_parity(case.design.nodal_lines))
+    own = query.part in MEASURED and query.symmetry in (None, wanted_symmetry(case.design.nodal_lines))
     return mesh_rules.wanted_window_hz(case.design) if own else None
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pipeline.case.model import Case
     from pipeline.logs import Log
 
-CLASSES = ("++", "+-", "-+", "--")
+CLASSES = ("SS", "SA", "AS", "AA")
 
 
 @dataclass(frozen=True)
@@ -166,15 +166,15 @@ def patch_groups(patches: Patches) -> list[tuple[str, ...]]:
     """Symmetry classes that have to be solved together: an axis along which the patches are no mirror image couples two."""
     kept = patch_mirrors(patches)
     groups: dict[tuple[str, ...], list[str]] = {}
-    for parity in CLASSES:
-        groups.setdefault(tuple(mark if kept[axis] else "" for axis, mark in enumerate(parity)), []).append(parity)
+    for symmetry in CLASSES:
+        groups.setdefault(tuple(mark if kept[axis] else "" for axis, mark in enumerate(symmetry)), []).append(symmetry)
     return [tuple(group) for group in groups.values()]
 
 
 def undriven_classes(patches: Patches) -> Simplification | None:
     """Classes odd along an axis in whose plane every patch is centred: no patch pushes them, none hears them."""
     centred = [max(abs(centre[axis]) for centre in patches.centres_m) < SAME_M for axis in (0, 1)]
-    undriven = [p for p in CLASSES if any(centred[axis] and p[axis] == "-" for axis in (0, 1))]
+    undriven = [p for p in CLASSES if any(centred[axis] and p[axis] == "A" for axis in (0, 1))]
     if not undriven:
         return None
     return Simplification("silent_classes", "symmetry classes " + ", ".join(undriven), "the patches do not drive them")

@@ -20,14 +20,14 @@ FLAT = 1e-9  # m: corners of the touch face lie on z = 0
 PREFIX = "folded_"
 
 
-def folded(skins: Sequence[Skin], parities: Sequence[str | None], frequency_hz: FloatArray) -> dict[str, Any]:
+def folded(skins: Sequence[Skin], symmetries: Sequence[str | None], frequency_hz: FloatArray) -> dict[str, Any]:
     """folded_* arrays of skins that share their points, one mode each, every displacement scaled to a largest of 1."""
     first = skins[0]
     return {
         f"{PREFIX}points": first.points.astype(np.float32),
         f"{PREFIX}{_kind(first)}": first.facets.astype(np.int32),
         f"{PREFIX}u": np.stack([in_steps(scaled(skin.displacement[0])) for skin in skins]),
-        f"{PREFIX}parity": np.array([parity or "" for parity in parities]),
+        f"{PREFIX}symmetry": np.array([symmetry or "" for symmetry in symmetries]),
         "surface_frequency_hz": np.asarray(frequency_hz, dtype=float),
     }
 
@@ -40,8 +40,8 @@ def unfolded(arrays: dict[str, Any]) -> dict[str, Any]:
     kind = "quads" if f"{PREFIX}quads" in arrays else "triangles"
     points, facets = arrays[f"{PREFIX}points"].astype(float), arrays[f"{PREFIX}{kind}"]
     quarter = [
-        Skin(points, facets, from_steps(u)[None]).unfolded(str(parity) or None)
-        for u, parity in zip(arrays[f"{PREFIX}u"], arrays[f"{PREFIX}parity"], strict=True)
+        Skin(points, facets, from_steps(u)[None]).unfolded(str(symmetry) or None)
+        for u, symmetry in zip(arrays[f"{PREFIX}u"], arrays[f"{PREFIX}symmetry"], strict=True)
     ]
     return kept | moving(quarter) | {"mesh_points": points, f"mesh_{kind}": facets}
 

@@ -103,7 +103,7 @@ def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResu
 
 def _of_profile(fidelity: str, frequency_hz: Any, level: Any) -> FidelityResult:
     if not len(frequency_hz):
-        return FidelityResult(fidelity, None, None, None, None, "no mode of the wanted parity in the window")
+        return FidelityResult(fidelity, None, None, None, None, "no mode of the wanted symmetry in the window")
     at = level.wanted.index
     if at is None:
         return FidelityResult(fidelity, None, None, None, None, "no mode of the wanted shape in the window")
@@ -123,11 +123,11 @@ def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
         solve = replace(case.solve, model="solid", accuracy=max(SOLID_ACCURACY, case.solve.accuracy))
     case = replace(case, solve=solve)
     band = _outwards(near_hz * (1.0 - AROUND), near_hz * (1.0 + AROUND)) if near_hz else None
-    request = modes.Request("plate", band_hz=band, parity=case.parity_wanted, search=False)
+    request = modes.Request("plate", band_hz=band, symmetry=case.symmetry_wanted, search=False)
     if band is None:
         request = of_case(case)
     elif fidelity == SOLID:  # a whole mesh pays for every mode
-        request = modes.Request("plate", near_hz=near_hz, count=NEAREST, parity=case.parity_wanted, search=False)
+        request = modes.Request("plate", near_hz=near_hz, count=NEAREST, symmetry=case.symmetry_wanted, search=False)
     log = WarningLog()
     part_modes = modes.solve_modes(case, request, log)
     row, bar = part_modes.wanted.row if part_modes.wanted else None, part_modes.bar

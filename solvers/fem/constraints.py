@@ -29,7 +29,7 @@ def free_mask(mesh: Mesh, clamped: Iterable[str] = (), mirrors: Mapping[str, str
         free[mesh.nodes_of(face)] = False
     for face, sign in (mirrors or {}).items():
         normal = AXES.index(face[0])
-        stopped = [normal] if sign == "+" else [axis for axis in range(3) if axis != normal]
+        stopped = [normal] if sign == "S" else [axis for axis in range(3) if axis != normal]
         free[np.ix_(mesh.nodes_of(face), np.array(stopped))] = False
     return free
 

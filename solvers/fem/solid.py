@@ -17,7 +17,7 @@ from solvers.fem.surface import FaceQuadrature, Skin, face_quadrature, skin_face
 from solvers.measures.confinement import TouchField
 
 LARGE = 200_000  # degrees of freedom
-CLASSES = ("++", "+-", "-+", "--")
+CLASSES = ("SS", "SA", "AS", "AA")
 
 
 class SolidModel:
@@ -26,7 +26,7 @@ class SolidModel:
     def __init__(self, mesh: Mesh, materials: dict[str, Material], clamped: tuple[str, ...], mirrored: bool) -> None:
         self.mesh, self.materials, self.clamped, self.mirrored = mesh, materials, clamped, mirrored
         self.name = f"solid {mesh.kind}{mesh.order}"
-        self.parities: tuple[str | None, ...] = CLASSES if mirrored else (None,)
+        self.symmetries: tuple[str | None, ...] = CLASSES if mirrored else (None,)
 
     @cached_property
     def system(self) -> System:
@@ -38,18 +38,18 @@ class SolidModel:
         """Units of the pencils; kept when a large system is let go."""
         return self.system.scale
 
-    def pencil(self, parity: str | None) -> Pencil:
+    def pencil(self, symmetry: str | None) -> Pencil:
         """K and M of one symmetry class."""
-        mirrors = {"x-": parity[0], "y-": parity[1]} if parity else {}
+        mirrors = {"x-": symmetry[0], "y-": symmetry[1]} if symmetry else {}
         pencil = constrain(self.system, free_mask(self.mesh, self.clamped, mirrors))
         if self.mesh.dof > LARGE and self.scale:
             del self.system  # assembled anew for the next class: both stiffnesses at once are a quarter of the peak
             pencil = replace(pencil, system=replace(pencil.system, stiffness=sp.csr_array(pencil.stiffness.shape)))
         return pencil
 
-    def field(self, parity: str | None, vectors: FloatArray) -> FloatArray:
+    def field(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
         """Nodal displacements (n, 3, k) from free degrees of freedom (dof, k)."""
-        mirrors = {"x-": parity[0], "y-": parity[1]} if parity else {}
+        mirrors = {"x-": symmetry[0], "y-": symmetry[1]} if symmetry else {}
         free = free_mask(self.mesh, self.clamped, mirrors)
         full = np.zeros((*free.shape, vectors.shape[1]))
         full[free] = vectors
@@ -59,25 +59,25 @@ class SolidModel:
     def _touch_rule(self) -> FaceQuadrature:
         return face_quadrature(self.mesh, "touch")
 
-    def touch(self, parity: str | None, vectors: FloatArray) -> TouchField:
+    def touch(self, symmetry: str | None, vectors: FloatArray) -> TouchField:
         """u_z on the touch face of the meshed part."""
         rule = self._touch_rule
-        normal = self.field(parity, vectors)[:, 2]
+        normal = self.field(symmetry, vectors)[:, 2]
         values = np.asarray(rule.interpolation @ normal)
         return TouchField(rule.points[:, :2], rule.weights, values, self.scale.mass_kg)
 
-    def pillar_share(self, parity: str | None, vectors: FloatArray) -> FloatArray:
+    def pillar_share(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
         """Share of the pillars in the kinetic energy of M-orthonormal modes, (k,)."""
         mass = self.system.region_mass("pillar")
         if mass is None:
             return np.zeros(vectors.shape[1])
-        field = self.field(parity, vectors)
+        field = self.field(symmetry, vectors)
         heavy = (mass @ field.reshape(len(field), -1)).reshape(field.shape)
         return np.asarray(np.einsum("nak,nak->k", field, heavy))
 
-    def skin(self, parity: str | None, vectors: FloatArray) -> Skin:
+    def skin(self, symmetry: str | None, vectors: FloatArray) -> Skin:
         """Outer skin of the meshed part."""
         facets = skin_faces(self.mesh)
         used, local = np.unique(facets, return_inverse=True)
-        moved = self.field(parity, vectors)[used]
+        moved = self.field(symmetry, vectors)[used]
         return Skin(self.mesh.nodes[used], local.reshape(facets.shape), moved.transpose(2, 0, 1))

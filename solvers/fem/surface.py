@@ -32,13 +32,13 @@ class Skin:
     facets: IntArray
     displacement: FloatArray
 
-    def unfolded(self, parity: str | None) -> Skin:
+    def unfolded(self, symmetry: str | None) -> Skin:
         """The whole body from its quarter x, y >= 0 of a symmetry class (two signs of u_z), or itself."""
         skin = self
-        for axis, mark in enumerate(parity or ""):
+        for axis, mark in enumerate(symmetry or ""):
             flip = np.ones(3)
             flip[axis] = -1.0
-            image = flip * skin.displacement * (1.0 if mark == "+" else -1.0)
+            image = flip * skin.displacement * (1.0 if mark == "S" else -1.0)
             facets = np.concatenate([skin.facets, skin.facets[:, ::-1] + len(skin.points)])
             points = np.concatenate([skin.points, skin.points * flip])
             skin = Skin(points, facets, np.concatenate([skin.displacement, image], axis=1))

@@ -39,9 +39,9 @@ def wanted_shape(design: Design, points: FloatArray) -> FloatArray:
     return np.asarray(across * along)
 
 
-def wanted_parity(nodal_lines: int) -> str:
+def wanted_symmetry(nodal_lines: int) -> str:
     """Signs (x, y) of u_z of the wanted mode: a free-free beam with N nodes is even for even N; half a sine is even."""
-    return ("+" if nodal_lines % 2 == 0 else "-") + "+"
+    return ("S" if nodal_lines % 2 == 0 else "A") + "S"
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,10 @@ class TouchField:
     modal_mass_kg: float = np.nan
 
 
-def measure(touch: TouchField, design: Design, parity: str | None) -> Confinement:
+def measure(touch: TouchField, design: Design, symmetry: str | None) -> Confinement:
     """Confinement of modes from their normal displacement on the touch face.
 
-    `parity` is the symmetry class of a halved model (a shape of another class has no share in it), None for a whole plate.
+    `symmetry` is the symmetry class of a halved model (a shape of another class has no share in it), None for a whole plate.
     """
     active = np.abs(touch.points[:, 1]) < design.width_m / 2.0
     squares = touch.weights[:, None] * touch.values**2
@@ -72,7 +72,7 @@ def measure(touch: TouchField, design: Design, parity: str | None) -> Confinemen
         passive = (everywhere - inside) / passive_area if has_passive else np.full_like(inside, np.nan)
         decibels = 10.0 * np.log10((inside / area) / passive)
     beyond = np.abs(touch.points[:, 1]) > design.half_span_m - design.extension_m
-    squared, mac = _projection(touch, active, design, parity)
+    squared, mac = _projection(touch, active, design, symmetry)
     strength = design.material.density_kg_m3 * design.thickness_m * squared / touch.modal_mass_kg
     return Confinement(share, decibels, mac, _ratio_db(touch, active, beyond), strength)
 
@@ -90,10 +90,10 @@ def _ratio_db(touch: TouchField, first: NDArray[np.bool_], second: NDArray[np.bo
 
 
 def _projection(
-    touch: TouchField, active: NDArray[np.bool_], design: Design, parity: str | None
+    touch: TouchField, active: NDArray[np.bool_], design: Design, symmetry: str | None
 ) -> tuple[FloatArray, FloatArray]:
     """<u_z, shape>^2 / <shape, shape> and its share of <u_z, u_z>, the MAC, on the active touch face, (k,) each."""
-    if parity not in (None, wanted_parity(design.nodal_lines)):
+    if symmetry not in (None, wanted_symmetry(design.nodal_lines)):
         return np.zeros(touch.values.shape[1]), np.zeros(touch.values.shape[1])
     values, weights = touch.values[active], touch.weights[active]
     shape = wanted_shape(design, touch.points[active])

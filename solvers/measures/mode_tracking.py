@@ -47,14 +47,14 @@ class Step:
         return self.row is not None and self.mac >= KEPT and self.rival < RIVAL * self.mac
 
 
-def zone_coefficients(touch: TouchField, design: Design, parity: str | None) -> FloatArray:
-    """c_ij = int u_z P_i(2x/L) P_j(2y/W) over the active face, P orthonormal there, shape (k, c); 0 for the wrong parity."""
+def zone_coefficients(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
+    """c_ij = int u_z P_i(2x/L) P_j(2y/W) over the active face, P orthonormal there, shape (k, c); 0 for the wrong symmetry."""
     active = np.abs(touch.points[:, 1]) < design.width_m / 2.0
     points, values = touch.points[active], touch.values[active] * touch.weights[active, None]
     along = _orthonormal(points[:, 0], design.length_m, design.nodal_lines + ALONG)
     across = _orthonormal(points[:, 1], design.width_m, ACROSS)
-    for basis, sign in zip((along, across), parity or (), strict=False):
-        basis[:, (1 if sign == "+" else 0) :: 2] = 0.0
+    for basis, sign in zip((along, across), symmetry or (), strict=False):
+        basis[:, (1 if sign == "S" else 0) :: 2] = 0.0
     coefficients = np.einsum("qi,qj,qk->kij", along, across, values, optimize=True)
     return np.asarray(coefficients.reshape(values.shape[1], -1))
 

@@ -146,8 +146,8 @@ class ForcedPlate:
         inside, outside = (np.diag(gram)[:count] for gram in touch_grams(basis, self.design))
         strength = np.zeros(count)
         fields = basis.group.touch(basis.columns[:, :count])
-        for parity, field in zip(basis.group.parities, fields, strict=True):
-            strength += measure(field, self.design, parity or None).strength if count else 0.0
+        for symmetry, field in zip(basis.group.symmetries, fields, strict=True):
+            strength += measure(field, self.design, symmetry or None).strength if count else 0.0
         per_area = self.design.material.density_kg_m3 * self.design.thickness_m / self.plate.scale.mass_kg
         whole = np.maximum(inside + outside, 1e-300)
         share = inside / whole if rms(inside, outside, self.design)[1] is not None else np.full(count, np.nan)
@@ -227,8 +227,8 @@ class ForcedPlate:
             motion = basis.columns @ basis.amplitudes(eigenvalue, self.loss, volts)
             for part in (1.0, 1j):
                 real = np.real(motion) if part == 1.0 else np.imag(motion)
-                for parity, field in zip(basis.group.parities, basis.group.touch(real[:, None]), strict=True):
-                    whole_points, whole = _unfolded(field.points, field.values[:, 0], parity)
+                for symmetry, field in zip(basis.group.symmetries, basis.group.touch(real[:, None]), strict=True):
+                    whole_points, whole = _unfolded(field.points, field.values[:, 0], symmetry)
                     points = whole_points
                     values = part * whole if values is None else values + part * whole
         assert points is not None and values is not None
@@ -260,12 +260,12 @@ def touch_grams(basis: GroupModes, design: Design) -> tuple[FloatArray, FloatArr
     return inside, outside
 
 
-def _unfolded(points: FloatArray, values: FloatArray, parity: str) -> tuple[FloatArray, FloatArray]:
-    for axis, mark in enumerate(parity):
+def _unfolded(points: FloatArray, values: FloatArray, symmetry: str) -> tuple[FloatArray, FloatArray]:
+    for axis, mark in enumerate(symmetry):
         flip = np.ones(2)
         flip[axis] = -1.0
         points = np.concatenate([points, points * flip])
-        values = np.concatenate([values, values if mark == "+" else -values])
+        values = np.concatenate([values, values if mark == "S" else -values])
     return points, values
 
 

@@ -22,7 +22,7 @@ from solvers.piezo.patch import BondedPatch
 from solvers.superelement.bond import displacement_at
 from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
 
-CLASSES = ("++", "+-", "-+", "--")
+CLASSES = ("SS", "SA", "AS", "AA")
 UNDRIVEN = 1e-9  # of the largest load: a class below it is not driven
 
 
@@ -35,9 +35,9 @@ class Group:
     loads: FloatArray
 
     @property
-    def parities(self) -> tuple[str, ...]:
+    def symmetries(self) -> tuple[str, ...]:
         """The classes."""
-        return tuple(plate.parity for plate in self.plates)
+        return tuple(plate.symmetry for plate in self.plates)
 
     def split(self, vectors: FloatArray) -> list[FloatArray]:
         """Degrees of freedom of each class."""
@@ -66,10 +66,10 @@ class PatchedPlate:
         self.patches, self.back, self.name = tuple(patches), back, name
         self.scale: Scale = next(iter(joined.values())).placed_cells[0].cell.scale
         classes = [[WHOLE]] if WHOLE in joined else coupled_classes(self.patches)
-        self.everything = [self._group([joined[p] for p in parities]) for parities in classes]
+        self.everything = [self._group([joined[p] for p in symmetries]) for symmetries in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
         self.groups = [group for group in self.everything if np.abs(group.loads).max() > UNDRIVEN * loudest]
-        self.undriven = [p for group in self.everything if group not in self.groups for p in group.parities]
+        self.undriven = [p for group in self.everything if group not in self.groups for p in group.symmetries]
 
     @cached_property
     def stiffness_unit(self) -> float:
@@ -104,7 +104,7 @@ class PatchedPlate:
         whole_k, whole_m = sp.csc_array(stiffness + _sum(added_k)), sp.csc_array(mass + _sum(added_m))
         for matrix in (whole_k, whole_m):
             matrix.sum_duplicates()
-        rigid = sum(RIGID_OF_CLASS[plate.parity] for plate in plates)
+        rigid = sum(RIGID_OF_CLASS[plate.symmetry] for plate in plates)
         return Group(tuple(plates), PlainPencil(whole_k, whole_m, self.scale, rigid), np.column_stack(loads))
 
 
@@ -121,7 +121,7 @@ def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:
     high = np.array([patch.points.max(axis=0) for patch in patches])
     even = mirrored_axes(np.column_stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]]))
     groups: dict[tuple[str, ...], list[str]] = {}
-    for parity in CLASSES:
-        key = tuple(mark if even[axis] else "" for axis, mark in enumerate(parity))
-        groups.setdefault(key, []).append(parity)
+    for symmetry in CLASSES:
+        key = tuple(mark if even[axis] else "" for axis, mark in enumerate(symmetry))
+        groups.setdefault(key, []).append(symmetry)
     return list(groups.values())

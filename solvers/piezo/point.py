@@ -32,11 +32,11 @@ def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float)
 def _row(basis: GroupModes, point_m: tuple[float, float]) -> FloatArray:
     """u_z at the point per unit of each column, (columns,): the symmetry classes of the group added up."""
     target, total = np.array(point_m), np.zeros(basis.columns.shape[1])
-    for parity, field in zip(basis.group.parities, basis.group.touch(basis.columns), strict=True):
+    for symmetry, field in zip(basis.group.symmetries, basis.group.touch(basis.columns), strict=True):
         folded, sign = target.copy(), 1.0
-        for axis, mark in enumerate(parity):
+        for axis, mark in enumerate(symmetry):
             if target[axis] < 0.0:
-                folded[axis], sign = -target[axis], sign * (1.0 if mark == "+" else -1.0)
+                folded[axis], sign = -target[axis], sign * (1.0 if mark == "S" else -1.0)
         nearest = int(np.argmin(((field.points - folded) ** 2).sum(axis=1)))
         total += sign * field.values[nearest]
     return total

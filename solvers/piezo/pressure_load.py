@@ -11,7 +11,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
-from solvers.measures.confinement import wanted_parity, wanted_shape
+from solvers.measures.confinement import wanted_shape, wanted_symmetry
 from solvers.piezo.patched_plate import Group
 from solvers.superelement.plate import AssembledPlate
 
@@ -25,10 +25,10 @@ class PressedPlate:
         self.scale = next(iter(joined.values())).placed_cells[0].cell.scale
         self.stiffness_unit = self.scale.young_pa * self.scale.length_m
         self.capacitance_f: FloatArray = np.ones(1)  # no circuit: never open
-        wanted = wanted_parity(design.nodal_lines)
-        self.everything = [self._group(plate, design, parity == wanted) for parity, plate in joined.items()]
-        self.groups = [group for group in self.everything if group.parities == (wanted,)]
-        self.undriven = [parity for parity in joined if parity != wanted]
+        wanted = wanted_symmetry(design.nodal_lines)
+        self.everything = [self._group(plate, design, symmetry == wanted) for symmetry, plate in joined.items()]
+        self.groups = [group for group in self.everything if group.symmetries == (wanted,)]
+        self.undriven = [symmetry for symmetry in joined if symmetry != wanted]
 
     def _group(self, plate: AssembledPlate, design: Design, pressed: bool) -> Group:
         load = _pressure(plate, design) / self.stiffness_unit if pressed else np.zeros(plate.dof)

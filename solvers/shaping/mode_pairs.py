@@ -57,7 +57,7 @@ class ModePair:
     """Two modes held a quarter period apart: drive, field (p,) in m, twr inside the zone, wavenumber along x in rad/m.
 
     alone: TWR of the pure sum of the two shapes, what perfect holding would give. A field that moves in step with even
-    amplitude has a TWR of 1 too, so read it with the wavenumber: 0 where nothing travels, as for shapes of one parity.
+    amplitude has a TWR of 1 too, so read it with the wavenumber: 0 where nothing travels, as for shapes of one symmetry.
     """
 
     modes: tuple[int, int]

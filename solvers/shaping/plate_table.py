@@ -26,15 +26,15 @@ REACH = 2.0  # of half the patch's longer side: how far around it points may be 
 ROUGH = 0.02  # of the largest value: rms distance of the points from the polynomial
 
 
-def whole_touch(touch: TouchField, parity: str) -> TouchField:
+def whole_touch(touch: TouchField, symmetry: str) -> TouchField:
     """The four mirror images of one class' field as the whole plate's, each with a quarter of the weight.
 
-    parity: two signs of u_z, x then y. SolverError for anything else.
+    symmetry: two signs of u_z, x then y. SolverError for anything else.
     """
-    if len(parity) != 2 or set(parity) - set("+-"):
-        raise SolverError(f"parity {parity!r}: must be two signs, + or -")
+    if len(symmetry) != 2 or set(symmetry) - set("SA"):
+        raise SolverError(f"symmetry {symmetry!r}: must be two letters, S or A")
     images = list(product((1.0, -1.0), repeat=2))
-    signs = [(x if parity[0] == "-" else 1.0) * (y if parity[1] == "-" else 1.0) for x, y in images]
+    signs = [(x if symmetry[0] == "A" else 1.0) * (y if symmetry[1] == "A" else 1.0) for x, y in images]
     return TouchField(
         np.concatenate([touch.points * np.array(image) for image in images]),
         np.tile(touch.weights / 4.0, 4),

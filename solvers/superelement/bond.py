@@ -21,7 +21,7 @@ def displacement_at(plate: AssembledPlate, points_m: FloatArray, back: bool) -> 
     or on a panel that carries a pillar.
     """
     flip = np.where(points_m < 0.0, -1.0, 1.0)
-    folded = points_m if plate.parity == WHOLE else np.abs(points_m)
+    folded = points_m if plate.symmetry == WHOLE else np.abs(points_m)
     rows = sp.lil_array((3 * len(points_m), plate.dof))
     left = np.ones(len(points_m), dtype=bool)
     for placed_cell in plate.placed_cells:
@@ -31,7 +31,7 @@ def displacement_at(plate: AssembledPlate, points_m: FloatArray, back: bool) -> 
         left &= ~inside
         local = folded[inside] - np.array(placed_cell.middle)
         field = _on_face(placed_cell.cell, local, back)
-        signs = _mirror_signs(plate.parity, flip[inside])
+        signs = _mirror_signs(plate.symmetry, flip[inside])
         block = signs[:, :, None] * field * placed_cell.coefficient
         live = placed_cell.coefficient != 0.0
         index = (3 * np.flatnonzero(inside)[:, None] + np.arange(3)).ravel()
@@ -46,14 +46,14 @@ def _within(placed_cell: PlacedCell, points: FloatArray) -> FloatArray:
     return np.asarray((np.abs(points - np.array(placed_cell.middle)) <= half).all(axis=1))
 
 
-def _mirror_signs(parity: str, flip: FloatArray) -> FloatArray:
+def _mirror_signs(symmetry: str, flip: FloatArray) -> FloatArray:
     """Signs (p, 3) of u_x, u_y, u_z at a point from those at its image in x, y >= 0."""
     signs = np.ones((len(flip), 3))
-    for axis, mark in enumerate(parity):
+    for axis, mark in enumerate(symmetry):
         beyond = flip[:, axis] < 0.0
         image = np.ones(3)
         image[axis] = -1.0
-        signs[beyond] *= image * (1.0 if mark == "+" else -1.0)
+        signs[beyond] *= image * (1.0 if mark == "S" else -1.0)
     return signs
 
 

@@ -136,38 +136,38 @@ class PlateModel:
                 self.cells[signature(panel)] = reductions.cell(panel)
         order = reductions.reduction.hexahedra.order
         self.name = "superelement tet2" if reductions.mesher else f"superelement hex{order}"
-        self.parities: tuple[str | None, ...] = CLASSES if mirrored else (None,)
+        self.symmetries: tuple[str | None, ...] = CLASSES if mirrored else (None,)
         self._assembled_plates: dict[str, AssembledPlate] = {}
 
-    def assembled(self, parity: str | None) -> AssembledPlate:
+    def assembled(self, symmetry: str | None) -> AssembledPlate:
         """The joined cells of one symmetry class, of the whole plate for None."""
-        name = parity or WHOLE
+        name = symmetry or WHOLE
         if name not in self._assembled_plates:
             self._assembled_plates[name] = AssembledPlate(self.tiling, self.cells, name)
         return self._assembled_plates[name]
 
-    def pencil(self, parity: str | None) -> PlainPencil:
+    def pencil(self, symmetry: str | None) -> PlainPencil:
         """K and M of one symmetry class."""
-        return self.assembled(parity).pencil()
+        return self.assembled(symmetry).pencil()
 
-    def mode_errors(self, parity: str | None, pencil: SymmetricPencil, vectors: FloatArray) -> ModeErrors:
+    def mode_errors(self, symmetry: str | None, pencil: SymmetricPencil, vectors: FloatArray) -> ModeErrors:
         """How far the reduction may put each of these modes of the class's pencil too high."""
-        return mode_errors(self.assembled(parity), pencil, vectors)
+        return mode_errors(self.assembled(symmetry), pencil, vectors)
 
     def more_below(
-        self, parity: str | None, pencil: SymmetricPencil, edge_hz: float, reduced: int | None = None
+        self, symmetry: str | None, pencil: SymmetricPencil, edge_hz: float, reduced: int | None = None
     ) -> int | None:
         """How many more modes the meshes have at most below a frequency than the class's pencil; None without a bound."""
-        return more_below(self.assembled(parity), pencil, edge_hz, reduced)
+        return more_below(self.assembled(symmetry), pencil, edge_hz, reduced)
 
-    def touch(self, parity: str | None, vectors: FloatArray) -> TouchField:
+    def touch(self, symmetry: str | None, vectors: FloatArray) -> TouchField:
         """u_z on the touch face."""
-        return self.assembled(parity).touch(vectors)
+        return self.assembled(symmetry).touch(vectors)
 
-    def pillar_share(self, parity: str | None, vectors: FloatArray) -> FloatArray:
+    def pillar_share(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
         """Share of the pillars in the kinetic energy, (k,)."""
-        return self.assembled(parity).pillar_share(vectors)
+        return self.assembled(symmetry).pillar_share(vectors)
 
-    def skin(self, parity: str | None, vectors: FloatArray) -> Skin:
+    def skin(self, symmetry: str | None, vectors: FloatArray) -> Skin:
         """Outer skin of the quarter x, y >= 0, or of the whole plate."""
-        return self.assembled(parity).skin(vectors)
+        return self.assembled(symmetry).skin(vectors)

@@ -48,7 +48,7 @@ class Expansion:
 class Cell:
     """A reduced cell: K_r and M_r over [boundary degrees of freedom, fixed-interface modes], in the units of `scale`.
 
-    size_m: edges along x, y and the plate's thickness; fixed_hz: fixed-interface frequencies kept, with their parity
+    size_m: edges along x, y and the plate's thickness; fixed_hz: fixed-interface frequencies kept, with their symmetry
     (modes, 2) under the cell's mirrors (0 without); touch: u_z at quadrature points of the touch face; skin: corners of
     the outer skin; pillar_mass: the share of M_r that moves in the pillar.
 
@@ -204,7 +204,7 @@ class CellBuilder:
 
     def _inside(self, signs: dict[int, int]) -> BoolArray:
         """Free degrees of freedom (n, 3) of one symmetry class."""
-        mirrors = {face: "+" if signs[axis] > 0 else "-" for axis, face in self.planes.items()}
+        mirrors = {face: "S" if signs[axis] > 0 else "A" for axis, face in self.planes.items()}
         return self.inside & free_mask(self.system.mesh, (), mirrors)
 
     def _at_boundary(self, basis: FloatArray) -> FloatArray:
@@ -279,7 +279,7 @@ class CellBuilder:
         for part, place in zip(parts, places, strict=True):
             for whole, own in zip((stiffness, mass, pillar), projected[id(part.turned or part)], strict=True):
                 whole += self.copies * place @ own @ place.T
-        parity = [[part.signs.get(axis, 0) for axis in (0, 1)] for part in parts for _ in part.fixed_hz]
+        symmetry = [[part.signs.get(axis, 0) for axis in (0, 1)] for part in parts for _ in part.fixed_hz]
         return Cell(
             (stiffness + stiffness.T) / 2.0,
             (mass + mass.T) / 2.0,
@@ -288,7 +288,7 @@ class CellBuilder:
             system.scale,
             (2.0 * float(self.half[0]), 2.0 * float(self.half[1]), self.thickness),
             fixed,
-            np.array(parity, dtype=np.int64).reshape(-1, 2),
+            np.array(symmetry, dtype=np.int64).reshape(-1, 2),
             min(part.dropped_hz for part in parts),
             self._dropped(parts, places, projected),
             self._touch(parts, places),

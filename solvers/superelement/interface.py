@@ -97,17 +97,17 @@ class Interface:
         return np.asarray(components[:, [1, 0, 2]].ravel())
 
     def parity_basis(self, signs: dict[int, int], diagonal: int = 0) -> FloatArray:
-        """Orthonormal combinations with the given parity of u_z under each mirror axis, shape (count, m).
+        """Orthonormal combinations with the given symmetry of u_z under each mirror axis, shape (count, m).
 
-        `diagonal`: the parity under x <-> y too, where both axes have the same; 0 for either.
+        `diagonal`: the symmetry under x <-> y too, where both axes have the same; 0 for either.
         """
-        mirrors = [(*self.mirror(axis), parity) for axis, parity in signs.items()]
+        mirrors = [(*self.mirror(axis), symmetry) for axis, symmetry in signs.items()]
         mirrors += [(self.diagonal(), np.ones(self.count), diagonal)] if diagonal else []
         projector = np.eye(self.count)
-        for where, sign, parity in mirrors:
+        for where, sign, symmetry in mirrors:
             image = np.zeros((self.count, self.count))
             image[np.arange(self.count), where] = sign
-            projector = projector @ (np.eye(self.count) + parity * image) / 2.0
+            projector = projector @ (np.eye(self.count) + symmetry * image) / 2.0
         length = np.linalg.norm(projector, axis=0)
         columns = projector[:, length > 0] / length[length > 0]
         leading = np.take_along_axis(columns, np.abs(columns).argmax(axis=0)[None], axis=0)

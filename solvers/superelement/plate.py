@@ -3,7 +3,7 @@ it has them.
 
 K = sum T_c' K_c T_c, where T_c places a cell's degrees of freedom among the plate's, with the sign of a mirror
 image or zero where
-the parity class forbids them.
+the symmetry class forbids them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from solvers.superelement.interface import SIDES, VERTICES, Interface
 from solvers.superelement.tiling import Signature, Tiling, signature
 
 WHOLE = ""  # no mirror: every panel is assembled
-RIGID_OF_CLASS = {"++": 1, "+-": 2, "-+": 2, "--": 1, WHOLE: 6}
+RIGID_OF_CLASS = {"SS": 1, "SA": 2, "AS": 2, "AA": 1, WHOLE: 6}
 
 
 @dataclass(frozen=True)
@@ -42,18 +42,18 @@ class PlacedCell:
 
 
 class AssembledPlate:
-    """Cells on a tiling, restricted to one symmetry class; `parity` = two signs of u_z, x then y; WHOLE for all of
+    """Cells on a tiling, restricted to one symmetry class; `symmetry` = two signs of u_z, x then y; WHOLE for all of
     them at once.
 
     Raises SolverError for cells that do not fit, and for a class of a plate that is not its own mirror image.
     """
 
-    def __init__(self, tiling: Tiling, cells: Mapping[Signature, Cell], parity: str) -> None:
-        self.tiling, self.parity = tiling, parity
-        if parity != WHOLE and not tiling.mirrored:
+    def __init__(self, tiling: Tiling, cells: Mapping[Signature, Cell], symmetry: str) -> None:
+        self.tiling, self.symmetry = tiling, symmetry
+        if symmetry != WHOLE and not tiling.mirrored:
             raise SolverError("the plate is not its own mirror image: it has no symmetry classes")
-        self.grid = _Grid(tiling, cells, parity == WHOLE)
-        whole, sign = self.grid.representatives(parity)
+        self.grid = _Grid(tiling, cells, symmetry == WHOLE)
+        whole, sign = self.grid.representatives(symmetry)
         alive = np.unique(whole[sign != 0.0])
         self.dof = len(alive)
         number = np.full(self.grid.count, -1, dtype=np.int64)
@@ -70,7 +70,7 @@ class AssembledPlate:
         """K and M of the class, per whole plate."""
         stiffness = self._assembled(self.placed_cells, [p.cell.stiffness for p in self.placed_cells])
         mass = self._assembled(self.placed_cells, [p.cell.mass for p in self.placed_cells])
-        return PlainPencil(stiffness, mass, self.placed_cells[0].cell.scale, RIGID_OF_CLASS[self.parity])
+        return PlainPencil(stiffness, mass, self.placed_cells[0].cell.scale, RIGID_OF_CLASS[self.symmetry])
 
     def pillar_share(self, vectors: FloatArray) -> FloatArray:
         """Share of the pillars in the kinetic energy of M-orthonormal modes, (k,)."""
@@ -206,13 +206,13 @@ class _Grid:
         """Panels to assemble."""
         return self.tiling.representatives(self.whole)
 
-    def representatives(self, parity: str) -> tuple[IntArray, FloatArray]:
+    def representatives(self, symmetry: str) -> tuple[IntArray, FloatArray]:
         """For every unknown the one it follows and its coefficient: u[d] = sign[d] u[where[d]]; 0 where it must vanish."""
         here = np.arange(self.count)
         where, sign = here, np.where(self._idle(), 0.0, 1.0)
-        for axis, mark in enumerate(parity):
+        for axis, mark in enumerate(symmetry):
             image, flip = self._mirror(axis)
-            flip = flip if mark == "+" else -flip
+            flip = flip if mark == "S" else -flip
             beyond, forbidden = image > here, (image == here) & (flip < 0.0)
             factor = np.where(beyond, flip, np.where(forbidden, 0.0, 1.0))
             sign, where = sign * factor[where], np.where(beyond, image, here)[where]

@@ -148,21 +148,21 @@ class VariedPlate:
         return feet[order], kinds
 
     def _cell_motions(self, place: int) -> list[tuple[int, str, FloatArray]]:
-        """Motions (cell degrees of freedom, columns) of one cell, class by class: first column, parity, values."""
+        """Motions (cell degrees of freedom, columns) of one cell, class by class: first column, symmetry, values."""
         parts = []
         for start, space in zip(self._starts, self._spaces, strict=False):
             group = space.columns.group
             for plate, part in zip(group.plates, group.split(space.columns.columns), strict=True):
-                parts.append((int(start), plate.parity, plate.cell_vectors(plate.placed_cells[place], part)))
+                parts.append((int(start), plate.symmetry, plate.cell_vectors(plate.placed_cells[place], part)))
         return parts
 
     def _turned(self, parts: list[tuple[int, str, FloatArray]], turn: list[float]) -> FloatArray:
         """The motions of the cell's mirror image, seen in that mirror."""
         out = np.zeros((len(parts[0][2]), self.size))
-        for start, parity, values in parts:
+        for start, symmetry, values in parts:
             sign = 1.0
-            for mark, side in zip(parity, turn, strict=True):
-                sign *= -1.0 if side < 0.0 and mark == "-" else 1.0
+            for mark, side in zip(symmetry, turn, strict=True):
+                sign *= -1.0 if side < 0.0 and mark == "A" else 1.0
             out[:, start : start + values.shape[1]] += sign * values
         return out
 

@@ -75,7 +75,7 @@ WIDE = ("zone.length_mm=80", "zone.width_mm=30", "zone.nodal_lines=5")
 THIN = ("plate.thickness_mm=1.0", "pillar.height_mm=4.0", "pillar.side_mm=1.5")
 ZONE = ("modes", "--part", "zone", "--band", "20kHz:42kHz")
 PILLAR = ("modes", "--part", "pillar", "--count", "6")
-BANDS, PLATE = ("bands",), ("modes", "--parity", "++", "--band", "25kHz:40kHz")
+BANDS, PLATE = ("bands",), ("modes", "--symmetry", "SS", "--band", "25kHz:40kHz")
 SCENES = (
     *(Scene("zone", ZONE, (), each) for each in (0.03, 0.01, 0.003)),
     *(Scene("wide zone", ZONE, WIDE, each) for each in (0.01, 0.002)),

@@ -32,8 +32,8 @@ SHIFT_HZ = 32e3
 LONG = 30_000  # degrees of freedom above which a run is repeated less
 
 
-def _shifted(model: SolidModel, parity: str | None) -> sp.csc_array:
-    pencil = model.pencil(parity)
+def _shifted(model: SolidModel, symmetry: str | None) -> sp.csc_array:
+    pencil = model.pencil(symmetry)
     return sp.csc_array(pencil.stiffness - pencil.scale.eigenvalue(SHIFT_HZ) * pencil.mass)
 
 
@@ -42,7 +42,7 @@ def plate(length_m: float, rows: int, order: int, size_m: float) -> sp.csc_array
     design = Design(length_m, 20e-3, 2e-3, 8, ALUMINIUM, PILLAR, 4e-3, 4e-3, rows, 0.0)
     settings = HexSettings(order, size_m, 0, pillar_size_m=1.6 * size_m)
     mesh = hex_mesh(plate_boxes(design, settings), order)
-    return _shifted(SolidModel(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}, (), True), "++")
+    return _shifted(SolidModel(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}, (), True), "SS")
 
 
 def cube(cuts: int) -> sp.csc_array:

@@ -27,18 +27,18 @@ def _case(*overrides: str) -> Case:
     return load_case(CASE, overrides)
 
 
-def _pencil(part: str, parity: str, *overrides: str) -> SymmetricPencil:
+def _pencil(part: str, symmetry: str, *overrides: str) -> SymmetricPencil:
     model = parts.build(_case(*overrides), part, BAND_HZ[1], TerminalLog(quiet=True), [])
-    return model.pencil(parity)
+    return model.pencil(symmetry)
 
 
 PROBLEMS: dict[str, tuple[Callable[[], SymmetricPencil], tuple[float, float]]] = {
-    "lone pillar": (lambda: _pencil("pillar", "++", "solve.accuracy=0.003"), (0.0, 900e3)),
-    "bare zone": (lambda: _pencil("zone", "++", "solve.accuracy=0.003"), (0.0, 250e3)),
-    "assembled plate": (lambda: _pencil("plate", "++", "solve.accuracy=0.01"), BAND_HZ),
+    "lone pillar": (lambda: _pencil("pillar", "SS", "solve.accuracy=0.003"), (0.0, 900e3)),
+    "bare zone": (lambda: _pencil("zone", "SS", "solve.accuracy=0.003"), (0.0, 250e3)),
+    "assembled plate": (lambda: _pencil("plate", "SS", "solve.accuracy=0.01"), BAND_HZ),
     "solid plate": (
         lambda: _pencil(
-            "plate", "++", "solve.model=solid", "solve.accuracy=0.03", "array.rows=1", "array.extension_mm=0"
+            "plate", "SS", "solve.model=solid", "solve.accuracy=0.03", "array.rows=1", "array.extension_mm=0"
         ),
         BAND_HZ,
     ),

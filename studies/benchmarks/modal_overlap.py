@@ -27,15 +27,15 @@ class Fields:
 
 
 def fields(
-    frequency_hz: FloatArray, touch: TouchField, parity: str, half_m: tuple[float, float], mass_kg: float
+    frequency_hz: FloatArray, touch: TouchField, symmetry: str, half_m: tuple[float, float], mass_kg: float
 ) -> Fields:
     """Project u_z of a symmetry class on orthonormal cosines of |x| and |y|, for modes of 1 kg modal mass.
 
     half_m: half the plate's length and width; mass_kg: the whole plate's modal mass that the vectors were normalised to.
     """
     values = touch.values.copy()
-    for axis, sign in enumerate(parity):
-        if sign == "-":
+    for axis, sign in enumerate(symmetry):
+        if sign == "A":
             values[touch.points[:, axis] < 0.0] *= -1.0
     x, y = np.abs(touch.points).T
     functions = np.einsum("pm,pn->pmn", _cosines(x / half_m[0], ALONG), _cosines(y / half_m[1], ACROSS))

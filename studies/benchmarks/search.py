@@ -11,7 +11,7 @@ from pipeline.paths import STUDIES
 
 ARGUMENTS = (
     "search", str(STUDIES / "three-rows.toml"), "--vary", "pillar.height_mm=5:8", "--vary", "array.pitch_mm=4:8",
-    "--goal", "confinement", "--set", "solve.accuracy=0.01", "--confirm", "solid",
+    "--goal", "confinement", "--set", "solve.accuracy=0.01", "--verify-with", "solid",
 )  # fmt: skip
 
 if __name__ == "__main__":

@@ -141,7 +141,7 @@ def plates(with_solid: bool = True) -> dict[str, Any]:
 
 
 def _all_classes(model: PartModel) -> dict[str, Modes]:
-    return {parity: modes_in_band(model.pencil(parity), *BAND_HZ) for parity in CLASSES}
+    return {symmetry: modes_in_band(model.pencil(symmetry), *BAND_HZ) for symmetry in CLASSES}
 
 
 def _solid(design: Design, model: PlateModel, joined: dict[str, Modes], assembled_s: float) -> dict[str, Any]:
@@ -161,19 +161,19 @@ def _solid(design: Design, model: PlateModel, joined: dict[str, Modes], assemble
     half = (design.length_m / 2.0, design.half_span_m)
     cell = next(iter(model.cells.values()))
     units = (_unit_kg(cell.scale), 4.0 * _unit_kg(full.system.scale))  # a solid's vectors belong to its quarter
-    for parity in CLASSES:
-        ours, theirs = joined[parity], solid[parity]
-        entry[f"counts {parity} (joined, solid)"] = (len(ours.frequency_hz), len(theirs.frequency_hz))
+    for symmetry in CLASSES:
+        ours, theirs = joined[symmetry], solid[symmetry]
+        entry[f"counts {symmetry} (joined, solid)"] = (len(ours.frequency_hz), len(theirs.frequency_hz))
         if len(ours.frequency_hz) != len(theirs.frequency_hz):
             continue
-        entry[f"largest difference {parity}"] = float(np.abs(ours.frequency_hz / theirs.frequency_hz - 1.0).max())
+        entry[f"largest difference {symmetry}"] = float(np.abs(ours.frequency_hz / theirs.frequency_hz - 1.0).max())
         pair = [
-            modal_overlap.fields(modes.frequency_hz, each.touch(parity, modes.vectors), parity, half, mass_kg)
+            modal_overlap.fields(modes.frequency_hz, each.touch(symmetry, modes.vectors), symmetry, half, mass_kg)
             for each, modes, mass_kg in ((model, ours, units[0]), (full, theirs, units[1]))
         ]
         for first_hz, count, angle in modal_overlap.cluster_angles(*pair):
-            entry[f"angle {parity}, {count} from {first_hz:.0f} Hz (degrees)"] = angle
-        if parity == "++":
+            entry[f"angle {symmetry}, {count} from {first_hz:.0f} Hz (degrees)"] = angle
+        if symmetry == "SS":
             entry |= _receptances(*pair)
     return entry
 

@@ -237,7 +237,7 @@ def board_arrays() -> dict[str, np.ndarray]:
 
 def record(case_id: str, sweep: dict, shape: dict, level_db: float | None) -> dict:
     """A case's record."""
-    mode = {"frequency_hz": 31500.0, "residual": 1e-11, "parity": "++", "zone_share": 0.82, "mac": 0.93}
+    mode = {"frequency_hz": 31500.0, "residual": 1e-11, "symmetry": "SS", "zone_share": 0.82, "mac": 0.93}
     near = [{**mode, "frequency_hz": f, "confinement_db": 3.0, "mac": 0.2} for f in (31320.0, 31810.0, 32050.0)]
     confined = {**mode, "confinement_db": level_db}
     check = {"low_hz": 25e3, "high_hz": 45e3, "expected": 4, "found": 4}

@@ -54,7 +54,7 @@ def part(name: str, overrides: list[str], accuracy: float, count: int = 4) -> tu
 def wanted(name: str, overrides: list[str], accuracy: float) -> tuple[float, float, float | None, float | None]:
     """The wanted mode's frequency and confinement (dB), and the bars of both."""
     case = load_case(CASE, [*overrides, f"solve.accuracy={accuracy}"])
-    result = solve_modes(case, Request(name, parity=case.parity_wanted), CALM)
+    result = solve_modes(case, Request(name, symmetry=case.symmetry_wanted), CALM)
     row = result.wanted.row if result.wanted else None
     assert row is not None and result.bar and result.bar.frequency is not None
     return row.frequency_hz, result.bar.frequency, row.confinement_db, result.bar.confinement_db

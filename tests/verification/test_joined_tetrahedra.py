@@ -43,7 +43,7 @@ def case(tmp_path: Path, pillar: str, **solve: object) -> Case:
 
 
 def solved(of: Case) -> PartModes:
-    return solve_modes(of, Request("plate", band_hz=BAND_HZ, parity="++"), TerminalLog(True))
+    return solve_modes(of, Request("plate", band_hz=BAND_HZ, symmetry="SS"), TerminalLog(True))
 
 
 @pytest.mark.slow

@@ -115,7 +115,7 @@ def joined(metal: Material) -> dict:
     reduction = ReductionSettings(Interface(5, 2), 200e3, HexSettings(3, 5e-3, 0, 0.2), 5e-3)
     design = replace(FREE, material=metal)
     model = PlateModel(design, Reductions(FREE.thickness_m, metal, None, reduction))
-    return {parity: model.assembled(parity) for parity in CLASSES}
+    return {symmetry: model.assembled(symmetry) for symmetry in CLASSES}
 
 
 @cache
@@ -131,7 +131,7 @@ def first_even(forced: ForcedPlate) -> tuple[float, float, float]:
     """Frequency, gain per volt (N/(V sqrt(kg))) and the touch face's u_z at x = L/2 of the only driven mode."""
     result = max(forced.modes, key=lambda one: np.abs(one.gain).max(initial=0.0))
     index = int(np.abs(result.gain[:, 0]).argmax())
-    field = result.group.touch(result.columns[:, [index]])[result.group.parities.index("++")]
+    field = result.group.touch(result.columns[:, [index]])[result.group.symmetries.index("SS")]
     end = field.values[np.argmax(field.points[:, 0]), 0]
     plate = forced.plate
     unit = plate.stiffness_unit / np.sqrt(plate.scale.mass_kg)
@@ -175,7 +175,7 @@ def test_open_it_is_stiffer_by_the_laminates_share(pair: Pair) -> None:
 def test_the_space_of_modes_and_rests_holds_the_open_mode() -> None:
     """Against the whole pencil with theta theta'/C added to it."""
     forced = covered(REAL)
-    result = next(one for one in forced.modes if "++" in one.group.parities)
+    result = next(one for one in forced.modes if "SS" in one.group.symmetries)
     pencil, plate = result.group.pencil, forced.plate
     load = result.group.loads
     whole = pencil.stiffness.toarray() + load @ load.T * plate.stiffness_unit / plate.capacitance_f[0]

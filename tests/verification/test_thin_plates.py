@@ -22,7 +22,7 @@ def plate(thickness_m: float, order: int, cuts: int, supported: bool = True) -> 
     line = np.linspace(0.0, EDGE_M, cuts + 1)
     boxes = Boxes(line, line, np.array([0.0, thickness_m]), np.zeros((cuts, cuts, 1), dtype=np.int64), ("plate",))
     mesh = hex_mesh(boxes, order)
-    mirrors = dict.fromkeys(SIDES, "-") if supported else {}
+    mirrors = dict.fromkeys(SIDES, "A") if supported else {}
     return constrain(assemble(mesh, {"plate": PLATE}), free_mask(mesh, (), mirrors))
 
 

@@ -69,7 +69,7 @@ def in_one_piece(model: PlateModel) -> SolidModel:
 def test_a_skewed_plate_is_the_solid_of_its_meshes() -> None:
     model = joined(DESIGN, skewed)
     solid = in_one_piece(model)
-    assert model.parities == solid.parities == (None,)
+    assert model.symmetries == solid.symmetries == (None,)
     ours, truth = (modes_in_band(m.pencil(None), *BAND_HZ) for m in (model, solid))
     assert ours.rigid_count == truth.rigid_count == 6
     assert len(ours.frequency_hz) == len(truth.frequency_hz) > 10
@@ -105,4 +105,4 @@ def every_piece(model: PlateModel) -> dict:
 def test_mirror_classes_of_a_skewed_plate_are_refused() -> None:
     model = joined(DESIGN, skewed)
     with pytest.raises(SolverError, match="not its own mirror image"):
-        model.assembled("++")
+        model.assembled("SS")

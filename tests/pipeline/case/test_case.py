@@ -49,10 +49,10 @@ def test_a_rectangular_lattice_walks_the_other_corner_too():
     assert case_from_dict(raw).bands.path == "GXMYG"
 
 
-@pytest.mark.parametrize(("lines", "parity"), [(0, "++"), (1, "-+"), (2, "++"), (7, "-+"), (8, "++")])
-def test_parity_of_the_wanted_mode(lines, parity):
+@pytest.mark.parametrize(("lines", "symmetry"), [(0, "SS"), (1, "AS"), (2, "SS"), (7, "AS"), (8, "SS")])
+def test_parity_of_the_wanted_mode(lines, symmetry):
     case = case_from_dict(without("patches"), overrides=[f"zone.nodal_lines={lines}"])
-    assert case.parity_wanted == parity
+    assert case.symmetry_wanted == symmetry
 
 
 def test_rigid_shapes_have_no_wavenumber():
@@ -62,7 +62,7 @@ def test_rigid_shapes_have_no_wavenumber():
 def test_tables_may_be_absent_until_a_command_needs_them():
     cell = case_from_dict(without("zone", "patches"))
     assert isnan(cell.design.length_m) and cell.design.pitch_x_m == 4e-3
-    assert cell.parity_wanted is None
+    assert cell.symmetry_wanted is None
     cell.require("plate", "array", "array.pitch_mm")
     with pytest.raises(InputError, match=r"\[zone\]: missing, antinode response needs it") as fault:
         cell.require("zone", "patches", command="antinode response")

@@ -165,7 +165,38 @@ def test_a_report_names_the_cases_that_it_does_not_believe(
     assert len(text) == 1 and "case a is not shown" in text[0] and "not what was written" in text[0]
 
 
-@pytest.mark.parametrize("words", [["--parity", "-+"], ["--parity=-+"], ["--parity", "--"], ["--parity=--"]])
-def test_a_parity_that_begins_with_a_dash_is_no_option(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("words", [["--symmetry", "AS"], ["--symmetry=AA"]])
+def test_a_symmetry_class_is_named_by_its_letters(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main.main(["modes", CASE, *words, "--explain"]) == 0
     assert f"class {words[-1][-2:]}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "new"),
+    [
+        (["modes", CASE, "--parity", "-+"], "--symmetry"),
+        (["modes", CASE, "--parity=++"], "--symmetry"),
+        (["modes", CASE, "--fields"], "--save-all-fields"),
+        (["run", "rows", "--fields"], "--save-all-fields"),
+        (["search", CASE, "--above", "25kHz"], "--min-frequency"),
+        (["search", CASE, "--half-wave", "20"], "--max-half-wavelength"),
+        (["search", CASE, "--feature", "0.4"], "--min-feature"),
+        (["search", CASE, "--confirm", "solid"], "--verify-with"),
+        (["active", "dq", "--within", "2ms"], "--settling-time"),
+        (["response", CASE, "--synthesise", "made"], "--synthetic-data"),
+    ],
+)
+def test_an_option_by_its_former_name_is_refused_with_the_new_one(
+    words: list[str], new: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main.main(words)
+    text = lines(capsys.readouterr().err)
+    assert ended.value.code == 2 and len(text) == 1 and new in text[0]
+    assert new in help_of(words[0], capsys)
+
+
+def help_of(command: str, capsys: pytest.CaptureFixture[str]) -> str:
+    with pytest.raises(SystemExit):
+        main.main([command, "--help"])
+    return capsys.readouterr().out

@@ -380,7 +380,7 @@ def test_a_med_file_without_the_expected_group_names_those_it_has(
     write_med(bare, tmp_path / "bare.med", "PILLAR")
     assert main.main([*query[:-1], str(tmp_path / "bare.med"), "--clamp", "FOOT"]) == 2
     assert "it has none" in capsys.readouterr().err
-    assert main.main([*query, "--parity", "++"]) == 2
+    assert main.main([*query, "--symmetry", "SS"]) == 2
 
 
 def test_a_file_in_millimetres_taken_for_metres_is_said(

@@ -40,7 +40,7 @@ def specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("specimen")
     words = made_by(FOLDER / "sweep.csv")
     words[1] = str(ROOT / words[1])
-    words[words.index("--synthesise") + 1] = str(out)
+    words[words.index("--synthetic-data") + 1] = str(out)
     assert main([*words, "--quiet", "--json", str(out / "response.json")]) == 0
     return out
 
@@ -125,7 +125,7 @@ def test_pictures_are_written(compared: Path) -> None:
         (["--at", "3,4"], ["--at", "--measured"]),
         (["--measured", str(FOLDER / "sweep.csv"), "--at", "300,4"], ["--at", "mm"]),
         (["--measured", str(FOLDER / "sweep.csv"), "--at", "here"], ["--at", "X,Y"]),
-        (["--synthesise", "made", "--noise", "2"], ["--noise", "below 1"]),
+        (["--synthetic-data", "made", "--noise", "2"], ["--noise", "below 1"]),
         (["--set", 'measured.sweep="none.csv"'], ["measured.sweep", "no such file"]),
         (["--set", 'measured.sweep="field.csv"'], ["field.csv", "frequency_kHz"]),
         (["--set", 'measured.map="field.csv"', "--set", "measured.at_mm=[1, 2]"], ["measured.at_mm", "measured.sweep"]),

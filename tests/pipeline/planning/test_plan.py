@@ -112,8 +112,8 @@ def test_a_patch_off_a_mirror_plane_couples_the_classes_there() -> None:
 
     apart = {frozenset([p]) for p in simplifications.CLASSES}
     assert groups("[0.0,0.0]") == apart == groups("[-20.0,0.0]", "[20.0,0.0]")
-    assert groups("[20.0,0.0]") == {frozenset(["++", "-+"]), frozenset(["+-", "--"])}
-    assert groups("[0.0,5.0]") == {frozenset(["++", "+-"]), frozenset(["-+", "--"])}
+    assert groups("[20.0,0.0]") == {frozenset(["SS", "AS"]), frozenset(["SA", "AA"])}
+    assert groups("[0.0,5.0]") == {frozenset(["SS", "SA"]), frozenset(["AS", "AA"])}
     assert groups("[20.0,5.0]") == {frozenset(simplifications.CLASSES)}
     assert groups("[-20.0,5.0]", "[20.0,-5.0]") == {frozenset(simplifications.CLASSES)}
 
@@ -179,7 +179,7 @@ def test_no_lattice_without_pitch_or_pillars() -> None:
 
 
 def test_other_classes_and_other_frequencies() -> None:
-    assert simplifications.other_classes(simplifications.CLASSES, "++") and not simplifications.other_classes(
+    assert simplifications.other_classes(simplifications.CLASSES, "SS") and not simplifications.other_classes(
         simplifications.CLASSES, None
     )
     assert not simplifications.other_classes((None,), None)
@@ -209,8 +209,8 @@ def test_a_response_with_pillars_from_a_step_file_is_planned_whole() -> None:
 @pytest.mark.parametrize(
     ("overrides", "request_"),
     [
-        ((), Request("plate", parity="-+")),
-        (("solve.model='solid'",), Request("plate", near_hz=30e3, count=3, parity="++")),
+        ((), Request("plate", symmetry="AS")),
+        (("solve.model='solid'",), Request("plate", near_hz=30e3, count=3, symmetry="SS")),
         ((), Request("zone", count=2)),
         ((), Request("pillar")),
         (("array.rows=0",), Request("plate", band_hz=(20e3, 30e3))),
@@ -255,7 +255,7 @@ def test_a_response_couples_the_classes_that_were_planned() -> None:
         scene, heard = small(f"patches.centres_mm={centres}", "solve.band_kHz=[28.0,32.0]"), RecordingLog()
         planned = plan.of_response(scene, None, 11, False)
         result = response.solve(scene, heard, None, 11)
-        solved = {" with ".join(group.parities) for group in result.forced.plate.groups}
+        solved = {" with ".join(group.symmetries) for group in result.forced.plate.groups}
         assert solved == set(planned.steps[0].classes)
         assert told_apart(heard) <= {f"{each.what}: {each.why}" for each in planned.left_out}
 

@@ -48,11 +48,11 @@ def test_steps_keep_a_number_to_half_a_step() -> None:
     assert back[-3:].tolist() == [-1.0, 0.0, 1.0]
 
 
-@pytest.mark.parametrize("parities", [("++",), ("-+", "+-"), ("--", "++", "+-"), (None,)])
-def test_what_was_folded_unfolds_to_the_whole_plate(parities: tuple[str | None, ...]) -> None:
-    skins = [quarter(seed) for seed in range(len(parities))]
-    result = unfolded(folded(skins, parities, np.arange(1.0, 1.0 + len(skins))))
-    whole = [skin.unfolded(parity) for skin, parity in zip(skins, parities, strict=True)]
+@pytest.mark.parametrize("symmetries", [("SS",), ("AS", "SA"), ("AA", "SS", "SA"), (None,)])
+def test_what_was_folded_unfolds_to_the_whole_plate(symmetries: tuple[str | None, ...]) -> None:
+    skins = [quarter(seed) for seed in range(len(symmetries))]
+    result = unfolded(folded(skins, symmetries, np.arange(1.0, 1.0 + len(skins))))
+    whole = [skin.unfolded(symmetry) for skin, symmetry in zip(skins, symmetries, strict=True)]
     expected = surface_arrays(whole) | touch_arrays(whole)
     assert set(expected) <= set(result) and result["surface_frequency_hz"].tolist() == [
         1.0 + i for i in range(len(skins))
@@ -126,13 +126,13 @@ def test_modes_write_fields_where_they_are_asked_to(tmp_path: Path, capsys: pyte
     assert "--out" in capsys.readouterr().err
     assert main([*part, "--out", str(tmp_path)]) == 0
     with np.load(tmp_path / store.FIELDS) as file:
-        assert file["displacement"].shape[0] == 2 and set(file["parity"]) == {"+-", "-+"}
+        assert file["displacement"].shape[0] == 2 and set(file["symmetry"]) == {"SA", "AS"}
 
 
 def test_pictures_and_commands_read_the_same_arrays() -> None:
     """plate_arrays, which shows a mode at once, is what a record unfolds to."""
     case = load_case(CASE, [*SMALL, "array.rows=0"])
-    result = modes.solve_modes(case, Request("plate", near_hz=30e3, count=2, parity="++"), TerminalLog(True))
+    result = modes.solve_modes(case, Request("plate", near_hz=30e3, count=2, symmetry="SS"), TerminalLog(True))
     direct, stored = mode_fields.plate_arrays(result, [0, 1]), unfolded(mode_fields.kept_arrays(result, [0, 1]))
     assert direct.keys() == stored.keys()
     assert all(np.array_equal(direct[name], stored[name]) for name in direct)

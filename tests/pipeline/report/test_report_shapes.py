@@ -64,16 +64,16 @@ def test_what_is_coarse_enough_only_loses_its_doubles() -> None:
     np.testing.assert_array_equal(points[kept][small], points[quads])
 
 
-def unfolded(parity: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def unfolded(symmetry: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     points, quads = synthetic.box(LOW, HIGH, (4, 3, 2))
     u = np.random.default_rng(3).normal(size=(1, len(points), 3)).astype(np.float32)
-    skin = Skin(points, quads, u).unfolded(parity)
+    skin = Skin(points, quads, u).unfolded(symmetry)
     return skin.points, skin.facets, skin.displacement
 
 
-@pytest.mark.parametrize(("parity", "signs"), [("++", (1, 1)), ("-+", (-1, 1)), ("+-", (1, -1)), ("--", (-1, -1))])
-def test_an_unfolded_skin_is_sent_as_its_quarter_and_drawn_whole(parity: str, signs: tuple[int, int]) -> None:
-    points, facets, u = unfolded(parity)
+@pytest.mark.parametrize(("symmetry", "signs"), [("SS", (1, 1)), ("AS", (-1, 1)), ("SA", (1, -1)), ("AA", (-1, -1))])
+def test_an_unfolded_skin_is_sent_as_its_quarter_and_drawn_whole(symmetry: str, signs: tuple[int, int]) -> None:
+    points, facets, u = unfolded(symmetry)
     first, few, small, result = mode_shapes.quarter(points, facets, u)
     assert result == [signs] and 4 * len(first) == len(points) and 4 * len(few) == len(facets)
     images = mode_shapes._images(result[0])
@@ -84,7 +84,7 @@ def test_an_unfolded_skin_is_sent_as_its_quarter_and_drawn_whole(parity: str, si
 
 
 def test_a_shape_without_mirrors_is_sent_whole() -> None:
-    points, facets, u = unfolded("++")
+    points, facets, u = unfolded("SS")
     u[0, 5, 2] += 1e-3
     assert mode_shapes.quarter(points, facets, u)[3] == [None]
 

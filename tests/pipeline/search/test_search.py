@@ -262,7 +262,7 @@ def test_the_command_that_it_names_gives_the_number_that_it_claims(
 ) -> None:
     best = searched[0]["best"]
     sets = [part for text in searched[0]["repeat"] for part in ("--set", text)]
-    assert main(["modes", CASE, *sets, "--parity=-+", "--quiet", "--json", str(tmp_path / "m.json")]) == 0
+    assert main(["modes", CASE, *sets, "--symmetry=-+", "--quiet", "--json", str(tmp_path / "m.json")]) == 0
     modes = json.loads((tmp_path / "m.json").read_text())["modes"]
     wanted = max(modes, key=lambda mode: (mode["mac"] or 0.0) * (mode["zone_share"] or 0.0))
     assert wanted["confinement_db"] == pytest.approx(best["confinement_db"], abs=1e-6)

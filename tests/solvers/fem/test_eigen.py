@@ -93,10 +93,10 @@ def test_a_free_body_has_six_rigid_motions_and_they_are_no_modes() -> None:
     [
         ((), {}, 6),
         (("touch",), {}, 0),
-        ((), {"x-": "+"}, 3),
-        ((), {"x-": "+", "y-": "+"}, 1),
-        ((), {"x-": "+", "y-": "-"}, 2),
-        ((), {"x-": "-", "y-": "-"}, 1),
+        ((), {"x-": "S"}, 3),
+        ((), {"x-": "S", "y-": "S"}, 1),
+        ((), {"x-": "S", "y-": "A"}, 2),
+        ((), {"x-": "A", "y-": "A"}, 1),
     ],
 )
 def test_rigid_motions_that_survive_are_counted(

@@ -9,7 +9,7 @@ import pytest
 
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from solvers.measures.confinement import TouchField, measure, wanted_parity, wanted_shape
+from solvers.measures.confinement import TouchField, measure, wanted_shape, wanted_symmetry
 
 DESIGN = Design(60e-3, 20e-3, 2e-3, 6, MATERIALS["aluminium"], None, 4e-3, 4e-3, 0, 10e-3)
 
@@ -54,22 +54,22 @@ def test_a_quarter_measures_what_the_whole_measures() -> None:
     whole = field(lambda p: wanted_shape(DESIGN, p) * (1.0 + 1e4 * p[:, 0] ** 2))
     keep = (whole.points > 0.0).all(axis=1)
     quarter = TouchField(whole.points[keep], 4.0 * whole.weights[keep], whole.values[keep])
-    a, b = measure(whole, DESIGN, None), measure(quarter, DESIGN, "++")
+    a, b = measure(whole, DESIGN, None), measure(quarter, DESIGN, "SS")
     assert np.allclose([a.zone_share, a.confinement_db, a.mac], [b.zone_share, b.confinement_db, b.mac], rtol=1e-12)
 
 
-@pytest.mark.parametrize(("lines", "parity"), [(6, "++"), (7, "-+"), (0, "++"), (1, "-+")])
-def test_the_wanted_class_follows_the_number_of_lines(lines: int, parity: str) -> None:
-    assert wanted_parity(lines) == parity
+@pytest.mark.parametrize(("lines", "symmetry"), [(6, "SS"), (7, "AS"), (0, "SS"), (1, "AS")])
+def test_the_wanted_class_follows_the_number_of_lines(lines: int, symmetry: str) -> None:
+    assert wanted_symmetry(lines) == symmetry
     design = Design(**{**vars(DESIGN), "nodal_lines": lines})
     at = np.array([[7e-3, 3e-3]])
-    sign = 1.0 if parity[0] == "+" else -1.0
+    sign = 1.0 if symmetry[0] == "S" else -1.0
     assert wanted_shape(design, at * [-1, 1])[0] == pytest.approx(sign * wanted_shape(design, at)[0], rel=1e-9)
     assert wanted_shape(design, at * [1, -1])[0] == pytest.approx(wanted_shape(design, at)[0], rel=1e-9)
 
 
 def test_another_mirror_class_has_no_part_in_the_wanted_shape() -> None:
-    assert measure(field(lambda p: wanted_shape(DESIGN, p)), DESIGN, "-+").mac[0] == 0.0
+    assert measure(field(lambda p: wanted_shape(DESIGN, p)), DESIGN, "AS").mac[0] == 0.0
 
 
 def test_a_plate_without_passive_face_has_no_confinement_number() -> None:

@@ -54,10 +54,10 @@ def test_of_two_equal_shapes_the_one_inside_the_zone_is_taken() -> None:
     assert step(first, second, 0).row == 1
 
 
-@pytest.mark.parametrize("parity", ["++", None])
-def test_the_wanted_shape_is_kept_by_its_coefficients_on_any_grid(parity: str | None) -> None:
+@pytest.mark.parametrize("symmetry", ["SS", None])
+def test_the_wanted_shape_is_kept_by_its_coefficients_on_any_grid(symmetry: str | None) -> None:
     shape = lambda points: wanted_shape(DESIGN, points)  # noqa: E731
-    fine, coarse = (zone_coefficients(touch([shape], n), DESIGN, parity) for n in (64, 48))
+    fine, coarse = (zone_coefficients(touch([shape], n), DESIGN, symmetry) for n in (64, 48))
     assert mac_matrix(fine, coarse)[0, 0] > 0.99
     points = touch([shape], 64)
     active = np.abs(points.points[:, 1]) < DESIGN.width_m / 2
@@ -69,5 +69,7 @@ def test_a_quarter_tells_the_shape_of_the_whole_plate() -> None:
     whole = touch([lambda points: wanted_shape(DESIGN, points)], 48)
     quarter = (whole.points > 0.0).all(axis=1)
     part = TouchField(whole.points[quarter], 4.0 * whole.weights[quarter], whole.values[quarter])
-    full, folded = zone_coefficients(whole, DESIGN, None), zone_coefficients(part, DESIGN, "++")
-    assert np.allclose(folded, full, atol=1e-12 * np.abs(full).max())  # without the parity odd degrees would not vanish
+    full, folded = zone_coefficients(whole, DESIGN, None), zone_coefficients(part, DESIGN, "SS")
+    assert np.allclose(
+        folded, full, atol=1e-12 * np.abs(full).max()
+    )  # without the symmetry odd degrees would not vanish

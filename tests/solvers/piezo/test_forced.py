@@ -43,7 +43,7 @@ def model() -> PlateModel:
 
 
 def joined() -> dict:
-    return {parity: model().assembled(parity) for parity in CLASSES}
+    return {symmetry: model().assembled(symmetry) for symmetry in CLASSES}
 
 
 def patched(boxes: np.ndarray, material: PiezoMaterial = PLAIN, back: bool = True) -> PatchedPlate:
@@ -181,9 +181,9 @@ def test_a_peak_is_as_wide_as_its_damping() -> None:
 def test_twice_the_plates_material_costs_displacement_not_sign() -> None:
     """A patch on the touch face bends the plate the other way than one on the back."""
     back, touch = patched(MIDDLE, PZ26), patched(MIDDLE, PZ26, back=False)
-    first = next(np.concatenate([m.ravel() for m in (g.loads,)]) for g in back.groups if "++" in g.parities)
-    other = next(g.loads.ravel() for g in touch.groups if "++" in g.parities)
-    pencil = next(g.pencil for g in back.groups if "++" in g.parities)
+    first = next(np.concatenate([m.ravel() for m in (g.loads,)]) for g in back.groups if "SS" in g.symmetries)
+    other = next(g.loads.ravel() for g in touch.groups if "SS" in g.symmetries)
+    pencil = next(g.pencil for g in back.groups if "SS" in g.symmetries)
     modes = modes_in_band(pencil, *BAND_HZ)
     gains = [modes.vectors[:, 0] @ load for load in (first, other)]
     assert gains[0] * gains[1] < 0.0

@@ -29,7 +29,7 @@ def lopsided() -> ForcedPlate:
     reduction = ReductionSettings(Interface(4, 2), 600e3, HexSettings(2, 2e-3, 0, 0.2), 4e-3)
     model = PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, None, reduction))
     patch = bonded_patch(PIEZO_MATERIALS["pz26"], np.array([2e-3, 10e-3, -1e-3, 3e-3]), 0.3e-3, True)
-    plate = PatchedPlate({parity: model.assembled(parity) for parity in CLASSES}, [patch], True)
+    plate = PatchedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, [patch], True)
     return ForcedPlate(plate, DESIGN, (0,), (), (20e3, 45e3), 100.0)
 
 

@@ -113,8 +113,8 @@ def test_forces_and_voltages_of_a_patch_are_the_thin_plates():
 def test_images_of_a_class_are_the_whole_plate():
     frequencies, whole = supported_plate()
     quarter = (whole.points > -1e-12).all(axis=1)
-    for mode, parity in ((0, "++"), (1, "-+")):
-        flips = [(1.0, "+"), (-1.0, "-")]
+    for mode, symmetry in ((0, "SS"), (1, "AS")):
+        flips = [(1.0, "S"), (-1.0, "A")]
         signs = "".join(
             next(
                 name
@@ -125,15 +125,15 @@ def test_images_of_a_class_are_the_whole_plate():
             )
             for axis in (0, 1)
         )
-        assert signs == parity
+        assert signs == symmetry
         part = TouchField(whole.points[quarter], whole.weights[quarter], whole.values[quarter][:, [mode]])
-        images = whole_touch(part, parity)
+        images = whole_touch(part, symmetry)
         for point, value in zip(images.points[::97], images.values[::97, 0], strict=True):
             nearest = np.argmin(np.abs(whole.points - point).sum(axis=1))
             assert value == pytest.approx(whole.values[nearest, mode], abs=1e-9 * np.abs(whole.values).max())
         assert images.weights.sum() == pytest.approx(part.weights.sum())
-    with pytest.raises(SolverError, match="parity '\\+': must be two signs"):
-        whole_touch(whole, "+")
+    with pytest.raises(SolverError, match="symmetry 'S': must be two letters"):
+        whole_touch(whole, "S")
     assert len(frequencies) == len(ORDERS)
 
 
@@ -212,10 +212,10 @@ def solved_plate(design: Design) -> tuple[ModalTable, np.ndarray]:
         PIEZO_MATERIALS["pz26"], (6e-3, 3e-3, 0.3e-3), "back", "centres", tuple(PLACES), (6e-3,) * 8, (), 1.0
     )
     tables, weights = [], np.zeros(0)
-    for parity in ("++", "+-", "-+", "--"):
-        pencil = model.pencil(parity)
+    for symmetry in ("SS", "SA", "AS", "AA"):
+        pencil = model.pencil(symmetry)
         modes = modes_in_band(pencil, 1e3, 45e3)
-        touch = mass_normalised(whole_touch(model.assembled(parity).touch(modes.vectors), parity), pencil.scale)
+        touch = mass_normalised(whole_touch(model.assembled(symmetry).touch(modes.vectors), symmetry), pencil.scale)
         tables.append(plate_table(modes.frequency_hz, touch, placed, design.thickness_m, 300.0))
         weights = touch.weights
     return composite_tables(tables), weights

@@ -30,7 +30,7 @@ def model(top_hz: float, pillars: bool) -> PlateModel:
 
 
 def count(top_hz: float, edge_hz: float, pillars: bool) -> int:
-    return len(modes_in_band(model(top_hz, pillars).pencil("++"), 100.0, edge_hz).frequency_hz)
+    return len(modes_in_band(model(top_hz, pillars).pencil("SS"), 100.0, edge_hz).frequency_hz)
 
 
 @pytest.mark.parametrize("edge_hz", [60e3, 90e3, 120e3])
@@ -39,7 +39,7 @@ def test_the_meshes_have_no_more_modes_than_the_bound_allows(edge_hz: float, pil
     """The same meshes with all modes to 3 MHz stand for themselves; a model made for a sixth of the frequency misses some."""
     top_hz = 1.2 * edge_hz
     coarse = model(top_hz, pillars)
-    more = coarse.more_below("++", coarse.pencil("++"), edge_hz)
+    more = coarse.more_below("SS", coarse.pencil("SS"), edge_hz)
     missing = count(FINE_HZ, edge_hz, pillars) - count(top_hz, edge_hz, pillars)
     assert more is not None and 0 <= missing <= more
 
@@ -49,14 +49,14 @@ def test_a_reduction_that_loses_modes_says_so() -> None:
     coarse = model(2e3, False)
     assert all(not len(cell.fixed_hz) for cell in coarse.cells.values())
     edge_hz = 300e3
-    more = coarse.more_below("++", coarse.pencil("++"), edge_hz)
+    more = coarse.more_below("SS", coarse.pencil("SS"), edge_hz)
     assert more is not None and more >= count(FINE_HZ, edge_hz, False) - count(2e3, edge_hz, False) >= 1
 
 
 def test_above_the_modes_left_out_nothing_is_bounded() -> None:
     coarse = model(2e3, True)
     lowest = min(cell.dropped_hz for cell in coarse.cells.values())
-    assert coarse.more_below("++", coarse.pencil("++"), 1.01 * lowest) is None
+    assert coarse.more_below("SS", coarse.pencil("SS"), 1.01 * lowest) is None
 
 
 @pytest.mark.parametrize(("top_hz", "pillars"), [(2e3, False), (400e3, True), (700e3, False)])
@@ -64,10 +64,10 @@ def test_the_estimate_is_the_true_error_to_first_order(top_hz: float, pillars: b
     """Residual flexibility: within 5 % of the rise over the same meshes with all modes to 3 MHz, where that is below 0.5 %."""
     coarse, fine = model(top_hz, pillars), model(FINE_HZ, pillars)
     band = (15e3, 60e3) if pillars else (15e3, 110e3)
-    ours, theirs = (modes_in_band(each.pencil("++"), *band) for each in (coarse, fine))
+    ours, theirs = (modes_in_band(each.pencil("SS"), *band) for each in (coarse, fine))
     assert len(ours.frequency_hz) == len(theirs.frequency_hz) > 1
     rise = ours.frequency_hz / theirs.frequency_hz - 1.0
-    text = coarse.mode_errors("++", coarse.pencil("++"), ours.vectors).modes
+    text = coarse.mode_errors("SS", coarse.pencil("SS"), ours.vectors).modes
     small = (rise < 0.005) & (rise > 1e-7)
     assert small.any() and np.abs(text[small] / rise[small] - 1.0).max() < 0.05
     assert (text[~small] >= 0.0).all()

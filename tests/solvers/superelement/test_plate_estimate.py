@@ -26,7 +26,7 @@ COUNT = 12
 def plate(along: int, top_hz: float) -> tuple[np.ndarray, float, float]:
     """Lowest frequencies of a class, and the worst estimates by modes and by degrees."""
     reduction = ReductionSettings(Interface(along, 3), top_hz, MESH)
-    joined = PlateModel(DESIGN, Reductions(2e-3, ALUMINIUM, PILLAR, reduction)).assembled("++")
+    joined = PlateModel(DESIGN, Reductions(2e-3, ALUMINIUM, PILLAR, reduction)).assembled("SS")
     modes = modes_near(joined.pencil(), 0.0, COUNT)
     errors = mode_errors(joined, joined.pencil(), modes.vectors[:, :COUNT])
     return modes.frequency_hz[:COUNT], float(errors.modes.max()), float(errors.degrees.max())

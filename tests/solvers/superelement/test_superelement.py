@@ -134,9 +134,9 @@ def test_cells_that_do_not_fit_together_are_refused() -> None:
     key = next(iter(cells))
     other = replace(cells[key], interface=Interface(3, 3))
     with pytest.raises(SolverError, match="do not fit together"):
-        AssembledPlate(cut, {**cells, key: other}, "++")
+        AssembledPlate(cut, {**cells, key: other}, "SS")
     with pytest.raises(SolverError, match="does not fill its panel"):
-        AssembledPlate(cut, {**cells, key: replace(cells[key], size_m=(1e-3, 1e-3, 2e-3))}, "++")
+        AssembledPlate(cut, {**cells, key: replace(cells[key], size_m=(1e-3, 1e-3, 2e-3))}, "SS")
 
 
 def test_a_mesh_too_coarse_for_the_boundary_functions_is_refused() -> None:

@@ -38,7 +38,7 @@ def model(design: Design) -> tuple[PlateModel, VariedReductions]:
 
 
 def pressed(made: PlateModel, design: Design) -> ForcedPlate:
-    plate = PressedPlate({parity: made.assembled(parity) for parity in CLASSES}, design, made.name)
+    plate = PressedPlate({symmetry: made.assembled(symmetry) for symmetry in CLASSES}, design, made.name)
     return ForcedPlate(plate, design, (0,), (), BAND_HZ, QUALITY)
 
 
@@ -64,7 +64,7 @@ class Whole:
 
     def __init__(self, change_m: np.ndarray) -> None:
         have = stand()
-        joined = have.made.assembled("++")
+        joined = have.made.assembled("SS")
         self.tiling, self.grid = joined.tiling, joined.grid
         self.scale = joined.placed_cells[0].cell.scale
         rows, columns, stiff, heavy = [], [], [], []
@@ -177,7 +177,7 @@ def faces(varied: VariedPlate, change: np.ndarray, tones: np.ndarray) -> np.ndar
 @cache
 def widened() -> VariedPlate:
     have = stand()
-    plate = PressedPlate({parity: have.made.assembled(parity) for parity in CLASSES}, DESIGN, have.made.name)
+    plate = PressedPlate({symmetry: have.made.assembled(symmetry) for symmetry in CLASSES}, DESIGN, have.made.name)
     forced = ForcedPlate(plate, DESIGN, (0,), (), BAND_HZ, QUALITY, margin=(0.3, 2.5))
     return VariedPlate(forced, have.reductions.families)
 
