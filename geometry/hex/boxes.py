@@ -178,7 +178,7 @@ def panel_scene(panel: Panel, thickness_m: float, pillar: Pillar | None, setting
 
 
 def panel_boxes(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Boxes:
-    """The boxes of `piece_scene`."""
+    """The boxes of `panel_scene`."""
     return boxes_of(panel_scene(panel, thickness_m, pillar, settings))
 
 

@@ -40,7 +40,7 @@ class TetOptions:
     """What the mesher is asked beside the edge length.
 
     size: edge length (m) at points (n, 3) in m, finer than edge_m where wanted; epsilon: how far the mesher's
-    surface may leave the CAD's before snapping, over edge_m, halved at each of the `attempts`; finest_m: spacing of the
+    surface may leave the CAD's before snapping, over edge_m, halved at each of the `attempts`; min_edge_m: spacing of the
     background grid that carries `size`; faces: further named planes as (axis 0..2, position in m).
     """
 

@@ -134,7 +134,7 @@ def _identified(arguments: Namespace, data: DqData) -> Identified:
 
 
 def _sweep(path: str) -> Sweep:
-    """A file with the columns frequency_hz, re, im. InputFault with the line for anything else."""
+    """A file with the columns frequency_hz, re, im. InputError with the line for anything else."""
     try:
         with Path(path).open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))

@@ -115,7 +115,7 @@ def _mason(arguments: Namespace, case: Case | None, log: Log) -> Found:
 
 
 def _mason_band(text: str, target_hz: float) -> tuple[float, float]:
-    """The band to show, Hz. InputFault beyond what a bar of one dimension has modes for."""
+    """The band to show, Hz. InputError beyond what a bar of one dimension has modes for."""
     low, high = parse_band(text, "--band")
     if high > MASON_HIGHEST * target_hz:
         limit = (

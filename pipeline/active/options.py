@@ -35,7 +35,7 @@ def frequencies_hz(arguments: Namespace, default: tuple[float, ...]) -> tuple[fl
 
 
 def only_frequency_hz(arguments: Namespace, default: float) -> float:
-    """The one --frequency in Hz, or the default. InputFault when there are several."""
+    """The one --frequency in Hz, or the default. InputError when there are several."""
     value = frequencies_hz(arguments, (default,))
     if len(value) > 1:
         raise InputError(f"--frequency: active {arguments.model} takes one, {len(value)} came")
@@ -54,7 +54,7 @@ def quality(arguments: Namespace, default: float) -> float:
 
 
 def seconds(text: str, what: str) -> float:
-    """Seconds from "2ms", "4us" or "0.002s"; InputFault otherwise or below 0."""
+    """Seconds from "2ms", "4us" or "0.002s"; InputError otherwise or below 0."""
     for unit in ("ms", "us", "s"):
         if text.strip().endswith(unit):
             value = number(text.strip()[: -len(unit)])

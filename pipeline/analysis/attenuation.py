@@ -111,7 +111,7 @@ def solve(
     kx_per_m: float | None = None,
     points: int = POINTS,
 ) -> Attenuation:
-    """Complex bands of the case. InputFault for a wavenumber beyond the zone's edge or a case without pillar or pitch."""
+    """Complex bands of the case. InputError for a wavenumber beyond the zone's edge or a case without pillar or pitch."""
     case.require("plate", "array.pitch_mm", "pillar", command="attenuation")
     if kx_per_m is None:
         case.require("zone", command="attenuation without --kx")
@@ -124,7 +124,7 @@ def solve(
     foresight.announce("attenuation across the rows", foresight.of_attenuation(case, choice, points), log)
     meshes: list[dict[str, Any]] = []
     path = path_through(case.bands.path, 1, case.design.pitch_x_m, case.design.pitch_y_m)
-    model = lattice_model(case, path.wavevectors[[segment.last for segment in path.segments]], log, meshes)
+    model = lattice_model(case, choice, path.wavevectors[[segment.last for segment in path.segments]], log, meshes)
     cell = model.lattice.cell  # the one that the bands use: reduced once for both
     row, bare = Row(cell, kx), Row(bare_cell(case, cell.interface, log), kx)
     rows = case.design.rows

@@ -138,7 +138,7 @@ def solve_bands(case: Case, log: Log, shapes: bool = False) -> Bands:
         )
     solved = len(path.wavevectors) if choice.model == SOLID else len(path.finer(_finer(case)).wavevectors)
     foresight.announce("bands of the unit cell", foresight.of_bands(case, choice, solved), log)
-    bands = _full(case, choice, path, log) if choice.model == SOLID else _reduced(case, path, log, shapes)
+    bands = _full(case, choice, path, log) if choice.model == SOLID else _reduced(case, choice, path, log, shapes)
     return replace(bands, expected_error=error_bar.log_expected(choice, case, log, float(bands.frequencies_hz.max())))
 
 
@@ -187,11 +187,11 @@ def _each_once(wavevectors: FloatArray, count: int, frequencies: Frequencies) ->
     return np.array([known[float(k[0]), float(k[1])] for k in wavevectors])
 
 
-def _reduced(case: Case, path: Path, log: Log, shapes: bool) -> Bands:
+def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool) -> Bands:
     """The cell reduced: waves followed on a path fine enough for it, gaps between the samples too."""
     meshes: list[dict[str, Any]] = []
     corners = path.wavevectors[[segment.last for segment in path.segments]]
-    model = lattice_model(case, corners, log, meshes)
+    model = lattice_model(case, choice, corners, log, meshes)
     count = min(case.bands.count, model.lattice.dof)
     solved, factor = Solved(model.lattice, count), _finer(case)
     fine = path.finer(factor)

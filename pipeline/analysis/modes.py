@@ -119,7 +119,7 @@ class PartModes:
 
 
 def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
-    """Solve a part's modes. Raises SolverError (not trusted), MeshError, InputFault (a class the part does not have)."""
+    """Solve a part's modes. Raises SolverError (not trusted), MeshError, InputError (a class the part does not have)."""
     query = with_defaults(case, request)
     choice = model_choice_of(case, query.part, model_high_hz(case, query))
     foresight.announce(f"modes of the {query.part}", foresight.of_modes(case, choice, with_search(case, query)), log)

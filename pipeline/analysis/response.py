@@ -91,7 +91,7 @@ class Response:
 
 
 def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, points: int = POINTS) -> Response:
-    """Response of the patched plate over a band. InputFault for a case without patches or a model that cannot carry them."""
+    """Response of the patched plate over a band. InputError for a case without patches or a model that cannot carry them."""
     case.require_plate(command="response")
     case.require("patches", command="response")
     patches = case.patches

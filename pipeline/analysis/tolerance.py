@@ -109,7 +109,7 @@ class ToleranceStudy:
 
 
 def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> ToleranceStudy:
-    """The case's samples. InputFault without [tolerance] or for a model that cannot be varied; raises as its solvers do."""
+    """The case's samples. InputError without [tolerance] or for a model that cannot be varied; raises as its solvers do."""
     case.require_plate(command="tolerance")
     case.require("tolerance", "pillar", command="tolerance")
     given, band = case.tolerance, driven_band_hz(case, band_hz)

@@ -45,7 +45,7 @@ class ScriptStudy:
 
 
 def load_script(path: Path) -> ScriptStudy | None:
-    """The study of a file that names a script; None when it names none. InputFault with a line for every fault."""
+    """The study of a file that names a script; None when it names none. InputError with a line for every fault."""
     raw = read_toml(path)
     table = raw.get("study")
     if not isinstance(table, dict) or "script" not in table:

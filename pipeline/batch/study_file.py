@@ -74,7 +74,7 @@ class StudyFile:
 
 
 def load_study(path_or_name: str | Path) -> StudyFile:
-    """The study of a file, or of studies/NAME.toml of the checkout; InputFault with one line for every fault."""
+    """The study of a file, or of studies/NAME.toml of the checkout; InputError with one line for every fault."""
     path = find_study(path_or_name)
     raw = read_toml(path, MAX_BYTES)
     faults = Diagnostics(str(path))

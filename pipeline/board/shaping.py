@@ -64,7 +64,7 @@ def _relative(target: ComplexArray) -> tuple[complex, ...]:
 def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float, ...] = ()) -> ModeTable:
     """The table of a beam with up to six pairs of actuator and sensor; without frequencies, the two that condition T best.
 
-    The hold's droop and half sample are in T. Raises InputFault for more frequencies than a table holds or one that the
+    The hold's droop and half sample are in T. Raises InputError for more frequencies than a table holds or one that the
     board refuses, SolverError.
     """
     if len(frequencies_hz) > MAX_SHAPES:

@@ -132,13 +132,13 @@ class Case:
 
 
 def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
-    """The case of a TOML file with "key.path=value" overrides; InputFault with one line for every fault."""
+    """The case of a TOML file with "key.path=value" overrides; InputError with one line for every fault."""
     file = Path(path)
     return case_from_dict(read_toml(file), source=file, overrides=overrides)
 
 
 def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: Iterable[str] = ()) -> Case:
-    """The case of a parsed file; STEP paths are taken from the folder of `source`. InputFault as load_case."""
+    """The case of a parsed file; STEP paths are taken from the folder of `source`. InputError as load_case."""
     settings = _parsed(overrides)
     values = read_values(apply_overrides(raw, settings), source, [key for key, _ in settings])
     patches, measured = None, _measured(values, source)

@@ -35,9 +35,9 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 
 
 def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
-    """The file as a dictionary; InputFault for what cannot be read or parsed, with the line number where known.
+    """The file as a dictionary; InputError for what cannot be read or parsed, with the line number where known.
 
-    A file of more than `most_bytes`, or nested deeper than DEEPEST, is refused as well.
+    A file of more than `max_bytes`, or nested deeper than DEEPEST, is refused as well.
     """
     read_by_command(path)
     try:
@@ -99,7 +99,7 @@ def parse_value(text: str) -> Any:
 
 
 def parse_override(text: str) -> tuple[str, Any]:
-    """(dotted key, value) from "key.path=value"; InputFault otherwise."""
+    """(dotted key, value) from "key.path=value"; InputError otherwise."""
     key, equals, value = text.partition("=")
     parts = [part.strip() for part in key.split(".")]
     if not equals or not all(parts) or not value.strip():

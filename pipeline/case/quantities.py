@@ -14,7 +14,7 @@ ALLOWED = f"a frequency above 0 with its unit Hz, kHz or MHz, such as 32kHz, {sp
 
 
 def parse_frequency(text: str, what: str = "frequency") -> float:
-    """Hz from "32kHz", "32 kHz" or "0.032MHz"; InputFault names `what` otherwise, and both readings of a bare number.
+    """Hz from "32kHz", "32 kHz" or "0.032MHz"; InputError names `what` otherwise, and both readings of a bare number.
 
     A bare number has two readings because the keys of a case file are in kHz and the fields of a document in Hz. A bare
     0 would be the same in both, but is no frequency above 0.
@@ -30,7 +30,7 @@ def parse_frequency(text: str, what: str = "frequency") -> float:
 
 
 def parse_band(text: str, what: str = "band") -> tuple[float, float]:
-    """(low, high) in Hz from "30kHz:34kHz"; InputFault when an end is wrong or the band is empty or reversed."""
+    """(low, high) in Hz from "30kHz:34kHz"; InputError when an end is wrong or the band is empty or reversed."""
     ends = text.split(":")
     if len(ends) != 2:
         raise InputError(f"{what} = {text!r}: must be two frequencies joined by a colon, such as 30kHz:34kHz")

@@ -36,7 +36,7 @@ def search(arguments: Namespace) -> int:
 
 
 def limits_of(arguments: Namespace) -> Limits:
-    """The limits of the command line. InputFault for a size or share that cannot be one."""
+    """The limits of the command line. InputError for a size or share that cannot be one."""
     faults = []
     for name, value in (
         ("--max-half-wavelength", arguments.max_half_wavelength),

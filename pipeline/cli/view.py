@@ -58,7 +58,7 @@ def view(arguments: Namespace) -> int:
 
 
 def _kind(target: str) -> str:
-    """file, case or study; InputFault when it is none of them."""
+    """file, case or study; InputError when it is none of them."""
     from pipeline.batch.study_file import find_study
     from pipeline.case.overrides import read_toml
 

@@ -33,7 +33,7 @@ def write(case: Case, form: str, output: str | None, log: Log, part: str = "plat
 
 
 def places(form: str, output: str | Path) -> list[str | Path]:
-    """The files that one format goes to. Raises InputFault for several files at what is no regular file's name."""
+    """The files that one format goes to. Raises InputError for several files at what is no regular file's name."""
     path = Path(output)
     if not path.name or form in CAD or form == "vtu":
         return [output]

@@ -28,7 +28,7 @@ LARGE_M = 5.0
 
 
 def solve(case: Case, file: str, unit: str, clamps: Sequence[str], query: Request, log: Log) -> PartModes:
-    """Modes of the mesh in a file with the case's material. Raises InputFault for a mesh that cannot serve, SolverError."""
+    """Modes of the mesh in a file with the case's material. Raises InputError for a mesh that cannot serve, SolverError."""
     if query.symmetry:
         raise InputError(
             f"--symmetry {query.symmetry}: a mesh from a file has no symmetry classes; leave --symmetry out"

@@ -44,7 +44,7 @@ class Comparison:
 
 
 def read(case: Case, sweep: str | None, field: str | None, at: str | None) -> Measurements | None:
-    """The files of a command line, or else of the case; None when neither names one. InputFault for what does not fit."""
+    """The files of a command line, or else of the case; None when neither names one. InputError for what does not fit."""
     if sweep is None and field is None and at is None and case.measured:
         given = case.measured
         sweep, field = (None if path is None else str(path) for path in (given.sweep, given.map))
@@ -85,7 +85,7 @@ def _place(at: str | None, case: Case) -> tuple[float, float] | None:
 
 
 def compare(case: Case, response: Response, measured: Measurements, log: Log) -> Comparison:
-    """Both files beside the computed response. InputFault when the sweep and the response share no frequency."""
+    """Both files beside the computed response. InputError when the sweep and the response share no frequency."""
     document: dict[str, Any] = {"sweep": None, "map": None}
     arrays: dict[str, Any] = {}
     lines: list[str] = []

@@ -64,7 +64,7 @@ class MeasuredField:
 def read_sweep(path: str | Path) -> MeasuredSweep:
     """A sweep with the columns frequency_Hz (or _kHz, _MHz) and real, imag or amplitude, phase_deg (or phase_rad).
 
-    InputFault for what is no such file: one line with file, line, column and what is allowed.
+    InputError for what is no such file: one line with file, line, column and what is allowed.
     """
     table = _Table(Path(path))
     tone = table.numbers("frequency", TONES["frequency"])
@@ -87,7 +87,7 @@ def read_sweep(path: str | Path) -> MeasuredSweep:
 def read_field(path: str | Path, design: Design) -> MeasuredField:
     """A map with the columns x_mm, y_mm (or x_m, y_m; origin at the plate's centre) and values as in a sweep.
 
-    InputFault as read_sweep, and for points beyond the design's plate or given twice.
+    InputError as read_sweep, and for points beyond the design's plate or given twice.
     """
     table = _Table(Path(path))
     points = np.column_stack([table.numbers(axis, PLACES[axis]) for axis in "xy"])

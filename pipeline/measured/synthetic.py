@@ -27,7 +27,7 @@ NOISE = 0.01  # of the peak, rms per point
 
 
 def write(arguments: Namespace, case: Case, response: Response) -> list[Path]:
-    """Write sweep.csv and field.csv into the folder --synthetic-data. InputFault when it cannot be written."""
+    """Write sweep.csv and field.csv into the folder --synthetic-data. InputError when it cannot be written."""
     noise = NOISE if arguments.noise is None else arguments.noise
     random = np.random.default_rng(arguments.seed)
     head = f"# {SYNTHETIC}, not measured: made by {_command(arguments)}\n"

@@ -7,21 +7,20 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import HexSettings, Panel, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
-from geometry.layout import Design
+from geometry.hex.boxes import Panel, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
+from geometry.layout import Design, Pillar
 from geometry.mesh import Mesh, check_mesh
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.planning import simplifications
-from pipeline.planning.mesh_rules import tet_cell_edge_m, tet_edge_m, tet_plate_edge_m
-from pipeline.planning.model_choice import TET, ModelChoice, model_choice_of
+from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.records import fingerprint
 from solvers.fem.eigen import SymmetricPencil
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
+from solvers.superelement.build import PlateModel, Reductions
 
 LOCKING = 0.45  # Poisson's ratio
 
@@ -66,14 +65,14 @@ def mesh_record(what: str, mesh: Mesh, volume_m3: float | None = None) -> dict[s
 
 
 def build(case: Case, part: str, high_hz: float, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
-    """The model that the case asks for; its meshes are appended to `meshes`. InputFault for one that cannot serve."""
+    """The model that the case asks for; its meshes are appended to `meshes`. InputError for one that cannot serve."""
     choice = model_choice_of(case, part, high_hz)
     simplifications.log_all(choice.left_out, log)
     return built(case, choice, log, meshes)
 
 
 def built(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
-    """The model of a way that is decided already."""
+    """The model of a choice that is made already."""
     return {"plate": _plate, "zone": _zone, "pillar": _pillar}[choice.part](case, choice, log, meshes)
 
 
@@ -102,56 +101,46 @@ def warn_of_locking(design: Design, mesh: Mesh, log: Log) -> None:
         log.warning("ORDER_1", "elements of order 1 are far too stiff in bending: kept for comparison only")
 
 
-def _hex(boxes: Any, settings: HexSettings) -> Mesh:
-    return hex_mesh(boxes, settings.order)
-
-
 def _zone(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
-    if choice.kind == TET:
-        mesh = tet_zone(case.design, case.solve.accuracy, log)
+    if choice.edge_m:
+        mesh = tet_zone(case.design, choice.edge_m, log)
     else:
         assert choice.hexahedra
-        mesh = _hex(zone_boxes(case.design, choice.hexahedra), choice.hexahedra)
-    return _solid(case, "zone", mesh, ("y+",), choice.mirrored, meshes, log)
+        mesh = hex_mesh(zone_boxes(case.design, choice.hexahedra), choice.hexahedra.order)
+    return _solid(case, "zone", mesh, ("y+",), choice.quarter, meshes, log)
 
 
 def _pillar(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
     assert case.design.pillar
-    if choice.kind == TET:
-        return _solid(
-            case, "pillar", tet_pillar(case.design, case.solve.accuracy, log), ("foot",), choice.mirrored, meshes, log
-        )
+    if choice.edge_m:
+        mesh = tet_pillar(case.design.pillar, choice.edge_m, log)
+        return _solid(case, "pillar", mesh, ("foot",), choice.quarter, meshes, log)
     assert choice.hexahedra
-    mesh = _hex(pillar_boxes(case.design.pillar, choice.hexahedra), choice.hexahedra)
-    return _solid(case, "pillar", mesh, ("touch",), choice.mirrored, meshes, log)
+    mesh = hex_mesh(pillar_boxes(case.design.pillar, choice.hexahedra), choice.hexahedra.order)
+    return _solid(case, "pillar", mesh, ("touch",), choice.quarter, meshes, log)
 
 
 def _plate(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
-    design, accuracy = case.design, case.solve.accuracy
     if choice.reduction:
-        mesher = None
-        if choice.kind == TET:
-            mesher = panel_mesher(design, accuracy, log)
-        return _joined(design, accuracy, choice.reduction, log, mesher)
-    if choice.kind == TET:
-        mesh, mirrored = tet_plate(design, accuracy, log)
-        assert mirrored == choice.mirrored
+        return _assembled(case.design, choice, log)
+    if choice.edge_m:
+        mesh = tet_plate(case.design, choice.edge_m, choice.quarter, log)
     else:
         assert choice.hexahedra
-        mesh = _hex(plate_boxes(design, choice.hexahedra), choice.hexahedra)
-    return _solid(case, "plate", mesh, (), choice.mirrored, meshes, log)
+        mesh = hex_mesh(plate_boxes(case.design, choice.hexahedra), choice.hexahedra.order)
+    return _solid(case, "plate", mesh, (), choice.quarter, meshes, log)
 
 
-def _joined(
-    design: Design,
-    accuracy: float,
-    reduction: ReductionSettings,
-    log: Log,
-    mesher: Callable[[Panel], Mesh] | None = None,
-) -> PlateModel:
-    file = design.pillar.file if design.pillar else None
-    name = f"tet {accuracy!r} {fingerprint.file_hash(Path(file)) if file else ''}" if mesher else ""
-    reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache(), mesher, name)
+def _assembled(design: Design, choice: ModelChoice, log: Log) -> PlateModel:
+    assert choice.reduction
+    reductions = Reductions(
+        design.thickness_m,
+        design.material,
+        design.pillar,
+        choice.reduction,
+        CellCache(),
+        *panel_mesher(design, choice, log),
+    )
     with log.step("reduce cells"):
         model = PlateModel(design, reductions)
     log.info(
@@ -161,59 +150,55 @@ def _joined(
     return model
 
 
-def tet_zone(design: Design, accuracy: float, log: Log) -> Mesh:
-    """The quarter x, y >= 0 of the bare strip, finer towards its clamped side faces."""
+def panel_mesher(design: Design, choice: ModelChoice, log: Log) -> tuple[Callable[[Panel], Mesh] | None, str]:
+    """What meshes the panels that carry a pillar by tetrahedra, and its name in the cache; (None, "") for boxes."""
+    if choice.edge_m is None:
+        return None, ""
     from geometry.tet import scenes
 
-    with log.step("mesh the zone by tetrahedra"):
-        return scenes.tet_zone(design, tet_edge_m(2.0 * design.thickness_m, accuracy), "xy")
-
-
-def tet_pillar(design: Design, accuracy: float, log: Log) -> Mesh:
-    """The whole lone pillar, finer towards its clamped foot."""
-    from geometry.tet import scenes
-
-    assert design.pillar
-    with log.step("mesh the pillar by tetrahedra"):
-        return scenes.tet_pillar(design.pillar, tet_edge_m(design.pillar.tip_m, accuracy))
-
-
-def tet_plate(design: Design, accuracy: float, log: Log) -> tuple[Mesh, bool]:
-    """The plate, and whether it is the quarter."""
-    from geometry.tet import scenes
-
-    quarter = design.is_mirrored
-    edge = tet_plate_edge_m(design, accuracy)
-    with log.step("mesh the plate by tetrahedra"):
-        return scenes.tet_plate(design, edge, quarter), quarter
-
-
-def tet_cell(design: Design, accuracy: float, log: Log) -> tuple[Mesh, tuple[int, ...]]:
-    """The unit cell, finer towards the pillar's foot, and the axes along which it is halved."""
-    from geometry.cad import solids
-    from geometry.tet import scenes
-    from geometry.tet.mesher import TetOptions, tet_mesh
-
-    edge = tet_cell_edge_m(design, accuracy)
-    quarter = design.pillar is None or design.pillar.is_own_image
-    with log.step("mesh the cell by tetrahedra"):
-        if not quarter:
-            return scenes.tet_cell(design, edge, quarter_then_mirror=False), ()
-        rim = scenes.foot_rim(design.pillar, design.thickness_m) if design.pillar else []
-        return tet_mesh(solids.cell_solid(design, "xy"), edge, options=scenes.graded(TetOptions(), rim, edge)), (
-            0,
-            1,
-        )
-
-
-def panel_mesher(design: Design, accuracy: float, log: Log) -> Callable[[Panel], Mesh]:
-    """What meshes the panels of a assembled plate that carry a pillar."""
-    from geometry.tet import scenes
-
-    edge = tet_cell_edge_m(design, accuracy)
+    edge = choice.edge_m
 
     def mesh(panel: Panel) -> Mesh:
         with log.step("mesh a panel by tetrahedra"):
             return scenes.tet_panel(design, panel, edge)
 
-    return mesh
+    file = design.pillar.file if design.pillar else None
+    return mesh, f"tet {edge!r} {fingerprint.file_hash(Path(file)) if file else ''}"
+
+
+def tet_zone(design: Design, edge_m: float, log: Log) -> Mesh:
+    """The quarter x, y >= 0 of the bare strip, finer towards its clamped side faces."""
+    from geometry.tet import scenes
+
+    with log.step("mesh the zone by tetrahedra"):
+        return scenes.tet_zone(design, edge_m, "xy")
+
+
+def tet_pillar(pillar: Pillar, edge_m: float, log: Log) -> Mesh:
+    """The whole lone pillar, finer towards its clamped foot."""
+    from geometry.tet import scenes
+
+    with log.step("mesh the pillar by tetrahedra"):
+        return scenes.tet_pillar(pillar, edge_m)
+
+
+def tet_plate(design: Design, edge_m: float, quarter: bool, log: Log) -> Mesh:
+    """The plate, or its quarter x, y >= 0."""
+    from geometry.tet import scenes
+
+    with log.step("mesh the plate by tetrahedra"):
+        return scenes.tet_plate(design, edge_m, quarter)
+
+
+def tet_cell(design: Design, edge_m: float, log: Log) -> tuple[Mesh, tuple[int, ...]]:
+    """The unit cell, finer towards the pillar's foot, and the axes along which it is halved."""
+    from geometry.cad import solids
+    from geometry.tet import scenes
+    from geometry.tet.mesher import TetOptions, tet_mesh
+
+    with log.step("mesh the cell by tetrahedra"):
+        if design.pillar and not design.pillar.is_own_image:
+            return scenes.tet_cell(design, edge_m, quarter_then_mirror=False), ()
+        rim = scenes.foot_rim(design.pillar, design.thickness_m) if design.pillar else []
+        options = scenes.graded(TetOptions(), rim, edge_m)
+        return tet_mesh(solids.cell_solid(design, "xy"), edge_m, options=options), (0, 1)

@@ -22,7 +22,7 @@ def forced_plate(
 ) -> ForcedPlate:
     """The patched plate, driven and heard as the case says, over a band (default: the case's); meshes are added to `meshes`.
 
-    InputFault for a model that cannot carry patches; raises what its solvers raise.
+    InputError for a model that cannot carry patches; raises what its solvers raise.
     """
     band = driven_band_hz(case, band_hz)
     demand = foresight.of_response(case, model_choice_of(case, "plate", band[1]), band, 0)

@@ -13,8 +13,9 @@ from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
-from pipeline.models.parts import mesh_record
-from pipeline.planning import mesh_rules, simplifications
+from pipeline.models.parts import mesh_record, tet_cell
+from pipeline.planning import mesh_rules
+from pipeline.planning.model_choice import SUPERELEMENT, ModelChoice
 from pipeline.planning.refinement import describe_change, higher_degree, more_modes
 from solvers.errors import SolverError
 from solvers.superelement.build import Reductions, ReductionSettings, lattice_panel
@@ -38,16 +39,15 @@ class LatticeModel:
     reduction_error: float
 
 
-def lattice_model(case: Case, corners: FloatArray, log: Log, meshes: list[dict[str, Any]]) -> LatticeModel:
+def lattice_model(
+    case: Case, choice: ModelChoice, corners: FloatArray, log: Log, meshes: list[dict[str, Any]]
+) -> LatticeModel:
     """The case's lattice, good enough for its bands at the corners (n, 2) of its path; a warning where it is not."""
-    design, accuracy = case.design, case.solve.accuracy
-    reduction = mesh_rules.lattice_reduction(design, accuracy)
-    if by_tetrahedra(case):
-        name, reduce = _from_tetrahedra(design, accuracy, log, meshes)
-    else:
-        name, reduce = f"superelement hex{reduction.hexahedra.order}", _from_hexahedra(design, log)
+    reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
+    edge = choice.edge_m
+    reduce = _from_tetrahedra(case.design, edge, log, meshes) if edge else _from_hexahedra(case.design, log)
     lattice, error = _good_enough(reduce, reduction, corners, case, log)
-    return LatticeModel(name, lattice, error)
+    return LatticeModel(replace(choice, model=SUPERELEMENT).name, lattice, error)
 
 
 def _from_hexahedra(design: Design, log: Log) -> Reduce:
@@ -64,10 +64,8 @@ def _from_hexahedra(design: Design, log: Log) -> Reduce:
     return reduce
 
 
-def _from_tetrahedra(design: Design, accuracy: float, log: Log, meshes: list[dict[str, Any]]) -> tuple[str, Reduce]:
-    from pipeline.models.parts import tet_cell
-
-    mesh, halved = tet_cell(design, accuracy, log)
+def _from_tetrahedra(design: Design, edge_m: float, log: Log, meshes: list[dict[str, Any]]) -> Reduce:
+    mesh, halved = tet_cell(design, edge_m, log)
     meshes.append(mesh_record("cell", mesh))
 
     def reduce(reduction: ReductionSettings) -> Cell:
@@ -80,7 +78,7 @@ def _from_tetrahedra(design: Design, accuracy: float, log: Log, meshes: list[dic
         )
         return cell
 
-    return f"superelement tet{mesh.order}", reduce
+    return reduce
 
 
 def _piloted(
@@ -154,11 +152,6 @@ def _raised(reduction: ReductionSettings, lattice: Lattice, error: ReductionErro
 def _boundary(face: Interface) -> int:
     """Boundary degrees of freedom of the lattice."""
     return face.vertex_block + 2 * face.side_block
-
-
-def by_tetrahedra(case: Case) -> bool:
-    """Whether the cell goes through CAD: it is no set of boxes, or the case wants tetrahedra."""
-    return simplifications.boxes(case, "cell") is None
 
 
 def bare_cell(case: Case, interface: Interface, log: Log) -> Cell:

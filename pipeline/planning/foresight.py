@@ -43,7 +43,7 @@ Kind = tuple[
 
 
 def announce(what: str, demand: Demand, log: Log) -> None:
-    """Tell a computation's demand before it begins, and what of it is out of proportion. InputFault where it cannot fit."""
+    """Tell a computation's demand before it begins, and what of it is out of proportion. InputError where it cannot fit."""
     refuse({what: demand})
     log.info(demand.text())
     if demand.functions and demand.functions > MANY_FUNCTIONS:
@@ -90,7 +90,7 @@ def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
     if query.count is not None and not query.band_hz and choice.part != "plate" and choice.kind == HEX:
         choice = model_choice_of(case, choice.part, max(high, model_high_hz(case, query)))
     classes = 1 if query.symmetry else len(choice.classes)
-    each = total if not choice.mirrored else total / 4.0
+    each = total if not choice.quarter else total / 4.0
     near = query.band_hz is None
     each = float(query.count) if near and query.count is not None else each
     change = _changes(case, choice, query)
@@ -142,9 +142,9 @@ def part_modes(design: Design, part: str, frequency_hz: float) -> float:
         assert design.pillar
         return pillar_modes(frequency_hz, design.pillar)
     if part == "zone":
-        held_bytes = 2.0 * design.length_m
+        kept_bytes = 2.0 * design.length_m
         return plate_modes(
-            frequency_hz, design.length_m, design.width_m, design.thickness_m, design.material, held_bytes
+            frequency_hz, design.length_m, design.width_m, design.thickness_m, design.material, kept_bytes
         )
     across = 2.0 * design.half_span_m
     plate = plate_modes(frequency_hz, design.length_m, across, design.thickness_m, design.material)
@@ -165,7 +165,7 @@ def _body(case: Case, choice: ModelChoice) -> MeshCounts:
     if choice.kind != HEX:
         assert choice.edge_m
         return of_tetrahedra(
-            _volume_m3(design, choice.part) / (4.0 if choice.mirrored and choice.part != "pillar" else 1.0),
+            _volume_m3(design, choice.part) / (4.0 if choice.quarter and choice.part != "pillar" else 1.0),
             choice.edge_m,
         )
     assert choice.hexahedra
@@ -220,7 +220,7 @@ def _joined(
     reducing = Cost()
     for body, functions, copies in kinds:
         reducing = reducing.then(_reduction(body, reduction.interface, functions, copies))
-    across = (ceil(nx / 2), ceil(ny / 2)) if choice.mirrored else (nx, ny)
+    across = (ceil(nx / 2), ceil(ny / 2)) if choice.quarter else (nx, ny)
     face = reduction.interface
     fill = grid_fill(across, panelled(face.vertex_block, face.side_block, mean))
     count = across[0] * across[1]
@@ -231,9 +231,9 @@ def _joined(
     joining = Stage("joining the panels", JOINING_BYTES * entries)
     solve = modal_solve(dofs, entries, fill, modes, near)
     cost = reducing.then(Cost((joining,), classes * PANEL_OPERATIONS * nx * ny), kept)
-    held_bytes = kept + 3.0 * 12.0 * entries + (classes - 1) * 8.0 * dofs * modes
+    kept_bytes = kept + 3.0 * 12.0 * entries + (classes - 1) * 8.0 * dofs * modes
     for _ in range(classes):
-        cost = cost.then(solve, held_bytes)
+        cost = cost.then(solve, kept_bytes)
     return Demand(
         cost, modes if near else classes * modes, round(face.count + inner), nx * ny, change, choice.kind != HEX
     )
@@ -263,7 +263,7 @@ def _panel_kinds(design: Design, reduction: ReductionSettings, choice: ModelChoi
     kinds: list[Kind] = [(mesh, fixed_modes(design, reduction, False, bare_m, mesh), 4)]
     if design.pillar and design.rows:
         pitch = (design.pitch_x_m, design.pitch_y_m)
-        halves = ((0, 1), (1,)) if choice.mirrored else ((),)
+        halves = ((0, 1), (1,)) if choice.quarter else ((),)
         kinds += [_pillar_panel(design, reduction, choice, pitch, halved) for halved in halves]
     return kinds
 
@@ -308,13 +308,13 @@ def _reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int)
     """One panel reduced, `copies` times as large as its mesh: matrices, constraint shapes and fixed-interface modes."""
     surface = 2.0 * SKIN * copies * mesh.dofs * 8.0 * (face.count + functions)
     shapes = 8.0 * mesh.dofs * (face.count + functions)
-    held_bytes = mesh.mesh_bytes + 2.0 * 9.0 * 12.0 * mesh.pairs
+    kept_bytes = mesh.mesh_bytes + 2.0 * 9.0 * 12.0 * mesh.pairs
     solve = modal_solve(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, functions / 2.0)
     shaping = Stage(
-        "projecting a reduced cell", held_bytes + 4.0 * shapes + surface + 24.0 * (face.count + functions) ** 2
+        "projecting a reduced cell", kept_bytes + 4.0 * shapes + surface + 24.0 * (face.count + functions) ** 2
     )
     operations = 6.0 * mesh.dofs * (face.count + functions) ** 2
-    first = assembly(mesh).then(solve, held_bytes + 12.0 * 9.0 * mesh.pairs)
+    first = assembly(mesh).then(solve, kept_bytes + 12.0 * 9.0 * mesh.pairs)
     return first.then(Cost((shaping,), operations))
 
 
@@ -377,7 +377,7 @@ def _changes(case: Case, choice: ModelChoice, query: Request) -> tuple[str, ...]
     changes = [_coarser(case)]
     if choice.model == SOLID and choice.part == "plate":
         changes.insert(0, 'take solve.model = "superelement"')
-    if choice.mirrored and query.symmetry is None:
+    if choice.quarter and query.symmetry is None:
         changes.append("ask for one symmetry class")
     changes.append("ask for fewer modes (a lower count)" if query.band_hz is None else "narrow or lower the band")
     if choice.part == "plate" and pillar_count(case.design):

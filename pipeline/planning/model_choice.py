@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from geometry.hex.boxes import HexSettings
 from pipeline.case.model import Case
@@ -18,35 +18,40 @@ SUPERELEMENT, SOLID = "superelement", "solid"
 
 @dataclass(frozen=True)
 class ModelChoice:
-    """Model and mesh of one part: superelement or solid, hexahedra (settings) or tetrahedra (edge, m), the
-    reduction's reduction settings.
+    """Model and mesh of one part: the objects that the solvers then build from, not a description of them.
 
-    `classes` are the symmetry classes that are solved apart, (None,) for a body without mirrors; `why` gives the reasons;
-    up to `good_to_hz` the mesh makes no larger error than its calibration tells.
+    hexahedra: settings of a mesh of boxes; edge_m: edge length of tetrahedra where the part is meshed through CAD;
+    reduction: settings of the superelement, None for a solid; quarter: symmetry classes are solved one by one on a quarter.
+    The mesh makes no larger error than its calibration tells up to good_to_hz. `left_out` are the simplifications, `why`
+    the reasons.
     """
 
     part: str
     model: str
-    kind: str
     hexahedra: HexSettings | None
     edge_m: float | None
     reduction: ReductionSettings | None
-    classes: tuple[str | None, ...]
+    quarter: bool
     left_out: tuple[Simplification, ...]
     why: tuple[str, ...]
     good_to_hz: float
     mesh_level: MeshLevel | None = None  # of hexahedra
 
     @property
+    def kind(self) -> str:
+        """Hexahedra or tetrahedra."""
+        return HEX if self.edge_m is None else TET
+
+    @property
+    def classes(self) -> tuple[str | None, ...]:
+        """Symmetry classes that are solved one by one; (None,) for a body that is solved whole."""
+        return CLASSES if self.quarter else (None,)
+
+    @property
     def name(self) -> str:
         """As results name it: superelement hex3, solid tet2."""
         order = self.hexahedra.order if self.hexahedra and self.kind == HEX else TET_ORDER
         return f"{self.model} {self.kind}{order}"
-
-    @property
-    def mirrored(self) -> bool:
-        """Whether a quarter stands for the whole."""
-        return self.classes != (None,)
 
     @property
     def mesh(self) -> str:
@@ -60,7 +65,7 @@ class ModelChoice:
 
 
 def model_choice_of(case: Case, part: str, high_hz: float) -> ModelChoice:
-    """How a part of a case is modelled for modes up to a frequency. InputFault for a model that cannot serve."""
+    """How a part of a case is modelled for modes up to a frequency. InputError for a model that cannot serve."""
     check_model(case, box=part == "zone" or not (case.design.pillar and not case.design.pillar.is_box))
     return {"plate": _plate, "zone": _zone, "pillar": _pillar}[part](case, high_hz)
 
@@ -80,11 +85,11 @@ def check_model(case: Case, box: bool) -> None:
 
 def _zone(case: Case, high_hz: float) -> ModelChoice:
     design, accuracy = case.design, case.solve.accuracy
-    no_cad, quarter = simplifications.boxes(case, "zone"), simplifications.mirror_images(case.design, "zone")
-    mesh_level, top_hz = mesh_rules.reaching("zone", design, accuracy, high_hz)
-    hexahedra = mesh_rules.zone_mesh(design, mesh_level, top_hz) if no_cad else None
+    no_cad, quarter = simplifications.boxes(case, "zone"), simplifications.mirror_images(design, "zone")
+    level, top_hz = mesh_rules.reaching("zone", design, accuracy, high_hz)
+    hexahedra = mesh_rules.zone_mesh(design, level, top_hz) if no_cad else None
     edge = None if no_cad else mesh_rules.tet_edge_m(2.0 * design.thickness_m, accuracy)
-    return _lone(case, "zone", mesh_level, hexahedra, edge, bool(quarter), (no_cad, quarter), top_hz)
+    return _choice(case, "zone", SOLID, level, hexahedra, edge, (no_cad, quarter), good_to_hz=top_hz)
 
 
 def _pillar(case: Case, high_hz: float) -> ModelChoice:
@@ -92,110 +97,67 @@ def _pillar(case: Case, high_hz: float) -> ModelChoice:
     assert design.pillar
     no_cad = simplifications.boxes(case, "pillar")
     quarter = simplifications.mirror_images(design, "pillar") if no_cad else None  # tetrahedra mesh the whole pillar
-    mesh_level, top_hz = mesh_rules.reaching("pillar", design, accuracy, high_hz)
-    hexahedra = mesh_rules.pillar_mesh(design, mesh_level, top_hz) if no_cad else None
+    level, top_hz = mesh_rules.reaching("pillar", design, accuracy, high_hz)
+    hexahedra = mesh_rules.pillar_mesh(design, level, top_hz) if no_cad else None
     edge = None if no_cad else mesh_rules.tet_edge_m(design.pillar.tip_m, accuracy)
-    return _lone(case, "pillar", mesh_level, hexahedra, edge, bool(quarter), (no_cad, quarter), top_hz)
-
-
-def _lone(
-    case: Case, part: str, mesh_level: MeshLevel, hexahedra: HexSettings | None, edge_m: float | None, quarter: bool,
-    taken: tuple[Simplification | None, ...], top_hz: float,
-) -> ModelChoice:  # fmt: skip
-    """A part by itself, as a solid: its mesh depends on how high its modes lie."""
-    choice = _model_choice(
-        case,
-        part,
-        SOLID,
-        hexahedra,
-        edge_m,
-        None,
-        quarter,
-        taken,
-        _because(case, part, hexahedra, mesh_level),
-        mesh_level,
-    )
-    return replace(choice, good_to_hz=top_hz) if choice.kind == HEX else choice
+    return _choice(case, "pillar", SOLID, level, hexahedra, edge, (no_cad, quarter), good_to_hz=top_hz)
 
 
 def _plate(case: Case, high_hz: float) -> ModelChoice:
-    design, solve = case.design, case.solve
+    design, accuracy = case.design, case.solve.accuracy
     bare, no_cad = simplifications.no_pillars(design, "plate"), simplifications.boxes(case, "plate")
-    quarter = simplifications.mirror_images(design, "plate")
-    taken: tuple[Simplification | None, ...] = (bare, no_cad, quarter)
-    if solve.model == SOLID:
-        mesh_level = mesh_rules.mesh_level("whole", solve.accuracy)
-        hexahedra = mesh_rules.cell_mesh(design, mesh_level) if no_cad else None
-        edge = None if no_cad else mesh_rules.tet_plate_edge_m(design, solve.accuracy)
-        reason = "the case asks for it"
-        why = (reason, *_because(case, "whole", hexahedra, mesh_level))
-        return _model_choice(case, "plate", SOLID, hexahedra, edge, None, bool(quarter), taken, why, mesh_level)
-    reduction, mesh_level = (
-        mesh_rules.plate_reduction(design, solve.accuracy, high_hz),
-        mesh_rules.mesh_level("plate", solve.accuracy),
-    )
-    edge = None if no_cad or bare else mesh_rules.tet_cell_edge_m(design, solve.accuracy)
+    taken: tuple[Simplification | None, ...] = (bare, no_cad, simplifications.mirror_images(design, "plate"))
+    if case.solve.model == SOLID:
+        level = mesh_rules.mesh_level("whole", accuracy)
+        hexahedra = mesh_rules.cell_mesh(design, level) if no_cad else None
+        edge = None if no_cad else mesh_rules.tet_plate_edge_m(design, accuracy)
+        return _choice(case, "plate", SOLID, level, hexahedra, edge, taken, why="the case asks for it", table="whole")
+    reduction = mesh_rules.plate_reduction(design, accuracy, high_hz)
+    edge = None if no_cad or bare else mesh_rules.tet_cell_edge_m(design, accuracy)
+    why = "cells assembled cost one reduction a kind; one mesh level finer where their own estimate asks for it"
     taken = (*taken, simplifications.alike_cells(design))
-    why = (
-        "cells assembled cost one reduction a kind; one mesh level finer where their own estimate asks for it",
-        *_because(case, "plate", None if edge else reduction.hexahedra, mesh_level),
-    )
-    return _model_choice(
-        case, "plate", SUPERELEMENT, reduction.hexahedra, edge, reduction, bool(quarter), taken, why, mesh_level
-    )
+    level = mesh_rules.mesh_level("plate", accuracy)
+    return _choice(case, "plate", SUPERELEMENT, level, reduction.hexahedra, edge, taken, reduction, why)
 
 
 def cell_model_choice(case: Case) -> ModelChoice:
-    """How the unit cell is modelled: reduced, or as meshed when the case asks for the solid and boxes allow it. InputFault."""
+    """How the unit cell is modelled: reduced, or as meshed when the case asks for the solid and boxes allow it.
+
+    Raises InputError for a model that cannot serve.
+    """
     check_model(case, box=not (case.design.pillar and not case.design.pillar.is_box))
-    design, solve = case.design, case.solve
+    design, accuracy = case.design, case.solve.accuracy
     no_cad = simplifications.boxes(case, "cell")
-    taken, mesh_level = (
-        (simplifications.no_pillars(design, "cell"), no_cad),
-        mesh_rules.mesh_level("cell", solve.accuracy),
-    )
-    if solve.model == SOLID and no_cad:
-        settings = mesh_rules.cell_settings(design, solve.accuracy)
-        why = ("the case asks for it", *_because(case, "cell", settings, mesh_level))
-        return _model_choice(case, "cell", SOLID, settings, None, None, False, taken, why, mesh_level)
-    reduction = mesh_rules.lattice_reduction(design, solve.accuracy)
-    edge = None if no_cad else mesh_rules.tet_cell_edge_m(design, solve.accuracy)
-    why = (
-        "one reduced pair serves every wavevector",
-        *_because(case, "cell", reduction.hexahedra if no_cad else None, mesh_level),
-    )
-    return _model_choice(
-        case, "cell", SUPERELEMENT, reduction.hexahedra, edge, reduction, False, taken, why, mesh_level
-    )
+    taken = (simplifications.no_pillars(design, "cell"), no_cad)
+    level = mesh_rules.mesh_level("cell", accuracy)
+    if case.solve.model == SOLID and no_cad:
+        settings = mesh_rules.cell_settings(design, accuracy)
+        return _choice(case, "cell", SOLID, level, settings, None, taken, why="the case asks for it")
+    reduction = mesh_rules.lattice_reduction(design, accuracy)
+    edge = None if no_cad else mesh_rules.tet_cell_edge_m(design, accuracy)
+    why = "one reduced pair serves every wavevector"
+    return _choice(case, "cell", SUPERELEMENT, level, reduction.hexahedra, edge, taken, reduction, why)
 
 
-def _model_choice(
-    case: Case, part: str, model: str, hexahedra: HexSettings | None, edge_m: float | None, reduction: ReductionSettings | None,
-    quarter: bool, taken: tuple[Simplification | None, ...], why: tuple[str, ...], mesh_level: MeshLevel,
+def _choice(
+    case: Case, part: str, model: str, level: MeshLevel, hexahedra: HexSettings | None, edge_m: float | None,
+    taken: tuple[Simplification | None, ...], reduction: ReductionSettings | None = None, why: str = "", table: str = "",
+    good_to_hz: float | None = None,
 ) -> ModelChoice:  # fmt: skip
-    classes: tuple[str | None, ...] = CLASSES if quarter else (None,)
-    kind = HEX if edge_m is None else TET
-    good = mesh_rules.good_to_hz(part, case.design)
     left_out = tuple(simplification for simplification in taken if simplification)
+    boxes = hexahedra if edge_m is None else None
     return ModelChoice(
-        part,
-        model,
-        kind,
-        hexahedra,
-        edge_m,
-        reduction,
-        classes,
-        left_out,
-        why,
-        good,
-        mesh_level if kind == HEX else None,
-    )
+        part, model, hexahedra, edge_m, reduction, any(each.rule == "mirror_images" for each in left_out), left_out,
+        (*([why] if why else []), *_because(case, table or part, boxes, level)),
+        mesh_rules.good_to_hz(part, case.design) if good_to_hz is None or not boxes else good_to_hz,
+        level if boxes else None,
+    )  # fmt: skip
 
 
-def _because(case: Case, part: str, hexahedra: HexSettings | None, mesh_level: MeshLevel) -> tuple[str, ...]:
+def _because(case: Case, part: str, hexahedra: HexSettings | None, level: MeshLevel) -> tuple[str, ...]:
     accuracy = f"accuracy {case.solve.accuracy:g}"
     if hexahedra:
-        error = mesh_rules.expected_error(part, mesh_level)
+        error = mesh_rules.expected_error(part, level)
         reason = "not calibrated" if error is None else f"expected error {error:.2%} by the calibration"
         return (f"{accuracy} asks for order {hexahedra.order} with {hexahedra.layers} graded layers: {reason}",)
     shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "the pillar is no box"

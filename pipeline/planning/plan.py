@@ -145,7 +145,7 @@ def of_attenuation(
 
 
 def of_response(case: Case, band_hz: tuple[float, float] | None, points: int, drawn: bool) -> Plan:
-    """`antinode response`. InputFault for a model that cannot carry patches."""
+    """`antinode response`. InputError for a model that cannot carry patches."""
     return _plan(case, [response_step(case, band_hz, points)], [simplifications.no_figures((), drawn)])
 
 
@@ -241,7 +241,7 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int) 
     looks = f"{points} frequencies and more at the peak, from {khz(low)} to {khz(high)}; {patches.count} patches"
     numbers = {"band_hz": [low, high], "frequencies": points, "patches": patches.count, "quality": case.quality}
     demand = foresight.of_response(case, choice, (low, high), points)
-    if not choice.mirrored:
+    if not choice.quarter:
         return _step("response", "forced response", choice, ("whole",), looks, choice.left_out, numbers, demand)
     undriven = simplifications.undriven_classes(patches)
     groups = [

@@ -62,7 +62,7 @@ def is_standard_output(place: str | os.PathLike[str] | None) -> bool:
 
 
 def check_places(arguments: Namespace) -> None:
-    """Before computing: InputFault with a line for each place named on the command line that cannot be written."""
+    """Before computing: InputError with a line for each place named on the command line that cannot be written."""
     lines = []
     for name in ("out", "synthesise"):
         place = getattr(arguments, name, None)
@@ -87,7 +87,7 @@ def check_apart(json_place: str | None, output: str | None) -> None:
 
 
 def check_files(option: str, places: Iterable[str | Path]) -> None:
-    """Before computing: InputFault with a line for each place of an option that cannot be written."""
+    """Before computing: InputError with a line for each place of an option that cannot be written."""
     if lines := _faults(option, places):
         raise InputError(lines)
 
@@ -129,7 +129,7 @@ def folder_obstacle(path: str) -> str | None:
 
 
 def folder(path: str) -> Path:
-    """An output folder, made when it is not there. Raises InputFault when it cannot be."""
+    """An output folder, made when it is not there. Raises InputError when it cannot be."""
     place = Path(path)
     try:
         place.mkdir(parents=True, exist_ok=True)
@@ -139,7 +139,7 @@ def folder(path: str) -> Path:
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Write a file as geometry.files does. Raises InputFault when the place cannot be written."""
+    """Write a file as geometry.files does. Raises InputError when the place cannot be written."""
     try:
         write_atomic(path, data)
     except StoreError as fault:
@@ -150,7 +150,7 @@ def write_file(path: Path, data: bytes) -> None:
 def delivered(place: Path) -> Iterator[Path]:
     """A temporary path whose content goes to a file, or to standard output, when the block ends well.
 
-    Raises InputFault for a place that cannot be written and for a terminal, which bytes would leave unreadable.
+    Raises InputError for a place that cannot be written and for a terminal, which bytes would leave unreadable.
     """
     if is_standard_output(place):
         with _for_standard_output() as temporary:

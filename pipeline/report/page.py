@@ -58,7 +58,7 @@ class Moving:
 
 
 def build(folder: Path, max_figures: int = MAX_FIGURES, say: Callable[[str], None] | None = None) -> Path:
-    """Write report.html of a study, pictures of at most `most_drawn` cases drawn anew or kept; returns its path.
+    """Write report.html of a study, pictures of at most `max_figures` cases drawn anew or kept; returns its path.
 
     `say` is told when drawing takes its time. Solves nothing. Raises store.BadRecord when the folder holds no study.
     """

@@ -40,7 +40,7 @@ MAX_CONFIRMED = 3
 
 
 def search(space: Space, settings: Settings, log: Log, cache: EvaluationCache | None = None) -> Outcome:
-    """The best design of a space. InputFault for a scene without rows of pillars; CheckFailed when none keeps the limits."""
+    """The best design of a space. InputError for a scene without rows of pillars; CheckFailed when none keeps the limits."""
     _check(space, settings)
     return _Search(space, settings, log, cache or EvaluationCache()).go()
 

@@ -65,7 +65,7 @@ class Space:
         return [f"{variable.key}={value:g}" for variable, value in zip(self.variables, values, strict=True)]
 
     def case(self, values: Sequence[float | int] = (), more: Sequence[str] = ()) -> Case:
-        """The scene with these values (none: as the file has it) and more overrides. InputFault for what cannot be built."""
+        """The scene with these values (none: as the file has it) and more overrides. InputError for what cannot be built."""
         return case_from_dict(self.raw, self.path, [*self.fixed, *(self.overrides(values) if values else ()), *more])
 
     def own_values(self) -> tuple[float | int, ...] | None:
@@ -82,7 +82,7 @@ class Space:
 
 
 def read_space(path: str, fixed: Sequence[str], texts: Sequence[str]) -> Space:
-    """The search space of a case file. InputFault, one line a fault, for a --vary that cannot be searched."""
+    """The search space of a case file. InputError, one line a fault, for a --vary that cannot be searched."""
     file = Path(path)
     raw = read_toml(file)
     case_from_dict(raw, file, fixed)  # a fault of the file itself is told first
@@ -105,7 +105,7 @@ def read_space(path: str, fixed: Sequence[str], texts: Sequence[str]) -> Space:
 
 
 def parse_vary(text: str) -> Variable:
-    """A variable from "key=low:high". InputFault for an unknown key, or ends that are no rising numbers."""
+    """A variable from "key=low:high". InputError for an unknown key, or ends that are no rising numbers."""
     key, equals, ends = (part.strip() for part in text.partition("="))
     parts = ends.split(":")
     if not equals or len(parts) != 2:

@@ -48,7 +48,7 @@ class Cost:
         return max(self.stages, key=lambda stage: stage.bytes, default=Stage("nothing", 0.0))
 
     def then(self, other: Cost, kept_bytes: float = 0.0) -> Cost:
-        """Another computation after this one, while `held_bytes` of this one stay."""
+        """Another computation after this one, while `kept_bytes` of this one stay."""
         later = tuple(Stage(stage.name, stage.bytes + kept_bytes) for stage in other.stages)
         operations = self.operations + other.operations
         return Cost(self.stages + later, operations, max(self.dofs, other.dofs))

@@ -81,7 +81,7 @@ def confine(model: ShapedBeam, signal: Signal, frequency_hz: float, limit_v: flo
 class Travelling:
     """TWR (n,) over wavelengths (n,) for equal amplitudes at the sensors, and by the two-wave fit, judged over window_m.
 
-    best_twr, best_fit, best_rest: amplitude and phase of all actuators free; best_volts: its relative voltages.
+    best_twr, best_fit, best_residual: amplitude and phase of all actuators free; best_volts: its relative voltages.
     """
 
     beam: str

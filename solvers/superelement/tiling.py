@@ -66,7 +66,7 @@ def signature(panel: Panel) -> Signature:
 
 
 def tile(design: Design, max_edge_m: float) -> Tiling:
-    """Cut a plate: one piece per pillar, bare panels no longer than `longest_m` elsewhere."""
+    """Cut a plate: one piece per pillar, bare panels no longer than `max_edge_m` elsewhere."""
     x, y = grid(design, max_edge_m)
     if not design.rows:
         return Tiling(x, y, {}, design.is_mirrored)
