@@ -95,7 +95,7 @@ def _confinement_card(study: StoredStudy, best: StoredCase) -> Card | None:
     where = f", best of {count} plates" if count > 1 else ""
     level = f"{best.wanted['confinement_db']:.1f}{WIDE}dB"
     note = verdict(best) + where + driven + _source(study, best)
-    return Card("Held in the zone", level, note, "good" if best.confined else "bad")
+    return Card("Confined to the zone", level, note, "good" if best.confined else "bad")
 
 
 def _rows_card(study: StoredStudy, best: StoredCase) -> Card | None:

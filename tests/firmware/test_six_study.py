@@ -12,7 +12,7 @@ from firmware.emulate.beam import Beam, Structure
 from pipeline.board import shaping
 from pipeline.board.shaping import full_scale, shaping_table
 from pipeline.board.table_file import from_bytes, to_bytes
-from pipeline.errors import InputFault
+from pipeline.errors import InputError
 from solvers.shaping.acoustic_contrast import REGIONS, contrast, region_points
 from solvers.shaping.travelling_wave import inner_window, travelling_wave_ratio, two_wave_fit
 from solvers.shaping_study.model import LINE, ShapedBeam, pointed
@@ -95,7 +95,7 @@ def test_the_table_holds_the_studys_matrix_with_the_hold_in_it(model: ShapedBeam
         exact = scale * model.matrix(shape.frequency_hz, "displacement") * hold(shape.frequency_hz, 40e3)
         assert np.array(shape.matrix) == pytest.approx(exact, rel=1e-12)
     assert shape.tau_s == pytest.approx(2.0 * 50.0 / model.table.angular[0])
-    with pytest.raises(InputFault, match="at most 2"):
+    with pytest.raises(InputError, match="at most 2"):
         shaping_table(model, "displacement", (1e3, 2e3, 3e3))
 
 

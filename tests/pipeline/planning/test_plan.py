@@ -308,7 +308,7 @@ TRACE = """
 import json, os, sys
 from collections import Counter
 from pathlib import Path
-from pipeline.records.run_log import Mess
+from pipeline.records.run_log import RunLog
 from pipeline.batch import measures
 from pipeline.case.model import load_case
 calls = Counter()
@@ -318,7 +318,7 @@ def count(frame, event, argument):
 case, folder = sys.argv[1], Path(sys.argv[2])
 payload = {"case": load_case(case).as_understood(), "overrides": [], "measure": sys.argv[3:]}
 sys.setprofile(count)
-with Mess(folder / "run.mess") as log:
+with RunLog(folder / "run.mess") as log:
     record = measures.compute(case, payload, folder, log)
 sys.setprofile(None)
 root = os.getcwd() + os.sep

@@ -61,7 +61,7 @@ def test_rows_needed_are_those_of_finite_plates_beside_the_endless_estimate(stud
 
 def test_a_plate_computed_beside_its_sweep_counts_once(study: StoredStudy) -> None:
     assert "4 of 6 plates hold the wanted mode" in " ".join(text.sentences(study))
-    assert "best of 6 plates" in cards(study)["Held in the zone"].note
+    assert "best of 6 plates" in cards(study)["Confined to the zone"].note
 
 
 def test_a_mode_held_but_not_as_driven_is_not_confined() -> None:
@@ -70,7 +70,7 @@ def test_a_mode_held_but_not_as_driven_is_not_confined() -> None:
     assert driven.confined is False
     assert text.verdict(driven) == "confined as a mode, not as driven"
     assert plate(4, 3, 12.2, 10.1).confined is True and plate(4, 3, 9.9, 10.1).confined is False
-    clamped = cards(StoredStudy(Path("s"), {}, (driven,)))["Held in the zone"]
+    clamped = cards(StoredStudy(Path("s"), {}, (driven,)))["Confined to the zone"]
     assert "driven at its own peak 9.3" in clamped.note.replace("\u202f", " ") and clamped.severity == "bad"
 
 

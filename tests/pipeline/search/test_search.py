@@ -202,7 +202,7 @@ def test_a_judgement_is_kept_by_question(tmp_path: Path, monkeypatch: pytest.Mon
     assert len(query) == 5
 
 
-@pytest.mark.parametrize("mesh_level", [COLUMN, PLATE])
+@pytest.mark.parametrize("fidelity", [COLUMN, PLATE])
 def test_what_cannot_be_solved_is_told_and_passed_over(fidelity: str, monkeypatch: pytest.MonkeyPatch) -> None:
     from solvers.errors import SolverError
 

@@ -91,7 +91,7 @@ def crossed(path: Path, segment: int, mirror: str, sorted_bands: bool) -> int:
 
 
 @pytest.mark.parametrize("points", [10, 25])
-@pytest.mark.parametrize(("leg", "mirror"), [(0, "y"), (1, "x"), (2, "d")])
+@pytest.mark.parametrize(("segment", "mirror"), [(0, "y"), (1, "x"), (2, "d")])
 def test_a_branch_keeps_its_parity_along_a_symmetry_line_where_sorted_bands_do_not(
     segment: int, mirror: str, points: int
 ) -> None:
