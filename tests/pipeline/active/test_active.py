@@ -20,6 +20,7 @@ from solvers.active_beam.study import ActiveBeamData
 from solvers.control.baseband import ModePlant
 from solvers.control.identification import sweep_of
 from solvers.resonators.mason_study import MasonData
+from tests.helpers.figures import assert_labelled_with_data, collected
 
 ROOT = Path(__file__).resolve().parents[3]
 CASE = str(ROOT / "studies" / "three-rows.toml")
@@ -40,7 +41,8 @@ def run(*arguments: str) -> int:
 
 
 @pytest.mark.parametrize("model", ["mason", "pillar", "beam", "dq", "shaping"])
-def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: Path, capsys) -> None:
+def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: Path, capsys, monkeypatch) -> None:
+    drawn = collected(monkeypatch)
     assert run(model, "--out", str(tmp_path), "--quiet") == 0
     text = capsys.readouterr().out
     document = json.loads((tmp_path / f"active_{model}.json").read_text())
@@ -50,8 +52,9 @@ def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: 
         assert entry["ours"] in text and entry["agreement"] in text
     assert {path.stem for path in tmp_path.glob("*.svg")} == FIGURES[model]
     assert {path.stem for path in tmp_path.glob("*.png")} == FIGURES[model]
-    for path in tmp_path.glob("*.svg"):
-        assert path.stat().st_size > 5000 and b"<svg" in path.read_bytes()[:1000]
+    assert sorted(name for name, _ in drawn) == sorted(FIGURES[model])
+    for name, figure in drawn:
+        assert_labelled_with_data(name, figure)
 
 
 def test_json_on_standard_output_is_alone(capsys) -> None:

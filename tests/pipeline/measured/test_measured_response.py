@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -112,8 +113,14 @@ def test_a_case_may_name_its_measurements(compared: Path, tmp_path: Path) -> Non
     assert len(with_defaults["sweep_sha256"]) == 64 and "map" not in with_defaults
 
 
-def test_pictures_are_written(compared: Path) -> None:
-    assert (compared / "measured.png").stat().st_size > 10_000 and (compared / "measured.svg").exists()
+def test_the_figure_is_written_in_both_forms_and_not_empty(compared: Path) -> None:
+    """Ink of more than one colour in the raster; the axes' titles and the peak's colour-independent labels in the vector."""
+    from matplotlib.image import imread
+
+    pixels = imread(compared / "measured.png")[..., :3].reshape(-1, 3)
+    inked = pixels[(pixels < 0.98).any(axis=1)]
+    assert 0.01 < len(inked) / len(pixels) < 0.9 and len(np.unique(inked.round(1), axis=0)) > 10
+    assert ElementTree.parse(compared / "measured.svg").getroot().tag.endswith("svg")
 
 
 @pytest.mark.parametrize(

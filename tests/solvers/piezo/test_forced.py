@@ -178,8 +178,7 @@ def test_a_peak_is_as_wide_as_its_damping() -> None:
     assert read == pytest.approx(400.0, rel=0.03)
 
 
-def test_twice_the_plates_material_costs_displacement_not_sign() -> None:
-    """A patch on the touch face bends the plate the other way than one on the back."""
+def test_a_patch_on_the_touch_face_bends_the_plate_the_other_way_than_one_on_the_back() -> None:
     back, touch = patched(MIDDLE, PZ26), patched(MIDDLE, PZ26, back=False)
     first = next(np.concatenate([m.ravel() for m in (g.loads,)]) for g in back.groups if "SS" in g.symmetries)
     other = next(g.loads.ravel() for g in touch.groups if "SS" in g.symmetries)
