@@ -126,7 +126,7 @@ def _mason_band(text: str, target_hz: float) -> tuple[float, float]:
 
 
 def _refuse_empty(text: str, study: MasonStudy, whole: MasonStudy) -> None:
-    """InputFault, with where the modes are, when neither of the three lines has one in the band."""
+    """InputError, with where the modes are, when neither of the three lines has one in the band."""
     if not any(len(modes) for modes in study.modes_hz.values()):
         every = [float(mode) for modes in whole.modes_hz.values() for mode in modes]
         listed = f"from {min(every) / 1e3:.4g} to {max(every) / 1e3:.4g} kHz, {len(every)} of them"

@@ -33,7 +33,7 @@ ROUNDING_DB = 1e-6
 
 @dataclass(frozen=True)
 class Wave:
-    """One wave across the rows."""
+    """One Bloch wave across the rows: its polarisation and complex wavenumber ky."""
 
     polarisation: str
     ky_re_per_m: float
@@ -54,7 +54,9 @@ class Transmission:
 
 @dataclass(frozen=True)
 class Point:
-    """All waves at a frequency, the decay of the least attenuated flexural one, and what the rows let through."""
+    """All waves at one frequency, the decay of the least attenuated flexural wave, and the power that the case's rows
+    transmit.
+    """
 
     frequency_hz: float
     waves: tuple[Wave, ...]
@@ -76,7 +78,7 @@ class Attenuation:
     reduction_error: float | None = None
 
     def json(self) -> dict[str, Any]:
-        """The contract's fields and what the rows let through, without times."""
+        """Return the fields of the contract and the transmission, without times."""
         return {
             "schema": 1,
             "model": self.model,
@@ -168,7 +170,9 @@ def _described(row: Row, row_waves: RowWaves, kept: Any) -> list[Wave]:
 
 
 def _transmission(row: Row, bare: Row, rows: int, frequency_hz: float) -> Transmission | None:
-    """What an incoming flexural wave becomes; None where the bare plate carries none at this wavenumber."""
+    """Shares of the incoming flexural wave's power by polarisation; None where the bare plate carries no such wave at
+    this kx.
+    """
     half = bare.waves(frequency_hz)
     going = np.flatnonzero(half.flux > 0.0)
     if not len(going):
@@ -186,7 +190,9 @@ def _transmission(row: Row, bare: Row, rows: int, frequency_hz: float) -> Transm
 
 
 def prediction(attenuation: Attenuation, frequency_hz: float, extension_db: float | None) -> dict[str, Any]:
-    """Rows times the decay per row at a frequency, the power that passes half-plates without end, the finite plate's dB."""
+    """Compare rows times decay per row at a frequency with the transmitted power and with the finite plate's level,
+    dB.
+    """
     per_row = attenuation.at(frequency_hz)
     nearest = min(attenuation.points, key=lambda point: abs(point.frequency_hz - frequency_hz))
     passed = nearest.transmission.flexural if nearest.transmission else None

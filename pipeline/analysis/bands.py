@@ -49,7 +49,7 @@ MAX_BANDS = 12
 
 @dataclass(frozen=True)
 class Detail:
-    """What the reduced cell tells beside frequencies: rows for wavevectors, columns for bands.
+    """What the reduced cell gives beside frequencies: one row a wavevector, one column a band.
 
     labels and parity as lists of rows, branch (n, bands) from 1, velocity (n, bands, 2) in m/s (NaN for still waves).
     """
@@ -126,7 +126,7 @@ def _pair(pair: FloatArray) -> list[float] | None:
 
 
 def solve_bands(case: Case, log: Log, shapes: bool = False) -> Bands:
-    """Every band asked for, at every wavevector of the case's path; where asked, shapes of the waves as a page shows them."""
+    """Compute all bands of the case at every wavevector of its path, and where asked the waves' shapes for a page."""
     _check(case)
     design, settings, choice = case.design, case.bands, cell_model_choice(case)
     path = path_through(settings.path, settings.points, design.pitch_x_m, design.pitch_y_m)
@@ -143,7 +143,7 @@ def solve_bands(case: Case, log: Log, shapes: bool = False) -> Bands:
 
 
 def _finer(case: Case) -> int:
-    """How many times finer than asked the path is solved to follow branches."""
+    """The factor by which the path is refined to follow branches."""
     return -(-FINEST // case.bands.points)
 
 
@@ -158,7 +158,7 @@ def _materials(design: Design) -> dict[str, Any]:
 
 
 def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
-    """The cell as meshed: frequencies and sampled gaps only."""
+    """Solve the cell as meshed, which gives frequencies and sampled gaps only."""
     design, settings = case.design, choice.hexahedra
     assert settings
     log.left_out("polarisation, branches and group velocity", "the full cell gives frequencies only")
@@ -188,7 +188,7 @@ def _each_once(wavevectors: FloatArray, count: int, frequencies: Frequencies) ->
 
 
 def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool) -> Bands:
-    """The cell reduced: waves followed on a path fine enough for it, gaps between the samples too."""
+    """Solve the reduced cell: branches are followed on a refined path, gaps are searched between the samples, too."""
     meshes: list[dict[str, Any]] = []
     corners = path.wavevectors[[segment.last for segment in path.segments]]
     model = lattice_model(case, choice, corners, log, meshes)
@@ -230,7 +230,9 @@ def _detail(
 def _over_the_zone(
     case: Case, model: LatticeModel, solved: Solved, gaps: list[Gap], log: Log
 ) -> list[BrillouinZoneGap]:
-    """The path's gaps over the whole irreducible zone, from a grid and from the path's best points."""
+    """Search the path's gaps over the whole irreducible Brillouin zone, from a grid and from the path's extreme
+    points.
+    """
     design = case.design
     names = {*simplifications.lattice_mirrors(design)} & {*Mirrors(model.lattice.cell).names}
     grid = zone_grid(case.bands.grid, design.pitch_x_m, design.pitch_y_m, bool({"x", "y"} & names), "d" in names)
@@ -242,7 +244,7 @@ def _over_the_zone(
 
 
 def _log_zone(along: list[Gap], zone: list[BrillouinZoneGap], log: Log) -> None:
-    """Whether the path told the truth about the zone."""
+    """Log whether the path's gaps hold over the whole irreducible Brillouin zone."""
     left = {gap.lower_band: gap for gap in zone}
     for gap in along:
         name = f"the gap between bands {gap.lower_band} and {gap.upper_band}"
@@ -264,7 +266,7 @@ def _log_zone(along: list[Gap], zone: list[BrillouinZoneGap], log: Log) -> None:
 
 
 def _moved(along: list[Gap], zone: list[BrillouinZoneGap]) -> bool:
-    """Whether an edge of the zone's gaps differs from the path's."""
+    """Whether an edge of the gap over the Brillouin zone differs from the path's."""
     edges = {gap.lower_band: (gap.lower_hz, gap.upper_hz) for gap in zone}
     return any(
         gap.lower_band not in edges
@@ -294,7 +296,7 @@ def wave_shapes(lattice: Lattice, path: Path, count: int) -> dict[str, Any]:
 
 
 def _waves(lattice: Lattice, k: FloatArray, count: int, matrix: FloatArray) -> FloatArray:
-    """(count, 2, p, 3) of the lowest waves at one wavevector."""
+    """Displacements (count, 2, p, 3) of the lowest waves at one wavevector."""
     dofs = lattice.waves(k, count).dofs
     field = np.tensordot(matrix, dofs, axes=(2, 0)).transpose(2, 0, 1)
     flat = field.reshape(len(field), -1)

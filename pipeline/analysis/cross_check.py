@@ -14,7 +14,9 @@ from solvers.errors import TooLarge
 
 
 def add(case: Case, log: Log, record: dict[str, Any], arrays: dict[str, FloatArray]) -> None:
-    """Adds tet_modes, tet_bands and the tet_* arrays to a record; a plate that memory cannot hold is left out, and told."""
+    """Add tet_modes, tet_bands and the tet_* arrays to a record; a plate that memory cannot hold is left out with a
+    warning.
+    """
     structured = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), log)
     row = structured.wanted.row if structured.wanted else None
     if row is None:

@@ -20,14 +20,14 @@ DIGITS = 5
 
 
 def kept_arrays(part_modes: PartModes, rows: Sequence[int]) -> dict[str, Any]:
-    """folded_* arrays of the chosen modes, the first one being the wanted mode."""
+    """Return the folded_* arrays of the chosen modes; the first is the wanted mode."""
     skins = [_skin(part_modes, index) for index in rows]
     chosen = [part_modes.rows[index] for index in rows]
     return folded(skins, [row.symmetry for row in chosen], np.array([row.frequency_hz for row in chosen]))
 
 
 def plate_arrays(part_modes: PartModes, rows: Sequence[int]) -> dict[str, Any]:
-    """surface_*, touch_* and mesh_* arrays of the chosen modes, as pictures read them."""
+    """Return the surface_*, touch_* and mesh_* arrays of the chosen modes, as figures read them."""
     return unfolded(kept_arrays(part_modes, rows))
 
 
@@ -55,7 +55,7 @@ def _skin(part_modes: PartModes, index: int) -> Skin:
 
 
 def shapes_record(part_modes: PartModes, design: Design) -> dict[str, Any]:
-    """Shapes of the modes that carry most of the wanted one, on the active face, for the record."""
+    """Describe the modes that carry most of the wanted shape on the active face, for the record."""
     assert part_modes.wanted
     wanted = part_modes.wanted.row
     assert wanted

@@ -32,7 +32,7 @@ class ModeRow:
 
 
 def mode_rows(modes: Modes, symmetry: str | None, measures: Confinement | None, first: int = 0) -> list[ModeRow]:
-    """One row a mode, its column counted from `first`; a measure that has no meaning, or none at all, is None."""
+    """Return one row a mode with columns counted from `first`; a measure without meaning is None."""
 
     def at(values: FloatArray | None, index: int) -> float | None:
         value = float(values[index]) if values is not None else math.nan

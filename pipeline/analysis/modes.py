@@ -20,7 +20,7 @@ from pipeline.models.parts import PartModel
 from pipeline.planning import calibration, error_bar, foresight, simplifications
 from pipeline.planning.error_bar import ErrorBar
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
-from pipeline.planning.refinement import MARGIN, climbed, refused, remeshed, rereduced, warn
+from pipeline.planning.refinement import MARGIN, refine_reduction, refused, refine_mesh, raise_cutoff, warn
 from pipeline.planning.request import (
     DEFAULT_COUNT,
     MEASURED,
@@ -43,7 +43,7 @@ PASSES = 4  # meshed or reduced anew for what was found, at most
 
 @dataclass(frozen=True)
 class PartModes:
-    """Modes of a part in ascending order, with the model and the vectors behind them.
+    """Modes of a part in ascending order, with the model and the eigenvectors behind them.
 
     reduction_error and expected_error (by the mesh) are those of any mode, relative; `bar` is the wanted mode's. `wanted` is
     None where the question has no meaning: another symmetry class, a lone pillar, a mesh without touch face. more_in_mesh:
@@ -67,12 +67,14 @@ class PartModes:
 
     @property
     def highest_hz(self) -> float:
-        """The highest frequency found, the search for the wanted mode included; 0 without modes."""
+        """The highest frequency computed, the search for the wanted mode included; 0 without modes."""
         return max((row.frequency_hz for row in (*self.rows, *(self.wanted.rows if self.wanted else ()))), default=0.0)
 
     @property
     def whole_window(self) -> PartModes:
-        """The same with every mode among which the wanted one was looked for, where all are of one symmetry class."""
+        """Return the same with all modes that the search for the wanted one went through, where all are of one
+        class.
+        """
         part_modes = self.wanted
         if part_modes is None or part_modes.count is None or len(self.vectors) > 1:
             return self
@@ -82,7 +84,7 @@ class PartModes:
         return replace(self, rows=tuple(rows), count=part_modes.count)
 
     def index(self, row: ModeRow | None) -> int | None:
-        """Where a mode stands among `rows`; None for one that is not there."""
+        """Return a mode's place among `rows`; None where it is not there."""
         places = (
             i for i, one in enumerate(self.rows) if row and (one.symmetry, one.column) == (row.symmetry, row.column)
         )
@@ -90,7 +92,7 @@ class PartModes:
 
     @property
     def counts(self) -> str:
-        """Whose eigenvalues the count by inertia counts."""
+        """Name the matrices whose eigenvalues the count by inertia counts."""
         return "reduced pencil" if isinstance(self.model, PlateModel) else "mesh"
 
     def json(self) -> dict[str, Any]:
@@ -132,7 +134,7 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     (part_modes, errors), choice = _within_reach(case, query, choice, log)
     _warn_of_nothing(part_modes, query, log)
     estimate = _reduction_error(part_modes, errors)
-    finer = climbed(choice, estimate.modes, estimate.degrees, case, log) if estimate else None
+    finer = refine_reduction(choice, estimate.modes, estimate.degrees, case, log) if estimate else None
     if finer:
         with refused(log):
             (part_modes, errors), choice = _solved(case, query, finer, log), finer
@@ -149,7 +151,7 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
 
 
 def _warn_of_nothing(part_modes: PartModes, query: Request, log: Log) -> None:
-    """A warning for an empty answer, which says where the nearest mode is."""
+    """Warn where the band holds no mode, and say where the nearest one lies."""
     if part_modes.rows or query.band_hz is None:
         return
     low, high = query.band_hz
@@ -161,11 +163,11 @@ def _warn_of_nothing(part_modes: PartModes, query: Request, log: Log) -> None:
 def _within_reach(
     case: Case, query: Request, choice: ModelChoice, log: Log
 ) -> tuple[tuple[PartModes, dict[str | None, ModeErrors]], ModelChoice]:
-    """The modes by a model that was made for frequencies as high as theirs: meshed or reduced anew until it is."""
+    """Solve the modes, and mesh or reduce anew until the model is made for frequencies as high as the modes found."""
     solved = _solved(case, query, choice, log)
     for _ in range(PASSES):
         highest = solved[0].highest_hz
-        higher = remeshed(choice, highest, case, log) or rereduced(choice, highest, log)
+        higher = refine_mesh(choice, highest, case, log) or raise_cutoff(choice, highest, log)
         if higher is None:
             break
         solved, choice = _solved(case, query, higher, log), higher
@@ -175,7 +177,9 @@ def _within_reach(
 def _solved(
     case: Case, query: Request, choice: ModelChoice, log: Log
 ) -> tuple[PartModes, dict[str | None, ModeErrors]]:
-    """The modes by one way, the wanted one among them, and for a reduced body the errors by its reduction, class by class."""
+    """Solve the modes by one model choice, with the wanted one among them and the reduction's errors class by
+    class.
+    """
     meshes: list[dict[str, Any]] = []
     model = parts.built(case, choice, log, meshes)
     classes: dict[str | None, _Class] = {}
@@ -207,7 +211,7 @@ def _solved(
 
 
 class _Class:
-    """One symmetry class of a model: its pencil, and the modes that were solved for so far, as columns of `vectors`."""
+    """One symmetry class of a model: its pencil and the modes solved so far, as columns of `vectors`."""
 
     def __init__(self, case: Case, part: str, model: PartModel, symmetry: str | None, log: Log) -> None:
         self.case, self.part, self.model, self.symmetry, self.log = case, part, model, symmetry, log
@@ -220,7 +224,7 @@ class _Class:
         self.count = Count(0.0, 0.0, 0, 0)
 
     def ask(self, query: Request) -> None:
-        """Solve what was asked for."""
+        """Solve the modes of the request."""
         name = f"class {self.symmetry or 'whole'}"
         with self.log.step(f"solve {name}"):
             self.pencil = self.model.pencil(self.symmetry)
@@ -234,12 +238,12 @@ class _Class:
         self.log.info(f"{name}: {self.dof} degrees of freedom, {len(self.rows)} modes")
 
     def let_go(self) -> None:
-        """Forget the matrices of a mesh, which nothing asks again; those of a reduced plate are small."""
+        """Release the matrices of a mesh, which are not needed again; those of a reduced plate are small."""
         if not isinstance(self.model, PlateModel):
             del self.pencil
 
     def between(self, low_hz: float, high_hz: float) -> tuple[tuple[ModeRow, ...], Count]:
-        """Every mode between two frequencies, solved on top of what is known."""
+        """Return all modes between two frequencies, reusing those already solved."""
         with self.log.step(f"look for the wanted mode from {khz(round(low_hz))} to {khz(round(high_hz))}"):
             solution = modes_in_band(self.pencil, low_hz, high_hz)
             return self._kept(solution), solution.count
@@ -254,7 +258,7 @@ class _Class:
 
 
 def _wanted(case: Case, query: Request, one: _Class) -> Wanted | None:
-    """The wanted mode among those of its class; None for a part that has none."""
+    """Find the wanted mode among those of its class; None for a part that has none."""
     window = wanted_window_hz(case, query)
     if window is None:
         return None
@@ -264,7 +268,7 @@ def _wanted(case: Case, query: Request, one: _Class) -> Wanted | None:
 
 
 def _nearest_hz(query: Request, classes: dict[str | None, _Class]) -> float | None:
-    """The mode nearest to the middle of a band that holds none."""
+    """Frequency of the mode nearest to the middle of a band that holds none."""
     tones = [one.nearest_hz for one in classes.values() if one.nearest_hz is not None]
     if any(one.rows for one in classes.values()) or not tones or not query.band_hz:
         return None
@@ -273,7 +277,9 @@ def _nearest_hz(query: Request, classes: dict[str | None, _Class]) -> float | No
 
 
 def _more_in_mesh(model: PartModel, classes: dict[str | None, _Class], count: Count) -> int | None:
-    """PartModes.more_in_mesh; 0 for a body that was not reduced."""
+    """Bound the number of modes that the meshes have and the reduced model lacks; 0 for a body that was not
+    reduced.
+    """
     if not isinstance(model, PlateModel):
         return 0
     total = 0
@@ -289,7 +295,9 @@ def _more_in_mesh(model: PartModel, classes: dict[str | None, _Class], count: Co
 
 @dataclass(frozen=True)
 class ReductionErrorEstimate:
-    """How far the reduction may put modes too high, relative: the worst of all; the wanted one's by modes and by degrees."""
+    """Relative overestimate of frequencies by truncation: its maximum over all modes, and the wanted mode's by
+    cause.
+    """
 
     worst: float
     modes: float
@@ -301,7 +309,7 @@ class ReductionErrorEstimate:
 
 
 def _reduction_error(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> ReductionErrorEstimate | None:
-    """The reduction's estimate; None for a body that was not reduced and where no mode was found.
+    """Estimate the truncation error; None for a body that was not reduced or has no mode.
 
     Without a wanted mode the worst one stands for it.
     """
@@ -316,7 +324,7 @@ def _reduction_error(part_modes: PartModes, errors: dict[str | None, ModeErrors]
 
 
 def _bar(case: Case, choice: ModelChoice, part_modes: PartModes, reduction: float | None) -> ErrorBar | None:
-    """What the wanted mode's frequency and confinement may be off by; None without one."""
+    """Error bar of the wanted mode's frequency and confinement; None without a wanted mode."""
     row = part_modes.wanted.row if part_modes.wanted else None
     if row is None or part_modes.wanted is None:
         return None
@@ -348,7 +356,7 @@ def _solve(pencil: SymmetricPencil, query: Request) -> Modes:
 
 
 def _merged(query: Request, classes: dict[str | None, _Class]) -> tuple[list[ModeRow], Count]:
-    """The modes that were asked for over all classes in ascending order, and their count between common ends."""
+    """Merge the modes of all classes in ascending order, with their count between common ends."""
     rows = [row for one in classes.values() for row in one.rows]
     rows.sort(key=lambda row: (row.frequency_hz, row.symmetry or ""))
     counts = [one.count for one in classes.values()]
@@ -362,7 +370,7 @@ def _merged(query: Request, classes: dict[str | None, _Class]) -> tuple[list[Mod
 
 
 def _nearest(rows: list[ModeRow], query: Request, count: Count) -> tuple[list[ModeRow], Count]:
-    """The `count` modes nearest to the frequency over all classes, degenerate partners of the last one kept.
+    """Keep the `count` modes nearest to the frequency over all classes, and degenerate partners of the last one.
 
     Every class is complete in its own, wider interval, so the common one is complete too.
     """
@@ -386,7 +394,8 @@ def _same(first: float, second: float) -> bool:
 
 
 def wanted_record(part_modes: PartModes) -> dict[str, Any]:
-    """The wanted mode's measures and rivals, its pillars' share of kinetic energy, where it stands among the modes (`index`).
+    """Describe the wanted mode for the record: measures, rivals, the pillars' share of kinetic energy, its place
+    among the modes.
 
     Without a wanted mode, its status and window alone.
     """

@@ -16,7 +16,7 @@ THEORIES = {  # what the document and what the calibration call them
 
 
 def run(case: Case) -> tuple[dict[str, Any], str]:
-    """The JSON document and the text of a case's analytic sizing, with what each theory may be off the clamped solid by."""
+    """Return the JSON document and the text of the analytic sizing, with each theory's expected error."""
     sizing = predesign(case.design)
     document = sizing.as_json()
     lines = []
@@ -32,7 +32,7 @@ def run(case: Case) -> tuple[dict[str, Any], str]:
 
 
 def short_wave(design: Design) -> str | None:
-    """What is to be known of a wanted mode whose waves are short beside the thickness; None where they are not."""
+    """Warn of a wanted mode whose half-wavelength is short beside the thickness; None where it is not."""
     if not design.is_short_wave:
         return None
     return (
@@ -43,7 +43,7 @@ def short_wave(design: Design) -> str | None:
 
 
 def expected_errors(part: str, design: Design) -> dict[str, float]:
-    """Relative error of each theory's frequency of a part beside the solid's; {} where nothing like it was measured."""
+    """Expected relative error of each theory's frequency beside the solid; {} where none was calibrated."""
     slender = design.nodal_lines * design.thickness_m / design.length_m
     if part == "pillar":
         if not design.pillar or not design.pillar.is_box:

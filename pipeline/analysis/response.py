@@ -23,7 +23,8 @@ GRID = 160
 
 @dataclass(frozen=True)
 class Response:
-    """The curve, the wanted mode's peak (None where the band has none) and the highest of all, and the plate behind it.
+    """The response curve, the wanted mode's peak (None where the band has none), the highest peak, and the plate
+    behind them.
 
     The operating shape is that at `peak`. expected_error is that of a frequency by the plate's mesh, relative; bonding the
     patches and the reduction add their own.
@@ -52,11 +53,11 @@ class Response:
 
     @property
     def same(self) -> bool:
-        """Whether the wanted mode's peak is the highest."""
+        """Whether the wanted mode's peak is the highest peak."""
         return self.wanted is not None and self.highest.is_at(self.wanted.frequency_hz, self.forced.loss)
 
     def _circuit(self) -> dict[str, Any]:
-        """How the drivers are fed, and what opening every patch does to the wanted mode."""
+        """Describe how the drivers are fed, and how far opening all patches shifts the wanted mode."""
         shift = self.circuit
         return {
             "drivers": self.forced.circuit,
@@ -66,7 +67,7 @@ class Response:
         }
 
     def json(self) -> dict[str, Any]:
-        """The contract's fields and what was read from the curve, without times."""
+        """Return the fields of the contract and what was read from the curve, without times."""
         curve = self.curve
         passive = curve.passive_rms_m_per_v
         first = curve.sensor_v_per_v[:, 0] if self.sensors else None
@@ -91,7 +92,9 @@ class Response:
 
 
 def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, points: int = POINTS) -> Response:
-    """Response of the patched plate over a band. InputError for a case without patches or a model that cannot carry them."""
+    """Compute the response of the patched plate over a band. Raises InputError without patches or for a model that
+    cannot carry them.
+    """
     case.require_plate(command="response")
     case.require("patches", command="response")
     patches = case.patches
@@ -127,14 +130,14 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
 
 
 def _driven_hz(forced: ForcedPlate) -> float | None:
-    """The wanted mode's frequency with the patches as they are wired: those that listen open, those that drive as fed."""
+    """The wanted mode's frequency with the patches' circuits as wired: sensors open, drivers as they are fed."""
     opened = forced.sensors if forced.circuit == "short" else [*forced.drivers, *forced.sensors]
     shift = circuit_shift(forced, opened) if opened else None
     return shift.open_hz if shift else forced.wanted_hz()
 
 
 def _gridded(points: FloatArray, values: Any) -> tuple[FloatArray, Any]:
-    """The field on an even grid of about GRID points along the longer side, each taking its nearest value."""
+    """Interpolate the field to the nearest value on an even grid of about GRID points along its longer side."""
     from scipy.spatial import cKDTree
 
     low, high = points.min(axis=0), points.max(axis=0)
@@ -193,7 +196,7 @@ def _warn_of_wanted(forced_response: Response, log: Log) -> None:
 
 
 def lines(forced_response: Response) -> list[str]:
-    """What the response says, for people: the wanted mode's peak, and the highest where it is another."""
+    """Describe the response in words: the wanted mode's peak, and the highest peak where it is another."""
     said = [_summary("wanted mode's peak", forced_response.wanted)] if forced_response.wanted else []
     return said if forced_response.same else [*said, _summary("highest peak", forced_response.highest)]
 

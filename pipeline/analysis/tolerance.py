@@ -51,7 +51,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class ToleranceStudy:
-    """The nominal plate and the samples, each measured at its wanted mode, followed by its shape.
+    """The nominal plate and the samples, each measured at its wanted mode, tracked by its shape.
 
     Curves (samples + 1, n) over frequency, the nominal one first. Statistics leave out what was lost, and `lost` counts it.
     """
@@ -100,16 +100,16 @@ class ToleranceStudy:
 
     @property
     def peaks_hz(self) -> FloatArray:
-        """Peaks of the samples that were not lost."""
+        """Peaks of the samples whose wanted mode was tracked."""
         return np.array([one.peak_hz for one in self.samples if one.peak_hz is not None])
 
     def arrays(self) -> dict[str, FloatArray]:
-        """What a picture draws."""
+        """Return the arrays that a figure draws."""
         return {"tolerance_hz": self.frequency_hz, "tolerance_curves": self.curves}
 
 
 def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> ToleranceStudy:
-    """The case's samples. InputError without [tolerance] or for a model that cannot be varied; raises as its solvers do."""
+    """Compute the case's samples. Raises InputError without [tolerance] or for a model that cannot be varied."""
     case.require_plate(command="tolerance")
     case.require("tolerance", "pillar", command="tolerance")
     given, band = case.tolerance, driven_band_hz(case, band_hz)
@@ -154,7 +154,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> T
 def _sampled(
     plate: VariedPlate, changes: FloatArray, summary: FloatArray, log: Log
 ) -> tuple[list[Measured], list[FloatArray]]:
-    """Every plate measured, and the zone's rms at the frequencies that the picture shows."""
+    """Measure every sample, and the rms on the zone at the frequencies of the figure."""
     samples, curves = [], []
     for number, change in enumerate(changes, start=1):
         with log.step(f"sample {number} of {len(changes)}"):
@@ -208,7 +208,9 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
 
 
 def _measured(sample: VariedSample) -> Measured:
-    """The response at the mode that the nominal plate's wanted one has become, between the points of any grid."""
+    """Measure the response at the mode into which the nominal wanted mode has turned, between the points of any
+    grid.
+    """
     tone, tracking = sample.tracked_hz, sample.tracked.status
     if tone is None:
         return Measured(None, None, None, None, tracking)
@@ -239,7 +241,7 @@ def _summary(name: str, tolerance_study: Measured) -> str:
 
 
 def lines(tolerance_study: ToleranceStudy) -> list[str]:
-    """What the study says, for people."""
+    """Describe the study in words."""
     summary = tolerance_study.json()
     peak, shift, confinement = summary["peak_hz"], summary["peak_shift_hz"], summary["confinement_db"]
     out, count = [_summary("nominal", tolerance_study.nominal)], len(tolerance_study.peaks_hz)

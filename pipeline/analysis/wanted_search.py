@@ -24,7 +24,7 @@ ROUNDS = 6  # widenings at most: each moves an end by a fifth of a frequency
 
 @dataclass(frozen=True)
 class Wanted:
-    """The verdict over `rows`, every mode of the wanted symmetry class from low_hz to high_hz, with their count.
+    """The verdict over `rows`, all modes of the wanted symmetry class from low_hz to high_hz, with their count.
 
     `count` is None where nothing was looked for: then `why` says what stands against it.
     """
@@ -73,7 +73,7 @@ def look(
     rows: tuple[ModeRow, ...],
     solve: Callable[[float, float], tuple[tuple[ModeRow, ...], Count]],
 ) -> Wanted:
-    """The wanted mode about a window, from the `rows` of its class that are known with their count, and more where they end.
+    """Search the wanted mode from a window outwards, starting with the `rows` of its class that are already known.
 
     `solve` returns every mode of the class between two frequencies. Modes beyond the window that are known all the same have no
     say, unless the window itself holds no mode of the wanted shape.
@@ -97,7 +97,7 @@ def look(
 
 
 def look_among(rows: tuple[ModeRow, ...], known: Count) -> Wanted:
-    """The verdict over modes at hand, where no others can be had."""
+    """Give the verdict over the modes at hand, where no others can be computed."""
     return Wanted(_verdict(rows), rows, known.low_hz, known.high_hz, known)
 
 
@@ -123,7 +123,7 @@ def _completed(
     ends: tuple[float, float],
     solve: Callable[[float, float], tuple[tuple[ModeRow, ...], Count]],
 ) -> tuple[tuple[ModeRow, ...], Count]:
-    """The rows and their count over the known interval and the window together."""
+    """Return the rows and their count over the known interval and the window together."""
     if ends[0] < known.low_hz:
         more, count = solve(ends[0], known.low_hz)
         rows, known = (*more, *rows), _joined(count, known)

@@ -12,7 +12,7 @@ from solvers.measures.wanted_mode import CLEAR
 
 
 def lines(part_modes: PartModes, design: Design) -> list[str]:
-    """The wanted mode, what it may be off by, and what was counted."""
+    """Describe the wanted mode, its error bar, and the count."""
     said = verdict(part_modes.wanted, design) if part_modes.wanted else []
     row = part_modes.wanted.row if part_modes.wanted else None
     if row and part_modes.index(row) is None:
@@ -23,7 +23,7 @@ def lines(part_modes: PartModes, design: Design) -> list[str]:
 
 
 def verdict(wanted: Wanted, design: Design) -> list[str]:
-    """Which mode is the wanted one, or why none is."""
+    """Say which mode is the wanted one, or why none is."""
     name, row = f"(0, {design.nodal_lines})", wanted.row
     window = f"{wanted.low_hz / 1e3:.4g} and {wanted.high_hz / 1e3:.4g} kHz"
     if row is None and wanted.count is None:
@@ -53,7 +53,7 @@ def _alone(row: ModeRow) -> str:
 
 
 def count(part_modes: PartModes) -> str:
-    """The count by inertia, of what it is, and what it proves."""
+    """Say what the count by inertia counts and what it proves."""
     check = part_modes.count
     text = f"count by inertia of the {part_modes.counts}: {check.expected}, found: {check.found}"
     if part_modes.counts == "mesh":
@@ -68,7 +68,7 @@ def count(part_modes: PartModes) -> str:
 
 
 def warn_of_wanted(wanted: Wanted, case: Case, log: Log) -> None:
-    """Say which mode is the wanted one; a warning where none is, or where several share its shape."""
+    """Log which mode is the wanted one; a warning where none is, or where several share its shape."""
     (said,) = verdict(wanted, case.design)
     if wanted.status == "single":
         log.info(said)

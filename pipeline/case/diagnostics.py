@@ -98,7 +98,7 @@ class Diagnostics:
         self.add(key, value, f"unknown {'table' if isinstance(value, dict) else 'key'}{hint}")
 
     def stop(self) -> None:
-        """InputFault with every line, if there is any; beyond MAX_LINES of them with how many there are."""
+        """InputError with every line, if there is any; beyond MAX_LINES of them with how many there are."""
         if self.lines:
             more = [f"{self.file}: {self.untold} faults more"] if self.untold else []
             raise InputError([*self.lines, *more])

@@ -101,7 +101,7 @@ class Case:
         return (lines - 0.5) * pi / self.design.length_m if lines > 1 else 0.0
 
     def require(self, *keys: str, command: str = "this command") -> None:
-        """InputFault naming every table or dotted key that the command needs and the file lacks.
+        """InputError naming every table or dotted key that the command needs and the file lacks.
 
         "array.pitch_mm" is also met by pitch_x_mm with pitch_y_mm.
         """
@@ -112,7 +112,7 @@ class Case:
             raise InputError(f"{where}: {name}: missing, {command} needs it" for name in visible)
 
     def require_plate(self, command: str = "this command") -> None:
-        """InputFault unless a finite plate is described: [plate], [zone] and, with pillars, array.rows."""
+        """InputError unless a finite plate is described: [plate], [zone] and, with pillars, array.rows."""
         self.require("plate", "zone", *(("array.rows",) if "pillar" in self.given else ()), command=command)
 
     def as_understood(self) -> dict[str, Any]:

@@ -42,7 +42,7 @@ def parse_band(text: str, what: str = "band") -> tuple[float, float]:
 
 
 def _refuse_bare(ends: list[str], text: str, what: str) -> None:
-    """InputFault with both readings of a band whose two ends are bare numbers above 0."""
+    """InputError with both readings of a band whose two ends are bare numbers above 0."""
     bare = [match.group(1) for end in ends if (match := FREQUENCY.fullmatch(end)) and not match.group(2)]
     if len(bare) == 2 and all(0.0 < float(number) < inf for number in bare):
         readings = " or ".join(f"{bare[0]} {unit} to {bare[1]} {unit}" for unit in ("Hz", "kHz"))

@@ -84,7 +84,7 @@ def modes(arguments: Namespace) -> int:
 
 
 def _refuse_options_without_effect(arguments: Namespace) -> None:
-    """InputFault for options of `modes` that the others would leave without any effect."""
+    """InputError for options of `modes` that the others would leave without any effect."""
     lines = []
     if arguments.near and arguments.band:
         lines.append(

@@ -37,7 +37,7 @@ class CellCache:
         self.folder, self.max_bytes = folder, max_bytes
 
     def get(self, key: str) -> Cell | None:
-        """A cell kept under this key by the same code, or None."""
+        """Return the entry kept under this key by the same code, or None."""
         with (
             contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile),
             np.load(self._path(key)) as file,
@@ -48,7 +48,7 @@ class CellCache:
         return None
 
     def put(self, key: str, cell: Cell) -> None:
-        """Keep a cell; a full disk costs the next run time, not this one its result."""
+        """Keep an entry; where the disk is full it is recomputed in the next run, and this run keeps its result."""
         with contextlib.suppress(OSError):
             self.folder.mkdir(parents=True, exist_ok=True)
             handle, name = tempfile.mkstemp(dir=self.folder, suffix=".part")
@@ -61,7 +61,7 @@ class CellCache:
             self._make_room(self._path(key))
 
     def _make_room(self, newest: Path) -> None:
-        """Remove what was not used for longest until the cells fit; never the one just kept."""
+        """Remove the entries longest unused until the rest fits, never the one just kept."""
         cells = sorted(((path.stat(), path) for path in self.folder.glob("*.npz")), key=lambda pair: pair[0].st_mtime)
         total = sum(stat.st_size for stat, _ in cells)
         for stat, path in cells:
@@ -102,7 +102,7 @@ class ParametricCellCache(CellCache):
     """A folder of .npz files, one per family, beside those of cells; a torn or foreign file counts as absent."""
 
     def get(self, key: str) -> CellFamily | None:  # type: ignore[override]
-        """A family kept under this key by the same code, or None."""
+        """Return the entry kept under this key by the same code, or None."""
         with (
             contextlib.suppress(OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile),
             np.load(self._path(key)) as file,
@@ -113,7 +113,7 @@ class ParametricCellCache(CellCache):
         return None
 
     def put(self, key: str, family: CellFamily) -> None:  # type: ignore[override]
-        """Keep a family; a full disk costs the next run time, not this one its result."""
+        """Keep an entry; where the disk is full it is recomputed in the next run, and this run keeps its result."""
         own = dict(zip(OWN, (family.reach_m, family.stiffness, family.mass), strict=True))
         with contextlib.suppress(OSError):
             self.folder.mkdir(parents=True, exist_ok=True)

@@ -65,14 +65,16 @@ def mesh_record(what: str, mesh: Mesh, volume_m3: float | None = None) -> dict[s
 
 
 def build(case: Case, part: str, high_hz: float, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
-    """The model that the case asks for; its meshes are appended to `meshes`. InputError for one that cannot serve."""
+    """Build the model that the case asks for and append its meshes to `meshes`. Raises InputError for a model that
+    cannot serve.
+    """
     choice = model_choice_of(case, part, high_hz)
     simplifications.log_all(choice.left_out, log)
     return built(case, choice, log, meshes)
 
 
 def built(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
-    """The model of a choice that is made already."""
+    """Build the model of a given choice."""
     return {"plate": _plate, "zone": _zone, "pillar": _pillar}[choice.part](case, choice, log, meshes)
 
 
@@ -91,7 +93,7 @@ def _solid(
 
 
 def warn_of_locking(design: Design, mesh: Mesh, log: Log) -> None:
-    """Say where displacement elements are known to be too stiff (`antinode report extremes` has the measurement)."""
+    """Warn where displacement elements are known to be too stiff; `antinode report extremes` has the measurement."""
     stiffest = max(design.material.poisson, design.pillar.material.poisson if design.pillar else -1.0)
     if mesh.kind == "tet" and mesh.order == 2 and stiffest > LOCKING:
         log.warning(

@@ -20,7 +20,8 @@ from solvers.superelement.build import PlateModel
 def forced_plate(
     case: Case, log: Log, band_hz: tuple[float, float] | None = None, meshes: list[dict[str, Any]] | None = None
 ) -> ForcedPlate:
-    """The patched plate, driven and heard as the case says, over a band (default: the case's); meshes are added to `meshes`.
+    """Bond the patches and prepare the forced response over a band (default: the case's); meshes are added to
+    `meshes`.
 
     InputError for a model that cannot carry patches; raises what its solvers raise.
     """
@@ -34,7 +35,7 @@ def forced_plate(
 
 
 def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log) -> ForcedPlate:
-    """A assembled plate with the case's patches, and its modes about the band."""
+    """Build an assembled plate with the case's patches and solve its modes about the band."""
     patches = case.patches
     assert patches is not None
     back = patches.face == "back"

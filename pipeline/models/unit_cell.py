@@ -32,7 +32,7 @@ Reduce = Callable[[ReductionSettings], Cell]
 
 @dataclass(frozen=True)
 class LatticeModel:
-    """A lattice, what computed it, and how far its bands may lie too overestimated by truncation, relative."""
+    """A lattice, the name of its model, and the relative overestimate of its bands by truncation."""
 
     name: str
     lattice: Lattice
@@ -42,7 +42,9 @@ class LatticeModel:
 def lattice_model(
     case: Case, choice: ModelChoice, corners: FloatArray, log: Log, meshes: list[dict[str, Any]]
 ) -> LatticeModel:
-    """The case's lattice, good enough for its bands at the corners (n, 2) of its path; a warning where it is not."""
+    """Reduce the cell so that its bands at the corners (n, 2) of the path meet the accuracy; warn where they do
+    not.
+    """
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
     edge = choice.edge_m
     reduce = _from_tetrahedra(case.design, edge, log, meshes) if edge else _from_hexahedra(case.design, log)
@@ -84,7 +86,7 @@ def _from_tetrahedra(design: Design, edge_m: float, log: Log, meshes: list[dict[
 def _piloted(
     design: Design, reduction: ReductionSettings, corners: FloatArray, count: int, wanted: float, log: Log
 ) -> ReductionSettings:
-    """Degrees and modes that reach an estimate on a coarse mesh of a cell with a box for its pillar.
+    """Choose degrees and number of modes on a coarse mesh of the cell, its pillar replaced by a box.
 
     The reduction's error hardly depends on the mesh, and a coarse one is reduced in a fraction of a second.
     """
@@ -113,7 +115,7 @@ def _piloted(
 def _good_enough(
     reduce: Reduce, reduction: ReductionSettings, corners: FloatArray, case: Case, log: Log
 ) -> tuple[Lattice, float]:
-    """Reduce as the coarse cell advises, and once more where the estimate still exceeds the accuracy."""
+    """Reduce with the settings advised by the coarse cell, and once more where the estimate exceeds the accuracy."""
     count, accuracy = case.bands.count, case.solve.accuracy
     advised = _piloted(case.design, reduction, corners, count, MARGIN * accuracy, log)
     if advised != reduction:
@@ -140,7 +142,7 @@ def _good_enough(
 
 
 def _raised(reduction: ReductionSettings, lattice: Lattice, error: ReductionError, wanted: float) -> ReductionSettings:
-    """More fixed-interface modes or a higher degree along the sides, whichever more error comes from; the same at the limit."""
+    """Add fixed-interface modes or a degree along the sides, whichever causes more error; unchanged at the limit."""
     face, modes = reduction.interface, len(lattice.cell.fixed_hz)
     if error.degrees > error.modes:
         finer = higher_degree(reduction)
@@ -150,12 +152,12 @@ def _raised(reduction: ReductionSettings, lattice: Lattice, error: ReductionErro
 
 
 def _boundary(face: Interface) -> int:
-    """Boundary degrees of freedom of the lattice."""
+    """Number of boundary degrees of freedom of the lattice."""
     return face.vertex_block + 2 * face.side_block
 
 
 def bare_cell(case: Case, interface: Interface, log: Log) -> Cell:
-    """The unit cell's panel of plate without a pillar, with the boundary functions of the cell beside it."""
+    """Reduce the unit cell's panel without a pillar, with the boundary functions of the cell beside it."""
     design = replace(case.design, pillar=None)
     reduction = replace(mesh_rules.lattice_reduction(design, case.solve.accuracy), interface=interface)
     with log.step("reduce the bare cell"):

@@ -27,8 +27,8 @@ SAFETY = {HEX: 1.5, TET: 2.0, PLATE: 1.25}  # a plate's modes lie far below the 
 
 @dataclass(frozen=True)
 class MeshLevel:
-    """Order, layers towards singular edges, their shrink factor, the elements' size over the part's own, and how many at
-    least lie through a plate that has pillars.
+    """One calibrated mesh: order, layers graded towards singular edges and their factor, element size over the part's
+    own.
 
     The size is that in the plate; of a lone pillar, whose section takes two elements, that along it.
     """
@@ -42,7 +42,7 @@ class MeshLevel:
 
 @dataclass(frozen=True)
 class Measured:
-    """Largest relative error of a reference part by one mesh.
+    """Largest relative error that one mesh made on a reference part.
 
     Of hexahedra: layers, their factor, share of the planner's element size and how many through a plate; of tetrahedra: how
     many across the smallest dimension. `growth`: the frequency over that up to which the planner calls the mesh good.
@@ -67,7 +67,7 @@ class Measured:
 
 @lru_cache(maxsize=1)
 def table() -> tuple[Measured, ...]:
-    """The committed calibration."""
+    """Read the committed calibration."""
     with TABLE.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     return tuple(_measured(row) for row in rows)
@@ -82,7 +82,8 @@ def _measured(row: dict[str, str]) -> Measured:
 
 
 def by_hexahedra(part: str, mesh_level: MeshLevel, kind: str = HEX, growth: float = 1.0) -> float | None:
-    """Error to expect of graded hexahedra, with the safety of a kind; None where the mesh was not measured.
+    """Expected error of graded hexahedra with the safety factor of their kind; None where the mesh was not
+    measured.
 
     At `growth` times the frequency that the planner calls the mesh good for, bending waves are sqrt(growth) shorter. Between
     two measured modes the straight line over logarithms, which no sum of powers exceeds; beyond the last h^(2 order).
@@ -94,7 +95,7 @@ def by_hexahedra(part: str, mesh_level: MeshLevel, kind: str = HEX, growth: floa
 
 
 def _grown(rows: list[Measured], growth: float) -> float:
-    """The error at a growth from those of one mesh in ascending order; it never falls."""
+    """Interpolate the error at a growth of the frequency from one mesh's errors in ascending order; it never falls."""
     points = list(zip((row.growth for row in rows), accumulate((row.error for row in rows), max), strict=True))
     if growth <= points[0][0]:
         return points[0][1]
@@ -106,13 +107,16 @@ def _grown(rows: list[Measured], growth: float) -> float:
 
 
 def by_tetrahedra(part: str, across: float) -> float | None:
-    """Error to expect of quadratic tetrahedra, so many over the smallest dimension; None below the coarsest measured."""
+    """Expected error of quadratic tetrahedra by their number across the smallest dimension; None below the coarsest
+    measured.
+    """
     rows = [row for row in table() if (row.part, row.kind, row.order) == (part, TET, TET_ORDER)]
     return _least(TET, [row for row in rows if row.across <= across * 1.01])
 
 
 def by_theory(part: str, theory: str, slender: float) -> float | None:
-    """Error to expect of an analytic frequency of a part with a ratio of its sides; None for a theory that was not measured.
+    """Expected error of an analytic frequency at a ratio of the part's sides; None for a theory that was not
+    measured.
 
     What a beam or a plate theory leaves out, shear, rotary inertia or a foot's Poisson strain, grows as the ratio squared.
     """
@@ -121,7 +125,7 @@ def by_theory(part: str, theory: str, slender: float) -> float | None:
 
 
 def mixing() -> float | None:
-    """Share of the largest change that neighbours mixed in may bring to a confinement (`mode_mixing`) to expect."""
+    """Share of the bound by `mode_mixing` that a confinement is expected to change by."""
     return _least(HEX, [row for row in table() if (row.part, row.kind) == (PLATE, MIXING)])
 
 

@@ -16,7 +16,7 @@ from pipeline.planning.simplifications import khz
 
 @dataclass(frozen=True)
 class ErrorBar:
-    """What a result may be off by: a frequency by its mesh and by the reduction, relative, and a confinement, dB.
+    """Half-width of a result's error: the frequency's by mesh and reduction, relative, and the confinement's in dB.
 
     None where nothing like the mesh was measured, the body was not reduced, or nothing is confined.
     """
@@ -27,11 +27,11 @@ class ErrorBar:
 
     @property
     def frequency(self) -> float | None:
-        """Mesh and reduction together."""
+        """Error by mesh and reduction together, relative."""
         return None if self.mesh is None else self.mesh + (self.reduction or 0.0)
 
     def text(self) -> str:
-        """In words."""
+        """Return the error bar in words."""
         allowed = "" if self.confinement_db is None else f", {self.confinement_db:.2f} dB of its confinement"
         return (
             "none measured"
@@ -40,18 +40,18 @@ class ErrorBar:
         )
 
     def json(self) -> dict[str, Any]:
-        """As results and records keep it."""
+        """Return the error bar as results and records keep it."""
         return {"frequency": self.frequency, "confinement_db": self.confinement_db}
 
 
 def expected_error(choice: ModelChoice, design: Design, highest_hz: float = 0.0) -> float | None:
-    """Relative error that the way's mesh is expected to make in frequencies up to one; None where none was measured.
+    """Relative error that the chosen mesh is expected to make up to a frequency; None where none was measured.
 
     Beyond what was measured it grows as `calibration.by_hexahedra` tells; of tetrahedra as (k h)^2p, k as the frequency's root.
     """
     growth = max(1.0, highest_hz / choice.good_to_hz)
     if choice.kind == TET:
-        # a assembled plate is as good as its panels with a pillar
+        # an assembled plate is as good as its panels with a pillar
         measured = "cell" if choice.model == SUPERELEMENT else choice.part
         error = calibration.by_tetrahedra(measured, _smallest_m(choice, design) / (choice.edge_m or 1.0))
         return None if error is None else error * growth**TET_ORDER
@@ -61,7 +61,7 @@ def expected_error(choice: ModelChoice, design: Design, highest_hz: float = 0.0)
 
 
 def log_expected(choice: ModelChoice, case: Case, log: Log, highest_hz: float = 0.0) -> float | None:
-    """The expected error up to a frequency, said in the log; with what to do where the case asks for less."""
+    """Log the expected error up to a frequency, and what to change where the case asks for less."""
     error = expected_error(choice, case.design, highest_hz)
     if error is None:
         log.info(f"no error was measured for {choice.name} of the {choice.part}: compare with a finer solve.accuracy")
@@ -73,7 +73,9 @@ def log_expected(choice: ModelChoice, case: Case, log: Log, highest_hz: float = 
 
 
 def _smallest_m(choice: ModelChoice, design: Design) -> float:
-    """What the reference part's tetrahedra are counted across: the thinner of plate and pillar; the zone's two thicknesses."""
+    """Dimension across which a part's tetrahedra are counted, m: the thinner of plate and pillar, twice the thickness
+    for a zone.
+    """
     if choice.part == "zone" or design.pillar is None:
         return 2.0 * design.thickness_m
     return design.pillar.tip_m if choice.part == "pillar" else min(design.thickness_m, design.pillar.tip_m)

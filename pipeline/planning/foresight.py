@@ -43,7 +43,7 @@ Kind = tuple[
 
 
 def announce(what: str, demand: Demand, log: Log) -> None:
-    """Tell a computation's demand before it begins, and what of it is out of proportion. InputError where it cannot fit."""
+    """Log the demand of a computation before it begins. Raises InputError where the machine cannot hold it."""
     refuse({what: demand})
     log.info(demand.text())
     if demand.functions and demand.functions > MANY_FUNCTIONS:
@@ -58,13 +58,13 @@ def announce(what: str, demand: Demand, log: Log) -> None:
 
 
 def of_boxes(scene: Scene, order: int) -> MeshCounts:
-    """A mesh of boxes and its fill."""
+    """Count the elements and the fill of a mesh of boxes."""
     counts = box_counts(scene, order)
     return MeshCounts(counts.elements, (order + 1) ** 3, counts.nodes, counts.pairs, _box_fill(counts))
 
 
 def _box_fill(counts: BoxCounts) -> Fill:
-    """The body's fill and every pillar's, whose foot belongs to the body."""
+    """Fill of the body's mesh and of every pillar's, whose foot belongs to the body."""
     total, dofs = grid_fill(counts.body, nodal(counts.order)), nodal(counts.order)
     ends = ((True, True), (True, True), (False, True))
     for nx, columns in Counter(counts.columns).items():
@@ -74,7 +74,7 @@ def _box_fill(counts: BoxCounts) -> Fill:
 
 
 def of_tetrahedra(volume_m3: float, edge_m: float) -> MeshCounts:
-    """Quadratic tetrahedra of about an edge length; their number is the mesher's."""
+    """Estimate the number of quadratic tetrahedra of a given edge length."""
     elements = TETRAHEDRA * volume_m3 / edge_m**3
     nodes = NODES * elements
     entries = TET_FILL * (3.0 * nodes) ** (4.0 / 3.0)
@@ -85,7 +85,7 @@ def of_tetrahedra(volume_m3: float, edge_m: float) -> MeshCounts:
 
 
 def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
-    """Modes of a part by its way."""
+    """Demand of a part's modes by its model choice."""
     high, total = _window(case, choice, query)
     if query.count is not None and not query.band_hz and choice.part != "plate" and choice.kind == HEX:
         choice = model_choice_of(case, choice.part, max(high, model_high_hz(case, query)))
@@ -95,7 +95,7 @@ def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
     each = float(query.count) if near and query.count is not None else each
     change = _changes(case, choice, query)
     if choice.reduction is not None:
-        return _joined(case, choice, choice.reduction, classes, each, near, change)
+        return _assembled(case, choice, choice.reduction, classes, each, near, change)
     body = _body(case, choice)
     each = min(each, body.dofs)
     reported = min(each, total) if near else classes * each
@@ -103,7 +103,9 @@ def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
 
 
 def of_response(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> Demand:
-    """Every class of the assembled plate with its modes about a band, summed at so many frequencies."""
+    """Demand of a response: all classes of the assembled plate with their modes about a band, summed at each
+    frequency.
+    """
     from solvers.piezo.forced import MARGIN
 
     reach = (MARGIN[0] * band_hz[0], MARGIN[1] * band_hz[1])
@@ -114,7 +116,7 @@ def of_response(case: Case, choice: ModelChoice, band_hz: tuple[float, float], f
 
 
 def of_meshed_whole(case: Case, accuracy: float, count: int) -> Demand:
-    """A few modes of the plate meshed whole by tetrahedra, of one symmetry class."""
+    """Demand of a few modes of one symmetry class of the plate meshed whole by tetrahedra."""
     whole = replace(case, solve=replace(case.solve, mesh="tet", model=SOLID, accuracy=accuracy))
     query = Request(
         "plate", near_hz=mesh_rules.wanted_window_hz(case.design)[0], count=count, symmetry=case.symmetry_wanted
@@ -123,7 +125,7 @@ def of_meshed_whole(case: Case, accuracy: float, count: int) -> Demand:
 
 
 def _window(case: Case, choice: ModelChoice, query: Request) -> tuple[float, float]:
-    """Up to where modes are looked for, Hz, and how many of a whole part are expected there."""
+    """Highest frequency searched, Hz, and the number of modes expected in the whole part."""
 
     def below(frequency_hz: float) -> float:
         return part_modes(case.design, choice.part, frequency_hz)
@@ -137,7 +139,7 @@ def _window(case: Case, choice: ModelChoice, query: Request) -> tuple[float, flo
 
 
 def part_modes(design: Design, part: str, frequency_hz: float) -> float:
-    """Modes of a whole part below a frequency."""
+    """Number of modes of a whole part below a frequency."""
     if part == "pillar":
         assert design.pillar
         return pillar_modes(frequency_hz, design.pillar)
@@ -153,14 +155,14 @@ def part_modes(design: Design, part: str, frequency_hz: float) -> float:
 
 
 def pillar_count(design: Design) -> int:
-    """Pillars of the plate, without listing them."""
+    """Number of pillars of the plate, without listing them."""
     if not (design.pillar and design.rows):
         return 0
     return 2 * design.rows * (floor((design.length_m - design.footprint_m) / design.pitch_x_m + 1e-6) + 1)
 
 
 def _body(case: Case, choice: ModelChoice) -> MeshCounts:
-    """The mesh of a part solved as it is."""
+    """Counts of a part's mesh that is solved as it is."""
     design = case.design
     if choice.kind != HEX:
         assert choice.edge_m
@@ -179,7 +181,7 @@ def _body(case: Case, choice: ModelChoice) -> MeshCounts:
 
 
 def _many_pillars(design: Design, settings: HexSettings) -> MeshCounts:
-    """A plate with more pillars than are counted one by one: as many cells."""
+    """Counts of a plate with too many pillars to list: as many cells."""
     cell = of_boxes(cell_scene(design, settings), settings.order)
     many = pillar_count(design) / 4.0
     return MeshCounts(
@@ -202,7 +204,7 @@ def _volume_m3(design: Design, part: str) -> float:
 # -- reduced panels and what is joined of them -------------------------------------------------------------------------
 
 
-def _joined(
+def _assembled(
     case: Case,
     choice: ModelChoice,
     reduction: ReductionSettings,
@@ -211,7 +213,7 @@ def _joined(
     near: bool,
     change: tuple[str, ...],
 ) -> Demand:
-    """A plate assembled from reduced panels: the costliest kind of panel, then the joined classes."""
+    """Demand of a plate assembled from panels: the costliest kind of panel, then the assembled classes."""
     design = case.design
     nx, ny = _panels(design, reduction)
     kinds = _panel_kinds(design, reduction, choice)
@@ -240,7 +242,7 @@ def _joined(
 
 
 def _panels(design: Design, reduction: ReductionSettings) -> tuple[int, int]:
-    """Panels along x and y."""
+    """Number of panels along x and y."""
     bare = design.length_m / reduction.max_edge_m, 2.0 * design.half_span_m / reduction.max_edge_m
     many = pillar_count(design)
     if many > MAX_LINES or max(bare) > MAX_LINES:
@@ -251,7 +253,7 @@ def _panels(design: Design, reduction: ReductionSettings) -> tuple[int, int]:
 
 
 def _panel_kinds(design: Design, reduction: ReductionSettings, choice: ModelChoice) -> list[Kind]:
-    """The mesh of each kind of panel, the largest of its kind, and its fixed-interface modes."""
+    """Mesh of each kind of panel, the largest of its kind, and its fixed-interface modes."""
     longest = reduction.max_edge_m
     bare_m = (design.pitch_x_m if design.rows else longest, longest)
     settings = reduction.hexahedra
@@ -305,7 +307,9 @@ def _mean_functions(design: Design, kinds: list[Kind], panels: int) -> float:
 
 
 def _reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int) -> Cost:
-    """One panel reduced, `copies` times as large as its mesh: matrices, constraint shapes and fixed-interface modes."""
+    """Demand of reducing one panel, `copies` times as large as its mesh: matrices, constraint shapes, fixed-interface
+    modes.
+    """
     surface = 2.0 * SKIN * copies * mesh.dofs * 8.0 * (face.count + functions)
     shapes = 8.0 * mesh.dofs * (face.count + functions)
     kept_bytes = mesh.mesh_bytes + 2.0 * 9.0 * 12.0 * mesh.pairs
@@ -322,7 +326,7 @@ def _reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int)
 
 
 def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
-    """Bands at so many wavevectors."""
+    """Demand of the bands at a number of wavevectors."""
     if choice.reduction is None:
         return _meshed_cell(case, choice, wavevectors)
     solves = wavevectors + GAP_SOLVES + (case.bands.grid + 1) ** 2
@@ -331,14 +335,14 @@ def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
 
 
 def of_attenuation(case: Case, choice: ModelChoice, frequencies: int) -> Demand:
-    """Complex bands at so many frequencies; the bare cell is reduced too."""
+    """Demand of complex bands at a number of frequencies; the bare cell is reduced, too."""
     assert choice.reduction
     reducing, functions = _reduced_cell(case, choice, choice.reduction)
     return _lattice(reducing, functions, 2.0 * DENSE_OPERATIONS * frequencies, case, choice)
 
 
 def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings) -> tuple[Cost, int]:
-    """The unit cell's reduction, and its degrees of freedom a wavevector."""
+    """Demand of the unit cell's reduction, and its degrees of freedom a wavevector."""
     design, face = case.design, reduction.interface
     pitch = (design.pitch_x_m, design.pitch_y_m)
     halved = (0, 1) if design.pillar is None or design.pillar.is_own_image else ()
@@ -349,13 +353,13 @@ def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings)
 
 
 def _lattice(reducing: Cost, dof: int, operations: float, case: Case, choice: ModelChoice) -> Demand:
-    """Dense pencils of so many degrees of freedom, `operations` times their cube."""
+    """Demand of dense pencils of a size, `operations` times its cube."""
     dense = Cost((Stage("solving the cell's dense pencils", DENSE_COPIES * 8.0 * dof**2),), operations * dof**3, dof)
     return Demand(reducing.then(dense), None, dof, change=_cell_changes(case, choice), cad=choice.kind != HEX)
 
 
 def _meshed_cell(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
-    """The cell as meshed: at a wavevector the real embedding, of twice the size."""
+    """Demand of the cell as meshed: the real embedding at a wavevector has twice the size."""
     assert choice.hexahedra
     mesh = of_boxes(cell_scene(case.design, choice.hexahedra), choice.hexahedra.order)
     fill = mesh.fill.times(4)
@@ -373,7 +377,7 @@ def _meshed_cell(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
 
 
 def _changes(case: Case, choice: ModelChoice, query: Request) -> tuple[str, ...]:
-    """What makes the modes of a part cheaper, the most effective first."""
+    """Changes that make the modes of a part cheaper, the most effective first."""
     changes = [_coarser(case)]
     if choice.model == SOLID and choice.part == "plate":
         changes.insert(0, 'take solve.model = "superelement"')
@@ -390,7 +394,7 @@ def _changes(case: Case, choice: ModelChoice, query: Request) -> tuple[str, ...]
 
 
 def _cell_changes(case: Case, choice: ModelChoice) -> tuple[str, ...]:
-    """What makes a unit cell cheaper."""
+    """Changes that make a unit cell cheaper."""
     changes = [_coarser(case), "take a stiffer or smaller pillar", "a smaller pitch", "or fewer bands.points"]
     return tuple(['take solve.model = "superelement"', *changes] if choice.model == SOLID else changes)
 

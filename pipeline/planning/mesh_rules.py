@@ -32,7 +32,7 @@ ELEMENT = 0.26  # of a shear wave: what an element of a cell spans at the tenth 
 REACH = 9.0  # fixed-interface modes of a plate's panels go up to so many times the highest frequency looked for
 FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too few are noticed and raised
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
-# by their degrees of freedom; a assembled plate is meshed as its cell is; a whole one's grading would run across it
+# by their degrees of freedom; an assembled plate is meshed as its cell is; a whole one's grading would run across it
 MESH_LEVELS = {
     "zone": (
         MeshLevel(3, 1, 0.1), MeshLevel(3, 1, 0.1, 0.8), MeshLevel(3, 1, 0.1, 0.6), MeshLevel(3, 1, 0.1, 0.5),
@@ -71,8 +71,8 @@ def mesh_level(part: str, accuracy: float) -> MeshLevel:
 
 
 def reaching(part: str, design: Design, accuracy: float, high_hz: float) -> tuple[MeshLevel, float]:
-    """The cheapest mesh level expected to meet the accuracy for a lone part's modes up to a frequency, and what to
-    mesh it for, Hz.
+    """The cheapest mesh level expected to meet the accuracy for a lone part's modes up to a frequency, and the
+    frequency it serves to.
 
     Where every mesh level misses beyond the frequencies that were measured, the elements shrink with the waves.
     """
@@ -88,7 +88,7 @@ def reaching(part: str, design: Design, accuracy: float, high_hz: float) -> tupl
 def expected_error(part: str, row: MeshLevel, growth: float = 1.0) -> float | None:
     """Error to expect of a mesh level at `growth` times the frequencies measured; None where it was not measured.
 
-    A assembled plate's is that of its cell too.
+    An assembled plate's is that of its cell too.
     """
     parts = ("cell", "plate") if part == "plate" else (part,)
     kind = calibration.PLATE if part in ("plate", "whole") else calibration.HEX
@@ -98,7 +98,9 @@ def expected_error(part: str, row: MeshLevel, growth: float = 1.0) -> float | No
 
 
 def good_to_hz(part: str, design: Design) -> float:
-    """Up to where the error of a part's meshes was measured, Hz: the wanted mode, three bendings, ten bands of a cell."""
+    """Highest frequency, Hz, covered by the calibration of a part: the wanted mode, three bendings, or ten bands of a
+    cell.
+    """
     if part == "zone":
         return _wanted_hz(design)
     if part == "pillar":
@@ -126,7 +128,7 @@ def pillar_mesh(design: Design, row: MeshLevel, high_hz: float = 0.0) -> HexSett
 
 
 def _shrunk(part: str, design: Design, high_hz: float) -> float:
-    """Factor on the elements' size: a bending wave is as long as one over the root of its frequency."""
+    """Factor on the element size: a bending wavelength falls as one over the root of its frequency."""
     return min(1.0, sqrt(good_to_hz(part, design) / high_hz)) if high_hz > 0.0 else 1.0
 
 
@@ -136,7 +138,7 @@ def cell_mesh(design: Design, row: MeshLevel) -> HexSettings:
 
 
 def cell_settings(design: Design, accuracy: float) -> HexSettings:
-    """The same for an accuracy."""
+    """Hexahedra of the cell for an accuracy."""
     return cell_mesh(design, mesh_level("cell", accuracy))
 
 
@@ -145,13 +147,15 @@ def _settings(row: MeshLevel, size_m: float, along_m: float | None = None) -> He
 
 
 def _along(design: Design) -> float:
-    """Elements along a pillar, m: four bend with its third mode, which lies among the lowest bands of a slender pillar."""
+    """Element length along a pillar, m: four elements follow its third bending, which lies among the lowest bands of
+    a slender one.
+    """
     assert design.pillar
     return min(design.pillar.base_m, design.pillar.height_m / 4.0)
 
 
 def shear_cutoff_hz(design: Design) -> float:
-    """First thickness-shear resonance c_t / (2 h), Hz: plate theory ends there."""
+    """First thickness-shear resonance c_t / (2 h), Hz, above which plate theory does not hold."""
     return _shear_speed(design) / (2.0 * design.thickness_m)
 
 
@@ -160,7 +164,9 @@ def _shear_speed(design: Design) -> float:
 
 
 def lattice_reduction(design: Design, accuracy: float) -> ReductionSettings:
-    """Reduction of the unit cell for its lowest bands: where a coarse cell starts to look for what the accuracy needs."""
+    """Reduction settings of the unit cell for its lowest bands, from which a coarse cell is refined to the
+    accuracy.
+    """
     longest = max(design.pitch_x_m, design.pitch_y_m)
     top = 1.5 * shear_cutoff_hz(design) * 2.0 * design.thickness_m / max(2.0 * design.thickness_m, longest)
     top *= (0.01 / min(accuracy, 0.01)) ** FINER
@@ -180,7 +186,7 @@ def plate_reduction(design: Design, accuracy: float, high_hz: float) -> Reductio
 
 
 def bare_size_m(design: Design, order: int) -> float | None:
-    """Elements of a plate's panels without a pillar, m: nothing is singular there, and order 3 follows the wave."""
+    """Element size, m, of panels without a pillar: nothing is singular there, and order 3 follows the wave."""
     return 2.0 * design.thickness_m if order > 2 else None
 
 
@@ -191,12 +197,12 @@ def tet_edge_m(smallest_m: float, accuracy: float) -> float:
 
 
 def tet_cell_edge_m(design: Design, accuracy: float) -> float:
-    """Edge length in a unit cell, or in a assembled plate's panel, with its pillar."""
+    """Edge length, m, in a unit cell or in a panel with its pillar."""
     return tet_edge_m(_smallest_m(design), accuracy)
 
 
 def tet_plate_edge_m(design: Design, accuracy: float) -> float:
-    """Edge length in a plate meshed whole, which cannot afford more than 1 %."""
+    """Edge length, m, in a plate meshed whole, which cannot afford less than 1 %."""
     return tet_edge_m(_smallest_m(design) if design.rows else design.thickness_m, max(accuracy, 0.01))
 
 
@@ -205,13 +211,13 @@ def _smallest_m(design: Design) -> float:
 
 
 def wanted_window_hz(design: Design) -> tuple[float, float]:
-    """Where to look for the wanted mode when the case does not say: about the zone's exact thin-plate frequency."""
+    """Window in which the wanted mode is searched first, about the zone's exact thin-plate frequency, Hz."""
     estimate = _wanted_hz(design)
     return WINDOW[0] * estimate, WINDOW[1] * estimate
 
 
 def _wanted_hz(design: Design) -> float:
-    """The zone's exact thin-plate frequency."""
+    """The zone's exact thin-plate frequency, Hz."""
     material = design.material
     strip = Strip(
         design.length_m,

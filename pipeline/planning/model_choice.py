@@ -39,7 +39,7 @@ class ModelChoice:
 
     @property
     def kind(self) -> str:
-        """Hexahedra or tetrahedra."""
+        """Whether the part is meshed by hexahedra or tetrahedra."""
         return HEX if self.edge_m is None else TET
 
     @property
@@ -49,13 +49,13 @@ class ModelChoice:
 
     @property
     def name(self) -> str:
-        """As results name it: superelement hex3, solid tet2."""
+        """Name of the model as results print it: superelement hex3, solid tet2."""
         order = self.hexahedra.order if self.hexahedra and self.kind == HEX else TET_ORDER
         return f"{self.model} {self.kind}{order}"
 
     @property
     def mesh(self) -> str:
-        """The mesh in words."""
+        """Describe the mesh in words."""
         if self.kind == TET:
             return f"tetrahedra of order {TET_ORDER}, {_mm(self.edge_m or 0.0)} edges"
         assert self.hexahedra
@@ -65,13 +65,13 @@ class ModelChoice:
 
 
 def model_choice_of(case: Case, part: str, high_hz: float) -> ModelChoice:
-    """How a part of a case is modelled for modes up to a frequency. InputError for a model that cannot serve."""
+    """Choose model and mesh of a part for modes up to a frequency. Raises InputError for a model that cannot serve."""
     check_model(case, box=part == "zone" or not (case.design.pillar and not case.design.pillar.is_box))
     return {"plate": _plate, "zone": _zone, "pillar": _pillar}[part](case, high_hz)
 
 
 def check_model(case: Case, box: bool) -> None:
-    """Refuse what no solver here does: an analytic answer to a computed question, hexahedra for what is no box."""
+    """Refuse an analytic model for a computed question, and hexahedra for a shape that is no box."""
     faults = []
     if case.solve.model == "analytic":
         faults.append(

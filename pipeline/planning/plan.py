@@ -25,7 +25,8 @@ ORDER = ("modes", "bands", "attenuation", "response", "tolerance", "board", "par
 
 @dataclass(frozen=True)
 class Step:
-    """One computation: the measure it serves, its model and mesh in words, symmetry classes, what it looks for, and why.
+    """One computation: the measure it serves, model and mesh in words, symmetry classes, what it looks for, and the
+    reasons.
 
     `numbers` holds the same for scripts: band_hz or near_hz with count, wavevectors, frequencies, kx_per_m, patches.
     """
@@ -56,7 +57,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Plan:
-    """Steps in their order, and what the scene as a whole does not need."""
+    """Steps in their order, and the simplifications of the scene as a whole."""
 
     name: str
     steps: tuple[Step, ...]
@@ -64,12 +65,12 @@ class Plan:
 
     @property
     def left_out(self) -> tuple[Simplification, ...]:
-        """Every rule taken, by a step or for the scene as a whole, each once."""
+        """Return every simplification, of a step or of the scene as a whole, each once."""
         return tuple(dict.fromkeys([each for step in self.steps for each in step.left_out] + [*self.whole]))
 
     @property
     def demands(self) -> dict[str, Demand]:
-        """What each step will take, by its name."""
+        """Return what each step will take, by its name."""
         return {step.name: step.demand for step in self.steps if step.demand}
 
     def text(self) -> str:
@@ -101,7 +102,7 @@ class Plan:
 
 
 def _foreseen(step: Step) -> list[str]:
-    """What a step will take, and that this machine cannot hold it where that is so."""
+    """Describe a step's demand, and say so where this machine cannot hold it."""
     if not step.demand:
         return []
     reason = too_much(step.demand)
@@ -113,7 +114,7 @@ def _plan(case: Case, steps: Iterable[Step], whole: Iterable[Simplification | No
 
 
 def of_modes(case: Case, request: Request) -> Plan:
-    """`antinode modes`."""
+    """Plan of `antinode modes`."""
     whole = (
         simplifications.no_patches(case.patches, ()),
         simplifications.no_response(()),
@@ -123,7 +124,7 @@ def of_modes(case: Case, request: Request) -> Plan:
 
 
 def of_bands(case: Case) -> Plan:
-    """`antinode bands`."""
+    """Plan of `antinode bands`."""
     whole = (
         simplifications.no_plate_modes(()),
         simplifications.no_patches(case.patches, ()),
@@ -135,7 +136,7 @@ def of_bands(case: Case) -> Plan:
 def of_attenuation(
     case: Case, band_hz: tuple[float, float] | None, kx_per_m: float | None, points: int, drawn: bool
 ) -> Plan:
-    """`antinode attenuation`."""
+    """Plan of `antinode attenuation`."""
     whole = (
         simplifications.no_plate_modes(()),
         simplifications.no_patches(case.patches, ()),
@@ -145,12 +146,12 @@ def of_attenuation(
 
 
 def of_response(case: Case, band_hz: tuple[float, float] | None, points: int, drawn: bool) -> Plan:
-    """`antinode response`. InputError for a model that cannot carry patches."""
+    """Plan of `antinode response`. Raises InputError for a model that cannot carry patches."""
     return _plan(case, [response_step(case, band_hz, points)], [simplifications.no_figures((), drawn)])
 
 
 def of_measures(case: Case, measures: Collection[str]) -> Plan:
-    """A study's case: the steps that its measures ask for, in the order in which they run."""
+    """Plan of a study's case: the steps of its measures, in the order in which they run."""
     query = set(measures) | ({"modes"} if "confinement" in measures else set())
     makers = {
         "modes": lambda: modes_step(case, of_case(case)),
@@ -179,7 +180,7 @@ def of_measures(case: Case, measures: Collection[str]) -> Plan:
 
 
 def modes_step(case: Case, request: Request) -> Step:
-    """Modes of a part."""
+    """Plan the modes of a part."""
     query = with_defaults(case, request)
     choice = model_choice_of(case, query.part, model_high_hz(case, query))
     classes = choice.classes if query.symmetry is None else (query.symmetry,)
@@ -199,7 +200,7 @@ def _window(query: Request) -> str:
 
 
 def bands_step(case: Case) -> Step:
-    """Bloch bands of the unit cell."""
+    """Plan the bands of the unit cell."""
     from pipeline.planning.mesh_rules import FINEST
 
     case.require("plate", "array.pitch_mm", command="bands")
@@ -218,7 +219,7 @@ def bands_step(case: Case) -> Step:
 
 
 def attenuation_step(case: Case, band_hz: tuple[float, float] | None, kx_per_m: float | None, points: int) -> Step:
-    """Complex bands of a row."""
+    """Plan the complex bands of a row."""
     case.require("plate", "array.pitch_mm", "pillar", command="attenuation")
     choice = cell_model_choice(case)
     low, high = driven_band_hz(case, band_hz)
@@ -231,7 +232,7 @@ def attenuation_step(case: Case, band_hz: tuple[float, float] | None, kx_per_m: 
 
 
 def response_step(case: Case, band_hz: tuple[float, float] | None, points: int) -> Step:
-    """Forced response to the patches."""
+    """Plan the forced response to the patches."""
     case.require_plate(command="response")
     case.require("patches", command="response")
     patches = case.patches
@@ -261,7 +262,7 @@ def _named(simplification: Simplification) -> set[str]:
 
 
 def tolerance_step(case: Case) -> Step:
-    """Plates whose pillars differ: no mirror halves them, no cell stands for another."""
+    """Plan plates whose pillars differ: no mirror halves them, and no cell stands for another."""
     case.require("tolerance", command="the measure tolerance")
     given = case.tolerance
     assert given is not None
@@ -283,7 +284,7 @@ def tolerance_step(case: Case) -> Step:
 
 
 def parts_step(case: Case) -> Step:
-    """The bare zone and the lone pillar."""
+    """Plan the bare zone and the lone pillar."""
     zone = modes_step(case, Request("zone"))
     if not case.design.pillar:
         return Step(**{**vars(zone), "measure": "parts"})
@@ -300,7 +301,7 @@ def parts_step(case: Case) -> Step:
 
 
 def tetrahedra_step(case: Case) -> Step:
-    """The same plate and cell through CAD and pytetwild."""
+    """Plan the same plate and cell through CAD and pytetwild."""
     from pipeline.planning.mesh_rules import NEAR_COUNT, PLATE_ACCURACY
 
     why = ("a cross-check by another mesh",)

@@ -19,26 +19,28 @@ from solvers.errors import SolverError
 from solvers.superelement.build import ReductionSettings
 from solvers.superelement.interface import Interface
 
-MARGIN = 2.0  # a assembled plate's single modes may lie somewhat above their estimate, the worst of a class never did
+MARGIN = 2.0  # an assembled plate's single modes may lie somewhat above their estimate, the worst of a class never did
 RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_hz^3
 SLIGHT = 1e-9
 STEP = (1.08, 2.0)  # least and largest factor on top_hz at once
 
 
 def more_modes(reduction: ReductionSettings, error: float, wanted: float, most: float = inf) -> ReductionSettings:
-    """Fixed-interface modes up to where their error is foreseen as wanted; at most `most` times as high."""
+    """Raise the cut-off of the fixed-interface modes until their error is expected as wanted, at most by the factor
+    `most`.
+    """
     factor = (error / wanted) ** (1.0 / RATE)
     return replace(reduction, top_hz=reduction.top_hz * min(max(factor, STEP[0]), STEP[1], most))
 
 
 def higher_degree(reduction: ReductionSettings) -> ReductionSettings:
-    """One degree more along the sides."""
+    """Raise the degree of the boundary functions along the sides by one."""
     face = reduction.interface
     return replace(reduction, interface=Interface(face.along + 1, face.through))
 
 
 def describe_change(reduction: ReductionSettings, finer: ReductionSettings) -> str:
-    """What a finer reduction settings changes, in words."""
+    """Describe in words what finer reduction settings change."""
     words = []
     if finer.top_hz > reduction.top_hz:
         words.append(
@@ -49,8 +51,8 @@ def describe_change(reduction: ReductionSettings, finer: ReductionSettings) -> s
     return ", ".join(words)
 
 
-def climbed(choice: ModelChoice, modes: float, degrees: float, case: Case, log: Log) -> ModelChoice | None:
-    """The way one mesh level finer, where the estimates for the wanted mode ask for it; None where they do not."""
+def refine_reduction(choice: ModelChoice, modes: float, degrees: float, case: Case, log: Log) -> ModelChoice | None:
+    """Refine the reduction where its estimates for the wanted mode exceed the accuracy; None where they do not."""
     total, accuracy = MARGIN * (modes + degrees), case.solve.accuracy
     if choice.reduction is None or total <= accuracy:
         return None
@@ -64,8 +66,10 @@ def climbed(choice: ModelChoice, modes: float, degrees: float, case: Case, log: 
     return replace(choice, reduction=finer)
 
 
-def remeshed(choice: ModelChoice, highest_hz: float, case: Case, log: Log) -> ModelChoice | None:
-    """The way of a lone part with elements for the highest mode found, where its own are expected to miss the accuracy."""
+def refine_mesh(choice: ModelChoice, highest_hz: float, case: Case, log: Log) -> ModelChoice | None:
+    """Refine a lone part's mesh for the highest mode computed, where its elements are expected to miss the accuracy;
+    else None.
+    """
     error = expected_error(choice, case.design, highest_hz)
     short = error is not None and error > case.solve.accuracy and highest_hz > choice.good_to_hz
     if not short or choice.part == "plate" or choice.kind != HEX:
@@ -76,8 +80,8 @@ def remeshed(choice: ModelChoice, highest_hz: float, case: Case, log: Log) -> Mo
     return model_choice_of(case, choice.part, highest_hz)
 
 
-def rereduced(choice: ModelChoice, highest_hz: float, log: Log) -> ModelChoice | None:
-    """The way of a reduced plate with fixed-interface modes for the highest mode found, where it was made for lower ones."""
+def raise_cutoff(choice: ModelChoice, highest_hz: float, log: Log) -> ModelChoice | None:
+    """Raise a plate's cut-off for the highest mode computed, where it was made for lower ones; else None."""
     if choice.reduction is None or choice.reduction.top_hz >= mesh_rules.REACH * highest_hz * (1.0 - SLIGHT):
         return None
     made_for = choice.reduction.top_hz / mesh_rules.REACH
@@ -87,7 +91,7 @@ def rereduced(choice: ModelChoice, highest_hz: float, log: Log) -> ModelChoice |
 
 @contextmanager
 def refused(log: Log) -> Iterator[None]:
-    """What a finer reduction settings cannot do (more functions than the mesh holds) is said, and what was found stays."""
+    """Log that finer reduction settings cannot be solved; what was computed before stays."""
     try:
         yield
     except SolverError as fault:
@@ -95,7 +99,7 @@ def refused(log: Log) -> Iterator[None]:
 
 
 def warn(error: float, case: Case, log: Log) -> None:
-    """A warning where the wanted mode's estimate still exceeds the accuracy."""
+    """Warn where the wanted mode's estimate still exceeds the accuracy."""
     if MARGIN * error > case.solve.accuracy:
         log.warning(
             "REDUCTION",

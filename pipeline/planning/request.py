@@ -34,7 +34,7 @@ class Request:
 
 
 def with_defaults(case: Case, request: Request) -> Request:
-    """Fill what the command line left out from the case, then from pre-design."""
+    """Complete a request by the case, then by pre-design."""
     solve, query = case.solve, request
     if query.band_hz is None and query.near_hz is None and query.count is None:
         query = replace(query, band_hz=solve.band_hz, near_hz=solve.near_hz, count=solve.count)
@@ -51,19 +51,23 @@ def with_defaults(case: Case, request: Request) -> Request:
 
 
 def of_case(case: Case) -> Request:
-    """The plate's modes as a study asks for them: the case's window and the wanted mode's in one, the wanted mode's class."""
+    """Request of a study for the plate's modes: the case's window and the wanted mode's in one, of the wanted mode's
+    class.
+    """
     solve = case.solve
     return with_search(case, Request("plate", solve.band_hz, solve.near_hz, solve.count, case.symmetry_wanted))
 
 
 def wanted_window_hz(case: Case, query: Request) -> tuple[float, float] | None:
-    """Where the wanted mode is looked for first; None where that has no meaning: other parts and symmetry classes."""
+    """Window in which the wanted mode is searched first; None for parts and symmetry classes that have none."""
     own = query.part in MEASURED and query.symmetry in (None, wanted_symmetry(case.design.nodal_lines))
     return mesh_rules.wanted_window_hz(case.design) if own else None
 
 
 def model_high_hz(case: Case, query: Request) -> float:
-    """Up to where the part's model has to be good, Hz: what is asked for, and the wanted mode's window where they meet."""
+    """Highest frequency, Hz, for which the model has to be good: the request's, and the wanted mode's window where
+    they meet.
+    """
     high = query.highest_hz or mesh_rules.wanted_window_hz(case.design)[1]
     window = wanted_window_hz(case, query) if query.search else None
     meets = window and window[0] <= high and (query.band_hz is None or query.band_hz[0] <= window[1])
@@ -71,7 +75,7 @@ def model_high_hz(case: Case, query: Request) -> float:
 
 
 def with_search(case: Case, query: Request) -> Request:
-    """The request with the wanted mode's window in its band, where they meet: what is solved for in all."""
+    """Widen the request's band by the wanted mode's window where they meet."""
     window = wanted_window_hz(case, query) if query.search else None
     band = query.band_hz
     if not window or not band or band[0] > window[1] or window[0] > band[1]:
@@ -80,5 +84,5 @@ def with_search(case: Case, query: Request) -> Request:
 
 
 def driven_band_hz(case: Case, band_hz: tuple[float, float] | None) -> tuple[float, float]:
-    """The band of a response or an attenuation: asked for, else the case's, else about the wanted mode."""
+    """Band of a response or an attenuation: the given one, else the case's, else about the wanted mode."""
     return band_hz or case.solve.band_hz or mesh_rules.wanted_window_hz(case.design)

@@ -26,10 +26,10 @@ SECONDS_RANGE = (0.2, 5.0)
 
 @dataclass(frozen=True)
 class Demand:
-    """What a step of a plan will take, and what to change where that is too much.
+    """What a step of a plan takes, and what to change where that is too much.
 
     modes: how many the window may hold (None where nothing is counted); functions: degrees of freedom of a reduced cell, at a
-    wavevector or in one of the panels of a assembled plate; `change` in the order in which it helps.
+    wavevector or in one of the panels of an assembled plate; `change` in the order in which it helps.
     """
 
     cost: Cost
@@ -41,12 +41,12 @@ class Demand:
 
     @property
     def memory_bytes(self) -> float:
-        """Peak, B."""
+        """Peak memory, B."""
         return BASE_BYTES + (CAD_BYTES if self.cad else 0.0) + self.cost.peak.bytes
 
     @property
     def seconds(self) -> float:
-        """An order of magnitude."""
+        """Order of magnitude of the time, s."""
         return START_S + self.cost.operations / SPEED
 
     @property
@@ -55,7 +55,7 @@ class Demand:
         return "a panel" if self.panels else "a wavevector"
 
     def then(self, other: Demand) -> Demand:
-        """Both, one after the other: the larger peak and what it asks to change."""
+        """Both demands one after the other: the larger peak and what it asks to change."""
         larger, smaller = (self, other) if self.memory_bytes >= other.memory_bytes else (other, self)
         return replace(larger, cost=larger.cost.then(smaller.cost))
 
@@ -90,7 +90,7 @@ class Demand:
 
 
 def too_much(demand: Demand) -> str | None:
-    """Why this machine cannot hold what is asked for, and what to change; None where it can."""
+    """Say why this machine cannot hold a demand, and what to change; None where it can."""
     needed, room = MEMORY_RANGE[1] * demand.memory_bytes, available_bytes()
     if needed <= room:
         return None
@@ -102,7 +102,7 @@ def too_much(demand: Demand) -> str | None:
 
 
 def refuse(demands: Mapping[str, Demand]) -> None:
-    """InputFault with a line for every demand, by its name, that this machine cannot hold."""
+    """Raise InputError with a line for every named demand that this machine cannot hold."""
     lines = [f"{name}: {reason}" for name, demand in demands.items() if (reason := too_much(demand))]
     if lines:
         raise InputError(lines)
@@ -113,16 +113,16 @@ def _size(number: float) -> str:
 
 
 def _count(number: float) -> str:
-    """A count as people write it, with no more digits than an estimate has."""
+    """Write a count with no more digits than an estimate has."""
     return _short(number) if number < 1e3 else f"{float(f'{number:.3g}'):,.0f}".replace(",", " ")
 
 
 def _time(seconds: float) -> str:
-    """A time in the largest unit of which it has two."""
+    """Write a time in the largest unit of which it has two."""
     unit, name = next(((size, name) for size, name in UNITS if seconds >= 2.0 * size), UNITS[-1])
     return f"{_short(seconds / unit, 2)} {name}"
 
 
 def _short(number: float, digits: int = 3) -> str:
-    """So many significant digits, in powers of ten only where nobody would read it otherwise."""
+    """Write a number with so many significant digits, in powers of ten only where it would be unreadable otherwise."""
     return f"{float(f'{number:.{digits}g}'):.10g}" if number < 1e6 else f"{number:.0e}"

@@ -34,14 +34,14 @@ class Simplification:
 
 
 def log_all(simplifications: Collection[Simplification | None], log: Log) -> None:
-    """Say those that were taken."""
+    """Log the simplifications that were taken."""
     for simplification in simplifications:
         if simplification:
             simplification.log(log)
 
 
 def is_scattered(case: Case) -> bool:
-    """Whether printed pillars differ from one another: the case has a [tolerance] that is not all zeros."""
+    """Whether the pillars differ from one another: the case has a [tolerance] that is not all zeros."""
     given = case.tolerance
     return given is not None and any((given.height_m, given.side_m, given.position_m))
 
@@ -50,7 +50,7 @@ def is_scattered(case: Case) -> bool:
 
 
 def no_pillars(design: Design, part: str) -> Simplification | None:
-    """Pillars and their cells, where the part has none."""
+    """Leave out pillars and their cells where the part has none."""
     if part == "cell":
         return None if design.pillar else Simplification("no_pillars", "pillars", "the case has none: the cell is bare")
     if part == "plate" and not (design.rows and design.pillar):
@@ -59,7 +59,9 @@ def no_pillars(design: Design, part: str) -> Simplification | None:
 
 
 def boxes(case: Case, part: str) -> Simplification | None:
-    """CAD and tetrahedra, where structured hexahedra follow every face: no pillar of another shape, no mesh = "tet"."""
+    """Leave out CAD and tetrahedra where structured hexahedra follow every face and the case does not ask for
+    tetrahedra.
+    """
     design = case.design
     shaped = {"zone": False, "pillar": True, "cell": True, "plate": bool(design.rows)}[part]
     if case.solve.mesh == "tet" or (shaped and design.pillar is not None and not design.pillar.is_box):
@@ -74,7 +76,9 @@ def boxes(case: Case, part: str) -> Simplification | None:
 
 
 def mirror_images(design: Design, part: str, scattered: bool = False) -> Simplification | None:
-    """Three quarters of a part that is its own mirror image twice; not with pillars from a STEP file or scattered ones."""
+    """Solve a quarter of a part that is its own mirror image along x and y; not with scattered pillars or asymmetric
+    ones.
+    """
     allowed = not scattered and (part == "zone" or _own_image(design, part))
     what = f"three quarters of the {part}"
     return Simplification("mirror_images", what, "it is its own mirror image along x and y") if allowed else None
@@ -87,7 +91,7 @@ def _own_image(design: Design, part: str) -> bool:
 
 
 def alike_cells(design: Design, scattered: bool = False) -> Simplification | None:
-    """Reductions of cells that equal one already reduced; not where every pillar differs."""
+    """Reduce equal cells once; not where every pillar differs."""
     if scattered or not (design.rows and design.pillar):
         return None
     return Simplification(
@@ -99,14 +103,14 @@ def alike_cells(design: Design, scattered: bool = False) -> Simplification | Non
 
 
 def other_classes(known: Collection[str | None], query: str | None) -> Simplification | None:
-    """Symmetry classes that nobody asked for."""
+    """Leave out symmetry classes that were not asked for."""
     if query is None or query not in known or len(known) < 2:
         return None
     return Simplification("other_classes", f"symmetry classes other than {query}", "not asked for")
 
 
 def other_frequencies(band_hz: tuple[float, float] | None, near_hz: float | None, count: int | None) -> Simplification:
-    """Modes outside the window."""
+    """Leave out modes outside the window."""
     if band_hz:
         what = f"modes below {khz(band_hz[0])} and above {khz(band_hz[1])}"
     else:
@@ -115,7 +119,7 @@ def other_frequencies(band_hz: tuple[float, float] | None, near_hz: float | None
 
 
 def no_patches(patches: Patches | None, measures: Collection[str]) -> Simplification | None:
-    """Piezo patches: the case has none, or no measure drives them."""
+    """Leave out piezo patches where the case has none or no measure drives them."""
     if patches is None:
         return Simplification(
             "no_patches", "piezo patches and their electrical degrees of freedom", "the case has none"
@@ -127,25 +131,25 @@ def no_patches(patches: Patches | None, measures: Collection[str]) -> Simplifica
 
 
 def no_response(measures: Collection[str]) -> Simplification | None:
-    """Damping, which only a forced response has."""
+    """Leave out damping, which only a forced response has."""
     driven = {"response", "tolerance"} & set(measures)
     return None if driven else Simplification("no_response", "damping", "no response is asked")
 
 
 def no_plate_modes(measures: Collection[str]) -> Simplification | None:
-    """The finite plate's modes."""
+    """Leave out the finite plate's modes."""
     if {"modes", "confinement"} & set(measures):
         return None
     return Simplification("no_plate_modes", "modes of the plate", "no measure asks for them")
 
 
 def no_figures(measures: Collection[str], drawn: bool = False) -> Simplification | None:
-    """Rendering: pictures are drawn for a page or for --out, from what is stored."""
+    """Leave out rendering: figures are drawn from what is stored, for a page or for --out."""
     return None if drawn else Simplification("nothing_drawn", "rendering", "nothing is drawn until a page asks for it")
 
 
 def no_lattice(design: Design, measure: str) -> Simplification | None:
-    """Bands without a pitch, attenuation without a pitch or pillars."""
+    """Leave out bands without a pitch, and attenuation without a pitch or pillars."""
     no_pitch = design.pitch_x_m != design.pitch_x_m
     if measure == "bands" and no_pitch:
         return Simplification("no_lattice", "bands", "the case has no pitch")
@@ -172,7 +176,9 @@ def patch_groups(patches: Patches) -> list[tuple[str, ...]]:
 
 
 def undriven_classes(patches: Patches) -> Simplification | None:
-    """Classes odd along an axis in whose plane every patch is centred: no patch pushes them, none hears them."""
+    """Leave out classes antisymmetric along an axis on whose plane every patch is centred: no patch drives or senses
+    them.
+    """
     centred = [max(abs(centre[axis]) for centre in patches.centres_m) < SAME_M for axis in (0, 1)]
     undriven = [p for p in CLASSES if any(centred[axis] and p[axis] == "A" for axis in (0, 1))]
     if not undriven:
@@ -188,7 +194,8 @@ def lattice_mirrors(design: Design) -> tuple[str, ...]:
 
 
 def off_path(design: Design, path: str, grid: int = 0) -> Simplification | None:
-    """Wavevectors off a path along the whole border of the irreducible zone, where band edges lie but for rare cases.
+    """Leave out wavevectors off a path along the whole border of the irreducible Brillouin zone, where band edges lie
+    but for rare cases.
 
     A square cell's zone is bounded by G-X, X-M, M-G, another pitch's by G-X, X-M, M-Y, Y-G; a cell without mirrors has none
     of them for a border. Not taken for an oblique path, for one that misses a side, or when a grid is asked for.
@@ -202,7 +209,7 @@ def off_path(design: Design, path: str, grid: int = 0) -> Simplification | None:
 
 
 def waves_downwards(design: Design) -> Simplification | None:
-    """Waves towards -y across the rows: mirror images of those towards +y, unless a row is not its own mirror image."""
+    """Leave out waves towards -y: they are mirror images of those towards +y where a row is its own mirror image."""
     if "y" not in lattice_mirrors(design):
         return None
     return Simplification(

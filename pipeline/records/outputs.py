@@ -76,7 +76,7 @@ def check_places(arguments: Namespace) -> None:
 
 
 def check_apart(json_place: str | None, output: str | None) -> None:
-    """InputFault when --json and -o name the same place, where one document would spoil the other."""
+    """InputError when --json and -o name the same place, where one document would spoil the other."""
     if not json_place or not output:
         return
     both = [is_standard_output(place) for place in (json_place, output)]

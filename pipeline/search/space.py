@@ -137,7 +137,7 @@ def searchable_keys() -> dict[str, bool]:
 
 
 def _check_ends(raw: dict[str, Any], file: Path, fixed: Sequence[str], variable: Variable, text: str) -> None:
-    """InputFault when an end is no value that the key may have, or neither end can be built."""
+    """InputError when an end is no value that the key may have, or neither end can be built."""
     lines: list[list[str]] = []
     for end in (variable.low, variable.high):
         try:

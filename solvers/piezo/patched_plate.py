@@ -1,4 +1,4 @@
-"""A assembled plate with bonded patches: symmetry classes that the patches couple are solved together.
+"""An assembled plate with bonded patches: symmetry classes that the patches couple are solved together.
 
 u = sum over classes E_c q_c at the bonded faces; K = diag(K_c) + sum over patches E' K_E E, M alike, loads E' theta.
 """

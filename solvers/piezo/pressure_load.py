@@ -17,7 +17,7 @@ from solvers.superelement.plate import AssembledPlate
 
 
 class PressedPlate:
-    """Symmetry classes of a assembled plate, one load of 1 N where patches would be; only the wanted class feels it."""
+    """Symmetry classes of an assembled plate, one load of 1 N where patches would be; only the wanted class feels it."""
 
     def __init__(self, joined: Mapping[str, AssembledPlate], design: Design, name: str) -> None:
         self.name = name

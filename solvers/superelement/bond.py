@@ -1,4 +1,4 @@
-"""Displacements of a assembled plate at any point of its bare faces, where something may be bonded."""
+"""Displacements of an assembled plate at any point of its bare faces, where something may be bonded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many modes the meshes behind a assembled plate have where its reduced pencil has so many: a count, not an estimate.
+"""How many modes the meshes behind an assembled plate have where its reduced pencil has so many: a count, not an estimate.
 
 The meshes joined at their boundary functions have the boundary's dynamic stiffness S and the interiors' own eigenvalues,
 N = N(S) + sum N(interior), both below lambda (wittrick1971). Every interior mode up to Lambda is kept, so the reduced pencil

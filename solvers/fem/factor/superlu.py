@@ -186,7 +186,7 @@ class SuperLU:
         return float((size[2] / np.maximum(self._norm * size[0] + size[1], 1e-300)).max(initial=0.0))
 
     def _substituted(self, right: FloatArray) -> FloatArray:
-        """(LU)^-1 right for (n, k), in the degrees of freedom' own order."""
+        """(LU)^-1 right for (n, k), in the degrees of freedom's own order."""
         order = self.symbolic.order
         if order is None:
             return np.asarray(self._lu.solve(right))

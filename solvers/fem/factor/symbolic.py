@@ -22,7 +22,7 @@ def alike(graph: sp.csc_array) -> tuple[IntArray, IntArray]:
     sums = np.zeros(graph.shape[0], dtype=np.uint64)
     sums[filled] = np.add.reduceat(key[graph.indices], graph.indptr[filled])
     _, first, label, size = np.unique(sums, return_index=True, return_inverse=True, return_counts=True)
-    by_place = np.argsort(first)  # keep the degrees of freedom' own order
+    by_place = np.argsort(first)  # keep the degrees of freedom's own order
     rank = np.empty_like(by_place)
     rank[by_place] = np.arange(len(by_place))
     return rank[label], size[by_place]

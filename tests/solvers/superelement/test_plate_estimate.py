@@ -1,4 +1,4 @@
-"""The estimate of a assembled plate's reduction error against a plate reduced much finer from the same meshes."""
+"""The estimate of an assembled plate's reduction error against a plate reduced much finer from the same meshes."""
 
 from __future__ import annotations
 
