@@ -37,7 +37,8 @@ def coarse(points: FloatArray, facets: IntArray, most: int) -> tuple[IntArray, I
 def with_sides(points: FloatArray, facets: IntArray, thickness_m: float) -> IntArray:
     """The facets and, where the skin of a plate is open between z = 0 and its thickness, facets that close it.
 
-    On the outer sides a rim edge below is joined to the rim edge straight above it; where there is none, the skin stays open.
+    On the outer sides a rim edge below is connected to the rim edge straight above it; where there is none, the skin
+    stays open.
     """
     step = SAME * float(np.ptp(points, axis=0).max())
     same = _clusters(points, step, points.mean(axis=0))

@@ -1,4 +1,4 @@
-"""What a computation tells while it runs: to a case's run.mess, to the terminal, or to nobody."""
+"""Logs of a computation: to a case's run.mess, to the terminal, or to nobody."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Log(Protocol):
 
 
 class TerminalLog:
-    """Lines on standard error with the time since the start; silent when quiet. `seconds` keeps each step's time."""
+    """Lines on standard error with the time since the start; none when quiet. `seconds` keeps each step's time."""
 
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet

@@ -200,14 +200,14 @@ def _pillar_shape(pillar: Pillar) -> Any:
     slab = _box(np.array([-room[0], -room[1], -room[2]]), np.array([room[0], room[1], 0.0]))
     above = _box(np.array([-room[0], -room[1], 0.0]), room)
     try:
-        joined = _one_solid(slab.fuse(bare), "the pillar's foot")
+        fused = _one_solid(slab.fuse(bare), "the pillar's foot")
         inside = 0.75 * reach
         feet = [
             edge
-            for edge in joined.Edges()
+            for edge in fused.Edges()
             if abs(edge.Center().z) < 1e-6 and max(abs(edge.Center().x), abs(edge.Center().y)) < inside
         ]
-        return _one_solid(joined.fillet(MM * pillar.fillet_m, feet).intersect(above), "the filleted pillar")
+        return _one_solid(fused.fillet(MM * pillar.fillet_m, feet).intersect(above), "the filleted pillar")
     except GeometryError:
         raise
     except Exception as fault:  # the kernel raises its own untyped errors when a fillet does not fit

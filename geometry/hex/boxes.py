@@ -151,7 +151,7 @@ class Panel:
     """A rectangular panel of plate from (x0, y0) to (x1, y1), lengths in m, with a pillar's centre or None.
 
     `halved` lists the axes along which only the half beyond the panel's middle is meshed (its mirrors), `free` the
-    sides (x-, x+, y-, y+) on which nothing is joined.
+    sides (x-, x+, y-, y+) to which nothing is attached.
     """
 
     low: tuple[float, float]

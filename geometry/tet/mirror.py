@@ -1,4 +1,4 @@
-"""A mesh and its mirror image joined into one."""
+"""A mesh and its mirror image merged into one."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from pipeline.models.parts import PartModel
 from pipeline.planning import calibration, error_bar, foresight, simplifications
 from pipeline.planning.error_bar import ErrorBar
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
-from pipeline.planning.refinement import MARGIN, refine_reduction, refused, refine_mesh, raise_cutoff, warn
+from pipeline.planning.refinement import MARGIN, raise_cutoff, refine_mesh, refine_reduction, refused, warn
 from pipeline.planning.request import (
     DEFAULT_COUNT,
     MEASURED,

@@ -170,7 +170,7 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
     assert design.pillar
     if choice.model != SUPERELEMENT or choice.kind != HEX or choice.reduction is None:
         raise InputError(
-            f"{case.name}: [tolerance]: pillars are varied in joined cells of hexahedra: solve.model must be auto or "
+            f"{case.name}: [tolerance]: pillars are varied in assembled cells of hexahedra: solve.model must be auto or "
             "superelement, solve.mesh auto or hex"
         )
     foresight.announce(

@@ -115,7 +115,7 @@ def _guarded(compute: Compute, job: Job, folder: Path, log: RunLog, mark: finger
         record = _failed_record(text)
     record["left_out"] = list(dict.fromkeys([*record.get("left_out", []), *log.left_out_list]))
     record["warnings"] = list(dict.fromkeys([*record.get("warnings", []), *log.warnings]))
-    record.setdefault("status", "ALARM" if record["warnings"] else "OK")
+    record.setdefault("status", "WARNING" if record["warnings"] else "OK")
     record.setdefault("diagnosis", record["warnings"][0] if record["warnings"] else "done")
     return record
 

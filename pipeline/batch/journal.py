@@ -21,7 +21,7 @@ class Journal:
         self.read_error: str | None = None
 
     def write(self, event: str, **fields: Any) -> None:
-        """Append one event. A full disk does not stop a study: the loss is kept in `complaint`."""
+        """Append one event. A full disk does not stop a study: the loss is kept in `read_error`."""
         entry = {"at": datetime.now(UTC).isoformat(timespec="seconds"), "event": event, **fields}
         line = json.dumps(entry, ensure_ascii=False) + "\n"
         try:
@@ -40,7 +40,7 @@ def _line_end(descriptor: int) -> str:
 
 
 def read(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
-    """Entries of a study's journal and a complaint for each line that cannot be read."""
+    """Entries of a study's journal and a read error for each line that cannot be read."""
     entries: list[dict[str, Any]] = []
     read_errors: list[str] = []
     with suppress(FileNotFoundError):

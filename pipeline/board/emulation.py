@@ -1,4 +1,6 @@
-"""The closed loop of a case: the unmodified image with its mode table, on the emulated board, joined to the table's plate."""
+"""The closed loop of a case: the unmodified image with its mode table, on the emulated board, connected to the
+table's plate.
+"""
 
 from __future__ import annotations
 

@@ -112,7 +112,11 @@ def check_pillar_on_plate(good: Values, step: StepPillar | None) -> Iterator[Dia
     rows, length, pitch = good.get("array.rows"), good.get("zone.length_mm"), _pitch_along(good)
     if rows and length and pitch and 2.0 * rows * (length / pitch + 1.0) > limits.MAX_PILLARS:
         count = int(2.0 * rows * (length / pitch + 1.0))
-        yield "array.rows", rows, f"{count} pillars: no more than {limits.MAX_PILLARS} can be joined (rows x columns)"
+        yield (
+            "array.rows",
+            rows,
+            f"{count} pillars: no more than {limits.MAX_PILLARS} can be assembled (rows x columns)",
+        )
 
 
 def _pitch_along(good: Values) -> float | None:

@@ -43,7 +43,7 @@ MAX_JOBS = 1000
 MAX_SLENDERNESS = 1000.0
 """Height over side of a pillar, and side over height: rounding takes eps (h/a)^4 of a bending eigenvalue, 2e-4 here."""
 MAX_PILLARS = 1_000_000
-"""Each joins the plate by at least a hundred unknowns: beyond, no factorisation fits any machine."""
+"""Each adds at least a hundred degrees of freedom: beyond, no factorisation fits any machine."""
 MIN_GAP = 1e-4
 """Of the footprint, between two pillars: an element there is as wide as the gap and as long as the foot."""
 MAX_CONTRAST = 1e8

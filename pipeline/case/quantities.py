@@ -33,7 +33,7 @@ def parse_band(text: str, what: str = "band") -> tuple[float, float]:
     """(low, high) in Hz from "30kHz:34kHz"; InputError when an end is wrong or the band is empty or reversed."""
     ends = text.split(":")
     if len(ends) != 2:
-        raise InputError(f"{what} = {text!r}: must be two frequencies joined by a colon, such as 30kHz:34kHz")
+        raise InputError(f"{what} = {text!r}: must be two frequencies with a colon between them, such as 30kHz:34kHz")
     _refuse_bare(ends, text, what)
     low, high = (parse_frequency(end, f"{what} {side} end") for end, side in zip(ends, ("low", "high"), strict=True))
     if not low < high:

@@ -47,7 +47,7 @@ Coordinate = Annotated[float, Field(ge=-LENGTH_MM[1], le=LENGTH_MM[1])]
 
 
 class Table(BaseModel):
-    """A table of the file: unknown keys refused, no silent conversion, no NaN, no infinity."""
+    """A table of the file: unknown keys refused, no hidden conversion, no NaN, no infinity."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 

@@ -78,7 +78,7 @@ def as_json(outcome: Any) -> dict[str, Any]:
         "goal": outcome.settings.goal,
         "vary": [{"key": v.key, "low": v.low, "high": v.high, "step": v.step} for v in outcome.space.variables],
         "limits": vars(limits),
-        "rungs": [
+        "fidelities": [
             {
                 "name": fidelity,
                 "model": MODELS[fidelity],
@@ -116,7 +116,7 @@ def design_json(outcome: Any, each: Any) -> dict[str, Any]:
         "frequency_error": result.frequency_error,
         "confinement_error_db": result.confinement_error_db,
         "mass_kg": each.mass_kg,
-        "breaks": list(each.violations),
+        "violations": list(each.violations),
         "why_not": result.why_not or None,
     }
 
@@ -170,12 +170,12 @@ def _write(outcome: Any, document: dict[str, Any], out: str) -> None:
         "extension_db",
         "mac",
         "mass_kg",
-        "breaks",
+        "violations",
         "why_not",
     )
     rows = [
         [each["mesh_level"], *each["set"].values(), *(each[key] for key in head[1 + len(keys) : -2]),
-         "; ".join(each["breaks"]), each["why_not"]]
+         "; ".join(each["violations"]), each["why_not"]]
         for each in document["evaluations"]
     ]  # fmt: skip
     outputs.write_file(folder / "search.csv", outputs.csv_bytes(head, rows))

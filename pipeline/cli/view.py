@@ -131,7 +131,7 @@ def of_study(target: str, case_id: str | None = None) -> Scene:
 def _stored(case: StoredCase) -> Scene:
     arrays, read_errors = case.read_arrays()
     if skin_faces(arrays, "surface") is None or "surface_u" not in arrays:
-        ended = case.status in {"OK", "ALARM"}
+        ended = case.status in {"OK", "WARNING"}
         why = "its record holds no moving surface; measure modes and run the study again" if ended else case.diagnosis
         raise InputError(read_errors or f"{case.case_id}: {why}")
     return of_arrays(case.case_id, arrays, case.record.get("design") or {})

@@ -30,7 +30,7 @@ def forced_plate(
     foresight.announce("the forced response", demand, log)
     model = parts.build(case, "plate", band[1], log, [] if meshes is None else meshes)
     if not isinstance(model, PlateModel):
-        raise InputError(f"{case.name}: solve.model: patches are bonded to joined cells, must be auto or superelement")
+        raise InputError(f"{case.name}: solve.model: patches are bonded to plates cells, must be auto or superelement")
     return driven(case, model, band, log)
 
 
@@ -41,8 +41,8 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
     back = patches.face == "back"
     with log.step("bond the patches"):
         bonded = [bonded_patch(patches.material, box, patches.size_m[2], back) for box in patches.boxes_m()]
-        joined = {plate.symmetry: plate for plate in map(model.assembled, model.symmetries)}
-        plate = PatchedPlate(joined, bonded, back, model.name)
+        plates = {plate.symmetry: plate for plate in map(model.assembled, model.symmetries)}
+        plate = PatchedPlate(plates, bonded, back, model.name)
     if plate.undriven:
         log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")
     with log.step("modes of the patched plate"):

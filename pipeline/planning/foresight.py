@@ -201,7 +201,7 @@ def _volume_m3(design: Design, part: str) -> float:
     return design.length_m * 2.0 * design.half_span_m * design.thickness_m + pillar_count(design) * one
 
 
-# -- reduced panels and what is joined of them -------------------------------------------------------------------------
+# -- reduced panels and what is assembled from them -------------------------------------------------------------------------
 
 
 def _assembled(

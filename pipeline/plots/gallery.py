@@ -38,7 +38,7 @@ def draw_case(case: StoredCase) -> FigureSet:
     """Draw every picture that a case's records allow, or take the stored ones when nothing they show has changed."""
     from pipeline.plots import attenuation, bands, board, fields, measured, mesh, response
 
-    if case.status not in {"OK", "ALARM"}:
+    if case.status not in {"OK", "WARNING"}:
         return FigureSet([])
     if (kept := kept_pictures(case)) is not None:
         return FigureSet(kept)
@@ -62,7 +62,7 @@ def draw_case(case: StoredCase) -> FigureSet:
 
 def kept_pictures(case: StoredCase) -> list[StoredFigure] | None:
     """The stored pictures of a case, None when they have to be drawn again."""
-    return _kept(case.folder / PICTURES, _case_key(case)) if case.status in {"OK", "ALARM"} else []
+    return _kept(case.folder / PICTURES, _case_key(case)) if case.status in {"OK", "WARNING"} else []
 
 
 def _case_key(case: StoredCase) -> str:
@@ -90,7 +90,7 @@ def _draw(
     draws: Sequence[Callable[[], ReportFigure | list[ReportFigure] | None]],
     read_errors: Sequence[str] = (),
 ) -> FigureSet:
-    """Draw and save; one that cannot be drawn is told beside the complaints about its data and spoils no other."""
+    """Draw and save; one that cannot be drawn is named beside the read errors about its data and spoils no other."""
     pictures: list[StoredFigure] = []
     troubles = list(read_errors)
     for draw in draws:

@@ -69,7 +69,7 @@ def _finish(level: Any, tone: Any, key: str) -> None:
     level.set_ylabel("confinement (dB)")
     level.set_title(f"At least {CONFINED_DB:.0f} dB as a mode (shaded); filled where confined, as driven too")
     tone.set_ylabel("frequency (kHz)")
-    tone.set_title("Wanted mode (joined by a line where it is the same one, tracked by its shape)")
+    tone.set_title("Wanted mode (connected by a line where it is the same one, tracked by its shape)")
     tone.set_xlabel(axis_label(key))
     for axes in (level, tone):
         axes.grid(True)

@@ -16,7 +16,7 @@ from pipeline.logs import memory_told
 RULE = "-" * 100
 DIAGNOSES = {
     "OK": "OK",
-    "ALARM": "<A>_ALARM",
+    "WARNING": "<A>_ALARM",
     "FAILED": "<F>_ERROR",
     "INTERRUPTED": "<S>_INTERRUPTED",
     "LOST": "<F>_ABNORMAL_ABORT",

@@ -22,7 +22,7 @@ OTHER_VERSION = (KeyError, TypeError, AttributeError, ValueError, IndexError)
 
 @dataclass(frozen=True)
 class StoredCase:
-    """One case: its record, or the complaint that says why there is none."""
+    """One case: its record, or the read error that says why there is none."""
 
     folder: Path
     case_id: str

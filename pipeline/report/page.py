@@ -76,7 +76,7 @@ def build(folder: Path, max_figures: int = MAX_FIGURES, say: Callable[[str], Non
 
 
 def _readable(study: StoredStudy) -> StoredStudy:
-    """The study with a complaint in place of every record whose fields are not those of this version."""
+    """The study with a read error in place of every record whose fields are not those of this version."""
     return replace(study, cases=tuple(_checked(study, case) for case in study.cases))
 
 
@@ -119,7 +119,7 @@ def _page(
         best=text.best_case(study),
         of_best=_of_best(study, pages),
         beside=beside(study.folder, embedder),
-        undrawn=sum(page.case.status in {"OK", "ALARM"} and not page.drawn for page in pages),
+        undrawn=sum(page.case.status in {"OK", "WARNING"} and not page.drawn for page in pages),
         linked=embedder.linked,
         versions=next((case.record["versions"] for case in study.cases if case.record.get("versions")), {}),
         left_out=text.left_out(study),
@@ -181,7 +181,7 @@ def _understood(study: StoredStudy) -> str:
 
 def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
     """Which cases get pictures: all of a short study; of a long one the best and the worst confined, the rest evenly spread."""
-    drawable = [case for case in study.cases if case.status in {"OK", "ALARM"}]
+    drawable = [case for case in study.cases if case.status in {"OK", "WARNING"}]
     if len(drawable) <= most or most < 2:
         return drawable[:most]
     ranked = sorted(

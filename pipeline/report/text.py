@@ -146,10 +146,10 @@ def plates(study: StoredStudy) -> list[StoredCase]:
 
 def _ended(study: StoredStudy) -> Card:
     counts = Counter(case.status for case in study.cases)
-    done = counts["OK"] + counts["ALARM"]
+    done = counts["OK"] + counts["WARNING"]
     words = [
         f"{counts[key]} {word}"
-        for key, word in (("ALARM", "with warnings"), ("FAILED", "failed"), ("MISSING", "missing"))
+        for key, word in (("WARNING", "with warnings"), ("FAILED", "failed"), ("MISSING", "missing"))
     ]
     texts = ", ".join(word for word in words if not word.startswith("0 ")) or "no warning"
     good = done == len(study.cases)

@@ -16,8 +16,8 @@ from pipeline.search.space import Space
 GOALS = {"confinement": "confinement_db", "extension": "extension_db"}
 EVALUATIONS = 16  # assembled plates
 BROKEN = 1000.0  # dB below any design that keeps the limits
-STEEP = 1000.0  # dB for breaking a limit by its own size: a slope that a descent slides along, not a cliff that it sticks to
-UNBUILT = -1e6  # merit of what cannot be built or judged
+STEEP = 1000.0  # dB for breaking a limit by its own size: a slope that the local search follows, not a cliff that it sticks to
+UNBUILT = -1e6  # objective of what cannot be built or judged
 
 Values = tuple[float | int, ...]
 
@@ -35,7 +35,8 @@ class Settings:
 class Evaluation:
     """A design as one fidelity judged it: the goal's value in dB (None: nothing to judge), what limits it breaks, its merit.
 
-    `descent` is what ranks designs for the next fidelity and what a local search climbs: the goal, less what a broken limit
+    `penalised_objective` is what ranks designs for the next fidelity and what a local search raises: the goal, less
+    what a broken limit
     costs the more it is broken; without the slack that a cheap fidelity has before a limit counts as broken.
     """
 

@@ -67,7 +67,7 @@ def evaluate(
     case: Case, fidelity: str, near_hz: float | None = None, cache: EvaluationCache | None = None
 ) -> FidelityResult:
     """The wanted mode by a computed fidelity, near a frequency where one is known; from the cache when it stands there."""
-    question = {"case": case.as_understood(), "rung": fidelity, "near_hz": near_hz}
+    question = {"case": case.as_understood(), "fidelity": fidelity, "near_hz": near_hz}
     stored = cache.get(question) if cache else None
     if stored is not None:
         return stored
@@ -115,7 +115,7 @@ def _of_profile(fidelity: str, frequency_hz: Any, level: Any) -> FidelityResult:
 
 
 def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
-    """Joined or solid; without a frequency to look near, in the window that the case itself has."""
+    """Assembled plate or solid; without a frequency to look near, in the window that the case itself has."""
     from pipeline.analysis import modes
 
     solve = replace(case.solve, model="auto")
@@ -186,7 +186,7 @@ class EvaluationCache:
         """What was judged before by the same code, or None."""
         with suppress(store.BadRecord, TypeError, KeyError, ValueError):
             plain = store.read_json(self._path(question))
-            stored = FidelityResult(**plain | {"alarms": tuple((id, text) for id, text in plain["alarms"])})
+            stored = FidelityResult(**plain | {"warnings": tuple((id, text) for id, text in plain["warnings"])})
             self.reused += 1
             return stored
         return None

@@ -43,7 +43,7 @@ def shown_keys(document: dict[str, Any]) -> list[str]:
 
 
 def _of(document: dict[str, Any], fidelity: str) -> list[dict[str, Any]]:
-    return [each for each in document["evaluations"] if each["rung"] == fidelity]
+    return [each for each in document["evaluations"] if each["fidelity"] == fidelity]
 
 
 def _points(listed: list[dict[str, Any]], keys: list[str], value: str) -> Any:
@@ -94,9 +94,9 @@ def _map(axes: Any, document: dict[str, Any], keys: list[str], value: str, label
 
 
 def _tradeoff(axes: Any, document: dict[str, Any], value: str, label: str) -> None:
-    """The goal against frequency, coloured by mass; designs that no other beats are joined."""
+    """The goal against frequency, coloured by mass; designs that no other beats are connected."""
     for fidelity, look in ((COLUMN, {"marker": "s", "s": 12, "alpha": 0.6}), (PLATE, {"marker": "o", "s": 36})):
-        listed = [e for e in _of(document, fidelity) if e[value] is not None and not e["breaks"]]
+        listed = [e for e in _of(document, fidelity) if e[value] is not None and not e["violations"]]
         if not listed:
             continue
         mass = [1e3 * e["mass_kg"] if e["mass_kg"] is not None else np.nan for e in listed]
@@ -130,7 +130,7 @@ def _alt(document: dict[str, Any], value: str) -> str:
     best, base = document["best"], document["base"]
     where = ", ".join(f"{key} = {each:g}" for key, each in best["set"].items())
     was = "" if base[value] is None else f"; as it was, {base[value]:.1f} dB"
-    counts = ", ".join(f"{fidelity['designs']} by {fidelity['name']}" for fidelity in document["rungs"])
+    counts = ", ".join(f"{fidelity['designs']} by {fidelity['name']}" for fidelity in document["fidelities"])
     return (
         f"Goal over what was varied ({counts}) and against frequency: best {best[value]:.1f} dB at "
         f"{KHZ * best['frequency_hz']:.2f} kHz with {where}{was}"

@@ -1,7 +1,7 @@
 """Block Lanczos with full orthogonalisation for (K - sigma M)^-1 M: a factor serves a block for little more than one vector.
 
 A triangular solve reads the whole factor; read once for several right-hand sides instead of once for each, most of the time of
-single-vector Lanczos goes away. Nothing is restarted: the basis is held whole (grimes1994).
+single-vector Lanczos goes away. Nothing is restarted: the basis is kept whole (grimes1994).
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ MAX_COUNT = 6.0  # vectors of the basis over pairs wanted: beyond, restarts are 
 TOLERANCE = 1e-11  # residual over the inverse's eigenvalue; the errors of eigenvalues go with its square
 WIDE = 15  # degrees of freedom a pair at least: below, the basis would be most of the space
 MASSLESS = 1e-14  # v'Mv over the largest seen: v'v is 1 for each, and such a direction moves no mass
-BYTES = 512e6  # of a basis that is still held whole
+BYTES = 512e6  # of a basis that is still kept whole
 EVERY = 2  # blocks between looks at the residuals
 
 Operator = Callable[[FloatArray], FloatArray]
 
 
 def fits(size: int, count: int) -> bool:
-    """Whether the whole basis for `count` pairs of `size` degrees of freedom may be held."""
+    """Whether the whole basis for `count` pairs of `size` degrees of freedom may be kept."""
     return WIDE * count <= size and 16.0 * size * basis_size(size, count) <= BYTES
 
 

@@ -38,7 +38,7 @@ def eliminated(inside: float, around: float) -> Fill:
 def grid_fill(elements: tuple[int, ...], dofs: Dofs, ends: tuple[Ends, ...] | None = None) -> Fill:
     """The fill of a grid of elements (any number of axes); `ends` tells which end planes are the grid's own (all).
 
-    `unknowns(lines, gaps)` counts those of a box from its planes of nodes and from its elements, one number an axis.
+    `dofs(lines, gaps)` counts those of a box from its planes of nodes and from its elements, one number an axis.
     """
     return _Dissection(dofs).fill(elements, ends or ((True, True),) * len(elements))
 

@@ -84,7 +84,7 @@ def assembly(mesh: MeshCounts) -> Cost:
 
 
 def factorisation(dofs: float, entries: float, fill: Fill, times: float) -> Cost:
-    """`times` factorisations of a matrix with so many entries, one held at a time."""
+    """`times` factorisations of a matrix with so many entries, one kept at a time."""
     peak, _ = FACTOR[preferred(round(dofs))]
     stages = (
         Stage("analysing the factorisation", ANALYSIS * entries),

@@ -174,7 +174,7 @@ class ForcedPlate:
         return None if place is None else sum(one.columns.shape[1] for one in self.modes[: place[0]]) + place[1]
 
     def volts(self, eigenvalue: float) -> Complex:
-        """Voltages of all patches: of those that drive +-1, or what +-1 V on the held patch would charge them with when
+        """Voltages of all patches: of those that drive +-1, or what +-1 V on the clamped patch would charge them with when
         the circuit is open; of those that listen what leaves them without charge.
         """
 

@@ -51,12 +51,12 @@ class Group:
 class PatchedPlate:
     """Patches on the bare face of a plate; lengths in m, forces and charges in SI after `unscaled`.
 
-    `joined`: the plate by symmetry class, or the whole one alone under WHOLE.
+    `plates`: the plate by symmetry class, or the whole one alone under WHOLE.
     """
 
     def __init__(
         self,
-        joined: Mapping[str, AssembledPlate],
+        plates: Mapping[str, AssembledPlate],
         patches: Sequence[BondedPatch],
         back: bool,
         name: str = "superelement",
@@ -64,9 +64,9 @@ class PatchedPlate:
         if not patches:
             raise SolverError("no patches: nothing drives the plate")
         self.patches, self.back, self.name = tuple(patches), back, name
-        self.scale: Scale = next(iter(joined.values())).placed_cells[0].cell.scale
-        classes = [[WHOLE]] if WHOLE in joined else coupled_classes(self.patches)
-        self.everything = [self._group([joined[p] for p in symmetries]) for symmetries in classes]
+        self.scale: Scale = next(iter(plates.values())).placed_cells[0].cell.scale
+        classes = [[WHOLE]] if WHOLE in plates else coupled_classes(self.patches)
+        self.everything = [self._group([plates[p] for p in symmetries]) for symmetries in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
         self.groups = [group for group in self.everything if np.abs(group.loads).max() > UNDRIVEN * loudest]
         self.undriven = [p for group in self.everything if group not in self.groups for p in group.symmetries]

@@ -19,16 +19,16 @@ from solvers.superelement.plate import AssembledPlate
 class PressedPlate:
     """Symmetry classes of an assembled plate, one load of 1 N where patches would be; only the wanted class feels it."""
 
-    def __init__(self, joined: Mapping[str, AssembledPlate], design: Design, name: str) -> None:
+    def __init__(self, plates: Mapping[str, AssembledPlate], design: Design, name: str) -> None:
         self.name = name
         self.patches: tuple[object, ...] = ("pressure",)
-        self.scale = next(iter(joined.values())).placed_cells[0].cell.scale
+        self.scale = next(iter(plates.values())).placed_cells[0].cell.scale
         self.stiffness_unit = self.scale.young_pa * self.scale.length_m
         self.capacitance_f: FloatArray = np.ones(1)  # no circuit: never open
         wanted = wanted_symmetry(design.nodal_lines)
-        self.everything = [self._group(plate, design, symmetry == wanted) for symmetry, plate in joined.items()]
+        self.everything = [self._group(plate, design, symmetry == wanted) for symmetry, plate in plates.items()]
         self.groups = [group for group in self.everything if group.symmetries == (wanted,)]
-        self.undriven = [symmetry for symmetry in joined if symmetry != wanted]
+        self.undriven = [symmetry for symmetry in plates if symmetry != wanted]
 
     def _group(self, plate: AssembledPlate, design: Design, pressed: bool) -> Group:
         load = _pressure(plate, design) / self.stiffness_unit if pressed else np.zeros(plate.dof)

@@ -19,7 +19,7 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class LowPass:
-    """inductance_h L, resistance_ohm R, capacitance_f C of the patch, held; all above 0."""
+    """inductance_h L, resistance_ohm R, capacitance_f C of the clamped patch; all above 0."""
 
     inductance_h: float
     resistance_ohm: float

@@ -22,7 +22,7 @@ from solvers.errors import SolverError
 from solvers.shaping.modal_table import ModalTable
 
 FloatArray = NDArray[np.float64]
-HELD = {"clamped": (True, True, True), "pinned": (True, True, False), "free": (False, False, False)}  # u, w, w'
+CONSTRAINED = {"clamped": (True, True, True), "pinned": (True, True, False), "free": (False, False, False)}  # u, w, w'
 
 
 def evenly(length_m: float, count: int, pitch_m: float | None = None) -> tuple[float, ...]:
@@ -67,7 +67,7 @@ class PatchedBeam:
         return np.array(self.centres_m)[:, None] + self.patch_length_m / 2.0 * np.array([-1.0, 1.0])
 
     def capacitance_f(self, width_m: float) -> float:
-        """eps33^T (1 - k31^2) b l/t of a patch of this width held along x and free across, F."""
+        """eps33^T (1 - k31^2) b l/t of a patch of this width clamped along x and free across, F."""
         free = float(self.piezo.permittivity_free_f_m[2, 2])
         clamped = free - self.piezo.d31**2 / self.piezo.s11
         return clamped * width_m * self.patch_length_m / self.patch_thickness_m
@@ -198,8 +198,8 @@ def check_beam(beam: PatchedBeam) -> None:
     if any(after < before - slack for before, after in pairwise(edges.ravel())):
         raise SolverError(f"beam: patches overlap; centres must ascend by at least {beam.patch_length_m:g} m")
     for end in beam.ends:
-        if end not in HELD:
-            raise SolverError(f"beam: end {end!r}: must be one of {', '.join(HELD)}")
+        if end not in CONSTRAINED:
+            raise SolverError(f"beam: end {end!r}: must be one of {', '.join(CONSTRAINED)}")
     if "clamped" not in beam.ends and beam.ends != ("pinned", "pinned"):
         raise SolverError(f"beam: ends {beam.ends} leave a rigid-body mode; clamp one or pin both")
 
@@ -232,7 +232,7 @@ def _free(beam: PatchedBeam, nodes: int) -> tuple[NDArray[np.intp], NDArray[np.i
     held_u: list[int] = []
     held_w: list[int] = []
     for end, node in zip(beam.ends, (0, nodes - 1), strict=True):
-        u, w, slope = HELD[end]
+        u, w, slope = CONSTRAINED[end]
         held_u += [2 * node] * u
         held_w += [2 * node] * w + [2 * node + 1] * slope
     return np.setdiff1d(np.arange(2 * nodes - 1), held_u), np.setdiff1d(np.arange(2 * nodes), held_w)

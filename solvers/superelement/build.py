@@ -140,7 +140,7 @@ class PlateModel:
         self._assembled_plates: dict[str, AssembledPlate] = {}
 
     def assembled(self, symmetry: str | None) -> AssembledPlate:
-        """The joined cells of one symmetry class, of the whole plate for None."""
+        """The assembled cells of one symmetry class, of the whole plate for None."""
         name = symmetry or WHOLE
         if name not in self._assembled_plates:
             self._assembled_plates[name] = AssembledPlate(self.tiling, self.cells, name)

@@ -73,7 +73,7 @@ class Interface:
         return np.asarray(np.einsum("n,nb,nr->nbr", blend, bubbles, layers).reshape(len(blend), -1))
 
     def mirror(self, axis: int) -> tuple[IntArray, FloatArray]:
-        """Effect of the mirror normal to an axis on the unknowns: u'[i] = sign[i] u[where[i]], shapes (count,)."""
+        """Effect of the mirror normal to an axis on the degrees of freedom: u'[i] = sign[i] u[where[i]], shapes (count,)."""
         where, sign = np.arange(self.count), np.ones(self.count)
         for index, corner in enumerate(VERTICES):
             image = list(corner)
@@ -87,7 +87,7 @@ class Interface:
         return where, sign
 
     def diagonal(self) -> IntArray:
-        """Effect of the mirror x <-> y on the unknowns: u'[i] = u[where[i]], shape (count,)."""
+        """Effect of the mirror x <-> y on the degrees of freedom: u'[i] = u[where[i]], shape (count,)."""
         where = np.arange(self.count)
         for index, corner in enumerate(VERTICES):
             where[self.vertex(index)] = self.vertex(VERTICES.index((corner[1], corner[0])))

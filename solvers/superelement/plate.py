@@ -232,7 +232,7 @@ class _Grid:
         return idle
 
     def _mirror(self, axis: int) -> tuple[IntArray, FloatArray]:
-        """The mirror normal to an axis on the whole plate's unknowns: u'[d] = sign[d] u[image[d]]."""
+        """The mirror normal to an axis on the whole plate's degrees of freedom: u'[d] = sign[d] u[image[d]]."""
         image, sign = np.arange(self.count), np.ones(self.count)
         local, flips = self.interface.mirror(axis)
         for i in range(self.nx):

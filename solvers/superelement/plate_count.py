@@ -1,6 +1,6 @@
 """How many modes the meshes behind an assembled plate have where its reduced pencil has so many: a count, not an estimate.
 
-The meshes joined at their boundary functions have the boundary's dynamic stiffness S and the interiors' own eigenvalues,
+The meshes coupled at their boundary functions have the boundary's dynamic stiffness S and the interiors' own eigenvalues,
 N = N(S) + sum N(interior), both below lambda (wittrick1971). Every interior mode up to Lambda is kept, so the reduced pencil
 counts the interiors' whole; what modes left out take from S is bounded (`Cell.dropped`) and only lowers it. Hence
 N_reduced <= N <= N of the pencil with that bound taken from its stiffness.
@@ -19,7 +19,7 @@ from solvers.superelement.plate import AssembledPlate
 def more_below(
     plate: AssembledPlate, pencil: SymmetricPencil, edge_hz: float, reduced: int | None = None
 ) -> int | None:
-    """How many more modes the joined meshes have at most below a frequency than the reduced pencil; None without a bound.
+    """How many more modes the assembled meshes have at most below a frequency than the reduced pencil; None without a bound.
 
     `reduced`: the reduced pencil's own count there, rigid-body modes included, where it is known already.
     """

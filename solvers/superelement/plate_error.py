@@ -1,4 +1,5 @@
-"""How far a mode of an assembled plate lies above that of its meshes: by the modes left out, and by the degrees along the sides.
+"""How far a mode of an assembled plate lies above that of its meshes: by the modes left out, and by the degrees
+along the sides.
 
 Fixed-interface modes left out take l^2 D from the boundary's dynamic stiffness, D their residual flexibility, which each
 cell knows (`Cell.dropped`): an eigenvalue l falls by l^2 u'D u, to first order. Without a part d of the eigenvector u, its

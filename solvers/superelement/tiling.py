@@ -51,7 +51,7 @@ class Tiling:
         return [(i, j) for i in range(first[0], nx) for j in range(first[1], ny)]
 
     def free_sides(self, i: int, j: int) -> tuple[str, ...]:
-        """Sides of panel (i, j) on which nothing is joined and nothing need be."""
+        """Sides of panel (i, j) to which nothing is attached and nothing need be."""
         if (i, j) not in self.feet:
             return ()
         ends = {"x-": i == 0, "x+": i == len(self.x) - 2, "y-": j == 0, "y+": j == len(self.y) - 2}

@@ -45,7 +45,7 @@ class _PlacedCell:
 
 
 class Column:
-    """The panels of one pitch along x, y >= 0, joined at a wavenumber along x in rad/m."""
+    """The panels of one pitch along x, y >= 0, assembled at a wavenumber along x in rad/m."""
 
     def __init__(self, design: Design, reductions: Reductions, kx_per_m: float) -> None:
         self.design, self.kx = design, kx_per_m

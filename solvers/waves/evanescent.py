@@ -91,7 +91,7 @@ class Row:
 
     @cached_property
     def mirror_sign(self) -> FloatArray:
-        """What the mirror y -> -y does to an edge's unknowns: -1 for u_y."""
+        """What the mirror y -> -y does to an edge's degrees of freedom: -1 for u_y."""
         sign = np.ones(self.edge)
         sign[1::3] = -1.0
         return sign

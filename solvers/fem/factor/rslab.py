@@ -13,7 +13,7 @@ from solvers.fem.factor.memory import foresee, threads
 
 FILLED = 10.0  # factor over matrix, bytes: beyond, the body is no plate, and nested dissection fills less than minimum degree
 ANALYSIS_BYTES = 60  # measured peak of the analysis an entry of the matrix
-COPY_BYTES = 30  # what of it is still held, an entry, while the factor is made; rslab's own plan leaves it out
+COPY_BYTES = 30  # what of it is still in memory, an entry, while the factor is made; rslab's own plan leaves it out
 
 
 class Rslab:

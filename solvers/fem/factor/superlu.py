@@ -154,7 +154,7 @@ class SuperLU:
 
     @property
     def memory_bytes(self) -> int:
-        """Bytes held: L in supernodes, U with indices, scipy's copies of both once the inertia was read, and the matrix."""
+        """Bytes kept: L in supernodes, U with indices, scipy's copies of both once the inertia was read, and the matrix."""
         bytes_per_entry = 20 if self._negative is None else 20 + INERTIA_BYTES
         return int(self._lu.nnz // 2 * bytes_per_entry + MATRIX_BYTES * self._matrix.nnz)
 

@@ -46,7 +46,7 @@ def test_every_way_to_end_is_recorded_by_name_and_stops_no_other(tmp_path: Path)
     assert text["value=2"][0] == "FAILED" and "SIGKILL" in text["value=2"][1]
     assert text["value=3"] == ("FAILED", "KeyError: 'nobody expected this'")
     assert text["value=4"][0] == "FAILED" and "memory ran out" in text["value=4"][1]
-    assert text["value=5"] == ("ALARM", "a thin element")
+    assert text["value=5"] == ("WARNING", "a thin element")
     assert text["value=6"][0] == "MISSING"  # no room for a record: said by the outcome
     assert {end.case_id for end in outcome.failed} == {"value=1", "value=2", "value=3", "value=4", "value=6"}
     assert outcome.exit_code == 3

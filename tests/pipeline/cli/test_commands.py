@@ -166,7 +166,7 @@ def test_a_report_names_the_cases_that_it_does_not_believe(
     store.write_json(tmp_path / "rows/cases.json", {"about": {}, "cases": [{"case_id": "a"}]})
     assert run("report", "rows") == 0 and capsys.readouterr().err == ""
     record = tmp_path / "rows/a/record.json"
-    record.write_text(record.read_text().replace("OK", "ALARM"))
+    record.write_text(record.read_text().replace("OK", "WARNING"))
     assert run("report", "rows") == 0
     text = lines(capsys.readouterr().err)
     assert len(text) == 1 and "case a is not shown" in text[0] and "not what was written" in text[0]

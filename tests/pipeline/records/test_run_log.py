@@ -16,7 +16,7 @@ def test_it_reads_like_a_message_file_while_it_runs(tmp_path: Path):
             assert "zone.length_m = 0.1155" in text and "<I> <LEFT_OUT> patches: left out, the case has none" in text
             assert current_step(path) == "mesh"
         log.warning("MESH_12", "a thin element")
-        log.close("ALARM")
+        log.close("WARNING")
     text = path.read_text()
     assert "-- ANTINODE -- VERSION 0.1.0 -- three-rows" in text and "numpy 2.0" in text
     assert "<A> <MESH_12> a thin element" in text and "TOTAL_JOB : cpu" in text
@@ -25,7 +25,7 @@ def test_it_reads_like_a_message_file_while_it_runs(tmp_path: Path):
     assert set(log.seconds) == {"mesh"}
 
 
-@pytest.mark.parametrize(("status", "line"), [("OK", "OK"), ("ALARM", "<A>_ALARM"), ("FAILED", "<F>_ERROR")])
+@pytest.mark.parametrize(("status", "line"), [("OK", "OK"), ("WARNING", "<A>_ALARM"), ("FAILED", "<F>_ERROR")])
 def test_closing_line(tmp_path: Path, status: str, line: str):
     with RunLog(tmp_path / "run.mess") as log:
         log.close(status)
@@ -38,7 +38,7 @@ def test_the_same_alarm_is_not_said_without_end(tmp_path: Path):
     with RunLog(tmp_path / "run.mess") as log:
         for number in range(SAME_WARNING_LIMIT + 7):
             log.warning("EIGEN_3", f"residual of mode {number}")
-        log.close("ALARM")
+        log.close("WARNING")
     text = (tmp_path / "run.mess").read_text()
     assert text.count("<A> <EIGEN_3>") == SAME_WARNING_LIMIT
     assert f"warning EIGEN_3 came {SAME_WARNING_LIMIT + 7} times in all" in text

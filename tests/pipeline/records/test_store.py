@@ -110,7 +110,7 @@ def edited(folder: Path, name: str, edit: Callable[[dict], object]) -> None:
 @pytest.mark.parametrize(
     ("name", "edit"),
     [
-        (store.RECORD, lambda stored: stored.update(status="ALARM")),
+        (store.RECORD, lambda stored: stored.update(status="WARNING")),
         (store.RECORD, lambda stored: stored.update(wanted={"confinement_db": 99.0})),
         (store.RECORD, lambda stored: stored.update(wanted=float("inf"))),
         (store.RECORD, lambda stored: stored.pop("proof")),

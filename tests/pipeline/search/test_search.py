@@ -244,10 +244,10 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, dict, Path
 def test_a_search_ends_with_the_best_of_what_it_solved(searched: tuple[dict, dict, Path]) -> None:
     document, _, folder = searched
     assert document["schema"] == 1 and document["best"]["mesh_level"] == PLATE
-    plates = [e for e in document["evaluations"] if e["mesh_level"] == PLATE and not e["breaks"]]
+    plates = [e for e in document["evaluations"] if e["mesh_level"] == PLATE and not e["violations"]]
     assert document["best"]["confinement_db"] >= document["base"]["confinement_db"] - 0.1
     assert document["best"]["confinement_db"] == pytest.approx(max(e["confinement_db"] for e in plates), abs=0.2)
-    assert {fidelity["name"]: fidelity["designs"] for fidelity in document["rungs"]}[PLATE] == 2
+    assert {fidelity["name"]: fidelity["designs"] for fidelity in document["fidelities"]}[PLATE] == 2
     names = {path.name for path in (folder / "first").iterdir()}
     assert {"search.json", "search.csv", "search.svg", "search.png"} <= names
 
