@@ -19,7 +19,7 @@ def _escaped(letter: str) -> str:
 
 
 class CommandError(Exception):
-    """A refusal or failure told to the user in one line per reason, without a traceback."""
+    """A refusal or failure, said to the user in one line per reason without a traceback."""
 
     exit_code = 1
 

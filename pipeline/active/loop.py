@@ -32,7 +32,7 @@ COLUMNS = ("frequency_hz", "re", "im")
 
 
 def dq(arguments: Namespace, case: Case | None, log: Log) -> Found:
-    """The study of the mode that table, case or option names; with --sweep the mode identified from a file."""
+    """Study the loop of the mode that table, case or option names; with --sweep the mode is identified from a file."""
     from pipeline.active import plots_loop
 
     table = _table(arguments.table) if arguments.table else None
@@ -120,7 +120,7 @@ def _plant(mode: table_file.Mode, wanted: bool, sensor: Sensor) -> ModePlant:
 
 
 def _velocity(plant: ModePlant, sensor: Sensor) -> ModePlant:
-    """The real gain behind a sensor's: what a velocity sensor of the same size would show."""
+    """The gain that a velocity sensor of the same size would show, real."""
     turned = 1j * plant.gain if sensor == "displacement" else plant.gain
     return replace(plant, gain=float(np.copysign(abs(turned), complex(turned).real)))
 
@@ -134,7 +134,7 @@ def _identified(arguments: Namespace, data: DqData) -> Identified:
 
 
 def _sweep(path: str) -> Sweep:
-    """A file with the columns frequency_hz, re, im. InputError with the line for anything else."""
+    """Read a file with the columns frequency_hz, re, im. Raises InputError with the line otherwise."""
     try:
         with Path(path).open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))

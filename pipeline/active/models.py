@@ -32,7 +32,7 @@ GAIN_N_M = (1e-3, 1e12)  # from a millionth of any strip's own stiffness to beyo
 
 
 def run(arguments: Namespace) -> int:
-    """One model: text or JSON on standard output, JSON, figures and files into --out."""
+    """Run one model: text or JSON on standard output; JSON, figures and files into --out."""
     _refuse_foreign_options(arguments)
     case, log = _case(arguments), TerminalLog(arguments.quiet)
     if case:
@@ -115,7 +115,7 @@ def _mason(arguments: Namespace, case: Case | None, log: Log) -> Found:
 
 
 def _mason_band(text: str, target_hz: float) -> tuple[float, float]:
-    """The band to show, Hz. InputError beyond what a bar of one dimension has modes for."""
+    """The band to show, Hz. Raises InputError beyond the range of a one-dimensional bar."""
     low, high = parse_band(text, "--band")
     if high > MASON_HIGHEST * target_hz:
         limit = (
@@ -126,7 +126,7 @@ def _mason_band(text: str, target_hz: float) -> tuple[float, float]:
 
 
 def _refuse_empty(text: str, study: MasonStudy, whole: MasonStudy) -> None:
-    """InputError, with where the modes are, when neither of the three lines has one in the band."""
+    """Raise InputError naming where the modes are, when none of the three lines has one in the band."""
     if not any(len(modes) for modes in study.modes_hz.values()):
         every = [float(mode) for modes in whole.modes_hz.values() for mode in modes]
         listed = f"from {min(every) / 1e3:.4g} to {max(every) / 1e3:.4g} kHz, {len(every)} of them"

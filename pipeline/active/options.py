@@ -30,12 +30,12 @@ class Found:
 
 
 def frequencies_hz(arguments: Namespace, default: tuple[float, ...]) -> tuple[float, ...]:
-    """Every --frequency in Hz, or the default."""
+    """Return every --frequency in Hz, or the default."""
     return tuple(parse_frequency(text, "--frequency") for text in arguments.frequency or ()) or default
 
 
 def only_frequency_hz(arguments: Namespace, default: float) -> float:
-    """The one --frequency in Hz, or the default. InputError when there are several."""
+    """Return the one --frequency in Hz, or the default. Raises InputError when there are several."""
     value = frequencies_hz(arguments, (default,))
     if len(value) > 1:
         raise InputError(f"--frequency: active {arguments.model} takes one, {len(value)} came")
@@ -43,7 +43,7 @@ def only_frequency_hz(arguments: Namespace, default: float) -> float:
 
 
 def quality(arguments: Namespace, default: float) -> float:
-    """--quality, "inf" for no losses, or the default."""
+    """Return --quality, infinite for "inf", or the default."""
     if arguments.quality is None:
         return default
     value = number(arguments.quality)
@@ -54,7 +54,7 @@ def quality(arguments: Namespace, default: float) -> float:
 
 
 def seconds(text: str, what: str) -> float:
-    """Seconds from "2ms", "4us" or "0.002s"; InputError otherwise or below 0."""
+    """Read seconds from "2ms", "4us" or "0.002s". Raises InputError otherwise or below 0."""
     for unit in ("ms", "us", "s"):
         if text.strip().endswith(unit):
             value = number(text.strip()[: -len(unit)])
@@ -66,7 +66,7 @@ def seconds(text: str, what: str) -> float:
 
 
 def number(text: str) -> float:
-    """A float, NaN for anything else."""
+    """Read a float; NaN for anything else."""
     try:
         return float(text)
     except ValueError:

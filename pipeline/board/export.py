@@ -67,7 +67,7 @@ def _patched_mode(gains: ModalGains, index: int) -> Mode:
 
 
 def _polarities(gains: ModalGains) -> list[float]:
-    """The signs in use: +1 is wired to PA4, -1 to PA5."""
+    """Signs of the drivers in use: +1 is wired to PA4, -1 to PA5."""
     return sorted(set(gains.signs.tolist()), reverse=True)
 
 
@@ -113,7 +113,7 @@ def write_gains(
     forced: ForcedPlate | None = None,
     near_hz: float | None = None,
 ) -> list[Path]:
-    """STEM.bin and STEM.h of the patched plate, its gains computed; the log tells them and how to wire the patches.
+    """Write STEM.bin and STEM.h of the patched plate with computed gains, and log the gains and the wiring.
 
     `forced`: the plate that a response has solved already; near_hz: where the mode lies that is driven where the patched
     plate has no wanted one.

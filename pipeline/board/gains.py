@@ -46,7 +46,7 @@ class ModalGains:
 
 
 def can_be_computed(case: Case) -> bool:
-    """Whether some patch drives and another listens."""
+    """Whether there is a driving patch and a sensing one."""
     patches = case.patches
     return patches is not None and bool(patches.sensors) and bool(patches.drivers)
 

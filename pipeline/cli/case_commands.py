@@ -27,7 +27,7 @@ def _log(arguments: Namespace) -> TerminalLog:
 
 
 def predesign(arguments: Namespace) -> int:
-    """Analytic sizing."""
+    """Size zone and pillar analytically."""
     from pipeline.analysis.predesign import run, short_wave
 
     case = _case(arguments)
@@ -39,7 +39,7 @@ def predesign(arguments: Namespace) -> int:
 
 
 def modes(arguments: Namespace) -> int:
-    """Modes of a part."""
+    """Compute the modes of a part."""
     _refuse_options_without_effect(arguments)
     case, log = _case(arguments), _log(arguments)
     band = parse_band(arguments.band, "--band") if arguments.band else None
@@ -84,7 +84,7 @@ def modes(arguments: Namespace) -> int:
 
 
 def _refuse_options_without_effect(arguments: Namespace) -> None:
-    """InputError for options of `modes` that the others would leave without any effect."""
+    """Raise InputError for options of `modes` that would have no effect beside the others."""
     lines = []
     if arguments.near and arguments.band:
         lines.append(
@@ -108,7 +108,7 @@ def _require_part(case: Case, part: str) -> None:
 
 
 def _explained(arguments: Namespace, which: str, *about: Any) -> int:
-    """Tell the plan of a command instead of following it."""
+    """Print the plan of a command instead of following it."""
     from pipeline.planning import plan
 
     planned = getattr(plan, which)(*about)
@@ -117,7 +117,7 @@ def _explained(arguments: Namespace, which: str, *about: Any) -> int:
 
 
 def bands(arguments: Namespace) -> int:
-    """Bloch bands and complete gaps."""
+    """Compute Bloch bands and complete gaps."""
     case, log = _case(arguments), _log(arguments)
     if arguments.explain:
         return _explained(arguments, "of_bands", case)
@@ -147,7 +147,7 @@ def bands(arguments: Namespace) -> int:
 
 
 def check_gap(arguments: Namespace) -> int:
-    """The band-gap check."""
+    """Compare the band-gap edges with the committed ones."""
     arguments.case = arguments.case or str(STUDIES / "three-rows.toml")
     case, log = _case(arguments), _log(arguments)
     from pipeline.cli import check_gap
@@ -173,7 +173,7 @@ def check_gap(arguments: Namespace) -> int:
 
 
 def attenuation(arguments: Namespace) -> int:
-    """Decay per row."""
+    """Compute the decay per row."""
     case, log = _case(arguments), _log(arguments)
     band = parse_band(arguments.band, "--band") if arguments.band else None
     if arguments.explain:
@@ -209,7 +209,7 @@ def _attenuation_row(point: Any) -> list[Any]:
 
 
 def response(arguments: Namespace) -> int:
-    """Forced response."""
+    """Compute the forced response."""
     case, log = _case(arguments), _log(arguments)
     band = parse_band(arguments.band, "--band") if arguments.band else None
     if arguments.explain:
@@ -262,14 +262,14 @@ def _response_table(document: dict[str, Any]) -> tuple[tuple[str, ...], list[lis
 
 
 def active(arguments: Namespace) -> int:
-    """Analogy and control models."""
+    """Run an analogy or control model."""
     from pipeline.active.models import run
 
     return run(arguments)
 
 
 def export(arguments: Namespace) -> int:
-    """Files for others."""
+    """Write files for other programs."""
     case, log = _case(arguments), _log(arguments)
     from pipeline.exchange import exports
 

@@ -1,4 +1,4 @@
-"""The command `antinode search`: what the arguments mean, and what is told of what was found."""
+"""The command `antinode search`: what the arguments mean, and what is printed of the result."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHOWN = 8
 
 
 def search(arguments: Namespace) -> int:
-    """Search the design that holds the wanted mode best."""
+    """Search the design that confines the wanted mode best."""
     limits = limits_of(arguments)
     space = read_space(arguments.case, arguments.set, arguments.vary)
     outputs.of_case(arguments, load_case(arguments.case, arguments.set))
@@ -36,7 +36,7 @@ def search(arguments: Namespace) -> int:
 
 
 def limits_of(arguments: Namespace) -> Limits:
-    """The limits of the command line. InputError for a size or share that cannot be one."""
+    """Read the limits of the command line. Raises InputError for a size or share that cannot be one."""
     faults = []
     for name, value in (
         ("--max-half-wavelength", arguments.max_half_wavelength),
@@ -53,7 +53,7 @@ def limits_of(arguments: Namespace) -> Limits:
 
 
 def _proof(outcome: Any, arguments: Namespace, log: TerminalLog) -> dict[str, Any]:
-    """Both designs by the whole plate as a solid mesh, when asked for."""
+    """Solve both designs by the whole plate as a solid mesh, where asked for."""
     if arguments.verify_with != "solid":
         return {}
     from pipeline.search.fidelity import SOLID, EvaluationCache, evaluate

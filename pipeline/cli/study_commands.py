@@ -67,7 +67,7 @@ def _task(path_or_name: str, fields_too: bool = False) -> _Task:
 
 
 def run(arguments: Namespace) -> int:
-    """A batch study: plan, compute what is missing, write the table and the report."""
+    """Run a batch study: plan it, compute what is missing, write the table and the report."""
     from pipeline.batch import runner
     from pipeline.batch.lock import StudyBusy
     from pipeline.batch.progress import Progress
@@ -142,7 +142,7 @@ def _executor(address: str | None) -> Executor | None:
 
 
 def report(arguments: Namespace) -> int:
-    """Rebuild table, pictures and page from what is stored; cases whose records cannot be believed are told."""
+    """Rebuild table, figures and page from the records; cases whose records cannot be trusted are named."""
     from pipeline.records.study import read_study
 
     task = _task(arguments.study)

@@ -12,7 +12,7 @@ from pipeline.records import outputs
 
 
 def tolerance(arguments: Namespace) -> int:
-    """Read the case, draw its plates, tell."""
+    """Draw the case's plates, measure them, and print the spread."""
     more = [f"tolerance.{key}={value}" for key in ("samples", "seed") if (value := getattr(arguments, key)) is not None]
     case = outputs.of_case(arguments, load_case(arguments.case, [*arguments.set, *more]))
     log = TerminalLog(arguments.quiet)

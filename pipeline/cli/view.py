@@ -58,7 +58,7 @@ def view(arguments: Namespace) -> int:
 
 
 def _kind(target: str) -> str:
-    """file, case or study; InputError when it is none of them."""
+    """Whether the target is a file, a case or a study. Raises InputError when it is none of them."""
     from pipeline.batch.study_file import find_study
     from pipeline.case.overrides import read_toml
 
@@ -71,7 +71,7 @@ def _kind(target: str) -> str:
 
 
 def display_fault() -> str:
-    """'' or why no window can be opened: Linux needs an X server that answers."""
+    """Return '' or why no window can be opened: Linux needs an X server that answers."""
     if not sys.platform.startswith("linux"):
         return ""
     name = os.environ.get("DISPLAY", "")
@@ -105,7 +105,7 @@ def _answers(place: Any) -> bool:
 
 
 def of_study(target: str, case_id: str | None = None) -> Scene:
-    """A stored case of a study, the best confined one unless named, with its stored modes."""
+    """Return a stored case of a study with its stored modes; the best confined one unless named."""
     from pipeline.batch.script_study import load_script
     from pipeline.batch.study_file import find_study, load_study
     from pipeline.report import text

@@ -37,7 +37,9 @@ def place(output: Path) -> Path:
 
 
 def _count(case: Case, part_mesh: Exchange, log: Log) -> int:
-    """Modes to ask for: CalculiX begins at the lowest one whatever the band, so those below it count too."""
+    """Number of modes to ask for: CalculiX begins at the lowest one whatever the band, so that those below count,
+    too.
+    """
     rigid = 0 if part_mesh.clamped else 6
     if part_mesh.search.band_hz is None:
         top = part_mesh.search.near_hz or 0.0

@@ -123,7 +123,7 @@ def clamped_faces(part: str, mesh: Mesh) -> tuple[str, ...]:
 
 
 def _faces(mesh: Mesh, facets: Facets, design: Design, part: str) -> dict[str, IntArray]:
-    """Places of the facets of every named group; the back of a plate of boxes is told by its height."""
+    """Places of the facets of every named group; the back of a plate of boxes is recognised by its height."""
     inside = {name: np.isin(facets.nodes, mesh.nodes_of(name)).all(axis=1) for name in mesh.faces if name in GROUPS}
     if part != "pillar":
         height = mesh.nodes[facets.nodes, 2]
@@ -192,7 +192,7 @@ def _dofs(boxes: Boxes) -> int:
 
 
 def _tetrahedra(case: Case, part: str, log: Log) -> Mesh:
-    """The part through CAD and pytetwild, coarsened until it is below the limit."""
+    """Mesh the part through CAD and pytetwild, coarsened until it is below the limit."""
     body, smallest, mesher = _cad_part(case.design, part)
     fewest = (DOFS_PER_TET * TETS_PER_CUBE * body.volume_m3 / MAX_DOFS) ** (1.0 / 3.0)
     edge = max(mesh_rules.tet_edge_m(smallest, max(case.solve.accuracy, 0.01)), fewest)

@@ -28,7 +28,9 @@ LARGE_M = 5.0
 
 
 def solve(case: Case, file: str, unit: str, clamps: Sequence[str], query: Request, log: Log) -> PartModes:
-    """Modes of the mesh in a file with the case's material. Raises InputError for a mesh that cannot serve, SolverError."""
+    """Compute the modes of the mesh in a file with the case's material. Raises InputError for a mesh that cannot
+    serve.
+    """
     if query.symmetry:
         raise InputError(
             f"--symmetry {query.symmetry}: a mesh from a file has no symmetry classes; leave --symmetry out"
@@ -70,7 +72,7 @@ def solve(case: Case, file: str, unit: str, clamps: Sequence[str], query: Reques
 
 
 def _has_touch(case: Case, model: SolidModel) -> bool:
-    """Whether there is a touch face, and a zone on it."""
+    """Whether the mesh has a touch face with a zone on it."""
     return "touch" in model.mesh.faces and "zone" in case.given
 
 
@@ -81,7 +83,7 @@ def _with_touch(mesh: Mesh) -> Mesh:
 
 
 def _request(case: Case, query: Request) -> Request:
-    """What to look for: the command line, else the case, else the lowest modes."""
+    """Complete the command line's request by the case's; otherwise ask for the lowest modes."""
     solve = case.solve
     if not any((query.band_hz, query.near_hz, query.count, solve.band_hz, solve.near_hz, solve.count)):
         return replace(query, near_hz=0.0, count=DEFAULT_COUNT)

@@ -85,7 +85,7 @@ def _place(at: str | None, case: Case) -> tuple[float, float] | None:
 
 
 def compare(case: Case, response: Response, measured: Measurements, log: Log) -> Comparison:
-    """Both files beside the computed response. InputError when the sweep and the response share no frequency."""
+    """Compare both files with the computed response. Raises InputError when sweep and response share no frequency."""
     document: dict[str, Any] = {"sweep": None, "map": None}
     arrays: dict[str, Any] = {}
     lines: list[str] = []
@@ -145,7 +145,7 @@ def _sweep(
 def _computed(
     case: Case, response: Response, measured: MeasuredSweep, at_m: tuple[float, float] | None
 ) -> tuple[tuple[float, float] | None, Complex]:
-    """What the measuring instrument would have shown of the computed plate, per volt, and where it points."""
+    """What the measuring instrument would have shown of the computed plate, per volt, and at which point."""
     tone = response.curve.frequency_hz
     if measured.quantity == "sensor":
         return None, response.curve.sensor_v_per_v[:, 0]

@@ -145,7 +145,7 @@ def no_plate_modes(measures: Collection[str]) -> Simplification | None:
 
 def no_figures(measures: Collection[str], drawn: bool = False) -> Simplification | None:
     """Leave out rendering: figures are drawn from what is stored, for a page or for --out."""
-    return None if drawn else Simplification("nothing_drawn", "rendering", "nothing is drawn until a page asks for it")
+    return None if drawn else Simplification("no_figures", "rendering", "nothing is drawn until a page asks for it")
 
 
 def no_lattice(design: Design, measure: str) -> Simplification | None:
@@ -183,7 +183,9 @@ def undriven_classes(patches: Patches) -> Simplification | None:
     undriven = [p for p in CLASSES if any(centred[axis] and p[axis] == "A" for axis in (0, 1))]
     if not undriven:
         return None
-    return Simplification("silent_classes", "symmetry classes " + ", ".join(undriven), "the patches do not drive them")
+    return Simplification(
+        "undriven_classes", "symmetry classes " + ", ".join(undriven), "the patches do not drive them"
+    )
 
 
 def lattice_mirrors(design: Design) -> tuple[str, ...]:

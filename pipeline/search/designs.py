@@ -17,7 +17,7 @@ GOALS = {"confinement": "confinement_db", "extension": "extension_db"}
 EVALUATIONS = 16  # assembled plates
 BROKEN = 1000.0  # dB below any design that keeps the limits
 STEEP = 1000.0  # dB for breaking a limit by its own size: a slope that the local search follows, not a cliff that it sticks to
-UNBUILT = -1e6  # objective of what cannot be built or judged
+UNBUILT = -1e6  # objective of what cannot be built or evaluated
 
 Values = tuple[float | int, ...]
 
@@ -33,7 +33,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A design as one fidelity judged it: the goal's value in dB (None: nothing to judge), what limits it breaks, its merit.
+    """A design as one fidelity evaluated it: the goal's value in dB (None: nothing to evaluate), what limits it breaks, its merit.
 
     `penalised_objective` is what ranks designs for the next fidelity and what a local search raises: the goal, less
     what a broken limit
@@ -50,18 +50,18 @@ class Evaluation:
 
     @property
     def keeps(self) -> bool:
-        """Whether it was judged and keeps every limit."""
+        """Whether the design was evaluated and keeps every limit."""
         return self.goal_db is not None and not self.violations
 
     @property
     def goal_error_db(self) -> float | None:
-        """What the goal may be off by, where it is the confinement."""
+        """Error bar of the goal, dB, where it is the confinement."""
         return self.result.confinement_error_db if self.goal_db == self.result.confinement_db else None
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Everything judged, by fidelity; the design as it was and the best one, both solved as `antinode modes` would."""
+    """All evaluations by fidelity; the design of the file and the best one, both solved as `antinode modes` would."""
 
     space: Space
     settings: Settings
@@ -73,14 +73,14 @@ class Outcome:
 
     @property
     def gain_db(self) -> float | None:
-        """How much better the best design holds the mode than the design as it was."""
+        """Gain of the best design over the design of the file, dB."""
         if self.best.goal_db is None or self.base.goal_db is None:
             return None
         return self.best.goal_db - self.base.goal_db
 
     @property
     def gain_error_db(self) -> float | None:
-        """What the gain may be off by: both designs' own expected errors."""
+        """Error bar of the gain, dB: both designs' own expected errors."""
         base, best = self.base.goal_error_db, self.best.goal_error_db
         return None if base is None or best is None else base + best
 
@@ -93,7 +93,7 @@ class Outcome:
 
 
 def front(evaluations: Sequence[Evaluation]) -> list[Evaluation]:
-    """Those that no other beats in goal, frequency and mass at once (Pareto), by falling goal."""
+    """Designs that no other beats in goal, frequency and mass at once (Pareto), by falling goal."""
 
     def worth(each: Evaluation) -> FloatArray:
         mass = each.mass_kg if each.mass_kg is not None else 0.0
@@ -108,7 +108,7 @@ def front(evaluations: Sequence[Evaluation]) -> list[Evaluation]:
 
 
 def rate(values: Values, result: FidelityResult, settings: Settings, design: Design) -> Evaluation:
-    """Goal, mass and limits of a judged design."""
+    """Compute goal, mass and limits of an evaluated design."""
     goal: float | None = getattr(result, GOALS[settings.goal])
     if goal is None or result.frequency_hz is None or result.mac is None:
         return Evaluation(values, result, None, None, (), UNBUILT, UNBUILT)
@@ -124,9 +124,9 @@ def rate(values: Values, result: FidelityResult, settings: Settings, design: Des
 
 
 def summary(each: Evaluation) -> str:
-    """An evaluation in a few words."""
+    """Describe an evaluation in a few words."""
     if each.goal_db is None or each.result.frequency_hz is None:
-        return f"not judged: {each.result.why_not}"
+        return f"not evaluated: {each.result.why_not}"
     broken = f"; breaks: {'; '.join(each.violations)}" if each.violations else ""
     bar = "" if each.goal_error_db is None else f" +-{each.goal_error_db:.2f}"
     return f"{each.goal_db:.2f}{bar} dB at {each.result.frequency_hz / 1e3:.2f} kHz, MAC {each.result.mac:.2f}{broken}"

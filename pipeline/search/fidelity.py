@@ -1,4 +1,4 @@
-"""One design judged by one model: from a strip in milliseconds to the assembled plate; what was judged once is kept on disk."""
+"""One design evaluated by one model: from a strip in milliseconds to the assembled plate; what was evaluated once is kept on disk."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ GRID_HZ = 2500.0  # windows begin and end on it, so that neighbours in the searc
 
 @dataclass(frozen=True)
 class FidelityResult:
-    """The wanted mode of one design by one fidelity; None where it has none, and then why.
+    """The wanted mode of one design at one fidelity; None where it has none, and then the reason.
 
     frequency_error (relative) and confinement_error_db are what plates are expected to be off by; `warnings` holds (id, text)
     of its solve.
@@ -52,7 +52,7 @@ class FidelityResult:
 
 
 def by_strip(case: Case, softness: float) -> FidelityResult:
-    """The wanted mode of a case by a strip, whose pillars' feet give way by `softness` times a half-space's compliance."""
+    """Estimate the wanted mode by a strip whose pillars' feet have `softness` times a half-space's compliance."""
     from solvers.errors import SolverError
     from solvers.resonators.strip import strip_modes
 
@@ -66,7 +66,9 @@ def by_strip(case: Case, softness: float) -> FidelityResult:
 def evaluate(
     case: Case, fidelity: str, near_hz: float | None = None, cache: EvaluationCache | None = None
 ) -> FidelityResult:
-    """The wanted mode by a computed fidelity, near a frequency where one is known; from the cache when it stands there."""
+    """Compute the wanted mode at a fidelity, near a frequency where one is known; taken from the cache when it is
+    there.
+    """
     question = {"case": case.as_understood(), "fidelity": fidelity, "near_hz": near_hz}
     stored = cache.get(question) if cache else None
     if stored is not None:
@@ -115,7 +117,7 @@ def _of_profile(fidelity: str, frequency_hz: Any, level: Any) -> FidelityResult:
 
 
 def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
-    """Assembled plate or solid; without a frequency to look near, in the window that the case itself has."""
+    """Solve the assembled plate or the solid; without a frequency to look near, in the case's own window."""
     from pipeline.analysis import modes
 
     solve = replace(case.solve, model="auto")
@@ -154,20 +156,20 @@ def _outwards(low: float, high: float) -> tuple[float, float]:
 
 
 class WarningLog:
-    """A log that nobody reads: a search tells what it found, not how each design was solved; warnings are kept."""
+    """A log that keeps warnings and discards progress: a search reports designs, not how each was solved."""
 
     def __init__(self) -> None:
         self.warnings: list[tuple[str, str]] = []
 
     def info(self, text: str, id: str = "") -> None:
-        """Not told."""
+        """Discarded."""
 
     def warning(self, id: str, text: str) -> None:
-        """Kept: a design near a limit is judged like any other, those of the best one are told at the end."""
+        """Kept: warnings of the best design are reported at the end."""
         self.warnings.append((id, text))
 
     def left_out(self, what: str, why: str) -> None:
-        """Not told."""
+        """Discarded."""
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:
@@ -176,14 +178,16 @@ class WarningLog:
 
 
 class EvaluationCache:
-    """Judged designs as small JSON files under the hash of question and computing sources; a torn file counts as absent."""
+    """Evaluations as small JSON files under the hash of question and computing sources; a torn file counts as
+    absent.
+    """
 
     def __init__(self, folder: Path = RESULTS / ".search") -> None:
         self.folder = folder
         self.reused = 0
 
     def get(self, question: dict[str, Any]) -> FidelityResult | None:
-        """What was judged before by the same code, or None."""
+        """Return the evaluation made before by the same code, or None."""
         with suppress(store.BadRecord, TypeError, KeyError, ValueError):
             plain = store.read_json(self._path(question))
             stored = FidelityResult(**plain | {"warnings": tuple((id, text) for id, text in plain["warnings"])})
@@ -192,7 +196,7 @@ class EvaluationCache:
         return None
 
     def put(self, question: dict[str, Any], result: FidelityResult) -> None:
-        """Keep one; a full disk costs the next run time, not this one its result."""
+        """Keep an evaluation; where the disk is full it is recomputed in the next run."""
         with suppress(store.StoreError, OSError):
             self.folder.mkdir(parents=True, exist_ok=True)
             store.write_json(self._path(question), asdict(result))

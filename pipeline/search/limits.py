@@ -13,7 +13,9 @@ MM = 1e3
 
 @dataclass(frozen=True)
 class Limits:
-    """Least frequency (Hz) and modal assurance of the wanted mode, largest half-wavelength and least feature (m)."""
+    """Limits on the wanted mode's frequency (Hz) and modal assurance, on its half-wavelength and on the smallest
+    feature (m).
+    """
 
     lowest_hz: float = 25e3
     half_wavelength_m: float = 20e-3
@@ -21,7 +23,7 @@ class Limits:
     mac: float = 0.8
 
     def of_design(self, design: Design) -> list[tuple[str, float]]:
-        """Limits that the geometry alone breaks: in words, and by how much (relative)."""
+        """Limits that the geometry alone violates: in words, and by how much (relative)."""
         violations = []
         half = half_wavelength_m(design)
         if not half <= self.half_wavelength_m:
@@ -40,7 +42,7 @@ class Limits:
         return violations
 
     def of_mode(self, frequency_hz: float, mac: float, slack: float = 0.0) -> list[tuple[str, float]]:
-        """Limits that the wanted mode breaks by more than `slack` (relative: what a cheap fidelity may err by)."""
+        """Limits that the wanted mode violates by more than `slack` (relative: what a cheap fidelity may err by)."""
         violations = []
         if frequency_hz < self.lowest_hz * (1.0 - slack):
             text = f"{frequency_hz / 1e3:.2f} kHz, at least {self.lowest_hz / 1e3:g}"

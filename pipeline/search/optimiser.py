@@ -40,7 +40,9 @@ MAX_CONFIRMED = 3
 
 
 def search(space: Space, settings: Settings, log: Log, cache: EvaluationCache | None = None) -> Outcome:
-    """The best design of a space. InputError for a scene without rows of pillars; CheckFailed when none keeps the limits."""
+    """Search the best design of a space. Raises InputError without rows of pillars, CheckFailed when none keeps the
+    limits.
+    """
     _check(space, settings)
     return _Search(space, settings, log, cache or EvaluationCache()).go()
 
@@ -57,11 +59,11 @@ def _check(space: Space, settings: Settings) -> None:
 
 
 class _Spent(Exception):
-    """The fidelity's budget is used up."""
+    """The budget of a fidelity is used up."""
 
 
 class _Search:
-    """One search, while it lasts."""
+    """State of one search."""
 
     def __init__(self, space: Space, settings: Settings, log: Log, cache: EvaluationCache) -> None:
         self.space, self.settings, self.log, self.cache = space, settings, log, cache
@@ -93,7 +95,9 @@ class _Search:
         return Outcome(self.space, self.settings, results, base, best, self.softness, window)
 
     def _calibrate(self) -> None:
-        """Soften the strips' feet until the file's own design has the frequency that a column of computed cells gives it."""
+        """Soften the strips' feet until the file's design has the frequency that a column of computed cells gives
+        it.
+        """
         case = self.space.case()
         with self.log.step("calibrate the strips on one column"):
             column = evaluate(case, COLUMN, None, self.cache)
@@ -107,7 +111,7 @@ class _Search:
         self.log.info(f"{comparison_text} with feet {softness:.2f} times as soft as a half-space's")
 
     def _screen(self) -> None:
-        """Judge the whole box by strips."""
+        """Evaluate the whole box by strips."""
         with self.log.step("strips over the whole box"):
             for shares in screening_points(self.space):
                 self._evaluation(self.space.values(shares), STRIP)
@@ -119,7 +123,9 @@ class _Search:
             raise CheckFailed(f"no design between the ends can be built: {unbuilt[0].result.why_not}")
 
     def _at_fidelity(self, fidelity: str, source: str, first: int, more: Sequence[Values] = ()) -> None:
-        """Judge the file's own design, the best ones of the fidelity below and some more, then descend from the best two."""
+        """Evaluate the file's design, the best ones of the fidelity below and some more, then search locally from the
+        best two.
+        """
         picked = [each.values for each in spread(self.known[source].values(), first, self.space)]
         own = self.space.own_values()
         for values in list(dict.fromkeys([*([own] if own else []), *picked, *more]))[: self.budget[fidelity]]:
@@ -128,7 +134,7 @@ class _Search:
         if not with_goal:
             reasons = [each.result.why_not for each in self.known[fidelity].values()]
             raise CheckFailed(
-                f"no design could be judged by the fidelity {fidelity}: {reasons[0] if reasons else 'none tried'}"
+                f"no design could be evaluated at the fidelity {fidelity}: {reasons[0] if reasons else 'none tried'}"
             )
         for start in sorted(with_goal, key=lambda each: -each.penalised_objective)[:2]:
             if not self._descend(fidelity, start):
@@ -136,7 +142,7 @@ class _Search:
                 break
 
     def _descend(self, fidelity: str, start: Evaluation) -> bool:
-        """Nelder-Mead over the keys that are no counts; False when the fidelity's budget ended it."""
+        """Search locally by Nelder-Mead over the keys that are no counts; False when the budget ended it."""
         from scipy.optimize import minimize
 
         loose = [i for i, variable in enumerate(self.space.variables) if not variable.whole]
@@ -160,7 +166,7 @@ class _Search:
         return True
 
     def _tried(self, values: Values, fidelity: str) -> Evaluation:
-        """A design by a computed fidelity, told; _Spent when it would exceed the budget."""
+        """Evaluate a design at a computed fidelity and log it. Raises _Spent when it would exceed the budget."""
         if values in self.known[fidelity]:
             return self.known[fidelity][values]
         if len(self.known[fidelity]) >= self.budget[fidelity]:
@@ -177,7 +183,7 @@ class _Search:
         return self.known[fidelity][values]
 
     def _near(self, values: Values) -> float | None:
-        """Where the plate's wanted mode is looked for: about the column's."""
+        """Frequency about which the plate's wanted mode is searched: the column's."""
         if not self.boxes:
             return None
         column = self.known[COLUMN].get(values) or self._evaluated(values, COLUMN, None)
@@ -194,8 +200,8 @@ class _Search:
         return rate(values, results, self.settings, case.design)
 
     def _confirmed(self, values: Values, near_hz: float | None) -> Evaluation:
-        """A design (none: as the file has it) by the assembled plate in the case's own window, which must hold the
-        mode found.
+        """Evaluate a design (none: as the file has it) by the assembled plate in the case's own window, which must
+        hold the mode.
         """
         with self.log.step("solve the design as it was" if not values else "solve the best design again"):
             confirmed = self._evaluated(values, PLATE, None, window_around(self.space.case(values), near_hz))
@@ -204,7 +210,7 @@ class _Search:
         return confirmed
 
     def _best(self) -> Evaluation:
-        """The best assembled plate that stands when solved in the case's own window."""
+        """The best assembled plate that keeps its result when solved in the case's own window."""
         ranked = sorted((e for e in self.known[PLATE].values() if e.keeps), key=lambda e: -e.objective)
         if not ranked:
             raise CheckFailed(_none_keeps(self.known[PLATE].values(), self.space))
@@ -220,7 +226,7 @@ class _Search:
 
 
 def screening_points(space: Space) -> FloatArray:
-    """Points of the unit cube that strips judge, (n, keys): a grid up to two keys, Sobol's points beyond."""
+    """Points of the unit cube that strips evaluate, (n, keys): a grid up to two keys, Sobol's points beyond."""
     count = len(space.variables)
     if count not in GRID:
         from scipy.stats import qmc
@@ -234,7 +240,7 @@ def screening_points(space: Space) -> FloatArray:
 
 
 def even_points(space: Space, count: int) -> list[Values]:
-    """Designs evenly over the box (Halton): a cheaper fidelity may be wrong about where the best lie."""
+    """Spread designs evenly over the box (Halton): a cheaper fidelity may be wrong about where the best lie."""
     if not count:
         return []
     from scipy.stats import qmc

@@ -15,7 +15,7 @@ STRIP, COLUMN, PLATE = "strip", "column", "plate"
 
 
 def landscape(document: dict[str, Any]) -> ReportFigure:
-    """Two panels from a search's document: the goal over one or two keys, and the goal against frequency and mass."""
+    """Draw the goal over one or two keys, and the goal against frequency and mass, from a search's document."""
     figure = style.new_figure(style.WIDTH_IN, 3.9)
     left, right = figure.subplots(1, 2, width_ratios=[1.15, 1.0])
     key, label = GOALS[document["goal"]]
@@ -47,12 +47,12 @@ def _of(document: dict[str, Any], fidelity: str) -> list[dict[str, Any]]:
 
 
 def _points(listed: list[dict[str, Any]], keys: list[str], value: str) -> Any:
-    """Columns: the keys' values and the goal's, of those that were judged."""
+    """Columns of the keys' values and the goal's, of the evaluated designs."""
     return np.array([[*(e["set"][k] for k in keys), e[value]] for e in listed if e[value] is not None]).T
 
 
 def _line(axes: Any, document: dict[str, Any], key: str, value: str, label: str) -> None:
-    """The goal over one key, by every fidelity."""
+    """Draw the goal over one key, by every fidelity."""
     looks = {STRIP: (style.GREY, "", "-"), COLUMN: (style.SKY, "s", ""), PLATE: (style.BLUE, "o", "")}
     for fidelity, (colour, marker, line) in looks.items():
         points = _points(_of(document, fidelity), [key], value)

@@ -24,4 +24,4 @@ class NoCache:
 def put_in(patch: pytest.MonkeyPatch) -> None:
     """Every cell coarse and reduced anew."""
     patch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: COARSE)
-    patch.setattr(unit_cell, "CellShelf", NoCache)
+    patch.setattr(unit_cell, "CellCache", NoCache)

@@ -129,7 +129,7 @@ def poor(accuracy: float) -> ReductionSettings:
 
 
 def test_a_reduction_too_poor_for_the_accuracy_is_raised_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mesh_rules, "lattice_recipe", lambda design, accuracy: poor(accuracy))
+    monkeypatch.setattr(mesh_rules, "lattice_reduction", lambda design, accuracy: poor(accuracy))
     result, log = solved("bands.points=1", "bands.count=8")
     assert result.detail and result.detail.reduction_error < 0.02 and "REDUCTION" not in log.warnings
     assert any("degree" in fact and "instead of 2" in fact and "MHz" in fact for fact in log.facts)
@@ -139,8 +139,8 @@ def test_a_reduction_too_poor_for_the_accuracy_is_raised_and_said(monkeypatch: p
 
 
 def test_a_reduction_that_cannot_be_raised_enough_is_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mesh_rules, "lattice_recipe", lambda design, accuracy: poor(accuracy))
-    monkeypatch.setattr(unit_cell, "MOST_DOF", 10)
+    monkeypatch.setattr(mesh_rules, "lattice_reduction", lambda design, accuracy: poor(accuracy))
+    monkeypatch.setattr(unit_cell, "MAX_DOF", 10)
     result, log = solved("bands.points=1", "bands.count=8")
     assert result.detail and result.detail.reduction_error > 0.02
     assert "lower bands.count (8), raise solve.accuracy, or take solve.model = 'solid'" in log.warnings["REDUCTION"]

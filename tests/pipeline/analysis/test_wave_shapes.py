@@ -16,7 +16,7 @@ CASE = Path(__file__).resolve().parents[3] / "studies" / "three-rows.toml"
 
 
 @pytest.fixture(scope="module")
-def found() -> Bands:
+def result() -> Bands:
     with pytest.MonkeyPatch.context() as patch:
         coarse_cells.put_in(patch)
         case = load_case(CASE, ["solve.accuracy=0.05", "bands.points=2", "bands.count=6"])

@@ -125,8 +125,8 @@ def test_classes_that_no_patch_drives_are_silent() -> None:
         result = simplifications.undriven_classes(patches)
         return result.what if result else ""
 
-    assert undriven("[0.0,0.0]") == "symmetry classes +-, -+, --"
-    assert undriven("[-20.0,0.0]", "[20.0,0.0]") == "symmetry classes +-, --"
+    assert undriven("[0.0,0.0]") == "symmetry classes SA, AS, AA"
+    assert undriven("[-20.0,0.0]", "[20.0,0.0]") == "symmetry classes SA, AA"
     assert undriven("[-20.0,5.0]", "[20.0,5.0]") == ""
 
 
@@ -160,7 +160,7 @@ def test_patches_damping_modes_and_pictures_only_where_asked() -> None:
     everything = plan.of_measures(case(), ["modes", "bands", "attenuation", "response"])
     assert not {"no_patches", "no_response", "no_plate_modes", "no_lattice"} & rules(everything)
     some = plan.of_measures(case(), ["bands"])
-    assert {"no_patches", "no_response", "no_plate_modes", "nothing_drawn"} <= rules(some)
+    assert {"no_patches", "no_response", "no_plate_modes", "no_figures"} <= rules(some)
     assert "the case has none" in simplifications.no_patches(None, ["response"]).why  # type: ignore[union-attr]
     assert simplifications.no_figures(()) and not simplifications.no_figures((), drawn=True)
     assert [step.measure for step in plan.of_measures(case(), ["confinement", "attenuation"]).steps] == [
@@ -200,7 +200,7 @@ def test_models() -> None:
 def test_a_response_with_pillars_from_a_step_file_is_planned_whole() -> None:
     step = plan.response_step(with_pillar("step"), None, 11)
     assert step.classes == ("whole",)
-    assert not {"mirror_images", "silent_classes"} & {each.rule for each in step.left_out}
+    assert not {"mirror_images", "undriven_classes"} & {each.rule for each in step.left_out}
 
 
 # -- what is planned is what happens -----------------------------------------------------------------------------------
@@ -372,7 +372,7 @@ def test_a_scene_without_pillars_patches_and_response_does_none_of_their_work(tm
     assert not [
         name for name in result["modules"] if name.startswith(("solvers.piezo", "pipeline.plots", "solvers.waves"))
     ]
-    assert {"no_pillars", "boxes", "mirror_images", "no_patches", "no_response", "nothing_drawn"} <= {
+    assert {"no_pillars", "boxes", "mirror_images", "no_patches", "no_response", "no_figures"} <= {
         each["rule"] for each in result["record"]["left_out"]
     }
     assert any(name.startswith("solvers/superelement/plate.py") for name in result["calls"])  # the trace does count

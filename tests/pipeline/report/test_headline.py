@@ -60,7 +60,7 @@ def test_rows_needed_are_those_of_finite_plates_beside_the_endless_estimate(stud
 
 
 def test_a_plate_computed_beside_its_sweep_counts_once(study: StoredStudy) -> None:
-    assert "4 of 6 plates hold the wanted mode" in " ".join(text.sentences(study))
+    assert "4 of 6 plates confine the wanted mode" in " ".join(text.sentences(study))
     assert "best of 6 plates" in cards(study)["Confined to the zone"].note
 
 

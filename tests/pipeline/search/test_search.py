@@ -50,7 +50,7 @@ def fake(case, fidelity: str, near_hz: float | None = None, cache: object = None
 
 def put(monkeypatch: pytest.MonkeyPatch, result) -> None:
     """A landscape in place of all models."""
-    monkeypatch.setattr(optimiser, "judge", result)
+    monkeypatch.setattr(optimiser, "evaluate", result)
     monkeypatch.setattr(optimiser, "by_strip", lambda case, softness: result(case, STRIP))
 
 
@@ -219,7 +219,7 @@ def test_strips_are_calibrated_on_the_files_own_column(monkeypatch: pytest.Monke
     case = load_case(CASE)
     wanted = by_strip(case, 0.8)
     monkeypatch.setattr(
-        optimiser, "judge", lambda case, fidelity, near_hz=None, cache=None: replace(wanted, fidelity=fidelity)
+        optimiser, "evaluate", lambda case, fidelity, near_hz=None, cache=None: replace(wanted, fidelity=fidelity)
     )
     space = read_space(CASE, [], ["pillar.height_mm=6:6.5"])
     result = optimiser.search(space, Settings(evaluations=1), fidelity.WarningLog(), EvaluationCache(tmp_path))
