@@ -33,7 +33,8 @@ class Settings:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A design as one fidelity evaluated it: the goal's value in dB (None: nothing to evaluate), what limits it breaks, its merit.
+    """A design as one fidelity evaluated it: the goal's value in dB (None: nothing to evaluate), what limits it
+    breaks, its merit.
 
     `penalised_objective` is what ranks designs for the next fidelity and what a local search raises: the goal, less
     what a broken limit

@@ -1,4 +1,6 @@
-"""One design evaluated by one model: from a strip in milliseconds to the assembled plate; what was evaluated once is kept on disk."""
+"""One design evaluated by one model: from a strip in milliseconds to the assembled plate; what was evaluated once is
+kept on disk.
+"""
 
 from __future__ import annotations
 
