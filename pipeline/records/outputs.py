@@ -64,10 +64,10 @@ def is_standard_output(place: str | os.PathLike[str] | None) -> bool:
 def check_places(arguments: Namespace) -> None:
     """Before computing: InputError with a line for each place named on the command line that cannot be written."""
     lines = []
-    for name in ("out", "synthesise"):
+    for name in ("out", "synthetic_data"):
         place = getattr(arguments, name, None)
         if place is not None and (reason := folder_obstacle(place)):
-            lines.append(f"--{name} = {place}: {reason}: must be a folder that can be written")
+            lines.append(f"--{name.replace('_', '-')} = {place}: {reason}: must be a folder that can be written")
     for name in ("json", "plot", "csv"):
         lines += _faults(f"--{name}", [getattr(arguments, name, None)])
     lines += _faults("--out", _known_files(arguments))
@@ -109,7 +109,7 @@ def _obstacle(place: str | Path) -> str | None:
 
 def _known_files(arguments: Namespace) -> list[Path]:
     """Files that stand where a command is known to write one into its folders."""
-    into, measured = getattr(arguments, "out", None), getattr(arguments, "synthesise", None)
+    into, measured = getattr(arguments, "out", None), getattr(arguments, "synthetic_data", None)
     known = [Path(into, f"{arguments.command}{ending}") for ending in (".json", ".csv")] if into else []
     known += [Path(measured, name) for name in ("sweep.csv", "field.csv")] if measured else []
     return [path for path in known if path.exists()]
