@@ -20,7 +20,7 @@ from pipeline.process import lend_cache_folders, terminable
 READ = ("case", "study", "target", "mesh_file", "measured", "map", "table", "sweep", "file")
 MAX_DIGITS = 40  # characters
 RENAMED = {
-    "--symmetry": "--symmetry SS, SA, AS or AA",
+    "--parity": "--symmetry SS, SA, AS or AA",
     "--fields": "--save-all-fields",
     "--above": "--min-frequency",
     "--half-wave": "--max-half-wavelength",
