@@ -25,7 +25,7 @@ TAKES = {
     "pillar": ("quality", "band", "cell"),
     "beam": ("frequency", "gain", "quality", "delay"),
     "shaping": ("frequency",),
-    "dq": ("frequency", "quality", "delay", "within", "table", "sweep"),
+    "dq": ("frequency", "quality", "delay", "settling_time", "table", "sweep"),
 }
 MASON_HIGHEST = 100  # of the mode to confine: the wavelength of 5/3 cells is 2 mm, the bar's thickness, for the default
 GAIN_N_M = (1e-3, 1e12)  # from a millionth of any strip's own stiffness to beyond that of solid blocks of metal
@@ -68,8 +68,10 @@ def _refuse_foreign_options(arguments: Namespace) -> None:
     takes = TAKES[arguments.model]
     for name in sorted({option for options in TAKES.values() for option in options}):
         if getattr(arguments, name) and name not in takes:
-            listed = ", ".join(f"--{option}" for option in takes)
-            raise InputError(f"--{name}: active {arguments.model} does not take it; it takes {listed}")
+            listed = ", ".join(f"--{option.replace('_', '-')}" for option in takes)
+            raise InputError(
+                f"--{name.replace('_', '-')}: active {arguments.model} does not take it; it takes {listed}"
+            )
 
 
 def _case(arguments: Namespace) -> Case | None:

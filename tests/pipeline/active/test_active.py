@@ -77,7 +77,10 @@ def test_options_reach_the_model(capsys) -> None:
     )
     assert (mason["frequencies_hz"][0], mason["frequencies_hz"][-1]) == (5e3, 30e3)
     assert (
-        run("dq", "--frequency", "28kHz", "--quality", "200", "--within", "3ms", "--delay", "12us", "--json", "-") == 0
+        run(
+            "dq", "--frequency", "28kHz", "--quality", "200", "--settling-time", "3ms", "--delay", "12us", "--json", "-"
+        )
+        == 0
     )
     dq = json.loads(capsys.readouterr().out)
     assert dq["plant"]["frequency_hz"] == 28e3 and dq["plant"]["quality"] == pytest.approx(200)
@@ -150,7 +153,7 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
         (("mason", "--gain", "1"), "does not take it"),
         (("beam", "--gain", "1e-300"), "--gain = 1e-300: must be a number above 0 in N/m, from 0.001 to 1e+12"),
         (("pillar", "--quality", "1e-300"), "--quality = 1e-300: must be a number above 0, from 0.5 to 1e+12, or inf"),
-        (("dq", "--within", "1e300s"), "--within = '1e300s': must be a time of 0 or more in s, ms or us"),
+        (("dq", "--settling-time", "1e300s"), "--settling-time = '1e300s': must be a time of 0 or more in s, ms or us"),
         (("mason", "--band", "1kHz:30MHz"), "must end at 2500 kHz or below"),
         (("pillar", "--band", "30:34"), "30:34 could mean 30 Hz to 34 Hz or 30 kHz to 34 kHz: write the unit"),
         (("beam", "--frequency", "3"), "3 could mean 3 Hz or 3 kHz: write the unit"),
@@ -160,7 +163,7 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
         (("dq", "--quality", "inf"), "without losses"),
         (("dq", "--frequency", "0"), "--frequency"),
         (("dq", "--frequency", "1kHz", "--frequency", "2kHz"), "takes one"),
-        (("dq", "--within", "0.1ms"), "latency"),
+        (("dq", "--settling-time", "0.1ms"), "latency"),
         (("dq", "--table", "nothing.bin"), "nothing.bin"),
         (("dq", "--sweep", "nothing.csv"), "nothing.csv"),
         (("shaping", "--frequency", "0"), "--frequency"),
