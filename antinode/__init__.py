@@ -1,0 +1,74 @@
+"""Touch plates that hold their vibration, from one case to modes, bands, confinement and response.
+
+    import antinode
+    plate = antinode.load("studies/three-rows.toml")
+    bands = plate.bands()
+    bands.plot()
+
+Nothing heavy is imported until something is computed.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from antinode.plate import Caution, Plate, load
+    from antinode.results import Attenuation, Bands, Mode, Modes, Predesign, Response, Tolerance
+    from antinode.stored import open
+    from antinode.sweeps import SweepTable, sweep
+    from antinode.tables import Array, BandPath, Damping, Patches, Pillar, Scatter, Solve, Zone
+    from pipeline.errors import InputError
+    from solvers.errors import SolverError
+
+HOMES = {
+    "antinode.plate": ("Caution", "Plate", "load"),
+    "antinode.results": ("Attenuation", "Bands", "Mode", "Modes", "Predesign", "Response", "Tolerance"),
+    "antinode.stored": ("open",),
+    "antinode.sweeps": ("SweepTable", "sweep"),
+    "antinode.tables": ("Array", "BandPath", "Damping", "Patches", "Pillar", "Scatter", "Solve", "Zone"),
+    "pipeline.errors": ("InputError",),
+    "solvers.errors": ("SolverError",),
+}
+__all__ = [
+    "Array",
+    "Attenuation",
+    "BandPath",
+    "Bands",
+    "Caution",
+    "Damping",
+    "InputError",
+    "Mode",
+    "Modes",
+    "Patches",
+    "Pillar",
+    "Plate",
+    "Predesign",
+    "Response",
+    "Scatter",
+    "Solve",
+    "SolverError",
+    "SweepTable",
+    "Tolerance",
+    "Zone",
+    "__version__",
+    "load",
+    "open",
+    "sweep",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("antinode")
+    for home, names in HOMES.items():
+        if name in names:
+            return getattr(import_module(home), name)
+    raise AttributeError(f"module 'antinode' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,249 @@
+"""A plate: one case, and what can be computed of it."""
+
+from __future__ import annotations
+
+import copy
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from antinode.tables import Array, BandPath, Damping, Patches, Pillar, Scatter, Solve, Table, Zone, plain
+from pipeline.case.model import Case, case_from_dict
+from pipeline.case.overrides import apply_overrides, read_toml
+from pipeline.case.schema import TABLES
+from pipeline.errors import InputError
+from pipeline.logs import TerminalLog
+
+if TYPE_CHECKING:
+    from antinode.results import Attenuation, Bands, Modes, Predesign, Response, Tolerance
+
+Pair = tuple[float, float]
+
+
+class Plate:
+    """A touch plate: zone, pillars, array, and what is asked of it; it never changes, `with_` makes another one.
+
+    Keywords are the tables of a case file (Zone, Pillar, Array, Solve, BandPath, Damping, Patches, Scatter, or plain
+    dictionaries), the plate's thickness in mm, and a material by its name or by young_GPa, density_kg_m3 and poisson.
+    Raises InputError with one line for every fault.
+
+    >>> plate = Plate(thickness_mm=2.0, zone=Zone(length_mm=115.5, width_mm=20.0, nodal_lines=8))
+    >>> round(plate.predesign().zone_hz / 1e3, 1)
+    39.4
+    """
+
+    def __init__(
+        self,
+        *,
+        name: str = "plate",
+        material: str | dict[str, float] = "aluminium",
+        thickness_mm: float | None = None,
+        zone: Zone | dict[str, Any] | None = None,
+        pillar: Pillar | dict[str, Any] | None = None,
+        array: Array | dict[str, Any] | None = None,
+        solve: Solve | dict[str, Any] | None = None,
+        bands: BandPath | dict[str, Any] | None = None,
+        damping: Damping | dict[str, Any] | None = None,
+        patches: Patches | dict[str, Any] | None = None,
+        tolerance: Scatter | dict[str, Any] | None = None,
+    ) -> None:
+        given: dict[str, Any] = {
+            "name": name, "material": material, "plate": {"thickness_mm": thickness_mm} if thickness_mm else None,
+            "zone": zone, "pillar": pillar, "array": array, "solve": solve, "bands": bands, "damping": damping,
+            "patches": patches, "tolerance": tolerance,
+        }  # fmt: skip
+        self._bind({key: plain(value) for key, value in given.items() if value is not None}, None)
+
+    def _bind(self, raw: dict[str, Any], source: Path | None) -> None:
+        self._raw, self._source = raw, source
+        self._case = case_from_dict(raw, source)
+
+    @classmethod
+    def _of(cls, raw: dict[str, Any], source: Path | None) -> Plate:
+        plate = cls.__new__(cls)
+        plate._bind(raw, source)
+        return plate
+
+    @property
+    def case(self) -> Case:
+        """The case in SI units, as the command line reads it."""
+        return self._case
+
+    @property
+    def name(self) -> str:
+        """The name of the case."""
+        return self._case.name
+
+    def with_(self, **changes: Any) -> Plate:
+        """Return another plate with changed keys: the last part of a key where it is unique, else table__key.
+
+        Raises InputError for an unknown or ambiguous name, and for a value that the key cannot have.
+
+        >>> from antinode import load
+        >>> load("studies/three-rows.toml").with_(pitch_mm=5.0).to_dict()["array"]["pitch_mm"]
+        5.0
+        """
+        pairs = [(_key(name), plain(value)) for name, value in changes.items()]
+        return Plate._of(apply_overrides(self._raw, pairs), self._source)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The tables of the case as its file has them."""
+        return copy.deepcopy(self._raw)
+
+    def predesign(self) -> Predesign:
+        """Size zone and pillar analytically; raises InputError without [plate] and [zone]."""
+        from antinode.results import Predesign
+        from pipeline.analysis import predesign
+
+        self._case.require("plate", "zone", command="predesign")
+        return Predesign(predesign.run(self._case)[0] | self._about)
+
+    def modes(
+        self,
+        band_kHz: Pair | None = None,
+        part: str = "plate",
+        *,
+        near_kHz: float | None = None,
+        count: int | None = None,
+        symmetry: str | None = None,
+        progress: bool | None = None,
+    ) -> Modes:
+        """Compute the modes of plate, zone or pillar in a band, or `count` of them near a frequency.
+
+        Raises InputError for what the case lacks, SolverError for what could not be trusted.
+        """
+        from antinode.results import Modes
+        from pipeline.analysis.modes import solve_modes
+        from pipeline.planning.request import Request
+
+        needed = {"plate": ("plate", "zone"), "zone": ("plate", "zone"), "pillar": ("pillar",)}
+        if part not in needed:
+            raise InputError(f"part = {part!r}: must be plate, zone or pillar")
+        self._case.require(*needed[part], command=f"modes of the {part}")
+        if part == "plate":
+            self._case.require_plate(command="modes of the plate")
+        near = None if near_kHz is None else 1e3 * near_kHz
+        with _logged(progress) as log:
+            found = solve_modes(self._case, Request(part, _hz(band_kHz), near, count, symmetry), log)
+        return Modes(found.json() | self._about, found, self._case)
+
+    def bands(self, *, progress: bool | None = None) -> Bands:
+        """Compute Bloch bands and gaps of the unit cell along the case's path."""
+        from antinode.results import Bands
+        from pipeline.analysis.bands import solve_bands
+
+        with _logged(progress) as log:
+            return Bands(solve_bands(self._case, log).json() | self._about)
+
+    def attenuation(
+        self,
+        band_kHz: Pair | None = None,
+        *,
+        kx_per_m: float | None = None,
+        points: int = 201,
+        progress: bool | None = None,
+    ) -> Attenuation:
+        """Compute the decay per row across the zone's border at a wavenumber along it (default: the wanted mode's)."""
+        from antinode.results import Attenuation
+        from pipeline.analysis import attenuation
+
+        with _logged(progress) as log:
+            return Attenuation(attenuation.solve(self._case, log, _hz(band_kHz), kx_per_m, points).json() | self._about)
+
+    def response(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Response:
+        """Compute the forced response to the patches."""
+        from antinode.results import Response
+        from pipeline.analysis import response
+
+        with _logged(progress) as log:
+            return Response(response.solve(self._case, log, _hz(band_kHz), points).json() | self._about)
+
+    def tolerance(self, band_kHz: Pair | None = None, *, progress: bool | None = None) -> Tolerance:
+        """Compute how far peak and confinement move when no two pillars are alike."""
+        from antinode.results import Tolerance
+        from pipeline.analysis import tolerance
+
+        with _logged(progress) as log:
+            return Tolerance(tolerance.solve(self._case, log, _hz(band_kHz)).json() | self._about)
+
+    @cached_property
+    def _about(self) -> dict[str, Any]:
+        from importlib.metadata import version
+
+        return {"case": self.name, "with_defaults": self._case.as_understood(), "version": version("antinode")}
+
+    def __repr__(self) -> str:
+        tables = ", ".join(key for key in self._raw if key in TABLES)
+        return f"<antinode.Plate {self.name!r}: {tables}>"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Plate) and self._case.as_understood() == other._case.as_understood()
+
+    def __hash__(self) -> int:
+        return hash(repr(self._case.as_understood()))
+
+
+def load(path: str | Path, **overrides: Any) -> Plate:
+    """Read a case file, with keys changed as by Plate.with_. Raises InputError with one line for every fault.
+
+    >>> load("studies/three-rows.toml", rows=2).to_dict()["array"]["rows"]
+    2
+    """
+    file = Path(path)
+    pairs = [(_key(name), plain(value)) for name, value in overrides.items()]
+    return Plate._of(apply_overrides(read_toml(file), pairs), file)
+
+
+def _key(name: str) -> str:
+    """The dotted key that a keyword stands for."""
+    table, _, last = name.partition("__")
+    if last:
+        return f"{table}.{last}"
+    owners = [table for table, schema in TABLES.items() if name in schema.model_fields]
+    if name in ("material", "name") or len(owners) == 1:
+        return f"{owners[0]}.{name}" if owners and name != "material" else name
+    if owners:
+        listed = ", ".join(f"{owner}__{name}" for owner in owners)
+        raise InputError(f"{name}: stands in several tables; write one of {listed}")
+    from difflib import get_close_matches
+
+    known = sorted({field for schema in TABLES.values() for field in schema.model_fields})
+    near = get_close_matches(name, known, 1)
+    raise InputError(f"{name}: no such key{f'; did you mean {near[0]}?' if near else ''}")
+
+
+def _hz(band_kHz: Pair | None) -> Pair | None:
+    if band_kHz is None:
+        return None
+    low, high = (1e3 * float(end) for end in band_kHz)
+    if not 0.0 <= low < high:
+        raise InputError(f"band_kHz = {tuple(band_kHz)}: must be two rising numbers")
+    return low, high
+
+
+class Caution(UserWarning):
+    """Something to know before believing the numbers."""
+
+
+class _Log(TerminalLog):
+    """Progress on standard error where it is wanted; warnings as Python's own."""
+
+    def warning(self, id: str, text: str) -> None:
+        warnings.warn(f"{id}: {text}", Caution, stacklevel=2)
+
+
+@contextmanager
+def _logged(progress: bool | None) -> Iterator[_Log]:
+    """A log that is quiet unless progress is wanted; None: wanted in a terminal or a notebook."""
+    yield _Log(quiet=not (_is_watched() if progress is None else progress))
+
+
+def _is_watched() -> bool:
+    return sys.stderr.isatty() or "ipykernel" in sys.modules
+
+
+__all__ = ["Caution", "Plate", "Table", "load"]

@@ -1,0 +1,368 @@
+"""What a plate's computations return: frozen results with units in their names, pictures, tables and documents."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from pipeline.analysis.modes import PartModes
+    from pipeline.case.model import Case
+
+KIND = "kind"
+
+
+class Result:
+    """A document as `--json` writes it, and what can be done with it."""
+
+    kind = ""
+
+    def __init__(self, document: dict[str, Any]) -> None:
+        self._document = {**document, KIND: self.kind}
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document, with the case and the version that it answers."""
+        return copy.deepcopy(self._document)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the document as JSON, whole or not at all; `antinode.open` reads it back."""
+        from pipeline.records.outputs import write_file
+
+        write_file(Path(path), (json.dumps(self._document, indent=1, allow_nan=False) + "\n").encode())
+        return Path(path)
+
+    def to_dataframe(self) -> Any:
+        """The rows as a pandas DataFrame, units in the column names. Raises ImportError without pandas."""
+        try:
+            import pandas
+        except ModuleNotFoundError as fault:
+            raise ImportError("to_dataframe needs pandas: pip install pandas") from fault
+        return pandas.DataFrame(self._rows())
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw into matplotlib axes (new ones where none are given) and return them."""
+        from pipeline.views import figures
+
+        drawn: Axes = figures.draw(self.kind, self._document, ax)
+        return drawn
+
+    def _rows(self) -> list[dict[str, Any]]:
+        from pipeline.views.rows import ROWS
+
+        return ROWS[self.kind](self._document)
+
+    def _repr_html_(self) -> str:
+        """The result in words and its figure, for a notebook."""
+        import base64
+        import io
+        from html import escape
+
+        out, words = io.BytesIO(), escape(repr(self))
+        self.plot().figure.savefig(out, format="png", dpi=110, bbox_inches="tight")  # type: ignore[union-attr]
+        data = base64.b64encode(out.getvalue()).decode()
+        return f'<p>{words}</p><img alt="{words}" src="data:image/png;base64,{data}">'
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The verdict on the wanted mode: status is single, split or none; with none, frequency and levels are None."""
+
+    status: str
+    frequency_hz: float | None
+    mac: float | None
+    strength: float | None
+    confinement_db: float | None
+    driven_confinement_db: float | None
+    rivals: tuple[dict[str, float], ...]
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One mode: frequency in Hz, symmetry class (SS, SA, AS, AA or None), measures (None without meaning), relative error."""
+
+    frequency_hz: float
+    symmetry: str | None
+    mac: float | None
+    zone_share: float | None
+    confinement_db: float | None
+    strength: float | None
+    residual: float
+    error: float | None
+    _owner: Modes = field(repr=False, compare=False)
+
+    def to_pyvista(self) -> Any:
+        """The closed outer surface of the whole body in m, with `displacement` (points, 3) of unit modal mass as point data.
+
+        Raises ValueError for modes that were read from a file: their shapes are not in it.
+        """
+        return self._owner._surface(self)
+
+
+class Modes(Result, Sequence[Mode]):
+    """Modes in ascending order, proven complete by a count.
+
+    >>> import antinode
+    >>> pillar = antinode.load("studies/three-rows.toml", accuracy=0.02).modes(part="pillar", count=2)
+    >>> len(pillar), round(pillar[0].frequency_hz, -2)
+    (2, 39200.0)
+    """
+
+    kind = "modes"
+
+    def __init__(self, document: dict[str, Any], solved: PartModes | None = None, case: Case | None = None) -> None:
+        super().__init__(document)
+        self._solved, self._case = solved, case
+
+    @cached_property
+    def _modes(self) -> tuple[Mode, ...]:
+        names = ("frequency_hz", "symmetry", "mac", "zone_share", "confinement_db", "strength", "residual")
+        error = self.error
+        return tuple(
+            Mode(**{name: mode.get(name) for name in names}, error=error, _owner=self)
+            for mode in self._document["modes"]
+        )
+
+    @property
+    def error(self) -> float | None:
+        """Half-width of a frequency's error bar by mesh and reduction, relative; None where none was calibrated."""
+        from pipeline.views.rows import frequency_error
+
+        return frequency_error(self._document)
+
+    @property
+    def frequency_hz(self) -> NDArray[np.float64]:
+        """Frequencies (modes,) in Hz."""
+        import numpy as np
+
+        return np.array([mode.frequency_hz for mode in self], dtype=float)
+
+    @property
+    def wanted(self) -> Wanted | None:
+        """The verdict on the wanted mode; None for a part or symmetry class that has none."""
+        found = self._document.get("wanted")
+        if found is None:
+            return None
+        keys = ("status", "frequency_hz", "mac", "strength", "confinement_db", "driven_confinement_db")
+        return Wanted(**{key: found.get(key) for key in keys}, rivals=tuple(found.get("rivals") or ()))
+
+    @property
+    def rigid_count(self) -> int:
+        """Rigid-body modes, which are counted and not listed."""
+        return int(self._document["rigid_count"])
+
+    @overload
+    def __getitem__(self, index: int) -> Mode: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Mode, ...]: ...
+    def __getitem__(self, index: int | slice) -> Mode | tuple[Mode, ...]:
+        return self._modes[index]
+
+    def __len__(self) -> int:
+        return len(self._modes)
+
+    def __iter__(self) -> Iterator[Mode]:
+        return iter(self._modes)
+
+    def __repr__(self) -> str:
+        span = f", {self[0].frequency_hz:.1f} to {self[-1].frequency_hz:.1f} Hz" if len(self) else ""
+        return f"<antinode.Modes of the {self._document.get('part', 'plate')}: {len(self)}{span}>"
+
+    def _surface(self, mode: Mode) -> Any:
+        if self._solved is None or self._case is None:
+            raise ValueError("these modes were read from a file, which holds no shapes: compute them again")
+        from antinode.surfaces import closed_surface
+
+        return closed_surface(self._solved, self._case, self._modes.index(mode))
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A complete gap along the path: band numbers from 1, edges in Hz."""
+
+    lower_band: int
+    upper_band: int
+    lower_hz: float
+    upper_hz: float
+
+
+class Bands(Result):
+    """Bloch bands along a path.
+
+    >>> import antinode
+    >>> bands = antinode.load("studies/three-rows.toml", accuracy=0.02, bands__points=2, bands__count=4).bands()
+    >>> bands.frequencies_hz.shape, bands.labels[0]
+    ((7, 4), 'G')
+    """
+
+    kind = "bands"
+
+    @property
+    def frequencies_hz(self) -> NDArray[np.float64]:
+        """Frequencies (points, bands) in Hz."""
+        import numpy as np
+
+        return np.array([point["frequencies_hz"] for point in self._document["points"]], dtype=float)
+
+    @property
+    def wavevectors_per_m(self) -> NDArray[np.float64]:
+        """Wavevectors (points, 2) in rad/m."""
+        import numpy as np
+
+        return np.array([(point["kx_per_m"], point["ky_per_m"]) for point in self._document["points"]], dtype=float)
+
+    @property
+    def labels(self) -> tuple[str | None, ...]:
+        """G, X, M, Y or None, one a point."""
+        return tuple(point["label"] for point in self._document["points"])
+
+    @property
+    def gaps(self) -> tuple[Gap, ...]:
+        """Complete gaps along the path."""
+        return tuple(
+            Gap(gap["lower_band"], gap["upper_band"], gap["lower_hz"], gap["upper_hz"])
+            for gap in self._document["gaps"]
+        )
+
+    @property
+    def error(self) -> NDArray[np.float64]:
+        """Half-width of the error bars (points, bands), relative; NaN where none was calibrated."""
+        import numpy as np
+
+        from pipeline.views.rows import frequency_error
+
+        error = frequency_error(self._document)
+        return np.full(self.frequencies_hz.shape, np.nan if error is None else error)
+
+    @property
+    def distance_per_m(self) -> NDArray[np.float64]:
+        """Distance along the path (points,) in rad/m."""
+        import numpy as np
+
+        steps = np.linalg.norm(np.diff(self.wavevectors_per_m, axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    def __repr__(self) -> str:
+        points, bands = self.frequencies_hz.shape
+        return f"<antinode.Bands: {bands} bands at {points} wavevectors, {len(self.gaps)} complete gaps>"
+
+
+class Attenuation(Result):
+    """Decay per row across the zone's border over frequency."""
+
+    kind = "attenuation"
+
+    @property
+    def frequency_hz(self) -> NDArray[np.float64]:
+        """Frequencies (points,) in Hz."""
+        import numpy as np
+
+        return np.array([point["frequency_hz"] for point in self._document["points"]], dtype=float)
+
+    @property
+    def db_per_row(self) -> NDArray[np.float64]:
+        """Decay per row (points,) in dB of the least attenuated flexural wave; NaN where there is none."""
+        import numpy as np
+
+        return np.array([point["db_per_row"] for point in self._document["points"]], dtype=float)
+
+    @property
+    def kx_per_m(self) -> float:
+        """Wavenumber along the zone, rad/m."""
+        return float(self._document["kx_per_m"])
+
+    def __repr__(self) -> str:
+        f = self.frequency_hz
+        return f"<antinode.Attenuation: {len(f)} frequencies from {f[0] / 1e3:.4g} to {f[-1] / 1e3:.4g} kHz>"
+
+
+class Response(Result):
+    """Forced response to the patches, per volt."""
+
+    kind = "response"
+
+    @property
+    def frequency_hz(self) -> NDArray[np.float64]:
+        """Frequencies (points,) in Hz."""
+        return self._array("frequency_hz")
+
+    @property
+    def zone_rms_m_per_V(self) -> NDArray[np.float64]:
+        """Rms of u_z on the active touch face (points,) in m/V."""
+        return self._array("zone_rms_m_per_V")
+
+    @property
+    def passive_rms_m_per_V(self) -> NDArray[np.float64] | None:
+        """Rms of u_z on the passive touch face (points,) in m/V; None without one."""
+        return None if self._document["passive_rms_m_per_V"] is None else self._array("passive_rms_m_per_V")
+
+    @property
+    def wanted_peak(self) -> dict[str, Any] | None:
+        """The wanted mode's peak; None where the band has none."""
+        return self._document.get("wanted_peak")
+
+    def _array(self, name: str) -> NDArray[np.float64]:
+        import numpy as np
+
+        return np.array(self._document[name], dtype=float)
+
+    def __repr__(self) -> str:
+        f = self.frequency_hz
+        return f"<antinode.Response: {len(f)} frequencies from {f[0] / 1e3:.4g} to {f[-1] / 1e3:.4g} kHz>"
+
+
+class Predesign(Result):
+    """Analytic sizing of zone and pillar."""
+
+    kind = "predesign"
+
+    @property
+    def zone_hz(self) -> float:
+        """Frequency of the wanted mode of the bare zone by pre-design, Hz."""
+        return float(self._document["zone"]["frequency_hz"])
+
+    @property
+    def half_wavelength_mm(self) -> float:
+        """Half a wavelength along the zone, mm."""
+        return float(self._document["zone"]["half_wavelength_mm"])
+
+    @property
+    def pillar_height_mm(self) -> float | None:
+        """Height at which the pillar resonates at the zone's frequency, mm; None without a pillar."""
+        return None if self._document.get("pillar") is None else float(self._document["pillar"]["height_mm"])
+
+    @property
+    def limits(self) -> tuple[Any, ...]:
+        """What speaks against the design."""
+        return tuple(self._document["limits"])
+
+    def __repr__(self) -> str:
+        height = "" if self.pillar_height_mm is None else f", pillar {self.pillar_height_mm:.2f} mm"
+        return f"<antinode.Predesign: zone {self.zone_hz / 1e3:.2f} kHz{height}>"
+
+
+class Tolerance(Result):
+    """How far peak and confinement of the response move when no two pillars are alike."""
+
+    kind = "tolerance"
+
+    @property
+    def samples(self) -> tuple[dict[str, Any], ...]:
+        """What was measured of each plate."""
+        return tuple(self._document["samples"])
+
+    def __repr__(self) -> str:
+        return f"<antinode.Tolerance: {len(self.samples)} samples>"
+
+
+KINDS: dict[str, type[Result]] = {
+    kind.kind: kind for kind in (Modes, Bands, Attenuation, Response, Predesign, Tolerance)
+}

@@ -1,0 +1,46 @@
+"""Results read back from files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from antinode.results import KIND, KINDS, Result
+from pipeline.errors import InputError
+
+MARKS = {
+    "modes": "modes",
+    "bands": "gaps",
+    "response": "zone_rms_m_per_V",
+    "tolerance": "samples",
+    "predesign": "limits",
+}
+
+
+def open(path: str | Path) -> Result:
+    """Read a result that `save` or `--json` wrote. Raises InputError for a file that holds none.
+
+    >>> import antinode, tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "sizes.json"
+    >>> antinode.open(antinode.load("studies/three-rows.toml").predesign().save(file)).zone_hz > 39e3
+    True
+    """
+    try:
+        document = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as fault:
+        raise InputError(f"{path}: cannot be read: {fault}") from fault
+    kind = _kind(document) if isinstance(document, dict) else None
+    if kind is None or document.get("schema") != 1:
+        raise InputError(
+            f"{path}: holds no result: must be a JSON document of modes, bands, attenuation, response, ..."
+        )
+    return KINDS[kind](document)
+
+
+def _kind(document: dict[str, Any]) -> str | None:
+    if document.get(KIND) in KINDS:
+        return str(document[KIND])
+    if "kx_per_m" in document and "points" in document:
+        return "attenuation"
+    return next((kind for kind, mark in MARKS.items() if mark in document), None)

@@ -1,0 +1,104 @@
+"""The tables of a case as keyword arguments: names, units, defaults and checks are those of a case file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class Table(dict[str, Any]):
+    """Keys of one table; they are checked by the case file's schema when a Plate is made of them."""
+
+    name = ""
+
+    def __init__(self, **keys: Any) -> None:
+        super().__init__({key: plain(value) for key, value in keys.items() if value is not None})
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(f'{key}={value!r}' for key, value in self.items())})"
+
+
+class Zone(Table):
+    """The active zone: a strip length_mm along x and width_mm across; the wanted mode has nodal_lines nodes along x.
+
+    >>> Zone(length_mm=115.5, width_mm=20.0, nodal_lines=8)["width_mm"]
+    20.0
+    """
+
+    name = "zone"
+
+
+class Pillar(Table):
+    """One pillar: its shape with the sizes in mm that this shape takes, height_mm, fillet_mm, a material of its own.
+
+    >>> Pillar(shape="round", diameter_mm=2.0, height_mm=6.3)
+    Pillar(shape='round', diameter_mm=2.0, height_mm=6.3)
+    """
+
+    name = "pillar"
+
+
+class Array(Table):
+    """Rows of pillars on each side of the zone at pitch_mm (or pitch_x_mm, pitch_y_mm), and extension_mm of plate beyond.
+
+    >>> Array(pitch_mm=4.0, rows=3, extension_mm=25.0)["rows"]
+    3
+    """
+
+    name = "array"
+
+
+class Solve(Table):
+    """What to look for and how exactly: band_kHz or near_kHz with count, accuracy (relative), model, mesh.
+
+    >>> Solve(band_kHz=(30.0, 34.0), accuracy=0.003)["band_kHz"]
+    [30.0, 34.0]
+    """
+
+    name = "solve"
+
+
+class BandPath(Table):
+    """The table [bands]: path through the irreducible Brillouin zone, points (intervals per segment), count of bands.
+
+    >>> BandPath(path="GXMG", points=25, count=10)["path"]
+    'GXMG'
+    """
+
+    name = "bands"
+
+
+class Damping(Table):
+    """Losses of the whole plate by its quality factor.
+
+    >>> Damping(quality=300.0)["quality"]
+    300.0
+    """
+
+    name = "damping"
+
+
+class Patches(Table):
+    """Piezoelectric patches: material, size_mm along x, y and z, face, at or centres_mm, sensors, drive_V, circuit.
+
+    >>> Patches(material="pz26", size_mm=(12.0, 3.0, 0.3), at="antinodes", sensors=(7,))["sensors"]
+    [7]
+    """
+
+    name = "patches"
+
+
+class Scatter(Table):
+    """The table [tolerance]: standard deviations height_mm, side_mm, position_mm of single pillars, samples, seed.
+
+    >>> Scatter(height_mm=0.05, samples=20)["samples"]
+    20
+    """
+
+    name = "tolerance"
+
+
+def plain(value: Any) -> Any:
+    """A value as a parsed case file holds it: tuples are lists, tables are dictionaries."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    return [plain(item) for item in value] if isinstance(value, (list, tuple)) else value

@@ -1,0 +1,64 @@
+"""Rows of a result's document, one dictionary a row, units in the names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+Document = dict[str, Any]
+Rows = list[dict[str, Any]]
+
+
+def modes(document: Document) -> Rows:
+    """One row a mode."""
+    return [{**mode, "error": frequency_error(document)} for mode in document["modes"]]
+
+
+def bands(document: Document) -> Rows:
+    """One row a wavevector and band."""
+    return [
+        {key: point[key] for key in ("label", "kx_per_m", "ky_per_m")} | {"band": band, "frequency_hz": frequency}
+        for point in document["points"]
+        for band, frequency in enumerate(point["frequencies_hz"], 1)
+    ]
+
+
+def attenuation(document: Document) -> Rows:
+    """One row a frequency."""
+    return [{key: point[key] for key in ("frequency_hz", "db_per_row")} for point in document["points"]]
+
+
+def response(document: Document) -> Rows:
+    """One row a frequency."""
+    frequencies = document["frequency_hz"]
+    passive = document["passive_rms_m_per_V"] or [None] * len(frequencies)
+    columns = zip(frequencies, document["zone_rms_m_per_V"], passive, strict=True)
+    return [
+        {"frequency_hz": frequency, "zone_rms_m_per_V": zone, "passive_rms_m_per_V": outside}
+        for frequency, zone, outside in columns
+    ]
+
+
+def predesign(document: Document) -> Rows:
+    """One row a quantity of zone and pillar."""
+    return [
+        {"part": part, "quantity": key, "value": value}
+        for part in ("zone", "pillar")
+        for key, value in (document.get(part) or {}).items()
+    ]
+
+
+def tolerance(document: Document) -> Rows:
+    """One row a sample."""
+    return [dict(sample) for sample in document["samples"]]
+
+
+def frequency_error(document: Document) -> float | None:
+    """Half-width of a frequency's error bar by mesh and reduction, relative; None where none was calibrated."""
+    mesh, reduction = document.get("expected_error"), document.get("reduction_error")
+    return None if mesh is None else mesh + (reduction or 0.0)
+
+
+ROWS: dict[str, Callable[[Document], Rows]] = {
+    each.__name__: each for each in (modes, bands, attenuation, response, predesign, tolerance)
+}
