@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from pathlib import Path
 from typing import Any
 
 from pipeline.case.model import Case, load_case
@@ -12,6 +11,8 @@ from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import TerminalLog
 from pipeline.paths import STUDIES
 from pipeline.records import outputs
+from pipeline.views import files
+from pipeline.views.rows import ROWS
 
 LATER = "is not part of this version yet; the commands that are there: antinode --help"
 
@@ -34,7 +35,9 @@ def predesign(arguments: Namespace) -> int:
     case.require("plate", "zone", command="predesign")
     if warning_text := short_wave(case.design):
         _log(arguments).warning("SHORT_WAVE", warning_text)
-    outputs.emit(arguments, "predesign", *run(case))
+    document, text = run(case)
+    rows = [list(row.values()) for row in ROWS["predesign"](document)]
+    files.emit(arguments, "predesign", document, text, ("part", "quantity", "value"), rows)
     return 0
 
 
@@ -72,9 +75,7 @@ def modes(arguments: Namespace) -> int:
         outputs.table(head, rows),
     ]
     text += wanted_text.lines(part_modes, case.design)
-    outputs.emit(arguments, "modes", document, "\n".join(text))
-    if arguments.out:
-        outputs.write_file(Path(arguments.out) / "modes.csv", outputs.csv_bytes(head, rows))
+    files.emit(arguments, "modes", document, "\n".join(text), head, rows)
     if arguments.save_all_fields:
         from pipeline.analysis import mode_fields
         from pipeline.records import store
@@ -140,9 +141,7 @@ def bands(arguments: Namespace) -> int:
     text = [f"{computed.model}, {computed.dof} degrees of freedom a wavevector", outputs.table(head, labelled), *gaps]
     if computed.expected_error is not None:
         text.append(f"expected error of a frequency: {computed.expected_error:.2%} by the mesh")
-    outputs.emit(arguments, "bands", document, "\n".join(text))
-    if arguments.out:
-        outputs.write_file(Path(arguments.out) / "bands.csv", outputs.csv_bytes(head, rows))
+    files.emit(arguments, "bands", document, "\n".join(text), head, rows)
     return 0
 
 
@@ -190,13 +189,12 @@ def attenuation(arguments: Namespace) -> int:
         f"incoming flexural wave's power after {computed.rows} rows",
         outputs.table(head, table[::step]),
     ]
-    outputs.emit(arguments, "attenuation", document, "\n".join(text))
+    files.emit(arguments, "attenuation", document, "\n".join(text), head, table)
     if arguments.out:
         from pipeline.plots import style
         from pipeline.plots.attenuation import complex_bands
 
         folder = outputs.folder(arguments.out)
-        outputs.write_file(folder / "attenuation.csv", outputs.csv_bytes(head, table))
         with style.style():
             style.save(complex_bands(document), folder)
     return 0
@@ -235,13 +233,12 @@ def response(arguments: Namespace) -> int:
         *(beside.lines if beside else []),
         *(f"wrote {path}" for path in made),
     ]
-    outputs.emit(arguments, "response", document, "\n".join(text))
+    files.emit(arguments, "response", document, "\n".join(text), head, rows)
     if arguments.out:
         from pipeline.plots import style
         from pipeline.plots.response import curves
 
         folder = outputs.folder(arguments.out)
-        outputs.write_file(folder / "response.csv", outputs.csv_bytes(head, rows))
         with style.style():
             style.save(curves(document, computed.shape_points, computed.shape), folder)
             if beside:

@@ -10,6 +10,7 @@ import importlib
 import os
 import sys
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from typing import Any, NoReturn
 
 from pipeline.case import limits
@@ -77,11 +78,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from geometry.files import inputs_kept, read_by_command
     from pipeline.records import outputs
+    from pipeline.views import files
 
     lend_cache_folders()
     module, _, function = arguments.handler.partition(":")
     with inputs_kept():
         read_by_command(*(place for name in READ if isinstance(place := getattr(arguments, name, None), str)))
+        files.check(arguments)
         outputs.check_places(arguments)
         return int(getattr(importlib.import_module(module), function)(arguments))
 
@@ -122,6 +125,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.set_defaults(debug=False)
+    parser.add_argument("--version", action="version", version=f"antinode {version('antinode')}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for add in (_add_case_commands, _add_search, _add_active, _add_study_commands, _add_export, _add_checks):
         add(commands)
@@ -154,9 +158,9 @@ def _takes_case(sub: argparse.ArgumentParser, optional: bool = False) -> argpars
 
 def _add_case_commands(commands: Any) -> None:
     case = "studies/three-rows.toml"
-    _takes_case(_solver(commands, "predesign", "analytic sizing of zone and pillar", f"predesign {case}"))
+    _computes(_solver(commands, "predesign", "analytic sizing of zone and pillar", f"predesign {case}"))
     example = f"modes {case} --part zone --count 14"
-    modes = _takes_case(_solver(commands, "modes", "modes of plate, zone or pillar", example))
+    modes = _computes(_solver(commands, "modes", "modes of plate, zone or pillar", example))
     modes.add_argument("--part", choices=("plate", "zone", "pillar"), default="plate", help="default: the plate")
     modes.add_argument("--near", metavar="F", help="modes nearest to a frequency, such as 32kHz")
     modes.add_argument(
@@ -175,10 +179,8 @@ def _add_case_commands(commands: Any) -> None:
     every = "write the field of every mode into --out DIR (fields.npz)"
     modes.add_argument("--save-all-fields", action="store_true", help=every)
     _explains(modes)
-    _explains(_takes_case(_solver(commands, "bands", "Bloch bands and gaps of the unit cell", f"bands {case}")))
-    waves = _takes_case(
-        _solver(commands, "attenuation", "decay per row across the zone's border", f"attenuation {case}")
-    )
+    _explains(_computes(_solver(commands, "bands", "Bloch bands and gaps of the unit cell", f"bands {case}")))
+    waves = _computes(_solver(commands, "attenuation", "decay per row across the zone's border", f"attenuation {case}"))
     waves.add_argument("--band", metavar="F:F", help="frequencies, such as 25kHz:45kHz")
     waves.add_argument(
         "--kx", type=_wavenumber, metavar="K", help="wavenumber along the zone in rad/m (default: the wanted mode's)"
@@ -192,7 +194,7 @@ def _add_case_commands(commands: Any) -> None:
     )
     _explains(waves)
     example = f"response {case} --band 28kHz:38kHz"
-    response = _takes_case(_solver(commands, "response", "forced response to the patches", example))
+    response = _computes(_solver(commands, "response", "forced response to the patches", example))
     response.add_argument("--band", metavar="F:F", help="frequencies, such as 28kHz:38kHz")
     response.add_argument(
         "--points",
@@ -209,7 +211,7 @@ def _add_case_commands(commands: Any) -> None:
 def _add_tolerance(commands: Any) -> None:
     text = "how far peak and confinement move when no two pillars are alike ([tolerance] in the case)"
     example = "tolerance studies/three-rows.toml --set tolerance.height_mm=0.05 --samples 20 --out spread"
-    spread = _takes_case(_command(commands, "tolerance", text, example, "pipeline.cli.tolerance:tolerance"))
+    spread = _computes(_command(commands, "tolerance", text, example, "pipeline.cli.tolerance:tolerance"))
     spread.add_argument("--band", metavar="F:F", help="frequencies, such as 28kHz:38kHz")
     spread.add_argument(
         "--samples", type=_up_to(limits.MAX_SAMPLES), metavar="N", help="how many plates (default: the case's, 20)"
@@ -218,6 +220,13 @@ def _add_tolerance(commands: Any) -> None:
         "--seed", type=_up_to(limits.MAX_SEED), metavar="N", help="of the draw (default: the case's, 1)"
     )
     _explains(spread)
+
+
+def _computes(sub: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    _takes_case(sub)
+    sub.add_argument("--plot", metavar="FILE", help="draw the result into a .png, .pdf or .svg file")
+    sub.add_argument("--csv", metavar="FILE", help="write the result's rows as CSV, units in the head line")
+    return sub
 
 
 def _explains(sub: argparse.ArgumentParser) -> None:

@@ -9,6 +9,7 @@ from pipeline.case.model import load_case
 from pipeline.case.quantities import parse_band
 from pipeline.logs import TerminalLog
 from pipeline.records import outputs
+from pipeline.views import files
 
 
 def tolerance(arguments: Namespace) -> int:
@@ -35,13 +36,12 @@ def tolerance(arguments: Namespace) -> int:
         outputs.table(head, rows),
         *drawn.lines(computed),
     ]
-    outputs.emit(arguments, "tolerance", document, "\n".join(text))
+    files.emit(arguments, "tolerance", document, "\n".join(text), head, rows)
     if arguments.out:
         from pipeline.plots import style
         from pipeline.plots.response import report_figure
 
         folder = outputs.folder(arguments.out)
-        outputs.write_file(folder / "tolerance.csv", outputs.csv_bytes(head, rows))
         with style.style():
             style.save(report_figure(document, computed.arrays()), folder)
     return 0
