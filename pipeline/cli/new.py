@@ -1,0 +1,137 @@
+"""`antinode new`: a commented case file, sized by pre-design from a few wishes."""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+from pathlib import Path
+from typing import Any
+
+WISHES = {
+    "material": ("aluminium", "material of plate and pillars"),
+    "frequency": ("32kHz", "frequency of the wanted mode"),
+    "thickness": (2.0, "thickness of the plate, mm"),
+    "half_wavelength": (15.0, "largest half-wavelength along the zone, mm"),
+    "length": (115.5, "length of the zone, mm"),
+    "side": (2.0, "side of the square pillars, mm"),
+    "pitch": (4.0, "pitch of the pillars, mm"),
+    "rows": (3, "rows of pillars on each side of the zone"),
+    "extension": (25.0, "plate beyond the last row, mm"),
+}
+TEXT = """\
+# {name}: a touch plate that is to vibrate at {khz:.4g} kHz under the finger and to stay still elsewhere.
+# Sized by `antinode new`; what a key means and may be: docs/case-file.md. Lengths are in mm, frequencies in kHz.
+name = "{name}"
+material = "{material}"          # or a table: {{ young_GPa = 70, density_kg_m3 = 2700, poisson = 0.34 }}
+
+[plate]
+thickness_mm = {thickness:g}
+
+[zone]                          # the strip under the finger; its long sides are held by the rows of pillars
+length_mm = {length:g}
+width_mm = {width:.3f}               # puts the wanted mode at {khz:.4g} kHz by thin-plate theory
+nodal_lines = {lines}                 # the wanted mode (0, {lines}): half a wave across, {lines} nodes along
+
+[pillar]
+shape = "square"                # round, tapered, hexagonal, cross, or step with file = "own.step"
+side_mm = {side:g}
+height_mm = {height:.3f}              # resonates at {khz:.4g} kHz by Timoshenko's beam on a rigid foot
+fillet_mm = 0.0
+
+[array]
+pitch_mm = {pitch:g}
+rows = {rows}                        # on each side of the zone; 0 = bare plate
+extension_mm = {extension:g}
+
+[solve]
+accuracy = 0.003                # relative error of a frequency that is good enough
+
+[bands]
+path = "GXMG"
+points = 25
+count = 10
+"""
+
+
+def add(commands: Any, command: Any) -> None:
+    """The options of the command; `command` makes a sub-parser with the options that all have."""
+    text = "a commented case file, sized by pre-design"
+    new = command(commands, "new", text, "new plate.toml --frequency 32kHz --rows 3", "pipeline.cli.new:run")
+    new.add_argument("file", metavar="FILE", help="where to write the case")
+    for name, (default, words) in WISHES.items():
+        kind = type(default)
+        new.add_argument(f"--{name.replace('_', '-')}", type=kind, metavar=kind.__name__.upper(), help=f"{words} (default: {default})")
+    new.add_argument("--force", action="store_true", help="replace a file that is there")
+
+
+def run(arguments: Namespace) -> int:
+    """Ask for what was not given where a person sits there, size zone and pillars, write the case, and check it by reading it."""
+    from geometry.materials import MATERIALS
+    from pipeline.case.quantities import parse_frequency
+    from pipeline.errors import InputError
+    from pipeline.records.outputs import write_file
+
+    place = Path(arguments.file)
+    if place.exists() and not arguments.force:
+        raise InputError(f"{place}: is there already; --force replaces it")
+    wishes = _asked(arguments)
+    if wishes["material"] not in MATERIALS:
+        raise InputError(f"--material = {wishes['material']}: must be one of {', '.join(MATERIALS)}")
+    frequency_hz = parse_frequency(str(wishes["frequency"]), "--frequency")
+    text = case_text(place.stem, wishes, frequency_hz)
+    check(text, place)
+    write_file(place, text.encode())
+    print(f"wrote {place}; next: antinode predesign {place}, antinode bands {place}, antinode modes {place}")
+    return 0
+
+
+def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
+    """The case whose zone and pillars are sized for a frequency. Raises InputError where no zone can be."""
+    from geometry.layout import Pillar
+    from geometry.materials import MATERIALS
+    from pipeline.errors import InputError
+    from solvers.analytic.plates import Strip
+    from solvers.analytic.predesign import min_nodal_lines, pillar_height_m, zone_width_m
+    from solvers.errors import SolverError
+
+    material = MATERIALS[wishes["material"]]
+    length, thickness, side = (1e-3 * float(wishes[key]) for key in ("length", "thickness", "side"))
+    if min(length, thickness, side, float(wishes["half_wavelength"])) <= 0.0:
+        raise InputError("--length, --thickness, --side and --half-wavelength: must be above 0")
+    try:
+        strip = Strip(length, length / 5.0, thickness, material)
+        lines = min_nodal_lines(strip, 1e-3 * float(wishes["half_wavelength"]))
+        width = zone_width_m(strip, lines, frequency_hz)
+        pillar = Pillar("square", side, side, 3.0 * side, material)
+        height = pillar_height_m(pillar, frequency_hz, "timoshenko")
+    except SolverError as fault:
+        raise InputError(f"--frequency = {wishes['frequency']}: {fault}") from fault
+    sizes = {"width": 1e3 * width, "height": 1e3 * height, "lines": lines, "khz": frequency_hz / 1e3}
+    return TEXT.format(name=name, **{**wishes, **sizes})
+
+
+def check(text: str, place: Path) -> None:
+    """InputError with a line for every fault that the case would have."""
+    import tomllib
+
+    from pipeline.case.model import case_from_dict
+
+    case_from_dict(tomllib.loads(text), place)
+
+
+def _asked(arguments: Namespace) -> dict[str, Any]:
+    """Wishes from the options, from the person where one is there and nothing was given, else the defaults."""
+    given = {name: getattr(arguments, name) for name in WISHES}
+    asks = sys.stdin.isatty() and not arguments.quiet and all(value is None for value in given.values())
+    return {name: _answer(words, default) if asks else default if given[name] is None else given[name] for name, (default, words) in WISHES.items()}
+
+
+def _answer(words: str, default: Any) -> Any:
+    while True:
+        text = input(f"{words} [{default}]: ").strip()
+        if not text:
+            return default
+        try:
+            return type(default)(text)
+        except ValueError:
+            print(f"{text!r}: must be a {'whole number' if isinstance(default, int) else 'number'}")
