@@ -10,7 +10,7 @@ from solvers.analytic.predesign import predesign
 
 case = load_case(Path(__file__).parent / "small.toml", ["array.rows=2"])
 log = TerminalLog(quiet=True)
-print(f"zone by plate theory: {predesign(case.design).as_json()['zone']['frequency_hz']:.0f} Hz")
+print(f"zone by plate theory: {predesign(case.design).to_dict()['zone']['frequency_hz']:.0f} Hz")
 found = solve_modes(case, Request("plate"), log)
 wanted = found.wanted.row
 print(f"wanted mode: {wanted.frequency_hz:.0f} Hz, MAC {wanted.mac:.2f}, {wanted.confinement_db:.1f} dB")

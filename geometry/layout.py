@@ -6,24 +6,32 @@ Axes: x along the zone, y across, z = 0 the touch face, pillars on z = thickness
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import floor, pi
+from math import floor
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geometry.materials import Material
+from geometry.pillar_shapes.base import PillarShape
+from geometry.pillar_shapes.registry import shape_of
 
 FloatArray = NDArray[np.float64]
 SHORT = 2.0  # thicknesses in half a wave: there thin-plate theory lies 45 % high, Mindlin's some percent
 ROUNDING = 1e-9  # relative: 4.0 mm seven times is 28 mm, whatever binary fractions say
 
 
+def half_wavelength_m(length_m: float, nodal_lines: int) -> float | None:
+    """Half a wave of the free-free beam shape with N nodal lines along a length L: L/(N - 1/2), m; None for rigid shapes.
+
+    cosh kL cos kL = 1 has its roots at kL = (N - 1/2) pi, to 0.4 % at N = 2 and better beyond: the free ends take half a
+    half-wave less than N. What is counted by lines, such as elements, goes by L/N.
+    """
+    return length_m / (nodal_lines - 0.5) if nodal_lines > 1 else None
+
+
 @dataclass(frozen=True)
 class Pillar:
-    """One pillar: its section at foot and tip, height and foot fillet. Lengths in m.
-
-    shape is square, round, tapered (square frustum) or step (a CAD file, foot on z = 0, axis +z).
-    """
+    """One pillar: its shape by name, widths of foot and tip, height, foot fillet, further sizes of the shape. Lengths in m."""
 
     shape: str
     base_m: float
@@ -32,26 +40,37 @@ class Pillar:
     material: Material
     fillet_m: float = 0.0
     file: str | None = None
+    more_m: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def form(self) -> PillarShape:
+        """The shape with its sizes: what everything that depends on it asks. GeometryError for an unknown name."""
+        return shape_of(self.shape, self.base_m, self.tip_m, self.more_m, self.file)
 
     @property
     def footprint_m(self) -> float:
-        """Largest foot section, fillet included, m."""
-        return self.base_m + 2.0 * self.fillet_m
+        """Largest extent of the foot, fillet included, m."""
+        return self.form.footprint_m(self.fillet_m)
 
     @property
-    def is_box(self) -> bool:
+    def is_made_of_boxes(self) -> bool:
         """True when structured hexahedra can follow the pillar exactly."""
-        return self.shape == "square" and self.fillet_m == 0.0
+        return self.form.rectangles is not None and self.fillet_m == 0.0
+
+    @property
+    def is_square_prism(self) -> bool:
+        """True when the pillar is a single box on a square foot: what varies from pillar to pillar, and what was calibrated."""
+        return self.form.is_square_prism and self.fillet_m == 0.0
 
     @property
     def is_own_image(self) -> bool:
-        """True when the pillar is its own mirror image in x and y; one from a CAD file need not be."""
-        return self.shape != "step"
+        """True when the pillar is its own mirror image in x and y."""
+        return {"x", "y"} <= {*self.form.mirrors}
 
     @property
-    def section_area_m2(self) -> float:
-        """Foot section without fillet, m2."""
-        return self.base_m**2 * (pi / 4.0 if self.shape == "round" else 1.0)
+    def volume_m3(self) -> float:
+        """Volume without fillet, m3; NaN where it is not known."""
+        return self.form.volume_m3(self.height_m)
 
 
 @dataclass(frozen=True)
@@ -70,14 +89,19 @@ class Design:
     extension_m: float
 
     @property
-    def half_wavelength_m(self) -> float:
-        """Half-wavelength of the wanted mode along the zone, L / N, m; the zone's width for rigid shapes."""
+    def half_wavelength_m(self) -> float | None:
+        """Half a wave of the wanted mode along the zone, m; None for rigid shapes."""
+        return half_wavelength_m(self.length_m, self.nodal_lines)
+
+    @property
+    def line_spacing_m(self) -> float:
+        """The zone's length for each nodal line of the wanted mode, L/N, m; its width for rigid shapes."""
         return self.length_m / self.nodal_lines if self.nodal_lines > 1 else self.width_m
 
     @property
     def is_short_wave(self) -> bool:
         """Whether half a wave of the wanted mode is shorter than SHORT thicknesses: no plate theory describes it."""
-        return self.half_wavelength_m < SHORT * self.thickness_m
+        return (self.half_wavelength_m or self.width_m) < SHORT * self.thickness_m
 
     @property
     def footprint_m(self) -> float:
@@ -96,9 +120,10 @@ class Design:
         return not (self.pillar and self.rows) or self.pillar.is_own_image
 
     @property
-    def needs_cad(self) -> bool:
-        """True when some solid of the scene is not made of boxes."""
-        return bool(self.pillar and self.rows and not self.pillar.is_box)
+    def cell_mirrors(self) -> tuple[str, ...]:
+        """Mirrors of the unit cell: x, y, and "d", which exchanges x and y, where the pillar and equal pitches have it."""
+        shared = ("x", "y", "d") if self.pitch_x_m == self.pitch_y_m else ("x", "y")
+        return shared if self.pillar is None else tuple(name for name in shared if name in self.pillar.form.mirrors)
 
     def column_centres(self) -> FloatArray:
         """x of the pillar columns, shape (columns,), m: floor((length - footprint)/pitch_x) + 1, centred."""

@@ -79,11 +79,6 @@ class PiezoMaterial:
         """Young's modulus along the patch, 1/s11, Pa."""
         return 1.0 / self.s11
 
-    @property
-    def thin_poisson(self) -> float:
-        """In-plane Poisson ratio of a thin patch, -s12/s11."""
-        return -self.s12 / self.s11
-
 
 JAFFE = "H. Jaffe, D. Berlincourt, Piezoelectric transducer materials, Proc. IEEE 53 (1965) 1372-1386"
 PIEZO_MATERIALS: dict[str, PiezoMaterial] = {

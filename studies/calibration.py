@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import sys
 from math import floor
@@ -13,6 +11,7 @@ from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.planning.calibration import FIELDS, MIXING, TABLE
 from pipeline.records import store
+from pipeline.records.outputs import csv_bytes
 from pipeline.records.store import BadRecord, write_atomic
 from pipeline.records.study import read_study
 from studies import ladder
@@ -84,15 +83,6 @@ def _mixing(records: list[dict[str, Any]], known: dict[str, tuple[float, float]]
     return max(shares)
 
 
-def text(records: list[dict[str, Any]]) -> str:
-    """The table as CSV."""
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(FIELDS)
-    writer.writerows(rows(records))
-    return buffer.getvalue()
-
-
 def _query(name: str) -> Any:
     """The parameters that a stored case was computed with."""
     return store.read_listed(RESULTS / "accuracy" / name, store.INPUT)["parameters"]
@@ -101,7 +91,7 @@ def _query(name: str) -> Any:
 def main() -> int:
     """Write the table, or say that the study was not run, or not as it stands."""
     try:
-        stored = {case.case_id: case.record for case in read_study(RESULTS / "accuracy").cases}
+        stored = {case.case_id: case.record.other for case in read_study(RESULTS / "accuracy").cases}
         other = [name for name, given in cases() if name in stored and _query(name) != json.loads(json.dumps(given))]
     except BadRecord as fault:
         print(f"calibration: {fault}", file=sys.stderr)
@@ -110,7 +100,7 @@ def main() -> int:
     if other:
         print(f"calibration: {other[0]} was computed with another mesh: run `antinode run accuracy`", file=sys.stderr)
         return 2
-    write_atomic(TABLE, text(records).encode())
+    write_atomic(TABLE, csv_bytes(FIELDS, rows(records)))
     print(f"calibration {TABLE}")
     return 0
 

@@ -18,6 +18,8 @@ from geometry.hex.boxes import hex_mesh, pillar_boxes
 from pipeline.case.model import load_case
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
+from pipeline.records import outputs
+from pipeline.records.record import Record
 from pipeline.records.store import BadRecord, write_atomic
 from pipeline.records.study import read_study
 from pipeline.report.thesis import compare
@@ -45,7 +47,7 @@ Row = tuple[str, str, str, str]
 
 def plates(folder: Path) -> tuple[list[Row], list[str]]:
     """Figures that the studies' records answer, and the studies that are not stored."""
-    records: list[dict[str, Any]] = []
+    records: list[Record] = []
     missing = []
     for name in STUDIES:
         try:
@@ -107,8 +109,7 @@ def active(model: str) -> list[Row]:
 
 def table(rows: list[Row]) -> str:
     """A table in Markdown."""
-    lines = [HEADINGS, tuple("---" for _ in HEADINGS), *rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"
+    return outputs.markdown(HEADINGS, rows)
 
 
 def text(folder: Path) -> str:

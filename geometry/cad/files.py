@@ -13,11 +13,11 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 
-from geometry.cad.quiet import silence_kernel
 from geometry.cad.solids import Body
 from geometry.cad.surface import CadSurface, cad_surface
 from geometry.errors import GeometryError
 from geometry.files import written_whole
+from geometry.quiet import silence_kernel
 
 DEFLECTION_MM = 0.01  # a tenth of what a powder-bed machine holds
 ANGLE = 0.2  # rad between facets of a curve

@@ -92,7 +92,7 @@ def check_print(stl: str | os.PathLike[str], body: Body, design: Design) -> Prin
 
 
 def features(design: Design) -> dict[str, float]:
-    """Lengths a printer must resolve, m: thickness, pillar sides, fillet, and the clear width between pillars.
+    """Lengths a printer must resolve, m: thickness, sizes of the pillar's shape, fillet, clear width between pillars.
 
     Of a pillar from STEP only its foot, tip and height are known.
     """
@@ -100,16 +100,13 @@ def features(design: Design) -> dict[str, float]:
     pillar = design.pillar
     if pillar is None or not design.rows:
         return widths
-    widths["pillar foot"] = pillar.base_m
-    if pillar.tip_m > 0.0:
-        widths["pillar tip"] = pillar.tip_m
+    widths |= pillar.form.features
     if pillar.fillet_m > 0.0:
         widths["foot fillet"] = pillar.fillet_m
-    widest = max(pillar.footprint_m, pillar.tip_m)
-    if len(design.column_centres()) > 1:
-        widths["gap between pillars along x"] = design.pitch_x_m - widest
-    if design.rows > 1:
-        widths["gap between pillars along y"] = design.pitch_y_m - widest
+    pitches = {"x": (design.pitch_x_m, len(design.column_centres())), "y": (design.pitch_y_m, design.rows)}
+    for (axis, (pitch, count)), widest in zip(pitches.items(), pillar.form.reach_m(pillar.fillet_m), strict=True):
+        if count > 1:
+            widths[f"gap between pillars along {axis}"] = pitch - widest
     return widths
 
 

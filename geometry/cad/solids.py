@@ -11,22 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.cad.step_pillar import load_step_pillar, step_pillar_shape
 from geometry.errors import GeometryError
 from geometry.hex.boxes import Panel
 from geometry.layout import Design, Pillar
 from geometry.patches import Patches
-
-__all__ = [
-    "Body",
-    "Box",
-    "cell_solid",
-    "load_step_pillar",
-    "patch_boxes",
-    "pillar_solid",
-    "plate_solid",
-    "zone_solid",
-]
 
 MM = 1e3  # mm per m
 SAME_VOLUME = 1e-6  # relative: two booleans of one solid agree to the kernel's tolerance, not to rounding
@@ -192,7 +180,7 @@ def _normal_plane(letter: str) -> str:
 
 def _pillar_shape(pillar: Pillar) -> Any:
     """The bare pillar, then its foot fillet: both cut from a filleted pillar on a slab, so that the flare is exact."""
-    bare = _bare_pillar(pillar)
+    bare = pillar.form.solid(pillar.height_m)
     if pillar.fillet_m == 0.0:
         return bare
     reach = MM * (pillar.footprint_m + 2.0 * pillar.fillet_m)
@@ -213,22 +201,6 @@ def _pillar_shape(pillar: Pillar) -> Any:
     except Exception as fault:  # the kernel raises its own untyped errors when a fillet does not fit
         what = f"fillet of {MM * pillar.fillet_m:g} mm at the foot of a {pillar.shape} pillar"
         raise GeometryError(f"{what} of {MM * pillar.base_m:g} mm cannot be built") from fault
-
-
-def _bare_pillar(pillar: Pillar) -> Any:
-    import cadquery as cq
-
-    base, tip, height = MM * pillar.base_m, MM * pillar.tip_m, MM * pillar.height_m
-    if pillar.shape == "step":
-        return step_pillar_shape(pillar.file or "")
-    if pillar.shape == "round":
-        return cq.Solid.makeCylinder(base / 2.0, height)
-    if pillar.shape == "square" or (pillar.shape == "tapered" and base == tip):
-        return cq.Solid.makeBox(base, base, height, cq.Vector(-base / 2.0, -base / 2.0, 0.0))
-    if pillar.shape == "tapered":
-        sections = cq.Workplane().rect(base, base).workplane(offset=height).rect(tip, tip)
-        return sections.loft(ruled=True).val()
-    raise GeometryError(f"pillar shape '{pillar.shape}' is not one of square, round, tapered, step")
 
 
 def _block(length_m: float, width_m: float, thickness_m: float, mirrors: str) -> Any:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -11,66 +12,88 @@ from geometry.elements import FloatArray
 from geometry.hex.boxes import Scene
 from geometry.hex.grading import Grading, interval_count
 
+SAME = 1e-9  # of a breakpoints' span
+
+
+@dataclass(frozen=True)
+class Block:
+    """Boxes alike but for their counts: elements along x and y, one entry a column and a row of them, and along z.
+
+    A union of rectangles is counted by inclusion and exclusion: what several share has the sign -1, +1 in turn. A block that
+    `stands` on another shares its lowest nodes.
+    """
+
+    x: tuple[int, ...]
+    y: tuple[int, ...]
+    z: int
+    stands: bool = False
+    sign: int = 1
+
+    def total(self, along: Callable[[int], int]) -> int:
+        """A figure that is a product over the axes, less what the feet share with what they stand on."""
+        return self.sign * sum(map(along, self.x)) * sum(map(along, self.y)) * (along(self.z) - self.stands)
+
 
 @dataclass(frozen=True)
 class BoxCounts:
-    """Elements of the body (along x, y, z) and of each pillar on it, the order, and what follows: exact.
+    """Blocks of hexahedra of an order, and what follows: exact."""
 
-    columns, rows: how many elements a foot takes along x and y, one entry a column and a row of pillars; up: along a pillar.
-    """
-
-    body: tuple[int, int, int]
     order: int
-    columns: tuple[int, ...] = ()
-    rows: tuple[int, ...] = ()
-    up: int = 0
-
-    @property
-    def pillars(self) -> int:
-        """Pillars, those cut by a mirror included."""
-        return len(self.columns) * len(self.rows)
+    blocks: tuple[Block, ...]
 
     @property
     def elements(self) -> int:
         """Hexahedra."""
-        nx, ny, nz = self.body
-        return nx * ny * nz + sum(self.columns) * sum(self.rows) * self.up
+        return sum(block.sign * sum(block.x) * sum(block.y) * block.z for block in self.blocks)
 
     @property
     def nodes(self) -> int:
         """Nodes."""
-        return self._sum(lambda count: self.order * count + 1)
+        return sum(block.total(lambda count: self.order * count + 1) for block in self.blocks)
 
     @property
     def pairs(self) -> int:
         """Ordered pairs of nodes that share an element: entries of the scalar mass, a ninth of the stiffness's."""
-        return self._sum(lambda count: count * (self.order + 1) ** 2 - (count - 1))
-
-    def _sum(self, along: Callable[[int], int]) -> int:
-        """A figure that is a product over the axes: the body's and the pillars', less what their feet share."""
-        nx, ny, nz = (along(count) for count in self.body)
-        feet = sum(map(along, self.columns)) * sum(map(along, self.rows))
-        return nx * ny * nz + feet * (along(self.up) - 1 if self.up else 0)
+        return sum(block.total(lambda count: count * (self.order + 1) ** 2 - (count - 1)) for block in self.blocks)
 
 
 def box_counts(scene: Scene, order: int) -> BoxCounts:
     """Sizes of `hex_mesh(boxes_of(scene), order)`."""
-    body = (
-        interval_count(scene.x, scene.across),
-        interval_count(scene.y, scene.across),
-        interval_count(scene.z, scene.through),
-    )
-    if scene.above is None or scene.along is None:
-        return BoxCounts(body, order)
-    columns, rows = (
-        _feet(breaks, scene.centres[:, axis], scene.half_m, scene.across)
-        for axis, breaks in enumerate((scene.x, scene.y))
-    )
-    return BoxCounts(body, order, columns, rows, interval_count(scene.above, scene.along))
+    up = interval_count(scene.z, scene.through)
+    if scene.body is None:
+        whole = (interval_count(scene.x, scene.across),), (interval_count(scene.y, scene.across),)
+        blocks = [Block(*whole, up)]
+    else:
+        blocks = [_block(scene, np.zeros((1, 2)), part, up, False, sign) for sign, part in _union(scene.body)]
+    if scene.above is not None and scene.along is not None:
+        up = interval_count(scene.above, scene.along)
+        blocks += [_block(scene, scene.centres, part, up, True, sign) for sign, part in _union(scene.foot)]
+    return BoxCounts(order, tuple(blocks))
 
 
-def _feet(breaks: dict[float, bool], centres: FloatArray, half_m: float, grading: Grading) -> tuple[int, ...]:
-    """Elements that each column of feet takes along one axis; a mirror or the plate's edge may cut a foot."""
+def _union(rectangles: FloatArray) -> Iterator[tuple[int, FloatArray]]:
+    """Signs and rectangles whose signed sum covers the union of rectangles (r, 4) once."""
+    for count in range(1, len(rectangles) + 1):
+        for members in combinations(rectangles, count):
+            shared = np.array(members)
+            x0, x1, y0, y1 = shared[:, 0].max(), shared[:, 1].min(), shared[:, 2].max(), shared[:, 3].min()
+            if x0 <= x1 and y0 <= y1:
+                yield (-1) ** (count + 1), np.array([x0, x1, y0, y1])
+
+
+def _block(scene: Scene, centres: FloatArray, part: FloatArray, up: int, stands: bool, sign: int) -> Block:
+    x = _counts(scene.x, centres[:, 0], part[:2], scene.across)
+    return Block(x, _counts(scene.y, centres[:, 1], part[2:], scene.across), up, stands, sign)
+
+
+def _counts(breaks: dict[float, bool], centres: FloatArray, side: FloatArray, grading: Grading) -> tuple[int, ...]:
+    """Elements that a side about each column of centres takes along one axis; a mirror or the plate's edge may cut it."""
     low, high = min(breaks), max(breaks)
-    sides = [(max(low, centre - half_m), min(high, centre + half_m)) for centre in np.unique(centres).tolist()]
-    return tuple(interval_count({start: start > low, end: end < high}, grading) for start, end in sides)
+    slack = SAME * (high - low)
+    counts = []
+    for centre in np.unique(centres).tolist():
+        start, end = max(low, centre + side[0]) - slack, min(high, centre + side[1]) + slack
+        within = {place: graded for place, graded in breaks.items() if start <= place <= end}
+        if within:
+            counts.append(interval_count(within, grading))
+    return tuple(counts)

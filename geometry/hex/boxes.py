@@ -8,12 +8,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geometry.elements import FloatArray, IntArray, gauss_lobatto
+from geometry.errors import MeshError
 from geometry.hex.grading import Grading, grid_lines
 from geometry.layout import Design, Pillar
 from geometry.mesh import Mesh
 
+BoolArray = NDArray[np.bool_]
 VOID = -1
 
 
@@ -105,8 +108,9 @@ class HexSettings:
 class Scene:
     """Where the lines of a scene of boxes pass, before any is drawn: breakpoints in m, True at singular edges.
 
-    x, y and z span the lowest body (region `name`), above the pillars that stand on it (None without); centres (n, 2) and
-    half side of their feet, m.
+    x, y and z span the lowest body (region `name`), above the pillars that stand on it (None without); `foot` (r, 4) are the
+    rectangles x0, x1, y0, y1 of a foot about its centre, centres (n, 2), m. The lowest body fills `body` (r, 4) only, where
+    that is given.
     """
 
     x: dict[float, bool]
@@ -118,7 +122,8 @@ class Scene:
     above: dict[float, bool] | None = None
     along: Grading | None = None
     centres: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
-    half_m: float = 0.0
+    foot: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
+    body: FloatArray | None = None
 
 
 def zone_scene(design: Design, settings: HexSettings, quarter: bool = True) -> Scene:
@@ -135,10 +140,13 @@ def zone_boxes(design: Design, settings: HexSettings, quarter: bool = True) -> B
 
 
 def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Scene:
-    """The lone square pillar, foot on z = 0 (face `touch`), graded towards the clamped foot's rim."""
-    side = _span(pillar.base_m / 2.0, True, quarter)
+    """The lone pillar, foot on z = 0 (face `touch`), graded towards the clamped foot's rim and its own inner edges."""
+    foot = _foot(pillar)
+    x, y = (dict.fromkeys(np.unique(foot[:, sides]), True) for sides in ([0, 1], [2, 3]))
+    if quarter:
+        x, y = ({0.0: False} | {edge: True for edge in breaks if edge > 0.0} for breaks in (x, y))
     height = {0.0: True, pillar.height_m: False}
-    return Scene(side, side, height, settings.grading, settings.pillar_grading, "pillar")
+    return Scene(x, y, height, settings.grading, settings.pillar_grading, "pillar", body=foot)
 
 
 def pillar_boxes(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Boxes:
@@ -183,7 +191,7 @@ def panel_boxes(panel: Panel, thickness_m: float, pillar: Pillar | None, setting
 
 
 def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> Scene:
-    """The unit cell pitch_x x pitch_y x thickness centred at the origin, one square pillar in its middle."""
+    """The unit cell pitch_x x pitch_y x thickness centred at the origin, its pillar in its middle."""
     half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
     foot = (0.0, 0.0) if design.pillar else None
     panel = Panel((-half_x, -half_y), (half_x, half_y), foot, (0, 1) if quarter else ())
@@ -227,32 +235,51 @@ def _plate_with_pillars(
     """Lines pass along every foot edge, graded there in x, y and in z on both sides of the foot."""
     if pillar is None or not len(centres):
         return Scene(x, y, {0.0: False, thickness_m: False}, settings.grading, settings.grading)
-    half = pillar.base_m / 2.0
+    foot = _foot(pillar)
     for breaks, column in ((x, 0), (y, 1)):
         low, high = min(breaks), max(breaks)
+        edges = np.unique(foot[:, 2 * column : 2 * column + 2])
         for centre in np.unique(centres[:, column]):
-            breaks |= {edge: True for edge in (centre - half, centre + half) if low < edge < high}
+            breaks |= {edge: True for edge in centre + edges if low < edge < high}
     z, through = {0.0: False, thickness_m: True}, settings.through_grading(thickness_m)
     above = {thickness_m: True, thickness_m + pillar.height_m: False}
     along = settings.pillar_grading
-    return Scene(x, y, z, settings.grading, through, "plate", above, along, centres, half)
+    return Scene(x, y, z, settings.grading, through, "plate", above, along, centres, foot)
+
+
+def _foot(pillar: Pillar) -> FloatArray:
+    """The rectangles of a foot. MeshError where boxes cannot follow the pillar."""
+    rectangles = pillar.form.rectangles
+    if rectangles is None or pillar.fillet_m:
+        raise MeshError(f"a {pillar.shape} pillar with a fillet of {pillar.fillet_m:g} m is not made of boxes")
+    return rectangles
 
 
 def boxes_of(scene: Scene) -> Boxes:
     """The tensor grid of a scene and what is solid in it."""
     lines_x, lines_y = grid_lines(scene.x, scene.across), grid_lines(scene.y, scene.across)
     z = grid_lines(scene.z, scene.through)
-    if scene.above is None or scene.along is None:
-        return Boxes(lines_x, lines_y, z, np.zeros(_cuts(lines_x, lines_y, z), dtype=np.int64), (scene.name,))
     layers = len(z) - 1
-    z = np.append(z, grid_lines(scene.above, scene.along)[1:])
+    if scene.above is not None and scene.along is not None:
+        z = np.append(z, grid_lines(scene.above, scene.along)[1:])
     region = np.full(_cuts(lines_x, lines_y, z), VOID, dtype=np.int64)
-    region[:, :, :layers] = 0
-    middle_x, middle_y = (lines_x[1:] + lines_x[:-1]) / 2.0, (lines_y[1:] + lines_y[:-1]) / 2.0
-    for cx, cy in scene.centres:
-        inside = (np.abs(middle_x - cx) < scene.half_m)[:, None] & (np.abs(middle_y - cy) < scene.half_m)[None, :]
-        region[inside, layers:] = 1
-    return Boxes(lines_x, lines_y, z, region, (scene.name, "pillar"))
+    region[_inside(lines_x, lines_y, scene.body), :layers] = 0
+    for centre in scene.centres:
+        region[_inside(lines_x, lines_y, scene.foot, centre), layers:] = 1
+    return Boxes(lines_x, lines_y, z, region, (scene.name, "pillar") if scene.above else (scene.name,))
+
+
+def _inside(
+    x: FloatArray, y: FloatArray, rectangles: FloatArray | None, centre: FloatArray | tuple[float, float] = (0.0, 0.0)
+) -> BoolArray:
+    """Which intervals of x and y lie in the union of rectangles about a centre, (nx, ny); all where none are given."""
+    if rectangles is None:
+        return np.ones(_cuts(x, y), dtype=bool)
+    along, across = ((line[1:] + line[:-1]) / 2.0 - c for line, c in zip((x, y), centre, strict=True))
+    result = np.zeros(_cuts(x, y), dtype=bool)
+    for x0, x1, y0, y1 in rectangles:
+        result |= ((along > x0) & (along < x1))[:, None] & ((across > y0) & (across < y1))[None, :]
+    return result
 
 
 def _cuts(*lines: FloatArray) -> tuple[int, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import pi
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from geometry.tet.sizing import NearSegments
 
 FINE = 1.0 / 6.0  # edge length at a singular edge over that away from it, when the caller gives no sizing field
 GROWTH = 0.7  # of the edge length per distance from there
-ROUND_SIDES = 16
 ROUNDING = 1e-12  # relative volume difference between a mesh and four times its quarter
 
 Lines = list[list[tuple[float, float, float]]]
@@ -97,7 +95,5 @@ def foot_rim(pillar: Pillar, z: float) -> Lines:
     """The re-entrant edge round a foot at the origin as segments, m; none when a fillet rounds it off."""
     if pillar.fillet_m > 0.0:
         return []
-    count, radius = (ROUND_SIDES, pillar.base_m / 2.0) if pillar.shape == "round" else (4, pillar.base_m / 2**0.5)
-    angle = 2.0 * pi * (np.arange(count) + 0.5) / count
-    corners = [(float(x), float(y), z) for x, y in zip(radius * np.cos(angle), radius * np.sin(angle), strict=True)]
+    corners = [(float(x), float(y), z) for x, y in pillar.form.rim()]
     return [[start, end] for start, end in zip(corners, corners[1:] + corners[:1], strict=True)]

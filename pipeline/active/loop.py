@@ -33,7 +33,8 @@ COLUMNS = ("frequency_hz", "re", "im")
 
 def dq(arguments: Namespace, case: Case | None, log: Log) -> Found:
     """Study the loop of the mode that table, case or option names; with --sweep the mode is identified from a file."""
-    from pipeline.active import plots_loop
+    from pipeline.active import plots_loop, thesis_models
+    from pipeline.active.thesis import beside
 
     table = _table(arguments.table) if arguments.table else None
     data = _data(arguments, case, table, log)
@@ -41,9 +42,12 @@ def dq(arguments: Namespace, case: Case | None, log: Log) -> Found:
     if measured is not None:
         data = replace(data, wanted=_velocity(measured.plant, data.sensor), delay_s=_beyond_hold(measured, data))
     study = dq_study(data)
-    document = study.as_json() | {"measured": measured.as_json() if measured else None}
+    comparison = beside("dq", thesis_models.dq(study))
+    document = study.to_dict() | {"comparison": comparison, "measured": measured.to_dict() if measured else None}
     files = _new_table(table, measured, log) if table and measured else {}
-    return Found(document, _lines(study, measured), lambda: plots_loop.report_figures(study), files)
+    return Found(
+        document, [*_lines(study, measured), *compared(comparison)], lambda: plots_loop.report_figures(study), files
+    )
 
 
 def _table(path: str) -> ModeTable:
@@ -180,11 +184,11 @@ def _new_table(table: ModeTable, identified: Identified, log: Log) -> dict[str, 
 
 
 def _lines(study: DqStudy, measured: Identified | None) -> list[str]:
-    data, plant, design = study.data, study.identified.plant, study.as_json()["design"]
+    data, plant, design = study.data, study.identified.plant, study.to_dict()["design"]
     sampled = design["sampled"]
     head = ("name", "detuning_hz", "reference", "reached_95_s", "settled_5_s", "overshoot", "limited_periods")
-    rows: list[list[Any]] = [[step.as_json()[key] for key in head] for step in (*study.steps, *study.windups)]
-    value = [
+    rows: list[list[Any]] = [[step.to_dict()[key] for key in head] for step in (*study.steps, *study.windups)]
+    return [
         f"mode {data.wanted.frequency_hz:.1f} Hz, quality {data.wanted.quality:.0f}, {len(data.neighbours)} neighbours",
         f"identified from a simulated sweep{' of the measured mode' if measured else ''}: "
         f"{plant.frequency_hz:.3f} Hz, tau {plant.tau_s * 1e3:.4f} ms, "
@@ -196,4 +200,3 @@ def _lines(study: DqStudy, measured: Identified | None) -> list[str]:
         f"sensitivity {study.margins.sensitivity:.2f}",
         outputs.table(head, rows),
     ]
-    return [*value, *compared(study.as_json()["comparison"])]

@@ -25,7 +25,7 @@ TAKES = {
     "pillar": ("quality", "band", "cell"),
     "beam": ("frequency", "gain", "quality", "delay"),
     "shaping": ("frequency",),
-    "dq": ("frequency", "quality", "delay", "settling_time", "table", "sweep"),
+    "dq": ("frequency", "quality", "delay", "settling-time", "table", "sweep"),
 }
 MASON_HIGHEST = 100  # of the mode to confine: the wavelength of 5/3 cells is 2 mm, the bar's thickness, for the default
 GAIN_N_M = (1e-3, 1e12)  # from a millionth of any strip's own stiffness to beyond that of solid blocks of metal
@@ -67,11 +67,9 @@ def _models() -> dict[str, Callable[[Namespace, Case | None, Log], Found]]:
 def _refuse_foreign_options(arguments: Namespace) -> None:
     takes = TAKES[arguments.model]
     for name in sorted({option for options in TAKES.values() for option in options}):
-        if getattr(arguments, name) and name not in takes:
-            listed = ", ".join(f"--{option.replace('_', '-')}" for option in takes)
-            raise InputError(
-                f"--{name.replace('_', '-')}: active {arguments.model} does not take it; it takes {listed}"
-            )
+        if getattr(arguments, name.replace("-", "_")) and name not in takes:
+            listed = ", ".join(f"--{option}" for option in takes)
+            raise InputError(f"--{name}: active {arguments.model} does not take it; it takes {listed}")
 
 
 def _case(arguments: Namespace) -> Case | None:
@@ -89,8 +87,8 @@ def _mason(arguments: Namespace, case: Case | None, log: Log) -> Found:
 
     import numpy as np
 
-    from pipeline.active import plots
-    from pipeline.active.thesis_pillar import mason_entries
+    from pipeline.active import plots, thesis_models
+    from pipeline.active.thesis import beside
     from solvers.resonators.mason_study import MasonData, mason_study
 
     data = MasonData(target_hz=only_frequency_hz(arguments, MasonData.target_hz))
@@ -101,7 +99,7 @@ def _mason(arguments: Namespace, case: Case | None, log: Log) -> Found:
     if arguments.band:
         study = mason_study(data, np.linspace(*_mason_band(arguments.band, data.target_hz), 3121))
         _refuse_empty(arguments.band, study, whole)
-    entries = [entry.as_json() for entry in mason_entries(whole)]
+    entries = beside("mason", thesis_models.mason(whole))
     cell, one = data.cell, data.filter
     lines = [
         f"five cells of {data.material.name}, each {cell.length_m * 1e3:.3f} mm long, section {cell.area_m2 * 1e6:g} mm2, "
@@ -113,7 +111,7 @@ def _mason(arguments: Namespace, case: Case | None, log: Log) -> Found:
         ),
         *compared(entries),
     ]
-    return Found(study.as_json() | {"comparison": entries}, lines, lambda: [plots.mason(study)])
+    return Found(study.to_dict() | {"comparison": entries}, lines, lambda: [plots.mason(study)])
 
 
 def _mason_band(text: str, target_hz: float) -> tuple[float, float]:
@@ -138,8 +136,8 @@ def _refuse_empty(text: str, study: MasonStudy, whole: MasonStudy) -> None:
 def _pillar(arguments: Namespace, case: Case | None, log: Log) -> Found:
     import numpy as np
 
-    from pipeline.active import plots
-    from pipeline.active.thesis_pillar import pillar_entries
+    from pipeline.active import plots, thesis_models
+    from pipeline.active.thesis import beside
     from solvers.resonators.pillar_row import pillar_filter
     from solvers.resonators.point_load import point_force
 
@@ -151,21 +149,17 @@ def _pillar(arguments: Namespace, case: Case | None, log: Log) -> Found:
     pillar_row = pillar_filter(case.design, np.linspace(low, high, 801), loss)
     point = point_force()
     cell = _computed_cell(case, log, (low, high)) if arguments.cell else None
-    entries = [entry.as_json() for entry in pillar_entries(pillar_row, point, cell)]
-    document = pillar_row.as_json() | {"point_force": point.as_json(), "cell": cell, "comparison": entries}
+    entries = beside("pillar", thesis_models.pillar(pillar_row, point, cell))
+    document = pillar_row.to_dict() | {"point_force": point.to_dict(), "cell": cell, "comparison": entries}
     return Found(document, compared(entries), lambda: plots.pillar(pillar_row, point, cell))
 
 
 def _pillar_window(case: Case) -> tuple[float, float]:
     """From half to half as much again of the pillar's clamped frequency."""
-    from math import pi
-
-    from solvers.analytic.predesign import pillar_beam
-    from solvers.analytic.timoshenko import exact_omegas
+    from solvers.analytic.predesign import pillar_frequencies_hz
 
     assert case.design.pillar is not None
-    beam = pillar_beam(case.design.pillar)
-    clamped = exact_omegas(beam, "clamped", "free", 1)[0] * beam.unit_rad_s / (2.0 * pi)
+    clamped = float(pillar_frequencies_hz(case.design.pillar, "timoshenko")[0])
     return 0.5 * clamped, 1.5 * clamped
 
 
@@ -184,8 +178,8 @@ def _computed_cell(case: Case, log: Log, band_hz: tuple[float, float]) -> dict[s
 def _beam(arguments: Namespace, case: Case | None, log: Log) -> Found:
     from dataclasses import replace
 
-    from pipeline.active import plots
-    from pipeline.active.thesis_beam import entries
+    from pipeline.active import plots, thesis_models
+    from pipeline.active.thesis import beside
     from solvers.active_beam.study import ActiveBeamData, active_beam_study
 
     data = ActiveBeamData()
@@ -205,7 +199,7 @@ def _beam(arguments: Namespace, case: Case | None, log: Log) -> Found:
         delays_s=delays,
     )
     study = active_beam_study(data)
-    document = study.as_json() | {"comparison": [entry.as_json() for entry in entries(study)]}
+    document = study.to_dict() | {"comparison": beside("beam", thesis_models.beam(study))}
     size = f"{data.length_m * 1e3:g} x {data.width_m * 1e3:g} x {data.thickness_m * 1e3:g} mm"
     head = ("layout", "frequency_hz", "gain_n_m", "strength", "ratio_before", "ratio_after", "largest_force_n")
     rows = [[case[key] for key in head] for case in document["cases"]]
@@ -222,7 +216,8 @@ def _shaping(arguments: Namespace, case: Case | None, log: Log) -> Found:
     from dataclasses import replace
 
     from pipeline.active import plots_shaping
-    from pipeline.active.thesis_shaping import entries
+    from pipeline.active.thesis import beside
+    from pipeline.active.thesis_shaping import shaping
     from solvers.shaping_study.document import document as document_of
     from solvers.shaping_study.study import ShapingData, shaping_study
 
@@ -231,6 +226,6 @@ def _shaping(arguments: Namespace, case: Case | None, log: Log) -> Found:
     data = ShapingData()
     data = replace(data, frequencies_hz=frequencies_hz(arguments, data.frequencies_hz))
     study = shaping_study(data)
-    document = document_of(study) | {"comparison": [entry.as_json() for entry in entries(study)]}
+    document = document_of(study) | {"comparison": beside("shaping", shaping(study))}
     lines = [*(f"assumed: {text}" for text in document["assumptions"]), *compared(document["comparison"])]
     return Found(document, lines, lambda: plots_shaping.report_figures(study))

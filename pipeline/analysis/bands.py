@@ -20,6 +20,7 @@ from pipeline.models.unit_cell import LatticeModel, lattice_model
 from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.mesh_rules import FINEST
 from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice
+from pipeline.records.record import BandPoint, BandsRecord, GapRecord, MeshRecord
 from solvers.fem.assembly import assemble
 from solvers.superelement.lattice import Lattice
 from solvers.waves.bloch import BlochCell
@@ -72,7 +73,8 @@ class Detail:
             "group_velocity_m_s": [_pair(pair) for pair in self.velocity[index]],
         }
 
-    def json(self) -> dict[str, Any]:
+    @property
+    def path(self) -> dict[str, Any]:
         """The fields of the whole path."""
         return {
             "reduction_error": self.reduction_error,
@@ -90,35 +92,29 @@ class Bands:
     path: Path
     frequencies_hz: FloatArray
     gaps: list[Gap]
-    meshes: list[dict[str, Any]] = field(default_factory=list)
+    meshes: list[MeshRecord] = field(default_factory=list)
     detail: Detail | None = None
     zone_gaps: list[BrillouinZoneGap] | None = None
     shapes: dict[str, Any] = field(default_factory=dict)
     expected_error: float | None = None
 
-    def at(self, label: str) -> FloatArray | None:
-        """Frequencies at the first point with a label, or None when the path does not pass it."""
-        return self.frequencies_hz[self.path.labels.index(label)] if label in self.path.labels else None
-
-    def json(self) -> dict[str, Any]:
-        """The contract's fields and the detail, without times."""
+    @property
+    def record(self) -> BandsRecord:
+        """The result as a command and a study keep it."""
         points = [
-            {
-                "label": label,
-                "kx_per_m": float(k[0]),
-                "ky_per_m": float(k[1]),
-                "frequencies_hz": [float(f) for f in row],
-            }
-            | (self.detail.point(index) if self.detail else {})
+            BandPoint.model_validate(
+                {"label": label, "kx_per_m": k[0], "ky_per_m": k[1], "frequencies_hz": row.tolist()}
+                | (self.detail.point(index) if self.detail else {})
+            )
             for index, (label, k, row) in enumerate(
                 zip(self.path.labels, self.path.wavevectors, self.frequencies_hz, strict=True)
             )
         ]
-        document: dict[str, Any] = {"schema": 1, "model": self.model, "dof": self.dof, "points": points}
-        document["expected_error"] = self.expected_error
-        document["gaps"] = [vars(gap) for gap in self.gaps]
-        document |= self.detail.json() if self.detail else {}
-        return document if self.zone_gaps is None else document | {"zone_gaps": [vars(gap) for gap in self.zone_gaps]}
+        known = self.detail.path if self.detail else {}
+        if self.zone_gaps is not None:
+            known["zone_gaps"] = [vars(gap) for gap in self.zone_gaps]
+        gaps = [GapRecord.of(gap) for gap in self.gaps]
+        return BandsRecord.of(self, points=points, gaps=gaps, **known)
 
 
 def _pair(pair: FloatArray) -> list[float] | None:
@@ -132,13 +128,15 @@ def solve_bands(case: Case, log: Log, shapes: bool = False) -> Bands:
     path = path_through(settings.path, settings.points, design.pitch_x_m, design.pitch_y_m)
     border = simplifications.off_path(design, settings.path, settings.grid)
     simplifications.log_all((*choice.left_out, border), log)
-    if not (border or settings.grid):
-        log.info(
-            f"{settings.path} does not bound the irreducible zone: gaps are those of the path; [bands] grid looks beyond"
-        )
     solved = len(path.wavevectors) if choice.model == SOLID else len(path.finer(_finer(case)).wavevectors)
     foresight.announce("bands of the unit cell", foresight.of_bands(case, choice, solved), log)
     bands = _full(case, choice, path, log) if choice.model == SOLID else _reduced(case, choice, path, log, shapes)
+    if bands.gaps and not (border or settings.grid):
+        log.warning(
+            "PATH",
+            f"{settings.path} does not bound this cell's irreducible Brillouin zone: a gap may close off the path; "
+            "bands.grid = 20 looks there",
+        )
     return replace(bands, expected_error=error_bar.log_expected(choice, case, log, float(bands.frequencies_hz.max())))
 
 
@@ -169,7 +167,9 @@ def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
         rows = _each_once(path.wavevectors, case.bands.count, cell.frequencies)
     gaps, zone = complete_gaps(rows), None
     if case.bands.grid:
-        grid = zone_grid(case.bands.grid, design.pitch_x_m, design.pitch_y_m, True, False)
+        grid = zone_grid(
+            case.bands.grid, design.pitch_x_m, design.pitch_y_m, {"x", "y"} <= {*design.cell_mirrors}, False
+        )
         with log.step(f"grid of {len(grid)} wavevectors"):
             values = _each_once(grid, case.bands.count, cell.frequencies)
         zone = sampled_zone_gaps(np.vstack([path.wavevectors, grid]), np.vstack([rows, values]), gaps)
@@ -189,7 +189,7 @@ def _each_once(wavevectors: FloatArray, count: int, frequencies: Frequencies) ->
 
 def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool) -> Bands:
     """Solve the reduced cell: branches are followed on a refined path, gaps are searched between the samples, too."""
-    meshes: list[dict[str, Any]] = []
+    meshes: list[MeshRecord] = []
     corners = path.wavevectors[[segment.last for segment in path.segments]]
     model = lattice_model(case, choice, corners, log, meshes)
     count = min(case.bands.count, model.lattice.dof)
@@ -234,7 +234,7 @@ def _over_the_zone(
     points.
     """
     design = case.design
-    names = {*simplifications.lattice_mirrors(design)} & {*Mirrors(model.lattice.cell).names}
+    names = {*design.cell_mirrors} & {*Mirrors(model.lattice.cell).names}
     grid = zone_grid(case.bands.grid, design.pitch_x_m, design.pitch_y_m, bool({"x", "y"} & names), "d" in names)
     with log.step(f"grid of {len(grid)} wavevectors"):
         values = np.array([model.lattice.eigenvalues(k, solved.count) for k in grid])

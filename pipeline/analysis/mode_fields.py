@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from geometry.layout import Design
-from pipeline.analysis.mode_rows import ModeRow
+from pipeline.analysis import wanted_search
 from pipeline.analysis.modes import PartModes
+from pipeline.records.record import ShapesRecord
 from pipeline.records.surface_codec import folded, surface_arrays, unfolded
 from solvers.fem.surface import Skin
 from solvers.measures.mode_tracking import zone_coefficients
@@ -54,28 +55,21 @@ def _skin(part_modes: PartModes, index: int) -> Skin:
     return part_modes.model.skin(row.symmetry, part_modes.vectors[row.symmetry][:, [row.column]])
 
 
-def shapes_record(part_modes: PartModes, design: Design) -> dict[str, Any]:
+def shapes_record(part_modes: PartModes, design: Design) -> ShapesRecord:
     """Describe the modes that carry most of the wanted shape on the active face, for the record."""
     assert part_modes.wanted
     wanted = part_modes.wanted.row
     assert wanted
-    rows = sorted(part_modes.wanted.rows, key=_score, reverse=True)[:KEPT_MODES]
-    rows.sort(key=lambda row: row.frequency_hz)
+    among = part_modes.wanted.rows
+    strongest = np.argsort(-wanted_search.weights(among), kind="stable")[:KEPT_MODES]
+    rows = [among[i] for i in sorted(strongest, key=lambda i: among[i].frequency_hz)]
     columns = [row.column for row in rows]
     touch = part_modes.model.touch(wanted.symmetry, part_modes.vectors[wanted.symmetry][:, columns])
     shapes = zone_coefficients(touch, design, wanted.symmetry)
     shapes = shapes / np.maximum(np.linalg.norm(shapes, axis=1, keepdims=True), 1e-300)
-    return {
-        "wanted": rows.index(wanted),
-        "frequency_hz": [row.frequency_hz for row in rows],
-        "share": [_share(row) for row in rows],
-        "coefficients": [[float(f"{value:.{DIGITS}g}") for value in row] for row in shapes],
-    }
-
-
-def _share(row: ModeRow) -> float:
-    return 1.0 if row.zone_share is None else row.zone_share
-
-
-def _score(row: ModeRow) -> float:
-    return (row.strength or 0.0) * (row.mac or 0.0) * _share(row)
+    return ShapesRecord(
+        wanted=rows.index(wanted),
+        frequency_hz=[row.frequency_hz for row in rows],
+        share=[1.0 if row.zone_share is None else row.zone_share for row in rows],
+        coefficients=[[float(f"{value:.{DIGITS}g}") for value in row] for row in shapes],
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from pipeline.planning.request import (
     with_search,
 )
 from pipeline.planning.simplifications import khz
+from pipeline.records.record import CountRecord, MeshRecord, ModesRecord, WantedRecord
 from solvers.fem.eigen import Count, Modes, SymmetricPencil, modes_in_band, modes_near
 from solvers.measures.confinement import Confinement, measure, wanted_symmetry
 from solvers.measures.mode_mixing import mixing_db
@@ -57,7 +58,7 @@ class PartModes:
     dof: int
     rigid_count: int
     count: Count
-    meshes: list[dict[str, Any]]
+    meshes: list[MeshRecord]
     reduction_error: float | None = None
     expected_error: float | None = None
     bar: ErrorBar | None = None
@@ -95,29 +96,34 @@ class PartModes:
         """Name the matrices whose eigenvalues the count by inertia counts."""
         return "reduced pencil" if isinstance(self.model, PlateModel) else "mesh"
 
-    def json(self) -> dict[str, Any]:
-        """The contract's fields, without times."""
-        keys = ("frequency_hz", "residual", "symmetry", "parity", "zone_share", "confinement_db", "mac", "strength")
-        return {
-            "schema": 1,
-            "model": self.model.name,
-            "part": self.part,
-            "dof": self.dof,
-            "rigid_count": self.rigid_count,
-            "modes": [{key: getattr(row, key) for key in keys} for row in self.rows],
-            "count_check": {
-                "low_hz": self.count.low_hz,
-                "high_hz": self.count.high_hz,
-                "expected": self.count.expected,
-                "found": self.count.found,
-                "counts": self.counts,
-                "more_in_mesh_at_most": self.more_in_mesh,
-            },
-            "wanted": self.wanted.json() if self.wanted else None,
-            "reduction_error": self.reduction_error,
-            "expected_error": self.expected_error,
-            "error_bar": self.bar.json() if self.bar else None,
-        }
+    @property
+    def count_check(self) -> CountRecord:
+        """The count by inertia and what was found."""
+        return CountRecord.of(self.count, counts=self.counts, more_in_mesh_at_most=self.more_in_mesh)
+
+    @cached_property
+    def record(self) -> ModesRecord:
+        """The result as a command and a study keep it."""
+        bar = self.bar.to_dict() if self.bar else None
+        wanted = self._wanted_record()
+        return ModesRecord.of(self, model=self.model.name, modes=list(self.rows), wanted=wanted, error_bar=bar)
+
+    def _wanted_record(self) -> WantedRecord | None:
+        """The wanted mode with its error bar, its place among the modes, its pillars' share of kinetic energy."""
+        row = self.wanted.row if self.wanted else None
+        if self.wanted is None or row is None:
+            return self.wanted.record() if self.wanted else None
+        share = None
+        if self.part == "plate":
+            vector = self.vectors[row.symmetry][:, [row.column]]
+            share = float(self.model.pillar_share(row.symmetry, vector)[0])
+        return self.wanted.record(
+            index=self.index(row),
+            extension_db=row.extension_db,
+            frequency_error=self.bar.frequency if self.bar else None,
+            confinement_error_db=self.bar.confinement_db if self.bar else None,
+            pillar_energy_share=share,
+        )
 
 
 def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
@@ -127,7 +133,7 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     foresight.announce(f"modes of the {query.part}", foresight.of_modes(case, choice, with_search(case, query)), log)
     if query.part != "pillar" and (short := short_wave(case.design)):
         log.warning("SHORT_WAVE", short)
-    unpatched = simplifications.no_patches(case.patches, ()) if query.part == "plate" and case.patches else None
+    unpatched = simplifications.no_patches(case.patches) if query.part == "plate" and case.patches else None
     simplifications.log_all(
         (*choice.left_out, unpatched, simplifications.other_classes(choice.classes, query.symmetry)), log
     )
@@ -180,7 +186,7 @@ def _solved(
     """Solve the modes by one model choice, with the wanted one among them and the reduction's errors class by
     class.
     """
-    meshes: list[dict[str, Any]] = []
+    meshes: list[MeshRecord] = []
     model = parts.built(case, choice, log, meshes)
     classes: dict[str | None, _Class] = {}
     wanted: Wanted | None = None
@@ -391,23 +397,3 @@ def _nearest(rows: list[ModeRow], query: Request, count: Count) -> tuple[list[Mo
 
 def _same(first: float, second: float) -> bool:
     return abs(first - second) <= 1e-6 * max(first, second)
-
-
-def wanted_record(part_modes: PartModes) -> dict[str, Any]:
-    """Describe the wanted mode for the record: measures, rivals, the pillars' share of kinetic energy, its place
-    among the modes.
-
-    Without a wanted mode, its status and window alone.
-    """
-    assert part_modes.wanted
-    row, document = part_modes.wanted.row, part_modes.wanted.json()
-    if row is None:
-        return document
-    vector = part_modes.vectors[row.symmetry][:, [row.column]]
-    return document | {
-        "index": part_modes.index(row),
-        "extension_db": row.extension_db,
-        "frequency_error": part_modes.bar.frequency if part_modes.bar else None,
-        "confinement_error_db": part_modes.bar.confinement_db if part_modes.bar else None,
-        "pillar_energy_share": float(part_modes.model.pillar_share(row.symmetry, vector)[0]),
-    }

@@ -18,7 +18,7 @@ THEORIES = {  # what the document and what the calibration call them
 def run(case: Case) -> tuple[dict[str, Any], str]:
     """Return the JSON document and the text of the analytic sizing, with each theory's expected error."""
     sizing = predesign(case.design)
-    document = sizing.as_json()
+    document = sizing.to_dict()
     lines = []
     for part in [each for each in THEORIES if document[each]]:
         lines.append(f"{part}: {', '.join(_pairs(document[part]))}")
@@ -35,8 +35,9 @@ def short_wave(design: Design) -> str | None:
     """Warn of a wanted mode whose half-wavelength is short beside the thickness; None where it is not."""
     if not design.is_short_wave:
         return None
+    half = design.half_wavelength_m or design.width_m
     return (
-        f"half a wave of the wanted (0, {design.nodal_lines}) mode is {1e3 * design.half_wavelength_m:.3g} mm long, less than "
+        f"half a wave of the wanted (0, {design.nodal_lines}) mode is {1e3 * half:.3g} mm long, less than "
         f"{SHORT:g} thicknesses ({1e3 * design.thickness_m:.3g} mm each): plate theory, the pre-design and windows chosen by "
         "them mean little; lower zone.nodal_lines or plate.thickness_mm"
     )
@@ -46,7 +47,7 @@ def expected_errors(part: str, design: Design) -> dict[str, float]:
     """Expected relative error of each theory's frequency beside the solid; {} where none was calibrated."""
     slender = design.nodal_lines * design.thickness_m / design.length_m
     if part == "pillar":
-        if not design.pillar or not design.pillar.is_box:
+        if not design.pillar or not design.pillar.is_square_prism:
             return {}
         slender = design.pillar.base_m / design.pillar.height_m
     elif design.nodal_lines < 2:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import error_bar
 from pipeline.planning.model_choice import model_choice_of
+from pipeline.records.record import MeshRecord, PeakRecord, ResponseRecord
 from solvers.piezo.circuit import CircuitShift, circuit_shift
 from solvers.piezo.forced import Curve, ForcedPlate
 from solvers.piezo.peaks import Peak, curve_about, highest_hz, near_hz, peak_of
@@ -43,7 +45,7 @@ class Response:
     shape: Any
     forced: ForcedPlate
     circuit: CircuitShift | None
-    meshes: list[dict[str, Any]] = field(default_factory=list)
+    meshes: list[MeshRecord] = field(default_factory=list)
     expected_error: float | None = None
 
     @property
@@ -56,39 +58,29 @@ class Response:
         """Whether the wanted mode's peak is the highest peak."""
         return self.wanted is not None and self.highest.is_at(self.wanted.frequency_hz, self.forced.loss)
 
-    def _circuit(self) -> dict[str, Any]:
-        """Describe how the drivers are fed, and how far opening all patches shifts the wanted mode."""
-        shift = self.circuit
-        return {
-            "drivers": self.forced.circuit,
-            "short_hz": shift.short_hz if shift else None,
-            "open_hz": shift.open_hz if shift else None,
-            "coupling": shift.coupling if shift else None,
-        }
-
-    def json(self) -> dict[str, Any]:
-        """Return the fields of the contract and what was read from the curve, without times."""
-        curve = self.curve
+    @cached_property
+    def record(self) -> ResponseRecord:
+        """The result as a command and a study keep it."""
+        curve, shift = self.curve, self.circuit
         passive = curve.passive_rms_m_per_v
         first = curve.sensor_v_per_v[:, 0] if self.sensors else None
-        return {
-            "schema": 1,
-            "model": self.model,
-            "dof": self.dof,
-            "frequency_hz": curve.frequency_hz.tolist(),
-            "zone_rms_m_per_V": curve.zone_rms_m_per_v.tolist(),
-            "passive_rms_m_per_V": None if passive is None else passive.tolist(),
-            "sensor_V_per_V": None if first is None else np.column_stack([first.real, first.imag]).tolist(),
-            "sensors": list(self.sensors),
-            "polarisation_signs": list(self.signs),
-            "wanted_hz": self.wanted_hz,
-            "quality_given": self.quality_given,
-            "expected_error": self.expected_error,
-            "circuit": self._circuit(),
-            "wanted_status": self.forced.verdict.status,
-            "wanted_peak": self.wanted.json() if self.wanted else None,
-            "highest_peak": self.highest.json(),
-        }
+        circuit = {key: getattr(shift, key, None) for key in ("short_hz", "open_hz", "coupling")}
+        return ResponseRecord.of(
+            self,
+            frequency_hz=curve.frequency_hz.tolist(),
+            zone_rms_m_per_V=curve.zone_rms_m_per_v.tolist(),
+            passive_rms_m_per_V=None if passive is None else passive.tolist(),
+            sensor_V_per_V=None if first is None else np.column_stack([first.real, first.imag]).tolist(),
+            polarisation_signs=self.signs,
+            circuit={"drivers": self.forced.circuit, **circuit},
+            wanted_status=self.forced.verdict.status,
+            wanted_peak=_peak(self.wanted) if self.wanted else None,
+            highest_peak=_peak(self.highest),
+        )
+
+
+def _peak(peak: Peak) -> PeakRecord:
+    return PeakRecord.of(peak, zone_rms_m_per_V=peak.zone_rms, passive_rms_m_per_V=peak.passive_rms)
 
 
 def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, points: int = POINTS) -> Response:
@@ -99,7 +91,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
     case.require("patches", command="response")
     patches = case.patches
     assert patches is not None
-    meshes: list[dict[str, Any]] = []
+    meshes: list[MeshRecord] = []
     forced = forced_plate(case, log, band_hz, meshes)
     plate, (low, high) = forced.plate, forced.band_hz
     with log.step("sum the modes"):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from pipeline.planning import foresight
 from pipeline.planning.model_choice import HEX, SUPERELEMENT, model_choice_of
 from pipeline.planning.request import driven_band_hz
 from pipeline.planning.simplifications import khz
-from pipeline.records.study import CONFINED_DB
+from pipeline.records.record import SampleRecord, SpreadRecord, ToleranceRecord
+from solvers.measures.levels import CONFINED_DB
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.patched_plate import CLASSES
 from solvers.piezo.peaks import curve_about, near_hz, peak_of
@@ -35,21 +36,6 @@ MOVED = 0.1  # of the peaks' spread: more, and the space is too small
 
 
 @dataclass(frozen=True)
-class Measured:
-    """One plate's response at the mode that the wanted one has become: its peak, the zone's rms there (m/V or m/N),
-    confinement and quality factor; None where no mode has its shape.
-
-    tracking: single, split among several modes (the strongest is measured), or none.
-    """
-
-    peak_hz: float | None
-    zone_rms: float | None
-    confinement_db: float | None
-    quality: float | None
-    tracking: str
-
-
-@dataclass(frozen=True)
 class ToleranceStudy:
     """The nominal plate and the samples, each measured at its wanted mode, tracked by its shape.
 
@@ -61,42 +47,33 @@ class ToleranceStudy:
     unit: str
     pillars: int
     dofs: int
-    nominal: Measured
-    samples: tuple[Measured, ...]
+    nominal: SampleRecord
+    samples: tuple[SampleRecord, ...]
     space_change_hz: float | None
     space_change_db: float | None
     frequency_hz: FloatArray
     curves: FloatArray
     deviations_m: FloatArray
 
-    def json(self) -> dict[str, Any]:
+    @cached_property
+    def record(self) -> ToleranceRecord:
         """Everything but curves and times."""
         given = self.tolerance
         levels = [one.confinement_db for one in self.samples if one.confinement_db is not None]
         peaks, nominal = self.peaks_hz, self.nominal.peak_hz
-        return {
-            "schema": 1,
-            "tolerance": {
-                "height_m": given.height_m,
-                "side_m": given.side_m,
-                "position_m": given.position_m,
-                "seed": given.seed,
-                "cut_at_deviations": CUT,
-            },
-            "drive": self.drive,
-            "rms_unit": self.unit,
-            "pillars": self.pillars,
-            "dofs": self.dofs,
-            "nominal": asdict(self.nominal),
-            "samples": [asdict(one) for one in self.samples],
-            "lost": len(self.samples) - len(peaks),
-            "split": sum(one.tracking == "split" for one in self.samples),
-            "peak_hz": asdict(spread(peaks)) if len(peaks) else None,
-            "peak_shift_hz": asdict(spread(peaks - nominal)) if len(peaks) and nominal else None,
-            "confinement_db": asdict(spread(np.array(levels))) if levels else None,
-            "confined": sum(level >= CONFINED_DB for level in levels) if levels else None,
-            "space_check": {"peak_hz": self.space_change_hz, "confinement_db": self.space_change_db},
-        }
+        return ToleranceRecord.of(
+            self,
+            tolerance={key: getattr(given, key) for key in ("height_m", "side_m", "position_m", "seed")}
+            | {"cut_at_deviations": CUT},
+            rms_unit=self.unit,
+            lost=len(self.samples) - len(peaks),
+            split=sum(one.tracking == "split" for one in self.samples),
+            peak_hz=_spread(peaks),
+            peak_shift_hz=_spread(peaks - nominal) if nominal else None,
+            confinement_db=_spread(np.array(levels)),
+            confined=sum(level >= CONFINED_DB for level in levels) if levels else None,
+            space_check={"peak_hz": self.space_change_hz, "confinement_db": self.space_change_db},
+        )
 
     @property
     def peaks_hz(self) -> FloatArray:
@@ -106,6 +83,10 @@ class ToleranceStudy:
     def arrays(self) -> dict[str, FloatArray]:
         """Return the arrays that a figure draws."""
         return {"tolerance_hz": self.frequency_hz, "tolerance_curves": self.curves}
+
+
+def _spread(values: FloatArray) -> SpreadRecord | None:
+    return SpreadRecord.of(spread(values)) if len(values) else None
 
 
 def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> ToleranceStudy:
@@ -153,7 +134,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> T
 
 def _sampled(
     plate: VariedPlate, changes: FloatArray, summary: FloatArray, log: Log
-) -> tuple[list[Measured], list[FloatArray]]:
+) -> tuple[list[SampleRecord], list[FloatArray]]:
     """Measure every sample, and the rms on the zone at the frequencies of the figure."""
     samples, curves = [], []
     for number, change in enumerate(changes, start=1):
@@ -207,18 +188,18 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
     return plate
 
 
-def _measured(sample: VariedSample) -> Measured:
+def _measured(sample: VariedSample) -> SampleRecord:
     """Measure the response at the mode into which the nominal wanted mode has turned, between the points of any
     grid.
     """
     tone, tracking = sample.tracked_hz, sample.tracked.status
     if tone is None:
-        return Measured(None, None, None, None, tracking)
+        return SampleRecord(peak_hz=None, zone_rms=None, confinement_db=None, quality=None, tracking=tracking)
     top = near_hz(sample, tone)
     reach = DECAYED * top * sample.loss
     curve = curve_about(sample, top - reach, top + reach, AROUND_PEAK, [top])
     peak = peak_of(curve, top)
-    return Measured(peak.frequency_hz, peak.zone_rms, peak.confinement_db, peak.quality, tracking)
+    return SampleRecord.of(peak, peak_hz=peak.frequency_hz, tracking=tracking)
 
 
 def _shown(peak_hz: float, band: tuple[float, float]) -> FloatArray:
@@ -230,7 +211,7 @@ def _apart(first: float | None, second: float | None) -> float | None:
     return None if first is None or second is None else abs(first - second)
 
 
-def _summary(name: str, tolerance_study: Measured) -> str:
+def _summary(name: str, tolerance_study: SampleRecord) -> str:
     if tolerance_study.peak_hz is None:
         return f"{name}: lost, no mode has the wanted mode's shape"
     confinement = (
@@ -242,23 +223,22 @@ def _summary(name: str, tolerance_study: Measured) -> str:
 
 def lines(tolerance_study: ToleranceStudy) -> list[str]:
     """Describe the study in words."""
-    summary = tolerance_study.json()
-    peak, shift, confinement = summary["peak_hz"], summary["peak_shift_hz"], summary["confinement_db"]
+    summary = tolerance_study.record
+    peak, shift, level = summary.peak_hz, summary.peak_shift_hz, summary.confinement_db
     out, count = [_summary("nominal", tolerance_study.nominal)], len(tolerance_study.peaks_hz)
     if peak and shift:
         out.append(
-            f"{count} plates: peak {peak['mean']:.1f} Hz, spread {peak['deviation']:.1f} Hz, "
-            f"{peak['lowest']:.1f} to {peak['highest']:.1f} Hz; moved by {shift['mean']:+.1f} Hz on average"
+            f"{count} plates: peak {peak.mean:.1f} Hz, spread {peak.deviation:.1f} Hz, "
+            f"{peak.lowest:.1f} to {peak.highest:.1f} Hz; moved by {shift.mean:+.1f} Hz on average"
         )
-    if confinement:
+    if level:
         out.append(
-            f"confinement {confinement['mean']:.1f} dB, spread {confinement['deviation']:.1f} dB, "
-            f"worst {confinement['lowest']:.1f} dB; "
-            f"{summary['confined']} of {count} confined"
+            f"confinement {level.mean:.1f} dB, spread {level.deviation:.1f} dB, worst {level.lowest:.1f} dB; "
+            f"{summary.confined} of {count} confined"
         )
-    if summary["lost"]:
+    if summary.lost:
         out.append(
-            f"{summary['lost']} of {len(tolerance_study.samples)} plates lost the wanted mode: no mode has its shape"
+            f"{summary.lost} of {len(tolerance_study.samples)} plates lost the wanted mode: no mode has its shape"
         )
     return out
 

@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from geometry.elements import FloatArray
+from pipeline.records.record import RivalRecord, WantedMode, WantedRecord
 from solvers.fem.eigen import Count
-from solvers.measures.wanted_mode import NONE, Verdict, reaching, verdict
+from solvers.measures.wanted_mode import NONE, Status, Verdict, reaching, verdict, weight
 
 if TYPE_CHECKING:
     from pipeline.analysis.mode_rows import ModeRow
@@ -37,7 +39,7 @@ class Wanted:
     why: str = ""
 
     @property
-    def status(self) -> str:
+    def status(self) -> Status:
         """single, split or none."""
         return self.verdict.status
 
@@ -51,20 +53,14 @@ class Wanted:
         """Other modes that carry the wanted shape, strongest first."""
         return tuple(self.rows[i] for i in self.verdict.rivals)
 
-    def json(self) -> dict[str, Any]:
-        """The contract's fields, the window, and the mode's part of the shape in it."""
-        row = self.row
-        keys = ("frequency_hz", "mac", "strength", "confinement_db", "zone_share", "symmetry")
-        own = {key: getattr(row, key) if row else None for key in keys}
-        named = ("frequency_hz", "strength", "mac", "confinement_db")
-        return {
-            "status": self.status,
-            **own,
-            "driven_confinement_db": None,
-            "share": self.verdict.share,
-            "rivals": [{key: getattr(rival, key) for key in named} for rival in self.rivals],
-            "window_hz": [self.low_hz, self.high_hz],
-        }
+    def record(self, **more: Any) -> WantedRecord:
+        """The mode, its rivals, the window, and the mode's part of the shape in it."""
+        rivals = [RivalRecord.of(rival) for rival in self.rivals]
+        more |= {"status": self.status, "share": self.verdict.share, "rivals": rivals}
+        more |= {"window_hz": (self.low_hz, self.high_hz), "driven_confinement_db": None}
+        if self.row is None:
+            return WantedRecord(frequency_hz=None, mac=None, strength=None, confinement_db=None, **more)
+        return WantedMode.of(self.row, **more)
 
 
 def look(
@@ -111,10 +107,18 @@ def _within(rows: tuple[ModeRow, ...], ends: tuple[float, float]) -> tuple[ModeR
 
 
 def _verdict(rows: tuple[ModeRow, ...]) -> Verdict:
-    if not rows:
-        return NONE
-    columns = [[getattr(row, key) for row in rows] for key in ("strength", "zone_share", "mac")]
-    return verdict(*(np.array([np.nan if value is None else value for value in column]) for column in columns))
+    return verdict(*_measures(rows)) if rows else NONE
+
+
+def weights(rows: tuple[ModeRow, ...]) -> FloatArray:
+    """How much of the wanted shape each mode carries, (k,)."""
+    return weight(*_measures(rows))
+
+
+def _measures(rows: tuple[ModeRow, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Strength, zone share and MAC, (k,) each; NaN where not known."""
+    values = np.array([(row.strength, row.zone_share, row.mac) for row in rows], dtype=float)
+    return values[:, 0], values[:, 1], values[:, 2]
 
 
 def _completed(

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.batch import peak_memory
-from pipeline.records import fingerprint, store
+from pipeline.records import fingerprint, record, store
+from pipeline.records.record import Record
 from pipeline.records.run_log import RunLog, close_abandoned
 from solvers.fem.factor.memory import memory_text
 
@@ -44,34 +45,33 @@ def record_loss(job: Job, study: Path, error: BaseException) -> CaseEnd:
     """A case whose process is gone: record it by name, so that the table shows it."""
     folder = study / job.case_id
     if store.why_recompute(folder, job.payload, fingerprint.current()) is None:  # lost after it had finished
-        record = store.read_record(folder)
-        return CaseEnd(job.case_id, record["status"], record["diagnosis"], 0.0)
+        result = record.read(folder)
+        return CaseEnd(job.case_id, result.status, result.diagnosis, 0.0)
     diagnosis = _one_line(error)
     with suppress(store.StoreError, OSError):
         folder.mkdir(parents=True, exist_ok=True)
         store.sweep_leftovers(folder)
         close_abandoned(folder / store.RUN_LOG, "LOST", diagnosis)
-        store.finish(folder, _dressed(job, _failed_record(diagnosis), fingerprint.current()), {"seconds": {}})
+        store.finish(folder, _dressed(job, _failed(diagnosis), fingerprint.current()).to_dict(), {"seconds": {}})
     return CaseEnd(job.case_id, "FAILED", diagnosis, 0.0)
 
 
-def _failed_record(diagnosis: str) -> dict[str, Any]:
-    """The record of a case that gave no answer."""
+def _failed(diagnosis: str) -> dict[str, Any]:
+    """What is recorded of a case that gave no answer."""
     return {"status": "FAILED", "diagnosis": diagnosis}
 
 
-def _dressed(job: Job, record: dict[str, Any], mark: fingerprint.Fingerprint) -> dict[str, Any]:
-    """The record with what every record carries."""
-    head = {
-        "schema": 1,
-        "case_id": job.case_id,
-        "name": job.payload.get("name", job.case_id),
-        "input_hash": fingerprint.input_hash(job.payload),
-        "code_hash": mark.code_hash,
-        "versions": mark.versions,
-        "sweep": job.sweep,
-    }
-    return {**{"meshes": [], "modes": None, "wanted": None, "left_out": [], "warnings": []}, **record, **head}
+def _dressed(job: Job, result: dict[str, Any], mark: fingerprint.Fingerprint) -> Record:
+    """The record of what was found, with what every record carries."""
+    return Record.of_case(
+        result,
+        case_id=job.case_id,
+        name=job.payload.get("name", job.case_id),
+        input_hash=fingerprint.input_hash(job.payload),
+        code_hash=mark.code_hash,
+        versions=mark.versions,
+        sweep=job.sweep,
+    )
 
 
 def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerprint) -> CaseEnd:
@@ -84,27 +84,27 @@ def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerpr
         with RunLog(folder / store.RUN_LOG) as log:
             log.banner(job.case_id, _program_version(), mark.versions)
             log.echo(job.payload)
-            record = _dressed(job, _guarded(compute, job, folder, log, mark), mark)
+            result = _guarded(compute, job, folder, log, mark)
             timing = {
                 "seconds": {**log.seconds, "total": log.elapsed},
                 "peak_memory_bytes": peak_memory.reported_peak_bytes(),
             }
-            store.finish(folder, record, timing)
-            log.close(record["status"])
+            store.finish(folder, result.to_dict(), timing)
+            log.close(result.status)
     except (store.StoreError, OSError) as error:
         close_abandoned(folder / store.RUN_LOG, "LOST", str(error))
         store.sweep_leftovers(folder)
         return CaseEnd(job.case_id, "FAILED", str(error), time.perf_counter() - start)
-    return CaseEnd(job.case_id, record["status"], record["diagnosis"], time.perf_counter() - start)
+    return CaseEnd(job.case_id, result.status, result.diagnosis, time.perf_counter() - start)
 
 
-def _guarded(compute: Compute, job: Job, folder: Path, log: RunLog, mark: fingerprint.Fingerprint) -> dict[str, Any]:
+def _guarded(compute: Compute, job: Job, folder: Path, log: RunLog, mark: fingerprint.Fingerprint) -> Record:
     try:
         if fingerprint.current().code_hash != mark.code_hash:
             raise RuntimeError("this worker runs other sources than the study was started with; run the study again")
         with warnings.catch_warnings():
             warnings.showwarning = lambda message, kind, *_: log.info(f"{kind.__name__}: {message}", "PYTHON")
-            record = dict(compute(job.payload, folder, log))
+            return _concluded(job, compute(job.payload, folder, log), log, mark)
     except (store.DiskFull, KeyboardInterrupt):
         raise
     except BaseException as error:
@@ -112,12 +112,16 @@ def _guarded(compute: Compute, job: Job, folder: Path, log: RunLog, mark: finger
         log.error(type(error).__name__, text)
         if not _is_expected(error):
             log.info(traceback.format_exc())
-        record = _failed_record(text)
-    record["left_out"] = list(dict.fromkeys([*record.get("left_out", []), *log.left_out_list]))
-    record["warnings"] = list(dict.fromkeys([*record.get("warnings", []), *log.warnings]))
-    record.setdefault("status", "WARNING" if record["warnings"] else "OK")
-    record.setdefault("diagnosis", record["warnings"][0] if record["warnings"] else "done")
-    return record
+        return _concluded(job, _failed(text), log, mark)
+
+
+def _concluded(job: Job, result: dict[str, Any], log: RunLog, mark: fingerprint.Fingerprint) -> Record:
+    """The record, with what the log was told and how the case ended."""
+    said = (
+        {"status": "WARNING", "diagnosis": log.warnings[0]} if log.warnings else {"status": "OK", "diagnosis": "done"}
+    )
+    left_out = list(dict.fromkeys(log.left_out_list))
+    return _dressed(job, {**said, **result, "left_out": left_out, "warnings": log.warnings}, mark)
 
 
 def _is_expected(error: BaseException) -> bool:

@@ -4,8 +4,9 @@ The study file names it: `[study] script = "extremes"`. The module offers
 
     TITLE: str; LEAD: str                          heading and opening words of the page
     cases() -> list[(case id, parameters)]         parameters are plain values
-    compute(parameters, folder, log) -> record     runs in a worker process
-    conclude(records) -> Page                      tables and pictures from stored records only
+    compute(parameters, folder, log) -> values     plain ones by name, status and diagnosis beside; runs in a worker process
+    conclude(records) -> Page                      tables and pictures from stored values alone: each case's parameters,
+                                                   values, status, diagnosis and case_id
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from pipeline import paths
 from pipeline.batch.job import Job
 from pipeline.case.diagnostics import Diagnostics
 from pipeline.case.overrides import read_toml
-from pipeline.records import fingerprint, store
+from pipeline.records import fingerprint, record, store
+from pipeline.records.record import Record
 from pipeline.records.run_log import RunLog
 from pipeline.report.script_page import Page, write_page
 
@@ -86,9 +88,11 @@ def computer(study: ScriptStudy) -> Any:
 
 
 def compute(script: str, payload: Mapping[str, Any], folder: Path, log: RunLog) -> dict[str, Any]:
-    """Record of one case of a script."""
+    """What one case of a script found, and how it ended where the script says so."""
     module = importlib.import_module(f"studies.{script}")
-    return dict(module.compute(payload["parameters"], folder, log))
+    result = dict(module.compute(payload["parameters"], folder, log))
+    ended = {key: result.pop(key) for key in ("status", "diagnosis") if key in result}
+    return {**ended, "other": result}
 
 
 def conclude(study: ScriptStudy, folder: Path) -> list[Path]:
@@ -96,9 +100,10 @@ def conclude(study: ScriptStudy, folder: Path) -> list[Path]:
     records = []
     for case_id, parameters in study.module.cases():
         try:
-            record = store.read_record(store.case_folder(folder, case_id))
+            result = record.read(store.case_folder(folder, case_id))
         except store.StoreError as fault:
-            record = {"status": "FAILED", "diagnosis": str(fault)}
-        records.append({"parameters": parameters, **record, "case_id": case_id})
+            result = Record(case_id=case_id, status="FAILED", diagnosis=str(fault))
+        ended = {"status": result.status, "diagnosis": result.diagnosis, "case_id": case_id}
+        records.append({"parameters": parameters, **result.other, **ended})
     page: Page = study.module.conclude(records)
     return write_page(folder, study.name, study.module.TITLE, study.module.LEAD, page)

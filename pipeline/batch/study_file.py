@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -18,12 +18,11 @@ from pipeline.case.diagnostics import Diagnostics, check_table, nearest
 from pipeline.case.overrides import is_file, read_toml
 from pipeline.case.schema import known_keys
 from pipeline.errors import InputError
+from pipeline.measures import registry
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
-Measure = Literal[
-    "modes", "confinement", "bands", "attenuation", "response", "tolerance", "parts", "geometry", "tetrahedra", "board"
-]
-MEASURES: tuple[str, ...] = get_args(Measure)
+ALLOWED = f"a list of {', '.join(registry.names())}"
+RENAMED = {"once": "base_measure"}
 MAX_ID_LENGTH = 120
 MAX_CASES = 100_000
 MAX_BYTES = 10_000_000  # of a study file: the values of as many cases
@@ -36,10 +35,8 @@ class StudyTable(BaseModel):
         default=None, description="1 to 100 letters, digits, dots, dashes or underscores"
     )
     case: str = Field(min_length=1, description="the path of a case file, from the study file's folder")
-    measure: Annotated[list[Measure], Field(min_length=1)] = Field(
-        default=["modes"], description=f"a list of {', '.join(MEASURES)}"
-    )
-    once: list[Measure] = Field(default=[], description=f"a list of {', '.join(MEASURES)}")
+    measure: Annotated[list[str], Field(min_length=1)] = Field(default=["modes"], description=ALLOWED)
+    base_measure: list[str] = Field(default=[], description=ALLOWED)
     zip: bool = Field(default=False, description="true or false")
 
 
@@ -47,7 +44,7 @@ class StudyTable(BaseModel):
 class StudyFile:
     """A study as understood: sweep holds a tuple of values per dotted key; zip pairs them instead of a full grid.
 
-    `measure` is taken in every case of the sweep, `once` in one more case, the unswept "base".
+    `measure` is taken in every case of the sweep, `base_measure` in one more case, the unswept "base".
     """
 
     name: str
@@ -56,10 +53,10 @@ class StudyFile:
     measure: tuple[str, ...]
     sweep: dict[str, tuple[Any, ...]]
     zip: bool
-    once: tuple[str, ...] = ()
+    base_measure: tuple[str, ...] = ()
 
-    def cases(self) -> list[tuple[str, list[str]]]:
-        """(case id, overrides) for every case, in the order of the file, the last key running fastest.
+    def cases(self) -> list[tuple[str, list[tuple[str, Any]]]]:
+        """(case id, overrides as keys with values) for every case, in the order of the file, the last key running fastest.
 
         An id such as "pitch_mm=4,rows=1" is unique, stable and safe as a folder's name; without a sweep it is "base".
         """
@@ -68,8 +65,7 @@ class StudyFile:
         labels = _labels(keys)
         cases = []
         for values in rows if keys else [()]:
-            overrides = [f"{key}={toml_text(value)}" for key, value in zip(keys, values, strict=True)]
-            cases.append((_case_id(labels, values), overrides))
+            cases.append((_case_id(labels, values), list(zip(keys, values, strict=True))))
         return cases
 
 
@@ -91,8 +87,8 @@ def load_study(path_or_name: str | Path) -> StudyFile:
         faults.add("study.case", values["study.case"], f"no such file {case_path}")
     faults.stop()
     name = values.get("study.name") or path.stem
-    once = tuple(values.get("study.once") or ())
-    return StudyFile(name, path, case_path, tuple(values["study.measure"]), sweep, paired, once)
+    base = tuple(values.get("study.base_measure") or ())
+    return StudyFile(name, path, case_path, tuple(values["study.measure"]), sweep, paired, base)
 
 
 def find_study(path_or_name: str | Path) -> Path:
@@ -118,19 +114,22 @@ def _read_study(raw: dict[str, Any], faults: Diagnostics) -> dict[str, Any]:
         faults.add("study", table, "must be a table [study]")
         return {}
     known = [f"study.{name}" for name in StudyTable.model_fields]
-    for key, spare in (("measure", ["modes"]), ("once", [])):
+    for old in RENAMED.keys() & table.keys():
+        faults.add(f"study.{old}", table[old], f"this key is now named study.{RENAMED[old]}")
+    table = {key: value for key, value in table.items() if key not in RENAMED}
+    for key, spare in (("measure", ["modes"]), ("base_measure", [])):
         measures = table.get(key)
         if isinstance(measures, list) and (measures or key == "measure"):
             _check_measures(key, measures, faults)
-            table = {**table, key: [name for name in measures if name in MEASURES] or spare}
+            table = {**table, key: [name for name in measures if name in registry.names()] or spare}
     return check_table(StudyTable, table, "study.", known, faults)
 
 
 def _check_measures(key: str, measures: list[Any], faults: Diagnostics) -> None:
     for name in measures:
-        if name not in MEASURES:
-            hint = nearest(name, MEASURES) if isinstance(name, str) else ""
-            faults.add(f"study.{key}", name, f"must be a list of {', '.join(MEASURES)}{hint}")
+        if name not in registry.names():
+            hint = nearest(name, registry.names()) if isinstance(name, str) else ""
+            faults.add(f"study.{key}", name, f"must be {ALLOWED}{hint}")
     if not measures or len({str(name) for name in measures}) < len(measures):
         faults.add(f"study.{key}", measures, "must name at least one measure, each once")
 

@@ -5,18 +5,18 @@ table's plate.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.logs import Log
+from pipeline.records.record import BoardFault, BoardRecord
 
 TABLE = "mode_table.bin"
 COLUMNS = ("time_s", "reference", "u_d", "u_q", "drive")
 
 
-def solve(folder: Path, log: Log) -> tuple[dict[str, Any] | None, dict[str, NDArray[np.float64]]]:
+def solve(folder: Path, log: Log) -> tuple[BoardRecord | BoardFault | None, dict[str, NDArray[np.float64]]]:
     """Record and arrays (board_time_s, board_reference, board_u_d, board_u_q, board_drive) of a step of 0.2 G Vmax.
 
     Amplitudes in full scales of the converters; board_u_d and board_u_q turned into the mode's frame. (None, {}) when what
@@ -35,28 +35,18 @@ def solve(folder: Path, log: Log) -> tuple[dict[str, Any] | None, dict[str, NDAr
         return None, {}
     except EmulationError as fault:
         log.warning("BOARD", f"emulated board: {fault}")
-        return {"fault": str(fault)}, {}
-    record = {
-        "compiler": run.compiler,
-        "swept": run.swept,
-        "frequency_hz": run.frequency_hz,
-        "tau_s": run.tau_s,
-        "gain": [run.gain.real, run.gain.imag],
-        "delay_s": run.delay_s,
-        "reference": run.level,
-        "t95_s": run.t95_s,
-        "overshoot": run.overshoot,
-    }
+        return BoardFault(fault=str(fault)), {}
+    record = BoardRecord.of(run, gain=(run.gain.real, run.gain.imag), reference=run.level)
     _log_summary(record, log)
     return record, {f"board_{name}": run.columns[name] for name in COLUMNS}
 
 
-def _log_summary(record: dict[str, Any], log: Log) -> None:
-    origin = "identified" if record["swept"] else "taken from the table"
-    reached = "not reached" if record["t95_s"] is None else f"after {1e3 * record['t95_s']:.2f} ms"
+def _log_summary(record: BoardRecord, log: Log) -> None:
+    origin = "identified" if record.swept else "taken from the table"
+    reached = "not reached" if record.t95_s is None else f"after {1e3 * record.t95_s:.2f} ms"
     log.info(
-        f"emulated board: mode at {record['frequency_hz']:.2f} Hz {origin}, tau {1e3 * record['tau_s']:.3f} ms, gain "
-        f"{abs(complex(*record['gain'])):.4g}; 95 % of a step to {record['reference']:.4g} {reached}"
+        f"emulated board: mode at {record.frequency_hz:.2f} Hz {origin}, tau {1e3 * record.tau_s:.3f} ms, gain "
+        f"{abs(complex(*record.gain)):.4g}; 95 % of a step to {record.reference:.4g} {reached}"
     )
 
 

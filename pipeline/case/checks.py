@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any
 
-from geometry.cad.step_pillar import StepPillar
+from geometry.pillar_shapes.base import PillarShape
+from geometry.pillar_shapes.registry import SHAPES
 from pipeline.case import limits
-from pipeline.case.overrides import SECTIONS
+from pipeline.case.schema import SIZE_KEYS
 
 Values = dict[str, Any]
+PITCHES = ("pitch_mm", "pitch_x_mm", "pitch_y_mm")
 Diagnostic = tuple[str, Any, str]  # key, value, what is wrong and what is allowed
 THINNEST = 5000.0
 """Longest side over thickness that the meshers hold.
@@ -21,61 +23,83 @@ eps |K|/omega^2, the share of a bending eigenvalue that rounding may take, grows
 """
 
 
-def section_mm(good: Values, step: StepPillar | None) -> float | None:
+def section_mm(good: Values, form: PillarShape | None) -> float | None:
     """The foot section's width without fillet, mm, also when the shape's name is wrong; None while it is unknown."""
-    shape = good.get("pillar.shape")
-    if shape == "step":
-        return 1e3 * step.foot_size_m if step else None
-    if shape in SECTIONS:
-        return good.get(f"pillar.{SECTIONS[shape][0]}")
-    sizes = (good.get(f"pillar.{name}") for name in ("side_mm", "diameter_mm", "base_mm"))
-    return next((size for size in sizes if size is not None), None)
+    if form is not None:
+        return 1e3 * form.width_m
+    shape = SHAPES.get(good.get("pillar.shape", ""))
+    widths = (good.get(f"pillar.{each.keys[0]}") for each in ([shape] if shape else SHAPES.values()))
+    return next((width for width in widths if isinstance(width, float | int)), None)
 
 
-def footprint_mm(good: Values, step: StepPillar | None) -> float | None:
-    """The largest foot section, fillet included, mm; None while it is unknown."""
-    section, fillet = section_mm(good, step), good.get("pillar.fillet_mm")
-    return None if section is None or fillet is None else section + 2.0 * fillet
+def footprint_mm(good: Values, form: PillarShape | None) -> float | None:
+    """The largest extent of the foot, fillet included, mm; None while it is unknown."""
+    section, fillet = section_mm(good, form), good.get("pillar.fillet_mm")
+    if section is None or fillet is None:
+        return None
+    return section + 2.0 * fillet if form is None else 1e3 * form.footprint_m(1e-3 * fillet)
 
 
-def check_pillar_keys(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
-    """Each shape has its own keys: none missing, none of another shape."""
-    shape = good.get("pillar.shape")
-    if shape not in SECTIONS:
+def _sizes_mm(good: Values) -> dict[str, float]:
+    """The lengths of the pillar's shape that are known, mm."""
+    return {key: good[f"pillar.{key}"] for key in SIZE_KEYS if key.endswith("_mm") and good.get(f"pillar.{key}")}
+
+
+def check_pillar_keys(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
+    """Each shape has its own keys: none missing, none of another shape, sizes that go together."""
+    name = good.get("pillar.shape", "")
+    shape = SHAPES.get(name)
+    if shape is None:
         return
-    needed = [*SECTIONS[shape], *(() if shape == "step" else ("height_mm",))]
-    for name in ("side_mm", "diameter_mm", "base_mm", "tip_mm", "file", "height_mm"):
-        key = f"pillar.{name}"
-        if key in good and good[key] is None and name in needed:
-            yield key, None, f"a {shape} pillar needs it"
-        elif good.get(key) is not None and name not in needed:
-            yield key, good[key], f"does not belong to a {shape} pillar, which takes {' and '.join(needed)}"
-    if shape == "step" and good.get("pillar.fillet_mm"):
-        yield "pillar.fillet_mm", good["pillar.fillet_mm"], "must be 0 with a step pillar: the file has the final shape"
+    needed = [*shape.keys, *(("height_mm",) if shape.has_height else ())]
+    for part in (*SIZE_KEYS, "height_mm"):
+        key = f"pillar.{part}"
+        if key in good and good[key] is None and part in needed:
+            yield key, None, f"a {name} pillar needs it"
+        elif good.get(key) is not None and part not in needed:
+            yield key, good[key], f"does not belong to a {name} pillar, which takes {' and '.join(needed)}"
+    fillet = good.get("pillar.fillet_mm")
+    if fillet and not shape.can_have_fillet:
+        yield "pillar.fillet_mm", fillet, f"must be 0 with a {name} pillar: the file has the final shape"
+    for part, text in shape.size_faults(_sizes_mm(good) | {"fillet_mm": fillet or 0.0}):
+        yield f"pillar.{part}", good[f"pillar.{part}"], text
 
 
-def check_fillet(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
+def check_fillet(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """The foot fillet ends below the tip."""
     fillet, height = good.get("pillar.fillet_mm"), good.get("pillar.height_mm")
     if fillet and height and fillet >= height:
         yield "pillar.fillet_mm", fillet, f"must be smaller than the pillar's height {height:g} mm"
 
 
-def check_pitch(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
-    """pitch_mm alone or both of its parts; neighbours apart."""
-    names = [name for name in ("pitch_mm", "pitch_x_mm", "pitch_y_mm") if good.get(f"array.{name}") is not None]
-    if "pitch_mm" in names and len(names) > 1:
-        yield f"array.{names[1]}", good[f"array.{names[1]}"], "must be left out beside pitch_mm"
-    elif len(names) == 1 and names[0] != "pitch_mm":
-        other = "pitch_y_mm" if names[0] == "pitch_x_mm" else "pitch_x_mm"
-        if good.get(f"array.{other}", 0) is None:
-            yield f"array.{other}", None, f"must be given beside {names[0]} (or pitch_mm alone)"
-    footprint = footprint_mm(good, step)
+def normalise_pitch(good: Values) -> Iterator[Diagnostic]:
+    """One pitch along x and one along y from now on, whichever keys gave them; pitch_mm alone or both of its parts.
+
+    array.pitch_given names the keys that said it: () for none, absent where one of them is no number.
+    """
+    known = {name: good.get(f"array.{name}") for name in PITCHES if f"array.{name}" in good}
+    given = [name for name, pitch in known.items() if pitch is not None]
+    if "pitch_mm" in given and len(given) > 1:
+        yield f"array.{given[1]}", known[given[1]], "must be left out beside pitch_mm"
+    elif len(given) == 1 and given[0] != "pitch_mm":
+        (other,) = {*PITCHES} - {"pitch_mm", given[0]}
+        if other in known:
+            yield f"array.{other}", None, f"must be given beside {given[0]} (or pitch_mm alone)"
+    if len(known) == len(PITCHES):
+        good["array.pitch_given"] = tuple(given)
+    both = good.pop("array.pitch_mm", None)
+    if both is not None:
+        good["array.pitch_x_mm"] = good["array.pitch_y_mm"] = both
+
+
+def check_pitch(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
+    """Neighbours apart."""
+    footprint = footprint_mm(good, form)
     if footprint is None:
         return
-    widest = max(footprint, good.get("pillar.tip_mm") or 0.0, 1e3 * step.extent_m if step else 0.0)
-    for name in names:
-        pitch = good[f"array.{name}"]
+    widest = max(footprint, 1e3 * max(form.reach_m())) if form else footprint
+    for name in good.get("array.pitch_given", ()):
+        pitch = good["array.pitch_x_mm" if name == "pitch_mm" else f"array.{name}"]
         if pitch <= widest:
             yield f"array.{name}", pitch, f"pillars overlap: must exceed the pillar's footprint {widest:g} mm"
         elif pitch - widest < limits.MIN_GAP * widest:
@@ -83,25 +107,25 @@ def check_pitch(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
             yield f"array.{name}", pitch, f"{text}, a gap that a mesh can hold"
 
 
-def check_slenderness(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
+def check_slenderness(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """Pillar height, sides and foot fillet differ by no more than beams and elements can follow."""
-    height, most = good.get("pillar.height_mm"), limits.MAX_SLENDERNESS
-    for name in ("side_mm", "diameter_mm", "base_mm", "tip_mm"):
-        side = good.get(f"pillar.{name}")
-        if height and side and not 1.0 / most <= height / side <= most:
+    height, most, sizes = good.get("pillar.height_mm"), limits.MAX_SLENDERNESS, _sizes_mm(good)
+    for name, side in sizes.items():
+        if height and not 1.0 / most <= height / side <= most:
             allowed = f"must be from {side / most:g} to {side * most:g}, {1.0 / most:g} to {most:g} times pillar.{name}"
             yield "pillar.height_mm", height, allowed
-    base, tip = good.get("pillar.base_mm"), good.get("pillar.tip_mm")
-    if base and tip and not 1.0 / most <= tip / base <= most:
-        yield "pillar.tip_mm", tip, f"must be from {base / most:g} to {base * most:g}, beside pillar.base_mm = {base:g}"
-    fillet, section = good.get("pillar.fillet_mm"), section_mm(good, step)
+    for (first, width), (name, side) in combinations(sizes.items(), 2):
+        if not 1.0 / most <= side / width <= most:
+            allowed = f"must be from {width / most:g} to {width * most:g}, beside pillar.{first} = {width:g}"
+            yield f"pillar.{name}", side, allowed
+    fillet, section = good.get("pillar.fillet_mm"), section_mm(good, form)
     if fillet and section and fillet < section / most:
         yield "pillar.fillet_mm", fillet, f"must be 0, or at least {section / most:g}, {1.0 / most:g} of the foot"
 
 
-def check_pillar_on_plate(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
+def check_pillar_on_plate(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """The pillars' feet and the passive rim are no needles beside the plate's thickness; fewer than a million pillars."""
-    thickness, section, most = good.get("plate.thickness_mm"), section_mm(good, step), limits.MAX_SLENDERNESS
+    thickness, section, most = good.get("plate.thickness_mm"), section_mm(good, form), limits.MAX_SLENDERNESS
     if thickness and section and good.get("array.rows") != 0 and thickness > most * section:
         limit = f"must be at most {most * section:g}, {most:g} times the pillar's foot of {section:g} mm"
         yield "plate.thickness_mm", thickness, limit
@@ -109,7 +133,7 @@ def check_pillar_on_plate(good: Values, step: StepPillar | None) -> Iterator[Dia
     if thickness and rim and rim < thickness / most:
         limit = f"must be 0, or at least {thickness / most:g}, {1.0 / most:g} of plate.thickness_mm"
         yield "array.extension_mm", rim, limit
-    rows, length, pitch = good.get("array.rows"), good.get("zone.length_mm"), _pitch_along(good)
+    rows, length, pitch = good.get("array.rows"), good.get("zone.length_mm"), good.get("array.pitch_x_mm")
     if rows and length and pitch and 2.0 * rows * (length / pitch + 1.0) > limits.MAX_PILLARS:
         count = int(2.0 * rows * (length / pitch + 1.0))
         yield (
@@ -119,11 +143,7 @@ def check_pillar_on_plate(good: Values, step: StepPillar | None) -> Iterator[Dia
         )
 
 
-def _pitch_along(good: Values) -> float | None:
-    return good.get("array.pitch_mm") or good.get("array.pitch_x_mm")
-
-
-def check_nodal_lines(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
+def check_nodal_lines(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """The wanted mode's flexural wave is longer than the plate is thick: a shorter one is two separate surface waves."""
     lines, length, thickness = (good.get(key) for key in ("zone.nodal_lines", "zone.length_mm", "plate.thickness_mm"))
     if lines and length and thickness and lines > 1 and 2.0 * length / lines < thickness:
@@ -132,35 +152,35 @@ def check_nodal_lines(good: Values, step: StepPillar | None) -> Iterator[Diagnos
         yield "zone.nodal_lines", lines, text
 
 
-def check_zone_width(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
+def check_zone_width(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """The zone holds at least two pillar sides between its rows."""
-    width, side = good.get("zone.width_mm"), section_mm(good, step)
+    width, side = good.get("zone.width_mm"), section_mm(good, form)
     if width is not None and side is not None and good.get("array.rows") != 0 and width < 2.0 * side:
         yield "zone.width_mm", width, f"zone narrower than two pillar sides: must be at least {2.0 * side:g} mm"
 
 
-def check_row_fits(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
+def check_row_fits(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """A row of at least one pillar fits along the zone."""
-    length, footprint = good.get("zone.length_mm"), footprint_mm(good, step)
+    length, footprint = good.get("zone.length_mm"), footprint_mm(good, form)
     if length is not None and footprint is not None and good.get("array.rows") != 0 and footprint > length:
         yield "zone.length_mm", length, f"pillar row outside the plate: must be at least the footprint {footprint:g} mm"
 
 
-def _whole_width(good: Values, step: StepPillar | None) -> list[float]:
+def _whole_width(good: Values, form: PillarShape | None) -> list[float]:
     """The plate's width across the zone, mm, in a list that is empty while the zone's width is unknown."""
     width, rows = good.get("zone.width_mm"), good.get("array.rows") or 0
     if width is None:
         return []
-    pitch = good.get("array.pitch_mm") or good.get("array.pitch_y_mm") or 0.0
-    span = (rows - 1) * pitch + (footprint_mm(good, step) or 0.0) if rows else 0.0
+    pitch = good.get("array.pitch_y_mm") or 0.0
+    span = (rows - 1) * pitch + (footprint_mm(good, form) or 0.0) if rows else 0.0
     return [width + 2.0 * (span + (good.get("array.extension_mm") or 0.0))]
 
 
-def check_thickness(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
+def check_thickness(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """The plate is not thinner than the mesher can hold."""
     thickness = good.get("plate.thickness_mm")
-    names = ("zone.length_mm", "array.pitch_mm", "array.pitch_x_mm", "array.pitch_y_mm")
-    sides = [good[name] for name in names if good.get(name) is not None] + _whole_width(good, step)
+    names = ("zone.length_mm", "array.pitch_x_mm", "array.pitch_y_mm")
+    sides = [good[name] for name in names if good.get(name) is not None] + _whole_width(good, form)
     longest = max(sides, default=None)
     if thickness is not None and longest is not None and longest / thickness > THINNEST:
         yield (
@@ -171,7 +191,7 @@ def check_thickness(good: Values, step: StepPillar | None) -> Iterator[Diagnosti
         )
 
 
-def check_not_a_block(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
+def check_not_a_block(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """The plate is thinner than its zone is wide; else a unit was mistaken."""
     thickness, width = good.get("plate.thickness_mm"), good.get("zone.width_mm")
     if thickness is not None and width is not None and thickness > width:
@@ -182,19 +202,18 @@ def check_not_a_block(good: Values, step: StepPillar | None) -> Iterator[Diagnos
         )
 
 
-def check_rows(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
+def check_rows(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """Rows need a pillar and a pitch."""
     rows = good.get("array.rows")
     if not rows:
         return
     if "pillar" not in good:
         yield "array.rows", rows, "must be 0 without a [pillar]"
-    pitches = [f"array.{name}" for name in ("pitch_mm", "pitch_x_mm", "pitch_y_mm")]
-    if all(key in good and good[key] is None for key in pitches):
+    if good.get("array.pitch_given") == ():
         yield "array.pitch_mm", None, "rows need a pitch: pitch_mm, or pitch_x_mm and pitch_y_mm"
 
 
-def check_solve(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
+def check_solve(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """A rising band, or a target with a count, not both."""
     band, near, count = (good.get(f"solve.{name}") for name in ("band_kHz", "near_kHz", "count"))
     if band is not None and not (band[0] < band[1] and band[1] >= limits.FREQUENCY_KHZ[0]):
@@ -206,14 +225,14 @@ def check_solve(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
         yield "solve.count", count, "goes with near_kHz, must be left out beside band_kHz"
 
 
-def check_path(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
+def check_path(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """Neighbouring points of the wavevector path differ."""
     path = good.get("bands.path")
     if path and any(a == b for a, b in pairwise(path)):
         yield "bands.path", path, "must not repeat a point twice in a row"
 
 
-def check_patch_keys(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
+def check_patch_keys(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """Centres or antinodes, not both; antinodes need a zone; sensors counted once."""
     if "patches" not in good:
         return
@@ -226,7 +245,7 @@ def check_patch_keys(good: Values, step: StepPillar | None) -> Iterator[Diagnost
         yield "patches.sensors", sensors, "must name each patch once"
 
 
-def check_measured(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
+def check_measured(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """Something was measured, on a plate with patches; a laser's place belongs to a sweep."""
     if "measured" not in good:
         return
@@ -239,7 +258,7 @@ def check_measured(good: Values, step: StepPillar | None) -> Iterator[Diagnostic
         yield "measured.sweep", sweep, "needs [patches]: what was measured is compared with their response"
 
 
-def check_tolerance(good: Values, step: StepPillar | None) -> Iterator[Diagnostic]:
+def check_tolerance(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """Something varies, on square pillars, and three standard deviations leave each pillar a body and its place."""
     if "tolerance" not in good:
         return
@@ -249,7 +268,7 @@ def check_tolerance(good: Values, step: StepPillar | None) -> Iterator[Diagnosti
         return
     if not (height or side or position):
         yield "tolerance.height_mm", height, "nothing varies: height_mm, side_mm or position_mm must be above 0"
-    if good.get("pillar.shape") in SECTIONS and (good["pillar.shape"] != "square" or good.get("pillar.fillet_mm")):
+    if form is not None and not (form.is_square_prism and good.get("pillar.fillet_mm") == 0.0):
         yield "tolerance.height_mm", height, "only square pillars without fillet can be varied"
         return
     if "pillar" not in good or good.get("array.rows") == 0:
@@ -259,14 +278,14 @@ def check_tolerance(good: Values, step: StepPillar | None) -> Iterator[Diagnosti
     for name, given, whole in (("height", height, tall), ("side", side, wide)):
         if whole and 3.0 * given >= whole:
             yield f"tolerance.{name}_mm", given, f"must be below {whole / 3.0:g}, a third of pillar.{name}_mm"
-    pitches = [good.get(f"array.{name}") for name in ("pitch_mm", "pitch_x_mm", "pitch_y_mm")]
+    pitches = [good.get(f"array.{name}") for name in PITCHES[1:]]
     room = min((pitch - wide for pitch in pitches if pitch and wide), default=None)
     if room is not None and 3.0 * side + 6.0 * position >= room > 0.0:
         text = f"pillars may touch: 3 side_mm + 6 position_mm must be below the room {room:g} mm between two of them"
         yield "tolerance.position_mm", position, text
 
 
-CHECKS: tuple[Callable[[Values, StepPillar | None], Iterator[Diagnostic]], ...] = (
+CHECKS: tuple[Callable[[Values, PillarShape | None], Iterator[Diagnostic]], ...] = (
     check_pillar_keys,
     check_fillet,
     check_slenderness,

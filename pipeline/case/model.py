@@ -11,12 +11,14 @@ from typing import Any
 
 from geometry.layout import Design, Pillar
 from geometry.patches import Patches
-from pipeline.case.overrides import SECTIONS, apply_overrides, is_file, parse_override, read_toml
+from pipeline.case.overrides import apply_overrides, is_file, parse_override, read_toml
 from pipeline.case.patches import read_patches
 from pipeline.case.reader import KHZ, MM, read_values
 from pipeline.case.reader import CaseValues as Values
 from pipeline.errors import InputError
 from solvers.measures.confinement import wanted_symmetry
+
+Override = str | tuple[str, Any]
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ class MeasuredFiles:
     map: Path | None
     at_m: tuple[float, float] | None
 
-    def as_understood(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Names and SHA-256 of the files, and the place."""
         plain: dict[str, Any] = {"at_m": _plain(self.at_m)}
         for name, path in (("sweep", self.sweep), ("map", self.map)):
@@ -97,8 +99,8 @@ class Case:
     @property
     def kx_wanted_per_m(self) -> float:
         """Wavenumber along the zone of the wanted mode, (N - 1/2) pi / L, rad/m; 0 for the rigid shapes N = 0, 1."""
-        lines = self.design.nodal_lines
-        return (lines - 0.5) * pi / self.design.length_m if lines > 1 else 0.0
+        half = self.design.half_wavelength_m
+        return pi / half if half else 0.0
 
     def require(self, *keys: str, command: str = "this command") -> None:
         """InputError naming every table or dotted key that the command needs and the file lacks.
@@ -115,7 +117,7 @@ class Case:
         """InputError unless a finite plate is described: [plate], [zone] and, with pillars, array.rows."""
         self.require("plate", "zone", *(("array.rows",) if "pillar" in self.given else ()), command=command)
 
-    def as_understood(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Everything that influences results as plain JSON in SI; a STEP file by its name and SHA-256."""
         plain: dict[str, Any] = {
             name: _plain(getattr(self, name)) for name in ("design", "solve", "bands", "quality", "patches")
@@ -123,21 +125,23 @@ class Case:
         if self.tolerance:
             plain["tolerance"] = _plain(self.tolerance)
         if self.measured:
-            plain["measured"] = self.measured.as_understood()
+            plain["measured"] = self.measured.to_dict()
         pillar = self.design.pillar
+        if pillar:
+            plain["design"]["pillar"] |= dict(plain["design"]["pillar"].pop("more_m"))
         if pillar and pillar.file:
             plain["design"]["pillar"]["file"] = Path(pillar.file).name
             plain["design"]["pillar"]["file_sha256"] = hashlib.sha256(Path(pillar.file).read_bytes()).hexdigest()
         return plain
 
 
-def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
-    """The case of a TOML file with "key.path=value" overrides; InputError with one line for every fault."""
+def load_case(path: str | Path, overrides: Iterable[Override] = ()) -> Case:
+    """The case of a TOML file with overrides, "key.path=value" or (key, value); InputError with one line for every fault."""
     file = Path(path)
     return case_from_dict(read_toml(file), source=file, overrides=overrides)
 
 
-def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: Iterable[str] = ()) -> Case:
+def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: Iterable[Override] = ()) -> Case:
     """The case of a parsed file; STEP paths are taken from the folder of `source`. InputError as load_case."""
     settings = _parsed(overrides)
     values = read_values(apply_overrides(raw, settings), source, [key for key, _ in settings])
@@ -160,11 +164,11 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
     )
 
 
-def _parsed(overrides: Iterable[str]) -> list[tuple[str, Any]]:
+def _parsed(overrides: Iterable[Override]) -> list[tuple[str, Any]]:
     parsed, lines = [], []
-    for text in overrides:
+    for given in overrides:
         try:
-            parsed.append(parse_override(text))
+            parsed.append(parse_override(given) if isinstance(given, str) else given)
         except InputError as fault:
             lines += fault.lines
     if lines:
@@ -174,7 +178,6 @@ def _parsed(overrides: Iterable[str]) -> list[tuple[str, Any]]:
 
 def _design(values: Values) -> Design:
     get = values.good.get
-    pitch = get("array.pitch_mm")
     rows = get("array.rows") or 0
     return Design(
         length_m=MM * get("zone.length_mm", nan),
@@ -183,24 +186,20 @@ def _design(values: Values) -> Design:
         nodal_lines=get("zone.nodal_lines", 0),
         material=values.materials[""],
         pillar=_pillar(values),
-        pitch_x_m=MM * (pitch or get("array.pitch_x_mm") or nan),
-        pitch_y_m=MM * (pitch or get("array.pitch_y_mm") or nan),
+        pitch_x_m=MM * (get("array.pitch_x_mm") or nan),
+        pitch_y_m=MM * (get("array.pitch_y_mm") or nan),
         rows=rows,
         extension_m=MM * get("array.extension_mm", 0.0),
     )
 
 
 def _pillar(values: Values) -> Pillar | None:
-    good, step = values.good, values.step
-    if "pillar" not in values.given:
+    good, form = values.good, values.form
+    if form is None:
         return None
-    material, fillet = values.materials.get("pillar", values.materials[""]), MM * good["pillar.fillet_mm"]
-    if step is not None:
-        return Pillar("step", step.foot_size_m, step.tip_size_m, step.height_m, material, fillet, values.step_file)
-    shape = good["pillar.shape"]
-    keys = SECTIONS[shape]
-    base, tip = MM * good[f"pillar.{keys[0]}"], MM * good[f"pillar.{keys[-1]}"]
-    return Pillar(shape, base, tip, MM * good["pillar.height_mm"], material, fillet)
+    material = values.materials.get("pillar", values.materials[""])
+    height, fillet = form.height_m(MM * (good["pillar.height_mm"] or nan)), MM * good["pillar.fillet_mm"]
+    return Pillar(form.name, form.width_m, form.tip_m, height, material, fillet, form.file, form.more_m)
 
 
 def _solve(values: Values) -> SolveSettings:
@@ -240,8 +239,8 @@ def _tolerance(values: Values) -> Tolerance | None:
 
 def _bands(values: Values, design: Design) -> BandSettings:
     good = values.good
-    square = design.pitch_x_m == design.pitch_y_m or isnan(design.pitch_x_m)
-    path = good["bands.path"] or ("GXMG" if square else "GXMYG")
+    oblong = design.pitch_x_m != design.pitch_y_m and not isnan(design.pitch_x_m)
+    path = good["bands.path"] or ("GXMYG" if oblong else "GXMG")
     return BandSettings(path, good["bands.points"], good["bands.count"], good["bands.grid"])
 
 

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from geometry.files import read_by_command
+from geometry.pillar_shapes.base import PillarShape
+from geometry.pillar_shapes.registry import SHAPES
 from pipeline.case.diagnostics import quoted
 from pipeline.errors import InputError
 
@@ -26,12 +28,6 @@ DEEPEST = 8  # tables and lists inside one another; a case has four
 TOO_DEEP = f"tables or lists nested deeper than {DEEPEST}, which nothing in it may be"
 # a key of so many parts costs tomllib the square of their number before its depth could be seen
 LONG_KEY = re.compile(r"""(?<![\w"'-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){50}""")
-SECTIONS: dict[str, tuple[str, ...]] = {
-    "square": ("side_mm",),
-    "round": ("diameter_mm",),
-    "tapered": ("base_mm", "tip_mm"),
-    "step": ("file",),
-}
 
 
 def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
@@ -118,8 +114,8 @@ def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -
             _split_pitch(result)
         for other in ALTERNATIVES.get(key, ()):
             _drop(result, other)
-        if key == "pillar.shape" and isinstance(value, str) and value in SECTIONS:
-            _keep_section(result, str(value))
+        if key == "pillar.shape" and isinstance(value, str) and value in SHAPES:
+            _keep_sizes(result, SHAPES[value])
         _put(result, key.split("."), value)
     return result
 
@@ -132,12 +128,11 @@ def _split_pitch(raw: dict[str, Any]) -> None:
         array.setdefault("pitch_y_mm", pitch)
 
 
-def _keep_section(raw: dict[str, Any], shape: str) -> None:
-    for keys in (keys for name, keys in SECTIONS.items() if name != shape):
-        for name in keys:
-            _drop(raw, f"pillar.{name}")
-    if shape == "step":
-        _drop(raw, "pillar.height_mm")
+def _keep_sizes(raw: dict[str, Any], shape: type[PillarShape]) -> None:
+    """Drop the sizes that belong to other shapes alone."""
+    others = {key for other in SHAPES.values() for key in other.keys} - {*shape.keys}
+    for name in others if shape.has_height else others | {"height_mm"}:
+        _drop(raw, f"pillar.{name}")
 
 
 def _drop(raw: dict[str, Any], key: str) -> None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from geometry.cad.step_pillar import StepPillar, load_step_pillar
 from geometry.errors import GeometryError
 from geometry.materials import MATERIALS, Material
-from pipeline.case.checks import CHECKS
+from geometry.pillar_shapes.base import PillarShape
+from geometry.pillar_shapes.registry import SHAPES
+from pipeline.case.checks import CHECKS, normalise_pitch
 from pipeline.case.diagnostics import Diagnostics, check_table, nearest
 from pipeline.case.limits import MAX_CONTRAST
 from pipeline.case.schema import MATERIAL_ALLOWED, MATERIAL_OWNERS, NAME_ALLOWED, TABLES, MaterialTable, known_keys
@@ -28,8 +30,7 @@ class CaseValues:
     name: str
     good: dict[str, Any]
     materials: dict[str, Material]
-    step: StepPillar | None
-    step_file: str | None
+    form: PillarShape | None
     given: frozenset[str]
     faults: Diagnostics
 
@@ -55,9 +56,9 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
         _read_material(raw if owner == "" else raw.get(owner, {}), owner, materials, known, faults)
     _check_contrast(materials, faults)
     name = _read_name(raw, source, faults)
-    step_file, step = _read_step(good, source, faults)
-    _check_across(good, step, faults)
-    return CaseValues(name, good, materials, step, step_file, _given(raw), faults)
+    form = _read_shape(good, source, faults)
+    _check_across(good, form, faults)
+    return CaseValues(name, good, materials, form, _given(raw), faults)
 
 
 def _without_material(table: str, content: dict[str, Any]) -> dict[str, Any]:
@@ -106,26 +107,26 @@ def _read_name(raw: dict[str, Any], source: Path | None, faults: Diagnostics) ->
     return str(name)
 
 
-def _read_step(good: dict[str, Any], source: Path | None, faults: Diagnostics) -> tuple[str | None, StepPillar | None]:
-    """Path and measures of the STEP pillar; CAD is imported only here, and only for shape = "step"."""
-    file = good.get("pillar.file")
-    if good.get("pillar.shape") != "step" or file is None:
-        return None, None
-    path = (source.parent if source is not None else Path()) / file
+def _read_shape(good: dict[str, Any], source: Path | None, faults: Diagnostics) -> PillarShape | None:
+    """The pillar's shape with its sizes; None while some are missing. A STEP file is read here, with CAD."""
+    shape = SHAPES.get(good.get("pillar.shape", ""))
+    if shape is None or any(good.get(f"pillar.{key}") is None for key in shape.keys):
+        return None
+    given = {key: good[f"pillar.{key}"] for key in shape.keys}
     try:
-        return str(path), load_step_pillar(path)
+        return shape.from_case(given, source.parent if source is not None else Path())
     except GeometryError as error:
-        faults.add("pillar.file", file, str(error).removeprefix(f"{path}: "))
-        return str(path), None
+        file = good.get("pillar.file")
+        faults.add("pillar.file", file, str(error).rpartition(f"{file}: ")[2])
+        return None
 
 
-def _check_across(good: dict[str, Any], step: StepPillar | None, faults: Diagnostics) -> None:
-    for check in CHECKS:
-        for key, value, text in check(good, step):
-            if value is None:
-                faults.missing(key, text)
-            else:
-                faults.add(key, value, text)
+def _check_across(good: dict[str, Any], form: PillarShape | None, faults: Diagnostics) -> None:
+    for key, value, text in chain(normalise_pitch(good), *(check(good, form) for check in CHECKS)):
+        if value is None:
+            faults.missing(key, text)
+        else:
+            faults.add(key, value, text)
 
 
 def _given(raw: dict[str, Any]) -> frozenset[str]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 
+from geometry.pillar_shapes.registry import SHAPES, in_words
 from pipeline.case import limits
 from pipeline.case.limits import LENGTH_MM, Range, span
 
@@ -72,17 +73,18 @@ class ZoneTable(Table):
     nodal_lines: int = whole(0, 1000)
 
 
-class PillarTable(Table):
-    shape: Literal["square", "round", "tapered", "step"] = Field(
-        default="square", description="square, round, tapered or step"
-    )
-    side_mm: float | None = optional(LENGTH_MM)
-    diameter_mm: float | None = optional(LENGTH_MM)
-    base_mm: float | None = optional(LENGTH_MM)
-    tip_mm: float | None = optional(LENGTH_MM)
-    file: str | None = Field(default=None, min_length=1, description="the path of a STEP file")
-    height_mm: float | None = optional(LENGTH_MM)
-    fillet_mm: Length = 0.0
+def _pillar_table() -> type[Table]:
+    """[pillar] with the keys of every registered shape."""
+    named = Field(default=next(iter(SHAPES)), description=in_words())
+    file = Field(default=None, min_length=1, description="the path of a STEP file")
+    keys: dict[str, Any] = {"shape": (Literal[tuple(SHAPES)], named)}
+    for key in SIZE_KEYS:
+        keys[key] = (float | None, optional(LENGTH_MM)) if key.endswith("_mm") else (str | None, file)
+    keys |= {"height_mm": (float | None, optional(LENGTH_MM)), "fillet_mm": (Length, 0.0)}
+    return create_model("PillarTable", __base__=Table, **keys)
+
+
+SIZE_KEYS = tuple(dict.fromkeys(key for shape in SHAPES.values() for key in shape.keys))  # of any pillar's shape
 
 
 class ArrayTable(Table):
@@ -186,7 +188,7 @@ class ToleranceTable(Table):
 TABLES: dict[str, type[Table]] = {
     "plate": PlateTable,
     "zone": ZoneTable,
-    "pillar": PillarTable,
+    "pillar": _pillar_table(),
     "array": ArrayTable,
     "solve": SolveTable,
     "bands": BandsTable,

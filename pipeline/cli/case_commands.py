@@ -14,8 +14,6 @@ from pipeline.records import outputs
 from pipeline.views import files
 from pipeline.views.rows import ROWS
 
-LATER = "is not part of this version yet; the commands that are there: antinode --help"
-
 
 def _case(arguments: Namespace) -> Case:
     case = outputs.of_case(arguments, load_case(arguments.case, arguments.set))
@@ -67,7 +65,7 @@ def modes(arguments: Namespace) -> int:
     else:
         _require_part(case, arguments.part)
         part_modes = solve_modes(case, query, log)
-    document = part_modes.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    document = part_modes.record.to_dict() | {"seconds": log.seconds | {"total": log.elapsed}}
     head = ("frequency_hz", "symmetry", "zone_share", "confinement_db", "mac", "strength", "residual")
     rows = [[getattr(row, key) for key in head] for row in part_modes.rows]
     text = [
@@ -113,7 +111,7 @@ def _explained(arguments: Namespace, which: str, *about: Any) -> int:
     from pipeline.planning import plan
 
     planned = getattr(plan, which)(*about)
-    outputs.emit(arguments, "plan", planned.json(), planned.text())
+    outputs.emit(arguments, "plan", planned.to_dict(), planned.text())
     return 0
 
 
@@ -125,7 +123,7 @@ def bands(arguments: Namespace) -> int:
     from pipeline.analysis.bands import solve_bands
 
     computed = solve_bands(case, log)
-    document = computed.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    document = computed.record.to_dict() | {"seconds": log.seconds | {"total": log.elapsed}}
     count = computed.frequencies_hz.shape[1]
     head = ("label", "kx_per_m", "ky_per_m", *(f"band_{n}_hz" for n in range(1, count + 1)))
     rows = [
@@ -152,7 +150,7 @@ def check_gap(arguments: Namespace) -> int:
     from pipeline.cli import check_gap
 
     edges = check_gap.check_gap(case, log)
-    document = check_gap.as_json(edges)
+    document = check_gap.to_dict(edges)
     head = ("edge", "reference_hz", "found_hz", "change", "allowed", "holds")
     rows = [
         [
@@ -180,7 +178,7 @@ def attenuation(arguments: Namespace) -> int:
     from pipeline.analysis import attenuation as rows
 
     computed = rows.solve(case, log, band, arguments.kx, arguments.points)
-    document = computed.json() | {"seconds": log.seconds | {"total": log.elapsed}}
+    document = computed.to_dict() | {"seconds": log.seconds | {"total": log.elapsed}}
     head = ("frequency_hz", "db_per_row", "reflected", "passed_flexural", "passed_shear", "passed_longitudinal")
     table = [_attenuation_row(point) for point in computed.points]
     step = max(1, len(table) // 20)
@@ -196,12 +194,12 @@ def attenuation(arguments: Namespace) -> int:
 
         folder = outputs.folder(arguments.out)
         with style.style():
-            style.save(complex_bands(document), folder)
+            style.save(complex_bands(computed), folder)
     return 0
 
 
 def _attenuation_row(point: Any) -> list[Any]:
-    passed = point.transmission
+    passed = point.through_rows
     shares = [None] * 4 if passed is None else [passed.reflected, passed.flexural, passed.shear, passed.longitudinal]
     return [point.frequency_hz, point.db_per_row, *shares]
 
@@ -219,7 +217,7 @@ def response(arguments: Namespace) -> int:
     computed = forced.solve(case, log, band, arguments.points)
     beside = comparison.compare(case, computed, measured, log) if measured else None
     made = synthetic.write(arguments, case, computed) if arguments.synthetic_data else []
-    document = computed.json() | ({"measured": beside.document} if beside else {})
+    document = computed.record.to_dict() | ({"measured": beside.record.to_dict()} if beside else {})
     document |= {"seconds": log.seconds | {"total": log.elapsed}}
     head, rows = _response_table(document)
     peak_hz = computed.peak.frequency_hz
@@ -240,12 +238,12 @@ def response(arguments: Namespace) -> int:
 
         folder = outputs.folder(arguments.out)
         with style.style():
-            style.save(curves(document, computed.shape_points, computed.shape), folder)
+            style.save(curves(computed.record, computed.shape_points, computed.shape), folder)
             if beside:
-                from pipeline.batch.measures import describe
                 from pipeline.plots.measured import report_figure
+                from pipeline.records.record import DesignRecord
 
-                style.save(report_figure(beside.document, beside.arrays, describe(case)), folder)
+                style.save(report_figure(beside.record, beside.arrays, DesignRecord.of_design(case.design)), folder)
     return 0
 
 

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.analysis.bands import Bands, solve_bands
+from pipeline.analysis.bands import solve_bands
 from pipeline.case.model import Case
 from pipeline.errors import CheckFailed
 from pipeline.logs import Log
 from pipeline.paths import REFERENCE
+from pipeline.records.record import BandsRecord
 
 FILE = REFERENCE / "band_gap.csv"
 
@@ -43,14 +44,14 @@ class Edge:
         return f"{self.name} moved by {100 * self.relative_change:+.2f} %, allowed is {100 * self.allowed:.1f} %"
 
 
-def edges_of(bands: Bands) -> dict[str, float | None]:
+def edges_of(bands: BandsRecord) -> dict[str, float | None]:
     """Edges of the lowest complete gap and the cell's bending frequency at M, Hz; None where there is none."""
     gap = bands.gaps[0] if bands.gaps else None
-    corner = bands.at("M")
+    pair = bands.bending_at_m_hz
     return {
         "gap lower edge": gap.lower_hz if gap else None,
         "gap upper edge": gap.upper_hz if gap else None,
-        "bending at M": float(corner[:2].mean()) if corner is not None else None,
+        "bending at M": sum(pair) / len(pair) if pair else None,
     }
 
 
@@ -65,11 +66,11 @@ def read_reference(path: Path = FILE) -> dict[str, tuple[float, float]]:
 
 def check_gap(case: Case, log: Log) -> list[Edge]:
     """Every committed edge beside what is found now."""
-    edges = edges_of(solve_bands(case, log))
+    edges = edges_of(solve_bands(case, log).record)
     return [Edge(name, hz, edges.get(name), allowed) for name, (hz, allowed) in read_reference().items()]
 
 
-def as_json(edges: list[Edge]) -> dict[str, Any]:
+def to_dict(edges: list[Edge]) -> dict[str, Any]:
     """The contract's fields; an edge that is gone is null."""
     return {
         "schema": 1,

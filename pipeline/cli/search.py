@@ -28,7 +28,7 @@ def search(arguments: Namespace) -> int:
     log = TerminalLog(arguments.quiet)
     outcome = find(space, Settings(arguments.goal, limits, arguments.evaluations), log)
     proof = _proof(outcome, arguments, log)
-    document = as_json(outcome) | proof | {"seconds": log.seconds | {"total": log.elapsed}}
+    document = to_dict(outcome) | proof | {"seconds": log.seconds | {"total": log.elapsed}}
     outputs.emit(arguments, "search", document, text(outcome, proof))
     if arguments.out:
         _write(outcome, document, arguments.out)
@@ -68,7 +68,7 @@ def _proof(outcome: Any, arguments: Namespace, log: TerminalLog) -> dict[str, An
     return {"solid": proof}
 
 
-def as_json(outcome: Any) -> dict[str, Any]:
+def to_dict(outcome: Any) -> dict[str, Any]:
     """The document, without times."""
     from pipeline.search.fidelity import MODELS
 

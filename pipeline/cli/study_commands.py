@@ -46,21 +46,21 @@ def _task(path_or_name: str, fields_too: bool = False) -> _Task:
     study = load_study(path_or_name)
 
     def jobs() -> Sequence[Job]:
-        from pipeline.batch import measures
+        from pipeline.batch import case_study
 
-        return measures.jobs_of(study, fields_too)
+        return case_study.jobs_of(study, fields_too)
 
     def computer() -> Any:
-        from pipeline.batch import measures
+        from pipeline.batch import case_study
 
-        return measures.computer(study)
+        return case_study.computer(study)
 
     def explain(job: Job) -> str:
         from pipeline.case.model import load_case
-        from pipeline.planning import plan
+        from pipeline.measures import registry
 
         case = load_case(study.case_path, job.payload["overrides"])
-        return plan.of_measures(case, job.payload["measure"]).short()
+        return registry.plan_of(case, job.payload["measure"]).short()
 
     about = {"name": study.name, "case": study.case_path.name, "measure": list(study.measure)}
     return _Task(study.name, jobs, computer, about, _table_and_report, explain)
@@ -112,10 +112,10 @@ def _lost(address: str, outcome: StudyOutcome) -> str:
 
 
 def _table_and_report(folder: Path) -> Sequence[Path]:
-    from pipeline.records import tables
+    from pipeline.measures import registry
     from pipeline.report import page
 
-    return [tables.write_table(folder), page.build(folder)]
+    return [registry.write_table(folder), page.build(folder)]
 
 
 def _log_summary(paths: Sequence[Path], quiet: bool) -> None:

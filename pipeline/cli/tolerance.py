@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from dataclasses import astuple, fields
 
 from pipeline.case.model import load_case
 from pipeline.case.quantities import parse_band
@@ -20,17 +19,17 @@ def tolerance(arguments: Namespace) -> int:
     outputs.check_places(arguments)
     band = parse_band(arguments.band, "--band") if arguments.band else None
     if arguments.explain:
-        from pipeline.planning import plan
+        from pipeline.measures import registry
 
-        planned = plan.of_measures(case, ["tolerance"])
-        outputs.emit(arguments, "plan", planned.json(), planned.text())
+        planned = registry.plan_of(case, ["tolerance"])
+        outputs.emit(arguments, "plan", planned.to_dict(), planned.text())
         return 0
     from pipeline.analysis import tolerance as drawn
 
     computed = drawn.solve(case, log, band)
-    document = computed.json() | {"seconds": log.seconds | {"total": log.elapsed}}
-    head = tuple(field.name for field in fields(computed.nominal))
-    rows = [list(astuple(one)) for one in computed.samples]
+    document = computed.record.to_dict() | {"seconds": log.seconds | {"total": log.elapsed}}
+    head = tuple(computed.nominal.to_dict())
+    rows = [list(one.to_dict().values()) for one in computed.samples]
     text = [
         f"{computed.pillars} pillars, driven by {computed.drive}",
         outputs.table(head, rows),
@@ -43,5 +42,5 @@ def tolerance(arguments: Namespace) -> int:
 
         folder = outputs.folder(arguments.out)
         with style.style():
-            style.save(report_figure(document, computed.arrays()), folder)
+            style.save(report_figure(computed.record, computed.arrays()), folder)
     return 0

@@ -23,9 +23,11 @@ from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
 from pipeline.plots.plate import FloatArray, IntArray, skin_faces
 from pipeline.records import store
+from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase, read_study
 
 MM = 1e3
+MAX_SHAPES = 7  # of a plate: the wanted mode and its neighbours
 DRAWN = 0.4  # of the pillars' height (of the thickness without any): the largest displacement as first drawn
 PERIOD_MS, FRAME_MS = 1600, 40
 INSTEAD = "`antinode report STUDY` writes a page whose shapes turn and move in a browser"
@@ -129,15 +131,14 @@ def of_study(target: str, case_id: str | None = None) -> Scene:
 
 
 def _stored(case: StoredCase) -> Scene:
-    arrays, read_errors = case.read_arrays()
+    arrays, errors = case.read_arrays()
     if skin_faces(arrays, "surface") is None or "surface_u" not in arrays:
-        ended = case.status in {"OK", "WARNING"}
-        why = "its record holds no moving surface; measure modes and run the study again" if ended else case.diagnosis
-        raise InputError(read_errors or f"{case.case_id}: {why}")
-    return of_arrays(case.case_id, arrays, case.record.get("design") or {})
+        why = "its record holds no moving surface; measure modes and run the study again"
+        raise InputError(errors or f"{case.case_id}: {why if case.record.answered else case.record.diagnosis}")
+    return of_arrays(case.case_id, arrays, case.record.design)
 
 
-def of_arrays(title: str, arrays: dict[str, Any], design: dict[str, Any]) -> Scene:
+def of_arrays(title: str, arrays: dict[str, Any], design: DesignRecord | None) -> Scene:
     """The moving surface as a study stores it."""
     facets = skin_faces(arrays, "surface")
     assert facets is not None
@@ -146,15 +147,15 @@ def of_arrays(title: str, arrays: dict[str, Any], design: dict[str, Any]) -> Sce
         (f"{tone / 1e3:.2f} kHz{', wanted' if number == 0 else ''}", np.asarray(shape, dtype=float))
         for number, (tone, shape) in enumerate(zip(tones, arrays["surface_u"], strict=True))
     ]
-    tall = (design.get("pillar") or {}).get("height_m") or design.get("thickness_m") or 1e-3
-    return Scene(title, np.asarray(arrays["surface_points"]) * MM, facets, shapes, DRAWN * float(tall) * MM)
+    tall = 1e-3 if design is None else design.pillar.height_m if design.pillar else design.thickness_m
+    return Scene(title, np.asarray(arrays["surface_points"]) * MM, facets, shapes, DRAWN * tall * MM)
 
 
 def of_case(arguments: Namespace) -> Scene:
     """The plate of a case file as CAD builds it; with --solve its wanted mode and neighbours."""
     from pipeline.analysis import mode_fields, modes
-    from pipeline.batch import measures
     from pipeline.case.model import load_case
+    from pipeline.measures.modes import nearest_rows
 
     case, log = load_case(arguments.target, arguments.set), TerminalLog(arguments.quiet)
     case.require_plate(command="view")
@@ -165,11 +166,8 @@ def of_case(arguments: Namespace) -> Scene:
     index = part_modes.index(part_modes.wanted.row) if part_modes.wanted else None
     if index is None:
         raise InputError(f"{case.name}: no mode of the plate has the wanted shape; antinode modes tells what is there")
-    return of_arrays(
-        case.name,
-        mode_fields.plate_arrays(part_modes, measures.nearest_rows(part_modes, index)),
-        measures.describe(case),
-    )
+    arrays = mode_fields.plate_arrays(part_modes, nearest_rows(part_modes, index)[:MAX_SHAPES])
+    return of_arrays(case.name, arrays, DesignRecord.of_design(case.design))
 
 
 def _solid(case: Any, log: TerminalLog) -> Scene:

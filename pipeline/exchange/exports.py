@@ -10,6 +10,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.records import outputs
+from pipeline.records.record import GeometryRecord
 
 CAD = ("stl", "step", "3mf")
 SOLVER_FILES = ("aster", "calculix")
@@ -62,7 +63,7 @@ def _metadata(case: Case) -> dict[str, str]:
     return {
         "Title": case.name,
         "Description": f"touch plate, {case.design.rows} rows of pillars a side; touch face down on the build plate; "
-        f"design {input_hash(case.as_understood())}",
+        f"design {input_hash(case.to_dict())}",
         "Application": "antinode",
     }
 
@@ -83,7 +84,7 @@ def _cad(case: Case, form: str, path: Path, log: Log) -> Path:
     return path
 
 
-def print_files(case: Case, folder: Path, log: Log) -> dict[str, Any]:
+def print_files(case: Case, folder: Path, log: Log) -> GeometryRecord:
     """STL, STEP and 3MF of the plate into a case's folder; what trimesh found in the STL, for the record."""
     from geometry.cad import files, printability, solids
 
@@ -96,18 +97,10 @@ def print_files(case: Case, folder: Path, log: Log) -> dict[str, Any]:
     with log.step("check the print file"):
         report = printability.check_print(folder / "plate_mm.stl", body, case.design)
     _log_summary(report, log)
-    return {
-        "volume_m3": report.volume_m3,
-        "mass_kg": report.mass_kg,
-        "files": ["plate_mm.stl", "plate.step", "plate.3mf"],
-        "watertight": report.watertight,
-        "bodies": report.bodies,
-        "volume_error": report.volume_error,
-        "smallest_feature": report.smallest_feature[0],
-        "smallest_feature_m": report.smallest_feature[1],
-        "overhang_deg": report.overhang_deg,
-        "overhang": report.overhang_area_m2,
-    }
+    feature, size_m = report.smallest_feature
+    more = {"smallest_feature": feature, "overhang_deg": report.overhang_deg, "overhang": report.overhang_area_m2}
+    names = ["plate_mm.stl", "plate.step", "plate.3mf"]
+    return GeometryRecord.of(report, files=names, smallest_feature_m=size_m, **more)
 
 
 def _log_summary(report: Any, log: Log) -> None:

@@ -145,7 +145,7 @@ def _log_summary(part_mesh: Exchange, log: Log) -> None:
 
 def _mesh(case: Case, part: str, log: Log) -> Mesh:
     pillar = case.design.pillar
-    boxes = part == "zone" or pillar is None or pillar.is_box or (part == "plate" and not case.design.rows)
+    boxes = part == "zone" or pillar is None or pillar.is_made_of_boxes or (part == "plate" and not case.design.rows)
     check_model(replace(case, solve=replace(case.solve, model="solid")), boxes)
     if boxes and case.solve.mesh != "tet":
         return hex_mesh(_boxes(case, part, log), 2)
@@ -155,7 +155,7 @@ def _mesh(case: Case, part: str, log: Log) -> Mesh:
 def _settings(case: Case, part: str) -> Iterator[HexSettings]:
     """Element sizes from the finest that the accuracy asks for to the coarsest."""
     design = case.design
-    smallest = design.thickness_m if part != "pillar" or design.pillar is None else design.pillar.base_m
+    smallest = design.thickness_m if part != "pillar" or design.pillar is None else design.pillar.form.smallest_m
     finest = next((size for accuracy, size in FINEST.items() if case.solve.accuracy >= accuracy), FINENESS[0])
     for size in FINENESS:
         if size >= finest:
@@ -207,11 +207,11 @@ def _cad_part(design: Design, part: str) -> tuple[Body, float, Callable[[float],
     pillar = design.pillar
     if part == "pillar":
         assert pillar
-        return pillar_solid(pillar), pillar.tip_m or pillar.base_m, partial(scenes.tet_pillar, pillar)
+        return pillar_solid(pillar), pillar.form.smallest_m, partial(scenes.tet_pillar, pillar)
     if part == "zone":
         return zone_solid(design), design.thickness_m, partial(scenes.tet_zone, design)
-    tip = pillar.tip_m or pillar.base_m if pillar and design.rows else design.thickness_m
-    return plate_solid(design), min(design.thickness_m, tip), partial(scenes.tet_plate, design)
+    narrowest = pillar.form.smallest_m if pillar and design.rows else design.thickness_m
+    return plate_solid(design), min(design.thickness_m, narrowest), partial(scenes.tet_plate, design)
 
 
 def modes_below(case: Case, part: str, frequencies_hz: Sequence[float], log: Log) -> list[int]:

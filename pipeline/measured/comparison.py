@@ -14,10 +14,15 @@ from pipeline.case.reader import MM
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.measured.files import Complex, FloatArray, MeasuredField, MeasuredSweep, read_field, read_sweep
-from pipeline.records.study import CONFINED_DB
+from pipeline.records.record import (
+    MeasuredMapRecord,
+    MeasuredRecord,
+    MeasuredSweepRecord,
+)
 from solvers.control.identification import Sensor, Sweep
 from solvers.control.resonance import Resonance, resonance
 from solvers.errors import SolverError
+from solvers.measures.levels import CONFINED_DB
 from solvers.measures.vibrometer_map import Weights, assurance, confinement_of, sampled, weigh
 from solvers.piezo.point import loudest_point, point_response
 
@@ -36,9 +41,9 @@ class Measurements:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The JSON object `measured`, the arrays behind its pictures, and lines for people."""
+    """What a record holds as `measured`, the arrays behind its pictures, and lines for people."""
 
-    document: dict[str, Any]
+    record: MeasuredRecord
     arrays: dict[str, Any]
     lines: list[str]
 
@@ -86,24 +91,24 @@ def _place(at: str | None, case: Case) -> tuple[float, float] | None:
 
 def compare(case: Case, response: Response, measured: Measurements, log: Log) -> Comparison:
     """Compare both files with the computed response. Raises InputError when sweep and response share no frequency."""
-    document: dict[str, Any] = {"sweep": None, "map": None}
+    sweep, field = None, None
     arrays: dict[str, Any] = {}
     lines: list[str] = []
     with log.step("compare with the measurement"):
         if measured.sweep:
-            document["sweep"], drawn_arrays, summary = _sweep(case, response, measured.sweep, measured.at_m, log)
+            sweep, drawn_arrays, summary = _sweep(case, response, measured.sweep, measured.at_m, log)
             arrays, lines = arrays | drawn_arrays, [*lines, summary]
         if measured.field and measured.weights:
-            document["map"], drawn_arrays, summary = _map(case, response, measured.field, measured.weights, log)
+            field, drawn_arrays, summary = _map(case, response, measured.field, measured.weights, log)
             arrays, lines = arrays | drawn_arrays, [*lines, summary]
     for line in lines:
         log.info(line)
-    return Comparison(document, arrays, lines)
+    return Comparison(MeasuredRecord(sweep=sweep, map=field), arrays, lines)
 
 
 def _sweep(
     case: Case, response: Response, measured: MeasuredSweep, at_m: tuple[float, float] | None, log: Log
-) -> tuple[dict[str, Any], dict[str, Any], str]:
+) -> tuple[MeasuredSweepRecord, dict[str, Any], str]:
     given, tone = measured.sweep, response.curve.frequency_hz
     low, high = given.frequencies_hz[0], given.frequencies_hz[-1]
     if high <= tone[0] or low >= tone[-1]:
@@ -122,24 +127,27 @@ def _sweep(
         log.warning(
             "PEAK_OUTSIDE", f"{measured.file}: its peak at {theirs.peak_hz:.0f} Hz lies outside the response's band"
         )
-    document = {
-        "file": Path(measured.file).name,
-        "synthetic": measured.synthetic,
-        "quantity": measured.quantity,
-        "points": len(given.frequencies_hz),
-        "band_hz": [float(low), float(high)],
-        **_identified(theirs),
-        "frequency_shift_hz": shift,
-        "frequency_shift": shift / ours.frequency_hz,
-        "computed": _identified(ours) | {"point_mm": None if place is None else [1e3 * place[0], 1e3 * place[1]]},
-    }
+    point_mm = None if place is None else (1e3 * place[0], 1e3 * place[1])
+    record = MeasuredSweepRecord.model_validate(
+        {
+            "file": Path(measured.file).name,
+            "synthetic": measured.synthetic,
+            "quantity": measured.quantity,
+            "points": len(given.frequencies_hz),
+            "band_hz": [float(low), float(high)],
+            **_identified(theirs),
+            "frequency_shift_hz": shift,
+            "frequency_shift": shift / ours.frequency_hz,
+            "computed": _identified(ours) | {"point_mm": point_mm},
+        }
+    )
     arrays = {
         "measured_hz": given.frequencies_hz,
         "measured_response": given.response,
         "measured_computed_hz": tone,
         "measured_computed": curve,
     }
-    return document, arrays, _sweep_summary(measured, theirs, ours)
+    return record, arrays, _sweep_summary(measured, theirs, ours)
 
 
 def _computed(
@@ -161,7 +169,7 @@ def _identified(identified: Resonance) -> dict[str, Any]:
         "frequency_hz": identified.frequency_hz,
         "quality": identified.quality,
         "quality_half_power": identified.half_power_quality,
-        "circle": None if circle is None else circle.as_json() | {"fitted_hz": [identified.low_hz, identified.high_hz]},
+        "circle": None if circle is None else circle.to_dict() | {"fitted_hz": [identified.low_hz, identified.high_hz]},
         "no_circle": identified.trouble,
     }
 
@@ -182,32 +190,36 @@ def _marked(synthetic: bool) -> str:
 
 def _map(
     case: Case, response: Response, measured: MeasuredField, weights: Weights, log: Log
-) -> tuple[dict[str, Any], dict[str, Any], str]:
+) -> tuple[MeasuredMapRecord, dict[str, Any], str]:
     design, tone = case.design, response.peak.frequency_hz
     computed = sampled(*response.forced.shape(tone), measured.points_m)
     measured_level, seen = confinement_of(weights, measured.values, design), confinement_of(weights, computed, design)
     alike = assurance(weights.area_m2, measured.values[weights.index], computed[weights.index])
     _log_cover(measured, weights, log)
-    document = {
-        "file": Path(measured.file).name,
-        "synthetic": measured.synthetic,
-        "quantity": measured.quantity,
-        "points": len(measured.values),
-        "covered_active": weights.active,
-        "covered_passive": weights.passive,
-        "zone_share": measured_level.zone_share,
-        "confinement_db": measured_level.confinement_db,
-        "confined": None if measured_level.confinement_db is None else measured_level.confinement_db >= CONFINED_DB,
-        "mac": measured_level.mac,
-        "mac_operating": alike,
-        "computed": {
-            "frequency_hz": tone,
-            "confinement_db": response.peak.confinement_db,
-            "confinement_at_points_db": seen.confinement_db,
-            "zone_share_at_points": seen.zone_share,
-            "mac": seen.mac,
-        },
-    }
+    record = MeasuredMapRecord.model_validate(
+        {
+            "file": Path(measured.file).name,
+            "synthetic": measured.synthetic,
+            "quantity": measured.quantity,
+            "points": len(measured.values),
+            "covered_active": weights.active,
+            "covered_passive": weights.passive,
+            "zone_share": measured_level.zone_share,
+            "confinement_db": measured_level.confinement_db,
+            "confined": None
+            if measured_level.confinement_db is None
+            else bool(measured_level.confinement_db >= CONFINED_DB),
+            "mac": measured_level.mac,
+            "mac_operating": alike,
+            "computed": {
+                "frequency_hz": tone,
+                "confinement_db": response.peak.confinement_db,
+                "confinement_at_points_db": seen.confinement_db,
+                "zone_share_at_points": seen.zone_share,
+                "mac": seen.mac,
+            },
+        }
+    )
     arrays = {"measured_xy": measured.points_m, "measured_field": measured.values, "measured_operating": computed}
     summary = (
         "no passive face"
@@ -219,7 +231,7 @@ def _map(
         f"{Path(measured.file).name}{_marked(measured.synthetic)}: {len(measured.values)} points, {summary}{beside}, "
         f"MAC {alike:.3f} to the operating shape at {tone:.1f} Hz, {measured_level.mac:.3f} to the wanted one"
     )
-    return document, arrays, line
+    return record, arrays, line
 
 
 def _log_cover(measured: MeasuredField, weights: Weights, log: Log) -> None:

@@ -17,6 +17,7 @@ from pipeline.analysis.response import Response
 from pipeline.case.model import Case
 from pipeline.measured.comparison import operating_field
 from pipeline.measured.files import SYNTHETIC, Complex, FloatArray
+from pipeline.records import outputs
 from pipeline.records.outputs import folder, write_file
 from solvers.piezo.point import loudest_point, point_response
 
@@ -63,9 +64,9 @@ def _sweep(case: Case, response: Response, noise: float, random: np.random.Gener
     place = loudest_point(response.forced, peak, case.design.width_m / 2.0)
     seen = _scattered(2j * pi * tone * point_response(response.forced, place, tone), noise, random)
     lines = [f"# a laser at x = {1e3 * place[0]:.2f} mm, y = {1e3 * place[1]:.2f} mm of the touch face"]
-    lines.append("frequency_Hz,velocity_amplitude_m_per_s_per_V,velocity_phase_deg")
-    lines += [f"{f:.3f},{abs(v):.6e},{np.degrees(np.angle(v)):.4f}" for f, v in zip(tone, seen, strict=True)]
-    return "\n".join(lines) + "\n"
+    head = ("frequency_Hz", "velocity_amplitude_m_per_s_per_V", "velocity_phase_deg")
+    rows = ((f"{f:.3f}", f"{abs(v):.6e}", f"{np.degrees(np.angle(v)):.4f}") for f, v in zip(tone, seen, strict=True))
+    return "\n".join(lines) + "\n" + outputs.csv_bytes(head, rows).decode()
 
 
 def _field(case: Case, response: Response, noise: float, random: np.random.Generator) -> str:
@@ -73,9 +74,10 @@ def _field(case: Case, response: Response, noise: float, random: np.random.Gener
     peak = response.peak.frequency_hz
     points = grid(case.design)
     seen = _scattered(2j * pi * peak * operating_field(response, points), noise, random)
-    lines = [f"# at {peak:.3f} Hz", "x_mm,y_mm,velocity_real_m_per_s_per_V,velocity_imag_m_per_s_per_V"]
-    lines += [f"{1e3 * x:.3f},{1e3 * y:.3f},{v.real:.4e},{v.imag:.4e}" for (x, y), v in zip(points, seen, strict=True)]
-    return "\n".join(lines) + "\n"
+    head = ("x_mm", "y_mm", "velocity_real_m_per_s_per_V", "velocity_imag_m_per_s_per_V")
+    both = zip(1e3 * points, seen, strict=True)
+    rows = ((f"{x:.3f}", f"{y:.3f}", f"{v.real:.4e}", f"{v.imag:.4e}") for (x, y), v in both)
+    return f"# at {peak:.3f} Hz\n" + outputs.csv_bytes(head, rows).decode()
 
 
 def grid(design: Design) -> FloatArray:

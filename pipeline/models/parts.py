@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import Panel, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
@@ -16,6 +16,7 @@ from pipeline.models.cell_cache import CellCache
 from pipeline.planning import simplifications
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.records import fingerprint
+from pipeline.records.record import MeshRecord
 from solvers.fem.eigen import SymmetricPencil
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import Skin
@@ -48,23 +49,15 @@ class PartModel(Protocol):
         ...
 
 
-def mesh_record(what: str, mesh: Mesh, volume_m3: float | None = None) -> dict[str, Any]:
+def mesh_record(what: str, mesh: Mesh, volume_m3: float | None = None) -> MeshRecord:
     """Check a mesh and describe it for the record. Raises MeshError when it is not sound."""
     report = check_mesh(mesh, volume_m3)
-    return {
-        "what": what,
-        "kind": mesh.kind,
-        "order": mesh.order,
-        "cells": report.cells,
-        "nodes": report.nodes,
-        "dof": mesh.dof,
-        "sha256": mesh.sha256,
-        "worst_jacobian_ratio": report.worst_jacobian_ratio,
-        "volume_error": report.volume_m3 / volume_m3 - 1.0 if volume_m3 else None,
-    }
+    error = report.volume_m3 / volume_m3 - 1.0 if volume_m3 else None
+    own = {"kind": mesh.kind, "order": mesh.order, "dof": mesh.dof, "sha256": mesh.sha256}
+    return MeshRecord.of(report, what=what, volume_error=error, **own)
 
 
-def build(case: Case, part: str, high_hz: float, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
+def build(case: Case, part: str, high_hz: float, log: Log, meshes: list[MeshRecord]) -> PartModel:
     """Build the model that the case asks for and append its meshes to `meshes`. Raises InputError for a model that
     cannot serve.
     """
@@ -73,13 +66,13 @@ def build(case: Case, part: str, high_hz: float, log: Log, meshes: list[dict[str
     return built(case, choice, log, meshes)
 
 
-def built(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
+def built(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> PartModel:
     """Build the model of a given choice."""
     return {"plate": _plate, "zone": _zone, "pillar": _pillar}[choice.part](case, choice, log, meshes)
 
 
 def _solid(
-    case: Case, what: str, mesh: Mesh, clamped: tuple[str, ...], mirrored: bool, meshes: list[dict[str, Any]], log: Log
+    case: Case, what: str, mesh: Mesh, clamped: tuple[str, ...], mirrored: bool, meshes: list[MeshRecord], log: Log
 ) -> SolidModel:
     meshes.append(mesh_record(what, mesh))
     warn_of_locking(case.design, mesh, log)
@@ -103,7 +96,7 @@ def warn_of_locking(design: Design, mesh: Mesh, log: Log) -> None:
         log.warning("ORDER_1", "elements of order 1 are far too stiff in bending: kept for comparison only")
 
 
-def _zone(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
+def _zone(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> SolidModel:
     if choice.edge_m:
         mesh = tet_zone(case.design, choice.edge_m, log)
     else:
@@ -112,7 +105,7 @@ def _zone(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, Any]
     return _solid(case, "zone", mesh, ("y+",), choice.quarter, meshes, log)
 
 
-def _pillar(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, Any]]) -> SolidModel:
+def _pillar(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> SolidModel:
     assert case.design.pillar
     if choice.edge_m:
         mesh = tet_pillar(case.design.pillar, choice.edge_m, log)
@@ -122,7 +115,7 @@ def _pillar(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, An
     return _solid(case, "pillar", mesh, ("touch",), choice.quarter, meshes, log)
 
 
-def _plate(case: Case, choice: ModelChoice, log: Log, meshes: list[dict[str, Any]]) -> PartModel:
+def _plate(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> PartModel:
     if choice.reduction:
         return _assembled(case.design, choice, log)
     if choice.edge_m:
@@ -199,7 +192,7 @@ def tet_cell(design: Design, edge_m: float, log: Log) -> tuple[Mesh, tuple[int, 
     from geometry.tet.mesher import TetOptions, tet_mesh
 
     with log.step("mesh the cell by tetrahedra"):
-        if design.pillar and not design.pillar.is_own_image:
+        if not {"x", "y"} <= {*design.cell_mirrors}:
             return scenes.tet_cell(design, edge_m, quarter_then_mirror=False), ()
         rim = scenes.foot_rim(design.pillar, design.thickness_m) if design.pillar else []
         options = scenes.graded(TetOptions(), rim, edge_m)

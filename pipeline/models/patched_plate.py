@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -11,6 +9,7 @@ from pipeline.models import parts
 from pipeline.planning import foresight
 from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import driven_band_hz
+from pipeline.records.record import MeshRecord
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import PatchedPlate
@@ -18,7 +17,7 @@ from solvers.superelement.build import PlateModel
 
 
 def forced_plate(
-    case: Case, log: Log, band_hz: tuple[float, float] | None = None, meshes: list[dict[str, Any]] | None = None
+    case: Case, log: Log, band_hz: tuple[float, float] | None = None, meshes: list[MeshRecord] | None = None
 ) -> ForcedPlate:
     """Bond the patches and prepare the forced response over a band (default: the case's); meshes are added to
     `meshes`.

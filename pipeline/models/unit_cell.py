@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings
-from geometry.layout import Design
+from geometry.layout import Design, Pillar
+from geometry.pillar_shapes.square import Square
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
@@ -17,6 +17,7 @@ from pipeline.models.parts import mesh_record, tet_cell
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import SUPERELEMENT, ModelChoice
 from pipeline.planning.refinement import describe_change, higher_degree, more_modes
+from pipeline.records.record import MeshRecord
 from solvers.errors import SolverError
 from solvers.superelement.build import Reductions, ReductionSettings, lattice_panel
 from solvers.superelement.cell import Cell
@@ -40,7 +41,7 @@ class LatticeModel:
 
 
 def lattice_model(
-    case: Case, choice: ModelChoice, corners: FloatArray, log: Log, meshes: list[dict[str, Any]]
+    case: Case, choice: ModelChoice, corners: FloatArray, log: Log, meshes: list[MeshRecord]
 ) -> LatticeModel:
     """Reduce the cell so that its bands at the corners (n, 2) of the path meet the accuracy; warn where they do
     not.
@@ -66,7 +67,7 @@ def _from_hexahedra(design: Design, log: Log) -> Reduce:
     return reduce
 
 
-def _from_tetrahedra(design: Design, edge_m: float, log: Log, meshes: list[dict[str, Any]]) -> Reduce:
+def _from_tetrahedra(design: Design, edge_m: float, log: Log, meshes: list[MeshRecord]) -> Reduce:
     mesh, halved = tet_cell(design, edge_m, log)
     meshes.append(mesh_record("cell", mesh))
 
@@ -90,7 +91,7 @@ def _piloted(
 
     The reduction's error hardly depends on the mesh, and a coarse one is reduced in a fraction of a second.
     """
-    box = replace(design.pillar, shape="square", fillet_m=0.0, file=None) if design.pillar else None
+    box = _of_boxes(design.pillar) if design.pillar else None
     along = box.height_m if box else None
     coarse = HexSettings(3, 2.0 * design.thickness_m, 0, pillar_size_m=along)
     stand_in = replace(design, pillar=box)
@@ -110,6 +111,12 @@ def _piloted(
             if reduction == level:
                 break
     return level
+
+
+def _of_boxes(pillar: Pillar) -> Pillar:
+    if pillar.is_made_of_boxes:
+        return pillar
+    return replace(pillar, shape=Square.name, tip_m=pillar.base_m, fillet_m=0.0, file=None, more_m=())
 
 
 def _good_enough(

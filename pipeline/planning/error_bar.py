@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from geometry.layout import Design
 from pipeline.case.model import Case
@@ -39,8 +38,8 @@ class ErrorBar:
             else f"{self.frequency:.2%} of the wanted mode's frequency{allowed}"
         )
 
-    def json(self) -> dict[str, Any]:
-        """Return the error bar as results and records keep it."""
+    def to_dict(self) -> dict[str, float | None]:
+        """As results keep it."""
         return {"frequency": self.frequency, "confinement_db": self.confinement_db}
 
 
@@ -78,4 +77,5 @@ def _smallest_m(choice: ModelChoice, design: Design) -> float:
     """
     if choice.part == "zone" or design.pillar is None:
         return 2.0 * design.thickness_m
-    return design.pillar.tip_m if choice.part == "pillar" else min(design.thickness_m, design.pillar.tip_m)
+    narrowest = design.pillar.form.smallest_m
+    return narrowest if choice.part == "pillar" else min(design.thickness_m, narrowest)

@@ -65,11 +65,12 @@ def of_boxes(scene: Scene, order: int) -> MeshCounts:
 
 def _box_fill(counts: BoxCounts) -> Fill:
     """Fill of the body's mesh and of every pillar's, whose foot belongs to the body."""
-    total, dofs = grid_fill(counts.body, nodal(counts.order)), nodal(counts.order)
-    ends = ((True, True), (True, True), (False, True))
-    for nx, columns in Counter(counts.columns).items():
-        for ny, rows in Counter(counts.rows).items():
-            total += grid_fill((nx, ny, counts.up), dofs, ends).times(columns * rows)
+    total, dofs = Fill(), nodal(counts.order)
+    for block in (block for block in counts.blocks if block.sign > 0):
+        ends = ((True, True), (True, True), (not block.stands, True))
+        for nx, columns in Counter(block.x).items():
+            for ny, rows in Counter(block.y).items():
+                total += grid_fill((nx, ny, block.z), dofs, ends).times(columns * rows)
     return total
 
 
@@ -191,7 +192,7 @@ def _many_pillars(design: Design, settings: HexSettings) -> MeshCounts:
 
 def _volume_m3(design: Design, part: str) -> float:
     pillar = design.pillar
-    one = pillar.section_area_m2 * pillar.height_m if pillar else 0.0
+    one = pillar.volume_m3 if pillar else 0.0
     if part == "pillar":
         return one
     if part == "cell":
@@ -345,7 +346,7 @@ def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings)
     """Demand of the unit cell's reduction, and its degrees of freedom a wavevector."""
     design, face = case.design, reduction.interface
     pitch = (design.pitch_x_m, design.pitch_y_m)
-    halved = (0, 1) if design.pillar is None or design.pillar.is_own_image else ()
+    halved = (0, 1) if {"x", "y"} <= {*design.cell_mirrors} else ()
     mesh, functions, copies = _pillar_panel(design, reduction, choice, pitch, halved)
     functions = max(functions, LATTICE_DOF / 2.0)
     reducing = _reduction(mesh, face, functions, copies)

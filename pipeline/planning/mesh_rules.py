@@ -20,7 +20,7 @@ WINDOW = (0.72, 1.35)  # of the exact thin-plate frequency: where the wanted mod
 ALONG = {
     4: 0.3,
     5: 0.4,
-}  # degree along a side: the longest side over the wanted half-wavelength; the log checks each solve
+}  # degree along a side: the longest side over the spacing of nodal lines; the log checks each solve
 ACROSS = 2.05  # elements over the zone's width, a little more than two: two in each half
 MAX_LENGTH = (
     5.0  # thicknesses that an element of the zone is long at most: about as in the calibration, longer ones lock
@@ -114,7 +114,7 @@ def good_to_hz(part: str, design: Design) -> float:
 
 def zone_mesh(design: Design, row: MeshLevel, high_hz: float = 0.0) -> HexSettings:
     """Elements of the bare strip for modes up to a frequency: its clamped faces are singular edges."""
-    longest = min(design.half_wavelength_m * 2.0 / 3.0, design.width_m / ACROSS)
+    longest = min(design.line_spacing_m * 2.0 / 3.0, design.width_m / ACROSS)
     size = min(longest, max(MAX_LENGTH * design.thickness_m, LOCKED * longest))
     return _settings(row, size * _shrunk("zone", design, high_hz))
 
@@ -177,7 +177,7 @@ def lattice_reduction(design: Design, accuracy: float) -> ReductionSettings:
 def plate_reduction(design: Design, accuracy: float, high_hz: float) -> ReductionSettings:
     """Reduction of a plate's panels: REACH times the highest frequency bounds the fixed-interface modes."""
     longest = max(design.pitch_x_m, design.pitch_y_m) if design.rows else 3.0 * design.thickness_m
-    share = longest / design.half_wavelength_m
+    share = longest / design.line_spacing_m
     along = next((degree for degree, limit in ALONG.items() if share <= limit), 6)
     mesh = cell_mesh(design, mesh_level("plate", accuracy))
     return ReductionSettings(
@@ -207,7 +207,7 @@ def tet_plate_edge_m(design: Design, accuracy: float) -> float:
 
 
 def _smallest_m(design: Design) -> float:
-    return min(design.thickness_m, design.pillar.tip_m) if design.pillar else design.thickness_m
+    return min(design.thickness_m, design.pillar.form.smallest_m) if design.pillar else design.thickness_m
 
 
 def wanted_window_hz(design: Design) -> tuple[float, float]:

@@ -66,19 +66,25 @@ class ModelChoice:
 
 def model_choice_of(case: Case, part: str, high_hz: float) -> ModelChoice:
     """Choose model and mesh of a part for modes up to a frequency. Raises InputError for a model that cannot serve."""
-    check_model(case, box=part == "zone" or not (case.design.pillar and not case.design.pillar.is_box))
+    check_model(case, boxes=part == "zone" or _boxes(case))
     return {"plate": _plate, "zone": _zone, "pillar": _pillar}[part](case, high_hz)
 
 
-def check_model(case: Case, box: bool) -> None:
+def _boxes(case: Case) -> bool:
+    return case.design.pillar is None or case.design.pillar.is_made_of_boxes
+
+
+def check_model(case: Case, boxes: bool) -> None:
     """Refuse an analytic model for a computed question, and hexahedra for a shape that is no box."""
     faults = []
     if case.solve.model == "analytic":
         faults.append(
             "solve.model = 'analytic': must be auto, superelement or solid here; `antinode predesign` is analytic"
         )
-    if case.solve.mesh == HEX and not box:
-        faults.append("solve.mesh = 'hex': must be auto or tet, only square pillars without fillet are boxes")
+    if case.solve.mesh == HEX and not boxes:
+        pillar = case.design.pillar
+        what = f"a {pillar.shape} pillar{' with a fillet' if pillar.fillet_m else ''}" if pillar else "the scene"
+        faults.append(f"solve.mesh = 'hex': must be auto or tet, {what} is not made of boxes")
     if faults:
         raise InputError(f"{case.source or case.name}: {fault}" for fault in faults)
 
@@ -99,7 +105,7 @@ def _pillar(case: Case, high_hz: float) -> ModelChoice:
     quarter = simplifications.mirror_images(design, "pillar") if no_cad else None  # tetrahedra mesh the whole pillar
     level, top_hz = mesh_rules.reaching("pillar", design, accuracy, high_hz)
     hexahedra = mesh_rules.pillar_mesh(design, level, top_hz) if no_cad else None
-    edge = None if no_cad else mesh_rules.tet_edge_m(design.pillar.tip_m, accuracy)
+    edge = None if no_cad else mesh_rules.tet_edge_m(design.pillar.form.smallest_m, accuracy)
     return _choice(case, "pillar", SOLID, level, hexahedra, edge, (no_cad, quarter), good_to_hz=top_hz)
 
 
@@ -125,7 +131,7 @@ def cell_model_choice(case: Case) -> ModelChoice:
 
     Raises InputError for a model that cannot serve.
     """
-    check_model(case, box=not (case.design.pillar and not case.design.pillar.is_box))
+    check_model(case, _boxes(case))
     design, accuracy = case.design, case.solve.accuracy
     no_cad = simplifications.boxes(case, "cell")
     taken = (simplifications.no_pillars(design, "cell"), no_cad)
@@ -160,7 +166,7 @@ def _because(case: Case, part: str, hexahedra: HexSettings | None, level: MeshLe
         error = mesh_rules.expected_error(part, level)
         reason = "not calibrated" if error is None else f"expected error {error:.2%} by the calibration"
         return (f"{accuracy} asks for order {hexahedra.order} with {hexahedra.layers} graded layers: {reason}",)
-    shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "the pillar is no box"
+    shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "the pillar is not made of boxes"
     return (shape, f"{accuracy} sets their edges")
 
 

@@ -7,20 +7,19 @@ meshes.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pipeline.case.model import Case
 from pipeline.planning import foresight, simplifications
 from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice, model_choice_of
-from pipeline.planning.request import Request, driven_band_hz, model_high_hz, of_case, with_defaults, with_search
+from pipeline.planning.request import Request, driven_band_hz, model_high_hz, with_defaults, with_search
 from pipeline.planning.resources import Demand, too_much
 from pipeline.planning.simplifications import Simplification, khz
 
 ATTENUATION_POINTS = 101  # frequencies of a study's attenuation; the command asks for 201
 RESPONSE_POINTS = 401
-ORDER = ("modes", "bands", "attenuation", "response", "tolerance", "board", "parts", "geometry", "tetrahedra")
 
 
 @dataclass(frozen=True)
@@ -47,11 +46,11 @@ class Step:
         parts = [self.model, self.mesh, f"class {', '.join(self.classes)}" if self.classes else "", self.looks_for]
         return f"{self.name}: {'; '.join(part for part in parts if part)}"
 
-    def json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """The step as plain JSON."""
         keys = ("measure", "name", "model", "mesh", "looks_for")
         plain: dict[str, Any] = {key: getattr(self, key) for key in keys}
-        foreseen = {"foreseen": self.demand.json()} if self.demand else {}
+        foreseen = {"foreseen": self.demand.to_dict()} if self.demand else {}
         return plain | {"classes": list(self.classes), "why": list(self.why), **self.numbers, **foreseen}
 
 
@@ -91,12 +90,11 @@ class Plan:
             lines += _foreseen(step)
         return "\n".join([*lines, f"left out: {', '.join(dict.fromkeys(each.rule for each in self.left_out))}"])
 
-    def json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """The plan as plain JSON."""
         return {
-            "schema": 1,
             "name": self.name,
-            "steps": [step.json() for step in self.steps],
+            "steps": [step.to_dict() for step in self.steps],
             "left_out": [vars(each) for each in self.left_out],
         }
 
@@ -116,9 +114,9 @@ def _plan(case: Case, steps: Iterable[Step], whole: Iterable[Simplification | No
 def of_modes(case: Case, request: Request) -> Plan:
     """Plan of `antinode modes`."""
     whole = (
-        simplifications.no_patches(case.patches, ()),
-        simplifications.no_response(()),
-        simplifications.no_figures(()),
+        simplifications.no_patches(case.patches),
+        simplifications.no_response(),
+        simplifications.no_figures(),
     )
     return _plan(case, [modes_step(case, request)], whole)
 
@@ -126,9 +124,9 @@ def of_modes(case: Case, request: Request) -> Plan:
 def of_bands(case: Case) -> Plan:
     """Plan of `antinode bands`."""
     whole = (
-        simplifications.no_plate_modes(()),
-        simplifications.no_patches(case.patches, ()),
-        simplifications.no_figures(()),
+        simplifications.no_plate_modes(),
+        simplifications.no_patches(case.patches),
+        simplifications.no_figures(),
     )
     return _plan(case, [bands_step(case)], whole)
 
@@ -138,45 +136,16 @@ def of_attenuation(
 ) -> Plan:
     """Plan of `antinode attenuation`."""
     whole = (
-        simplifications.no_plate_modes(()),
-        simplifications.no_patches(case.patches, ()),
-        simplifications.no_figures((), drawn),
+        simplifications.no_plate_modes(),
+        simplifications.no_patches(case.patches),
+        simplifications.no_figures(drawn),
     )
     return _plan(case, [attenuation_step(case, band_hz, kx_per_m, points)], whole)
 
 
 def of_response(case: Case, band_hz: tuple[float, float] | None, points: int, drawn: bool) -> Plan:
     """Plan of `antinode response`. Raises InputError for a model that cannot carry patches."""
-    return _plan(case, [response_step(case, band_hz, points)], [simplifications.no_figures((), drawn)])
-
-
-def of_measures(case: Case, measures: Collection[str]) -> Plan:
-    """Plan of a study's case: the steps of its measures, in the order in which they run."""
-    query = set(measures) | ({"modes"} if "confinement" in measures else set())
-    makers = {
-        "modes": lambda: modes_step(case, of_case(case)),
-        "bands": lambda: bands_step(case),
-        "attenuation": lambda: attenuation_step(case, None, None, ATTENUATION_POINTS),
-        "response": lambda: response_step(case, None, RESPONSE_POINTS),
-        "tolerance": lambda: tolerance_step(case),
-        "board": lambda: _plain(
-            "board", "closed loop on the emulated board", "the firmware's image and the mode table"
-        ),
-        "parts": lambda: parts_step(case),
-        "geometry": lambda: _plain("geometry", "print and CAD files", "CAD solids, STL read back"),
-        "tetrahedra": lambda: tetrahedra_step(case),
-    }
-    lattice: tuple[str, ...] = ("bands", "attenuation")
-    lacking = {name: simplifications.no_lattice(case.design, name) for name in lattice if name in query}
-    steps = [makers[name]() for name in ORDER if name in query and not lacking.get(name)]
-    whole = (
-        *lacking.values(),
-        simplifications.no_plate_modes(measures),
-        simplifications.no_patches(case.patches, measures),
-        simplifications.no_response(measures),
-        simplifications.no_figures(measures),
-    )
-    return _plan(case, steps, whole)
+    return _plan(case, [response_step(case, band_hz, points)], [simplifications.no_figures(drawn)])
 
 
 def modes_step(case: Case, request: Request) -> Step:
@@ -318,7 +287,8 @@ def tetrahedra_step(case: Case) -> Step:
     )
 
 
-def _plain(measure: str, name: str, model: str) -> Step:
+def plain_step(measure: str, name: str, model: str) -> Step:
+    """A step that needs no more words."""
     return Step(measure, name, model, "", (), "", ("the study asks for it",))
 
 

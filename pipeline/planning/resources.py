@@ -74,7 +74,7 @@ class Demand:
         parts.append(f"time of the order of {_time(self.seconds)} ({_time(early)} to {_time(late)})")
         return "foreseen: " + "; ".join(parts)
 
-    def json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """The same for scripts."""
         return {
             "memory_bytes": round(self.memory_bytes),

@@ -64,11 +64,11 @@ def boxes(case: Case, part: str) -> Simplification | None:
     """
     design = case.design
     shaped = {"zone": False, "pillar": True, "cell": True, "plate": bool(design.rows)}[part]
-    if case.solve.mesh == "tet" or (shaped and design.pillar is not None and not design.pillar.is_box):
+    if case.solve.mesh == "tet" or (shaped and design.pillar is not None and not design.pillar.is_made_of_boxes):
         return None
     why = {
         "zone": "the zone is a box",
-        "pillar": "the pillar is a box",
+        "pillar": "the pillar is made of boxes",
         "cell": "the cell is made of boxes",
         "plate": "the scene is made of boxes",
     }
@@ -118,32 +118,29 @@ def other_frequencies(band_hz: tuple[float, float] | None, near_hz: float | None
     return Simplification("other_frequencies", what, "not asked for; the count by inertia proves the window complete")
 
 
-def no_patches(patches: Patches | None, measures: Collection[str]) -> Simplification | None:
+def no_patches(patches: Patches | None, driven: bool = False) -> Simplification | None:
     """Leave out piezo patches where the case has none or no measure drives them."""
     if patches is None:
         return Simplification(
             "no_patches", "piezo patches and their electrical degrees of freedom", "the case has none"
         )
-    if not {"response", "tolerance"} & set(measures):
+    if not driven:
         why = "they act in the response; these modes are those of the plate without them"
         return Simplification("no_patches", "piezo patches", why)
     return None
 
 
-def no_response(measures: Collection[str]) -> Simplification | None:
+def no_response() -> Simplification:
     """Leave out damping, which only a forced response has."""
-    driven = {"response", "tolerance"} & set(measures)
-    return None if driven else Simplification("no_response", "damping", "no response is asked")
+    return Simplification("no_response", "damping", "no response is asked")
 
 
-def no_plate_modes(measures: Collection[str]) -> Simplification | None:
+def no_plate_modes() -> Simplification:
     """Leave out the finite plate's modes."""
-    if {"modes", "confinement"} & set(measures):
-        return None
     return Simplification("no_plate_modes", "modes of the plate", "no measure asks for them")
 
 
-def no_figures(measures: Collection[str], drawn: bool = False) -> Simplification | None:
+def no_figures(drawn: bool = False) -> Simplification | None:
     """Leave out rendering: figures are drawn from what is stored, for a page or for --out."""
     return None if drawn else Simplification("no_figures", "rendering", "nothing is drawn until a page asks for it")
 
@@ -188,31 +185,24 @@ def undriven_classes(patches: Patches) -> Simplification | None:
     )
 
 
-def lattice_mirrors(design: Design) -> tuple[str, ...]:
-    """Mirrors of the unit cell: x, y, and "d", which exchanges x and y; none with a pillar from a STEP file."""
-    if design.pillar is not None and not design.pillar.is_own_image:
-        return ()
-    return ("x", "y", "d") if design.pitch_x_m == design.pitch_y_m else ("x", "y")
-
-
 def off_path(design: Design, path: str, grid: int = 0) -> Simplification | None:
     """Leave out wavevectors off a path along the whole border of the irreducible Brillouin zone, where band edges lie
     but for rare cases.
 
-    A square cell's zone is bounded by G-X, X-M, M-G, another pitch's by G-X, X-M, M-Y, Y-G; a cell without mirrors has none
-    of them for a border. Not taken for an oblique path, for one that misses a side, or when a grid is asked for.
+    With the mirrors x, y and d the zone is bounded by G-X, X-M, M-G, with x or y alone by G-X, X-M, M-Y, Y-G; another cell has
+    neither for a border. Not taken for an oblique path, for one that misses a side, or when a grid is asked for.
     """
     segments = {frozenset(pair) for pair in pairwise(path)}
-    mirrors = lattice_mirrors(design)
-    border = ("GX", "XM", "MG") if "d" in mirrors else ("GX", "XM", "MY", "YG")
-    if grid or not mirrors or not {frozenset(segment) for segment in border} <= segments:
+    mirrors = design.cell_mirrors
+    border = ("GX", "XM", "MG") if mirrors == ("x", "y", "d") else ("GX", "XM", "MY", "YG")
+    if grid or not {"x", "y"} & {*mirrors} or not {frozenset(segment) for segment in border} <= segments:
         return None
     return Simplification("off_path", "wavevectors off the path", f"{path} bounds the irreducible Brillouin zone")
 
 
 def waves_downwards(design: Design) -> Simplification | None:
     """Leave out waves towards -y: they are mirror images of those towards +y where a row is its own mirror image."""
-    if "y" not in lattice_mirrors(design):
+    if "y" not in design.cell_mirrors:
         return None
     return Simplification(
         "waves_downwards", "waves towards -y", "a row is its own mirror image: they come in pairs k, -k"

@@ -9,8 +9,8 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.plate import FloatArray
 from pipeline.plots.style import ReportFigure
+from pipeline.records.record import BandPoint, BandsRecord, GapRecord
 from pipeline.records.study import StoredCase
-from pipeline.records.tables import widest_gap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,9 +28,9 @@ POLARISATIONS = {
 }
 
 
-def path_length(points: list[dict[str, Any]]) -> FloatArray:
+def path_length(points: list[BandPoint]) -> FloatArray:
     """Distance along the path at each wavevector, 1/m."""
-    k = np.array([[point["kx_per_m"], point["ky_per_m"]] for point in points], dtype=float)
+    k = np.array([[point.kx_per_m, point.ky_per_m] for point in points], dtype=float)
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(k, axis=0), axis=1))])
 
 
@@ -47,10 +47,10 @@ def shear_speed(case: StoredCase) -> float | None:
 
 def dispersion(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """Bands with the complete gaps shaded; beside it the low bands with the bending ones marked at M."""
-    bands = case.record.get("bands")
-    if not bands or not bands.get("points"):
+    bands = case.record.bands
+    if not bands or not bands.points:
         return None
-    bending = bands.get("bending_at_m_hz") or []
+    bending = bands.bending_at_m_hz
     figure = style.new_figure(style.WIDTH_IN, 4.4)
     panels = figure.subplots(1, 2, width_ratios=[1.15, 1]) if bending else [figure.subplots()]
     for axes in panels:
@@ -59,29 +59,29 @@ def dispersion(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     panels[0].set_ylabel("frequency (kHz)")
     panels[0].set_ylim(0, _top(bands))
     _normalised_axis(panels[0], case)
-    panels[0].set_title(_gap_title(case))
+    panels[0].set_title(_gap_title(bands.widest_gap))
     if bending:
         _bending(panels[1], case, bands, bending)
     _legend(figure, panels[0])
-    return ReportFigure("dispersion", "Dispersion diagram of the unit cell", _alt(case, bending), figure, vector=True)
+    return ReportFigure("dispersion", "Dispersion diagram of the unit cell", _alt(case, bands), figure, vector=True)
 
 
-def _top(bands: dict[str, Any]) -> float:
+def _top(bands: BandsRecord) -> float:
     """Upper end of the diagram, kHz: as far as every band counted is there."""
-    return 1.04 * KHZ * max(max(point["frequencies_hz"]) for point in bands["points"])
+    return 1.04 * KHZ * max(max(point.frequencies_hz) for point in bands.points)
 
 
-def _bands(axes: Axes, case: StoredCase, bands: dict[str, Any]) -> None:
-    points = bands["points"]
+def _bands(axes: Axes, case: StoredCase, bands: BandsRecord) -> None:
+    points = bands.points
     s = path_length(points)
-    values = np.array([point["frequencies_hz"] for point in points]) * KHZ
-    if all(point.get("plate_polarisation") for point in points):
+    values = np.array([point.frequencies_hz for point in points]) * KHZ
+    if all(point.plate_polarisation for point in points):
         axes.plot(s, values, color="#C8C8C8", lw=0.7)
         _polarised(axes, s, values, points)
     else:
         axes.plot(s, values, color=style.BLUE, lw=1.0, marker=".", ms=2.2)
-        axes.lines[0].set_label("structured hexahedra" if case.record.get("tet_bands") else "bands")
-    marks = [(x, NAMES.get(p["label"], p["label"])) for x, p in zip(s, points, strict=True) if p["label"]]
+        axes.lines[0].set_label("structured hexahedra" if case.record.tet_bands else "bands")
+    marks = [(x, NAMES.get(p.label, p.label)) for x, p in zip(s, points, strict=True) if p.label]
     axes.set_xticks([x for x, _ in marks], [name for _, name in marks])
     axes.grid(True, axis="x")
     axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])  # room for the marks at both ends
@@ -89,9 +89,11 @@ def _bands(axes: Axes, case: StoredCase, bands: dict[str, Any]) -> None:
     _tetrahedra(axes, case, s, points)
 
 
-def _polarised(axes: Axes, s: FloatArray, values: FloatArray, points: list[dict[str, Any]]) -> None:
+def _polarised(axes: Axes, s: FloatArray, values: FloatArray, points: list[BandPoint]) -> None:
     """A mark for every wave by how it moves the plate, hollow where the pillar has most of its kinetic energy."""
-    plate, whole = (np.array([point[key] for point in points]) for key in ("plate_polarisation", "polarisation"))
+    plate, whole = (
+        np.array([getattr(point, key) for point in points]) for key in ("plate_polarisation", "polarisation")
+    )
     x, hollow = np.broadcast_to(s[:, None], values.shape), whole == PILLAR
     for name, (color, marker, size) in POLARISATIONS.items():
         for here, fill, label in ((~hollow, color, name), (hollow, "white", f"{name}, mostly in the pillar")):
@@ -100,18 +102,18 @@ def _polarised(axes: Axes, s: FloatArray, values: FloatArray, points: list[dict[
                 axes.plot(x[here], values[here], marker, color=color, mfc=fill, ms=size, mew=0.6, label=label)
 
 
-def _tetrahedra(axes: Axes, case: StoredCase, s: FloatArray, points: list[dict[str, Any]]) -> None:
+def _tetrahedra(axes: Axes, case: StoredCase, s: FloatArray, points: list[BandPoint]) -> None:
     label = "tetrahedra (pytetwild)"
-    for point in (case.record.get("tet_bands") or {}).get("points", []):
-        tones = np.array(point["frequencies_hz"]) * KHZ
-        for x in (x for x, p in zip(s, points, strict=True) if p["label"] == point["label"]):
+    for point in case.record.tet_bands.points if case.record.tet_bands else []:
+        tones = np.array(point.frequencies_hz) * KHZ
+        for x in (x for x, p in zip(s, points, strict=True) if p.label == point.label):
             axes.plot(np.full(tones.size, x), tones, "o", mfc="none", color=style.VERMILION, ms=4.5, label=label)
             label = ""
 
 
-def _gaps(axes: Axes, bands: dict[str, Any]) -> None:
-    for gap in bands.get("gaps") or []:
-        low, high = gap["lower_hz"] * KHZ, gap["upper_hz"] * KHZ
+def _gaps(axes: Axes, bands: BandsRecord) -> None:
+    for gap in bands.gaps:
+        low, high = gap.lower_hz * KHZ, gap.upper_hz * KHZ
         axes.axhspan(low, high, color=style.ORANGE, alpha=0.3, lw=0)
         label = f"complete gap {low:.2f} to {high:.2f} kHz"
         axes.text(
@@ -127,29 +129,28 @@ def _gaps(axes: Axes, bands: dict[str, Any]) -> None:
         )
 
 
-def _gap_title(case: StoredCase) -> str:
-    gap = widest_gap(case)
+def _gap_title(gap: GapRecord | None) -> str:
     if not gap:
         return "No complete gap along the path"
-    width = 2 * (gap["upper_hz"] - gap["lower_hz"]) / (gap["upper_hz"] + gap["lower_hz"])
-    return f"Gap: bands {gap['lower_band']} to {gap['upper_band']}, {width:.1%} wide"
+    width = 2 * (gap.upper_hz - gap.lower_hz) / (gap.upper_hz + gap.lower_hz)
+    return f"Gap: bands {gap.lower_band} to {gap.upper_band}, {width:.1%} wide"
 
 
 def _normalised_axis(axes: Axes, case: StoredCase) -> None:
-    speed, pitch = shear_speed(case), (case.record.get("design") or {}).get("pitch_x_m")
-    if not speed or not pitch:
+    speed, design = shear_speed(case), case.record.design
+    if not speed or design is None or design.pitch_x_m is None:
         return
-    scale = 1e3 * pitch / speed
+    scale: Any = 1e3 * design.pitch_x_m / speed
     axes.spines["right"].set_visible(True)
     right = axes.secondary_yaxis("right", functions=(lambda f: f * scale, lambda f: f / scale))
     right.set_ylabel("f a / c$_t$ (no unit)")
 
 
-def _bending(axes: Axes, case: StoredCase, bands: dict[str, Any], bending: list[float]) -> None:
+def _bending(axes: Axes, case: StoredCase, bands: BandsRecord, bending: list[float]) -> None:
     axes.set_ylim(0, ZOOM * max(bending) * KHZ)
     axes.set_ylabel("frequency (kHz)")
-    s, points = path_length(bands["points"]), bands["points"]
-    corner = next((x for x, point in zip(s, points, strict=True) if point["label"] == "M"), None)
+    points = bands.points
+    corner = next((x for x, point in zip(path_length(points), points, strict=True) if point.label == "M"), None)
     if corner is not None:
         axes.plot([corner] * len(bending), np.array(bending) * KHZ, "s", color=style.GREEN, ms=6, mfc="none", mew=1.6)
         text = " and ".join(dict.fromkeys(f"{tone * KHZ:.2f}" for tone in bending))
@@ -163,9 +164,8 @@ def _bending(axes: Axes, case: StoredCase, bands: dict[str, Any], bending: list[
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
             arrowprops={"arrowstyle": "-", "color": style.GREEN, "lw": 0.8},
         )
-    wanted = case.wanted.get("frequency_hz")
-    if wanted:
-        axes.axhline(wanted * KHZ, color=style.PURPLE, lw=1.0, ls="--", label="wanted mode of the plate")
+    if wanted := case.record.wanted:
+        axes.axhline(wanted.frequency_hz * KHZ, color=style.PURPLE, lw=1.0, ls="--", label="wanted mode of the plate")
     axes.set_title("Pillar bending bands")
 
 
@@ -178,15 +178,15 @@ def _legend(figure: Any, axes: Axes) -> None:
         figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns, fontsize=8)
 
 
-def _alt(case: StoredCase, bending: list[float]) -> str:
-    gap = widest_gap(case)
+def _alt(case: StoredCase, bands: BandsRecord) -> str:
+    gap, bending = bands.widest_gap, bands.bending_at_m_hz
     edges = (
-        f"the widest complete gap, shaded, lies between {gap['lower_hz'] * KHZ:.2f} and {gap['upper_hz'] * KHZ:.2f} kHz "
-        f"(bands {gap['lower_band']} and {gap['upper_band']})"
+        f"the widest complete gap, shaded, lies between {gap.lower_hz * KHZ:.2f} and {gap.upper_hz * KHZ:.2f} kHz "
+        f"(bands {gap.lower_band} and {gap.upper_band})"
         if gap
         else "no complete gap opens along the path"
     )
-    kinds = {name for point in case.record["bands"]["points"] for name in point.get("plate_polarisation") or ()}
+    kinds = {name for point in bands.points for name in point.plate_polarisation or ()}
     names_text = ", ".join(name for name in POLARISATIONS if name in kinds)
     marked = f"; waves are marked as {names_text}" if names_text else ""
     at_m = (

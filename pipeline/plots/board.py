@@ -6,6 +6,7 @@ from typing import Any
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
+from pipeline.records.record import BoardRecord
 from pipeline.records.study import StoredCase
 
 MS = 1e3
@@ -13,11 +14,11 @@ MS = 1e3
 
 def board(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """The step response of a case's record; None when the board was not run or ended in a fault."""
-    record = case.record.get("board")
-    return step(record, arrays) if record and "board_time_s" in arrays else None
+    record = case.record.board
+    return step(record, arrays) if isinstance(record, BoardRecord) and "board_time_s" in arrays else None
 
 
-def step(record: dict[str, Any], arrays: dict[str, Any]) -> ReportFigure:
+def step(record: BoardRecord, arrays: dict[str, Any]) -> ReportFigure:
     """Both axes of the rotating frame with the reference, and the size of the drive, over time."""
     figure = style.new_figure(style.WIDTH_IN, 4.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
@@ -25,8 +26,8 @@ def step(record: dict[str, Any], arrays: dict[str, Any]) -> ReportFigure:
     upper.step(time, arrays["board_reference"], where="post", color=style.GREY, lw=0.9, ls="--", label="reference")
     upper.plot(time, arrays["board_u_d"], color=style.BLUE, marker=".", label="in phase, d")
     upper.plot(time, arrays["board_u_q"], color=style.VERMILION, marker=".", label="in quadrature, q")
-    if record["t95_s"] is not None:
-        upper.axvline(MS * record["t95_s"], color=style.GREEN, lw=0.8, ls=":", label="95 %")
+    if record.t95_s is not None:
+        upper.axvline(MS * record.t95_s, color=style.GREEN, lw=0.8, ls=":", label="95 %")
     upper.set_ylabel("sensor (full scale)")
     upper.set_title(_title(record))
     upper.legend(fontsize=8, loc="center right")
@@ -38,20 +39,20 @@ def step(record: dict[str, Any], arrays: dict[str, Any]) -> ReportFigure:
     return ReportFigure("board", "Closed loop of the emulated board", _alt(record), figure, vector=True)
 
 
-def _reached(record: dict[str, Any]) -> str:
-    return "95 % not reached" if record["t95_s"] is None else f"95 % after {MS * record['t95_s']:.2f} ms"
+def _reached(record: BoardRecord) -> str:
+    return "95 % not reached" if record.t95_s is None else f"95 % after {MS * record.t95_s:.2f} ms"
 
 
-def _title(record: dict[str, Any]) -> str:
-    return f"{_reached(record)}, at {record['frequency_hz'] / MS:.3f} kHz"
+def _title(record: BoardRecord) -> str:
+    return f"{_reached(record)}, at {record.frequency_hz / MS:.3f} kHz"
 
 
-def _alt(record: dict[str, Any]) -> str:
-    origin = "identified by the image's own sweep" if record["swept"] else "taken from the table"
+def _alt(record: BoardRecord) -> str:
+    origin = "identified by the image's own sweep" if record.swept else "taken from the table"
     return (
-        f"Step of the reference to {record['reference']:.4g} of full scale, run by the unmodified firmware image on "
+        f"Step of the reference to {record.reference:.4g} of full scale, run by the unmodified firmware image on "
         "an emulated "
-        f"board with noise: {_reached(record)}, largest overshoot {100.0 * record['overshoot']:.1f} % with the noise in it; "
+        f"board with noise: {_reached(record)}, largest overshoot {100.0 * record.overshoot:.1f} % with the noise in it; "
         "the "
-        f"mode at {record['frequency_hz'] / MS:.3f} kHz with a time constant of {MS * record['tau_s']:.2f} ms was {origin}"
+        f"mode at {record.frequency_hz / MS:.3f} kHz with a time constant of {MS * record.tau_s:.2f} ms was {origin}"
     )

@@ -17,13 +17,16 @@ from pipeline.plots.plate import (
     find_pillars,
     flat_height_in,
     footprint_m,
+    footprints_mm,
     frame_plate,
     nice_below,
     skin_faces,
     zone_peak,
 )
 from pipeline.plots.style import ReportFigure
-from pipeline.records.study import CONFINED_DB, StoredCase
+from pipeline.records.record import DesignRecord
+from pipeline.records.study import StoredCase
+from solvers.measures.levels import CONFINED_DB
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,14 +36,17 @@ DRAWN_SHARE = 0.3  # of a pillar's height: the largest displacement in the side 
 MAX_NEIGHBOURS = 4
 
 
-def _has_mode(case: StoredCase, arrays: dict[str, Any]) -> bool:
-    return bool(case.record.get("design")) and {"touch_xy", "touch_triangles", "touch_uz"} <= arrays.keys()
+def _design(case: StoredCase, arrays: dict[str, Any]) -> DesignRecord | None:
+    """The design of a case whose mode on the touch face is stored."""
+    return case.record.design if {"touch_xy", "touch_triangles", "touch_uz"} <= arrays.keys() else None
 
 
 def wanted_hz(case: StoredCase, arrays: dict[str, Any]) -> float | None:
     """Frequency of the mode shown, Hz."""
     kept = arrays.get("surface_frequency_hz")
-    return case.wanted.get("frequency_hz") or (float(kept[0]) if kept is not None and len(kept) else None)
+    if case.record.wanted:
+        return case.record.wanted.frequency_hz
+    return float(kept[0]) if kept is not None and len(kept) else None
 
 
 def _khz(frequency_hz: float | None) -> str:
@@ -49,13 +55,14 @@ def _khz(frequency_hz: float | None) -> str:
 
 def level_text(case: StoredCase) -> str:
     """How well the wanted mode is confined, in words."""
-    if case.confined is None:
+    level = case.record.confinement_db
+    if level is None:
         return "confinement has no meaning here (no passive face)"
-    verdict = "confined" if case.confined else "leaking"
-    return f"{verdict}, {case.wanted['confinement_db']:.1f} dB (at least {CONFINED_DB:.0f} dB counts as confined)"
+    verdict = "confined" if case.record.confined else "leaking"
+    return f"{verdict}, {level:.1f} dB (at least {CONFINED_DB:.0f} dB counts as confined)"
 
 
-def _paint(axes: Axes, arrays: dict[str, Any], values: FloatArray, design: dict[str, Any]) -> TriMesh:
+def _paint(axes: Axes, arrays: dict[str, Any], values: FloatArray, design: DesignRecord) -> TriMesh:
     xy = arrays["touch_xy"] * MM
     field: TriMesh = axes.tripcolor(  # type: ignore[call-overload]
         xy[:, 0], xy[:, 1], arrays["touch_triangles"], values, shading="gouraud", cmap=style.SIGNED, vmin=-1, vmax=1
@@ -68,9 +75,9 @@ def _paint(axes: Axes, arrays: dict[str, Any], values: FloatArray, design: dict[
 
 def touch_face(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """Normal displacement of the wanted mode on the touch face, zone and footprints drawn."""
-    if not _has_mode(case, arrays):
+    design = _design(case, arrays)
+    if design is None:
         return None
-    design = case.record["design"]
     figure = style.new_figure(style.WIDTH_IN, flat_height_in(design, 6.2) + 1.1)
     axes = figure.subplots()
     field = _paint(axes, arrays, arrays["touch_uz"][0] / zone_peak(arrays, design), design)
@@ -87,9 +94,10 @@ def touch_face(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
 
 def neighbours(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """The kept modes side by side, the wanted one first."""
-    if not _has_mode(case, arrays) or len(arrays["touch_uz"]) < 2 or "surface_frequency_hz" not in arrays:
+    design = _design(case, arrays)
+    if design is None or len(arrays["touch_uz"]) < 2 or "surface_frequency_hz" not in arrays:
         return None
-    design, shapes = case.record["design"], arrays["touch_uz"][:MAX_NEIGHBOURS]
+    shapes = arrays["touch_uz"][:MAX_NEIGHBOURS]
     rows = -(-len(shapes) // 2)
     figure = style.new_figure(style.WIDTH_IN, rows * (flat_height_in(design, 3.4) + 0.55))
     panels = figure.subplots(rows, 2, squeeze=False, sharex=True, sharey=True).ravel()
@@ -110,9 +118,9 @@ def neighbours(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
 
 def pillars_in_plane(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """In-plane displacement of each pillar's tip, over the zone's largest normal displacement."""
-    if not _has_mode(case, arrays) or "surface_u" not in arrays:
+    design = _design(case, arrays)
+    if design is None or "surface_u" not in arrays:
         return None
-    design = case.record["design"]
     pillars = find_pillars(arrays, design)
     if pillars is None or not pillars.tips.size:
         return None
@@ -121,16 +129,16 @@ def pillars_in_plane(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure |
     mean = [np.bincount(pillars.tip_owner, tip[:, i], len(pillars.centres)) / count for i in (0, 1)]
     limit = max(1e-12, float(np.max(np.abs(mean))))
     reach = float(np.abs(pillars.centres[:, 1]).max())
-    figure = style.new_figure(style.WIDTH_IN, 2 * 6.2 * 1.25 * reach / (design["length_m"] / 2) + 1.5)
+    figure = style.new_figure(style.WIDTH_IN, 2 * 6.2 * 1.25 * reach / (design.length_m / 2) + 1.5)
     panels = figure.subplots(2, 1, sharex=True)
     for axes, values, name in zip(panels, mean, "xy", strict=True):
-        squares = _squares(axes, pillars, values, limit, footprint_m(design))
+        feet = _feet(axes, design, pillars, values, limit)
         draw_outlines(axes, design)
         frame_plate(axes, design)
         axes.set_title(f"Tip displacement along {name}")
         axes.set_ylim(-1.25 * reach * MM, 1.25 * reach * MM)
     panels[0].set_xlabel("")
-    bar = figure.colorbar(squares, ax=list(panels), shrink=0.7, pad=0.01, aspect=30)
+    bar = figure.colorbar(feet, ax=list(panels), shrink=0.7, pad=0.01, aspect=30)
     bar.set_label("displacement of the tips /\nlargest u$_z$ in the zone (no unit)")
     title = f"In-plane motion of the pillars{_khz(wanted_hz(case, arrays))}"
     alt = (
@@ -140,29 +148,29 @@ def pillars_in_plane(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure |
     return ReportFigure("pillars_in_plane", title, alt, figure)
 
 
-def _squares(axes: Axes, pillars: Pillars, values: FloatArray, limit: float, foot: float) -> Any:
+def _feet(axes: Axes, design: DesignRecord, pillars: Pillars, values: FloatArray, limit: float) -> Any:
+    """Every pillar's footprint, coloured by its value."""
     from matplotlib.collections import PolyCollection
 
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * foot / 2
-    squares = PolyCollection(list((pillars.centres[:, None, :] + corners) * MM), cmap=style.SIGNED)
-    squares.set_array(values)
-    squares.set_clim(-limit, limit)
-    axes.add_collection(squares)
-    return squares
+    feet = PolyCollection(footprints_mm(design, pillars.centres), cmap=style.SIGNED)
+    feet.set_array(values)
+    feet.set_clim(-limit, limit)
+    axes.add_collection(feet)
+    return feet
 
 
 def side_view(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """Two side views with displacements exaggerated by a stated factor: across the zone, and along the first row."""
-    if not _has_mode(case, arrays) or "surface_u" not in arrays or skin_faces(arrays, "surface") is None:
+    design = _design(case, arrays)
+    if design is None or "surface_u" not in arrays or skin_faces(arrays, "surface") is None:
         return None
-    design = case.record["design"]
     u = arrays["surface_u"][0] / zone_peak(arrays, design) * 1e-6  # 1 um at the zone's largest
     pillars = find_pillars(arrays, design)
-    tallest = design["pillar"]["height_m"] if pillars else design["thickness_m"]
+    tallest = design.pillar.height_m if pillars and design.pillar else design.thickness_m
     factor = nice_below(DRAWN_SHARE * tallest / max(1e-30, float(np.max(np.abs(u)))))
     x0, y0 = _cuts(arrays, design, pillars)
-    tall = design["thickness_m"] + 1.3 * tallest
-    heights = [7.0 * tall / (2 * half) for half in (design["half_span_m"], design["length_m"] / 2)]
+    tall = design.thickness_m + 1.3 * tallest
+    heights = [7.0 * tall / (2 * half) for half in (design.half_span_m, design.length_m / 2)]
     figure = style.new_figure(style.WIDTH_IN, sum(heights) + 2.0)
     panels = figure.subplots(2, 1, height_ratios=heights)
     cuts = ((1, x0, f"Across the zone, at x = {x0 * MM:.1f} mm"), (0, y0, f"Along the zone, at y = {y0 * MM:.1f} mm"))
@@ -171,7 +179,7 @@ def side_view(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
         axes.set_title(heading)
         style.mm_axes(axes, "xy"[axis], "z")
     for side in (-1, 1):
-        panels[0].axvline(side * design["width_m"] / 2 * MM, color="black", lw=0.9, ls=(0, (5, 3)))
+        panels[0].axvline(side * design.width_m / 2 * MM, color="black", lw=0.9, ls=(0, (5, 3)))
     times = f"{factor:,.0f}".replace(",", "\u202f")
     title = f"Side views{_khz(wanted_hz(case, arrays))}, displacements drawn {times} times as large"
     figure.suptitle(f"{title} (zone's largest u$_z$ = 1 µm)", fontsize=9, x=0.01, ha="left")
@@ -182,10 +190,10 @@ def side_view(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     return ReportFigure("side_view", title, alt, figure)
 
 
-def _cuts(arrays: dict[str, Any], design: dict[str, Any], pillars: Pillars | None) -> tuple[float, float]:
+def _cuts(arrays: dict[str, Any], design: DesignRecord, pillars: Pillars | None) -> tuple[float, float]:
     """Where to look: the pillar column nearest an antinode of the zone, the first row on the positive side."""
     uz, xy = np.abs(arrays["touch_uz"][0]), arrays["touch_xy"]
-    inner = (np.abs(xy[:, 0]) < 0.3 * design["length_m"]) & (np.abs(xy[:, 1]) < design["width_m"] / 2)
+    inner = (np.abs(xy[:, 0]) < 0.3 * design.length_m) & (np.abs(xy[:, 1]) < design.width_m / 2)
     antinode = float(xy[inner][np.argmax(uz[inner]), 0]) if inner.any() else 0.0
     if pillars is None:
         return antinode, 0.0
@@ -197,7 +205,7 @@ def _cuts(arrays: dict[str, Any], design: dict[str, Any], pillars: Pillars | Non
 def _side(
     axes: Axes,
     arrays: dict[str, Any],
-    design: dict[str, Any],
+    design: DesignRecord,
     cut: tuple[int, float],
     u: FloatArray,
     factor: float,
@@ -206,10 +214,10 @@ def _side(
     from matplotlib.collections import PolyCollection
 
     axis, where = cut
-    half = design["half_span_m"] if axis else design["length_m"] / 2
+    half = design.half_span_m if axis else design.length_m / 2
     line = np.linspace(-half, half, 400)
     lift = _along(arrays, line, cut) / zone_peak(arrays, design) * 1e-6 * factor
-    axes.fill_between(line * MM, lift * MM, (lift + design["thickness_m"]) * MM, color="#B9C4CE", lw=0.4, ec="#44525E")
+    axes.fill_between(line * MM, lift * MM, (lift + design.thickness_m) * MM, color="#B9C4CE", lw=0.4, ec="#44525E")
     if pillars is not None:
         in_view = np.abs(pillars.centres[pillars.face_owner, 1 - axis] - where) < footprint_m(design) / 2
         faces = skin_faces(arrays, "surface")
@@ -241,11 +249,11 @@ def _along(arrays: dict[str, Any], line: FloatArray, cut: tuple[int, float]) -> 
 
 def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """The wanted mode's normal displacement on the touch face: hexahedra beside tetrahedra, the same part of the plate."""
-    design = case.record.get("design")
+    design = case.record.design
     if not design or not {"tet_points", "tet_triangles", "tet_u", "touch_uz"} <= arrays.keys():
         return None
     points, faces, uz = arrays["tet_points"], arrays["tet_triangles"], arrays["tet_u"][:, 2]
-    faces = faces[np.all(points[faces][:, :, 2] < 1e-3 * design["thickness_m"], axis=1)]
+    faces = faces[np.all(points[faces][:, :, 2] < 1e-3 * design.thickness_m, axis=1)]
     if not faces.size:
         return None
     box = np.array([points[faces].min(axis=(0, 1))[:2], points[faces].max(axis=(0, 1))[:2]]) * MM
@@ -256,21 +264,21 @@ def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> ReportFigur
     xy = arrays["touch_xy"] * MM
     hexahedra = (xy, arrays["touch_triangles"], arrays["touch_uz"][0] / zone_peak(arrays, design))
     both = (hexahedra, (points[:, :2] * MM, faces, uz))
-    compared = case.record.get("tet_modes") or {}
-    tones = (compared.get("hex_frequency_hz"), compared.get("frequency_hz"))
+    compared = case.record.tet_modes
+    tones = (compared.hex_frequency_hz, compared.frequency_hz) if compared else (None, None)
     for axes, (flat, cells, values), kind, tone in zip(panels, both, KINDS.values(), tones, strict=True):
         field = axes.tripcolor(*flat.T, cells, values, shading="gouraud", cmap=style.SIGNED, vmin=-1, vmax=1)
         field.set_rasterized(True)
         axes.triplot(*flat.T, cells, color="black", lw=0.1, alpha=0.3, rasterized=True)
         axes.set_title(kind + (f"\n{tone / 1e3:.3f} kHz" if tone else ""))
-        axes.axhline(design["width_m"] / 2 * MM, color="black", lw=0.9, ls=(0, (5, 3)))
+        axes.axhline(design.width_m / 2 * MM, color="black", lw=0.9, ls=(0, (5, 3)))
         axes.set_xlim(*box[:, 0])
         axes.set_ylim(*box[:, 1])
         style.mm_axes(axes)
         axes.label_outer()
     bar = figure.colorbar(field, ax=list(panels), shrink=0.8, pad=0.01)
     bar.set_label("u$_z$ / largest in the zone")
-    text = f"; frequencies differ by {compared['relative_difference']:.2%}" if "relative_difference" in compared else ""
+    text = f"; frequencies differ by {compared.relative_difference:.2%}" if compared else ""
     alt = f"Normal displacement of {case.case_id}'s wanted mode on the touch face by hexahedra and by tetrahedra{text}."
     return ReportFigure("mode_on_both_meshes", "The wanted mode by hexahedra and by tetrahedra", alt, figure)
 

@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.plate import draw_outlines, flat_height_in, frame_plate
 from pipeline.plots.style import ReportFigure
+from pipeline.records.record import DesignRecord, MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord
 from pipeline.records.study import StoredCase
 
 KHZ, MM = 1e-3, 1e3
@@ -18,62 +19,62 @@ AROUND = 10.0  # half-power widths about both resonances that are shown
 
 def measured(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """The comparison of a case's record."""
-    record, design = case.record.get("measured"), case.record.get("design")
+    record, design = case.record.measured, case.record.design
     return report_figure(record, arrays, design) if record and design else None
 
 
-def report_figure(record: dict[str, Any], arrays: dict[str, Any], design: dict[str, Any]) -> ReportFigure:
+def report_figure(record: MeasuredRecord, arrays: dict[str, Any], design: DesignRecord) -> ReportFigure:
     """What was measured and what was computed, whichever of sweep and map is there."""
     beside = flat_height_in(design, 1.0) > SQUARE
     field_in = flat_height_in(design, style.WIDTH_IN * (0.36 if beside else 0.8)) + 0.8
-    heights = [2.6] * bool(record["sweep"]) + [field_in * (1 if beside else 2)] * bool(record["map"])
+    heights = [2.6] * bool(record.sweep) + [field_in * (1 if beside else 2)] * bool(record.map)
     figure = style.new_figure(style.WIDTH_IN, sum(heights))
     rows = list(figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0])
-    if record["sweep"]:
-        _sweep(rows.pop(0), record["sweep"], arrays)
-    if record["map"]:
+    if record.sweep:
+        _sweep(rows.pop(0), record.sweep, arrays)
+    if record.map:
         panels = rows[0].subplots(*((1, 2) if beside else (2, 1)))
-        _fields(rows[0], list(panels), record["map"], arrays, design)
+        _fields(rows[0], list(panels), record.map, arrays, design)
     return ReportFigure("measured", "Measured beside computed", _alt(record), figure)
 
 
-def _sweep(figure: Any, record: dict[str, Any], arrays: dict[str, Any]) -> None:
+def _sweep(figure: Any, record: MeasuredSweepRecord, arrays: dict[str, Any]) -> None:
     curve, circle = figure.subplots(1, 2, width_ratios=[2, 1])
     pairs = (
         ("measured_hz", "measured_response", record, style.VERMILION, "measured" + _marked(record)),
-        ("measured_computed_hz", "measured_computed", record["computed"], style.BLUE, "computed"),
+        ("measured_computed_hz", "measured_computed", record.computed, style.BLUE, "computed"),
     )
     for tone, response, about, colour, name in pairs:
         values = arrays[response] / np.abs(arrays[response]).max()
         dots = {"ls": "none", "marker": ".", "ms": 3} if name != "computed" else {"lw": 1.2}
         curve.semilogy(KHZ * arrays[tone], np.abs(values), color=colour, label=name, **dots)
-        curve.axvline(KHZ * about["frequency_hz"], color=colour, ls=":", lw=0.8)
+        curve.axvline(KHZ * about.frequency_hz, color=colour, ls=":", lw=0.8)
     curve.set_xlim(*(KHZ * edge for edge in _shown_hz(record)))
     curve.set_ylim(bottom=5e-3)
     curve.set_xlabel("frequency (kHz)")
     curve.set_ylabel("amplitude over its own peak")
-    curve.set_title(f"Shift {record['frequency_shift_hz']:+.0f} Hz ({100 * record['frequency_shift']:+.2f} %)")
+    curve.set_title(f"Shift {record.frequency_shift_hz:+.0f} Hz ({100 * record.frequency_shift:+.2f} %)")
     curve.grid(True)
     curve.legend(fontsize=8)
     _circle(circle, record, arrays)
 
 
-def _shown_hz(record: dict[str, Any]) -> tuple[float, float]:
+def _shown_hz(record: MeasuredSweepRecord) -> tuple[float, float]:
     """A window that holds both resonances, within what was measured or computed."""
-    both = [record, record["computed"]]
-    width = max(one["frequency_hz"] / (one["quality"] or 100.0) for one in both)
-    tones = [one["frequency_hz"] for one in both]
+    both = [record, record.computed]
+    width = max(one.frequency_hz / (one.quality or 100.0) for one in both)
+    tones = [one.frequency_hz for one in both]
     return min(tones) - AROUND * width, max(tones) + AROUND * width
 
 
-def _circle(axes: Any, record: dict[str, Any], arrays: dict[str, Any]) -> None:
+def _circle(axes: Any, record: MeasuredSweepRecord, arrays: dict[str, Any]) -> None:
     values, tone = arrays["measured_response"], arrays["measured_hz"]
-    size, fit = np.abs(values).max(), record["circle"]
-    delay = fit["delay_s"] if fit else 0.0
+    size, fit = np.abs(values).max(), record.circle
+    delay = fit.delay_s if fit else 0.0
     straight = values * np.exp(2j * np.pi * tone * delay) / size
     axes.plot(straight.real, straight.imag, ".", ms=3, color=style.VERMILION)
     if fit:
-        centre, radius = complex(*fit["circle"]["centre"]) / size, fit["circle"]["radius"] / size
+        centre, radius = complex(*fit.circle.centre) / size, fit.circle.radius / size
         turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 181))
         around = centre + radius * turn
         axes.plot(around.real, around.imag, color="black", lw=0.9)
@@ -81,17 +82,17 @@ def _circle(axes: Any, record: dict[str, Any], arrays: dict[str, Any]) -> None:
     axes.grid(True)
     axes.set_xlabel("real, over the peak")
     axes.set_ylabel("imaginary")
-    quality = "none" if record["quality"] is None else f"{record['quality']:.0f}"
+    quality = "none" if record.quality is None else f"{record.quality:.0f}"
     axes.set_title(f"Quality factor {quality}")
 
 
 def _fields(
-    figure: Any, panels: list[Any], record: dict[str, Any], arrays: dict[str, Any], design: dict[str, Any]
+    figure: Any, panels: list[Any], record: MeasuredMapRecord, arrays: dict[str, Any], design: DesignRecord
 ) -> None:
     seen, made = arrays["measured_field"], arrays["measured_operating"]
     phase = np.exp(-1j * np.angle(seen[int(np.argmax(np.abs(seen)))]))
     seen, made = phase * seen, phase * made * np.exp(-1j * np.angle(np.vdot(seen, made)))
-    level_text = _decibels(record["confinement_db"]), _decibels(record["computed"]["confinement_at_points_db"])
+    level_text = _decibels(record.confinement_db), _decibels(record.computed.confinement_at_points_db)
     titles = (f"Measured{_marked(record)}{level_text[0]}", f"Computed, same points{level_text[1]}")
     for axes, values, title in zip(panels, (seen, made), titles, strict=True):
         largest = float(np.abs(values).max()) or 1.0
@@ -110,25 +111,25 @@ def _painted(axes: Any, xy: Any, values: Any) -> Any:
     return axes.scatter(xy[:, 0], xy[:, 1], c=values, s=12, **look)
 
 
-def _marked(record: dict[str, Any]) -> str:
-    return " (synthetic)" if record["synthetic"] else ""
+def _marked(record: MeasuredSweepRecord | MeasuredMapRecord) -> str:
+    return " (synthetic)" if record.synthetic else ""
 
 
 def _decibels(level: float | None) -> str:
     return "" if level is None else f": {level:.1f} dB"
 
 
-def _alt(record: dict[str, Any]) -> str:
+def _alt(record: MeasuredRecord) -> str:
     said = []
-    if sweep := record["sweep"]:
-        quality = "" if sweep["quality"] is None else f", with a quality factor of {sweep['quality']:.0f}"
+    if sweep := record.sweep:
+        quality = "" if sweep.quality is None else f", with a quality factor of {sweep.quality:.0f}"
         said.append(
-            f"The measured resonance{_marked(sweep)} lies at {KHZ * sweep['frequency_hz']:.2f} kHz, "
-            f"{sweep['frequency_shift_hz']:+.0f} Hz from the computed one{quality}"
+            f"The measured resonance{_marked(sweep)} lies at {KHZ * sweep.frequency_hz:.2f} kHz, "
+            f"{sweep.frequency_shift_hz:+.0f} Hz from the computed one{quality}"
         )
-    if field := record["map"]:
+    if field := record.map:
         said.append(
-            f"The field measured at {field['points']} points{_marked(field)}{_decibels(field['confinement_db'])}; its "
-            f"correlation with the computed operating shape is {field['mac_operating']:.3f}"
+            f"The field measured at {field.points} points{_marked(field)}{_decibels(field.confinement_db)}; its "
+            f"correlation with the computed operating shape is {field.mac_operating:.3f}"
         )
     return ". ".join(said) + "."

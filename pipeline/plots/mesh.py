@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,12 +11,14 @@ from pipeline.plots import rendering, style
 from pipeline.plots.plate import KINDS, MM, FloatArray, IntArray, skin_faces
 from pipeline.plots.rendering import Surface
 from pipeline.plots.style import ReportFigure
+from pipeline.records.record import DesignRecord, GeometryRecord
 from pipeline.records.study import StoredCase
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 CORNER_M = 0.022
+CAPTION = 100  # characters of a line
 PLATE_PREFIXES = ("mesh", "tet")
 MIXED = "pieces with a pillar in tetrahedra,\nbare ones in hexahedra"
 TITLES = {"plate": "Meshes of the plate, one corner", "cell": "Meshes of the unit cell"}
@@ -36,16 +39,16 @@ def report_figures(case: StoredCase, arrays: dict[str, Any]) -> list[ReportFigur
 
 def _surfaces(case: StoredCase, arrays: dict[str, Any]) -> dict[str, Surface | None]:
     """What is rendered, by name: the whole plate, and each mesh's skin coloured by the quality of its faces."""
-    design, faces = case.record.get("design"), skin_faces(arrays, "surface")
+    design, faces = case.record.design, skin_faces(arrays, "surface")
     plain = Surface(*with_edges(arrays["surface_points"], faces, design)) if design and faces is not None else None
     skins = {"plate hex": "mesh", "plate tet": "tet", "cell hex": "cell", "cell tet": "cell_tet"}
     return {"geometry": plain, **{name: _mesh_surface(arrays, prefix, design) for name, prefix in skins.items()}}
 
 
-def with_edges(points: FloatArray, faces: IntArray, design: dict[str, Any]) -> tuple[FloatArray, IntArray]:
+def with_edges(points: FloatArray, faces: IntArray, design: DesignRecord) -> tuple[FloatArray, IntArray]:
     """The skin with the plate's outer edge faces, which a skin put together from plate cells does not have."""
     walls = []
-    for axis, half in ((0, design["length_m"] / 2), (1, design["half_span_m"])):
+    for axis, half in ((0, design.length_m / 2), (1, design.half_span_m)):
         for side in (-half, half):
             there = np.abs(points[:, axis] - side) < 1e-6 * half
             if there[faces].all(axis=1).any():
@@ -54,14 +57,14 @@ def with_edges(points: FloatArray, faces: IntArray, design: dict[str, Any]) -> t
             rims = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)
             walls.append(rims[low[rims].all(axis=2)])
     rim = np.concatenate(walls)
-    up = points[rim] + np.array([0.0, 0.0, design["thickness_m"]])
+    up = points[rim] + np.array([0.0, 0.0, design.thickness_m])
     quads = np.concatenate([points[rim], up[:, ::-1]], axis=1)
     added = len(points) + np.arange(4 * len(rim)).reshape(-1, 4)
     added = added if faces.shape[1] == 4 else np.concatenate([added[:, [0, 1, 2]], added[:, [0, 2, 3]]])
     return np.concatenate([points, quads.reshape(-1, 3)]), np.concatenate([faces, added])
 
 
-def _mesh_surface(arrays: dict[str, Any], prefix: str, design: dict[str, Any] | None) -> Surface | None:
+def _mesh_surface(arrays: dict[str, Any], prefix: str, design: DesignRecord | None) -> Surface | None:
     faces = skin_faces(arrays, prefix)
     if faces is None:
         return None
@@ -71,14 +74,14 @@ def _mesh_surface(arrays: dict[str, Any], prefix: str, design: dict[str, Any] | 
     return Surface(points, faces, face_quality(points, faces), edges=True, direction=(1.0, 1.6, 1.3))
 
 
-def _corner(points: FloatArray, faces: IntArray, design: dict[str, Any]) -> tuple[FloatArray, IntArray]:
+def _corner(points: FloatArray, faces: IntArray, design: DesignRecord) -> tuple[FloatArray, IntArray]:
     """The corner of the plate at the largest x and y, from inside the zone's side on: elements large enough to be seen."""
     middles = points[faces].mean(axis=1)
-    columns = np.unique(np.reshape(design.get("pillar_centres_m") or [], (-1, 2))[:, 0])
+    columns = np.unique(np.reshape(design.pillar_centres_m, (-1, 2))[:, 0])
     between = (columns[1:] + columns[:-1]) / 2  # cut no pillar
-    start = design["length_m"] / 2 - CORNER_M
+    start = design.length_m / 2 - CORNER_M
     visible = middles[:, 0] > (between[np.argmin(np.abs(between - start))] if between.size else start)
-    visible &= middles[:, 1] > min(design["width_m"] / 2, design["half_span_m"] - CORNER_M)
+    visible &= middles[:, 1] > min(design.width_m / 2, design.half_span_m - CORNER_M)
     visible |= ~visible.any()  # a mesh that has no such corner is shown whole
     used, renumbered = np.unique(faces[visible], return_inverse=True)
     return points[used], renumbered.reshape(-1, faces.shape[1])
@@ -86,32 +89,31 @@ def _corner(points: FloatArray, faces: IntArray, design: dict[str, Any]) -> tupl
 
 def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> ReportFigure | None:
     """The whole plate from the pillars' side, dimensions beside."""
-    if "geometry" not in picture:
+    design = case.record.design
+    if design is None or "geometry" not in picture:
         return None
-    image, design = picture["geometry"], case.record["design"]
+    image = picture["geometry"]
     figure = style.new_figure(style.WIDTH_IN, style.WIDTH_IN * image.shape[0] / image.shape[1] + 0.75)
     axes = figure.subplots()
     _show(axes, image)
     axes.set_title("The plate, seen from the pillars' side (the touch face is below)")
-    figure.supxlabel(_dimensions(design, case.record.get("geometry") or {}), fontsize=8.5)
-    alt = f"The plate of {case.case_id} in perspective, pillars up: {_dimensions(design, {})}.{_note(fault)}"
+    figure.supxlabel(fill(_dimensions(design, case.record.geometry), CAPTION), fontsize=8.5)
+    alt = f"The plate of {case.case_id} in perspective, pillars up: {_dimensions(design, None)}.{_note(fault)}"
     return ReportFigure("geometry", "Geometry", alt, figure)
 
 
-def _dimensions(design: dict[str, Any], geometry: dict[str, Any]) -> str:
-    plate = (
-        f"plate {design['length_m'] * MM:g} × {2 * design['half_span_m'] * MM:g} × {design['thickness_m'] * MM:g} mm"
-    )
-    words = [plate, f"zone {design['width_m'] * MM:g} mm wide"]
-    pillar = design.get("pillar")
-    if pillar:
-        columns = len(design["pillar_centres_m"]) // max(1, 2 * design["rows"])
+def _dimensions(design: DesignRecord, geometry: GeometryRecord | None) -> str:
+    plate = f"plate {design.length_m * MM:g} × {2 * design.half_span_m * MM:.5g} × {design.thickness_m * MM:g} mm"
+    words = [plate, f"zone {design.width_m * MM:g} mm wide"]
+    pillar, pitch_m = design.pillar, design.pitch_x_m
+    if pillar and pitch_m:
+        columns = len(design.pillar_centres_m) // max(1, 2 * design.rows)
         words.append(
-            f"2 × {design['rows']} rows of {columns} {pillar['shape']} pillars {pillar['base_m'] * MM:g} mm wide, "
-            f"{pillar['height_m'] * MM:g} mm high, {design['pitch_x_m'] * MM:g} mm apart"
+            f"2 × {design.rows} rows of {columns} {pillar.shape} pillars {pillar.form.sizes_text}, "
+            f"{pillar.height_m * MM:g} mm high, {pitch_m * MM:g} mm apart"
         )
-    if geometry.get("mass_kg"):
-        words.append(f"{geometry['mass_kg'] * 1e3:.1f} g")
+    if geometry:
+        words.append(f"{geometry.mass_kg * 1e3:.1f} g")
     return "; ".join(words)
 
 
@@ -167,16 +169,13 @@ def _meshes(
 
 
 def _mesh_words(case: StoredCase, what: str, kind: str) -> str:
-    mesh: dict[str, Any] = next(
-        (m for m in case.record.get("meshes") or [] if m.get("what") == what and m.get("kind") == kind), {}
+    mesh = case.record.mesh(what, kind)
+    if mesh is None:
+        return KINDS[kind]
+    counts = f"{mesh.cells:,} cells, {mesh.dof:,} degrees of freedom".replace(",", "\u202f").replace(
+        "cells\u202f", "cells,"
     )
-    order = f", order {mesh['order']}" if mesh.get("order") else ""
-    counts = [
-        f"{mesh[key]:,} {word}".replace(",", "\u202f")
-        for key, word in (("cells", "cells"), ("dof", "dofs"))
-        if mesh.get(key)
-    ]
-    return f"{KINDS[kind]}{order}" + (f"\n{', '.join(counts)}" if counts else "")
+    return f"{KINDS[kind]}, order {mesh.order}\n{counts}"
 
 
 def _quality_bar(figure: Any, panels: Any) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.plots import style
+from pipeline.records.record import DesignRecord
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,35 +26,34 @@ def skin_faces(arrays: dict[str, Any], prefix: str) -> IntArray | None:
     return next((arrays[f"{prefix}_{kind}"] for kind in ("quads", "triangles") if f"{prefix}_{kind}" in arrays), None)
 
 
-def footprint_m(design: dict[str, Any]) -> float:
+def footprint_m(design: DesignRecord) -> float:
     """Largest foot section of a pillar, m; 0 without pillars."""
-    pillar = design.get("pillar") or {}
-    return float(pillar.get("base_m", 0.0) + 2.0 * pillar.get("fillet_m", 0.0))
+    return design.pillar.form.footprint_m(design.pillar.fillet_m) if design.pillar else 0.0
 
 
-def draw_outlines(axes: Axes, design: dict[str, Any]) -> None:
+def footprints_mm(design: DesignRecord, centres_m: FloatArray) -> list[FloatArray]:
+    """The outline of every pillar's foot, fillet included, about centres (n, 2): each (corners, 2), mm."""
+    pillar = design.pillar
+    return list((centres_m[:, None, :] + pillar.form.outline(pillar.fillet_m)) * MM) if pillar else []
+
+
+def draw_outlines(axes: Axes, design: DesignRecord) -> None:
     """The zone's long sides (dashed) and every pillar's footprint, in mm."""
-    from matplotlib.collections import PatchCollection
-    from matplotlib.patches import Circle, Rectangle
+    from matplotlib.collections import PolyCollection
+    from matplotlib.patches import Rectangle
 
-    half = design["length_m"] / 2 * MM
+    half = design.length_m / 2 * MM
     for side in (-1, 1):
-        axes.plot([-half, half], [side * design["width_m"] / 2 * MM] * 2, color="black", lw=0.9, ls=(0, (5, 3)))
-    foot = footprint_m(design) * MM
-    centres = np.reshape(design.get("pillar_centres_m") or [], (-1, 2)) * MM
-    round_foot = (design.get("pillar") or {}).get("shape") == "round"
-    patches = [
-        Circle((x, y), foot / 2) if round_foot else Rectangle((x - foot / 2, y - foot / 2), foot, foot)
-        for x, y in centres
-    ]
-    span = design["half_span_m"] * MM
+        axes.plot([-half, half], [side * design.width_m / 2 * MM] * 2, color="black", lw=0.9, ls=(0, (5, 3)))
+    feet = footprints_mm(design, np.reshape(design.pillar_centres_m, (-1, 2)))
+    span = design.half_span_m * MM
     axes.add_patch(Rectangle((-half, -span), 2 * half, 2 * span, fill=False, ec="#333333", lw=0.6))
-    axes.add_collection(PatchCollection(patches, facecolor="none", edgecolor="#333333", linewidth=0.45))
+    axes.add_collection(PolyCollection(feet, facecolor="none", edgecolor="#333333", linewidth=0.45))
 
 
-def frame_plate(axes: Axes, design: dict[str, Any]) -> None:
+def frame_plate(axes: Axes, design: DesignRecord) -> None:
     """Axes in mm just around the plate."""
-    half_x, half_y = design["length_m"] / 2 * MM, design["half_span_m"] * MM
+    half_x, half_y = design.length_m / 2 * MM, design.half_span_m * MM
     axes.set_xlim(-1.01 * half_x, 1.01 * half_x)
     axes.set_ylim(-half_y - 0.01 * half_x, half_y + 0.01 * half_x)
     style.mm_axes(axes)
@@ -61,14 +61,14 @@ def frame_plate(axes: Axes, design: dict[str, Any]) -> None:
     axes.tick_params(length=2)
 
 
-def flat_height_in(design: dict[str, Any], width_in: float) -> float:
+def flat_height_in(design: DesignRecord, width_in: float) -> float:
     """Height of a plate drawn `width_in` wide, inches."""
-    return float(width_in * design["half_span_m"] / (design["length_m"] / 2))
+    return float(width_in * design.half_span_m / (design.length_m / 2))
 
 
-def zone_peak(arrays: dict[str, Any], design: dict[str, Any]) -> float:
+def zone_peak(arrays: dict[str, Any], design: DesignRecord) -> float:
     """Largest |u_z| of the wanted mode on the active touch face, in the mode's own scale."""
-    inside = np.abs(arrays["touch_xy"][:, 1]) <= design["width_m"] / 2 * (1 + 1e-9)
+    inside = np.abs(arrays["touch_xy"][:, 1]) <= design.width_m / 2 * (1 + 1e-9)
     return float(np.max(np.abs(arrays["touch_uz"][0][inside])))
 
 
@@ -83,15 +83,15 @@ class Pillars:
     tip_owner: IntArray
 
 
-def find_pillars(arrays: dict[str, Any], design: dict[str, Any]) -> Pillars | None:
+def find_pillars(arrays: dict[str, Any], design: DesignRecord) -> Pillars | None:
     """Pillars of the skin by position: above the plate, the nearest centre."""
     from scipy.spatial import cKDTree
 
-    faces, centres = skin_faces(arrays, "surface"), np.reshape(design.get("pillar_centres_m") or [], (-1, 2))
-    if faces is None or not centres.size:
+    faces, centres = skin_faces(arrays, "surface"), np.reshape(design.pillar_centres_m, (-1, 2))
+    if faces is None or design.pillar is None or not centres.size:
         return None
     points = arrays["surface_points"]
-    top, height = design["thickness_m"], design["pillar"]["height_m"]
+    top, height = design.thickness_m, design.pillar.height_m
     tree = cKDTree(centres)
     middles = points[faces].mean(axis=1)
     above = np.flatnonzero(middles[:, 2] > top + 1e-3 * height)

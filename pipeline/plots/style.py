@@ -106,6 +106,11 @@ def save(report_figure: ReportFigure, folder: Path) -> StoredFigure:
         if engine := report_figure.figure.get_layout_engine():  # once for both files
             engine.execute(report_figure.figure)
         report_figure.figure.set_layout_engine("none")
+        for (
+            axes
+        ) in report_figure.figure.axes:  # the layout's last bits depend on where memory lies, and name clip paths
+            left, low, width, height = (round(edge, 9) for edge in axes.get_position(original=True).bounds)
+            axes.set_position((left, low, width, height))
     for kind, notes in (("svg", {**words, "Date": None}), ("png", {**words, "Software": None})):
         buffer = io.BytesIO()
         with style():

@@ -10,16 +10,17 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
 from pipeline.records import tracking
-from pipeline.records.study import CONFINED_DB, StoredCase, StoredStudy
+from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.sweep_lines import axis_label, lines_along, main_key, swept
-from pipeline.records.tracking import Followed
+from pipeline.records.tracking import Tracked
+from solvers.measures.levels import CONFINED_DB
 
 MAX_TICKS = 12
 
 
 def against_sweep(study: StoredStudy) -> ReportFigure | None:
     """Confinement and the wanted mode's frequency against the most varied numeric key, one line per set of the others."""
-    cases = [case for case in swept(list(study.cases)) if case.wanted.get("frequency_hz")]
+    cases = [case for case in swept(list(study.cases)) if case.record.wanted]
     key = main_key(study, cases) if cases else None
     if key is None:
         return None
@@ -38,22 +39,22 @@ def against_sweep(study: StoredStudy) -> ReportFigure | None:
 
 
 def _draw_line(
-    level: Any, tone: Any, line: list[StoredCase], key: str, name: str, index: int, tracked: dict[str, Followed]
+    level: Any, tone: Any, line: list[StoredCase], key: str, name: str, index: int, tracked: dict[str, Tracked]
 ) -> None:
     colour, marker = style.CYCLE[index % len(style.CYCLE)], style.MARKERS[index % len(style.MARKERS)]
     x = np.array([case.sweep[key] for case in line], dtype=float)
-    levels = np.array([case.wanted.get("confinement_db") for case in line], dtype=float)
-    khz = np.array([case.wanted["frequency_hz"] / 1e3 for case in line])
+    levels = np.array([case.record.confinement_db for case in line], dtype=float)
+    khz = np.array([case.record.wanted.frequency_hz / 1e3 for case in line if case.record.wanted])
     for axes, values in ((level, levels), (tone, khz)):
         for first, last in _same_mode(line, tracked):
             axes.plot(x[first:last], values[first:last], color=colour, lw=1.1)
     for filled in (True, False):
-        marked = np.array([bool(case.confined) for case in line]) == filled
+        marked = np.array([bool(case.record.confined) for case in line]) == filled
         level.plot(x[marked], levels[marked], marker, color=colour, mfc=colour if filled else "white", ms=6)
     tone.plot(x, khz, color=colour, marker=marker, ms=5, ls="none", label=name)
 
 
-def _same_mode(line: list[StoredCase], tracked: dict[str, Followed]) -> list[tuple[int, int]]:
+def _same_mode(line: list[StoredCase], tracked: dict[str, Tracked]) -> list[tuple[int, int]]:
     """Stretches of a line over which the wanted mode is one and the same, tracked by its shape: slices of two or more."""
     same = [getattr(tracked.get(case.case_id), "identity", "") in ("start", "kept") for case in line]
     edges = [i for i in range(len(line) + 1) if i in (0, len(line)) or same[i] != same[i - 1]]
@@ -94,12 +95,12 @@ def _bending_at_m(tone: Any, lines: list[list[StoredCase]], key: str) -> None:
 
 
 def _bending_khz(case: StoredCase) -> float | None:
-    pair = (case.record.get("bands") or {}).get("bending_at_m_hz")
+    pair = case.record.bands.bending_at_m_hz if case.record.bands else []
     return min(pair) / 1e3 if pair else None
 
 
 def _alt(study: StoredStudy, cases: list[StoredCase], key: str) -> str:
-    levels = [(case.wanted["confinement_db"], case) for case in cases if case.wanted.get("confinement_db") is not None]
+    levels = [(level, case) for case in cases if (level := case.record.confinement_db) is not None]
     if not levels:
         return f"Frequency of the wanted mode against {axis_label(key)} over {len(cases)} cases of {study.name}."
     worst, *_, best = sorted([*levels, levels[0]], key=lambda pair: pair[0])
@@ -112,8 +113,13 @@ def _alt(study: StoredStudy, cases: list[StoredCase], key: str) -> str:
 
 def how_many_rows(study: StoredStudy) -> ReportFigure | None:
     """Decibels from zone to extension: rows times the decay per row (infinite rows) against the finite plates."""
-    cases = [case for case in study.cases if (case.record.get("prediction") or {}).get("rows_db") is not None]
-    cases = [case for case in cases if case.wanted.get("extension_db") is not None]
+    known = [(case, case.record.prediction) for case in study.cases]
+    told = {
+        case.case_id: (each.zone_to_extension_db, each.rows_db, each.through_db)
+        for case, each in known
+        if each and each.rows_db is not None and each.zone_to_extension_db is not None
+    }
+    cases = [case for case in study.cases if case.case_id in told]
     if len(cases) < 2 or "array.rows" not in study.swept:
         return None
     figure = style.new_figure(style.WIDTH_IN, 3.6)
@@ -121,12 +127,10 @@ def how_many_rows(study: StoredStudy) -> ReportFigure | None:
     for index, (name, line) in enumerate(lines_along(study, cases, "array.rows").items()):
         colour = style.CYCLE[index % len(style.CYCLE)]
         rows = [case.sweep["array.rows"] for case in line]
-        finite = [case.wanted["extension_db"] for case in line]
+        finite, predicted, transmitted = np.array([told[case.case_id] for case in line], dtype=float).T
         label = f", {name}" if name else ""
         axes.plot(rows, finite, color=colour, marker="o", label=f"finite plate{label}")
-        predicted = [case.record["prediction"]["rows_db"] for case in line]
         axes.plot(rows, predicted, color=colour, marker="s", mfc="white", ls="--", label=f"rows x decay per row{label}")
-        transmitted = [case.record["prediction"]["through_db"] for case in line]
         axes.plot(rows, transmitted, color=colour, marker="^", mfc="white", ls=":", label=f"through the rows{label}")
     axes.set_xticks(sorted({case.sweep["array.rows"] for case in cases}))
     axes.set_xlabel("rows on each side of the zone")
@@ -134,8 +138,5 @@ def how_many_rows(study: StoredStudy) -> ReportFigure | None:
     axes.grid(True)
     axes.legend(fontsize=7)
     title = "How many rows: prediction and finite plates"
-    parts = "; ".join(
-        f"{c.case_id}: {c.wanted['extension_db']:.1f} dB, predicted {c.record['prediction']['rows_db']:.1f} dB"
-        for c in cases
-    )
+    parts = "; ".join(f"{name}: {one[0]:.1f} dB, predicted {one[1]:.1f} dB" for name, one in told.items())
     return ReportFigure("how_many_rows", title, f"{title}. {parts}", figure, vector=True)

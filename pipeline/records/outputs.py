@@ -52,7 +52,7 @@ def of_case(arguments: Namespace, case: Case) -> Case:
 def _about(arguments: Namespace) -> dict[str, Any]:
     """Name of the case, the case with every default, and the version; None for a command without a case."""
     case: Case | None = getattr(arguments, "answered", None)
-    whole = case.as_understood() if case else None
+    whole = case.to_dict() if case else None
     return {"case": case.name if case else None, "with_defaults": whole, "version": version("antinode")}
 
 
@@ -185,12 +185,17 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 
 def csv_bytes(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> bytes:
-    """The same as comma-separated values, full precision."""
+    """The same as comma-separated values: full precision, nothing for None, no text that a spreadsheet would compute."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(rows)
+    writer.writerows([no_formula(value) if isinstance(value, str) else value for value in row] for row in (head, *rows))
     return out.getvalue().encode()
+
+
+def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown, a bar in a cell escaped."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
 
 
 def no_formula(text: str) -> str:

@@ -29,6 +29,7 @@ INPUT, RECORD, ARRAYS, TIMING, MANIFEST, RUN_LOG = (
 )
 TEMPORARY = files.PART
 UNLISTED = {RECORD, TIMING, MANIFEST, RUN_LOG}
+SCHEMA = 2  # of record.json: raised with every change of pipeline.records.record that an older record does not fit
 PROOF = "proof"
 NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 CASE_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+=,@-]*")
@@ -171,8 +172,8 @@ def _proven(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     record = read_json(folder / RECORD)
     if not isinstance(record, dict) or not isinstance(record.get("case_id"), str):
         raise BadRecord(f"{RECORD} is unreadable (not a case's record)")
-    if record.get("schema") != 1:
-        raise BadRecord(f"{RECORD} has schema {record.get('schema')!r}, this version reads 1")
+    if record.get("schema") != SCHEMA:
+        raise BadRecord(f"{RECORD} has schema {record.get('schema')!r}, this version reads {SCHEMA}")
     if record["case_id"] != folder.name:
         raise BadRecord(f"{RECORD} is that of case {record['case_id']}")
     if PROOF not in record:

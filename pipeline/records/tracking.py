@@ -1,4 +1,4 @@
-"""The wanted mode followed along a sweep, from stored records: where it went, and where its identity is lost."""
+"""The wanted mode tracked along a sweep, from stored records: where it went, and where its identity is lost."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.records.record import ShapesRecord, WantedMode
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.sweep_lines import lines_along, main_key
-from solvers.measures.mode_tracking import Shapes, Step, follow
+from solvers.measures.mode_tracking import Shapes, follow
+
+Line = list[tuple[StoredCase, WantedMode, ShapesRecord]]
 
 
 @dataclass(frozen=True)
-class Followed:
-    """One case of a line: the followed mode's frequency (None when lost), its MAC with the case before, and a word.
+class Tracked:
+    """One case of a line: the tracked mode's frequency (None when lost), its MAC with the case before, and a word.
 
     identity: "start" (where the wanted mode is plainest), "kept", "crossed" (kept, but another mode looks more like the
     wanted one here), "lost".
@@ -24,39 +27,30 @@ class Followed:
     identity: str
 
 
-def along_sweep(study: StoredStudy) -> dict[str, Followed]:
+def along_sweep(study: StoredStudy) -> dict[str, Tracked]:
     """Every case of a sweep by its id; {} where nothing numeric is swept or no shapes are stored."""
-    cases = [case for case in study.cases if case.record.get("shapes")]
+    cases = [case for case in study.cases if case.record.shapes]
     key = main_key(study, cases) if len(cases) > 1 else None
-    tracked: dict[str, Followed] = {}
+    tracked: dict[str, Tracked] = {}
     for line in lines_along(study, cases, key).values() if key else ():
-        tracked |= _line(line)
+        known = ((case, case.record.wanted, case.record.shapes) for case in line)
+        tracked |= _line([(case, wanted, shapes) for case, wanted, shapes in known if wanted and shapes])
     return tracked
 
 
-def _line(line: list[StoredCase]) -> dict[str, Followed]:
+def _line(line: Line) -> dict[str, Tracked]:
     """From the case with the plainest wanted mode to both ends of the line."""
-    start = max(range(len(line)), key=lambda i: line[i].wanted.get("share") or 0.0)
-    first = line[start]
-    tracked = {first.case_id: Followed(first.wanted["frequency_hz"], None, "start")}
+    start = max(range(len(line)), key=lambda i: line[i][1].share or 0.0)
+    first, wanted, shapes = line[start]
+    tracked = {first.case_id: Tracked(wanted.frequency_hz, None, "start")}
     for choice in (line[start:], line[start::-1]):
-        plates = [_shapes(case) for case in choice]
-        steps = follow(plates, int(first.record["shapes"]["wanted"]))
-        for number, case in enumerate(choice[1:]):
-            tracked[case.case_id] = (
-                _summary(steps[number], case) if number < len(steps) else Followed(None, None, "lost")
-            )
+        plates = [Shapes(*map(np.array, (s.frequency_hz, s.share, s.coefficients))) for _, _, s in choice]
+        steps = follow(plates, shapes.wanted)
+        for number, (case, _, stored) in enumerate(choice[1:]):
+            step = steps[number] if number < len(steps) else None
+            if step is None or step.row is None or not step.kept:
+                tracked[case.case_id] = Tracked(None, step.mac if step else None, "lost")
+            else:
+                identity = "kept" if step.row == stored.wanted else "crossed"
+                tracked[case.case_id] = Tracked(stored.frequency_hz[step.row], step.mac, identity)
     return tracked
-
-
-def _summary(step: Step, case: StoredCase) -> Followed:
-    if step.row is None or not step.kept:
-        return Followed(None, step.mac, "lost")
-    stored = case.record["shapes"]
-    same = step.row == stored["wanted"]
-    return Followed(stored["frequency_hz"][step.row], step.mac, "kept" if same else "crossed")
-
-
-def _shapes(case: StoredCase) -> Shapes:
-    stored = case.record["shapes"]
-    return Shapes(*(np.array(stored[key], dtype=float) for key in ("frequency_hz", "share", "coefficients")))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from geometry.decimate import coarse
 from pipeline.plots.bands import PILLAR, POLARISATIONS, path_length
 from pipeline.plots.plate import skin_faces
 from pipeline.records.fingerprint import canonical_json
+from pipeline.records.record import BandPoint, BandsRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.report.mode_shapes import Gallery
 
@@ -26,44 +28,41 @@ def diagrams(study: StoredStudy, best: StoredCase | None) -> dict[str, Any]:
     """What the page's diagram is drawn from: {"cells", "bodies", "shapes"}; the best case's cell first."""
     groups: dict[str, list[StoredCase]] = {}
     for case in sorted(study.cases, key=lambda case: best is None or case.case_id != best.case_id):
-        if (case.record.get("bands") or {}).get("points"):
-            groups.setdefault(_key(case), []).append(case)
+        if case.record.bands and case.record.bands.points:
+            groups.setdefault(_key(case.record.bands), []).append(case)
     gallery = Gallery()
     cells: list[dict[str, Any]] = []
     for members in list(groups.values())[:MAX_CELLS]:
-        cell = _cell(members, best)
+        bands = members[0].record.bands
+        assert bands
+        cell = _cell(members, bands, best)
         if sum("shapes" in other for other in cells) < MAX_WITH_SHAPES:
             cell |= _shapes(gallery, members)
         cells.append(cell)
     return {"cells": cells, "left": max(0, len(groups) - MAX_CELLS), **vars(gallery)}
 
 
-def _key(case: StoredCase) -> str:
+def _key(bands: BandsRecord) -> str:
     """Cases with the same bands show one diagram."""
-    points = case.record["bands"]["points"]
-    visible = [[p["kx_per_m"], p["ky_per_m"], p["frequencies_hz"]] for p in points]
+    visible = [[p.kx_per_m, p.ky_per_m, p.frequencies_hz] for p in bands.points]
     return hashlib.sha256(canonical_json(visible).encode()).hexdigest()
 
 
-def _cell(members: list[StoredCase], best: StoredCase | None) -> dict[str, Any]:
+def _cell(members: list[StoredCase], bands: BandsRecord, best: StoredCase | None) -> dict[str, Any]:
     """One diagram: path, bands, labels of the waves where they are stored, gaps, the wanted mode's frequency."""
-    bands = members[0].record["bands"]
-    points = bands["points"]
-    wanted = next((case.wanted for case in members if best and case.case_id == best.case_id), members[0].wanted)
+    points = bands.points
+    visible = next((case for case in members if best and case.case_id == best.case_id), members[0])
     return {
         "name": _name(members),
         "arc": [_short(s) for s in path_length(points)],
-        "labels": [point.get("label") for point in points],
-        "k": [[_short(point["kx_per_m"]), _short(point["ky_per_m"])] for point in points],
-        "hz": [[_short(f) for f in point["frequencies_hz"]] for point in points],
-        "kind": _kinds(points, "plate_polarisation"),
-        "pillar": _pillar(points),
-        "speed": _speeds(points),
-        "gaps": [
-            {key: gap[key] for key in ("lower_band", "upper_band", "lower_hz", "upper_hz")}
-            for gap in bands.get("gaps") or []
-        ],
-        "wanted_hz": wanted.get("frequency_hz"),
+        "labels": [point.label for point in points],
+        "k": [[_short(point.kx_per_m), _short(point.ky_per_m)] for point in points],
+        "hz": [[_short(f) for f in point.frequencies_hz] for point in points],
+        "kind": _each(points, "plate_polarisation", lambda name: KINDS.index(name) if name in KINDS else -1),
+        "pillar": _each(points, "polarisation", lambda name: int(name == PILLAR)),
+        "speed": _each(points, "group_velocity_m_s", _speed),
+        "gaps": [gap.to_dict() for gap in bands.gaps],
+        "wanted_hz": visible.record.wanted.frequency_hz if visible.record.wanted else None,
     }
 
 
@@ -76,28 +75,15 @@ def _short(value: float) -> float:
     return float(f"{value:.7g}")
 
 
-def _kinds(points: list[dict[str, Any]], key: str) -> list[list[int]] | None:
-    """Polarisation of every wave as a number, None when a record of an older version has none."""
-    if not all(point.get(key) for point in points):
-        return None
-    return [[KINDS.index(name) if name in KINDS else -1 for name in point[key]] for point in points]
+def _each(points: list[BandPoint], key: str, visible: Callable[[Any], Any]) -> list[list[Any]] | None:
+    """A figure of every wave, None where the full cell told only frequencies."""
+    rows = [getattr(point, key) for point in points]
+    return [[visible(value) for value in row] for row in rows] if all(rows) else None
 
 
-def _pillar(points: list[dict[str, Any]]) -> list[list[int]] | None:
-    """1 where most of a wave's kinetic energy is in the pillar."""
-    if not all(point.get("polarisation") for point in points):
-        return None
-    return [[int(name == PILLAR) for name in point["polarisation"]] for point in points]
-
-
-def _speeds(points: list[dict[str, Any]]) -> list[list[float | None]] | None:
-    """Group speeds, m/s, to four digits; below a millimetre a second it is rounding."""
-    if not all(point.get("group_velocity_m_s") for point in points):
-        return None
-    return [
-        [None if pair is None else float(f"{np.round(np.hypot(*pair), 3):.4g}") for pair in point["group_velocity_m_s"]]
-        for point in points
-    ]
+def _speed(pair: tuple[float, float] | None) -> float | None:
+    """Group speed, m/s, to four digits; below a millimetre a second it is rounding."""
+    return None if pair is None else float(f"{np.round(np.hypot(*pair), 3):.4g}")
 
 
 def _shapes(gallery: Gallery, members: list[StoredCase]) -> dict[str, Any]:
@@ -114,13 +100,13 @@ def _add(gallery: Gallery, case: StoredCase, arrays: dict[str, Any], facets: Any
     points = np.asarray(arrays["bands_points"], dtype=float)
     kept, small = coarse(points, facets, MAX_POINTS)
     body = gallery.add_body(points[kept], small, SPREAD * float(np.ptp(points[:, 2])))
-    design = case.record["design"]
-    pitch = np.array([design["pitch_x_m"], design["pitch_y_m"]])
-    marked = {point["label"]: point for point in case.record["bands"]["points"] if point.get("label")}
+    assert case.record.design and case.record.bands
+    pitch = np.array([case.record.design.pitch_x_m, case.record.design.pitch_y_m])
+    marked = case.record.bands.labelled
     places: dict[str, list[int]] = {}
     for label, waves in zip(arrays["bands_labels"].tolist(), arrays["bands_u"].astype(float), strict=True):
         point = marked[label]
-        copies = _tiles(np.array([point["kx_per_m"], point["ky_per_m"]]), pitch)
+        copies = _tiles(np.array([point.kx_per_m, point.ky_per_m]), pitch)
         places[label] = [
             gallery.add_shape(body, (wave[0] + 1j * wave[1])[kept], _words(label, band, point), copies)
             for band, wave in enumerate(waves)
@@ -128,8 +114,8 @@ def _add(gallery: Gallery, case: StoredCase, arrays: dict[str, Any], facets: Any
     return places
 
 
-def _words(label: str, band: int, point: dict[str, Any]) -> dict[str, str]:
-    tone = f"{point['frequencies_hz'][band] / 1e3:.2f} kHz"
+def _words(label: str, band: int, point: BandPoint) -> dict[str, str]:
+    tone = f"{point.frequencies_hz[band] / 1e3:.2f} kHz"
     name = {"G": "Γ"}.get(label, label)
     about = f"Wave of band {band + 1} at {name}, {tone}, on {TILES} x {TILES} cells"
     return {"group": name, "name": f"band {band + 1}, {tone}", "about": about, "still": ""}

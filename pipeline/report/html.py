@@ -1,4 +1,4 @@
-"""What every HTML page is made with: the template environment; pictures, data and scripts put into the page."""
+"""What every HTML page is made with: its template; pictures, data and scripts put into the page."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from jinja2 import Environment
     from markupsafe import Markup
 
 TEMPLATES = Path(__file__).with_name("templates")
 
 
-def environment() -> Environment:
-    """Templates of this program; whatever a name holds is escaped, and a name that is missing is an error."""
+def render(template: str, **values: Any) -> str:
+    """A page from a template; whatever a name holds is escaped, and a name that is missing is an error."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    return Environment(
+    result = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    return result.get_template(template).render(values)
 
 
 def script_data(value: Any) -> Markup:

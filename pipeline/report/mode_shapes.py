@@ -87,30 +87,26 @@ def plates(cases: Sequence[StoredCase], best: StoredCase | None, stills: dict[st
 
 
 def _add_plate(gallery: Gallery, case: StoredCase, most: int, still: str) -> None:
-    arrays, design = case.arrays(), case.record.get("design") or {}
+    arrays, design = case.arrays(), case.record.design
     facets = skin_faces(arrays, "surface")
-    if facets is None or "surface_u" not in arrays:
+    if design is None or facets is None or "surface_u" not in arrays:
         return
     u = np.asarray(arrays["surface_u"][:most], dtype=float)
     points = np.asarray(arrays["surface_points"], dtype=float)
     points, facets, u, signs = quarter(points, facets, u)
-    facets = with_sides(points, facets, float(design.get("thickness_m") or 0.0))
+    facets = with_sides(points, facets, design.thickness_m)
     kept, small = coarse(points, facets, MAX_POINTS)
-    body = gallery.add_body(points[kept], small, 0.4 * _tallest(design))
+    tallest = design.pillar.height_m if design.pillar else design.thickness_m
+    body = gallery.add_body(points[kept], small, 0.4 * tallest)
     tones = arrays.get("surface_frequency_hz", np.full(len(u), np.nan))
     for number, (shape, sign) in enumerate(zip(u, signs, strict=True)):
         words = _words(case, float(tones[number]), number == 0) | {"still": still}
         gallery.add_shape(body, shape[kept], words, _images(sign))
 
 
-def _tallest(design: dict[str, Any]) -> float:
-    """Height of the pillars, m; without any, the plate's thickness."""
-    return float((design.get("pillar") or {}).get("height_m") or design.get("thickness_m") or 1e-3)
-
-
 def _words(case: StoredCase, frequency_hz: float, wanted: bool) -> dict[str, str]:
     tone = f"{frequency_hz / 1e3:.2f} kHz" if np.isfinite(frequency_hz) else "frequency not stored"
-    level = case.wanted.get("confinement_db") if wanted else None
+    level = case.record.confinement_db if wanted else None
     level_text = "" if level is None else f", {level:.1f} dB from zone to passive face"
     which = "wanted mode" if wanted else "neighbour"
     return {

@@ -4,26 +4,25 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pipeline.plots import gallery, style
-from pipeline.records import store, tables
-from pipeline.records.study import OTHER_VERSION, StoredCase, StoredStudy, other_version, read_study
-from pipeline.report import dispersion, mode_shapes, text
-from pipeline.report.html import environment, script_data, vendored
+from pipeline.measures import registry
+from pipeline.plots import style
+from pipeline.records import store
+from pipeline.records.study import StoredCase, StoredStudy, read_study
+from pipeline.report import dispersion, gallery, mode_shapes, text
+from pipeline.report.html import render, script_data, vendored
 from pipeline.report.other_studies import beside
 from pipeline.report.pictures import EmbeddedFigure, Embedder, link
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
 
 REPORT = "report.html"
 MAX_FIGURES = 12
 FILES = ("run.mess", "input.json", "record.json", "timing.json", "arrays.npz")
 STILLS = ("side_view", "touch_face", "geometry")  # what stands for a moving shape, the first that is drawn
+UNFIT = (KeyError, TypeError, ValueError, IndexError)  # arrays of another shape than the page draws
 OF_BEST = {"attenuation": "Attenuation", "response": "Response"}
 
 
@@ -62,8 +61,8 @@ def build(folder: Path, max_figures: int = MAX_FIGURES, say: Callable[[str], Non
 
     `say` is told when drawing takes its time. Solves nothing. Raises store.BadRecord when the folder holds no study.
     """
-    study = _readable(read_study(folder))
-    visible = StoredStudy(folder, study.about, tuple(study.for_showing(case) for case in study.cases))
+    study = read_study(folder)
+    visible = StoredStudy(folder, study.about, tuple(study.with_cross_checks(case) for case in study.cases))
     figure_sets = draw_cases(chosen(visible, max_figures), say)
     embedder = Embedder(folder)
     compared = _without_failing(partial(gallery.draw_study, study))
@@ -75,26 +74,6 @@ def build(folder: Path, max_figures: int = MAX_FIGURES, say: Callable[[str], Non
     return path
 
 
-def _readable(study: StoredStudy) -> StoredStudy:
-    """The study with a read error in place of every record whose fields are not those of this version."""
-    return replace(study, cases=tuple(_checked(study, case) for case in study.cases))
-
-
-def _checked(study: StoredStudy, case: StoredCase) -> StoredCase:
-    alone = replace(study, cases=(case,))
-    try:
-        alone.for_showing(case)
-        tables.table_text(alone)
-        for part in (text.cards, text.sentences, text.left_out, text.plans):
-            part(alone)
-        text.facts(case)
-        for mode in text.modes(case):
-            float(mode["frequency_hz"])
-    except OTHER_VERSION as fault:
-        return replace(case, record={}, read_error=f"{store.RECORD}: {other_version(fault)}")
-    return case
-
-
 def _page(
     study: StoredStudy,
     pages: list[CasePage],
@@ -103,25 +82,25 @@ def _page(
     compared: tuple[list[EmbeddedFigure], list[str]],
 ) -> str:
     """The page's HTML; `compared` holds the pictures over the study and what could not be drawn."""
-    columns = tables.columns_of(study)
-    template = _environment().get_template("study.html.j2")
-    return template.render(
+    columns = registry.columns_of(study)
+    return render(
+        "study.html.j2",
+        si=text.si,
         study=study,
         cards=text.cards(study),
         sentences=text.sentences(study),
         comparison=text.comparison(study),
         columns=columns,
         example="confinement>10" if any(column.name == "confinement_db" for column in columns) else columns[1].heading,
-        cell=tables.cell,
         pages=pages,
         pictures=compared[0],
         troubles=[*compared[1], *moving.troubles],
         best=text.best_case(study),
         of_best=_of_best(study, pages),
         beside=beside(study.folder, embedder),
-        undrawn=sum(page.case.status in {"OK", "WARNING"} and not page.drawn for page in pages),
+        undrawn=sum(page.case.record.answered and not page.drawn for page in pages),
         linked=embedder.linked,
-        versions=next((case.record["versions"] for case in study.cases if case.record.get("versions")), {}),
+        versions=next((case.record.versions for case in study.cases if case.record.versions), {}),
         left_out=text.left_out(study),
         plans=text.plans(study),
         repeat=f"antinode run {study.about['name']}" if study.about.get("name") else "",
@@ -134,7 +113,7 @@ def _page(
 
 
 def _moving(study: StoredStudy, pages: list[CasePage]) -> Moving:
-    """Mode shapes of the drawn cases and the dispersion diagrams; records that cannot be read are told, not raised."""
+    """Mode shapes of the drawn cases and the dispersion diagrams; arrays that do not fit are told, not raised."""
     best = text.best_case(study)
     stills = {page.case.case_id: f"{page.anchor}-{still}" for page in pages if (still := _still(page))}
     troubles: list[str] = []
@@ -142,11 +121,11 @@ def _moving(study: StoredStudy, pages: list[CasePage]) -> Moving:
     diagrams: dict[str, Any] = {"cells": [], "shapes": []}
     try:
         gallery = mode_shapes.plates([page.case for page in pages], best, stills)
-    except OTHER_VERSION as fault:
+    except UNFIT as fault:
         troubles.append(f"moving mode shapes: {type(fault).__name__}: {fault}")
     try:
         diagrams = dispersion.diagrams(study, best)
-    except OTHER_VERSION as fault:
+    except UNFIT as fault:
         troubles.append(f"interactive dispersion diagram: {type(fault).__name__}: {fault}")
     cells = [cell["name"] for cell in diagrams["cells"]]
     shapes = script_data(vars(gallery)) if gallery.shapes else ""
@@ -181,13 +160,11 @@ def _understood(study: StoredStudy) -> str:
 
 def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
     """Which cases get pictures: all of a short study; of a long one the best and the worst confined, the rest evenly spread."""
-    drawable = [case for case in study.cases if case.status in {"OK", "WARNING"}]
+    drawable = [case for case in study.cases if case.record.answered]
     if len(drawable) <= most or most < 2:
         return drawable[:most]
-    ranked = sorted(
-        (case for case in drawable if case.confined is not None), key=lambda case: case.wanted["confinement_db"]
-    )
-    picked = {case.case_id for case in (ranked[:1] + ranked[-1:])}
+    ranked = sorted((level, case.case_id) for case in drawable if (level := case.record.confinement_db) is not None)
+    picked = {name for _, name in (ranked[:1] + ranked[-1:])}
     spread = (drawable[round(i * (len(drawable) - 1) / max(1, most - 1))] for i in range(most))
     for case in spread:
         if len(picked) < most:
@@ -234,12 +211,12 @@ def _case_page(case: StoredCase, index: int, figure_sets: gallery.FigureSet | No
     return CasePage(
         case=case,
         anchor=f"case-{index + 1}",
-        facts=text.facts(case),
+        facts=text.facts(case.record),
         pictures=[embedder.show(folder, picture) for picture in (figure_sets.pictures if figure_sets else [])],
         files=list(_files(case)),
         seconds=_seconds(timing.get("seconds")),
         troubles=figure_sets.troubles if figure_sets else [],
-        modes=text.modes(case) if figure_sets is not None else [],
+        modes=text.modes(case.record) if figure_sets is not None else [],
         overrides=[str(text) for text in (stored.get("overrides") or [])] if isinstance(stored, dict) else [],
         drawn=figure_sets is not None,
     )
@@ -254,14 +231,8 @@ def _seconds(part: Any) -> dict[str, float]:
 
 def _files(case: StoredCase) -> Iterator[tuple[str, str]]:
     """Names and addresses of a case's files, those for others first."""
-    exported = list((case.record.get("geometry") or {}).get("files") or [])
+    exported = case.record.geometry.files if case.record.geometry else []
     listed = sorted(case.read(store.MANIFEST) or {})
     for name in dict.fromkeys([*exported, *FILES, *listed]):
         if (case.folder / name).is_file():
             yield name, link(case.case_id, name)
-
-
-def _environment() -> Environment:
-    made = environment()
-    made.filters["si"] = text.si
-    return made

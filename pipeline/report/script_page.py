@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pipeline.plots import style
-from pipeline.records import store
-from pipeline.records.outputs import no_formula
-from pipeline.report.html import environment
-from pipeline.report.pictures import EmbeddedFigure, Embedder
+from pipeline.records import outputs, store
+from pipeline.report.html import render
+from pipeline.report.pictures import Embedder
 
 PAGE = "page.json"  # what the page holds, for the pages of other studies
 SCHEMA = 1
@@ -53,14 +50,15 @@ def write_page(folder: Path, name: str, title: str, lead: str, page: Page) -> li
     for section in page.sections:
         for table in section.tables:
             path = folder / f"{table.name}.csv"
-            store.write_atomic(path, _csv(table).encode())
+            store.write_atomic(path, outputs.csv_bytes(table.headings, table.rows))
             written.append(path)
         with style.style():
             pictures = [style.save(draw(), folder / style.PICTURES) for draw in section.report_figures]
         embedded.append((section, [embedder.show(style.PICTURES, picture) for picture in pictures]))
         kept.append(_kept(section, pictures))
     html = folder / "report.html"
-    store.write_atomic(html, _html(name, title, lead, embedded).encode())
+    page_text = render("scripted.html.j2", name=name, title=title, lead=lead, sections=embedded, text=text)
+    store.write_atomic(html, page_text.encode())
     store.write_atomic(folder / "report.md", markdown(title, lead, page).encode())
     store.write_json(folder / PAGE, {"schema": SCHEMA, "name": name, "title": title, "lead": lead, "sections": kept})
     return [*written, html]
@@ -83,10 +81,7 @@ def markdown(title: str, lead: str, page: Page) -> str:
         for words in section.words:
             lines += [words, ""]
         for table in section.tables:
-            lines.append("| " + " | ".join(table.headings) + " |")
-            lines.append("|" + "---|" * len(table.headings))
-            lines += ["| " + " | ".join(text(value).replace("|", "\\|") for value in row) + " |" for row in table.rows]
-            lines.append("")
+            lines.append(outputs.markdown(table.headings, [[text(value) for value in row] for row in table.rows]))
     return "\n".join(lines)
 
 
@@ -99,20 +94,3 @@ def text(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.2e}" if value != 0.0 and not 1e-3 <= abs(value) < 1e7 else f"{value:.6g}"
     return str(value)
-
-
-def _csv(table: Table) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(table.headings)
-    writer.writerows([[_cell(value) for value in row] for row in table.rows])
-    return out.getvalue()
-
-
-def _cell(value: Any) -> Any:
-    return no_formula(value) if isinstance(value, str) else "" if value is None else value
-
-
-def _html(name: str, title: str, lead: str, embedded: list[tuple[Section, list[EmbeddedFigure]]]) -> str:
-    template = environment().get_template("scripted.html.j2")
-    return template.render(name=name, title=title, lead=lead, sections=embedded, text=text)

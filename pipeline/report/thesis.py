@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from pipeline.paths import REFERENCE
-from pipeline.records.study import CONFINED_DB
+from pipeline.records.record import DesignRecord, Record
+from solvers.measures.levels import CONFINED_DB
 
 FILE = REFERENCE / "thesis.csv"
 
 
-def compare(records: list[dict[str, Any]], path: Path = FILE) -> list[dict[str, Any]]:
+def compare(records: list[Record], path: Path = FILE) -> list[dict[str, Any]]:
     """Rows {quantity, thesis, ours, unit, note} for every figure of the thesis that some record answers."""
     rows = []
     with path.open(newline="", encoding="utf-8") as file:
@@ -32,20 +34,20 @@ def _plain(text: str) -> float | str:
         return text
 
 
-def _ours(entry: dict[str, str], record: dict[str, Any]) -> float | str | None:
-    if not _same_design(entry, record.get("design") or {}):
+def _ours(entry: dict[str, str], record: Record) -> float | str | None:
+    if record.design is None or not _same_design(entry, record.design):
         return None
     value = _figure(entry["key"], record)
     return round(value / 1e3, 3) if isinstance(value, float) else value
 
 
-def _same_design(entry: dict[str, str], design: dict[str, Any]) -> bool:
-    query = {"rows": 1.0, "pitch_mm": 1e3, "extension_mm": 1e3}
-    names = {"rows": "rows", "pitch_mm": "pitch_x_m", "extension_mm": "extension_m"}
-    return all(
-        not entry[key] or math.isclose(float(entry[key]), factor * (design.get(names[key]) or 0.0), abs_tol=1e-6)
-        for key, factor in query.items()
-    )
+def _same_design(entry: dict[str, str], design: DesignRecord) -> bool:
+    ours = {
+        "rows": design.rows,
+        "pitch_mm": 1e3 * (design.pitch_x_m or 0.0),
+        "extension_mm": 1e3 * (design.extension_m or 0.0),
+    }
+    return all(not entry[key] or math.isclose(float(entry[key]), value, abs_tol=1e-6) for key, value in ours.items())
 
 
 def confinement_words(mode_db: float | None, driven_db: float | None) -> str | None:
@@ -59,25 +61,21 @@ def confinement_words(mode_db: float | None, driven_db: float | None) -> str | N
     return f"{said}, {driven_db:.1f} dB driven by its patches{', which is not confined' if apart else ''})"
 
 
-def _figure(key: str, record: dict[str, Any]) -> float | str | None:
+def _figure(key: str, record: Record) -> float | str | None:
     """A figure in Hz, or the verdict."""
-    wanted, bands = record.get("wanted") or {}, record.get("bands") or {}
-    gaps = bands.get("gaps") or [{}]
-    zone, pillar = record.get("zone_modes") or {}, record.get("pillar_modes") or {}
-    if key == "verdict":
-        peak = (record.get("response") or {}).get("wanted_peak") or {}
-        return confinement_words(wanted.get("confinement_db"), peak.get("confinement_db"))
-    if key == "zone":
-        return (zone.get("wanted") or {}).get("frequency_hz")
-    if key == "pillar":
-        return pillar["modes"][0]["frequency_hz"] if pillar else None
-    if key == "bending":
-        return bands["bending_at_m_hz"][0] if bands.get("bending_at_m_hz") else None
-    if key == "formula":
-        return ((record.get("predesign") or {}).get("zone") or {}).get("formula_hz")
-    return {
-        "wanted": wanted.get("frequency_hz"),
-        "peak": ((record.get("response") or {}).get("wanted_peak") or {}).get("frequency_hz"),
-        "gap_lower": gaps[0].get("lower_hz"),
-        "gap_upper": gaps[0].get("upper_hz"),
-    }[key]
+    wanted, bands, zone, pillar = record.wanted, record.bands, record.zone_modes, record.pillar_modes
+    gap = bands.gaps[0] if bands and bands.gaps else None
+    peak = record.response.wanted_peak if record.response else None
+    sizes = record.predesign.zone if record.predesign else None
+    figures: dict[str, Callable[[], float | str | None]] = {
+        "verdict": lambda: confinement_words(record.confinement_db, record.driven_db),
+        "zone": lambda: zone.wanted.frequency_hz if zone and zone.wanted else None,
+        "pillar": lambda: pillar.modes[0].frequency_hz if pillar else None,
+        "bending": lambda: bands.bending_at_m_hz[0] if bands and bands.bending_at_m_hz else None,
+        "formula": lambda: sizes.formula_hz if sizes else None,
+        "wanted": lambda: wanted.frequency_hz if wanted else None,
+        "peak": lambda: peak.frequency_hz if peak else None,
+        "gap_lower": lambda: gap.lower_hz if gap else None,
+        "gap_upper": lambda: gap.upper_hz if gap else None,
+    }
+    return figures[key]()

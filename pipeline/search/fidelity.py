@@ -71,7 +71,7 @@ def evaluate(
     """Compute the wanted mode at a fidelity, near a frequency where one is known; taken from the cache when it is
     there.
     """
-    question = {"case": case.as_understood(), "fidelity": fidelity, "near_hz": near_hz}
+    question = {"case": case.to_dict(), "fidelity": fidelity, "near_hz": near_hz}
     stored = cache.get(question) if cache else None
     if stored is not None:
         return stored

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, degrees, nan, pi
+from math import atan2, degrees
 
 from geometry.cad.printability import SUPPORT_DEG, features
 from geometry.layout import Design, Pillar
@@ -25,7 +25,7 @@ class Limits:
     def of_design(self, design: Design) -> list[tuple[str, float]]:
         """Limits that the geometry alone violates: in words, and by how much (relative)."""
         violations = []
-        half = half_wavelength_m(design)
+        half = design.half_wavelength_m or design.length_m  # rigid shapes: the whole length
         if not half <= self.half_wavelength_m:
             text = f"half-wavelength {MM * half:.1f} mm, at most {MM * self.half_wavelength_m:g}"
             violations.append((text, half / self.half_wavelength_m - 1.0))
@@ -52,24 +52,16 @@ class Limits:
         return violations
 
 
-def half_wavelength_m(design: Design) -> float:
-    """Half a wave of the wanted mode along the zone, L/(N - 1/2), m; the whole length for the shapes that are rigid there."""
-    return design.length_m / (design.nodal_lines - 0.5) if design.nodal_lines > 1 else design.length_m
-
-
 def overhang_deg(pillar: Pillar) -> float:
     """How far the pillar's sides lean outwards, degrees from the vertical; 0 for those that do not, and for a STEP file."""
     return max(0.0, degrees(atan2((pillar.tip_m - pillar.base_m) / 2.0, pillar.height_m)))
 
 
 def mass_kg(design: Design) -> float:
-    """Plate and pillars, fillets left out, kg; NaN with pillars from a STEP file, whose volume is not known here."""
+    """Plate and pillars, fillets left out, kg."""
     plate = design.length_m * 2.0 * design.half_span_m * design.thickness_m * design.material.density_kg_m3
     if not (design.pillar and design.rows):
         return plate
     pillar = design.pillar
-    if pillar.shape == "step":
-        return nan
-    base, tip = pillar.base_m, pillar.tip_m
-    volume = (base**2 + base * tip + tip**2) / 3.0 * pillar.height_m * (pi / 4.0 if pillar.shape == "round" else 1.0)
-    return plate + 2.0 * design.rows * len(design.column_centres()) * volume * pillar.material.density_kg_m3
+    pillars = 2.0 * design.rows * len(design.column_centres()) * pillar.volume_m3
+    return plate + pillars * pillar.material.density_kg_m3

@@ -71,7 +71,7 @@ class _Search:
         plates = settings.evaluations
         self.budget = {COLUMN: COLUMNS_A_PLATE * plates, PLATE: plates}
         self.softness = SOFTNESS
-        self.boxes = bool(space.case().design.pillar and space.case().design.pillar.is_box)  # type: ignore[union-attr]
+        self.boxes = bool(space.case().design.pillar and space.case().design.pillar.is_made_of_boxes)  # type: ignore[union-attr]
 
     def go(self) -> Outcome:
         if self.boxes:
@@ -84,7 +84,7 @@ class _Search:
             source = COLUMN
         else:
             self.log.left_out(
-                "columns of reduced cells", "a pillar that is no box is meshed through CAD for each design"
+                "columns of reduced cells", "a pillar that is not made of boxes is meshed through CAD for each design"
             )
         self._at_fidelity(PLATE, source, max(2, self.budget[PLATE] // 3))
         own = evaluate(self.space.case(), COLUMN, None, self.cache).frequency_hz if self.boxes else None

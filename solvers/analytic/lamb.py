@@ -44,11 +44,6 @@ def lamb_hz(wavenumber_per_m: float, thickness_m: float, material: Material, sym
     return _first_root(characteristic, slow * np.linspace(0.02, 2.0, 2000)) * wavenumber_per_m / (2.0 * pi)
 
 
-def shear_hz(wavenumber_per_m: float, material: Material) -> float:
-    """Lowest horizontally polarised shear wave SH0, f = k c_t / (2 pi), Hz."""
-    return wavenumber_per_m * shear_speed(material) / (2.0 * pi)
-
-
 def shear_speed(material: Material) -> float:
     """c_t = sqrt(G / rho), m/s."""
     return sqrt(material.shear_pa / material.density_kg_m3)
@@ -62,27 +57,6 @@ def pressure_speed(material: Material) -> float:
 def supported_plate_hz(m: int, n: int, edges_m: tuple[float, float], thickness_m: float, material: Material) -> float:
     """Flexural mode (m, n) of a rectangle on hard supports (u_z = 0, tangential u = 0), exact in three dimensions, Hz."""
     return lamb_hz(pi * hypot(m / edges_m[0], n / edges_m[1]), thickness_m, material, False)
-
-
-def folded_hz(
-    wavevector: FloatArray, pitch_m: tuple[float, float], thickness_m: float, material: Material, count: int
-) -> FloatArray:
-    """The `count` lowest waves of the bare plate seen as a lattice: A0, S0 and SH0 at k + G, Hz.
-
-    SolverError above 0.9 of the first thickness-shear cut-off, where higher waves would have to be counted.
-    """
-    frequencies: list[float] = []
-    for m in range(-3, 4):
-        for n in range(-3, 4):
-            k = float(np.hypot(*(wavevector + 2.0 * pi * np.array([m, n]) / np.array(pitch_m))))
-            if k < 1e-9:
-                frequencies += [0.0, 0.0, 0.0]
-                continue
-            frequencies += [lamb_hz(k, thickness_m, material, s) for s in (False, True)] + [shear_hz(k, material)]
-    lowest = np.sort(frequencies)[:count]
-    if lowest[-1] >= 0.9 * shear_speed(material) / (2.0 * thickness_m):
-        raise SolverError(f"{count} waves reach above the thickness-shear cut-off: ask for fewer")
-    return np.asarray(lowest)
 
 
 def _first_root(characteristic: Callable[[float], float], speeds: FloatArray) -> float:

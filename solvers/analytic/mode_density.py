@@ -34,7 +34,7 @@ def plate_modes(
 def pillar_modes(frequency_hz: float, pillar: Pillar) -> float:
     """Modes below a frequency of a pillar on a clamped foot, h (n - 1/2) half-waves along it on every branch of its section."""
     height, material = pillar.height_m, pillar.material
-    side = sqrt(pillar.section_area_m2)
+    side = sqrt(pillar.form.section.area_m2)
     shear, longitudinal, bending = _waves(frequency_hz, side, material)
     if shear * side / pi > MAX_BRANCHES:
         return height * side**2 * (longitudinal**3 + 2.0 * shear**3) / (6.0 * pi**2)

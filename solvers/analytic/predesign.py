@@ -10,12 +10,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.layout import Design, Pillar
+from geometry.layout import Design, Pillar, half_wavelength_m
 from solvers.analytic.beams import frequency_hz, roots
 from solvers.analytic.plates import Strip, beam_function_hz, levy_hz, levy_wavenumber_per_m
 from solvers.analytic.ritz_plates import MAX_LINES, kirchhoff_mode, mindlin_mode
 from solvers.analytic.root_finding import root_between
-from solvers.analytic.section import Beam, round_beam, square_beam
+from solvers.analytic.section import Beam, beam_of
 from solvers.analytic.timoshenko import exact_omegas
 from solvers.errors import SolverError
 
@@ -66,7 +66,7 @@ class Predesign:
     pillar: PillarSize | None
     limits: tuple[str, ...]
 
-    def as_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """The command's document: frequencies in Hz, lengths in mm."""
         return {
             "schema": 1,
@@ -74,18 +74,6 @@ class Predesign:
             "pillar": _millimetres(self.pillar),
             "limits": [*self.limits],
         }
-
-
-@dataclass(frozen=True)
-class SizingChart:
-    """Curves for a chart: pillar frequency over height (points,), zone frequency over nodal lines (lines,). SI."""
-
-    heights_m: FloatArray
-    euler_hz: FloatArray
-    timoshenko_hz: FloatArray
-    nodal_lines: FloatArray
-    half_wavelengths_m: FloatArray
-    zone_hz: FloatArray
 
 
 def predesign(design: Design) -> Predesign:
@@ -105,16 +93,15 @@ def strip_of(design: Design) -> Strip | None:
     return Strip(*sizes, material.young_pa, material.density_kg_m3, material.poisson)
 
 
-def pillar_beam(pillar: Pillar, height_m: float | None = None) -> Beam:
-    """The pillar as a beam on its clamped foot, fillet left out; a STEP pillar counts as its uniform foot section."""
-    material = pillar.material
-    make = round_beam if pillar.shape == "round" else square_beam
-    height = pillar.height_m if height_m is None else height_m
-    beam = make(height, pillar.base_m, material.young_pa, material.density_kg_m3, material.poisson)
-    if pillar.shape != "tapered" or pillar.tip_m == pillar.base_m:
-        return beam
-    slope = pillar.tip_m / pillar.base_m - 1.0
-    return replace(beam, width_ratio=lambda s: 1.0 + slope * s)
+def pillar_beam(pillar: Pillar, height_m: float | None = None, about_x: bool = False) -> Beam:
+    """The pillar as a beam on its clamped foot, fillet left out: bent about x, or about the axis where it is weaker."""
+    form, material = pillar.form, pillar.material
+    section, height = form.section, pillar.height_m if height_m is None else height_m
+    about = section.about_x_m4 if about_x else min(section.about_x_m4, section.about_y_m4)
+    constants = (material.young_pa, material.density_kg_m3, material.poisson)
+    beam = beam_of(height, section.area_m2, about, form.shear_factor(material.poisson), constants)
+    slope = form.taper - 1.0
+    return replace(beam, width_ratio=lambda s: 1.0 + slope * s) if slope else beam
 
 
 def pillar_frequencies_hz(pillar: Pillar, theory: Theory, count: int = 1, height_m: float | None = None) -> FloatArray:
@@ -153,33 +140,10 @@ def zone_width_m(strip: Strip, nodal_lines: int, wanted_hz: float) -> float:
         raise SolverError(f"{reason}: take fewer lines, a longer or a thinner zone") from None
 
 
-def thickness_m(strip: Strip, nodal_lines: int, wanted_hz: float) -> float:
-    """Thickness that puts the mode (0, N) at wanted_hz: thin-plate frequencies are proportional to it."""
-    _above_zero("frequency", wanted_hz)
-    return strip.thickness_m * wanted_hz / levy_hz(strip, nodal_lines)
-
-
 def min_nodal_lines(strip: Strip, half_wavelength_m: float) -> int:
     """Smallest N whose half-wavelength L/(N - 1/2) is not larger than the one wanted."""
     _above_zero("half-wavelength", half_wavelength_m)
     return max(2, ceil(strip.length_m / half_wavelength_m + 0.5 - 1e-9))
-
-
-def sizing_chart(design: Design, points: int = 40) -> SizingChart:
-    """Curves around a design with zone and pillar; SolverError without them."""
-    strip, pillar = strip_of(design), design.pillar
-    if strip is None or pillar is None:
-        raise SolverError("a sizing chart needs a zone and a pillar")
-    heights = np.linspace(0.6, 1.6, points) * pillar.height_m
-    curves = [
-        np.array([pillar_frequencies_hz(pillar, theory, 1, float(height))[0] for height in heights])
-        for theory in ("euler", "timoshenko")
-    ]
-    lines = np.arange(max(2, design.nodal_lines - 4), design.nodal_lines + 5)
-    zone = np.array([levy_hz(strip, int(n)) for n in lines])
-    return SizingChart(
-        heights, curves[0], curves[1], lines.astype(float), np.array([strip.length_m / (n - 0.5) for n in lines]), zone
-    )
 
 
 def _zone_size(strip: Strip, lines: int) -> ZoneSize:
@@ -189,7 +153,7 @@ def _zone_size(strip: Strip, lines: int) -> ZoneSize:
     return ZoneSize(
         nodal_lines=lines,
         frequency_hz=levy_hz(strip, lines),
-        half_wavelength_m=strip.length_m / (lines - 0.5) if lines > 1 else None,
+        half_wavelength_m=half_wavelength_m(strip.length_m, lines),
         formula_hz=beam_function_hz(strip, lines),
         node_spacing_m=pi / sqrt(along) if along > 0.0 else None,
         pinned_hz=mindlin_mode(strip, lines, "pinned").frequency_hz if ritz else None,
@@ -299,8 +263,8 @@ def _pillar_limits(pillar: Pillar, size: PillarSize) -> list[str]:
         lines.append(
             f"pillar: height over width {slenderness:.2f} is below 3: beam theory is a guess, compute the solid"
         )
-    if pillar.shape == "step":
-        lines.append("pillar: the STEP solid is sized as a uniform beam of its foot section: compute the solid")
+    if note := pillar.form.sizing_note:
+        lines.append(f"pillar: {note}")
     if pillar.fillet_m > 0.0:
         lines.append(f"pillar: the foot fillet of {1e3 * pillar.fillet_m:g} mm stiffens it and is left out here")
     return lines

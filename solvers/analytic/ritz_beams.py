@@ -21,10 +21,10 @@ ENOUGH = 14  # polynomial degree beyond twice the mode number; the series conver
 
 
 def ritz_frequencies_hz(beam: Beam, left: End, right: End, count: int, rigid_shear: bool = False) -> FloatArray:
-    """The first `count` elastic frequencies from above, Hz; for uniform beams beam_modes is exact.
+    """The first `count` elastic frequencies from above, Hz; for uniform beams exact_omegas is exact.
 
     Minimises integral of EI psi'^2 + kappa G A (w' - psi)^2 over integral of rho A w^2 + rho I psi^2; rigid_shear leaves
-    shear and rotary inertia out (Euler-Bernoulli). SolverError as beam_modes.
+    shear and rotary inertia out (Euler-Bernoulli). SolverError as exact_omegas.
     """
     check_ends(left, right)
     check_beam(beam, count)

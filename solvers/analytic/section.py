@@ -1,10 +1,10 @@
-"""A beam's section as Timoshenko's theory takes it: stiffnesses and inertias of square and round beams."""
+"""A beam's section as Timoshenko's theory takes it: its stiffnesses and inertias."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,32 +44,19 @@ class Beam:
         return sqrt(self.bending_n_m2 / self.mass_kg_m) / self.length_m**2
 
 
-def square_beam(length_m: float, side_m: float, young_pa: float, density_kg_m3: float, poisson: float) -> Beam:
-    """A beam of square section; shear factor 10 (1 + nu)/(12 + 11 nu). Source: cowper1966.
+def beam_of(
+    length_m: float, area_m2: float, about_m4: float, shear_factor: float, material: tuple[float, float, float]
+) -> Beam:
+    """A uniform beam from its section's area, second moment and shear factor, and (E, density, nu) in SI.
 
     Raises SolverError for a size or constant that is not above 0.
     """
-    factor = 10.0 * (1.0 + poisson) / (12.0 + 11.0 * poisson)
-    return _beam(length_m, side_m * abs(side_m), side_m**4 / 12.0, factor, (young_pa, density_kg_m3, poisson))
-
-
-def round_beam(length_m: float, diameter_m: float, young_pa: float, density_kg_m3: float, poisson: float) -> Beam:
-    """A beam of round section; shear factor 6 (1 + nu)/(7 + 6 nu). Source: cowper1966.
-
-    Raises SolverError for a size or constant that is not above 0.
-    """
-    factor = 6.0 * (1.0 + poisson) / (7.0 + 6.0 * poisson)
-    area, inertia = pi * diameter_m * abs(diameter_m) / 4.0, pi * diameter_m**4 / 64.0
-    return _beam(length_m, area, inertia, factor, (young_pa, density_kg_m3, poisson))
-
-
-def _beam(length_m: float, area: float, inertia: float, factor: float, material: tuple[float, float, float]) -> Beam:
     young, density, poisson = material
-    for what, value in (("length", length_m), ("section", area), ("E", young), ("density", density)):
+    for what, value in (("length", length_m), ("section", min(area_m2, about_m4)), ("E", young), ("density", density)):
         if not (np.isfinite(value) and value > 0.0):
             raise SolverError(f"beam {what} = {value:g}: must be a finite number above 0")
-    shear = factor * young / (2.0 * (1.0 + poisson)) * area
-    return Beam(length_m, young * inertia, shear, density * area, density * inertia)
+    shear = shear_factor * young / (2.0 * (1.0 + poisson)) * area_m2
+    return Beam(length_m, young * about_m4, shear, density * area_m2, density * about_m4)
 
 
 def check_beam(beam: Beam, count: int) -> None:

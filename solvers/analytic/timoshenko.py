@@ -1,4 +1,4 @@
-"""Uniform Timoshenko beams: exact frequencies and shapes for every pair of end conditions.
+"""Uniform Timoshenko beams: exact frequencies for every pair of end conditions.
 
 Below the thickness-shear cut-off the roots lie about pi apart in the bending wavenumber and are bracketed by a scan; above
 it two families interleave, and a Rayleigh-Ritz solution tells where to look.
@@ -7,12 +7,10 @@ it two families interleave, and a Rayleigh-Ritz solution tells where to look.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import pairwise
 from math import pi, sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from solvers.analytic.beams import End, check_ends
 from solvers.analytic.root_finding import root_between
@@ -24,41 +22,13 @@ STEP = pi / 16.0
 REFINE = 1e-6  # relative half width of the interval around a Ritz frequency searched for the exact root
 
 
-@dataclass(frozen=True)
-class BeamModes:
-    """Elastic modes in ascending order: frequencies_hz and omegas (n,), coefficients (n, 4) of the exact solutions."""
-
-    beam: Beam
-    omegas: FloatArray
-    coefficients: FloatArray
-
-    @property
-    def frequencies_hz(self) -> FloatArray:
-        """Natural frequencies, Hz, shape (n,)."""
-        return self.omegas * self.beam.unit_rad_s / (2.0 * pi)
-
-    def shape(self, number: int, s: ArrayLike) -> FloatArray:
-        """Deflection of elastic mode `number` (from 1) at s = x/L, largest value on [0, 1] near 1."""
-        basis = _basis_of(float(self.omegas[number - 1]), self.beam)
-        columns = [basis(at - 0.5)[0] for at in np.asarray(s, dtype=float).ravel()]
-        return np.asarray(np.stack(columns) @ self.coefficients[number - 1]).reshape(np.shape(s))
-
-
-def beam_modes(beam: Beam, left: End, right: End, count: int) -> BeamModes:
-    """The first `count` elastic modes; rigid-body modes are left out.
+def exact_omegas(beam: Beam, left: End, right: End, count: int) -> list[float]:
+    """The first `count` elastic frequencies in units of beam.unit_rad_s; rigid-body modes are left out.
 
     EI psi'' + kappa G A (w' - psi) + rho I omega^2 psi = 0, kappa G A (w'' - psi') + rho A omega^2 w = 0.
     Raises SolverError for an unknown end, count < 1, a size that is not above 0 or a tapered beam.
     Source: timoshenko1921.
     """
-    omegas = exact_omegas(beam, left, right, count)
-    vectors = [np.linalg.svd(_end_matrix(omega, beam, left, right))[2][-1] for omega in omegas]
-    scaled = [_scaled(vector, omega, beam) for vector, omega in zip(vectors, omegas, strict=True)]
-    return BeamModes(beam, np.array(omegas), np.array(scaled))
-
-
-def exact_omegas(beam: Beam, left: End, right: End, count: int) -> list[float]:
-    """The first `count` elastic frequencies of beam_modes without shapes, in units of beam.unit_rad_s; errors alike."""
     check_ends(left, right)
     check_beam(beam, count)
     if beam.width_ratio is not None:
@@ -114,16 +84,6 @@ def _beyond_cutoff(beam: Beam, left: End, right: End, count: int, below: list[fl
         roots = _sign_changes([low, high], beam, left, right)
         refined.append(roots[0] if roots else float(estimate))
     return refined
-
-
-def _scaled(vector: FloatArray, omega: float, beam: Beam) -> FloatArray:
-    """Coefficients whose deflection peaks at 1 and ends above 0 at s = 1."""
-    basis = _basis_of(omega, beam)
-    grid = np.linspace(-0.5, 0.5, 401)
-    deflection = np.stack([basis(t)[0] for t in grid]) @ vector
-    peak = float(np.abs(deflection).max())
-    tip = deflection[-1] if abs(deflection[-1]) > 1e-6 * peak else deflection[-2]
-    return vector * (np.sign(tip) / peak if peak > 0.0 else 1.0)
 
 
 def characteristic(omega: float, beam: Beam, left: str, right: str) -> float:

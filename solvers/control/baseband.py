@@ -7,7 +7,7 @@ e^{+j omega t}; U = U_d + j U_q is the phasor of velocity (or of a signal that f
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, inf, isfinite, log, pi, sqrt
+from math import exp, inf, isfinite, log, pi
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,14 +40,6 @@ class ModePlant:
             )
 
     @classmethod
-    def from_modal(cls, mass_kg: float, damping_kg_s: float, stiffness_n_m: float, force_n_v: float) -> ModePlant:
-        """From M w'' + D w' + K w = N v: omega_0^2 = K/M, tau = 2 M/D, G = N/D. SolverError unless M, D, K are above 0."""
-        if not all(isfinite(value) and value > 0.0 for value in (mass_kg, damping_kg_s, stiffness_n_m)):
-            raise SolverError("modal mass, damping and stiffness must be finite and above 0")
-        omega = sqrt(stiffness_n_m / mass_kg)
-        return cls(omega / (2.0 * pi), 2.0 * mass_kg / damping_kg_s, force_n_v / damping_kg_s)
-
-    @classmethod
     def from_quality(cls, frequency_hz: float, quality: float, gain: complex) -> ModePlant:
         """tau = 2 Q/omega_0. SolverError without losses (Q infinite: resonance has no bound) or for values not above 0."""
         if not (isfinite(frequency_hz) and frequency_hz > 0.0):
@@ -77,16 +69,6 @@ class ModePlant:
         """Exact velocity response G/(1 + j tau (omega^2 - omega_0^2)/(2 omega)), shape of omega."""
         return np.asarray(self.gain / (1.0 + 1j * self.tau_s * stretched_detuning(omega, self.omega_rad_s)))
 
-    def envelope_response(self, detuning_rad_s: ArrayLike) -> ComplexArray:
-        """Steady U/V of the turning frame, G/(1 + j tau d), shape of d."""
-        return np.asarray(self.gain / (1.0 + 1j * self.tau_s * np.asarray(detuning_rad_s, dtype=float)))
-
-    def envelope_step(self, time_s: ArrayLike, detuning_rad_s: float = 0.0, drive: complex = 1.0) -> ComplexArray:
-        """U(t) after the drive was switched on: G V/(1 + j tau d) (1 - e^{-(1/tau + j d) t}), shape of t."""
-        pole = 1.0 / self.tau_s + 1j * detuning_rad_s
-        steady = drive * complex(self.envelope_response(detuning_rad_s))
-        return np.asarray(steady * (1.0 - np.exp(-pole * np.asarray(time_s, dtype=float))))
-
 
 def stretched_detuning(omega: ArrayLike, omega_0: float) -> FloatArray:
     """(omega^2 - omega_0^2)/(2 omega), rad/s: the detuning for which the circle of U is exact; near omega - omega_0."""
@@ -98,11 +80,10 @@ def stretched_detuning(omega: ArrayLike, omega_0: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Pi:
-    """C(s) = K_p + K_i/s on each axis, drive per signal (and per second); decoupling: V += j tau d/G U."""
+    """C(s) = K_p + K_i/s on each axis, drive per signal (and per second)."""
 
     proportional: float
     integral_per_s: float
-    decoupling: float
 
     def closed_loop(
         self, plant: ModePlant, omega: ArrayLike, delay_s: float = 0.0
@@ -114,14 +95,14 @@ class Pi:
         return np.asarray(loop), np.asarray(loop / (1.0 + loop))
 
 
-def pi_gains(plant: ModePlant, response_s: float, detuning_rad_s: float = 0.0) -> Pi:
+def pi_gains(plant: ModePlant, response_s: float) -> Pi:
     """Pole compensation: K_i = 1/(tau_d G), K_p = tau K_i with tau the plant's; the loop is 1/(tau_d s + 1).
 
     response_s is tau_d; 95 % are reached after tau_d ln 20. SolverError unless it is above 0.
     """
     _check_response(response_s)
     integral = 1.0 / (response_s * abs(plant.gain))
-    return Pi(plant.tau_s * integral, integral, plant.tau_s * detuning_rad_s / abs(plant.gain))
+    return Pi(plant.tau_s * integral, integral)
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ class Margins:
         """True when every pole lies inside the unit circle."""
         return bool(np.all(np.abs(self.poles) < 1.0))
 
-    def as_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Numbers; poles as [re, im]; a gain without bound as null."""
         return {
             "gain": self.gain if np.isfinite(self.gain) else None,

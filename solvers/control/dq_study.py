@@ -10,8 +10,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from solvers.control.baseband import Feasibility, FloatArray, ModePlant, Pi, SampledPi, feasibility, pi_gains
-from solvers.control.comparison import Entry
-from solvers.control.dq_data import THESIS_95_S, DqData
+from solvers.control.dq_data import DqData
 from solvers.control.dq_loop import AntiWindup, Setup, Trace, step_response
 from solvers.control.dq_margins import Margins, SampledLoop, margins, sampled_loop
 from solvers.control.identification import Identified, Sensor, Sweep, identify, sweep_of
@@ -33,7 +32,7 @@ class Step:
     reference: float
     trace: Trace
 
-    def as_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Times in s, None where never reached."""
         reached, settled = self.trace.reached_s(), self.trace.settled_s()
         return {
@@ -72,6 +71,10 @@ class DqStudy:
         """The step at the smallest detuning, without neighbours."""
         return min((s for s in self.steps if s.name == "alone"), key=lambda s: abs(s.detuning_hz))
 
+    def step(self, name: str) -> Step:
+        """The first simulated step of that name."""
+        return next(step for step in self.steps if step.name == name)
+
     @property
     def printed_tau_s(self) -> float:
         """1/R of (2.44) with R the circle's radius as a number: no time constant at all."""
@@ -88,23 +91,6 @@ class DqStudy:
         """Of the amplitude at full drive: the largest step that does not meet the limit, 1/(K_p G)."""
         return 1.0 / (self.sampled.proportional * abs(self.identified.plant.gain))
 
-    def entries(self) -> list[Entry]:
-        """The thesis' closed-loop response beside ours."""
-        reached, over = self.query.trace.reached_s(), self.query.trace.overshoot()
-        fast = next(step.trace for step in self.steps if step.name == "firmware's constant")
-        ours = (
-            f"{reached * 1e3:.2f} ms, overshoot {100 * over:.1f} %, from the change of the reference, planned with "
-            f"{self.planned_s * 1e3:.2f} ms; {fast.reached_s() * 1e3:.2f} ms by the firmware's {FIRMWARE_RESPONSE_S * 1e3:g} ms"
-        )
-        verdict = (
-            "agrees" if reached <= 1.01 * THESIS_95_S else f"differs, {self.data.within_s * 1e3:g} ms were asked for"
-        )
-        description = (
-            f"{verdict}; without meeting the drive's limit up to {self.largest_share:.2f} of the amplitude "
-            "at full drive"
-        )
-        return [Entry("closed loop, 95 % response", f"{THESIS_95_S * 1e3:g} ms, no overshoot", ours, description)]
-
     def table_entry(self) -> dict[str, Any]:
         """What the mode table carries of this: the plant, from which the firmware plans its gains as `sampled` here."""
         plant = self.identified.plant
@@ -117,8 +103,8 @@ class DqStudy:
             "amplitude_limit": self.data.amplitude_limit,
         }
 
-    def as_json(self) -> dict[str, Any]:
-        """A plain document: plant, design, feasibility, identification, margins, steps, table entry, comparison."""
+    def to_dict(self) -> dict[str, Any]:
+        """A plain document: plant, design, feasibility, identification, margins, steps and the table entry."""
         data, plant = self.data, self.data.wanted
         return {
             "schema": 1,
@@ -147,12 +133,11 @@ class DqStudy:
                 },
             },
             "feasibility": [_feasible(one, self.identified.plant, data) for one in self.feasible],
-            "margins": self.margins.as_json(),
-            "identified": self.identified.as_json() | {"printed_tau_s": self.printed_tau_s},
-            "steps": [step.as_json() for step in self.steps],
-            "anti_windup": [step.as_json() for step in self.windups],
+            "margins": self.margins.to_dict(),
+            "identified": self.identified.to_dict() | {"printed_tau_s": self.printed_tau_s},
+            "steps": [step.to_dict() for step in self.steps],
+            "anti_windup": [step.to_dict() for step in self.windups],
             "table_entry": self.table_entry(),
-            "comparison": [entry.as_json() for entry in self.entries()],
         }
 
 

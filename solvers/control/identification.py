@@ -62,7 +62,7 @@ class Identified:
     background: complex
     circle: Circle
 
-    def as_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Frequency in Hz, times in s, complex numbers as [re, im]."""
         plant = self.plant
         return {

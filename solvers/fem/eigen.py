@@ -5,9 +5,10 @@ Every solve proves itself: residuals, M-orthonormality, and Sylvester's count at
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import Protocol
 
 import numpy as np
@@ -30,8 +31,9 @@ RIGID = tuple(
 LOST = 0.02  # relative error of a frequency by rounding above which it is refused
 EPSILON = float(np.finfo(float).eps)
 SLICE = 120  # eigenpairs a shift at most: Lanczos vectors and their orthogonalisation stay cheap
-NUDGE = 1e-7  # relative move of a shift that fell on an eigenvalue, or at which a factorisation is refused
-SHIFTS = 6  # tried before a shift is given up: the last is moved by 1e-4
+# Relative moves of a shift at which a factorisation is refused: a count belongs to its frequency, a search may stand aside.
+COUNTED = (0.0, 3e-7, 1.8e-6, 8.1e-6, 3.2e-5, 1.2e-4)
+SEARCHED = (0.0, 1e-5, 1e-3, 1e-2)
 
 
 class SymmetricPencil(Protocol):
@@ -156,6 +158,10 @@ def modes_near(pencil: SymmetricPencil, near_hz: float, count: int, backend: str
     values, vectors = values[elastic][kept], vectors[:, elastic][:, kept]
     if solver.count_below(high) - below != len(values):
         values, vectors = solver.between(low, high, below, solver.count_below(high))
+        kept, *ends = _closed_interval(values, target, count, pencil, floor)
+        if kept is not None:  # the interval was too wide for want of the modes that it holds
+            values, vectors, (low, high) = values[kept], vectors[:, kept], ends
+            below = solver.count_below(low) if low > 0.0 else 0
     if len(values) < count:
         raise CountMismatch(f"{len(values)} of {count} modes near {near_hz:.6g} Hz stand up to the count by inertia")
     return solver.proven(values, vectors, low, high, below)
@@ -168,13 +174,29 @@ def factor_near(
 
     `least` is the first step away from a shift of 0. Raises SingularShift.
     """
-    for attempt in range(SHIFTS):
-        moved = shift * (1.0 + attempt * NUDGE * 3.0**attempt) if shift else attempt * least
+    return next(_factors_near(pencil, shift, factorise, least, COUNTED))
+
+
+def _factors_near(
+    pencil: SymmetricPencil,
+    shift: float,
+    factorise: Callable[[sp.csc_array], Factor],
+    least: float,
+    moves: tuple[float, ...],
+) -> Iterator[tuple[Factor, float]]:
+    """Factors of K - s M, and s, for each move of the shift that can be vouched for. Raises SingularShift where none can."""
+    refused, made = None, False
+    for attempt, move in enumerate(moves):
+        moved = shift * (1.0 + move) if shift else attempt * least
         try:
-            return factorise(sp.csc_array(pencil.stiffness - moved * pencil.mass)), moved
+            factor = factorise(sp.csc_array(pencil.stiffness - moved * pencil.mass))
         except SingularShift as fault:
-            last = fault
-    raise last
+            refused = refused or fault
+        else:
+            made = True
+            yield factor, moved
+    if refused and not made:
+        raise refused
 
 
 def lowest_values(pencil: SymmetricPencil, count: int, multiplicity: int = 1) -> FloatArray:
@@ -279,14 +301,18 @@ class _Solver:
                 return between
         return self.rigid_limit
 
-    def factor(self, shift: float) -> tuple[Factor, float]:
-        """Factor of K - shift M, and the shift really used: a singular one is moved."""
+    def factors(self, shift: float, moves: tuple[float, ...]) -> Iterator[tuple[Factor, float]]:
+        """Factors of K - shift M, and the shift really used, for each move that is not singular."""
 
         def counted(matrix: sp.csc_array) -> Factor:
             self.factorisations += 1
             return self.factorise(matrix)
 
-        return factor_near(self.pencil, shift, counted, RIGID[0] * self.norm_ratio)
+        return _factors_near(self.pencil, shift, counted, RIGID[0] * self.norm_ratio, moves)
+
+    def factor(self, shift: float) -> tuple[Factor, float]:
+        """Factor of K - shift M, and the shift really used: a singular one is moved."""
+        return next(self.factors(shift, COUNTED))
 
     def count_below(self, shift: float) -> int:
         """Eigenvalues below a shift, rigid ones included."""
@@ -295,12 +321,18 @@ class _Solver:
         return self._counts[shift]
 
     def nearest(self, target: float, count: int) -> tuple[FloatArray, FloatArray]:
-        """About `count` eigenpairs nearest to the target, ascending; no promise of completeness."""
+        """About `count` eigenpairs nearest to the target, ascending; no promise of completeness.
+
+        On an eigenvalue, to rounding, a solve is that eigenvector and noise: the shift is moved until a pair is clean.
+        """
         if count >= self.pencil.dof - 1:
             return self._dense()
         # near 0 Hz the shift lies between rigid and elastic modes: anything relative to the norms may lie far beyond both
-        factor, shift = self.factor(target if target > 0.0 else self.rigid_limit)
-        return self.lanczos(factor.solve, shift, count)
+        for factor, shift in self.factors(target if target > 0.0 else self.rigid_limit, SEARCHED):
+            values, vectors = self.lanczos(factor.solve, shift, count)
+            if (self.residual(values, vectors) <= CLEAN).any():
+                break
+        return values, vectors
 
     def _dense(self) -> tuple[FloatArray, FloatArray]:
         from scipy.linalg import eigh
@@ -344,21 +376,26 @@ class _Solver:
         size = self.pencil.dof
         converged = block_lanczos(solve, self.pencil.apply_mass, size, count) if fits(size, count) else None
         if converged is not None:
-            return _ascending(shift + 1.0 / converged[0], converged[1])
+            return self._quotients(converged[1])
         basis = min(size, max(2 * count + 1, count + 32))
         shape = (size, size)
         mass = LinearOperator(shape, matvec=self.pencil.apply_mass, dtype=np.float64)
         inverse = LinearOperator(shape, matvec=solve, dtype=np.float64)
         start = np.cos(np.arange(size) * 1.618) + 0.5 * np.sin(np.arange(size) * 0.7)
         try:
-            values, vectors = eigsh(
+            _, vectors = eigsh(
                 self.pencil.stiffness, count, mass, sigma=shift, OPinv=inverse, v0=start, ncv=basis, tol=0.0
             )
         except ArpackNoConvergence as fault:
             raise SolverError(
                 f"Lanczos found {len(fault.eigenvalues)} of {count} modes; ask for fewer, or a band"
             ) from fault
-        return _ascending(values, vectors)
+        return self._quotients(vectors)
+
+    def _quotients(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rayleigh quotients x'Kx / x'Mx and vectors, ascending: what a solve loses enters squared (parlett1998, chapter 4)."""
+        weight = np.einsum("ik,ik->k", vectors, self.pencil.apply_mass(vectors))
+        return _ascending(np.einsum("ik,ik->k", vectors, self.pencil.stiffness @ vectors) / weight, vectors)
 
     def between(self, low: float, high: float, below_low: int, below_high: int) -> tuple[FloatArray, FloatArray]:
         """Every eigenpair in [low, high], by as many shifts as the number of pairs asks for."""
@@ -367,19 +404,20 @@ class _Solver:
             return np.empty(0), np.empty((self.pencil.dof, 0))
         if expected > SLICE:
             return self._halves(low, high, below_low, below_high)
+        # half-way in lambda: the pairs nearest to the shift are then those of the band, not of what lies below it
+        shifts = self.factors(0.5 * (low + high), SEARCHED)
         if self.static is not None and below_low == 0:
-            factor, shift = self.static, 0.0
-        else:
-            # half-way in lambda: the pairs nearest to the shift are then those of the band, not of what lies below it
-            factor, shift = self.factor(0.5 * (low + high))
-        values, vectors = self._inside(factor.solve, shift, low, high, expected + max(4, expected // 10))
-        for _ in range(3):
-            if len(values) >= expected:
+            shifts = chain([(self.static, 0.0)], shifts)
+        for factor, shift in shifts:
+            values, vectors = self._inside(factor.solve, shift, low, high, expected + max(4, expected // 10))
+            for _ in range(3):
+                if len(values) >= expected:
+                    break
+                values, vectors = self._missing(factor, shift, low, high, values, vectors, expected)
+            if len(values) == expected and (self.residual(values, vectors) <= RESIDUAL).all():
                 break
-            values, vectors = self._missing(factor, shift, low, high, values, vectors, expected)
         if len(values) != expected:
-            computed = len(values)
-            raise CountMismatch(self._mismatch(low, high, expected, computed))
+            raise CountMismatch(self._mismatch(low, high, expected, len(values)))
         return values, vectors
 
     def _inside(

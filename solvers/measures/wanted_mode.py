@@ -49,6 +49,11 @@ def score(strength: FloatArray, zone_share: FloatArray) -> FloatArray:
     return np.asarray(np.nan_to_num(strength) * np.where(np.isfinite(zone_share), zone_share, 1.0))
 
 
+def weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> FloatArray:
+    """The score counted by what of a mode looks like the wanted shape, (k,)."""
+    return score(strength, zone_share) * np.nan_to_num(mac)
+
+
 def verdict(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> Verdict:
     """The wanted mode by measures (k,) of every mode of its symmetry class within a window.
 
@@ -60,12 +65,12 @@ def verdict(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> Ve
     if not candidates.any():
         return NONE
     best = int(np.argmax(candidates))
-    weight = scores * modal_overlap
-    others = np.delete(weight, best)
-    clear = modal_overlap[best] >= CLEAR and weight[best] >= LEAD * others.max(initial=0.0)
-    share = float(weight[best] / weight.sum())
+    weights = weight(strength, zone_share, mac)
+    others = np.delete(weights, best)
+    clear = modal_overlap[best] >= CLEAR and weights[best] >= LEAD * others.max(initial=0.0)
+    share = float(weights[best] / weights.sum())
     rivals = tuple(
-        int(i) for i in np.argsort(-weight, kind="stable") if i != best and weight[i] >= RIVAL * weight[best]
+        int(i) for i in np.argsort(-weights, kind="stable") if i != best and weights[i] >= RIVAL * weights[best]
     )
     return Verdict("single" if clear and share >= MAJORITY else "split", best, rivals[:NAMED], share)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from geometry.elements import FloatArray
 from solvers.control.resonance import half_power_quality
+from solvers.measures.levels import ratio_db
 from solvers.piezo.forced import Curve
 
 PER_WIDTH = 6  # points over a resonance's half-power width about a peak
@@ -45,17 +46,7 @@ class Peak:
     @property
     def confinement_db(self) -> float | None:
         """20 log10 of zone over passive rms."""
-        return None if self.passive_rms is None else float(20.0 * np.log10(self.zone_rms / self.passive_rms))
-
-    def json(self) -> dict[str, Any]:
-        """As records keep it."""
-        return {
-            "frequency_hz": self.frequency_hz,
-            "zone_rms_m_per_V": self.zone_rms,
-            "passive_rms_m_per_V": self.passive_rms,
-            "confinement_db": self.confinement_db,
-            "quality": self.quality,
-        }
+        return None if self.passive_rms is None else float(ratio_db(self.zone_rms, self.passive_rms))
 
     def is_at(self, frequency_hz: float, loss: float) -> bool:
         """Whether it lies within a half-power width of a frequency."""

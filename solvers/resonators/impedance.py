@@ -15,29 +15,6 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
-def spring_foot(stiffness_n_m: complex, omega: ArrayLike) -> ComplexArray:
-    """A spring to ground: K = kappa on the deflection, shape (n, 2, 2) over (w, theta) for n frequencies, N/m."""
-    count = np.size(_positive(omega))
-    foot = np.zeros((count, 2, 2), dtype=complex)
-    foot[:, 0, 0] = stiffness_n_m
-    return foot
-
-
-def oscillator_foot(mass_kg: float, stiffness_n_m: float, damper_kg_s: float, omega: ArrayLike) -> ComplexArray:
-    """A mass on a spring and damper moving vertically, shape (n, 2, 2).
-
-    K = -m omega^2 (k - i omega d)/(k - m omega^2 - i omega d). SolverError at an undamped resonance hit exactly.
-    """
-    w = _positive(omega)
-    spring = stiffness_n_m - 1j * w * damper_kg_s
-    left = spring - mass_kg * w**2
-    if np.any(left == 0.0):
-        raise SolverError("oscillator: an undamped resonance is hit exactly; its pull has no bound there")
-    foot = np.zeros((w.size, 2, 2), dtype=complex)
-    foot[:, 0, 0] = -mass_kg * w**2 * spring / left
-    return foot
-
-
 def pillar_foot(beam: Beam, omega: ArrayLike, axial_n: float, loss: float = 0.0, lever_m: float = 0.0) -> ComplexArray:
     """A pillar on its foot, tip free: bending by the foot's rotation, stretching by its deflection, shape (n, 2, 2).
 

@@ -55,11 +55,6 @@ class Cell:
         slow = np.sqrt(self.density_kg_m3 / (self.stiffness_pa * (1.0 + 1j * self.loss)))
         return np.asarray(omega * self.length_m * slow)
 
-    def arms(self, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Series and shunt arm of the T, each shape (n,): j Z0 tan(Gl/2) and -j Z0/sin(Gl); the poles of both stay."""
-        phase = self.phase(omega)
-        return 1j * self.impedance * np.tan(phase / 2.0), -1j * self.impedance / np.sin(phase)
-
     def chain(self, omega: FloatArray) -> ComplexArray:
         """(V, I) at the left from (V, I) at the right, shape (n, 2, 2); with E0 both voltages count from E0."""
         phase, z0 = self.phase(omega), self.impedance
@@ -158,34 +153,6 @@ def nodal_response(line: Line, omega: ArrayLike) -> LineResponse:
     return _bounded(line, response, w)
 
 
-def chain_response(line: Line, omega: ArrayLike) -> LineResponse:
-    """The same by multiplying chain matrices from right to left: the thesis' way, with every sign put right.
-
-    A filter multiplies by [[1, 1/Y], [0, 1]] and must not be lossless at its own frequency. Errors as nodal_response.
-    """
-    w = _positive(omega)
-    start = np.zeros((w.size, 2, 1), dtype=complex)
-    start[:, 1 if line.right == "free" else 0] = 1.0  # the unknown at the right end: I when free, V when clamped
-    state = np.concatenate([start, np.zeros_like(start)], axis=2)  # per unknown, and with it at zero
-    voltages, currents = [], [state[:, 1]]
-    for k in range(len(line.cells) - 1, -1, -1):
-        push, chain = np.array([[line.sources[k]], [0.0]]) * np.array([[0.0, 1.0]]), line.cells[k].chain(w)
-        left = chain @ (state - push) + push
-        voltages.append(np.stack([left[:, 0], state[:, 0]], axis=1))
-        state = left
-        if k in line.filters:
-            state = left.copy()
-            state[:, 0] += left[:, 1] / line.filters[k].admittance(w)[:, None]
-        currents.append(state[:, 1])
-    known = state[:, 0] if line.left == "free" else state[:, 1]
-    if np.any(known[:, 0] == 0.0):
-        raise SolverError(EXACTLY)
-    weight = np.stack([-known[:, 1] / known[:, 0], np.ones(w.size)], axis=1)
-    current = np.stack(currents[::-1], axis=1) @ weight[:, :, None]
-    voltage = np.stack(voltages[::-1], axis=1) @ weight[:, None, :, None]
-    return _bounded(line, LineResponse(current[..., 0], voltage[..., 0]), w)
-
-
 def natural_frequencies_hz(line: Line, low_hz: float, high_hz: float, step_hz: float = 5.0) -> FloatArray:
     """Lossless natural frequencies between low and high, ascending: sign changes of the end condition, filters' poles
     multiplied out. Two closer than step_hz are missed.
@@ -211,18 +178,6 @@ def natural_frequencies_hz(line: Line, low_hz: float, high_hz: float, step_hz: f
     values = mismatch(grid)
     brackets = [(a, b) for (a, fa), (b, fb) in pairwise(zip(grid, values, strict=True)) if (fa < 0.0) != (fb < 0.0)]
     return np.array([brentq(lambda f: float(mismatch(np.array([f]))[0]), a, b, xtol=1e-9) for a, b in brackets])
-
-
-def absorbed_power_w(line: Line, response: LineResponse, omega: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Mean power given by the sources and taken by the filters' resistors, each shape (n,), W; amplitudes are peak."""
-    w = _positive(omega)
-    into = response.currents[:, :-1] - response.currents[:, 1:]
-    given = -0.5 * np.real(np.sum(np.array(line.sources) * into.conj(), axis=1))
-    taken = np.zeros(w.size)
-    for joint, one in line.filters.items():
-        drop = response.voltages[:, joint - 1, 1] - response.voltages[:, joint, 0]
-        taken += 0.5 * np.abs(drop) ** 2 * np.real(one.admittance(w))
-    return given, taken
 
 
 def _solved(matrix: ComplexArray, load: ComplexArray) -> ComplexArray:

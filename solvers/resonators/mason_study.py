@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from geometry.materials import MATERIALS, Material
 from solvers.errors import SolverError
+from solvers.measures.levels import ratio_db
 from solvers.resonators.mason import Cell, Filter, Line, natural_frequencies_hz, nodal_response
 
 FloatArray = NDArray[np.float64]
@@ -71,7 +72,7 @@ class MasonStudy:
         """Lossless natural frequencies in the window by line: clamped, bare, filtered."""
         return {"clamped": self.clamped_modes_hz, "bare": self.bare_modes_hz, "filtered": self.filtered_modes_hz}
 
-    def as_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """A plain document: cell and filter data in SI, velocities per newton as magnitudes, impedance in N s/m."""
         cell, one = self.data.cell, self.data.filter
         curves = ("clamped", "bare", "filtered", "filter_impedance")
@@ -136,5 +137,5 @@ def five_free(data: MasonData, filtered: bool) -> Line:
 
 
 def _confinement_db(currents: ComplexArray) -> float:
-    inner, outer = np.abs(currents[[2, 3]]), np.abs(currents[[0, 1, 4, 5]])
-    return float(10.0 * np.log10(np.mean(inner**2) / np.mean(outer**2)))
+    inner, outer = (np.sqrt(np.mean(np.abs(currents[part]) ** 2)) for part in ([2, 3], [0, 1, 4, 5]))
+    return float(ratio_db(inner, outer))

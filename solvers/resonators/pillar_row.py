@@ -57,7 +57,7 @@ class PillarFilter:
         """1 - |t|^2 - |r|^2, shape (rows, n)."""
         return 1.0 - self.transmitted - self.reflected
 
-    def as_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """A plain document, frequencies in Hz, powers as shares of the incident one."""
         arrays = {
             name: getattr(self, name).tolist() for name in ("frequencies_hz", "transmitted", "reflected", "decay_db")
@@ -96,7 +96,7 @@ def pillar_filter(
     scattered = [
         scatter(host_beam, feet, [n * design.pitch_y_m for n in range(count)], omega) for count in range(1, rows + 1)
     ]
-    beam = pillar_beam(pillar)
+    beam = pillar_beam(pillar, about_x=True)
     clamped = exact_omegas(beam, "clamped", "free", 1)[0] * beam.unit_rad_s
     transmitted = np.stack([np.abs(one.transmission) ** 2 for one in scattered])
     decay = decay_db_per_row(host_beam, feet, design.pitch_y_m, omega)
@@ -127,7 +127,7 @@ def design_feet(
     pillar: Pillar, omega: FloatArray, loss: float = 0.0, lever_m: float = 0.0, euler: bool = False
 ) -> ComplexArray:
     """Foot stiffness of a design's pillar, shape (n, 2, 2); euler leaves shear and rotary inertia out."""
-    beam = pillar_beam(pillar)
+    beam = pillar_beam(pillar, about_x=True)
     if euler:
         beam = replace(beam, shear_n=inf, rotary_kg_m=0.0)
-    return pillar_foot(beam, omega, pillar.material.young_pa * pillar.section_area_m2, loss, lever_m)
+    return pillar_foot(beam, omega, pillar.material.young_pa * pillar.form.section.area_m2, loss, lever_m)

@@ -46,7 +46,7 @@ class PointForce:
                 return case
         raise SolverError(f"no case {name!r}: there are {', '.join(case.name for case in self.cases)}")
 
-    def as_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """A plain document: amplitudes and powers in shares of the incident ones."""
         return {
             "x_over_wavelength": self.x_over_wavelength.tolist(),

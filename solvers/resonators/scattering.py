@@ -50,18 +50,6 @@ class Scattering:
         return np.asarray(1.0 - np.abs(self.reflection) ** 2 - np.abs(self.transmission) ** 2)
 
 
-def force_transmission(strength: ArrayLike) -> ComplexArray:
-    """t = (1 - s)/(1 - s + i s) for a point force -kappa w, s = kappa/(4 EI beta^3); 0 at s = 1, |t|^2 = 1/2 at infinity."""
-    s = np.asarray(strength, dtype=complex)
-    return np.asarray((1.0 - s) / (1.0 - s + 1j * s))
-
-
-def moment_transmission(strength: ArrayLike) -> ComplexArray:
-    """t = (1 + s)/(1 + s + i s) for a point moment -kappa w_x, s = kappa/(4 EI beta); 0 at s = -1."""
-    s = np.asarray(strength, dtype=complex)
-    return np.asarray((1.0 + s) / (1.0 + s + 1j * s))
-
-
 def strengths(host_beam: HostBeam, feet: ComplexArray, omega: ArrayLike) -> tuple[ComplexArray, ComplexArray]:
     """Dimensionless force and moment strengths K_ww/(4 EI beta^3), K_tt/(4 EI beta) of a foot, each shape (n,)."""
     beta, ei = host_beam.wavenumber_per_m(omega), host_beam.bending_n_m2

@@ -39,9 +39,9 @@ class EffectiveMass:
 def root_compliance(pillar: Pillar) -> float:
     """How far a moment turns the pillar's foot in an elastic half-space that holds it, rad/(N m): 16.67/(pi E a^3).
 
-    Plane stress, for a square section of side a; a round one has that of the square of equal area. Source: odonnell1960.
+    Plane stress, for a square section of side a; another one has that of the square of equal area. Source: odonnell1960.
     """
-    return ROOT / (pillar.material.young_pa * pillar.section_area_m2**1.5)
+    return ROOT / (pillar.material.young_pa * pillar.form.section.area_m2**1.5)
 
 
 def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0.0) -> EffectiveMass:
@@ -49,7 +49,7 @@ def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0
 
     `compliance` (rad/(N m)) lets the pillar turn on its foot, too: what the plate gives way around it.
     """
-    beam = pillar_beam(pillar)
+    beam = pillar_beam(pillar, about_x=True)
     s, weight, ratio = _rule(beam)
     shapes, slopes = _held(s)
     zero, length = np.zeros_like(shapes), beam.length_m
@@ -71,10 +71,10 @@ def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0
 
 def lifting_effective_mass(pillar: Pillar) -> EffectiveMass:
     """The foot moves along the pillar's axis, the pillar stretches."""
-    beam = pillar_beam(pillar)
+    beam = pillar_beam(pillar, about_x=True)
     s, weight, ratio = _rule(beam)
     shapes, slopes = _held(s)
-    stretch = pillar.material.young_pa * pillar.section_area_m2
+    stretch = pillar.material.young_pa * pillar.form.section.area_m2
     heavy = weight * beam.mass_kg_m * ratio**2
     stiffness = _gram(slopes / beam.length_m, slopes / beam.length_m, weight * stretch * ratio**2)
     return _own(stiffness, _gram(shapes, shapes, heavy), shapes.T @ heavy, float(heavy.sum()))

@@ -22,7 +22,7 @@ from solvers.analytic.beam_elements import hermite
 from solvers.analytic.plates import Strip, mindlin_wave_hz, thin_plate_hz
 from solvers.analytic.predesign import strip_of
 from solvers.errors import SolverError
-from solvers.measures.confinement import Profile, ProfileConfinement, profile_confinement
+from solvers.measures.confinement import Confinement, Profile, measure_profile
 from solvers.resonators.standing_pillar import (
     EffectiveMass,
     bending_effective_mass,
@@ -40,7 +40,7 @@ class StripModes:
     """Modes even about y = 0, ascending: frequency_hz (k,) and how well each is confined."""
 
     frequency_hz: FloatArray
-    confinement: ProfileConfinement
+    confinement: Confinement
 
 
 def wavenumber_along_per_m(design: Design) -> float:
@@ -68,7 +68,7 @@ def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float =
     values, vectors = eigh(stiffness[square], mass[square], subset_by_value=window)
     full = np.zeros((len(stiffness), len(values)))
     full[free] = vectors
-    return StripModes(np.sqrt(values) / (2.0 * pi), profile_confinement(_profile(nodes, full, design), design))
+    return StripModes(np.sqrt(values) / (2.0 * pi), measure_profile(_profile(nodes, full, design), design))
 
 
 def _nodes(design: Design) -> FloatArray:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from solvers.errors import SolverError
+from solvers.measures.levels import ratio_db
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -32,7 +33,7 @@ class Contrast:
     @property
     def contrast_db(self) -> float:
         """20 log10 of the contrast."""
-        return float(20.0 * np.log10(self.contrast))
+        return float(ratio_db(self.contrast, 1.0))
 
 
 def region_sensors(region: str, count: int) -> NDArray[np.intp]:

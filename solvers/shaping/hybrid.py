@@ -95,7 +95,7 @@ class PassiveActive:
     bare: Confined
     passive: Confined
 
-    def as_json(self) -> dict[str, float]:
+    def to_dict(self) -> dict[str, float]:
         """The four levels in dB."""
         return {
             "neither_db": self.bare.alone_db,

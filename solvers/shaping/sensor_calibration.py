@@ -6,8 +6,6 @@ measured on: a patch answers strain, whose ratio to displacement changes with wa
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +16,6 @@ from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-COLUMNS = ("sensor", "displacement_re_m", "displacement_im_m", "voltage_re_v", "voltage_im_v")
 NODE = 0.05  # of the largest amplitude: a sensor below it stands too near a node to be calibrated on this wave
 
 
@@ -113,38 +110,3 @@ def simulate_standing_wave(
 
 def _phasors(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
     return np.asarray((random.standard_normal(shape) + 1j * random.standard_normal(shape)) / np.sqrt(2.0))
-
-
-def measured_from_csv(text: str, name: str = "calibration file") -> Measured:
-    """Measurements from CSV text with the columns of COLUMNS: sensors from 1, a row per amplitude, in the same order for each.
-
-    SolverError names the file and line: a missing column, a value that is no finite number, sensors that are not 1 ... s,
-    rows that are not equally many.
-    """
-    reader = csv.DictReader(io.StringIO(text))
-    missing = [column for column in COLUMNS if column not in (reader.fieldnames or [])]
-    if missing:
-        raise SolverError(f"{name}: line 1: column {missing[0]!r} is missing; needed: {', '.join(COLUMNS)}")
-    rows: dict[int, list[list[float]]] = {}
-    for record in reader:
-        values = [_number(record[column], column, f"{name}: line {reader.line_num}") for column in COLUMNS]
-        if values[0] < 1.0 or values[0] != int(values[0]):
-            raise SolverError(f"{name}: line {reader.line_num}: sensor = {values[0]:g}: must be a whole number from 1")
-        rows.setdefault(int(values[0]), []).append(values[1:])
-    if not rows or sorted(rows) != list(range(1, len(rows) + 1)):
-        raise SolverError(f"{name}: sensors {sorted(rows)}: must be numbered 1, 2, 3 ... without a gap")
-    counts = {len(one) for one in rows.values()}
-    if len(counts) != 1:
-        raise SolverError(f"{name}: every sensor needs the same number of rows, they have {sorted(counts)}")
-    data = np.array([rows[sensor] for sensor in sorted(rows)]).transpose(1, 0, 2)
-    return Measured(data[..., 0] + 1j * data[..., 1], data[..., 2] + 1j * data[..., 3])
-
-
-def _number(text: str | None, column: str, where: str) -> float:
-    try:
-        value = float(text if text is not None else "")
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise SolverError(f"{where}: {column} = {text!r}: must be a finite number")
-    return value

@@ -50,7 +50,7 @@ def document(study: ShapingStudy) -> dict[str, Any]:
         ],
         "filter": _filter(study),
         "mode_pairs": _pairs(study),
-        "passive_and_active": [{"beam": name, **one.as_json()} for name, one in study.resonators.items()],
+        "passive_and_active": [{"beam": name, **one.to_dict()} for name, one in study.resonators.items()],
     }
 
 

@@ -93,7 +93,7 @@ class Setting:
 
 def cell_family(setting: Setting, panel: Panel, reach_m: FloatArray) -> CellFamily:
     """Reduce a panel at every node. SolverError for a pillar that is no box or reaches out of its panel."""
-    if not setting.pillar.is_box or panel.foot is None:
+    if not setting.pillar.is_square_prism or panel.foot is None:
         raise SolverError("only square pillars without fillet can be varied")
     sampler = _Sampler(setting, panel)
     nodes = nodes_of(np.asarray(reach_m, dtype=float))

@@ -18,7 +18,7 @@ from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import Panel
 from geometry.layout import Design
 from solvers.errors import SolverError
-from solvers.measures.confinement import Profile, ProfileConfinement, profile_confinement
+from solvers.measures.confinement import Confinement, Profile, measure_profile
 from solvers.superelement.build import Reductions
 from solvers.superelement.tiling import DIGITS, tile
 from solvers.threads import one_thread
@@ -32,7 +32,7 @@ class ColumnModes:
     """Modes with u_z even about y = 0, ascending: frequency_hz (k,) and how well each is confined."""
 
     frequency_hz: FloatArray
-    confinement: ProfileConfinement
+    confinement: Confinement
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Column:
             raise SolverError(
                 "the column's cells hold more boundary functions than their meshes can tell apart"
             ) from fault
-        return ColumnModes(self.scale.frequency(values), profile_confinement(self._profile(vectors), self.design))
+        return ColumnModes(self.scale.frequency(values), measure_profile(self._profile(vectors), self.design))
 
     def _profile(self, vectors: Complex) -> Profile:
         """u_z of every mode on the touch face of the column, and exp(i k x) cos(pi y / W) there."""

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pipeline.measures import registry
 from pipeline.plots import rendering
-from pipeline.records import store, tables
+from pipeline.records import store
 from pipeline.report import page
 from tests.helpers import synthetic
 
@@ -92,7 +93,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of an invented study whose first cell holds labels and shapes of its waves; the second is as of old."""
     folder = synthetic.put_study(tmp_path_factory.mktemp("browser") / "rows", pitches=(0.004, 0.006), rows=(1,))
     put_waves(folder / "pitch_mm=4,rows=1")
-    tables.write_table(folder)
+    registry.write_table(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rendering, "_broken", ["not looked at here"])
         return page.build(folder, max_figures=1)
@@ -100,19 +101,20 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def put_waves(case: Path) -> None:
     """Polarisations of every wave and shapes at the labelled wavevectors, as the present version stores them."""
-    record, arrays = store.read_record(case), store.load_arrays(case)
+    record, arrays = synthetic.record_of(case), store.load_arrays(case)
     names = ("flexural", "shear", "longitudinal")
-    for number, point in enumerate(record["bands"]["points"]):
-        count = len(point["frequencies_hz"])
-        point["plate_polarisation"] = [names[band % 3] for band in range(count)]
-        point["polarisation"] = ["pillar" if band in (3, 4) else names[band % 3] for band in range(count)]
-        point["group_velocity_m_s"] = [
-            None if number == 0 and band < 3 else [30.0 * band, 40.0 * band] for band in range(count)
-        ]
+    text = []
+    for number, point in enumerate(record.bands.points):
+        count = len(point.frequencies_hz)
+        plain = [names[band % 3] for band in range(count)]
+        speeds = [None if number == 0 and band < 3 else (30.0 * band, 40.0 * band) for band in range(count)]
+        whole = ["pillar" if band in (3, 4) else plain[band] for band in range(count)]
+        waves = {"plate_polarisation": plain, "polarisation": whole, "group_velocity_m_s": speeds}
+        text.append(point.model_copy(update=waves))
     points, quads = synthetic.box(np.array([-2e-3, -2e-3, 0.0]), np.array([2e-3, 2e-3, 2e-3]), (4, 4, 2))
     shapes = np.zeros((3, 8, 2, len(points), 3), dtype=np.float16)
     for band in range(8):
         shapes[:, band, 0, :, 2] = np.cos((band + 1) * 400.0 * points[:, 0])
     waves = {"bands_points": points.astype(np.float32), "bands_quads": quads.astype(np.int32)}
     store.save_arrays(case, {**arrays, **waves, "bands_labels": np.array(["G", "X", "M"]), "bands_u": shapes})
-    store.seal(case, record)
+    synthetic.change(case, bands=record.bands.model_copy(update={"points": text}))

@@ -14,9 +14,11 @@ import numpy as np
 from pipeline.batch import runner
 from pipeline.batch.lock import StudyBusy
 from pipeline.batch.progress import Progress
+from pipeline.measures import registry
 from pipeline.process import terminable
-from pipeline.records import store, tables
+from pipeline.records import store
 from solvers.errors import SolverError
+from tests.helpers import synthetic
 
 
 def compute(payload, folder, log):
@@ -43,13 +45,24 @@ def compute(payload, folder, log):
         values = np.random.default_rng(payload["value"]).normal(size=1000)
         store.save_arrays(folder, {"values": values})
         time.sleep(payload["seconds"] / 2)
-    wanted = {"frequency_hz": 30e3 + float(values.sum()), "mac": 0.9, "zone_share": 0.8, "confinement_db": 12.0}
-    return {"modes": {"model": "fake", "dof": values.size}, "wanted": wanted, "threads": os.environ["OMP_NUM_THREADS"]}
+    wanted = synthetic.wanted(12.0, 30e3 + float(values.sum()))
+    return {"modes": synthetic.modes(wanted, dof=values.size), "threads": os.environ["OMP_NUM_THREADS"]}
 
 
 def signals_held_back():
     """Names of the signals that this process does not get."""
     return {clamped.name for clamped in signal.pthread_sigmask(signal.SIG_BLOCK, [])}
+
+
+class TwoWords(Exception):
+    """Pickled with the one argument that Exception keeps, so that it cannot be made again."""
+
+    def __init__(self, one: str, other: str) -> None:
+        super().__init__(f"{one} {other}")
+
+
+def raises_what_cannot_be_loaded():
+    raise TwoWords("one", "other")
 
 
 def jobs(count, seconds=0.02, fates=None):
@@ -78,7 +91,7 @@ def main() -> int:
     except StudyBusy as error:
         print(error, file=sys.stderr)
         return 2
-    tables.write_table(args.folder)
+    registry.write_table(args.folder)
     return outcome.exit_code
 
 

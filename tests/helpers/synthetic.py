@@ -3,37 +3,67 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from pipeline.records import record as stored
 from pipeline.records import store
+from pipeline.records.record import (
+    AttenuationPoint,
+    AttenuationRecord,
+    BandPoint,
+    BandsRecord,
+    BoardRecord,
+    CountRecord,
+    DesignRecord,
+    GapRecord,
+    GeometryRecord,
+    MeshRecord,
+    ModeRecord,
+    ModesRecord,
+    PeakRecord,
+    PillarRecord,
+    PredictionRecord,
+    Record,
+    ResponseRecord,
+    RivalRecord,
+    TetModesRecord,
+    ThroughRows,
+    WantedMode,
+    WantedRecord,
+    WaveRecord,
+)
+from pipeline.records.study import StoredCase
 
 LENGTH, WIDTH, THICKNESS, SIDE, HEIGHT = 0.1155, 0.020, 0.002, 0.002, 0.0063
 ALUMINIUM = {"name": "aluminium", "young_pa": 70e9, "density_kg_m3": 2700.0, "poisson": 0.34}
 
 
-def design(rows: int, pitch: float, extension: float) -> dict:
+def design(rows: int, pitch: float, extension: float) -> DesignRecord:
     """A record's design."""
     half = WIDTH / 2 + ((rows - 1) * pitch + SIDE if rows else 0.0) + extension
     columns = int((LENGTH - SIDE) / pitch + 1e-9) + 1
     x = (np.arange(columns) - (columns - 1) / 2) * pitch
     y = WIDTH / 2 + SIDE / 2 + pitch * np.arange(rows)
     centres = [[float(a), float(b)] for b in [*-y[::-1], *y] for a in x]
-    pillar = {"shape": "square", "base_m": SIDE, "tip_m": SIDE, "height_m": HEIGHT, "fillet_m": 0.0}
-    return {
-        "length_m": LENGTH,
-        "width_m": WIDTH,
-        "thickness_m": THICKNESS,
-        "half_span_m": half,
-        "rows": rows,
-        "pitch_x_m": pitch,
-        "pitch_y_m": pitch,
-        "extension_m": extension,
-        "pillar": pillar if rows else None,
-        "pillar_centres_m": centres if rows else [],
-    }
+    pillar = PillarRecord(shape="square", base_m=SIDE, tip_m=SIDE, height_m=HEIGHT, fillet_m=0.0)
+    return DesignRecord(
+        length_m=LENGTH,
+        width_m=WIDTH,
+        thickness_m=THICKNESS,
+        half_span_m=half,
+        rows=rows,
+        pitch_x_m=pitch,
+        pitch_y_m=pitch,
+        extension_m=extension,
+        nodal_lines=8,
+        pillar=pillar if rows else None,
+        pillar_centres_m=centres if rows else [],
+    )
 
 
 def grid(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -60,12 +90,12 @@ def box(low: np.ndarray, high: np.ndarray, steps: tuple[int, int, int]) -> tuple
     return np.concatenate(points), np.concatenate(quads)
 
 
-def skin(shape: dict, step: float = 0.0015) -> tuple[np.ndarray, np.ndarray]:
+def skin(shape: DesignRecord, step: float = 0.0015) -> tuple[np.ndarray, np.ndarray]:
     """Skin of the plate and its pillars (their feet are not cut out)."""
-    half = np.array([LENGTH / 2, shape["half_span_m"], 0.0])
+    half = np.array([LENGTH / 2, shape.half_span_m, 0.0])
     counts = np.maximum(1, np.round(2 * half / step).astype(int))
     parts = [box(-half, half + np.array([0, 0, THICKNESS]), (counts[0], counts[1], 2))]
-    for x, y in shape["pillar_centres_m"]:
+    for x, y in shape.pillar_centres_m:
         low = np.array([x - SIDE / 2, y - SIDE / 2, THICKNESS])
         parts.append(box(low, low + np.array([SIDE, SIDE, HEIGHT]), (2, 2, 6)))
     offsets = np.cumsum([0, *(len(points) for points, _ in parts)])
@@ -105,10 +135,10 @@ def response_grid(half: float) -> np.ndarray:
     return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def shapes(shape: dict, level_db: float) -> dict[str, np.ndarray]:
+def shapes(shape: DesignRecord, level_db: float) -> dict[str, np.ndarray]:
     """arrays.npz of a case."""
     points, quads = skin(shape)
-    half = shape["half_span_m"]
+    half = shape.half_span_m
     touch, touch_quads = grid(np.linspace(-LENGTH / 2, LENGTH / 2, 117), np.linspace(-half, half, 61))
     triangles = np.concatenate([touch_quads[:, [0, 1, 2]], touch_quads[:, [0, 2, 3]]])
     decay = level_db * 8
@@ -137,7 +167,7 @@ def shapes(shape: dict, level_db: float) -> dict[str, np.ndarray]:
     }
 
 
-def bands(pitch: float, points: int = 25) -> dict:
+def bands(pitch: float, points: int = 25) -> BandsRecord:
     """A dispersion diagram of ten made-up bands with a gap between the sixth and the seventh."""
     corner = np.pi / pitch
     stops = [("G", 0.0, 0.0), ("X", corner, 0.0), ("M", corner, corner), ("G", 0.0, 0.0)]
@@ -153,78 +183,78 @@ def bands(pitch: float, points: int = 25) -> dict:
         low = [32.6e3 * s**0.5, 80e3 * s, 108e3 * s]
         flat = [39.7e3 - 7e3 * s * (1 - 0.1 * i) + 119e3 * s**6 * i for i in range(2)]
         upper = [108e3 + 55.1e3 * s**2, 175.84e3 + 20e3 * s, 175.84e3 + 30e3 * s, 233e3 - 10e3 * s, 260e3 + 5e3 * s]
-        out.append({"label": label, "kx_per_m": k[0], "ky_per_m": k[1], "frequencies_hz": sorted(low + flat + upper)})
-    gap = {"lower_band": 6, "upper_band": 7, "lower_hz": 163100.0, "upper_hz": 175840.0}
-    checked = [p for p in out if p["label"]][:3]
-    return {
-        "bands": {
-            "model": "solid",
-            "dof": 20000,
-            "points": out,
-            "gaps": [gap],
-            "method": "invented",
-            "bending_at_m_hz": [32541.0, 32541.0],
-        },
-        "tet_bands": {
-            "model": "solid",
-            "dof": 30000,
-            "points": [{**p, "frequencies_hz": [f * 1.003 for f in p["frequencies_hz"]]} for p in checked],
-            "gaps": [],
-        },
-    }
+        tones = [32541.0, 32541.0, *sorted(low + flat + upper)[2:]] if label == "M" else sorted(low + flat + upper)
+        out.append(BandPoint(label=label, kx_per_m=k[0], ky_per_m=k[1], frequencies_hz=tones))
+    gap = GapRecord(lower_band=6, upper_band=7, lower_hz=163100.0, upper_hz=175840.0)
+    return BandsRecord(model="solid", dof=20000, points=out, gaps=[gap])
 
 
-def attenuation(rows: int, level_db: float | None) -> dict:
-    """Invented complex bands: a stop band round 33 kHz, and what was predicted for the plate."""
+def tet_bands(ours: BandsRecord) -> BandsRecord:
+    """The labelled points by another mesh, 0.3 % higher."""
+    points = [
+        point.model_copy(update={"frequencies_hz": [f * 1.003 for f in point.frequencies_hz]})
+        for point in [point for point in ours.points if point.label][:3]
+    ]
+    return BandsRecord(model="solid", dof=30000, points=points, gaps=[])
+
+
+def attenuation(rows: int) -> AttenuationRecord:
+    """Invented complex bands: a stop band round 33 kHz."""
     points = []
     for frequency in np.linspace(25e3, 45e3, 21):
         decay = max(0.0, 6.0 - abs(frequency - 33e3) / 1e3)
         wave = {"polarisation": "flexural", "ky_re_per_m": 300.0, "ky_im_per_m": decay * 28.8, "db_per_row": decay}
         steep = {"polarisation": "shear", "ky_re_per_m": 0.0, "ky_im_per_m": 200.0, "db_per_row": 7.0}
-        passed = {"reflected": 0.9, "flexural": 0.1, "shear": 0.0, "longitudinal": 0.0}
-        result = [wave, {**steep, "pillar_share": 0.1}]
-        points.append({"frequency_hz": frequency, "waves": result, "db_per_row": decay, "through_rows": passed})
+        waves = [WaveRecord(**each, pillar_share=0.1) for each in (wave, steep)]
+        passed = ThroughRows(reflected=0.9, flexural=0.1, shear=0.0, longitudinal=0.0)
+        points.append(AttenuationPoint(frequency_hz=frequency, waves=waves, db_per_row=decay, through_rows=passed))
+    errors = {"expected_error": None, "reduction_error": None}
+    return AttenuationRecord(model="solid", kx_per_m=204.0, pitch_y_m=0.004, rows=rows, points=points, **errors)
+
+
+def prediction(rows: int, level_db: float | None) -> PredictionRecord:
+    """What the rows were said to do."""
     text = {"frequency_hz": 31500.0, "db_per_row": 4.5, "rows_db": 4.5 * rows, "through_db": 5.0 * rows}
-    return {
-        "attenuation": {"schema": 1, "kx_per_m": 204.0, "pitch_y_m": 0.004, "rows": rows, "points": points},
-        "prediction": {**text, "zone_to_extension_db": level_db, "rows_for_10_db": 3},
-    }
+    return PredictionRecord(**text, zone_to_extension_db=level_db, rows_needed=3)
 
 
-def response(level_db: float | None) -> dict:
+def peak(frequency_hz: float, level_db: float | None, zone_rms: float = 3e-8) -> PeakRecord:
+    """A peak of a response."""
+    rest = zone_rms / 10.0 ** ((level_db or 0.0) / 20.0)
+    own = {"frequency_hz": frequency_hz, "zone_rms_m_per_V": zone_rms, "passive_rms_m_per_V": rest}
+    return PeakRecord(**own, confinement_db=level_db, quality=298.0)
+
+
+def response(level_db: float | None) -> ResponseRecord:
     """An invented resonance at 31.5 kHz with one sensor."""
     tone = np.linspace(28e3, 35e3, 141)
     motion = 3e-8 / np.abs(1.0 - (tone / 31500.0) ** 2 + 1j / 300.0) / 300.0
     heard = 1.0 / (1.0 - (tone / 31500.0) ** 2 + 1j / 300.0) / 300.0
     rest = motion / 10.0 ** ((level_db or 0.0) / 20.0)
-    top = int(motion.argmax())
-    peak = {"frequency_hz": tone[top], "zone_rms_m_per_V": motion[top], "passive_rms_m_per_V": rest[top]}
-    return {
-        "schema": 1,
-        "frequency_hz": tone.tolist(),
-        "zone_rms_m_per_V": motion.tolist(),
-        "passive_rms_m_per_V": rest.tolist(),
-        "sensor_V_per_V": np.column_stack([heard.real, heard.imag]).tolist(),
-        "sensors": [7],
-        "wanted_status": "single",
-        "wanted_peak": {**peak, "confinement_db": level_db, "quality": 298.0},
-        "highest_peak": {**peak, "confinement_db": level_db, "quality": 298.0},
-    }
+    highest = peak(tone[int(motion.argmax())], level_db, motion.max())
+    return ResponseRecord(
+        model="solid with 8 patches",
+        dof=120000,
+        frequency_hz=tone.tolist(),
+        zone_rms_m_per_V=motion.tolist(),
+        passive_rms_m_per_V=rest.tolist(),
+        sensor_V_per_V=np.column_stack([heard.real, heard.imag]).tolist(),
+        sensors=[7],
+        polarisation_signs=[1],
+        wanted_hz=31500.0,
+        quality_given=300.0,
+        expected_error=None,
+        circuit={"drivers": "short"},
+        wanted_status="single",
+        wanted_peak=highest,
+        highest_peak=highest,
+    )
 
 
-BOARD = {
-    "compiler": "none",
-    "swept": True,
-    "frequency_hz": 31500.0,
-    "tau_s": 3e-3,
-    "gain": [0.0, -0.8],
-    "delay_s": 2e-6,
-}
-
-
-def board() -> dict:
+def board() -> BoardRecord:
     """An invented step of an emulated board."""
-    return {**BOARD, "reference": 0.16, "t95_s": 1.7e-3, "overshoot": 0.01}
+    loop = {"compiler": "none", "swept": True, "frequency_hz": 31500.0, "tau_s": 3e-3, "gain": (0.0, -0.8)}
+    return BoardRecord(**loop, delay_s=2e-6, reference=0.16, t95_s=1.7e-3, overshoot=0.01)
 
 
 def board_arrays() -> dict[str, np.ndarray]:
@@ -235,86 +265,111 @@ def board_arrays() -> dict[str, np.ndarray]:
     return {f"board_{name}": array for name, array in {**columns, "drive": 0.2 + 0.7 * (0.16 - size)}.items()}
 
 
-def record(case_id: str, sweep: dict, shape: dict, level_db: float | None) -> dict:
-    """A case's record."""
-    mode = {"frequency_hz": 31500.0, "residual": 1e-11, "symmetry": "SS", "zone_share": 0.82, "mac": 0.93}
-    near = [{**mode, "frequency_hz": f, "confinement_db": 3.0, "mac": 0.2} for f in (31320.0, 31810.0, 32050.0)]
-    confined = {**mode, "confinement_db": level_db}
-    check = {"low_hz": 25e3, "high_hz": 45e3, "expected": 4, "found": 4}
-    rivals = [{"frequency_hz": 27300.0, "strength": 0.08, "mac": 0.9, "confinement_db": 3.0}]
-    return {
-        "schema": 1,
-        "case_id": case_id,
-        "name": case_id,
-        "status": "OK",
-        "diagnosis": "done",
-        "input_hash": hashlib.sha256(case_id.encode()).hexdigest(),
-        "code_hash": "0" * 64,
-        "versions": {"python": "3.11.7", "numpy": "2.4.6"},
-        "sweep": sweep,
-        "design": shape,
-        "geometry": {
-            "volume_m3": 1.6e-5,
-            "mass_kg": 0.0432,
-            "files": ["plate.stl", "plate.step"],
-            "watertight": True,
-            "bodies": 1,
-            "volume_error": 1e-9,
-            "smallest_feature_m": 0.002,
-            "overhang": 0.0,
-        },
-        "meshes": [
-            {
-                "what": "plate",
-                "kind": "hex",
-                "order": 2,
-                "cells": 5000,
-                "nodes": 40000,
-                "dof": 120000,
-                "sha256": "a" * 64,
-            },
-            {
-                "what": "plate",
-                "kind": "tet",
-                "order": 2,
-                "cells": 40000,
-                "nodes": 70000,
-                "dof": 210000,
-                "sha256": "b" * 64,
-            },
-        ],
-        "modes": {"model": "solid", "dof": 120000, "rigid_count": 6, "modes": [confined, *near], "count_check": check},
-        "wanted": {
-            "status": "single",
-            "index": 0,
-            **confined,
-            "strength": 0.3,
-            "share": 0.7,
-            "rivals": rivals,
-            "extension_db": level_db,
-            "pillar_energy_share": 0.4,
-        },
-        "tet_modes": {"dof": 210000, "frequency_hz": 31520.0, "hex_frequency_hz": 31500.0, "relative_difference": 6e-4},
-        "left_out": ["patches: no response is asked", "mirror halves: the plate is symmetric in x and y"],
-        "warnings": [],
-        **bands(shape["pitch_x_m"]),
-        **attenuation(shape["rows"], level_db),
-        "response": response(level_db),
-        "board": board(),
+def mode(frequency_hz: float, **more: Any) -> ModeRecord:
+    """One of the plate's modes."""
+    plain = {
+        "residual": 1e-11,
+        "symmetry": "SS",
+        "zone_share": 0.82,
+        "confinement_db": 3.0,
+        "mac": 0.2,
+        "strength": 0.1,
     }
+    return ModeRecord(frequency_hz=frequency_hz, symmetry="SS", **{**plain, **more})
+
+
+def count(expected: int, result: int) -> CountRecord:
+    """A count by inertia."""
+    return CountRecord(low_hz=25e3, high_hz=45e3, expected=expected, found=result)
+
+
+def wanted(level_db: float | None, frequency_hz: float = 31500.0, **more: Any) -> WantedMode:
+    """A wanted mode, confined by so much."""
+    rival = RivalRecord(frequency_hz=27300.0, strength=0.08, mac=0.9, confinement_db=3.0)
+    own = {"status": "single", "mac": 0.93, "strength": 0.3, "zone_share": 0.82, "share": 0.7, "rivals": [rival]}
+    return WantedMode(frequency_hz=frequency_hz, confinement_db=level_db, **{**own, **more})
+
+
+NO_MODE = WantedRecord(status="none", frequency_hz=None, mac=None, strength=None, confinement_db=None)
+
+
+def modes(one: WantedRecord, result: Sequence[ModeRecord] = (), dof: int = 120000, **more: Any) -> ModesRecord:
+    """The modes of a plate with its wanted one."""
+    about = {"model": "solid", "part": "plate", "dof": dof, "rigid_count": 6, "count_check": count(4, 4)}
+    return ModesRecord(**{**about, **more}, modes=list(result), wanted=one)
+
+
+def case(case_id: str, sweep: dict[str, Any] | None = None, status: str = "OK", **sections: Any) -> StoredCase:
+    """A case at hand, of any part of a record."""
+    return StoredCase(Path(case_id), Record(case_id=case_id, status=status, sweep=sweep or {}, **sections))
+
+
+def mesh(kind: str, cells: int, dof: int) -> MeshRecord:
+    """A mesh of the plate."""
+    return MeshRecord(what="plate", kind=kind, order=2, cells=cells, nodes=dof // 3, dof=dof, sha256="a" * 64)
+
+
+def record(case_id: str, sweep: dict[str, Any], shape: DesignRecord, level_db: float | None) -> Record:
+    """A case's record."""
+    confined = mode(31500.0, confinement_db=level_db, mac=0.93, strength=0.3)
+    near = [mode(f) for f in (31320.0, 31810.0, 32050.0)]
+    assert shape.pitch_x_m
+    waves = bands(shape.pitch_x_m)
+    return Record(
+        case_id=case_id,
+        name=case_id,
+        status="OK",
+        diagnosis="done",
+        input_hash=hashlib.sha256(case_id.encode()).hexdigest(),
+        code_hash="0" * 64,
+        versions={"python": "3.11.7", "numpy": "2.4.6"},
+        sweep=sweep,
+        design=shape,
+        geometry=GeometryRecord(
+            files=["plate.stl", "plate.step"],
+            mass_kg=0.0432,
+            volume_m3=1.6e-5,
+            watertight=True,
+            bodies=1,
+            volume_error=1e-9,
+            smallest_feature="pillar",
+            smallest_feature_m=0.002,
+            overhang_deg=0.0,
+            overhang=0.0,
+        ),
+        meshes=[mesh("hex", 5000, 120000), mesh("tet", 40000, 210000)],
+        modes=modes(wanted(level_db, index=0, extension_db=level_db, pillar_energy_share=0.4), [confined, *near]),
+        tet_modes=TetModesRecord(
+            model="solid tet2",
+            dof=210000,
+            frequency_hz=31520.0,
+            mac=0.93,
+            confinement_db=level_db,
+            hex_frequency_hz=31500.0,
+            hex_confinement_db=level_db,
+            relative_difference=6e-4,
+            count_check=count(1, 1).to_dict(),
+        ),
+        left_out=["patches: no response is asked", "mirror halves: the plate is symmetric in x and y"],
+        bands=waves,
+        tet_bands=tet_bands(waves),
+        attenuation=attenuation(shape.rows),
+        prediction=prediction(shape.rows, level_db),
+        response=response(level_db),
+        board=board(),
+    )
 
 
 def put_case(study: Path, case_id: str, sweep: dict, rows: int, pitch: float, level_db: float) -> dict:
     """Store one invented case."""
     shape = design(rows, pitch, 0.005)
     folder = study / case_id
-    store.begin(folder, {"name": case_id, "design": {**shape, "material": ALUMINIUM}})
+    store.begin(folder, {"name": case_id, "design": {**shape.to_dict(), "material": ALUMINIUM}})
     store.save_arrays(folder, shapes(shape, level_db))
     (folder / "run.mess").write_text("--- DIAGNOSTIC JOB : OK\n")
     (folder / "plate.stl").write_bytes(b"solid")
-    store.finish(
-        folder, record(case_id, sweep, shape, level_db), {"seconds": {"mesh": 2.0, "modes": 30.5, "total": 33.0}}
-    )
+    seconds = {"seconds": {"mesh": 2.0, "modes": 30.5, "total": 33.0}}
+    store.finish(folder, record(case_id, sweep, shape, level_db).to_dict(), seconds)
     return {"case_id": case_id, "sweep": sweep}
 
 
@@ -322,9 +377,21 @@ def put_failure(study: Path, case_id: str, sweep: dict) -> dict:
     """Store a case that failed."""
     folder = study / case_id
     store.begin(folder, {"name": case_id})
-    failed = {"schema": 1, "case_id": case_id, "status": "FAILED", "sweep": sweep, "warnings": [], "left_out": []}
-    store.finish(folder, {**failed, "diagnosis": "the mesh has a cell with a negative Jacobian <7>"}, {"seconds": {}})
+    failed = Record(
+        case_id=case_id, status="FAILED", sweep=sweep, diagnosis="the mesh has a cell with a negative Jacobian <7>"
+    )
+    store.finish(folder, failed.to_dict(), {"seconds": {}})
     return {"case_id": case_id, "sweep": sweep}
+
+
+def change(folder: Path, **sections: Any) -> None:
+    """Store a case's record with other parts."""
+    store.seal(folder, record_of(folder).model_copy(update=sections).to_dict())
+
+
+def record_of(folder: Path) -> Record:
+    """A case's record, read."""
+    return stored.read(folder)
 
 
 def put_study(study: Path, pitches: tuple[float, ...] = (0.004, 0.006), rows: tuple[int, ...] = (1, 2)) -> Path:

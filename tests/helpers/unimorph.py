@@ -8,7 +8,7 @@ import numpy as np
 
 from geometry.materials import Material
 from geometry.piezo_materials import VACUUM_F_M, PiezoMaterial
-from solvers.analytic.piezo_beam import Section, elastic_layer, laminate, piezo_layer
+from tests.helpers.piezo_beam import Section, elastic_layer, laminate, piezo_layer
 
 YOUNG_PA, D31, HELD_F_M = 66e9, -190e-12, 15.93e-9
 STEEL_LIKE = Material("substructure", 100e9, 7165.0, 0.0)

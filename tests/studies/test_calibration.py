@@ -85,7 +85,7 @@ def test_a_study_of_other_meshes_is_refused(
     folder.mkdir(parents=True)
     other = {**given, "mesh_level": {**given["mesh_level"], "size_mm": 123.0}}
     (folder / "input.json").write_text(json.dumps({"parameters": other}))
-    store.seal(folder, {"schema": 1, "case_id": name, "status": "OK"})
+    store.seal(folder, {"schema": store.SCHEMA, "case_id": name, "status": "OK"})
     monkeypatch.setattr(calibration, "RESULTS", tmp_path)
     monkeypatch.setattr(calibration, "TABLE", tmp_path / "calibration.csv")
     assert calibration.main() == 2

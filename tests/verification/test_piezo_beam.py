@@ -18,15 +18,6 @@ from geometry.hex.boxes import Boxes, HexSettings, hex_mesh
 from geometry.layout import Design
 from geometry.materials import MATERIALS, Material
 from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
-from solvers.analytic.piezo_beam import (
-    Section,
-    cantilever_hz,
-    elastic_layer,
-    free_even_hz,
-    gain_per_volt,
-    laminate,
-    piezo_layer,
-)
 from solvers.control.resonance import half_power_quality
 from solvers.fem.assembly import assemble
 from solvers.piezo.circuit import circuit_shift, open_modes
@@ -35,6 +26,15 @@ from solvers.piezo.patch import _matrices, _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
+from tests.helpers.piezo_beam import (
+    Section,
+    cantilever_hz,
+    elastic_layer,
+    free_even_hz,
+    gain_per_volt,
+    laminate,
+    piezo_layer,
+)
 from tests.helpers.unimorph import CERAMIC, CERAMIC_M, D31, LENGTH_M, METAL_M, STEEL_LIKE, published
 
 ALUMINIUM, PZT = MATERIALS["aluminium"], PIEZO_MATERIALS["pzt-5h"]

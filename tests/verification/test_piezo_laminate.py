@@ -11,7 +11,8 @@ import scipy.linalg
 
 from geometry.materials import MATERIALS
 from geometry.piezo_materials import PIEZO_MATERIALS
-from solvers.analytic.piezo_beam import (
+from solvers.errors import SolverError
+from tests.helpers.piezo_beam import (
     Section,
     cantilever_hz,
     elastic_layer,
@@ -20,7 +21,6 @@ from solvers.analytic.piezo_beam import (
     laminate,
     piezo_layer,
 )
-from solvers.errors import SolverError
 from tests.helpers.unimorph import CERAMIC, CERAMIC_M, D31, LENGTH_M, METAL_M, STEEL_LIKE, WIDTH_M, YOUNG_PA, published
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from geometry.materials import Material
-from solvers.analytic import lamb
 from solvers.fem.assembly import assemble
 from solvers.waves.bloch import BlochCell
 from tests.helpers import bodies
+from tests.helpers.lattice_waves import folded_hz
 
 STEEL = Material("steel", 200e9, 8000.0, 0.3)
 PITCH_M, THICKNESS_M = (3e-3, 4e-3), 1e-3
@@ -27,7 +27,7 @@ def errors(order: int) -> np.ndarray:
     lattice, result = cell(order), []
     for share in SHARES:
         k = np.array(share) * np.pi / np.array(PITCH_M)
-        exact = lamb.folded_hz(k, PITCH_M, THICKNESS_M, STEEL, COUNT)
+        exact = folded_hz(k, PITCH_M, THICKNESS_M, STEEL, COUNT)
         result.append(lattice.frequencies(k, COUNT) / exact - 1.0)
     return np.array(result)
 

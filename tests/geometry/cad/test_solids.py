@@ -7,12 +7,13 @@ import cadquery as cq
 import numpy as np
 import pytest
 
-from geometry.cad.solids import cell_solid, load_step_pillar, pillar_solid, plate_solid, zone_solid
+from geometry.cad.solids import cell_solid, pillar_solid, plate_solid, zone_solid
 from geometry.errors import GeometryError
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.patches import Patches
 from geometry.piezo_materials import PIEZO_MATERIALS
+from geometry.pillar_shapes.step import Step
 
 ALUMINIUM, BRASS = MATERIALS["aluminium"], MATERIALS["brass"]
 MM3 = 1e-9
@@ -165,11 +166,11 @@ def box_at(x=-1.0, y=-1.0, z=0.0, sides=(2.0, 2.0, 6.3)):
 def test_step_pillar_is_read_in_any_unit(tmp_path, unit, in_mm):
     """The exporter labels the model's numbers with the unit, so 2 mm is written as 2 / 25.4 inches."""
     path = step_file(tmp_path, box_at().scale(1.0 / in_mm), unit)
-    result = load_step_pillar(path)
-    assert [result.height_m, result.foot_size_m, result.tip_size_m, result.extent_m] == pytest.approx(
-        [6.3e-3, 2e-3, 2e-3, 2e-3], rel=1e-6
+    result = Step.from_file(path)
+    assert [result.height_m(0.0), result.width_m, result.tip_m, *result.reach_m()] == pytest.approx(
+        [6.3e-3, 2e-3, 2e-3, 2e-3, 2e-3], rel=1e-6
     )
-    assert result.volume_m3 == pytest.approx(25.2 * MM3, rel=1e-6)
+    assert result.volume_m3(0.0) == pytest.approx(25.2 * MM3, rel=1e-6)
     assert 4 * plate_solid(design(pillar("step", file=str(path))), "xy").volume_m3 == pytest.approx(
         plate_solid(design(pillar())).volume_m3, rel=KERNEL
     )
@@ -177,8 +178,8 @@ def test_step_pillar_is_read_in_any_unit(tmp_path, unit, in_mm):
 
 def test_step_pillar_wider_above_tells_its_extent(tmp_path):
     mushroom = box_at().fuse(box_at(-1.5, -1.5, 5.3, (3.0, 3.0, 1.0)))
-    result = load_step_pillar(step_file(tmp_path, mushroom))
-    assert [result.foot_size_m, result.extent_m] == pytest.approx([2e-3, 3e-3], rel=1e-6)
+    result = Step.from_file(step_file(tmp_path, mushroom))
+    assert [result.width_m, *result.reach_m()] == pytest.approx([2e-3, 3e-3, 3e-3], rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -195,17 +196,17 @@ def test_step_pillar_wider_above_tells_its_extent(tmp_path):
 def test_step_that_is_no_pillar_is_refused_with_its_reason(tmp_path, shape, reason):
     path = step_file(tmp_path, shape)
     with pytest.raises(GeometryError, match=reason) as caught:
-        load_step_pillar(path)
+        Step.from_file(path)
     assert str(path) in str(caught.value)
 
 
 def test_step_that_is_missing_or_garbage_is_refused_quietly(tmp_path, capfd):
     with pytest.raises(GeometryError, match="no such STEP file"):
-        load_step_pillar(tmp_path / "none.step")
+        Step.from_file(tmp_path / "none.step")
     garbage = tmp_path / "garbage.step"
     garbage.write_text("not a step file")
     with pytest.raises(GeometryError, match="not a readable STEP file"):
-        load_step_pillar(garbage)
+        Step.from_file(garbage)
     assert capfd.readouterr().out == ""
 
 

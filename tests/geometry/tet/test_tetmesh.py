@@ -13,7 +13,6 @@ import trimesh
 from geometry.cad import solids
 from geometry.cad.surface import cad_surface
 from geometry.errors import MeshError
-from geometry.formats.mesh_io import load_mesh, save_mesh
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, cell_volumes, check_mesh
@@ -324,35 +323,6 @@ def test_size_grows_away_from_segments():
 def test_only_a_mesh_that_ends_on_the_plane_is_mirrored(cell):
     with pytest.raises(MeshError, match="exactly on 0"):
         mirror_mesh(cell, 0)
-
-
-def test_a_saved_mesh_is_the_same_mesh(tmp_path, cell):
-    save_mesh(cell, tmp_path / "cell.npz")
-    back = load_mesh(tmp_path / "cell.npz")
-    assert back.sha256 == cell.sha256
-    assert (back.kind, back.order) == ("tet", 2)
-    assert set(back.regions) == {"plate", "pillar"}
-    assert [file.name for file in tmp_path.iterdir()] == ["cell.npz"]
-
-
-def test_a_mesh_file_that_is_missing_damaged_or_foreign_is_refused(tmp_path, cell):
-    path = tmp_path / "cell.npz"
-    with pytest.raises(MeshError, match="no such mesh file"):
-        load_mesh(path)
-    save_mesh(cell, path)
-    whole = path.read_bytes()
-    path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(MeshError, match="not a readable mesh file"):
-        load_mesh(path)
-    np.savez(path, format=1, kind="tet", order=2, sha256=cell.sha256, nodes=cell.nodes + 1e-6, cells=cell.cells)
-    with pytest.raises(MeshError, match="damaged"):
-        load_mesh(path)
-    np.savez(path, format=9, kind="tet", order=2, sha256=cell.sha256, nodes=cell.nodes, cells=cell.cells)
-    with pytest.raises(MeshError, match="mesh format 9"):
-        load_mesh(path)
-    np.savez(path, something=np.zeros(3))
-    with pytest.raises(MeshError, match="not a readable mesh file"):
-        load_mesh(path)
 
 
 @pytest.mark.slow

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from math import inf, pi
+from math import inf, nan, pi
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from pipeline.active import options, thesis_beam
+from pipeline.active import options, thesis, thesis_models
 from pipeline.active.loop import _plant
 from pipeline.board import table_file
 from pipeline.cli import main
@@ -151,6 +151,7 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
         (("mason", "--quality", "inf"), "hit exactly"),
         (("mason", "--quality", "0"), "--quality"),
         (("mason", "--gain", "1"), "does not take it"),
+        (("mason", "--settling-time", "2ms"), "--settling-time: active mason does not take it"),
         (("beam", "--gain", "1e-300"), "--gain = 1e-300: must be a number above 0 in N/m, from 0.001 to 1e+12"),
         (("pillar", "--quality", "1e-300"), "--quality = 1e-300: must be a number above 0, from 0.5 to 1e+12, or inf"),
         (("dq", "--settling-time", "1e300s"), "--settling-time = '1e300s': must be a time of 0 or more in s, ms or us"),
@@ -214,15 +215,44 @@ class OneBeam:
 
 def test_one_gain_or_one_frequency_is_not_compared_with_itself() -> None:
     one = OneBeam((1e7,), (3e3,))
-    gains, tones = thesis_beam._gain(one), thesis_beam._higher(one)
-    assert gains.ours.count("K' =") == 1 and gains.agreement.startswith("not compared: one gain")
-    assert tones.agreement == "not compared: one frequency was given, the contrast takes two"
+    found = [("gain", thesis_models._gains(one)), ("higher", thesis_models._higher(one))]
+    gains, tones = thesis.beside("beam", found)
+    assert gains["ours"].count("K' =") == 1 and gains["agreement"].startswith("not compared: one gain")
+    assert tones["agreement"] == "not compared: one frequency was given, the contrast takes two"
 
 
 def test_gains_are_compared_by_size_in_any_order() -> None:
-    entry = thesis_beam._gain(OneBeam((1e8, 1e5), (3e3,)))
-    assert entry.ours.index("K' = 100000") < entry.ours.index("K' = 1e+08")
-    assert entry.agreement == "agrees: the two gains lie on both sides of 4EI beta^3"
+    (entry,) = thesis.beside("beam", [("gain", thesis_models._gains(OneBeam((1e8, 1e5), (3e3,))))])
+    assert entry["ours"].index("K' = 100000") < entry["ours"].index("K' = 1e+08")
+    assert entry["agreement"] == "agrees: the two gains lie on both sides of 4EI beta^3"
+
+
+STATEMENT = {
+    "verdicts": [{"near": {"ratio": 2.0}, "within": {"level": [0.0, 1.0]}, "text": "agrees"}, {"text": "differs"}],
+    "also": [{"within": {"level": [1.0, 5.0]}, "text": ": {level:g}"}],
+}
+
+
+@pytest.mark.parametrize(
+    ("figures", "words"),
+    [
+        ({"ratio": 1.71, "level": 0.0}, "agrees"),
+        ({"ratio": 1.69, "level": 0.0}, "differs"),
+        ({"ratio": 2.29, "level": 1.0}, "differs: 1"),  # a range ends below its upper value
+        ({"ratio": 2.29, "level": 0.999}, "agrees"),
+        ({"ratio": 2.31, "level": 0.5}, "differs"),
+        ({"ratio": nan, "level": 0.5}, "differs"),
+        ({"ratio": 2.0}, "differs"),  # a figure that is not there lies in no range
+    ],
+)
+def test_a_statement_is_judged_by_its_ranges(figures: dict[str, float], words: str) -> None:
+    assert thesis.judge(STATEMENT, figures) == words
+
+
+def test_every_statement_ends_in_a_verdict_that_always_holds() -> None:
+    for model in thesis.statements().values():
+        for statement in model.values():
+            assert set(statement["verdicts"][-1]) == {"text"}
 
 
 @pytest.mark.parametrize(("text", "value"), [("2ms", 2e-3), ("4us", 4e-6), ("0.5 s", 0.5), ("0us", 0.0)])

@@ -13,6 +13,8 @@ from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.logs import TerminalLog
 from pipeline.paths import STUDIES
+from pipeline.records.record import AttenuationPoint, ThroughRows
+from tests.helpers import synthetic
 
 CASE = str(STUDIES / "three-rows.toml")
 COARSE = ["--set", "solve.accuracy=0.03", "--quiet"]
@@ -74,19 +76,17 @@ def test_straight_across_in_plane_waves_take_their_share() -> None:
     case = load_case(CASE, ["solve.accuracy=0.03"])
     result = attenuation.solve(case, TerminalLog(True), (34e3, 36e3), 0.0, 3)
     for point in result.points:
-        passed = point.transmission
+        passed = point.through_rows
         assert passed is not None and passed.longitudinal > 0.0
         assert passed.reflected + passed.flexural + passed.shear + passed.longitudinal == pytest.approx(1.0, abs=1e-8)
 
 
 def test_the_prediction_is_rows_times_the_decay() -> None:
-    waves = (attenuation.Wave("flexural", 0.0, 150.0, 5.0, 0.9),)
-    points = tuple(
-        attenuation.Point(f, waves, 5.0, attenuation.Transmission(0.99, 0.01, 0.0, 0.0)) for f in (30e3, 40e3)
-    )
-    text = attenuation.prediction(attenuation.Attenuation("m", 204.0, 3, 4e-3, points), 35e3, 12.0)
-    assert text["rows_db"] == 15.0 and text["through_db"] == pytest.approx(20.0) and text["rows_for_10_db"] == 2
-    assert text["zone_to_extension_db"] == 12.0
+    passed = ThroughRows(reflected=0.99, flexural=0.01, shear=0.0, longitudinal=0.0)
+    points = [AttenuationPoint(frequency_hz=f, waves=(), db_per_row=5.0, through_rows=passed) for f in (30e3, 40e3)]
+    text = attenuation.prediction(synthetic.attenuation(3).model_copy(update={"points": points}), 35e3, 12.0)
+    assert text.rows_db == 15.0 and text.through_db == pytest.approx(20.0) and text.rows_needed == 2
+    assert text.zone_to_extension_db == 12.0
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,11 +18,11 @@ from pipeline.models import unit_cell
 from pipeline.planning import mesh_rules
 from pipeline.plots import bands as plots_bands
 from pipeline.plots import style
-from pipeline.records.study import StoredCase
+from pipeline.records.record import BandsRecord
 from solvers.superelement.build import ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.waves.gaps import BrillouinZoneGap, Gap
-from tests.helpers import coarse_cells
+from tests.helpers import coarse_cells, synthetic
 from tests.helpers.recording_log import RecordingLog
 
 CASE = Path(__file__).resolve().parents[3] / "studies" / "three-rows.toml"
@@ -46,7 +45,7 @@ def solved(*settings: str) -> tuple[Bands, RecordingLog]:
 
 def test_points_tell_polarisation_parity_branch_and_group_velocity() -> None:
     result, log = solved("bands.points=6", "bands.count=8")
-    document = json.loads(json.dumps(result.json(), allow_nan=False))
+    document = json.loads(json.dumps(result.record.to_dict(), allow_nan=False))
     assert [p["label"] for p in document["points"] if p["label"]] == ["G", "X", "M", "G"] and len(
         document["points"]
     ) == 19
@@ -92,7 +91,7 @@ def test_a_coarse_path_finds_the_edges_of_a_fine_one() -> None:
 
 def test_the_full_cell_gives_frequencies_only_and_says_so() -> None:
     result, log = solved("solve.model=solid", "bands.points=1", "bands.count=7", "bands.grid=1")
-    document = result.json()
+    document = result.record.to_dict()
     assert set(document["points"][0]) == {"label", "kx_per_m", "ky_per_m", "frequencies_hz"}
     assert "reduction_error" not in document and "polarisation, branches and group velocity" in log.omitted
     reduced, _ = solved("bands.points=1", "bands.count=7")
@@ -147,14 +146,13 @@ def test_a_reduction_that_cannot_be_raised_enough_is_an_alarm(monkeypatch: pytes
 
 
 @cache
-def document() -> dict[str, Any]:
+def made() -> BandsRecord:
     log = RecordingLog()
-    made = solve_bands(replace(case("bands.points=4", "bands.count=8")), log)
-    return made.json() | {"bending_at_m_hz": None}
+    return solve_bands(replace(case("bands.points=4", "bands.count=8")), log).record
 
 
 def test_the_picture_marks_every_wave_by_its_polarisation(tmp_path: Path) -> None:
-    stored = StoredCase(tmp_path, "cell", {}, {"bands": document(), "design": {"pitch_x_m": 4e-3}})
+    stored = synthetic.case("cell", bands=made(), design=synthetic.design(1, 4e-3, 5e-3))
     with style.style():
         report_figure = plots_bands.dispersion(stored, {})
     assert report_figure

@@ -123,8 +123,8 @@ def test_a_case_without_the_table_is_understood_as_before(tmp_path: Path) -> Non
     """Records of cases without it stay valid."""
     path = tmp_path / "case.toml"
     path.write_text(CASE.split("[tolerance]")[0])
-    assert "tolerance" not in load_case(path).as_understood()
-    given = load_case(path, ["tolerance.side_mm=0.02"]).as_understood()["tolerance"]
+    assert "tolerance" not in load_case(path).to_dict()
+    given = load_case(path, ["tolerance.side_mm=0.02"]).to_dict()["tolerance"]
     assert given == {"height_m": 0.0, "side_m": 2e-5, "position_m": 0.0, "samples": 20, "seed": 1}
     with pytest.raises(InputError, match=r"did you mean tolerance\.side_mm"):
         load_case(path, ["tolerance.sides_mm=0.02"])

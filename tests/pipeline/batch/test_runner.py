@@ -19,7 +19,8 @@ from pipeline import workers
 from pipeline.batch import job, journal, runner
 from pipeline.batch.progress import Progress
 from pipeline.cli import study_commands
-from pipeline.records import fingerprint, store, tables
+from pipeline.measures import registry
+from pipeline.records import fingerprint, store
 from pipeline.records import study as records_study
 from pipeline.workers import LocalWorkers
 from tests.helpers import fake_study
@@ -40,7 +41,7 @@ def test_every_way_to_end_is_recorded_by_name_and_stops_no_other(tmp_path: Path)
     fates = {1: "raise", 2: "kill", 3: "bug", 4: "memory", 5: "alarm", 6: "full"}
     outcome = run(tmp_path, fake_study.jobs(8, fates=fates))
     study = records_study.read_study(tmp_path)
-    text = {case.case_id: (case.status, case.diagnosis) for case in study.cases}
+    text = {case.case_id: (case.record.status, case.record.diagnosis) for case in study.cases}
     assert text["value=0"] == text["value=7"] == ("OK", "done")
     assert text["value=1"] == ("FAILED", "no count by inertia at 31 kHz; try another band")
     assert text["value=2"][0] == "FAILED" and "SIGKILL" in text["value=2"][1]
@@ -103,16 +104,16 @@ def test_any_executor_fits_and_gives_the_same_table(tmp_path: Path, monkeypatch:
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     with ThreadPoolExecutor(2) as pool:
         run(tmp_path / "b", fake_study.jobs(4), executor=pool)
-    one, two = (tables.write_table(tmp_path / name).read_bytes() for name in "ab")
+    one, two = (registry.write_table(tmp_path / name).read_bytes() for name in "ab")
     assert one == two and one.count(b"\n") == 5
 
 
 def test_threads_share_the_cores(tmp_path: Path):
     cores = workers.default_jobs(10**6)
     run(tmp_path, fake_study.jobs(1), jobs=1)
-    assert store.read_record(tmp_path / "value=0")["threads"] == str(cores)
+    assert store.read_record(tmp_path / "value=0")["other"]["threads"] == str(cores)
     run(tmp_path / "two", fake_study.jobs(1), jobs=2 * cores)
-    assert store.read_record(tmp_path / "two/value=0")["threads"] == "1"
+    assert store.read_record(tmp_path / "two/value=0")["other"]["threads"] == "1"
 
 
 def test_cases_that_would_not_fit_into_memory_wait(tmp_path: Path):
@@ -230,6 +231,15 @@ def test_workers_leave_ctrl_c_to_the_main_process():
         assert {"SIGINT", "SIGTERM", "SIGHUP"} <= set(pool.submit(fake_study.signals_held_back).result(timeout=30))
 
 
+def test_an_error_that_cannot_be_unpickled_fails_its_task_alone():
+    with LocalWorkers(2, 1) as pool:
+        neighbour = pool.submit(time.sleep, 0.5)
+        lost, later = pool.submit(fake_study.raises_what_cannot_be_loaded), pool.submit(os.getpid)
+        with pytest.raises(TypeError, match="missing 1 required"):
+            lost.result(timeout=60)
+        assert neighbour.result(timeout=60) is None and later.result(timeout=60) > 0
+
+
 def test_workers_of_an_interrupted_block_are_ended_at_once():
     begin = time.monotonic()
     with pytest.raises(KeyboardInterrupt), LocalWorkers(1, 1) as pool:
@@ -264,7 +274,7 @@ def test_a_lost_scheduler_fails_no_case_and_the_next_run_goes_on(tmp_path: Path,
     assert lost.failed == () and lost.exit_code == 3
     assert set(lost.given_up) <= set(lost.undone) == {"value=2", "value=3", "value=4"} and lost.given_up
     assert {"executor_lost", "end"} <= {entry["event"] for entry in journal.read(tmp_path)[0]}
-    statuses = Counter(case.status for case in records_study.read_study(tmp_path).cases)
+    statuses = Counter(case.record.status for case in records_study.read_study(tmp_path).cases)
     assert statuses == {"OK": 2, "MISSING": 3}
     again = run(tmp_path, jobs, jobs=1)
     assert len(again.reused) == 2 and len(again.ended) == 3 and again.exit_code == 0
@@ -301,7 +311,7 @@ def test_one_worker_killed_from_outside_fails_one_case(tmp_path: Path):
     workers[0].kill()
     process.communicate(timeout=30)
     assert process.returncode == 3
-    statuses = Counter(case.status for case in records_study.read_study(tmp_path).cases)
+    statuses = Counter(case.record.status for case in records_study.read_study(tmp_path).cases)
     assert statuses == {"OK": 3, "FAILED": 1}
 
 
@@ -324,7 +334,7 @@ def test_a_dask_cluster_of_processes_one_of_them_killed(tmp_path: Path, monkeypa
         outcome = going.result(timeout=120)
     assert outcome.exit_code == 0 and len(outcome.ended) == 8
     assert sum(starts(tmp_path / "dask").values()) > 8  # the lost worker's case went to another one
-    local, remote = (tables.write_table(tmp_path / name).read_text() for name in ("local", "dask"))
+    local, remote = (registry.write_table(tmp_path / name).read_text() for name in ("local", "dask"))
     assert local == remote
 
 

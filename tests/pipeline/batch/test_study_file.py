@@ -79,7 +79,7 @@ def test_ids_are_safe_and_unique_for_texts_lists_and_long_grids(study):
     ids = [case_id for case_id, _ in cases]
     assert len(set(ids)) == 12
     assert all(re.fullmatch(r"[A-Za-z0-9._+=,-]{1,120}", case_id) for case_id in ids)
-    assert "solve.band_kHz=[30, 34]" in cases[0][1] and 'pillar.material="steel"' in cases[0][1]
+    assert ("solve.band_kHz", [30, 34]) in cases[0][1] and ("pillar.material", "steel") in cases[0][1]
 
 
 def test_numbers_that_are_equal_have_one_id(study):
@@ -147,3 +147,9 @@ def test_paired_values_may_repeat_while_their_pairs_do_not(tmp_path: Path, where
         "rows=1,extension_mm=8",
         "rows=2,extension_mm=8",
     ]
+
+
+def test_the_old_name_of_the_base_s_measures_is_refused_with_the_new_one(study):
+    head = '[study]\ncase = "three-rows.toml"\nmeasure = ["modes"]\nonce = ["parts"]\n'
+    (line,) = lines_of(study("", head))
+    assert 'study.once = ["parts"]: this key is now named study.base_measure' in line

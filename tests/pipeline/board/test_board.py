@@ -9,11 +9,12 @@ import pytest
 
 from firmware import emulate
 from firmware.build import BuildError, toolchain
-from pipeline.batch import measures
+from pipeline.batch import case_study
 from pipeline.batch.study_file import load_study
 from pipeline.board import emulation
 from pipeline.board.table_file import Mode, ModeTable, from_bytes, to_bytes
 from pipeline.errors import InputError
+from pipeline.records.record import BoardFault
 from pipeline.records.run_log import RunLog
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import three_patches
@@ -52,10 +53,10 @@ def test_record_and_arrays(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(emulate, "board_run", lambda table: a_run())
     text = RecordingLog()
     record, arrays = emulation.solve(folder, text)
-    assert record is not None and record["swept"] and record["gain"] == [0.0, -0.5]
-    assert record["overshoot"] == pytest.approx(0.01) and record["reference"] == 0.1
+    assert record is not None and record.swept and record.gain == (0.0, -0.5)
+    assert record.overshoot == pytest.approx(0.01) and record.reference == 0.1
     # 95 % of 1 - exp(-t/0.5 ms) is passed at 1.498 ms, by the window that begins at 1.6 and stands for 0.108 ms later
-    assert record["t95_s"] == pytest.approx(1.6e-3 + 0.108e-3)
+    assert record.t95_s == pytest.approx(1.6e-3 + 0.108e-3)
     assert set(arrays) == {f"board_{name}" for name in emulation.COLUMNS}
     assert "identified" in text.facts[-1] and "1.71 ms" in text.facts[-1]
 
@@ -65,7 +66,7 @@ def test_a_step_that_is_never_reached_says_so(folder: Path, monkeypatch: pytest.
     run.columns["u_d"] *= 0.5
     monkeypatch.setattr(emulate, "board_run", lambda table: run)
     record, _ = emulation.solve(folder, text := RecordingLog())
-    assert record is not None and record["t95_s"] is None and "not reached" in text.facts[-1]
+    assert record is not None and record.t95_s is None and "not reached" in text.facts[-1]
 
 
 def test_what_is_not_installed_is_left_out_and_a_fault_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -82,7 +83,7 @@ def test_what_is_not_installed_is_left_out_and_a_fault_is_told(folder: Path, mon
         and "no compiler" in text.omitted["closed loop on the emulated board"]
     )
     monkeypatch.setattr(emulate, "board_run", fails(emulate.EmulationError("identify")))
-    assert emulation.solve(folder, text) == ({"fault": "identify"}, {}) and "BOARD" in text.warnings
+    assert emulation.solve(folder, text) == (BoardFault(fault="identify"), {}) and "BOARD" in text.warnings
     monkeypatch.setattr(emulate, "board_run", fails(BuildError("the compiler refused", 3)))
     with pytest.raises(BuildError):
         emulation.solve(folder, text)
@@ -90,8 +91,10 @@ def test_what_is_not_installed_is_left_out_and_a_fault_is_told(folder: Path, mon
 
 def test_the_board_needs_the_modes_and_depends_on_the_firmware(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="must hold modes"):
-        measures.jobs_of(study(tmp_path, '["bands", "board"]'))
-    with_board, without = (measures.jobs_of(study(tmp_path, m))[0].payload for m in ('["modes", "board"]', '["modes"]'))
+        case_study.jobs_of(study(tmp_path, '["bands", "board"]'))
+    with_board, without = (
+        case_study.jobs_of(study(tmp_path, m))[0].payload for m in ('["modes", "board"]', '["modes"]')
+    )
     assert with_board["firmware"] == emulation.sources_hash() and "firmware" not in without
 
 
@@ -104,14 +107,14 @@ def test_a_case_with_patches_is_played_with_its_computed_gain(tmp_path: Path) ->
     except BuildError as missing:
         pytest.skip(str(missing))
     one = study(tmp_path, '["modes", "response", "board"]')
-    job = measures.jobs_of(one)[0]
+    job = case_study.jobs_of(one)[0]
     with RunLog(tmp_path / "run.mess") as log:
-        record = measures.compute(str(one.case_path), job.payload, tmp_path, log)
+        record = case_study.compute(str(one.case_path), job.payload, tmp_path, log)
     table = from_bytes((tmp_path / emulation.TABLE).read_bytes())
     gain = table.modes[table.wanted].gain
     assert gain is not None
     result = record["board"]
-    assert result["swept"] and result["frequency_hz"] == pytest.approx(
+    assert result.swept and result.frequency_hz == pytest.approx(
         1.002 * table.modes[table.wanted].frequency_hz, abs=0.1
     )
-    assert abs(complex(*result["gain"])) == pytest.approx(abs(gain), rel=5e-3)
+    assert abs(complex(*result.gain)) == pytest.approx(abs(gain), rel=5e-3)

@@ -75,8 +75,8 @@ def test_a_plate_with_pillars_needs_its_rows_said():
         case_from_dict(without("patches") | {"array": {"pitch_mm": 4.0}}).require_plate()
 
 
-def test_as_understood_is_plain_json_and_follows_every_value():
-    base = load_case(CASE).as_understood()
+def test_to_dict_is_plain_json_and_follows_every_value():
+    base = load_case(CASE).to_dict()
     assert json.loads(json.dumps(base, allow_nan=False)) == base
     changes = [
         "material.young_GPa=71",
@@ -105,13 +105,13 @@ def test_as_understood_is_plain_json_and_follows_every_value():
         "patches.drive_V=2",
         "patches.material=pzt-4",
     ]
-    seen = [json.dumps(load_case(CASE, [change]).as_understood()) for change in changes]
+    seen = [json.dumps(load_case(CASE, [change]).to_dict()) for change in changes]
     assert len({json.dumps(base), *seen}) == len(changes) + 1
-    assert load_case(CASE, ["name=other"]).as_understood() == base
+    assert load_case(CASE, ["name=other"]).to_dict() == base
 
 
 def test_bands_only_case_is_json_without_nan():
-    plain = case_from_dict(without("zone", "patches")).as_understood()
+    plain = case_from_dict(without("zone", "patches")).to_dict()
     assert plain["design"]["length_m"] is None
     json.dumps(plain, allow_nan=False)
 
@@ -149,6 +149,11 @@ def test_set_creates_an_absent_table():
     assert case.quality == 50.0
 
 
+def test_overrides_are_texts_or_keys_with_values():
+    texts, pairs = ["array.pitch_mm=6", "material=steel"], [("array.pitch_mm", 6), ("material", "steel")]
+    assert load_case(CASE, pairs).to_dict() == load_case(CASE, texts).to_dict()
+
+
 def test_last_set_wins():
     assert load_case(CASE, ["array.rows=1", "array.rows=2"]).design.rows == 2
 
@@ -161,10 +166,10 @@ def test_step_pillar_is_measured_and_hashed(tmp_path):
     case = load_case(tmp_path / "case.toml", ["pillar.shape=step", "pillar.file=pillar.step"])
     pillar = case.design.pillar
     assert (pillar.base_m, pillar.height_m) == pytest.approx((2e-3, 6.3e-3), rel=1e-6)
-    first = case.as_understood()["design"]["pillar"]
+    first = case.to_dict()["design"]["pillar"]
     assert first["file"] == "pillar.step" and len(first["file_sha256"]) == 64
     cadquery.exporters.export(solid.rotate((0, 0, 0), (0, 0, 1), 90), str(tmp_path / "pillar.step"))
-    assert case.as_understood()["design"]["pillar"]["file_sha256"] != first["file_sha256"]
+    assert case.to_dict()["design"]["pillar"]["file_sha256"] != first["file_sha256"]
 
 
 def test_reading_a_case_imports_no_cad_and_no_mesher():

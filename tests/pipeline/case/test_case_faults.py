@@ -47,7 +47,7 @@ def lines_of(overrides: list[str], raw: dict | None = None) -> list[str]:
         ("pillar.fillet_mm=7", "pillar.fillet_mm = 7: must be smaller than the pillar's height 6.3 mm"),
         ("pillar.diameter_mm=2", "pillar.diameter_mm = 2: does not belong to a square pillar"),
         ("pillar.shape=round", "pillar.diameter_mm: missing, a round pillar needs it"),
-        ("pillar.shape=rond", 'pillar.shape = "rond": must be square, round, tapered or step (did you mean round?)'),
+        ("pillar.shape=rond", 'pillar.shape = "rond": must be square, round, tapered, hexagonal, cross or step (did'),
         ("pillar.hieght_mm=6", "pillar.hieght_mm = 6: unknown key (did you mean pillar.height_mm?)"),
         ("pitch_mm=6", "pitch_mm = 6: unknown key (did you mean array.pitch_mm?)"),
         ("zonee.width_mm=6", "unknown table (did you mean zone?)"),

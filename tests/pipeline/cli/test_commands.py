@@ -162,7 +162,7 @@ def test_a_report_names_the_cases_that_it_does_not_believe(
     monkeypatch.setattr(paths, "RESULTS", tmp_path)
     monkeypatch.setattr(study_commands, "_table_and_report", lambda folder: [])
     (tmp_path / "rows/a").mkdir(parents=True)
-    store.seal(tmp_path / "rows/a", {"schema": 1, "case_id": "a", "status": "OK"})
+    store.seal(tmp_path / "rows/a", {"schema": store.SCHEMA, "case_id": "a", "status": "OK"})
     store.write_json(tmp_path / "rows/cases.json", {"about": {}, "cases": [{"case_id": "a"}]})
     assert run("report", "rows") == 0 and capsys.readouterr().err == ""
     record = tmp_path / "rows/a/record.json"

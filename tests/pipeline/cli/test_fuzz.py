@@ -22,12 +22,14 @@ from geometry.formats.neutral import RawMesh
 from geometry.formats.reader import load
 from geometry.layout import Design
 from geometry.materials import MATERIALS
+from geometry.pillar_shapes.registry import SHAPES
 from pipeline.analysis import predesign
 from pipeline.case.model import load_case
 from pipeline.case.quantities import parse_band, parse_frequency
-from pipeline.case.schema import known_keys
+from pipeline.case.schema import SIZE_KEYS, known_keys
 from pipeline.errors import CommandError, InputError
 from pipeline.measured.files import read_field, read_sweep
+from pipeline.planning.model_choice import cell_model_choice
 from pipeline.records import store
 
 CASE = (Path(__file__).parents[3] / "studies" / "three-rows.toml").read_text()
@@ -39,7 +41,7 @@ ODD = [
     "0", "-0.0", "1", "-1", "1e308", "-1e308", "1e-308", "5e-324", "1e-60", "3e-8", "nan", "inf", "-inf", "true", "9" * 400,
     "0.001", "1e4", "1e-3", "2e-3", "1000", "0.5", "2.0000001", "[]", "{}", "[[]]", '""', '"\\u0000"', '"\\n"', "'x'",
     "[0, 1e300]", "[1e-320, 2e-320]", "[[0, 0]]", "[[0, 0], [0, 0]]", "[1e308, 1e308, 1e308]", "[0.001, 0.001, 0.001]",
-    "{young_GPa = 1e-9, density_kg_m3 = 1, poisson = 0.4}", "1979-05-27", "0x10", "square", "step", "antinodes", "steel",
+    "{young_GPa = 1e-9, density_kg_m3 = 1, poisson = 0.4}", "1979-05-27", "0x10", *SHAPES, "antinodes", "steel",
     "[" * 30 + "]" * 30, "{a.b.c.d.e.f.g.h.i = 1}", '"' + "s" * 5000 + '"',
 ]  # fmt: skip
 SIZES = [key for key in KEYS if key.endswith(("_mm", "young_GPa", "kg_m3", "quality", "near_kHz")) and "." in key]
@@ -101,6 +103,17 @@ class Mutants:
         path.write_bytes(content)
         return str(path)
 
+    def shape(self, draw: random.Random) -> Any:
+        """A pillar's shape with its own sizes, each ordinary or of any magnitude, now and then one of another shape."""
+        shape = SHAPES[draw.choice([*SHAPES])]
+        keys = {*shape.keys, draw.choice([*shape.keys, *SIZE_KEYS, "height_mm", "fillet_mm"])}
+        sizes = {key: draw.choice((draw.uniform(0.3, 3.0), 10.0 ** draw.uniform(-4.0, 5.0))) for key in sorted(keys)}
+        case = load_case(
+            self.folder / "case.toml",
+            [f"pillar.shape={shape.name}", *(f"pillar.{key}={size!r}" for key, size in sizes.items())],
+        )
+        return json.dumps(predesign.run(case)[0], allow_nan=False) if self.sizes else (case, cell_model_choice(case))
+
     def override(self, draw: random.Random) -> Any:
         given = [f"{draw.choice(KEYS)}={draw.choice(ODD)}" for _ in range(draw.randint(1, 3))]
         return load_case(self.folder / "case.toml", given)
@@ -156,7 +169,16 @@ class Mutants:
         return store.read_record(self.folder)
 
 
-SHARES = {"override": 22, "number": 6, "text_of_override": 10, "case": 20, "quantity": 6, "sweep": 8, "field": 8}
+SHARES = {
+    "override": 16,
+    "shape": 6,
+    "number": 6,
+    "text_of_override": 10,
+    "case": 20,
+    "quantity": 6,
+    "sweep": 8,
+    "field": 8,
+}
 SHARES |= {"mesh": 8, "binary_mesh": 8, "record": 4}
 
 

@@ -109,7 +109,7 @@ def test_a_case_may_name_its_measurements(compared: Path, tmp_path: Path) -> Non
     given = document(compared)["measured"]["sweep"]
     assert result["sweep"]["frequency_hz"] == given["frequency_hz"]
     assert result["sweep"]["computed"]["point_mm"] == pytest.approx([19.86, 0.16])
-    with_defaults = load_case(CASE, [named[1], named[3]]).as_understood()["measured"]
+    with_defaults = load_case(CASE, [named[1], named[3]]).to_dict()["measured"]
     assert len(with_defaults["sweep_sha256"]) == 64 and "map" not in with_defaults
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.batch import measures
+from pipeline.batch import case_study
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.errors import InputError
@@ -94,12 +94,12 @@ def test_explain_tells_memory_unknowns_modes_and_time(sixteen_gib: None, capsys:
 def test_a_case_of_a_study_is_refused_before_its_first_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     refuse_to_mesh(monkeypatch)
     monkeypatch.setenv(memory.STATED, "0.1")
-    payload = {"case": load_case(SMALL).as_understood(), "overrides": [], "measure": ["modes", "bands"]}
+    payload = {"case": load_case(SMALL).to_dict(), "overrides": [], "measure": ["modes", "bands"]}
     with (
         RunLog(tmp_path / "run.mess") as log,
         pytest.raises(InputError, match=r"modes of the plate: needs about") as fault,
     ):
-        measures.compute(SMALL, payload, tmp_path, log)
+        case_study.compute(SMALL, payload, tmp_path, log)
     assert len(fault.value.lines) == 2  # the bands too, told at once
 
 

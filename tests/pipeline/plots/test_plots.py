@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -8,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.plots import bands, fields, gallery, mesh, plate, rendering, style, sweep
+from pipeline.plots import bands, fields, mesh, plate, rendering, style, sweep
 from pipeline.plots import fields as plots_fields
-from pipeline.records import store
+from pipeline.records.record import BandPoint, Record, ShapesRecord
 from pipeline.records.study import StoredCase, StoredStudy, read_study
+from pipeline.report import gallery
 from tests.helpers import synthetic
 
 
@@ -47,11 +47,10 @@ def test_every_picture_is_drawn_named_and_kept(case: StoredCase, by_hand):
     drawn = gallery.draw_case(case)
     pictures = drawn.pictures
     assert drawn.troubles == []
-    elsewhere = {
-        "measured",
-        "tolerance",
-    }  # this record has neither; test_measured_response and test_tolerance draw them
-    assert [picture.name for picture in pictures] == [name for name in gallery.ORDER if name not in elsewhere]
+    assert [picture.name for picture in pictures] == [
+        *("geometry", "touch_face", "side_view", "pillars_in_plane", "neighbours", "dispersion", "attenuation"),
+        *("response", "board", "plate_meshes", "cell_meshes", "mode_on_both_meshes"),
+    ]  # no measured one, no tolerance in this record: test_measured_response and test_tolerance draw them
     folder = case.folder / style.PICTURES
     for picture in pictures:
         assert len(picture.alt) > 60 and picture.title
@@ -64,7 +63,8 @@ def test_every_picture_is_drawn_named_and_kept(case: StoredCase, by_hand):
     (folder / "touch_face.png").unlink()
     assert gallery.kept_pictures(case) is None  # a lost file, and:
     gallery.draw_case(case)
-    changed = replace(case, record={**case.record, "wanted": {**case.wanted, "confinement_db": 3.0}})
+    modes = case.record.modes.model_copy(update={"wanted": synthetic.wanted(3.0)})
+    changed = replace(case, record=case.record.model_copy(update={"modes": modes}))
     assert gallery.kept_pictures(case) is not None and gallery.kept_pictures(changed) is None
 
 
@@ -100,7 +100,8 @@ def test_the_gap_and_the_bending_bands_are_told_with_their_numbers(case: StoredC
     assert "complete gap 163.10 to 175.84 kHz" in text and "bending at M\n32.54 kHz" in text
     assert [tick.get_text() for tick in report_figure.figure.axes[0].get_xticklabels()] == ["Γ", "X", "M", "Γ"]
     assert "163.10 and 175.84" in report_figure.alt and "32.54" in report_figure.alt
-    none = replace(case, record={**case.record, "bands": {**case.record["bands"], "gaps": []}})
+    gapless = case.record.bands.model_copy(update={"gaps": []})
+    none = replace(case, record=case.record.model_copy(update={"bands": gapless}))
     assert "No complete gap" in labels(bands.dispersion(none, {}).figure)
 
 
@@ -117,32 +118,32 @@ def test_normalised_frequency_is_f_a_over_the_shear_speed(case: StoredCase):
 
 
 def test_the_path_is_drawn_to_scale():
-    points = synthetic.bands(0.004)["bands"]["points"]
+    points = synthetic.bands(0.004).points
     s = bands.path_length(points)
-    marks = [x for x, point in zip(s, points, strict=True) if point["label"]]
+    marks = [x for x, point in zip(s, points, strict=True) if point.label]
     assert np.diff(marks) == pytest.approx(np.pi / 0.004 * np.array([1, 1, np.sqrt(2)]))
 
 
 def test_the_side_view_states_its_factor_truly(case: StoredCase):
-    arrays, design = case.arrays(), case.record["design"]
+    arrays, design = case.arrays(), case.record.design
     report_figure = fields.side_view(case, arrays)
     text = float(report_figure.title.split("drawn ")[1].split(" times")[0].replace("\u202f", ""))
     largest = np.abs(arrays["surface_u"][0]).max() / plate.zone_peak(arrays, design) * 1e-6
     drawn = largest * text
-    limit = fields.DRAWN_SHARE * design["pillar"]["height_m"]
+    limit = fields.DRAWN_SHARE * design.pillar.height_m
     assert limit / 2.5 < drawn <= limit  # the largest of 1, 2, 5 that fits
     tips = report_figure.figure.axes[0].collections[1].get_paths()
     reach = max(np.abs(path.vertices[:, 0]).max() for path in tips) / 1e3
-    foot = max(abs(y) for _, y in design["pillar_centres_m"]) + design["pillar"]["base_m"] / 2
+    foot = max(abs(y) for _, y in design.pillar_centres_m) + design.pillar.base_m / 2
     assert abs(reach - foot) < drawn * 1.01
 
 
 def test_tips_are_found_pillar_by_pillar(case: StoredCase):
-    arrays, design = case.arrays(), case.record["design"]
+    arrays, design = case.arrays(), case.record.design
     pillars = plate.find_pillars(arrays, design)
     assert len(pillars.centres) == 2 * 2 * 29
     tips = arrays["surface_points"][pillars.tips, :2]
-    assert np.abs(tips - pillars.centres[pillars.tip_owner]).max() <= design["pillar"]["base_m"] / 2 * 1.001
+    assert np.abs(tips - pillars.centres[pillars.tip_owner]).max() <= design.pillar.base_m / 2 * 1.001
     assert np.bincount(pillars.tip_owner).min() > 0
 
 
@@ -188,9 +189,8 @@ def test_only_points_of_one_and_the_same_mode_are_joined(tmp_path: Path):
     shapes = {4: [[1.0, 0.0], [0.0, 1.0]], 5: [[0.99, 0.1], [0.0, 1.0]], 6: [[0.0, 1.0], [1.0, 0.0]]}
     for pitch, coefficients in shapes.items():
         (path,) = folder.glob(f"pitch_mm={pitch}*/record.json")
-        record = json.loads(path.read_text())
-        record["shapes"] = {"wanted": 0, "frequency_hz": [31e3, 33e3], "share": [0.9] * 2, "coefficients": coefficients}
-        store.seal(path.parent, record)
+        kept = ShapesRecord(wanted=0, frequency_hz=[31e3, 33e3], share=[0.9] * 2, coefficients=coefficients)
+        synthetic.change(path.parent, shapes=kept)
     level, tone = sweep.against_sweep(read_study(folder)).figure.axes
     for axes in (level, tone):
         joined = [line.get_xdata().tolist() for line in axes.lines if line.get_linestyle() == "-"]
@@ -203,9 +203,9 @@ def test_only_points_of_one_and_the_same_mode_are_joined(tmp_path: Path):
 def test_each_line_has_its_own_cell_where_the_cells_differ(tmp_path: Path):
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004, 0.006), rows=(1, 2, 3))
     for path in folder.glob("pitch_mm=6*/record.json"):
-        record = json.loads(path.read_text())
-        record["bands"]["bending_at_m_hz"] = [31000.0, 31100.0]
-        store.seal(path.parent, record)
+        bands = synthetic.record_of(path.parent).bands
+        corner = BandPoint(label="M", kx_per_m=1.0, ky_per_m=1.0, frequencies_hz=[31000.0, 31100.0])
+        synthetic.change(path.parent, bands=bands.model_copy(update={"points": [corner]}))
     study = read_study(folder)
     _, tone = sweep.against_sweep(study).figure.axes
     cells = [line for line in tone.lines if line.get_label() == "_cell"]
@@ -221,9 +221,9 @@ def test_swept_keys_in_words(key: str, label: str):
 
 def test_records_with_little_in_them_give_few_pictures(study: StoredStudy, tmp_path: Path, by_hand):
     case = study.cases[0]
-    bare = StoredCase(tmp_path / "bare", "bare", {}, {"status": "OK", "bands": case.record["bands"]})
+    bare = StoredCase(tmp_path / "bare", Record(case_id="bare", status="OK", bands=case.record.bands))
     assert [picture.name for picture in gallery.draw_case(bare).pictures] == ["dispersion"]
-    nothing = StoredCase(tmp_path / "none", "none", {}, {"status": "OK"})
+    nothing = StoredCase(tmp_path / "none", Record(case_id="none", status="OK"))
     assert gallery.draw_case(nothing).pictures == [] and not (tmp_path / "none").exists()
     assert gallery.draw_case(study.cases[-1]).pictures == []  # the failed one
 
@@ -231,7 +231,7 @@ def test_records_with_little_in_them_give_few_pictures(study: StoredStudy, tmp_p
 def test_a_bare_plate_has_its_pictures(tmp_path: Path, by_hand):
     shape = synthetic.design(0, 0.004, 0.005)
     arrays = synthetic.shapes(shape, 12.0)
-    case = StoredCase(tmp_path, "bare-plate", {}, synthetic.record("bare-plate", {}, shape, 3.0))
+    case = StoredCase(tmp_path, synthetic.record("bare-plate", {}, shape, 3.0))
     names = [
         report_figure.name
         for report_figure in (fields.touch_face(case, arrays), fields.side_view(case, arrays))
@@ -267,10 +267,10 @@ def test_a_skin_without_edge_faces_gets_them_once(corners: int):
     points, faces = synthetic.skin(shape)
     faces = faces if corners == 4 else np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
     assert mesh.with_edges(points, faces, shape)[1] is faces  # closed already
-    flat = [np.abs(points[:, axis]) > half * (1 - 1e-9) for axis, half in ((0, 0.1155 / 2), (1, shape["half_span_m"]))]
+    flat = [np.abs(points[:, axis]) > half * (1 - 1e-9) for axis, half in ((0, 0.1155 / 2), (1, shape.half_span_m))]
     open_faces = faces[~(flat[0][faces].all(axis=1) | flat[1][faces].all(axis=1))]
     closed_points, closed_faces = mesh.with_edges(points, open_faces, shape)
     added = closed_points[closed_faces[len(open_faces) :]]
     sides = np.linalg.norm(np.cross(added[:, 1] - added[:, 0], added[:, -1] - added[:, 0]), axis=1)
     sides *= 1.0 if corners == 4 else 0.5
-    assert sides.sum() == pytest.approx(4 * (0.1155 / 2 + shape["half_span_m"]) * 0.002)
+    assert sides.sum() == pytest.approx(4 * (0.1155 / 2 + shape.half_span_m) * 0.002)

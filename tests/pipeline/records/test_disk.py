@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from pipeline.analysis import mode_fields, modes
-from pipeline.batch import measures
+from pipeline.batch import case_study
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.logs import TerminalLog
 from pipeline.models.cell_cache import CellCache
 from pipeline.paths import STUDIES
 from pipeline.planning.request import Request
-from pipeline.records import store
+from pipeline.records import record, store
+from pipeline.records.record import Record
 from pipeline.records.run_log import RunLog
 from pipeline.records.study import StoredCase
 from pipeline.records.surface_codec import folded, from_steps, in_steps, scaled, surface_arrays, touch_arrays, unfolded
@@ -73,10 +74,10 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small case as a study computes it, modes and bands, with every field on demand."""
     folder = tmp_path_factory.mktemp("case")
     case = load_case(CASE, SMALL)
-    payload = {"case": case.as_understood(), "overrides": SMALL, "measure": ["modes", "bands"], "fields": True}
+    payload = {"case": case.to_dict(), "overrides": SMALL, "measure": ["modes", "bands"], "fields": True}
     with RunLog(folder / store.RUN_LOG) as log:
-        record = measures.compute(CASE, payload, folder, log)
-    store.seal(folder, {**record, "schema": 1, "case_id": folder.name})
+        result = case_study.compute(CASE, payload, folder, log)
+    store.seal(folder, Record.of_case(result, case_id=folder.name, status="OK").to_dict())
     return folder
 
 
@@ -95,28 +96,28 @@ def test_a_thousand_cases_stay_under_a_gigabyte(computed: Path) -> None:
 
 
 def test_a_stored_case_unfolds_for_its_pictures(computed: Path) -> None:
-    arrays = StoredCase(computed, "case", {}).arrays()
+    arrays = StoredCase(computed, record.read(computed)).arrays()
     assert arrays["surface_u"].shape[0] == 4 and len(arrays["surface_points"]) == 4 * len(arrays["mesh_points"])
     assert {"touch_xy", "touch_triangles", "touch_uz", "mesh_quads", "surface_quads"} <= arrays.keys()
     assert not [name for name in arrays if name.startswith("folded_")]
 
 
 def test_fields_on_demand_hold_every_mode_and_no_less(computed: Path) -> None:
-    record = store.read_json(computed / store.RECORD)
+    stored = record.read(computed)
     with np.load(computed / store.FIELDS) as file:
         tones, moved = file["frequency_hz"], file["displacement"]
-        assert tones.tolist() == [mode["frequency_hz"] for mode in record["modes"]["modes"]]
+        assert tones.tolist() == [mode.frequency_hz for mode in stored.modes.modes]
         assert moved.shape == (len(tones), len(file["points"]), 3) and moved.dtype == np.float64
-        wanted = moved[record["wanted"]["index"]]
+        wanted = moved[stored.wanted.index]
     kept = from_steps(store.load_arrays(computed)["folded_u"][0])
     np.testing.assert_allclose(kept, scaled(wanted), atol=1.3e-4)
 
 
 def test_a_case_keeps_no_fields_unless_asked(tmp_path: Path) -> None:
     case = load_case(CASE, [*SMALL, "array.rows=0"])
-    payload = {"case": case.as_understood(), "overrides": [*SMALL, "array.rows=0"], "measure": ["modes"]}
+    payload = {"case": case.to_dict(), "overrides": [*SMALL, "array.rows=0"], "measure": ["modes"]}
     with RunLog(tmp_path / store.RUN_LOG) as log:
-        measures.compute(CASE, payload, tmp_path, log)
+        case_study.compute(CASE, payload, tmp_path, log)
     assert not (tmp_path / store.FIELDS).exists() and (tmp_path / store.ARRAYS).exists()
 
 

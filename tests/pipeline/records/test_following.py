@@ -6,24 +6,28 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.measures import registry
 from pipeline.records import tables, tracking
+from pipeline.records.record import ShapesRecord
 from pipeline.records.study import StoredCase, StoredStudy
+from tests.helpers import synthetic
 
 
 def case(pitch: float, shapes: list[list[float]], wanted: int, mac: float, rows: int = 1) -> StoredCase:
-    """A record as steps writes it, with modes at 30, 31, ... kHz."""
+    """A record with modes at 30, 31, ... kHz."""
     tones = [30e3 + 1e3 * i for i in range(len(shapes))]
-    record = {
-        "status": "OK",
-        "wanted": {"status": "single", "frequency_hz": tones[wanted], "mac": mac, "share": mac, "confinement_db": 12.0},
-        "shapes": {"wanted": wanted, "frequency_hz": tones, "share": [0.9] * len(shapes), "coefficients": shapes},
-    }
+    modes = synthetic.modes(synthetic.wanted(12.0, tones[wanted], mac=mac, share=mac))
+    stored = ShapesRecord(wanted=wanted, frequency_hz=tones, share=[0.9] * len(shapes), coefficients=shapes)
     sweep = {"array.pitch_mm": pitch, "array.rows": rows}
-    return StoredCase(Path(f"p{pitch}r{rows}"), f"p{pitch}r{rows}", sweep, record)
+    return synthetic.case(f"p{pitch}r{rows}", sweep, modes=modes, shapes=stored)
 
 
 def study(*cases: StoredCase) -> StoredStudy:
     return StoredStudy(Path("study"), {"name": "study"}, cases)
+
+
+def table(study: StoredStudy) -> list[str]:
+    return tables.table_bytes(study, registry.columns_of(study)).decode().splitlines()
 
 
 FIRST, SECOND, MIXED = [1.0, 0.0], [0.0, 1.0], [0.7, 0.714]
@@ -59,15 +63,15 @@ def test_both_ways_from_the_start_and_line_by_line() -> None:
 
 def test_the_table_carries_it_and_a_single_case_has_no_such_columns() -> None:
     line = study(case(4, [FIRST, SECOND], 0, 0.98), case(5, [FIRST, SECOND], 0, 0.9))
-    header, *rows = tables.table_text(line).splitlines()
+    header, *rows = table(line)
     assert "tracked_hz,tracked_mac,tracking" in header
     assert "30000.00,1.0000,kept" in rows[1]
-    assert "tracking" not in tables.table_text(study(line.cases[0])).splitlines()[0]
+    assert "tracking" not in table(study(line.cases[0]))[0]
 
 
 def test_the_case_that_is_computed_once_is_no_part_of_the_sweep() -> None:
     base = case(4, [FIRST, SECOND], 0, 0.99)
-    once = StoredCase(Path("base"), "base", {}, base.record)
+    once = StoredCase(Path("base"), base.record.model_copy(update={"case_id": "base", "sweep": {}}))
     result = tracking.along_sweep(study(once, case(4, [FIRST, SECOND], 0, 0.98), case(5, [FIRST, SECOND], 0, 0.9)))
     assert [result[name].identity for name in ("p4r1", "p5r1")] == ["start", "kept"]
     assert "base" not in result

@@ -19,7 +19,12 @@ def finished_case(folder: Path) -> dict:
     mark = fingerprint.current()
     store.begin(folder, PAYLOAD)
     store.save_arrays(folder, {"a": np.arange(5.0)})
-    record = {"schema": 1, "case_id": folder.name, "status": "OK", "input_hash": fingerprint.input_hash(PAYLOAD)}
+    record = {
+        "schema": store.SCHEMA,
+        "case_id": folder.name,
+        "status": "OK",
+        "input_hash": fingerprint.input_hash(PAYLOAD),
+    }
     record |= {"code_hash": mark.code_hash, "versions": mark.versions}
     store.finish(folder, record, {"seconds": {"total": 1.0}})
     return record

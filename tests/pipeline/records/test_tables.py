@@ -1,17 +1,19 @@
 import csv
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from pipeline.records import outputs, store, tables
+from pipeline.measures import registry
+from pipeline.records import outputs, store
+from pipeline.records.record import BandPoint, BandsRecord, GapRecord
+from tests.helpers import synthetic
 
-RECORD = {"schema": 1, "status": "OK", "diagnosis": "done", "modes": None, "wanted": None}
 
-
-def put(study: Path, case_id: str, sweep: dict, **record: object) -> dict:
+def put(study: Path, case_id: str, sweep: dict, **sections: Any) -> dict:
     folder = study / case_id
     folder.mkdir(parents=True)
-    store.seal(folder, {**RECORD, "case_id": case_id, "sweep": sweep, **record})
+    store.seal(folder, synthetic.case(case_id, sweep, **{"diagnosis": "done", **sections}).record.to_dict())
     return {"case_id": case_id, "sweep": sweep}
 
 
@@ -22,15 +24,21 @@ def read(path: Path) -> list[dict[str, str]]:
 
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
-    wanted = {"frequency_hz": 31234.5678, "mac": 0.91234567, "zone_share": 0.8, "confinement_db": 10.0}
-    check = {"low_hz": 25e3, "high_hz": 45e3, "expected": 7, "found": 7}
-    modes = {"dof": 1234, "count_check": check}
-    bands = {"dof": 99, "gaps": [{"lower_hz": 1.0, "upper_hz": 2.0}, {"lower_hz": 163.1e3, "upper_hz": 175.8e3}]}
+    modes = [
+        synthetic.modes(synthetic.wanted(level, 31234.5678, mac=0.91234567, rivals=[]), dof=1234)
+        for level in (10.0, 9.99)
+    ]
+    gaps = [
+        GapRecord(lower_band=1, upper_band=2, lower_hz=low, upper_hz=high)
+        for low, high in ((1.0, 2.0), (163.1e3, 175.8e3))
+    ]
+    corner = BandPoint(label="M", kx_per_m=1.0, ky_per_m=1.0, frequencies_hz=[32540.0, 32541.0, 80e3])
+    bands = BandsRecord(model="solid", dof=99, points=[corner], gaps=gaps)
     listed = [
-        put(tmp_path, "b", {"array.rows": 2}, modes=modes, wanted=wanted),
-        put(tmp_path, "a", {"array.rows": 1}, modes=modes, wanted={**wanted, "confinement_db": 9.99}),
+        put(tmp_path, "b", {"array.rows": 2}, modes=modes[0]),
+        put(tmp_path, "a", {"array.rows": 1}, modes=modes[1]),
         put(tmp_path, "f", {"array.rows": 3}, status="FAILED", diagnosis='no count, "31 kHz"'),
-        put(tmp_path, "cell", {"array.rows": 0}, bands={**bands, "bending_at_m_hz": [32540.0, 32541.0]}),
+        put(tmp_path, "cell", {"array.rows": 0}, bands=bands),
         {"case_id": "gone", "sweep": {"array.rows": 4}},
     ]
     store.write_json(tmp_path / "cases.json", {"schema": 1, "about": {}, "cases": listed})
@@ -38,7 +46,7 @@ def study(tmp_path: Path) -> Path:
 
 
 def test_a_row_per_case_in_the_study_s_order(study: Path):
-    rows = read(tables.write_table(study))
+    rows = read(registry.write_table(study))
     assert [row["case"] for row in rows] == ["b", "a", "f", "cell", "gone"]
     assert [row["array.rows"] for row in rows] == ["2", "1", "3", "0", "4"]
     assert rows[0]["wanted_hz"] == "31234.57" and rows[0]["mac"] == "0.9123" and rows[0]["dof"] == "1234"
@@ -51,15 +59,15 @@ def test_a_row_per_case_in_the_study_s_order(study: Path):
 
 
 def test_columns_only_where_some_case_has_them_and_no_times(study: Path):
-    header = tables.write_table(study).read_text().splitlines()[0].split(",")
+    header = registry.write_table(study).read_text().splitlines()[0].split(",")
     assert not {"mass_kg", "pillar_share", "rivals"} & set(header)
     assert not [name for name in header if "second" in name or "time" in name]
 
 
 def test_the_same_records_give_the_same_bytes(study: Path):
-    first = tables.write_table(study).read_bytes()
+    first = registry.write_table(study).read_bytes()
     store.write_json(study / "b" / store.TIMING, {"seconds": {"total": 99.0}})
-    assert tables.write_table(study).read_bytes() == first
+    assert registry.write_table(study).read_bytes() == first
 
 
 @pytest.mark.parametrize("text", ["=cmd|'/C calc'!A0", "+1+1", "-2+3", "@SUM(A1)", "\t=1", "\n=1"])
@@ -68,7 +76,7 @@ def test_a_swept_text_is_no_formula_of_a_spreadsheet(study: Path, text: str):
     listed = store.read_json(study / "cases.json")["cases"]
     listed.append({"case_id": "formula", "sweep": {"name": text, "array.rows": -1}})
     store.write_json(study / "cases.json", {"schema": 1, "about": {}, "cases": listed})
-    row = read(tables.write_table(study))[-1]
+    row = read(registry.write_table(study))[-1]
     assert row["name"] == row["diagnosis"] == f"'{text}"
     assert row["array.rows"] == "-1"  # numbers stay numbers
 
@@ -76,7 +84,7 @@ def test_a_swept_text_is_no_formula_of_a_spreadsheet(study: Path, text: str):
 def test_a_return_in_a_swept_text_ends_no_row(study: Path):
     listed = [{"case_id": "gone", "sweep": {"name": "a\rb"}}]
     store.write_json(study / "cases.json", {"schema": 1, "about": {}, "cases": listed})
-    assert [row["name"] for row in read(tables.write_table(study))] == ["a\\rb"]
+    assert [row["name"] for row in read(registry.write_table(study))] == ["a\\rb"]
 
 
 def test_a_signed_number_is_no_formula():
@@ -86,12 +94,11 @@ def test_a_signed_number_is_no_formula():
 
 
 def test_a_count_that_does_not_hold_is_told(study: Path):
-    record = store.read_record(study / "b")
-    record["modes"]["count_check"]["found"] = 6
-    store.seal(study / "b", record)
-    assert read(tables.write_table(study))[0]["count_check"] == "6 of 7"
+    modes = synthetic.record_of(study / "b").modes
+    synthetic.change(study / "b", modes=modes.model_copy(update={"count_check": synthetic.count(7, 6)}))
+    assert read(registry.write_table(study))[0]["count_check"] == "6 of 7"
 
 
 def test_nothing_stored_is_one_clear_line(tmp_path: Path):
     with pytest.raises(store.BadRecord, match="run it first"):
-        tables.write_table(tmp_path)
+        registry.write_table(tmp_path)

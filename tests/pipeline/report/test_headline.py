@@ -8,26 +8,27 @@ from typing import Any
 
 import pytest
 
+from pipeline.records.record import BandPoint, BandsRecord, GapRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.report import text
+from tests.helpers import synthetic
 
 
 def plate(pitch: int, rows: int, level_db: float, driven_db: float | None = None, **more: Any) -> StoredCase:
     """A record of one plate with the gap and the bending band of its own pitch."""
-    record = {
-        "status": "OK",
-        "design": {"pitch_x_m": pitch, "rows": rows},
-        "wanted": {"status": "single", "frequency_hz": 35e3, "mac": 0.98, "confinement_db": level_db},
-        "bands": {
-            "gaps": [{"lower_band": 9, "upper_band": 10, "lower_hz": 1e3 * pitch, "upper_hz": 2e3 * pitch}],
-            "bending_at_m_hz": [10e3 * pitch],
-        },
-        "prediction": {"db_per_row": 5.0 + pitch, "rows_for_10_db": 2},
-    }
-    if driven_db is not None:
-        record["response"] = {"wanted_peak": {"frequency_hz": 35e3, "confinement_db": driven_db}}
-    sweep = more.get("sweep", {"array.pitch_mm": pitch, "array.rows": rows})
-    return StoredCase(Path(f"p{pitch}r{rows}"), more.get("name", f"p{pitch}r{rows}"), sweep, record)
+    gap = GapRecord(lower_band=9, upper_band=10, lower_hz=1e3 * pitch, upper_hz=2e3 * pitch)
+    corner = BandPoint(label="M", kx_per_m=1.0, ky_per_m=1.0, frequencies_hz=[10e3 * pitch])
+    text = synthetic.prediction(rows, level_db).model_copy(update={"db_per_row": 5.0 + pitch, "rows_needed": 2})
+    response = synthetic.response(driven_db) if driven_db is not None else None
+    return synthetic.case(
+        more.get("name", f"p{pitch}r{rows}"),
+        more.get("sweep", {"array.pitch_mm": pitch, "array.rows": rows}),
+        design=synthetic.design(rows, 1e-3 * pitch, 5e-3),
+        modes=synthetic.modes(synthetic.wanted(level_db, 35e3, mac=0.98)),
+        bands=BandsRecord(model="solid", dof=1, points=[corner], gaps=[gap]),
+        prediction=text,
+        response=response,
+    )
 
 
 @pytest.fixture
@@ -67,16 +68,15 @@ def test_a_plate_computed_beside_its_sweep_counts_once(study: StoredStudy) -> No
 def test_a_mode_held_but_not_as_driven_is_not_confined() -> None:
     """The reference design's 12.2 dB as a mode are 9.3 dB driven."""
     driven = plate(4, 3, 12.2, 9.3)
-    assert driven.confined is False
-    assert text.verdict(driven) == "confined as a mode, not as driven"
-    assert plate(4, 3, 12.2, 10.1).confined is True and plate(4, 3, 9.9, 10.1).confined is False
+    assert driven.record.confined is False
+    assert text.verdict(driven.record) == "confined as a mode, not as driven"
+    assert plate(4, 3, 12.2, 10.1).record.confined is True and plate(4, 3, 9.9, 10.1).record.confined is False
     clamped = cards(StoredStudy(Path("s"), {}, (driven,)))["Confined to the zone"]
     assert "driven at its own peak 9.3" in clamped.note.replace("\u202f", " ") and clamped.severity == "bad"
 
 
 def test_without_a_wanted_mode_nothing_is_claimed() -> None:
-    none = plate(4, 3, 12.0)
-    none.record["wanted"] = {"status": "none", "frequency_hz": None, "confinement_db": None}
-    assert none.wanted == {} and none.confined is None and none.wanted_status == "none"
-    assert set(cards(StoredStudy(Path("s"), {}, (none,)))) == {"Cases"}
-    json.dumps(none.record, allow_nan=False)
+    record = plate(4, 3, 12.0).record.model_copy(update={"modes": synthetic.modes(synthetic.NO_MODE)})
+    assert record.wanted is None and record.confined is None and record.wanted_status == "none"
+    assert set(cards(StoredStudy(Path("s"), {}, (StoredCase(Path("none"), record),)))) == {"Cases"}
+    json.dumps(record.to_dict(), allow_nan=False)

@@ -13,6 +13,7 @@ from urllib.parse import unquote
 import numpy as np
 import pytest
 
+from pipeline.measures import registry
 from pipeline.records import store, tables
 from pipeline.records.study import StoredStudy, read_study
 from pipeline.report import html, pictures, text
@@ -56,17 +57,16 @@ class Page(HTMLParser):
         return re.sub(r"[ \n]+", " ", " ".join(self.words))
 
 
+def table(study: StoredStudy) -> str:
+    return tables.table_bytes(study, registry.columns_of(study)).decode()
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = synthetic.put_study(tmp_path_factory.mktemp("report") / "rows", pitches=(0.004, 0.006), rows=(1,))
-    record = store.read_record(folder / "pitch_mm=4,rows=1")
-    record["comparison"] = [
-        {"quantity": "zone", "thesis": 38.0, "ours": 39.81, "unit": "kHz", "note": "faces <clamped>"}
-    ]
-    record["warnings"] = ["a thin element"]
-    store.seal(folder / "pitch_mm=4,rows=1", record)
+    synthetic.change(folder / "pitch_mm=4,rows=1", warnings=["a thin element", "faces <clamped>"])
     (folder / "pitch_mm=6,rows=1/arrays.npz").unlink()  # nothing but its bands can be drawn
-    tables.write_table(folder)
+    registry.write_table(folder)
     report_page.build(folder)
     return folder
 
@@ -107,7 +107,7 @@ def test_it_says_what_matters(page: Page):
     assert "31.50\u202fkHz" in text and "confined, best of 2" in text and "163.1–175.8\u202fkHz" in text
     assert "1 of 2 plates confine the wanted mode by at least 10 dB: pitch_mm=4,rows=1." in text
     assert "pitch_mm=12,rows=1 gave no answer: the mesh has a cell with a negative Jacobian <7>." in text
-    assert "39.81" in text and "+4.8%" in text and "faces <clamped>" in text
+    assert "faces <clamped>" in text
     assert "a thin element" in text and "patches: no response is asked (2 of 3" in text
     assert "python 3.11.7" in text and "antinode run rows" in text
 
@@ -145,61 +145,59 @@ def test_torn_arrays_and_a_lost_record_spoil_nothing_else(folder: Path, tmp_path
 
 def test_a_picture_that_cannot_be_drawn_is_told_and_spoils_no_other(folder: Path, tmp_path: Path):
     copy = Path(shutil.copytree(folder, tmp_path / "rows"))
-    record = store.read_record(copy / "pitch_mm=4,rows=1")
-    del record["bands"]["points"][0]["kx_per_m"]
     arrays = store.load_arrays(copy / "pitch_mm=4,rows=1")
-    store.save_arrays(copy / "pitch_mm=4,rows=1", {key: a for key, a in arrays.items() if key.startswith("touch_")})
-    store.seal(copy / "pitch_mm=4,rows=1", record)
+    kept = {key: a for key, a in arrays.items() if key.startswith("touch_")} | {"board_time_s": np.zeros(3)}
+    store.save_arrays(copy / "pitch_mm=4,rows=1", kept)
+    synthetic.change(copy / "pitch_mm=4,rows=1")
     page = Page(report_page.build(copy).read_text())
-    assert "A picture could not be drawn: dispersion: KeyError: 'kx_per_m'" in page.text
+    assert "A picture could not be drawn: board: KeyError: 'board_reference'" in page.text
     assert (
-        len(page.all("img")) == 2 + 3 + 3
-    )  # over the study; here touch face and curves; bands and curves of the other
+        len(page.all("img")) == 2 + 4 + 3
+    )  # over the study; here touch face, bands and curves; bands and curves of the other
 
 
 def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Path):
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,))
-    whole = store.read_record(folder / "pitch_mm=4,rows=1")
+    whole = synthetic.record_of(folder / "pitch_mm=4,rows=1")
     arrays = store.load_arrays(folder / "pitch_mm=4,rows=1")
-    once = {**whole, "case_id": "base", "sweep": {}, "bands": None, "modes": None, "wanted": None}
-    rest = {key: value for key, value in whole.items() if key not in {"tet_modes", "tet_bands", "geometry"}}
+    once = whole.model_copy(update={"case_id": "base", "sweep": {}, "bands": None, "modes": None})
+    rest = whole.model_copy(update=dict.fromkeys(("tet_modes", "tet_bands", "geometry")))
     (folder / "base").mkdir()
     store.save_arrays(folder / "base", {k: v for k, v in arrays.items() if k.startswith("tet_")})
-    store.seal(folder / "base", once)
+    store.seal(folder / "base", once.to_dict())
     store.save_arrays(folder / "pitch_mm=4,rows=1", {k: v for k, v in arrays.items() if not k.startswith("tet_")})
-    store.seal(folder / "pitch_mm=4,rows=1", rest)
+    store.seal(folder / "pitch_mm=4,rows=1", rest.to_dict())
     listed = store.read_json(folder / "cases.json")
     listed["cases"].insert(0, {"case_id": "base", "sweep": {}})
     store.write_json(folder / "cases.json", listed)
     study = read_study(folder)
-    visible = study.for_showing(study.cases[1])
-    assert visible.record["tet_bands"] == whole["tet_bands"] and visible.record["tet_modes"] == whole["tet_modes"]
+    visible = study.with_cross_checks(study.cases[1])
+    assert visible.record.tet_bands == whole.tet_bands and visible.record.tet_modes == whole.tet_modes
     assert {"tet_points", "touch_uz"} <= visible.arrays().keys()
-    assert study.for_showing(study.cases[0]).record == once  # what has no answer of its own borrows none
+    assert study.with_cross_checks(study.cases[0]) == study.cases[0]  # what has no answer of its own borrows none
     other = synthetic.design(2, 0.004, 0.005)
-    stranger = replace(study.cases[1], record={**rest, "design": other})
-    mixed = StoredStudy(folder, {}, (study.cases[0], stranger)).for_showing(stranger)
-    assert "tet_bands" in mixed.record and "tet_modes" not in mixed.record  # the same cell, another plate
+    stranger = replace(study.cases[1], record=rest.model_copy(update={"design": other}))
+    mixed = StoredStudy(folder, {}, (study.cases[0], stranger)).with_cross_checks(stranger)
+    assert mixed.record.tet_bands and not mixed.record.tet_modes  # the same cell, another plate
     text = Page(report_page.build(folder, max_figures=0).read_text()).text
     assert "wanted mode, tetrahedra (pytetwild)" in text
-    assert tables.table_text(study).splitlines()[2].count("31520.00") == 0  # the table keeps each case's own numbers
+    assert table(study).splitlines()[2].count("31520.00") == 0  # the table keeps each case's own numbers
 
 
 def test_a_long_study_draws_the_extremes_and_a_spread(tmp_path: Path):
     listed = []
     for number in range(40):
         level = 5.0 + (number * 7 % 40)
-        record = {"schema": 1, "case_id": f"c{number}", "status": "OK", "sweep": {"n": number}}
-        record["wanted"] = {"frequency_hz": 3e4, "confinement_db": level}
+        case = synthetic.case(f"c{number}", {"n": number}, modes=synthetic.modes(synthetic.wanted(level)))
         (tmp_path / f"c{number}").mkdir()
-        store.seal(tmp_path / f"c{number}", record)
+        store.seal(tmp_path / f"c{number}", case.record.to_dict())
         listed.append({"case_id": f"c{number}", "sweep": {"n": number}})
     store.write_json(tmp_path / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
     study = read_study(tmp_path)
     picked = report_page.chosen(study, 12)
-    levels = sorted(case.wanted["confinement_db"] for case in study.cases)
+    levels = sorted(case.record.confinement_db for case in study.cases)
     assert len(picked) == 12
-    assert {levels[0], levels[-1]} <= {case.wanted["confinement_db"] for case in picked}
+    assert {levels[0], levels[-1]} <= {case.record.confinement_db for case in picked}
     assert "28 cases have none" in Page(report_page.build(tmp_path).read_text()).text
 
 
@@ -207,14 +205,15 @@ def test_a_long_study_draws_the_extremes_and_a_spread(tmp_path: Path):
 def test_a_thousand_cases_stay_a_light_page(tmp_path: Path):
     """Within 15 MB: what grows with the cases is measured, what does not has its own bound."""
     record = synthetic.record("c", {}, synthetic.design(1, 0.004, 0.005), 12.0)
-    record["modes"]["modes"] *= 10  # forty
+    forty = record.modes.model_copy(update={"modes": record.modes.modes * 10})
     sizes = []
     for count in (20, 60):
         folder = tmp_path / str(count)
         names = [f"c{number}" for number in range(count)]
         for number, name in enumerate(names):
             (folder / name).mkdir(parents=True)
-            store.seal(folder / name, {**record, "case_id": name, "sweep": {"n": number}})
+            own = record.model_copy(update={"case_id": name, "sweep": {"n": number}, "modes": forty})
+            store.seal(folder / name, own.to_dict())
         listed = [{"case_id": name, "sweep": {"n": number}} for number, name in enumerate(names)]
         store.write_json(folder / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
         sizes.append(report_page.build(folder, max_figures=1).stat().st_size)
@@ -261,6 +260,7 @@ def test_the_vendored_viewer_is_the_one_its_readme_names():
     "harm",
     [
         {"schema": 0},
+        {"schema": 1},
         {"wanted": [1, 2]},
         {"modes": {"modes": [{"hz": 1.0}]}},
         {"bands": {"gaps": [{"from": 1.0}]}},
@@ -273,7 +273,8 @@ def test_a_record_of_another_version_is_one_line_and_spoils_no_other(folder: Pat
     path = copy / "pitch_mm=6,rows=1/record.json"
     store.seal(path.parent, {**json.loads(path.read_text()), **harm})
     page = Page(report_page.build(copy).read_text())
-    assert page.read_errors == [] and ("another version" in page.text or "has schema 0" in page.text)
+    said = re.search(r"record.json (has schema [01], this version reads|is no record of schema) 2", page.text)
+    assert page.read_errors == [] and said
     assert "31.50\u202fkHz" in page.text
 
 
@@ -281,11 +282,11 @@ def test_an_edited_record_is_named_and_its_numbers_are_not_shown(folder: Path, t
     copy = Path(shutil.copytree(folder, tmp_path / "rows"))
     path = copy / "pitch_mm=4,rows=1/record.json"
     record = json.loads(path.read_text())
-    record["wanted"]["confinement_db"] = 99.25
+    record["modes"]["wanted"]["confinement_db"] = 99.25
     path.write_text(json.dumps(record))
     text = Page(report_page.build(copy).read_text()).text
     assert "99.25" not in text and "record.json and files.json are not what was written" in text
-    assert "99.25" not in tables.table_text(read_study(copy))
+    assert "99.25" not in table(read_study(copy))
 
 
 def test_arrays_of_another_case_are_named_and_not_drawn(folder: Path, tmp_path: Path):
@@ -324,4 +325,4 @@ def test_numbers_for_reading():
 
 def test_the_difference_of_two_meshes_is_the_largest_relative_one(folder: Path):
     case = read_study(folder).cases[0]
-    assert text.band_difference(case) == pytest.approx(0.003)
+    assert text.band_difference(case.record) == pytest.approx(0.003)

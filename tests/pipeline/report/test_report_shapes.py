@@ -109,7 +109,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_page_shows_the_best_plate_with_neighbours_and_the_others_wanted_modes(study: Path) -> None:
-    cases = [case for case in read_study(study).cases if case.status == "OK"]
+    cases = [case for case in read_study(study).cases if case.record.status == "OK"]
     gallery = mode_shapes.plates(cases, cases[1], {cases[1].case_id: "case-2-side_view"})
     assert [shape["group"] for shape in gallery.shapes].count(cases[0].case_id) == 1
     assert gallery.shapes[0]["group"] == cases[1].case_id and "wanted" in gallery.shapes[0]["name"]
@@ -118,8 +118,9 @@ def test_a_page_shows_the_best_plate_with_neighbours_and_the_others_wanted_modes
 
 
 def test_a_long_study_stays_light(study: Path) -> None:
-    case = next(case for case in read_study(study).cases if case.status == "OK")
-    many = [replace(case, case_id=f"c{number}") for number in range(30)]
+    case = next(case for case in read_study(study).cases if case.record.status == "OK")
+    names = [f"c{number}" for number in range(30)]
+    many = [replace(case, record=case.record.model_copy(update={"case_id": name})) for name in names]
     gallery = mode_shapes.plates(many, many[7], {})
     assert len(gallery.shapes) == mode_shapes.MAX_SHAPES and gallery.shapes[0]["group"] == "c7"
 
@@ -145,6 +146,6 @@ def test_tiles_carry_the_bloch_phase() -> None:
 def test_torn_arrays_leave_the_others_shapes(study: Path, tmp_path: Path) -> None:
     copy = Path(shutil.copytree(study, tmp_path / "rows"))
     (copy / "pitch_mm=4,rows=2" / store.ARRAYS).write_bytes(b"PK torn")
-    cases = [case for case in read_study(copy).cases if case.status == "OK"]
+    cases = [case for case in read_study(copy).cases if case.record.status == "OK"]
     gallery = mode_shapes.plates(cases, cases[1], {})
     assert {shape["group"] for shape in gallery.shapes} == {"pitch_mm=4,rows=1"}

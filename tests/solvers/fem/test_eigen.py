@@ -173,6 +173,39 @@ def test_every_member_of_a_cubes_degenerate_modes_is_returned() -> None:
         assert np.allclose(modes.frequency_hz, cluster, rtol=1e-8), "clusters are kept whole"
 
 
+def test_a_neighbour_that_the_search_missed_does_not_widen_what_is_returned(monkeypatch: pytest.MonkeyPatch) -> None:
+    body = pencil(("touch",))
+    truth = dense(body)
+    far = [np.sort(np.abs(truth - one))[1:3] for one in truth[:20]]
+    index = int(np.argmax([second / first for first, second in far]))  # one neighbour near, the other far
+    aim, missed = truth[index], truth[np.argsort(np.abs(truth - truth[index]))[1]]
+    assert far[index][1] > 3.0 * far[index][0]
+    real = eigen._Solver.nearest
+
+    def blind(self, target, count):  # type: ignore[no-untyped-def]
+        values, vectors = real(self, target, count)
+        keep = np.abs(self.pencil.scale.frequency(values) / missed - 1.0) > 1e-6
+        return values[keep], vectors[:, keep]
+
+    monkeypatch.setattr(eigen._Solver, "nearest", blind)
+    modes = modes_near(body, aim, 1)
+    assert np.allclose(modes.frequency_hz, [aim], rtol=1e-9)
+    assert modes.count.expected == 1
+    assert not modes.count.low_hz < missed < modes.count.high_hz
+
+
+@pytest.mark.parametrize("backend", available())
+@pytest.mark.parametrize("distance", [0.0, 1e-13, -1e-12])
+def test_a_search_that_begins_on_a_mode_finds_its_neighbours_too(backend: str, distance: float) -> None:
+    body = pencil(edges=CUBE)
+    truth = dense(body)
+    for index in (2, 8, 11):
+        modes = modes_near(body, truth[index] * (1.0 + distance), 6, backend)
+        first = int(np.argmin(np.abs(truth - modes.frequency_hz[0] * (1.0 - 1e-9))))
+        assert np.allclose(modes.frequency_hz, truth[first : first + len(modes.frequency_hz)], rtol=1e-8)
+        assert modes.residual.max() <= eigen.CLEAN
+
+
 def test_ten_equal_eigenvalues_are_all_found() -> None:
     body = diagonal([0.5, *[1.0] * 10, *np.linspace(2.0, 60.0, 60)])
     modes = modes_in_band(body, float(body.scale.frequency(np.array([0.9]))[0]), float(np.sqrt(1.1) / (2 * np.pi)))

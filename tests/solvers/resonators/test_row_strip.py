@@ -12,7 +12,7 @@ from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.analytic.plates import mindlin_wave_hz, thin_plate_hz
 from solvers.analytic.predesign import pillar_beam, strip_of
-from solvers.measures.confinement import Profile, profile_confinement
+from solvers.measures.confinement import Profile, measure_profile
 from solvers.resonators import strip as resonators_strip
 from solvers.resonators.impedance import pillar_foot
 from solvers.resonators.standing_pillar import bending_effective_mass, lifting_effective_mass
@@ -28,7 +28,7 @@ DESIGN = Design(115.5e-3, 20e-3, 2e-3, 8, ALUMINIUM, PILLAR, 4e-3, 4e-3, 3, 25e-
 def test_a_standing_pillar_pulls_as_the_exact_beam_does(lever_m: float, shape: str) -> None:
     """K = -w^2 (J + sum L^2 w^2 / (w_j^2 - w^2)) against the exact waves; what two modes leave out is of order w^2/w_3^2."""
     pillar = replace(PILLAR, shape=shape)
-    stretch = ALUMINIUM.young_pa * pillar.section_area_m2
+    stretch = ALUMINIUM.young_pa * pillar.form.section.area_m2
     for hertz in (5e3, 25e3, 36e3, 45e3):
         omega = 2.0 * pi * hertz
         exact = pillar_foot(pillar_beam(pillar), omega, stretch, 0.0, lever_m)[0].real
@@ -103,7 +103,7 @@ def test_measures_of_a_known_profile() -> None:
         value.append(inside if level is None else np.full(2000, level / sqrt(2.0)))
     places = np.concatenate(y)
     shape = np.cos(pi * places / design.width_m)
-    result = profile_confinement(
+    result = measure_profile(
         Profile(places, np.concatenate(weights), 1j * np.concatenate(value)[:, None], shape, 1.0), design
     )
     passive = (0.5**2 * 10.0 + 0.1**2 * 25.0) / 35.0

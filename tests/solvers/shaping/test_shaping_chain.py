@@ -15,11 +15,9 @@ from solvers.shaping.modal_table import field_matrix, sensor_matrix
 from solvers.shaping.monte_carlo import Errors, monte_carlo, quantiles
 from solvers.shaping.output_filter import LowPass, filter_for
 from solvers.shaping.sensor_calibration import (
-    COLUMNS,
     Chain,
     Measured,
     calibrate,
-    measured_from_csv,
     simulate_standing_wave,
 )
 from solvers.shaping_study.ideal_beam import point_beam_table
@@ -114,40 +112,6 @@ def test_sensor_on_a_node_of_the_standing_wave_cannot_be_calibrated():
     measured = simulate_standing_wave(table, float(table.frequencies_hz[1]), np.array([1.0, 2.0]), 0, Chain(np.ones(3)))
     with pytest.raises(SolverError, match="sensor 2 sits on a node of this wave"):
         calibrate(measured)
-
-
-def csv_of(measured: Measured) -> str:
-    rows = [",".join(COLUMNS)]
-    for w, v in zip(measured.displacement, measured.voltage, strict=True):
-        rows += [f"{s + 1},{w[s].real!r},{w[s].imag!r},{v[s].real!r},{v[s].imag!r}" for s in range(len(w))]
-    return "\n".join(rows).replace("np.float64(", "").replace(")", "") + "\n"
-
-
-def test_imported_measurements_calibrate_like_simulated_ones():
-    frequency = float(PLACES.frequencies_hz[3])
-    measured = simulate_standing_wave(PLACES, frequency, np.linspace(1, 10, 4), 1, Chain(np.ones(6), 1e-4, 1e-9))
-    result = calibrate(measured_from_csv(csv_of(measured)))
-    assert result.factor == pytest.approx(calibrate(measured).factor, rel=1e-12)
-
-
-HEAD = ",".join(COLUMNS) + "\n"
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("sensor,voltage_re_v\n1,2\n", "run.csv: line 1: column 'displacement_re_m' is missing; needed: sensor"),
-        (HEAD + "1,1,0,1,0\n1,much,0,1,0\n", "run.csv: line 3: displacement_re_m = 'much': must be a finite number"),
-        (HEAD + "1,1,0,1\n", "run.csv: line 2: voltage_im_v = None"),
-        (HEAD + "0,1,0,1,0\n", "sensor = 0: must be a whole number from 1"),
-        (HEAD + "1,1,0,1,0\n3,1,0,1,0\n", "without a gap"),
-        (HEAD + "1,1,0,1,0\n1,2,0,2,0\n2,1,0,1,0\n", r"same number of rows, they have \[1, 2\]"),
-        (HEAD, "without a gap"),
-    ],
-)
-def test_files_that_cannot_be_read_are_refused_with_their_line(text, message):
-    with pytest.raises(SolverError, match=message):
-        measured_from_csv(text, "run.csv")
 
 
 def test_measurements_that_cannot_calibrate_are_refused():

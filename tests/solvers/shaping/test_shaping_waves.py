@@ -258,7 +258,7 @@ def test_resonators_and_patches_hold_more_than_either():
     passive = attach_oscillators(bare, np.array([90, 102, 198, 210]), 5e-4, 2400.0, 50.0)
     inside = inner_window(bare.points_m, 0.05, 0.10)
     both = PassiveActive(*(confinement(table, 2400.0, inside, 2) for table in (bare, passive)))
-    levels = both.as_json()
+    levels = both.to_dict()
     assert levels["neither_db"] < levels["passive_db"] < levels["both_db"]
     assert levels["neither_db"] < levels["active_db"] < levels["both_db"]
     result = both.passive

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.active.thesis_shaping import entries
-from solvers.control.comparison import Entry
+from pipeline.active.thesis import beside
+from pipeline.active.thesis_shaping import shaping
 from solvers.errors import SolverError
 from solvers.shaping.acoustic_contrast import REGIONS, contrast, region_points
 from solvers.shaping.modal_table import field_matrix, sensor_matrix
@@ -28,12 +28,12 @@ def study():
 @pytest.fixture(scope="module")
 def document(study):
     return json.loads(
-        json.dumps(document_of(study) | {"comparison": [e.as_json() for e in entries(study)]}, allow_nan=False)
+        json.dumps(document_of(study) | {"comparison": beside("shaping", shaping(study))}, allow_nan=False)
     )
 
 
-def entry_of(study, words: str) -> Entry:
-    return next(entry for entry in entries(study) if all(word in entry.quantity for word in words.split("|")))
+def entry_of(document, words: str) -> dict[str, str]:
+    return next(one for one in document["comparison"] if all(word in one["quantity"] for word in words.split("|")))
 
 
 def test_document_states_what_was_chosen_and_every_quantity_of_the_text(document):
@@ -59,7 +59,7 @@ def test_mode_shapes_have_the_antinodes_the_text_misplaces(study, document):
         assert beam["antinodes"] == list(range(1, 9))
     bare = document["beams"][0]["bare_modes_hz"]
     assert (bare[3], bare[5]) == (pytest.approx(2111, abs=1), pytest.approx(4404, abs=1))
-    assert entry_of(study, "six antinodes").agreement.startswith("differs")
+    assert entry_of(document, "six antinodes")["agreement"].startswith("differs")
 
 
 def test_confinement_on_the_simulated_beam_found_again(study):
@@ -98,10 +98,10 @@ def test_calibrated_sensors_read_the_displacement_of_their_own_standing_wave(stu
         study.beams[1].matrix(frequency, "calibrated")
 
 
-def test_coupling_entry_is_that_of_the_matrix(study):
+def test_coupling_entry_is_that_of_the_matrix(document):
     table = beam_table(PatchedBeam(), 20, np.array(PatchedBeam().centres_m))
     result = conditioning(field_matrix(table, 2400.0))
-    ours = entry_of(study, "coupling at 2.4 kHz|patches|displacement").ours
+    ours = entry_of(document, "coupling at 2.4 kHz|patches|displacement")["ours"]
     assert f"coupling {result.coupling:.3f}" in ours and f"condition number {result.condition:.1f}" in ours
 
 

@@ -11,13 +11,14 @@ import pytest
 from geometry.hex.boxes import HexSettings, Panel
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
-from solvers.analytic.lamb import lamb_hz, shear_hz
+from solvers.analytic.lamb import lamb_hz
 from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
 from solvers.waves.branches import Solved, follow, groups, modal_overlap, turned
 from solvers.waves.brillouin import Path, path_through
 from solvers.waves.symmetry import Mirrors
+from tests.helpers.lattice_waves import shear_hz
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)

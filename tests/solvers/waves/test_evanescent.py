@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 from geometry.hex.boxes import HexSettings, Panel
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
-from solvers.analytic.lamb import lamb_hz, shear_hz
+from solvers.analytic.lamb import lamb_hz
 from solvers.errors import SolverError
 from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.cell import Cell
@@ -21,6 +21,7 @@ from solvers.superelement.lattice import Lattice
 from solvers.waves import evanescent
 from solvers.waves.evanescent import Row
 from solvers.waves.scattering import scatter, stacked
+from tests.helpers.lattice_waves import shear_hz
 
 ALUMINIUM = MATERIALS["aluminium"]
 PITCH_M, THICK_M, KX = 4e-3, 2e-3, 204.0

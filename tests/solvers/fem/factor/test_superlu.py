@@ -189,3 +189,5 @@ def test_rounding_beside_the_shift_does_not_spoil_the_modes_far_from_it(backend:
     nearest = np.sort(elastic[np.argsort(np.abs(np.sqrt(elastic) - np.sqrt(target)))[:5]])
     assert np.allclose(pencil.scale.eigenvalue(1.0) * modes.frequency_hz**2, nearest, rtol=1e-8)
     assert modes.residual.max() < 1e-10
+    said = modes.rounding * np.sqrt(len(values))  # of one rounding each; a row's sum makes as many
+    assert (np.abs(pencil.scale.eigenvalue(1.0) * modes.frequency_hz**2 / nearest - 1.0) < 2.0 * said).all()

@@ -11,6 +11,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from pipeline.measures.registry import MEASURES
+from pipeline.plots import style as style_module
 from pipeline.plots.style import PICTURES, ReportFigure, StoredFigure, save, style
 from pipeline.records import store
 from pipeline.records.fingerprint import canonical_json, file_hash
@@ -27,54 +29,32 @@ class FigureSet:
     troubles: list[str] = field(default_factory=list)
 
 
-ORDER = (
-    *("geometry", "touch_face", "side_view", "pillars_in_plane", "neighbours"),
-    *("plate_meshes", "mode_on_both_meshes", "dispersion", "attenuation", "response"),
-    *("measured", "tolerance", "board", "cell_meshes"),
-)
-
-
 def draw_case(case: StoredCase) -> FigureSet:
     """Draw every picture that a case's records allow, or take the stored ones when nothing they show has changed."""
-    from pipeline.plots import attenuation, bands, board, fields, measured, mesh, response
-
-    if case.status not in {"OK", "WARNING"}:
+    if not case.record.answered:
         return FigureSet([])
     if (kept := kept_pictures(case)) is not None:
         return FigureSet(kept)
-    draws: tuple[Callable[..., ReportFigure | list[ReportFigure] | None], ...] = (
-        mesh.report_figures,
-        fields.touch_face,
-        fields.side_view,
-        fields.pillars_in_plane,
-        fields.neighbours,
-        fields.mode_on_both_meshes,
-        bands.dispersion,
-        attenuation.attenuation,
-        response.response,
-        measured.measured,
-        response.tolerance,
-        board.board,
-    )
-    arrays, read_errors = case.read_arrays()
-    return _draw(case.folder / PICTURES, _case_key(case), [partial(draw, case, arrays) for draw in draws], read_errors)
+    arrays, errors = case.read_arrays()
+    draws = [partial(draw, case, arrays) for measure in MEASURES for draw in measure.pictures()]
+    return _draw(case.folder / PICTURES, _case_key(case), draws, errors)
 
 
 def kept_pictures(case: StoredCase) -> list[StoredFigure] | None:
     """The stored pictures of a case, None when they have to be drawn again."""
-    return _kept(case.folder / PICTURES, _case_key(case)) if case.status in {"OK", "WARNING"} else []
+    return _kept(case.folder / PICTURES, _case_key(case)) if case.record.answered else []
 
 
 def _case_key(case: StoredCase) -> str:
     folders = (case.folder, *case.siblings)
-    return _key(case.record, [folder / name for folder in folders for name in (store.ARRAYS, store.INPUT)])
+    return _key(case.record.to_dict(), [folder / name for folder in folders for name in (store.ARRAYS, store.INPUT)])
 
 
 def draw_study(study: StoredStudy) -> FigureSet:
     """Draw the pictures that compare a study's cases, or take the stored ones."""
     from pipeline.plots import sweep
 
-    key = _key([study.about, *([case.sweep, case.record] for case in study.cases)], [])
+    key = _key([study.about, *(case.record.to_dict() for case in study.cases)], [])
     if (kept := _kept(study.folder / PICTURES, key)) is not None:
         return FigureSet(kept)
     return _draw(
@@ -88,11 +68,11 @@ def _draw(
     folder: Path,
     key: str,
     draws: Sequence[Callable[[], ReportFigure | list[ReportFigure] | None]],
-    read_errors: Sequence[str] = (),
+    errors: Sequence[str] = (),
 ) -> FigureSet:
-    """Draw and save; one that cannot be drawn is named beside the read errors about its data and spoils no other."""
+    """Draw and save; one that cannot be drawn is told beside what is wrong with its data and spoils no other."""
     pictures: list[StoredFigure] = []
-    troubles = list(read_errors)
+    troubles = list(errors)
     for draw in draws:
         try:
             with style():
@@ -103,7 +83,7 @@ def _draw(
         except Exception as error:
             name = getattr(draw, "func", draw).__name__
             troubles.append(f"{name}: {type(error).__name__}: {error}")
-    pictures.sort(key=lambda picture: ORDER.index(picture.name) if picture.name in ORDER else -1)
+    pictures.sort(key=lambda picture: picture.name.endswith("meshes"))  # the shapes first
     if not troubles and (pictures or folder.exists()):
         folder.mkdir(parents=True, exist_ok=True)
         store.write_json(folder / INDEX, {"key": key, "pictures": [asdict(picture) for picture in pictures]})
@@ -122,7 +102,7 @@ def _kept(folder: Path, key: str) -> list[StoredFigure] | None:
 
 def _key(visible: Any, files: list[Path]) -> str:
     """Hash of what pictures show and of what draws them."""
-    sources = sorted(Path(__file__).parent.glob("*.py"))
+    sources = sorted(Path(style_module.__file__).parent.glob("*.py"))
     parts = [canonical_json(visible), metadata.version("matplotlib")]
     parts += [file_hash(path) for path in [*files, *sources] if path.exists()]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()

@@ -3,46 +3,85 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
-from geometry.cad.quiet import silence_kernel
 from geometry.errors import GeometryError
 from geometry.files import read_by_command
+from geometry.pillar_shapes.base import MM, FloatArray
+from geometry.pillar_shapes.square import Square
+from geometry.quiet import silence_kernel
 
-MM = 1e3
 ON_PLANE_MM = 1e-4  # a foot this close to z = 0 is on it: CAD systems write about seven digits
 
 
-@dataclass(frozen=True)
-class StepPillar:
-    """What the layout needs of a pillar from STEP, in m.
+class Step(Square):
+    """Any solid from a STEP file: height, foot, tip, extent and volume are the file's; `width_m` is the larger side of the
+    foot face's bounding square, and beam theory takes that square for its section.
 
-    `foot_size_m` is the larger side of the foot face's bounding square, `extent_m` that of the whole pillar
-    (a pillar may be wider above its foot: pillars clash when the pitch is below it).
+    Nothing is assumed of its symmetry. It may be wider above its foot: pillars clash when the pitch is below its extent.
     """
 
-    height_m: float
-    foot_size_m: float
-    tip_size_m: float
-    extent_m: float
-    volume_m3: float
+    name = "step"
+    keys = ("file",)
+    has_height = False
+    can_have_fillet = False
+    sizing_note = "the STEP solid is sized as a uniform beam of its foot section: compute the solid"
 
+    @classmethod
+    def from_case(cls, given: Mapping[str, Any], folder: Path) -> Self:
+        """The pillar of the file that the case names. GeometryError as from_file."""
+        return cls.from_file(folder / given["file"])
 
-def load_step_pillar(path: str | os.PathLike[str]) -> StepPillar:
-    """Height and foot of the pillar in a STEP file (any length unit), foot on z = 0 and centred, axis +z.
+    @classmethod
+    def from_file(cls, path: str | os.PathLike[str]) -> Self:
+        """The pillar in a STEP file (any length unit), foot on z = 0 and centred, axis +z.
 
-    Raises GeometryError when the file is missing or unreadable, open, not one solid, or not standing on z = 0.
-    """
-    shape = step_pillar_shape(path)
-    box = shape.BoundingBox()
-    foot, tip = _level_size(shape, 0.0), _level_size(shape, box.zmax)
-    return StepPillar(box.zmax / MM, foot / MM, tip / MM, max(box.xlen, box.ylen) / MM, shape.Volume() / MM**3)
+        Raises GeometryError when the file is missing or unreadable, open, not one solid, or not standing on z = 0.
+        """
+        solid = step_pillar_shape(path)
+        box = solid.BoundingBox()
+        foot, tip = _level_size(solid, 0.0), _level_size(solid, box.zmax)
+        extent, volume = max(box.xlen, box.ylen), solid.Volume()
+        more = (("height_m", MM * box.zmax), ("extent_m", MM * extent), ("volume_m3", MM**3 * volume))
+        return cls(MM * foot, MM * tip, more, str(path))
+
+    @property
+    def rectangles(self) -> FloatArray | None:
+        """None: the solid goes through CAD."""
+        return None
+
+    @property
+    def mirrors(self) -> tuple[str, ...]:
+        """None is known."""
+        return ()
+
+    def reach_m(self, fillet_m: float = 0.0) -> tuple[float, float]:
+        """The solid's larger extent along both axes."""
+        extent = max(self.width_m, self.tip_m, dict(self.more_m).get("extent_m", 0.0))
+        return extent, extent
+
+    @property
+    def taper(self) -> float:
+        """1: nothing is known of the sections above the foot."""
+        return 1.0
+
+    def height_m(self, given_m: float) -> float:
+        """The file's."""
+        return self.size_m("height_m")
+
+    def volume_m3(self, height_m: float) -> float:
+        """The file's, NaN where it was not read."""
+        return self.size_m("volume_m3")
+
+    def solid(self, height_m: float) -> Any:
+        """The file's solid. GeometryError as from_file."""
+        return step_pillar_shape(self.file or "")
 
 
 def step_pillar_shape(path: str | os.PathLike[str]) -> Any:
-    """The one solid of a STEP file (cadquery, mm) once it is known to stand on z = 0; errors as load_step_pillar."""
+    """The one solid of a STEP file (cadquery, mm) once it is known to stand on z = 0; errors as Step.from_file."""
     file = Path(path)
     try:
         there = file.is_file()

@@ -1,0 +1,168 @@
+"""The figures of circuit, pillar, active beam and loop that the thesis' statements are compared with, by their keys."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.active.thesis import Figures
+from solvers.control.dq_study import FIRMWARE_RESPONSE_S
+
+if TYPE_CHECKING:
+    from solvers.active_beam.study import ActiveBeamStudy, Case
+    from solvers.control.dq_study import DqStudy
+    from solvers.resonators.mason_study import MasonStudy
+    from solvers.resonators.pillar_row import PillarFilter
+    from solvers.resonators.point_load import PointForce
+
+UNDRIVEN = 0.05  # of the loudest joint velocity: a mode below it does not answer
+STOPS_DB = 1.0  # a row: from here on the computed cell's flexural wave counts as stopped
+CONFINED = 2.0  # rms inside over rms outside from which a shape of the active beam counts as confined
+UM = 1e6
+
+
+def mason(study: MasonStudy) -> Iterator[tuple[str, Figures]]:
+    """The mode that is confined, the bare beam without it, the filtered beam with it.
+
+    The study has to hold the modes about its target: the default window of mason_study does, a band to show need not.
+    """
+    target, f, clamped = study.data.target_hz, study.frequencies_hz, study.clamped_modes_hz
+    level = np.abs(study.clamped)
+    answering = [m for m in clamped if level[np.argmin(np.abs(f - m))].max() > UNDRIVEN * level.max()]
+    number = int(np.argmin(np.abs(clamped - target))) + 1
+    yield "confined", {"number": number, "answering": ", ".join(f"{m / 1e3:.2f}" for m in answering)}
+    nearest, added = (_nearest(modes, target) for modes in (study.bare_modes_hz, study.filtered_modes_hz))
+    yield "bare", {"target_khz": target / 1e3, "nearest_khz": nearest / 1e3, "off": abs(nearest / target - 1.0)}
+    bare_db, filtered_db = study.confinement_bare_db, study.confinement_filtered_db
+    yield (
+        "filtered",
+        {
+            "added_khz": added / 1e3,
+            "off": abs(added / target - 1.0),
+            "bare_db": bare_db,
+            "filtered_db": filtered_db,
+            "gained_db": filtered_db - bare_db,
+        },
+    )
+
+
+def _nearest(modes: Any, target: float) -> float:
+    return float(modes[np.argmin(np.abs(modes - target))])
+
+
+def pillar(row: PillarFilter, point: PointForce, cell: dict[str, Any] | None) -> Iterator[tuple[str, Figures]]:
+    """Figure 3.2, the condition (3.21), the pillar against its clamped resonance, rows, and the computed cell."""
+    damper, spring, printed = (point.of(name) for name in ("printed damper", "spring", "printed force"))
+    yield "force", {"spring": spring.transmitted, "printed": printed.transmitted}
+    yield "damper", {name: getattr(damper, name) for name in ("transmitted", "reflected", "absorbed")}
+    yield (
+        "stop",
+        {
+            "stopped_khz": row.stopped_hz / 1e3,
+            "clamped_khz": row.clamped_hz / 1e3,
+            "ratio": row.stopped_hz / row.clamped_hz,
+            "oscillator": row.oscillator_stopped_hz / row.clamped_hz,
+        },
+    )
+    yield "rows", {"bands": "; ".join(map(_band, row.bands_hz))}
+    yield "endless", {"band": _band(row.stop_hz)}
+    if cell:
+        yield "cell", _cell(row.stop_hz, cell)
+
+
+def _band(band: tuple[float, float] | None) -> str:
+    return f"{band[0] / 1e3:.2f}-{band[1] / 1e3:.2f} kHz" if band else "none in the window"
+
+
+def _cell(strip_hz: tuple[float, float] | None, cell: dict[str, Any]) -> Figures:
+    levels = zip(cell["frequencies_hz"], cell["db_per_row"], strict=True)
+    stopped = [f for f, decay in levels if decay is None or decay > STOPS_DB]
+    band = (min(stopped), max(stopped)) if stopped else None
+    if band is None or strip_hz is None:
+        return {"band": _band(band)}
+    lower, upper = (100.0 * (ours / strip - 1.0) for ours, strip in zip(band, strip_hz, strict=True))
+    return {"band": _band(band), "lower": lower, "upper": upper}
+
+
+def beam(study: ActiveBeamStudy) -> Iterator[tuple[str, Figures]]:
+    """Equal forces, opposed forces, the two gains, the higher frequency, forces and delay; first and last of the data."""
+    tone, gain = study.data.frequencies_hz[0], study.data.gains_n_m[-1]
+    point, pair, couple, opposed = (study.case(name, tone, gain) for name in ("point", "pair", "couple", "opposed"))
+    where = {"where": _where(point)}
+    yield "equal", where | {"ratio": point.after.ratio, "pair_ratio": pair.after.ratio, "amplitudes": _amplitudes(pair)}
+    ratios = study.place_sweep[f"couple at {tone:g} Hz"]
+    best = {"best_mm": 1e3 * float(study.sweep_places_m[ratios.argmax()]), "best": float(ratios.max())}
+    yield "couples", where | _inside(couple) | best
+    loops = {one.layout: one for one in study.stability}
+    grows = max(loops["opposed"].growth_per_s) > 0.0
+    yield "opposed", where | _inside(opposed) | {"grows": grows, "unstable_n_m": loops["opposed"].unstable_from_n_m}
+    yield "gain", _gains(study)
+    yield "higher", _higher(study)
+    yield "force", where | {"steady_n": point.force_n, "switch_on_n": point.switch_on_n}
+    limits, delays = loops["point"].gain_limits_n_m, study.data.delays_s
+    listed = [f"{_limit(limit)} with {1e6 * delay:g} us" for limit, delay in zip(limits, delays, strict=False)]
+    reach = max(limits[: len(delays)], default=0.0) / min(study.data.gains_n_m)
+    yield "delay", {"limits": f"{', '.join(listed)}, {_limit(limits[-1])}", "reach": reach}
+
+
+def _where(case: Case) -> str:
+    return f"{case.frequency_hz / 1e3:g} kHz, K' = {case.gain_n_m:g} N/m"
+
+
+def _inside(case: Case) -> Figures:
+    gain = case.after.inside_max / case.before.inside_max
+    return {"gain": gain, "ratio": case.after.ratio, "amplitudes": _amplitudes(case)}
+
+
+def _amplitudes(case: Case) -> str:
+    return (
+        f"largest inside {case.before.inside_max * UM:.2f} -> {case.after.inside_max * UM:.2f} um, "
+        f"inside / beyond {case.after.inside_max / case.after.outside_max:.2f}"
+    )
+
+
+def _gains(study: ActiveBeamStudy) -> Figures:
+    gains = sorted(set(study.data.gains_n_m))
+    cases = [study.case("point", study.data.frequencies_hz[0], gain) for gain in dict.fromkeys((gains[0], gains[-1]))]
+    lines = [f"K' = {one.gain_n_m:g}: {one.strength:.1f} x 4EIb3, rms ratio {one.after.ratio:.2f}" for one in cases]
+    return {
+        "cases": ", ".join(lines),
+        "count": len(cases),
+        "confining": sum(one.after.ratio >= CONFINED for one in cases),
+    }
+
+
+def _higher(study: ActiveBeamStudy) -> Figures:
+    tones = sorted(set(study.data.frequencies_hz))
+    cases = {name: study.case(name, tones[-1], study.data.gains_n_m[-1]) for name in ("point", "pair")}
+    failing = [name for name, case in cases.items() if case.after.ratio < CONFINED]
+    return {
+        "where": _where(cases["point"]),
+        "ratios": ", ".join(f"{name} {case.after.ratio:.2f}" for name, case in cases.items()),
+        "count": len(tones),
+        "failing": len(failing),
+        "names": " and ".join(failing),
+    }
+
+
+def _limit(gain: float) -> str:
+    return f"K' < {gain:.2g} N/m" if gain > 0.0 else "no gain"
+
+
+def dq(study: DqStudy) -> Iterator[tuple[str, Figures]]:
+    """The closed loop's response, and with the firmware's own time constant."""
+    fast, trace = study.step("firmware's constant"), study.query.trace
+    yield (
+        "response",
+        {
+            "reached_ms": 1e3 * trace.reached_s(),
+            "overshoot": 100.0 * trace.overshoot(),
+            "planned_ms": 1e3 * study.planned_s,
+            "firmware_ms": 1e3 * fast.trace.reached_s(),
+            "constant_ms": 1e3 * FIRMWARE_RESPONSE_S,
+            "asked_ms": 1e3 * study.data.within_s,
+            "largest_share": study.largest_share,
+        },
+    )

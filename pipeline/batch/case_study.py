@@ -1,0 +1,80 @@
+"""A study of one case file: what to compute for each of its cases, and computing it."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pipeline.batch.job import Job
+from pipeline.batch.study_file import StudyFile, toml_text
+from pipeline.case.model import Case, load_case
+from pipeline.errors import InputError
+from pipeline.measures import registry
+from pipeline.measures.measure import Work
+from pipeline.planning import resources, simplifications
+from pipeline.records import store
+from pipeline.records.record import DesignRecord
+from pipeline.records.run_log import RunLog
+
+
+def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
+    """The cases of a study, with every mode's field on demand; every fault of every case is raised before any is computed."""
+    faults: list[str] = []
+    jobs: list[Job] = []
+    wanted: list[tuple[str, list[tuple[str, Any]], tuple[str, ...]]] = []
+    if study.base_measure:
+        wanted.append(("base", [], study.base_measure))
+    wanted += [(case_id, overrides, study.measure) for case_id, overrides in study.cases()]
+    for case_id, overrides, query in wanted:
+        try:
+            case = load_case(study.case_path, overrides)
+            registry.check(case, query)
+        except InputError as fault:
+            faults += [f"case {case_id}: {line}" for line in fault.lines]
+            continue
+        texts = [f"{key}={toml_text(value)}" for key, value in overrides]  # as --set takes them
+        payload: dict[str, Any] = {"name": case.name, "case": case.to_dict(), "overrides": texts}
+        payload["measure"] = list(query)
+        measures = registry.chosen(query)
+        if all_fields and registry.MODES in measures:
+            payload["fields"] = True
+        for measure in measures:
+            payload |= measure.inputs()
+        jobs.append(Job(case_id, payload, dict(overrides), _memory(case, query)))
+    if faults:
+        raise InputError(faults)
+    return jobs
+
+
+def _memory(case: Case, query: tuple[str, ...]) -> int:
+    """What a case is foreseen to take, B; 0 for one that its own run will refuse."""
+    with suppress(InputError):
+        demands = registry.plan_of(case, query).demands.values()
+        return round(max((demand.memory_bytes for demand in demands), default=0))
+    return 0
+
+
+def computer(study: StudyFile) -> Any:
+    """The picklable function that computes one case in a worker process."""
+    return partial(compute, str(study.case_path))
+
+
+def compute(case_path: str, payload: dict[str, Any], folder: Path, log: RunLog) -> dict[str, Any]:
+    """What a case's measures found; arrays go to the case's folder. Raises what its solvers and meshers raise."""
+    case = load_case(case_path, payload["overrides"])
+    if case.to_dict() != payload["case"]:
+        raise InputError(f"{Path(case_path).name}: changed while the study was running; run the study again")
+    planned = registry.plan_of(case, payload["measure"])
+    log.info(planned.text(), "PLAN")
+    resources.refuse(planned.demands)
+    simplifications.log_all(planned.whole, log)
+    measures = {measure.name: measure for measure in registry.chosen(payload["measure"])}
+    work = Work(case, folder, log, bool(payload.get("fields")))
+    for step in planned.steps:
+        measures[step.measure].compute(work)
+    if work.arrays:
+        store.save_arrays(folder, work.arrays)
+    design = DesignRecord.of_design(case.design)
+    return {"plan": planned.to_dict(), "design": design, "meshes": work.meshes, **work.found}

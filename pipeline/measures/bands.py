@@ -1,0 +1,41 @@
+"""Bloch bands of the unit cell and their gaps."""
+
+from __future__ import annotations
+
+from pipeline.case.model import Case
+from pipeline.measures.measure import Draw, Measure, Work
+from pipeline.planning import plan, simplifications
+from pipeline.planning.plan import Step
+from pipeline.planning.simplifications import Simplification
+from pipeline.records.tables import Column, figures_of
+
+
+def _plan(case: Case) -> Step | Simplification:
+    return simplifications.no_lattice(case.design, "bands") or plan.bands_step(case)
+
+
+def _compute(work: Work) -> None:
+    from pipeline.analysis import bands
+
+    result = bands.solve_bands(work.case, work.log, shapes=True)
+    work.keep(result.meshes, result.shapes, bands=result.record)
+
+
+def _pictures() -> tuple[Draw, ...]:
+    from pipeline.plots import bands
+
+    return (bands.dispersion,)
+
+
+_gap = figures_of(lambda r: r.bands.widest_gap if r.bands else None)
+_bending = figures_of(lambda r: (r.bands.bending_at_m_hz or None) if r.bands else None)
+COLUMNS = (
+    Column("gap_lower_hz", "gap from", _gap(lambda gap: gap.lower_hz), ".2f", "Hz"),
+    Column("gap_upper_hz", "gap to", _gap(lambda gap: gap.upper_hz), ".2f", "Hz"),
+    Column("bending_m_1_hz", "bending at M, first", _bending(lambda pair: pair[0]), ".2f", "Hz"),
+    Column(
+        "bending_m_2_hz", "bending at M, second", _bending(lambda pair: pair[1] if len(pair) > 1 else None), ".2f", "Hz"
+    ),
+)
+
+BANDS = Measure("bands", plan=_plan, compute=_compute, columns=COLUMNS, pictures=_pictures)

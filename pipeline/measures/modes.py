@@ -1,0 +1,101 @@
+"""The modes of the plate and how well the zone confines the wanted one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pipeline.measures.measure import Draw, Measure, Work
+from pipeline.planning import plan
+from pipeline.planning.request import of_case
+from pipeline.records.record import Record, RivalRecord
+from pipeline.records.tables import Column, figures_of
+from solvers.measures.levels import CONFINED_DB
+
+if TYPE_CHECKING:
+    from pipeline.analysis.modes import PartModes
+
+SHAPES = 4  # of the modes nearest the wanted one, in a record: what a page draws and moves
+
+
+def _compute(work: Work) -> None:
+    from pipeline.analysis import mode_fields, modes
+    from pipeline.analysis.wanted_text import warn_of_wanted
+    from pipeline.board.export import write_table
+    from pipeline.records import store
+
+    case, log = work.case, work.log
+    result = modes.solve_modes(case, of_case(case), log).whole_window
+    work.keep(result.meshes, modes=result.record)
+    assert result.wanted
+    index = result.index(result.wanted.row)
+    warn_of_wanted(result.wanted, case, log)
+    if index is not None:
+        work.keep(shapes=mode_fields.shapes_record(result, case.design))
+        with log.step("fields"):
+            work.keep(arrays=mode_fields.kept_arrays(result, nearest_rows(result, index)[:SHAPES]))
+        write_table(case, result, index, work.folder)
+    if work.all_fields:
+        with log.step("fields in full"):
+            store.save_arrays(work.folder, mode_fields.full_fields(result), store.FIELDS)
+
+
+def nearest_rows(result: PartModes, index: int) -> list[int]:
+    """All modes by their distance in frequency from one of them, which comes first."""
+    own = result.rows[index].frequency_hz
+    return sorted(range(len(result.rows)), key=lambda i: abs(result.rows[i].frequency_hz - own))
+
+
+def _pictures() -> tuple[Draw, ...]:
+    from pipeline.plots import fields, mesh
+
+    return mesh.report_figures, fields.touch_face, fields.side_view, fields.pillars_in_plane, fields.neighbours
+
+
+def _count_check(record: Record) -> str | None:
+    check = record.modes and record.modes.count_check
+    if not check:
+        return None
+    return "holds" if check.holds else f"{check.found} of {check.expected}"
+
+
+def _confined(record: Record) -> str | None:
+    return None if record.confined is None else "yes" if record.confined else "no"
+
+
+def _named(rivals: list[RivalRecord]) -> str | None:
+    return "; ".join(f"{rival.frequency_hz:.0f} Hz" for rival in rivals) or None
+
+
+_wanted = figures_of(lambda r: r.wanted)
+COLUMNS = (
+    Column("wanted_status", "wanted mode: single, split or none", lambda r: r.wanted_status),
+    Column("wanted_hz", "wanted mode", _wanted(lambda w: w.frequency_hz), ".2f", "Hz"),
+    Column("wanted_error", "expected error of the wanted mode", _wanted(lambda w: w.frequency_error), ".2%"),
+    Column("confinement_db", "confinement", lambda r: r.confinement_db, ".2f", "dB"),
+    Column(
+        "confinement_error_db",
+        "expected error of the confinement",
+        _wanted(lambda w: w.confinement_error_db),
+        ".2f",
+        "dB",
+    ),
+    Column("confined", f"confined (at least {CONFINED_DB:.0f} dB)", _confined),
+    Column("zone_to_extension_db", "zone to extension", _wanted(lambda w: w.extension_db), ".2f", "dB"),
+    Column("mac", "MAC", _wanted(lambda w: w.mac), ".4f"),
+    Column("zone_share", "zone share", _wanted(lambda w: w.zone_share), ".4f"),
+    Column("pillar_share", "pillars' share of energy", _wanted(lambda w: w.pillar_energy_share), ".4f"),
+    Column("strength", "strength in the wanted shape", _wanted(lambda w: w.strength), ".4f"),
+    Column("shape_share", "share of the wanted shape", _wanted(lambda w: w.share), ".4f"),
+    Column("rivals", "other modes that carry it", _wanted(lambda w: _named(w.rivals))),
+    Column("count_check", "count check", _count_check),
+    Column("dof", "degrees of freedom", lambda r: (r.modes or r.bands) and (r.modes or r.bands).dof, "d"),  # type: ignore[union-attr]
+)
+
+MODES = Measure(
+    "modes",
+    plan=lambda case: plan.modes_step(case, of_case(case)),
+    compute=_compute,
+    aliases=("confinement",),
+    columns=COLUMNS,
+    pictures=_pictures,
+)

@@ -1,0 +1,59 @@
+"""The forced response to the patches, its operating shape at the peak, and what was measured beside it."""
+
+from __future__ import annotations
+
+from pipeline.measures.measure import Draw, Measure, Work
+from pipeline.planning import plan
+from pipeline.records.tables import Column, figures_of
+
+
+def _compute(work: Work) -> None:
+    import numpy as np
+
+    from pipeline.analysis import response
+    from pipeline.measured import comparison
+
+    case, log = work.case, work.log
+    measured = comparison.read(case, None, None, None)
+    result = response.solve(case, log, points=plan.RESPONSE_POINTS)
+    shape = {"response_xy": result.shape_points.astype(np.float32), "response_uz": result.shape.astype(np.complex64)}
+    work.keep(result.meshes, shape, response=result.record)
+    if measured:
+        beside = comparison.compare(case, result, measured, log)
+        work.keep(arrays=beside.arrays, measured=beside.record)
+    work.solved["forced"] = result.forced
+
+
+def _pictures() -> tuple[Draw, ...]:
+    from pipeline.plots import measured, response
+
+    return response.response, measured.measured
+
+
+_wanted = figures_of(lambda r: r.response.wanted_peak if r.response else None)
+_highest = figures_of(lambda r: r.response.highest_peak if r.response else None)
+_sweep = figures_of(lambda r: r.measured.sweep if r.measured else None)
+_map = figures_of(lambda r: r.measured.map if r.measured else None)
+COLUMNS = (
+    Column("wanted_peak_hz", "wanted mode's peak, driven", _wanted(lambda p: p.frequency_hz), ".2f", "Hz"),
+    Column("wanted_peak_nm_per_v", "zone at that peak", _wanted(lambda p: p.zone_nm_per_V), ".4g", "nm/V"),
+    Column("wanted_peak_db", "confinement at that peak", _wanted(lambda p: p.confinement_db), ".2f", "dB"),
+    Column("highest_peak_hz", "highest peak of the response", _highest(lambda p: p.frequency_hz), ".2f", "Hz"),
+    Column("highest_peak_nm_per_v", "zone at the highest", _highest(lambda p: p.zone_nm_per_V), ".4g", "nm/V"),
+    Column("highest_peak_db", "confinement at the highest", _highest(lambda p: p.confinement_db), ".2f", "dB"),
+    Column("measured_hz", "measured resonance", _sweep(lambda s: s.frequency_hz), ".2f", "Hz"),
+    Column("measured_shift_hz", "measured less computed", _sweep(lambda s: s.frequency_shift_hz), "+.2f", "Hz"),
+    Column("measured_quality", "measured quality factor", _sweep(lambda s: s.quality), ".1f"),
+    Column("measured_db", "measured confinement", _map(lambda m: m.confinement_db), ".2f", "dB"),
+    Column("measured_mac", "MAC, measured to computed", _map(lambda m: m.mac_operating), ".4f"),
+)
+
+RESPONSE = Measure(
+    "response",
+    plan=lambda case: plan.response_step(case, None, plan.RESPONSE_POINTS),
+    compute=_compute,
+    needs=("patches",),
+    drives=True,
+    columns=COLUMNS,
+    pictures=_pictures,
+)

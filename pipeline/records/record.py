@@ -1,0 +1,631 @@
+"""What a case leaves in record.json: one class for each part, written by what computes it and read by attribute.
+
+The fields stand here alone. Frequencies in Hz, lengths in m, levels in dB; a field is None where it has no meaning. A JSON
+document of a command holds the same parts. `SCHEMA` of `pipeline.records.store` counts the versions of this page: a record of
+another version is refused as a whole, and its case is computed again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite
+from pathlib import Path
+from typing import Any, Literal, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from geometry.elements import FloatArray
+from geometry.layout import Design
+from geometry.pillar_shapes.base import PillarShape
+from geometry.pillar_shapes.registry import stored_shape
+from pipeline.records import store
+from solvers.measures.levels import CONFINED_DB
+
+STATUSES = ("OK", "WARNING")  # of cases that gave an answer
+
+
+class Part(BaseModel):
+    """A part of a record: frozen, no unknown field, no NaN; a number that is none becomes None where that is allowed."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _none_for_nan(cls, given: Any) -> Any:
+        if not isinstance(given, Mapping):
+            return given
+        return {
+            key: None if isinstance(value, float) and not isfinite(value) else value for key, value in given.items()
+        }
+
+    @classmethod
+    def of(cls, result: Any, **more: Any) -> Self:
+        """The part with the fields that an object of the same names holds, and more."""
+        return cls(
+            **{key: getattr(result, key) for key in cls.model_fields.keys() - more.keys() if hasattr(result, key)},
+            **more,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields that were given, as plain values in their order."""
+        return self.model_dump(exclude_unset=True)
+
+
+class Open(Part):
+    """A part that also keeps fields which only its writer names, and nobody reads by name."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+
+
+class PillarRecord(Open):
+    """A pillar's shape and size; sizes that only its shape has stand beside these by their names."""
+
+    shape: str
+    base_m: float
+    tip_m: float
+    height_m: float
+    fillet_m: float
+
+    @property
+    def form(self) -> PillarShape:
+        """The shape with these sizes."""
+        return stored_shape(self.model_dump())
+
+
+class DesignRecord(Part):
+    """The design, as tables and pictures need it; pillar_centres_m: (x, y) from the plate's centre."""
+
+    length_m: float
+    width_m: float
+    thickness_m: float
+    half_span_m: float
+    rows: int
+    pitch_x_m: float | None
+    pitch_y_m: float | None
+    extension_m: float | None
+    nodal_lines: int
+    pillar: PillarRecord | None
+    pillar_centres_m: list[tuple[float, float]]
+
+    @classmethod
+    def of_design(cls, design: Design) -> DesignRecord:
+        """What a record keeps of a design."""
+        shape = PillarRecord.of(design.pillar, **dict(design.pillar.more_m)) if design.pillar else None
+        return cls.of(design, pillar=shape, pillar_centres_m=design.pillar_centres().tolist())
+
+    @property
+    def cell(self) -> tuple[Any, ...]:
+        """What decides the unit cell."""
+        return self.pitch_x_m, self.pitch_y_m, self.thickness_m, self.pillar
+
+
+class MeshRecord(Part):
+    """A mesh: of what, hex or tet, its order, how large, how good."""
+
+    what: str
+    kind: str
+    order: int
+    cells: int
+    nodes: int
+    dof: int
+    sha256: str
+    worst_jacobian_ratio: float | None = None
+    volume_error: float | None = None
+
+
+class ModeRecord(Part):
+    """One mode; parity tells its symmetry class as signs."""
+
+    frequency_hz: float
+    residual: float
+    parity: str | None
+    zone_share: float | None
+    confinement_db: float | None
+    mac: float | None
+    strength: float | None
+    symmetry: str | None = None
+
+
+class CountRecord(Part):
+    """Modes expected by inertia and found between two frequencies; of what, and how many more the meshes may have."""
+
+    low_hz: float
+    high_hz: float
+    expected: int
+    found: int
+    counts: str | None = None
+    more_in_mesh_at_most: int | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether as many were found as expected."""
+        return self.expected == self.found
+
+
+class RivalRecord(Part):
+    """Another mode that carries the wanted shape."""
+
+    frequency_hz: float
+    strength: float | None
+    mac: float | None
+    confinement_db: float | None
+
+
+class WantedRecord(Part):
+    """The outcome of the search for the wanted mode in a window; every figure None where there is none.
+
+    share: of the shape, among all modes of the window. index: among the modes listed, None beyond them.
+    """
+
+    status: Literal["single", "split", "none"]
+    frequency_hz: float | None
+    mac: float | None
+    strength: float | None
+    confinement_db: float | None
+    zone_share: float | None = None
+    symmetry: str | None = None
+    driven_confinement_db: float | None = None
+    share: float | None = None
+    rivals: list[RivalRecord] = []
+    window_hz: tuple[float, float] | None = None
+    index: int | None = None
+    extension_db: float | None = None
+    frequency_error: float | None = None
+    confinement_error_db: float | None = None
+    pillar_energy_share: float | None = None
+
+
+class WantedMode(WantedRecord):
+    """The same where there is a mode."""
+
+    frequency_hz: float
+
+
+class ModesRecord(Part):
+    """The modes of a part in ascending order, their count, and the wanted one among them."""
+
+    model: str
+    part: str
+    dof: int
+    rigid_count: int
+    modes: list[ModeRecord]
+    count_check: CountRecord
+    wanted: WantedMode | WantedRecord | None = Field(None, union_mode="left_to_right")
+    reduction_error: float | None = None
+    expected_error: float | None = None
+    error_bar: dict[str, float | None] | None = None  # of the wanted mode: frequency, relative, and confinement_db
+
+
+class ShapesRecord(Part):
+    """Shapes of the modes that carry most of the wanted one (row `wanted`): coefficients on the active face, a row a mode."""
+
+    wanted: int
+    frequency_hz: list[float]
+    share: list[float]
+    coefficients: list[list[float]]
+
+
+class GapRecord(Part):
+    """An interval without waves between two bands, counted from 1."""
+
+    lower_band: int
+    upper_band: int
+    lower_hz: float
+    upper_hz: float
+
+
+class BandPoint(Open):
+    """The waves at one wavevector; what only the reduced cell tells is None with the full one."""
+
+    label: str | None
+    kx_per_m: float
+    ky_per_m: float
+    frequencies_hz: list[float]
+    polarisation: list[str] | None = None
+    plate_polarisation: list[str] | None = None
+    group_velocity_m_s: list[tuple[float, float] | None] | None = None
+
+
+class BandsRecord(Open):
+    """Bands along a path and their complete gaps."""
+
+    model: str
+    dof: int
+    points: list[BandPoint]
+    expected_error: float | None = None
+    gaps: list[GapRecord] = []
+
+    @property
+    def widest_gap(self) -> GapRecord | None:
+        """The widest complete gap."""
+        return max(self.gaps, key=lambda gap: gap.upper_hz - gap.lower_hz, default=None)
+
+    @property
+    def bending_at_m_hz(self) -> list[float]:
+        """The pillars' two bending bands where they meet M; [] on a path without M."""
+        return next((point.frequencies_hz[:2] for point in self.points if point.label == "M"), [])
+
+    @property
+    def labelled(self) -> dict[str, BandPoint]:
+        """Points by their label, the last one of each."""
+        return {point.label: point for point in self.points if point.label}
+
+
+class WaveRecord(Part):
+    """One wave across the rows."""
+
+    polarisation: str
+    ky_re_per_m: float
+    ky_im_per_m: float
+    db_per_row: float
+    pillar_share: float
+
+
+class ThroughRows(Part):
+    """Shares of an incoming flexural wave's power after the case's rows, by polarisation."""
+
+    reflected: float
+    flexural: float
+    shear: float
+    longitudinal: float
+
+
+class AttenuationPoint(Part):
+    """All waves at a frequency, the decay of the least attenuated flexural one, and what the rows let through."""
+
+    frequency_hz: float
+    waves: tuple[WaveRecord, ...]
+    db_per_row: float | None
+    through_rows: ThroughRows | None
+
+
+class AttenuationRecord(Part):
+    """Complex bands over frequency at one wavenumber along the zone; errors are those of the cell's bands, relative."""
+
+    model: str
+    kx_per_m: float
+    pitch_y_m: float
+    rows: int
+    expected_error: float | None
+    reduction_error: float | None
+    points: tuple[AttenuationPoint, ...]
+
+    @property
+    def decay(self) -> FloatArray:
+        """Frequency and decay per row of the least attenuated flexural wave, where there is one, (k, 2)."""
+        known = [(p.frequency_hz, p.db_per_row) for p in self.points if p.db_per_row is not None]
+        return np.reshape(np.array(known, dtype=float), (-1, 2))
+
+    def at(self, frequency_hz: float) -> float | None:
+        """Decay per row of the least attenuated flexural wave at a frequency, interpolated; None outside the band."""
+        known = self.decay
+        if not len(known) or not known[0, 0] <= frequency_hz <= known[-1, 0]:
+            return None
+        return float(np.interp(frequency_hz, *known.T))
+
+
+class PredictionRecord(Part):
+    """What endless rows would do at the wanted mode, beside the finite plate's zone_to_extension_db.
+
+    rows_db: rows times the decay per row; through_db: the power that passes the rows; rows_needed: to be confined.
+    """
+
+    frequency_hz: float
+    db_per_row: float | None
+    rows_db: float | None
+    through_db: float | None
+    zone_to_extension_db: float | None
+    rows_needed: int | None
+
+
+class PeakRecord(Part):
+    """The response at one frequency, and the quality factor read from the curve."""
+
+    frequency_hz: float
+    zone_rms_m_per_V: float
+    passive_rms_m_per_V: float | None
+    confinement_db: float | None
+    quality: float | None
+
+    @property
+    def zone_nm_per_V(self) -> float:
+        """The zone's rms in nm/V."""
+        return 1e9 * self.zone_rms_m_per_V
+
+
+class ResponseRecord(Part):
+    """The forced response: curves over frequency, the wanted mode's peak (None without one), the highest of all."""
+
+    model: str
+    dof: int
+    frequency_hz: list[float]
+    zone_rms_m_per_V: list[float]
+    passive_rms_m_per_V: list[float] | None
+    sensor_V_per_V: list[tuple[float, float]] | None
+    sensors: list[int]
+    polarisation_signs: list[int]
+    wanted_hz: float | None
+    quality_given: float
+    expected_error: float | None
+    circuit: dict[str, Any]  # how the drivers are fed, and what opening every patch does to the wanted mode
+    wanted_status: str
+    wanted_peak: PeakRecord | None
+    highest_peak: PeakRecord
+
+    @property
+    def peak(self) -> PeakRecord:
+        """The wanted mode's peak; the highest where the band has none."""
+        return self.wanted_peak or self.highest_peak
+
+
+class CircleRecord(Open):
+    """A circle in the complex plane."""
+
+    centre: tuple[float, float]
+    radius: float
+
+
+class FittedMode(Open):
+    """A mode as fitted to a response's circle, the delay taken out."""
+
+    delay_s: float
+    circle: CircleRecord
+
+
+class ResonanceRecord(Open):
+    """A resonance as identified from a sweep; circle: None where it is the peak's."""
+
+    frequency_hz: float
+    quality: float | None
+    circle: FittedMode | None
+
+
+class MeasuredSweepRecord(ResonanceRecord):
+    """A measured sweep beside the computed response, where the measuring instrument points."""
+
+    file: str
+    synthetic: bool
+    frequency_shift_hz: float
+    frequency_shift: float
+    computed: ResonanceRecord
+
+
+class ComputedMap(Open):
+    """The computed field as a measured map would have shown it."""
+
+    confinement_at_points_db: float | None
+
+
+class MeasuredMapRecord(Open):
+    """A measured map of the touch face beside the computed operating shape."""
+
+    file: str
+    synthetic: bool
+    points: int
+    confinement_db: float | None
+    mac_operating: float
+    computed: ComputedMap
+
+
+class MeasuredRecord(Part):
+    """What was measured beside the response."""
+
+    sweep: MeasuredSweepRecord | None
+    map: MeasuredMapRecord | None
+
+
+class SpreadRecord(Part):
+    """Mean, standard deviation and extremes over samples."""
+
+    mean: float
+    deviation: float
+    lowest: float
+    highest: float
+
+
+class SampleRecord(Part):
+    """One plate of a tolerance study at the mode that the wanted one has become: the zone's rms in m/V or m/N.
+
+    tracking: single, split among several modes (the strongest is measured), or none (the figures are None then).
+    """
+
+    peak_hz: float | None
+    zone_rms: float | None
+    confinement_db: float | None
+    quality: float | None
+    tracking: str
+
+
+class ToleranceRecord(Part):
+    """Plates whose pillars differ: the nominal one, the samples, their statistics without those `lost`, which it counts."""
+
+    tolerance: dict[str, int | float]
+    drive: str
+    rms_unit: str
+    pillars: int
+    dofs: int
+    nominal: SampleRecord
+    samples: list[SampleRecord]
+    lost: int
+    split: int
+    peak_hz: SpreadRecord | None
+    peak_shift_hz: SpreadRecord | None
+    confinement_db: SpreadRecord | None
+    confined: int | None
+    space_check: dict[str, float | None]
+
+
+class BoardRecord(Part):
+    """A step of the reference played by the firmware's image on the emulated board."""
+
+    compiler: str
+    swept: bool
+    frequency_hz: float
+    tau_s: float
+    gain: tuple[float, float]
+    delay_s: float
+    reference: float
+    t95_s: float | None
+    overshoot: float
+
+
+class BoardFault(Part):
+    """The fault in which the image ended."""
+
+    fault: str
+
+
+class SizeRecord(Open):
+    """The zone by plate theory, or the pillar by beam theory."""
+
+    frequency_hz: float
+    formula_hz: float | None = None
+    height_mm: float | None = None
+
+
+class PredesignRecord(Open):
+    """Analytic sizing."""
+
+    zone: SizeRecord | None
+    pillar: SizeRecord | None
+
+
+class GeometryRecord(Open):
+    """The print and CAD files, and what was found in the print file."""
+
+    files: list[str]
+    mass_kg: float
+    volume_m3: float
+    watertight: bool
+    bodies: int
+    volume_error: float
+    smallest_feature_m: float
+
+
+class TetModesRecord(Open):
+    """The wanted mode by tetrahedra beside the one of the structured mesh."""
+
+    dof: int
+    frequency_hz: float
+    hex_frequency_hz: float
+    relative_difference: float
+
+
+class PlanStep(Open):
+    """A computation: what it looks for, by which model and mesh, and why so; its numbers beside."""
+
+    measure: str
+    name: str
+    model: str
+    mesh: str
+    looks_for: str
+    why: list[str]
+
+
+class PlanRecord(Open):
+    """What was computed, step by step."""
+
+    steps: list[PlanStep]
+
+
+class Record(Part):
+    """A case: how it ended, what it stems from, and what its measures found (None: not measured).
+
+    `other` holds plain values by name: of measures without a class here, and of studies that are scripts.
+    """
+
+    schema_version: Literal[2] = Field(default=2, alias="schema")
+    case_id: str
+    name: str = ""
+    status: Literal["OK", "WARNING", "FAILED", "MISSING"]
+    diagnosis: str = ""
+    input_hash: str = ""
+    code_hash: str = ""
+    versions: dict[str, str] = {}
+    sweep: dict[str, Any] = {}
+    left_out: list[str] = []
+    warnings: list[str] = []
+    plan: PlanRecord | None = None
+    design: DesignRecord | None = None
+    meshes: list[MeshRecord] = []
+    modes: ModesRecord | None = None
+    shapes: ShapesRecord | None = None
+    bands: BandsRecord | None = None
+    attenuation: AttenuationRecord | None = None
+    prediction: PredictionRecord | None = None
+    response: ResponseRecord | None = None
+    measured: MeasuredRecord | None = None
+    tolerance: ToleranceRecord | None = None
+    board: BoardRecord | BoardFault | None = None
+    predesign: PredesignRecord | None = None
+    zone_modes: ModesRecord | None = None
+    pillar_modes: ModesRecord | None = None
+    geometry: GeometryRecord | None = None
+    tet_modes: TetModesRecord | None = None
+    tet_bands: BandsRecord | None = None
+    other: dict[str, Any] = {}
+
+    @classmethod
+    def of_case(cls, result: Mapping[str, Any], **head: Any) -> Record:
+        """The record of what measures found by name; what has no field of its own goes to `other`."""
+        own = {key: value for key, value in result.items() if key in cls.model_fields}
+        other = {key: value for key, value in result.items() if key not in own}
+        return cls.model_validate({**own, **({"other": {**own.get("other", {}), **other}} if other else {}), **head})
+
+    def to_dict(self) -> dict[str, Any]:
+        """What record.json holds: nothing where nothing was measured."""
+        head = {"schema": self.schema_version}
+        fields = self.model_dump(exclude_unset=True, exclude={"schema_version"})
+        return head | {key: value for key, value in fields.items() if value is not None}
+
+    @property
+    def answered(self) -> bool:
+        """Whether the case gave an answer."""
+        return self.status in STATUSES
+
+    @property
+    def wanted(self) -> WantedMode | None:
+        """The wanted mode; None where there is none or none was looked for."""
+        result = self.modes.wanted if self.modes else None
+        return result if isinstance(result, WantedMode) else None
+
+    @property
+    def wanted_status(self) -> str | None:
+        """single, split or none; None where no mode was looked for."""
+        return self.modes.wanted.status if self.modes and self.modes.wanted else None
+
+    @property
+    def confinement_db(self) -> float | None:
+        """Confinement of the wanted mode, dB; None without a wanted mode or a passive face."""
+        return self.wanted.confinement_db if self.wanted else None
+
+    @property
+    def driven_db(self) -> float | None:
+        """Confinement at the wanted mode's peak as the patches drive it, dB; None without a response or without that peak."""
+        return self.response.wanted_peak.confinement_db if self.response and self.response.wanted_peak else None
+
+    @property
+    def confined(self) -> bool | None:
+        """Whether the zone confines the wanted mode: as a mode and, where patches drive it, at its own peak.
+
+        None where the question has no meaning.
+        """
+        level, driven = self.confinement_db, self.driven_db
+        return None if level is None else min(level, level if driven is None else driven) >= CONFINED_DB
+
+    def mesh(self, what: str, kind: str) -> MeshRecord | None:
+        """The first mesh of a body and a kind."""
+        return next((mesh for mesh in self.meshes if (mesh.what, mesh.kind) == (what, kind)), None)
+
+
+def read(folder: Path) -> Record:
+    """Record of a case. Raises store.BadRecord when it is missing, torn, edited, another case's or of another version."""
+    try:
+        return Record.model_validate(store.read_record(folder))
+    except ValidationError as fault:
+        first = fault.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise store.BadRecord(
+            f"{store.RECORD} is no record of schema {store.SCHEMA}: {place}: {first['msg']}"
+        ) from fault

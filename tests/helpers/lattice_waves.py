@@ -1,0 +1,38 @@
+"""The exact waves of a bare plate seen as a lattice: Lamb's and the horizontally polarised shear wave, folded."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from geometry.materials import Material
+from solvers.analytic.lamb import lamb_hz, shear_speed
+from solvers.errors import SolverError
+
+
+def shear_hz(wavenumber_per_m: float, material: Material) -> float:
+    """Lowest horizontally polarised shear wave SH0, f = k c_t / (2 pi), Hz."""
+    return wavenumber_per_m * shear_speed(material) / (2.0 * pi)
+
+
+def folded_hz(
+    wavevector: FloatArray, pitch_m: tuple[float, float], thickness_m: float, material: Material, count: int
+) -> FloatArray:
+    """The `count` lowest waves of the bare plate seen as a lattice: A0, S0 and SH0 at k + G, Hz.
+
+    SolverError above 0.9 of the first thickness-shear cut-off, where higher waves would have to be counted.
+    """
+    frequencies: list[float] = []
+    for m in range(-3, 4):
+        for n in range(-3, 4):
+            k = float(np.hypot(*(wavevector + 2.0 * pi * np.array([m, n]) / np.array(pitch_m))))
+            if k < 1e-9:
+                frequencies += [0.0, 0.0, 0.0]
+                continue
+            frequencies += [lamb_hz(k, thickness_m, material, s) for s in (False, True)] + [shear_hz(k, material)]
+    lowest = np.sort(frequencies)[:count]
+    if lowest[-1] >= 0.9 * shear_speed(material) / (2.0 * thickness_m):
+        raise SolverError(f"{count} waves reach above the thickness-shear cut-off: ask for fewer")
+    return np.asarray(lowest)

@@ -1,0 +1,87 @@
+"""The record of a case: written and read by the same classes, refused as a whole where it is of another version."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from pipeline.batch import runner
+from pipeline.records import fingerprint, record, store
+from pipeline.records.record import ModesRecord, PeakRecord, Record, WantedMode
+from tests.helpers import fake_study, synthetic
+
+
+def stored(folder: Path) -> Record:
+    folder.mkdir(exist_ok=True)
+    made = synthetic.record(folder.name, {"array.rows": 1}, synthetic.design(1, 4e-3, 5e-3), 12.0)
+    store.seal(folder, made.to_dict())
+    return made
+
+
+def test_what_was_written_is_read_field_by_field(tmp_path: Path) -> None:
+    made = stored(tmp_path / "case")
+    read = record.read(tmp_path / "case")
+    assert read == made and isinstance(read.wanted, WantedMode)
+    text = json.loads((tmp_path / "case" / store.RECORD).read_text())
+    assert text["schema"] == store.SCHEMA and text["modes"]["modes"][0]["frequency_hz"] == 31500.0
+    assert "tolerance" not in text  # nothing stands for what was not measured
+
+
+@pytest.mark.parametrize("number", [None, 1, 3])
+def test_an_older_record_is_refused_by_its_number_and_computed_again(tmp_path: Path, number: int | None) -> None:
+    folder = tmp_path / "value=0"
+    (job,) = fake_study.jobs(1)
+    mark = fingerprint.current()
+    store.begin(folder, job.payload)
+    made = Record(case_id=folder.name, status="OK", code_hash=mark.code_hash, versions=mark.versions)
+    whole = {**made.to_dict(), "input_hash": fingerprint.input_hash(job.payload)}
+    store.seal(folder, whole)
+    assert runner.plan([job], tmp_path)[0].why is None  # it stands
+    store.seal(folder, {**whole, "schema": number})
+    (planned,) = runner.plan([job], tmp_path)
+    assert planned.why is not None and f"has schema {number}, this version reads {store.SCHEMA}" in planned.why
+    with pytest.raises(store.BadRecord, match=f"has schema {number}"):
+        record.read(folder)
+
+
+def test_a_field_that_is_not_of_this_version_refuses_the_record_by_its_place(tmp_path: Path) -> None:
+    made = stored(tmp_path / "case").to_dict()
+    made["modes"]["modes"][2]["hz"] = 3e4
+    store.seal(tmp_path / "case", made)
+    with pytest.raises(store.BadRecord, match=r"no record of schema 2: modes\.modes\.2\.hz: "):
+        record.read(tmp_path / "case")
+
+
+def test_no_number_is_none_where_that_is_allowed_and_refused_elsewhere() -> None:
+    peak = {"frequency_hz": 3e4, "zone_rms_m_per_V": 1e-8, "passive_rms_m_per_V": None, "confinement_db": None}
+    assert PeakRecord(**peak, quality=float("nan")).quality is None
+    assert PeakRecord(**peak, quality=np.float64("inf")).quality is None
+    with pytest.raises(ValidationError):
+        PeakRecord(**{**peak, "frequency_hz": float("nan")}, quality=None)
+    with pytest.raises(ValidationError):
+        synthetic.attenuation(1).__class__.model_validate({"points": [float("nan")]})
+
+
+def test_without_a_wanted_mode_no_figure_of_it_is_claimed() -> None:
+    modes = ModesRecord.model_validate(json.loads(json.dumps(synthetic.modes(synthetic.NO_MODE).to_dict())))
+    result = Record(case_id="c", status="OK", modes=modes)
+    assert result.wanted is None and result.wanted_status == "none" and result.confined is None
+    assert modes.to_dict()["wanted"]["frequency_hz"] is None
+
+
+@pytest.mark.parametrize(
+    ("level", "driven", "confined"), [(12.2, 9.3, False), (12.2, 10.1, True), (9.9, 10.1, False), (None, 12.0, None)]
+)
+def test_confined_means_as_a_mode_and_driven(level: float | None, driven: float, confined: bool | None) -> None:
+    modes = synthetic.modes(synthetic.wanted(level))
+    assert Record(case_id="c", status="OK", modes=modes, response=synthetic.response(driven)).confined is confined
+
+
+def test_what_has_no_field_of_its_own_is_kept_beside() -> None:
+    result = Record.of_case({"density": {"per_cm2": 1.5}, "other": {"kept": 1}}, case_id="c", status="OK")
+    assert result.other == {"kept": 1, "density": {"per_cm2": 1.5}}
+    assert Record.model_validate(result.to_dict()) == result
