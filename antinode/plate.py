@@ -33,7 +33,7 @@ class Plate:
 
     >>> plate = Plate(thickness_mm=2.0, zone=Zone(length_mm=115.5, width_mm=20.0, nodal_lines=8))
     >>> round(plate.predesign().zone_hz / 1e3, 1)
-    39.4
+    34.0
     """
 
     def __init__(
@@ -74,6 +74,11 @@ class Plate:
         return self._case
 
     @property
+    def source(self) -> Path | None:
+        """The case file that the plate was read from."""
+        return self._source
+
+    @property
     def name(self) -> str:
         """The name of the case."""
         return self._case.name
@@ -87,7 +92,7 @@ class Plate:
         >>> load("studies/three-rows.toml").with_(pitch_mm=5.0).to_dict()["array"]["pitch_mm"]
         5.0
         """
-        pairs = [(_key(name), plain(value)) for name, value in changes.items()]
+        pairs = [(key_of(name), plain(value)) for name, value in changes.items()]
         return Plate._of(apply_overrides(self._raw, pairs), self._source)
 
     def to_dict(self) -> dict[str, Any]:
@@ -129,7 +134,7 @@ class Plate:
         near = None if near_kHz is None else 1e3 * near_kHz
         with _logged(progress) as log:
             found = solve_modes(self._case, Request(part, _hz(band_kHz), near, count, symmetry), log)
-        return Modes(found.json() | self._about, found, self._case)
+        return Modes(found.record.to_dict() | self._about, found, self._case)
 
     def bands(self, *, progress: bool | None = None) -> Bands:
         """Compute Bloch bands and gaps of the unit cell along the case's path."""
@@ -137,7 +142,7 @@ class Plate:
         from pipeline.analysis.bands import solve_bands
 
         with _logged(progress) as log:
-            return Bands(solve_bands(self._case, log).json() | self._about)
+            return Bands(solve_bands(self._case, log).record.to_dict() | self._about)
 
     def attenuation(
         self,
@@ -152,7 +157,8 @@ class Plate:
         from pipeline.analysis import attenuation
 
         with _logged(progress) as log:
-            return Attenuation(attenuation.solve(self._case, log, _hz(band_kHz), kx_per_m, points).json() | self._about)
+            solved = attenuation.solve(self._case, log, _hz(band_kHz), kx_per_m, points)
+        return Attenuation(solved.to_dict() | self._about)
 
     def response(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Response:
         """Compute the forced response to the patches."""
@@ -160,7 +166,7 @@ class Plate:
         from pipeline.analysis import response
 
         with _logged(progress) as log:
-            return Response(response.solve(self._case, log, _hz(band_kHz), points).json() | self._about)
+            return Response(response.solve(self._case, log, _hz(band_kHz), points).record.to_dict() | self._about)
 
     def tolerance(self, band_kHz: Pair | None = None, *, progress: bool | None = None) -> Tolerance:
         """Compute how far peak and confinement move when no two pillars are alike."""
@@ -168,23 +174,23 @@ class Plate:
         from pipeline.analysis import tolerance
 
         with _logged(progress) as log:
-            return Tolerance(tolerance.solve(self._case, log, _hz(band_kHz)).json() | self._about)
+            return Tolerance(tolerance.solve(self._case, log, _hz(band_kHz)).record.to_dict() | self._about)
 
     @cached_property
     def _about(self) -> dict[str, Any]:
         from importlib.metadata import version
 
-        return {"case": self.name, "with_defaults": self._case.as_understood(), "version": version("antinode")}
+        return {"case": self.name, "with_defaults": self._case.to_dict(), "version": version("antinode")}
 
     def __repr__(self) -> str:
         tables = ", ".join(key for key in self._raw if key in TABLES)
         return f"<antinode.Plate {self.name!r}: {tables}>"
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Plate) and self._case.as_understood() == other._case.as_understood()
+        return isinstance(other, Plate) and self._case.to_dict() == other._case.to_dict()
 
     def __hash__(self) -> int:
-        return hash(repr(self._case.as_understood()))
+        return hash(repr(self._case.to_dict()))
 
 
 def load(path: str | Path, **overrides: Any) -> Plate:
@@ -194,11 +200,11 @@ def load(path: str | Path, **overrides: Any) -> Plate:
     2
     """
     file = Path(path)
-    pairs = [(_key(name), plain(value)) for name, value in overrides.items()]
+    pairs = [(key_of(name), plain(value)) for name, value in overrides.items()]
     return Plate._of(apply_overrides(read_toml(file), pairs), file)
 
 
-def _key(name: str) -> str:
+def key_of(name: str) -> str:
     """The dotted key that a keyword stands for."""
     table, _, last = name.partition("__")
     if last:
@@ -239,10 +245,11 @@ class _Log(TerminalLog):
 @contextmanager
 def _logged(progress: bool | None) -> Iterator[_Log]:
     """A log that is quiet unless progress is wanted; None: wanted in a terminal or a notebook."""
-    yield _Log(quiet=not (_is_watched() if progress is None else progress))
+    yield _Log(quiet=not (is_watched() if progress is None else progress))
 
 
-def _is_watched() -> bool:
+def is_watched() -> bool:
+    """Whether somebody sees progress: a terminal or a notebook."""
     return sys.stderr.isatty() or "ipykernel" in sys.modules
 
 

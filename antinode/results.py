@@ -27,7 +27,7 @@ class Result:
     kind = ""
 
     def __init__(self, document: dict[str, Any]) -> None:
-        self._document = {**document, KIND: self.kind}
+        self._document = {"schema": 1, **document, KIND: self.kind}
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document, with the case and the version that it answers."""

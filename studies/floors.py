@@ -10,10 +10,11 @@ from typing import Any
 
 from pipeline.paths import ROOT
 
-PACKAGES = ("geometry", "solvers", "pipeline", "studies", "firmware")
+PACKAGES = ("antinode", "geometry", "solvers", "pipeline", "studies", "firmware")
 PAGE, PICTURE = ROOT / "docs/architecture.md", ROOT / "docs/pictures/floors.svg"
 BEGIN, END = "<!-- folders: written by python -m studies.floors -->", "<!-- end of folders -->"
 COLOURS = {
+    "antinode": "#f4cccc",
     "geometry": "#d9e8d3",
     "solvers": "#cfe1f2",
     "pipeline": "#f6e3c5",

@@ -18,10 +18,8 @@ from pipeline.case.diagnostics import Diagnostics, check_table, nearest
 from pipeline.case.overrides import is_file, read_toml
 from pipeline.case.schema import known_keys
 from pipeline.errors import InputError
-from pipeline.measures import registry
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
-ALLOWED = f"a list of {', '.join(registry.names())}"
 RENAMED = {"once": "base_measure"}
 MAX_ID_LENGTH = 120
 MAX_CASES = 100_000
@@ -35,8 +33,8 @@ class StudyTable(BaseModel):
         default=None, description="1 to 100 letters, digits, dots, dashes or underscores"
     )
     case: str = Field(min_length=1, description="the path of a case file, from the study file's folder")
-    measure: Annotated[list[str], Field(min_length=1)] = Field(default=["modes"], description=ALLOWED)
-    base_measure: list[str] = Field(default=[], description=ALLOWED)
+    measure: Annotated[list[str], Field(min_length=1)] = Field(default=["modes"], description="a list of measures")
+    base_measure: list[str] = Field(default=[], description="a list of measures")
     zip: bool = Field(default=False, description="true or false")
 
 
@@ -121,15 +119,21 @@ def _read_study(raw: dict[str, Any], faults: Diagnostics) -> dict[str, Any]:
         measures = table.get(key)
         if isinstance(measures, list) and (measures or key == "measure"):
             _check_measures(key, measures, faults)
-            table = {**table, key: [name for name in measures if name in registry.names()] or spare}
+            table = {**table, key: [name for name in measures if name in _names()] or spare}
     return check_table(StudyTable, table, "study.", known, faults)
+
+
+def _names() -> list[str]:
+    from pipeline.measures import registry  # loads what plans: not before there is a study to plan
+
+    return registry.names()
 
 
 def _check_measures(key: str, measures: list[Any], faults: Diagnostics) -> None:
     for name in measures:
-        if name not in registry.names():
-            hint = nearest(name, registry.names()) if isinstance(name, str) else ""
-            faults.add(f"study.{key}", name, f"must be {ALLOWED}{hint}")
+        if name not in _names():
+            hint = nearest(name, _names()) if isinstance(name, str) else ""
+            faults.add(f"study.{key}", name, f"must be a list of {', '.join(_names())}{hint}")
     if not measures or len({str(name) for name in measures}) < len(measures):
         faults.add(f"study.{key}", measures, "must name at least one measure, each once")
 

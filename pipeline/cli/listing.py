@@ -11,9 +11,13 @@ def add(commands: Any, command: Any) -> None:
     """The options of the three commands."""
     stored = command(commands, "list", "studies with stored results", "list", "pipeline.cli.listing:studies")
     stored.add_argument("--json", metavar="FILE|-", help="write the list as JSON; - for standard output, alone")
-    known = command(commands, "materials", "the materials and their constants", "materials", "pipeline.cli.listing:materials")
+    known = command(
+        commands, "materials", "the materials and their constants", "materials", "pipeline.cli.listing:materials"
+    )
     known.add_argument("--json", metavar="FILE|-", help="write the list as JSON; - for standard output, alone")
-    words = command(commands, "glossary", "what a word means here", "glossary strength", "pipeline.cli.listing:glossary")
+    words = command(
+        commands, "glossary", "what a word means here", "glossary strength", "pipeline.cli.listing:glossary"
+    )
     words.add_argument("word", nargs="?", metavar="WORD", help="a word (default: all of them)")
 
 
@@ -29,12 +33,14 @@ def studies(arguments: Namespace) -> int:
             cases = read_study(folder).cases
         except (store.StoreError, OSError):
             continue
-        counts = Counter(case.status for case in cases)
-        report = folder / "report.html"
-        rows.append([folder.name, len(cases), *(counts[key] for key in ("OK", "WARNING", "FAILED")), str(report) if report.is_file() else None])
+        counts = Counter(case.record.status for case in cases)
+        report = str(folder / "report.html") if (folder / "report.html").is_file() else None
+        rows.append([folder.name, len(cases), *(counts[key] for key in ("OK", "WARNING", "FAILED")), report])
     head = ("study", "cases", "ok", "warnings", "failed", "report")
     document = {"studies": [dict(zip(head, row, strict=True)) for row in rows]}
-    outputs.emit(arguments, "list", document, outputs.table(head, rows) if rows else f"no stored study in {paths.RESULTS}")
+    outputs.emit(
+        arguments, "list", document, outputs.table(head, rows) if rows else f"no stored study in {paths.RESULTS}"
+    )
     return 0
 
 
@@ -61,7 +67,9 @@ def glossary(arguments: Namespace) -> int:
         cells = [cell.strip() for cell in line.strip("|").split(" | ")]
         if line.startswith("| ") and len(cells) == 2 and cells[0] != "word":
             entries[cells[0]] = cells[1]
-    chosen = {words: text for words, text in entries.items() if arguments.word is None or _is_named(arguments.word, words)}
+    chosen = {
+        words: text for words, text in entries.items() if arguments.word is None or _is_named(arguments.word, words)
+    }
     if not chosen:
         known = [name.strip() for words in entries for name in words.split(",")]
         raise InputError(f"{arguments.word}: not in the glossary{nearest(arguments.word, known)}")

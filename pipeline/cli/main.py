@@ -30,6 +30,11 @@ RENAMED = {
     "--within": "--settling-time",
     "--synthesise": "--synthetic-data",
 }
+MODULES = (
+    "pipeline.cli.new",
+    "pipeline.cli.compare",
+    "pipeline.cli.listing",
+)  # each adds its commands; light to import
 DONE, WRONG_INPUT, NOT_TRUSTED, NOT_HELD, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4, 5, 130
 
 
@@ -129,6 +134,8 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for add in (_add_case_commands, _add_search, _add_active, _add_study_commands, _add_export, _add_checks):
         add(commands)
+    for module in MODULES:
+        importlib.import_module(module).add(commands, _command)
     return parser
 
 

@@ -20,7 +20,7 @@ WISHES = {
 }
 TEXT = """\
 # {name}: a touch plate that is to vibrate at {khz:.4g} kHz under the finger and to stay still elsewhere.
-# Sized by `antinode new`; what a key means and may be: docs/case-file.md. Lengths are in mm, frequencies in kHz.
+# Sized by `antinode new`; what a key means and may be: README.md. Lengths are in mm, frequencies in kHz.
 name = "{name}"
 material = "{material}"          # or a table: {{ young_GPa = 70, density_kg_m3 = 2700, poisson = 0.34 }}
 
@@ -60,12 +60,17 @@ def add(commands: Any, command: Any) -> None:
     new.add_argument("file", metavar="FILE", help="where to write the case")
     for name, (default, words) in WISHES.items():
         kind = type(default)
-        new.add_argument(f"--{name.replace('_', '-')}", type=kind, metavar=kind.__name__.upper(), help=f"{words} (default: {default})")
+        new.add_argument(
+            f"--{name.replace('_', '-')}",
+            type=kind,
+            metavar=kind.__name__.upper(),
+            help=f"{words} (default: {default})",
+        )
     new.add_argument("--force", action="store_true", help="replace a file that is there")
 
 
 def run(arguments: Namespace) -> int:
-    """Ask for what was not given where a person sits there, size zone and pillars, write the case, and check it by reading it."""
+    """Ask where a person sits there and gave nothing, size zone and pillars, check the case, and write it."""
     from geometry.materials import MATERIALS
     from pipeline.case.quantities import parse_frequency
     from pipeline.errors import InputError
@@ -99,7 +104,8 @@ def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
     if min(length, thickness, side, float(wishes["half_wavelength"])) <= 0.0:
         raise InputError("--length, --thickness, --side and --half-wavelength: must be above 0")
     try:
-        strip = Strip(length, length / 5.0, thickness, material)
+        constants = material.young_pa, material.density_kg_m3, material.poisson
+        strip = Strip(length, length / 5.0, thickness, *constants)
         lines = min_nodal_lines(strip, 1e-3 * float(wishes["half_wavelength"]))
         width = zone_width_m(strip, lines, frequency_hz)
         pillar = Pillar("square", side, side, 3.0 * side, material)
@@ -123,7 +129,9 @@ def _asked(arguments: Namespace) -> dict[str, Any]:
     """Wishes from the options, from the person where one is there and nothing was given, else the defaults."""
     given = {name: getattr(arguments, name) for name in WISHES}
     asks = sys.stdin.isatty() and not arguments.quiet and all(value is None for value in given.values())
-    return {name: _answer(words, default) if asks else default if given[name] is None else given[name] for name, (default, words) in WISHES.items()}
+    if asks:
+        return {name: _answer(words, default) for name, (default, words) in WISHES.items()}
+    return {name: default if given[name] is None else given[name] for name, (default, _) in WISHES.items()}
 
 
 def _answer(words: str, default: Any) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 
 from geometry.files import written_whole
 from pipeline.plots import style
-from solvers.measures.confinement import CONFINED_DB
+from solvers.measures.levels import CONFINED_DB
 
 Document = dict[str, Any]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCES = ("geometry", "solvers", "pipeline", "studies", "firmware")
+SOURCES = ("antinode", "geometry", "solvers", "pipeline", "studies", "firmware")
 MAX_MODULES = 12
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = ("geometry", "solvers", "pipeline", "studies", "firmware")
+FOLDERS = ("antinode", "geometry", "solvers", "pipeline", "studies", "firmware")
 YEARED = re.compile(r"\b\d?[a-z]+(?:19|20)\d{2}[a-z]?\b")
 NAMED = re.compile(r"\bSources?\b[^:.\n]*:\s*([^.]*)")
 KEY = re.compile(r"\b\d?[a-z]+\d{2,4}[a-z]?\b")

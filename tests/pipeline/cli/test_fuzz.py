@@ -159,7 +159,7 @@ class Mutants:
 
     def record(self, draw: random.Random) -> Any:
         record = {
-            "schema": 1,
+            "schema": store.SCHEMA,
             "case_id": "base",
             "status": "OK",
             "wanted": {"frequency_hz": 3.5e4},

@@ -1,0 +1,138 @@
+"""Sweeps: one plate over a grid of values, computed by the batch engine, resumable."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from antinode.plate import Plate, is_watched, key_of
+from antinode.tables import plain
+from pipeline.errors import CheckFailed, InputError
+
+NUMBERS = (int, float)
+
+
+class SweepTable(Sequence[dict[str, Any]]):
+    """One row a case: swept keys and measures by their columns of table.csv; None where a measure has no meaning.
+
+    `folder` holds every case's record, run.mess and arrays, table.csv and report.html.
+    """
+
+    def __init__(self, rows: Sequence[dict[str, Any]], folder: Path) -> None:
+        self._rows, self.folder = tuple(rows), folder
+
+    def __getitem__(self, index: Any) -> Any:
+        return self._rows[index]
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        return iter(self._rows)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(self._rows[0]) if self._rows else ()
+
+    def to_dataframe(self) -> Any:
+        """The table as a pandas DataFrame. Raises ImportError without pandas."""
+        try:
+            import pandas
+        except ModuleNotFoundError as fault:
+            raise ImportError("to_dataframe needs pandas: pip install pandas") from fault
+        return pandas.DataFrame(list(self._rows))
+
+    def to_dict(self) -> dict[str, list[Any]]:
+        """Columns as lists."""
+        return {name: [row[name] for row in self._rows] for name in self.columns}
+
+    def __repr__(self) -> str:
+        return f"<antinode.SweepTable: {len(self)} cases, {len(self.columns)} columns, {self.folder}>"
+
+
+def sweep(
+    plate: Plate,
+    *,
+    measure: Sequence[str] = ("modes", "confinement"),
+    folder: str | Path | None = None,
+    jobs: int | None = None,
+    zip: bool = False,
+    progress: bool | None = None,
+    **values: Sequence[Any],
+) -> SweepTable:
+    """Compute a plate over a full grid of values (or pairs of them with zip) and return the table.
+
+    Keywords are keys as in Plate.with_, each with its values. What the folder (default: results/NAME-sweep) holds from
+    the same input and sources is not computed again. Raises InputError for values that cannot be, CheckFailed where a
+    case failed: the others are kept in the folder.
+    """
+    from pipeline import paths
+    from pipeline.batch import case_study, runner
+    from pipeline.batch.progress import Progress
+    from pipeline.batch.study_file import load_study
+    from pipeline.measures import registry
+
+    if not values:
+        raise InputError("sweep: needs at least one key with its values, such as pitch_mm=[4, 5, 6]")
+    place = Path(folder) if folder is not None else paths.RESULTS / f"{plate.name}-sweep"
+    place.mkdir(parents=True, exist_ok=True)
+    study = load_study(_written(plate, place, measure, zip, values))
+    quiet = not (is_watched() if progress is None else progress)
+    about = {"name": study.name, "case": study.case_path.name, "measure": list(study.measure)}
+    options = runner.Options(jobs=jobs)
+    outcome = runner.run_study(
+        case_study.jobs_of(study), case_study.computer(study), place, options, Progress(quiet), about
+    )
+    table = registry.write_table(place)
+    if outcome.failed:
+        raise CheckFailed(f"case {end.case_id} failed: {end.diagnosis}" for end in outcome.failed)
+    return SweepTable([*_read(table.read_text(encoding="utf-8"))], place)
+
+
+def _written(plate: Plate, place: Path, measure: Sequence[str], paired: bool, values: dict[str, Sequence[Any]]) -> Path:
+    """The case and the study as files in the folder, which `antinode run` takes as well."""
+    from pipeline.batch.study_file import toml_text
+    from pipeline.records.outputs import write_file
+
+    write_file(place / "plate.toml", case_text(plate).encode())
+    head = {"name": place.name, "case": "plate.toml", "measure": list(measure)}
+    keys = {key_of(name): plain(list(each)) for name, each in values.items()}
+    lines = ["[study]", *(f"{key} = {toml_text(value)}" for key, value in head.items()), "", "[sweep]"]
+    lines += [f'"{key}" = {toml_text(each)}' for key, each in keys.items()] + (["zip = true"] if paired else [])
+    write_file(place / "study.toml", ("\n".join(lines) + "\n").encode())
+    return place / "study.toml"
+
+
+def case_text(plate: Plate) -> str:
+    """A plate as the text of a case file; files that it names by their whole paths."""
+    from pipeline.batch.study_file import toml_text
+
+    raw = plate.to_dict()
+    tables = {key: value for key, value in raw.items() if isinstance(value, dict) and key != "material"}
+    lines = [f"{key} = {toml_text(value)}" for key, value in raw.items() if key not in tables]
+    for name, table in tables.items():
+        lines += ["", f"[{name}]"]
+        for key, value in table.items():
+            known = plate.source.parent / value if key in ("file", "sweep", "map") and plate.source else value
+            lines.append(f"{key} = {toml_text(str(Path(known).resolve()) if known is not value else value)}")
+    return "\n".join(lines) + "\n"
+
+
+def _read(text: str) -> Iterator[dict[str, Any]]:
+    for row in csv.DictReader(io.StringIO(text)):
+        yield {name: _value(cell) for name, cell in row.items()}
+
+
+def _value(cell: str | None) -> Any:
+    if not cell:
+        return None
+    for kind in NUMBERS:
+        try:
+            return kind(cell)
+        except ValueError:
+            continue
+    return cell

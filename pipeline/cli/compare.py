@@ -1,0 +1,130 @@
+"""`antinode compare A B`: two designs side by side, what differs in them and in what they give."""
+
+from __future__ import annotations
+
+import json
+from argparse import Namespace
+from pathlib import Path
+from typing import Any
+
+Flat = dict[str, Any]
+SHOWN_DIGITS = 6
+
+
+def add(commands: Any, command: Any) -> None:
+    """The options of the command."""
+    text = "two cases, records or JSON results side by side"
+    sub = command(commands, "compare", text, "compare studies/three-rows.toml other.toml", "pipeline.cli.compare:run")
+    for name in ("a", "b"):
+        sub.add_argument(
+            name, metavar=name.upper(), help="a case file, a record.json or its folder, or a result written by --json"
+        )
+    solve = "also compute the wanted mode and the bands of case files (takes seconds each)"
+    sub.add_argument("--solve", action="store_true", help=solve)
+    sub.add_argument("--all", action="store_true", help="list what is equal, too")
+    sub.add_argument("--json", metavar="FILE|-", help="write the comparison as JSON; - for standard output, alone")
+    sub.add_argument("--plot", metavar="FILE", help="draw the relative differences into a .png, .pdf or .svg file")
+    sub.add_argument("--csv", metavar="FILE", help="write the comparison as CSV")
+
+
+def run(arguments: Namespace) -> int:
+    """Read both, line up their quantities, and print those that differ."""
+    from pipeline.records import outputs
+
+    one, two = (read(Path(place), arguments.solve, arguments.quiet) for place in (arguments.a, arguments.b))
+    rows = [row for row in lined_up(one, two) if arguments.all or row["a"] != row["b"]]
+    head = ("quantity", "a", "b", "difference")
+    cells = [[row[key] for key in head] for row in rows]
+    document = {"a": arguments.a, "b": arguments.b, "rows": rows}
+    words = outputs.table(head, cells) if cells else "nothing differs"
+    if arguments.csv:
+        outputs.write_file(Path(arguments.csv), outputs.csv_bytes(head, cells))
+    if arguments.plot:
+        draw(rows, Path(arguments.plot))
+    outputs.emit(arguments, "compare", document, words)
+    return 0
+
+
+def read(place: Path, solve: bool, quiet: bool) -> Flat:
+    """Quantities by their dotted names. InputError for what is neither a case nor a result."""
+    from pipeline.errors import InputError
+
+    if place.suffix == ".toml":
+        return _of_case(place, solve, quiet)
+    file = place / "record.json" if place.is_dir() else place
+    try:
+        document = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as fault:
+        raise InputError(f"{file}: cannot be read as a case (.toml), a record or a JSON result: {fault}") from fault
+    if not isinstance(document, dict):
+        raise InputError(f"{file}: holds no record and no JSON result")
+    return flat(
+        {key: value for key, value in document.items() if key not in ("seconds", "proof", "plan", "meshes", "times")}
+    )
+
+
+def _of_case(place: Path, solve: bool, quiet: bool) -> Flat:
+    from pipeline.analysis import predesign
+    from pipeline.case.model import load_case
+    from pipeline.logs import TerminalLog
+
+    case = load_case(place)
+    found = {"case": case.to_dict()}
+    if {"plate", "zone"} <= case.given:
+        found["predesign"] = {key: value for key, value in predesign.run(case)[0].items() if key != "limits"}
+    if solve:
+        from pipeline.analysis.bands import solve_bands
+        from pipeline.analysis.modes import solve_modes
+        from pipeline.planning.request import of_case
+
+        log = TerminalLog(quiet)
+        case.require_plate(command="compare --solve")
+        wanted = solve_modes(case, of_case(case), log).record.to_dict()["wanted"] or {}
+        found["wanted"] = {key: value for key, value in wanted.items() if not isinstance(value, list)}
+        if "array.pitch_mm" in case.given:
+            found["gaps"] = {f"{gap.lower_band}-{gap.upper_band}": vars(gap) for gap in solve_bands(case, log).gaps}
+    return flat(found)
+
+
+def flat(value: Any, name: str = "") -> Flat:
+    """Numbers, words and short lists by their dotted names; tables of points are left out."""
+    if isinstance(value, dict):
+        inside = (flat(item, f"{name}.{key}" if name else str(key)) for key, item in value.items())
+        return {key: item for part in inside for key, item in part.items()}
+    if isinstance(value, list):
+        return {name: value} if len(value) <= 3 and not any(isinstance(item, (dict, list)) for item in value) else {}
+    return {name: value}
+
+
+def lined_up(one: Flat, two: Flat) -> list[dict[str, Any]]:
+    """One row a quantity that either has; the difference relative to A where both are numbers."""
+    return [
+        {
+            "quantity": name,
+            "a": one.get(name),
+            "b": two.get(name),
+            "difference": _difference(one.get(name), two.get(name)),
+        }
+        for name in dict.fromkeys((*one, *two))
+    ]
+
+
+def _difference(a: Any, b: Any) -> float | None:
+    numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (a, b))
+    return float(f"{b / a - 1.0:.{SHOWN_DIGITS}g}") if numbers and a else None
+
+
+def draw(rows: list[dict[str, Any]], place: Path) -> None:
+    """Relative differences as bars, the largest first."""
+    from geometry.files import written_whole
+    from pipeline.plots import style
+
+    known = sorted((row for row in rows if row["difference"]), key=lambda row: abs(row["difference"]))
+    with style.style():
+        figure = style.new_figure(style.WIDTH_IN, 1.2 + 0.28 * max(1, len(known)))
+        axes = figure.subplots()
+        axes.barh([row["quantity"] for row in known], [100.0 * row["difference"] for row in known], color=style.BLUE)
+        axes.axvline(0.0, color=style.GREY, lw=0.8)
+        axes.set(xlabel="B over A, %")
+        with written_whole(place) as temporary:
+            figure.savefig(temporary, format=place.suffix.lstrip(".") or "png", dpi=150, bbox_inches="tight")

@@ -1,0 +1,153 @@
+"""`import antinode`: the public face, its names, its documents beside the command line's."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import antinode
+from pipeline.cli.main import main
+
+ROOT = Path(__file__).resolve().parents[2]
+SMALL = ROOT / "examples" / "small.toml"
+NAMES = [
+    "Array", "Attenuation", "BandPath", "Bands", "Caution", "Damping", "InputError", "Mode", "Modes", "Patches", "Pillar",
+    "Plate", "Predesign", "Response", "Scatter", "Solve", "SolverError", "SweepTable", "Tolerance", "Zone", "__version__",
+    "load", "open", "sweep",
+]  # fmt: skip
+HEAVY = "numpy scipy pydantic matplotlib cadquery pyvista pytetwild rich"
+
+
+@pytest.fixture(scope="module")
+def plate() -> antinode.Plate:
+    return antinode.load(SMALL, accuracy=0.05)
+
+
+def test_the_public_names_are_these() -> None:
+    assert sorted(antinode.__all__) == sorted(NAMES) and dir(antinode) == sorted(NAMES)
+    for name in NAMES:
+        assert getattr(antinode, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'platte'"):
+        antinode.platte  # noqa: B018
+
+
+def test_importing_it_loads_nothing_heavy() -> None:
+    code = f"import antinode, sys; print(*[m for m in '{HEAVY}'.split() if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+@pytest.mark.parametrize("module", ["plate", "tables", "results", "stored"])
+def test_the_examples_in_docstrings_hold(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    found = doctest.testmod(__import__(f"antinode.{module}", fromlist=["x"]))
+    assert found.attempted and not found.failed
+
+
+def test_every_public_object_says_what_it_is() -> None:
+    for name in set(NAMES) - {"__version__"}:
+        thing = getattr(antinode, name)
+        assert inspect.getdoc(thing), name
+        if inspect.isclass(thing) and thing.__module__.startswith("antinode"):
+            open_ = [key for key, value in vars(thing).items() if not key.startswith("_") and callable(value)]
+            assert all(inspect.getdoc(getattr(thing, key)) for key in open_), name
+
+
+def test_a_plate_of_keywords_is_the_plate_of_the_file(plate: antinode.Plate) -> None:
+    tables = plate.to_dict()
+    made = antinode.Plate(
+        name=tables["name"],
+        material="aluminium",
+        thickness_mm=2.0,
+        zone=antinode.Zone(length_mm=56.0, width_mm=20.0, nodal_lines=4),
+        pillar=antinode.Pillar(shape="square", side_mm=2.0, height_mm=6.3),
+        array=antinode.Array(**tables["array"]),
+        solve=antinode.Solve(**tables["solve"]),
+        bands=antinode.BandPath(**tables["bands"]),
+        damping=tables.get("damping"),
+        patches=tables.get("patches"),
+    )
+    assert made == plate and hash(made) == hash(plate) and made != plate.with_(rows=2)
+
+
+def test_another_plate_leaves_the_first_as_it_was(plate: antinode.Plate) -> None:
+    other = plate.with_(pitch_mm=5.0, array__rows=2, material="steel")
+    assert other.to_dict()["array"]["pitch_mm"] == 5.0 and other.case.design.rows == 2
+    assert other.case.design.material.name == "steel" and plate.case.design.rows == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"pich_mm": 4.0}, "did you mean pitch_mm"),
+        ({"height_mm": 6.0}, "pillar__height_mm, tolerance__height_mm"),
+        ({"pitch_mm": -1.0}, "array.pitch_mm"),
+        ({"rows": "three"}, "array.rows"),
+    ],
+)
+def test_what_cannot_be_changed_is_refused_in_words(plate: antinode.Plate, change: dict, said: str) -> None:
+    with pytest.raises(antinode.InputError, match=said):
+        plate.with_(**change)
+
+
+def test_modes_are_those_of_the_command(plate: antinode.Plate, tmp_path: Path) -> None:
+    modes = plate.modes(part="pillar", count=3)
+    args = ["modes", str(SMALL), "--part", "pillar", "--count", "3", "--set", "solve.accuracy=0.05"]
+    assert main([*args, "--quiet", "--json", str(tmp_path / "m.json")]) == 0
+    document = json.loads((tmp_path / "m.json").read_text())
+    assert [mode["frequency_hz"] for mode in document["modes"]] == pytest.approx(modes.frequency_hz.tolist(), rel=1e-9)
+    assert len(modes) == 3 and modes[0].symmetry in ("SA", "AS") and modes.wanted is None
+    assert modes[0].error == modes.error and modes.error > 0.0
+    again = antinode.open(tmp_path / "m.json")
+    assert isinstance(again, antinode.Modes) and [m.frequency_hz for m in again] == pytest.approx(modes.frequency_hz)
+    with pytest.raises(ValueError, match="holds no shapes"):
+        again[0].to_pyvista()
+
+
+def test_a_band_whose_ends_fall_is_refused(plate: antinode.Plate) -> None:
+    with pytest.raises(antinode.InputError, match="two rising numbers"):
+        plate.modes(band_kHz=(34.0, 30.0))
+
+
+def test_bands_have_wavevectors_labels_and_errors(plate: antinode.Plate, tmp_path: Path) -> None:
+    bands = plate.with_(bands__points=2, bands__count=4).bands()
+    assert bands.frequencies_hz.shape == bands.error.shape == (7, 4) and bands.wavevectors_per_m.shape == (7, 2)
+    assert bands.labels[0] == "G" and bands.labels[-1] == "G" and np.all(np.diff(bands.frequencies_hz, axis=1) >= -1e-6)
+    assert antinode.open(bands.save(tmp_path / "b.json")).frequencies_hz == pytest.approx(bands.frequencies_hz)
+    axes = bands.plot()
+    assert len(axes.lines) >= 4 and axes.get_ylabel() == "frequency (kHz)" and bands.plot(axes) is axes
+    assert "<img" in bands._repr_html_()
+
+
+def test_a_modes_surface_is_closed_and_has_the_bodys_volume(plate: antinode.Plate) -> None:
+    """Volume of the plate with its pillars by the divergence theorem over the surface, against length x width x height."""
+    design = plate.case.design
+    modes = plate.modes(near_kHz=31.0, count=1, symmetry="SS")
+    surface = modes[0].to_pyvista()
+    pillars = len(design.pillar_centres()) * 2e-3 * 2e-3 * 6.3e-3
+    plain = design.length_m * 2.0 * design.half_span_m * design.thickness_m
+    assert surface.is_manifold and surface.n_open_edges == 0
+    assert surface.volume == pytest.approx(plain + pillars, rel=1e-6)
+    assert np.abs(surface["displacement"]).max() > 0.0
+    pillar = plate.modes(part="pillar", count=1)[0].to_pyvista()
+    assert pillar.n_open_edges == 0 and pillar.volume == pytest.approx(2e-3 * 2e-3 * 6.3e-3, rel=1e-6)
+
+
+def test_a_sweep_is_a_table_and_stands_when_asked_again(plate: antinode.Plate, tmp_path: Path) -> None:
+    coarse = plate.with_(accuracy=0.05, bands__points=2, bands__count=4)
+    table = antinode.sweep(coarse, measure=["bands"], folder=tmp_path / "s", jobs=1, pillar__height_mm=[6.0, 6.3])
+    assert len(table) == 2 and [row["pillar.height_mm"] for row in table] == [6, 6.3]
+    assert {row["status"] for row in table} <= {"OK", "WARNING"} and "diagnosis" in table.columns
+    stamp = (tmp_path / "s" / "height_mm=6" / "record.json").stat().st_mtime_ns
+    again = antinode.sweep(coarse, measure=["bands"], folder=tmp_path / "s", jobs=1, pillar__height_mm=[6.0, 6.3])
+    assert list(again) == list(table)
+    assert (tmp_path / "s" / "height_mm=6" / "record.json").stat().st_mtime_ns == stamp
+    with pytest.raises(antinode.InputError, match="at least one key"):
+        antinode.sweep(coarse)
