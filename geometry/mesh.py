@@ -100,7 +100,6 @@ class MeshReport:
     nodes: int
     volume_m3: float
     worst_jacobian_ratio: float
-    worst_cell: int
 
 
 def check_mesh(mesh: Mesh, volume_m3: float | None = None, tolerance: float = 1e-3) -> MeshReport:
@@ -123,7 +122,7 @@ def check_mesh(mesh: Mesh, volume_m3: float | None = None, tolerance: float = 1e
     if volume_m3 is not None and abs(volume - volume_m3) > tolerance * volume_m3:
         off = volume / volume_m3 - 1.0
         raise MeshError(f"mesh volume differs from the solid's by {off:+.2e}, allowed is {tolerance:.0e}")
-    return MeshReport(len(mesh.cells), len(mesh.nodes), volume, ratio, worst)
+    return MeshReport(len(mesh.cells), len(mesh.nodes), volume, ratio)
 
 
 def _worst_jacobian(mesh: Mesh) -> tuple[float, int]:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import statistics
 import time
+import tomllib
 from collections.abc import Callable
 from dataclasses import fields
-from functools import partial
+from functools import cache, partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -55,101 +57,47 @@ NAMES = {
     "gap lower edge": "Cell, lower edge of the gap (M)",
     "gap upper edge": "Cell, upper edge of the gap (Γ)",
 }
-REFERENCES: dict[str, list[dict[str, Any]]] = {
-    "zone": [{"model": "hex", "order": 4, "size_mm": size, "layers": 3} for size in (10.0, 6.67, 4.44)],
-    "pillar": [
-        {"model": "hex", "order": 4, "size_mm": size, "along_mm": along, "layers": n}
-        for size, along, n in ((2.0, 1.575, 2), (1.0, 0.8, 3), (0.5, 0.4, 4))
-    ],
-    "cell": [
-        {"model": "quarter", "order": 4, "size_mm": 2.0, "along_mm": 1.575, "layers": n} for n in (1, 2, 3)
-    ],
-    "plate": [
-        {
-            "model": "superelement", "degrees": (6, 3), "modes_over_band": 12.0, "order": 4, "size_mm": 4.0,
-            "along_mm": 1.575, "layers": n,
-        }
-        for n in (0, 1, 2)
-    ],
-}  # fmt: skip
+MESHES = Path(__file__).parent / "data" / "accuracy-meshes.toml"
 
 
-def _hex(order: int, size: float, layers: int = 0, along: float | None = None, model: str = "hex") -> dict[str, Any]:
-    mesh_level = {"model": model, "order": order, "size_mm": size, "layers": layers}
-    return mesh_level | ({"along_mm": along} if along else {})
+@cache
+def _meshes() -> dict[str, dict[str, list[dict[str, Any]]]]:
+    with MESHES.open("rb") as file:
+        listed = tomllib.load(file)
+    return {
+        role: {part: [one for entry in given for one in _expanded(entry)] for part, given in parts.items()}
+        for role, parts in listed.items()
+    }
 
 
-def _tet(order: int, size: float, model: str = "tet") -> dict[str, Any]:
-    return {"model": model, "order": order, "size_mm": size}
+def _expanded(entry: dict[str, Any]) -> list[dict[str, Any]]:
+    """One mesh for each combination of an entry's lists, or what the planner may choose of a part."""
+    if "degrees" in entry:
+        entry = entry | {"degrees": (entry["degrees"]["sides"], entry["degrees"]["thickness"])}
+    if "planner" in entry:
+        return _planners(**entry)
+    choices = [value if isinstance(value, list) else [value] for value in entry.values()]
+    return [dict(zip(entry, values, strict=True)) for values in product(*choices)]
 
 
-def _assembled(order: int, layers: int, degrees: tuple[int, int]) -> dict[str, Any]:
-    return {**_hex(order, 4.0, layers, 3.15, "superelement"), **_joining(degrees)}
-
-
-def _joining(degrees: tuple[int, int]) -> dict[str, Any]:
-    return {"degrees": degrees, "modes_over_band": 9.0}
-
-
-def _planners(part: str, model: str, **more: Any) -> list[dict[str, Any]]:
+def _planners(planner: str, model: str, **more: Any) -> list[dict[str, Any]]:
     """The meshes that an accuracy may choose, and those of order 2 beside them; not a plate's finest, which is expensive."""
     below = tuple(mesh_rules.MeshLevel(2, layers, 0.15) for layers in (1, 2))
-    rows = mesh_rules.mesh_levels(part)[:-1] if part in ("plate", "whole") else (*below, *mesh_rules.mesh_levels(part))
-    return [{"model": model, **ladder.of_the_planner(part, row), **more} for row in rows]
+    levels = mesh_rules.mesh_levels(planner)
+    rows = levels[:-1] if planner in ("plate", "whole") else (*below, *levels)
+    return [{"model": model, **ladder.of_the_planner(planner, row), **more} for row in rows]
 
 
 def mesh_levels() -> dict[str, list[dict[str, Any]]]:
     """What is measured, part by part, the cheap ones first."""
-    return {
-        "zone": [
-            *({"model": "analytic", "theory": theory} for theory in ("thin_clamped_hz", "clamped_hz")),
-            *(_hex(1, size) for size in (4.0, 2.0, 1.0)),
-            *(_hex(2, size) for size in (8.0, 4.0, 2.0, 1.0)),
-            *(_hex(3, size) for size in (10.0, 5.0, 2.5)),
-            *(_hex(4, size) for size in (10.0, 5.0, 2.5)),
-            *_planners("zone", "hex"),
-            *(_tet(1, size) for size in (2.0, 1.0)),
-            *(_tet(2, size) for size in (4.0, 2.0, 1.3)),
-        ],
-        "pillar": [
-            *({"model": "analytic", "theory": theory} for theory in ("euler", "timoshenko")),
-            *(_hex(1, size) for size in (1.0, 0.5, 0.25)),
-            *(_hex(2, size) for size in (1.0, 0.5, 0.25)),
-            *(_hex(3, size, 0, 2.1) for size in (1.0, 0.5)),
-            *(_hex(4, size, 0, 3.15) for size in (1.0, 0.5)),
-            *_planners("pillar", "hex"),
-            *(_tet(1, size) for size in (1.0, 0.5)),
-            *(_tet(2, size) for size in (2.0, 1.0, 0.5)),
-        ],
-        "cell": [
-            *(_hex(1, size, 0, None, "solid") for size in (1.0, 0.5)),
-            *(_hex(2, size, 0, None, "solid") for size in (2.0, 1.0, 0.5)),
-            *(_hex(order, 2.0, 0, 3.15, "solid") for order in (3, 4)),
-            *(_hex(2, 2.0, 2, 2.1, "solid"), _hex(3, 2.0, 1, 3.15, "solid"), _hex(3, 2.0, 2, 3.15, "solid")),
-            _hex(4, 2.0, 1, 3.15, "solid"),
-            *(_hex(order, 2.0, 0, 3.15, "superelement") for order in (2, 3, 4)),
-            *_planners("cell", "superelement"),
-            _tet(1, 0.5, "superelement tet"),
-            *(_tet(2, size, "superelement tet") for size in (1.0, 0.67, 0.5)),
-        ],
-        "plate": [
-            {"model": "analytic", "theory": "frequency_hz"},
-            *(_hex(2, size, 0, 3.15, "solid") for size in (4.0, 2.0)),
-            *_planners("whole", "solid"),
-            _hex(2, 4.0, 1, 3.15, "solid"),
-            _assembled(3, 0, (4, 3)),
-            *_planners("plate", "superelement", **_joining((4, 3))),
-            _assembled(3, 2, (6, 3)),
-            _tet(2, 2.0),
-        ],
-    }  # fmt: skip
+    return _meshes()["measured"]
 
 
 def cases() -> list[tuple[str, dict[str, Any]]]:
     """References first, then every mesh level."""
     listed = [
         (f"reference,{part},{level}", {"part": part, "mesh_level": mesh_level, "role": "reference", "level": level})
-        for part, given in REFERENCES.items()
+        for part, given in _meshes()["references"].items()
         for level, mesh_level in enumerate(given)
     ]
     for part, given in mesh_levels().items():
@@ -333,7 +281,7 @@ def _best(measured: list[Any], target: float, uncertainty: float) -> str:
     if not good:
         return "none of these"
     seconds, record = min(good, key=lambda pair: pair[0])
-    return f"{name(record['parameters']['rung'])} ({seconds:.2g} s)"
+    return f"{name(record['parameters']['mesh_level'])} ({seconds:.2g} s)"
 
 
 def _family(mesh_level: dict[str, Any]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
 from math import floor
 from typing import Any
 
@@ -29,39 +30,34 @@ def rows(records: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
     known, worst = references(records), dict[tuple[Any, ...], float]()
     for record in records:
         given, values = record["parameters"], record.get("values") or {}
-        mesh_level = given["mesh_level"]
-        if given["role"] != "mesh_level" or not values:
-            continue
-        names = [name for name in QUANTITIES[given["part"]] if name in values and name in known]
-        errors = {name: abs(values[name] / known[name][0] - 1.0) for name in names}
-        if mesh_level["model"] == ANALYTIC:
-            worst[(given["part"], mesh_level["theory"], *NO_MESH)] = errors[names[0]]
-            continue
-        kind = KINDS[mesh_level["model"]]
-        across = SMALLEST_MM[given["part"]] / mesh_level["size_mm"] if kind == "tet" else 0.0
-        share = mesh_level.get("share", 0.0)
-        factor, through = mesh_level.get("factor", 0.0), mesh_level.get("through", 0)
-        part = "whole" if (given["part"], mesh_level["model"]) == ("plate", "solid") else given["part"]
-        key = (
-            part,
-            kind,
-            mesh_level["order"],
-            int(mesh_level.get("layers") or 0),
-            factor,
-            share,
-            through,
-            round(across, 2),
-        )
-        if kind == "hex" and not share:
-            continue  # no mesh of the planner's
-        for quantity, error in errors.items():
-            at = growth(quantity, known[quantity][0]) if kind == "hex" else FIRST
-            if kind == "hex" or not ladder.ZONE.get(quantity):
-                worst[(*key, at)] = max(error, worst.get((*key, at), 0.0))
+        if given["role"] == "mesh_level" and values:
+            for key, error in _errors(given["part"], given["mesh_level"], values, known):
+                worst[key] = max(error, worst.get(key, 0.0))
     share = _mixing(records, known)
     if share:
         worst[("plate", MIXING, *NO_MESH)] = share
     return [(*key, float(f"{error:.2g}")) for key, error in sorted(worst.items())]
+
+
+def _errors(
+    part: str, mesh: dict[str, Any], values: dict[str, float], known: dict[str, tuple[float, float]]
+) -> Iterator[tuple[tuple[Any, ...], float]]:
+    """Keys and errors of one mesh; none of hexahedra that the planner does not choose."""
+    names = [name for name in QUANTITIES[part] if name in values and name in known]
+    errors = {name: abs(values[name] / known[name][0] - 1.0) for name in names}
+    if mesh["model"] == ANALYTIC:
+        yield (part, mesh["theory"], *NO_MESH), errors[names[0]]
+        return
+    whole = (part, mesh["model"]) == ("plate", "solid")
+    kind, share, layers = KINDS[mesh["model"]], mesh.get("share", 0.0), int(mesh.get("layers") or 0)
+    across = SMALLEST_MM[part] / mesh["size_mm"] if kind == "tet" else 0.0
+    element = ("whole" if whole else part, kind, mesh["order"], layers, mesh.get("factor", 0.0))
+    key = (*element, share, mesh.get("through", 0), round(across, 2))
+    for quantity, error in errors.items():
+        if kind == "hex" and share:
+            yield (*key, growth(quantity, known[quantity][0])), error
+        elif kind == "tet" and not ladder.ZONE.get(quantity):
+            yield (*key, FIRST), error
 
 
 def growth(quantity: str, reference_hz: float) -> float:

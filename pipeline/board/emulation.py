@@ -6,9 +6,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from geometry.elements import FloatArray
 from pipeline.logs import Log
 from pipeline.records.record import BoardFault, BoardRecord
 
@@ -16,7 +14,7 @@ TABLE = "mode_table.bin"
 COLUMNS = ("time_s", "reference", "u_d", "u_q", "drive")
 
 
-def solve(folder: Path, log: Log) -> tuple[BoardRecord | BoardFault | None, dict[str, NDArray[np.float64]]]:
+def solve(folder: Path, log: Log) -> tuple[BoardRecord | BoardFault | None, dict[str, FloatArray]]:
     """Record and arrays (board_time_s, board_reference, board_u_d, board_u_q, board_drive) of a step of 0.2 G Vmax.
 
     Amplitudes in full scales of the converters; board_u_d and board_u_q turned into the mode's frame. (None, {}) when what

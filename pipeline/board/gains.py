@@ -14,15 +14,12 @@ from dataclasses import dataclass
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import ComplexArray, FloatArray
 from pipeline.board.table import GAIN
 from pipeline.case.model import Case
 from solvers.errors import SolverError
 from solvers.piezo.forced import ForcedPlate
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ from math import pi
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware.table_format import MAX_SHAPES, MIN_SHAPE_HZ
+from geometry.elements import ComplexArray
 from pipeline.board.gains import hold
 from pipeline.board.table_file import ModeTable, Pattern, Shape
 from pipeline.errors import InputError
@@ -30,8 +30,6 @@ from solvers.shaping.travelling_wave import best_travelling_drive, inner_window
 from solvers.shaping_study.model import ShapedBeam, Signal
 from solvers.shaping_study.steps import scan_signal, travel_window
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 SAMPLE_RATE_HZ = 40e3
 LARGEST = 0.5  # |T| in full scales at the louder frequency: how the conditioners are to be set
 BAND_HZ = (MIN_SHAPE_HZ, 4500.0)

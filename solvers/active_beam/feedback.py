@@ -10,12 +10,10 @@ from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solvers.active_beam.free_beam import EXACTLY, FloatArray, FreeBeam
+from geometry.elements import ComplexArray, FloatArray
+from solvers.active_beam.free_beam import EXACTLY, FreeBeam
 from solvers.errors import SolverError
-
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

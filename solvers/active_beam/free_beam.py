@@ -9,14 +9,13 @@ from dataclasses import dataclass
 from math import inf, isfinite, pi, sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from geometry.elements import ComplexArray, FloatArray
 from geometry.materials import Material
 from solvers.analytic.beams import free_free_mode
 from solvers.errors import SolverError
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 ASYMPTOTIC = 20  # number of shapes whose wavenumbers are solved for
 UNBOUNDED = 1e9  # receptances this many times 1/(4 EI |beta|^3) are a resonance met to nine digits
 EXACTLY = "a lossless resonance is hit exactly: give the beam a loss or move the frequency"

@@ -8,14 +8,13 @@ from itertools import pairwise, permutations
 from math import inf, pi
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from geometry.elements import ComplexArray, FloatArray
 from solvers.active_beam.feedback import Layout
-from solvers.active_beam.free_beam import FloatArray, FreeBeam
+from solvers.active_beam.free_beam import FreeBeam
 from solvers.errors import SolverError
 
-ComplexArray = NDArray[np.complex128]
 Filter = Callable[[FloatArray], ComplexArray]
 HIGHEST_HZ = 1e12
 MODES = 40  # of the pole calculation: 1e-3 of the whole beam's poles

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from geometry.elements import FloatArray
 from geometry.materials import MATERIALS, Material
 from solvers.active_beam import feedback, stability
 from solvers.active_beam.feedback import Confinement, ForcedBeam, Layout
-from solvers.active_beam.free_beam import FloatArray, FreeBeam, antinodes_m, strip
+from solvers.active_beam.free_beam import FreeBeam, antinodes_m, strip
 from solvers.errors import SolverError
 
 STEPS = 1500  # of x

@@ -12,12 +12,12 @@ from math import pi, sqrt
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from geometry.elements import FloatArray
 from solvers.analytic.root_finding import root_between
 from solvers.errors import SolverError
 
-FloatArray = NDArray[np.float64]
 End = Literal["clamped", "pinned", "sliding", "free"]
 # the derivatives of w that vanish: w = 0 deflection, 1 slope, 2 moment, 3 shear force
 VANISHING: dict[str, tuple[int, int]] = {"clamped": (0, 1), "pinned": (0, 2), "sliding": (1, 3), "free": (2, 3)}

@@ -8,8 +8,8 @@ from math import ceil, isnan, pi, sqrt
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import FloatArray
 from geometry.layout import Design, Pillar, half_wavelength_m
 from solvers.analytic.beams import frequency_hz, roots
 from solvers.analytic.plates import Strip, beam_function_hz, levy_hz, levy_wavenumber_per_m
@@ -19,7 +19,6 @@ from solvers.analytic.section import Beam, beam_of
 from solvers.analytic.timoshenko import exact_omegas
 from solvers.errors import SolverError
 
-FloatArray = NDArray[np.float64]
 Theory = Literal["euler", "timoshenko"]
 FINGER_M = 0.020  # width of a fingertip: the half-wavelength should be smaller
 

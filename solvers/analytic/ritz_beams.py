@@ -10,13 +10,12 @@ from math import inf, pi
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 from scipy.linalg import eigh, null_space
 
+from geometry.elements import FloatArray
 from solvers.analytic.beams import End, check_ends, rigid_count
 from solvers.analytic.section import Beam, check_beam
 
-FloatArray = NDArray[np.float64]
 ENOUGH = 14  # polynomial degree beyond twice the mode number; the series converges exponentially
 
 

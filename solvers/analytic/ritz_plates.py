@@ -12,14 +12,13 @@ from typing import Literal
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
+from geometry.elements import FloatArray
 from solvers.analytic.beams import free_free_mode
 from solvers.analytic.plates import Strip
 from solvers.errors import SolverError
 
-FloatArray = NDArray[np.float64]
 Sides = Literal["pinned", "clamped"]
 ACROSS = 5  # even polynomials across the zone
 MAX_LINES = 40  # beyond, the dense matrices would take seconds

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import FloatArray
 from solvers.errors import SolverError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

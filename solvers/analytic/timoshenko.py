@@ -12,9 +12,10 @@ from math import pi, sqrt
 
 import numpy as np
 
+from geometry.elements import FloatArray
 from solvers.analytic.beams import End, check_ends
 from solvers.analytic.root_finding import root_between
-from solvers.analytic.section import Beam, FloatArray, check_beam
+from solvers.analytic.section import Beam, check_beam
 from solvers.errors import SolverError
 
 LOWEST = 0.3  # smallest bending wavenumber times L scanned, below the smallest root of any pair (about pi/2)

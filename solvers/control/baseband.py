@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from math import exp, inf, isfinite, log, pi
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 SETTLED = log(20.0)  # time constants of a first-order answer until 95 %
 
 

@@ -11,14 +11,12 @@ from math import inf, isfinite, pi
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from geometry.elements import BoolArray, ComplexArray, FloatArray
 from solvers.control.baseband import ModePlant, SampledPi, sampled_gains
 from solvers.errors import SolverError
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 AntiWindup = Literal["match", "freeze", "none"]
 NEIGHBOUR_LOOP = 0.5  # loop gain that a mode beside the wanted one may have, whatever its phase
 LEAVING_S = 0.2e-3  # the loop's time constant on the way out of the drive's limit: about a period
@@ -117,7 +115,7 @@ class Trace:
     reference: FloatArray
     measured: ComplexArray
     drive: ComplexArray
-    limited: NDArray[np.bool_]
+    limited: BoolArray
 
     def reached_s(self, share: float = 0.95) -> float:
         """First time at which |U| is `share` of the last reference, between windows by interpolation; inf if never."""

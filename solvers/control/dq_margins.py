@@ -12,13 +12,11 @@ from math import exp, inf, pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import ComplexArray, FloatArray
 from solvers.control.dq_loop import Setup
 from solvers.errors import SolverError
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 POINTS = 8000
 
 

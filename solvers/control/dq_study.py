@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from solvers.control.baseband import Feasibility, FloatArray, ModePlant, Pi, SampledPi, feasibility, pi_gains
+from geometry.elements import FloatArray
+from solvers.control.baseband import Feasibility, ModePlant, Pi, SampledPi, feasibility, pi_gains
 from solvers.control.dq_data import DqData
 from solvers.control.dq_loop import AntiWindup, Setup, Trace, step_response
 from solvers.control.dq_margins import Margins, SampledLoop, margins, sampled_loop

@@ -12,14 +12,12 @@ from math import pi
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from geometry.elements import ComplexArray, FloatArray
 from solvers.control.baseband import ModePlant, stretched_detuning
 from solvers.errors import SolverError
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 Sensor = Literal["velocity", "displacement"]
 MISFIT_MAX = 0.05  # rms distance from the circle over its radius
 ROUNDING_TURNS = 0.01

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import FloatArray
 from solvers.control.identification import Identified, Sensor, Sweep, identify
 from solvers.errors import SolverError
 
-FloatArray = NDArray[np.float64]
 FLOOR = (
     0.5  # of the peak: the circle is fitted to the points about it that reach so high, 240 degrees of a single mode's
 )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from geometry.elements import FloatArray, IntArray
 from geometry.materials import Material
@@ -246,7 +245,7 @@ class _Pattern:
         shape = (self.node_count, self.node_count)
         return sp.csr_array((self._reduce(values), self.columns.astype(np.int32), self.indptr), shape=shape)
 
-    def vector_matrix(self, blocks: NDArray | object) -> sp.csr_array:
+    def vector_matrix(self, blocks: Iterable[tuple[int, int, FloatArray]]) -> sp.csr_array:
         """A 3 x 3 block per node pair, from an iterable of (i, j, values)."""
         length = np.diff(self.indptr)
         indptr = np.concatenate([[0], np.cumsum(np.repeat(3 * length, 3))])
@@ -254,7 +253,7 @@ class _Pattern:
         indices = np.empty(indptr[-1], dtype=index_type)
         data = np.empty(indptr[-1])
         offset = np.arange(len(self.columns)) - self.indptr[self.rows]
-        for i, j, values in blocks:  # type: ignore[union-attr]
+        for i, j, values in blocks:
             place = indptr[3 * self.rows + i] + 3 * offset + j
             data[place] = self._reduce(values)
             indices[place] = 3 * self.columns + j

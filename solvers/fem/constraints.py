@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from geometry.elements import FloatArray
+from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.mesh import Mesh
 from solvers.fem.assembly import Scale, System
 
-BoolArray = NDArray[np.bool_]
 AXES = "xyz"
 
 
@@ -102,7 +100,7 @@ def constrain(system: System, free: BoolArray) -> Pencil:
     )
 
 
-def mass_rows(system: System, rows: NDArray[np.int64]) -> sp.csr_array:
+def mass_rows(system: System, rows: IntArray) -> sp.csr_array:
     """Rows of the mass of three components, m (x) I3, (r, 3n)."""
     scalar = sp.csr_array(system.mass[rows // 3])
     component = np.repeat(rows % 3, np.diff(scalar.indptr)).astype(scalar.indices.dtype)
@@ -115,7 +113,7 @@ def _symmetric(matrix: sp.csr_array) -> sp.csc_array:
     return sp.csc_array((matrix.data, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
-def _restrict(matrix: sp.csr_array, keep: NDArray[np.int64]) -> sp.csr_array:
+def _restrict(matrix: sp.csr_array, keep: IntArray) -> sp.csr_array:
     if len(keep) == matrix.shape[0]:
         return matrix
     return sp.csr_array(matrix[keep][:, keep])

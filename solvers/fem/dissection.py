@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 Ends = tuple[bool, bool]  # whether the planes at the lower and the upper end belong to the box itself
+T = TypeVar("T")
 Dofs = Callable[[list[int], list[int]], float]
 
 
@@ -102,5 +104,5 @@ class _Dissection:
         return self.dofs(lines, gaps)
 
 
-def _put(values: tuple, axis: int, value: object) -> tuple:  # type: ignore[type-arg]
+def _put(values: tuple[T, ...], axis: int, value: T) -> tuple[T, ...]:
     return (*values[:axis], value, *values[axis + 1 :])

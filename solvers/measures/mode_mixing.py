@@ -5,9 +5,8 @@ from __future__ import annotations
 from math import log
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geometry.elements import FloatArray
+from geometry.elements import BoolArray, FloatArray
 from geometry.layout import Design
 from solvers.measures.confinement import TouchField
 
@@ -34,7 +33,7 @@ def mixing_db(touch: TouchField, frequency_hz: FloatArray, index: int, design: D
     return float(DECIBELS * np.linalg.norm(mixed * (inside - outside)))
 
 
-def _over_own(touch: TouchField, part: NDArray[np.bool_], index: int) -> FloatArray:
+def _over_own(touch: TouchField, part: BoolArray, index: int) -> FloatArray:
     """Products of every mode's u_z with one mode's over a part of the face, over that mode's with itself, (k,)."""
     values = touch.values[part]
     products = (touch.weights[part] * values[:, index]) @ values

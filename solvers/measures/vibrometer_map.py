@@ -9,16 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Voronoi, cKDTree
 
+from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from solvers.errors import SolverError
 from solvers.measures.confinement import NEGLIGIBLE, TouchField, measure, wanted_shape
 
-FloatArray = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Rectangle = tuple[tuple[float, float], tuple[float, float]]  # (low x, low y), (high x, high y)
 INWARD = 1e-7  # of a rectangle's shorter side: points on an edge are moved inside by so much
 REACH = 1.05  # spacings: points speak for a face as far as its edge when they come so near, as those of an even grid do
@@ -32,7 +30,7 @@ class Weights:
     active, passive: shares of the two faces' areas that the points cover; passive is None without such a face.
     """
 
-    index: NDArray[np.int64]
+    index: IntArray
     points: FloatArray
     area_m2: FloatArray
     active: float
@@ -70,12 +68,12 @@ def weigh(points_m: FloatArray, design: Design) -> Weights:
     )
 
 
-def _covered(parts: list[tuple[NDArray[np.int64], FloatArray, FloatArray]], boxes: list[Rectangle]) -> float:
+def _covered(parts: list[tuple[IntArray, FloatArray, FloatArray]], boxes: list[Rectangle]) -> float:
     whole = sum((high[0] - low[0]) * (high[1] - low[1]) for low, high in boxes)
     return float(sum(area.sum() for _, _, area in parts) / whole)
 
 
-def _part(points: FloatArray, box: Rectangle, spacing: FloatArray) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+def _part(points: FloatArray, box: Rectangle, spacing: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """Points on one rectangle: their numbers, their places moved inside by a hair, their areas."""
     low, high = np.array(box[0]), np.array(box[1])
     hair = INWARD * float((high - low).min())
@@ -137,7 +135,7 @@ def voronoi_areas(points: FloatArray, low: FloatArray, high: FloatArray) -> Floa
     return np.asarray(areas[: len(points)] * size**2)
 
 
-def confinement_of(weights: Weights, values: Complex, design: Design) -> FieldMeasures:
+def confinement_of(weights: Weights, values: ComplexArray, design: Design) -> FieldMeasures:
     """Share, confinement and modal assurance of a complex field (n,) by the definitions of `solvers.measures.confinement`."""
     field = values[weights.index]
     both = TouchField(
@@ -159,13 +157,13 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def assurance(area_m2: FloatArray, first: Complex, second: Complex) -> float:
+def assurance(area_m2: FloatArray, first: ComplexArray, second: ComplexArray) -> float:
     """|<a, b>|^2 / (<a, a> <b, b>), <a, b> = sum of area conj(a) b; 0 where a field vanishes (allemang2003)."""
     own = float(area_m2 @ np.abs(first) ** 2) * float(area_m2 @ np.abs(second) ** 2)
     return float(abs((area_m2 * first.conj()) @ second) ** 2 / own) if own > 0.0 else 0.0
 
 
-def sampled(points_m: FloatArray, values: Complex, at_m: FloatArray) -> Complex:
+def sampled(points_m: FloatArray, values: ComplexArray, at_m: FloatArray) -> ComplexArray:
     """A field known at many points (q, 2), read at others (n, 2): linear between its points, the nearest one beyond them."""
     size = float(np.ptp(points_m, axis=0).max())
     _, once = np.unique(np.round(points_m / (1e-9 * size)).astype(np.int64), axis=0, return_index=True)

@@ -14,9 +14,8 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geometry.elements import FloatArray
+from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
@@ -26,7 +25,6 @@ from solvers.measures.confinement import measure
 from solvers.measures.wanted_mode import Verdict, verdict
 from solvers.piezo.patched_plate import Group
 
-Complex = NDArray[np.complex128]
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are in the residual
 COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
 
@@ -43,12 +41,12 @@ class GroupModes:
     middle: float
     residual_gain: tuple[FloatArray, FloatArray]
 
-    def amplitudes(self, eigenvalue: float, loss: float, volts: Complex) -> Complex:
+    def amplitudes(self, eigenvalue: float, loss: float, volts: ComplexArray) -> ComplexArray:
         """Coefficients of the columns at an eigenvalue (scaled frequency squared), per the patches' voltages."""
         modal = (self.gain @ volts) / (self.eigenvalue * (1.0 + 1j * loss) - eigenvalue)
         return np.concatenate([modal, volts, (eigenvalue - self.middle) * volts])
 
-    def receptance(self, eigenvalue: float, loss: float) -> Complex:
+    def receptance(self, eigenvalue: float, loss: float) -> ComplexArray:
         """theta' u per volt, (patches, patches), scaled."""
         modal = self.gain / (self.eigenvalue * (1.0 + 1j * loss) - eigenvalue)[:, None]
         residual = self.residual_gain[0] + (eigenvalue - self.middle) * self.residual_gain[1]
@@ -62,7 +60,7 @@ class Curve:
     frequency_hz: FloatArray
     zone_rms_m_per_v: FloatArray
     passive_rms_m_per_v: FloatArray | None
-    sensor_v_per_v: Complex
+    sensor_v_per_v: ComplexArray
 
 
 class DrivenPlate(Protocol):
@@ -173,18 +171,18 @@ class ForcedPlate:
         place = self.wanted_place()
         return None if place is None else sum(one.columns.shape[1] for one in self.modes[: place[0]]) + place[1]
 
-    def volts(self, eigenvalue: float) -> Complex:
+    def volts(self, eigenvalue: float) -> ComplexArray:
         """Voltages of all patches: of those that drive +-1, or what +-1 V on the clamped patch would charge them with when
         the circuit is open; of those that listen what leaves them without charge.
         """
 
-        def charge() -> Complex:
+        def charge() -> ComplexArray:
             parts = [basis.receptance(eigenvalue, self.loss) for basis in self.modes]
             return np.asarray(np.sum(parts, axis=0) * self.plate.stiffness_unit)
 
         return self.patch_volts(charge)
 
-    def patch_volts(self, charge: Callable[[], Complex]) -> Complex:
+    def patch_volts(self, charge: Callable[[], ComplexArray]) -> ComplexArray:
         """The same from theta' u per volt, (patches, patches) in C/V, which is asked for only when a circuit is open."""
         capacitance = self.plate.capacitance_f
         volts = np.zeros(len(self.plate.patches), dtype=complex)
@@ -218,7 +216,7 @@ class ForcedPlate:
                 passive[row] += float((a.conj() @ outside @ a).real)
         return Curve(np.asarray(frequency_hz), *rms(zone, passive, self.design), sensors)
 
-    def shape(self, frequency_hz: float) -> tuple[FloatArray, Complex]:
+    def shape(self, frequency_hz: float) -> tuple[FloatArray, ComplexArray]:
         """Operating shape on the whole touch face: points (q, 2) in m and complex u_z (q,) per volt, m/V."""
         eigenvalue = self.plate.scale.eigenvalue(frequency_hz)
         volts = self.volts(eigenvalue)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry.elements import FloatArray
-from solvers.piezo.forced import Complex, ForcedPlate, GroupModes
+from geometry.elements import ComplexArray, FloatArray
+from solvers.piezo.forced import ForcedPlate, GroupModes
 
 
-def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_hz: FloatArray) -> Complex:
+def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_hz: FloatArray) -> ComplexArray:
     """u_z per volt of drive, (n,) in m/V, at the quadrature point of the touch face nearest to a point in m."""
     rows = [_row(basis, point_m) for basis in forced.modes]
     out = np.zeros(len(frequency_hz), dtype=complex)

@@ -6,13 +6,11 @@ A stiffness K makes the resonator pull back with force -K w and moment -K theta;
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from geometry.elements import ComplexArray, FloatArray
 from solvers.analytic.section import Beam
 from solvers.errors import SolverError
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 def pillar_foot(beam: Beam, omega: ArrayLike, axial_n: float, loss: float = 0.0, lever_m: float = 0.0) -> ComplexArray:

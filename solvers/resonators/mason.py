@@ -13,13 +13,12 @@ from math import inf, pi, sqrt
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 End = Literal["free", "clamped"]
 UNBOUNDED = 1e9  # velocities this many times E0/Z0 are a resonance met to nine digits
 EXACTLY = "a lossless resonance is hit exactly: give the cells a loss or move the frequency"

@@ -7,15 +7,12 @@ from math import isfinite, pi, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import ComplexArray, FloatArray
 from geometry.materials import MATERIALS, Material
 from solvers.errors import SolverError
 from solvers.measures.levels import ratio_db
 from solvers.resonators.mason import Cell, Filter, Line, natural_frequencies_hz, nodal_response
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from math import inf, isnan, pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design, Pillar
 from solvers.analytic.predesign import pillar_beam
 from solvers.analytic.timoshenko import exact_omegas
 from solvers.errors import SolverError
-from solvers.resonators.impedance import ComplexArray, pillar_foot
+from solvers.resonators.impedance import pillar_foot
 from solvers.resonators.scattering import (
     HostBeam,
     decay_db_per_row,
@@ -23,7 +23,6 @@ from solvers.resonators.scattering import (
     scatter,
 )
 
-FloatArray = NDArray[np.float64]
 DECAYS_DB = 0.01  # a row: below it a wave counts as passing
 
 

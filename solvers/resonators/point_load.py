@@ -10,13 +10,11 @@ from math import pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
 from solvers.resonators.scattering import HostBeam, field, scatter
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 PINNED = 1e9  # s that stands for infinity: |t|^2 = 1/2 to a billionth
 SPAN = 2.0  # wavelengths shown on each side
 

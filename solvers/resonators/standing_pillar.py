@@ -10,14 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from geometry.elements import FloatArray
 from geometry.layout import Pillar
 from solvers.analytic.predesign import pillar_beam
 from solvers.analytic.section import Beam
 
-FloatArray = NDArray[np.float64]
 DEGREE = 8  # polynomials of the pillar's own motion: the second mode is then exact to 1e-4
 POINTS = 2 * DEGREE + 8
 OWN = 2  # modes kept of each kind

@@ -14,9 +14,9 @@ from math import ceil, pi, sqrt
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from geometry.elements import FloatArray
 from geometry.layout import Design
 from solvers.analytic.beam_elements import hermite
 from solvers.analytic.plates import Strip, mindlin_wave_hz, thin_plate_hz
@@ -30,7 +30,6 @@ from solvers.resonators.standing_pillar import (
     root_compliance,
 )
 
-FloatArray = NDArray[np.float64]
 PER_WIDTH = 8  # elements across a zone's width: a wave of the zone's is 16 long, cubic ones are exact to 1e-5
 _GAUSS = legendre.leggauss(4)
 

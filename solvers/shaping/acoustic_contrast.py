@@ -13,12 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from geometry.elements import BoolArray, ComplexArray, FloatArray
 from solvers.errors import SolverError
 from solvers.measures.levels import ratio_db
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-BoolArray = NDArray[np.bool_]
 Region = Literal["left", "middle", "right"]
 REGIONS: tuple[Region, ...] = ("left", "middle", "right")
 
@@ -42,7 +40,7 @@ def region_sensors(region: str, count: int) -> NDArray[np.intp]:
         raise SolverError(f"region {region!r}: must be one of {', '.join(REGIONS)}")
     if count < len(REGIONS):
         raise SolverError(f"{count} sensors: three regions need 3 or more")
-    return np.array_split(np.arange(count), len(REGIONS))[REGIONS.index(region)]  # type: ignore[arg-type]
+    return np.array_split(np.arange(count), len(REGIONS))[[*REGIONS].index(region)]
 
 
 def region_points(region: str, places_m: FloatArray, points_m: FloatArray) -> BoolArray:

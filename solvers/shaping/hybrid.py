@@ -13,13 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from geometry.elements import BoolArray, ComplexArray, FloatArray
 from solvers.errors import SolverError
 from solvers.shaping.acoustic_contrast import best_contrast, contrast
 from solvers.shaping.modal_table import ModalTable, field_matrix
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-BoolArray = NDArray[np.bool_]
 
 
 def attach_oscillators(

@@ -8,14 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from geometry.elements import BoolArray, ComplexArray, FloatArray
 from solvers.errors import SolverError
 from solvers.shaping.transfer_matrix import orthogonality
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 SINGULAR = 1e-12  # sigma_N/sigma_1 below which T^-1 holds rounding only
 OPTIMAL = 1e-6  # relative: how far a limited solution may stand from its optimality conditions
 
@@ -27,7 +25,7 @@ class Drive:
     voltages: ComplexArray
     achieved: ComplexArray
     error: float
-    limited: NDArray[np.bool_]
+    limited: BoolArray
 
 
 def drive_voltages(matrix: ComplexArray, target: ComplexArray, alpha: float = 0.0, limit_v: float = np.inf) -> Drive:

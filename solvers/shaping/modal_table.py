@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 EXACT = 1e-12  # relative distance of squared frequencies below which an undamped mode is hit
 
 

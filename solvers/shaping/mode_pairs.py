@@ -9,16 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import BoolArray, ComplexArray
 from solvers.errors import SolverError
 from solvers.shaping.inversion import Drive, drive_voltages
 from solvers.shaping.modal_table import ModalTable, field_matrix, modal_drive
 from solvers.shaping.travelling_wave import travelling_wave_ratio
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-BoolArray = NDArray[np.bool_]
 
 
 def hold_modes(

@@ -10,11 +10,9 @@ from dataclasses import dataclass
 from math import pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import ComplexArray
 from solvers.errors import SolverError
-
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
 from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 NODE = 0.05  # of the largest amplitude: a sensor below it stands too near a node to be calibrated on this wave
 
 

@@ -9,13 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
 from solvers.shaping.modal_table import ModalTable, sensor_matrix
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 UNDRIVEN = 1e-9  # of the largest row: a sensor below it hears nothing
 
 

@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
+from geometry.elements import BoolArray, ComplexArray, FloatArray
 from solvers.errors import SolverError
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 MIN_COUNT = 8  # points for a two-wave fit
 
 
@@ -63,7 +61,7 @@ def net_flux_share(ratio: float) -> float:
     return 1.0 - (1.0 - ratio) ** 2
 
 
-def inner_window(points_m: FloatArray, low_m: float, high_m: float) -> NDArray[np.bool_]:
+def inner_window(points_m: FloatArray, low_m: float, high_m: float) -> BoolArray:
     """Points with low <= x <= high, shape (p,): the stretch clear of the ends' near fields. SolverError when it holds none."""
     x = np.asarray(points_m).reshape(len(points_m), -1)[:, 0]
     inside = (x >= low_m) & (x <= high_m)

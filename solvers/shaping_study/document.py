@@ -6,8 +6,8 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import ComplexArray
 from solvers.shaping.monte_carlo import quantiles
 from solvers.shaping.transfer_matrix import operating_frequencies
 from solvers.shaping.travelling_wave import forward_energy_share, net_flux_share
@@ -155,5 +155,5 @@ def _travelling(one: Travelling) -> dict[str, Any]:
     }
 
 
-def _complex(values: NDArray[np.complex128]) -> dict[str, Any]:
+def _complex(values: ComplexArray) -> dict[str, Any]:
     return {"abs": np.abs(values).tolist(), "phase_rad": np.angle(values).tolist()}

@@ -9,14 +9,12 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solvers.analytic.beams import End, beam_mode, frequency_hz
+from geometry.elements import FloatArray
+from solvers.analytic.beams import beam_mode, frequency_hz
 from solvers.errors import SolverError
 from solvers.shaping.modal_table import ModalTable
 from solvers.shaping_study.patched_beam import PatchedBeam, section
-
-FloatArray = NDArray[np.float64]
 
 
 def point_beam_table(
@@ -42,7 +40,7 @@ def point_beam_table(
         raise SolverError(f"modes = {modes}: must be 1 or more")
     points = np.linspace(0.0, beam.length_m, 301) if points_m is None else points_m
     _, _, bending, mass = section(beam, False)
-    left, right = _end(beam.ends[0]), _end(beam.ends[1])
+    left, right = beam.ends
     shapes = [beam_mode(left, right, number) for number in range(1, modes + 1)]
     unit = 1.0 / sqrt(mass * beam.length_m)
     at_places = unit * np.stack([shape.shape(places / beam.length_m) for shape in shapes])
@@ -54,7 +52,3 @@ def point_beam_table(
         field=unit * np.stack([shape.shape(points / beam.length_m) for shape in shapes]),
         points_m=np.asarray(points)[:, None],
     )
-
-
-def _end(name: str) -> End:
-    return name  # type: ignore[return-value]  # beam_mode refuses what it does not know

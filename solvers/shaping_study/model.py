@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
 from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
 from solvers.shaping.sensor_calibration import Calibration, Chain, Measured, calibrate, simulate_standing_wave
@@ -15,8 +15,6 @@ from solvers.shaping.travelling_wave import free_wavelength_m
 from solvers.shaping_study.ideal_beam import point_beam_table
 from solvers.shaping_study.patched_beam import PatchedBeam, beam_table, section
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 Signal = Literal["calibrated", "displacement"]
 LINE = 301  # points along the beam
 

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, eigh
 
+from geometry.elements import FloatArray
 from geometry.materials import MATERIALS, Material
 from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
 from solvers.analytic.beam_elements import BeamMatrices, Sections, assemble_beam, deflection_rows
+from solvers.analytic.beams import End
 from solvers.errors import SolverError
 from solvers.shaping.modal_table import ModalTable
 
-FloatArray = NDArray[np.float64]
 CONSTRAINED = {"clamped": (True, True, True), "pinned": (True, True, False), "free": (False, False, False)}  # u, w, w'
 
 
@@ -49,7 +50,7 @@ class PatchedBeam:
     sensor_width_m: float = 6e-3
     patch_thickness_m: float = 0.3e-3
     quality: float = 50.0
-    ends: tuple[str, str] = ("clamped", "clamped")
+    ends: tuple[End, End] = ("clamped", "clamped")
 
     @property
     def lever_m(self) -> float:
@@ -82,7 +83,8 @@ def section(beam: PatchedBeam, patched: bool) -> tuple[float, float, float, floa
     layer, z, t = beam.layer_width_m * beam.patch_thickness_m, beam.lever_m, beam.patch_thickness_m
     pull = beam.piezo.thin_young_pa * layer
     added = (pull, pull * z, pull * (z**2 + t**2 / 12.0), beam.piezo.density_kg_m3 * layer)
-    return tuple(a + b for a, b in zip(bare, added, strict=True))  # type: ignore[return-value]
+    stretch, couple, bending, mass = (a + b for a, b in zip(bare, added, strict=True))
+    return stretch, couple, bending, mass
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import ComplexArray, FloatArray
 from solvers.shaping.acoustic_contrast import REGIONS, best_contrast, contrast, region_points, region_target
 from solvers.shaping.hybrid import PassiveActive, attach_oscillators, confinement
 from solvers.shaping.inversion import drive_voltages
@@ -24,8 +24,6 @@ from solvers.shaping.travelling_wave import (
 )
 from solvers.shaping_study.model import LINE, ShapedBeam, Signal
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 TARGETS = {"in phase": False, "alternating": True}
 NEAR_FIELD = 0.1  # what is left of the ends' near field, e^{-kx}, where the travelling wave is judged
 MICROMETRE = 1e-6
@@ -174,10 +172,8 @@ def travel_window(model: ShapedBeam, frequency_hz: float) -> tuple[float, float]
 def line_table(model: ShapedBeam) -> ModalTable:
     """The beam's table over the points along it alone."""
     table, residual = model.table, model.table.field_residual
-    return ModalTable(
-        table.frequencies_hz, table.quality, table.actuators, table.sensors, table.field[:, :LINE],
-        table.points_m[:LINE], table.sensor_residual, None if residual is None else residual[:LINE],
-    )  # fmt: skip
+    line = None if residual is None else residual[:LINE]
+    return replace(table, field=table.field[:, :LINE], points_m=table.points_m[:LINE], field_residual=line)
 
 
 def best_pair(model: ShapedBeam, zone_m: tuple[float, float], others: float, highest_hz: float) -> ModePair:

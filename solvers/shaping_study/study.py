@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import FloatArray
 from solvers.analytic.beams import frequency_hz, roots
 from solvers.errors import SolverError
 from solvers.shaping.hybrid import PassiveActive
@@ -31,7 +31,6 @@ from solvers.shaping_study.steps import (
     travel,
 )
 
-FloatArray = NDArray[np.float64]
 ASSUMPTIONS = (
     "patches: Pz26, each actuator in the middle of an equal share of the beam, its two sensor strips beside it as one sensor",
     "quality factor 50 for every mode; perfect clamps; layered Euler-Bernoulli beam, extension without inertia",
@@ -201,7 +200,7 @@ def _filter(data: ShapingData) -> tuple[LowPass, float]:
 def bare_modes_hz(beam: PatchedBeam, count: int) -> FloatArray:
     """Natural frequencies of the beam without its patches, Hz, shape (count,)."""
     _, _, bending, mass = section(beam, False)
-    kappas = roots(beam.ends[0], beam.ends[1], count)  # type: ignore[arg-type]
+    kappas = roots(*beam.ends, count)
     return np.array([frequency_hz(kappa, beam.length_m, bending, mass) for kappa in kappas])
 
 

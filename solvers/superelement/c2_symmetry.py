@@ -9,12 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.superelement.cell import Cell
 
-Complex = NDArray[np.complex128]
 REAL = 1e-9  # of the pencil's largest entry: an imaginary part that is rounding
 
 
@@ -27,18 +25,18 @@ class C2Symmetry:
     """
 
     middle_m: FloatArray
-    factor: Complex
+    factor: ComplexArray
 
-    def diagonal(self, wavevector: FloatArray) -> Complex:
+    def diagonal(self, wavevector: FloatArray) -> ComplexArray:
         """D at a wavevector (2,) in rad/m, (dof,)."""
         return np.asarray(np.exp(-1j * self.middle_m @ np.asarray(wavevector, dtype=float)) * self.factor)
 
-    def turned(self, matrix: Complex, wavevector: FloatArray) -> Complex:
+    def turned(self, matrix: ComplexArray, wavevector: FloatArray) -> ComplexArray:
         """D^H A D."""
         diagonal = self.diagonal(wavevector)
         return np.asarray(diagonal.conj()[:, None] * matrix * diagonal)
 
-    def is_real(self, matrix: Complex, wavevector: FloatArray) -> bool:
+    def is_real(self, matrix: ComplexArray, wavevector: FloatArray) -> bool:
         """Whether D^H A D is real but for rounding."""
         turned = self.turned(matrix, wavevector)
         return bool(np.abs(turned.imag).max() <= REAL * np.abs(turned).max())

@@ -15,11 +15,11 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import block_diag
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.mesh import Mesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System
-from solvers.fem.constraints import BoolArray, Pencil, constrain, free_mask, rigid_body_modes
+from solvers.fem.constraints import Pencil, constrain, free_mask, rigid_body_modes
 from solvers.fem.eigen import Modes, SymmetricPencil, lowest_hz, modes_in_band
 from solvers.fem.factor.factoriser import Factor, Factoriser
 from solvers.fem.surface import face_quadrature, skin_faces
@@ -382,10 +382,10 @@ def _dropped_hz(pencil: SymmetricPencil, modes: Modes, top_hz: float, static: Fa
     return top_hz if len(modes.frequency_hz) else max(top_hz, lowest_hz(pencil, static))
 
 
-def weighted(shapes: FloatArray, mass: object) -> FloatArray:
+def weighted(shapes: FloatArray, mass: sp.csr_array) -> FloatArray:
     """V' (m (x) I3) V."""
     nodes = len(shapes) // 3
-    heavy = mass @ shapes.reshape(nodes, -1)  # type: ignore[operator]
+    heavy = mass @ shapes.reshape(nodes, -1)
     return np.asarray(shapes.T @ heavy.reshape(shapes.shape))
 
 

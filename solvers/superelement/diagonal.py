@@ -9,9 +9,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import BoolArray, FloatArray, IntArray
 from solvers.fem.assembly import System
-from solvers.fem.constraints import BoolArray, mass_rows
+from solvers.fem.constraints import mass_rows
 from solvers.fem.eigen import PlainPencil
 
 SAME = 1e-9  # of the largest coordinate; of a force

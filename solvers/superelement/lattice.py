@@ -10,17 +10,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, eigh
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
 from solvers.superelement.c2_symmetry import C2Symmetry, c2_symmetry
 from solvers.superelement.cell import Cell, Expansion
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
 
-Complex = NDArray[np.complex128]
 ROUNDING = 1e-12  # of the pencil's norms: smaller eigenvalues are rigid-body modes
 OFFSETS = ((0, 0), (1, 0), (0, 1), (1, 1))
 
@@ -35,7 +33,7 @@ class Waves:
     wavevector: FloatArray
     eigenvalue: FloatArray
     frequency_hz: FloatArray
-    dofs: Complex
+    dofs: ComplexArray
 
 
 class Lattice:
@@ -72,7 +70,7 @@ class Lattice:
                 step[np.ix_(self.column[here], self.column[there])] += matrix[np.ix_(here, there)]
         return out.reshape(9, -1)
 
-    def pencil(self, wavevector: FloatArray) -> tuple[Complex, Complex]:
+    def pencil(self, wavevector: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Hermitian K(k) and M(k), (dof, dof) each."""
         steps, *matrices = self._steps
         angle = steps @ (np.asarray(wavevector, dtype=float) * np.array(self.cell.size_m[:2]))
@@ -108,7 +106,7 @@ class Lattice:
         dofs = self._phases(wavevector)[:, None] * vectors[self.column]
         return Waves(wavevector, values, self.cell.scale.frequency(values), dofs)
 
-    def slopes(self, waves: Waves) -> Complex:
+    def slopes(self, waves: Waves) -> ComplexArray:
         """d lambda / d k between the waves: u_i^H (dK/dk - lambda dM/dk) u_j, Hermitian, (2, n, n), scaled over rad/m.
 
         Its diagonal is Hellmann-Feynman's derivative; in a degenerate group the eigenvalues of the group's block along a
@@ -135,7 +133,7 @@ class Lattice:
         """Scaled eigenvalues below it are rigid-body modes."""
         return float(ROUNDING * np.abs(self.cell.stiffness).max() / np.abs(self.cell.mass).max())
 
-    def _solve(self, wavevector: FloatArray, count: int, vectors: bool) -> tuple[FloatArray, Complex]:
+    def _solve(self, wavevector: FloatArray, count: int, vectors: bool) -> tuple[FloatArray, ComplexArray]:
         turn, matrices = self.c2_symmetry, self.pencil(wavevector)
         stiffness, mass = (turn.turned(matrix, wavevector).real for matrix in matrices) if turn else matrices
         subset = [0, min(count, self.dof) - 1]
@@ -152,10 +150,10 @@ class Lattice:
         waves = turn.diagonal(wavevector)[:, None] * waves if turn else waves
         return np.where(np.abs(values) < self.rounding, 0.0, values), waves
 
-    def _phases(self, wavevector: FloatArray) -> Complex:
+    def _phases(self, wavevector: FloatArray) -> ComplexArray:
         return np.asarray(np.exp(1j * self.offset @ (wavevector * np.array(self.cell.size_m[:2]))))
 
-    def transform(self, wavevector: FloatArray) -> Complex:
+    def transform(self, wavevector: FloatArray) -> ComplexArray:
         """T(k) with u_cell = T u_free: u(r + a) = u(r) exp(i k.a), shape (cell dof, dof)."""
         transform = np.zeros((self.cell.dof, self.dof), dtype=complex)
         transform[np.arange(self.cell.dof), self.column] = self._phases(np.asarray(wavevector, dtype=float))
@@ -188,7 +186,7 @@ class Lattice:
         )
 
 
-def _times(matrix: FloatArray, vectors: Complex) -> Complex:
+def _times(matrix: FloatArray, vectors: ComplexArray) -> ComplexArray:
     """A real matrix times complex vectors, without a complex copy of the matrix."""
     return np.asarray(matrix @ vectors.real + 1j * (matrix @ vectors.imag))
 

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import BoolArray, FloatArray, IntArray
 from solvers.errors import SolverError
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.surface import Skin, triangles
@@ -218,7 +217,7 @@ class _Grid:
             sign, where = sign * factor[where], np.where(beyond, image, here)[where]
         return where, sign
 
-    def _idle(self) -> NDArray[np.bool_]:
+    def _idle(self) -> BoolArray:
         """Bubbles on the free sides of cells, and vertex lines between two of them: they carry nothing."""
         idle = np.zeros(self.count, dtype=bool)
         for i in range(self.nx):

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import BoolArray, FloatArray, IntArray
 from solvers.fem.eigen import SymmetricPencil
 from solvers.superelement.cell import Cell
 from solvers.superelement.plate import AssembledPlate
@@ -41,7 +41,7 @@ def mode_errors(plate: AssembledPlate, pencil: SymmetricPencil, vectors: FloatAr
     stiff, heavy = pencil.stiffness @ vectors, pencil.mass @ vectors
     value = np.einsum("ik,ik->k", vectors, stiff)
 
-    def rise(part: NDArray[np.bool_]) -> FloatArray:
+    def rise(part: BoolArray) -> FloatArray:
         """By Rayleigh's quotient of u - d: K and M on the part alone tell what d itself holds."""
         where = np.flatnonzero(part)
         dropped = vectors[where]
@@ -61,12 +61,16 @@ def _by_modes(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> 
     total = np.zeros_like(value)
     for edge in sorted({placed_cell.cell.dropped_hz for placed_cell in plate.placed_cells}):
         alike = next(placed_cell.cell for placed_cell in plate.placed_cells if placed_cell.cell.dropped_hz == edge)
-        lost = plate.of_cells(lambda cell, edge=edge: cell.on_boundary((cell.dropped_hz == edge) * cell.dropped))  # type: ignore[misc]
+        lost = plate.of_cells(partial(_lost, edge))
         total += 0.5 * value * alike.growth(value) * np.einsum("ik,ik->k", vectors, lost @ vectors)
     return total
 
 
-def _dofs(plate: AssembledPlate, of_cell: Callable[[Cell], IntArray]) -> NDArray[np.bool_]:
+def _lost(edge_hz: float, cell: Cell) -> FloatArray:
+    return cell.on_boundary((cell.dropped_hz == edge_hz) * cell.dropped)
+
+
+def _dofs(plate: AssembledPlate, of_cell: Callable[[Cell], IntArray]) -> BoolArray:
     """Which of the plate's degrees of freedom are those of its cells, (dof,)."""
     chosen = np.zeros(plate.dof, dtype=bool)
     for placed_cell in plate.placed_cells:

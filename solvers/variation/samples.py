@@ -9,15 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy.linalg
 from scipy.stats import norm
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
 from solvers.measures.wanted_mode import Verdict, verdict
-from solvers.piezo.forced import Complex, Curve, ForcedPlate, GroupModes, group_modes, rms, touch_grams
+from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, group_modes, rms, touch_grams
 from solvers.superelement.tiling import Signature, signature
 from solvers.variation.parametric_cell import HEIGHT, SIDE, CellFamily, X, Y
 
@@ -244,18 +245,19 @@ class VariedSample:
         amplitudes = np.zeros((len(self.eigenvalue), count), dtype=complex)
         sensors = np.zeros((count, len(forced.sensors)), dtype=complex)
         for row, frequency in enumerate(frequency_hz):
-            denominator = self.eigenvalue * (1.0 + 1j * self.loss) - forced.plate.scale.eigenvalue(float(frequency))
-            volts = forced.patch_volts(lambda d=denominator: self._charge(d))  # type: ignore[misc]
+            at = forced.plate.scale.eigenvalue(float(frequency))
+            denominator = np.asarray(self.eigenvalue * (1.0 + 1j * self.loss) - at, dtype=complex)
+            volts = forced.patch_volts(partial(self._charge, denominator))
             sensors[row] = volts[forced.sensors]
             amplitudes[:, row] = (self.gain @ volts) / denominator
         energies = [_quadratic(gram, amplitudes) for gram in (self.inside, self.outside)]
         return Curve(np.asarray(frequency_hz), *rms(energies[0], energies[1], forced.design), sensors)
 
-    def _charge(self, denominator: Complex) -> Complex:
+    def _charge(self, denominator: ComplexArray) -> ComplexArray:
         return np.asarray(self.gain.T @ (self.gain / denominator[:, None]) * self.forced.plate.stiffness_unit)
 
 
-def _quadratic(gram: FloatArray, amplitudes: Complex) -> FloatArray:
+def _quadratic(gram: FloatArray, amplitudes: ComplexArray) -> FloatArray:
     """a* G a for each column, (columns,); rounding below zero counts as zero."""
     parts = [np.einsum("nf,nf->f", part, gram @ part) for part in (amplitudes.real, amplitudes.imag)]
     return np.asarray(np.maximum(parts[0] + parts[1], 0.0))

@@ -13,13 +13,11 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.superelement.lattice import Lattice, Waves
 
-Complex = NDArray[np.complex128]
 EQUAL = 1e-7  # relative distance of eigenvalues that count as one
 CLEAR = 0.5  # modal overlap from which a wave is followed without looking closer
 LOST = 0.1  # below it a wave is another one
@@ -114,7 +112,7 @@ def turned(lattice: Lattice, waves: Waves, direction: FloatArray, neighbour: Wav
     return replace(waves, dofs=dofs)
 
 
-def _aligned(lattice: Lattice, waves: Complex, neighbour: Complex) -> Complex:
+def _aligned(lattice: Lattice, waves: ComplexArray, neighbour: ComplexArray) -> ComplexArray:
     """The waves turned among themselves to be likest those of the neighbour's that lie most in their span (Procrustes)."""
     overlap = neighbour.conj().T @ (lattice.cell.mass @ waves)
     nearest = np.sort(np.argsort(-np.linalg.norm(overlap, axis=1), kind="stable")[: waves.shape[1]])

@@ -11,10 +11,9 @@ from itertools import pairwise
 from math import isnan, pi
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.hex.boxes import Panel
 from geometry.layout import Design
 from solvers.errors import SolverError
@@ -23,8 +22,6 @@ from solvers.superelement.build import Reductions
 from solvers.superelement.tiling import DIGITS, tile
 from solvers.threads import one_thread
 from solvers.waves.evanescent import Row
-
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -74,7 +71,7 @@ class Column:
             lower = upper
         return placed, start
 
-    def pencil(self) -> tuple[Complex, Complex]:
+    def pencil(self) -> tuple[ComplexArray, ComplexArray]:
         """Hermitian K and M, (dof, dof) each."""
         stiffness, mass = (np.zeros((self.dof,) * 2, dtype=complex) for _ in range(2))
         for place in self.placed_cells:
@@ -97,7 +94,7 @@ class Column:
             ) from fault
         return ColumnModes(self.scale.frequency(values), measure_profile(self._profile(vectors), self.design))
 
-    def _profile(self, vectors: Complex) -> Profile:
+    def _profile(self, vectors: ComplexArray) -> Profile:
         """u_z of every mode on the touch face of the column, and exp(i k x) cos(pi y / W) there."""
         places, weights, values, shapes = [], [], [], []
         for place in self.placed_cells:

@@ -1,4 +1,4 @@
-"""Complex bands of rows of cells: all waves across the rows at a real frequency and a real wavenumber along them.
+"""ComplexArray bands of rows of cells: all waves across the rows at a real frequency and a real wavenumber along them.
 
 One row's dynamic stiffness D = K - w^2 M is condensed to its lower and upper edge; u(y + p) = lambda u(y) asks that the
 edges' forces balance. A row that is its own mirror image splits into symmetric and antisymmetric motion, and the Cayley
@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eig, lu_factor, lu_solve
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
 from solvers.superelement.cell import Cell
 
-Complex = NDArray[np.complex128]
 PROPAGATING = 1e-7  # of |log|lambda||: below it a wave carries energy and does not decay
 MIRROR = 1e-9  # relative: how far a row may be from its mirror image
 TINY = 1e-150
@@ -29,10 +27,10 @@ TINY = 1e-150
 class RowStiffness:
     """A row's dynamic stiffness between its lower (b) and upper (t) edge at one frequency, in the units of the cell."""
 
-    bb: Complex
-    bt: Complex
-    tb: Complex
-    tt: Complex
+    bb: ComplexArray
+    bt: ComplexArray
+    tb: ComplexArray
+    tt: ComplexArray
 
 
 @dataclass(frozen=True)
@@ -44,15 +42,15 @@ class RowWaves:
     decaying waves).
     """
 
-    factor: Complex
-    edge: Complex
-    force: Complex
-    dofs: Complex
+    factor: ComplexArray
+    edge: ComplexArray
+    force: ComplexArray
+    dofs: ComplexArray
     flux: FloatArray
     pitch_m: float
 
     @property
-    def wavenumber_per_m(self) -> Complex:
+    def wavenumber_per_m(self) -> ComplexArray:
         """k_y with lambda = exp(i k_y p); a decaying wave has Im k_y > 0, and |Re k_y| <= pi/p."""
         return np.asarray(-1j * np.log(np.where(self.factor == 0.0, TINY, self.factor)) / self.pitch_m)
 
@@ -75,7 +73,7 @@ class Row:
         self.stiffness = adjoint @ (cell.stiffness @ self.transform)
         self.mass = adjoint @ (cell.mass @ self.transform)
 
-    def _transform(self, phase: complex) -> Complex:
+    def _transform(self, phase: complex) -> ComplexArray:
         """Cell degrees of freedom from [lower edge, upper edge, inner]: an edge is a vertex line and a side, inner the rest."""
         face, out = self.cell.interface, np.zeros((self.cell.dof, 2 * self.edge + self.inner), dtype=complex)
         for row, (near, far, side) in enumerate(((0, 1, 2), (2, 3, 3))):
@@ -96,7 +94,7 @@ class Row:
         sign[1::3] = -1.0
         return sign
 
-    def condensed(self, frequency_hz: float) -> tuple[RowStiffness, Complex]:
+    def condensed(self, frequency_hz: float) -> tuple[RowStiffness, ComplexArray]:
         """Stiffness between the edges, and the inner degrees of freedom (inner, 2 m) per unit of the edges' motion.
 
         Raises SolverError where the frequency falls on a resonance of the row with both edges clamped.
@@ -143,7 +141,7 @@ class Row:
         return bool(same < MIRROR * size)
 
 
-def _paired(d: RowStiffness, sign: FloatArray) -> tuple[Complex, Complex]:
+def _paired(d: RowStiffness, sign: FloatArray) -> tuple[ComplexArray, ComplexArray]:
     """A row that is its own mirror image: eigenvalues tau^2 of a pencil of the edge's size, lambda = (1-tau)/(1+tau).
 
     With q = (a, b) by the sign under the mirror, K_s = D_bb + D_bt S, K_t = D_bb - D_bt S, G = (K_t - K_s)_ab:
@@ -167,7 +165,7 @@ def _paired(d: RowStiffness, sign: FloatArray) -> tuple[Complex, Complex]:
     return factor, edge / np.linalg.norm(edge, axis=0)
 
 
-def _root(alpha: Complex, beta: Complex) -> tuple[Complex, Complex]:
+def _root(alpha: ComplexArray, beta: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """tau = sqrt(alpha/beta) with Re tau >= 0 as numerator and denominator of like size."""
     size = np.maximum(np.abs(alpha), np.abs(beta))
     alpha, beta = alpha / size, beta / size
@@ -178,8 +176,13 @@ def _root(alpha: Complex, beta: Complex) -> tuple[Complex, Complex]:
 
 
 def _blocks(
-    first: Complex, upper: Complex | None, lower: Complex | None, last: Complex, even: IntArray, odd: IntArray
-) -> Complex:
+    first: ComplexArray,
+    upper: ComplexArray | None,
+    lower: ComplexArray | None,
+    last: ComplexArray,
+    even: IntArray,
+    odd: IntArray,
+) -> ComplexArray:
     out = np.zeros((len(even) + len(odd),) * 2, dtype=complex)
     out[: len(even), : len(even)] = first[np.ix_(even, even)]
     out[len(even) :, len(even) :] = last[np.ix_(odd, odd)]
@@ -190,7 +193,7 @@ def _blocks(
     return out
 
 
-def _general(d: RowStiffness) -> tuple[Complex, Complex]:
+def _general(d: RowStiffness) -> tuple[ComplexArray, ComplexArray]:
     """Any row: the quadratic pencil (lambda^2 D_bt + lambda (D_bb + D_tt) + D_tb) q = 0, waves with |lambda| <= 1."""
     m = len(d.bb)
     scale = np.abs(d.bb).max()
@@ -205,9 +208,9 @@ def _general(d: RowStiffness) -> tuple[Complex, Complex]:
 
 
 def _upwards(
-    factor: Complex, edge: Complex, force: Complex, flux: FloatArray, decaying: NDArray[np.bool_], d: RowStiffness,
+    factor: ComplexArray, edge: ComplexArray, force: ComplexArray, flux: FloatArray, decaying: BoolArray, d: RowStiffness,
     sign: FloatArray,
-) -> tuple[Complex, Complex, Complex, FloatArray]:  # fmt: skip
+) -> tuple[ComplexArray, ComplexArray, ComplexArray, FloatArray]:  # fmt: skip
     """Of each propagating pair the one that carries energy towards +y; decaying waves keep |lambda| <= 1."""
     flux = np.where(decaying, 0.0, flux)
     paired = len(factor) == len(sign)

@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geometry.elements import FloatArray
+from geometry.elements import ComplexArray, FloatArray
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
 
-Complex = NDArray[np.complex128]
 NAMES = ("flexural", "shear", "longitudinal", "pillar")
 HALF = 0.5
 FELT = 0.25  # share of u_z in the square: its rms is half of the whole motion's, what a finger notices
@@ -39,7 +37,7 @@ class Label:
     pillar_share: float
 
 
-def label_of(cell: Cell, dofs: Complex, wavevector: Complex, with_pillars: bool = False) -> list[Label]:
+def label_of(cell: Cell, dofs: ComplexArray, wavevector: ComplexArray, with_pillars: bool = False) -> list[Label]:
     """Labels of waves with degrees of freedom (cell dof, n) at wavevectors (2, n) in rad/m, complex where they decay.
 
     Flexural: <|u_z|^2> above a quarter of <|u|^2> (pillars on one face mix in-plane motion into every wave), means
@@ -58,7 +56,7 @@ def label_of(cell: Cell, dofs: Complex, wavevector: Complex, with_pillars: bool 
     ]
 
 
-def pillar_share(cell: Cell, dofs: Complex) -> FloatArray:
+def pillar_share(cell: Cell, dofs: ComplexArray) -> FloatArray:
     """The pillar's share of the kinetic energy, u^H M_pillar u / u^H M u, (n,)."""
     part, whole = (np.einsum("ik,ik->k", dofs.conj(), matrix @ dofs).real for matrix in (cell.pillar_mass, cell.mass))
     return np.asarray(np.clip(part / whole, 0.0, 1.0))
@@ -70,7 +68,7 @@ def _label(flexural: float, longitudinal: float, pillar: float, with_pillars: bo
     return Label("pillar" if with_pillars and pillar > HALF else plate, plate, flexural, longitudinal, pillar)
 
 
-def _line_motion(cell: Cell, dofs: Complex) -> tuple[Complex, FloatArray]:
+def _line_motion(cell: Cell, dofs: ComplexArray) -> tuple[ComplexArray, FloatArray]:
     """Thickness means (points, 3, n) at quadrature points of the four sides, and the points' weights (sum 1)."""
     face = cell.interface
     _, weights, values = _lines(face, cell.size_m[:2])
@@ -90,7 +88,7 @@ def _lines(face: Interface, size_m: tuple[float, float]) -> tuple[FloatArray, Fl
     return points[:, :2] * np.array(size_m) / 2.0, weights / weights.sum(), values
 
 
-def _longitudinal(cell: Cell, motion: Complex, wavevector: Complex) -> FloatArray:
+def _longitudinal(cell: Cell, motion: ComplexArray, wavevector: ComplexArray) -> FloatArray:
     """|<l, u>|^2 / (|<l, u>|^2 + |<t, u>|^2) for the k + G that has the plane wave, l or t, that u resembles most, (n,)."""
     along, across = (overlap.reshape(len(overlap), -1) for overlap in _resemblance(cell, motion, wavevector))
     best = np.maximum(along, across).argmax(axis=1)[:, None]
@@ -98,7 +96,7 @@ def _longitudinal(cell: Cell, motion: Complex, wavevector: Complex) -> FloatArra
     return np.asarray(along / np.maximum(along + across, np.finfo(float).tiny))
 
 
-def _resemblance(cell: Cell, motion: Complex, wavevector: Complex) -> tuple[FloatArray, FloatArray]:
+def _resemblance(cell: Cell, motion: ComplexArray, wavevector: ComplexArray) -> tuple[FloatArray, FloatArray]:
     """|<w, u>|^2 / <w, w> for plane waves w with u || k + G, and with u perpendicular to it, (n, folds, folds) each."""
     points, weights, _ = _lines(cell.interface, cell.size_m[:2])
     fold = 2.0 * np.pi * np.arange(-FOLDS, FOLDS + 1)

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.elements import FloatArray
+from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
-from solvers.waves.evanescent import Complex, Row, RowStiffness, RowWaves
+from solvers.waves.evanescent import Row, RowStiffness, RowWaves
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def scatter(rows: RowStiffness, half: RowWaves, sign: FloatArray, incoming: int)
     left = np.block([[image_force + rows.bb @ image, rows.bt @ phi], [rows.tb @ image, rows.tt @ phi + force]])
     right = np.concatenate([force[:, incoming] - rows.bb @ phi[:, incoming], -rows.tb @ phi[:, incoming]])
     size = np.abs(left).max(axis=0)
-    answer: Complex = np.linalg.solve(left / size, right) / size
+    answer: ComplexArray = np.linalg.solve(left / size, right) / size
     count = phi.shape[1]
     going = [int(i) for i in np.flatnonzero(half.flux > 0.0)]
     power = half.flux / half.flux[incoming]

@@ -5,12 +5,10 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.superelement.cell import Cell
 
-Complex = NDArray[np.complex128]
 AXES = {"x": 0, "y": 1}
 SAME = 1e-9  # of 2 pi: a phase that counts as a whole turn
 TOLERANCE = 1e-6  # how far the diagonal mirror may be from orthogonal and from leaving K and M alone
@@ -35,7 +33,7 @@ class Mirrors:
         change = {"x": 2.0 * turns[0], "y": 2.0 * turns[1], "d": turns[0] - turns[1]}
         return tuple(name for name in self.names if abs(change[name] - round(change[name])) < SAME)
 
-    def image(self, name: str, dofs: Complex) -> Complex:
+    def image(self, name: str, dofs: ComplexArray) -> ComplexArray:
         """The mirrored waves, (cell dof, n)."""
         face, out = self.cell.interface, np.empty_like(dofs)
         inner = dofs[face.count :]
@@ -49,7 +47,7 @@ class Mirrors:
             out[face.count :] = self.cell.fixed_parity[:, AXES[name], None] * inner
         return out
 
-    def parity(self, name: str, dofs: Complex) -> IntArray:
+    def parity(self, name: str, dofs: ComplexArray) -> IntArray:
         """+1 where u_z is even under the mirror, -1 where it is odd, 0 where neither (degenerate waves mixed), (n,)."""
         value = np.einsum("ik,ik->k", dofs.conj(), self.cell.mass @ self.image(name, dofs)).real
         size = np.einsum("ik,ik->k", dofs.conj(), self.cell.mass @ dofs).real

@@ -124,12 +124,12 @@ def measure(cuts: int = CUTS, repeats: int = 5) -> dict[str, Any]:
 def main() -> None:
     """Print the table."""
     print("K and M; time: shortest of several; peak: growth of the resident size over interpreter and mesh")
-    print(f"{'mesh':6} {'unknowns':>8} {'way':11} {'time s':>8} {'peak MB':>8} {'peak/matrices':>13}")
+    print(f"{'mesh':6} {'DOFs':>8} {'way':11} {'time s':>8} {'peak MB':>8} {'peak/matrices':>13}")
     for kind, measured in measure().items():
         for choice, run in measured["runs"].items():
             share = run["peak_bytes"] / run["matrix_bytes"]
             print(
-                f"{kind:6} {run['unknowns']:8d} {choice:11} {run['seconds']:8.2f} {run['peak_bytes'] / 1e6:8.0f} "
+                f"{kind:6} {run['dofs']:8d} {choice:11} {run['seconds']:8.2f} {run['peak_bytes'] / 1e6:8.0f} "
                 f"{share:13.2f}"
             )
         kept = measured["ratio"] >= MIN_RATIO[kind] and measured["peak_over_matrices"] < MAX_PEAK

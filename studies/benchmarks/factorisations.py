@@ -110,13 +110,13 @@ def main() -> None:
         "first: analysis, factor and its check; next: the same pattern again; ten: ten solves, one by one and at once"
     )
     print(
-        f"{'problem':11} {'unknowns':>8} {'with':8} {'first':>8} {'next':>8} {'ten':>7} {'at once':>7} "
+        f"{'problem':11} {'DOFs':>8} {'with':8} {'first':>8} {'next':>8} {'ten':>7} {'at once':>7} "
         f"{'foreseen':>8} {'peak':>7} {'held':>7} {'negative':>8}"
     )
     for name in PROBLEMS:
         measured = measure((name,))[name]
         for backend, run in measured["runs"].items():
-            head = f"{name:11} {measured['unknowns']:8d} {backend:8}"
+            head = f"{name:11} {measured['dofs']:8d} {backend:8}"
             if "failed" in run:
                 print(f"{head} {run['failed']}")
                 continue

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from solvers.resonators.mason import FloatArray, Line, LineResponse
+from geometry.elements import FloatArray
+from solvers.resonators.mason import Line, LineResponse
 
 
 def chain_response(line: Line, omega: FloatArray) -> LineResponse:

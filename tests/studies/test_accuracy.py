@@ -40,7 +40,7 @@ def test_every_case_has_a_name_of_its_own() -> None:
     assert {p["part"] for _, p in accuracy.cases()} == {"zone", "pillar", "cell", "plate"}
 
 
-def test_the_cheapest_way_counts_the_references_uncertainty_against_a_rung(tmp_path: Path) -> None:
+def test_the_cheapest_way_counts_the_references_uncertainty_against_a_mesh(tmp_path: Path) -> None:
     levels = [
         record("zone", {"model": "hex", "order": 4, "size_mm": 1.0}, v, 1.0, "reference") for v in (108.0, 104.0, 102.0)
     ]
@@ -53,7 +53,7 @@ def test_the_cheapest_way_counts_the_references_uncertainty_against_a_rung(tmp_p
     assert (tmp_path / "pictures" / "accuracy_zone.svg").exists() and paths[-1].name == "report.html"
 
 
-def test_a_refused_rung_is_shown_with_its_reason() -> None:
+def test_a_refused_mesh_is_shown_with_its_reason() -> None:
     levels = [
         record("zone", {"model": "hex", "order": 4, "size_mm": 1.0}, v, 1.0, "reference") for v in (108.0, 104.0, 102.0)
     ]
@@ -67,7 +67,7 @@ def test_a_refused_rung_is_shown_with_its_reason() -> None:
     assert section.tables[0].rows[0][-1] == "too large"
 
 
-def test_a_rung_is_measured_and_repeated() -> None:
+def test_a_mesh_is_measured_and_repeated() -> None:
     class Quiet:
         def info(self, *_: Any) -> None:
             pass

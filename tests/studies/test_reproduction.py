@@ -20,7 +20,7 @@ from studies import reproduction
     ],
 )
 def test_the_verdict_follows_the_figures(thesis: object, ours: object, verdict: str) -> None:
-    assert reproduction.judged(thesis, ours) == verdict
+    assert reproduction.verdict_of(thesis, ours) == verdict
 
 
 @pytest.mark.slow
