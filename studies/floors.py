@@ -46,6 +46,9 @@ def arrows(names: Iterable[str]) -> Arrows:
             start, end = _folder(module, known), _folder(other, known)
             if start != end:
                 result[start].add(end)
+    for folder, below in result.items():  # a part that its own folder stands on: its arrow back up is left out
+        if folder in result.get(_parent(folder), ()):
+            below.discard(_parent(folder))
     return result
 
 
@@ -122,6 +125,10 @@ def main() -> None:
     page = PAGE.read_text()
     before, _, rest = page.partition(BEGIN)
     PAGE.write_text(f"{before}{BEGIN}\n{table(modules)}\n{END}{rest.partition(END)[2]}")
+
+
+def _parent(folder: str) -> str:
+    return folder.rpartition(".")[0]
 
 
 def _folder(module: str, known: set[str]) -> str:
