@@ -2,17 +2,11 @@
 
 from pathlib import Path
 
-from pipeline.analysis.bands import solve_bands
-from pipeline.analysis.modes import Request, solve_modes
-from pipeline.case.model import load_case
-from pipeline.logs import TerminalLog
-from solvers.analytic.predesign import predesign
+import antinode
 
-case = load_case(Path(__file__).parent / "small.toml", ["array.rows=2"])
-log = TerminalLog(quiet=True)
-print(f"zone by plate theory: {predesign(case.design).to_dict()['zone']['frequency_hz']:.0f} Hz")
-found = solve_modes(case, Request("plate"), log)
-wanted = found.wanted.row
+plate = antinode.load(Path(__file__).parent / "small.toml", rows=2)
+print(f"zone by plate theory: {plate.predesign().zone_hz:.0f} Hz")
+wanted = plate.modes().wanted
 print(f"wanted mode: {wanted.frequency_hz:.0f} Hz, MAC {wanted.mac:.2f}, {wanted.confinement_db:.1f} dB")
-bands = solve_bands(case, log)
+bands = plate.bands()
 print("gaps:", [(round(gap.lower_hz), round(gap.upper_hz)) for gap in bands.gaps])
