@@ -133,8 +133,8 @@ class Plate:
             self._case.require_plate(command="modes of the plate")
         near = None if near_kHz is None else 1e3 * near_kHz
         with _logged(progress) as log:
-            found = solve_modes(self._case, Request(part, _hz(band_kHz), near, count, symmetry), log)
-        return Modes(found.record.to_dict() | self._about, found, self._case)
+            part_modes = solve_modes(self._case, Request(part, _hz(band_kHz), near, count, symmetry), log)
+        return Modes(part_modes.record.to_dict() | self._about, part_modes, self._case)
 
     def bands(self, *, progress: bool | None = None) -> Bands:
         """Compute Bloch bands and gaps of the unit cell along the case's path."""

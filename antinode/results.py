@@ -148,11 +148,11 @@ class Modes(Result, Sequence[Mode]):
     @property
     def wanted(self) -> Wanted | None:
         """The verdict on the wanted mode; None for a part or symmetry class that has none."""
-        found = self._document.get("wanted")
-        if found is None:
+        verdict = self._document.get("wanted")
+        if verdict is None:
             return None
         keys = ("status", "frequency_hz", "mac", "strength", "confinement_db", "driven_confinement_db")
-        return Wanted(**{key: found.get(key) for key in keys}, rivals=tuple(found.get("rivals") or ()))
+        return Wanted(**{key: verdict.get(key) for key in keys}, rivals=tuple(verdict.get("rivals") or ()))
 
     @property
     def rigid_count(self) -> int:

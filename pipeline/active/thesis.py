@@ -24,10 +24,10 @@ def statements() -> dict[str, dict[str, Any]]:
         return tomllib.load(file)
 
 
-def beside(model: str, found: Iterable[tuple[str, Figures]]) -> list[dict[str, str]]:
-    """Per statement of a model its quantity, the thesis' value, ours and their agreement, for the figures found."""
+def beside(model: str, computed: Iterable[tuple[str, Figures]]) -> list[dict[str, str]]:
+    """Per statement of a model its quantity, the thesis' value, ours and their agreement, from the computed figures."""
     entries = []
-    for key, figures in found:
+    for key, figures in computed:
         statement = statements()[model][key]
         every = _distances(statement["verdicts"], figures) | figures
         ours = {name: statement[name].format(**every) for name in ("quantity", "thesis", "ours")}

@@ -77,4 +77,4 @@ def compute(case_path: str, payload: dict[str, Any], folder: Path, log: RunLog) 
     if work.arrays:
         store.save_arrays(folder, work.arrays)
     design = DesignRecord.of_design(case.design)
-    return {"plan": planned.to_dict(), "design": design, "meshes": work.meshes, **work.found}
+    return {"plan": planned.to_dict(), "design": design, "meshes": work.meshes, **work.record}

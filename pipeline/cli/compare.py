@@ -69,9 +69,9 @@ def _of_case(place: Path, solve: bool, quiet: bool) -> Flat:
     from pipeline.logs import TerminalLog
 
     case = load_case(place)
-    found = {"case": case.to_dict()}
+    quantities = {"case": case.to_dict()}
     if {"plate", "zone"} <= case.given:
-        found["predesign"] = {key: value for key, value in predesign.run(case)[0].items() if key != "limits"}
+        quantities["predesign"] = {key: value for key, value in predesign.run(case)[0].items() if key != "limits"}
     if solve:
         from pipeline.analysis.bands import solve_bands
         from pipeline.analysis.modes import solve_modes
@@ -80,10 +80,12 @@ def _of_case(place: Path, solve: bool, quiet: bool) -> Flat:
         log = TerminalLog(quiet)
         case.require_plate(command="compare --solve")
         wanted = solve_modes(case, of_case(case), log).record.to_dict()["wanted"] or {}
-        found["wanted"] = {key: value for key, value in wanted.items() if not isinstance(value, list)}
+        quantities["wanted"] = {key: value for key, value in wanted.items() if not isinstance(value, list)}
         if "array.pitch_mm" in case.given:
-            found["gaps"] = {f"{gap.lower_band}-{gap.upper_band}": vars(gap) for gap in solve_bands(case, log).gaps}
-    return flat(found)
+            quantities["gaps"] = {
+                f"{gap.lower_band}-{gap.upper_band}": vars(gap) for gap in solve_bands(case, log).gaps
+            }
+    return flat(quantities)
 
 
 def flat(value: Any, name: str = "") -> Flat:

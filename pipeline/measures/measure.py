@@ -32,7 +32,7 @@ class Work:
     folder: Path
     log: RunLog
     all_fields: bool = False
-    found: dict[str, Any] = field(default_factory=dict)
+    record: dict[str, Any] = field(default_factory=dict)
     arrays: dict[str, Any] = field(default_factory=dict)
     meshes: list[MeshRecord] = field(default_factory=list)
     solved: dict[str, Any] = field(default_factory=dict)
@@ -40,14 +40,14 @@ class Work:
     @property
     def wanted(self) -> WantedMode | None:
         """The wanted mode, where the modes were measured before and there is one."""
-        modes = self.found.get("modes")
+        modes = self.record.get("modes")
         return modes.wanted if modes and isinstance(modes.wanted, WantedMode) else None
 
     def keep(self, meshes: Iterable[MeshRecord] = (), arrays: Mapping[str, Any] | None = None, **result: Any) -> None:
         """Add to the record and to the arrays of the case."""
         self.meshes += meshes
         self.arrays |= arrays or {}
-        self.found |= result
+        self.record |= result
 
 
 @dataclass(frozen=True)

@@ -47,9 +47,7 @@ PROBLEMS: dict[str, tuple[Callable[[], SymmetricPencil], tuple[float, float]]] =
 
 def main() -> None:
     """Print a line a problem."""
-    print(
-        f"{'problem':14} {'unknowns':>8} {'modes':>5} {'block':>8} {'single':>8} {'ratio':>6} {'largest difference':>19}"
-    )
+    print(f"{'problem':14} {'dofs':>8} {'modes':>5} {'block':>8} {'single':>8} {'ratio':>6} {'largest difference':>19}")
     bytes_before = block_lanczos.BYTES
     for name, (make, band_hz) in PROBLEMS.items():
         pencil = make()
