@@ -57,7 +57,7 @@ def add(commands: Any, command: Any) -> None:
     """The options of the command; `command` makes a sub-parser with the options that all have."""
     text = "a commented case file, sized by pre-design"
     new = command(commands, "new", text, "new plate.toml --frequency 32kHz --rows 3", "pipeline.cli.new:run")
-    new.add_argument("file", metavar="FILE", help="where to write the case")
+    new.add_argument("place", metavar="FILE", help="where to write the case")
     for name, (default, words) in WISHES.items():
         kind = type(default)
         new.add_argument(
@@ -76,7 +76,7 @@ def run(arguments: Namespace) -> int:
     from pipeline.errors import InputError
     from pipeline.records.outputs import write_file
 
-    place = Path(arguments.file)
+    place = Path(arguments.place)
     if place.exists() and not arguments.force:
         raise InputError(f"{place}: is there already; --force replaces it")
     wishes = _asked(arguments)

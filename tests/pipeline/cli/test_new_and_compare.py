@@ -1,0 +1,102 @@
+"""`antinode new`, `compare`, `list`, `materials`, `glossary`, and what every computing command leaves on request."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from geometry.materials import MATERIALS
+from pipeline import paths
+from pipeline.case.model import load_case
+from pipeline.cli.main import main
+from solvers.analytic.plates import levy_hz
+from solvers.analytic.predesign import pillar_frequencies_hz, strip_of
+
+ROOT = Path(__file__).resolve().parents[3]
+SMALL = str(ROOT / "examples" / "small.toml")
+
+
+@pytest.mark.parametrize("material", ["aluminium", "steel", "glass"])
+def test_a_new_case_has_its_zone_and_its_pillars_at_the_frequency(material: str, tmp_path: Path) -> None:
+    file = tmp_path / "new.toml"
+    assert main(["new", str(file), "--material", material, "--frequency", "30kHz", "--rows", "2", "--quiet"]) == 0
+    design = load_case(file).design
+    assert design.rows == 2 and design.material.name == material and "# " in file.read_text()
+    assert levy_hz(strip_of(design), design.nodal_lines) == pytest.approx(30e3, rel=2e-3)
+    assert pillar_frequencies_hz(design.pillar, "timoshenko", 1)[0] == pytest.approx(30e3, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--material", "cheese"], "must be one of"),
+        (["--frequency", "30"], "--frequency"),
+        (["--frequency", "1Hz"], "no width gives"),
+        (["--thickness", "-1"], "above 0"),
+    ],
+)
+def test_a_wish_that_cannot_be_is_one_line_and_leaves_nothing(
+    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["new", str(tmp_path / "new.toml"), *words, "--quiet"]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1 and said in lines[0] and not list(tmp_path.iterdir())
+
+
+def test_a_file_that_is_there_stays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "new.toml"
+    file.write_text("mine")
+    assert main(["new", str(file), "--quiet"]) == 2 and file.read_text() == "mine"
+    assert "--force" in capsys.readouterr().err
+    assert main(["new", str(file), "--quiet", "--force"]) == 0 and load_case(file).name == "new"
+
+
+def test_two_cases_differ_where_they_differ(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    other = tmp_path / "other.toml"
+    other.write_text((ROOT / "examples" / "small.toml").read_text().replace("height_mm = 6.3", "height_mm = 7.0"))
+    places = ["--json", str(tmp_path / "c.json"), "--csv", str(tmp_path / "c.csv"), "--plot", str(tmp_path / "c.svg")]
+    assert main(["compare", SMALL, str(other), "--quiet", *places]) == 0
+    rows = {row["quantity"]: row for row in json.loads((tmp_path / "c.json").read_text())["rows"]}
+    height = rows["case.design.pillar.height_m"]
+    assert (height["a"], height["b"]) == (0.0063, 0.007) and height["difference"] == pytest.approx(
+        7.0 / 6.3 - 1.0, rel=1e-5
+    )
+    assert rows["predesign.pillar.given_euler_hz"]["difference"] == pytest.approx((6.3 / 7.0) ** 2 - 1.0, rel=1e-5)
+    assert "case.design.length_m" not in rows and b"<svg" in (tmp_path / "c.svg").read_bytes()[:400]
+    with (tmp_path / "c.csv").open() as file:
+        assert {row["quantity"] for row in csv.DictReader(file)} == set(rows)
+    assert main(["compare", SMALL, SMALL, "--quiet"]) == 0
+    assert "nothing differs" in capsys.readouterr().out
+    assert main(["compare", SMALL, str(tmp_path / "none.json"), "--quiet"]) == 2
+
+
+def test_the_lists_name_what_there_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(paths, "RESULTS", tmp_path)
+    assert main(["list"]) == 0 and "no stored study" in capsys.readouterr().out
+    assert main(["materials", "--json", "-"]) == 0
+    assert {row["name"] for row in json.loads(capsys.readouterr().out)["materials"]} == set(MATERIALS)
+    assert main(["glossary", "confinement"]) == 0 and "20 log10" in capsys.readouterr().out
+    assert main(["glossary", "confinment"]) == 2 and "did you mean confinement" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
+def test_a_computing_command_draws_and_tabulates_on_request(ending: str, tmp_path: Path) -> None:
+    place = tmp_path / f"p.{ending}"
+    assert main(["predesign", SMALL, "--quiet", "--plot", str(place), "--csv", str(tmp_path / "p.csv")]) == 0
+    mark = {"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}[ending]
+    assert place.read_bytes().startswith(mark)
+    with (tmp_path / "p.csv").open() as file:
+        values = {(row["part"], row["quantity"]): row["value"] for row in csv.DictReader(file)}
+    assert float(values["zone", "frequency_hz"]) == pytest.approx(33493.6, abs=0.1)
+
+
+def test_a_figure_in_another_format_is_refused_before_anything_is_computed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["bands", SMALL, "--quiet", "--plot", str(tmp_path / "b.gif")]) == 2
+    assert ".png, .pdf or .svg" in capsys.readouterr().err and not list(tmp_path.iterdir())
