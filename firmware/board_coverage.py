@@ -25,12 +25,12 @@ def routines_of_the_board(header: str, variant: str) -> set[str]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "mode_table.h").write_text(header)
-        parts = (builder.CORE, builder.BOARD, builder.BOARD / variant)
-        places = [*(f"-I{part}" for part in parts), f"-I{folder}"]
-        for part in parts[1:]:
+        parts = (builder.BOARD, builder.BOARD / variant)
+        places = [f"-I{part}" for part in (builder.CORE, builder.CORE / variant, *parts, folder)]
+        for part in parts:
             for source in sorted(part.glob("*.c")):
                 target = folder / f"{source.stem}.o"
-                options = [*builder.LANGUAGE, *builder.SECTIONS, *places]
+                options = [builder.optimised(source), *builder.LANGUAGE, *builder.SECTIONS, *places]
                 builder.run([*command, *options, "-c", str(source), "-o", str(target)])
                 names |= Elf.read(target).functions
     return names

@@ -17,14 +17,15 @@ import numpy as np
 from firmware import table_format as layout
 from firmware.emulate.plant import Plate, Resonance, hold
 from firmware.host import NoCompiler
-from firmware.host.rig import RUN, SingleRig
+from firmware.host.hosted import RUN
+from firmware.host.rig import SingleRig
 
 TRUE_HZ, GAIN, DELAY_S, RATE_HZ = 31437.3, 0.8, 7.3e-6, 250e3
 QUALITIES = (50, 100, 200, 300, 400, 600, 1000, 1500, 2000)
 SHARE = 0.2  # of what full drive holds
 SLOW_S, UNSTEADY = 5e-3, 0.05
 PAGE = Path(__file__).parent.parent / "docs" / "bring-up.md"
-BEGIN, END = "<!-- python -m firmware.control_table --write -->\n", "<!-- end -->\n"
+END = "<!-- end -->\n"
 
 
 @dataclass(frozen=True)
@@ -49,16 +50,13 @@ ROWS = (
 
 def mode_table(quality: float) -> bytes:
     """A table with one measured mode."""
-    tau_s, gain = quality / math.pi / TRUE_HZ, -1j * GAIN * abs(hold(TRUE_HZ, RATE_HZ))
-    flags = layout.GAIN_IDENTIFIED | layout.TAU_IDENTIFIED | layout.FREQUENCY_IDENTIFIED
-    weights = [0.0] * (4 * layout.CHANNELS)
-    delay_s = DELAY_S + 0.5 / RATE_HZ
-    mode = layout.MODE.pack(TRUE_HZ, tau_s, gain.real, gain.imag, delay_s, 1.0, 0.9, flags, *weights)
-    total = layout.HEADER.size + layout.MODE.size + layout.CRC.size
-    sizes = (layout.HEADER.size, total, 1, layout.MODE.size, 0, layout.SHAPE.size)
-    displacement = layout.SENSES_DISPLACEMENT
-    header = layout.HEADER.pack(layout.MAGIC, layout.VERSION, *sizes, 1, 1, 0, RATE_HZ, displacement, bytes(16))
-    return layout.seal(header + mode)
+    mode = np.zeros(1, layout.MODE)
+    mode["frequency_hz"], mode["tau_s"] = TRUE_HZ, quality / math.pi / TRUE_HZ
+    mode["gain"], mode["delay_s"] = -1j * GAIN * abs(hold(TRUE_HZ, RATE_HZ)), DELAY_S + 0.5 / RATE_HZ
+    mode["drive_limit"], mode["amplitude_limit"] = 1.0, 0.9
+    mode["flags"] = layout.GAIN_IDENTIFIED | layout.TAU_IDENTIFIED | layout.FREQUENCY_IDENTIFIED
+    one = {"actuator_count": 1, "sensor_count": 1, "sample_rate_hz": RATE_HZ, "flags": layout.SENSES_DISPLACEMENT}
+    return layout.assemble(mode, np.zeros(0, layout.SHAPE), **one)
 
 
 def held_plate(quality: float, noise: float = 1e-4) -> tuple[bytes, Plate]:
@@ -111,6 +109,14 @@ def markdown() -> str:
     return "\n".join(lines)
 
 
+def write_into_page(command: str, text: str) -> None:
+    """Replaces what docs/bring-up.md shows between the mark that names the command and the next end."""
+    mark = f"<!-- {command} -->\n"
+    before, rest = PAGE.read_text().split(mark, 1)
+    PAGE.write_text(before + mark + "\n" + text.rstrip() + "\n" + rest[rest.index(END) :])
+    print(f"{PAGE.name}: written")
+
+
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m firmware.control_table", description=__doc__)
@@ -124,10 +130,7 @@ def main(arguments: list[str] | None = None) -> int:
     if not chosen.write:
         print(text)
         return 0
-    page = PAGE.read_text()
-    before, rest = page.split(BEGIN, 1)
-    PAGE.write_text(before + BEGIN + "\n" + text + END + rest.split(END, 1)[1])
-    print(f"{PAGE.name}: written")
+    write_into_page("python -m firmware.control_table --write", text)
     return 0
 
 

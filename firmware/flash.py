@@ -92,7 +92,10 @@ def image_to_write(variant: str, folder: Path, keep_table: bool) -> Path:
     if not keep_table:
         return elf.with_suffix(".bin")
     code = elf.with_name(elf.stem + CODE_ONLY)
-    code.write_bytes(flash_image(Elf.read(elf), FLASH_START)[: TABLE_START - FLASH_START])
+    try:
+        code.write_bytes(flash_image(Elf.read(elf), FLASH_START)[: TABLE_START - FLASH_START])
+    except ImportError:
+        raise FlashError("the code cannot be told from the table: `pip install pyelftools`", 5) from None
     return code
 
 

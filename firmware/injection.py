@@ -1,25 +1,81 @@
-"""Lets go wrong what can, at every tick of a second's run, and tells how long the output took to rest.
+"""Lets go wrong what can while a plate is held, and tells how soon the outputs rest: `python -m firmware.injection`.
 
-`python -m firmware.injection` runs the single-mode application on the rig of firmware.host.rig; it takes minutes. With
---stride N only every N-th tick is looked at.
+On the rig of firmware.host.rig, at every tick of a second: faults that interrupts find, broken sensors, and at each tick one
+flipped bit of the words of the state, drawn by the tick's number. On the emulated board, with the unmodified images of both
+builds, the interrupts themselves, at every 101st tick of a second (six channels: every 17th): numbers without a common divisor
+with the ticks of a window and of a look of the guard, so that each of their phases is met. --stride and --image-stride change
+that; --write puts the table into docs/bring-up.md. It takes some minutes.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
 
+from firmware.build import BuildError, build
+from firmware.control_table import GAIN, held_plate, write_into_page
 from firmware.host import NoCompiler
-from firmware.host.rig import RUN, SingleRig
+from firmware.host.hosted import RUN
+from firmware.host.rig import SingleRig
+from firmware.protocol import Fault, fault_names
+from firmware.table_format import header_text
 
-TRIPS = {"clock": 1, "lost interrupt": 7, "break": 12, "supply": 15}
-SENSORS = ("DEAD", "STUCK", "REVERSED", "CLIPPED")
-TRIP_MOST, SENSOR_MOST, LATCHED = 25, 5000, 200  # ticks of 4 us: 100 us, 20 ms, 0.8 ms
+TRIPS = (Fault.CLOCK, Fault.FAST_LATE, Fault.BREAK, Fault.SUPPLY)
+SENSORS = {"clipped": 25, "dead": 6250, "stuck": 6250, "reversed": 6250}  # ticks of 4 us that may pass: 100 us, 25 ms
+SOON, LATCHED, HORIZON = 25, 200, 10000
+SAFE_S = 100e-6
+WORDS = [
+    "base.supervisor.state",
+    "base.supervisor.inverse",
+    "base.supervisor.faults",
+    "slow.hand.active",
+    "slow.hand.posted",
+    "slow.hand.trips",
+    "fast.tick",
+    "fast.phase",
+    "fast.step",
+    "fast.faults",
+    "fast.window.count",
+    "fast.command.count",
+    "fast.command.step",
+    "slow.tracking",
+    "slow.noted",
+    "track.read",
+    "probing",
+]
+HEAD = "| what goes wrong | moments | at rest and latched | held as before | longest, us | allowed, us |"
 
 
-def running(table: bytes, plate: object) -> SingleRig:
-    """A rig that holds a plate."""
-    rig = SingleRig(table, plate)  # type: ignore[arg-type]
+class Row(NamedTuple):
+    """Of the table: moments, how many ended at rest and latched, and held as before; longest time to rest and allowed, s."""
+
+    what: str
+    moments: int
+    latched: int
+    held: int
+    longest_s: float
+    allowed_s: float
+
+    @property
+    def is_sound(self) -> bool:
+        """True when no moment ended otherwise, and none too late."""
+        return self.latched + self.held == self.moments and self.longest_s <= self.allowed_s
+
+    @property
+    def text(self) -> str:
+        """As a row of Markdown."""
+        late = "" if self.is_sound else f" (NOT SAFE: {self.moments - self.latched - self.held})"
+        times = f"{1e6 * self.longest_s:.0f} | {1e6 * self.allowed_s:.0f}"
+        return f"| {self.what} | {self.moments} | {self.latched} | {self.held}{late} | {times} |"
+
+
+def held(quality: float = 300.0) -> SingleRig:
+    """A rig that holds a plate. Raises NoCompiler."""
+    rig = SingleRig(*held_plate(quality, noise=1e-3))
     rig.run(5e-3)
     rig.start(0.15)
     rig.run(50e-3)
@@ -28,39 +84,129 @@ def running(table: bytes, plate: object) -> SingleRig:
     return rig
 
 
-def lines(table: bytes, plate: object, seconds: float, stride: int) -> list[tuple[str, float, float]]:
-    """(what goes wrong, longest time to rest, time allowed) in s; the longest is infinite when some moment was never safe."""
-    result = []
-    kinds = [(name, "RIG_TRIP", 1 << bit, TRIP_MOST) for name, bit in TRIPS.items()]
-    for name in SENSORS:
-        kinds.append((f"sensor {name.lower()}", "RIG_SENSOR", -1, SENSOR_MOST))
+def bits_of(rig: SingleRig, words: list[str]) -> list[int]:
+    """The places of all bits of some 32-bit words of the application's state."""
+    starts = [rig.ffi.offsetof("an_single", *word.split(".")) for word in words]
+    return [8 * start + bit for start in starts for bit in range(32)]
+
+
+def inject(rig: SingleRig, kind: int, details: list[int], seconds: float, stride: int, most: int) -> Any:
+    """A rig_outcome: something goes wrong at each so-many-th tick."""
+    given = rig.ffi.new("uint32_t []", details)
+    ticks = round(seconds * rig.sample_rate_hz)
+    trial = rig.ffi.new("rig_trial *", [kind, given, len(details), ticks, stride, most, LATCHED])
+    return rig.lib.rig_inject(rig.rig, trial)
+
+
+def rig_rows(seconds: float, stride: int) -> Iterator[Row]:
+    """What the rig shows."""
+    lib = held().lib
+    kinds = [(fault_names(fault)[0], lib.RIG_TRIP, int(fault), SOON) for fault in TRIPS]
+    for name, most in SENSORS.items():
+        kinds.append((f"sensor {name}", lib.RIG_SENSOR, getattr(lib, f"RIG_{name.upper()}"), most))
     for name, kind, detail, most in kinds:
-        rig = running(table, plate)
-        value = detail if detail >= 0 else getattr(rig.lib, f"RIG_{name.split()[1].upper()}")
-        ticks = round(seconds * rig.plate.sample_rate_hz)
-        worst = rig.lib.rig_inject(rig.rig, getattr(rig.lib, kind), value, ticks, stride, most, LATCHED)
-        taken = worst / rig.plate.sample_rate_hz if worst <= most else float("inf")
-        result.append((name, taken, most / rig.plate.sample_rate_hz))
-    return result
+        rig = held()
+        yield _row(name, rig, inject(rig, kind, [detail], seconds, stride, most), most)
+    rig = held()
+    result = inject(rig, rig.lib.RIG_FLIP, bits_of(rig, WORDS), seconds, stride, HORIZON)
+    yield _row("flipped bit, from being found", rig, result, SOON, result.longest_found)
+
+
+def _row(what: str, rig: SingleRig, result: Any, most: int, longest: int | None = None) -> Row:
+    moments = result.latched + result.held + result.unsafe
+    ticks = result.longest if longest is None else longest
+    return Row(what, moments, result.latched, result.held, ticks / rig.sample_rate_hz, most / rig.sample_rate_hz)
+
+
+Break = Callable[[Any], object]
+
+
+def _stop_samples(board: Any) -> None:
+    board.fast_lost = True
+
+
+def _lower_supply(board: Any) -> None:
+    board.word(0x40007004).value |= 1 << 2
+
+
+def _damage(board: Any) -> None:
+    board.app.fast.tick ^= 1 << 20
+
+
+BOARD_KINDS: dict[str, Break] = {
+    "samples cease": _stop_samples,
+    "supply falls": _lower_supply,
+    "clock dies": lambda board: board.interrupt_unexpectedly(),
+    "tick damaged": _damage,
+}
+
+
+def board_row(what: str, board: Any, go_wrong: Break, seconds: float, stride: int) -> Row:
+    """An emulated board that drives, broken at each so-many-th tick, its main loop busy for ever from then on."""
+    allowed, longest, moments, latched = round(SAFE_S / board.sample_s), 0, 0, 0
+    for _ in range(0, round(seconds / board.sample_s), stride):
+        board.run(stride * board.sample_s)
+        with board.undone():
+            board.main_stuck = True
+            go_wrong(board)
+            unsafe = [tick for tick in range(1, 2 * allowed + 9) if not (board.tick() or board.at_rest)]
+        last = unsafe[-1] if unsafe else 0
+        moments, latched = moments + 1, latched + (last <= allowed)
+        longest = max(longest, last)
+    return Row(what, moments, latched, 0, longest * board.sample_s, allowed * board.sample_s)
+
+
+def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[Row]:
+    """What the images of both builds show. Raises BuildError."""
+    from firmware.emulate.beam import Beam, measured_table
+    from firmware.emulate.single import EmulatedSingle
+    from firmware.emulate.six import EmulatedSix
+
+    with TemporaryDirectory() as folder:
+        table, plate = held_plate(300.0, noise=1e-3)
+        single = EmulatedSingle(build(header_text(table), Path(folder)).elf, plate)
+        beam = Beam(noise=1e-3)
+        six = EmulatedSix(build(header_text(measured_table(beam)), Path(folder), "six").elf, beam)
+    single.run(2e-3)
+    single.start(0.15 * GAIN)
+    six.run(5e-3)
+    six.start(0, 0.1)
+    for name, board, stride, more in (
+        ("one mode", single, single_stride, {"sensor clipped": lambda one: setattr(one, "sense", lambda: 2.0)}),
+        ("six channels", six, six_stride, {"break pulled": lambda one: one.pull_break()}),
+    ):
+        board.run(20e-3)
+        for what, go_wrong in (BOARD_KINDS | more).items():
+            yield board_row(f"image, {name}: {what}", board, go_wrong, seconds, stride)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    from firmware.control_table import held_plate
-
     parser = argparse.ArgumentParser(prog="python -m firmware.injection", description=__doc__)
     parser.add_argument("--seconds", type=float, default=1.0, help="length of the run")
-    parser.add_argument("--stride", type=int, default=1, help="ticks between two injections")
+    parser.add_argument("--stride", type=int, default=1, help="ticks between two moments on the rig")
+    parser.add_argument(
+        "--image-stride", type=int, nargs=2, default=(101, 17), metavar=("ONE", "SIX"), help="on the images"
+    )
+    parser.add_argument("--write", action="store_true", help="put the table into docs/bring-up.md")
     chosen = parser.parse_args(arguments)
+    rows: list[Row] = []
+    lines = [
+        "| what goes wrong | moments | at rest and latched | held as before | longest, us | allowed, us |",
+        "|---" * 6 + "|",
+    ]
+    print("\n".join(lines))
     try:
-        rows = lines(*held_plate(300.0), chosen.seconds, max(chosen.stride, 1))
-    except NoCompiler as missing:
+        for result in (rig_rows(chosen.seconds, chosen.stride), board_rows(chosen.seconds, *chosen.image_stride)):
+            for row in result:
+                print(row.text, flush=True)
+                rows.append(row)
+    except (NoCompiler, BuildError) as missing:
         print(f"injection: {missing}", file=sys.stderr)
         return 5
-    for name, taken, allowed in rows:
-        verdict = f"at rest after at most {1e6 * taken:.0f} us" if taken <= allowed else "NOT at rest in time"
-        print(f"{name}: {verdict}, allowed {1e6 * allowed:.0f} us")
-    return 0 if all(taken <= allowed for _, taken, allowed in rows) else 4
+    if chosen.write:
+        write_into_page("python -m firmware.injection --write", "\n".join([*lines, *(row.text for row in rows)]))
+    return 0 if all(row.is_sound for row in rows) else 4
 
 
 if __name__ == "__main__":

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
-from enum import IntEnum
+from dataclasses import dataclass, fields
+from enum import IntEnum, IntFlag
+from typing import Any
+
+import numpy as np
 
 from firmware.table_format import crc32
 
@@ -13,7 +16,7 @@ FRAME_MAX = PAYLOAD_MAX + 8  # kind, sequence, CRC-32, the stuffing's first code
 REPLY = 0x80
 LOG_RECORDS = 0xC0
 BAUD = 921600
-PROTOCOL = 2  # that this side speaks
+PROTOCOL = 3  # that this side speaks
 
 
 class ProtocolError(ValueError):
@@ -39,6 +42,8 @@ class Kind(IntEnum):
     PATTERN = 14
     IDENTIFY = 15
     HEALTH = 16
+    CAPTURE = 17
+    CAPTURED = 18
 
 
 class Result(IntEnum):
@@ -70,25 +75,28 @@ TABLE_TEXT = (
     "for the other build or another sample rate",
 )
 STATES = ("idle", "identify", "run", "fault")
-FAULTS = (
-    "table",
-    "clock",
-    "not finite",
-    "sensor clipped",
-    "sensor offset",
-    "amplitude",
-    "mismatch",
-    "fast late",
-    "slow late",
-    "identify",
-    "host silent",
-    "flash",
-    "break",
-    "watchdog",
-    "shaping",
-    "supply",
-    "memory",
-)
+
+
+class Fault(IntFlag):
+    """What is latched (firmware/core/an_faults.h)."""
+
+    TABLE = 1 << 0
+    CLOCK = 1 << 1
+    NOT_FINITE = 1 << 2
+    SENSOR_CLIPPED = 1 << 3
+    SENSOR_OFFSET = 1 << 4
+    AMPLITUDE = 1 << 5
+    MISMATCH = 1 << 6
+    FAST_LATE = 1 << 7
+    SLOW_LATE = 1 << 8
+    IDENTIFY = 1 << 9
+    HOST_SILENT = 1 << 10
+    FLASH = 1 << 11
+    BREAK = 1 << 12
+    WATCHDOG = 1 << 13
+    SHAPING = 1 << 14
+    SUPPLY = 1 << 15
+    MEMORY = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -100,121 +108,71 @@ class Message:
     payload: bytes = b""
 
 
-def stuff(content: bytes) -> bytes:
-    """Consistent overhead byte stuffing (COBS) of less than 254 bytes, with the zero that ends a frame."""
-    return b"".join(bytes([len(part) + 1]) + part for part in content.split(b"\0")) + b"\0"
-
-
-def unstuff(frame: bytes) -> bytes | None:
-    """The content of a frame without its zero; None when its codes do not fit."""
-    parts = []
-    at = 0
-    while at < len(frame):
-        code = frame[at]
-        if code == 0 or at + code > len(frame):
-            return None
-        parts.append(frame[at + 1 : at + code])
-        at += code
-    return b"\0".join(parts)
-
-
 def encode(message: Message) -> bytes:
     """A message as it goes over the line."""
+    from cobs import cobs
+
     body = bytes([message.kind, message.sequence]) + message.payload
-    return stuff(body + struct.pack("<I", crc32(body)))
+    return cobs.encode(body + struct.pack("<I", crc32(body))) + b"\0"
 
 
 def decode(frame: bytes) -> Message | None:
     """The message in a frame without its zero; None when it is damaged."""
-    content = unstuff(frame)
-    if content is None or len(content) < 6 or struct.unpack("<I", content[-4:])[0] != crc32(content[:-4]):
+    from cobs import cobs
+
+    try:
+        content = cobs.decode(frame)
+    except cobs.DecodeError:
+        return None
+    if len(content) < 6 or struct.unpack("<I", content[-4:])[0] != crc32(content[:-4]):
         return None
     return Message(content[0], content[1], content[2:-4])
 
 
 IDENTIFIED, LIMITED = 1, 8  # bits of a status' fourth byte
-_STATUS = struct.Struct("<BBBBIIIII13f")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Status:
-    """The state of the single-mode image. SI units; amplitudes in full scales; faults by name, first those found first.
+    """The state of either image. SI units; amplitudes in full scales; faults by name, first those found first.
 
-    While it runs, frequency, tau and gain are as the board follows them. limited: the drive is at its limit, and the plate
-    short of its reference.
+    limited: the drive is at its limit, and the plate short of its reference; underruns, samples of a stream that came late.
     """
 
     state: str
     faults: tuple[str, ...]
     first: tuple[str, ...]
     windows: int
-    starved: int
+    underruns: int
     worst_cycles: int
+    identified: bool
+    limited: bool
     frequency_hz: float
+    reference: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SingleStatus(Status):
+    """Of the single-mode image. While it runs, frequency, tau and gain are as the board follows them."""
+
     detuning_hz: float
     tau_s: float
     gain: complex
     delay_s: float
     neighbour: float
-    reference: float
     measured: complex
     drive: complex
     offset: float
-    gain_identified: bool
-    limited: bool
 
 
-def parse_status(payload: bytes) -> Status:
-    """A Status from a reply's payload behind its result. Raises ProtocolError when its length or its state is unknown."""
-    _has_length(payload, _STATUS.size)
-    state, _, _, flags, faults, first, windows, starved, cycles, *numbers = _STATUS.unpack(payload)
-    frequency, detuning, tau, gain_re, gain_im, delay, neighbour, reference, u_d, u_q, v_d, v_q, offset = numbers
-    return Status(
-        state=_state(state),
-        faults=fault_names(faults),
-        first=fault_names(first),
-        windows=windows,
-        starved=starved,
-        worst_cycles=cycles,
-        frequency_hz=frequency,
-        detuning_hz=detuning,
-        tau_s=tau,
-        gain=complex(gain_re, gain_im),
-        delay_s=delay,
-        neighbour=neighbour,
-        reference=reference,
-        measured=complex(u_d, u_q),
-        drive=complex(v_d, v_q),
-        offset=offset,
-        gain_identified=bool(flags & IDENTIFIED),
-        limited=bool(flags & LIMITED),
-    )
+@dataclass(frozen=True, kw_only=True)
+class SixStatus(Status):
+    """Of the six-channel image; condition, of T, 0 while it is not known; reachable, the largest reference."""
 
-
-_SIX_STATUS = struct.Struct("<BBBBIIIII16f")
-
-
-@dataclass(frozen=True)
-class SixStatus:
-    """The state of the six-channel image; condition, of T, 0 while it is not known; reachable, the largest reference.
-
-    first: the faults found first; limited: the drive is at its limit, and the plate short of its reference.
-    """
-
-    state: str
-    faults: tuple[str, ...]
-    first: tuple[str, ...]
-    windows: int
-    starved: int
-    worst_cycles: int
     shape: int
     pattern: int
-    identified: bool
-    limited: bool
-    frequency_hz: float
     condition: float
     reachable: float
-    reference: float
     sensors: tuple[complex, ...]
 
     @property
@@ -223,57 +181,95 @@ class SixStatus:
         return max(self.sensors, key=abs)
 
 
-def parse_any_status(payload: bytes) -> Status | SixStatus:
-    """The state of either image, told apart by its length. Raises ProtocolError when it is neither's."""
-    _has_length(payload, _STATUS.size, _SIX_STATUS.size)
-    if len(payload) == _STATUS.size:
-        return parse_status(payload)
-    state, shape, pattern, flags, faults, first, windows, starved, cycles, *numbers = _SIX_STATUS.unpack(payload)
-    frequency, condition, reachable, reference, *parts = numbers
-    return SixStatus(
-        state=_state(state),
-        faults=fault_names(faults),
-        first=fault_names(first),
-        windows=windows,
-        starved=starved,
-        worst_cycles=cycles,
-        shape=shape,
-        pattern=pattern,
-        identified=bool(flags & IDENTIFIED),
-        limited=bool(flags & LIMITED),
-        frequency_hz=frequency,
-        condition=condition,
-        reachable=reachable,
-        reference=reference,
-        sensors=tuple(complex(re, im) for re, im in zip(parts[::2], parts[1::2], strict=True)),
-    )
+def _layout(text: str) -> np.dtype[Any]:
+    """Little-endian members without gaps: "name kind" or "name kind count", a line each."""
+    rows = [line.split() for line in text.strip().splitlines()]
+    return np.dtype([(name, f"<{kind}", *((int(count[0]),) if count else ())) for name, kind, *count in rows])
+
+
+_COUNTS = """
+    faults u4
+    first u4
+    windows u4
+    underruns u4
+    worst_cycles u4
+    frequency_hz f4
+"""
+_SINGLE = _layout(f"""
+    state u1
+    _stage u1
+    _texture u1
+    flags u1
+    {_COUNTS.strip()}
+    detuning_hz f4
+    tau_s f4
+    gain c8
+    delay_s f4
+    neighbour f4
+    reference f4
+    measured c8
+    drive c8
+    offset f4
+""")
+_SIX = _layout(f"""
+    state u1
+    shape u1
+    pattern u1
+    flags u1
+    {_COUNTS.strip()}
+    condition f4
+    reachable f4
+    reference f4
+    sensors c8 6
+""")
+
+
+def _values(payload: bytes, layout: np.dtype[Any]) -> dict[str, Any]:
+    """The members of a payload by name; those whose name begins with _ are nobody's business."""
+    _has_length(payload, layout.itemsize)
+    row = np.frombuffer(payload, layout)[0]
+    result = {name: row[name].tolist() for name in layout.names or ()}
+    return {name: value for name, value in result.items() if not name.startswith("_")}
+
+
+def parse_status(payload: bytes) -> SingleStatus | SixStatus:
+    """A status from a reply's payload behind its result, of either image, told apart by its length.
+
+    Raises ProtocolError when it is neither's, or its state is unknown.
+    """
+    _has_length(payload, _SINGLE.itemsize, _SIX.itemsize)
+    six = len(payload) == _SIX.itemsize
+    values = _values(payload, _SIX if six else _SINGLE)
+    flags = values.pop("flags")
+    if values["state"] >= len(STATES):
+        raise ProtocolError(f"the state {values['state']}, known 0 to {len(STATES) - 1}")
+    values |= {
+        "state": STATES[values["state"]],
+        "identified": bool(flags & IDENTIFIED),
+        "limited": bool(flags & LIMITED),
+    }
+    values |= {name: fault_names(values[name]) for name in ("faults", "first")}
+    return SixStatus(**values | {"sensors": tuple(values["sensors"])}) if six else SingleStatus(**values)
 
 
 def fault_names(bits: int) -> tuple[str, ...]:
     """The names of the faults whose bits are set; a bit without a name is told by its number."""
-    named = dict(enumerate(FAULTS))
+    named = {one.value.bit_length() - 1: one.name.lower().replace("_", " ") for one in Fault if one.name}
     return tuple(named.get(index, f"bit {index}") for index in range(bits.bit_length()) if bits >> index & 1)
-
-
-def _state(number: int) -> str:
-    if number >= len(STATES):
-        raise ProtocolError(f"the state {number}, known 0 to {len(STATES) - 1}")
-    return STATES[number]
 
 
 def _has_length(payload: bytes, *allowed: int) -> None:
     if len(payload) not in allowed:
-        raise ProtocolError(f"{len(payload)} bytes, expected {' or '.join(map(str, allowed))}")
-
-
-_HEALTH = struct.Struct("<10I")
+        visible = [*map(str, allowed[:2]), *(["more"] if len(allowed) > 2 else [])]
+        raise ProtocolError(f"{len(payload)} bytes, expected {' or '.join(visible)}")
 
 
 @dataclass(frozen=True)
 class Health:
     """What the board tells of itself: resets by the watchdog in a row; number, address, return address and status word
     (CFSR) of the last interrupt that nobody expected, zeros when there was none; its clock, Hz; the longest fast and slow
-    interrupt and main loop pass so far, cycles; bytes of the stack never used (0 in the first second)."""
+    interrupt and main loop pass so far, cycles; bytes of the stack never used (0 in the first second); kept, what became
+    of values measured before a reset (KEPT)."""
 
     watchdog_resets: int
     exception: int
@@ -285,15 +281,22 @@ class Health:
     slow_cycles: int
     main_cycles: int
     stack_unused: int
+    kept: int
+
+
+KEPT = (
+    "not kept: this board has no backup memory",
+    "none kept from before the last reset",
+    "not used: they were measured with another table or build",
+    "in use again, from before the last reset",
+    "kept for the next reset",
+)
+_HEALTH = np.dtype([(field.name, "<u4") for field in fields(Health)])
 
 
 def parse_health(payload: bytes) -> Health:
     """A Health from a reply's payload behind its result. Raises ProtocolError when the length differs."""
-    _has_length(payload, _HEALTH.size)
-    return Health(*_HEALTH.unpack(payload))
-
-
-_RECORD = struct.Struct("<I5f")
+    return Health(**_values(payload, _HEALTH))
 
 
 @dataclass(frozen=True)
@@ -306,14 +309,37 @@ class Record:
     reference: float
 
 
+_RECORD = _layout("window u4\nmeasured c8\ndrive c8\nreference f4")
+
+
 def parse_log(payload: bytes) -> list[Record]:
     """The records of a log frame. Raises ProtocolError when its length is not that of whole records."""
-    if len(payload) % _RECORD.size:
-        raise ProtocolError(f"{len(payload)} bytes of log, expected a multiple of {_RECORD.size}")
-    return [
-        Record(window, complex(u_d, u_q), complex(v_d, v_q), reference)
-        for window, u_d, u_q, v_d, v_q, reference in _RECORD.iter_unpack(payload)
-    ]
+    if len(payload) % _RECORD.itemsize:
+        raise ProtocolError(f"{len(payload)} bytes of log, expected a multiple of {_RECORD.itemsize}")
+    return [Record(*row) for row in np.frombuffer(payload, _RECORD).tolist()]
+
+
+@dataclass(frozen=True)
+class Captured:
+    """Of a capture: words so far, words in the end, words in a row (inputs, then outputs), and some of them."""
+
+    used: int
+    total: int
+    row: int
+    words: tuple[int, ...]
+
+
+_CAPTURED = struct.Struct("<HHB")
+
+
+def parse_captured(payload: bytes) -> Captured:
+    """A Captured from a reply's payload behind its result. Raises ProtocolError when the length cannot be, or the counts."""
+    if len(payload) < _CAPTURED.size or (len(payload) - _CAPTURED.size) % 2:
+        raise ProtocolError(f"{len(payload)} bytes, expected {_CAPTURED.size} and an even number more")
+    used, total, row = _CAPTURED.unpack_from(payload)
+    if row not in (2, 12) or total % row or not 0 <= used <= total:
+        raise ProtocolError(f"{used} of {total} words in rows of {row}")
+    return Captured(used, total, row, tuple(np.frombuffer(payload, "<u2", offset=_CAPTURED.size).tolist()))
 
 
 @dataclass(frozen=True)
@@ -345,9 +371,10 @@ def parse_identity(payload: bytes) -> Identity:
 
 REPLY_BYTES = {
     Kind.IDENTITY: (_IDENTITY.size,),
-    Kind.STATUS: (_STATUS.size, _SIX_STATUS.size),
+    Kind.STATUS: (_SINGLE.itemsize, _SIX.itemsize),
     Kind.SAMPLES: (1,),
-    Kind.HEALTH: (_HEALTH.size,),
+    Kind.HEALTH: (_HEALTH.itemsize,),
+    Kind.CAPTURED: tuple(range(_CAPTURED.size, PAYLOAD_MAX, 2)),
 }
 
 

@@ -11,6 +11,10 @@ from __future__ import annotations
 
 import struct
 import zlib
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 MAGIC = b"ANTM"
 VERSION = 1
@@ -20,36 +24,49 @@ MAX_MODES = 16
 MAX_SHAPES = 2
 MIN_SHAPE_HZ = 350.0  # the six-channel board refuses lower tones: two of their periods are too long for its watchdog
 
-HEADER = struct.Struct("<4sHHIHHHHBBHfI16s")
-HEADER_FIELDS = (
-    "magic",
-    "version",
-    "header_bytes",
-    "total_bytes",
-    "mode_count",
-    "mode_bytes",
-    "shape_count",
-    "shape_bytes",
-    "actuator_count",
-    "sensor_count",
-    "wanted",
-    "sample_rate_hz",
-    "flags",
-    "design_hash",
+HEADER = np.dtype(
+    [
+        ("magic", "V4"),
+        ("version", "<u2"),
+        ("header_bytes", "<u2"),
+        ("total_bytes", "<u4"),
+        ("mode_count", "<u2"),
+        ("mode_bytes", "<u2"),
+        ("shape_count", "<u2"),
+        ("shape_bytes", "<u2"),
+        ("actuator_count", "u1"),
+        ("sensor_count", "u1"),
+        ("wanted", "<u2"),
+        ("sample_rate_hz", "<f4"),
+        ("flags", "<u4"),
+        ("design_hash", "V16"),
+    ]
 )
-MODE = struct.Struct(f"<fffffffI{2 * CHANNELS}f{2 * CHANNELS}f")
-MODE_FIELDS = (
-    "frequency_hz",
-    "tau_s",
-    "gain_re",
-    "gain_im",
-    "delay_s",
-    "drive_limit",
-    "amplitude_limit",
-    "flags",
+MODE = np.dtype(
+    [
+        ("frequency_hz", "<f4"),
+        ("tau_s", "<f4"),
+        ("gain", "<c8"),
+        ("delay_s", "<f4"),
+        ("drive_limit", "<f4"),
+        ("amplitude_limit", "<f4"),
+        ("flags", "<u4"),
+        ("actuator_weights", "<c8", CHANNELS),
+        ("sensor_weights", "<c8", CHANNELS),
+    ]
 )
-SHAPE = struct.Struct(f"<fffHH{PATTERNS * 8}s{2 * CHANNELS**2}f{2 * PATTERNS * CHANNELS}f")
-SHAPE_FIELDS = ("frequency_hz", "tau_s", "drive_limit", "flags", "pattern_count", "names")
+SHAPE = np.dtype(
+    [
+        ("frequency_hz", "<f4"),
+        ("tau_s", "<f4"),
+        ("drive_limit", "<f4"),
+        ("flags", "<u2"),
+        ("pattern_count", "<u2"),
+        ("names", "V8", PATTERNS),
+        ("matrix", "<c8", (CHANNELS, CHANNELS)),
+        ("targets", "<c8", (PATTERNS, CHANNELS)),
+    ]
+)
 CRC = struct.Struct("<I")
 
 SENSES_DISPLACEMENT = 1  # header flag: the sensors follow displacement, 90 degrees behind velocity
@@ -58,7 +75,7 @@ TAU_IDENTIFIED = 2
 FREQUENCY_IDENTIFIED = 4
 MATRIX_IDENTIFIED = 1  # shape flag
 
-MAX_BYTES = HEADER.size + MAX_MODES * MODE.size + MAX_SHAPES * SHAPE.size + CRC.size
+MAX_BYTES = HEADER.itemsize + MAX_MODES * MODE.itemsize + MAX_SHAPES * SHAPE.itemsize + CRC.size
 
 
 def crc32(data: bytes) -> int:
@@ -71,14 +88,47 @@ def seal(body: bytes) -> bytes:
     return body + CRC.pack(crc32(body))
 
 
+class Parts(NamedTuple):
+    """A table's header (a record of HEADER), modes and shapes (arrays of MODE and SHAPE)."""
+
+    header: Any
+    modes: NDArray[np.void]
+    shapes: NDArray[np.void]
+
+
+def assemble(modes: NDArray[np.void], shapes: NDArray[np.void], **header: Any) -> bytes:
+    """A whole table; of the header what lengths and counts do not tell is given."""
+    body = np.zeros(1, HEADER)
+    body["magic"], body["version"], body["header_bytes"] = np.void(MAGIC), VERSION, HEADER.itemsize
+    body["mode_count"], body["mode_bytes"] = len(modes), MODE.itemsize
+    body["shape_count"], body["shape_bytes"] = len(shapes), SHAPE.itemsize
+    body["total_bytes"] = HEADER.itemsize + modes.nbytes + shapes.nbytes + CRC.size
+    for name, value in header.items():
+        body[name] = value
+    return seal(body.tobytes() + modes.tobytes() + shapes.tobytes())
+
+
+def read_header(data: bytes) -> Any:
+    """The record that a table begins with; nothing of it is looked at but that there are enough bytes."""
+    return np.frombuffer(data, HEADER, 1)[0]
+
+
+def parse(data: bytes) -> Parts:
+    """The parts of a table that verify has accepted."""
+    header = read_header(data)
+    shapes_at = HEADER.itemsize + int(header["mode_count"]) * MODE.itemsize
+    modes = np.frombuffer(data, MODE, int(header["mode_count"]), HEADER.itemsize)
+    return Parts(header, modes, np.frombuffer(data, SHAPE, int(header["shape_count"]), shapes_at))
+
+
 def verify(data: bytes) -> None:
     """Raises ValueError unless the bytes are a whole, undamaged table of this version; values are not looked at."""
     if data[:4] != MAGIC:
         raise ValueError("not a mode table")
-    if len(data) < HEADER.size + CRC.size or HEADER.unpack_from(data)[3] != len(data):
+    if len(data) < HEADER.itemsize + CRC.size or read_header(data)["total_bytes"] != len(data):
         raise ValueError("truncated or padded")
-    if HEADER.unpack_from(data)[1] != VERSION:
-        raise ValueError(f"version {HEADER.unpack_from(data)[1]} is refused, allowed {VERSION}")
+    if read_header(data)["version"] != VERSION:
+        raise ValueError(f"version {read_header(data)['version']} is refused, allowed {VERSION}")
     if seal(data[: -CRC.size]) != data:
         raise ValueError("damaged: the CRC-32 does not fit")
 
@@ -88,13 +138,10 @@ def with_drive_limit(data: bytes, limit: float) -> bytes:
     verify(data)
     if not 1e-3 <= limit <= 1.0:
         raise ValueError(f"drive limit {limit:g}, allowed 0.001 to 1")
-    header, body = dict(zip(HEADER_FIELDS, HEADER.unpack_from(data), strict=True)), bytearray(data[: -CRC.size])
-    modes_end = HEADER.size + header["mode_count"] * MODE.size
-    for at in range(HEADER.size, modes_end, MODE.size):
-        struct.pack_into("<f", body, at + 4 * MODE_FIELDS.index("drive_limit"), limit)
-    for at in range(modes_end, len(body), SHAPE.size):
-        struct.pack_into("<f", body, at + 4 * SHAPE_FIELDS.index("drive_limit"), limit)
-    return seal(bytes(body))
+    header, modes, shapes = parse(data)
+    modes, shapes = modes.copy(), shapes.copy()
+    modes["drive_limit"] = shapes["drive_limit"] = limit
+    return seal(header.tobytes() + modes.tobytes() + shapes.tobytes())
 
 
 def header_text(data: bytes) -> str:

@@ -7,6 +7,7 @@ import csv
 import sys
 import time
 import wave
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import suppress
 from itertools import islice
@@ -14,12 +15,13 @@ from math import log10
 from pathlib import Path
 
 from firmware.client.client import BoardError, Client, describe_health, describe_identity, figure
-from firmware.protocol import PAYLOAD_MAX, Record, SixStatus, Status
+from firmware.protocol import PAYLOAD_MAX, Record, SingleStatus, SixStatus
 
 LOOK_S = 0.1  # between two looks at the board, which also keep it from falling silent
 DRIVING = ("identify", "run")
 WINDOW_HZ = 5000.0  # single build: windows of 50 samples at 250 kHz
 BAR, BAR_DB = 30, 60.0
+STEPS = " ▁▂▃▄▅▆▇█"
 
 
 def status(client: Client, text: argparse.Namespace) -> None:
@@ -56,10 +58,10 @@ def identify(client: Client, text: argparse.Namespace) -> None:
         raise BoardError(f"identify: ended in the fault {', '.join(last.faults)}")
 
 
-def keep_running(client: Client) -> Status | SixStatus:
+def keep_running(client: Client) -> SingleStatus | SixStatus:
     """Prints a line ten times a second and thereby keeps the board from stopping, until it rests."""
     while True:
-        result = client.look()
+        result = client.status()
         measured = figure(abs(result.measured), ".4f")
         print(f"{result.state}  reference {figure(result.reference, '.4f')}  measured {measured}", flush=True)
         if result.state not in DRIVING:
@@ -69,37 +71,44 @@ def keep_running(client: Client) -> Status | SixStatus:
 
 
 def watch(client: Client, text: argparse.Namespace) -> None:
-    """Bars of what the board measures, on one place of a terminal or as lines, until a time or Ctrl-C."""
-    height = 0
+    """What the board measures as bars and as a plot over the last looks, on one place of a terminal or as lines, until a
+    time or Ctrl-C."""
+    height, traces = 0, defaultdict[str, str](str)
     for result in _looks(client, text.seconds):
-        lines = _bars(result)
+        lines = _bars(result, traces)
         again = f"\x1b[{height}F\x1b[J" if height and sys.stdout.isatty() else ""
         print(again + "\n".join(lines), flush=True)
         height = len(lines)
 
 
-def _looks(client: Client, seconds: float | None) -> Iterator[Status | SixStatus]:
+def _looks(client: Client, seconds: float | None) -> Iterator[SingleStatus | SixStatus]:
     end = None if seconds is None else time.monotonic() + seconds
     while end is None or time.monotonic() < end:
-        yield client.look()
+        yield client.status()
         time.sleep(LOOK_S)
 
 
-def _bars(result: Status | SixStatus) -> list[str]:
+def _bars(result: SingleStatus | SixStatus, traces: dict[str, str]) -> list[str]:
     faults = f", faults: {', '.join(result.faults)}" if result.faults else ""
     values = {"reference": result.reference}
     if isinstance(result, SixStatus):
         values |= {f"sensor {number + 1}": abs(z) for number, z in enumerate(result.sensors)}
     else:
         values |= {"measured": abs(result.measured), "drive": abs(result.drive)}
-    bars = [f"{name:10} {bar(value)} {figure(value, '.4f')}" for name, value in values.items()]
+    for name, value in values.items():
+        traces[name] = (traces[name] + STEPS[round(level(value) * (len(STEPS) - 1))])[-BAR:]
+    bars = [f"{name:10} {bar(value)} {figure(value, '.4f'):>10} {traces[name]}" for name, value in values.items()]
     return [f"state {result.state}{faults}", *bars]
+
+
+def level(share: float) -> float:
+    """A share of full scale from 0 at -60 dB (or not a number) to 1 at 0 dB."""
+    return min(max(1.0 + 20.0 * log10(share) / BAR_DB, 0.0), 1.0) if share > 0.0 else 0.0
 
 
 def bar(share: float) -> str:
     """A share of full scale as a bar: empty at -60 dB, full at 0 dB."""
-    level = 1.0 + 20.0 * log10(share) / BAR_DB if share > 0.0 else 0.0
-    filled = round(BAR * min(max(level, 0.0), 1.0))
+    filled = round(BAR * level(share))
     return "#" * filled + "." * (BAR - filled)
 
 
@@ -122,13 +131,47 @@ def log(client: Client, text: argparse.Namespace) -> None:
         print(f"{text.file}: {count} records" + (f", {lost} were lost: try a larger --every" if lost else ""))
 
 
+SAMPLE_HZ = {2: 250e3, 12: 40e3}  # of the two builds, by the words in a row
+CAPTURE_S = 2.0  # how long nothing may come beyond the time of a row
+
+
+def capture(client: Client, text: argparse.Namespace) -> None:
+    """Writes what the converters saw and were told, sample by sample, into a file of comma-separated values.
+
+    Codes as they are: of the ADC, then of the DAC or of the timers' compare registers. Raises BoardError when it stands still.
+    """
+    client.capture(text.every)
+    words: list[int] = []
+    total, heard = 1, time.monotonic()
+    while len(words) < total:
+        part = client.captured(len(words))
+        words, total, row_s = [*words, *part.words], part.total, text.every / SAMPLE_HZ[part.row]
+        if part.words:
+            heard = time.monotonic()
+        elif time.monotonic() - heard > CAPTURE_S + row_s:
+            raise BoardError(f"capture: stands at {len(words)} of {total} words: do samples still come?")
+        elif len(words) < total:
+            time.sleep(min(LOOK_S, row_s))
+    _write_capture(text.file, words, part.row, row_s)
+    print(f"{text.file}: {len(words) // part.row} rows, one each {1e6 * row_s:g} us")
+
+
+def _write_capture(file: Path, words: list[int], row: int, row_s: float) -> None:
+    channels = range(1, row // 2 + 1)
+    with file.open("w", newline="") as opened:
+        rows = csv.writer(opened)
+        rows.writerow(["time_s", *(f"input_{i}" for i in channels), *(f"output_{i}" for i in channels)])
+        for index in range(len(words) // row):
+            rows.writerow([f"{index * row_s:.9g}", *words[index * row : (index + 1) * row]])
+
+
 def _records(client: Client, seconds: float | None) -> Iterator[Record]:
     """The log as it comes: read all the time, because a port keeps no more than 4096 bytes."""
     now = next_look = time.monotonic()
     end = None if seconds is None else now + seconds
     while end is None or now < end:
         if now >= next_look:
-            client.look()
+            client.status()
             next_look = now + LOOK_S
         yield from client.take_records()
         now = time.monotonic()
@@ -146,7 +189,7 @@ def _missing(last: Record | None, record: Record, every: int) -> int:
 def stream(client: Client, text: argparse.Namespace) -> None:
     """Plays a sound file as the amplitude's envelope, then stops."""
     client.start(text.reference)
-    while client.look().state == "identify":
+    while client.status().state == "identify":
         time.sleep(LOOK_S)
     client.stream(text.every)
     late = _give(client, text.factors, text.every / WINDOW_HZ)
@@ -162,10 +205,10 @@ def _give(client: Client, factors: list[float], sample_s: float) -> int:
         taken = client.samples(piece)
         at += taken
         if before is None:
-            before = client.look().starved  # those from before the first samples do not count
+            before = client.status().underruns  # those from before the first samples do not count
         if taken < len(piece):
             time.sleep(PIECE * sample_s)
-    late = client.look().starved - (before or 0)
+    late = client.status().underruns - (before or 0)
     time.sleep(STORE * sample_s)
     return late
 

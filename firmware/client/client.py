@@ -11,11 +11,13 @@ from typing import Protocol
 
 from firmware.protocol import (
     FRAME_MAX,
+    KEPT,
     LOG_RECORDS,
     PAYLOAD_MAX,
     REPLY,
     RESULT_TEXT,
     TABLE_TEXT,
+    Captured,
     Health,
     Identity,
     Kind,
@@ -23,12 +25,12 @@ from firmware.protocol import (
     ProtocolError,
     Record,
     Result,
+    SingleStatus,
     SixStatus,
-    Status,
     check_length,
     decode,
     encode,
-    parse_any_status,
+    parse_captured,
     parse_health,
     parse_identity,
     parse_log,
@@ -79,8 +81,8 @@ class Client:
                 return self._accepted(kind, reply)
         raise BoardError(f"no answer to {kind.name.lower()}")
 
-    def status(self) -> Status:
-        """What a board of the single-mode build does now; also tells it that the host is alive."""
+    def status(self) -> SingleStatus | SixStatus:
+        """What the board does now; also tells it that the host is alive."""
         with _told(Kind.STATUS):
             return parse_status(self.request(Kind.STATUS))
 
@@ -98,14 +100,9 @@ class Client:
         """Measures the plate again, then rests. From then on talk at least twice a second."""
         self._drive(Kind.IDENTIFY)
 
-    def look(self) -> Status | SixStatus:
-        """The same of a board of either build."""
-        with _told(Kind.STATUS):
-            return parse_any_status(self.request(Kind.STATUS))
-
     def pattern(self, number: int, reference: float = 0.0) -> None:
         """Six channels: holds a pattern of the present shape; 0 asks for half of what is reachable. Talk on as after start."""
-        if self.look().state == "run":
+        if self.status().state == "run":
             self.request(Kind.PATTERN, struct.pack("<II", self.shape(), number))
         else:
             self._drive(Kind.START, struct.pack("<If", number, reference))
@@ -117,7 +114,7 @@ class Client:
 
     def shape(self) -> int:
         """Six channels: the present shape."""
-        status = self.look()
+        status = self.status()
         return status.shape if isinstance(status, SixStatus) else 0
 
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> None:
@@ -153,6 +150,15 @@ class Client:
     def log(self, every: int) -> None:
         """A record each so many windows, to be taken by take_records; 0 ends it."""
         self.request(Kind.LOG, struct.pack("<I", every))
+
+    def capture(self, every: int) -> None:
+        """Inputs and outputs of all channels, from now on, each so many samples, as long as there is room."""
+        self.request(Kind.CAPTURE, struct.pack("<I", every))
+
+    def captured(self, start: int) -> Captured:
+        """A part of the capture, from a word on."""
+        with _told(Kind.CAPTURED):
+            return parse_captured(self.request(Kind.CAPTURED, struct.pack("<I", start)))
 
     def upload(self, table: bytes) -> None:
         """Puts another mode table into the board's flash memory; the outputs rest meanwhile."""
@@ -245,7 +251,7 @@ def _refusal(result: int, more: bytes) -> str:
     return f"{text}: {TABLE_TEXT[more[0]] if more[0] < len(TABLE_TEXT) else f'unknown reason {more[0]}'}"
 
 
-def describe(status: Status | SixStatus) -> str:
+def describe(status: SingleStatus | SixStatus) -> str:
     """A status for a reader."""
     faults = f", faults: {', '.join(status.faults)}" if status.faults else ""
     if len(status.faults) > len(status.first) > 0:
@@ -256,8 +262,8 @@ def describe(status: Status | SixStatus) -> str:
     return "\n".join([f"state {status.state}{faults}", *lines])
 
 
-def _single_lines(status: Status) -> list[str]:
-    gain = figure(abs(status.gain), ".5g") if status.gain_identified else "unidentified"
+def _single_lines(status: SingleStatus) -> list[str]:
+    gain = figure(abs(status.gain), ".5g") if status.identified else "unidentified"
     return [
         f"mode {figure(status.frequency_hz, '.3f')} Hz, tau {figure(status.tau_s * 1e3, '.4g')} ms, gain {gain}, "
         f"delay {figure(status.delay_s * 1e6, '.3g')} us, neighbours up to {figure(status.neighbour, '.3g')}",
@@ -291,6 +297,7 @@ def describe_health(health: Health) -> str:
         f"clock {health.core_hz / 1e6:g} MHz, resets by the watchdog in a row {health.watchdog_resets}",
         f"longest fast interrupt {health.fast_cycles} cycles, slow {health.slow_cycles}, main loop {health.main_cycles}",
         f"stack never used {health.stack_unused} bytes",
+        f"measured values {KEPT[health.kept] if health.kept < len(KEPT) else f'in the unknown state {health.kept}'}",
     ]
     if health.exception:
         place = f"at 0x{health.pc:08x}, called from 0x{health.lr:08x}, CFSR 0x{health.cfsr:08x}"

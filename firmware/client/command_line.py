@@ -53,7 +53,7 @@ def positive(text: str) -> float:
 
 
 def count(text: str) -> int:
-    """How many windows something lasts."""
+    """How many windows or samples something lasts."""
     value = index(text)
     if not 1 <= value <= 50000:
         raise argparse.ArgumentTypeError(f"{text!r}, allowed 1 to 50000")
@@ -123,6 +123,15 @@ ACTIONS = {
                 "--every", type=count, default=5, metavar="N", help="a record each N windows (0.2 ms), 5 if not given"
             ),
             SECONDS,
+        ),
+        tells=True,
+    ),
+    "capture": Action(
+        "write the codes of ADC and DAC (or of the PWM timers), sample by sample, into a file of comma-separated values",
+        actions.capture,
+        (
+            argument("file", type=Path, metavar="FILE.csv"),
+            argument("--every", type=count, default=1, metavar="N", help="a row each N samples, 1 if not given"),
         ),
         tells=True,
     ),
@@ -219,7 +228,7 @@ def prepare(text: argparse.Namespace) -> None:
         text.table = table_of(text)
     elif text.action == "stream":
         text.factors = actions.factors_of(text.file, actions.WINDOW_HZ / text.every)
-    elif text.action == "log" and (text.file.exists() or not text.file.parent.is_dir()):
+    elif text.action in ("log", "capture") and (text.file.exists() or not text.file.parent.is_dir()):
         raise ValueError(f"{text.file}: {'is there already' if text.file.exists() else 'no such folder'}")
 
 
@@ -246,7 +255,7 @@ def carry_out(client: Client, text: argparse.Namespace) -> int:
     try:
         action.act(client, text)
         if not action.tells:
-            print(describe(client.look()))
+            print(describe(client.status()))
         return 0
     except (BoardError, OSError) as error:
         return _failed(f"{error}{_rested(client)}", 3)

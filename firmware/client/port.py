@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from importlib.util import find_spec
 
 from firmware.protocol import BAUD
 
@@ -21,6 +22,8 @@ class SerialPort:
             from serial import Serial
         except ImportError:
             raise NotHere("pyserial is not installed: pip install pyserial") from None
+        if not find_spec("cobs"):
+            raise NotHere("cobs, which makes the frames, is not installed: pip install cobs")
         name = the_board() if name == "auto" else name
         try:
             self.serial = Serial(name, BAUD, timeout=0.02, write_timeout=1.0)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from firmware.client.actions import DRIVING, LOOK_S, WINDOW_HZ
 from firmware.client.client import Client, Refused, figure
-from firmware.protocol import PROTOCOL, Identity, SixStatus, Status
+from firmware.protocol import PROTOCOL, Identity, SingleStatus, SixStatus
 
 REST_OFFSET = 0.01  # of full scale: 16 mV, what two resistors of 1 % make of 1.65 V
 RATE_TOLERANCE = 0.02  # the host's clock is read 10 ms early or late in 1 s
@@ -59,7 +59,7 @@ def _ask(text: str) -> None:
 
 def check_line(client: Client, identity: Identity) -> Iterator[Check]:
     """The board answers, has a table, and nothing is wrong that no wiring can mend."""
-    result = client.look()
+    result = client.status()
     same = identity.protocol == PROTOCOL
     yield Check("answers", same, f"{identity.build} build, protocol {identity.protocol}, this client's {PROTOCOL}")
     yield Check("mode table", identity.count > 0, f"{identity.count} entries")
@@ -70,13 +70,16 @@ def check_line(client: Client, identity: Identity) -> Iterator[Check]:
 def check_rest(client: Client, identity: Identity) -> Iterator[Check]:
     """At 1.65 V on the sensor's pin the board rests without a fault, and its windows come at their rate."""
     try:
-        if client.look().state == "fault":
+        if client.status().state == "fault":
             client.clear()
     except Refused as error:
         yield Check("fault cleared", False, str(error))
         return
     time.sleep(LOOK_S)
     result, began = client.status(), time.monotonic()
+    if not isinstance(result, SingleStatus):
+        yield Check("status", False, "that of the six-channel build")
+        return
     at_rest = result.state == "idle"
     yield Check(
         "rests", at_rest, f"state {result.state}" + (f", faults {', '.join(result.faults)}" if result.faults else "")
@@ -92,11 +95,11 @@ def check_rest(client: Client, identity: Identity) -> Iterator[Check]:
 def check_loopback(client: Client, identity: Identity) -> Iterator[Check]:
     """The drive seen by the sensor's pin is no resonance: the sweep runs, then refuses it."""
     client.identify()
-    states: list[Status | SixStatus] = [client.look()]
+    states: list[SingleStatus | SixStatus] = [client.status()]
     end = time.monotonic() + LOOPBACK_S
     while states[-1].state in DRIVING and time.monotonic() < end:
         time.sleep(LOOK_S)
-        states.append(client.look())
+        states.append(client.status())
     last = states[-1]
     client.stop()
     yield Check("sweeps", states[0].state == "identify", f"state {states[0].state} at first")
@@ -108,7 +111,7 @@ def check_loopback(client: Client, identity: Identity) -> Iterator[Check]:
 
 def check_cycles(client: Client, identity: Identity) -> Iterator[Check]:
     """The longest fast interrupt so far leaves half of the time between two samples."""
-    cycles, period = client.look().worst_cycles, PERIOD_CYCLES[identity.build]
+    cycles, period = client.status().worst_cycles, PERIOD_CYCLES[identity.build]
     yield Check("fast interrupt", 0 < cycles <= period // 2, f"{cycles} cycles, allowed {period // 2} of {period}")
 
 

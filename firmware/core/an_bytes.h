@@ -36,6 +36,11 @@ static inline uint8_t *an_put8(uint8_t *at, uint32_t value)
     return at + 1;
 }
 
+static inline uint8_t *an_put16(uint8_t *at, uint32_t value)
+{
+    return an_put8(an_put8(at, value), value >> 8);
+}
+
 static inline uint8_t *an_put32(uint8_t *at, uint32_t value)
 {
     for (uint32_t i = 0u; i < 4u; i++) {

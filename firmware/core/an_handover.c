@@ -15,3 +15,9 @@ void an_handover_post(an_handover *hand)
     atomic_signal_fence(memory_order_release);
     hand->posted ^= 1u;
 }
+
+/* An interrupt in between makes the exclusive store fail, and it is tried again. */
+void an_handover_trip(uint32_t *faults, uint32_t found)
+{
+    __atomic_fetch_or(faults, found, __ATOMIC_RELAXED);
+}

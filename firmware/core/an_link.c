@@ -5,22 +5,17 @@
 #include "an_clear.h"
 #include "an_crc.h"
 
-enum { LOG_RECORD = 4 + 4 * AN_LOG_FLOATS };
+enum { LOG_RECORD = 4 + 4 * AN_LOG_FLOATS, CAPTURE_WORDS = 56 };
+_Static_assert(6 + 2 * CAPTURE_WORDS <= AN_PAYLOAD_MAX, "a reply holds its words");
 _Static_assert(LOG_RECORD * AN_LOG_PER_FRAME <= AN_PAYLOAD_MAX, "a log frame holds its records");
 
-void an_link_init(an_link *link, an_obey obey, void *app)
+void an_link_init(an_link *link, an_application *app, const an_build *build, an_capture *capture)
 {
     an_clear(link, sizeof *link);
     an_frame_reader_init(&link->reader);
-    link->obey = obey;
     link->app = app;
-}
-
-an_result an_link_refuse(an_message *reply, an_table_result reason)
-{
-    reply->payload[1] = (uint8_t)reason;
-    reply->length = 2u;
-    return AN_TABLE_REFUSED;
+    link->build = build;
+    link->capture = capture;
 }
 
 static an_result begin_upload(an_link *link, const an_message *request)
@@ -67,9 +62,9 @@ static an_result end_upload(an_link *link, const an_message *request, an_message
     an_table table;
     const an_table_result reason = check_staged(link, &table);
     if (reason != AN_TABLE_OK) {
-        return an_link_refuse(reply, reason);
+        return an_protocol_refuse(reply, reason);
     }
-    const an_result allowed = link->obey(link->app, request, &table, reply);
+    const an_result allowed = an_application_handle_request(link->app, link->build, request, &table, reply);
     if (allowed == AN_OK) {
         link->store_wanted = true;
         link->store_sequence = request->sequence;
@@ -88,6 +83,41 @@ static an_result set_log(an_link *link, const an_message *request)
     return AN_OK;
 }
 
+static an_result tell_health(const an_link *link, const an_message *request, an_message *reply)
+{
+    uint8_t *at = reply->payload + 1;
+    for (uint32_t i = 0u; i < AN_HEALTH_WORDS; i++) {
+        at = an_put32(at, link->health[i]);
+    }
+    reply->length = (uint32_t)(at - reply->payload);
+    return request->length == 0u ? AN_OK : AN_BAD_VALUE;
+}
+
+/* So many samples a row. */
+static an_result begin_capture(an_link *link, const an_message *request)
+{
+    const uint32_t every = request->length == 4u ? an_get32(request->payload) : 0u;
+    return an_capture_begin(link->capture, every) ? AN_OK : AN_BAD_VALUE;
+}
+
+/* How many words there are so far, of how many, how many make a row, and those from a place on. */
+static an_result tell_captured(const an_link *link, const an_message *request, an_message *reply)
+{
+    const an_capture *capture = link->capture;
+    if (request->length != 4u) {
+        return AN_BAD_VALUE;
+    }
+    const uint32_t used = an_capture_used(capture);
+    uint8_t *at = an_put16(an_put16(reply->payload + 1, used), capture->total);
+    at = an_put8(at, capture->row);
+    const uint32_t from = an_get32(request->payload);
+    for (uint32_t i = 0u; i < CAPTURE_WORDS && from < used && i < used - from; i++) {
+        at = an_put16(at, capture->words[from + i]);
+    }
+    reply->length = (uint32_t)(at - reply->payload);
+    return AN_OK;
+}
+
 static an_result answer(an_link *link, const an_message *request, an_message *reply)
 {
     switch (request->kind) {
@@ -99,24 +129,20 @@ static an_result answer(an_link *link, const an_message *request, an_message *re
         return end_upload(link, request, reply);
     case AN_LOG:
         return set_log(link, request);
+    case AN_HEALTH:
+        return tell_health(link, request, reply);
+    case AN_CAPTURE:
+        return begin_capture(link, request);
+    case AN_CAPTURED:
+        return tell_captured(link, request, reply);
     default:
-        return link->obey(link->app, request, NULL, reply);
+        return an_application_handle_request(link->app, link->build, request, NULL, reply);
     }
-}
-
-static an_result tell_health(const an_link *link, an_message *reply)
-{
-    uint8_t *at = reply->payload + 1;
-    for (uint32_t i = 0u; i < AN_HEALTH_WORDS; i++) {
-        at = an_put32(at, link->health[i]);
-    }
-    reply->length = (uint32_t)(at - reply->payload);
-    return AN_OK;
 }
 
 static bool changes_nothing(uint32_t kind)
 {
-    return kind == AN_IDENTITY || kind == AN_STATUS || kind == AN_HEALTH;
+    return kind == AN_IDENTITY || kind == AN_STATUS || kind == AN_HEALTH || kind == AN_CAPTURED;
 }
 
 static uint32_t digest_of(const an_message *request)
@@ -174,8 +200,7 @@ void an_link_feed(an_link *link, uint8_t byte)
     link->heard++;
     reply.length = 1u;
     if (changes_nothing(request.kind)) {
-        const an_result result =
-            request.kind == AN_HEALTH ? tell_health(link, &reply) : link->obey(link->app, &request, NULL, &reply);
+        const an_result result = answer(link, &request, &reply);
         send(link, &reply, request.kind, request.sequence, result);
         return;
     }

@@ -6,7 +6,7 @@
 #ifndef AN_TABLE_H
 #define AN_TABLE_H
 
-#include "an_pi.h"
+#include "an_mode.h"
 #include "an_types.h"
 
 enum {

@@ -38,7 +38,7 @@ bool an_texture_stream(an_texture *texture, uint32_t every)
     texture->waited = every - 1u;
     texture->taken = 0u;
     texture->given = 0u;
-    texture->starved = 0u;
+    texture->underruns = 0u;
     texture->factor = 0.0f;
     atomic_signal_fence(memory_order_seq_cst);
     texture->kind = AN_TEXTURE_STREAM;
@@ -70,7 +70,7 @@ static float stream_factor(an_texture *texture)
     }
     texture->waited = 0u;
     if (texture->taken == texture->given) {
-        texture->starved++;
+        texture->underruns++;
         return texture->factor;
     }
     const float sample = (float)texture->samples[texture->taken % AN_TEXTURE_ROOM];

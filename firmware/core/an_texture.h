@@ -16,7 +16,7 @@ typedef struct {
     uint32_t waited;
     uint32_t taken;
     uint32_t given;
-    uint32_t starved; /* stream: samples that were not there in time; the last one stayed */
+    uint32_t underruns; /* stream: samples that were not there in time; the last one stayed */
     float factor;
     uint16_t samples[AN_TEXTURE_ROOM]; /* 65535 = 1 */
 } an_texture;

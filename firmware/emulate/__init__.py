@@ -14,7 +14,7 @@ from firmware.build import BuildError, Image, build
 from firmware.emulate.plant import Plate, plate_from_table
 from firmware.table_format import header_text, verify
 
-NEEDS = ("unicorn", "cffi")
+NEEDS = {"unicorn": "unicorn", "cffi": "cffi", "elftools": "pyelftools"}
 WINDOW_S = 50 / 250e3
 HALF_WINDOW_S = 23 / 250e3
 
@@ -73,7 +73,7 @@ def step_response(
 def board_run(table: bytes, plate: Plate | None = None, share: float = 0.2, seconds: float = 15e-3) -> BoardRun:
     """As step_response, with what the image identified."""
     verify(table)
-    missing = [name for name in NEEDS if not find_spec(name)]
+    missing = [package for name, package in NEEDS.items() if not find_spec(name)]
     if missing:
         raise BuildError(f"emulation needs {' and '.join(missing)}: pip install {' '.join(missing)}", 5)
     with tempfile.TemporaryDirectory() as folder:
@@ -88,8 +88,8 @@ def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardR
     board = EmulatedSingle(image.elf, plate)
     board.run(2e-3)
     board.start()
-    swept = board.app.supervisor.state == IDENTIFY
-    board.run_until(lambda: board.app.supervisor.state != IDENTIFY, 20.0)
+    swept = board.state == IDENTIFY
+    board.run_until(lambda: board.state != IDENTIFY, 20.0)
     board.app.slow.reference = 0.0
     board.run(10.0 * board.app.mode.tau_s)
     mode, before = board.app.mode, len(board.reports)
@@ -98,10 +98,8 @@ def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardR
     origin = len(board.reports)
     board.app.slow.reference = min(share * abs(gain) * mode.drive_limit, 0.9 * mode.amplitude_limit)
     board.run(seconds)
-    if board.app.supervisor.state != RUN:
-        raise EmulationError(
-            f"the image ended in a fault: {', '.join(fault_names(board.app.supervisor.faults)) or 'none'}"
-        )
+    if board.state != RUN:
+        raise EmulationError(f"the image ended in a fault: {', '.join(fault_names(board.faults)) or 'none'}")
     measured, drive, reference = (np.array(column) for column in zip(*board.reports[before:], strict=True))
     columns = {
         "time_s": (np.arange(before, len(board.reports)) - origin) * WINDOW_S,

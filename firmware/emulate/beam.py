@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-CHANNELS = 6
+from firmware import table_format as layout
+from firmware.table_format import CHANNELS
+
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
@@ -110,6 +112,19 @@ class Beam:
         omega = 2.0 * math.pi * frequency_hz
         modal = 1.0 / (self.angular**2 - omega**2 + 1j * omega * self.angular / self.quality)
         return np.asarray(np.einsum("mi,m,mj->ij", self.shapes(at_m), modal, self.shapes(self.places_m)))
+
+
+def measured_table(beam: Beam) -> bytes:
+    """A table whose one shape holds the beam's matrix as the board measures it: all sensors alike, or the first alone."""
+    turn = 2j * math.pi * beam.frequency_hz / beam.sample_rate_hz
+    shape = np.zeros(1, layout.SHAPE)
+    shape["frequency_hz"], shape["tau_s"], shape["drive_limit"] = beam.frequency_hz, beam.slowest_s, 1.0
+    shape["flags"], shape["pattern_count"] = layout.MATRIX_IDENTIFIED, 2
+    shape["names"][0, :2] = np.array([b"all     ", b"first   "], "V8")
+    shape["matrix"] = beam.matrix(beam.frequency_hz) * (1.0 - np.exp(-turn)) / turn
+    shape["targets"][0, 0], shape["targets"][0, 1, 0] = 1.0, 1.0
+    six = {"actuator_count": CHANNELS, "sensor_count": CHANNELS, "sample_rate_hz": beam.sample_rate_hz}
+    return layout.assemble(np.zeros(0, layout.MODE), shape, **six, flags=layout.SENSES_DISPLACEMENT)
 
 
 def _clamped_roots(count: int) -> Floats:

@@ -9,12 +9,14 @@ from the clock that the image has set up.
 
 from __future__ import annotations
 
+import copy
 import ctypes
 import math
 import mmap
 import struct
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -46,11 +48,12 @@ CLOCK_CONTROL, FLASH_CONTROL = 0x800, 0xC00  # within it
 DMA, DMA_BYTES = 0x40026000, 0x1000
 CORE, CORE_BYTES = 0xE0000000, 0x10000
 DEBUG, DEBUG_BYTES = 0xE0042000, 0x1000
+BACKUP, BACKUP_BYTES = 0x40024000, 4096
 STUBS = 0x00100000
 RETURN = STUBS + 0x80
 
 IWDG = 0x40003000
-PWR_CSR, GPIOC_IDR, ICSR = 0x40007004, 0x40020810, 0xE000ED04
+PWR_CR, PWR_CSR, GPIOC_IDR, ICSR = 0x40007000, 0x40007004, 0x40020810, 0xE000ED04
 RECEIVE, SEND = DMA + 0x10 + 0x18 * 5, DMA + 0x10 + 0x18 * 6  # DMA1 streams: CR, NDTR, PAR, M0AR
 SYSTICK_CONTROL, SYSTICK_RELOAD = 0xE000E010, 0xE000E014
 NVIC_ENABLE = 0xE000E100
@@ -74,6 +77,8 @@ class EmulatedBoard:
     """The image and its peripherals in lock step; time moves by run(seconds). Builds say what a trigger does (_exchange)."""
 
     FAST_HANDLER = "ADC_IRQHandler"
+    BUILD = "an_single_build"
+    WORLD: tuple[str, ...] = ()  # attributes of a build that change as its time goes on
 
     def __init__(
         self,
@@ -83,6 +88,7 @@ class EmulatedBoard:
         dead_pll: bool = False,
         overdrive: int = OVERDRIVE_READY,
         lsi_hz: float = LSI_HZ,
+        has_backup: bool = True,
     ) -> None:
         self.elf = Elf.read(image)
         self.sample_s = 1.0 / sample_rate_hz
@@ -91,6 +97,7 @@ class EmulatedBoard:
         self.resets = 0
         self.time_s = 0.0
         self.on_window: Callable[[], None] | None = None
+        self.app: Any = None  # the application's state, once the build has found it
         self.uc = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
         self.uc.ctl_set_cpu_model(UC_CPU_ARM_CORTEX_M4)
         self.words: dict[int, ctypes.c_uint32] = {}
@@ -98,6 +105,8 @@ class EmulatedBoard:
         self.uc.mmio_map(CONTROL, CONTROL_BYTES, self._control_read, None, self._control_write, None)
         self.sector = bytearray(b"\xff" * SECTOR_BYTES)
         self.uc.mmio_map(SECTOR, SECTOR_BYTES, self._sector_read, None, self._sector_write, None)
+        self.backup = bytearray(BACKUP_BYTES if has_backup else 0)
+        self.uc.mmio_map(BACKUP, BACKUP_BYTES, self._backup_read, None, self._backup_write, None)
         self._load()
         self._write_stubs()
         self.reset()
@@ -249,6 +258,38 @@ class EmulatedBoard:
         self.uc.context_restore(context)
         return int(result)
 
+    @property
+    def state(self) -> int:
+        """The application's: idle, identify, run or fault, from 0."""
+        return int(self.app.base.supervisor.state)
+
+    @property
+    def faults(self) -> int:
+        """The bits of the latched faults."""
+        return int(self.app.base.supervisor.faults)
+
+    @property
+    def at_rest(self) -> bool:
+        """True while nothing that the image drives moves anything."""
+        raise NotImplementedError
+
+    @contextmanager
+    def undone(self) -> Iterator[None]:
+        """What happens within has not happened afterwards, to image, peripherals and plate."""
+        context, memory = self.uc.context_save(), {start: bytes(block) for start, block in self.memory.items()}
+        kept = {name: copy.deepcopy(vars(self)[name]) for name in (*self.WORLD, *_CHANGING)}
+        own = {name: value for name, value in vars(self).items() if name == "sense"}
+        yield
+        for start, block in memory.items():
+            self.memory[start][:] = block
+        self.uc.context_restore(context)
+        vars(self).pop("sense", None)
+        vars(self).update(kept | own)
+
+    def clear(self) -> bool:
+        """Leaves the fault state, as the button or a host would; false when it may not be left."""
+        return bool(self.call("an_application_clear", self.symbol("app"), self.symbol(self.BUILD)) & 0xFF)
+
     def count_instructions(self, run: Callable[[], Any], *routines: str) -> dict[str, Counter[int]]:
         """How often each routine took how many instructions, entry to return, calls included, while something runs."""
         entries = {self.symbol(name): name for name in routines}
@@ -382,6 +423,14 @@ class EmulatedBoard:
         part, start = (self.flash, FLASH_CONTROL) if offset >= FLASH_CONTROL else (self.clock, CLOCK_CONTROL)
         part.write(offset - start, value)
 
+    def _backup_read(self, _: Uc, offset: int, size: int, __: Any) -> int:
+        return int.from_bytes(self.backup[offset : offset + size], "little")
+
+    def _backup_write(self, _: Uc, offset: int, size: int, value: int, __: Any) -> None:
+        """Taken when the domain was unlocked and its clock is on."""
+        if self.backup and self.word(PWR_CR).value >> 8 & 1 and self.clock.backup_is_clocked:
+            self.backup[offset : offset + size] = value.to_bytes(size, "little")
+
     def _sector_read(self, _: Uc, offset: int, size: int, __: Any) -> int:
         return int.from_bytes(self.sector[offset : offset + size], "little")
 
@@ -401,6 +450,18 @@ _SHARED = (
     (DEBUG, DEBUG_BYTES),
 )
 
+_CHANGING = (
+    "time_s",
+    "fed_s",
+    "sent_s",
+    "delivered_s",
+    "ticked_s",
+    "seen_windows",
+    "bitten",
+    "hung",
+    "fast_lost",
+    "resets",
+)
 _WHOLE = (UC_ARM_REG_R0, UC_ARM_REG_R1, UC_ARM_REG_R2)
 _FRACTIONS = (UC_ARM_REG_S0, UC_ARM_REG_S1)
 

@@ -12,7 +12,7 @@ WORD_S = 16e-6
 class Clock:
     """What is switched on becomes ready, unless it, or what feeds it, is dead; and what frequencies follow from it."""
 
-    CR, PLLCFGR, CFGR, CSR = 0x00, 0x04, 0x08, 0x74
+    CR, PLLCFGR, CFGR, AHB1ENR, CSR = 0x00, 0x04, 0x08, 0x30, 0x74
     CRYSTAL_ON, CRYSTAL_READY, PLL_ON, PLL_READY = 1 << 16, 1 << 17, 1 << 24, 1 << 25
     FROM_CRYSTAL = 1 << 22
     WATCHDOG_RESET, POWER_RESET = 1 << 29, 1 << 27
@@ -40,6 +40,11 @@ class Clock:
     def write(self, offset: int, value: int) -> None:
         forgets = offset == self.CSR and value & 1 << 24
         self.words[offset] = value & 0x00FFFFFF if forgets else value
+
+    @property
+    def backup_is_clocked(self) -> bool:
+        """True once the backup RAM's clock was switched on."""
+        return bool(self.words.get(self.AHB1ENR, 0) >> 18 & 1)
 
     @property
     def _pll_is_fed(self) -> bool:

@@ -57,30 +57,24 @@ class Assumed:
 def plate_from_table(data: bytes, assumed: Assumed | None = None, **imperfections: Any) -> Plate:
     """The plate a table describes; what it leaves open is assumed."""
     open_ends = assumed or Assumed()
-    header = dict(zip(layout.HEADER_FIELDS, layout.HEADER.unpack_from(data), strict=True))
-    modes = [
-        dict(zip(layout.MODE_FIELDS, layout.MODE.unpack_from(data, at), strict=False))
-        for at in range(
-            layout.HEADER.size, layout.HEADER.size + header["mode_count"] * layout.MODE.size, layout.MODE.size
-        )
-    ]
-    rate_hz, wanted = header["sample_rate_hz"], header["wanted"]
+    header, modes, _ = layout.parse(data)
+    rate_hz, wanted = float(header["sample_rate_hz"]), int(header["wanted"])
     displacement = bool(header["flags"] & layout.SENSES_DISPLACEMENT)
     turn = 1j if displacement else 1.0  # makes a mode's gain real
     plate = Plate(
         tuple(_resonance(mode, turn, index == wanted, rate_hz, open_ends) for index, mode in enumerate(modes)),
         displacement=displacement,
-        delay_s=max(modes[wanted]["delay_s"] - 0.5 / rate_hz, 0.0),
+        delay_s=max(float(modes[wanted]["delay_s"]) - 0.5 / rate_hz, 0.0),
         sample_rate_hz=rate_hz,
     )
     return replace(plate, **imperfections)
 
 
-def _resonance(mode: dict[str, float], turn: complex, wanted: bool, rate_hz: float, assumed: Assumed) -> Resonance:
-    gain = turn * complex(mode["gain_re"], mode["gain_im"])
-    identified = math.copysign(abs(gain), gain.real) / abs(hold(mode["frequency_hz"], rate_hz))
+def _resonance(mode: Any, turn: complex, wanted: bool, rate_hz: float, assumed: Assumed) -> Resonance:
+    frequency_hz, gain = float(mode["frequency_hz"]), turn * complex(mode["gain"])
+    identified = math.copysign(abs(gain), gain.real) / abs(hold(frequency_hz, rate_hz))
     open_gain = assumed.wanted_gain if wanted else assumed.other_gain
-    return Resonance(mode["frequency_hz"] * assumed.scale, mode["tau_s"], identified or open_gain)
+    return Resonance(frequency_hz * assumed.scale, float(mode["tau_s"]), identified or open_gain)
 
 
 class PlateSimulation:

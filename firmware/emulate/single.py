@@ -16,6 +16,8 @@ IDLE, IDENTIFY, RUN, FAULT = range(4)
 class EmulatedSingle(EmulatedBoard):
     """A board whose application object is in view as `app`; reports as HostedSingle's, one a window."""
 
+    WORLD = ("plate",)
+
     def __init__(self, image: Path, plate: Plate, seed: int = 1, **options: Any) -> None:
         self.plate = PlateSimulation(plate, seed)
         self.codes: list[int] | None = None
@@ -32,6 +34,11 @@ class EmulatedSingle(EmulatedBoard):
     def sense(self) -> float:
         """What reaches the converter; a test may put a broken sensor here."""
         return self.plate.sense()
+
+    @property
+    def at_rest(self) -> bool:
+        """Both DAC channels in the middle."""
+        return self.dac.value == 2048 | 2048 << 16
 
     def push_button(self) -> None:
         """Pressed and let go, each for longer than a contact bounces."""
@@ -59,7 +66,7 @@ class EmulatedSingle(EmulatedBoard):
         super()._stall(seconds)
 
     def _report(self) -> None:
-        slow, running = self.app.slow, self.app.supervisor.state == RUN
+        slow, running = self.app.slow, self.state == RUN
         measured, drive = slow.measured.tone, slow.pi.drive
         self.reports.append(
             (

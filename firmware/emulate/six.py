@@ -26,6 +26,8 @@ class EmulatedSix(EmulatedBoard):
     """A board whose application object is in view as `app`; open bridges drive nothing."""
 
     FAST_HANDLER = "DMA2_Stream0_IRQHandler"
+    BUILD = "an_six_build"
+    WORLD = ("beam", "pulled")
 
     def __init__(self, image: Path, beam: Beam | Structure, seed: int = 1, **options: Any) -> None:
         self.beam = BeamSimulation(beam, seed)
@@ -43,6 +45,15 @@ class EmulatedSix(EmulatedBoard):
     def driving(self) -> bool:
         """True while the gates of both timers are closed."""
         return all(gate.value & GATES for gate in self.gates)
+
+    @property
+    def at_rest(self) -> bool:
+        """All twelve switches open."""
+        return not self.any_closed
+
+    def start(self, pattern: int = 0, reference: float = 0.0) -> bool:
+        """Starts as the button or a host would."""
+        return self.call("an_six_start", self.symbol("app"), pattern, reference) & 0xFF == 1
 
     @property
     def any_closed(self) -> bool:

@@ -17,6 +17,8 @@ from typing import Any
 
 HOST = Path(__file__).parent
 CORE = HOST.parent / "core"
+PARTS = (CORE, CORE / "single", CORE / "six")
+PLACES = [f"-I{part}" for part in PARTS]
 NO_LIBRARY = HOST / "headers"
 FLAGS = ("-std=c11", "-O2", "-ffreestanding", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-DAN_CHECKED")
 
@@ -37,23 +39,23 @@ def compiler() -> list[str]:
 
 def declarations(command: list[str]) -> str:
     """What the core's headers declare, preprocessed, in the form cffi reads."""
-    core = sorted(path.name for path in CORE.glob("an_*.h") if "static inline" not in path.read_text())
+    core = sorted(path.name for path in CORE.rglob("an_*.h") if "static inline" not in path.read_text())
     text = "".join(f'#include "{name}"\n' for name in (*core, "rig.h"))
     done = subprocess.run(
-        [*command, "-E", "-P", "-nostdinc", f"-I{NO_LIBRARY}", f"-I{CORE}", f"-I{HOST}", "-xc", "-"],
+        [*command, "-E", "-P", "-nostdinc", f"-I{NO_LIBRARY}", *PLACES, f"-I{HOST}", "-xc", "-"],
         input=text,
         capture_output=True,
         text=True,
         check=True,
     )
-    return re.sub(r"_Static_assert\(.*?\);", "", done.stdout)
+    return re.sub(r"_Static_assert\(.*?\);|(?<=extern )const(?= an_build)", "", done.stdout)
 
 
 def build(command: list[str], flags: tuple[str, ...] = ()) -> Path:
     """The shared library, built once for each state of the sources and flags."""
-    sources = [*sorted(CORE.glob("*.c")), *sorted(HOST.glob("*.c"))]
+    sources = [*sorted(CORE.rglob("*.c")), *sorted(HOST.glob("*.c"))]
     state = hashlib.sha256(repr((command, flags, sys.platform, sysconfig.get_platform())).encode())
-    for path in sorted([*CORE.iterdir(), *HOST.glob("rig.[ch]")]):
+    for path in sorted([*CORE.rglob("an_*.*"), *HOST.glob("rig.[ch]")]):
         state.update(path.read_bytes())
     folder = Path(tempfile.gettempdir()) / f"antinode-host-{os.getuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)
@@ -61,7 +63,7 @@ def build(command: list[str], flags: tuple[str, ...] = ()) -> Path:
     if not library.exists():
         fresh = library.with_suffix(f".{os.getpid()}")
         subprocess.run(
-            [*command, *FLAGS, *flags, f"-I{CORE}", "-shared", "-o", str(fresh), *map(str, sources), "-lm"], check=True
+            [*command, *FLAGS, *flags, *PLACES, "-shared", "-o", str(fresh), *map(str, sources), "-lm"], check=True
         )
         fresh.replace(library)
     return library

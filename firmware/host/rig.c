@@ -87,7 +87,7 @@ bool rig_tick(rig_single *rig)
         rig->looked = 0u;
         rig->app.fast.faults |= an_single_check(&rig->app);
     }
-    an_single_poll(&rig->app);
+    an_application_poll(&rig->app.base, &an_single_build);
     return ended;
 }
 
@@ -101,7 +101,7 @@ static void report(const rig_single *rig, rig_window *window)
     window->drive[1] = (double)view.drive.im;
     window->reference = (double)view.reference;
     window->motion = hypot(plate->state[0][0], plate->state[0][1]) * hypot(plate->residue[0][0], plate->residue[0][1]);
-    window->state = (uint32_t)rig->app.supervisor.state;
+    window->state = (uint32_t)rig->app.base.supervisor.state;
     window->limited = rig->app.slow.pi.limited;
 }
 
@@ -116,45 +116,70 @@ uint32_t rig_run(rig_single *rig, uint32_t ticks, rig_window *windows, uint32_t 
     return count;
 }
 
-uint32_t rig_ticks_to_safety(rig_single *rig, uint32_t most)
+static bool is_in_fault(const rig_single *rig)
 {
-    for (uint32_t i = 0u; i <= most; i++) {
-        if (rig->app.supervisor.state == AN_STATE_FAULT && rig->code == (uint32_t)AN_DAC_MIDDLE) {
-            return i;
-        }
-        rig_tick(rig);
-    }
-    return most + 1u;
+    return rig->app.base.supervisor.state == AN_STATE_FAULT;
 }
 
-static bool stays_safe(rig_single *rig, uint32_t ticks)
+/* The output rests, and nothing but a clear can end that: the main loop may be a window late to call it a fault. */
+static bool is_safe(const rig_single *rig)
 {
-    for (uint32_t i = 0u; i < ticks; i++) {
-        rig_tick(rig);
-        if (rig->app.supervisor.state != AN_STATE_FAULT || rig->code != (uint32_t)AN_DAC_MIDDLE) {
-            return false;
-        }
-    }
-    return true;
+    return rig->code == (uint32_t)AN_DAC_MIDDLE && (is_in_fault(rig) || rig->app.fast.faults != 0u);
 }
 
-uint32_t rig_inject(rig_single *rig, rig_injection kind, uint32_t detail, uint32_t ticks, uint32_t stride, uint32_t most,
-                    uint32_t latched)
+static void break_it(rig_single *rig, rig_injection kind, uint32_t detail)
 {
-    uint32_t worst = 0u;
-    for (uint32_t i = 0u; i < ticks && worst <= most; i++) {
-        if (i % stride == 0u) {
+    if (kind == RIG_SENSOR) {
+        rig->plate.sensor = (rig_sensor)detail;
+    } else if (kind == RIG_TRIP) {
+        rig->app.fast.faults |= detail;
+    } else {
+        ((uint8_t *)&rig->app)[detail / 8u] ^= (uint8_t)(1u << detail % 8u);
+    }
+}
+
+/* Within 5 % of the reference, and at rest a millisecond after a stop. */
+static bool is_held(rig_single *rig, float reference)
+{
+    const an_complex measured = rig->app.slow.measured.tone;
+    const double off = hypot((double)measured.re, (double)measured.im) / (double)reference - 1.0;
+    const bool near = fabs(off) < 0.05 && rig->app.base.supervisor.state == AN_STATE_RUN;
+    an_application_stop(&rig->app.base);
+    rig_run(rig, 250u, NULL, 0u);
+    return near && rig->app.base.supervisor.state == AN_STATE_IDLE && rig->code == (uint32_t)AN_DAC_MIDDLE;
+}
+
+static void follow(rig_single *rig, const rig_trial *trial, float reference, rig_outcome *outcome)
+{
+    uint32_t since = 0u;
+    uint32_t found = 0u;
+    for (uint32_t i = 0u; i - since < trial->latched && since <= trial->most; i++) {
+        found = is_in_fault(rig) || rig->app.fast.faults != 0u ? found : i + 1u;
+        since = is_safe(rig) ? since : i + 1u;
+        rig_tick(rig);
+    }
+    if (since <= trial->most && is_in_fault(rig)) {
+        const uint32_t late = since > found ? since - found : 0u;
+        outcome->latched++;
+        outcome->longest = since > outcome->longest ? since : outcome->longest;
+        outcome->longest_found = late > outcome->longest_found ? late : outcome->longest_found;
+    } else if (trial->kind == RIG_FLIP && is_held(rig, reference)) {
+        outcome->held++;
+    } else {
+        outcome->unsafe++;
+    }
+}
+
+rig_outcome rig_inject(rig_single *rig, const rig_trial *trial)
+{
+    rig_outcome outcome = {0u, 0u, 0u, 0u, 0u};
+    for (uint32_t i = 0u; i < trial->ticks; i++) {
+        if (i % trial->stride == 0u) {
             rig_single copy = *rig;
-            if (kind == RIG_SENSOR) {
-                copy.plate.sensor = (rig_sensor)detail;
-            } else {
-                copy.app.fast.faults |= detail;
-            }
-            const uint32_t taken = rig_ticks_to_safety(&copy, most);
-            worst = taken > worst ? taken : worst;
-            worst = taken <= most && !stays_safe(&copy, latched) ? most + 1u : worst;
+            break_it(&copy, trial->kind, trial->details[(i * 2654435761u >> 8) % trial->count]);
+            follow(&copy, trial, rig->app.slow.reference, &outcome);
         }
         rig_tick(rig);
     }
-    return worst;
+    return outcome;
 }

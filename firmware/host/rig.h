@@ -53,16 +53,29 @@ bool rig_tick(rig_single *rig);
 /* So many; returns how many windows it wrote, at most room (0: none are written). */
 uint32_t rig_run(rig_single *rig, uint32_t ticks, rig_window *windows, uint32_t room);
 
-/* Ticks until the output is at rest and the application in its fault state, at most `most`; most + 1 when it never is. */
-uint32_t rig_ticks_to_safety(rig_single *rig, uint32_t most);
+/* What goes wrong: a sensor, a fault that an interrupt finds, a bit of the application's state. */
+typedef enum { RIG_SENSOR, RIG_TRIP, RIG_FLIP } rig_injection;
 
-/* What goes wrong: a sensor, or a fault that an interrupt finds. */
-typedef enum { RIG_SENSOR, RIG_TRIP } rig_injection;
+/* How it ended, over all moments. */
+typedef struct {
+    uint32_t latched; /* in the fault state, the output at rest for good */
+    uint32_t held;    /* the plate is held as before, and rests when asked to */
+    uint32_t unsafe;  /* neither */
+    uint32_t longest; /* ticks until the last unsafe one, of those that latched */
+    uint32_t longest_found; /* the same from the moment that a fault was found */
+} rig_outcome;
 
-/* Runs so many ticks, and at each stride-th of them lets go wrong on a copy what `detail` says (a rig_sensor, fault bits).
- * Returns the longest time to safety, in ticks; most + 1 when one was not safe by then, or left safety within `latched`
- * ticks more. */
-uint32_t rig_inject(rig_single *rig, rig_injection kind, uint32_t detail, uint32_t ticks, uint32_t stride, uint32_t most,
-                    uint32_t latched);
+typedef struct {
+    rig_injection kind;
+    const uint32_t *details; /* a rig_sensor; fault bits; bits of rig->app: one of them at each moment, by the moment's hash */
+    uint32_t count;
+    uint32_t ticks;   /* length of the run */
+    uint32_t stride;  /* each so-many-th tick is a moment */
+    uint32_t most;    /* ticks that may pass until it is safe */
+    uint32_t latched; /* ticks more that it has to stay safe */
+} rig_trial;
+
+/* Runs, and at each moment lets go wrong on a copy what the trial says. */
+rig_outcome rig_inject(rig_single *rig, const rig_trial *trial);
 
 #endif

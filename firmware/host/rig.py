@@ -13,18 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware.emulate.plant import Plate, PlateSimulation
-from firmware.host import load
+from firmware.host.hosted import Hosted
 
-IDLE, IDENTIFY, RUN, FAULT = range(4)
 SOUND, DEAD, STUCK, REVERSED, CLIPPED = range(5)
 FIELDS = ("measured_re", "measured_im", "drive_re", "drive_im", "reference", "motion")
 
 
-class SingleRig:
+class SingleRig(Hosted):
     """an_single and a Plate in lock step; windows() gives what each window ended with."""
 
     def __init__(self, table: bytes, plate: Plate, seed: int = 1, faults: int = 0) -> None:
-        self.ffi, self.lib = load()
+        super().__init__("an_single", "an_single_build", plate.sample_rate_hz)
         self.table = self.ffi.from_buffer("uint8_t[]", table)
         self.rig: Any = self.ffi.new("rig_single *")
         self.app = self.rig.app
@@ -98,19 +97,9 @@ class SingleRig:
         """Starts as the application's user would."""
         return bool(self.lib.an_single_start(self.pointer, reference, detuning_hz))
 
-    def refer(self, reference: float) -> None:
+    def set_reference(self, reference: float) -> None:
         """A new reference while running."""
-        self.lib.an_single_refer(self.pointer, reference)
-
-    @property
-    def state(self) -> int:
-        """IDLE, IDENTIFY, RUN or FAULT."""
-        return int(self.app.supervisor.state)
-
-    @property
-    def faults(self) -> int:
-        """The bits of the latched faults."""
-        return int(self.app.supervisor.faults)
+        self.lib.an_single_set_reference(self.pointer, reference)
 
     @property
     def frequency_hz(self) -> float:

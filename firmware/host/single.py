@@ -5,18 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from firmware.emulate.plant import Plate, PlateSimulation, adc_code, dac_level
-from firmware.host import load
-
-IDLE, IDENTIFY, RUN, FAULT = range(4)
+from firmware.host.hosted import Hosted
 
 
-class HostedSingle:
+class HostedSingle(Hosted):
     """an_single and a plate in lock step: run(ticks) advances both, reports holds (measured, drive, reference) a window."""
 
     def __init__(self, table: bytes, plate: Plate, seed: int = 1, faults: int = 0, flags: tuple[str, ...] = ()) -> None:
-        self.ffi, self.lib = load(*flags)
+        super().__init__("an_single", "an_single_build", plate.sample_rate_hz, flags)
         self.table = self.ffi.from_buffer("uint8_t[]", table)
-        self.app: Any = self.ffi.new("an_single *")
         self.fast = self.ffi.addressof(self.app, "fast")
         self.slow = self.ffi.addressof(self.app, "slow")
         self.plate = PlateSimulation(plate, seed)
@@ -34,7 +31,7 @@ class HostedSingle:
             self.codes.append(self.code)
         if self.fast.tick == 0:
             self.lib.an_single_slow(self.app)
-        self.lib.an_single_poll(self.app)
+        self.poll()
         if self.fast.tick == 0:
             view = self.lib.an_single_view(self.app)
             self.reports.append((_complex(view.measured), _complex(view.drive), view.reference))
@@ -42,18 +39,6 @@ class HostedSingle:
     def sense(self) -> float:
         """What reaches the converter; a test may put a broken sensor here."""
         return self.plate.sense()
-
-    def run(self, seconds: float) -> None:
-        """Advances by a time."""
-        for _ in range(round(seconds * self.plate.plate.sample_rate_hz)):
-            self.tick()
-
-    def run_while(self, state: int, seconds: float) -> None:
-        """Advances while the application stays in a state, at most so long."""
-        for _ in range(round(seconds * self.plate.plate.sample_rate_hz)):
-            if self.app.supervisor.state != state:
-                return
-            self.tick()
 
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> bool:
         """Starts as the application's user would."""

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from firmware.emulate.beam import CHANNELS, Beam, BeamSimulation, Structure, adc_codes
-from firmware.host import load
+from firmware.host.hosted import Hosted
 
 
-class HostedSix:
+class HostedSix(Hosted):
     """an_six and a beam in lock step: run(seconds) advances both."""
 
     def __init__(self, table: bytes, beam: Beam | Structure, seed: int = 1, faults: int = 0) -> None:
-        self.ffi, self.lib = load()
+        super().__init__("an_six", "an_six_build", beam.sample_rate_hz)
         self.table = self.ffi.from_buffer("uint8_t[]", table)
-        self.app: Any = self.ffi.new("an_six *")
         self.fast = self.ffi.addressof(self.app, "fast")
         self.beam = BeamSimulation(beam, seed)
         self.middle, self.swing = self.lib.AN_SIX_DUTY_MIDDLE, self.lib.AN_SIX_DUTY_SWING
@@ -35,23 +32,12 @@ class HostedSix:
             self.history.append(list(self.duties))
         if self.fast.tick == 0:
             self.lib.an_six_window_end(self.app)
-        self.lib.an_six_poll(self.app)
+        self.fast.faults |= self.lib.an_six_check(self.app)
+        self.poll()
 
     def sense(self) -> np.ndarray:
         """What reaches the converters; a test may put broken sensors here."""
         return self.beam.sense()
-
-    def run(self, seconds: float) -> None:
-        """Advances by a time."""
-        for _ in range(round(seconds * self.beam.beam.sample_rate_hz)):
-            self.tick()
-
-    def run_while(self, state: int, seconds: float) -> None:
-        """Advances while the application stays in a state, at most so long."""
-        for _ in range(round(seconds * self.beam.beam.sample_rate_hz)):
-            if self.app.supervisor.state != state:
-                return
-            self.tick()
 
     @property
     def measured(self) -> np.ndarray:

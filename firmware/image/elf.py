@@ -1,20 +1,17 @@
-"""As much of ELF32 as building and emulating the image needs: what is loaded where, and what it is called."""
+"""What building and emulating the image needs of its ELF file: what is loaded where, and what it is called."""
 
 from __future__ import annotations
 
-import struct
-from dataclasses import dataclass
 from functools import cached_property
+from io import BytesIO
 from pathlib import Path
+from typing import Any, NamedTuple
 
-LOADED = 1  # a program header to be loaded
-SYMBOLS = 2  # a section of symbols
-FUNCTION = 2  # a symbol
-ALLOCATED = 2  # a section that takes memory
+ALLOCATED = 2  # of a section's flags: it takes memory
+SYMBOLS = "SHT_SYMTAB"
 
 
-@dataclass(frozen=True)
-class Segment:
+class Segment(NamedTuple):
     """Bytes and where they go: address is where they run, load_address where they are stored."""
 
     address: int
@@ -23,18 +20,8 @@ class Segment:
     memory_bytes: int
 
 
-@dataclass(frozen=True)
-class Section:
-    """A named part of the image: where it runs, and how many bytes it takes."""
-
-    name: str
-    address: int
-    size: int
-
-
-@dataclass(frozen=True)
-class Symbol:
-    """A name, its address (Thumb bit cleared) and its size in bytes."""
+class Named(NamedTuple):
+    """A section of the image, or a symbol (Thumb bit cleared): where it runs, and how many bytes it takes."""
 
     name: str
     address: int
@@ -42,14 +29,18 @@ class Symbol:
 
 
 class Elf:
-    """A little-endian 32-bit executable."""
+    """A little-endian 32-bit file. Raises ValueError when it is none, ImportError where pyelftools is missing."""
 
     def __init__(self, data: bytes) -> None:
-        if data[:6] != b"\x7fELF\x01\x01":
+        from elftools.common.exceptions import ELFError
+        from elftools.elf.elffile import ELFFile
+
+        try:
+            self.file = ELFFile(BytesIO(data))
+        except ELFError as error:
+            raise ValueError(f"not an ELF file: {error}") from None
+        if self.file.elfclass != 32 or not self.file.little_endian:
             raise ValueError("not a little-endian 32-bit ELF file")
-        self.data = data
-        (self.entry, self._segments_at, self._sections_at) = struct.unpack_from("<III", data, 24)
-        (self._segment_count, _, self._section_count) = struct.unpack_from("<HHH", data, 44)
 
     @classmethod
     def read(cls, path: Path) -> Elf:
@@ -59,67 +50,40 @@ class Elf:
     @cached_property
     def segments(self) -> list[Segment]:
         """What is loaded, in the file's order, empty ones included when they take memory."""
-        result = []
-        for index in range(self._segment_count):
-            kind, at, address, load, stored, memory, _, _ = struct.unpack_from(
-                "<8I", self.data, self._segments_at + 32 * index
-            )
-            if kind == LOADED and memory:
-                result.append(Segment(address, load, self.data[at : at + stored], memory))
-        return result
+        loaded = [one for one in self.file.iter_segments("PT_LOAD") if one["p_memsz"]]
+        return [Segment(one["p_vaddr"], one["p_paddr"], one.data(), one["p_memsz"]) for one in loaded]
 
     @cached_property
-    def symbols(self) -> dict[str, Symbol]:
+    def symbols(self) -> dict[str, Named]:
         """Objects and functions that have a home, by name."""
-        result = {}
-        for name, value, size, info, home in self._symbol_rows:
-            is_function = info & 0xF == FUNCTION
-            if home:
-                result[name] = Symbol(name, value & ~1 if is_function else value, size)
-        return result
+        homes = [one for one in self._all_symbols if one["st_shndx"] != "SHN_UNDEF"]
+        thumb = [int(one["st_info"]["type"] == "STT_FUNC") for one in homes]
+        return {
+            one.name: Named(one.name, one["st_value"] & ~bit, one["st_size"])
+            for one, bit in zip(homes, thumb, strict=True)
+        }
 
     @cached_property
-    def sections(self) -> list[Section]:
+    def sections(self) -> list[Named]:
         """The parts that take memory, by address."""
-        rows = self._section_rows
-        names_at = rows[struct.unpack_from("<H", self.data, 50)[0]][4]
-        result = [
-            Section(self._text(names_at + row[0]), row[3], row[5]) for row in rows if row[2] & ALLOCATED and row[5]
-        ]
-        return sorted(result, key=lambda section: section.address)
+        parts = [one for one in self.file.iter_sections() if one["sh_flags"] & ALLOCATED and one["sh_size"]]
+        return sorted((Named(one.name, one["sh_addr"], one["sh_size"]) for one in parts), key=lambda one: one.address)
 
     @property
     def functions(self) -> set[str]:
         """Names of the functions that are defined here, static ones included."""
-        return {name for name, _, _, info, home in self._symbol_rows if home and info & 0xF == FUNCTION}
+        here = [one for one in self._all_symbols if one["st_shndx"] != "SHN_UNDEF"]
+        return {one.name for one in here if one["st_info"]["type"] == "STT_FUNC"}
 
     @property
     def undefined(self) -> list[str]:
         """Names that are used and live elsewhere."""
-        return [name for name, _, _, _, home in self._symbol_rows if not home]
+        return [one.name for one in self._all_symbols if one["st_shndx"] == "SHN_UNDEF"]
 
     @cached_property
-    def _symbol_rows(self) -> list[tuple[str, int, int, int, int]]:
-        sections, rows = self._section_rows, []
-        for _, kind, _, _, offset, length, link, *_ in sections:
-            if kind != SYMBOLS:
-                continue
-            names_at = sections[link][4]
-            for at in range(offset, offset + length, 16):
-                name_at, value, size, info, _, home = struct.unpack_from("<IIIBBH", self.data, at)
-                if name_at:
-                    rows.append((self._text(names_at + name_at), value, size, info, home))
-        return rows
-
-    @cached_property
-    def _section_rows(self) -> list[tuple[int, ...]]:
-        return [
-            struct.unpack_from("<10I", self.data, self._sections_at + 40 * index)
-            for index in range(self._section_count)
-        ]
-
-    def _text(self, at: int) -> str:
-        return self.data[at : self.data.index(b"\0", at)].decode()
+    def _all_symbols(self) -> list[Any]:
+        tables = list(self.file.iter_sections(SYMBOLS))
+        return [symbol for table in tables for symbol in table.iter_symbols() if symbol.name]
 
 
 def map_text(elf: Elf) -> str:

@@ -6,6 +6,9 @@ The byte layout is that of firmware.table_format.
 from __future__ import annotations
 
 import math
+from typing import Any
+
+import numpy as np
 
 from firmware import table_format as layout
 from pipeline.board.table import GAIN, Mode, ModeTable, Pattern, Shape, TableError, channel_counts, check
@@ -24,51 +27,44 @@ __all__ = [
     "to_header",
 ]
 
+MODE_NUMBERS = ("frequency_hz", "tau_s", "delay_s", "drive_limit", "amplitude_limit")
+
 
 def to_bytes(table: ModeTable) -> bytes:
     """The table as a file: little-endian, versioned, lengths given, CRC-32 (zlib) behind. Raises TableError."""
     check(table)
     actuators, sensors = channel_counts(table)
-    total = _total_bytes(len(table.modes), len(table.shapes))
-    header = layout.HEADER.pack(
-        layout.MAGIC,
-        table.version,
-        layout.HEADER.size,
-        total,
-        len(table.modes),
-        layout.MODE.size,
-        len(table.shapes),
-        layout.SHAPE.size,
-        actuators,
-        sensors,
-        table.wanted,
-        table.sample_rate_hz,
-        layout.SENSES_DISPLACEMENT if table.senses_displacement else 0,
-        table.design_hash,
+    modes, shapes = np.zeros(len(table.modes), layout.MODE), np.zeros(len(table.shapes), layout.SHAPE)
+    for row, mode in zip(modes, table.modes, strict=True):
+        _pack_mode(row, mode)
+    for row, shape in zip(shapes, table.shapes, strict=True):
+        _pack_shape(row, shape)
+    return layout.assemble(
+        modes,
+        shapes,
+        version=table.version,
+        actuator_count=actuators,
+        sensor_count=sensors,
+        wanted=table.wanted,
+        sample_rate_hz=table.sample_rate_hz,
+        flags=layout.SENSES_DISPLACEMENT if table.senses_displacement else 0,
+        design_hash=np.void(table.design_hash),
     )
-    return layout.seal(header + b"".join(map(_pack_mode, table.modes)) + b"".join(map(_pack_shape, table.shapes)))
 
 
 def from_bytes(data: bytes) -> ModeTable:
     """The table held by a file. Raises TableError: wrong magic, version, length, CRC, or a value out of range."""
-    header = _read_header(data)
-    actuators, sensors = header["actuator_count"], header["sensor_count"]
-    modes_at = layout.HEADER.size
-    shapes_at = modes_at + header["mode_count"] * layout.MODE.size
+    _check_frame(data)
+    header, modes, shapes = layout.parse(data)
+    actuators, sensors = int(header["actuator_count"]), int(header["sensor_count"])
     table = ModeTable(
-        sample_rate_hz=header["sample_rate_hz"],
-        design_hash=header["design_hash"],
-        modes=tuple(
-            _unpack_mode(data, modes_at + i * layout.MODE.size, f"mode {i}", actuators, sensors)
-            for i in range(header["mode_count"])
-        ),
-        wanted=header["wanted"],
-        shapes=tuple(
-            _unpack_shape(data, shapes_at + i * layout.SHAPE.size, f"shape {i}", actuators, sensors)
-            for i in range(header["shape_count"])
-        ),
+        sample_rate_hz=float(header["sample_rate_hz"]),
+        design_hash=header["design_hash"].tobytes(),
+        modes=tuple(_unpack_mode(row, f"mode {i}", actuators, sensors) for i, row in enumerate(modes)),
+        wanted=int(header["wanted"]),
+        shapes=tuple(_unpack_shape(row, f"shape {i}", actuators, sensors) for i, row in enumerate(shapes)),
         senses_displacement=bool(header["flags"] & layout.SENSES_DISPLACEMENT),
-        version=header["version"],
+        version=int(header["version"]),
     )
     check(table)
     return table
@@ -96,109 +92,69 @@ def describe(table: ModeTable) -> str:
     return "\n".join(lines)
 
 
-def _total_bytes(mode_count: int, shape_count: int) -> int:
-    return layout.HEADER.size + mode_count * layout.MODE.size + shape_count * layout.SHAPE.size + layout.CRC.size
-
-
-def _parts(values: tuple[complex, ...], room: int) -> list[float]:
-    padded = [*values, *[0j] * (room - len(values))]
-    return [part for value in padded for part in (value.real, value.imag)]
-
-
-def _complexes(parts: tuple[float, ...], count: int, where: str) -> tuple[complex, ...]:
-    if any(part != 0.0 for part in parts[2 * count :]):
+def _in_use(values: Any, count: int, where: str) -> tuple[complex, ...]:
+    """The first channels of a row, or TableError when the others are not zero."""
+    if any(part != 0.0 for z in values[count:].tolist() for part in (z.real, z.imag)):
         raise TableError(f"{where}: a channel beyond the {count} in use is not zero")
-    return tuple(complex(parts[2 * i], parts[2 * i + 1]) for i in range(count))
+    return tuple(values[:count].tolist())
 
 
-def _pack_mode(mode: Mode) -> bytes:
-    flags = (
+def _pack_mode(row: Any, mode: Mode) -> None:
+    for name in MODE_NUMBERS:
+        row[name] = getattr(mode, name)
+    row["gain"] = mode.gain if mode.gain is not None else 0j
+    row["flags"] = (
         layout.GAIN_IDENTIFIED * (mode.gain is not None)
         | layout.TAU_IDENTIFIED * mode.tau_identified
         | layout.FREQUENCY_IDENTIFIED * mode.frequency_identified
     )
-    gain = mode.gain if mode.gain is not None else 0j
-    return layout.MODE.pack(
-        mode.frequency_hz,
-        mode.tau_s,
-        gain.real,
-        gain.imag,
-        mode.delay_s,
-        mode.drive_limit,
-        mode.amplitude_limit,
-        flags,
-        *_parts(mode.actuator_weights, layout.CHANNELS),
-        *_parts(mode.sensor_weights, layout.CHANNELS),
-    )
+    row["actuator_weights"][: len(mode.actuator_weights)] = mode.actuator_weights
+    row["sensor_weights"][: len(mode.sensor_weights)] = mode.sensor_weights
 
 
-def _unpack_mode(data: bytes, at: int, where: str, actuators: int, sensors: int) -> Mode:
-    values = layout.MODE.unpack_from(data, at)
-    head = dict(zip(layout.MODE_FIELDS, values, strict=False))
-    weights = values[len(layout.MODE_FIELDS) :]
-    known = layout.GAIN_IDENTIFIED | layout.TAU_IDENTIFIED | layout.FREQUENCY_IDENTIFIED
-    _known_flags(where, head["flags"], known)
-    identified = bool(head["flags"] & layout.GAIN_IDENTIFIED)
-    gain = complex(head["gain_re"], head["gain_im"])
+def _unpack_mode(row: Any, where: str, actuators: int, sensors: int) -> Mode:
+    flags, gain = int(row["flags"]), complex(row["gain"])
+    _known_flags(where, flags, layout.GAIN_IDENTIFIED | layout.TAU_IDENTIFIED | layout.FREQUENCY_IDENTIFIED)
+    identified = bool(flags & layout.GAIN_IDENTIFIED)
     if not identified and gain != 0:
         raise TableError(f"{where}: a gain is given but marked unidentified")
     return Mode(
-        frequency_hz=head["frequency_hz"],
-        tau_s=head["tau_s"],
+        **{name: float(row[name]) for name in MODE_NUMBERS},
         gain=gain if identified else None,
-        delay_s=head["delay_s"],
-        drive_limit=head["drive_limit"],
-        amplitude_limit=head["amplitude_limit"],
-        actuator_weights=_complexes(weights[: 2 * layout.CHANNELS], actuators, where),
-        sensor_weights=_complexes(weights[2 * layout.CHANNELS :], sensors, where),
-        tau_identified=bool(head["flags"] & layout.TAU_IDENTIFIED),
-        frequency_identified=bool(head["flags"] & layout.FREQUENCY_IDENTIFIED),
+        actuator_weights=_in_use(row["actuator_weights"], actuators, where),
+        sensor_weights=_in_use(row["sensor_weights"], sensors, where),
+        tau_identified=bool(flags & layout.TAU_IDENTIFIED),
+        frequency_identified=bool(flags & layout.FREQUENCY_IDENTIFIED),
     )
 
 
-def _pack_shape(shape: Shape) -> bytes:
-    names = b"".join(pattern.name.encode("ascii").ljust(8, b"\0") for pattern in shape.patterns)
-    rows = list(shape.matrix or ()) + [()] * (layout.CHANNELS - len(shape.matrix or ()))
-    targets = [pattern.targets for pattern in shape.patterns]
-    targets += [()] * (layout.PATTERNS - len(targets))
-    return layout.SHAPE.pack(
-        shape.frequency_hz,
-        shape.tau_s,
-        shape.drive_limit,
-        layout.MATRIX_IDENTIFIED * (shape.matrix is not None),
-        len(shape.patterns),
-        names,
-        *[part for row in rows for part in _parts(row, layout.CHANNELS)],
-        *[part for target in targets for part in _parts(target, layout.CHANNELS)],
-    )
+def _pack_shape(row: Any, shape: Shape) -> None:
+    row["frequency_hz"], row["tau_s"], row["drive_limit"] = shape.frequency_hz, shape.tau_s, shape.drive_limit
+    row["flags"], row["pattern_count"] = layout.MATRIX_IDENTIFIED * (shape.matrix is not None), len(shape.patterns)
+    for i, line in enumerate(shape.matrix or ()):
+        row["matrix"][i, : len(line)] = line
+    for i, pattern in enumerate(shape.patterns):
+        row["names"][i] = np.void(pattern.name.encode("ascii").ljust(8, b"\0"))
+        row["targets"][i, : len(pattern.targets)] = pattern.targets
 
 
-def _unpack_shape(data: bytes, at: int, where: str, actuators: int, sensors: int) -> Shape:
-    values = layout.SHAPE.unpack_from(data, at)
-    head = dict(zip(layout.SHAPE_FIELDS, values, strict=False))
-    _known_flags(where, head["flags"], layout.MATRIX_IDENTIFIED)
-    count = head["pattern_count"]
+def _unpack_shape(row: Any, where: str, actuators: int, sensors: int) -> Shape:
+    flags, count = int(row["flags"]), int(row["pattern_count"])
+    _known_flags(where, flags, layout.MATRIX_IDENTIFIED)
     if not 1 <= count <= layout.PATTERNS:
         raise TableError(f"{where}: {count} patterns, allowed 1 to {layout.PATTERNS}")
-    if any(head["names"][8 * count :]):
+    if any(row["names"][count:].tobytes()):
         raise TableError(f"{where}: a pattern beyond the {count} in use has a name")
-    width = 2 * layout.CHANNELS
-    parts = values[len(layout.SHAPE_FIELDS) :]
-    rows = [parts[i * width : (i + 1) * width] for i in range(layout.CHANNELS + layout.PATTERNS)]
-    matrix_rows, target_rows = rows[: layout.CHANNELS], rows[layout.CHANNELS :]
-    if not head["flags"] & layout.MATRIX_IDENTIFIED:
-        actuators_in_use, rows_in_use = 0, 0
-    else:
-        actuators_in_use, rows_in_use = actuators, sensors
-    matrix = [_complexes(row, actuators_in_use if i < rows_in_use else 0, where) for i, row in enumerate(matrix_rows)]
-    targets = [_complexes(row, sensors if i < count else 0, where) for i, row in enumerate(target_rows)]
-    names = [head["names"][8 * i : 8 * i + 8].rstrip(b"\0").decode("latin-1") for i in range(count)]
+    columns, lines = (actuators, sensors) if flags & layout.MATRIX_IDENTIFIED else (0, 0)
+    matrix = [_in_use(line, columns if i < lines else 0, where) for i, line in enumerate(row["matrix"])]
+    targets = [_in_use(line, sensors if i < count else 0, where) for i, line in enumerate(row["targets"])]
+    names = [name.tobytes().rstrip(b"\0").decode("latin-1") for name in row["names"][:count]]
     return Shape(
-        frequency_hz=head["frequency_hz"],
-        tau_s=head["tau_s"],
+        frequency_hz=float(row["frequency_hz"]),
+        tau_s=float(row["tau_s"]),
         patterns=tuple(Pattern(name, target) for name, target in zip(names, targets, strict=False)),
-        matrix=tuple(matrix[:rows_in_use]) if rows_in_use else None,
-        drive_limit=head["drive_limit"],
+        matrix=tuple(matrix[:lines]) if lines else None,
+        drive_limit=float(row["drive_limit"]),
     )
 
 
@@ -207,30 +163,30 @@ def _known_flags(where: str, flags: int, known: int) -> None:
         raise TableError(f"{where}: flags are {flags:#x}, allowed bits {known:#x}")
 
 
-def _read_header(data: bytes) -> dict:
-    if len(data) < layout.HEADER.size + layout.CRC.size:
+def _check_frame(data: bytes) -> None:
+    if len(data) < layout.HEADER.itemsize + layout.CRC.size:
         raise TableError(f"mode table: truncated, {len(data)} bytes do not hold a header")
     if data[:4] != layout.MAGIC:
         raise TableError(f"mode table: starts with {data[:4]!r}, not with {layout.MAGIC!r}: another kind of file")
-    header = dict(zip(layout.HEADER_FIELDS, layout.HEADER.unpack_from(data), strict=True))
+    header = layout.read_header(data)
     if header["version"] != layout.VERSION:
         raise TableError(f"mode table: version {header['version']} is refused, this program reads {layout.VERSION}")
     if header["total_bytes"] != len(data):
         raise TableError(f"mode table: truncated or padded, {len(data)} bytes where it states {header['total_bytes']}")
     (stated,) = layout.CRC.unpack_from(data, len(data) - layout.CRC.size)
-    checksum = layout.crc32(data[: -layout.CRC.size])
-    if stated != checksum:
-        raise TableError(f"mode table: damaged, its CRC-32 is {checksum:08x} where it states {stated:08x}")
-    _check_lengths(header)
-    return header
+    result = layout.crc32(data[: -layout.CRC.size])
+    if stated != result:
+        raise TableError(f"mode table: damaged, its CRC-32 is {result:08x} where it states {stated:08x}")
+    _check_lengths({name: header[name].item() for name in header.dtype.names})
 
 
-def _check_lengths(header: dict) -> None:
+def _check_lengths(header: dict[str, Any]) -> None:
     sizes = (header["header_bytes"], header["mode_bytes"], header["shape_bytes"])
-    expected = (layout.HEADER.size, layout.MODE.size, layout.SHAPE.size)
+    expected = (layout.HEADER.itemsize, layout.MODE.itemsize, layout.SHAPE.itemsize)
     if sizes != expected:
         raise TableError(f"mode table: record lengths are {sizes}, allowed {expected}")
-    if header["total_bytes"] != _total_bytes(header["mode_count"], header["shape_count"]):
+    records = header["mode_count"] * layout.MODE.itemsize + header["shape_count"] * layout.SHAPE.itemsize
+    if header["total_bytes"] != layout.HEADER.itemsize + records + layout.CRC.size:
         raise TableError(
             f"mode table: {header['total_bytes']} bytes do not hold {header['mode_count']} modes "
             f"and {header['shape_count']} shapes"

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import pytest
 
 from firmware import build as builder
+from firmware.host import PLACES
 from firmware.image.elf import Elf
 from firmware.image.svd import svd_text
 from firmware.table_format import MAX_SHAPES
@@ -68,7 +69,7 @@ def test_the_debug_information_is_there_and_names_no_place_of_this_machine(image
     assert b".debug_info\0" in content and b"worst_cycles\0" in content and b"./firmware/core" in content
     for place in (builder.ROOT, image.elf.parent.resolve(), Path(sys.prefix).resolve(), Path.home()):
         assert str(place).encode() not in content, place
-    assert elf.entry == elf.symbols["Reset_Handler"].address | 1
+    assert elf.file["e_entry"] == elf.symbols["Reset_Handler"].address | 1
     assert len(image.binary.read_bytes()) <= 64 * 1024
 
 
@@ -116,9 +117,10 @@ def test_a_register_of_an_unknown_type_is_refused() -> None:
 
 def test_core_calls_nothing_but_itself(image: builder.Image, tmp_path: Path) -> None:
     _, command = builder.toolchain()
-    for source in sorted(builder.CORE.glob("*.c")):
+    for source in sorted(builder.CORE.rglob("*.c")):
         target = tmp_path / f"{source.stem}.o"
-        builder.run([*command, *builder.LANGUAGE, *builder.SECTIONS, "-c", str(source), "-o", str(target)])
+        options = [builder.optimised(source), *builder.LANGUAGE, *builder.SECTIONS, *PLACES]
+        builder.run([*command, *options, "-c", str(source), "-o", str(target)])
         assert [name for name in Elf.read(target).undefined if not name.startswith("an_")] == [], source.name
 
 
@@ -142,3 +144,13 @@ def test_a_damaged_table_is_refused_in_one_line(tmp_path: Path, capsys, content:
 def test_no_table_is_said_with_the_way_to_get_one(tmp_path: Path, capsys) -> None:
     assert builder.main(["--header", str(tmp_path / "none.h"), "--out", str(tmp_path)]) == 2
     assert "antinode export table" in capsys.readouterr().err
+
+
+def test_what_is_missing_is_said_with_the_way_to_get_it(
+    tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = tmp_path / "table.bin"
+    table.write_bytes(to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality(31404.5, 300.0),))))
+    monkeypatch.setattr(builder, "find_spec", lambda name: None if name == "elftools" else True)
+    assert builder.main(["--table", str(table), "--out", str(tmp_path)]) == 5
+    assert "pip install pyelftools" in capsys.readouterr().err

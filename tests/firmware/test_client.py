@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware.client import client, command_line, selftest
+from firmware.client import client, command_line, port, selftest
 from firmware.emulate.line import EmulatedPort
 from firmware.emulate.plant import Plate, Resonance
 from firmware.protocol import PROTOCOL
@@ -94,7 +94,8 @@ def test_refusals_are_one_line_and_an_exit_code(board, capsys, tmp_path: Path) -
 
 def test_texture_and_stop(board, capsys) -> None:
     assert command_line.main(["COM7", "sine", "50", "0.5"]) == 0
-    assert board.app.texture.depth == 0.5 and math.isclose(board.app.texture.step / 2**32 * 5000.0, 50.0, rel_tol=1e-6)
+    texture = board.app.base.texture
+    assert texture.depth == 0.5 and math.isclose(texture.step / 2**32 * 5000.0, 50.0, rel_tol=1e-6)
     assert command_line.main(["COM7", "stop"]) == 0
 
 
@@ -109,7 +110,7 @@ def test_the_log_of_a_running_board(board, capsys, tmp_path: Path) -> None:
     assert len(rows) >= 4 and "lost" not in capsys.readouterr().out
     assert {after["window"] - before["window"] for before, after in pairwise(rows)} == {5.0}
     assert math.hypot(rows[-1]["measured_d"], rows[-1]["measured_q"]) == pytest.approx(0.05, rel=0.02)
-    assert rows[-1]["reference"] == pytest.approx(0.05) and talk.look().state == "run"
+    assert rows[-1]["reference"] == pytest.approx(0.05) and talk.status().state == "run"
 
 
 def test_a_sound_reaches_the_board_in_time(board, capsys, tmp_path: Path) -> None:
@@ -117,7 +118,7 @@ def test_a_sound_reaches_the_board_in_time(board, capsys, tmp_path: Path) -> Non
     assert command_line.main(["COM7", "stream", str(tmp_path / "a.wav"), "0.05"]) == 0
     out = capsys.readouterr().out
     assert "300 samples at 2500 Hz\n" in out
-    assert board.app.texture.kind == 2 and board.app.texture.factor == pytest.approx(64 / 255, abs=1e-4)
+    assert board.app.base.texture.kind == 2 and board.app.base.texture.factor == pytest.approx(64 / 255, abs=1e-4)
 
 
 def test_identity_and_health_are_told(board, capsys) -> None:
@@ -131,10 +132,10 @@ def test_identity_and_health_are_told(board, capsys) -> None:
 def test_identify_measures_again_until_it_is_stopped(board) -> None:
     talk = client.Client(EmulatedPort(board))
     talk.identify()
-    assert talk.drives and talk.look().state == "identify"
+    assert talk.drives and talk.status().state == "identify"
     talk.stop()
     board.run(5e-3)
-    assert not talk.drives and talk.look().state == "idle"
+    assert not talk.drives and talk.status().state == "idle"
 
 
 def test_the_selftest_of_an_emulated_bench(board, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -157,3 +158,9 @@ def test_without_pyserial_the_way_to_get_it_is_said(capsys, monkeypatch: pytest.
     monkeypatch.setitem(sys.modules, "serial", None)
     assert command_line.main(["COM7", "status"]) == 5
     assert "pip install pyserial" in capsys.readouterr().err
+
+
+def test_without_cobs_the_way_to_get_it_is_said(board, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(port, "find_spec", lambda name: None)
+    assert command_line.main(["COM7", "status"]) == 5
+    assert "pip install cobs" in capsys.readouterr().err

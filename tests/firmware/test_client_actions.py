@@ -9,13 +9,14 @@ import subprocess
 import sys
 import types
 from argparse import Namespace
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
 
 from firmware.client import actions, command_line, selftest
 from firmware.client.client import BoardError, Client, describe_health
-from firmware.protocol import PROTOCOL, Kind, Message, Result
+from firmware.protocol import PROTOCOL, Fault, Kind, Message, Result
 from tests.helpers.fake_board import (
     HEALTH,
     SIX_STATUS,
@@ -27,7 +28,6 @@ from tests.helpers.fake_board import (
 )
 
 IDLE, IDENTIFY, RUN, FAULT = range(4)
-FAULT_IDENTIFY, FAULT_CLOCK = 1 << 9, 1 << 1
 
 
 def asked(port: FakePort) -> list[Kind]:
@@ -113,7 +113,7 @@ def test_a_signal_on_a_real_port_stops_the_board(number: int) -> None:
 
 
 def test_identify_that_ends_in_a_fault_is_a_failure(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    port = FakePort(status=single_status(FAULT, FAULT_IDENTIFY))
+    port = FakePort(status=single_status(FAULT, Fault.IDENTIFY))
     assert run(monkeypatch, port, "identify") == 3
     assert capsys.readouterr().err == "client: identify: ended in the fault identify\n"
 
@@ -124,7 +124,7 @@ def test_watching_shows_bars_of_both_builds(monkeypatch: pytest.MonkeyPatch, cap
     assert (
         lines[0] == "state idle"
         and len(lines) == 8
-        and lines[2].split() == ["sensor", "1", actions.bar(0.1 * 2**0.5), "0.1414"]
+        and lines[2].split() == ["sensor", "1", actions.bar(0.1 * 2**0.5), "0.1414", "▆"]
     )
     assert run(monkeypatch, FakePort(), "watch", "--seconds", "0.01") == 0
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == [
@@ -133,6 +133,17 @@ def test_watching_shows_bars_of_both_builds(monkeypatch: pytest.MonkeyPatch, cap
         "measured",
         "drive",
     ]
+
+
+def test_watching_plots_the_last_looks() -> None:
+    """From -60 to 0 dB in eight steps, the newest to the right, no more than fit."""
+    traces: dict[str, str] = defaultdict(str)
+    for share in (0.0, 1e-3, 10**-1.5, 1.0, float("nan")):
+        actions._bars(Client(FakePort(status=single_status(reference=share))).status(), traces)
+    assert traces["reference"] == "  ▄█ "
+    for _ in range(40):
+        actions._bars(Client(FakePort(status=single_status(reference=1.0))).status(), traces)
+    assert traces["reference"] == "█" * actions.BAR
 
 
 @pytest.mark.parametrize(("share", "filled"), [(0.0, 0), (1e-4, 0), (1e-3, 0), (10**-1.5, 15), (1.0, 30), (9.0, 30)])
@@ -144,7 +155,7 @@ def test_a_bar_is_empty_at_minus_60_db_and_full_at_0(share: float, filled: int) 
 def test_the_health_is_told() -> None:
     text = describe_health(Client(FakePort()).health())
     assert "clock 180 MHz" in text and "fast interrupt 210 cycles" in text and "exception 3 at 0x08000123" in text
-    assert "exception" not in describe_health(type(Client(FakePort()).health())(*[0] * 10)) and len(HEALTH) == 40
+    assert "exception" not in describe_health(type(Client(FakePort()).health())(*[0] * 11)) and len(HEALTH) == 44
 
 
 class Logging(FakePort):
@@ -301,7 +312,7 @@ class Bench(FakePort):
     def __init__(self, clock: Clock, **wrong) -> None:
         super().__init__()
         self.clock, self.wrong = clock, wrong
-        self.faults, self.sweeping_from = wrong.get("faults", 1 << 4), 0.0
+        self.faults, self.sweeping_from = wrong.get("faults", Fault.SENSOR_OFFSET), 0.0
         self.state = FAULT if self.faults else IDLE
 
     def reply(self, request: Message) -> Message:
@@ -312,7 +323,7 @@ class Bench(FakePort):
         if request.kind == Kind.IDENTIFY:
             self.state, self.sweeping_from = IDENTIFY, self.clock.now
         if self.state == IDENTIFY and self.clock.now > self.sweeping_from + self.wrong.get("sweep_s", 2.0):
-            self.state, self.faults = self.wrong.get("end", (FAULT, FAULT_IDENTIFY))
+            self.state, self.faults = self.wrong.get("end", (FAULT, Fault.IDENTIFY))
         if request.kind == Kind.STOP and self.state == IDENTIFY:
             self.state = IDLE
         windows = round(self.clock.now * self.wrong.get("rate", 5000.0))
@@ -353,7 +364,7 @@ def test_a_sound_bench_passes_every_check(bench) -> None:
     [
         ({"protocol": PROTOCOL + 1}, "line: answers"),
         ({"count": 0}, "line: mode table"),
-        ({"faults": FAULT_CLOCK}, "line: clock, flash, supply: faults clock"),
+        ({"faults": Fault.CLOCK}, "line: clock, flash, supply: faults clock"),
         ({"offset": 0.02}, "rest: offset: 0.0200, allowed 0.01"),
         ({"offset": -0.02}, "rest: offset"),
         ({"offset": float("nan")}, "rest: offset: not finite"),
@@ -362,7 +373,7 @@ def test_a_sound_bench_passes_every_check(bench) -> None:
         ({"end": (RUN, 0)}, "loopback: no resonance: ended in run"),
         ({"end": (IDLE, 0)}, "loopback: no resonance: ended in idle"),
         (
-            {"end": (FAULT, FAULT_IDENTIFY | 1 << 3)},
+            {"end": (FAULT, Fault.IDENTIFY | Fault.SENSOR_CLIPPED)},
             "loopback: no resonance: ended in fault, faults sensor clipped, identify",
         ),
         ({"sweep_s": 99.0}, "loopback: no resonance: ended in identify"),
@@ -383,7 +394,7 @@ def test_one_step_alone_and_the_other_build(bench, capsys) -> None:
 
 def test_a_board_that_does_not_clear_fails_the_rest(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     monkeypatch.setattr(selftest, "time", Clock())
-    port = FakePort(lambda reply: refused(reply, Kind.CLEAR), single_status(FAULT, FAULT_CLOCK))
+    port = FakePort(lambda reply: refused(reply, Kind.CLEAR), single_status(FAULT, Fault.CLOCK))
     assert run(monkeypatch, port, "selftest", "rest") == 4
     assert "FAIL  rest: fault cleared: clear: refused in the present state" in capsys.readouterr().out
 

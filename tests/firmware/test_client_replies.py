@@ -10,7 +10,7 @@ import pytest
 
 from firmware.client import client, command_line
 from firmware.client.client import BoardError, Client, describe
-from firmware.protocol import LOG_RECORDS, REPLY, Kind, Message, encode
+from firmware.protocol import LOG_RECORDS, REPLY, Fault, Kind, Message, encode
 from pipeline.board.table_file import Mode, ModeTable, to_bytes
 from tests.helpers.fake_board import (
     RECORD,
@@ -32,6 +32,7 @@ VALUES = {
     "shape": ["1"],
     "watch": ["--seconds", "0.01"],
     "log": ["log.csv", "--seconds", "0.01"],
+    "capture": ["capture.csv"],
     "stream": ["sound.wav"],
     "selftest": ["line"],
 }
@@ -110,7 +111,7 @@ def test_a_line_that_never_rests_is_one_line(run, action: str, flood: str) -> No
 
 ASKING = {
     Kind.IDENTITY: Client.identity,
-    Kind.STATUS: Client.look,
+    Kind.STATUS: Client.status,
     Kind.START: Client.start,
     Kind.STOP: Client.stop,
     Kind.CLEAR: Client.clear,
@@ -125,6 +126,8 @@ ASKING = {
     Kind.PATTERN: lambda talk: talk.choose(1),
     Kind.IDENTIFY: Client.identify,
     Kind.HEALTH: Client.health,
+    Kind.CAPTURE: lambda talk: talk.capture(1),
+    Kind.CAPTURED: lambda talk: talk.captured(0),
 }
 
 
@@ -144,20 +147,20 @@ def test_the_reply_to_each_request_is_checked(kind: Kind, fault: str) -> None:
 def test_a_status_of_a_wrong_length_is_refused(length: int) -> None:
     spoil = with_payload(b"\0" + SIX_STATUS.ljust(120, b"\0")[:length])
     with pytest.raises(BoardError, match=f"status: the board sent {length} bytes, expected"):
-        Client(FakePort(spoil)).look()
+        Client(FakePort(spoil)).status()
 
 
 def test_an_unknown_state_is_refused_and_an_unknown_fault_told_by_number() -> None:
     with pytest.raises(BoardError, match="the state 9"):
-        Client(FakePort(status=b"\x09" + STATUS[1:])).look()
-    status = Client(FakePort(status=single_status(faults=1 << 6 | 1 << 29, first=1 << 29))).look()
+        Client(FakePort(status=b"\x09" + STATUS[1:])).status()
+    status = Client(FakePort(status=single_status(faults=Fault.MISMATCH | 1 << 29, first=1 << 29))).status()
     assert status.faults == ("mismatch", "bit 29") and status.first == ("bit 29",)
     assert "faults: mismatch, bit 29 (first bit 29)" in describe(status)
 
 
 def test_a_drive_at_its_limit_is_told() -> None:
-    assert "drive at its limit" in describe(Client(FakePort(status=single_status(flags=9))).look())
-    assert "drive at its limit" not in describe(Client(FakePort()).look())
+    assert "drive at its limit" in describe(Client(FakePort(status=single_status(flags=9))).status())
+    assert "drive at its limit" not in describe(Client(FakePort()).status())
 
 
 def test_samples_without_their_count_are_refused() -> None:
@@ -174,7 +177,7 @@ def test_an_identity_is_checked() -> None:
 
 
 def test_a_number_that_is_none_is_told_in_words() -> None:
-    text = describe(Client(FakePort(status=single_status(offset=float("nan")))).look())
+    text = describe(Client(FakePort(status=single_status(offset=float("nan")))).status())
     assert "offset not finite" in text and "nan" not in text.replace("finite", "")
 
 

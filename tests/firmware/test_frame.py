@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware import protocol
-from firmware.protocol import Kind, Message, Result, decode, encode
+from firmware.protocol import KEPT, PROTOCOL, Fault, Kind, Message, Result, decode, encode
 
 payloads = st.binary(max_size=protocol.PAYLOAD_MAX)
 
@@ -43,13 +43,16 @@ def written(core, message: Message) -> bytes:
 def test_numbers_are_those_of_the_firmware(core) -> None:
     for kind in Kind:
         assert getattr(core.lib, f"AN_{kind.name}") == kind
+    for fault in Fault:
+        assert getattr(core.lib, f"AN_FAULT_{fault.name}") == fault
+    assert (len(Fault), PROTOCOL) == (core.lib.AN_FAULT_COUNT, core.lib.AN_PROTOCOL)
+    assert (0, len(KEPT) - 1, 11) == (core.lib.AN_KEEP_NONE, core.lib.AN_KEEP_WRITTEN, core.lib.AN_HEALTH_WORDS)
     for result in Result:
         assert getattr(core.lib, f"AN_{result.name}") == result
     assert core.lib.AN_REPLY == protocol.REPLY
     assert core.lib.AN_LOG_RECORDS == protocol.LOG_RECORDS
     assert core.lib.AN_PAYLOAD_MAX == protocol.PAYLOAD_MAX
     assert len(protocol.TABLE_TEXT) - 1 == core.lib.AN_TABLE_OTHER_BUILD
-    assert len(protocol.FAULTS) == core.lib.AN_FAULT_COUNT
     for name in ("TABLE", "CLOCK", "MISMATCH", "FAST_LATE", "HOST_SILENT", "SUPPLY"):
         assert protocol.fault_names(getattr(core.lib, f"AN_FAULT_{name}")) == (name.lower().replace("_", " "),)
 

@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from firmware.protocol import PAYLOAD_MAX, Kind, Message, decode, encode, parse_health
+from firmware.protocol import PAYLOAD_MAX, Fault, Kind, Message, decode, encode, parse_health
 from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 
 SINGLE = to_bytes(ModeTable(250e3, bytes(range(16)), (Mode(31e3, 3e-3, 0.5 - 0.5j),)))
@@ -28,8 +28,10 @@ class Linked:
         self.duties = self.ffi.new("uint16_t []", 6)
         self.single = name == "single"
         getattr(self.lib, f"an_{name}_boot")(self.app, self.table, len(table), rate_hz, 0)
-        obey = self.ffi.addressof(self.lib, f"an_{name}_obey")
-        self.lib.an_link_init(self.link, obey, self.ffi.cast("void *", self.app))
+        self.capture = self.ffi.new("an_capture *")
+        self.lib.an_capture_init(self.capture, 1 if self.single else 6)
+        self.base, self.build = self.ffi.addressof(self.app, "base"), self.ffi.addressof(self.lib, f"an_{name}_build")
+        self.lib.an_link_init(self.link, self.base, self.build, self.capture)
 
     def ask(self, data: bytes) -> list[Message]:
         answers = []
@@ -56,7 +58,7 @@ class Linked:
             if fast.tick == 0:
                 break
         (self.lib.an_single_slow if self.single else self.lib.an_six_window_end)(self.app)
-        (self.lib.an_single_poll if self.single else self.lib.an_six_poll)(self.app)
+        self.lib.an_application_poll(self.base, self.build)
 
 
 def random_payload(random: np.random.Generator) -> bytes:
@@ -128,7 +130,7 @@ def test_each_build_stores_its_own_tables_alone(core, name, table, rate_hz, othe
 @pytest.mark.parametrize(("name", "table", "rate_hz", "other"), BUILDS)
 def test_a_measurement_is_begun_stopped_and_silenced(core, name, table, rate_hz, other) -> None:
     linked = Linked(core, name, table, rate_hz)
-    supervisor = linked.app.supervisor
+    supervisor = linked.app.base.supervisor
     linked.window()
     assert answer(linked, Kind.IDENTIFY) == b"\0" and supervisor.state == 1 and supervisor.measure_only
     assert answer(linked, Kind.IDENTIFY) == b"\3"
@@ -146,7 +148,7 @@ def test_a_measurement_is_begun_stopped_and_silenced(core, name, table, rate_hz,
     linked.app.fast.command.count += 3 * 5000
     for _ in range(4):
         linked.window()
-    assert supervisor.state == 3 and supervisor.first == 1 << 10
+    assert supervisor.state == 3 and supervisor.first == Fault.HOST_SILENT
     assert answer(linked, Kind.CLEAR) == b"\0"
     for _ in range(3):
         linked.window()
@@ -197,7 +199,9 @@ def test_shapes_and_patterns_are_chosen_where_they_may_be(core) -> None:
     assert answer(linked, Kind.REFERENCE, struct.pack("<f", 0.1)) == b"\3"
     assert answer(linked, Kind.START, struct.pack("<If", 0, 0.0)) == b"\0"
     linked.window()
-    assert linked.app.supervisor.state == 2 and linked.app.slow.reference == pytest.approx(0.5 * linked.app.reachable)
+    assert linked.app.base.supervisor.state == 2 and linked.app.slow.reference == pytest.approx(
+        0.5 * linked.app.reachable
+    )
     for level, result in ((0.1, 0), (-0.1, 2), (math.nan, 2)):
         assert answer(linked, Kind.REFERENCE, struct.pack("<f", level)) == bytes([result])
     assert answer(linked, Kind.SINE, struct.pack("<ff", 20.0, 0.5)) == b"\0"

@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from firmware.emulate.plant import Plate, Resonance, hold
+from firmware.protocol import Fault
 from pipeline.board.table_file import Mode, ModeTable, to_bytes
 
 GUESS, TRUE, QUALITY, GAIN = 31400.0, 31437.3, 300.0, 0.8
@@ -52,9 +53,9 @@ def settled(hosted):
         board = hosted(data or known_table(), plate)
         board.run(1e-3)
         assert board.start(0.1, detuning_hz)
-        board.lib.an_single_refer(board.app, 0.0)
+        board.lib.an_single_set_reference(board.app, 0.0)
         board.run(2e-3)
-        assert board.app.supervisor.state == board.lib.AN_STATE_RUN
+        assert board.state == board.lib.AN_STATE_RUN
         board.reports.clear()
         return board
 
@@ -64,10 +65,10 @@ def settled(hosted):
 def test_unidentified_gain_is_swept_before_the_loop_closes(hosted) -> None:
     board = hosted(table(), PLATE)
     board.run(2e-3)
-    assert board.app.supervisor.state == board.lib.AN_STATE_IDLE and board.code == 2048
+    assert board.state == board.lib.AN_STATE_IDLE and board.code == 2048
     assert board.start()
     board.run_while(board.lib.AN_STATE_IDENTIFY, 3.0)
-    assert board.app.supervisor.state == board.lib.AN_STATE_RUN
+    assert board.state == board.lib.AN_STATE_RUN
     mode = board.app.mode
     assert board.lib.an_dds_frequency(board.app.centre, 250e3) == pytest.approx(TRUE, abs=0.1)
     assert mode.tau_s == pytest.approx(TAU, rel=5e-3)
@@ -75,7 +76,7 @@ def test_unidentified_gain_is_swept_before_the_loop_closes(hosted) -> None:
     assert mode.delay_s == pytest.approx(9.3e-6, abs=5e-8)
     assert board.gain.real == pytest.approx(0.0, abs=1e-3)
     board.run(20e-3)
-    assert board.app.supervisor.state == board.lib.AN_STATE_RUN
+    assert board.state == board.lib.AN_STATE_RUN
     assert board.reports[-1][0] == pytest.approx(0.2 * GAIN * DROOP, rel=0.02)
 
 
@@ -83,7 +84,7 @@ def test_unidentified_gain_is_swept_before_the_loop_closes(hosted) -> None:
 def test_what_was_only_computed_is_measured_first(hosted, flags: dict) -> None:
     board = hosted(table(**flags), PLATE)
     board.run(1e-3)
-    assert board.start() and board.app.supervisor.state == IDENTIFY
+    assert board.start() and board.state == IDENTIFY
 
 
 @pytest.mark.parametrize("gains", [(0.48, -0.6), (-0.7, 0.3)])
@@ -95,12 +96,12 @@ def test_strong_neighbours_slow_the_loop_instead_of_upsetting_it(hosted, gains: 
     board.run_while(board.lib.AN_STATE_IDENTIFY, 4.0)
     assert board.app.neighbour == pytest.approx(max(map(abs, gains)) * DROOP, rel=0.15)
     board.run(0.2)
-    assert board.app.supervisor.state == board.lib.AN_STATE_RUN
+    assert board.state == board.lib.AN_STATE_RUN
     assert board.reports[-1][0] == pytest.approx(0.1, rel=0.03)
 
 
 def step_response(board, reference: float, seconds: float = 20e-3) -> list[float]:
-    board.lib.an_single_refer(board.app, reference)
+    board.lib.an_single_set_reference(board.app, reference)
     board.run(seconds)
     return [abs(measured) for measured, _, _ in board.reports]
 
@@ -127,49 +128,49 @@ def test_recovery_from_saturation_is_near_the_bound(settled) -> None:
 
 def trip(board, seconds: float = 0.1) -> int:
     board.run_while(board.lib.AN_STATE_RUN, seconds)
-    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT
+    assert board.state == board.lib.AN_STATE_FAULT
     board.run(1e-3)
     assert board.code == board.lib.AN_DAC_MIDDLE
-    return board.app.supervisor.faults
+    return board.faults
 
 
 def test_a_lost_sensor_trips(settled) -> None:
     board = settled()
     step_response(board, 0.12)
     board.sense = lambda: 0.0
-    assert trip(board) == 1 << 6
+    assert trip(board) == Fault.MISMATCH
 
 
 def test_a_reversed_sensor_trips(settled) -> None:
     board = settled(data=known_table(gain=1j * GAIN * DROOP))
-    board.lib.an_single_refer(board.app, 0.12)
-    assert trip(board) & (1 << 6 | 1 << 5 | 1 << 3)
+    board.lib.an_single_set_reference(board.app, 0.12)
+    assert trip(board) & (Fault.MISMATCH | Fault.AMPLITUDE | Fault.SENSOR_CLIPPED)
 
 
 def test_a_sensor_at_the_rail_trips_at_once(settled) -> None:
     board = settled()
     board.sense = lambda: 2.0
-    assert trip(board, 1e-3) == 1 << 3 | 1 << 4
+    assert trip(board, 1e-3) == Fault.SENSOR_CLIPPED | Fault.SENSOR_OFFSET
 
 
 def test_a_trip_silences_the_drive_without_waiting_for_the_main_loop(settled) -> None:
     board = settled()
-    board.lib.an_single_refer(board.app, 0.12)
+    board.lib.an_single_set_reference(board.app, 0.12)
     board.run(10e-3)
     codes = []
     for _ in range(2 * board.lib.AN_PERIOD + board.lib.AN_GAP):
         codes.append(board.lib.an_fast_tick(board.fast, 4095))
         if board.fast.tick == 0:
             board.lib.an_single_slow(board.app)
-    assert board.slow.hand.trips and board.app.supervisor.state == board.lib.AN_STATE_RUN
+    assert board.slow.hand.trips and board.state == board.lib.AN_STATE_RUN
     assert set(codes[-board.lib.AN_PERIOD :]) == {board.lib.AN_DAC_MIDDLE}
 
 
 def test_a_fault_of_the_fast_tick_silences_the_drive_without_the_main_loop(settled) -> None:
     board = settled()
-    board.lib.an_single_refer(board.app, 0.12)
+    board.lib.an_single_set_reference(board.app, 0.12)
     board.run(10e-3)
-    board.fast.faults = 1 << 7
+    board.fast.faults = Fault.FAST_LATE
     codes = []
     for _ in range(2 * board.lib.AN_PERIOD + board.lib.AN_GAP):
         codes.append(board.lib.an_fast_tick(board.fast, 2048))
@@ -181,28 +182,28 @@ def test_a_fault_of_the_fast_tick_silences_the_drive_without_the_main_loop(settl
 def test_an_offset_alone_trips(settled) -> None:
     board = settled(replace(PLATE, noise=0.0))
     board.sense = lambda: 0.3
-    assert trip(board, 1e-3) == 1 << 4
+    assert trip(board, 1e-3) == Fault.SENSOR_OFFSET
 
 
 def test_too_much_motion_trips(settled) -> None:
     board = settled(data=known_table(amplitude_limit=0.3))
     sense = board.sense
-    board.lib.an_single_refer(board.app, 0.25)
+    board.lib.an_single_set_reference(board.app, 0.25)
     board.run(10e-3)
     board.sense = lambda: 1.6 * sense()
-    assert trip(board, 5e-3) & 1 << 5
+    assert trip(board, 5e-3) & Fault.AMPLITUDE
 
 
 def test_a_slow_step_that_does_not_end_in_its_gap_trips(settled) -> None:
     board = settled()
-    board.lib.an_single_refer(board.app, 0.12)
+    board.lib.an_single_set_reference(board.app, 0.12)
     board.run(10e-3)
     codes = [board.lib.an_fast_tick(board.fast, 2048) for _ in range(60)]
-    assert board.fast.faults == 1 << 8
+    assert board.fast.faults == Fault.SLOW_LATE
     assert codes[-1] == 2048
     board.lib.an_single_slow(board.app)
-    board.lib.an_single_poll(board.app)
-    assert board.app.supervisor.faults == 1 << 8
+    board.poll()
+    assert board.faults == Fault.SLOW_LATE
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e30])
@@ -211,13 +212,13 @@ def test_no_drive_that_is_not_a_number_reaches_the_converter(settled, value: flo
     board.fast.drive.re = value
     board.fast.drive.im = value
     assert board.lib.an_fast_tick(board.fast, 2048) == 2048
-    assert board.fast.faults == 1 << 2
+    assert board.fast.faults == Fault.NOT_FINITE
 
 
 def test_no_state_that_is_not_a_number_reaches_the_converter(settled) -> None:
     board = settled()
     board.slow.pi.integral.re = math.nan
-    assert trip(board, 1e-3) & 1 << 2
+    assert trip(board, 1e-3) & Fault.NOT_FINITE
 
 
 def test_a_fault_is_latched_until_cleared(settled) -> None:
@@ -227,11 +228,11 @@ def test_a_fault_is_latched_until_cleared(settled) -> None:
     trip(board, 1e-3)
     board.sense = sense
     board.run(5e-3)
-    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT
+    assert board.state == board.lib.AN_STATE_FAULT
     assert not board.start(0.1)
-    assert board.lib.an_single_clear(board.app)
+    assert board.clear()
     board.run(1e-3)
-    assert board.app.supervisor.state == board.lib.AN_STATE_IDLE and board.app.supervisor.faults == 0
+    assert board.state == board.lib.AN_STATE_IDLE and board.faults == 0
     assert board.start(0.1)
 
 
@@ -239,32 +240,32 @@ def test_a_fault_that_persists_comes_back_after_clearing(settled) -> None:
     board = settled()
     board.sense = lambda: 2.0
     trip(board, 1e-3)
-    assert board.lib.an_single_clear(board.app)
+    assert board.clear()
     board.run(1e-3)
-    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT
+    assert board.state == board.lib.AN_STATE_FAULT
 
 
 @pytest.mark.parametrize("data", [b"\xff" * 4096, to_bytes(ModeTable(200e3, bytes(16), (Mode(31e3, 3e-3),)))])
 def test_without_a_sound_table_nothing_starts_or_clears(hosted, data: bytes) -> None:
     board = hosted(data, PLATE)
     board.run(1e-3)
-    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT and board.app.supervisor.faults == 1
-    assert not board.lib.an_single_clear(board.app) and not board.start(0.1)
+    assert board.state == board.lib.AN_STATE_FAULT and board.faults == Fault.TABLE
+    assert not board.clear() and not board.start(0.1)
     assert board.code == 2048
 
 
 def test_faults_of_the_board_are_kept(hosted) -> None:
-    board = hosted(known_table(), PLATE, faults=1 << 1)
-    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT
-    assert not board.lib.an_single_clear(board.app)
+    board = hosted(known_table(), PLATE, faults=Fault.CLOCK)
+    assert board.state == board.lib.AN_STATE_FAULT
+    assert not board.clear()
 
 
 def test_stop_rests_within_two_windows(settled) -> None:
     board = settled()
     step_response(board, 0.12)
-    board.lib.an_single_stop(board.app)
+    board.stop()
     board.run(3 * PERIOD)
-    assert board.app.supervisor.state == board.lib.AN_STATE_IDLE and board.code == 2048
+    assert board.state == board.lib.AN_STATE_IDLE and board.code == 2048
 
 
 def test_a_plate_without_resonance_fails_to_identify(hosted) -> None:
@@ -272,7 +273,7 @@ def test_a_plate_without_resonance_fails_to_identify(hosted) -> None:
     board.run(1e-3)
     assert board.start()
     board.run_while(board.lib.AN_STATE_IDENTIFY, 6.0)
-    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT and board.app.supervisor.faults == 1 << 9
+    assert board.state == board.lib.AN_STATE_FAULT and board.faults == Fault.IDENTIFY
 
 
 def test_noise_is_not_taken_for_a_resonance(hosted) -> None:
@@ -280,7 +281,7 @@ def test_noise_is_not_taken_for_a_resonance(hosted) -> None:
     board.run(1e-3)
     assert board.start()
     board.run_while(IDENTIFY, 8.0)
-    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT and board.app.supervisor.faults == 1 << 9
+    assert board.state == board.lib.AN_STATE_FAULT and board.faults == Fault.IDENTIFY
 
 
 @pytest.mark.parametrize("half_gap_hz", [30.0, 50.0, 80.0])
@@ -290,7 +291,7 @@ def test_two_resonances_in_one_are_not_vouched_for(hosted, half_gap_hz: float) -
     board.run(1e-3)
     assert board.start()
     board.run_while(IDENTIFY, 8.0)
-    assert board.app.supervisor.state == board.lib.AN_STATE_FAULT and board.app.supervisor.faults == 1 << 9
+    assert board.state == board.lib.AN_STATE_FAULT and board.faults == Fault.IDENTIFY
 
 
 @pytest.mark.parametrize("quality", [100.0, 900.0])
@@ -299,7 +300,7 @@ def test_a_badly_guessed_quality_is_found_and_the_sweep_repeated(hosted, quality
     board.run(1e-3)
     assert board.start()
     board.run_while(IDENTIFY, 12.0)
-    assert board.app.supervisor.state == board.lib.AN_STATE_RUN
+    assert board.state == board.lib.AN_STATE_RUN
     assert board.app.mode.tau_s == pytest.approx(TAU, rel=5e-3)
     assert abs(board.gain) == pytest.approx(GAIN * DROOP, rel=5e-3)
 
@@ -309,7 +310,7 @@ def test_a_very_responsive_plate_is_probed_with_less(hosted) -> None:
     board.run(1e-3)
     assert board.start()
     board.run_while(IDENTIFY, 4.0)
-    assert board.app.supervisor.state == board.lib.AN_STATE_RUN
+    assert board.state == board.lib.AN_STATE_RUN
     assert abs(board.gain) == pytest.approx(60.0 * DROOP, rel=0.02)
 
 
@@ -318,4 +319,4 @@ def test_values_out_of_range_do_not_start(hosted) -> None:
     board.run(1e-3)
     for reference, detuning_hz in ((-0.1, 0), (1.1, 0), (math.nan, 0), (0.1, 501), (0.1, math.nan)):
         assert not board.start(reference, detuning_hz)
-    assert board.app.supervisor.state == board.lib.AN_STATE_IDLE
+    assert board.state == board.lib.AN_STATE_IDLE

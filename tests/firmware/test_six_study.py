@@ -51,12 +51,12 @@ def board(model, make_image, core):
 def play(board, name: str, seconds: float = 0.4) -> np.ndarray:
     """Holds a pattern; returns the drives."""
     pattern = NAMES.index(name)
-    if board.app.supervisor.state == 0:
+    if board.state == 0:
         assert board.call("an_six_start", board.symbol("app"), pattern, 0.0) == 1
     else:
         assert board.call("an_six_change", board.symbol("app"), pattern) == 1
     board.run(seconds)
-    assert board.app.supervisor.state == 2, hex(board.app.supervisor.faults)
+    assert board.state == 2, hex(board.faults)
     return board.drives
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from firmware import build as builder
 from firmware.build import BOARD
-from firmware.host import CORE
+from firmware.host import CORE, PLACES
 from firmware.table_format import header_text
 
 ROOT = Path(builder.__file__).parent
@@ -25,11 +25,11 @@ def run(command: list[str]) -> None:
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
 
 
-@pytest.mark.parametrize("source", sorted(path.name for path in CORE.glob("*.c")))
+@pytest.mark.parametrize("source", sorted(str(path.relative_to(CORE)) for path in CORE.rglob("*.c")))
 def test_gcc_finds_nothing(source: str, tmp_path: Path) -> None:
     if not shutil.which("gcc"):
         pytest.skip("gcc is not installed: its analyzer is what this test runs")
-    flags = [*builder.LANGUAGE, *builder.WARNINGS, *STRICT, "-fanalyzer", "-Wstack-usage=1024", f"-I{CORE}"]
+    flags = [*builder.LANGUAGE, *builder.WARNINGS, *STRICT, "-fanalyzer", "-Wstack-usage=1024", "-O2", *PLACES]
     run(["gcc", *flags, "-c", str(CORE / source), "-o", str(tmp_path / "out.o")])
 
 
@@ -40,8 +40,8 @@ def test_gcc_finds_nothing_in_the_board_s_code(source: str, tmp_path: Path) -> N
         pytest.skip("gcc is not installed: its analyzer is what this test runs")
     (tmp_path / "mode_table.h").write_text(TABLE)
     path = BOARD / source
-    places = [f"-I{part}" for part in (CORE, BOARD, path.parent, tmp_path)]
-    flags = [*builder.LANGUAGE, *builder.WARNINGS, *STRICT, "-Wno-pedantic", "-fanalyzer", "-m32", *places]
+    places = [*PLACES, *(f"-I{part}" for part in (BOARD, path.parent, tmp_path))]
+    flags = [*builder.LANGUAGE, *builder.WARNINGS, *STRICT, "-Wno-pedantic", "-fanalyzer", "-O2", "-m32", *places]
     run(["gcc", *flags, "-S", str(path), "-o", str(tmp_path / "out.s")])
 
 
@@ -55,7 +55,7 @@ def test_cppcheck_finds_nothing() -> None:
             "--enable=warning,performance,portability",
             "--error-exitcode=1",
             *keep,
-            f"-I{CORE}",
+            *PLACES,
             f"-I{BOARD}",
             str(CORE),
             str(BOARD),
@@ -67,7 +67,7 @@ def test_clang_tidy_finds_nothing() -> None:
     if not shutil.which("clang-tidy"):
         pytest.skip("clang-tidy is not installed")
     checks = "-*,bugprone-*,cert-*,clang-analyzer-*,-bugprone-easily-swappable-parameters"
-    sources = [str(path) for path in sorted(CORE.glob("*.c"))]
+    sources = [str(path) for path in sorted(CORE.rglob("*.c"))]
     run(
         [
             "clang-tidy",
@@ -80,13 +80,13 @@ def test_clang_tidy_finds_nothing() -> None:
             "-mcpu=cortex-m4",
             "-ffreestanding",
             "-std=c11",
-            f"-I{CORE}",
+            *PLACES,
         ]
     )
 
 
 def test_the_core_keeps_to_single_precision_and_has_no_globals_that_change() -> None:
-    for path in sorted(CORE.glob("*.[ch]")):
+    for path in sorted(CORE.rglob("*.[ch]")):
         lines = path.read_text().splitlines()
         assert not any("double" in line.split() for line in lines), path.name
         state = [

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from firmware.protocol import Fault
+
 IDLE, IDENTIFY, RUN, FAULT = range(4)
 REST, DWELL, TRACK = range(3)
 NONE, TO_REST, MEASURE = range(3)
@@ -23,8 +25,8 @@ def test_a_fault_rests_is_latched_and_left_only_when_it_can_be(core, supervisor,
     core.lib.an_supervisor_begin(supervisor, RUN)
     assert core.lib.an_supervisor_decide(supervisor, TRACK, 1 << fault, 1, 2e-4) == TO_REST
     assert supervisor.state == FAULT and supervisor.first == 1 << fault
-    assert core.lib.an_supervisor_decide(supervisor, REST, 1 << 5, 2, 2e-4) == NONE
-    assert supervisor.faults == 1 << fault | 1 << 5 and supervisor.first == 1 << fault
+    assert core.lib.an_supervisor_decide(supervisor, REST, Fault.AMPLITUDE, 2, 2e-4) == NONE
+    assert supervisor.faults == 1 << fault | Fault.AMPLITUDE and supervisor.first == 1 << fault
     assert core.lib.an_supervisor_may_clear(supervisor) == clearable
     if clearable:
         core.lib.an_supervisor_clear(supervisor)
@@ -38,7 +40,7 @@ def test_a_host_that_started_must_keep_talking_one_at_the_board_need_not(core, s
     core.lib.an_supervisor_bind_host(supervisor, 10**6)
     assert core.lib.an_supervisor_decide(supervisor, TRACK, 0, 10**6 + 2499, 2e-4) == NONE
     assert core.lib.an_supervisor_decide(supervisor, TRACK, 0, 10**6 + 2502, 2e-4) == TO_REST
-    assert supervisor.faults == 1 << 10
+    assert supervisor.faults == Fault.HOST_SILENT
 
 
 @pytest.mark.parametrize(
@@ -47,14 +49,14 @@ def test_a_host_that_started_must_keep_talking_one_at_the_board_need_not(core, s
 def test_a_job_that_the_state_does_not_know_is_a_fault(core, supervisor, state: int, kind: int) -> None:
     core.lib.an_supervisor_enter(supervisor, state)
     assert core.lib.an_supervisor_decide(supervisor, kind, 0, 1, 2e-4) == TO_REST
-    assert supervisor.faults == 1 << 16
+    assert supervisor.faults == Fault.MEMORY
 
 
 @pytest.mark.parametrize("bit", range(32))
 def test_a_state_word_with_a_flipped_bit_is_a_fault(core, supervisor, bit: int) -> None:
     supervisor.inverse ^= 1 << bit
     assert core.lib.an_supervisor_decide(supervisor, REST, 0, 1, 2e-4) == TO_REST
-    assert supervisor.state == FAULT and supervisor.faults == 1 << 16
+    assert supervisor.state == FAULT and supervisor.faults == Fault.MEMORY
 
 
 def test_stop_ends_a_measurement_and_does_nothing_at_rest(core, supervisor) -> None:

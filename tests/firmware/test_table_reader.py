@@ -38,9 +38,9 @@ def opened(core, data: bytes) -> int:
 
 def test_sizes_and_versions_are_those_of_the_exporter(core) -> None:
     lib = core.lib
-    assert layout.HEADER.size == lib.AN_TABLE_HEADER_BYTES
-    assert layout.MODE.size == lib.AN_TABLE_MODE_BYTES
-    assert layout.SHAPE.size == lib.AN_TABLE_SHAPE_BYTES
+    assert layout.HEADER.itemsize == lib.AN_TABLE_HEADER_BYTES
+    assert layout.MODE.itemsize == lib.AN_TABLE_MODE_BYTES
+    assert layout.SHAPE.itemsize == lib.AN_TABLE_SHAPE_BYTES
     assert lib.AN_TABLE_MAX_BYTES == layout.MAX_BYTES
     assert lib.AN_TABLE_VERSION == layout.VERSION
     assert lib.AN_CHANNELS == layout.CHANNELS

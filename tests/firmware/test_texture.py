@@ -42,7 +42,7 @@ def test_samples_last_their_time_and_the_last_stays(core, texture) -> None:
     result = [lib.an_texture_step(texture) for _ in range(12)]
     assert result[:9] == pytest.approx([1.0] * 3 + [0.0] * 3 + [32768 / 65535] * 3, abs=1e-6)
     assert result[9:] == result[8:9] * 3
-    assert texture.starved == 1
+    assert texture.underruns == 1
 
 
 def test_a_full_ring_takes_no_more(core, texture) -> None:

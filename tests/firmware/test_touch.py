@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from firmware.emulate.plant import Plate, Resonance, hold
+from firmware.protocol import Fault
 from pipeline.board.table_file import Mode, ModeTable, to_bytes
 
 TRUE = 31437.3
 DROOP = abs(hold(TRUE, 250e3))
 IDLE, IDENTIFY, RUN, FAULT = range(4)
-MISMATCH, CLIPPED, OFFSET = 1 << 6, 1 << 3, 1 << 4
+MISMATCH, CLIPPED, OFFSET = Fault.MISMATCH, Fault.SENSOR_CLIPPED, Fault.SENSOR_OFFSET
 RAMP_S = 50e-3
 
 
@@ -82,7 +83,7 @@ def test_a_plate_that_warms_by_ten_kelvin_is_followed(make, quality: float) -> N
     assert rig.state == RUN
     assert np.array(sizes) == pytest.approx(0.1, rel=5e-3)
     assert rig.frequency_hz == pytest.approx(TRUE - 75.0, abs=2.0)
-    rig.lib.an_single_stop(rig.pointer)
+    rig.stop()
     rig.run(1e-3)
     assert rig.state == IDLE and rig.start(0.1)
     rig.run(20e-3)
@@ -113,13 +114,13 @@ def test_95_percent_within_2_ms_at_any_moment_of_a_window(make, quality: float) 
     """The true envelope of a step to a fifth of what full drive holds, over the phases of the step in a window."""
     rig = make(quality, noise=0.0)
     assert rig.start(0.1)
-    rig.refer(0.0)
+    rig.set_reference(0.0)
     rig.run(0.1)
     reference = 0.2 * 0.8 * DROOP
     for phase in range(0, 50, 10):
         saved = rig.save()
         rig.lib.rig_run(rig.rig, phase, rig.ffi.NULL, 0)
-        rig.refer(reference)
+        rig.set_reference(reference)
         rig.run(2.0e-3)
         plate = rig.rig.plate
         motion = math.hypot(*plate.state[0]) * math.hypot(*plate.residue[0])
@@ -162,7 +163,7 @@ def test_textures_are_no_limit_cycles(make, quality: float, rate_hz: float, touc
     assert rig.start(0.8 * 0.8 * DROOP)
     if touched:
         ramp(rig, first, 0.2, 80.0, on=True)
-    assert rig.lib.an_texture_sine(rig.ffi.addressof(rig.app, "texture"), rate_hz, 1.0, 5000.0)
+    assert rig.lib.an_texture_sine(rig.ffi.addressof(rig.app.base, "texture"), rate_hz, 1.0, 5000.0)
     rig.run(1.0)
     assert rig.state == RUN, hex(rig.faults)
 
@@ -173,7 +174,7 @@ def test_noise_is_no_fault(make, noise: float) -> None:
     assert rig.start(0.1 * 0.8 * DROOP)
     rig.run(1.0)
     assert rig.state == RUN
-    rig.refer(0.0)
+    rig.set_reference(0.0)
     rig.run(1.0)
     assert rig.state == RUN
 
@@ -209,7 +210,7 @@ def test_a_sensor_that_is_dead_before_the_start_is_never_driven_hard(make, quali
     rig = make(table=guessed(quality))
     rig.rig.plate.sensor = rig.lib.RIG_DEAD
     assert identified(rig, 61.0) <= 0.16 * 0.85 * 1.001
-    assert rig.state == FAULT and rig.faults == 1 << 9
+    assert rig.state == FAULT and rig.faults == Fault.IDENTIFY
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -218,18 +219,18 @@ def test_a_resonance_beyond_the_search_ends_quietly(make, seed: int) -> None:
     rig = make(table=guessed(1000.0), resonances=(own,))
     rig.rig.plate.random += seed
     assert identified(rig, 61.0) <= 0.16 * 0.85 * 1.001
-    assert rig.state == FAULT and rig.faults == 1 << 9
+    assert rig.state == FAULT and rig.faults == Fault.IDENTIFY
 
 
 def test_identification_ends_within_a_minute(make) -> None:
     rig = make(table=guessed(8000.0), resonances=(Resonance(TRUE, tau_of(8000.0), 0.8),))
     identified(rig, 61.0)
-    assert rig.state == FAULT and rig.faults == 1 << 9
+    assert rig.state == FAULT and rig.faults == Fault.IDENTIFY
 
 
 def test_identify_alone_measures_and_rests(make) -> None:
     rig = make(table=known(300.0, 0.5))
-    assert rig.lib.an_single_identify(rig.pointer)
+    assert rig.identify()
     rig.run_while(IDENTIFY, 4.0)
     assert rig.state == IDLE and rig.rig.code == 2048
     assert abs(complex(rig.app.mode.gain.re, rig.app.mode.gain.im)) == pytest.approx(0.8 * DROOP, rel=5e-3)

@@ -22,18 +22,19 @@ def single_status(
     offset: float = 0.0,
     first: int = 0,
     flags: int = 1,
+    reference: float = 0.0,
 ) -> bytes:
     """A status of the single build: 31250 Hz, 3 ms, gain 0.75, at rest."""
     mode = (31250.0, 0.0, 3e-3, 0.75, 0.0, 9e-6, 0.0)
     return struct.pack(
-        "<BBBBIIIII13f", state, 0, 0, flags, faults, first, windows, 0, cycles, *mode, *[0.0] * 5, offset
+        "<BBBBIIIII13f", state, 0, 0, flags, faults, first, windows, 0, cycles, *mode, reference, *[0.0] * 4, offset
     )
 
 
 STATUS = single_status()
 SIX_STATUS = struct.pack("<BBBBIIIII16f", 0, 1, 2, 1, 0, 0, 7, 0, 900, 2400.0, 1.5, 0.3, 0.0, *[0.1] * 12)
 IDENTITY = bytes([PROTOCOL, 1, 1, 3]) + bytes(range(16))
-HEALTH = struct.pack("<10I", 1, 3, 0x08000123, 0x08000200, 0x400, 180_000_000, 210, 900, 90_000, 512)
+HEALTH = struct.pack("<11I", 1, 3, 0x08000123, 0x08000200, 0x400, 180_000_000, 210, 900, 90_000, 512, 3)
 RECORD = struct.pack("<I5f", 7, 0.1, 0.0, 0.2, 0.0, 0.1)
 
 Spoil = Callable[[Message], bytes]
@@ -42,7 +43,14 @@ Spoil = Callable[[Message], bytes]
 def sound(request: Message, status: bytes = STATUS) -> Message:
     """The reply of a board that grants everything."""
     samples = bytes([len(request.payload) // 2])
-    more = {Kind.STATUS: status, Kind.IDENTITY: IDENTITY, Kind.HEALTH: HEALTH, Kind.SAMPLES: samples}
+    captured = struct.pack("<HHB4H", 4, 4, 2, 2048, 2049, 2050, 2051)
+    more = {
+        Kind.STATUS: status,
+        Kind.IDENTITY: IDENTITY,
+        Kind.HEALTH: HEALTH,
+        Kind.SAMPLES: samples,
+        Kind.CAPTURED: captured,
+    }
     return Message(request.kind | REPLY, request.sequence, b"\0" + more.get(Kind(request.kind), b""))
 
 

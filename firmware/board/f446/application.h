@@ -5,9 +5,12 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "an_button.h"
-#include "an_link.h"
-#include "an_supervisor.h"
+#include "an_application.h"
+#include "an_capture.h"
+
+/* Its state, and what it gives to what both builds share. */
+an_application *application_state(void);
+extern const an_build *const application_build;
 
 /* Reads a table and rests; faults are those found before. */
 void application_boot(const uint8_t *table, uint32_t length, uint32_t faults);
@@ -20,25 +23,24 @@ void application_stop_sampling(void);
 /* Samples have stopped to come: gets them going again. */
 void application_revive(void);
 
-/* One pass of the main loop. */
-void application_poll(void);
+/* What a pass of the main loop has to do for this build's outputs. */
+void application_serve_outputs(void);
 
-/* A fault: found by the main loop, or in an interrupt of PRIORITY_FAST, where the outputs are safe on return. */
+/* A fault found in an interrupt of PRIORITY_FAST: the outputs are safe on return. */
 void application_trip(uint32_t fault);
-void application_trip_now(uint32_t fault);
 
 /* Faults that a look from outside finds in what the interrupts rely on. */
 uint32_t application_check(void);
 
-/* What a press of the button orders. */
-void application_obey(an_order order);
+/* As the button orders it. */
+void application_start(void);
 
-const an_supervisor *application_supervisor(void);
-void application_link(an_link *link);
 void application_record(float *record);
 
-/* Longest fast and slow interrupt so far, cycles. */
-uint32_t application_fast_cycles(void);
+/* What the converters of so many channels see and are told goes into it. */
+void application_capture(an_capture *capture);
+
+/* Longest slow interrupt so far, cycles. */
 uint32_t application_slow_cycles(void);
 
 /* Moves with every sample; moves with every window; moves with every answer to a window. */

@@ -47,6 +47,9 @@ void record_healthy(void);
 void record_exception(uint32_t exception, uint32_t pc, uint32_t lr, uint32_t cfsr);
 const board_record *record_get(void);
 
+/* RAM that keeps what is in it through any reset, and without supply as long as VBAT has one; NULL when there is none. */
+uint8_t *backup_start(void);
+
 /* 921600 baud, eight bits, on the connector of the debugger; both directions by DMA, never blocking. */
 enum { UART_SEND_MAX = 256, UART_RECEIVE_ROOM = 1024 };
 void uart_init(void);

@@ -32,11 +32,11 @@ void SysTick_Handler(void)
     samples = application_samples();
     if (samples == seen) {
         standstill = true;
-        application_trip_now(AN_FAULT_FAST_LATE);
+        application_trip(AN_FAULT_FAST_LATE);
     }
     const uint32_t found = application_check() | (clock_supply_is_low() ? AN_FAULT_SUPPLY : 0u);
     if (found != 0u) {
-        application_trip_now(found);
+        application_trip(found);
     }
 }
 

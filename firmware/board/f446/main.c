@@ -1,6 +1,7 @@
 /* The main loop of both builds. */
 #include "an_button.h"
 #include "an_faults.h"
+#include "an_link.h"
 #include "application.h"
 #include "board.h"
 #include "guard.h"
@@ -10,6 +11,9 @@
 enum { HEALTHY = GUARD_RATE_HZ }; /* looks of the guard: a second */
 
 static an_link line;
+static an_capture capture;
+static an_keeping keeping;
+static uint8_t *backup;
 
 int main(void);
 
@@ -23,7 +27,7 @@ static void boot(uint32_t faults)
 /* A new table answers for the old one's faults, and for no other. */
 static void store_staged(void)
 {
-    const uint32_t kept = application_supervisor()->faults & ~(uint32_t)(AN_FAULT_TABLE | AN_FAULT_FLASH);
+    const uint32_t kept = application_state()->supervisor.faults & ~(uint32_t)(AN_FAULT_TABLE | AN_FAULT_FLASH);
     guard_stop();
     application_stop_sampling();
     const bool done = store_write(line.staged, line.staged_length);
@@ -61,15 +65,29 @@ static void tell_health(uint32_t main_cycles)
     health[AN_HEALTH_LR] = record->lr;
     health[AN_HEALTH_CFSR] = record->cfsr;
     health[AN_HEALTH_CORE_HZ] = clock_core_hz();
-    health[AN_HEALTH_FAST_CYCLES] = application_fast_cycles();
+    health[AN_HEALTH_FAST_CYCLES] = application_state()->worst_cycles;
     health[AN_HEALTH_SLOW_CYCLES] = application_slow_cycles();
     health[AN_HEALTH_MAIN_CYCLES] = main_cycles;
+    health[AN_HEALTH_KEPT] = keeping.state;
 }
 
 static void serve_button(an_button *button)
 {
-    const an_order order = an_button_order(button, button_pressed(), guard_count(), application_supervisor()->state);
-    application_obey(order);
+    an_application *app = application_state();
+    switch (an_button_order(button, button_pressed(), guard_count(), app->supervisor.state)) {
+    case AN_ORDER_START:
+        application_start();
+        break;
+    case AN_ORDER_STOP:
+        an_application_stop(app);
+        break;
+    case AN_ORDER_CLEAR:
+        an_application_clear(app, application_build);
+        break;
+    case AN_ORDER_NONE:
+    default:
+        break;
+    }
 }
 
 static void serve_guard(void)
@@ -90,10 +108,12 @@ int main(void)
     const uint32_t watchdog = record_boot() ? AN_FAULT_WATCHDOG : 0u;
     const uint32_t clock = clock_start() ? 0u : AN_FAULT_CLOCK;
     debug_init();
+    backup = backup_start();
     clock_count_cycles();
     boot(watchdog | clock);
     an_button_init(&button, GUARD_RATE_HZ);
-    application_link(&line);
+    application_capture(&capture);
+    an_link_init(&line, application_state(), application_build, &capture);
     application_init();
     uart_init();
     watchdog_start();
@@ -101,8 +121,10 @@ int main(void)
     guard_start();
     for (;;) {
         const uint32_t begin = DWT->CYCCNT;
-        application_poll();
+        an_application_poll(application_state(), application_build);
+        application_serve_outputs();
         serve_line();
+        an_application_keep(application_state(), application_build, backup, &keeping);
         serve_button(&button);
         serve_guard();
         watchdog_feed(application_windows(), application_answers());

@@ -51,6 +51,7 @@ enum {
     RCC_AHB1ENR_GPIOAEN = 1 << 0,
     RCC_AHB1ENR_GPIOBEN = 1 << 1,
     RCC_AHB1ENR_GPIOCEN = 1 << 2,
+    RCC_AHB1ENR_BKPSRAMEN = 1 << 18,
     RCC_AHB1ENR_DMA1EN = 1 << 21,
     RCC_AHB1ENR_DMA2EN = 1 << 22,
     RCC_APB1ENR_TIM2EN = 1 << 0,
@@ -73,11 +74,13 @@ REGISTER_AT(pwr_regs, CSR, 0x04);
 
 enum {
     PWR_CR_PVDE = 1 << 4,
+    PWR_CR_DBP = 1 << 8,
     PWR_CR_PLS_2V9 = 7 << 5,
     PWR_CR_VOS_SCALE1 = 3 << 14,
     PWR_CR_ODEN = 1 << 16,
     PWR_CR_ODSWEN = 1 << 17,
     PWR_CSR_PVDO = 1 << 2,
+    PWR_CSR_BRE = 1 << 9,
     PWR_CSR_ODRDY = 1 << 16,
     PWR_CSR_ODSWRDY = 1 << 17
 };
@@ -384,6 +387,7 @@ enum { DWT_CTRL_CYCCNTENA = 1 << 0, DEMCR_TRCENA = 1 << 24 };
 #define ADC_COMMON ((adc_common_regs *)0x40012300u)
 #define DAC ((dac_regs *)0x40007400u)
 #define USART2 ((usart_regs *)0x40004400u)
+#define BACKUP 0x40024000u /* RAM of BACKUP_BYTES */
 #define DMA1 ((dma_regs *)0x40026000u)
 #define DMA2 ((dma_regs *)0x40026400u)
 #define IWDG ((iwdg_regs *)0x40003000u)
@@ -393,6 +397,8 @@ enum { DWT_CTRL_CYCCNTENA = 1 << 0, DEMCR_TRCENA = 1 << 24 };
 #define NVIC ((nvic_regs *)0xe000e100u)
 #define DWT ((dwt_regs *)0xe0001000u)
 #define DEMCR (*(reg *)0xe000edfcu)
+
+enum { BACKUP_BYTES = 4096 };
 
 enum { ADC_IRQ = 18, TIM1_BRK_IRQ = 24, TIM8_BRK_IRQ = 43, DMA2_STREAM0_IRQ = 56, INTERRUPTS = 97 };
 

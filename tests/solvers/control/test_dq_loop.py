@@ -259,10 +259,10 @@ def test_the_firmware_itself_follows_the_same_path(firmware, reference, detuning
     board = HostedSingle(to_bytes(table), plate)
     board.run(1e-3)
     assert board.start(0.1, detuning)
-    board.lib.an_single_refer(board.app, 0.0)
+    board.lib.an_single_set_reference(board.app, 0.0)
     board.run(40e-3)
     board.reports.clear()
-    board.lib.an_single_refer(board.app, reference)
+    board.lib.an_single_set_reference(board.app, reference)
     board.run(12e-3)
     theirs = np.array([measured for measured, _, _ in board.reports])
     sensed = replace(PLANT, gain=-0.8j)
@@ -327,7 +327,7 @@ def test_references_may_change_in_time():
 
 def test_constants_are_the_firmwares():
     """Its own time constant of the loop and the gain it allows a neighbour, as its source states them."""
-    source = (Path(__file__).resolve().parents[3] / "firmware" / "core" / "an_single.c").read_text()
+    source = (Path(__file__).resolve().parents[3] / "firmware" / "core" / "single" / "an_single.c").read_text()
     stated = {name: float(value) for name, value in re.findall(r"#define (AN_\w+) ([0-9.e-]+)f", source)}
     assert (stated["AN_RESPONSE_S"], stated["AN_NEIGHBOUR_LOOP"]) == (FIRMWARE_RESPONSE_S, NEIGHBOUR_LOOP)
     assert stated["AN_LEAVING_S"] == LEAVING_S

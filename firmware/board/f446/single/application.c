@@ -9,6 +9,20 @@
 
 static an_single app;
 static uint32_t slow_cycles;
+static an_capture *captured;
+
+const an_build *const application_build = &an_single_build;
+
+an_application *application_state(void)
+{
+    return &app.base;
+}
+
+void application_capture(an_capture *capture)
+{
+    an_capture_init(capture, 1u);
+    captured = capture;
+}
 
 void ADC_IRQHandler(void);
 void PendSV_Handler(void);
@@ -19,11 +33,14 @@ void ADC_IRQHandler(void)
     if (converters_lost_one()) {
         app.fast.faults |= AN_FAULT_FAST_LATE;
     }
-    converters_drive(an_fast_tick(&app.fast, converters_sample()));
+    const uint16_t sample = (uint16_t)converters_sample();
+    const uint16_t code = (uint16_t)an_fast_tick(&app.fast, sample);
+    converters_drive(code);
+    an_capture_take(captured, &sample, &code);
     if (app.fast.tick == 0u) {
         SCB->ICSR = SCB_ICSR_PENDSVSET; /* the slow step, as soon as nothing more urgent runs */
     }
-    note_cycles(&app.worst_cycles, begin);
+    note_cycles(&app.base.worst_cycles, begin);
 }
 
 void PendSV_Handler(void)
@@ -31,11 +48,6 @@ void PendSV_Handler(void)
     const uint32_t begin = DWT->CYCCNT;
     an_single_slow(&app);
     note_cycles(&slow_cycles, begin);
-}
-
-uint32_t application_fast_cycles(void)
-{
-    return app.worst_cycles;
 }
 
 uint32_t application_slow_cycles(void)
@@ -68,17 +80,12 @@ void application_revive(void)
     converters_revive();
 }
 
-void application_poll(void)
+/* The DAC follows its code: nothing to open or close. */
+void application_serve_outputs(void)
 {
-    an_single_poll(&app);
 }
 
 void application_trip(uint32_t fault)
-{
-    an_single_trip(&app, fault);
-}
-
-void application_trip_now(uint32_t fault)
 {
     app.fast.faults |= fault;
     board_outputs_safe();
@@ -89,25 +96,9 @@ uint32_t application_check(void)
     return an_single_check(&app);
 }
 
-void application_obey(an_order order)
+void application_start(void)
 {
-    if (order == AN_ORDER_START) {
-        an_single_start(&app, 0.0f, 0.0f);
-    } else if (order == AN_ORDER_STOP) {
-        an_single_stop(&app);
-    } else if (order == AN_ORDER_CLEAR) {
-        an_single_clear(&app);
-    }
-}
-
-const an_supervisor *application_supervisor(void)
-{
-    return &app.supervisor;
-}
-
-void application_link(an_link *link)
-{
-    an_link_init(link, an_single_obey, &app);
+    an_single_start(&app, 0.0f, 0.0f);
 }
 
 void application_record(float *record)

@@ -14,6 +14,20 @@ _Static_assert((int)AN_SIX == (int)BRIDGES && (int)AN_SIX == (int)SCAN_CHANNELS,
 static an_six app;
 static uint32_t slow_cycles;
 static uint16_t duty[BRIDGES];
+static an_capture *captured;
+
+const an_build *const application_build = &an_six_build;
+
+an_application *application_state(void)
+{
+    return &app.base;
+}
+
+void application_capture(an_capture *capture)
+{
+    an_capture_init(capture, BRIDGES);
+    captured = capture;
+}
 
 void DMA2_Stream0_IRQHandler(void);
 void PendSV_Handler(void);
@@ -28,13 +42,15 @@ void DMA2_Stream0_IRQHandler(void)
     }
     an_six_tick(&app.fast, scan_samples, duty);
     bridges_set(duty);
+    an_capture_take(captured, scan_samples, duty);
+    app.fast.faults |= an_six_check(&app);
     if (app.fast.faults != 0u) {
         bridges_off();
     }
     if (app.fast.tick == 0u) {
         SCB->ICSR = SCB_ICSR_PENDSVSET; /* the slow step, as soon as nothing more urgent runs */
     }
-    note_cycles(&app.worst_cycles, begin);
+    note_cycles(&app.base.worst_cycles, begin);
 }
 
 void PendSV_Handler(void)
@@ -47,11 +63,6 @@ void PendSV_Handler(void)
     note_cycles(&slow_cycles, begin);
 }
 
-uint32_t application_fast_cycles(void)
-{
-    return app.worst_cycles;
-}
-
 uint32_t application_slow_cycles(void)
 {
     return slow_cycles;
@@ -61,7 +72,7 @@ uint32_t application_slow_cycles(void)
 static void broken(void)
 {
     bridges_deafen();
-    application_trip_now(AN_FAULT_BREAK);
+    application_trip(AN_FAULT_BREAK);
 }
 
 void TIM1_BRK_TIM9_IRQHandler(void)
@@ -109,25 +120,25 @@ void application_revive(void)
 static void close_gates(void)
 {
     __asm volatile("cpsid i" ::: "memory");
-    if ((app.fast.faults | app.slow.hand.trips | app.slow.hand.outside) == 0u && !bridges_broken()) {
+    if ((app.fast.faults | app.slow.hand.trips) == 0u && !bridges_broken()) {
         bridges_on();
     }
     __asm volatile("cpsie i" ::: "memory");
 }
 
-static void serve_gates(void)
+void application_serve_outputs(void)
 {
     static bool closed;
     static uint32_t cleared;
-    if (app.supervisor.cleared != cleared) {
-        cleared = app.supervisor.cleared;
+    if (app.base.supervisor.cleared != cleared) {
+        cleared = app.base.supervisor.cleared;
         bridges_listen();
     }
     if (bridges_broken()) {
         bridges_off();
-        application_trip(AN_FAULT_BREAK);
+        an_six_build.trip(&app.base, AN_FAULT_BREAK);
     }
-    if (!an_supervisor_drives(&app.supervisor)) {
+    if (!an_supervisor_drives(&app.base.supervisor)) {
         bridges_off();
         closed = false;
     } else if (!closed) {
@@ -136,18 +147,7 @@ static void serve_gates(void)
     }
 }
 
-void application_poll(void)
-{
-    an_six_poll(&app);
-    serve_gates();
-}
-
 void application_trip(uint32_t fault)
-{
-    an_six_trip(&app, fault);
-}
-
-void application_trip_now(uint32_t fault)
 {
     bridges_off();
     app.fast.faults |= fault;
@@ -158,25 +158,9 @@ uint32_t application_check(void)
     return an_six_check(&app);
 }
 
-void application_obey(an_order order)
+void application_start(void)
 {
-    if (order == AN_ORDER_START) {
-        an_six_start(&app, 0u, 0.0f);
-    } else if (order == AN_ORDER_STOP) {
-        an_six_stop(&app);
-    } else if (order == AN_ORDER_CLEAR) {
-        an_six_clear(&app);
-    }
-}
-
-const an_supervisor *application_supervisor(void)
-{
-    return &app.supervisor;
-}
-
-void application_link(an_link *link)
-{
-    an_link_init(link, an_six_obey, &app);
+    an_six_start(&app, 0u, 0.0f);
 }
 
 void application_record(float *record)

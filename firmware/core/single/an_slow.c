@@ -129,7 +129,7 @@ void an_slow_step(an_slow *slow, an_fast *fast)
         take_job(slow, fast);
     }
     const an_job *job = &slow->jobs[slow->hand.active & 1u];
-    slow->hand.trips |= slow->hand.outside | fast->faults | check_measurement(window, &phasor, job->amplitude_limit2);
+    slow->hand.trips |= fast->faults | check_measurement(window, &phasor, job->amplitude_limit2);
     fast->command.drive = slow->hand.trips == 0u ? do_job(slow, job, phasor.tone) : an_cplx(0.0f, 0.0f);
     slow->measured = phasor;
     fast->command.step = job->step;

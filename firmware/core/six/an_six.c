@@ -1,5 +1,6 @@
 #include "an_six.h"
 
+#include "an_bytes.h"
 #include "an_clear.h"
 #include "an_complex.h"
 #include "an_dds.h"
@@ -16,16 +17,16 @@
 #define AN_SOFT 0.25f      /* time constants that a pattern takes to fade in */
 #define AN_PERIODS 2.0f /* of the carrier, at least, in a window */
 
-enum { WINDOW_LEAST = 46, PROBE_AVERAGE = 8 };
+enum { BUILD_NUMBER = 6, WINDOW_LEAST = 46, PROBE_AVERAGE = 8, VALUES_BYTES = 8 * AN_SIX * AN_SIX };
 
 static float period_s(const an_six *app)
 {
-    return (float)(app->window + AN_SIX_GAP) / app->sample_rate_hz;
+    return (float)(app->window + AN_SIX_GAP) / app->base.sample_rate_hz;
 }
 
 static void choose_window(an_six *app)
 {
-    const uint32_t fitting = (uint32_t)(AN_PERIODS * app->sample_rate_hz / app->shape.frequency_hz + 0.5f);
+    const uint32_t fitting = (uint32_t)(AN_PERIODS * app->base.sample_rate_hz / app->shape.frequency_hz + 0.5f);
     app->window = fitting > WINDOW_LEAST ? fitting : (uint32_t)WINDOW_LEAST;
 }
 
@@ -47,13 +48,15 @@ static an_six_job *new_job(an_six *app, uint32_t kind)
     return job;
 }
 
-static bool post_rest(an_six *app, uint32_t clear)
+static bool post_rest(an_application *base, bool clear)
 {
+    an_six *app = (an_six *)base;
     an_six_job *job = new_job(app, AN_JOB_REST);
+    app->slow.reference = 0.0f;
     if (job == NULL) {
         return false;
     }
-    job->clear = clear;
+    job->clear = clear ? 1u : 0u;
     an_handover_post(&app->slow.hand);
     return true;
 }
@@ -71,22 +74,15 @@ static bool post_dwell(an_six *app)
     return true;
 }
 
-static void rest(an_six *app)
-{
-    app->slow.reference = 0.0f;
-    post_rest(app, 0u);
-}
-
 static void fail(an_six *app, an_fault fault)
 {
-    an_supervisor_fail(&app->supervisor, fault);
-    rest(app);
+    an_application_fail(&app->base, &an_six_build, fault);
 }
 
 static void read_targets(const an_six *app, an_complex *targets)
 {
     for (uint32_t i = 0u; i < AN_SIX; i++) {
-        targets[i] = i < app->channels ? an_table_target(&app->table, app->shape_index, app->pattern, i)
+        targets[i] = i < app->channels ? an_table_target(&app->table, app->base.slot, app->pattern, i)
                                        : an_cplx(0.0f, 0.0f);
     }
 }
@@ -123,10 +119,10 @@ static bool post_track(an_six *app)
 static void begin_run(an_six *app)
 {
     app->reachable = reach_of(app);
-    an_six_refer(app, app->half_reach ? 0.5f * app->reachable : app->wanted_reference);
+    an_six_set_reference(app, app->half_reach ? 0.5f * app->reachable : app->wanted_reference);
     app->half_reach = false;
     if (post_track(app)) {
-        an_supervisor_enter(&app->supervisor, AN_STATE_RUN);
+        an_supervisor_enter(&app->base.supervisor, AN_STATE_RUN);
     } else {
         fail(app, AN_FAULT_SHAPING);
     }
@@ -138,8 +134,9 @@ static void begin_column(an_six *app, uint32_t actuator)
     app->probe_level = AN_PROBE_LEVEL * app->shape.drive_limit;
 }
 
-static void begin_identify(an_six *app)
+static void begin_identify(an_application *base)
 {
+    an_six *app = (an_six *)base;
     app->probing = 0u;
     begin_column(app, 0u);
 }
@@ -149,7 +146,7 @@ static void read_matrix(an_six *app)
     an_complex column[AN_SIX];
     for (uint32_t j = 0u; j < app->channels; j++) {
         for (uint32_t i = 0u; i < app->channels; i++) {
-            column[i] = an_table_matrix(&app->table, app->shape_index, i, j);
+            column[i] = an_table_matrix(&app->table, app->base.slot, i, j);
         }
         an_shaping_set(&app->shaping, j, column, 1.0f);
     }
@@ -159,9 +156,9 @@ static void read_matrix(an_six *app)
 static void read_shape(an_six *app, uint32_t index)
 {
     an_table_shape(&app->table, index, &app->shape);
-    app->shape_index = index;
+    app->base.slot = index;
     app->channels = app->table.sensor_count;
-    app->step = an_dds_step(app->shape.frequency_hz, app->sample_rate_hz);
+    app->step = an_dds_step(app->shape.frequency_hz, app->base.sample_rate_hz);
     app->identified = 0u;
     app->reachable = 0.0f;
     an_shaping_init(&app->shaping, app->channels);
@@ -171,7 +168,7 @@ static void read_shape(an_six *app, uint32_t index)
     }
 }
 
-an_table_result an_six_accepts(const an_table *table, float sample_rate_hz)
+static an_table_result accepts(const an_table *table, float sample_rate_hz)
 {
     if (table->shape_count == 0u || table->sample_rate_hz != sample_rate_hz) {
         return AN_TABLE_OTHER_BUILD;
@@ -188,66 +185,55 @@ an_table_result an_six_accepts(const an_table *table, float sample_rate_hz)
 
 void an_six_boot(an_six *app, const uint8_t *table, uint32_t length, float sample_rate_hz, uint32_t faults)
 {
+    const uint32_t chosen = app->base.chosen;
+    const uint32_t measured = app->base.measured;
     an_clear(app, sizeof *app);
-    an_texture_init(&app->texture);
-    app->sample_rate_hz = sample_rate_hz;
+    app->base.chosen = chosen;
+    app->base.measured = measured;
+    app->base.sample_rate_hz = sample_rate_hz;
     app->step = an_dds_step(0.1f * sample_rate_hz, sample_rate_hz);
     app->window = WINDOW_LEAST;
     const bool accepted = an_table_open(&app->table, table, length) == AN_TABLE_OK &&
-                          an_six_accepts(&app->table, sample_rate_hz) == AN_TABLE_OK;
+                          accepts(&app->table, sample_rate_hz) == AN_TABLE_OK;
     if (accepted) {
         read_shape(app, 0u);
     }
     const bool ready = an_six_slow_init(&app->slow, &app->fast, app->step, app->window) && accepted;
-    an_supervisor_boot(&app->supervisor, ready ? faults : faults | AN_FAULT_TABLE);
-}
-
-static bool is_ready(an_six *app)
-{
-    return app->supervisor.state == AN_STATE_IDLE && an_six_slow_vacant(&app->slow) != NULL;
+    an_application_boot(&app->base, sample_rate_hz, ready ? faults : faults | AN_FAULT_TABLE);
 }
 
 bool an_six_choose(an_six *app, uint32_t shape)
 {
-    if (shape >= app->table.shape_count || !is_ready(app)) {
+    if (shape >= app->table.shape_count || !an_application_is_ready(&app->base, &an_six_build)) {
         return false;
     }
     read_shape(app, shape);
-    return post_rest(app, 0u);
+    app->base.chosen++;
+    return post_rest(&app->base, false);
 }
 
 bool an_six_start(an_six *app, uint32_t pattern, float reference)
 {
-    if (pattern >= app->shape.pattern_count || !(reference >= 0.0f && reference <= 1.0f) || !is_ready(app)) {
+    if (pattern >= app->shape.pattern_count || !an_application_may_refer(reference) ||
+        !an_application_is_ready(&app->base, &an_six_build)) {
         return false;
     }
     app->pattern = pattern;
     app->wanted_reference = reference;
     app->half_reach = reference == 0.0f;
     if (app->identified != 0u) {
-        an_supervisor_begin(&app->supervisor, AN_STATE_RUN);
+        an_supervisor_begin(&app->base.supervisor, AN_STATE_RUN);
         begin_run(app);
     } else {
-        an_supervisor_begin(&app->supervisor, AN_STATE_IDENTIFY);
-        begin_identify(app);
+        an_supervisor_begin(&app->base.supervisor, AN_STATE_IDENTIFY);
+        begin_identify(&app->base);
     }
-    return true;
-}
-
-bool an_six_identify(an_six *app)
-{
-    if (!is_ready(app)) {
-        return false;
-    }
-    an_supervisor_begin(&app->supervisor, AN_STATE_IDENTIFY);
-    app->supervisor.measure_only = true;
-    begin_identify(app);
     return true;
 }
 
 bool an_six_change(an_six *app, uint32_t pattern)
 {
-    if (app->supervisor.state != AN_STATE_RUN || pattern >= app->shape.pattern_count ||
+    if (app->base.supervisor.state != AN_STATE_RUN || pattern >= app->shape.pattern_count ||
         an_six_slow_vacant(&app->slow) == NULL) {
         return false;
     }
@@ -256,33 +242,12 @@ bool an_six_change(an_six *app, uint32_t pattern)
     return true;
 }
 
-void an_six_refer(an_six *app, float reference)
+void an_six_set_reference(an_six *app, float reference)
 {
     if (reference >= 0.0f) {
         app->wanted_reference = reference;
         app->slow.reference = reference < app->reachable ? reference : app->reachable;
     }
-}
-
-void an_six_stop(an_six *app)
-{
-    an_supervisor_stop(&app->supervisor);
-}
-
-void an_six_trip(an_six *app, uint32_t fault)
-{
-    app->slow.hand.outside |= fault;
-}
-
-bool an_six_clear(an_six *app)
-{
-    if (!an_supervisor_may_clear(&app->supervisor) || an_six_slow_vacant(&app->slow) == NULL) {
-        return false;
-    }
-    app->slow.hand.outside = 0u; /* before the job that clears the rest */
-    post_rest(app, 1u);
-    an_supervisor_clear(&app->supervisor);
-    return true;
 }
 
 static float largest_response(const an_six *app)
@@ -300,10 +265,7 @@ static void end_identify(an_six *app)
     app->identified = an_shaping_invert(&app->shaping) ? 1u : 0u;
     if (app->identified == 0u) {
         fail(app, AN_FAULT_SHAPING);
-    } else if (app->supervisor.measure_only) {
-        an_supervisor_enter(&app->supervisor, AN_STATE_IDLE);
-        rest(app);
-    } else {
+    } else if (!an_application_is_measured(&app->base, &an_six_build)) {
         begin_run(app);
     }
 }
@@ -321,8 +283,9 @@ static void take_column(an_six *app)
     begin_column(app, app->probe + 1u);
 }
 
-static void identify(an_six *app)
+static void identify(an_application *base)
 {
+    an_six *app = (an_six *)base;
     if (app->probing != 0u) {
         if (!an_six_slow_finished(&app->slow)) {
             return;
@@ -339,12 +302,12 @@ static void identify(an_six *app)
 void an_six_window_end(an_six *app)
 {
     an_six_slow_step(&app->slow, &app->fast);
-    app->slow.envelope = an_texture_step(&app->texture);
+    app->slow.envelope = an_texture_step(&app->base.texture);
 }
 
-uint32_t an_six_check(an_six *app)
+static uint32_t check_ticks(an_six *app)
 {
-    const uint32_t most = AN_SIX_GAP + (uint32_t)(AN_PERIODS * app->sample_rate_hz) / AN_SIX_FREQUENCY_MIN_HZ + 1u;
+    const uint32_t most = AN_SIX_GAP + (uint32_t)(AN_PERIODS * app->base.sample_rate_hz) / AN_SIX_FREQUENCY_MIN_HZ + 1u;
     if (app->fast.tick <= app->fast.end && app->fast.end <= most) {
         return 0u;
     }
@@ -353,25 +316,90 @@ uint32_t an_six_check(an_six *app)
     return AN_FAULT_MEMORY;
 }
 
-void an_six_poll(an_six *app)
+uint32_t an_six_check(an_six *app)
 {
-    if (!an_handover_vacant(&app->slow.hand)) {
-        return;
-    }
-    const an_job_kind kind = app->slow.jobs[app->slow.hand.active & 1u].kind;
-    const uint32_t found = app->fast.faults | app->slow.hand.trips;
-    switch (an_supervisor_decide(&app->supervisor, kind, found, app->fast.window.count, period_s(app))) {
-    case AN_ACT_REST:
-        rest(app);
-        break;
-    case AN_ACT_IDENTIFY:
-        identify(app);
-        break;
-    case AN_ACT_NONE:
-    default:
-        break;
-    }
+    const uint32_t clipped = app->fast.clipped + app->fast.window.clipped;
+    return check_ticks(app) | (clipped > AN_SIX_CLIPPED_MAX ? (uint32_t)AN_FAULT_SENSOR_CLIPPED : 0u);
 }
+
+/* The loop's integrals look after themselves. */
+static void follow(an_application *base)
+{
+    (void)base;
+}
+
+static an_moment moment(const an_application *base)
+{
+    const an_six *app = (const an_six *)base;
+    const an_moment now = {
+        .vacant = an_handover_vacant(&app->slow.hand),
+        .job = app->slow.jobs[app->slow.hand.active & 1u].kind,
+        .faults = app->fast.faults | app->slow.hand.trips,
+        .window = app->fast.window.count,
+        .window_hz = 1.0f / period_s(app),
+    };
+    return now;
+}
+
+static const an_table *table_of(const an_application *base)
+{
+    return &((const an_six *)base)->table;
+}
+
+static uint32_t entries(const an_table *table)
+{
+    return table->shape_count;
+}
+
+static void trip(an_application *base, uint32_t faults)
+{
+    an_handover_trip(&((an_six *)base)->fast.faults, faults);
+}
+
+static void set_reference(an_application *base, float reference)
+{
+    an_six_set_reference((an_six *)base, reference);
+}
+
+static uint8_t *put_values(const an_application *base, uint8_t *at)
+{
+    const an_six *app = (const an_six *)base;
+    for (uint32_t i = 0u; i < AN_SIX * AN_SIX; i++) {
+        at = an_put_complex(at, app->shaping.matrix[i]);
+    }
+    return at;
+}
+
+static bool take_values(an_application *base, const uint8_t *values, uint32_t length)
+{
+    an_six *app = (an_six *)base;
+    if (length != VALUES_BYTES) {
+        return false;
+    }
+    for (uint32_t i = 0u; i < AN_SIX * AN_SIX; i++) {
+        app->shaping.matrix[i] = an_get_complex(values + 8u * i);
+    }
+    app->identified = an_shaping_invert(&app->shaping) ? 1u : 0u;
+    return app->identified != 0u;
+}
+
+const an_build an_six_build = {
+    .number = BUILD_NUMBER,
+    .moment = moment,
+    .table = table_of,
+    .entries = entries,
+    .accepts = accepts,
+    .post_rest = post_rest,
+    .trip = trip,
+    .begin_identify = begin_identify,
+    .identify = identify,
+    .follow = follow,
+    .set_reference = set_reference,
+    .put_status = an_six_put_status,
+    .put_values = put_values,
+    .take_values = take_values,
+    .handle_request = an_six_handle_request,
+};
 
 void an_six_record(const an_six *app, float *record)
 {

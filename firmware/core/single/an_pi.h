@@ -17,16 +17,8 @@
 #ifndef AN_PI_H
 #define AN_PI_H
 
+#include "an_mode.h"
 #include "an_types.h"
-
-typedef struct {
-    float frequency_hz;
-    float tau_s;
-    an_complex gain; /* sensor over drive at resonance, the delay taken out */
-    float delay_s;
-    float drive_limit;
-    float amplitude_limit;
-} an_mode;
 
 /* V = integral + proportional reference - state U - feed V before. */
 typedef struct {

@@ -5,16 +5,15 @@
 #ifndef AN_SINGLE_H
 #define AN_SINGLE_H
 
+#include "an_application.h"
 #include "an_fast.h"
 #include "an_ident.h"
 #include "an_slow.h"
-#include "an_link.h"
-#include "an_supervisor.h"
 #include "an_table.h"
-#include "an_texture.h"
 #include "an_types.h"
 
 typedef struct {
+    an_application base;
     an_fast fast;
     an_slow slow;
     an_mode mode; /* as the table holds it or identification found it */
@@ -23,15 +22,11 @@ typedef struct {
     an_ident ident;
     uint32_t mode_flags;
     uint32_t centre; /* phase step of the mode as identified */
-    an_supervisor supervisor;
     uint32_t probing; /* a dwell has been posted */
     float wanted_reference; /* 0: the lowest useful level */
-    an_texture texture;
-    uint32_t worst_cycles; /* of the fast interrupt; the board's note */
     float detuning_hz;
     float followed_reference; /* at the last look at the plate's balance */
     float neighbour; /* largest response beside the wanted mode's, as far as it is known */
-    float sample_rate_hz;
     an_table table; /* last: it holds the one pointer, so that all else lies alike on any machine */
 } an_single;
 
@@ -51,24 +46,15 @@ bool an_single_is_limited(const an_single *app);
 
 an_view an_single_view(const an_single *app);
 
-/* Whether a sound table is one for this build at this rate. */
-an_table_result an_single_accepts(const an_table *table, float sample_rate_hz);
-
 /* Reads the table and rests. faults are those the board found before; any of them, or a refused table, latches. */
 void an_single_boot(an_single *app, const uint8_t *table, uint32_t length, float sample_rate_hz, uint32_t faults);
 
 /* Once for each window, before the gap ends: the slow step, then the envelope's next factor. */
 void an_single_slow(an_single *app);
 
-/* One pass of the main loop. */
-void an_single_poll(an_single *app);
-
-/* Faults that a look from outside finds in what the fast tick relies on, mended so that windows go on to end; from an
- * interrupt of its priority. */
+/* Faults that a look finds before a window's end, from an interrupt of the fast tick's priority: a sensor at the converter's
+ * end, and damage to what the tick relies on, mended so that windows go on to end. */
 uint32_t an_single_check(an_single *app);
-
-/* A request of the host, as an_link passes it on. */
-an_result an_single_obey(void *app, const an_message *request, const an_table *staged, an_message *reply);
 
 /* The log's record of the last window: measured, drive, reference. */
 void an_single_record(const an_single *app, float *record);
@@ -81,19 +67,14 @@ bool an_single_may_start(float reference, float detuning_hz);
  * values are in range. */
 bool an_single_start(an_single *app, float reference, float detuning_hz);
 
-/* Measures the mode anew, known or not, and rests. False unless idle. */
-bool an_single_identify(an_single *app);
-
 /* A new reference while running; clipped to what the amplitude limit leaves. */
-void an_single_refer(an_single *app, float reference);
+void an_single_set_reference(an_single *app, float reference);
 
-/* Back to rest. */
-void an_single_stop(an_single *app);
+/* What this build gives to what both share. */
+extern const an_build an_single_build;
 
-/* A fault that the board found. */
-void an_single_trip(an_single *app, uint32_t fault);
-
-/* Leaves the fault state when no fault of the board or the table is left. */
-bool an_single_clear(an_single *app);
+/* Members of it that stand in another file than the rest. */
+uint8_t *an_single_put_status(const an_application *app, uint8_t *at);
+an_result an_single_handle_request(an_application *app, const an_message *request);
 
 #endif

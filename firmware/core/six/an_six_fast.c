@@ -35,7 +35,6 @@ static void take_command(an_six_fast *fast)
         fast->faults |= AN_FAULT_SLOW_LATE;
     }
     fast->growing = fast->window.bank ^ 1u;
-    fast->clipped = 0u;
 }
 
 static void end_window(an_six_fast *fast)
@@ -44,6 +43,7 @@ static void end_window(an_six_fast *fast)
     fast->window.bank = fast->growing;
     fast->window.last_phase = fast->phase;
     fast->window.clipped = fast->clipped;
+    fast->clipped = 0u;
     fast->growing = AN_SIX_GAP_BANK;
     atomic_signal_fence(memory_order_release);
     fast->window.count++;

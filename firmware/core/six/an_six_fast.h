@@ -16,6 +16,7 @@ enum {
     AN_SIX_REST_BANK = 2, /* of the drives; nobody writes it */
     AN_SIX_ADC_MIDDLE = 2048,
     AN_SIX_ADC_MARGIN = 8,    /* so many codes at each end count as clipped */
+    AN_SIX_CLIPPED_MAX = 2,   /* samples of two windows */
     AN_SIX_DUTY_MIDDLE = 1125, /* half of the timer's range */
     AN_SIX_DUTY_SWING = 1080   /* leaves every half-bridge's lower switch some time to recharge its driver */
 };
@@ -23,7 +24,7 @@ enum {
 typedef struct {
     uint32_t bank; /* which of the sums */
     uint32_t last_phase;
-    uint32_t clipped; /* samples near an end of the converter, all channels */
+    uint32_t clipped; /* samples near an end of the converter, all channels, those of the gap before among them */
     uint32_t count;
 } an_six_window;
 

@@ -14,8 +14,6 @@
 #define AN_INTEGRAL_LARGEST2 0.1f /* squared, of the largest that is wanted anywhere: an integral for a wrong matrix */
 #define AN_LIMITED_LARGEST2 0.02f /* the same of an error that no integral takes out */
 
-enum { CLIPPED_MAX = 2 };
-
 bool an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint32_t window)
 {
     an_clear(slow, sizeof *slow);
@@ -89,7 +87,7 @@ static void measure(an_six_slow *slow, an_six_fast *fast, const an_six_job *job)
         slow->hand.trips |= check_sensor(phasor.tone, slow->offset[i]);
     }
     an_clear(sums, sizeof fast->sums[0]);
-    if (window->clipped > CLIPPED_MAX) {
+    if (window->clipped > AN_SIX_CLIPPED_MAX) {
         slow->hand.trips |= AN_FAULT_SENSOR_CLIPPED;
     }
 }
@@ -214,7 +212,7 @@ static void do_job(an_six_slow *slow, const an_six_job *job)
 
 void an_six_slow_step(an_six_slow *slow, an_six_fast *fast)
 {
-    slow->hand.trips |= slow->hand.outside | fast->faults;
+    slow->hand.trips |= fast->faults;
     measure(slow, fast, &slow->jobs[slow->hand.active & 1u]);
     if (slow->hand.active != slow->hand.posted) {
         take_job(slow, fast);

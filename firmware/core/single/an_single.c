@@ -2,6 +2,7 @@
 
 #include <stdatomic.h>
 
+#include "an_bytes.h"
 #include "an_complex.h"
 #include "an_dds.h"
 #include "an_faults.h"
@@ -17,9 +18,13 @@
 #define AN_RETUNE_SHARE 0.03f      /* nor are smaller changes of its damping */
 #define AN_DETUNING_MAX_HZ 500.0f
 
+enum { BUILD_NUMBER = 1, VALUES_BYTES = 24 };
+
+static const uint32_t all_measured = AN_GAIN_IDENTIFIED | AN_TAU_IDENTIFIED | AN_FREQUENCY_IDENTIFIED;
+
 static float period_s(const an_single *app)
 {
-    return (float)AN_PERIOD / app->sample_rate_hz;
+    return (float)AN_PERIOD / app->base.sample_rate_hz;
 }
 
 static an_job *new_job(an_single *app, uint32_t kind, uint32_t step)
@@ -35,13 +40,15 @@ static an_job *new_job(an_single *app, uint32_t kind, uint32_t step)
     return job;
 }
 
-static bool post_rest(an_single *app, uint32_t clear)
+static bool post_rest(an_application *base, bool clear)
 {
+    an_single *app = (an_single *)base;
     an_job *job = new_job(app, AN_JOB_REST, app->centre);
+    app->slow.reference = 0.0f;
     if (job == NULL) {
         return false;
     }
-    job->clear = clear;
+    job->clear = clear ? 1u : 0u;
     an_handover_post(&app->slow.hand);
     return true;
 }
@@ -70,19 +77,19 @@ static float lowest_useful(const an_single *app)
 
 float an_single_frequency(const an_single *app)
 {
-    return an_dds_frequency(app->centre, app->sample_rate_hz) + an_track_shift_hz(&app->track);
+    return an_dds_frequency(app->centre, app->base.sample_rate_hz) + an_track_shift_hz(&app->track);
 }
 
 bool an_single_is_limited(const an_single *app)
 {
-    return app->supervisor.state == AN_STATE_RUN && app->track.limited != 0u;
+    return app->base.supervisor.state == AN_STATE_RUN && app->track.limited != 0u;
 }
 
 static an_pi_wish wish_of(const an_single *app)
 {
     const an_pi_wish wish = {
         .period_s = period_s(app),
-        .ahead_s = ((float)AN_WINDOW * 0.5f + (float)AN_GAP) / app->sample_rate_hz,
+        .ahead_s = ((float)AN_WINDOW * 0.5f + (float)AN_GAP) / app->base.sample_rate_hz,
         .response_s = AN_RESPONSE_S,
         .leaving_s = AN_LEAVING_S,
         .proportional_max = app->neighbour > 0.0f ? AN_NEIGHBOUR_LOOP / app->neighbour : AN_NO_BOUND,
@@ -94,7 +101,7 @@ static an_pi_wish wish_of(const an_single *app)
 static bool post_track(an_single *app)
 {
     const float away_hz = an_track_shift_hz(&app->track) + app->detuning_hz;
-    const uint32_t step = an_dds_shifted(app->centre, away_hz, app->sample_rate_hz);
+    const uint32_t step = an_dds_shifted(app->centre, away_hz, app->base.sample_rate_hz);
     an_job *job = new_job(app, AN_JOB_TRACK, step);
     if (job == NULL) {
         return false;
@@ -111,20 +118,13 @@ static bool begin_track(an_single *app)
     const an_pi_wish wish = wish_of(app);
     an_track_begin(&app->track, &app->mode, &wish, app->detuning_hz, app->slow.quiet);
     app->slow.noted = 0u; /* the slow step rests */
-    an_single_refer(app, app->wanted_reference > 0.0f ? app->wanted_reference : lowest_useful(app));
+    an_single_set_reference(app, app->wanted_reference > 0.0f ? app->wanted_reference : lowest_useful(app));
     return post_track(app);
-}
-
-static void rest(an_single *app)
-{
-    app->slow.reference = 0.0f;
-    post_rest(app, 0u);
 }
 
 static void fail(an_single *app, an_fault fault)
 {
-    an_supervisor_fail(&app->supervisor, fault);
-    rest(app);
+    an_application_fail(&app->base, &an_single_build, fault);
 }
 
 static float strongest_neighbour(const an_table *table)
@@ -140,7 +140,7 @@ static float strongest_neighbour(const an_table *table)
     return strongest;
 }
 
-an_table_result an_single_accepts(const an_table *table, float sample_rate_hz)
+static an_table_result accepts(const an_table *table, float sample_rate_hz)
 {
     const bool fits = table->mode_count > 0u && table->sample_rate_hz == sample_rate_hz;
     return fits ? AN_TABLE_OK : AN_TABLE_OTHER_BUILD;
@@ -148,29 +148,26 @@ an_table_result an_single_accepts(const an_table *table, float sample_rate_hz)
 
 void an_single_boot(an_single *app, const uint8_t *table, uint32_t length, float sample_rate_hz, uint32_t faults)
 {
-    app->sample_rate_hz = sample_rate_hz;
     app->probing = 0u;
-    app->worst_cycles = 0u;
-    an_texture_init(&app->texture);
     app->centre = an_dds_step(0.125f * sample_rate_hz, sample_rate_hz);
     app->mode.amplitude_limit = 1.0f;
     app->neighbour = 0.0f;
     an_track_forget(&app->track);
     const bool accepted = an_table_open(&app->table, table, length) == AN_TABLE_OK &&
-                          an_single_accepts(&app->table, sample_rate_hz) == AN_TABLE_OK;
+                          accepts(&app->table, sample_rate_hz) == AN_TABLE_OK;
     if (accepted) {
         app->mode_flags = an_table_mode(&app->table, app->table.wanted, &app->mode);
         app->centre = an_dds_step(app->mode.frequency_hz, sample_rate_hz);
         app->neighbour = strongest_neighbour(&app->table);
     }
     const bool ready = an_slow_init(&app->slow, &app->fast, app->centre) && accepted;
-    an_supervisor_boot(&app->supervisor, ready ? faults : faults | AN_FAULT_TABLE);
+    an_application_boot(&app->base, sample_rate_hz, ready ? faults : faults | AN_FAULT_TABLE);
 }
 
 an_view an_single_view(const an_single *app)
 {
     an_view view = {.measured = app->slow.measured.tone, .offset = app->slow.measured.offset};
-    if (app->supervisor.state == AN_STATE_RUN) {
+    if (app->base.supervisor.state == AN_STATE_RUN) {
         view.drive = app->slow.pi.drive;
         view.reference = app->slow.pi.reference;
     }
@@ -180,22 +177,23 @@ an_view an_single_view(const an_single *app)
 static void begin_run(an_single *app)
 {
     if (begin_track(app)) {
-        an_supervisor_enter(&app->supervisor, AN_STATE_RUN);
+        an_supervisor_enter(&app->base.supervisor, AN_STATE_RUN);
     } else {
         fail(app, AN_FAULT_IDENTIFY);
     }
 }
 
-static void begin_identify(an_single *app)
+static void begin_identify(an_application *base)
 {
+    an_single *app = (an_single *)base;
     const bool displacement = (app->table.flags & AN_SENSES_DISPLACEMENT) != 0u;
-    an_ident_init(&app->ident, &app->mode, displacement, app->sample_rate_hz);
+    an_ident_init(&app->ident, &app->mode, displacement, app->base.sample_rate_hz);
     app->probing = 0u;
 }
 
 bool an_single_may_start(float reference, float detuning_hz)
 {
-    return reference >= 0.0f && reference <= 1.0f && __builtin_fabsf(detuning_hz) <= AN_DETUNING_MAX_HZ;
+    return an_application_may_refer(reference) && __builtin_fabsf(detuning_hz) <= AN_DETUNING_MAX_HZ;
 }
 
 /* A gain or a frequency that was only computed is a guess: no plate is quite the one that was computed. */
@@ -205,66 +203,29 @@ static bool was_measured(const an_single *app)
     return (app->mode_flags & measured) == measured;
 }
 
-static bool is_ready(an_single *app)
-{
-    return app->supervisor.state == AN_STATE_IDLE && an_slow_vacant(&app->slow) != NULL;
-}
-
 bool an_single_start(an_single *app, float reference, float detuning_hz)
 {
-    if (!an_single_may_start(reference, detuning_hz) || !is_ready(app)) {
+    if (!an_single_may_start(reference, detuning_hz) || !an_application_is_ready(&app->base, &an_single_build)) {
         return false;
     }
     app->wanted_reference = reference;
     app->detuning_hz = detuning_hz;
     if (was_measured(app)) {
-        an_supervisor_begin(&app->supervisor, AN_STATE_RUN);
+        an_supervisor_begin(&app->base.supervisor, AN_STATE_RUN);
         begin_run(app);
     } else {
-        an_supervisor_begin(&app->supervisor, AN_STATE_IDENTIFY);
-        begin_identify(app);
+        an_supervisor_begin(&app->base.supervisor, AN_STATE_IDENTIFY);
+        begin_identify(&app->base);
     }
     return true;
 }
 
-bool an_single_identify(an_single *app)
-{
-    if (!is_ready(app)) {
-        return false;
-    }
-    an_supervisor_begin(&app->supervisor, AN_STATE_IDENTIFY);
-    app->supervisor.measure_only = true;
-    begin_identify(app);
-    return true;
-}
-
-void an_single_refer(an_single *app, float reference)
+void an_single_set_reference(an_single *app, float reference)
 {
     const float most = AN_REFERENCE_MAX * app->mode.amplitude_limit;
     if (reference >= 0.0f) {
         app->slow.reference = reference < most ? reference : most;
     }
-}
-
-void an_single_stop(an_single *app)
-{
-    an_supervisor_stop(&app->supervisor);
-}
-
-void an_single_trip(an_single *app, uint32_t fault)
-{
-    app->slow.hand.outside |= fault;
-}
-
-bool an_single_clear(an_single *app)
-{
-    if (!an_supervisor_may_clear(&app->supervisor) || an_slow_vacant(&app->slow) == NULL) {
-        return false;
-    }
-    app->slow.hand.outside = 0u; /* before the job that clears the rest */
-    post_rest(app, 1u);
-    an_supervisor_clear(&app->supervisor);
-    return true;
 }
 
 static void end_identify(an_single *app)
@@ -273,17 +234,15 @@ static void end_identify(an_single *app)
     app->centre = app->ident.centre;
     an_track_forget(&app->track);
     app->neighbour = app->ident.neighbour;
-    app->mode_flags |= AN_GAIN_IDENTIFIED | AN_TAU_IDENTIFIED | AN_FREQUENCY_IDENTIFIED;
-    if (app->supervisor.measure_only) {
-        an_supervisor_enter(&app->supervisor, AN_STATE_IDLE);
-        rest(app);
-    } else {
+    app->mode_flags |= all_measured;
+    if (!an_application_is_measured(&app->base, &an_single_build)) {
         begin_run(app);
     }
 }
 
-static void identify(an_single *app)
+static void identify(an_application *base)
 {
+    an_single *app = (an_single *)base;
     if (app->probing != 0u) {
         if (!an_slow_finished(&app->slow)) {
             return;
@@ -307,7 +266,7 @@ static void identify(an_single *app)
 void an_single_slow(an_single *app)
 {
     an_slow_step(&app->slow, &app->fast);
-    app->slow.envelope = an_texture_step(&app->texture);
+    app->slow.envelope = an_texture_step(&app->base.texture);
 }
 
 static bool is_worth_new_gains(const an_single *app)
@@ -320,18 +279,19 @@ static bool is_worth_new_gains(const an_single *app)
 }
 
 /* What the last windows tell of the plate. */
-static void follow(an_single *app)
+static void follow(an_application *base)
 {
+    an_single *app = (an_single *)base;
     const volatile uint32_t *noted = &app->slow.noted;
     const uint32_t written = *noted;
     atomic_signal_fence(memory_order_acquire);
-    if (app->texture.kind != AN_TEXTURE_PLAIN || app->slow.reference != app->followed_reference) {
+    if (app->base.texture.kind != AN_TEXTURE_PLAIN || app->slow.reference != app->followed_reference) {
         app->followed_reference = app->slow.reference;
         an_track_disturb(&app->track);
     }
     const an_track_result found = an_track_read(&app->track, app->slow.notes, written);
     if (found == AN_TRACK_LOST) {
-        an_single_trip(app, AN_FAULT_MISMATCH);
+        fail(app, AN_FAULT_MISMATCH);
     } else if (found == AN_TRACK_FOLLOWS && is_worth_new_gains(app)) {
         post_track(app);
     }
@@ -339,33 +299,87 @@ static void follow(an_single *app)
 
 uint32_t an_single_check(an_single *app)
 {
-    if (app->fast.tick <= AN_PERIOD) {
-        return 0u;
+    uint32_t found = app->fast.clipped > AN_CLIPPED_MAX ? (uint32_t)AN_FAULT_SENSOR_CLIPPED : 0u;
+    if (app->fast.tick > AN_PERIOD) {
+        app->fast.tick = 0u;
+        found |= AN_FAULT_MEMORY;
     }
-    app->fast.tick = 0u;
-    return AN_FAULT_MEMORY;
+    return found;
 }
 
-/* Nothing is decided while a job waits to be taken over: the slow step acts on faults by itself, and does so first. */
-void an_single_poll(an_single *app)
+static an_moment moment(const an_application *base)
 {
-    if (!an_handover_vacant(&app->slow.hand)) {
-        return;
-    }
-    const an_job_kind kind = app->slow.jobs[app->slow.hand.active & 1u].kind;
-    const uint32_t found = app->fast.faults | app->slow.hand.trips;
-    switch (an_supervisor_decide(&app->supervisor, kind, found, app->fast.window.count, period_s(app))) {
-    case AN_ACT_REST:
-        rest(app);
-        return;
-    case AN_ACT_IDENTIFY:
-        identify(app);
-        return;
-    case AN_ACT_NONE:
-    default:
-        break;
-    }
-    if (app->supervisor.state == AN_STATE_RUN) {
-        follow(app);
-    }
+    const an_single *app = (const an_single *)base;
+    const an_moment now = {
+        .vacant = an_handover_vacant(&app->slow.hand),
+        .job = app->slow.jobs[app->slow.hand.active & 1u].kind,
+        .faults = app->fast.faults | app->slow.hand.trips,
+        .window = app->fast.window.count,
+        .window_hz = 1.0f / period_s(app),
+    };
+    return now;
 }
+
+static const an_table *table_of(const an_application *base)
+{
+    return &((const an_single *)base)->table;
+}
+
+static uint32_t entries(const an_table *table)
+{
+    return table->mode_count;
+}
+
+static void trip(an_application *base, uint32_t faults)
+{
+    an_handover_trip(&((an_single *)base)->fast.faults, faults);
+}
+
+static void set_reference(an_application *base, float reference)
+{
+    an_single_set_reference((an_single *)base, reference);
+}
+
+static uint8_t *put_values(const an_application *base, uint8_t *at)
+{
+    const an_single *app = (const an_single *)base;
+    at = an_put32(at, app->centre);
+    at = an_put_float(at, app->mode.tau_s);
+    at = an_put_complex(at, app->mode.gain);
+    at = an_put_float(at, app->mode.delay_s);
+    return an_put_float(at, app->neighbour);
+}
+
+static bool take_values(an_application *base, const uint8_t *values, uint32_t length)
+{
+    an_single *app = (an_single *)base;
+    if (length != VALUES_BYTES) {
+        return false;
+    }
+    app->centre = an_get32(values);
+    app->mode.frequency_hz = an_dds_frequency(app->centre, app->base.sample_rate_hz);
+    app->mode.tau_s = an_get_float(values + 4);
+    app->mode.gain = an_get_complex(values + 8);
+    app->mode.delay_s = an_get_float(values + 16);
+    app->neighbour = an_get_float(values + 20);
+    app->mode_flags |= all_measured;
+    return true;
+}
+
+const an_build an_single_build = {
+    .number = BUILD_NUMBER,
+    .moment = moment,
+    .table = table_of,
+    .entries = entries,
+    .accepts = accepts,
+    .post_rest = post_rest,
+    .trip = trip,
+    .begin_identify = begin_identify,
+    .identify = identify,
+    .follow = follow,
+    .set_reference = set_reference,
+    .put_status = an_single_put_status,
+    .put_values = put_values,
+    .take_values = take_values,
+    .handle_request = an_single_handle_request,
+};

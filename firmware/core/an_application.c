@@ -1,0 +1,268 @@
+#include "an_application.h"
+
+#include "an_bytes.h"
+#include "an_faults.h"
+
+enum { HASH_AT = 32, HASH_BYTES = 16 };
+
+void an_application_boot(an_application *app, float sample_rate_hz, uint32_t faults)
+{
+    app->sample_rate_hz = sample_rate_hz;
+    app->worst_cycles = 0u;
+    app->slot = 0u;
+    app->chosen++;
+    an_texture_init(&app->texture);
+    an_supervisor_boot(&app->supervisor, faults);
+}
+
+bool an_application_is_ready(const an_application *app, const an_build *build)
+{
+    return app->supervisor.state == AN_STATE_IDLE && build->moment(app).vacant;
+}
+
+void an_application_fail(an_application *app, const an_build *build, an_fault fault)
+{
+    an_supervisor_fail(&app->supervisor, fault);
+    build->trip(app, fault);
+    build->post_rest(app, false);
+}
+
+bool an_application_identify(an_application *app, const an_build *build)
+{
+    if (!an_application_is_ready(app, build)) {
+        return false;
+    }
+    an_supervisor_begin(&app->supervisor, AN_STATE_IDENTIFY);
+    app->supervisor.measure_only = true;
+    build->begin_identify(app);
+    return true;
+}
+
+bool an_application_is_measured(an_application *app, const an_build *build)
+{
+    app->measured++;
+    if (app->supervisor.measure_only) {
+        an_supervisor_enter(&app->supervisor, AN_STATE_IDLE);
+        build->post_rest(app, false);
+    }
+    return app->supervisor.measure_only;
+}
+
+void an_application_stop(an_application *app)
+{
+    an_supervisor_stop(&app->supervisor);
+}
+
+bool an_application_clear(an_application *app, const an_build *build)
+{
+    if (!an_supervisor_may_clear(&app->supervisor) || !build->moment(app).vacant) {
+        return false;
+    }
+    build->post_rest(app, true);
+    an_supervisor_clear(&app->supervisor);
+    return true;
+}
+
+static void rest(an_application *app, const an_build *build)
+{
+    if (app->supervisor.state == AN_STATE_FAULT) {
+        build->trip(app, app->supervisor.faults);
+    }
+    build->post_rest(app, false);
+}
+
+void an_application_poll(an_application *app, const an_build *build)
+{
+    const an_moment now = build->moment(app);
+    if (!now.vacant) {
+        return;
+    }
+    switch (an_supervisor_decide(&app->supervisor, now.job, now.faults, now.window, 1.0f / now.window_hz)) {
+    case AN_ACT_REST:
+        rest(app, build);
+        return;
+    case AN_ACT_IDENTIFY:
+        build->identify(app);
+        return;
+    case AN_ACT_NONE:
+    default:
+        break;
+    }
+    if (app->supervisor.state == AN_STATE_RUN) {
+        build->follow(app);
+    }
+}
+
+static void keep(const an_application *app, const an_build *build, uint8_t *memory, an_keeping *keeping)
+{
+    uint8_t values[AN_KEEP_VALUES_MAX];
+    const uint32_t length = (uint32_t)(build->put_values(app, values) - values);
+    an_keep_write(memory, build->number | app->slot << 8, build->table(app), values, length);
+    keeping->state = AN_KEEP_WRITTEN;
+}
+
+static void take_kept(an_application *app, const an_build *build, const uint8_t *memory, an_keeping *keeping)
+{
+    uint8_t values[AN_KEEP_VALUES_MAX];
+    const uint32_t name = build->number | app->slot << 8;
+    const uint32_t length = an_keep_read(memory, name, build->table(app), values, &keeping->state);
+    if (keeping->state == AN_KEEP_READ && !build->take_values(app, values, length)) {
+        keeping->state = AN_KEEP_REFUSED;
+    }
+}
+
+void an_application_keep(an_application *app, const an_build *build, uint8_t *memory, an_keeping *keeping)
+{
+    if (memory == NULL || (app->supervisor.faults & AN_FAULT_TABLE) != 0u) {
+        return;
+    }
+    uint8_t *place = memory + app->slot * AN_KEEP_BYTES;
+    if (keeping->measured != app->measured) {
+        keep(app, build, place, keeping);
+    } else if (keeping->chosen != app->chosen && !an_supervisor_drives(&app->supervisor)) {
+        take_kept(app, build, place, keeping);
+    } else {
+        return;
+    }
+    keeping->measured = app->measured;
+    keeping->chosen = app->chosen;
+}
+
+static an_result result_of(bool done)
+{
+    return done ? AN_OK : AN_NOT_NOW;
+}
+
+static uint8_t *put_identity(const an_application *app, const an_build *build, uint8_t *at)
+{
+    const an_table *table = build->table(app);
+    const bool known = (app->supervisor.faults & AN_FAULT_TABLE) == 0u;
+    at = an_put8(at, AN_PROTOCOL);
+    at = an_put8(at, build->number);
+    at = an_put8(at, AN_TABLE_VERSION);
+    at = an_put8(at, known ? build->entries(table) : 0u);
+    for (uint32_t i = 0u; i < HASH_BYTES; i++) {
+        at = an_put8(at, known ? table->data[HASH_AT + i] : 0u);
+    }
+    return at;
+}
+
+uint8_t *an_application_put_counts(const an_application *app, uint32_t window, uint8_t *at)
+{
+    at = an_put32(at, app->supervisor.faults);
+    at = an_put32(at, app->supervisor.first);
+    at = an_put32(at, window);
+    at = an_put32(at, app->texture.underruns);
+    return an_put32(at, app->worst_cycles);
+}
+
+bool an_application_may_refer(float reference)
+{
+    return reference >= 0.0f && reference <= 1.0f;
+}
+
+static an_result set_reference(an_application *app, const an_build *build, const an_message *request)
+{
+    const float reference = an_get_float(request->payload);
+    if (!an_application_may_refer(reference)) {
+        return AN_BAD_VALUE;
+    }
+    if (app->supervisor.state != AN_STATE_RUN) {
+        return AN_NOT_NOW;
+    }
+    build->set_reference(app, reference);
+    return AN_OK;
+}
+
+static an_result set_sine(an_application *app, const an_build *build, const an_message *request)
+{
+    const float rate_hz = an_get_float(request->payload);
+    const float depth = an_get_float(request->payload + 4);
+    return an_texture_sine(&app->texture, rate_hz, depth, build->moment(app).window_hz) ? AN_OK : AN_BAD_VALUE;
+}
+
+/* Replies how many of the samples were taken. */
+static an_result take_samples(an_application *app, const an_message *request, an_message *reply)
+{
+    uint32_t taken = 0u;
+    while (2u * taken + 2u <= request->length &&
+           an_texture_give(&app->texture, an_get16(request->payload + 2u * taken))) {
+        taken++;
+    }
+    reply->payload[1] = (uint8_t)taken;
+    reply->length = 2u;
+    return app->texture.kind == AN_TEXTURE_STREAM ? AN_OK : AN_NOT_NOW;
+}
+
+an_result an_application_started(an_application *app, const an_build *build, bool done)
+{
+    if (done) {
+        an_supervisor_bind_host(&app->supervisor, build->moment(app).window);
+    }
+    return result_of(done);
+}
+
+static an_result judge_table(const an_application *app, const an_build *build, const an_table *staged, an_message *reply)
+{
+    const an_table_result fitting = build->accepts(staged, app->sample_rate_hz);
+    return fitting == AN_TABLE_OK ? result_of(!an_supervisor_drives(&app->supervisor)) : an_protocol_refuse(reply, fitting);
+}
+
+/* Payload bytes a request must have; samples come in any number, and what a build alone knows it looks at itself. */
+static bool has_its_length(const an_message *request)
+{
+    switch (request->kind) {
+    case AN_START:
+    case AN_PATTERN:
+        return true;
+    case AN_SINE:
+        return request->length == 8u;
+    case AN_REFERENCE:
+    case AN_STREAM:
+        return request->length == 4u;
+    case AN_SAMPLES:
+        return request->length > 0u && request->length % 2u == 0u;
+    default:
+        return request->length == 0u;
+    }
+}
+
+static an_result handle(an_application *app, const an_build *build, const an_message *request, const an_table *staged,
+                        an_message *reply)
+{
+    uint8_t *more = reply->payload + 1;
+    switch (request->kind) {
+    case AN_IDENTITY:
+        reply->length = (uint32_t)(put_identity(app, build, more) - reply->payload);
+        return AN_OK;
+    case AN_STATUS:
+        reply->length = (uint32_t)(build->put_status(app, more) - reply->payload);
+        return AN_OK;
+    case AN_STOP:
+        an_application_stop(app);
+        return AN_OK;
+    case AN_CLEAR:
+        return result_of(an_application_clear(app, build));
+    case AN_REFERENCE:
+        return set_reference(app, build, request);
+    case AN_SINE:
+        return set_sine(app, build, request);
+    case AN_STREAM:
+        return an_texture_stream(&app->texture, an_get32(request->payload)) ? AN_OK : AN_BAD_VALUE;
+    case AN_SAMPLES:
+        return take_samples(app, request, reply);
+    case AN_IDENTIFY:
+        return an_application_started(app, build, an_application_identify(app, build));
+    case AN_UPLOAD_END:
+        return judge_table(app, build, staged, reply);
+    default:
+        return build->handle_request(app, request);
+    }
+}
+
+an_result an_application_handle_request(an_application *app, const an_build *build, const an_message *request,
+                                        const an_table *staged, an_message *reply)
+{
+    app->supervisor.heard = build->moment(app).window;
+    return has_its_length(request) ? handle(app, build, request, staged, reply) : AN_BAD_VALUE;
+}
