@@ -82,7 +82,7 @@ class Elf:
 
     @cached_property
     def _all_symbols(self) -> list[Any]:
-        tables = list(self.file.iter_sections(SYMBOLS))
+        tables: list[Any] = list(self.file.iter_sections(SYMBOLS))
         return [symbol for table in tables for symbol in table.iter_symbols() if symbol.name]
 
 

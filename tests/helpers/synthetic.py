@@ -275,7 +275,7 @@ def mode(frequency_hz: float, **more: Any) -> ModeRecord:
         "mac": 0.2,
         "strength": 0.1,
     }
-    return ModeRecord(frequency_hz=frequency_hz, symmetry="SS", **{**plain, **more})
+    return ModeRecord(frequency_hz=frequency_hz, parity="++", **{**plain, **more})
 
 
 def count(expected: int, result: int) -> CountRecord:

@@ -41,7 +41,7 @@ def hexagonal_rod(pillar: Pillar, cuts: int, slices: int, order: int) -> Mesh:
         one, two = corners[first], corners[(first + 2) % 6]
         return lambda nodes: np.column_stack([nodes[:, :1] * one + nodes[:, 1:2] * two, nodes[:, 2]])
 
-    return bodies.assembled([bodies.mapped(block, rhombus(first)) for first in (0, 2, 4)])
+    return bodies.joined([bodies.mapped(block, rhombus(first)) for first in (0, 2, 4)])
 
 
 def clamped_hz(mesh: Mesh, high_hz: float) -> np.ndarray:
@@ -172,7 +172,7 @@ def quarter_cell(corner: tuple[float, float], flat: tuple[float, float], pitch_m
             bodies.bricks(bodies.even((1.0, 1.0, height), (1, 1, 1)), 3), lambda n: n + np.array([0.0, 0.0, thickness])
         )
         parts = [bodies.mapped(plate, bilinear(corners)) for corners in blocks]
-        whole = bodies.assembled([*parts, bodies.mapped(above, bilinear(feet))])
+        whole = bodies.joined([*parts, bodies.mapped(above, bilinear(feet))])
         regions = {"plate": np.arange(3), "pillar": np.array([3])}
         planes = {"x-": (0, 0.0), "x+": (0, half), "y-": (1, 0.0), "y+": (1, half), "touch": (2, 0.0)}
         faces = {name: on_plane(whole, bodies.at(whole, *plane)) for name, plane in planes.items()}

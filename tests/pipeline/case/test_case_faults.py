@@ -140,7 +140,7 @@ def test_no_value_is_too_odd_for_one_line(override, expected):
 
 def test_a_million_pillars_are_too_many():
     small = ["array.pitch_mm=0.02", "pillar.side_mm=0.01", "pillar.height_mm=1", "array.rows=1000"]
-    assert any("no more than 1000000 can be joined" in line for line in lines_of(small))
+    assert any("no more than 1000000 can be assembled" in line for line in lines_of(small))
 
 
 def timed_lines(tmp_path, text: str, *overrides: str) -> list[str]:

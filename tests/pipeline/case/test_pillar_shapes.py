@@ -150,7 +150,7 @@ from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.planning import simplifications
 from pipeline.plots.plate import footprints_mm
-from pipeline.batch.measures import describe
+from pipeline.records.record import DesignRecord
 
 case, folder = sys.argv[1], Path(sys.argv[2])
 settings = ["pillar.shape=plank", "pillar.depth_mm=1"]
@@ -168,7 +168,7 @@ found = {
     "left_out": bool(simplifications.off_path(design, "GXMG")),
     "footprint_m": design.footprint_m,
     "square_prism": pillar.is_square_prism,
-    "drawn_mm": np.ptp(footprints_mm(describe(load_case(case, settings)), np.zeros((1, 2)))[0], axis=0).tolist(),
+    "drawn_mm": np.ptp(footprints_mm(DesignRecord.of_design(design), np.zeros((1, 2)))[0], axis=0).tolist(),
     "plank_hz": json.loads((folder / "p.json").read_text())["pillar"]["given_euler_hz"],
     "square_hz": json.loads((folder / "q.json").read_text())["pillar"]["given_euler_hz"],
 }

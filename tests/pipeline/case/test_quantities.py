@@ -53,8 +53,8 @@ def test_one_bare_end_is_refused(text, end):
     [
         ("34kHz:30kHz", "low end must lie below"),
         ("30kHz:30kHz", "low end must lie below"),
-        ("30kHz", "joined by a colon"),
-        ("1:2:3", "joined by a colon"),
+        ("30kHz", "with a colon between them"),
+        ("1:2:3", "with a colon between them"),
         ("-1Hz:2Hz", "low end"),
         ("1Hz:nan", "high end"),
         ("0:34kHz", "low end = '0': must be a frequency above 0"),

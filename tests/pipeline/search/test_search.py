@@ -68,7 +68,7 @@ def put(monkeypatch: pytest.MonkeyPatch, result) -> None:
         (("--vary", "solve.accuracy=0.01:0.02"), "shapes the plate"),
         (("--vary", "pillar.height_mm=5:8", "--vary", "pillar.height_mm=6:7"), "already"),
         (("--vary", "pillar.height_mm=5:8", "--goal", "beauty"), "--goal"),
-        (("--vary", "pillar.height_mm=5:8", "--above", "-3kHz"), "--above"),
+        (("--vary", "pillar.height_mm=5:8", "--min-frequency", "-3kHz"), "--min-frequency"),
         (("--vary", "pillar.height_mm=5:8", "--mac", "1.5"), "--mac"),
         (("--vary", "pillar.height_mm=5:8", "--set", "array.rows=0"), "array.rows"),
         (("--vary", "pillar.height_mm=5:8", "--evaluations", "0"), "1 or more"),
@@ -148,7 +148,7 @@ def test_where_nothing_keeps_the_limits_the_closest_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(monkeypatch, fake)
-    assert run(CASE, "--quiet", "--vary", "pillar.height_mm=5:6", "--above", "90kHz", "--evaluations", "4") == 4
+    assert run(CASE, "--quiet", "--vary", "pillar.height_mm=5:6", "--min-frequency", "90kHz", "--evaluations", "4") == 4
     text = capsys.readouterr().err
     assert "pillar.height_mm=6" in text and "at least 90" in text
 
@@ -279,7 +279,7 @@ def test_the_thesis_design_is_beaten_at_equal_rows_by_plate_and_solid(tmp_path: 
         "--vary",
         "array.pitch_mm=4:8",
         "--quiet",
-        "--confirm",
+        "--verify-with",
         "solid",
     ]
     assert run(*arguments, "--evaluations", "8", "--json", str(tmp_path / "found.json")) == 0

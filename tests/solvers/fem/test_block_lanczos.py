@@ -66,7 +66,7 @@ def test_few_distinct_values_are_no_dead_end() -> None:
 def test_a_basis_that_grows_too_large_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     stiffness, mass, _ = chain(2000)
     factor = splu(sp.csc_matrix(stiffness))
-    monkeypatch.setattr(module, "MOST", 1.0)
+    monkeypatch.setattr(module, "MAX_COUNT", 1.0)
     monkeypatch.setattr(module, "TOLERANCE", 0.0)
     assert block_lanczos(factor.solve, lambda x: mass @ x, 2000, 40) is None
     assert not fits(10_000_000, 10) and not fits(100, 20) and fits(12_000, 100)
