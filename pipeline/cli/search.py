@@ -107,7 +107,7 @@ def design_json(outcome: Any, each: Any) -> dict[str, Any]:
     """One evaluation."""
     result = each.result
     return {
-        "mesh_level": result.fidelity,
+        "fidelity": result.fidelity,
         "set": {v.key: value for v, value in zip(outcome.space.variables, each.values, strict=False)},
         "frequency_hz": result.frequency_hz,
         "confinement_db": result.confinement_db,
@@ -163,7 +163,7 @@ def _write(outcome: Any, document: dict[str, Any], out: str) -> None:
     folder = outputs.folder(out)
     keys = [v.key for v in outcome.space.variables]
     head = (
-        "mesh_level",
+        "fidelity",
         *keys,
         "frequency_hz",
         "confinement_db",
@@ -174,7 +174,7 @@ def _write(outcome: Any, document: dict[str, Any], out: str) -> None:
         "why_not",
     )
     rows = [
-        [each["mesh_level"], *each["set"].values(), *(each[key] for key in head[1 + len(keys) : -2]),
+        [each["fidelity"], *each["set"].values(), *(each[key] for key in head[1 + len(keys) : -2]),
          "; ".join(each["violations"]), each["why_not"]]
         for each in document["evaluations"]
     ]  # fmt: skip

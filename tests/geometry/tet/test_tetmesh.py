@@ -86,7 +86,7 @@ def test_cell_surface_is_closed_and_has_no_bevel(cell):
 
 def test_opposite_faces_of_a_mirrored_cell_pair_to_the_last_bit(cell):
     for axis, letter in enumerate("xy"):
-        low, high = (cell.nodes[cell.nodes_of(letter + sign)] for sign in "AS")
+        low, high = (cell.nodes[cell.nodes_of(letter + sign)] for sign in "-+")
         low, high = (points[np.lexsort(points.T)] for points in (low, high))
         keep = [i for i in range(3) if i != axis]
         assert np.array_equal(low[:, keep], high[:, keep])

@@ -254,7 +254,7 @@ def test_the_command_writes_four_files_that_go_together(tmp_path: Path, capsys: 
     target.parent.mkdir()
     assert main.main(["export", "aster", str(case), "--part", "pillar", "-o", str(target)]) == 0
     said = capsys.readouterr().err
-    assert "hexahedra of 27 nodes" in said and "dofs" in said
+    assert "hexahedra of 27 nodes" in said and "degrees of freedom" in said
     names = {path.name for path in target.parent.iterdir()}
     assert names == {"one.med", "one.comm", "one.export", "one_README.txt"}
     assert "one.med" in (target.parent / "one.export").read_text()

@@ -243,8 +243,8 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, dict, Path
 
 def test_a_search_ends_with_the_best_of_what_it_solved(searched: tuple[dict, dict, Path]) -> None:
     document, _, folder = searched
-    assert document["schema"] == 1 and document["best"]["mesh_level"] == PLATE
-    plates = [e for e in document["evaluations"] if e["mesh_level"] == PLATE and not e["violations"]]
+    assert document["schema"] == 1 and document["best"]["fidelity"] == PLATE
+    plates = [e for e in document["evaluations"] if e["fidelity"] == PLATE and not e["violations"]]
     assert document["best"]["confinement_db"] >= document["base"]["confinement_db"] - 0.1
     assert document["best"]["confinement_db"] == pytest.approx(max(e["confinement_db"] for e in plates), abs=0.2)
     assert {fidelity["name"]: fidelity["designs"] for fidelity in document["fidelities"]}[PLATE] == 2
@@ -262,7 +262,7 @@ def test_the_command_that_it_names_gives_the_number_that_it_claims(
 ) -> None:
     best = searched[0]["best"]
     sets = [part for text in searched[0]["repeat"] for part in ("--set", text)]
-    assert main(["modes", CASE, *sets, "--symmetry=-+", "--quiet", "--json", str(tmp_path / "m.json")]) == 0
+    assert main(["modes", CASE, *sets, "--symmetry=AS", "--quiet", "--json", str(tmp_path / "m.json")]) == 0
     modes = json.loads((tmp_path / "m.json").read_text())["modes"]
     wanted = max(modes, key=lambda mode: (mode["mac"] or 0.0) * (mode["zone_share"] or 0.0))
     assert wanted["confinement_db"] == pytest.approx(best["confinement_db"], abs=1e-6)
