@@ -4,7 +4,7 @@ On the rig of firmware.host.rig, at every tick of a second: faults that interrup
 flipped bit of the words of the state, drawn by the tick's number. On the emulated board, with the unmodified images of both
 builds, the interrupts themselves, at every 101st tick of a second (six channels: every 17th): numbers without a common divisor
 with the ticks of a window and of a look of the guard, so that each of their phases is met. --stride and --image-stride change
-that; --write puts the table into docs/bring-up.md. It takes some minutes.
+that; --write puts the table into docs/bring-up.md. It takes some ten minutes of one processor.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from firmware.protocol import PAYLOAD_MAX, Fault, Kind, Message, decode, encode, parse_health
+from firmware.protocol import PAYLOAD_MAX, Fault, Kind, Message, decode, encode, parse_captured, parse_health
 from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 
 SINGLE = to_bytes(ModeTable(250e3, bytes(range(16)), (Mode(31e3, 3e-3, 0.5 - 0.5j),)))
@@ -55,6 +55,7 @@ class Linked:
             else:
                 self.lib.an_six_tick(fast, self.samples, self.duties)
                 assert all(45 <= duty <= 2205 for duty in self.duties)
+            self.lib.an_capture_take(self.capture, self.samples, self.duties)
             if fast.tick == 0:
                 break
         (self.lib.an_single_slow if self.single else self.lib.an_six_window_end)(self.app)
@@ -83,6 +84,19 @@ def test_any_request_in_any_order_is_answered_and_leaves_the_outputs_in_range(co
         assert answer.payload[0] <= 5
         if sequence % 3 == 0:
             linked.window()
+
+
+@pytest.mark.parametrize(("name", "table", "rate_hz", "row"), [("single", SINGLE, 250e3, 2), ("six", SIX, 40e3, 12)])
+def test_a_capture_fills_its_room_and_stops(core, name, table, rate_hz, row: int) -> None:
+    linked = Linked(core, name, table, rate_hz)
+    assert answer(linked, Kind.CAPTURE, struct.pack("<I", 3)) == b"\0"
+    linked.window()
+    some = parse_captured(answer(linked, Kind.CAPTURED, struct.pack("<I", 0))[1:])
+    assert (some.used, some.row) == (17 * row, row) and set(some.words[: row // 2]) == {2048}
+    for _ in range(70):
+        linked.window()
+    full = parse_captured(answer(linked, Kind.CAPTURED, struct.pack("<I", 0))[1:])
+    assert full.used == full.total == 2048 // row * row and linked.capture.every == 0
 
 
 def test_log_frames_hold_four_records_and_wait_for_the_line(core) -> None:
