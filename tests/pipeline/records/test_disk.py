@@ -122,7 +122,18 @@ def test_a_case_keeps_no_fields_unless_asked(tmp_path: Path) -> None:
 
 
 def test_modes_write_fields_where_they_are_asked_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    part = ("modes", CASE, "--part", "pillar", "--count", "2", "--quiet", "--set", "solve.accuracy=0.1", "--save-all-fields")
+    part = (
+        "modes",
+        CASE,
+        "--part",
+        "pillar",
+        "--count",
+        "2",
+        "--quiet",
+        "--set",
+        "solve.accuracy=0.1",
+        "--save-all-fields",
+    )
     assert main([*part]) == 2
     assert "--out" in capsys.readouterr().err
     assert main([*part, "--out", str(tmp_path)]) == 0
