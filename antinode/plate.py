@@ -5,13 +5,14 @@ from __future__ import annotations
 import copy
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from antinode.tables import Array, BandPath, Damping, Patches, Pillar, Scatter, Solve, Table, Zone, plain
+from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, read_toml
 from pipeline.case.schema import TABLES
@@ -84,7 +85,7 @@ class Plate:
         return self._case.name
 
     def with_(self, **changes: Any) -> Plate:
-        """Return another plate with changed keys: the last part of a key where it is unique, else table__key.
+        """Return another plate with changed keys: the last part of a key where the case has it once, else table__key.
 
         Raises InputError for an unknown or ambiguous name, and for a value that the key cannot have.
 
@@ -92,7 +93,7 @@ class Plate:
         >>> load("studies/three-rows.toml").with_(pitch_mm=5.0).to_dict()["array"]["pitch_mm"]
         5.0
         """
-        pairs = [(key_of(name), plain(value)) for name, value in changes.items()]
+        pairs = [(key_of(name, self._raw), plain(value)) for name, value in changes.items()]
         return Plate._of(apply_overrides(self._raw, pairs), self._source)
 
     def to_dict(self) -> dict[str, Any]:
@@ -200,26 +201,27 @@ def load(path: str | Path, **overrides: Any) -> Plate:
     2
     """
     file = Path(path)
-    pairs = [(key_of(name), plain(value)) for name, value in overrides.items()]
-    return Plate._of(apply_overrides(read_toml(file), pairs), file)
+    raw = read_toml(file)
+    pairs = [(key_of(name, raw), plain(value)) for name, value in overrides.items()]
+    return Plate._of(apply_overrides(raw, pairs), file)
 
 
-def key_of(name: str) -> str:
-    """The dotted key that a keyword stands for."""
+def key_of(name: str, tables: Iterable[str] = ()) -> str:
+    """The dotted key that a keyword stands for; of several tables that have it the one that the case has (`tables`)."""
     table, _, last = name.partition("__")
     if last:
         return f"{table}.{last}"
+    if name in ("material", "name"):
+        return name
     owners = [table for table, schema in TABLES.items() if name in schema.model_fields]
-    if name in ("material", "name") or len(owners) == 1:
-        return f"{owners[0]}.{name}" if owners and name != "material" else name
+    here = [table for table in owners if table in tables] if len(owners) > 1 else owners
+    if len(here) == 1:
+        return f"{here[0]}.{name}"
     if owners:
         listed = ", ".join(f"{owner}__{name}" for owner in owners)
         raise InputError(f"{name}: stands in several tables; write one of {listed}")
-    from difflib import get_close_matches
-
     known = sorted({field for schema in TABLES.values() for field in schema.model_fields})
-    near = get_close_matches(name, known, 1)
-    raise InputError(f"{name}: no such key{f'; did you mean {near[0]}?' if near else ''}")
+    raise InputError(f"{name}: no such key{nearest(name, known)}")
 
 
 def _hz(band_kHz: Pair | None) -> Pair | None:

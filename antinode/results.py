@@ -124,19 +124,15 @@ class Modes(Result, Sequence[Mode]):
 
     @cached_property
     def _modes(self) -> tuple[Mode, ...]:
-        names = ("frequency_hz", "symmetry", "mac", "zone_share", "confinement_db", "strength", "residual")
-        error = self.error
-        return tuple(
-            Mode(**{name: mode.get(name) for name in names}, error=error, _owner=self)
-            for mode in self._document["modes"]
-        )
+        names = ("frequency_hz", "symmetry", "mac", "zone_share", "confinement_db", "strength", "residual", "error")
+        return tuple(Mode(**{name: mode.get(name) for name in names}, _owner=self) for mode in self._document["modes"])
 
     @property
-    def error(self) -> float | None:
-        """Half-width of a frequency's error bar by mesh and reduction, relative; None where none was calibrated."""
-        from pipeline.views.rows import frequency_error
+    def error(self) -> NDArray[np.float64]:
+        """Half-width of each frequency's error bar (modes,), relative; NaN where none was calibrated."""
+        import numpy as np
 
-        return frequency_error(self._document)
+        return np.array([mode.error for mode in self], dtype=float)
 
     @property
     def frequency_hz(self) -> NDArray[np.float64]:
@@ -213,6 +209,13 @@ class Bands(Result):
         return np.array([point["frequencies_hz"] for point in self._document["points"]], dtype=float)
 
     @property
+    def computed_hz(self) -> NDArray[np.float64]:
+        """Frequencies (points, bands) of the mesh itself, Hz."""
+        import numpy as np
+
+        return np.array([point["computed_hz"] for point in self._document["points"]], dtype=float)
+
+    @property
     def wavevectors_per_m(self) -> NDArray[np.float64]:
         """Wavevectors (points, 2) in rad/m."""
         import numpy as np
@@ -237,10 +240,7 @@ class Bands(Result):
         """Half-width of the error bars (points, bands), relative; NaN where none was calibrated."""
         import numpy as np
 
-        from pipeline.views.rows import frequency_error
-
-        error = frequency_error(self._document)
-        return np.full(self.frequencies_hz.shape, np.nan if error is None else error)
+        return np.array([point["error"] for point in self._document["points"]], dtype=float)
 
     @property
     def distance_per_m(self) -> NDArray[np.float64]:

@@ -100,7 +100,7 @@ def _written(plate: Plate, place: Path, measure: Sequence[str], paired: bool, va
 
     write_file(place / "plate.toml", case_text(plate).encode())
     head = {"name": place.name, "case": "plate.toml", "measure": list(measure)}
-    keys = {key_of(name): plain(list(each)) for name, each in values.items()}
+    keys = {key_of(name, plate.to_dict()): plain(list(each)) for name, each in values.items()}
     lines = ["[study]", *(f"{key} = {toml_text(value)}" for key, value in head.items()), "", "[sweep]"]
     lines += [f'"{key}" = {toml_text(each)}' for key, each in keys.items()] + (["zip = true"] if paired else [])
     write_file(place / "study.toml", ("\n".join(lines) + "\n").encode())

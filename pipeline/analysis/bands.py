@@ -99,11 +99,18 @@ class Bands:
     expected_error: float | None = None
 
     @property
+    def error(self) -> float | None:
+        """Half-width of every frequency's bar by mesh and truncation, relative; None where none was calibrated."""
+        reduction = self.detail.reduction_error if self.detail else 0.0
+        return None if self.expected_error is None else self.expected_error + reduction
+
+    @property
     def record(self) -> BandsRecord:
         """The result as a command and a study keep it."""
         points = [
             BandPoint.model_validate(
                 {"label": label, "kx_per_m": k[0], "ky_per_m": k[1], "frequencies_hz": row.tolist()}
+                | {"computed_hz": row.tolist(), "error": [self.error] * len(row)}
                 | (self.detail.point(index) if self.detail else {})
             )
             for index, (label, k, row) in enumerate(

@@ -28,6 +28,7 @@ def mode_rows(modes: Modes, symmetry: str | None, measures: Confinement | None, 
             residual=float(modes.residual[i]),
             symmetry=symmetry,
             parity=SIGNS[symmetry] if symmetry else None,
+            error=None,
             column=first + i,
             **{name: float(getattr(measures, name)[i]) if measures else None for name in MEASURES},
         )

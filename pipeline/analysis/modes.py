@@ -153,7 +153,27 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
         warn(estimate.total, case, log)
     expected = error_bar.log_expected(choice, case, log, part_modes.highest_hz)
     bar = _bar(case, choice, part_modes, MARGIN * estimate.total if estimate else None)
-    return replace(part_modes, reduction_error=estimate.worst if estimate else None, expected_error=expected, bar=bar)
+    return replace(
+        part_modes,
+        rows=_with_errors(case, choice, part_modes, errors),
+        reduction_error=estimate.worst if estimate else None,
+        expected_error=expected,
+        bar=bar,
+    )
+
+
+def _with_errors(
+    case: Case, choice: ModelChoice, part_modes: PartModes, errors: dict[str | None, ModeErrors]
+) -> tuple[ModeRow, ...]:
+    """The rows with the half-width of each frequency's bar: the mesh's expected error and the estimated truncation."""
+
+    def error(row: ModeRow) -> float | None:
+        mesh = error_bar.expected_error(choice, case.design, row.frequency_hz)
+        own = errors.get(row.symmetry)
+        truncation = MARGIN * float(own.modes[row.column] + own.degrees[row.column]) if own else 0.0
+        return None if mesh is None else mesh + truncation
+
+    return tuple(row.model_copy(update={"error": error(row)}) for row in part_modes.rows)
 
 
 def _warn_of_nothing(part_modes: PartModes, query: Request, log: Log) -> None:

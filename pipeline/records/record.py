@@ -115,7 +115,7 @@ class MeshRecord(Part):
 
 
 class ModeRecord(Part):
-    """One mode; parity tells its symmetry class as signs."""
+    """One mode; parity tells its symmetry class as signs, error the half-width of its frequency's bar, relative."""
 
     frequency_hz: float
     residual: float
@@ -125,6 +125,7 @@ class ModeRecord(Part):
     mac: float | None
     strength: float | None
     symmetry: str | None = None
+    error: float | None = None
 
 
 class CountRecord(Part):
@@ -216,12 +217,18 @@ class GapRecord(Part):
 
 
 class BandPoint(Open):
-    """The waves at one wavevector; what only the reduced cell tells is None with the full one."""
+    """The waves at one wavevector; what only the reduced cell tells is None with the full one.
+
+    frequencies_hz are the best values, computed_hz those of the mesh, error the half-width of the bar by mesh and
+    truncation, relative; None where no mesh of its kind was calibrated.
+    """
 
     label: str | None
     kx_per_m: float
     ky_per_m: float
     frequencies_hz: list[float]
+    computed_hz: list[float]
+    error: list[float | None]
     polarisation: list[str] | None = None
     plate_polarisation: list[str] | None = None
     group_velocity_m_s: list[tuple[float, float] | None] | None = None

@@ -11,15 +11,18 @@ Rows = list[dict[str, Any]]
 
 def modes(document: Document) -> Rows:
     """One row a mode."""
-    return [{**mode, "error": frequency_error(document)} for mode in document["modes"]]
+    return [dict(mode) for mode in document["modes"]]
 
 
 def bands(document: Document) -> Rows:
     """One row a wavevector and band."""
     return [
-        {key: point[key] for key in ("label", "kx_per_m", "ky_per_m")} | {"band": band, "frequency_hz": frequency}
+        {key: point[key] for key in ("label", "kx_per_m", "ky_per_m")}
+        | {"band": band, "frequency_hz": frequency, "computed_hz": computed, "error": error}
         for point in document["points"]
-        for band, frequency in enumerate(point["frequencies_hz"], 1)
+        for band, (frequency, computed, error) in enumerate(
+            zip(point["frequencies_hz"], point["computed_hz"], point["error"], strict=True), 1
+        )
     ]
 
 
@@ -51,12 +54,6 @@ def predesign(document: Document) -> Rows:
 def tolerance(document: Document) -> Rows:
     """One row a sample."""
     return [dict(sample) for sample in document["samples"]]
-
-
-def frequency_error(document: Document) -> float | None:
-    """Half-width of a frequency's error bar by mesh and reduction, relative; None where none was calibrated."""
-    mesh, reduction = document.get("expected_error"), document.get("reduction_error")
-    return None if mesh is None else mesh + (reduction or 0.0)
 
 
 ROWS: dict[str, Callable[[Document], Rows]] = {

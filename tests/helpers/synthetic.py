@@ -184,7 +184,16 @@ def bands(pitch: float, points: int = 25) -> BandsRecord:
         flat = [39.7e3 - 7e3 * s * (1 - 0.1 * i) + 119e3 * s**6 * i for i in range(2)]
         upper = [108e3 + 55.1e3 * s**2, 175.84e3 + 20e3 * s, 175.84e3 + 30e3 * s, 233e3 - 10e3 * s, 260e3 + 5e3 * s]
         tones = [32541.0, 32541.0, *sorted(low + flat + upper)[2:]] if label == "M" else sorted(low + flat + upper)
-        out.append(BandPoint(label=label, kx_per_m=k[0], ky_per_m=k[1], frequencies_hz=tones))
+        out.append(
+            BandPoint(
+                label=label,
+                kx_per_m=k[0],
+                ky_per_m=k[1],
+                frequencies_hz=tones,
+                computed_hz=tones,
+                error=[0.003] * len(tones),
+            )
+        )
     gap = GapRecord(lower_band=6, upper_band=7, lower_hz=163100.0, upper_hz=175840.0)
     return BandsRecord(model="solid", dof=20000, points=out, gaps=[gap])
 
@@ -275,7 +284,7 @@ def mode(frequency_hz: float, **more: Any) -> ModeRecord:
         "mac": 0.2,
         "strength": 0.1,
     }
-    return ModeRecord(frequency_hz=frequency_hz, parity="++", **{**plain, **more})
+    return ModeRecord(frequency_hz=frequency_hz, parity="++", error=0.003, **{**plain, **more})
 
 
 def count(expected: int, result: int) -> CountRecord:

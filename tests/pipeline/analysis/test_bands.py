@@ -65,9 +65,14 @@ def test_points_tell_polarisation_parity_branch_and_group_velocity() -> None:
     assert all(mark in ("yS", "yA") for mark in document["points"][3]["parity"])
     assert "zone_gaps" not in document and "wavevectors off the path" in log.omitted
     assert document["reduction_error"] < 0.02 and "REDUCTION" not in log.warnings
+    bar = document["expected_error"] + document["reduction_error"]
+    assert all(point["error"] == [pytest.approx(bar)] * 8 for point in document["points"])
+    assert all(
+        point["computed_hz"] == point["frequencies_hz"] for point in document["points"]
+    )  # one mesh: nothing extrapolated
     assert {"start", "end", "lower_band", "upper_hz"} <= set(document["directional_gaps"][0])
     assert {"polarisation", "lower_hz", "upper_hz"} == set(document["polarisation_gaps"][0])
-    assert len(json.dumps(document)) < 19 * 8 * 150
+    assert len(json.dumps(document)) < 19 * 8 * 200
 
 
 def test_the_group_velocity_of_a_point_is_the_slope_of_its_band() -> None:
@@ -92,7 +97,7 @@ def test_a_coarse_path_finds_the_edges_of_a_fine_one() -> None:
 def test_the_full_cell_gives_frequencies_only_and_says_so() -> None:
     result, log = solved("solve.model=solid", "bands.points=1", "bands.count=7", "bands.grid=1")
     document = result.record.to_dict()
-    assert set(document["points"][0]) == {"label", "kx_per_m", "ky_per_m", "frequencies_hz"}
+    assert set(document["points"][0]) == {"label", "kx_per_m", "ky_per_m", "frequencies_hz", "computed_hz", "error"}
     assert "reduction_error" not in document and "polarisation, branches and group velocity" in log.omitted
     reduced, _ = solved("bands.points=1", "bands.count=7")
     assert document["zone_gaps"][0]["lower_hz"] == pytest.approx(reduced.gaps[0].lower_hz, rel=0.01)

@@ -79,6 +79,9 @@ def test_a_plate_without_the_wanted_shape_has_no_wanted_mode(capsys: pytest.Capt
 def test_the_document_names_the_wanted_mode_and_its_rivals(capsys: pytest.CaptureFixture[str]) -> None:
     text = document("modes", str(SMALL), "--band", "30kHz:36kHz", "--symmetry", "SS", capsys=capsys)
     wanted = text["wanted"]
+    own = next(mode for mode in text["modes"] if mode["frequency_hz"] == wanted["frequency_hz"])
+    assert own["error"] == pytest.approx(text["error_bar"]["frequency"], rel=1e-9)
+    assert all(0.0 < mode["error"] < 0.1 for mode in text["modes"])
     assert wanted["status"] == "single" and wanted["driven_confinement_db"] is None
     listed = [mode for mode in text["modes"] if mode["frequency_hz"] == wanted["frequency_hz"]]
     assert len(listed) == 1 and listed[0]["strength"] == wanted["strength"]
