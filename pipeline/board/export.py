@@ -11,8 +11,9 @@ import numpy as np
 from firmware.table_format import CHANNELS
 from pipeline.analysis.modes import PartModes
 from pipeline.board import table_file
-from pipeline.board.table_file import Mode, ModeTable
+from pipeline.board.table_file import Mode, ModeTable, TableError
 from pipeline.case.model import Case
+from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.records.fingerprint import canonical_json, code_hash
 from pipeline.records.store import write_atomic
@@ -149,8 +150,12 @@ def places(folder: Path, stem: str) -> list[Path]:
 
 
 def write(table: ModeTable, folder: Path, stem: str) -> list[Path]:
-    """A table as STEM.bin and STEM.h."""
+    """Write a table as STEM.bin and STEM.h. Raises InputError for a plate whose modes the firmware cannot play."""
     files = places(folder, stem)
-    write_atomic(files[0], table_file.to_bytes(table))
-    write_atomic(files[1], table_file.to_header(table).encode())
+    try:
+        contents = table_file.to_bytes(table), table_file.to_header(table).encode()
+    except TableError as fault:
+        raise InputError(f"mode table: {fault}: the firmware plays no such mode") from fault
+    for file, content in zip(files, contents, strict=True):
+        write_atomic(file, content)
     return files

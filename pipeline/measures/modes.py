@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pipeline.errors import InputError
 from pipeline.measures.measure import Draw, Measure, Work
 from pipeline.planning import plan
 from pipeline.planning.request import of_case
@@ -33,7 +34,10 @@ def _compute(work: Work) -> None:
         work.keep(shapes=mode_fields.shapes_record(result, case.design))
         with log.step("fields"):
             work.keep(arrays=mode_fields.kept_arrays(result, nearest_rows(result, index)[:SHAPES]))
-        write_table(case, result, index, work.folder)
+        try:
+            write_table(case, result, index, work.folder)
+        except InputError as fault:
+            log.warning("TABLE", fault.lines[0])
     if work.all_fields:
         with log.step("fields in full"):
             store.save_arrays(work.folder, mode_fields.full_fields(result), store.FIELDS)
