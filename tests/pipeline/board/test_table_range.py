@@ -13,6 +13,6 @@ from pipeline.errors import InputError
 
 def test_a_mode_beyond_the_firmware_is_one_line_and_writes_nothing(tmp_path: Path) -> None:
     table = ModeTable(250e3, bytes(16), (Mode(120e3, 1e-3),))
-    with pytest.raises(InputError, match="mode table: .*120000") as refused:
+    with pytest.raises(InputError, match=r"mode table: .*120000") as refused:
         export.write(table, tmp_path, "mode_table")
     assert len(refused.value.lines) == 1 and not list(tmp_path.iterdir())
