@@ -58,8 +58,8 @@ def level_text(case: StoredCase) -> str:
     level = case.record.confinement_db
     if level is None:
         return "confinement has no meaning here (no passive face)"
-    verdict = "confined" if case.record.confined else "leaking"
-    return f"{verdict}, {level:.1f} dB (at least {CONFINED_DB:.0f} dB counts as confined)"
+    driven = "" if case.record.driven_db is None else f", {case.record.driven_db:.1f} dB as driven"
+    return f"{case.record.verdict}: {level:.1f} dB{driven} (at least {CONFINED_DB:.0f} dB counts as confined)"
 
 
 def _paint(axes: Axes, arrays: dict[str, Any], values: FloatArray, design: DesignRecord) -> TriMesh:

@@ -227,8 +227,8 @@ class BandPoint(Open):
     kx_per_m: float
     ky_per_m: float
     frequencies_hz: list[float]
-    computed_hz: list[float]
-    error: list[float | None]
+    computed_hz: list[float] = []
+    error: list[float | None] = []
     polarisation: list[str] | None = None
     plate_polarisation: list[str] | None = None
     group_velocity_m_s: list[tuple[float, float] | None] | None = None
@@ -620,6 +620,12 @@ class Record(Part):
         """
         level, driven = self.confinement_db, self.driven_db
         return None if level is None else min(level, level if driven is None else driven) >= CONFINED_DB
+
+    @property
+    def verdict(self) -> str:
+        """Whether the wanted mode is confined, as a mode and as driven by patches, in words."""
+        as_mode = self.confinement_db is not None and self.confinement_db >= CONFINED_DB
+        return "confined" if self.confined else "confined as a mode, not as driven" if as_mode else "leaking"
 
     def mesh(self, what: str, kind: str) -> MeshRecord | None:
         """The first mesh of a body and a kind."""

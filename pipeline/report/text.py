@@ -49,10 +49,8 @@ def khz(frequency_hz: float | None) -> str:
 def verdict(record: Record) -> str:
     """Whether the wanted mode is confined, as a mode and driven, and whether the expected error leaves that open."""
     level, error = record.confinement_db, record.wanted.confinement_error_db if record.wanted else None
-    as_mode = level is not None and level >= CONFINED_DB
-    said = "confined" if record.confined else "confined as a mode, not as driven" if as_mode else "leaking"
     close = error is not None and level is not None and abs(level - CONFINED_DB) <= error
-    return f"{said}, but nearer to {CONFINED_DB:.0f} dB than its expected error" if close else said
+    return f"{record.verdict}, but nearer to {CONFINED_DB:.0f} dB than its expected error" if close else record.verdict
 
 
 def best_case(study: StoredStudy) -> StoredCase | None:

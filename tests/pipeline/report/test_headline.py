@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from pipeline.plots.fields import level_text
 from pipeline.records.record import BandPoint, BandsRecord, GapRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.report import text
@@ -70,6 +71,7 @@ def test_a_mode_held_but_not_as_driven_is_not_confined() -> None:
     driven = plate(4, 3, 12.2, 9.3)
     assert driven.record.confined is False
     assert text.verdict(driven.record) == "confined as a mode, not as driven"
+    assert level_text(driven).startswith(f"{driven.record.verdict}: ") and "dB as driven" in level_text(driven)
     assert plate(4, 3, 12.2, 10.1).record.confined is True and plate(4, 3, 9.9, 10.1).record.confined is False
     clamped = cards(StoredStudy(Path("s"), {}, (driven,)))["Confined to the zone"]
     assert "driven at its own peak 9.3" in clamped.note.replace("\u202f", " ") and clamped.severity == "bad"
