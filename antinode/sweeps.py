@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
+import os
+import re
+import subprocess
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +17,8 @@ from antinode.tables import plain
 from pipeline.errors import CheckFailed, InputError
 
 NUMBERS = (int, float)
+STUDY, TABLE = "study.toml", "table.csv"
+FAILED, INTERRUPTED = 3, 130  # exit codes
 
 
 class SweepTable(Sequence[dict[str, Any]]):
@@ -71,26 +77,60 @@ def sweep(
     case failed: the others are kept in the folder.
     """
     from pipeline import paths
-    from pipeline.batch import case_study, runner
-    from pipeline.batch.progress import Progress
+    from pipeline.batch import case_study
     from pipeline.batch.study_file import load_study
-    from pipeline.measures import registry
 
     if not values:
         raise InputError("sweep: needs at least one key with its values, such as pitch_mm=[4, 5, 6]")
     place = Path(folder) if folder is not None else paths.RESULTS / f"{plate.name}-sweep"
     place.mkdir(parents=True, exist_ok=True)
     study = load_study(_written(plate, place, measure, zip, values))
+    case_study.jobs_of(study)  # every fault of every case, before anything is computed
     quiet = not (is_watched() if progress is None else progress)
+    failed = _computed(place, jobs, quiet)
+    if failed:
+        raise CheckFailed(failed)
+    return SweepTable([*_read((place / TABLE).read_text(encoding="utf-8"))], place)
+
+
+def _computed(place: Path, jobs: int | None, quiet: bool) -> list[str]:
+    """Run the study in a process of its own, whose workers know nothing of the caller's script; failed cases, a line each."""
+    from pipeline.paths import ROOT
+
+    words = [sys.executable, "-m", "antinode.sweeps", str(place), str(jobs or 0), *(["--quiet"] if quiet else [])]
+    paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    done = subprocess.run(words, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": paths})
+    if done.returncode == INTERRUPTED:
+        raise KeyboardInterrupt
+    if done.returncode not in (0, FAILED):
+        raise CheckFailed(
+            f"the sweep in {place} ended with exit code {done.returncode}: what was finished is kept there"
+        )
+    return done.stdout.splitlines()
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the study of a folder and write its table: `python -m antinode.sweeps FOLDER JOBS [--quiet]`."""
+    from pipeline.batch import case_study, runner
+    from pipeline.batch.progress import Progress
+    from pipeline.batch.study_file import load_study
+    from pipeline.measures import registry
+    from pipeline.process import terminable
+
+    place = Path(words[0])
+    study = load_study(place / STUDY)
     about = {"name": study.name, "case": study.case_path.name, "measure": list(study.measure)}
-    options = runner.Options(jobs=jobs)
-    outcome = runner.run_study(
-        case_study.jobs_of(study), case_study.computer(study), place, options, Progress(quiet), about
-    )
-    table = registry.write_table(place)
-    if outcome.failed:
-        raise CheckFailed(f"case {end.case_id} failed: {end.diagnosis}" for end in outcome.failed)
-    return SweepTable([*_read(table.read_text(encoding="utf-8"))], place)
+    options, progress = runner.Options(jobs=int(words[1]) or None), Progress("--quiet" in words)
+    try:
+        with terminable():
+            jobs, compute = case_study.jobs_of(study), case_study.computer(study)
+            outcome = runner.run_study(jobs, compute, place, options, progress, about)
+            registry.write_table(place)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    for end in outcome.failed:
+        print(f"case {end.case_id} failed: {end.diagnosis}")
+    return outcome.exit_code
 
 
 def _written(plate: Plate, place: Path, measure: Sequence[str], paired: bool, values: dict[str, Sequence[Any]]) -> Path:
@@ -99,12 +139,16 @@ def _written(plate: Plate, place: Path, measure: Sequence[str], paired: bool, va
     from pipeline.records.outputs import write_file
 
     write_file(place / "plate.toml", case_text(plate).encode())
-    head = {"name": place.name, "case": "plate.toml", "measure": list(measure)}
+    head = {
+        "name": re.sub(r"[^A-Za-z0-9._+-]", "-", place.name).strip("-.") or "sweep",
+        "case": "plate.toml",
+        "measure": list(measure),
+    }
     keys = {key_of(name, plate.to_dict()): plain(list(each)) for name, each in values.items()}
     lines = ["[study]", *(f"{key} = {toml_text(value)}" for key, value in head.items()), "", "[sweep]"]
     lines += [f'"{key}" = {toml_text(each)}' for key, each in keys.items()] + (["zip = true"] if paired else [])
-    write_file(place / "study.toml", ("\n".join(lines) + "\n").encode())
-    return place / "study.toml"
+    write_file(place / STUDY, ("\n".join(lines) + "\n").encode())
+    return place / STUDY
 
 
 def case_text(plate: Plate) -> str:
@@ -136,3 +180,7 @@ def _value(cell: str | None) -> Any:
         except ValueError:
             continue
     return cell
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

@@ -152,3 +152,16 @@ def test_a_sweep_is_a_table_and_stands_when_asked_again(plate: antinode.Plate, t
     assert (tmp_path / "s" / "height_mm=6" / "record.json").stat().st_mtime_ns == stamp
     with pytest.raises(antinode.InputError, match="at least one key"):
         antinode.sweep(coarse)
+
+
+def test_a_script_without_a_guard_may_sweep(tmp_path: Path) -> None:
+    """Workers are started anew and would run the caller's script again."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import antinode\n"
+        f"plate = antinode.load({str(SMALL)!r}, accuracy=0.05, bands__points=2, bands__count=4)\n"
+        f"table = antinode.sweep(plate, measure=['bands'], folder={str(tmp_path / 'two words')!r}, rows=[1])\n"
+        "print(len(table), table[0]['status'])\n"
+    )
+    done = subprocess.run([sys.executable, str(script)], cwd=ROOT, capture_output=True, text=True)
+    assert (done.returncode, done.stdout.split()[0]) == (0, "1"), done.stderr[-800:]
