@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from pipeline.analysis.modes import PartModes
     from pipeline.case.model import Case
+    from solvers.waves.gaps import Gap
 
 KIND = "kind"
 
@@ -180,16 +181,6 @@ class Modes(Result, Sequence[Mode]):
         return closed_surface(self._solved, self._case, self._modes.index(mode))
 
 
-@dataclass(frozen=True)
-class Gap:
-    """A complete gap along the path: band numbers from 1, edges in Hz."""
-
-    lower_band: int
-    upper_band: int
-    lower_hz: float
-    upper_hz: float
-
-
 class Bands(Result):
     """Bloch bands along a path.
 
@@ -229,7 +220,9 @@ class Bands(Result):
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
-        """Complete gaps along the path."""
+        """Complete gaps along the path: band numbers from 1, edges in Hz."""
+        from solvers.waves.gaps import Gap
+
         return tuple(
             Gap(gap["lower_band"], gap["upper_band"], gap["lower_hz"], gap["upper_hz"])
             for gap in self._document["gaps"]
@@ -245,10 +238,9 @@ class Bands(Result):
     @property
     def distance_per_m(self) -> NDArray[np.float64]:
         """Distance along the path (points,) in rad/m."""
-        import numpy as np
+        from solvers.waves.brillouin import Path
 
-        steps = np.linalg.norm(np.diff(self.wavevectors_per_m, axis=0), axis=1)
-        return np.concatenate([[0.0], np.cumsum(steps)])
+        return Path(self.wavevectors_per_m, self.labels).arc
 
     def __repr__(self) -> str:
         points, bands = self.frequencies_hz.shape

@@ -14,17 +14,17 @@ from typing import Any
 
 from antinode.plate import Plate, is_watched, key_of
 from antinode.tables import plain
+from pipeline.cli.main import DONE, INTERRUPTED, NOT_TRUSTED
 from pipeline.errors import CheckFailed, InputError
 
 NUMBERS = (int, float)
 STUDY, TABLE = "study.toml", "table.csv"
-FAILED, INTERRUPTED = 3, 130  # exit codes
 
 
 class SweepTable(Sequence[dict[str, Any]]):
     """One row a case: swept keys and measures by their columns of table.csv; None where a measure has no meaning.
 
-    `folder` holds every case's record, run.mess and arrays, table.csv and report.html.
+    `folder` holds every case's record, run.mess and arrays, the table as table.csv, and the study as study.toml.
     """
 
     def __init__(self, rows: Sequence[dict[str, Any]], folder: Path) -> None:
@@ -102,7 +102,7 @@ def _computed(place: Path, jobs: int | None, quiet: bool) -> list[str]:
     done = subprocess.run(words, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": paths})
     if done.returncode == INTERRUPTED:
         raise KeyboardInterrupt
-    if done.returncode not in (0, FAILED):
+    if done.returncode not in (DONE, NOT_TRUSTED):
         raise CheckFailed(
             f"the sweep in {place} ended with exit code {done.returncode}: what was finished is kept there"
         )
@@ -119,12 +119,11 @@ def main(words: Sequence[str]) -> int:
 
     place = Path(words[0])
     study = load_study(place / STUDY)
-    about = {"name": study.name, "case": study.case_path.name, "measure": list(study.measure)}
     options, progress = runner.Options(jobs=int(words[1]) or None), Progress("--quiet" in words)
     try:
         with terminable():
             jobs, compute = case_study.jobs_of(study), case_study.computer(study)
-            outcome = runner.run_study(jobs, compute, place, options, progress, about)
+            outcome = runner.run_study(jobs, compute, place, options, progress, study.about)
             registry.write_table(place)
     except KeyboardInterrupt:
         return INTERRUPTED

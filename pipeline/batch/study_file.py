@@ -53,6 +53,11 @@ class StudyFile:
     zip: bool
     base_measure: tuple[str, ...] = ()
 
+    @property
+    def about(self) -> dict[str, Any]:
+        """What a run keeps of the study for its report."""
+        return {"name": self.name, "case": self.case_path.name, "measure": list(self.measure)}
+
     def cases(self) -> list[tuple[str, list[tuple[str, Any]]]]:
         """(case id, overrides as keys with values) for every case, in the order of the file, the last key running fastest.
 

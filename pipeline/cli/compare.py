@@ -30,6 +30,7 @@ def add(commands: Any, command: Any) -> None:
 def run(arguments: Namespace) -> int:
     """Read both, line up their quantities, and print those that differ."""
     from pipeline.records import outputs
+    from pipeline.views import files
 
     one, two = (read(Path(place), arguments.solve, arguments.quiet) for place in (arguments.a, arguments.b))
     rows = [row for row in lined_up(one, two) if arguments.all or row["a"] != row["b"]]
@@ -37,11 +38,7 @@ def run(arguments: Namespace) -> int:
     cells = [[row[key] for key in head] for row in rows]
     document = {"a": arguments.a, "b": arguments.b, "rows": rows}
     words = outputs.table(head, cells) if cells else "nothing differs"
-    if arguments.csv:
-        outputs.write_file(Path(arguments.csv), outputs.csv_bytes(head, cells))
-    if arguments.plot:
-        draw(rows, Path(arguments.plot))
-    outputs.emit(arguments, "compare", document, words)
+    files.emit(arguments, "compare", document, words, head, cells)
     return 0
 
 
@@ -114,19 +111,3 @@ def lined_up(one: Flat, two: Flat) -> list[dict[str, Any]]:
 def _difference(a: Any, b: Any) -> float | None:
     numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (a, b))
     return float(f"{b / a - 1.0:.{SHOWN_DIGITS}g}") if numbers and a else None
-
-
-def draw(rows: list[dict[str, Any]], place: Path) -> None:
-    """Relative differences as bars, the largest first."""
-    from geometry.files import written_whole
-    from pipeline.plots import style
-
-    known = sorted((row for row in rows if row["difference"]), key=lambda row: abs(row["difference"]))
-    with style.style():
-        figure = style.new_figure(style.WIDTH_IN, 1.2 + 0.28 * max(1, len(known)))
-        axes = figure.subplots()
-        axes.barh([row["quantity"] for row in known], [100.0 * row["difference"] for row in known], color=style.BLUE)
-        axes.axvline(0.0, color=style.GREY, lw=0.8)
-        axes.set(xlabel="B over A, %")
-        with written_whole(place) as temporary:
-            figure.savefig(temporary, format=place.suffix.lstrip(".") or "png", dpi=150, bbox_inches="tight")

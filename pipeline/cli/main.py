@@ -188,28 +188,14 @@ def _add_case_commands(commands: Any) -> None:
     _explains(modes)
     _explains(_computes(_solver(commands, "bands", "Bloch bands and gaps of the unit cell", f"bands {case}")))
     waves = _computes(_solver(commands, "attenuation", "decay per row across the zone's border", f"attenuation {case}"))
-    waves.add_argument("--band", metavar="F:F", help="frequencies, such as 25kHz:45kHz")
+    _over_frequency(waves, "25kHz:45kHz", 201)
     waves.add_argument(
         "--kx", type=_wavenumber, metavar="K", help="wavenumber along the zone in rad/m (default: the wanted mode's)"
-    )
-    waves.add_argument(
-        "--points",
-        type=_up_to(limits.MAX_FREQUENCIES),
-        metavar="N",
-        default=201,
-        help="how many frequencies (default: 201)",
     )
     _explains(waves)
     example = f"response {case} --band 28kHz:38kHz"
     response = _computes(_solver(commands, "response", "forced response to the patches", example))
-    response.add_argument("--band", metavar="F:F", help="frequencies, such as 28kHz:38kHz")
-    response.add_argument(
-        "--points",
-        type=_up_to(limits.MAX_FREQUENCIES),
-        metavar="N",
-        default=401,
-        help="how many frequencies (default: 401)",
-    )
+    _over_frequency(response, "28kHz:38kHz", 401)
     _explains(response)
     _add_measured(response)
     _add_tolerance(commands)
@@ -227,6 +213,13 @@ def _add_tolerance(commands: Any) -> None:
         "--seed", type=_up_to(limits.MAX_SEED), metavar="N", help="of the draw (default: the case's, 1)"
     )
     _explains(spread)
+
+
+def _over_frequency(sub: argparse.ArgumentParser, example: str, points: int) -> None:
+    sub.add_argument("--band", metavar="F:F", help=f"frequencies, such as {example}")
+    count = _up_to(limits.MAX_FREQUENCIES)
+    words = f"how many frequencies (default: {points})"
+    sub.add_argument("--points", type=count, metavar="N", default=points, help=words)
 
 
 def _computes(sub: argparse.ArgumentParser) -> argparse.ArgumentParser:

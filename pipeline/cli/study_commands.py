@@ -62,8 +62,7 @@ def _task(path_or_name: str, fields_too: bool = False) -> _Task:
         case = load_case(study.case_path, job.payload["overrides"])
         return registry.plan_of(case, job.payload["measure"]).short()
 
-    about = {"name": study.name, "case": study.case_path.name, "measure": list(study.measure)}
-    return _Task(study.name, jobs, computer, about, _table_and_report, explain)
+    return _Task(study.name, jobs, computer, study.about, _table_and_report, explain)
 
 
 def run(arguments: Namespace) -> int:

@@ -11,6 +11,7 @@ from pipeline.plots.plate import FloatArray
 from pipeline.plots.style import ReportFigure
 from pipeline.records.record import BandPoint, BandsRecord, GapRecord
 from pipeline.records.study import StoredCase
+from solvers.waves.brillouin import Path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,8 +31,7 @@ POLARISATIONS = {
 
 def path_length(points: list[BandPoint]) -> FloatArray:
     """Distance along the path at each wavevector, 1/m."""
-    k = np.array([[point.kx_per_m, point.ky_per_m] for point in points], dtype=float)
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(k, axis=0), axis=1))])
+    return Path(np.array([(point.kx_per_m, point.ky_per_m) for point in points], dtype=float), ()).arc
 
 
 def shear_speed(case: StoredCase) -> float | None:

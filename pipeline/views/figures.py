@@ -11,6 +11,7 @@ import numpy as np
 from geometry.files import written_whole
 from pipeline.plots import style
 from solvers.measures.levels import CONFINED_DB
+from solvers.waves.brillouin import Path as WavePath
 
 Document = dict[str, Any]
 
@@ -33,15 +34,14 @@ def draw(kind: str, document: Document, ax: Any = None) -> Any:
 def write(kind: str, document: Document, place: Path) -> None:
     """The figure as a file, whole or not at all, in the format of its ending (png, pdf or svg)."""
     figure = draw(kind, document).figure
-    with written_whole(place) as temporary:
+    with style.style(), written_whole(place) as temporary:
         figure.savefig(temporary, format=place.suffix.lstrip(".").lower() or "png", dpi=150, bbox_inches="tight")
 
 
 def bands(ax: Any, document: Document) -> None:
     """Dispersion diagram, gaps shaded."""
     points = document["points"]
-    k = np.array([(point["kx_per_m"], point["ky_per_m"]) for point in points])
-    distance = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(k, axis=0), axis=1))])
+    distance = WavePath(np.array([(point["kx_per_m"], point["ky_per_m"]) for point in points]), ()).arc
     ax.plot(distance, np.array([point["frequencies_hz"] for point in points]) / 1e3, color=style.BLUE, lw=1.1)
     for gap in document["gaps"]:
         ax.axhspan(gap["lower_hz"] / 1e3, gap["upper_hz"] / 1e3, color=style.GREEN, alpha=0.2)
@@ -108,6 +108,15 @@ def tolerance(ax: Any, document: Document) -> None:
     ax.set(xlabel="peak (kHz)", ylabel="driven confinement (dB)")
 
 
+def compare(ax: Any, document: Document) -> None:
+    """Relative differences of two designs as bars, the largest last and so on top."""
+    known = sorted((row for row in document["rows"] if row["difference"]), key=lambda row: abs(row["difference"]))
+    ax.figure.set_size_inches(style.WIDTH_IN, 1.2 + 0.28 * max(1, len(known)))
+    ax.barh([row["quantity"] for row in known], [100.0 * row["difference"] for row in known], color=style.BLUE)
+    ax.axvline(0.0, color=style.GREY, lw=0.8)
+    ax.set(xlabel="B over A, %")
+
+
 FIGURES: dict[str, Callable[[Any, Document], None]] = {
-    each.__name__: each for each in (modes, bands, attenuation, response, predesign, tolerance)
+    each.__name__: each for each in (modes, bands, attenuation, response, predesign, tolerance, compare)
 }

@@ -27,7 +27,7 @@ def emit(
     """Emit the document as every command does; rows go to --csv and into --out, the figure to --plot."""
     outputs.emit(arguments, kind, document, text)
     places = [Path(arguments.csv)] if arguments.csv else []
-    places += [Path(arguments.out) / f"{kind}.csv"] if arguments.out else []
+    places += [Path(arguments.out) / f"{kind}.csv"] if getattr(arguments, "out", None) else []
     for place in places:
         outputs.write_file(place, outputs.csv_bytes(head, rows))
     if arguments.plot:
