@@ -5,7 +5,7 @@ A scene is a tensor grid and a mask: which boxes are solid, and to which region 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,13 +36,10 @@ def hex_mesh(boxes: Boxes, order: int) -> Mesh:
 
     `touch` is the plane z = z[0]; `back` the solid's faces at the plate's top are not named, since pillars stand there.
     """
-    solid = np.argwhere(boxes.region.transpose(2, 1, 0) >= 0)[:, ::-1]  # x fastest
-    lines = [_nodal_line(axis, order) for axis in (boxes.x, boxes.y, boxes.z)]
+    solid, full = _solid_elements(boxes, order)
+    lines = [nodal_line(axis, order) for axis in (boxes.x, boxes.y, boxes.z)]
     counts = [len(line) for line in lines]
-    local = np.arange(order + 1)
-    ix, iy, iz = (order * solid[:, axis, None] + local for axis in range(3))
-    full = ix[:, None, None, :] + counts[0] * (iy[:, None, :, None] + counts[1] * iz[:, :, None, None])
-    used, cells = np.unique(full.reshape(len(solid), -1), return_inverse=True)
+    used, cells = np.unique(full, return_inverse=True)
     cells = cells.reshape(len(solid), -1).astype(np.int64)
     nodes = np.column_stack(
         [lines[0][used % counts[0]], lines[1][used // counts[0] % counts[1]], lines[2][used // (counts[0] * counts[1])]]
@@ -54,7 +51,23 @@ def hex_mesh(boxes: Boxes, order: int) -> Mesh:
     return Mesh(nodes, cells, "hex", order, regions, _outer_faces(mesh, boxes, solid), spans)
 
 
-def _nodal_line(lines: FloatArray, order: int) -> FloatArray:
+def _solid_elements(boxes: Boxes, order: int) -> tuple[IntArray, IntArray]:
+    """Places (n, 3) of the solid boxes, x fastest, and their nodes' numbers (n, nodes) in the full grid."""
+    solid = np.argwhere(boxes.region.transpose(2, 1, 0) >= 0)[:, ::-1]
+    counts = [order * (len(axis) - 1) + 1 for axis in (boxes.x, boxes.y)]
+    local = np.arange(order + 1)
+    ix, iy, iz = (order * solid[:, axis, None] + local for axis in range(3))
+    full = ix[:, None, None, :] + counts[0] * (iy[:, None, :, None] + counts[1] * iz[:, :, None, None])
+    return solid, full.reshape(len(solid), -1)
+
+
+def used_nodes(boxes: Boxes, order: int) -> IntArray:
+    """Numbers in the full grid of the nodes of `hex_mesh`, in its order, x fastest."""
+    return np.unique(_solid_elements(boxes, order)[1])
+
+
+def nodal_line(lines: FloatArray, order: int) -> FloatArray:
+    """Coordinates of the nodes of elements of an order along one axis."""
     inner = (gauss_lobatto(order) + 1.0) / 2.0
     steps = lines[:-1, None] + np.diff(lines)[:, None] * inner[None, :-1]
     return np.append(steps.ravel(), lines[-1])
@@ -79,7 +92,8 @@ def _outer_faces(mesh: Mesh, boxes: Boxes, solid: IntArray) -> dict[str, IntArra
 class HexSettings:
     """Order, element size in the plate and along a pillar (m), layers and shrink factor at singular edges.
 
-    `through` is how many elements at least lie through the thickness of a plate with pillars, layers not counted.
+    `through` is how many elements at least lie through the thickness of a plate with pillars, layers not counted; the
+    `skipped` innermost layers are left out, which nests the mesh in the one that has them.
     """
 
     order: int = 3
@@ -88,20 +102,29 @@ class HexSettings:
     factor: float = 0.25
     pillar_size_m: float | None = None  # along its height; the plate's size when left out
     through: int = 1
+    skipped: int = 0
+
+    @property
+    def coarser(self) -> HexSettings:
+        """The same without the innermost layer: a mesh nested in this one."""
+        return replace(self, skipped=self.skipped + 1)
 
     @property
     def grading(self) -> Grading:
         """Grading of the plate's lines."""
-        return Grading(self.size_m, self.layers, self.factor)
+        return self._grading(self.size_m)
 
     @property
     def pillar_grading(self) -> Grading:
         """Grading along the pillar's height."""
-        return Grading(self.pillar_size_m or self.size_m, self.layers, self.factor)
+        return self._grading(self.pillar_size_m or self.size_m)
 
     def through_grading(self, thickness_m: float) -> Grading:
         """Grading through the thickness of a plate with pillars."""
-        return Grading(min(self.size_m, thickness_m / self.through), self.layers, self.factor)
+        return self._grading(min(self.size_m, thickness_m / self.through))
+
+    def _grading(self, size_m: float) -> Grading:
+        return Grading(size_m, self.layers, self.factor, self.skipped)
 
 
 @dataclass(frozen=True)

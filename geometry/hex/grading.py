@@ -15,11 +15,20 @@ SAME = 1e-9  # relative to the whole span: breakpoints closer than this are one
 
 @dataclass(frozen=True)
 class Grading:
-    """Element size away from singular edges (m), layers towards each one, and the shrink factor of a layer."""
+    """Element size away from singular edges (m), layers towards each one, and the shrink factor of a layer.
+
+    The `skipped` innermost layers are left out: such a grid is nested in the one that has them.
+    """
 
     size_m: float
     layers: int = 0
     factor: float = 0.3
+    skipped: int = 0
+
+    @property
+    def cuts(self) -> FloatArray:
+        """Where the element next to a singular edge is cut, as fractions of its length from the edge, in ascending order."""
+        return np.asarray(self.factor ** np.arange(self.layers - self.skipped, 0, -1), dtype=float)
 
 
 def grid_lines(breaks: dict[float, bool], grading: Grading) -> FloatArray:
@@ -35,7 +44,7 @@ def grid_lines(breaks: dict[float, bool], grading: Grading) -> FloatArray:
 
 def interval_count(breaks: dict[float, bool], grading: Grading) -> int:
     """Intervals of `grid_lines`, counted without making them."""
-    return sum(_even_count(a, b, grading) + grading.layers * (a[1] + b[1]) for a, b in pairwise(_merged(breaks)))
+    return sum(_even_count(a, b, grading) + len(grading.cuts) * (a[1] + b[1]) for a, b in pairwise(_merged(breaks)))
 
 
 def _merged(breaks: dict[float, bool]) -> list[tuple[float, bool]]:
@@ -54,7 +63,7 @@ def _interval(start: tuple[float, bool], end: tuple[float, bool], grading: Gradi
     """Coordinates after `start` up to and with `end`."""
     (a, grade_a), (b, grade_b) = start, end
     lines = np.linspace(a, b, _even_count(start, end, grading) + 1)
-    shrink = grading.factor ** np.arange(grading.layers, 0, -1)
+    shrink = grading.cuts
     if grade_a:
         lines = np.concatenate([[a], a + shrink * (lines[1] - a), lines[1:]])
     if grade_b:

@@ -23,6 +23,7 @@ from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice
 from pipeline.records.record import BandPoint, BandsRecord, GapRecord, MeshRecord
 from solvers.fem.assembly import assemble
 from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice_error import MeshErrors, mesh_error
 from solvers.waves.bloch import BlochCell
 from solvers.waves.branches import Branches, Solved, follow
 from solvers.waves.brillouin import Path, path_through, zone_grid
@@ -52,7 +53,8 @@ MAX_BANDS = 12
 class Detail:
     """What the reduced cell gives beside frequencies: one row a wavevector, one column a band.
 
-    labels and parity as lists of rows, branch (n, bands) from 1, velocity (n, bands, 2) in m/s (NaN for still waves).
+    labels and parity as lists of rows, branch (n, bands) from 1, velocity (n, bands, 2) in m/s (NaN for still waves);
+    by_mesh: what the mesh may put each frequency off by, (n, bands).
     """
 
     labels: list[list[Label]]
@@ -62,6 +64,7 @@ class Detail:
     directional_gaps: list[DirectionalGap]
     polarisation_gaps: list[PolarisationGap]
     reduction_error: float
+    by_mesh: MeshErrors
 
     def point(self, index: int) -> dict[str, Any]:
         """The fields of one wavevector."""
@@ -99,10 +102,21 @@ class Bands:
     expected_error: float | None = None
 
     @property
-    def error(self) -> float | None:
-        """Half-width of every frequency's bar by mesh and truncation, relative; None where none was calibrated."""
-        reduction = self.detail.reduction_error if self.detail else 0.0
-        return None if self.expected_error is None else self.expected_error + reduction
+    def by_mesh(self) -> FloatArray:
+        """Half-width of each frequency's bar by the mesh, relative, (wavevectors, bands); NaN where nothing tells it."""
+        own = self.detail.by_mesh.half_width if self.detail else np.full(self.frequencies_hz.shape, np.nan)
+        return np.where(np.isnan(own), np.nan if self.expected_error is None else self.expected_error, own)
+
+    @property
+    def error(self) -> list[list[float | None]]:
+        """Half-width of each frequency's bar by mesh and truncation, relative; None where nothing tells it."""
+        bars = self.by_mesh + (self.detail.reduction_error if self.detail else 0.0)
+        return [[None if np.isnan(bar) else float(bar) for bar in row] for row in bars]
+
+    @property
+    def computed_hz(self) -> FloatArray:
+        """Frequencies of the finest mesh itself, before the share that a coarser one tells was taken away, Hz."""
+        return self.frequencies_hz * (1.0 + self.detail.by_mesh.taken) if self.detail else self.frequencies_hz
 
     @property
     def record(self) -> BandsRecord:
@@ -110,7 +124,7 @@ class Bands:
         points = [
             BandPoint.model_validate(
                 {"label": label, "kx_per_m": k[0], "ky_per_m": k[1], "frequencies_hz": row.tolist()}
-                | {"computed_hz": row.tolist(), "error": [self.error] * len(row)}
+                | {"computed_hz": self.computed_hz[index].tolist(), "error": self.error[index]}
                 | (self.detail.point(index) if self.detail else {})
             )
             for index, (label, k, row) in enumerate(
@@ -144,7 +158,10 @@ def solve_bands(case: Case, log: Log, shapes: bool = False) -> Bands:
             f"{settings.path} does not bound this cell's irreducible Brillouin zone: a gap may close off the path; "
             "bands.grid = 20 looks there",
         )
-    return replace(bands, expected_error=error_bar.log_expected(choice, case, log, float(bands.frequencies_hz.max())))
+    told = np.nanmax(bands.by_mesh) if not np.isnan(bands.by_mesh).all() else None
+    return replace(
+        bands, expected_error=error_bar.log_expected(choice, case, log, float(bands.frequencies_hz.max()), told)
+    )
 
 
 def _finer(case: Case) -> int:
@@ -231,7 +248,9 @@ def _detail(
     velocity = np.array([model.lattice.group_velocity(each)[:count] for each in waves])
     number = branches.number[::factor, :count]
     visible = [row[:count] for row in labels[::factor]]
-    return Detail(visible, parity, number, velocity, along_segments, polarised, model.reduction_error)
+    errors = [mesh_error(model.lattice.cell, each) for each in waves]
+    by_mesh = MeshErrors(*(np.array([getattr(e, name)[:count] for e in errors]) for name in ("taken", "half_width")))
+    return Detail(visible, parity, number, velocity, along_segments, polarised, model.reduction_error, by_mesh)
 
 
 def _over_the_zone(

@@ -20,7 +20,16 @@ from pipeline.models.parts import PartModel
 from pipeline.planning import calibration, error_bar, foresight, simplifications
 from pipeline.planning.error_bar import ErrorBar
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
-from pipeline.planning.refinement import MARGIN, raise_cutoff, refine_mesh, refine_reduction, refused, warn
+from pipeline.planning.refinement import (
+    MARGIN,
+    ErrorEstimate,
+    raise_cutoff,
+    refine_mesh,
+    refine_plate_mesh,
+    refine_reduction,
+    refused,
+    warn,
+)
 from pipeline.planning.request import (
     DEFAULT_COUNT,
     MEASURED,
@@ -32,7 +41,10 @@ from pipeline.planning.request import (
 )
 from pipeline.planning.simplifications import khz
 from pipeline.records.record import CountRecord, MeshRecord, ModesRecord, WantedRecord
+from solvers.fem.coarser import CoarserMeshes
+from solvers.fem.constraints import Pencil
 from solvers.fem.eigen import Count, Modes, SymmetricPencil, modes_in_band, modes_near
+from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import Confinement, measure, wanted_symmetry
 from solvers.measures.mode_mixing import mixing_db
 from solvers.superelement.build import PlateModel
@@ -139,27 +151,62 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     )
     (part_modes, errors), choice = _within_reach(case, query, choice, log)
     _warn_of_nothing(part_modes, query, log)
-    estimate = _reduction_error(part_modes, errors)
-    finer = refine_reduction(choice, estimate.modes, estimate.degrees, case, log) if estimate else None
-    if finer:
-        with refused(log):
-            (part_modes, errors), choice = _solved(case, query, finer, log), finer
-            estimate = _reduction_error(part_modes, errors)
+    for refine in (refine_reduction, refine_plate_mesh):
+        estimate = _error_estimate(part_modes, errors)
+        finer = refine(choice, estimate, case, log) if estimate else None
+        if finer:
+            with refused(log):
+                (part_modes, errors), choice = _solved(case, query, finer, log), finer
+    estimate = _error_estimate(part_modes, errors)
     if estimate:
         log.info(
             f"overestimated by truncation, as what it leaves out tells: the wanted mode {estimate.total:.2%}, "
             f"any mode {estimate.worst:.2%} at most"
         )
         warn(estimate.total, case, log)
-    expected = error_bar.log_expected(choice, case, log, part_modes.highest_hz)
-    bar = _bar(case, choice, part_modes, MARGIN * estimate.total if estimate else None)
+    told = max((float(each.mesh.max()) for each in errors.values() if len(each.mesh)), default=None)
+    told = None if told is None or np.isnan(told) else told
+    expected = error_bar.log_expected(choice, case, log, part_modes.highest_hz, told)
+    part_modes = replace(part_modes, rows=_with_errors(case, choice, part_modes, errors))
     return replace(
         part_modes,
-        rows=_with_errors(case, choice, part_modes, errors),
         reduction_error=estimate.worst if estimate else None,
         expected_error=expected,
-        bar=bar,
+        bar=_bar(case, choice, part_modes, errors),
     )
+
+
+def _by_mesh(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> PartModes:
+    """The modes with the finest mesh's own frequencies beside the best ones.
+
+    A plate's reduced matrices are the best ones already; of a body meshed whole the frequencies are lowered here.
+    """
+
+    def told(row: ModeRow) -> ModeRow:
+        own = errors.get(row.symmetry)
+        taken = float(own.taken[row.column]) if own else 0.0
+        if isinstance(part_modes.model, PlateModel):
+            return row.model_copy(update={"computed_hz": row.frequency_hz * (1.0 + taken)})
+        return row.model_copy(
+            update={"computed_hz": row.frequency_hz, "frequency_hz": row.frequency_hz * (1.0 - taken)}
+        )
+
+    wanted = part_modes.wanted and part_modes.wanted.each(told)
+    return replace(part_modes, rows=tuple(sorted(map(told, part_modes.rows), key=_place)), wanted=wanted)
+
+
+def _mesh_error(case: Case, choice: ModelChoice, row: ModeRow, errors: dict[str | None, ModeErrors]) -> float | None:
+    """Half-width of a frequency's bar by the mesh: as coarser meshes tell, else as the calibration does; None for neither."""
+    own = errors.get(row.symmetry)
+    if own is None or np.isnan(own.mesh[row.column]):
+        return error_bar.expected_error(choice, case.design, row.frequency_hz)
+    return float(own.mesh[row.column])
+
+
+def _truncation(choice: ModelChoice, row: ModeRow, errors: dict[str | None, ModeErrors]) -> float | None:
+    """How far truncation may put a mode too high, relative; None for a body that was not reduced."""
+    own = errors.get(row.symmetry) if choice.reduction else None
+    return MARGIN * float(own.total[row.column]) if own else None
 
 
 def _with_errors(
@@ -168,10 +215,8 @@ def _with_errors(
     """The rows with the half-width of each frequency's bar: the mesh's expected error and the estimated truncation."""
 
     def error(row: ModeRow) -> float | None:
-        mesh = error_bar.expected_error(choice, case.design, row.frequency_hz)
-        own = errors.get(row.symmetry)
-        truncation = MARGIN * float(own.modes[row.column] + own.degrees[row.column]) if own else 0.0
-        return None if mesh is None else mesh + truncation
+        mesh = _mesh_error(case, choice, row, errors)
+        return None if mesh is None else mesh + (_truncation(choice, row, errors) or 0.0)
 
     return tuple(row.model_copy(update={"error": error(row)}) for row in part_modes.rows)
 
@@ -207,14 +252,17 @@ def _solved(
     class.
     """
     meshes: list[MeshRecord] = []
-    model = parts.built(case, choice, log, meshes)
+    model, coarser = parts.built(case, choice, log, meshes), parts.coarser(case, choice)
     classes: dict[str | None, _Class] = {}
+    errors: dict[str | None, ModeErrors] = {}
     wanted: Wanted | None = None
     for symmetry in _classes(model, query.symmetry):
         one = classes[symmetry] = _Class(case, query.part, model, symmetry, log)
         one.ask(query)
         if symmetry in (None, wanted_symmetry(case.design.nodal_lines)):
             wanted = _wanted(case, query, one)
+        if coarser and isinstance(model, SolidModel):
+            errors[symmetry] = one.by_coarser_meshes(coarser)
         one.let_go()
     rows, count = _merged(query, classes)
     part_modes = PartModes(
@@ -230,10 +278,9 @@ def _solved(
         more_in_mesh=_more_in_mesh(model, classes, count),
         nearest_hz=_nearest_hz(query, classes),
     )
-    errors: dict[str | None, ModeErrors] = {}
     if isinstance(model, PlateModel):
         errors = {symmetry: model.mode_errors(symmetry, one.pencil, one.vectors) for symmetry, one in classes.items()}
-    return part_modes, errors
+    return _by_mesh(part_modes, errors), errors
 
 
 class _Class:
@@ -244,6 +291,7 @@ class _Class:
         self.pencil: SymmetricPencil
         self.dof = 0
         self.vectors: FloatArray
+        self.tones = np.empty(0)  # of the columns, Hz
         self.rows: tuple[ModeRow, ...] = ()
         self.rigid_count = 0
         self.nearest_hz: float | None = None
@@ -263,6 +311,16 @@ class _Class:
                 self.nearest_hz = float(near.frequency_hz[0]) if len(near.frequency_hz) else None
         self.log.info(f"{name}: {self.dof} degrees of freedom, {len(self.rows)} modes")
 
+    def by_coarser_meshes(self, coarser: CoarserMeshes) -> ModeErrors:
+        """What the mesh may put each of the modes off by."""
+        none = np.zeros(self.vectors.shape[1])
+        assert isinstance(self.pencil, Pencil)
+        if not len(none):
+            return ModeErrors(none, none, none, none)
+        with self.log.step(f"error of the mesh by coarser ones, class {self.symmetry or 'whole'}"):
+            values = np.array([self.pencil.scale.eigenvalue(tone) for tone in self.tones])
+            return ModeErrors(none, none, *coarser.errors(self.symmetry, self.pencil, self.vectors, values))
+
     def let_go(self) -> None:
         """Release the matrices of a mesh, which are not needed again; those of a reduced plate are small."""
         if not isinstance(self.model, PlateModel):
@@ -277,6 +335,7 @@ class _Class:
     def _kept(self, modes: Modes) -> tuple[ModeRow, ...]:
         first = self.vectors.shape[1]
         self.vectors = np.hstack([self.vectors, modes.vectors])
+        self.tones = np.concatenate([self.tones, modes.frequency_hz])
         measures: Confinement | None = None
         if self.part in MEASURED and len(modes.frequency_hz):
             measures = measure(self.model.touch(self.symmetry, modes.vectors), self.case.design, self.symmetry)
@@ -319,42 +378,30 @@ def _more_in_mesh(model: PartModel, classes: dict[str | None, _Class], count: Co
     return total
 
 
-@dataclass(frozen=True)
-class ReductionErrorEstimate:
-    """Relative overestimate of frequencies by truncation: its maximum over all modes, and the wanted mode's by
-    cause.
-    """
-
-    worst: float
-    modes: float
-    degrees: float
-
-    @property
-    def total(self) -> float:
-        return self.modes + self.degrees
-
-
-def _reduction_error(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> ReductionErrorEstimate | None:
-    """Estimate the truncation error; None for a body that was not reduced or has no mode.
+def _error_estimate(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> ErrorEstimate | None:
+    """Estimate the errors of a plate of reduced cells; None for a body that was not reduced or has no mode.
 
     Without a wanted mode the worst one stands for it.
     """
-    every = [np.vstack([each.modes, each.degrees]) for each in errors.values() if len(each.modes)]
-    if not every:
+    every = [np.vstack([each.modes, each.degrees, each.mesh]) for each in errors.values() if len(each.modes)]
+    if not every or not isinstance(part_modes.model, PlateModel):
         return None
-    both = np.hstack(every)
-    worst = both[:, int(np.argmax(both.sum(axis=0)))]
+    together = np.hstack(every)
+    worst = together[:, int(np.argmax(together[:2].sum(axis=0)))]
     row = part_modes.wanted.row if part_modes.wanted else None
-    own = (errors[row.symmetry].modes[row.column], errors[row.symmetry].degrees[row.column]) if row else worst
-    return ReductionErrorEstimate(float(worst.sum()), float(own[0]), float(own[1]))
+    own = errors[row.symmetry] if row else None
+    mine = (own.modes[row.column], own.degrees[row.column], own.mesh[row.column]) if row and own else worst
+    return ErrorEstimate(float(worst[:2].sum()), *(float(value) for value in mine))
 
 
-def _bar(case: Case, choice: ModelChoice, part_modes: PartModes, reduction: float | None) -> ErrorBar | None:
+def _bar(
+    case: Case, choice: ModelChoice, part_modes: PartModes, errors: dict[str | None, ModeErrors]
+) -> ErrorBar | None:
     """Error bar of the wanted mode's frequency and confinement; None without a wanted mode."""
     row = part_modes.wanted.row if part_modes.wanted else None
     if row is None or part_modes.wanted is None:
         return None
-    bar = ErrorBar(error_bar.expected_error(choice, case.design, row.frequency_hz), reduction)
+    bar = ErrorBar(_mesh_error(case, choice, row, errors), _truncation(choice, row, errors))
     if bar.frequency is None or row.confinement_db is None:
         return bar
     siblings = list(part_modes.wanted.rows)
@@ -384,7 +431,7 @@ def _solve(pencil: SymmetricPencil, query: Request) -> Modes:
 def _merged(query: Request, classes: dict[str | None, _Class]) -> tuple[list[ModeRow], Count]:
     """Merge the modes of all classes in ascending order, with their count between common ends."""
     rows = [row for one in classes.values() for row in one.rows]
-    rows.sort(key=lambda row: (row.frequency_hz, row.symmetry or ""))
+    rows.sort(key=_place)
     counts = [one.count for one in classes.values()]
     count = Count(
         max(c.low_hz for c in counts),
@@ -412,7 +459,11 @@ def _nearest(rows: list[ModeRow], query: Request, count: Count) -> tuple[list[Mo
     reach = (inner + outer) / 2.0 if outer is not None else count.high_hz - near
     low, high = max(near - reach, 0.0), near + reach
     missing = count.expected - count.found
-    return sorted(kept, key=lambda row: (row.frequency_hz, row.symmetry or "")), Count(low, high, size + missing, size)
+    return sorted(kept, key=_place), Count(low, high, size + missing, size)
+
+
+def _place(row: ModeRow) -> tuple[float, str]:
+    return row.frequency_hz, row.symmetry or ""
 
 
 def _same(first: float, second: float) -> bool:

@@ -8,7 +8,7 @@ and that is said.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,6 +52,10 @@ class Wanted:
     def rivals(self) -> tuple[ModeRow, ...]:
         """Other modes that carry the wanted shape, strongest first."""
         return tuple(self.rows[i] for i in self.verdict.rivals)
+
+    def each(self, change: Callable[[ModeRow], ModeRow]) -> Wanted:
+        """The same verdict over rows that were changed one by one."""
+        return replace(self, rows=tuple(change(row) for row in self.rows))
 
     def record(self, **more: Any) -> WantedRecord:
         """The mode, its rivals, the window, and the mode's part of the shape in it."""

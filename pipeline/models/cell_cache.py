@@ -16,12 +16,12 @@ import numpy as np
 from pipeline.paths import RESULTS
 from pipeline.records import fingerprint
 from solvers.fem.assembly import Scale
-from solvers.superelement.cell import Cell, Expansion
+from solvers.superelement.cell import Cell, Expansion, MeshError
 from solvers.superelement.interface import Interface
 from solvers.variation.parametric_cell import CellFamily, nodes_of
 
 MAX_BYTES = 200_000_000  # of all cells: a long sweep must not fill the disk with cells that it never meets again
-PARTS = {"scale": Scale, "interface": Interface, "touch": Expansion, "skin": Expansion}
+PARTS = {"scale": Scale, "interface": Interface, "touch": Expansion, "skin": Expansion, "mesh_error": MeshError}
 OWN = ("reach_m", "stiffness_changes", "mass_changes")
 
 
@@ -79,6 +79,8 @@ def _packed(cell: Cell) -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for field in fields(cell):
         value = getattr(cell, field.name)
+        if value is None:
+            continue
         if field.name in PARTS:
             inner = {f.name: getattr(value, f.name) for f in fields(value)}
             flat |= {f"{field.name}.{name}": v for name, v in inner.items() if v is not None}
@@ -91,7 +93,8 @@ def _unpacked(flat: dict[str, Any]) -> Cell:
     plain = {name: value for name, value in flat.items() if "." not in name}
     for name, kind in PARTS.items():
         inner = {key.split(".")[1]: value for key, value in flat.items() if key.startswith(f"{name}.")}
-        plain[name] = kind(**{key: value.item() if value.ndim == 0 else value for key, value in inner.items()})
+        if inner:  # a cell of tetrahedra has no coarser mesh
+            plain[name] = kind(**{key: value.item() if value.ndim == 0 else value for key, value in inner.items()})
     plain["size_m"] = tuple(float(v) for v in plain["size_m"])
     plain["mesh_dof"] = int(plain["mesh_dof"])
     plain["dropped_hz"] = float(plain["dropped_hz"])

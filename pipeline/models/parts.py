@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import Panel, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
+from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
+from geometry.hex.nesting import interpolation
 from geometry.layout import Design, Pillar
+from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
 from pipeline.case.model import Case
 from pipeline.logs import Log
@@ -17,6 +20,7 @@ from pipeline.planning import simplifications
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.records import fingerprint
 from pipeline.records.record import MeshRecord
+from solvers.fem.coarser import CoarserMeshes, NestedMesh, clamped_shares, rim_shares
 from solvers.fem.eigen import SymmetricPencil
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import Skin
@@ -76,13 +80,12 @@ def _solid(
 ) -> SolidModel:
     meshes.append(mesh_record(what, mesh))
     warn_of_locking(case.design, mesh, log)
-    pillar = case.design.pillar
-    materials = {
-        "plate": case.design.material,
-        "pillar": pillar.material if pillar else case.design.material,
-        "body": case.design.material,
-    }
-    return SolidModel(mesh, materials, clamped, mirrored)
+    return SolidModel(mesh, _materials(case.design), clamped, mirrored)
+
+
+def _materials(design: Design) -> dict[str, Material]:
+    pillar = design.pillar.material if design.pillar else design.material
+    return {"plate": design.material, "pillar": pillar, "body": design.material}
 
 
 def warn_of_locking(design: Design, mesh: Mesh, log: Log) -> None:
@@ -96,13 +99,54 @@ def warn_of_locking(design: Design, mesh: Mesh, log: Log) -> None:
         log.warning("ORDER_1", "elements of order 1 are far too stiff in bending: kept for comparison only")
 
 
+CLAMPED = {"zone": ("y+",), "pillar": ("touch",), "plate": ()}  # faces of boxes
+
+
+def _boxes(design: Design, part: str, settings: HexSettings) -> Boxes:
+    """The boxes of a part's mesh of hexahedra."""
+    if part == "pillar":
+        assert design.pillar
+        return pillar_boxes(design.pillar, settings)
+    return (zone_boxes if part == "zone" else plate_boxes)(design, settings)
+
+
+def _of_hexahedra(case: Case, choice: ModelChoice, meshes: list[MeshRecord], log: Log) -> SolidModel:
+    assert choice.hexahedra
+    mesh = hex_mesh(_boxes(case.design, choice.part, choice.hexahedra), choice.hexahedra.order)
+    return _solid(case, choice.part, mesh, CLAMPED[choice.part], choice.quarter, meshes, log)
+
+
+def coarser(case: Case, choice: ModelChoice) -> CoarserMeshes | None:
+    """The two coarser meshes that tell the error of a part meshed whole; None for tetrahedra and without graded layers."""
+    fine, design = choice.hexahedra, case.design
+    if choice.edge_m or choice.reduction or fine is None or fine.layers == 0:
+        return None
+    boxes = _boxes(design, choice.part, fine)
+
+    def nested(settings: HexSettings) -> NestedMesh:
+        own = _boxes(design, choice.part, settings)
+        model = SolidModel(hex_mesh(own, settings.order), _materials(design), CLAMPED[choice.part], choice.quarter)
+        return NestedMesh(model, interpolation(own, boxes, fine.order, settings.order))
+
+    pillar = design.pillar
+    rim = choice.part == "plate" and pillar is not None
+    shares = (
+        rim_shares(design.material, pillar.material, fine)
+        if rim and pillar
+        else clamped_shares(_own(case, choice), fine)
+    )
+    return CoarserMeshes(nested(fine.coarser), nested(replace(fine, order=fine.order - 1)), shares)
+
+
+def _own(case: Case, choice: ModelChoice) -> Material:
+    pillar = case.design.pillar
+    return pillar.material if choice.part == "pillar" and pillar else case.design.material
+
+
 def _zone(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> SolidModel:
-    if choice.edge_m:
-        mesh = tet_zone(case.design, choice.edge_m, log)
-    else:
-        assert choice.hexahedra
-        mesh = hex_mesh(zone_boxes(case.design, choice.hexahedra), choice.hexahedra.order)
-    return _solid(case, "zone", mesh, ("y+",), choice.quarter, meshes, log)
+    if not choice.edge_m:
+        return _of_hexahedra(case, choice, meshes, log)
+    return _solid(case, "zone", tet_zone(case.design, choice.edge_m, log), ("y+",), choice.quarter, meshes, log)
 
 
 def _pillar(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> SolidModel:
@@ -110,19 +154,15 @@ def _pillar(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord])
     if choice.edge_m:
         mesh = tet_pillar(case.design.pillar, choice.edge_m, log)
         return _solid(case, "pillar", mesh, ("foot",), choice.quarter, meshes, log)
-    assert choice.hexahedra
-    mesh = hex_mesh(pillar_boxes(case.design.pillar, choice.hexahedra), choice.hexahedra.order)
-    return _solid(case, "pillar", mesh, ("touch",), choice.quarter, meshes, log)
+    return _of_hexahedra(case, choice, meshes, log)
 
 
 def _plate(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> PartModel:
     if choice.reduction:
         return _assembled(case.design, choice, log)
-    if choice.edge_m:
-        mesh = tet_plate(case.design, choice.edge_m, choice.quarter, log)
-    else:
-        assert choice.hexahedra
-        mesh = hex_mesh(plate_boxes(case.design, choice.hexahedra), choice.hexahedra.order)
+    if not choice.edge_m:
+        return _of_hexahedra(case, choice, meshes, log)
+    mesh = tet_plate(case.design, choice.edge_m, choice.quarter, log)
     return _solid(case, "plate", mesh, (), choice.quarter, meshes, log)
 
 

@@ -23,21 +23,26 @@ from solvers.superelement.build import Reductions, ReductionSettings, lattice_pa
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.lattice_error import ReductionError, reduction_error
+from solvers.superelement.lattice_error import ReductionError, last_degree_through, mesh_error, reduction_error
 
 ROUNDS = 8
-MARGIN = 0.9  # of the accuracy, for what coarse and fine mesh differ by
+MARGIN = 0.7  # of the accuracy: the rest is the mesh's, and what coarse and fine mesh differ by
+THICK = 0.3  # of the pitch: no thinner plate was found to need a fourth degree through its thickness
+MAX_THROUGH = 6
 MAX_DOF = 400  # at a wavevector: beyond, a dense solve costs more than the accuracy is worth
 Reduce = Callable[[ReductionSettings], Cell]
 
 
 @dataclass(frozen=True)
 class LatticeModel:
-    """A lattice, the name of its model, and the relative overestimate of its bands by truncation."""
+    """A lattice, the name of its model, the relative overestimate of its bands by truncation, and the half-width of their bar
+    by the mesh at the path's corners; None where no coarser mesh tells it.
+    """
 
     name: str
     lattice: Lattice
     reduction_error: float
+    mesh_error: float | None
 
 
 def lattice_model(
@@ -49,8 +54,44 @@ def lattice_model(
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
     edge = choice.edge_m
     reduce = _from_tetrahedra(case.design, edge, log, meshes) if edge else _from_hexahedra(case.design, log)
-    lattice, error = _good_enough(reduce, reduction, corners, case, log)
-    return LatticeModel(replace(choice, model=SUPERELEMENT).name, lattice, error)
+    reduction, lattice, error = _good_enough(reduce, reduction, corners, case, log)
+    if edge is None:
+        reduction, lattice = _finer_mesh(reduce, reduction, lattice, error, corners, case, log)
+    name = replace(choice, model=SUPERELEMENT, hexahedra=reduction.hexahedra).name
+    return LatticeModel(name, lattice, error, worst_by_the_mesh(lattice, corners, case.bands.count))
+
+
+def _finer_mesh(
+    reduce: Reduce,
+    reduction: ReductionSettings,
+    lattice: Lattice,
+    truncated: float,
+    corners: FloatArray,
+    case: Case,
+    log: Log,
+) -> tuple[ReductionSettings, Lattice]:
+    """Reduce on the next mesh level while coarser meshes tell that the bar exceeds the accuracy."""
+    count, accuracy, level = case.bands.count, case.solve.accuracy, mesh_rules.cell_level(case.solve.accuracy)
+    while (error := worst_by_the_mesh(lattice, corners, count)) is not None and error + truncated > accuracy:
+        finer = mesh_rules.finer_cell_level(level)
+        if finer is None or error < truncated:
+            break
+        level = finer
+        mesh = replace(mesh_rules.cell_mesh(case.design, level), through=reduction.hexahedra.through)
+        reduction = replace(reduction, hexahedra=mesh)
+        log.info(
+            f"bands within {error:.2%} by the mesh, as coarser meshes tell, {accuracy:.2%} wanted: "
+            f"elements of order {level.order} with {level.layers} layers at the pillar's foot"
+        )
+        lattice = Lattice(reduce(reduction))
+    return reduction, lattice
+
+
+def worst_by_the_mesh(lattice: Lattice, wavevectors: FloatArray, count: int) -> float | None:
+    """Largest half-width of the lowest bands' bar by the mesh at wavevectors (n, 2); None where no coarser mesh tells it."""
+    if lattice.cell.mesh_error is None:
+        return None
+    return max(float(mesh_error(lattice.cell, lattice.waves(k, count)).half_width.max()) for k in wavevectors)
 
 
 def _from_hexahedra(design: Design, log: Log) -> Reduce:
@@ -113,6 +154,34 @@ def _piloted(
     return level
 
 
+def _thick_enough(
+    design: Design, reduction: ReductionSettings, corners: FloatArray, count: int, wanted: float, log: Log
+) -> tuple[ReductionSettings, float]:
+    """Raise the degree through the thickness where the next one would bring more than `wanted` on a coarse cell; with what it
+    would bring.
+
+    The last degree falls exponentially; a plate thin beside its pitch moves almost linearly through its thickness.
+    """
+    if design.thickness_m < THICK * max(design.pitch_x_m, design.pitch_y_m):
+        return reduction, 0.0
+    stand_in = replace(design, pillar=_of_boxes(design.pillar) if design.pillar else None)
+    along = stand_in.pillar.height_m if stand_in.pillar else None
+    coarse = HexSettings(3, 2.0 * design.thickness_m, 0, pillar_size_m=along, through=2)
+    error, face = 0.0, reduction.interface
+    with log.step("choose the degree through the thickness on a coarse cell"):
+        for through in range(face.through, MAX_THROUGH + 1):
+            trial = replace(reduction, interface=Interface(face.along, through + 1), hexahedra=coarse)
+            reductions = Reductions(design.thickness_m, design.material, stand_in.pillar, trial)
+            error = last_degree_through(Lattice(reductions.cell(lattice_panel(stand_in))), corners, count)
+            if error <= wanted or through == MAX_THROUGH:
+                break
+    if through == face.through:
+        return reduction, error
+    log.info(f"degree {through} through the thickness instead of {face.through}: {error:.2%} left beyond it")
+    mesh = replace(reduction.hexahedra, through=2)  # the mesh without its layers needs a node for each degree, too
+    return replace(reduction, interface=Interface(face.along, through), hexahedra=mesh), error
+
+
 def _of_boxes(pillar: Pillar) -> Pillar:
     if pillar.is_made_of_boxes:
         return pillar
@@ -121,12 +190,13 @@ def _of_boxes(pillar: Pillar) -> Pillar:
 
 def _good_enough(
     reduce: Reduce, reduction: ReductionSettings, corners: FloatArray, case: Case, log: Log
-) -> tuple[Lattice, float]:
+) -> tuple[ReductionSettings, Lattice, float]:
     """Reduce with the settings advised by the coarse cell, and once more where the estimate exceeds the accuracy."""
     count, accuracy = case.bands.count, case.solve.accuracy
     advised = _piloted(case.design, reduction, corners, count, MARGIN * accuracy, log)
     if advised != reduction:
         log.info(f"for {count} bands within {accuracy:.2%}: {describe_change(reduction, advised)}")
+    advised, beyond = _thick_enough(case.design, advised, corners, count, MARGIN * accuracy / 2.0, log)
     lattice = Lattice(reduce(advised))
     error = reduction_error(lattice, corners, count)
     finer = advised if error.total <= accuracy else _raised(advised, lattice, error, MARGIN * accuracy)
@@ -137,15 +207,16 @@ def _good_enough(
         )
         with suppress(SolverError):  # more than the mesh can hold
             trial = Lattice(reduce(finer))
-            lattice, error = trial, reduction_error(trial, corners, count)
-    log.info(f"bands at most {error.total:.2%} overestimated by truncation, as its own truncations tell")
-    if error.total > accuracy:
+            advised, lattice, error = finer, trial, reduction_error(trial, corners, count)
+    total = error.total + beyond
+    log.info(f"bands at most {total:.2%} overestimated by truncation, as its own truncations tell")
+    if total > accuracy:
         log.warning(
             "REDUCTION",
-            f"the reduction may put a band {error.total:.2%} too high, solve.accuracy asks for {accuracy:.2%}: "
+            f"the reduction may put a band {total:.2%} too high, solve.accuracy asks for {accuracy:.2%}: "
             f"lower bands.count ({count}), raise solve.accuracy, or take solve.model = 'solid'",
         )
-    return lattice, error.total
+    return advised, lattice, total
 
 
 def _raised(reduction: ReductionSettings, lattice: Lattice, error: ReductionError, wanted: float) -> ReductionSettings:

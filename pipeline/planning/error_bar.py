@@ -44,7 +44,8 @@ class ErrorBar:
 
 
 def expected_error(choice: ModelChoice, design: Design, highest_hz: float = 0.0) -> float | None:
-    """Relative error that the chosen mesh is expected to make up to a frequency; None where none was measured.
+    """Relative error that the chosen mesh is expected to make up to a frequency; None where none was measured, and for
+    reduced hexahedra, whose own coarser meshes tell it.
 
     Beyond what was measured it grows as `calibration.by_hexahedra` tells; of tetrahedra as (k h)^2p, k as the frequency's root.
     """
@@ -54,21 +55,38 @@ def expected_error(choice: ModelChoice, design: Design, highest_hz: float = 0.0)
         measured = "cell" if choice.model == SUPERELEMENT else choice.part
         error = calibration.by_tetrahedra(measured, _smallest_m(choice, design) / (choice.edge_m or 1.0))
         return None if error is None else error * growth**TET_ORDER
+    if choice.reduction:
+        return None  # told by its own coarser meshes
     assert choice.mesh_level
     whole = choice.part == "plate" and choice.model != SUPERELEMENT
     return mesh_rules.expected_error("whole" if whole else choice.part, choice.mesh_level, growth)
 
 
-def log_expected(choice: ModelChoice, case: Case, log: Log, highest_hz: float = 0.0) -> float | None:
-    """Log the expected error up to a frequency, and what to change where the case asks for less."""
+def log_expected(
+    choice: ModelChoice, case: Case, log: Log, highest_hz: float = 0.0, told: float | None = None
+) -> float | None:
+    """Log the error to expect up to a frequency, and what to change where the case asks for less.
+
+    told: what coarser meshes of the same piece tell; without it the calibration does.
+    """
+    if told is not None:
+        return _log_told(float(told), case, log)
     error = expected_error(choice, case.design, highest_hz)
     if error is None:
         log.info(f"no error was measured for {choice.name} of the {choice.part}: compare with a finer solve.accuracy")
         return None
-    short = f"; solve.accuracy asks for {case.solve.accuracy:.2%}" if error > case.solve.accuracy else ""
     beyond = f"; measured up to {khz(choice.good_to_hz)}, foreseen beyond" if highest_hz > choice.good_to_hz else ""
-    log.info(f"expected error of a frequency by the mesh {error:.2%} or less{short}{beyond}")
+    log.info(f"expected error of a frequency by the mesh {error:.2%} or less{_short(error, case)}{beyond}")
     return error
+
+
+def _log_told(error: float, case: Case, log: Log) -> float:
+    log.info(f"error of a frequency by the mesh {error:.2%} or less, as coarser meshes tell{_short(error, case)}")
+    return error
+
+
+def _short(error: float, case: Case) -> str:
+    return f"; solve.accuracy asks for {case.solve.accuracy:.2%}" if error > case.solve.accuracy else ""
 
 
 def _smallest_m(choice: ModelChoice, design: Design) -> float:

@@ -51,9 +51,22 @@ MESH_LEVELS = {
     ),
     "whole": (MeshLevel(3, 0, 0.1), MeshLevel(4, 0, 0.1), MeshLevel(3, 1, 0.1), MeshLevel(3, 1, 0.12, 0.45)),
 }  # fmt: skip
+# a reduced cell tells its own mesh error by coarser meshes and is refined where that is too large: this is where it begins
+CELL_LEVELS = {0.002: MeshLevel(3, 1, 0.15), 0.0007: MeshLevel(4, 1, 0.15), 0.0: MeshLevel(4, 2, 0.15)}
 FINEST = 24  # intervals of a segment on which branches are followed and gaps looked for, at least
 PLATE_ACCURACY = 0.03  # a whole plate of tetrahedra as a cross-check, not as the answer
 NEAR_COUNT = 16
+
+
+def cell_level(accuracy: float) -> MeshLevel:
+    """The mesh level at which a reduced cell or an assembled plate begins for an accuracy."""
+    return next(level for limit, level in CELL_LEVELS.items() if accuracy >= limit)
+
+
+def finer_cell_level(level: MeshLevel) -> MeshLevel | None:
+    """The next mesh level of a reduced cell; None after the finest."""
+    levels = list(CELL_LEVELS.values())
+    return next((levels[i + 1] for i in range(len(levels) - 1) if levels[i] == level), None)
 
 
 def mesh_levels(part: str) -> tuple[MeshLevel, ...]:
@@ -138,7 +151,7 @@ def cell_mesh(design: Design, row: MeshLevel) -> HexSettings:
 
 
 def cell_settings(design: Design, accuracy: float) -> HexSettings:
-    """Hexahedra of the cell for an accuracy."""
+    """Hexahedra of a cell solved as meshed, for an accuracy."""
     return cell_mesh(design, mesh_level("cell", accuracy))
 
 
@@ -171,7 +184,7 @@ def lattice_reduction(design: Design, accuracy: float) -> ReductionSettings:
     top = 1.5 * shear_cutoff_hz(design) * 2.0 * design.thickness_m / max(2.0 * design.thickness_m, longest)
     top *= (0.01 / min(accuracy, 0.01)) ** FINER
     along = 4 if longest <= 2.5 * design.thickness_m else 6
-    return ReductionSettings(Interface(along, 3), top, cell_settings(design, accuracy))
+    return ReductionSettings(Interface(along, 3), top, cell_mesh(design, cell_level(accuracy)))
 
 
 def plate_reduction(design: Design, accuracy: float, high_hz: float) -> ReductionSettings:
@@ -179,7 +192,7 @@ def plate_reduction(design: Design, accuracy: float, high_hz: float) -> Reductio
     longest = max(design.pitch_x_m, design.pitch_y_m) if design.rows else 3.0 * design.thickness_m
     share = longest / design.line_spacing_m
     along = next((degree for degree, limit in ALONG.items() if share <= limit), 6)
-    mesh = cell_mesh(design, mesh_level("plate", accuracy))
+    mesh = cell_mesh(design, cell_level(accuracy))
     return ReductionSettings(
         Interface(along, 3), REACH * high_hz, mesh, 3.0 * design.thickness_m, bare_size_m(design, mesh.order)
     )

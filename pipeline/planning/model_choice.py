@@ -22,7 +22,8 @@ class ModelChoice:
 
     hexahedra: settings of a mesh of boxes; edge_m: edge length of tetrahedra where the part is meshed through CAD;
     reduction: settings of the superelement, None for a solid; quarter: symmetry classes are solved one by one on a quarter.
-    The mesh makes no larger error than its calibration tells up to good_to_hz. `left_out` are the simplifications, `why`
+    The mesh of a part solved as meshed makes no larger error than its calibration tells up to good_to_hz; a reduced one
+    tells its own. `left_out` are the simplifications, `why`
     the reasons.
     """
 
@@ -122,7 +123,7 @@ def _plate(case: Case, high_hz: float) -> ModelChoice:
     edge = None if no_cad or bare else mesh_rules.tet_cell_edge_m(design, accuracy)
     why = "cells assembled cost one reduction a kind; one mesh level finer where their own estimate asks for it"
     taken = (*taken, simplifications.alike_cells(design))
-    level = mesh_rules.mesh_level("plate", accuracy)
+    level = mesh_rules.cell_level(accuracy)
     return _choice(case, "plate", SUPERELEMENT, level, reduction.hexahedra, edge, taken, reduction, why)
 
 
@@ -135,13 +136,12 @@ def cell_model_choice(case: Case) -> ModelChoice:
     design, accuracy = case.design, case.solve.accuracy
     no_cad = simplifications.boxes(case, "cell")
     taken = (simplifications.no_pillars(design, "cell"), no_cad)
-    level = mesh_rules.mesh_level("cell", accuracy)
     if case.solve.model == SOLID and no_cad:
-        settings = mesh_rules.cell_settings(design, accuracy)
+        level, settings = mesh_rules.mesh_level("cell", accuracy), mesh_rules.cell_settings(design, accuracy)
         return _choice(case, "cell", SOLID, level, settings, None, taken, why="the case asks for it")
     reduction = mesh_rules.lattice_reduction(design, accuracy)
     edge = None if no_cad else mesh_rules.tet_cell_edge_m(design, accuracy)
-    why = "one reduced pair serves every wavevector"
+    why, level = "one reduced pair serves every wavevector", mesh_rules.cell_level(accuracy)
     return _choice(case, "cell", SUPERELEMENT, level, reduction.hexahedra, edge, taken, reduction, why)
 
 
@@ -154,17 +154,18 @@ def _choice(
     boxes = hexahedra if edge_m is None else None
     return ModelChoice(
         part, model, hexahedra, edge_m, reduction, any(each.rule == "mirror_images" for each in left_out), left_out,
-        (*([why] if why else []), *_because(case, table or part, boxes, level)),
+        (*([why] if why else []), *_because(case, table or part, boxes, level, reduction is not None)),
         mesh_rules.good_to_hz(part, case.design) if good_to_hz is None or not boxes else good_to_hz,
         level if boxes else None,
     )  # fmt: skip
 
 
-def _because(case: Case, part: str, hexahedra: HexSettings | None, level: MeshLevel) -> tuple[str, ...]:
+def _because(case: Case, part: str, hexahedra: HexSettings | None, level: MeshLevel, reduced: bool) -> tuple[str, ...]:
     accuracy = f"accuracy {case.solve.accuracy:g}"
     if hexahedra:
-        error = mesh_rules.expected_error(part, level)
+        error = None if reduced else mesh_rules.expected_error(part, level)
         reason = "not calibrated" if error is None else f"expected error {error:.2%} by the calibration"
+        reason = "two coarser meshes tell its error, and a finer one is taken where it misses" if reduced else reason
         return (f"{accuracy} asks for order {hexahedra.order} with {hexahedra.layers} graded layers: {reason}",)
     shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "the pillar is not made of boxes"
     return (shape, f"{accuracy} sets their edges")

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf
 
 from pipeline.case.model import Case
@@ -51,19 +51,49 @@ def describe_change(reduction: ReductionSettings, finer: ReductionSettings) -> s
     return ", ".join(words)
 
 
-def refine_reduction(choice: ModelChoice, modes: float, degrees: float, case: Case, log: Log) -> ModelChoice | None:
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """Relative errors of a plate of reduced cells: the largest overestimate by truncation of any mode; of the wanted one that
+    by modes and by degrees left out, and the half-width of its bar by the mesh (NaN where no coarser mesh tells it).
+    """
+
+    worst: float
+    modes: float
+    degrees: float
+    mesh: float
+
+    @property
+    def total(self) -> float:
+        """By both truncations."""
+        return self.modes + self.degrees
+
+
+def refine_reduction(choice: ModelChoice, estimate: ErrorEstimate, case: Case, log: Log) -> ModelChoice | None:
     """Refine the reduction where its estimates for the wanted mode exceed the accuracy; None where they do not."""
-    total, accuracy = MARGIN * (modes + degrees), case.solve.accuracy
+    total, accuracy = MARGIN * estimate.total, case.solve.accuracy
     if choice.reduction is None or total <= accuracy:
         return None
     share = accuracy / MARGIN / 2.0
-    finer = higher_degree(choice.reduction) if degrees > share else choice.reduction
-    finer = more_modes(finer, modes, share) if modes > share else finer
+    finer = higher_degree(choice.reduction) if estimate.degrees > share else choice.reduction
+    finer = more_modes(finer, estimate.modes, share) if estimate.modes > share else finer
     log.info(
         f"the reduction may put the wanted mode {total:.2%} too high, {accuracy:.2%} wanted: "
         f"{describe_change(choice.reduction, finer)}"
     )
     return replace(choice, reduction=finer)
+
+
+def refine_plate_mesh(choice: ModelChoice, estimate: ErrorEstimate, case: Case, log: Log) -> ModelChoice | None:
+    """Take the next mesh level of a plate's cells where the wanted mode's bar by the mesh exceeds the accuracy; else None."""
+    level = mesh_rules.finer_cell_level(choice.mesh_level) if choice.mesh_level else None
+    if choice.reduction is None or level is None or not estimate.mesh > case.solve.accuracy:
+        return None
+    mesh = mesh_rules.cell_mesh(case.design, level)
+    log.info(
+        f"the wanted mode within {estimate.mesh:.2%} by the mesh, as coarser meshes tell, {case.solve.accuracy:.2%} wanted: "
+        f"elements of order {level.order} with {level.layers} layers at the pillars' feet"
+    )
+    return replace(choice, hexahedra=mesh, mesh_level=level, reduction=replace(choice.reduction, hexahedra=mesh))
 
 
 def refine_mesh(choice: ModelChoice, highest_hz: float, case: Case, log: Log) -> ModelChoice | None:

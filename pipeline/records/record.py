@@ -115,7 +115,10 @@ class MeshRecord(Part):
 
 
 class ModeRecord(Part):
-    """One mode; parity tells its symmetry class as signs, error the half-width of its frequency's bar, relative."""
+    """One mode; parity tells its symmetry class as signs, error the half-width of its frequency's bar, relative.
+
+    frequency_hz is the best value, computed_hz that of the finest mesh alone.
+    """
 
     frequency_hz: float
     residual: float
@@ -125,6 +128,7 @@ class ModeRecord(Part):
     mac: float | None
     strength: float | None
     symmetry: str | None = None
+    computed_hz: float | None = None
     error: float | None = None
 
 

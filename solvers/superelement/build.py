@@ -9,21 +9,25 @@ from math import ceil
 from typing import Protocol
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import HexSettings, Panel, hex_mesh, panel_boxes
+from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, panel_boxes
+from geometry.hex.nesting import interpolation
 from geometry.layout import Design, Pillar
 from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
-from solvers.fem.assembly import Scale, assemble
+from solvers.fem.assembly import Scale, System, assemble
+from solvers.fem.coarser import Shares, rim_shares
 from solvers.fem.eigen import PlainPencil, SymmetricPencil
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
-from solvers.superelement.cell import Cell, reduce_cell
+from solvers.superelement.cell import Cell, CellBuilder, Coarser, SymmetryClass, reduce_cell
 from solvers.superelement.interface import Interface
+from solvers.superelement.nested import Nested, extrapolated
 from solvers.superelement.plate import WHOLE, AssembledPlate
-from solvers.superelement.plate_count import more_below
-from solvers.superelement.plate_error import ModeErrors, mode_errors
+from solvers.superelement.plate_error import ModeErrors, mode_errors, more_below
 from solvers.superelement.tiling import Signature, signature, tile
+
+HIGHEST = 4  # order of hexahedra
 
 
 @dataclass(frozen=True)
@@ -86,27 +90,66 @@ class Reductions:
         return cell
 
     def _reduce(self, panel: Panel) -> Cell:
-        settings = self.reduction.hexahedra
+        reduction, coarser = self.reduction, None
         if self.mesher and panel.foot:
             mesh = self.mesher(panel)
         else:
-            settings = settings if panel.foot else self._bare(panel)
-            mesh = hex_mesh(panel_boxes(panel, self.thickness_m, self.pillar, settings), settings.order)
+            mesh, coarser = self._mesh(panel, self.settings(panel)), self.coarser(panel)
+        return reduce_cell(self.system(mesh), reduction.interface, reduction.top_hz, panel.halved, panel.free, coarser)
+
+    def settings(self, panel: Panel) -> HexSettings:
+        """The hexahedra of a panel."""
+        return self.reduction.hexahedra if panel.foot else self._bare(panel)
+
+    def _mesh(self, panel: Panel, settings: HexSettings) -> Mesh:
+        return hex_mesh(panel_boxes(panel, self.thickness_m, self.pillar, settings), settings.order)
+
+    def system(self, mesh: Mesh) -> System:
+        """The assembled matrices of a panel's mesh. Raises MeshError for one that is not sound."""
         check_mesh(mesh)
         pillar_material = self.pillar.material if self.pillar else self.material
         scale = Scale(self.thickness_m, self.material.young_pa, self.material.density_kg_m3)
-        system = assemble(mesh, {"plate": self.material, "pillar": pillar_material, "body": self.material}, scale)
-        return reduce_cell(system, self.reduction.interface, self.reduction.top_hz, panel.halved, panel.free)
+        return assemble(mesh, {"plate": self.material, "pillar": pillar_material, "body": self.material}, scale)
+
+    def coarser(self, panel: Panel) -> Coarser | None:
+        """What takes the mesh's error from a reduced panel by coarser meshes nested in its own; None for a mesh that has none.
+
+        Nothing is singular in a bare panel: elements of one order less tell its error, and nothing is taken away.
+        """
+        settings, reduction = self.settings(panel), self.reduction
+        at_rim = panel.foot is not None and self.pillar is not None and settings.layers > 0
+        if panel.foot and not at_rim:
+            return None
+
+        def nested(fine: Boxes, other: HexSettings) -> Nested:
+            boxes = panel_boxes(panel, self.thickness_m, self.pillar, other)
+            system = self.system(hex_mesh(boxes, other.order))
+            builder = CellBuilder(system, reduction.interface, panel.halved, panel.free)
+            return Nested(builder, interpolation(boxes, fine, settings.order, other.order))
+
+        def extrapolate(cell: Cell, fine: CellBuilder, parts: list[SymmetryClass]) -> Cell:
+            boxes = panel_boxes(panel, self.thickness_m, self.pillar, settings)
+            lower = nested(boxes, replace(settings, order=settings.order - 1))
+            if not at_rim or self.pillar is None:
+                return extrapolated(cell, (fine, parts), lower, None, Shares(), reduction.top_hz)
+            shares = rim_shares(self.material, self.pillar.material, settings)
+            return extrapolated(cell, (fine, parts), lower, nested(boxes, settings.coarser), shares, reduction.top_hz)
+
+        return extrapolate
 
     def _bare(self, panel: Panel) -> HexSettings:
         """Elements of a bare panel, short enough for its sides to hold the boundary functions; a foot would cut them anyway.
 
         A polynomial of a degree needs one node more along the side: with fewer, functions are one, and the mass is singular.
+        Their order leaves elements of one order less enough nodes through the plate.
         """
-        settings, along = self.reduction.hexahedra, self.reduction.interface.along
+        along, through = self.reduction.interface.along, self.reduction.interface.through
+        settings = replace(
+            self.reduction.hexahedra, order=min(max(self.reduction.hexahedra.order, through + 1), HIGHEST)
+        )
         sides = [high - low for low, high in zip(panel.low, panel.high, strict=True)]
         size = self.reduction.bare_size_m or settings.size_m
-        return replace(settings, size_m=min(size, min(sides) / ceil(along / settings.order)))
+        return replace(settings, size_m=min(size, min(sides) / ceil(along / (settings.order - 1))))
 
     def _key(self, panel: Panel) -> str:
         pillar = self.pillar if panel.foot else None

@@ -6,7 +6,7 @@ V = [constraint shapes K_II Psi = -K_IB P, fixed-interface modes of (K_II, M_II)
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -19,6 +19,7 @@ from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.mesh import Mesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System
+from solvers.fem.coarser import Shares
 from solvers.fem.constraints import Pencil, constrain, free_mask, rigid_body_modes
 from solvers.fem.eigen import Modes, SymmetricPencil, lowest_hz, modes_in_band
 from solvers.fem.factor.factoriser import Factor, Factoriser
@@ -42,6 +43,29 @@ class Expansion:
     matrix: FloatArray
     weights: FloatArray | None = None
     facets: IntArray | None = None
+
+
+@dataclass(frozen=True)
+class MeshError:
+    """What two coarser meshes, nested in the cell's, add to K_r and M_r, (dof, dof) each, and what follows for its error.
+
+    One mesh lacks the innermost layer at the foot's rim, the other has elements of one order less. The share `taken` of the
+    first change is taken from the matrices, and uncertain by `spread`; a change by the layer comes with `edge` times as much
+    by the order, the rest of which is the waves' own.
+    """
+
+    layer_stiffness: FloatArray
+    layer_mass: FloatArray
+    order_stiffness: FloatArray
+    order_mass: FloatArray
+    taken: float
+    spread: float
+    edge: float
+
+    @property
+    def shares(self) -> Shares:
+        """What the two changes tell."""
+        return Shares(self.taken, self.spread, self.edge)
 
 
 @dataclass(frozen=True)
@@ -70,6 +94,7 @@ class Cell:
     touch: Expansion
     skin: Expansion
     mesh_dof: int
+    mesh_error: MeshError | None = None
 
     @property
     def dof(self) -> int:
@@ -89,23 +114,33 @@ class Cell:
         return out
 
 
+Coarser = Callable[[Cell, "CellBuilder", "list[SymmetryClass]"], Cell]  # takes the mesh's error away, by a coarser mesh
+
+
 def reduce_cell(
-    system: System, interface: Interface, top_hz: float, halved: tuple[int, ...] = (), free: tuple[str, ...] = ()
+    system: System,
+    interface: Interface,
+    top_hz: float,
+    halved: tuple[int, ...] = (),
+    free: tuple[str, ...] = (),
+    coarser: Coarser | None = None,
 ) -> Cell:
     """Reduce a panel whose mesh has its middle at the origin; `halved` lists the axes meshed on their positive side only.
 
     Sides listed in `free` join nothing: they move as the mesh lets them, and their bubbles carry nothing.
-    Fixed-interface modes up to `top_hz` are kept. Raises SolverError when a rigid-body mode meets a force or the mass is off.
+    Fixed-interface modes up to `top_hz` are kept. `coarser` takes the mesh's error away. Raises SolverError when a rigid-body
+    mode meets a force or the mass is off.
     """
-    _effective_mass(system, interface)
+    _enough_nodes(system, interface)
     with one_thread():  # blocks of eight columns: a second thread mostly waits, and another case can use its core
         build = CellBuilder(system, interface, halved, free)
-        cell = build.join(build.classes(top_hz))
-    _check(cell, float(system.mass.sum()) * build.copies)
-    return cell
+        parts = build.classes(top_hz)
+        cell = build.join(parts)
+    check_rigid(cell, float(system.mass.sum()) * build.copies)
+    return coarser(cell, build, parts) if coarser else cell
 
 
-def _effective_mass(system: System, interface: Interface) -> None:
+def _enough_nodes(system: System, interface: Interface) -> None:
     """SolverError when the mesh has fewer nodes through the plate than the boundary functions need."""
     mesh = system.mesh
     side = mesh.nodes[mesh.nodes_of("x+")]
@@ -273,9 +308,9 @@ class CellBuilder:
         """One cell from its symmetry classes: block-diagonal in the classes, then in the sides' own degrees of freedom."""
         system, interface = self.system, self.interface
         fixed = np.concatenate([part.fixed_hz for part in parts])
-        places = self._places(parts, interface.count + len(fixed))
+        places = self.places(parts, interface.count + len(fixed))
         stiffness, mass, pillar = (np.zeros((places[0].shape[0],) * 2) for _ in range(3))
-        projected = {id(part): self._projected(part) for part in parts if part.turned is None}
+        projected = {id(part): self.projected(part) for part in parts if part.turned is None}
         for part, place in zip(parts, places, strict=True):
             for whole, own in zip((stiffness, mass, pillar), projected[id(part.turned or part)], strict=True):
                 whole += self.copies * place @ own @ place.T
@@ -309,14 +344,14 @@ class CellBuilder:
             out += self.copies * basis @ (part.flexibility - kept) @ basis.T
         return (out + out.T) / 2.0
 
-    def _projected(self, part: SymmetryClass) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def projected(self, part: SymmetryClass) -> tuple[FloatArray, FloatArray, FloatArray]:
         """V'KV, V'MV and V'MV of the pillar alone, (m, m) each."""
         system, shapes = self.system, part.shapes
         pillar = system.region_mass("pillar")
         stiffness, mass = shapes.T @ (system.stiffness @ shapes), weighted(shapes, system.mass)
         return stiffness, mass, np.zeros_like(mass) if pillar is None else weighted(shapes, pillar)
 
-    def _places(self, parts: list[SymmetryClass], count: int) -> list[FloatArray]:
+    def places(self, parts: list[SymmetryClass], count: int) -> list[FloatArray]:
         """From each class's degrees of freedom to the cell's, (count, m)."""
         start, places = self.interface.count, []
         for part in parts:
@@ -389,8 +424,8 @@ def weighted(shapes: FloatArray, mass: sp.csr_array) -> FloatArray:
     return np.asarray(shapes.T @ heavy.reshape(shapes.shape))
 
 
-def _check(cell: Cell, whole: float) -> None:
-    """Rigid-body modes carry no stiffness, translations carry the whole mass."""
+def check_rigid(cell: Cell, whole: float) -> None:
+    """SolverError unless rigid-body modes carry no stiffness and translations carry the whole mass."""
     motions = rigid_boundary(cell)
     force = np.abs(cell.stiffness @ motions).max() / np.abs(cell.stiffness).max()
     if force > RIGID:

@@ -159,17 +159,17 @@ class Lattice:
         transform[np.arange(self.cell.dof), self.column] = self._phases(np.asarray(wavevector, dtype=float))
         return transform
 
-    def truncated(self, degrees: int = 1, modes: float = 1 / 3) -> Lattice:
-        """The same cell without its highest bubbles and the upper share of its fixed-interface modes.
+    def truncated(self, degrees: int = 1, modes: float = 1 / 3, through: int = 0) -> Lattice:
+        """The same cell without its highest bubbles, the upper share of its fixed-interface modes, and its highest functions
+        through the thickness.
 
         A subspace of the same matrices (Galerkin): its frequencies lie above ours. How much it leaves out is not known.
         """
         cell = self.cell
-        face = Interface(max(cell.interface.along - degrees, 1), cell.interface.through)
+        face = Interface(max(cell.interface.along - degrees, 1), max(cell.interface.through - through, 1))
         order = np.argsort(cell.fixed_hz, kind="stable")
         kept = np.sort(order[: len(order) - int(np.ceil(modes * len(order)))])
-        sides = [cell.interface.side(index)[: face.side_block] for index in range(4)]
-        keep = np.concatenate([np.arange(4 * face.vertex_block), *sides, cell.interface.count + kept])
+        keep = np.concatenate([cell.interface.within(face), cell.interface.count + kept])
         square = np.ix_(keep, keep)
         small = {name: getattr(cell, name)[square] for name in ("stiffness", "mass", "pillar_mass")}
         return Lattice(
@@ -182,6 +182,7 @@ class Lattice:
                 dropped_hz=0.0,
                 touch=_kept(cell.touch, keep),
                 skin=_kept(cell.skin, keep),
+                mesh_error=None,
             )
         )
 

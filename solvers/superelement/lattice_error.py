@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.elements import FloatArray
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.cell import Cell
+from solvers.superelement.lattice import Lattice, Waves
 
 RATE = 1.5  # measured against full cells: square and oblong, 3 to 12 mm, bare, short and tall pillars
 SHARES = (1 / 3, 1 / 2, 2 / 3)
@@ -34,6 +35,17 @@ class ReductionError:
         return self.modes + self.degrees
 
 
+@dataclass(frozen=True)
+class MeshErrors:
+    """Relative, (n,) each: how far the finer mesh's own frequency lies above the reported one, and the half-width of the bar.
+
+    The half-width is NaN where no coarser mesh tells it.
+    """
+
+    taken: FloatArray
+    half_width: FloatArray
+
+
 def reduction_error(lattice: Lattice, wavevectors: FloatArray, count: int) -> ReductionError:
     """Estimate for the `count` lowest bands at wavevectors (n, 2) in rad/m: the worst of them."""
     modes = 0.0 if len(lattice.cell.fixed_hz) else _without_modes(lattice, wavevectors, count)
@@ -41,6 +53,11 @@ def reduction_error(lattice: Lattice, wavevectors: FloatArray, count: int) -> Re
         rise = _rise(lattice, lattice.truncated(0, share), wavevectors, count)
         modes = max(modes, rise / ((1.0 - share) ** -RATE - 1.0))
     return ReductionError(modes, _rise(lattice, lattice.truncated(1, 0.0), wavevectors, count))
+
+
+def last_degree_through(lattice: Lattice, wavevectors: FloatArray, count: int) -> float:
+    """Largest relative rise of the `count` lowest bands without the highest functions through the thickness."""
+    return _rise(lattice, lattice.truncated(0, 0.0, 1), wavevectors, count)
 
 
 def _without_modes(lattice: Lattice, wavevectors: FloatArray, count: int) -> float:
@@ -63,3 +80,24 @@ def _rise(lattice: Lattice, small: Lattice, wavevectors: FloatArray, count: int)
         moving = ours > STILL * ours[-1]
         worst = max(worst, float((theirs[moving] / ours[moving] - 1.0).max(initial=0.0)))
     return worst
+
+
+def mesh_error(cell: Cell, waves: Waves) -> MeshErrors:
+    """How far the mesh may put each wave's frequency off; 0 for rigid-body waves.
+
+    By Rayleigh's quotient, u^H (K_c - l M_c) u / 2 l with the changes (K_c, M_c) of the cell (`MeshError`).
+    """
+    error = cell.mesh_error
+    if error is None:
+        return MeshErrors(np.zeros(len(waves.eigenvalue)), np.full(len(waves.eigenvalue), np.nan))
+    moving = waves.frequency_hz > STILL * waves.frequency_hz[-1]
+
+    def change(stiffness: FloatArray, mass: FloatArray) -> FloatArray:
+        stiff, heavy = (
+            np.einsum("in,in->n", waves.dofs.conj(), matrix @ waves.dofs).real for matrix in (stiffness, mass)
+        )
+        rise = (stiff - waves.eigenvalue * heavy) / np.where(moving, 2.0 * waves.eigenvalue, 1.0)
+        return np.where(moving, rise, 0.0)
+
+    layer, order = change(error.layer_stiffness, error.layer_mass), change(error.order_stiffness, error.order_mass)
+    return MeshErrors(error.taken * layer, error.shares.half_width(layer, order))

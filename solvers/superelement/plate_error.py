@@ -1,9 +1,13 @@
-"""How far a mode of an assembled plate lies above that of its meshes: by the modes left out, and by the degrees
-along the sides.
+"""How far a mode of an assembled plate lies above that of its meshes, and how many modes more the meshes have.
 
 Fixed-interface modes left out take l^2 D from the boundary's dynamic stiffness, D their residual flexibility, which each
 cell knows (`Cell.dropped`): an eigenvalue l falls by l^2 u'D u, to first order. Without a part d of the eigenvector u, its
 last degree, Rayleigh's quotient rises by d'(K - l M)d / (u - d)'M(u - d): what that degree brought bounds the next ones.
+
+The meshes coupled at their boundary functions have the boundary's dynamic stiffness S and the interiors' own eigenvalues,
+N = N(S) + sum N(interior), both below lambda (wittrick1971). Every interior mode up to Lambda is kept, so the reduced pencil
+counts the interiors' whole; what modes left out take from S is bounded (`Cell.dropped`) and only lowers it. Hence
+N_reduced <= N <= N of the pencil with that bound taken from its stiffness.
 """
 
 from __future__ import annotations
@@ -15,7 +19,8 @@ from functools import partial
 import numpy as np
 
 from geometry.elements import BoolArray, FloatArray, IntArray
-from solvers.fem.eigen import SymmetricPencil
+from solvers.fem.coarser import SMOOTH
+from solvers.fem.eigen import PlainPencil, SymmetricPencil, count_below
 from solvers.superelement.cell import Cell
 from solvers.superelement.plate import AssembledPlate
 
@@ -24,15 +29,18 @@ from solvers.superelement.plate import AssembledPlate
 class ModeErrors:
     """Relative errors of frequencies, (k,) each, from above: by the fixed-interface modes and by the degrees left out.
 
-    Infinite from the lowest mode on that may have been left out: nothing is known there.
+    Infinite from the lowest mode on that may have been left out: nothing is known there. taken: how far the finest mesh's own
+    frequency lies above the reported one; mesh: half-width of the bar by the mesh, NaN where no coarser mesh tells it.
     """
 
     modes: FloatArray
     degrees: FloatArray
+    taken: FloatArray
+    mesh: FloatArray
 
     @property
     def total(self) -> FloatArray:
-        """Both."""
+        """By both truncations."""
         return self.modes + self.degrees
 
 
@@ -53,7 +61,34 @@ def mode_errors(plate: AssembledPlate, pencil: SymmetricPencil, vectors: FloatAr
         ]
         return np.asarray(np.sqrt(np.maximum(left[0] / left[1] / value, 1.0)) - 1.0)
 
-    return ModeErrors(_by_modes(plate, value, vectors), rise(_dofs(plate, _last_bubbles)))
+    return ModeErrors(
+        _by_modes(plate, value, vectors), rise(_dofs(plate, _last_bubbles)), *_by_mesh(plate, value, vectors)
+    )
+
+
+def _by_mesh(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What was taken from the modes' frequencies and the half-width of their bars, by Rayleigh's quotient, (k,) each."""
+    taken, spread, order = (np.zeros_like(value) for _ in range(3))
+    for placed_cell in plate.placed_cells:
+        error = placed_cell.cell.mesh_error
+        if error is None:
+            return taken, np.full_like(value, np.nan)
+        own = plate.cell_vectors(placed_cell, vectors)
+        by_layer, by_order = (
+            placed_cell.copies * (_energy(stiffness, own) - value * _energy(mass, own)) / (2.0 * value)
+            for stiffness, mass in (
+                (error.layer_stiffness, error.layer_mass),
+                (error.order_stiffness, error.order_mass),
+            )
+        )
+        taken += error.taken * by_layer
+        spread += error.spread * by_layer
+        order += by_order - error.edge * by_layer
+    return taken, np.abs(spread) + SMOOTH * np.abs(order)
+
+
+def _energy(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("ik,ik->k", vectors, matrix @ vectors))
 
 
 def _by_modes(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> FloatArray:
@@ -85,3 +120,24 @@ def _last_bubbles(cell: Cell) -> IntArray:
     face = cell.interface
     first = face.side_block - 3 * face.layers
     return np.concatenate([face.side(index)[first:] for index in range(4)])
+
+
+def more_below(
+    plate: AssembledPlate, pencil: SymmetricPencil, edge_hz: float, reduced: int | None = None
+) -> int | None:
+    """How many more modes the assembled meshes have at most below a frequency than the reduced pencil; None without a bound.
+
+    `reduced`: the reduced pencil's own count there, rigid-body modes included, where it is known already.
+    """
+    value = pencil.scale.eigenvalue(edge_hz)
+    if not all(np.isfinite(placed_cell.cell.growth(value)) for placed_cell in plate.placed_cells):
+        return None
+
+    def lost(cell: Cell) -> FloatArray:
+        return cell.on_boundary(value**2 * float(cell.growth(value)) * cell.dropped)
+
+    softer = PlainPencil(
+        (pencil.stiffness - plate.of_cells(lost)).tocsc(), pencil.mass, pencil.scale, pencil.rigid_count
+    )
+    own = count_below(pencil, edge_hz) if reduced is None else reduced
+    return count_below(softer, edge_hz) - own

@@ -23,7 +23,7 @@ from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System, assemble
-from solvers.superelement.cell import Cell, CellBuilder, ClampedBoundaryClass, weighted
+from solvers.superelement.cell import Cell, CellBuilder, ClampedBoundaryClass, Coarser, weighted
 from solvers.superelement.interface import Interface
 
 HEIGHT, SIDE, X, Y = range(4)  # the parameters of a pillar, m
@@ -91,8 +91,11 @@ class Setting:
     hexahedra: HexSettings
 
 
-def cell_family(setting: Setting, panel: Panel, reach_m: FloatArray) -> CellFamily:
-    """Reduce a panel at every node. SolverError for a pillar that is no box or reaches out of its panel."""
+def cell_family(setting: Setting, panel: Panel, reach_m: FloatArray, coarser: Coarser | None = None) -> CellFamily:
+    """Reduce a panel at every node. SolverError for a pillar that is no box or reaches out of its panel.
+
+    `coarser` takes the mesh's error from the nominal cell; what varies keeps that of its mesh, which it hardly changes.
+    """
     if not setting.pillar.is_square_prism or panel.foot is None:
         raise SolverError("only square pillars without fillet can be varied")
     sampler = _Sampler(setting, panel)
@@ -106,7 +109,8 @@ def cell_family(setting: Setting, panel: Panel, reach_m: FloatArray) -> CellFami
         changes[node] = sampler.change(node, np.asarray(reach_m), changes)
     size = sampler.cell.dof
     stacked = [np.array([pair[i] for pair in changes.values()]).reshape(len(nodes), size, size) for i in (0, 1)]
-    return CellFamily(sampler.cell, np.asarray(reach_m, dtype=float), nodes, stacked[0], stacked[1])
+    cell = coarser(sampler.cell, sampler.build, sampler.parts) if coarser else sampler.cell
+    return CellFamily(cell, np.asarray(reach_m, dtype=float), nodes, stacked[0], stacked[1])
 
 
 class _Sampler:
@@ -116,9 +120,9 @@ class _Sampler:
         self.setting, self.panel = setting, panel
         self.boxes = panel_boxes(panel, setting.thickness_m, setting.pillar, setting.hexahedra)
         nominal = self._system(self.boxes)
-        build = CellBuilder(nominal, setting.interface, panel.halved, panel.free)
-        self.parts = build.classes(setting.top_hz)
-        self.cell: Cell = build.join(self.parts)
+        self.build = CellBuilder(nominal, setting.interface, panel.halved, panel.free)
+        self.parts = self.build.classes(setting.top_hz)
+        self.cell: Cell = self.build.join(self.parts)
         self.nodes = nominal.mesh.nodes
 
     def change(self, node: Node, reach_m: FloatArray, before: dict[Node, Pair]) -> Pair:

@@ -60,7 +60,7 @@ class VariedReductions(Reductions):
             self.reduction.top_hz,
             self.reduction.hexahedra,
         )
-        family = cell_family(setting, panel, np.array(self.reach_m))
+        family = cell_family(setting, panel, np.array(self.reach_m), self.coarser(panel))
         self.fresh += 1
         if self.parametric_cache:
             self.parametric_cache.put(key, family)

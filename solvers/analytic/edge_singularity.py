@@ -1,0 +1,179 @@
+"""Strength of the singularity at an edge where wedges of elastic materials meet: displacements grow as r^a (williams1952).
+
+In the plane normal to the edge each wedge has Airy's function r^(a+1) F, F = A cos(a+1)t + B sin(a+1)t + C cos(a-1)t +
+D sin(a-1)t, and along the edge the displacement r^a (E cos at + G sin at). Faces are free or clamped, neighbours bonded:
+an exponent a is where the conditions' matrix is singular. The energy's error of elements of size h at the edge goes as
+h^(2 Re a).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from math import pi
+
+import numpy as np
+from scipy.optimize import newton
+
+from geometry.elements import ComplexArray, FloatArray
+from geometry.materials import Material
+
+REAL = np.linspace(0.02, 0.98, 97)
+IMAGINARY = np.linspace(0.0, 0.6, 31)
+RESIDUAL = 1e-9  # smallest over largest singular value of the scaled matrix at an exponent
+SHARED = 0.6  # of an outer element's own error, as measured on cells: it is not alone in its field
+POINTS, STRETCH = 200, 8.0  # of the quadrature over r
+FREE, CLAMPED = "free", "clamped"
+Conditions = Callable[[ComplexArray], ComplexArray]
+
+
+@dataclass(frozen=True)
+class Wedge:
+    """A wedge of material, its angle in rad."""
+
+    material: Material
+    angle: float
+
+
+@lru_cache(maxsize=256)
+def edge_exponent(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE, FREE)) -> float:
+    """Smallest real part in (0, 1) of the exponents at an edge, 1 where nothing is singular.
+
+    wedges: bonded one to the next; faces: what holds the first and the last face, free or clamped (williams1952).
+    """
+    return min(_lowest(lambda a: _in_plane(a, wedges, faces)), antiplane_exponent(wedges, faces))
+
+
+def rim_wedges(plate: Material, pillar: Material) -> tuple[Wedge, Wedge]:
+    """What meets at the rim of a foot: half a space of the plate, a quarter of the pillar on it."""
+    return Wedge(plate, pi), Wedge(pillar, pi / 2.0)
+
+
+def clamped_edge_exponent(material: Material) -> float:
+    """Exponent where a clamped face meets a free one at a right angle."""
+    return edge_exponent((Wedge(material, pi / 2.0),), (CLAMPED, FREE))
+
+
+@lru_cache(maxsize=256)
+def antiplane_exponent(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE, FREE)) -> float:
+    """Smallest exponent in (0, 1) of displacements along the edge, 1 where none is singular."""
+    return _lowest(lambda a: _along_edge(a, wedges, faces))
+
+
+def rim_error(exponent: float, order: int, factor: float, layers: int) -> float:
+    """Energy's error of elements of an order with layers of a factor towards the edge, for r^a on [0, 1].
+
+    Each element has its own best polynomial (babuska1981): the innermost one the share f^(2aL) of the error of order p
+    without layers, the others what degree p - 1 leaves of the slope r^(a-1) on [f, 1].
+    """
+    if layers < 0 or not 0.0 < factor < 1.0:
+        raise ValueError(f"{layers} layers of factor {factor}: must be 0 or more, between 0 and 1")
+    shrunk = factor ** (2.0 * exponent)
+    outer = SHARED * sum(shrunk**layer for layer in range(layers)) * _best_polynomial(exponent, order, factor)
+    return float(shrunk**layers * _best_polynomial(exponent, order, 0.0) + outer)
+
+
+@lru_cache(maxsize=256)
+def _best_polynomial(exponent: float, order: int, start: float) -> float:
+    """Least integral of (r^(a-1) - q)^2 r over [start, 1] for polynomials q of degree order - 1."""
+    t, weight = np.polynomial.legendre.leggauss(POINTS)
+    t, weight = (t + 1.0) / 2.0, weight / 2.0
+    stretch = 1.0 if start else STRETCH  # r = t^8 at the edge itself
+    r = start + (1.0 - start) * t**stretch
+    root = np.sqrt(weight * (1.0 - start) * stretch * t ** (stretch - 1.0) * r)
+    basis = np.polynomial.legendre.legvander((2.0 * r - start - 1.0) / (1.0 - start), order - 1) * root[:, None]
+    target = r ** (exponent - 1.0) * root
+    rest = target - basis @ np.linalg.lstsq(basis, target, rcond=None)[0]
+    return float(rest @ rest)
+
+
+def _lowest(conditions: Conditions) -> float:
+    """Smallest real part of the exponents in (0, 1), from a grid of starting points; 1 without one."""
+
+    def determinant(a: complex) -> complex:
+        return complex(np.linalg.det(conditions(np.array(a))))
+
+    def holds(root: complex) -> bool:
+        return REAL[0] < root.real < REAL[-1] and float(_flatness(conditions(np.array(root)))) < RESIDUAL
+
+    found = [1.0]
+    for i, j in _minima(_flatness(conditions(REAL[:, None] + 1j * IMAGINARY))):
+        with suppress(RuntimeError, np.linalg.LinAlgError):
+            root = complex(newton(determinant, complex(REAL[i], IMAGINARY[j]), tol=1e-12, maxiter=60))
+            found += [root.real] if holds(root) else []
+    return min(found)
+
+
+def _flatness(matrices: ComplexArray) -> FloatArray:
+    """Smallest over largest singular value of matrices (..., n, n) with rows of length 1."""
+    values = np.linalg.svd(matrices / np.linalg.norm(matrices, axis=-1, keepdims=True), compute_uv=False)
+    return np.asarray(values[..., -1] / values[..., 0])
+
+
+def _minima(grid: FloatArray) -> list[tuple[int, int]]:
+    """Places that no neighbour undercuts."""
+    padded = np.pad(grid, 1, constant_values=np.inf)
+    around = [
+        padded[1 + i : padded.shape[0] - 1 + i, 1 + j : padded.shape[1] - 1 + j]
+        for i in (-1, 0, 1)
+        for j in (-1, 0, 1)
+        if (i, j) != (0, 0)
+    ]
+    return [(int(i), int(j)) for i, j in np.argwhere(np.all([grid <= each for each in around], axis=0))]
+
+
+def _in_plane(a: ComplexArray, wedges: Sequence[Wedge], faces: tuple[str, str]) -> ComplexArray:
+    """Conditions on A, B, C, D of every wedge: tractions and displacements at the faces, scaled by the first modulus."""
+    unit = wedges[0].material.shear_pa
+
+    def rows(wedge: Wedge, t: float) -> tuple[ComplexArray, ComplexArray]:
+        p, m = a + 1.0, a - 1.0
+        f = np.array([np.cos(p * t), np.sin(p * t), np.cos(m * t), np.sin(m * t)])
+        slope = np.array([-p * np.sin(p * t), p * np.cos(p * t), -m * np.sin(m * t), m * np.cos(m * t)])
+        kappa = 4.0 * (1.0 - wedge.material.poisson)
+        none = np.zeros_like(a)
+        radial = -p * f + kappa * np.array([none, none, np.cos(m * t), np.sin(m * t)])
+        hoop = -slope + kappa * np.array([none, none, np.sin(m * t), -np.cos(m * t)])
+        softness = unit / wedge.material.shear_pa
+        return np.array([p * f, slope], dtype=complex), np.array([softness * radial, softness * hoop], dtype=complex)
+
+    return _conditions(wedges, faces, rows)
+
+
+def _along_edge(a: ComplexArray, wedges: Sequence[Wedge], faces: tuple[str, str]) -> ComplexArray:
+    """Conditions on E and G of every wedge: shear and displacement along the edge."""
+    unit = wedges[0].material.shear_pa
+
+    def rows(wedge: Wedge, t: float) -> tuple[ComplexArray, ComplexArray]:
+        stiff = wedge.material.shear_pa / unit
+        shear = stiff * np.array([[-np.sin(a * t), np.cos(a * t)]])
+        return np.asarray(shear, dtype=complex), np.array([[np.cos(a * t), np.sin(a * t)]], dtype=complex)
+
+    return _conditions(wedges, faces, rows)
+
+
+def _conditions(
+    wedges: Sequence[Wedge],
+    faces: tuple[str, str],
+    rows: Callable[[Wedge, float], tuple[ComplexArray, ComplexArray]],
+) -> ComplexArray:
+    """Free or clamped outer faces, equal tractions and displacements where wedges meet, (..., n, n)."""
+    out: list[ComplexArray] = []
+    ends = ((wedges[0], 0.0, faces[0], 0), (wedges[-1], wedges[-1].angle, faces[1], len(wedges) - 1))
+    for wedge, t, face, number in ends:
+        out.extend(_placed(rows(wedge, t)[face == CLAMPED], number, len(wedges)))
+    for number, (one, other) in enumerate(pairwise(wedges)):
+        for here, there in zip(rows(one, one.angle), rows(other, 0.0), strict=True):
+            out.extend(_placed(here, number, len(wedges)) - _placed(there, number + 1, len(wedges)))
+    return np.moveaxis(np.array(out), (0, 1), (-2, -1))
+
+
+def _placed(block: ComplexArray, number: int, count: int) -> ComplexArray:
+    """Rows (rows, width, ...) of one wedge among the columns of all of them."""
+    width = block.shape[1]
+    out = np.zeros((len(block), count * width, *block.shape[2:]), dtype=complex)
+    out[:, number * width : (number + 1) * width] = block
+    return out

@@ -1,0 +1,125 @@
+"""The error of a mesh, told by two coarser ones nested in it: one without the innermost layer, one of an order less.
+
+Where displacements go as r^a at an edge, the finer mesh still errs by a share of what the innermost layer brought that
+follows from a, the order and the layers (babuska1981); away from the edge the last order brought more than any further one
+will. Of a body meshed whole no coarser modes are searched: the energy projection v of a mode u of the finer mesh solves
+(K_c + s M_c) v = P' (K + s M) u, P what carries the coarser mesh's fields to the finer one; Rayleigh's quotients on the span
+of all v are the coarser eigenvalues to second order in u - v, paired with the modes by their overlap (boffi2010).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import eigh
+from scipy.optimize import linear_sum_assignment
+
+from geometry.elements import FloatArray
+from geometry.hex.boxes import HexSettings
+from geometry.materials import Material
+from solvers.analytic.edge_singularity import (
+    antiplane_exponent,
+    clamped_edge_exponent,
+    edge_exponent,
+    rim_error,
+    rim_wedges,
+)
+from solvers.fem.constraints import Pencil
+from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.solid import SolidModel
+
+SHIFT = 0.1  # of the lowest eigenvalue: rigid-body modes are no obstacle then
+SMOOTH = 0.06  # of what the last order brought away from the edge: more than any further order brings there
+RIM_ROUGH, CLAMPED_ROUGH = 0.1, 0.35  # of the share: one radial function stands for the whole of an edge
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Share of the layer's change that is left, its uncertainty, and what the order changes at the edge beside the layer."""
+
+    taken: float = 0.0
+    spread: float = 0.0
+    edge: float = 0.0
+
+    def half_width(self, layer: FloatArray, order: FloatArray) -> FloatArray:
+        """Half-width of a figure's error from what the mesh without the layer and that of one order less change it by."""
+        return np.asarray(self.spread * np.abs(layer) + SMOOTH * np.abs(order - self.edge * layer))
+
+
+def rim_shares(plate: Material, pillar: Material, mesh: HexSettings) -> Shares:
+    """Shares at the rim of a foot, between the exponents of displacements normal to it and along it (williams1952)."""
+    wedges = rim_wedges(plate, pillar)
+    return _shares((edge_exponent(wedges), antiplane_exponent(wedges)), mesh, RIM_ROUGH)
+
+
+def clamped_shares(material: Material, mesh: HexSettings) -> Shares:
+    """Shares where a clamped face meets a free one (williams1952)."""
+    return _shares((clamped_edge_exponent(material),), mesh, CLAMPED_ROUGH)
+
+
+def _shares(exponents: tuple[float, ...], mesh: HexSettings, rough: float) -> Shares:
+    left, order = [], []
+    for exponent in exponents:
+        own, coarse, lower = (
+            rim_error(exponent, each.order, each.factor, each.layers - each.skipped)
+            for each in (mesh, mesh.coarser, replace(mesh, order=mesh.order - 1))
+        )
+        left.append(own / (coarse - own))
+        order.append((lower - own) / (coarse - own))
+    middle = sum(left) / len(left)
+    return Shares(middle, (max(left) - min(left)) / 2.0 + rough * middle, sum(order) / len(order))
+
+
+@dataclass(frozen=True)
+class NestedMesh:
+    """A body on a coarser mesh, and the matrix (fine nodes, coarse nodes) that carries its fields to the finer one."""
+
+    model: SolidModel
+    transfer: sp.csr_array
+
+
+@dataclass(frozen=True)
+class CoarserMeshes:
+    """The mesh without the innermost layer, the mesh of one order less, and what their changes tell."""
+
+    layer: NestedMesh
+    order: NestedMesh
+    shares: Shares
+
+    def errors(
+        self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Relative, (k,) each, of M-orthonormal modes (dof, k) with eigenvalues (k,) of a symmetry class: how far their
+        frequencies are to be lowered, and the half-width of the bar that is left.
+        """
+        layer, order = (
+            (coarser_eigenvalues(pencil, each.model.pencil(symmetry), each.transfer, vectors, values) / values - 1.0)
+            / 2.0
+            for each in (self.layer, self.order)
+        )
+        return self.shares.taken * layer, self.shares.half_width(layer, order)
+
+
+def coarser_eigenvalues(
+    fine: Pencil, coarse: Pencil, transfer: sp.csr_array, vectors: FloatArray, values: FloatArray
+) -> FloatArray:
+    """Eigenvalues (k,) on the coarser mesh of M-orthonormal modes (dof, k) with eigenvalues (k,) on the finer one, in the
+    scale of `fine`.
+
+    transfer (fine nodes, coarse nodes); both pencils have the same supports and mirrors.
+    """
+    unit = (fine.scale.angular / coarse.scale.angular) ** 2
+    shift = SHIFT * float(np.abs(values).min())
+    restricted = sp.csr_array(sp.kron(transfer, sp.eye_array(3), format="csr"))[np.flatnonzero(fine.free)][
+        :, np.flatnonzero(coarse.free)
+    ]
+    loads = restricted.T @ (fine.stiffness @ vectors + shift * (fine.mass @ vectors))
+    matrix = sp.csc_array(coarse.stiffness + (shift * unit) * coarse.mass)
+    moved = np.asarray(Factoriser()(matrix).solve(np.ascontiguousarray(loads)))
+    stiffness, mass = (moved.T @ (part @ moved) for part in (coarse.stiffness, coarse.mass))
+    found, turn = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
+    overlap = vectors.T @ (fine.mass @ (restricted @ (moved @ turn)))
+    _, partner = linear_sum_assignment(-np.abs(overlap))
+    return np.asarray(found[partner] / unit)

@@ -1,0 +1,124 @@
+"""A cell reduced on nested meshes: their differences tell the mesh's error, and most of it is taken away.
+
+A coarser mesh lacks the innermost layer of elements at the foot's rim, where displacements go as r^a and the energy's error
+therefore as h^(2a): the finer mesh still errs by a share r of the difference that follows from a, the order and the layers
+(babuska1981). K = K_fine - r (K_coarse - K_fine), M likewise, over the same boundary functions; the fixed-interface modes of
+the coarser mesh are turned onto those of the finer one, Q = U V' from (M_fine P Phi_coarse)' Phi_fine = U S V'
+(schoenemann1966). A mesh of one order less tells what is left away from the rim.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import eigvalsh
+
+from geometry.elements import FloatArray
+from solvers.fem.coarser import Shares
+from solvers.superelement.cell import Cell, CellBuilder, MeshError, SymmetryClass, check_rigid
+from solvers.threads import one_thread
+
+WIDER = 1.15  # modes of the coarser mesh are sought so much higher: they lie above their partners
+MOST = 0.9  # of K or M in any direction that is taken away: they stay positive
+SLIGHT = 1e-9
+ALIKE = 0.5  # singular value of the modal overlap from which a direction has its partner on the coarser mesh
+
+
+@dataclass(frozen=True)
+class Nested:
+    """The builder of a coarser mesh's cell and the matrix (fine nodes, coarse nodes) that carries its fields."""
+
+    builder: CellBuilder
+    transfer: sp.csr_array
+
+
+def extrapolated(
+    cell: Cell,
+    fine: tuple[CellBuilder, list[SymmetryClass]],
+    lower: Nested,
+    layer: Nested | None,
+    shares: Shares,
+    top_hz: float,
+) -> Cell:
+    """The cell of the finer mesh less the share of what the mesh without its innermost layer adds to K_r and M_r.
+
+    lower: the mesh of one order less; layer: the mesh without the layer, None where nothing is singular. No more is taken
+    than leaves K and M positive; what is not taken counts as uncertain.
+    """
+    builder, parts = fine
+    none = np.zeros_like(cell.stiffness), np.zeros_like(cell.mass)
+    with one_thread():
+        by_order = _change(builder, parts, lower, WIDER * top_hz, cell)
+        by_layer = _change(builder, parts, layer, WIDER * top_hz, cell) if layer else none
+    limits = (MOST / _largest(change, metric) for change, metric in zip(by_layer, _metrics(cell), strict=True))
+    taken = min(shares.taken, *limits) if layer else 0.0
+    error = MeshError(*by_layer, *by_order, taken, shares.spread + shares.taken - taken, shares.edge)
+    stiffness, mass = (
+        whole - taken * change for whole, change in zip((cell.stiffness, cell.mass), by_layer, strict=True)
+    )
+    better = replace(cell, stiffness=stiffness, mass=mass, mesh_error=error)
+    check_rigid(better, float(builder.system.mass.sum()) * builder.copies)
+    return better
+
+
+def _change(
+    fine: CellBuilder, parts: list[SymmetryClass], nested: Nested, top_hz: float, cell: Cell
+) -> tuple[FloatArray, FloatArray]:
+    """What a coarser mesh adds to K_r and M_r, (dof, dof) each."""
+    stiffness, mass = np.zeros_like(cell.stiffness), np.zeros_like(cell.mass)
+    known: dict[int, list[FloatArray]] = {}
+    others = nested.builder.classes(top_hz)
+    for part, other, place in zip(parts, others, fine.places(parts, cell.dof), strict=True):
+        key = id(part.turned or part)
+        if key not in known:
+            known[key] = _class_change(fine, part, nested, other)
+        for total, own in zip((stiffness, mass), known[key], strict=True):
+            total += fine.copies * place @ own @ place.T
+    return (stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0
+
+
+def _class_change(fine: CellBuilder, part: SymmetryClass, nested: Nested, other: SymmetryClass) -> list[FloatArray]:
+    """The same of one symmetry class in its own degrees of freedom: nothing where a mode has no partner."""
+    theirs, ours = _alignment(part, other, fine, nested.transfer)
+    pairs = zip(nested.builder.projected(other)[:2], fine.projected(part)[:2], strict=True)
+    return [ours @ (theirs.T @ coarser @ theirs - ours.T @ finer @ ours) @ ours.T for coarser, finer in pairs]
+
+
+def _alignment(
+    part: SymmetryClass, other: SymmetryClass, fine: CellBuilder, transfer: sp.csr_array
+) -> tuple[FloatArray, FloatArray]:
+    """Turns (their dof, k) and (own dof, k) of both bases to directions that belong together.
+
+    Boundary functions keep their names; what the coarser mesh's shapes differ by is given to its modes as far as they can
+    hold it, so that almost massless combinations stay so.
+    """
+    width, nodes = part.basis.shape[1], transfer.shape[1]
+    carried = (transfer @ other.shapes.reshape(nodes, -1)).reshape(len(part.shapes), -1)
+    modes = carried[:, width:]
+    heavy = (fine.system.mass @ modes.reshape(len(modes) // 3, -1)).reshape(modes.shape)
+    left, overlap, right = np.linalg.svd(heavy.T @ part.shapes[:, width:], full_matrices=False)
+    alike = overlap > ALIKE
+    lent = heavy.T @ (part.shapes[:, :width] - carried[:, :width])
+    return _widened(lent, left[:, alike]), _widened(np.zeros((len(right.T), width)), right[alike].T)
+
+
+def _widened(lent: FloatArray, turn: FloatArray) -> FloatArray:
+    """The boundary's degrees of freedom with what the modes lend them, beside a turn of the modes."""
+    width = lent.shape[1]
+    return np.block([[np.eye(width), np.zeros((width, turn.shape[1]))], [lent, turn]])
+
+
+def _metrics(cell: Cell) -> tuple[FloatArray, FloatArray]:
+    """What the changes of K and M are measured by; K with a little mass, since rigid-body modes have no stiffness."""
+    slight = SLIGHT * cell.stiffness.trace() / cell.mass.trace()
+    return cell.stiffness + slight * cell.mass, cell.mass
+
+
+def _largest(change: FloatArray, metric: FloatArray) -> float:
+    """Largest eigenvalue of a change beside a positive matrix, at least MOST; functions of free sides carry nothing."""
+    carried = np.flatnonzero(np.diag(metric) > 0.0)
+    square, unit = np.ix_(carried, carried), np.sqrt(np.diag(metric)[carried])
+    values = eigvalsh(change[square] / np.outer(unit, unit), metric[square] / np.outer(unit, unit))
+    return max(MOST, float(values[-1]))
