@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = ("geometry", "solvers", "pipeline", "studies", "firmware")
+FOLDERS = ("antinode", "geometry", "solvers", "pipeline", "studies", "firmware")
 # `python -m importlinter.cli` defines its commands, runs none and ends with 0: call the function.
 LINT = "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports(no_cache=True, no_logo=True))"
 RUN = """

@@ -8,7 +8,7 @@ from geometry.hex.boxes import HexSettings
 from pipeline.models import unit_cell
 from pipeline.planning import mesh_rules
 
-COARSE = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
+COARSE = HexSettings(order=3, size_m=4e-3, layers=1, factor=0.15, pillar_size_m=6.3e-3)
 
 
 class NoCache:
@@ -24,4 +24,5 @@ class NoCache:
 def put_in(patch: pytest.MonkeyPatch) -> None:
     """Every cell coarse and reduced anew."""
     patch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: COARSE)
+    patch.setattr(mesh_rules, "cell_mesh", lambda design, level: COARSE)
     patch.setattr(unit_cell, "CellCache", NoCache)

@@ -13,7 +13,7 @@ from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.errors import SolverError
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings, lattice_panel
-from solvers.superelement.cell import Cell, _check, rigid_boundary
+from solvers.superelement.cell import Cell, check_rigid, rigid_boundary
 from solvers.superelement.interface import Interface, bubble_functions
 from solvers.superelement.plate import AssembledPlate
 from solvers.superelement.tiling import signature, tile
@@ -101,11 +101,11 @@ def test_a_narrow_piece_is_meshed_so_that_its_sides_hold_their_functions(order: 
 def test_a_cell_that_lost_mass_or_holds_rigid_motions_is_refused() -> None:
     reduced = cell()
     whole = float(np.diag(rigid_boundary(reduced)[:, :3].T @ reduced.mass @ rigid_boundary(reduced)[:, :3])[0])
-    _check(reduced, whole)
+    check_rigid(reduced, whole)
     with pytest.raises(SolverError, match="of its mass"):
-        _check(replace(reduced, mass=reduced.mass * 0.99), whole)
+        check_rigid(replace(reduced, mass=reduced.mass * 0.99), whole)
     with pytest.raises(SolverError, match="a rigid-body mode of the reduced cell meets a force"):
-        _check(replace(reduced, stiffness=reduced.stiffness + 1e-3 * np.eye(reduced.dof)), whole)
+        check_rigid(replace(reduced, stiffness=reduced.stiffness + 1e-3 * np.eye(reduced.dof)), whole)
 
 
 def test_tiling_gives_each_pillar_its_own_piece_and_covers_the_plate_symmetrically() -> None:
