@@ -9,7 +9,7 @@ from geometry.elements import FloatArray, IntArray, gauss_lobatto
 from geometry.errors import MeshError
 from geometry.hex.boxes import Boxes, nodal_line, used_nodes
 
-SAME = 1e-12  # a weight below is zero: the point lies on a node or on a line of the coarse grid
+SAME = 1e-9  # a weight below is zero: the point lies on a node or on a line of the coarse grid
 
 
 def interpolation(coarse: Boxes, fine: Boxes, order: int, coarse_order: int | None = None) -> sp.csr_array:
@@ -45,6 +45,8 @@ def _along_a_line(
     inner, points = (gauss_lobatto(order) + 1.0) / 2.0, nodal_line(fine, fine_order)
     element = np.clip(np.searchsorted(coarse, points, side="right") - 1, 0, len(coarse) - 2)
     local = (points - coarse[element]) / np.diff(coarse)[element]
+    if local.min() < -SAME or local.max() > 1.0 + SAME:
+        raise MeshError("a mesh is not nested in the coarser one: it reaches beyond it")
     others = [np.delete(inner, i) for i in range(order + 1)]
     weights = np.stack(
         [np.prod((local[:, None] - rest) / (inner[i] - rest), axis=1) for i, rest in enumerate(others)], axis=1

@@ -67,7 +67,9 @@ def test_points_tell_polarisation_parity_branch_and_group_velocity() -> None:
     assert document["reduction_error"] < 0.02 and "REDUCTION" not in log.warnings
     bars = np.array([point["error"] for point in document["points"]]) - document["reduction_error"]
     assert bars.max() == pytest.approx(document["expected_error"]) and (bars >= -1e-15).all() and np.ptp(bars) > 0.0
-    best, computed = (np.array([point[key] for point in document["points"]]) for key in ("frequencies_hz", "computed_hz"))
+    best, computed = (
+        np.array([point[key] for point in document["points"]]) for key in ("frequencies_hz", "computed_hz")
+    )
     moving = best > 1.0
     assert (computed[moving] > best[moving]).all()  # a mesh is too stiff, and what it is too stiff by is taken away
     assert (computed[moving] < best[moving] * 1.02).all() and (computed[~moving] == best[~moving]).all()

@@ -1,0 +1,78 @@
+"""Eigenvalues on a coarser mesh without a search for its modes, and a part's error bar, against modes searched there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geometry.hex.boxes import HexSettings, hex_mesh, pillar_boxes
+from geometry.hex.nesting import interpolation
+from geometry.layout import Pillar
+from geometry.materials import Material
+from solvers.fem.coarser import CoarserMeshes, NestedMesh, Shares, clamped_shares, coarser_eigenvalues, rim_shares
+from solvers.fem.eigen import modes_in_band
+from solvers.fem.solid import SolidModel
+
+STEEL = Material("steel", 210e9, 7850.0, 0.3)
+PILLAR = Pillar("square", 2e-3, 2e-3, 6e-3, STEEL)
+MESH = HexSettings(3, 2e-3, 1, 0.15, 1.5e-3)
+BAND = (1e3, 450e3)
+
+
+def boxes(settings: HexSettings):
+    return pillar_boxes(PILLAR, settings)
+
+
+def model(settings: HexSettings, clamped: tuple[str, ...] = ("touch",)) -> SolidModel:
+    return SolidModel(hex_mesh(boxes(settings), settings.order), {"pillar": STEEL}, clamped, True)
+
+
+def nested(settings: HexSettings, clamped: tuple[str, ...] = ("touch",)) -> NestedMesh:
+    return NestedMesh(model(settings, clamped), interpolation(boxes(settings), boxes(MESH), MESH.order, settings.order))
+
+
+@pytest.mark.parametrize("clamped", [("touch",), ()])
+@pytest.mark.parametrize("coarse", [MESH.coarser, replace(MESH, order=2)])
+def test_modes_of_the_finer_mesh_tell_the_coarser_eigenvalues(coarse: HexSettings, clamped: tuple[str, ...]) -> None:
+    fine, other = model(MESH, clamped), nested(coarse, clamped)
+    pencil, pencil_below = fine.pencil("SA"), other.model.pencil("SA")
+    modes = modes_in_band(pencil, *BAND)
+    values = np.array([pencil.scale.eigenvalue(tone) for tone in modes.frequency_hz])
+    told = pencil.scale.frequency(coarser_eigenvalues(pencil, pencil_below, other.transfer, modes.vectors, values))
+    searched = modes_in_band(pencil_below, BAND[0], 1.02 * BAND[1]).frequency_hz[: len(told)]
+    change = searched / modes.frequency_hz - 1.0
+    assert len(told) and (change > -1e-9).all() and change.max() > 1e-5
+    assert np.abs(told / searched - 1.0).max() < 5.0 * (change**2).max()  # to second order
+
+
+def test_the_bar_of_a_part_holds_the_finer_computation() -> None:
+    meshes = CoarserMeshes(nested(MESH.coarser), nested(replace(MESH, order=2)), clamped_shares(STEEL, MESH))
+    pencil = model(MESH).pencil("SA")
+    modes = modes_in_band(pencil, *BAND)
+    values = np.array([pencil.scale.eigenvalue(tone) for tone in modes.frequency_hz])
+    taken, half_width = meshes.errors("SA", pencil, modes.vectors, values)
+    finest = HexSettings(4, 1e-3, 2, 0.15, 1e-3)
+    exact = modes_in_band(model(finest).pencil("SA"), *BAND).frequency_hz
+    best = modes.frequency_hz * (1.0 - taken)
+    assert (np.abs(best / exact - 1.0) <= half_width).all()
+    assert (np.abs(best / exact - 1.0) < 0.7 * (modes.frequency_hz / exact - 1.0)).all()
+    assert (
+        half_width < 10.0 * np.abs(modes.frequency_hz / exact - 1.0)
+    ).all()  # a bar that is always too wide is a fault
+
+
+def test_shares_are_between_the_exponents_and_grow_with_the_contrast() -> None:
+    soft, hard = Material("soft", 3e9, 1200.0, 0.37), Material("hard", 400e9, 19300.0, 0.28)
+    light, even, heavy = (rim_shares(*pair, MESH) for pair in ((hard, soft), (STEEL, STEEL), (soft, hard)))
+    assert light.taken < even.taken < heavy.taken and all(
+        0.0 < each.spread < each.taken for each in (light, even, heavy)
+    )
+    finer = rim_shares(STEEL, STEEL, replace(MESH, order=4))
+    assert finer.taken < even.taken  # outer elements of order 4 leave less
+
+
+def test_nothing_singular_leaves_the_order_alone() -> None:
+    layer, order = np.array([0.0, 0.0]), np.array([1e-3, -2e-3])
+    assert Shares().half_width(layer, order) == pytest.approx(0.06 * np.abs(order))
