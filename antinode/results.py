@@ -114,7 +114,7 @@ class Modes(Result, Sequence[Mode]):
     >>> import antinode
     >>> pillar = antinode.load("studies/three-rows.toml", accuracy=0.02).modes(part="pillar", count=2)
     >>> len(pillar), round(pillar[0].frequency_hz, -2)
-    (2, 39200.0)
+    (2, 39100.0)
     """
 
     kind = "modes"

@@ -115,7 +115,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
         forced,
         circuit_shift(forced),
         meshes,
-        error_bar.log_expected(model_choice_of(case, "plate", high), case, log, high),
+        error_bar.log_expected(model_choice_of(case, "plate", high), case, log, high, forced.mesh_error(low, high)),
     )
     _log_summary(forced_response, log)
     return forced_response

@@ -24,6 +24,7 @@ from solvers.fem.factor.factoriser import Factoriser
 from solvers.measures.confinement import measure
 from solvers.measures.wanted_mode import Verdict, verdict
 from solvers.piezo.patched_plate import Group
+from solvers.superelement.plate_error import by_mesh
 
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are in the residual
 COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
@@ -150,6 +151,23 @@ class ForcedPlate:
         whole = np.maximum(inside + outside, 1e-300)
         share = inside / whole if rms(inside, outside, self.design)[1] is not None else np.full(count, np.nan)
         return strength, share, strength / np.maximum(per_area * inside, 1e-300)
+
+    def mesh_error(self, low_hz: float, high_hz: float) -> float | None:
+        """Largest half-width of the bar by the plate's mesh of any resonance between two frequencies, relative; None where no
+        coarser mesh tells it.
+        """
+        worst = []
+        for basis in self.modes:
+            inside = (basis.frequency_hz >= low_hz) & (basis.frequency_hz <= high_hz)
+            vectors = basis.columns[:, : len(basis.frequency_hz)][:, inside]
+            values, start = basis.eigenvalue[inside], 0
+            total = np.zeros(len(values))
+            for plate in basis.group.plates:
+                total += by_mesh(plate, values, vectors[start : start + plate.dof])[1]
+                start += plate.dof
+            worst.append(float(total.max(initial=0.0)))
+        largest = max(worst, default=0.0)
+        return None if np.isnan(largest) or np.isnan(worst).any() else largest
 
     @property
     def resonances_hz(self) -> FloatArray:

@@ -62,12 +62,15 @@ def mode_errors(plate: AssembledPlate, pencil: SymmetricPencil, vectors: FloatAr
         return np.asarray(np.sqrt(np.maximum(left[0] / left[1] / value, 1.0)) - 1.0)
 
     return ModeErrors(
-        _by_modes(plate, value, vectors), rise(_dofs(plate, _last_bubbles)), *_by_mesh(plate, value, vectors)
+        _by_modes(plate, value, vectors), rise(_dofs(plate, _last_bubbles)), *by_mesh(plate, value, vectors)
     )
 
 
-def _by_mesh(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What was taken from the modes' frequencies and the half-width of their bars, by Rayleigh's quotient, (k,) each."""
+def by_mesh(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What was taken from the frequencies of M-orthonormal modes (dof, k) and their bars' half-width, relative, (k,) each.
+
+    By Rayleigh's quotient at scaled eigenvalues (k,); a half-width is NaN where a cell has no coarser mesh.
+    """
     taken, spread, order = (np.zeros_like(value) for _ in range(3))
     for placed_cell in plate.placed_cells:
         error = placed_cell.cell.mesh_error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import atan, pi, sqrt, tan
 
 import numpy as np
@@ -62,7 +63,7 @@ def test_two_wedges_of_one_material_are_one_wedge() -> None:
 
 @pytest.mark.parametrize("ratio", [0.01, 1.0, 30.0])
 def test_displacements_along_a_foots_rim_have_their_closed_form(ratio: float) -> None:
-    """Bonded wedges of pi and pi / 2, free outside: G1 tan(a pi) + G2 tan(a pi / 2) = 0, hence tan(a pi / 2)^2 = 1 + 2 G1 / G2."""
+    """Bonded wedges of pi and pi / 2, free outside: G1 tan(a pi) + G2 tan(a pi / 2) = 0, tan(a pi / 2)^2 = 1 + 2 G1 / G2."""
     plate, pillar = material(1e9, 0.3), material(ratio * 1e9, 0.3)
     exact = 2.0 / pi * atan(sqrt(1.0 + 2.0 / ratio))
     assert tan(exact * pi / 2.0) ** 2 == pytest.approx(1.0 + 2.0 / ratio)
@@ -83,7 +84,7 @@ def test_layers_leave_the_power_of_their_factor() -> None:
         0.5,
     )  # coarse layers: what the outer elements leave counts for nothing beside the innermost
     errors = [rim_error(exponent, 8, factor, layers) for layers in range(4)]
-    for coarse, fine in zip(errors, errors[1:], strict=False):
+    for coarse, fine in pairwise(errors):
         assert fine / coarse == pytest.approx(factor ** (2.0 * exponent), rel=1e-3)
 
 
