@@ -17,8 +17,8 @@ import numpy as np
 from firmware import table_format as layout
 from firmware.emulate.plant import Plate, Resonance, hold
 from firmware.host import NoCompiler
-from firmware.host.hosted import RUN
 from firmware.host.rig import SingleRig
+from firmware.protocol import RUN
 
 TRUE_HZ, GAIN, DELAY_S, RATE_HZ = 31437.3, 0.8, 7.3e-6, 250e3
 QUALITIES = (50, 100, 200, 300, 400, 600, 1000, 1500, 2000)

@@ -19,9 +19,8 @@ from typing import Any, NamedTuple
 from firmware.build import BuildError, build
 from firmware.control_table import GAIN, held_plate, write_into_page
 from firmware.host import NoCompiler
-from firmware.host.hosted import RUN
 from firmware.host.rig import SingleRig
-from firmware.protocol import Fault, fault_names
+from firmware.protocol import RUN, Fault, fault_names
 from firmware.table_format import header_text
 
 TRIPS = (Fault.CLOCK, Fault.FAST_LATE, Fault.BREAK, Fault.SUPPLY)

@@ -75,6 +75,7 @@ TABLE_TEXT = (
     "for the other build or another sample rate",
 )
 STATES = ("idle", "identify", "run", "fault")
+IDLE, IDENTIFY, RUN, FAULT = range(len(STATES))
 
 
 class Fault(IntFlag):

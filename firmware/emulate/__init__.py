@@ -82,8 +82,8 @@ def board_run(table: bytes, plate: Plate | None = None, share: float = 0.2, seco
 
 
 def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardRun:
-    from firmware.emulate.single import IDENTIFY, RUN, EmulatedSingle
-    from firmware.protocol import fault_names
+    from firmware.emulate.single import EmulatedSingle
+    from firmware.protocol import IDENTIFY, RUN, fault_names
 
     board = EmulatedSingle(image.elf, plate)
     board.run(2e-3)

@@ -14,13 +14,12 @@ import ctypes
 import math
 import mmap
 import struct
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from unicorn import UC_ARCH_ARM, UC_HOOK_CODE, UC_MODE_MCLASS, UC_MODE_THUMB, UC_PROT_ALL, Uc, UcError
+from unicorn import UC_ARCH_ARM, UC_MODE_MCLASS, UC_MODE_THUMB, UC_PROT_ALL, Uc, UcError
 from unicorn.arm_const import (
     UC_ARM_REG_FPEXC,
     UC_ARM_REG_LR,
@@ -35,6 +34,7 @@ from unicorn.arm_const import (
 )
 
 from firmware.emulate.controllers import SECTOR_BYTES, Clock, FlashController
+from firmware.host import Supervised
 from firmware.image.elf import Elf
 
 FLASH, FLASH_BYTES = 0x08000000, 48 * 1024  # sectors 0 to 2
@@ -73,7 +73,7 @@ HANDLER, PENDING, WINDOWS, SLOW, BACK = 0x44, 0x48, 0x4C, 0x50, 0x54  # words be
 NOTHING, WINDOWS_COUNT = 0x58, 0x60  # bx lr; slow steps so far
 
 
-class EmulatedBoard:
+class EmulatedBoard(Supervised):
     """The image and its peripherals in lock step; time moves by run(seconds). Builds say what a trigger does (_exchange)."""
 
     FAST_HANDLER = "ADC_IRQHandler"
@@ -167,11 +167,6 @@ class EmulatedBoard:
         self.handler.value = handler | 1
         self.uc.emu_start(STUBS | 1, self.idle)
 
-    def lose_stack(self) -> None:
-        """The stack pointer ends up where no stack is, and something faults on it."""
-        self.uc.reg_write(UC_ARM_REG_SP, RAM + RAM_BYTES - 64)
-        self.interrupt_unexpectedly()
-
     def interrupt_unexpectedly(self) -> None:
         """An exception that no handler expects, a clock that dies among them, on the main loop's stack; it never returns."""
         stack = self.uc.reg_read(UC_ARM_REG_SP) - 32
@@ -226,15 +221,6 @@ class EmulatedBoard:
         """Address of an object or function of the image."""
         return self.elf.symbols[name].address
 
-    @property
-    def stack_pointer(self) -> int:
-        """Where the main loop's stack ends while it waits."""
-        return self.uc.reg_read(UC_ARM_REG_SP)
-
-    def peek(self, address: int, length: int) -> bytes:
-        """Bytes of shared memory."""
-        return ctypes.string_at(self._address(address), length)
-
     def poke(self, address: int, data: bytes) -> None:
         """Overwrites bytes of shared memory."""
         ctypes.memmove(self._address(address), data, len(data))
@@ -259,16 +245,6 @@ class EmulatedBoard:
         return int(result)
 
     @property
-    def state(self) -> int:
-        """The application's: idle, identify, run or fault, from 0."""
-        return int(self.app.base.supervisor.state)
-
-    @property
-    def faults(self) -> int:
-        """The bits of the latched faults."""
-        return int(self.app.base.supervisor.faults)
-
-    @property
     def at_rest(self) -> bool:
         """True while nothing that the image drives moves anything."""
         raise NotImplementedError
@@ -289,30 +265,6 @@ class EmulatedBoard:
     def clear(self) -> bool:
         """Leaves the fault state, as the button or a host would; false when it may not be left."""
         return bool(self.call("an_application_clear", self.symbol("app"), self.symbol(self.BUILD)) & 0xFF)
-
-    def count_instructions(self, run: Callable[[], Any], *routines: str) -> dict[str, Counter[int]]:
-        """How often each routine took how many instructions, entry to return, calls included, while something runs."""
-        entries = {self.symbol(name): name for name in routines}
-        counts: dict[str, Counter[int]] = {name: Counter() for name in routines}
-        count, back, inside = 0, 0, ""
-
-        def each(uc: Uc, address: int, *_: Any) -> None:
-            nonlocal count, back, inside
-            if inside and address == back:
-                counts[inside][count] += 1
-                inside = ""
-            if address in entries:
-                count, back, inside = 0, uc.reg_read(UC_ARM_REG_LR) & ~1, entries[address]
-            count += 1
-
-        self.uc.ctl_flush_tb()  # type: ignore[attr-defined]  # code translated before knows of no hook
-        hook = self.uc.hook_add(UC_HOOK_CODE, each)
-        try:
-            run()
-        finally:
-            self.uc.hook_del(hook)
-            self.uc.ctl_flush_tb()  # type: ignore[attr-defined]
-        return counts
 
     def _shared(self, start: int, size: int) -> mmap.mmap:
         memory = mmap.mmap(-1, size)

@@ -65,11 +65,6 @@ class Clock:
         """Of the slow peripheral bus; its timers run at twice that unless it is undivided."""
         return self.core_hz / self._divider(10)
 
-    def timer_hz(self, fast_bus: bool) -> float:
-        """Of the timers on APB2 or APB1."""
-        divider = self._divider(13 if fast_bus else 10)
-        return self.core_hz / divider * (1 if divider == 1 else 2)
-
     def _divider(self, shift: int) -> int:
         code = self.words.get(self.CFGR, 0) >> shift & 7
         return 1 if code < 4 else 2 << (code - 4)

@@ -8,22 +8,20 @@ from typing import Any
 from firmware.emulate.board import EmulatedBoard
 from firmware.emulate.plant import Plate, PlateSimulation, adc_code, dac_level
 from firmware.host import load
+from firmware.protocol import RUN
 
 TIM2, ADC_DR, DAC_RD = 0x40000000, 0x4001204C, 0x40007420
-IDLE, IDENTIFY, RUN, FAULT = range(4)
 
 
 class EmulatedSingle(EmulatedBoard):
-    """A board whose application object is in view as `app`; reports as HostedSingle's, one a window."""
+    """A board whose application object is in view as `app`; reports holds (measured, drive, reference) a window."""
 
     WORLD = ("plate",)
 
     def __init__(self, image: Path, plate: Plate, seed: int = 1, **options: Any) -> None:
         self.plate = PlateSimulation(plate, seed)
         self.codes: list[int] | None = None
-        self.stalls: list[
-            tuple[bool, int]
-        ] = []  # while the flash memory was busy: was the timer on, what was the DAC told
+        self.stalls: list[tuple[bool, int]] = []  # flash memory busy: was the timer on, what was the DAC told
         self.reports: list[tuple[complex, complex, float]] = []
         super().__init__(image, plate.sample_rate_hz, **options)
         ffi, _ = load()
@@ -39,12 +37,6 @@ class EmulatedSingle(EmulatedBoard):
     def at_rest(self) -> bool:
         """Both DAC channels in the middle."""
         return self.dac.value == 2048 | 2048 << 16
-
-    def push_button(self) -> None:
-        """Pressed and let go, each for longer than a contact bounces."""
-        for pressed in (True, False):
-            self.press(pressed)
-            self.run(22e-3)
 
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> bool:
         """Starts as the button or a host would."""

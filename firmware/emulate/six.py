@@ -77,11 +77,6 @@ class EmulatedSix(EmulatedBoard):
             if seen and self.is_enabled(line):
                 self.interrupt(self.symbol(BREAK_HANDLERS[timer]))
 
-    def overrun(self) -> None:
-        """A sample came before the last was taken: ADC and DMA stand until both are set up anew (RM0390, "Using the DMA")."""
-        self.word(ADC_SR).value |= OVERRUN
-        self.word(SCAN_LEFT).value = 3
-
     def tick(self) -> None:
         super().tick()
         self._serve_breaks()

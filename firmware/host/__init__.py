@@ -81,3 +81,19 @@ def load(*flags: str) -> tuple[Any, Any]:
     ffi = FFI()
     ffi.cdef(declarations(command))
     return ffi, ffi.dlopen(str(build(command, (*flags, *os.environ.get("ANTINODE_HOST_FLAGS", "").split()))))
+
+
+class Supervised:
+    """Whatever has an application of either build in view as `app`."""
+
+    app: Any
+
+    @property
+    def state(self) -> int:
+        """IDLE, IDENTIFY, RUN or FAULT of firmware.protocol."""
+        return int(self.app.base.supervisor.state)
+
+    @property
+    def faults(self) -> int:
+        """The bits of the latched faults."""
+        return int(self.app.base.supervisor.faults)

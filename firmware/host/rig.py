@@ -1,29 +1,29 @@
 """The single-mode application against a plate in C: a second of the board's time in some ten milliseconds of this machine's.
 
 For what needs many runs: the table of docs/bring-up.md, fault injection, fingers and drifting plates. Where host and board are
-compared bit for bit, firmware.host.single and the emulated board share one plate in Python instead.
+compared bit for bit, tests/helpers/hosted_boards.py and the emulated board share one plate in Python instead.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from firmware.emulate.plant import Plate, PlateSimulation
-from firmware.host.hosted import Hosted
+from firmware.host import Supervised, load
 
 SOUND, DEAD, STUCK, REVERSED, CLIPPED = range(5)
 FIELDS = ("measured_re", "measured_im", "drive_re", "drive_im", "reference", "motion")
 
 
-class SingleRig(Hosted):
+class SingleRig(Supervised):
     """an_single and a Plate in lock step; windows() gives what each window ended with."""
 
     def __init__(self, table: bytes, plate: Plate, seed: int = 1, faults: int = 0) -> None:
-        super().__init__("an_single", "an_single_build", plate.sample_rate_hz)
+        self.ffi, self.lib = load()
+        self.sample_rate_hz = plate.sample_rate_hz
         self.table = self.ffi.from_buffer("uint8_t[]", table)
         self.rig: Any = self.ffi.new("rig_single *")
         self.app = self.rig.app
@@ -56,28 +56,9 @@ class SingleRig(Hosted):
         target.feedthrough, target.offset, target.noise = plate.feedthrough, plate.offset, plate.noise
         self.plate = plate
 
-    def touch(self, quality_share: float, shift_hz: float, first: Plate) -> None:
-        """The plate under a finger: the first resonance of a plate damped and shifted, force and mass as they were."""
-        mode = first.resonances[0]
-        touched = replace(
-            mode,
-            frequency_hz=mode.frequency_hz + shift_hz,
-            tau_s=mode.tau_s * quality_share,
-            gain=mode.gain * quality_share,
-        )
-        self.set_plate(replace(first, resonances=(touched, *first.resonances[1:])))
-
     def run(self, seconds: float) -> None:
         """Advances by a time."""
         self.lib.rig_run(self.rig, round(seconds * self.plate.sample_rate_hz), self.ffi.NULL, 0)
-
-    def run_while(self, state: int, seconds: float, every_s: float = 2e-3) -> float:
-        """Advances while the application stays in a state, at most so long; returns the time that passed."""
-        passed = 0.0
-        while passed < seconds and self.state == state:
-            self.run(every_s)
-            passed += every_s
-        return passed
 
     def windows(self, seconds: float) -> dict[str, NDArray[Any]]:
         """Advances by a time; one entry a window: measured and drive (complex), reference, motion, state, limited."""
@@ -96,20 +77,3 @@ class SingleRig(Hosted):
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> bool:
         """Starts as the application's user would."""
         return bool(self.lib.an_single_start(self.pointer, reference, detuning_hz))
-
-    def set_reference(self, reference: float) -> None:
-        """A new reference while running."""
-        self.lib.an_single_set_reference(self.pointer, reference)
-
-    @property
-    def frequency_hz(self) -> float:
-        """The resonance as the application sees it now."""
-        return float(self.lib.an_single_frequency(self.pointer))
-
-    def save(self) -> bytes:
-        """Everything, to be brought back by restore."""
-        return bytes(self.ffi.buffer(self.rig))
-
-    def restore(self, saved: bytes) -> None:
-        """Back to a saved moment."""
-        self.ffi.buffer(self.rig)[:] = saved

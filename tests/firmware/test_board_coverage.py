@@ -27,11 +27,10 @@ def visit(tmp_path, monkeypatch, core):
     """Boards of a build whose branches are recorded from their first start on; without unrolled loops, whose copies are no
     branches of the source."""
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.board_coverage import BranchRecorder, routines_of_the_board
-    from firmware.emulate.line import EmulatedPort
     from firmware.emulate.single import EmulatedSingle
     from firmware.emulate.six import EmulatedSix
     from firmware.image.elf import Elf
+    from tests.helpers.board_probes import BranchRecorder, EmulatedPort, routines_of_the_board
 
     monkeypatch.setattr(builder, "LANGUAGE", (*builder.LANGUAGE, "-fno-unroll-loops"))
 
@@ -59,27 +58,29 @@ def visit(tmp_path, monkeypatch, core):
 @pytest.mark.slow
 @pytest.mark.parametrize("variant", ["single", "six"])
 def test_most_branches_of_the_board_are_taken(visit, variant: str) -> None:
+    from tests.helpers.board_probes import lose_stack, overrun, push_button
+
     recorder, start, table = visit(variant)
     for dead in ({"dead_crystal": True}, {"dead_pll": True}, {"overdrive": 0}, {"overdrive": 1 << 16}):
         start(**dead)
     board, client = start()
     board.run(22e-3)
-    button(board)
+    push_button(board)
     board.word(board.symbol("count")).value = 19990  # looks of the guard: a second is over soon
     client.request(Kind.HEALTH)
     client.request(Kind.LOG, struct.pack("<I", 1))
     board.run(5e-3)
-    button(board)
+    push_button(board)
     board.word(0x40007004).value |= 1 << 2
     board.run(1e-3)
     board.word(0x40007004).value &= ~(1 << 2)
-    button(board)
+    push_button(board)
     client.request(Kind.STOP)
     board.send(bytes(300))
     if variant == "six":
         board.pull_break(0x40010400)
         board.run(1e-3)
-        board.overrun()
+        overrun(board)
         board.run(1e-3)
     board.word(0x40012000).value |= 1 << 5
     board.run(1e-3)
@@ -91,12 +92,6 @@ def test_most_branches_of_the_board_are_taken(visit, variant: str) -> None:
     board.run(1e-3)
     board.interrupt_unexpectedly()
     board.run_until(lambda: board.resets == 1, 0.05)
-    board.lose_stack()
+    lose_stack(board)
     assert board.run_until(lambda: board.resets == 2, 0.05)
     assert recorder.share >= FLOOR, sorted(hex(at) for at, _ in recorder.ways - recorder.gone)
-
-
-def button(board) -> None:
-    for pressed in (True, False):
-        board.press(pressed)
-        board.run(22e-3)

@@ -36,9 +36,9 @@ def taken(client: Client) -> np.ndarray:
 @pytest.fixture
 def boards(make_image, core):
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.line import EmulatedPort
     from firmware.emulate.single import EmulatedSingle
     from firmware.emulate.six import EmulatedSix
+    from tests.helpers.board_probes import EmulatedPort
 
     def make(variant: str):
         kind, table, world = (EmulatedSingle, SINGLE, PLATE) if variant == "single" else (EmulatedSix, SIX, Beam())

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from firmware.client import client, command_line, port, selftest
-from firmware.emulate.line import EmulatedPort
 from firmware.emulate.plant import Plate, Resonance
 from firmware.protocol import PROTOCOL
 from pipeline.board.table_file import Mode, ModeTable, to_bytes
+from tests.helpers.board_probes import EmulatedPort
 from tests.helpers.fake_board import write_sound
 
 MODE = Mode(31250.0, 3e-3, -0.75j, 9.3e-6, frequency_identified=True)

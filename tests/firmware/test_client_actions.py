@@ -16,7 +16,7 @@ import pytest
 
 from firmware.client import actions, command_line, selftest
 from firmware.client.client import BoardError, Client, describe_health
-from firmware.protocol import PROTOCOL, Fault, Kind, Message, Result
+from firmware.protocol import FAULT, IDENTIFY, IDLE, PROTOCOL, RUN, Fault, Kind, Message, Result
 from tests.helpers.fake_board import (
     HEALTH,
     SIX_STATUS,
@@ -26,8 +26,6 @@ from tests.helpers.fake_board import (
     single_status,
     write_sound,
 )
-
-IDLE, IDENTIFY, RUN, FAULT = range(4)
 
 
 def asked(port: FakePort) -> list[Kind]:

@@ -9,7 +9,7 @@ import pytest
 
 from firmware.emulate.plant import Plate, Resonance, hold
 from firmware.injection import BOARD_KINDS, board_row
-from firmware.protocol import Fault
+from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
 from pipeline.board.table_file import Mode, ModeTable, to_bytes
 
 GUESS, TRUE, QUALITY, GAIN = 31400.0, 31437.3, 300.0, 0.8
@@ -21,7 +21,6 @@ PLATE = Plate((Resonance(TRUE, TAU, GAIN), *NEIGHBOURS), delay_s=7.3e-6, noise=1
 UNKNOWN = to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality(GUESS, 260.0, delay_s=2e-6),)))
 MEASURED = Mode(TRUE, TAU, -1j * GAIN * DROOP, 9.3e-6, frequency_identified=True)
 KNOWN = to_bytes(ModeTable(250e3, bytes(16), (MEASURED,)))
-IDLE, IDENTIFY, RUN, FAULT = range(4)
 
 
 @pytest.fixture
@@ -56,7 +55,7 @@ def test_timer_triggers_both_converters_every_four_microseconds(make_single) -> 
 
 def test_unidentified_mode_is_swept_and_then_held_at_the_lowest_useful_level(make_single, core) -> None:
     """And the whole sweep, its fits included, is on this machine what it is on the Cortex-M4, bit for bit."""
-    from firmware.host.single import HostedSingle
+    from tests.helpers.hosted_boards import HostedSingle
 
     board, hosted = make_single(UNKNOWN), HostedSingle(UNKNOWN, PLATE)
     board.run(2e-3)
@@ -168,9 +167,11 @@ def test_an_unexpected_interrupt_rests_the_outputs(make_single) -> None:
 
 def test_the_stack_is_large_enough(make_single) -> None:
     """The deepest use by the main loop leaves room for both interrupts, their frames of 104 bytes included."""
+    from tests.helpers.board_probes import peek, stack_pointer
+
     board = make_single(UNKNOWN)
     top, size, frame = board.symbol("stack_top"), 2048, 104
-    idle = board.stack_pointer
+    idle = stack_pointer(board)
     paint = bytes([0xA5]) * (idle - (top - size) - 256)
     board.poke(top - size, paint)
     board.run(2e-3)
@@ -178,7 +179,7 @@ def test_the_stack_is_large_enough(make_single) -> None:
     board.run_until(lambda: board.app.ident.stage == 2, 3.0)  # behind the fit, which is what goes deepest
     board.send(bytes(range(1, 120)) + b"\0")
     board.run(5e-3)
-    left = board.peek(top - size, len(paint))
+    left = peek(board, top - size, len(paint))
     untouched = len(left) - len(left.lstrip(b"\xa5"))
     assert untouched < len(paint)
     assert untouched > 2 * frame + 300
@@ -186,9 +187,11 @@ def test_the_stack_is_large_enough(make_single) -> None:
 
 def test_instructions_a_tick(make_single) -> None:
     """Counted on the Cortex-M4 code of the image, calls included, no fused contraction."""
+    from tests.helpers.board_probes import count_instructions
+
     board = running(make_single)
     board.app.slow.reference = 0.6  # begins on the drive's limit, ends away from it
-    counts = board.count_instructions(lambda: board.run(12e-3), "an_fast_tick", "an_slow_step")
+    counts = count_instructions(board, lambda: board.run(12e-3), "an_fast_tick", "an_slow_step")
     fast, slow = counts["an_fast_tick"], counts["an_slow_step"]
     assert max(fast) <= 90, fast
     assert max(slow) <= 250, slow
@@ -198,7 +201,7 @@ def test_instructions_a_tick(make_single) -> None:
 @pytest.mark.parametrize("detuning_hz", [0.0, 300.0])
 def test_host_and_cortex_m4_agree_bit_for_bit(make_single, core, detuning_hz: float) -> None:
     """Identification begun, loop closed, steps up and down: every DAC code and every byte of the state."""
-    from firmware.host.single import HostedSingle
+    from tests.helpers.hosted_boards import HostedSingle
 
     board, hosted = make_single(), HostedSingle(KNOWN, PLATE)
     board.codes, hosted.codes = [], []

@@ -10,8 +10,8 @@ import pytest
 
 from firmware import injection
 from firmware.injection import WORDS
-
-IDLE, IDENTIFY, RUN, FAULT = range(4)
+from firmware.protocol import FAULT, IDLE, RUN
+from tests.helpers.hosted_boards import restore, save
 
 
 @pytest.fixture
@@ -45,10 +45,10 @@ def test_an_output_that_passes_its_middle_is_not_taken_for_rest(core, rig) -> No
 @pytest.mark.parametrize("word", WORDS)
 def test_no_flipped_bit_of_a_state_word_leaves_a_job_that_cannot_be_ended(rig, word: str) -> None:
     """The plate is held as before, or everything rests in a latched fault; either way a stop ends it."""
-    saved, reference = rig.save(), 0.15
+    saved, reference = save(rig), 0.15
     *path, name = word.split(".")
     for bit in range(32):
-        rig.restore(saved)
+        restore(rig, saved)
         rig.run(bit * 7 * 4e-6)
         place = rig.app
         for part in path:
@@ -58,7 +58,7 @@ def test_no_flipped_bit_of_a_state_word_leaves_a_job_that_cannot_be_ended(rig, w
         assert sizes.max() < 0.9, bit
         if rig.state == RUN:
             assert sizes[-20:].mean() == pytest.approx(reference, rel=0.02), bit
-            rig.stop()
+            rig.lib.an_application_stop(rig.ffi.addressof(rig.app, "base"))
             rig.run(1e-3)
             assert rig.state == IDLE, bit
         else:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from firmware.emulate.plant import Plate, Resonance, hold
-from firmware.protocol import KEPT
+from firmware.protocol import IDENTIFY, KEPT, RUN
 from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 
 TRUE, TAU = 31437.3, 300.0 / math.pi / 31437.3
@@ -18,7 +18,6 @@ PLATE = Plate((Resonance(TRUE, TAU, 0.8),), delay_s=7.3e-6, noise=1e-3)
 GUESS = Mode.from_quality(31400.0, 260.0, delay_s=2e-6)
 UNKNOWN = to_bytes(ModeTable(250e3, bytes(16), (GUESS,)))
 OTHER = to_bytes(ModeTable(250e3, bytes(16), (replace(GUESS, drive_limit=0.5),)))
-IDLE, IDENTIFY, RUN, FAULT = range(4)
 EMPTY, REFUSED, READ, WRITTEN = range(1, 5)
 
 
@@ -41,10 +40,10 @@ class Backup:
 
 @pytest.fixture
 def rig(core):
-    from firmware.host.rig import SingleRig
+    from tests.helpers.hosted_boards import Rig
 
     def make(table: bytes):
-        made = SingleRig(table, PLATE)
+        made = Rig(table, PLATE)
         made.run(1e-3)
         return made
 
@@ -99,7 +98,7 @@ def test_no_damaged_bit_is_believed(core, rig) -> None:
 
 def test_each_shape_has_its_own_matrix(core) -> None:
     from firmware.emulate.beam import Beam
-    from firmware.host.six import HostedSix
+    from tests.helpers.hosted_boards import HostedSix
 
     patterns = (Pattern("all", (1,) * 6),)
     table = to_bytes(ModeTable(40e3, bytes(16), (), shapes=tuple(Shape(f, 5e-3, patterns) for f in (2400.0, 1400.0))))
@@ -127,8 +126,8 @@ def test_the_image_keeps_them_and_says_so(make_image, core) -> None:
     """Values put where an identification would: the next start of the same image has them; an upload ends that."""
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
     from firmware.client.client import Client, describe_health
-    from firmware.emulate.line import EmulatedPort
     from firmware.emulate.single import EmulatedSingle
+    from tests.helpers.board_probes import EmulatedPort
 
     for has_backup in (True, False):
         board = EmulatedSingle(make_image(UNKNOWN).elf, PLATE, has_backup=has_backup)

@@ -28,8 +28,8 @@ OTHER = to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality(29000.0, 250.0),
 @pytest.fixture
 def talk(make_image, core):
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.line import EmulatedPort
     from firmware.emulate.single import EmulatedSingle
+    from tests.helpers.board_probes import EmulatedPort
 
     def make(table: bytes = KNOWN, plate: Plate = PLATE, **options):
         board = EmulatedSingle(make_image(table).elf, plate, **options)
@@ -324,6 +324,8 @@ def test_identify_measures_again_and_rests(talk) -> None:
 
 def test_the_button_is_pressed_once_however_it_bounces(talk) -> None:
     """Twice 1 ms of bouncing, and held at power-up; the press that clears a fault does not start."""
+    from tests.helpers.board_probes import push_button
+
     board, _ = talk()
     board.run(22e-3)
     for pressed, seconds in ((True, 1e-3), (False, 1e-3), (True, 22e-3), (False, 1e-3), (True, 1e-3), (False, 22e-3)):
@@ -334,9 +336,9 @@ def test_the_button_is_pressed_once_however_it_bounces(talk) -> None:
     board.run(1e-3)
     board.word(0x40007004).value &= ~(1 << 2)
     assert board.state == 3
-    board.push_button()
+    push_button(board)
     assert board.state == 0
-    board.push_button()
+    push_button(board)
     assert board.state == 0
 
 

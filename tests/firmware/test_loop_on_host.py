@@ -40,7 +40,7 @@ def known_table(**changes) -> bytes:
 
 @pytest.fixture
 def hosted(core):
-    from firmware.host.single import HostedSingle
+    from tests.helpers.hosted_boards import HostedSingle
 
     return HostedSingle
 

@@ -11,10 +11,9 @@ import pytest
 from firmware.client.client import BoardError, Client, describe
 from firmware.emulate.beam import Beam, BeamSimulation, _clamped_roots
 from firmware.injection import BOARD_KINDS, board_row
-from firmware.protocol import Fault, Kind, parse_health
+from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault, Kind, parse_health
 from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 
-IDLE, IDENTIFY, RUN, FAULT = range(4)
 TIM1, TIM8 = 0x40010000, 0x40010400
 BEAM = Beam(noise=1e-3)
 WAVELENGTH = 2.0 * np.pi / np.sqrt(2.0 * np.pi * 2400.0 / np.sqrt(210e9 * 1e-6 / 12.0 / 7850.0))
@@ -40,7 +39,7 @@ def seen_matrix(beam: Beam = BEAM) -> np.ndarray:
 
 @pytest.fixture
 def hosted(core):
-    from firmware.host.six import HostedSix
+    from tests.helpers.hosted_boards import HostedSix
 
     return HostedSix
 
@@ -366,7 +365,7 @@ def test_timers_make_40_khz_with_dead_time_and_trigger_the_scan(make_six) -> Non
 
 
 def test_pattern_over_the_line_on_the_emulated_board(make_six) -> None:
-    from firmware.emulate.line import EmulatedPort
+    from tests.helpers.board_probes import EmulatedPort
 
     board = make_six(table(matrix=seen_matrix()))
     client = Client(EmulatedPort(board))
@@ -466,7 +465,7 @@ def test_a_fault_opens_the_gates_in_the_interrupt_that_finds_it(make_six) -> Non
 
 
 def test_a_table_goes_up_and_is_used(make_six) -> None:
-    from firmware.emulate.line import EmulatedPort
+    from tests.helpers.board_probes import EmulatedPort
 
     board = make_six(table(matrix=seen_matrix()))
     client = Client(EmulatedPort(board))
@@ -486,7 +485,7 @@ def test_a_dead_crystal_keeps_the_gates_open_for_good(make_six) -> None:
 
 
 def test_flash_memory_that_does_not_take_a_table_is_a_fault(make_six) -> None:
-    from firmware.emulate.line import EmulatedPort
+    from tests.helpers.board_probes import EmulatedPort
 
     board = make_six(table(matrix=seen_matrix()))
     client = Client(EmulatedPort(board))
@@ -508,6 +507,8 @@ def test_a_slow_step_that_hangs_opens_the_gates_and_then_resets_the_chip(make_si
 
 
 def test_instructions_a_tick_and_host_and_cortex_m4_alike(make_six, hosted, core) -> None:
+    from tests.helpers.board_probes import count_instructions
+
     data = table(matrix=seen_matrix())
     board, twin = make_six(data), hosted(data, BEAM)
     twin.run(5e-3)
@@ -516,7 +517,7 @@ def test_instructions_a_tick_and_host_and_cortex_m4_alike(make_six, hosted, core
     assert twin.lib.an_six_start(twin.app, 3, 0.15)
     for each in (board, twin):
         each.run(0.1)
-    fast = board.count_instructions(lambda: board.run(10e-3), "an_six_tick")["an_six_tick"]
+    fast = count_instructions(board, lambda: board.run(10e-3), "an_six_tick")["an_six_tick"]
     twin.run(10e-3)
     assert max(fast) <= 300, fast
     assert board.history[1:] == twin.history[: len(board.history) - 1]
@@ -542,7 +543,7 @@ def test_the_lowest_tone_lives_with_the_fastest_watchdog(make_six) -> None:
 
 def test_a_table_that_resets_the_board_is_left_alone_at_the_fourth_start(make_six) -> None:
     """Whatever hangs the board: the line comes back, and takes another table."""
-    from firmware.emulate.line import EmulatedPort
+    from tests.helpers.board_probes import EmulatedPort
 
     board = make_six(table(matrix=seen_matrix()))
     for count in range(3):
@@ -562,8 +563,10 @@ def test_a_table_that_resets_the_board_is_left_alone_at_the_fourth_start(make_si
 
 def test_a_scan_that_overran_is_set_going_again(make_six) -> None:
     """After an overrun the DMA stream takes no more samples until it is set up anew: no interrupt would ever come."""
+    from tests.helpers.board_probes import overrun
+
     board = driving(make_six)
-    board.overrun()
+    overrun(board)
     board.run(100e-6)
     assert not board.any_closed
     board.run(10e-3)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from firmware.emulate.plant import Plate, Resonance, hold
-from firmware.protocol import Fault
+from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
 from pipeline.board.table_file import Mode, ModeTable, to_bytes
+from tests.helpers.hosted_boards import Rig, restore, save
 
 TRUE = 31437.3
 DROOP = abs(hold(TRUE, 250e3))
-IDLE, IDENTIFY, RUN, FAULT = range(4)
 MISMATCH, CLIPPED, OFFSET = Fault.MISMATCH, Fault.SENSOR_CLIPPED, Fault.SENSOR_OFFSET
 RAMP_S = 50e-3
 
@@ -30,11 +30,9 @@ def known(quality: float, gain: float, **changes) -> bytes:
 
 @pytest.fixture
 def make(core):
-    from firmware.host.rig import SingleRig
-
-    def build(quality: float = 300.0, gain: float = 0.8, table: bytes | None = None, **changes) -> SingleRig:
+    def build(quality: float = 300.0, gain: float = 0.8, table: bytes | None = None, **changes) -> Rig:
         plate = Plate((Resonance(TRUE, tau_of(quality), gain),), delay_s=7.3e-6, noise=1e-3)
-        rig = SingleRig(table or known(quality, gain), replace(plate, **changes))
+        rig = Rig(table or known(quality, gain), replace(plate, **changes))
         rig.run(10e-3)
         return rig
 
@@ -99,9 +97,9 @@ def test_a_lost_sensor_is_noticed_on_any_plate(make, gain: float, quality: float
     assert rig.start(share * gain * DROOP)
     rig.run(0.1)
     assert rig.state == RUN
-    saved = rig.save()
+    saved = save(rig)
     for sensor in (rig.lib.RIG_DEAD, rig.lib.RIG_STUCK, rig.lib.RIG_REVERSED, rig.lib.RIG_CLIPPED):
-        rig.restore(saved)
+        restore(rig, saved)
         rig.rig.plate.sensor = sensor
         assert rig.run_while(RUN, 25e-3) < 25e-3 and rig.state == FAULT, sensor
         assert rig.faults & (MISMATCH | CLIPPED | OFFSET)
@@ -118,7 +116,7 @@ def test_95_percent_within_2_ms_at_any_moment_of_a_window(make, quality: float) 
     rig.run(0.1)
     reference = 0.2 * 0.8 * DROOP
     for phase in range(0, 50, 10):
-        saved = rig.save()
+        saved = save(rig)
         rig.lib.rig_run(rig.rig, phase, rig.ffi.NULL, 0)
         rig.set_reference(reference)
         rig.run(2.0e-3)
@@ -128,7 +126,7 @@ def test_95_percent_within_2_ms_at_any_moment_of_a_window(make, quality: float) 
         sizes = rig.windows(20e-3)["motion"]
         assert sizes.max() <= 1.02 * reference
         assert sizes[-1] == pytest.approx(reference, rel=5e-3)
-        rig.restore(saved)
+        restore(rig, saved)
 
 
 @pytest.mark.parametrize(

@@ -250,8 +250,8 @@ def test_gains_are_those_the_firmware_plans(firmware, quality, gain, response):
 def test_the_firmware_itself_follows_the_same_path(firmware, reference, detuning):
     """The core's whole application on an emulated plate of other authorship, from rest to the reference."""
     from firmware.emulate import plant as emulated
-    from firmware.host.single import HostedSingle
     from pipeline.board.table_file import Mode, ModeTable, to_bytes
+    from tests.helpers.hosted_boards import HostedSingle
 
     droop = abs(hold(TRUE))
     plate = emulated.Plate((emulated.Resonance(TRUE, PLANT.tau_s, 0.8),), delay_s=7.3e-6)

@@ -1,21 +1,95 @@
-"""How many branches of the board's code a set of runs on the emulated board takes.
-
-A branch of the compiled code counts twice: once for each way it can go. The routines are those that the sources of
-firmware/board define; what the compiler put into them from headers is theirs.
-"""
+"""What tests look at and do to an emulated board beyond what its line, pins and button allow."""
 
 from __future__ import annotations
 
+import ctypes
 import tempfile
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from unicorn import UC_HOOK_CODE
+from unicorn import UC_HOOK_CODE, Uc
+from unicorn.arm_const import UC_ARM_REG_LR, UC_ARM_REG_SP
 
 from firmware import build as builder
-from firmware.emulate.board import EmulatedBoard
+from firmware.emulate.board import RAM, RAM_BYTES, EmulatedBoard
+from firmware.emulate.six import ADC_SR, OVERRUN, SCAN_LEFT, EmulatedSix
 from firmware.image import bounds
 from firmware.image.elf import Elf
+
+
+class EmulatedPort:
+    """Has write and read, as a pyserial port has; each read waits one millisecond of the board's time."""
+
+    def __init__(self, board: EmulatedBoard) -> None:
+        self.board = board
+
+    def write(self, data: bytes) -> int:
+        """Bytes to the board."""
+        self.board.send(data)
+        return len(data)
+
+    def read(self, size: int = 1) -> bytes:
+        """What the board has sent, at most size bytes."""
+        self.board.run(1e-3)
+        taken = bytes(self.board.received[:size])
+        del self.board.received[:size]
+        return taken
+
+
+def lose_stack(board: EmulatedBoard) -> None:
+    """The stack pointer ends up where no stack is, and something faults on it."""
+    board.uc.reg_write(UC_ARM_REG_SP, RAM + RAM_BYTES - 64)
+    board.interrupt_unexpectedly()
+
+
+def stack_pointer(board: EmulatedBoard) -> int:
+    """Where the main loop's stack ends while it waits."""
+    return int(board.uc.reg_read(UC_ARM_REG_SP))
+
+
+def peek(board: EmulatedBoard, address: int, length: int) -> bytes:
+    """Bytes of shared memory."""
+    return ctypes.string_at(board._address(address), length)
+
+
+def push_button(board: EmulatedBoard) -> None:
+    """Pressed and let go, each for longer than a contact bounces."""
+    for pressed in (True, False):
+        board.press(pressed)
+        board.run(22e-3)
+
+
+def overrun(board: EmulatedSix) -> None:
+    """A sample came before the last was taken: ADC and DMA stand until both are set up anew (RM0390, "Using the DMA")."""
+    board.word(ADC_SR).value |= OVERRUN
+    board.word(SCAN_LEFT).value = 3
+
+
+def count_instructions(board: EmulatedBoard, run: Callable[[], Any], *routines: str) -> dict[str, Counter[int]]:
+    """How often each routine took how many instructions, entry to return, calls included, while something runs."""
+    entries = {board.symbol(name): name for name in routines}
+    counts: dict[str, Counter[int]] = {name: Counter() for name in routines}
+    count, back, inside = 0, 0, ""
+
+    def each(uc: Uc, address: int, *_: Any) -> None:
+        nonlocal count, back, inside
+        if inside and address == back:
+            counts[inside][count] += 1
+            inside = ""
+        if address in entries:
+            count, back, inside = 0, uc.reg_read(UC_ARM_REG_LR) & ~1, entries[address]
+        count += 1
+
+    board.uc.ctl_flush_tb()  # type: ignore[attr-defined]  # code translated before knows of no hook
+    hook = board.uc.hook_add(UC_HOOK_CODE, each)
+    try:
+        run()
+    finally:
+        board.uc.hook_del(hook)
+        board.uc.ctl_flush_tb()  # type: ignore[attr-defined]
+    return counts
 
 
 def routines_of_the_board(header: str, variant: str) -> set[str]:

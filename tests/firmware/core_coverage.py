@@ -1,4 +1,4 @@
-"""How many branches of the core the tests on this machine take: `python -m firmware.coverage`, by gcc and gcov.
+"""How many branches of the core the tests on this machine take: `python -m tests.firmware.core_coverage`, by gcc and gcov.
 
 Builds the core anew with counters in it, runs the tests that use it here, and prints each file's share of branches taken. Exit
 code 4 below the floor.
@@ -16,7 +16,7 @@ import tempfile
 from pathlib import Path
 
 FLOOR = 0.90
-TESTS = Path(__file__).parent.parent / "tests" / "firmware"
+TESTS = Path(__file__).parent
 NAMES = (
     "test_frame.py test_table_reader.py test_texture.py test_link.py test_sine.py test_demod.py test_pi.py test_resonance.py "
     "test_loop_on_host.py test_touch.py test_injection.py test_six.py test_supervisor.py test_keep.py"

@@ -1,0 +1,203 @@
+"""The firmware's applications on this machine as tests drive them, against a plate or beam in Python or on the rig in C."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from firmware.emulate.beam import CHANNELS, Beam, BeamSimulation, Structure, adc_codes
+from firmware.emulate.plant import Plate, PlateSimulation, adc_code, dac_level
+from firmware.host import Supervised, load
+from firmware.host.rig import SingleRig
+
+
+class Orders(Supervised):
+    """The orders that anybody may give an application of either build."""
+
+    ffi: Any
+    lib: Any
+    build: Any
+
+    @property
+    def base(self) -> Any:
+        """What both builds have, for calls."""
+        return self.ffi.addressof(self.app, "base")
+
+    def poll(self) -> None:
+        """One pass of the main loop."""
+        self.lib.an_application_poll(self.base, self.build)
+
+    def stop(self) -> None:
+        """Back to rest."""
+        self.lib.an_application_stop(self.base)
+
+    def clear(self) -> bool:
+        """Leaves the fault state; false when it may not be left."""
+        return bool(self.lib.an_application_clear(self.base, self.build))
+
+    def identify(self) -> bool:
+        """Measures the plate anew."""
+        return bool(self.lib.an_application_identify(self.base, self.build))
+
+
+class Hosted(Orders):
+    """An application of either build on this machine, `app` a pointer to its state."""
+
+    def __init__(self, app: str, build: str, sample_rate_hz: float, flags: tuple[str, ...] = ()) -> None:
+        self.ffi, self.lib = load(*flags)
+        self.app: Any = self.ffi.new(f"{app} *")
+        self.build = self.ffi.addressof(self.lib, build)
+        self.sample_rate_hz = sample_rate_hz
+
+    def tick(self) -> None:
+        """One sample period."""
+        raise NotImplementedError
+
+    def run(self, seconds: float) -> None:
+        """Advances by a time."""
+        for _ in range(round(seconds * self.sample_rate_hz)):
+            self.tick()
+
+    def run_while(self, state: int, seconds: float) -> float:
+        """Advances while the application stays in a state, at most so long; returns the time that passed."""
+        ticks = 0
+        while self.state == state and ticks < round(seconds * self.sample_rate_hz):
+            self.tick()
+            ticks += 1
+        return ticks / self.sample_rate_hz
+
+
+class HostedSingle(Hosted):
+    """an_single and a plate in lock step: run(ticks) advances both, reports holds (measured, drive, reference) a window."""
+
+    def __init__(self, table: bytes, plate: Plate, seed: int = 1, faults: int = 0, flags: tuple[str, ...] = ()) -> None:
+        super().__init__("an_single", "an_single_build", plate.sample_rate_hz, flags)
+        self.table = self.ffi.from_buffer("uint8_t[]", table)
+        self.fast = self.ffi.addressof(self.app, "fast")
+        self.slow = self.ffi.addressof(self.app, "slow")
+        self.plate = PlateSimulation(plate, seed)
+        self.code = self.lib.AN_DAC_MIDDLE
+        self.codes: list[int] | None = None
+        self.reports: list[tuple[complex, complex, float]] = []
+        self.lib.an_single_boot(self.app, self.table, len(table), plate.sample_rate_hz, faults)
+
+    def tick(self) -> None:
+        """One sample period: the converters act together, then the interrupts, then the main loop, woken by any of them."""
+        sample = adc_code(self.sense())
+        self.plate.drive(dac_level(self.code))
+        self.code = self.lib.an_fast_tick(self.fast, sample)
+        if self.codes is not None:
+            self.codes.append(self.code)
+        if self.fast.tick == 0:
+            self.lib.an_single_slow(self.app)
+        self.poll()
+        if self.fast.tick == 0:
+            view = self.lib.an_single_view(self.app)
+            self.reports.append((_complex(view.measured), _complex(view.drive), view.reference))
+
+    def sense(self) -> float:
+        """What reaches the converter; a test may put a broken sensor here."""
+        return self.plate.sense()
+
+    def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> bool:
+        """Starts as the application's user would."""
+        return self.lib.an_single_start(self.app, reference, detuning_hz)
+
+    @property
+    def gain(self) -> complex:
+        """The gain the application works with."""
+        return _complex(self.app.mode.gain)
+
+
+def _complex(value: Any) -> complex:
+    return complex(value.re, value.im)
+
+
+class HostedSix(Hosted):
+    """an_six and a beam in lock step: run(seconds) advances both."""
+
+    def __init__(self, table: bytes, beam: Beam | Structure, seed: int = 1, faults: int = 0) -> None:
+        super().__init__("an_six", "an_six_build", beam.sample_rate_hz)
+        self.table = self.ffi.from_buffer("uint8_t[]", table)
+        self.fast = self.ffi.addressof(self.app, "fast")
+        self.beam = BeamSimulation(beam, seed)
+        self.middle, self.swing = self.lib.AN_SIX_DUTY_MIDDLE, self.lib.AN_SIX_DUTY_SWING
+        self.samples = self.ffi.new("uint16_t []", CHANNELS)
+        self.duties = self.ffi.new("uint16_t []", [self.middle] * CHANNELS)
+        self.history: list[list[int]] | None = None
+        self.lib.an_six_boot(self.app, self.table, len(table), beam.sample_rate_hz, faults)
+
+    def tick(self) -> None:
+        """One sample period: sensors and drives together, then the interrupts, then the main loop, woken by any of them."""
+        sensed = self.sense()
+        self.beam.drive((np.array(list(self.duties)) - self.middle) / self.swing)
+        self.samples[0:CHANNELS] = adc_codes(sensed)
+        self.lib.an_six_tick(self.fast, self.samples, self.duties)
+        if self.history is not None:
+            self.history.append(list(self.duties))
+        if self.fast.tick == 0:
+            self.lib.an_six_window_end(self.app)
+        self.fast.faults |= self.lib.an_six_check(self.app)
+        self.poll()
+
+    def sense(self) -> np.ndarray:
+        """What reaches the converters; a test may put broken sensors here."""
+        return self.beam.sense()
+
+    @property
+    def measured(self) -> np.ndarray:
+        """The six phasors of the last window."""
+        return np.array([complex(z.re, z.im) for z in self.app.slow.measured])
+
+    @property
+    def drives(self) -> np.ndarray:
+        """The six drives commanded last."""
+        return np.array([complex(z.re, z.im) for z in self.app.slow.drive])
+
+
+class Rig(Orders, SingleRig):
+    """The rig with orders, a finger, and a way back to a saved moment."""
+
+    def __init__(self, table: bytes, plate: Plate, seed: int = 1, faults: int = 0) -> None:
+        super().__init__(table, plate, seed, faults)
+        self.build = self.ffi.addressof(self.lib, "an_single_build")
+
+    def touch(self, quality_share: float, shift_hz: float, first: Plate) -> None:
+        """The plate under a finger: the first resonance of a plate damped and shifted, force and mass as they were."""
+        mode = first.resonances[0]
+        touched = replace(
+            mode,
+            frequency_hz=mode.frequency_hz + shift_hz,
+            tau_s=mode.tau_s * quality_share,
+            gain=mode.gain * quality_share,
+        )
+        self.set_plate(replace(first, resonances=(touched, *first.resonances[1:])))
+
+    def run_while(self, state: int, seconds: float, every_s: float = 2e-3) -> float:
+        """Advances while the application stays in a state, at most so long; returns the time that passed."""
+        passed = 0.0
+        while passed < seconds and self.state == state:
+            self.run(every_s)
+            passed += every_s
+        return passed
+
+    def set_reference(self, reference: float) -> None:
+        """A new reference while running."""
+        self.lib.an_single_set_reference(self.pointer, reference)
+
+    @property
+    def frequency_hz(self) -> float:
+        """The resonance as the application sees it now."""
+        return float(self.lib.an_single_frequency(self.pointer))
+
+
+def save(rig: SingleRig) -> bytes:
+    """Everything, to be brought back by restore."""
+    return bytes(rig.ffi.buffer(rig.rig))
+
+
+def restore(rig: SingleRig, saved: bytes) -> None:
+    """Back to a saved moment."""
+    rig.ffi.buffer(rig.rig)[:] = saved
