@@ -1,4 +1,11 @@
-"""What a solver raises when it will not vouch for a number."""
+"""What a solver raises when it will not vouch for a number, and the checks of numbers that every solver makes."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 
 class SolverError(Exception):
@@ -19,3 +26,18 @@ class TooLarge(SolverError):
 
 class OutOfMemory(TooLarge):
     """Memory ran out in the middle of a computation."""
+
+
+def check_above_zero(what: str, *values: float) -> None:
+    """SolverError unless every value is a finite number above 0."""
+    for value in values:
+        if not (isfinite(value) and value > 0.0):
+            raise SolverError(f"{what} = {value:g}: must be a finite number above 0")
+
+
+def checked_frequencies(frequency: ArrayLike) -> NDArray[np.float64]:
+    """Frequencies as an array, of whatever unit and shape; SolverError unless all are finite and above 0."""
+    checked = np.asarray(frequency, dtype=float)
+    if not np.all(np.isfinite(checked) & (checked > 0.0)):
+        raise SolverError("frequencies must be finite and above 0")
+    return checked

@@ -19,9 +19,8 @@ from pipeline.logs import Log
 from pipeline.measured.files import LARGEST
 from pipeline.records import outputs
 from solvers.control.baseband import ModePlant
-from solvers.control.dq_data import DqData
 from solvers.control.dq_loop import Rates
-from solvers.control.dq_study import DqStudy, dq_study
+from solvers.control.dq_study import DqData, DqStudy, dq_study
 from solvers.control.identification import Identified, Sweep, identify
 
 if TYPE_CHECKING:

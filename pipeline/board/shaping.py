@@ -12,6 +12,7 @@ import argparse
 import hashlib
 import sys
 from dataclasses import replace
+from functools import partial
 from math import pi
 from pathlib import Path
 
@@ -25,10 +26,10 @@ from pipeline.errors import InputError
 from pipeline.records.fingerprint import canonical_json, code_hash
 from solvers.errors import SolverError
 from solvers.shaping.acoustic_contrast import REGIONS, best_contrast, region_points, region_target
-from solvers.shaping.transfer_matrix import operating_frequencies
+from solvers.shaping.transfer_matrix import operating_frequencies, scan
 from solvers.shaping.travelling_wave import best_travelling_drive, inner_window
 from solvers.shaping_study.model import ShapedBeam, Signal
-from solvers.shaping_study.steps import scan_signal, travel_window
+from solvers.shaping_study.steps import travel_window
 
 SAMPLE_RATE_HZ = 40e3
 LARGEST = 0.5  # |T| in full scales at the louder frequency: how the conditioners are to be set
@@ -83,8 +84,8 @@ def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float
 
 
 def _best(model: ShapedBeam, signal: Signal) -> tuple[float, ...]:
-    scan = scan_signal(model, signal, np.linspace(*BAND_HZ, SCANNED))
-    return tuple(float(f) for f in operating_frequencies(scan, MAX_SHAPES))
+    scanned = scan(partial(model.matrix, signal=signal), np.linspace(*BAND_HZ, SCANNED))
+    return tuple(float(f) for f in operating_frequencies(scanned, MAX_SHAPES))
 
 
 def _rows(matrix: ComplexArray) -> tuple[tuple[complex, ...], ...]:

@@ -7,13 +7,12 @@ velocity is K = -K'/omega < 0.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
 
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
 from solvers.active_beam.free_beam import EXACTLY, FreeBeam
-from solvers.errors import SolverError
+from solvers.errors import SolverError, checked_frequencies
 
 
 @dataclass(frozen=True)
@@ -47,35 +46,27 @@ class Layout:
         return min(self.points_m), max(self.points_m)
 
 
-def points_layout(left_m: float, length_m: float) -> Layout:
-    """One point on each side, symmetric, each with its own velocity."""
-    return Layout("point", (left_m, length_m - left_m), ((1.0, 0.0), (0.0, 1.0)), ((1.0, 0.0), (0.0, 1.0)))
+def layouts(left_m: float, apart_m: float, length_m: float) -> tuple[Layout, ...]:
+    """Loops about `left` and, mirrored, on the other side; all but the first have two points `apart` from each other.
 
-
-def pairs_layout(left_m: float, apart_m: float, length_m: float) -> Layout:
-    """Two points on each side, `apart` from each other, equal forces of each point's own velocity."""
-    return Layout("pair", _four(left_m, apart_m, length_m), _diagonal((1.0, 1.0, 1.0, 1.0)), _diagonal((1.0,) * 4))
-
-
-def couples_layout(left_m: float, apart_m: float, length_m: float) -> Layout:
-    """Two points on each side pulled by opposed forces of their relative velocity: a couple, dual."""
-    pick = ((1.0, -1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 1.0))
-    spread = tuple(zip(*pick, strict=True))
-    return Layout("couple", _four(left_m, apart_m, length_m), spread, pick)
-
-
-def opposed_layout(left_m: float, apart_m: float, length_m: float) -> Layout:
-    """Two points on each side, each with its own velocity, the inner ones with the sign turned over: not dual."""
-    four = _four(left_m, apart_m, length_m)
-    return Layout("opposed", four, _diagonal((1.0, -1.0, -1.0, 1.0)), _diagonal((1.0,) * 4))
-
-
-def _four(left_m: float, apart_m: float, length_m: float) -> tuple[float, ...]:
+    point: one point on each side with its own velocity. pair: two, each with its own. couple: two pulled by opposed forces
+    of their relative velocity, a couple. opposed: two, each with its own, the inner ones with the sign turned over: not dual.
+    """
     half = apart_m / 2.0
-    return left_m - half, left_m + half, length_m - left_m - half, length_m - left_m + half
+    two, four = (
+        (left_m, length_m - left_m),
+        (left_m - half, left_m + half, length_m - left_m - half, length_m - left_m + half),
+    )
+    relative = ((1.0, -1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 1.0))
+    return (
+        Layout("point", two, _diagonal(1.0, 1.0), _diagonal(1.0, 1.0)),
+        Layout("pair", four, _diagonal(*(1.0,) * 4), _diagonal(*(1.0,) * 4)),
+        Layout("couple", four, tuple(zip(*relative, strict=True)), relative),
+        Layout("opposed", four, _diagonal(1.0, -1.0, -1.0, 1.0), _diagonal(*(1.0,) * 4)),
+    )
 
 
-def _diagonal(values: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
+def _diagonal(*values: float) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in np.diag(values).tolist())
 
 
@@ -95,30 +86,23 @@ class ForcedBeam:
 
 
 def forced(
-    beam: FreeBeam,
-    layout: Layout,
-    gain_n_m: float,
-    omega: float,
-    x_m: FloatArray,
-    source_m: float,
-    delay_s: float = 0.0,
+    beam: FreeBeam, layout: Layout, gain_n_m: complex, omega: float, x_m: FloatArray, source_m: float
 ) -> ForcedBeam:
-    """Beam under 1 N at `source` with the loops closed: f = -(I + H C G B)^-1 H C g, H = j K' e^{-j omega delay}.
+    """Beam under 1 N at `source` with the loops closed: f = -(I + H C G B)^-1 H C g, H = j K'.
 
-    gain_n_m is K' (0: open loop). SolverError for a gain that is not finite, a frequency not above 0, a lossless resonance
-    hit exactly, a singular loop.
+    gain_n_m is K' (0: open loop), complex where the loops answer late: K' e^{-j omega delay}.
+    SolverError for a gain that is not finite, a frequency not above 0, a lossless resonance hit exactly, a singular loop.
     """
-    if not isfinite(gain_n_m):
+    if not np.isfinite(gain_n_m):
         raise SolverError(f"gain K' = {gain_n_m:g} N/m: must be finite")
-    if not (isfinite(omega) and omega > 0.0):
-        raise SolverError("frequencies must be finite and above 0")
+    omega = float(checked_frequencies(omega))
     points, spread, pick = np.array(layout.points_m), np.array(layout.spread), np.array(layout.pick)
     field = beam.receptance(x_m, np.append(points, source_m), 1j * omega)
     at = beam.receptance(np.append(points, source_m), np.append(points, source_m), 1j * omega)
-    law = 1j * gain_n_m * np.exp(-1j * omega * delay_s)
+    law = 1j * gain_n_m
     loop = np.eye(pick.shape[0]) + law * pick @ at[:-1, :-1] @ spread
     try:
-        signals = -np.linalg.solve(loop, law * pick @ at[:-1, -1])
+        signals = np.asarray(-np.linalg.solve(loop, law * pick @ at[:-1, -1]), dtype=np.complex128)
     except np.linalg.LinAlgError:
         raise SolverError(EXACTLY) from None
     forces = spread @ signals

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from geometry.elements import ComplexArray, FloatArray
 from geometry.materials import Material
 from solvers.analytic.beams import free_free_mode
-from solvers.errors import SolverError
+from solvers.errors import SolverError, checked_frequencies
 
 ASYMPTOTIC = 20  # number of shapes whose wavenumbers are solved for
 UNBOUNDED = 1e9  # receptances this many times 1/(4 EI |beta|^3) are a resonance met to nine digits
@@ -37,7 +37,7 @@ class FreeBeam:
 
     def wavenumber_per_m(self, omega: ArrayLike) -> FloatArray:
         """beta = (rho A omega^2/EI)^(1/4) without losses, rad/m, shape of omega."""
-        return np.asarray((self.mass_kg_m * _positive(omega) ** 2 / self.bending_n_m2) ** 0.25)
+        return np.asarray((self.mass_kg_m * checked_frequencies(omega) ** 2 / self.bending_n_m2) ** 0.25)
 
     def point_stiffness_n_m(self, omega: float) -> float:
         """4 EI beta^3, N/m: what an endless beam opposes to a point force, up to a factor of modulus sqrt(2)."""
@@ -111,7 +111,7 @@ def strip(
 def antinodes_m(beam: FreeBeam, source_m: float, omega: float, steps: int = 4000) -> FloatArray:
     """Local maxima of |w| inside the beam under a force at `source`, m, to a step of L/steps."""
     x = np.linspace(0.0, beam.length_m, steps + 1)
-    size = np.abs(beam.receptance(x, source_m, 1j * float(_positive(omega)))[:, 0])
+    size = np.abs(beam.receptance(x, source_m, 1j * float(checked_frequencies(omega)))[:, 0])
     inner = (size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])
     return np.asarray(x[1:-1][inner])
 
@@ -128,10 +128,3 @@ def _check_bounded(response: ComplexArray, size: FloatArray, s: ComplexArray) ->
     if not np.all(peaks <= UNBOUNDED / 4.0):
         worst = abs(np.ravel(s)[int(np.argmax(np.nan_to_num(peaks, nan=np.inf)))])
         raise SolverError(f"{EXACTLY} (near {worst / (2.0 * pi):.9g} Hz)")
-
-
-def _positive(omega: ArrayLike) -> FloatArray:
-    w = np.asarray(omega, dtype=float)
-    if not np.all(np.isfinite(w) & (w > 0.0)):
-        raise SolverError("frequencies must be finite and above 0")
-    return w

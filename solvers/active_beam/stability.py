@@ -33,11 +33,6 @@ def closed_loop_poles(beam: FreeBeam, layout: Layout, damper_n_s_m: float, modes
     return np.asarray(np.linalg.eigvals(state) * unit)
 
 
-def elastic(poles: ComplexArray, beam: FreeBeam) -> ComplexArray:
-    """Oscillating poles above the real axis, slower than a tenth of the first elastic mode left out."""
-    return poles[poles.imag > 0.1 * beam.natural_rad_s(3)[2]]
-
-
 def growth_per_s(beam: FreeBeam, layout: Layout, damper_n_s_m: float, modes: int = MODES) -> tuple[float, float]:
     """Largest real part of the poles other than rigid drift, 1/s, and that pole's frequency, Hz; above 0 is unstable."""
     poles = closed_loop_poles(beam, layout, damper_n_s_m, modes)

@@ -58,13 +58,7 @@ class ActiveBeamData:
 
     def layouts(self, left_m: float) -> tuple[Layout, ...]:
         """point, pair, couple and opposed, in this order."""
-        length, apart = self.length_m, self.apart_m
-        return (
-            feedback.points_layout(left_m, length),
-            feedback.pairs_layout(left_m, apart, length),
-            feedback.couples_layout(left_m, apart, length),
-            feedback.opposed_layout(left_m, apart, length),
-        )
+        return feedback.layouts(left_m, self.apart_m, self.length_m)
 
 
 @dataclass(frozen=True)

@@ -155,6 +155,6 @@ def antinodes(mode: BeamMode) -> tuple[float, ...]:
     return tuple(((low + high) / 2.0).tolist())
 
 
-def frequency_hz(kappa: float, length_m: float, bending_n_m2: float, mass_kg_m: float) -> float:
-    """f = kappa^2/(2 pi L^2) sqrt(EI/(rho A)), Hz, from L in m, EI in N m2, rho A in kg/m."""
+def frequency_hz(kappa: FloatArray, length_m: float, bending_n_m2: float, mass_kg_m: float) -> FloatArray:
+    """f = kappa^2/(2 pi L^2) sqrt(EI/(rho A)), Hz, shape of kappa, from L in m, EI in N m2, rho A in kg/m."""
     return kappa**2 / (2.0 * pi * length_m**2) * sqrt(bending_n_m2 / mass_kg_m)

@@ -7,7 +7,6 @@ such a rectangle is an exact wave at k = pi sqrt((m/a)^2 + (n/b)^2).
 from __future__ import annotations
 
 from collections.abc import Callable
-from decimal import Decimal, localcontext
 from math import cos, cosh, hypot, pi, sin, sinh, sqrt
 
 import numpy as np
@@ -18,7 +17,7 @@ from geometry.materials import Material
 from solvers.errors import SolverError
 
 THIN = 0.05  # k h / 2 below which the two terms of the flexural equation cancel too far for double precision
-DIGITS = 60
+ROUNDS, TERMS = 30, 9  # to rounding below THIN
 
 
 def lamb_hz(wavenumber_per_m: float, thickness_m: float, material: Material, symmetric: bool) -> float:
@@ -80,39 +79,24 @@ def _s(square: float, b: float) -> float:
 
 
 def _thin_a0_hz(wavenumber_per_m: float, thickness_m: float, material: Material) -> float:
-    """A0 of a thin plate in long decimals; the thin-plate speed bounds it from above."""
-    with localcontext() as context:
-        context.prec = DIGITS
-        kb = Decimal(wavenumber_per_m) * Decimal(thickness_m) / 2
-        slow, fast = Decimal(shear_speed(material)), Decimal(pressure_speed(material))
-        high = Decimal(thickness_m) * Decimal(wavenumber_per_m) * _thin_speed(material)
-        low = high * Decimal("0.9")
+    """A0 of a thin plate, where the two terms of its equation all but cancel: what is left of them, by fixed point.
 
-        def characteristic(speed: Decimal) -> Decimal:
-            p2, q2 = kb * kb * ((speed / fast) ** 2 - 1), kb * kb * ((speed / slow) ** 2 - 1)
-            k2 = kb * kb
-            return 4 * k2 * q2 * _series(q2, 1) * _series(p2, 0) + (q2 - k2) ** 2 * _series(p2, 1) * _series(q2, 0)
-
-        below = characteristic(low) > 0
-        if below == (characteristic(high) > 0):
-            raise SolverError("the flexural wave is not between 0.9 and 1 of the thin-plate speed")
-        for _ in range(60):
-            middle = (low + high) / 2
-            low, high = (middle, high) if (characteristic(middle) > 0) == below else (low, middle)
-        return float(low * Decimal(wavenumber_per_m)) / (2.0 * pi)
+    Over b, with K = (kb)^2, W = (w b/c_t)^2, X = (pb)^2, Y = (qb)^2 and m = 1 - (c_t/c_l)^2 the equation is
+    W sin(pb)/(pb) cos(qb) = 4 K (K - W) m h, h = [sin(qb)/(qb) cos(pb) - sin(pb)/(pb) cos(qb)]/(Y - X), 1/3 for thin plates.
+    """
+    k2, m = (wavenumber_per_m * thickness_m / 2.0) ** 2, 1.0 - (shear_speed(material) / pressure_speed(material)) ** 2
+    w = 4.0 * k2**2 * m / 3.0
+    for _ in range(ROUNDS):
+        x, y = w * (1.0 - m) - k2, w - k2
+        w = 4.0 * k2 * (k2 - w) * m * _cancelled(x, y) / (_s(x, 1.0) * _c(y, 1.0))
+    return sqrt(w) * shear_speed(material) / (pi * thickness_m)
 
 
-def _thin_speed(material: Material) -> Decimal:
-    """Phase speed of the thin plate over k h: sqrt(E / (12 rho (1 - nu^2)))."""
-    nu = Decimal(material.poisson)
-    return (Decimal(material.young_pa) / (12 * Decimal(material.density_kg_m3) * (1 - nu * nu))).sqrt()
-
-
-def _series(square: Decimal, odd: int) -> Decimal:
-    """cos(p) (odd = 0) or sin(p)/p (odd = 1) as a power series in p^2."""
-    term, total, n = Decimal(1), Decimal(1), odd
-    while abs(term) > Decimal(10) ** -DIGITS:
-        term *= -square / ((n + 1) * (n + 2))
-        total += term
-        n += 2
+def _cancelled(x: float, y: float) -> float:
+    """h of x and y: sum of -2 (-1)^n P_n/(2 n + 1)!, P_1 = 1, P_2 = 2 (x + y), P_n+1 = P_2 P_n - (x - y)^2 P_n-1."""
+    before, last, total, factor = 0.0, 1.0, 0.0, 2.0
+    for n in range(1, TERMS):
+        factor /= -2.0 * n * (2.0 * n + 1.0)
+        total -= factor * last
+        before, last = last, 2.0 * (x + y) * last - (x - y) ** 2 * before
     return total

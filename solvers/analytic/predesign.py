@@ -17,7 +17,7 @@ from solvers.analytic.ritz_plates import MAX_LINES, kirchhoff_mode, mindlin_mode
 from solvers.analytic.root_finding import root_between
 from solvers.analytic.section import Beam, beam_of
 from solvers.analytic.timoshenko import exact_omegas
-from solvers.errors import SolverError
+from solvers.errors import SolverError, check_above_zero
 
 Theory = Literal["euler", "timoshenko"]
 FINGER_M = 0.020  # width of a fingertip: the half-wavelength should be smaller
@@ -112,13 +112,12 @@ def pillar_frequencies_hz(pillar: Pillar, theory: Theory, count: int = 1, height
         return ritz_frequencies_hz(beam, "clamped", "free", count, rigid_shear=theory == "euler")
     if theory == "timoshenko":
         return np.array(exact_omegas(beam, "clamped", "free", count)) * beam.unit_rad_s / (2.0 * pi)
-    kappas = roots("clamped", "free", count)
-    return np.array([frequency_hz(kappa, beam.length_m, beam.bending_n_m2, beam.mass_kg_m) for kappa in kappas])
+    return frequency_hz(np.array(roots("clamped", "free", count)), beam.length_m, beam.bending_n_m2, beam.mass_kg_m)
 
 
 def pillar_height_m(pillar: Pillar, wanted_hz: float, theory: Theory) -> float:
     """Height whose first bending frequency is wanted_hz, the section kept; SolverError unless wanted_hz > 0."""
-    _above_zero("frequency", wanted_hz)
+    check_above_zero("frequency", wanted_hz)
 
     def first_hz(height_m: float) -> float:
         return float(pillar_frequencies_hz(pillar, theory, 1, height_m)[0])
@@ -131,7 +130,7 @@ def zone_width_m(strip: Strip, nodal_lines: int, wanted_hz: float) -> float:
 
     SolverError when even an infinitely wide zone is above: the free-free beam bound of N half-waves along x.
     """
-    _above_zero("frequency", wanted_hz)
+    check_above_zero("frequency", wanted_hz)
     try:
         return _solved(lambda width: levy_hz(replace(strip, width_m=width), nodal_lines) - wanted_hz, strip.width_m)
     except SolverError:
@@ -141,7 +140,7 @@ def zone_width_m(strip: Strip, nodal_lines: int, wanted_hz: float) -> float:
 
 def min_nodal_lines(strip: Strip, half_wavelength_m: float) -> int:
     """Smallest N whose half-wavelength L/(N - 1/2) is not larger than the one wanted."""
-    _above_zero("half-wavelength", half_wavelength_m)
+    check_above_zero("half-wavelength", half_wavelength_m)
     return max(2, ceil(strip.length_m / half_wavelength_m + 0.5 - 1e-9))
 
 
@@ -190,11 +189,6 @@ def _solved(excess: Callable[[float], float], start: float) -> float:
     if excess(low) < 0.0 or excess(high) > 0.0:
         raise SolverError("no such length")
     return low if low == high else root_between(excess, low, high, 1e-9 * start)
-
-
-def _above_zero(what: str, value: float) -> None:
-    if not (np.isfinite(value) and value > 0.0):
-        raise SolverError(f"{what} = {value:g}: must be a finite number above 0")
 
 
 def _millimetres(sizes: ZoneSize | PillarSize | None) -> dict[str, Any] | None:

@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 
 from geometry.elements import FloatArray
-from solvers.errors import SolverError
+from solvers.errors import SolverError, check_above_zero
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,7 @@ def beam_of(
     """
     young, density, poisson = material
     for what, value in (("length", length_m), ("section", min(area_m2, about_m4)), ("E", young), ("density", density)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise SolverError(f"beam {what} = {value:g}: must be a finite number above 0")
+        check_above_zero(f"beam {what}", value)
     shear = shear_factor * young / (2.0 * (1.0 + poisson)) * area_m2
     return Beam(length_m, young * about_m4, shear, density * area_m2, density * about_m4)
 

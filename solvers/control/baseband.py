@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geometry.elements import ComplexArray, FloatArray
-from solvers.errors import SolverError
+from solvers.errors import SolverError, check_above_zero, checked_frequencies
 
 SETTLED = log(20.0)  # time constants of a first-order answer until 95 %
 
@@ -27,10 +27,8 @@ class ModePlant:
     gain: complex
 
     def __post_init__(self) -> None:
-        if not all(isfinite(value) and value > 0.0 for value in (self.frequency_hz, self.tau_s)):
-            raise SolverError(
-                f"mode at {self.frequency_hz:g} Hz, tau {self.tau_s:g} s: both must be finite and above 0"
-            )
+        check_above_zero("mode: frequency in Hz", self.frequency_hz)
+        check_above_zero("mode: tau in s", self.tau_s)
         if not (np.isfinite(self.gain) and self.gain != 0.0):
             raise SolverError(f"mode at {self.frequency_hz:g} Hz: gain {self.gain}: must be finite and other than 0")
         if self.omega_rad_s * self.tau_s <= 1.0:
@@ -41,8 +39,7 @@ class ModePlant:
     @classmethod
     def from_quality(cls, frequency_hz: float, quality: float, gain: complex) -> ModePlant:
         """tau = 2 Q/omega_0. SolverError without losses (Q infinite: resonance has no bound) or for values not above 0."""
-        if not (isfinite(frequency_hz) and frequency_hz > 0.0):
-            raise SolverError(f"frequency {frequency_hz:g} Hz: must be finite and above 0")
+        check_above_zero("mode: frequency in Hz", frequency_hz)
         if not (isfinite(quality) and quality > 0.0):
             raise SolverError(
                 f"quality {quality:g}: must be finite and above 0; a mode without losses has no steady state"
@@ -71,9 +68,7 @@ class ModePlant:
 
 def stretched_detuning(omega: ArrayLike, omega_0: float) -> FloatArray:
     """(omega^2 - omega_0^2)/(2 omega), rad/s: the detuning for which the circle of U is exact; near omega - omega_0."""
-    w = np.asarray(omega, dtype=float)
-    if not np.all(np.isfinite(w) & (w > 0.0)):
-        raise SolverError("frequencies must be finite and above 0")
+    w = checked_frequencies(omega)
     return np.asarray((w**2 - omega_0**2) / (2.0 * w))
 
 
@@ -99,7 +94,7 @@ def pi_gains(plant: ModePlant, response_s: float) -> Pi:
 
     response_s is tau_d; 95 % are reached after tau_d ln 20. SolverError unless it is above 0.
     """
-    _check_response(response_s)
+    check_above_zero("response in s", response_s)
     integral = 1.0 / (response_s * abs(plant.gain))
     return Pi(plant.tau_s * integral, integral)
 
@@ -118,8 +113,7 @@ class SampledPi:
 
 def sampled_gains(plant: ModePlant, response_s: float, period_s: float, proportional_max: float = inf) -> SampledPi:
     """Gains of the sampled loop; K_p at most proportional_max and at least a tenth of 1/G. SolverError as pi_gains."""
-    _check_response(response_s)
-    _check_response(period_s)
+    check_above_zero("response, period in s", response_s, period_s)
     pole, wanted = exp(-period_s / plant.tau_s), exp(-period_s / response_s)
     size = abs(plant.gain)
     proportional = (1.0 - wanted) / ((1.0 - pole) * size)
@@ -156,8 +150,7 @@ def feasibility(
     At full drive |U| can rise as G V (1 - e^{-t/tau}) whatever the detuning, for the drive may turn with the mode; 95 % then
     take -tau ln(1 - 0.95 r/(G V)). SolverError unless reference, tau_d and limit are above 0.
     """
-    for value in (reference, response_s, drive_limit):
-        _check_response(value)
+    check_above_zero("reference, response, drive limit", reference, response_s, drive_limit)
     size = abs(plant.gain)
     detuned = abs(1.0 + 1j * plant.tau_s * detuning_rad_s)
     peak = max(plant.tau_s / response_s, detuned)
@@ -172,8 +165,3 @@ def feasibility(
         least_time_s=-plant.tau_s * log(1.0 - 0.95 * reference / reach) if within else inf,
         drive_limit=drive_limit,
     )
-
-
-def _check_response(value: float) -> None:
-    if not (isfinite(value) and value > 0.0):
-        raise SolverError(f"times, references and limits must be finite and above 0, not {value:g}")

@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray
 from solvers.control.baseband import ModePlant, SampledPi, sampled_gains
-from solvers.errors import SolverError
+from solvers.errors import SolverError, check_above_zero
 
 AntiWindup = Literal["match", "freeze", "none"]
 NEIGHBOUR_LOOP = 0.5  # loop gain that a mode beside the wanted one may have, whatever its phase
@@ -144,8 +144,7 @@ class Trace:
 
 def step_response(setup: Setup, reference: float, seconds: float = 20e-3) -> Trace:
     """From rest to a reference at time 0, right after a slow step: the worst moment. SolverError unless above 0."""
-    if not (isfinite(reference) and reference > 0.0):
-        raise SolverError(f"reference {reference:g}: must be finite and above 0")
+    check_above_zero("reference", reference)
     periods = max(round(seconds / setup.rates.period_s), 1)
     return run(setup, np.full(periods, reference))
 
@@ -193,7 +192,7 @@ class Plate:
         rates = self.setup.rates
         n = np.arange(rates.period)
         carrier = np.exp(1j * (self.phase + self.turn * n))
-        levels = _dac(np.where(n < rates.gap, acting * carrier, command * carrier).real, rates.bits)
+        levels = _converted(np.where(n < rates.gap, acting * carrier, command * carrier).real, rates.bits, False)
         in_transit = np.concatenate([self.line, levels])
         new, old = in_transit[1 : rates.period + 1], in_transit[: rates.period]
         signal = np.full(rates.period, self.setup.offset)
@@ -207,7 +206,7 @@ class Plate:
         self.phase = (self.phase + self.turn * rates.period) % (2.0 * pi)
         if self.setup.noise:
             signal += self.random.normal(scale=self.setup.noise, size=signal.size)
-        return _adc(signal, rates.bits)[rates.gap :]
+        return _converted(signal, rates.bits, True)[rates.gap :]
 
 
 class Controller:
@@ -261,17 +260,10 @@ class Controller:
         return drive * self.lead, limited
 
 
-def _dac(level: FloatArray, bits: int) -> FloatArray:
-    """The level of the nearest code, codes from -(2^(b-1) - 1) to 2^(b-1) - 1 of full scale."""
+def _converted(level: FloatArray, bits: int, inwards: bool) -> FloatArray:
+    """The level of the nearest code up to 2^(b-1) - 1: the DAC's full scale, one less than that of the ADC (inwards)."""
     if bits == 0:
         return level
     top = 2.0 ** (bits - 1) - 1.0
-    return np.asarray(np.clip(np.round(level * top), -top, top) / top)
-
-
-def _adc(level: FloatArray, bits: int) -> FloatArray:
-    """The same for codes from -2^(b-1) to 2^(b-1) - 1, full scale 2^(b-1)."""
-    if bits == 0:
-        return level
-    half = 2.0 ** (bits - 1)
-    return np.asarray(np.clip(np.round(level * half), -half, half - 1.0) / half)
+    full = top + inwards
+    return np.asarray(np.clip(np.round(level * full), -full, top) / full)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
-from solvers.control.dq_loop import Setup
+from solvers.control.dq_loop import Controller, Setup
 from solvers.errors import SolverError
 
 POINTS = 8000
@@ -70,18 +70,15 @@ class _Steps:
 
 
 def _steps(setup: Setup, gain_error: complex) -> _Steps:
-    rates, truth, model, gains = setup.rates, setup.modes[setup.wanted], setup.model, setup.gains
+    rates, truth, model, control = setup.rates, setup.modes[setup.wanted], setup.model, Controller(setup)
     detuning = setup.omega_rad_s - truth.omega_rad_s
     rate = 1.0 / truth.tau_s + 1j * detuning
     turned = truth.gain * np.conj(model.gain) / abs(model.gain)  # the controller takes its idea of the phase out
     size = turned * gain_error / (1.0 + 1j * detuning * truth.tau_s)
     middle = (rates.period - rates.gap) / (2.0 * rates.sample_rate_hz)
     a, c = np.exp(-rate * rates.period_s), np.exp(-rate * middle)
-    known = 2.0 * pi * setup.detuning_hz
-    feedback = gains.proportional - 1j * known * model.tau_s / abs(model.gain)
-    left = np.exp(-(1.0 / model.tau_s + 1j * known) * rates.ahead_s)
-    steady = abs(model.gain) / (1.0 + 1j * known * model.tau_s)
-    return _Steps(a, size * (1 - a), c, size * (1 - c), feedback * left, feedback * steady * (1 - left), gains.integral)
+    own = complex(control.states[0]), complex(control.feeds[0]), control.gains.integral
+    return _Steps(a, size * (1 - a), c, size * (1 - c), *own)
 
 
 def sampled_loop(setup: Setup) -> SampledLoop:

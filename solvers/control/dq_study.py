@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf, isfinite, pi
 from typing import Any
 
@@ -10,18 +10,57 @@ import numpy as np
 from scipy.optimize import brentq
 
 from geometry.elements import FloatArray
-from solvers.control.baseband import Feasibility, ModePlant, Pi, SampledPi, feasibility, pi_gains
-from solvers.control.dq_data import DqData
-from solvers.control.dq_loop import AntiWindup, Setup, Trace, step_response
+from solvers.control.baseband import SETTLED, Feasibility, ModePlant, Pi, SampledPi, feasibility, pi_gains
+from solvers.control.dq_loop import AntiWindup, Rates, Setup, Trace, step_response
 from solvers.control.dq_margins import Margins, SampledLoop, margins, sampled_loop
-from solvers.control.identification import Identified, Sensor, Sweep, identify, sweep_of
+from solvers.control.identification import Identified, Sensor, Sweep, identify, noisy, sweep_of
 from solvers.errors import SolverError
 
 SWEEP_WIDTHS = 2.4  # bandwidths on each side of the resonance
 SWEEP_POINTS = 101
 SHARES = (0.1, 0.2, 0.4, 0.6, 0.9)
 SATURATED = 0.5  # of G Vmax, to compare anti-windups
+THESIS_95_S = 2e-3
 FIRMWARE_RESPONSE_S = 0.53e-3  # the time constant that the firmware plans with
+
+
+@dataclass(frozen=True)
+class DqData:
+    """What is controlled and how. The thesis states no identified values; ours follow its prototype: 31 kHz.
+
+    wanted, neighbours: velocity response of each mode, signal over drive in full scales; for sensor "displacement" their
+    gains are turned by -j. within_s: asked 95 % response. share: of G Vmax, the step asked for. delay_s: dead time beyond
+    the hold; delay_guess_s: what is known of delay and hold before identification; noise: rms of a sample.
+    """
+
+    wanted: ModePlant = field(default_factory=lambda: ModePlant.from_quality(31_000.0, 300.0, 0.8))
+    neighbours: tuple[ModePlant, ...] = ()
+    within_s: float = THESIS_95_S
+    share: float = 0.18
+    drive_limit: float = 1.0
+    amplitude_limit: float = 0.8
+    delay_s: float = 7e-6
+    delay_guess_s: float = 6e-6
+    noise: float = 1e-3
+    feedthrough: float = 0.002
+    sensor: Sensor = "displacement"
+    detunings_hz: tuple[float, ...] = (-300.0, 0.0, 300.0)
+    rates: Rates = field(default_factory=Rates)
+
+    @property
+    def latency_s(self) -> float:
+        """From a change of the reference to its drive at worst: a period's wait, the gap, a sample, the delay."""
+        samples = self.rates.period + self.rates.gap + 1
+        return samples / self.rates.sample_rate_hz + self.delay_s
+
+    @property
+    def response_s(self) -> float:
+        """tau_d that leaves 95 % within the asked time. SolverError when the loop's own latency takes it all."""
+        if not isfinite(self.within_s) or self.within_s <= self.latency_s:
+            raise SolverError(
+                f"95 % within {self.within_s:g} s: must be finite and above the loop's own latency, {self.latency_s:.3g} s"
+            )
+        return (self.within_s - self.latency_s) / SETTLED
 
 
 @dataclass(frozen=True)
@@ -210,7 +249,7 @@ def _measured(data: DqData) -> Sweep:
     window = data.rates.period - data.rates.gap
     noise = data.noise * 2.0 / window**0.5  # of a phasor fitted to so many samples, drive 1
     modes = (data.wanted, *data.neighbours)
-    sweep = sweep_of(modes, frequencies, data.sensor, data.delay_s, data.feedthrough, noise)
+    sweep = noisy(sweep_of(modes, frequencies, data.sensor, data.delay_s, data.feedthrough), noise)
     return replace(sweep, response=sweep.response * (1.0 - np.exp(-turn)) / turn)
 
 

@@ -175,10 +175,8 @@ def sweep_of(
     sensor: Sensor = "velocity",
     delay_s: float = 0.0,
     feedthrough: complex = 0.0,
-    noise: float = 0.0,
-    seed: int = 1,
 ) -> Sweep:
-    """The steady response of several modes through a delay, with complex noise of rms `noise` per point.
+    """The steady response of several modes through a delay.
 
     sensor: displacement is velocity over j omega/omega_n of each mode, so that its gain keeps its size.
     """
@@ -186,6 +184,11 @@ def sweep_of(
     total = np.full(omega.shape, feedthrough, dtype=complex)
     for mode in modes:
         total += mode.response(omega) * (mode.omega_rad_s / (1j * omega) if sensor == "displacement" else 1.0)
-    random = np.random.default_rng(seed)
-    scatter = noise * (random.normal(size=omega.shape) + 1j * random.normal(size=omega.shape)) / np.sqrt(2.0)
-    return Sweep(np.asarray(frequencies_hz, dtype=float), total * np.exp(-1j * omega * delay_s) + scatter)
+    return Sweep(np.asarray(frequencies_hz, dtype=float), total * np.exp(-1j * omega * delay_s))
+
+
+def noisy(sweep: Sweep, rms: float, seed: int = 1) -> Sweep:
+    """The sweep with complex noise per point."""
+    random, shape = np.random.default_rng(seed), sweep.response.shape
+    scatter = rms * (random.normal(size=shape) + 1j * random.normal(size=shape)) / np.sqrt(2.0)
+    return Sweep(sweep.frequencies_hz, sweep.response + scatter)

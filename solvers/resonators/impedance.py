@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geometry.elements import ComplexArray, FloatArray
+from geometry.elements import ComplexArray
 from solvers.analytic.section import Beam
-from solvers.errors import SolverError
+from solvers.errors import SolverError, checked_frequencies
 
 
 def pillar_foot(beam: Beam, omega: ArrayLike, axial_n: float, loss: float = 0.0, lever_m: float = 0.0) -> ComplexArray:
@@ -21,7 +21,7 @@ def pillar_foot(beam: Beam, omega: ArrayLike, axial_n: float, loss: float = 0.0,
     K_ww = -rho A omega^2 h tan(kh)/(kh), k^2 = rho A omega^2/EA; K_tt = D_tt + 2 e D_ut + e^2 D_uu with the bending
     stiffness D of the foot. N/m, N m.
     """
-    w = _positive(omega)
+    w = np.atleast_1d(checked_frequencies(omega))
     foot = np.zeros((w.size, 2, 2), dtype=complex)
     phase = w * beam.length_m * np.sqrt(beam.mass_kg_m / (axial_n * (1.0 - 1j * loss)))
     foot[:, 0, 0] = -beam.mass_kg_m * beam.length_m * w**2 * np.tan(phase) / phase
@@ -57,10 +57,3 @@ def bending_foot(beam: Beam, omega: float, loss: float = 0.0) -> ComplexArray:
     length, stiff = beam.length_m, beam.bending_n_m2 * lossy
     moment, shear = -stiff / length**2 * (near[2] @ waves), stiff / length**3 * (near[3] @ waves)
     return np.stack([[shear[0], shear[1] * length], [moment[0], moment[1] * length]])
-
-
-def _positive(omega: ArrayLike) -> FloatArray:
-    w = np.atleast_1d(np.asarray(omega, dtype=float))
-    if not np.all(np.isfinite(w) & (w > 0.0)):
-        raise SolverError("frequencies must be finite and above 0")
-    return w

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from geometry.elements import ComplexArray, FloatArray
-from solvers.errors import SolverError
+from solvers.errors import SolverError, checked_frequencies
 
 End = Literal["free", "clamped"]
 UNBOUNDED = 1e9  # velocities this many times E0/Z0 are a resonance met to nine digits
@@ -124,7 +124,7 @@ def nodal_response(line: Line, omega: ArrayLike) -> LineResponse:
 
     SolverError when a lossless resonance is hit exactly, or a frequency is not above 0.
     """
-    w = _positive(omega)
+    w = np.atleast_1d(checked_frequencies(omega))
     cells, size = len(line.cells), len(line.cells) + 1
     z0 = abs(line.cells[0].impedance)
     matrix = np.zeros((w.size, 3 * cells + 1, 3 * cells + 1), dtype=complex)
@@ -194,10 +194,3 @@ def _bounded(line: Line, response: LineResponse, omega: FloatArray) -> LineRespo
         worst = float(omega[int(np.nanargmax(np.where(np.isfinite(peaks), peaks, np.inf)))]) / (2.0 * pi)
         raise SolverError(f"{EXACTLY} (near {worst:.9g} Hz)")
     return response
-
-
-def _positive(omega: ArrayLike) -> FloatArray:
-    w = np.atleast_1d(np.asarray(omega, dtype=float))
-    if not np.all(np.isfinite(w) & (w > 0.0)):
-        raise SolverError("frequencies must be finite and above 0")
-    return w

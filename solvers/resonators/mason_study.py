@@ -10,7 +10,7 @@ import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
 from geometry.materials import MATERIALS, Material
-from solvers.errors import SolverError
+from solvers.errors import SolverError, check_above_zero
 from solvers.measures.levels import ratio_db
 from solvers.resonators.mason import Cell, Filter, Line, natural_frequencies_hz, nodal_response
 
@@ -94,8 +94,9 @@ class MasonStudy:
 def mason_study(data: MasonData | None = None, frequencies_hz: FloatArray | None = None) -> MasonStudy:
     """Figures 1.24 to 1.27 computed; the window defaults to 1 kHz ... 1.6 times the target, wide enough to hold it."""
     data = MasonData() if data is None else data
-    if not (np.isfinite(data.target_hz) and data.target_hz > 0.0 and data.quality > 0.0 and data.mass_ratio > 0.0):
-        raise SolverError("target frequency, quality and mass ratio must be above 0")
+    check_above_zero("target frequency in Hz", data.target_hz)
+    if not (data.quality > 0.0 and data.mass_ratio > 0.0):
+        raise SolverError("quality and mass ratio must be above 0")
     if frequencies_hz is None:
         frequencies_hz = np.linspace(0.04, 1.6, 3121) * data.target_hz
     low, high = float(np.min(frequencies_hz)), float(np.max(frequencies_hz))

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from geometry.elements import ComplexArray, FloatArray
-from solvers.errors import SolverError
+from solvers.errors import SolverError, checked_frequencies
 
 
 @dataclass(frozen=True)
@@ -25,9 +25,7 @@ class HostBeam:
 
     def wavenumber_per_m(self, omega: ArrayLike) -> FloatArray:
         """beta = (rho A omega^2/EI)^(1/4), rad/m; SolverError unless every frequency is finite and above 0."""
-        w = np.atleast_1d(np.asarray(omega, dtype=float))
-        if not np.all(np.isfinite(w) & (w > 0.0)):
-            raise SolverError("frequencies must be finite and above 0")
+        w = np.atleast_1d(checked_frequencies(omega))
         return np.asarray((self.mass_kg_m * w**2 / self.bending_n_m2) ** 0.25)
 
 

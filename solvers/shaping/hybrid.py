@@ -66,12 +66,7 @@ class Confined:
 
 
 def confinement(
-    table: ModalTable,
-    frequency_hz: float,
-    inside: BoolArray,
-    driver: int,
-    weights: FloatArray | None = None,
-    alpha: float = 0.0,
+    table: ModalTable, frequency_hz: float, inside: BoolArray, driver: int, weights: FloatArray | None = None
 ) -> Confined:
     """Confinement to the points inside (p,) by one actuator and by all; errors as best_contrast and receptance.
 
@@ -80,7 +75,7 @@ def confinement(
     if not 0 <= driver < table.actuator_count:
         raise SolverError(f"driver {driver}: must be from 0 to {table.actuator_count - 1}")
     field = field_matrix(table, frequency_hz)
-    voltages = best_contrast(field, inside, weights, alpha)
+    voltages = best_contrast(field, inside, weights)
     alone, shaped = contrast(field[:, driver], inside, weights), contrast(field @ voltages, inside, weights)
     return Confined(frequency_hz, alone.contrast_db, shaped.contrast_db, voltages)
 

@@ -13,7 +13,7 @@ from math import pi
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
-from solvers.errors import SolverError
+from solvers.errors import SolverError, check_above_zero
 
 EXACT = 1e-12  # relative distance of squared frequencies below which an undamped mode is hit
 
@@ -64,8 +64,7 @@ def receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
 
     Raises SolverError for a frequency that is not above 0, and on the very frequency of a mode without loss.
     """
-    if not (np.isfinite(frequency_hz) and frequency_hz > 0.0):
-        raise SolverError(f"frequency = {frequency_hz:g} Hz: must be a finite number above 0")
+    check_above_zero("frequency in Hz", frequency_hz)
     omega = 2.0 * pi * frequency_hz
     detuning = table.angular**2 - omega**2
     hit = np.flatnonzero((np.abs(detuning) <= EXACT * omega**2) & np.isinf(table.quality))

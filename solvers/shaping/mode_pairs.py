@@ -17,14 +17,7 @@ from solvers.shaping.modal_table import ModalTable, field_matrix, modal_drive
 from solvers.shaping.travelling_wave import travelling_wave_ratio
 
 
-def hold_modes(
-    table: ModalTable,
-    frequency_hz: float,
-    wanted: dict[int, complex],
-    others: float = 1.0,
-    alpha: float = 0.0,
-    limit_v: float = np.inf,
-) -> Drive:
+def hold_modes(table: ModalTable, frequency_hz: float, wanted: dict[int, complex], others: float = 1.0) -> Drive:
     """Voltages that give modal coordinates {mode: amplitude} and keep the rest small: least squares over all modes.
 
     others: weight of the modes not named, against 1 for those that are; 0 leaves them free. Raises SolverError for a mode that
@@ -45,7 +38,7 @@ def hold_modes(
     weight = np.full(count, others)
     weight[named] = 1.0
     matrix = weight[:, None] * modal_drive(table, frequency_hz)
-    return drive_voltages(matrix[kept], target[kept], alpha, limit_v)
+    return drive_voltages(matrix[kept], target[kept])
 
 
 @dataclass(frozen=True)
@@ -65,18 +58,10 @@ class ModePair:
     wavenumber: float
 
 
-def travelling_pair(
-    table: ModalTable,
-    modes: tuple[int, int],
-    inside: BoolArray,
-    frequency_hz: float | None = None,
-    others: float = 1.0,
-    alpha: float = 0.0,
-    limit_v: float = np.inf,
-) -> ModePair:
+def travelling_pair(table: ModalTable, modes: tuple[int, int], inside: BoolArray, others: float = 1.0) -> ModePair:
     """Hold two modes 90 degrees apart with equal rms over `inside`, points (p,) along a line of the zone.
 
-    The frequency defaults to half-way between the two (geometric mean); the pure sum of the two runs towards +x.
+    The frequency is half-way between the two (geometric mean); the pure sum of the two runs towards +x.
 
     SolverError for the same mode twice, fewer than 8 points inside, a mode with no motion there; as hold_modes.
     """
@@ -85,15 +70,14 @@ def travelling_pair(
         raise SolverError("a travelling wave takes two different modes")
     if inside.sum() < 8:
         raise SolverError(f"{int(inside.sum())} points lie inside: 8 or more are needed")
-    if frequency_hz is None:
-        frequency_hz = float(np.sqrt(np.prod(table.frequencies_hz[list(modes)])))
+    frequency_hz = float(np.sqrt(np.prod(table.frequencies_hz[list(modes)])))
     sizes = np.sqrt(np.mean(table.field[list(modes)][:, inside] ** 2, axis=1))
     if not sizes.min() > 1e-9 * np.abs(table.field).max():
         raise SolverError("one of the two modes does not move inside the zone")
     amplitudes = {first: complex(1.0 / sizes[0]), second: -1j / complex(sizes[1])}
     if _turning(table, _sum(table, amplitudes), inside) < 0.0:
         amplitudes[second] *= -1.0
-    drive = hold_modes(table, frequency_hz, amplitudes, others, alpha, limit_v)
+    drive = hold_modes(table, frequency_hz, amplitudes, others)
     field = field_matrix(table, frequency_hz) @ drive.voltages
     return ModePair(
         modes=modes,

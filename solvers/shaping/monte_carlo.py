@@ -19,20 +19,26 @@ from solvers.shaping.inversion import drive_voltages
 
 @dataclass(frozen=True)
 class Errors:
-    """Standard deviations. noise: of each entry of T as a share of its largest one (complex, rms); gain: relative; phase_rad;
-    crosstalk: of the share (complex, rms) a sensor hears of each neighbour. All 0 or more.
+    """Standard deviations, and how often they are drawn from which seed: the same one gives the same numbers.
+
+    noise: of each entry of T as a share of its largest one (complex, rms); gain: relative; phase_rad; crosstalk: of the share
+    (complex, rms) a sensor hears of each neighbour. All 0 or more; trials 1 or more.
     """
 
     noise: float = 0.0
     gain: float = 0.0
     phase_rad: float = 0.0
     crosstalk: float = 0.0
+    trials: int = 400
+    seed: int = 1
 
     def __post_init__(self) -> None:
         for name in ("noise", "gain", "phase_rad", "crosstalk"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
                 raise SolverError(f"errors: {name} = {value:g}: must be 0 or more")
+        if self.trials < 1:
+            raise SolverError(f"trials = {self.trials}: must be 1 or more")
 
 
 @dataclass(frozen=True)
@@ -43,24 +49,11 @@ class Spread:
     error: FloatArray
 
 
-def monte_carlo(
-    matrix: ComplexArray,
-    target: ComplexArray,
-    errors: Errors,
-    trials: int = 400,
-    seed: int = 1,
-    alpha: float = 0.0,
-    limit_v: float = np.inf,
-) -> Spread:
-    """Voltages and pattern errors of seeded trials; the same seed gives the same numbers. Errors as drive_voltages.
-
-    SolverError for trials below 1.
-    """
-    if trials < 1:
-        raise SolverError(f"trials = {trials}: must be 1 or more")
-    random = np.random.default_rng(seed)
-    known = [_misjudged(np.asarray(matrix, dtype=complex), errors, random) for _ in range(trials)]
-    voltages = np.stack([drive_voltages(one, target, alpha, limit_v).voltages for one in known])
+def monte_carlo(matrix: ComplexArray, target: ComplexArray, errors: Errors) -> Spread:
+    """Voltages and pattern errors of seeded trials; SolverError as drive_voltages."""
+    random = np.random.default_rng(errors.seed)
+    known = [_misjudged(np.asarray(matrix, dtype=complex), errors, random) for _ in range(errors.trials)]
+    voltages = np.stack([drive_voltages(one, target).voltages for one in known])
     missed = np.linalg.norm(voltages @ np.asarray(matrix).T - target, axis=1)
     return Spread(voltages, missed / float(np.linalg.norm(target)))
 
@@ -77,10 +70,11 @@ def _misjudged(matrix: ComplexArray, errors: Errors, random: np.random.Generator
         1j * errors.phase_rad * random.standard_normal(size)
     )
     neighbours = np.eye(size, k=1) + np.eye(size, k=-1)
-    heard = np.eye(size) + errors.crosstalk * neighbours * _unit(random, (size, size))
-    noise = errors.noise * float(np.abs(matrix).max()) * _unit(random, matrix.shape)
+    heard = np.eye(size) + errors.crosstalk * neighbours * unit_phasors(random, (size, size))
+    noise = errors.noise * float(np.abs(matrix).max()) * unit_phasors(random, matrix.shape)
     return np.asarray(gains[:, None] * (heard @ matrix) + noise)
 
 
-def _unit(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
+def unit_phasors(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
+    """Normally distributed phasors of rms 1."""
     return np.asarray((random.standard_normal(shape) + 1j * random.standard_normal(shape)) / np.sqrt(2.0))

@@ -12,7 +12,7 @@ from math import pi, sqrt
 import numpy as np
 
 from geometry.elements import ComplexArray
-from solvers.errors import SolverError
+from solvers.errors import SolverError, check_above_zero
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,8 @@ class LowPass:
     capacitance_f: float
 
     def __post_init__(self) -> None:
-        for name in ("inductance_h", "resistance_ohm", "capacitance_f"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise SolverError(f"filter: {name} = {value:g}: must be a finite number above 0")
+        for name, value in vars(self).items():
+            check_above_zero(f"filter: {name}", value)
 
     @property
     def corner_hz(self) -> float:
@@ -41,29 +39,24 @@ class LowPass:
 
     def response(self, frequency_hz: float) -> complex:
         """F(i omega); SolverError for a frequency that is not above 0."""
-        s = _laplace(frequency_hz)
-        lag = self.inductance_h * self.capacitance_f * s**2 + self.resistance_ohm * self.capacitance_f * s
-        return 1.0 / (1.0 + lag)
+        return 1.0 / (1.0 + self.capacitance_f * self._impedance(frequency_hz))
 
     def loaded_response(self, frequency_hz: float, capacitance: ComplexArray) -> ComplexArray:
         """V over V_command (a, a) with every patch on its own filter and C(omega) (a, a) in place of C.
 
         SolverError for a frequency that is not above 0.
         """
-        s = _laplace(frequency_hz)
-        size = len(capacitance)
-        impedance = self.resistance_ohm * s + self.inductance_h * s**2
-        return np.asarray(np.linalg.inv(np.eye(size) + impedance * capacitance))
+        return np.asarray(np.linalg.inv(np.eye(len(capacitance)) + self._impedance(frequency_hz) * capacitance))
 
     def compensation(self, frequency_hz: float) -> complex:
         """1/F(i omega): the factor on each command that undoes gain and phase of the unloaded filter."""
         return 1.0 / self.response(frequency_hz)
 
-
-def _laplace(frequency_hz: float) -> complex:
-    if not (np.isfinite(frequency_hz) and frequency_hz > 0.0):
-        raise SolverError(f"frequency = {frequency_hz:g} Hz: must be a finite number above 0")
-    return 2j * pi * frequency_hz
+    def _impedance(self, frequency_hz: float) -> complex:
+        """s R + s^2 L: voltage lost per charge."""
+        check_above_zero("frequency in Hz", frequency_hz)
+        s = 2j * pi * frequency_hz
+        return self.resistance_ohm * s + self.inductance_h * s**2
 
 
 def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float, quality: float = sqrt(0.5)) -> LowPass:
@@ -75,8 +68,7 @@ def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float, quality: 
         raise SolverError(
             f"filter: needs 0 < highest operating frequency < PWM frequency, {highest_hz:g} and {pwm_hz:g} Hz came"
         )
-    if not (quality > 0.0 and capacitance_f > 0.0):
-        raise SolverError(f"filter: quality {quality:g} and capacitance {capacitance_f:g} F must be above 0")
+    check_above_zero("filter: quality, capacitance", quality, capacitance_f)
     corner = 2.0 * pi * sqrt(highest_hz * pwm_hz)
     inductance = 1.0 / (corner**2 * capacitance_f)
     return LowPass(inductance, sqrt(inductance / capacitance_f) / quality, capacitance_f)

@@ -13,6 +13,7 @@ import numpy as np
 from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
 from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
+from solvers.shaping.monte_carlo import unit_phasors
 
 NODE = 0.05  # of the largest amplitude: a sensor below it stands too near a node to be calibrated on this wave
 
@@ -103,8 +104,6 @@ def simulate_standing_wave(
     drives = np.asarray(drives_v, dtype=float)[:, None]
     w = drives * field_matrix(table, frequency_hz)[:, actuator]
     v = drives * sensor_matrix(table, frequency_hz)[:, actuator] * chain.gains
-    return Measured(w + chain.noise_m * _phasors(random, w.shape), v + chain.noise_v * _phasors(random, v.shape))
-
-
-def _phasors(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
-    return np.asarray((random.standard_normal(shape) + 1j * random.standard_normal(shape)) / np.sqrt(2.0))
+    return Measured(
+        w + chain.noise_m * unit_phasors(random, w.shape), v + chain.noise_v * unit_phasors(random, v.shape)
+    )

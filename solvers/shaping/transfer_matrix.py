@@ -6,13 +6,13 @@ are parallel. Two equal rows of six give only 0.2 while T is singular, so the co
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
-from solvers.shaping.modal_table import ModalTable, sensor_matrix
 
 UNDRIVEN = 1e-9  # of the largest row: a sensor below it hears nothing
 
@@ -69,9 +69,9 @@ class Scan:
     coupling: FloatArray
 
 
-def scan(table: ModalTable, frequencies_hz: FloatArray) -> Scan:
-    """Conditioning of T at each frequency; errors as receptance and coupling_index."""
-    couplings = [conditioning(sensor_matrix(table, float(f))) for f in frequencies_hz]
+def scan(matrix_at: Callable[[float], ComplexArray], frequencies_hz: FloatArray) -> Scan:
+    """Conditioning of T, given as a function of the frequency in Hz, at each frequency; errors as its and coupling_index."""
+    couplings = [conditioning(matrix_at(float(f))) for f in frequencies_hz]
     return Scan(
         np.asarray(frequencies_hz, dtype=float),
         np.array([one.condition for one in couplings]),

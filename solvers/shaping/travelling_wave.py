@@ -15,15 +15,14 @@ import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray
-from solvers.errors import SolverError
+from solvers.errors import SolverError, check_above_zero
 
 MIN_COUNT = 8  # points for a two-wave fit
 
 
 def wave_target(places_m: FloatArray, wavelength_m: float) -> ComplexArray:
     """e^{-2 pi i x/lambda} at the sensors, shape (s,): equal amplitudes, phases by place. SolverError for lambda <= 0."""
-    if not (np.isfinite(wavelength_m) and wavelength_m > 0.0):
-        raise SolverError(f"wavelength = {wavelength_m:g} m: must be a finite number above 0")
+    check_above_zero("wavelength in m", wavelength_m)
     return np.asarray(np.exp(-2j * pi * np.asarray(places_m) / wavelength_m))
 
 
@@ -32,8 +31,7 @@ def free_wavelength_m(frequency_hz: float, bending_n_m2: float, mass_kg_m: float
 
     Source: graff1975. SolverError for a frequency that is not above 0.
     """
-    if not frequency_hz > 0.0:
-        raise SolverError(f"frequency = {frequency_hz:g} Hz: must be above 0")
+    check_above_zero("frequency in Hz", frequency_hz)
     omega = 2.0 * pi * frequency_hz
     return float(2.0 * pi * (bending_n_m2 / mass_kg_m) ** 0.25 / np.sqrt(omega))
 

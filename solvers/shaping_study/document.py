@@ -15,7 +15,6 @@ from solvers.shaping_study.model import LINE, ShapedBeam
 from solvers.shaping_study.study import ASSUMPTIONS, ShapingStudy, bare_modes_hz
 
 if TYPE_CHECKING:
-    from solvers.shaping.monte_carlo import Errors
     from solvers.shaping_study.steps import Travelling
     from solvers.shaping_study.study import Choice
 
@@ -26,7 +25,7 @@ def document(study: ShapingStudy) -> dict[str, Any]:
     return {
         "schema": 1,
         "assumptions": list(ASSUMPTIONS),
-        "errors_assumed": _errors(data.errors, data.trials, data.seed),
+        "errors_assumed": asdict(data.errors),
         "limit_v": data.limit_v,
         "beams": [_beam(one) for one in study.beams],
         "conditioning": [
@@ -82,10 +81,6 @@ def _pairs(study: ShapingStudy) -> list[dict[str, Any]]:
         }
         for name, pair in study.pairs.items()
     ]
-
-
-def _errors(errors: Errors, trials: int, seed: int) -> dict[str, Any]:
-    return {**asdict(errors), "trials": trials, "seed": seed}
 
 
 def _beam(model: ShapedBeam) -> dict[str, Any]:

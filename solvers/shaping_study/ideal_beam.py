@@ -45,7 +45,7 @@ def point_beam_table(
     unit = 1.0 / sqrt(mass * beam.length_m)
     at_places = unit * np.stack([shape.shape(places / beam.length_m) for shape in shapes])
     return ModalTable(
-        frequencies_hz=np.array([frequency_hz(shape.kappa, beam.length_m, bending, mass) for shape in shapes]),
+        frequencies_hz=frequency_hz(np.array([shape.kappa for shape in shapes]), beam.length_m, bending, mass),
         quality=np.full(modes, beam.quality),
         actuators=force_n_v * at_places,
         sensors=sense_v_m * at_places,

@@ -20,7 +20,7 @@ from geometry.materials import MATERIALS, Material
 from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
 from solvers.analytic.beam_elements import BeamMatrices, Sections, assemble_beam, deflection_rows
 from solvers.analytic.beams import End
-from solvers.errors import SolverError
+from solvers.errors import SolverError, check_above_zero
 from solvers.shaping.modal_table import ModalTable
 
 CONSTRAINED = {"clamped": (True, True, True), "pinned": (True, True, False), "free": (False, False, False)}  # u, w, w'
@@ -183,9 +183,9 @@ def _table(
 
 def check_beam(beam: PatchedBeam) -> None:
     """SolverError for sizes that are not above 0, patches that overlap or overhang, unknown or loose ends."""
-    for name in ("length_m", "width_m", "thickness_m", "patch_length_m", "actuator_width_m", "sensor_width_m"):
-        _above_zero(name, getattr(beam, name))
-    _above_zero("patch_thickness_m", beam.patch_thickness_m)
+    for name, value in vars(beam).items():
+        if name.endswith("_m") and name != "centres_m":
+            check_above_zero(f"beam: {name}", value)
     if not beam.quality > 0.0:
         raise SolverError(f"beam: quality = {beam.quality:g}: must be above 0 (inf for no loss)")
     if not beam.centres_m:
@@ -204,11 +204,6 @@ def check_beam(beam: PatchedBeam) -> None:
             raise SolverError(f"beam: end {end!r}: must be one of {', '.join(CONSTRAINED)}")
     if "clamped" not in beam.ends and beam.ends != ("pinned", "pinned"):
         raise SolverError(f"beam: ends {beam.ends} leave a rigid-body mode; clamp one or pin both")
-
-
-def _above_zero(name: str, value: float) -> None:
-    if not (np.isfinite(value) and value > 0.0):
-        raise SolverError(f"beam: {name} = {value:g}: must be a finite number above 0")
 
 
 def _nodes(beam: PatchedBeam, element_m: float) -> FloatArray:

@@ -14,7 +14,6 @@ from solvers.shaping.inversion import drive_voltages
 from solvers.shaping.modal_table import ModalTable
 from solvers.shaping.mode_pairs import ModePair, travelling_pair
 from solvers.shaping.monte_carlo import Errors, monte_carlo
-from solvers.shaping.transfer_matrix import Scan, conditioning
 from solvers.shaping.travelling_wave import (
     best_travelling_drive,
     inner_window,
@@ -130,14 +129,6 @@ def travel(model: ShapedBeam, signal: Signal, frequency_hz: float, wavelengths_m
     )  # fmt: skip
 
 
-def scan_signal(model: ShapedBeam, signal: Signal, frequencies_hz: FloatArray) -> Scan:
-    """Conditioning of T over frequency for a signal."""
-    couplings = [conditioning(model.matrix(float(f), signal)) for f in frequencies_hz]
-    return Scan(
-        frequencies_hz, np.array([one.condition for one in couplings]), np.array([one.coupling for one in couplings])
-    )
-
-
 @dataclass(frozen=True)
 class ErrorTrials:
     """Trials (n,) of the left region's peak ratio, of a travelling wave's TWR, and of the pattern's error."""
@@ -148,13 +139,13 @@ class ErrorTrials:
 
 
 def error_trials(
-    model: ShapedBeam, signal: Signal, frequency_hz: float, wavelength_m: float, errors: Errors, trials: int, seed: int
+    model: ShapedBeam, signal: Signal, frequency_hz: float, wavelength_m: float, errors: Errors
 ) -> ErrorTrials:
     """What measurement errors do to the left region and to a wave of one length."""
     matrix, field = model.matrix(frequency_hz, signal), model.field(frequency_hz)
     inside = region_points("left", model.places_m, model.line_m)
-    left = monte_carlo(matrix, region_target("left", len(matrix)), errors, trials, seed)
-    wave = monte_carlo(matrix, wave_target(model.places_m, wavelength_m), errors, trials, seed + 1)
+    left = monte_carlo(matrix, region_target("left", len(matrix)), errors)
+    wave = monte_carlo(matrix, wave_target(model.places_m, wavelength_m), replace(errors, seed=errors.seed + 1))
     window = inner_window(model.line_m, *travel_window(model, frequency_hz))
     return ErrorTrials(
         np.array([contrast(field @ v, inside).peak_ratio for v in left.voltages]),

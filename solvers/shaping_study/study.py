@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import pi
 
 import numpy as np
@@ -15,7 +16,7 @@ from solvers.shaping.modal_table import sensor_matrix
 from solvers.shaping.mode_pairs import ModePair
 from solvers.shaping.monte_carlo import Errors
 from solvers.shaping.output_filter import LowPass, filter_for
-from solvers.shaping.transfer_matrix import Conditioning, Scan, conditioning, operating_frequencies
+from solvers.shaping.transfer_matrix import Conditioning, Scan, conditioning, operating_frequencies, scan
 from solvers.shaping_study.model import ShapedBeam, Signal, patched, pointed
 from solvers.shaping_study.patched_beam import PatchedBeam, charge_table, evenly, section
 from solvers.shaping_study.steps import (
@@ -26,7 +27,6 @@ from solvers.shaping_study.steps import (
     confine,
     error_trials,
     resonators_and_patches,
-    scan_signal,
     sweep,
     travel,
 )
@@ -59,9 +59,7 @@ class ShapingData:
     calibrate_near_hz: float = 2200.0
     wavelengths_m: tuple[float, float, int] = (0.050, 0.090, 41)
     limit_v: float = 50.0
-    errors: Errors = field(default_factory=lambda: Errors(0.01, 0.05, pi / 36.0, 0.02))
-    trials: int = 200
-    seed: int = 1
+    errors: Errors = field(default_factory=lambda: Errors(0.01, 0.05, pi / 36.0, 0.02, trials=200))
     pwm_hz: float = 40e3
     oscillator_kg: float = 5e-4
 
@@ -121,7 +119,7 @@ def shaping_study(data: ShapingData | None = None) -> ShapingStudy:
     low, high = data.band_hz
     grid = np.linspace(low, high, SCANNED)
     signals = [(beam, signal) for beam in beams for signal in beam.signals]
-    scans = {(beam.name, signal): scan_signal(beam, signal, grid) for beam, signal in signals}
+    scans = {(beam.name, signal): scan(partial(beam.matrix, signal=signal), grid) for beam, signal in signals}
     last = data.frequencies_hz[-1]
     wavelengths = np.linspace(*data.wavelengths_m)
     low_pass, filter_error = _filter(data)
@@ -136,10 +134,7 @@ def shaping_study(data: ShapingData | None = None) -> ShapingStudy:
             for one in confine(beam, signal, f, data.limit_v)
         ),
         travelling=tuple(travel(beam, signal, f, wavelengths) for beam, signal in signals for f in data.frequencies_hz),
-        trials={
-            (beam.name, signal): error_trials(beam, signal, last, 0.066, data.errors, data.trials, data.seed)
-            for beam, signal in signals
-        },
+        trials={(beam.name, signal): error_trials(beam, signal, last, 0.066, data.errors) for beam, signal in signals},
         pairs={beam.name: best_pair(beam, _zone(beam.beam), 1.0, high) for beam in beams},
         resonators={beam.name: _resonators(beam, data) for beam in beams},
         choices=choices(data, last),
@@ -156,8 +151,6 @@ def _check(data: ShapingData) -> None:
         raise SolverError(f"frequencies = {list(data.frequencies_hz)} Hz: at least one, each a finite number above 0")
     if data.modes < 8:
         raise SolverError(f"modes = {data.modes}: must be 8 or more for frequencies up to a few kHz")
-    if data.trials < 1:
-        raise SolverError(f"trials = {data.trials}: must be 1 or more")
 
 
 def _beams(data: ShapingData) -> tuple[ShapedBeam, ...]:
@@ -201,7 +194,7 @@ def bare_modes_hz(beam: PatchedBeam, count: int) -> FloatArray:
     """Natural frequencies of the beam without its patches, Hz, shape (count,)."""
     _, _, bending, mass = section(beam, False)
     kappas = roots(*beam.ends, count)
-    return np.array([frequency_hz(kappa, beam.length_m, bending, mass) for kappa in kappas])
+    return frequency_hz(np.array(kappas), beam.length_m, bending, mass)
 
 
 def choices(data: ShapingData, frequency_hz: float) -> tuple[Choice, ...]:

@@ -18,7 +18,7 @@ from pipeline.cli import main
 from pipeline.errors import InputError
 from solvers.active_beam.study import ActiveBeamData
 from solvers.control.baseband import ModePlant
-from solvers.control.identification import sweep_of
+from solvers.control.identification import noisy, sweep_of
 from solvers.resonators.mason_study import MasonData
 from tests.helpers.figures import assert_labelled_with_data, collected
 
@@ -298,7 +298,7 @@ def test_a_measured_sweep_becomes_the_tables_mode(displacement: bool, tmp_path: 
     """Frequency, time constant, complex gain and delay of a plate that the table guessed wrongly."""
     truth = ModePlant.from_quality(31_437.3, 260.0, 0.6)
     sensor = "displacement" if displacement else "velocity"
-    result = sweep_of((truth,), np.linspace(31_100.0, 31_800.0, 141), sensor, 8e-6, 0.001, 1e-4)
+    result = noisy(sweep_of((truth,), np.linspace(31_100.0, 31_800.0, 141), sensor, 8e-6, 0.001), 1e-4)
     sweep = tmp_path / "sweep.csv"
     rows = [
         f"{f!r},{h.real!r},{h.imag!r}"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from solvers.control.baseband import ModePlant
-from solvers.control.identification import Sweep, fit_circle, fit_phase, identify, sweep_of
+from solvers.control.identification import Sweep, fit_circle, fit_phase, identify, noisy, sweep_of
 from solvers.errors import SolverError
 
 PLANT = ModePlant.from_quality(31_400.0, 300.0, 0.8)
@@ -56,7 +56,7 @@ def test_noise_scatters_as_it_should():
     """Cramer and Rao's order: sigma_f about noise/gain half-widths over sqrt(points); many trials stay near it."""
     noise = 1e-3
     result = [
-        identify(sweep_of((PLANT,), SPAN, "velocity", 5e-6, 0, noise, seed), "velocity", 5e-6) for seed in range(40)
+        identify(noisy(sweep_of((PLANT,), SPAN, "velocity", 5e-6), noise, seed), "velocity", 5e-6) for seed in range(40)
     ]
     frequencies = np.array([one.plant.frequency_hz for one in result])
     width = PLANT.bandwidth_rad_s / (2 * pi)

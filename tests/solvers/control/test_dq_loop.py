@@ -15,10 +15,9 @@ from scipy.integrate import solve_ivp
 from pipeline.active import thesis_models
 from pipeline.active.thesis import beside
 from solvers.control.baseband import ModePlant, feasibility
-from solvers.control.dq_data import DqData
 from solvers.control.dq_loop import LEAVING_S, NEIGHBOUR_LOOP, Controller, Plate, Rates, Setup, run, step_response
 from solvers.control.dq_margins import closed_loop_poles, margins, sampled_loop
-from solvers.control.dq_study import FIRMWARE_RESPONSE_S, dq_study, planned_response_s
+from solvers.control.dq_study import FIRMWARE_RESPONSE_S, DqData, dq_study, planned_response_s
 from solvers.errors import SolverError
 
 TRUE = 31_437.3

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solvers.control.baseband import ModePlant
-from solvers.control.identification import Sensor, Sweep, sweep_of
+from solvers.control.identification import Sensor, Sweep, noisy, sweep_of
 from solvers.control.resonance import resonance
 
 F0, Q = 32e3, 250.0
@@ -19,7 +19,7 @@ TONES = np.linspace(F0 - 10 * WIDTH, F0 + 10 * WIDTH, 401)
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_a_mode_is_found_within_what_its_noise_leaves_open(sensor: Sensor, noise: float) -> None:
     """About 35 points carry the fit: five standard deviations of noise/sqrt(points) in Q, of half that width in f."""
-    result = resonance(sweep_of([MODE], TONES, sensor, noise=noise * 0.8), sensor)
+    result = resonance(noisy(sweep_of([MODE], TONES, sensor), noise * 0.8), sensor)
     reach = 5.0 * noise / np.sqrt(35.0) + 1e-6
     assert result.circle is not None and result.trouble is None
     assert result.quality == pytest.approx(Q, rel=2.0 * reach)

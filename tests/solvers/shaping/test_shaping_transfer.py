@@ -141,7 +141,7 @@ def test_sensor_on_a_node_is_named():
 def test_operating_frequencies_are_the_minima_of_the_condition_number():
     table = point_beam_table(PatchedBeam(), 12)
     grid = np.linspace(500.0, 4000.0, 351)
-    result = scan(table, grid)
+    result = scan(lambda frequency: sensor_matrix(table, frequency), grid)
     best = operating_frequencies(result, 2)
     assert result.condition[grid == best[0]] == result.condition[1:-1].min()
     for frequency in best:

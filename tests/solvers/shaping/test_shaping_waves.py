@@ -107,11 +107,11 @@ def test_best_travelling_drive_beats_least_squares_and_reaches_a_wave_that_can_b
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: wave_target(X, 0.0), "wavelength = 0 m: must be"),
+        (lambda: wave_target(X, 0.0), "wavelength in m = 0: must be"),
         (lambda: travelling_wave_ratio(np.zeros(5)), "zero everywhere"),
         (lambda: two_wave_fit(X[:5], waves(0)[:5], K), "needs 8 points"),
         (lambda: inner_window(X, 0.3, 0.4), "no two points"),
-        (lambda: free_wavelength_m(0.0, 1.0, 1.0), "must be above 0"),
+        (lambda: free_wavelength_m(0.0, 1.0, 1.0), "must be a finite number above 0"),
     ],
 )
 def test_waves_that_cannot_be_are_refused(call, message):
