@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from firmware.build import BUILD, FLASH_START, VARIANTS
+from firmware.build import BUILD, FLASH_START, VARIANTS, BuildError
 from firmware.image.elf import Elf, flash_image
 
 CHIP = "STM32F446RETx"
@@ -21,12 +21,8 @@ TABLE_START = 0x0800C000  # flash sector 3
 CODE_ONLY = "-code.bin"
 
 
-class FlashError(RuntimeError):
-    """The image did not get onto the board; exit_code as for the whole program."""
-
-    def __init__(self, message: str, exit_code: int) -> None:
-        super().__init__(message)
-        self.exit_code = exit_code
+class FlashError(BuildError):
+    """The image did not get onto the board."""
 
 
 @dataclass(frozen=True)

@@ -190,10 +190,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--write", action="store_true", help="put the table into docs/bring-up.md")
     chosen = parser.parse_args(arguments)
     rows: list[Row] = []
-    lines = [
-        "| what goes wrong | moments | at rest and latched | held as before | longest, us | allowed, us |",
-        "|---" * 6 + "|",
-    ]
+    lines = [HEAD, "|---" * 6 + "|"]
     print("\n".join(lines))
     try:
         for result in (rig_rows(chosen.seconds, chosen.stride), board_rows(chosen.seconds, *chosen.image_stride)):

@@ -9,13 +9,12 @@ from dataclasses import dataclass
 from math import floor
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import FloatArray
 from geometry.materials import Material
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import shape_of
 
-FloatArray = NDArray[np.float64]
 SHORT = 2.0  # thicknesses in half a wave: there thin-plate theory lies 45 % high, Mindlin's some percent
 ROUNDING = 1e-9  # relative: 4.0 mm seven times is 28 mm, whatever binary fractions say
 

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import FloatArray
 from geometry.piezo_materials import PiezoMaterial
 
-FloatArray = NDArray[np.float64]
 SAME_M = 1e-9  # places that agree to a nanometre are the same
 
 

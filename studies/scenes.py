@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from geometry.hex.boxes import Boxes, hex_mesh
+from geometry.hex.split import split_hexahedra
 from geometry.materials import Material
 from geometry.mesh import Mesh
 from solvers.fem.assembly import assemble
@@ -19,6 +20,12 @@ def box(edges_m: Sequence[float], cuts: Sequence[int], order: int) -> Mesh:
     """A box from the origin, cut evenly into hexahedra."""
     x, y, z = (np.linspace(0.0, edge, n + 1) for edge, n in zip(edges_m, cuts, strict=True))
     return hex_mesh(Boxes(x, y, z, np.zeros(tuple(cuts), dtype=np.int64), ("body",)), order)
+
+
+def cube(cuts: int, kind: str = "tet", edge_m: float = 1e-2) -> Mesh:
+    """A cube in cuts^3 hexahedra of order 2, or in six times as many tetrahedra: 3 (2 cuts + 1)^3 degrees of freedom."""
+    hexahedra = box((edge_m,) * 3, (cuts,) * 3, 2)
+    return split_hexahedra(hexahedra) if kind == "tet" else hexahedra
 
 
 def supported(mesh: Mesh, material: Material) -> Pencil:

@@ -25,8 +25,10 @@ class EmulationError(RuntimeError):
 
 @dataclass(frozen=True)
 class BoardRun:
-    """A reference step of the image: columns as step_response, and what the image found out about the mode before.
+    """A reference step of the image, and what the image found out about the mode before.
 
+    columns: time_s (zero at the step), reference, u_d, u_q (what the sensor shows, in full scales, reference along d) and drive
+    (|V|, in full scales), one entry for each window of 0.2 ms.
     The identification's results are those it works with: Hz, s, full scale over full scale, s; swept, whether it measured
     them itself.
     """
@@ -56,22 +58,13 @@ class BoardRun:
         return float(self.columns["u_d"].max() / self.level - 1.0)
 
 
-def step_response(
-    table: bytes, plate: Plate | None = None, share: float = 0.2, seconds: float = 15e-3
-) -> dict[str, NDArray[np.float64]]:
+def board_run(table: bytes, plate: Plate | None = None, share: float = 0.2, seconds: float = 15e-3) -> BoardRun:
     """A reference step of the unmodified image on the emulated board, joined to the plate that the table describes.
 
     The image identifies the mode first unless the table holds a measured one, settles at zero, and is then asked for share
-    of the largest steady amplitude. Returns time_s (zero at the step), reference, u_d, u_q (what the sensor shows, in full
-    scales, reference along d) and drive (|V|, in full scales), one entry for each window of 0.2 ms. plate defaults to
-    plate_from_table with noise of 1e-3 of full scale. Raises BuildError (exit_code 5 when something is not installed),
-    ValueError for a damaged table, EmulationError when the image faulted.
+    of the largest steady amplitude. plate defaults to plate_from_table with noise of 1e-3 of full scale. Raises BuildError
+    (exit_code 5 when something is not installed), ValueError for a damaged table, EmulationError when the image faulted.
     """
-    return board_run(table, plate, share, seconds).columns
-
-
-def board_run(table: bytes, plate: Plate | None = None, share: float = 0.2, seconds: float = 15e-3) -> BoardRun:
-    """As step_response, with what the image identified."""
     verify(table)
     missing = [package for name, package in NEEDS.items() if not find_spec(name)]
     if missing:

@@ -76,8 +76,8 @@ class Beam:
 
     @property
     def slowest_s(self) -> float:
-        """Longest decay time of an amplitude, tau = 2 Q / w_1, s."""
-        return float(2.0 * self.quality / self.angular[0])
+        """Longest decay time of an amplitude, s."""
+        return self.structure.slowest_s
 
     def shapes(self, at_m: Floats) -> Floats:
         """Mode shapes (modes, places), of rms 1 along the beam.
@@ -96,22 +96,22 @@ class Beam:
     @property
     def gain(self) -> float:
         """Modal force per drive, for which max |T(frequency_hz)| = largest."""
-        return self.largest / float(np.abs(self._unscaled(self.frequency_hz, self.places_m)).max())
+        return self.largest / float(np.abs(self._by_modes(1.0, self.places_m).matrix(self.frequency_hz)).max())
 
     @property
     def structure(self) -> Structure:
         """The beam by its modes."""
-        shapes = self.shapes(self.places_m)
-        return Structure(self.angular, self.quality, self.gain * shapes, shapes, None, self.noise, self.sample_rate_hz)
+        return self._by_modes(self.gain, self.places_m)
 
     def matrix(self, frequency_hz: float, at_m: Floats | None = None) -> Complexes:
         """Displacement at places (the sensors', if not given) over drives, (places, 6), at a frequency."""
-        return self.gain * self._unscaled(frequency_hz, self.places_m if at_m is None else at_m)
+        return self._by_modes(self.gain, self.places_m if at_m is None else at_m).matrix(frequency_hz)
 
-    def _unscaled(self, frequency_hz: float, at_m: Floats) -> Complexes:
-        omega = 2.0 * math.pi * frequency_hz
-        modal = 1.0 / (self.angular**2 - omega**2 + 1j * omega * self.angular / self.quality)
-        return np.asarray(np.einsum("mi,m,mj->ij", self.shapes(at_m), modal, self.shapes(self.places_m)))
+    def _by_modes(self, gain: float, at_m: Floats) -> Structure:
+        actuators = gain * self.shapes(self.places_m)
+        return Structure(
+            self.angular, self.quality, actuators, self.shapes(at_m), None, self.noise, self.sample_rate_hz
+        )
 
 
 def measured_table(beam: Beam) -> bytes:

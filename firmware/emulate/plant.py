@@ -9,7 +9,6 @@ from __future__ import annotations
 import cmath
 import math
 import random
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -143,16 +142,3 @@ def hold(frequency_hz: float, sample_rate_hz: float) -> complex:
     """What holding each sample until the next does to a tone: sin(x)/x, half a sample late."""
     turn = 2j * math.pi * frequency_hz / sample_rate_hz
     return (1.0 - cmath.exp(-turn)) / turn
-
-
-def response(plate: Plate, frequencies_hz: Sequence[float]) -> list[complex]:
-    """The exact steady response from the DAC's code to the ADC's sample, hold and dead time included."""
-    result = []
-    for frequency_hz in frequencies_hz:
-        s = 2j * math.pi * frequency_hz
-        total = complex(plate.feedthrough)
-        for resonance in plate.resonances:
-            pole, residue = _pole(resonance), _residue(resonance, plate.displacement)
-            total += 0.5 * (residue / (s - pole) + residue.conjugate() / (s - pole.conjugate()))
-        result.append(total * cmath.exp(-s * plate.delay_s) * hold(frequency_hz, plate.sample_rate_hz))
-    return result

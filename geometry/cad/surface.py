@@ -87,8 +87,13 @@ class CadSurface:
 
     def encloses(self, points: FloatArray) -> FloatArray:
         """Which points lie inside the outer surface (faces between bonded solids left out), shape (n,) bool."""
+        from pyvista import PolyData
+
         outer = ~np.array([face.inner for face in self.faces])[self.face_of]
-        return _enclosed(self.points, self.triangles[outer], points)
+        skin = PolyData.from_regular_faces(self.points, self.triangles[outer])
+        return np.asarray(
+            PolyData(points).select_interior_points(skin, method="cell_locator")["selected_points"], dtype=bool
+        )
 
     @cached_property
     def meetings(self) -> dict[tuple[int, int], bool]:
@@ -207,10 +212,11 @@ def _project_one(surface: Any, point: FloatArray) -> tuple[FloatArray, FloatArra
 
 def build_locator(points: FloatArray, triangles: IntArray) -> Any:
     """A search tree over triangles."""
+    from pyvista import PolyData
     from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
 
     locator = vtkStaticCellLocator()
-    locator.SetDataSet(_polydata(points, triangles))
+    locator.SetDataSet(PolyData.from_regular_faces(points, cast(Any, triangles)))
     locator.BuildLocator()
     return locator
 
@@ -229,37 +235,3 @@ def closest_triangles(locator: Any, points: FloatArray) -> tuple[IntArray, Float
         locator.FindClosestPoint(point, where, cell, number, part, squared)
         nearest[i], distance[i] = int(number), float(squared) ** 0.5
     return nearest, distance
-
-
-def _polydata(points: FloatArray, triangles: IntArray) -> Any:
-    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-    from vtkmodules.vtkCommonCore import vtkPoints
-    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
-
-    vertices = vtkPoints()
-    vertices.SetData(numpy_to_vtk(np.ascontiguousarray(points, dtype=float), deep=True))
-    cells = vtkCellArray()
-    packed = np.column_stack([np.full(len(triangles), 3), triangles]).ravel().astype(np.int64)
-    cells.SetCells(len(triangles), numpy_to_vtkIdTypeArray(packed, deep=True))
-    data = vtkPolyData()
-    data.SetPoints(vertices)
-    data.SetPolys(cells)
-    return data
-
-
-def _enclosed(points: FloatArray, triangles: IntArray, queries: FloatArray) -> FloatArray:
-    from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-    from vtkmodules.vtkCommonCore import vtkPoints
-    from vtkmodules.vtkCommonDataModel import vtkPolyData
-    from vtkmodules.vtkFiltersModeling import vtkSelectEnclosedPoints
-
-    query = vtkPoints()
-    query.SetData(numpy_to_vtk(np.ascontiguousarray(queries, dtype=float), deep=True))
-    cloud = vtkPolyData()
-    cloud.SetPoints(query)
-    test = vtkSelectEnclosedPoints()
-    test.SetInputData(cloud)
-    test.SetSurfaceData(_polydata(points, triangles))
-    test.SetTolerance(1e-9)
-    test.Update()
-    return np.asarray(vtk_to_numpy(test.GetOutput().GetPointData().GetArray("SelectedPoints")), dtype=bool)

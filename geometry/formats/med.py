@@ -17,7 +17,7 @@ import numpy as np
 from geometry.elements import IntArray
 from geometry.errors import MeshFileError
 from geometry.files import written_whole
-from geometry.formats.neutral import PLACES, Places, RawMesh
+from geometry.formats.neutral import HEX_EDGES, PLACES, Places, RawMesh
 
 VERSION = {"MAJ": 4, "MIN": 0, "REL": 1}
 NO_STEP = "-0000000000000000001-0000000000000000001"
@@ -26,7 +26,6 @@ NAME_BYTES = 80
 DIMENSION = 3
 MAX_STRETCH = 1000  # of a dataset in memory over the same in the file: deflate packs no mesh tighter
 
-_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 _FACES = ((0, 1, 2, 3), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0), (4, 7, 6, 5))
 _TET, _HEX = (0, 2, 1, 3), (0, 3, 2, 1, 4, 7, 6, 5)
 
@@ -58,7 +57,7 @@ KINDS = {
     "tetra10": _volume("T10", 310, _TET, (0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
     "hexahedron": _volume("HE8", 308, _HEX),
     "hexahedron20": _Kind("H20", 320),
-    "hexahedron27": _volume("H27", 327, _HEX, *_EDGES, *_FACES, tuple(range(8))),
+    "hexahedron27": _volume("H27", 327, _HEX, *HEX_EDGES, *_FACES, tuple(range(8))),
     "pyramid": _Kind("PY5", 305),
     "pyramid13": _Kind("P13", 313),
     "wedge": _Kind("PE6", 306),

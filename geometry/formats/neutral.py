@@ -9,14 +9,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import TET_EDGES, FloatArray, IntArray
 from geometry.formats.vtu import CORNERS
 from geometry.mesh import Mesh
 
 Places = tuple[tuple[int, ...], ...]
 
-_TET_EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
-_HEX_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
+HEX_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 _HEX_FACES = ((0, 3, 7, 4), (1, 2, 6, 5), (0, 1, 5, 4), (3, 2, 6, 7), (0, 1, 2, 3), (4, 5, 6, 7))
 
 
@@ -30,9 +29,9 @@ PLACES: dict[str, Places] = {
     "quad": _corners(4),
     "quad9": (*_corners(4), (0, 1), (1, 2), (2, 3), (3, 0), (0, 1, 2, 3)),
     "tetra": _corners(4),
-    "tetra10": (*_corners(4), *_TET_EDGES),
+    "tetra10": (*_corners(4), *map(tuple, TET_EDGES.tolist())),
     "hexahedron": _corners(8),
-    "hexahedron27": (*_corners(8), *_HEX_EDGES, *_HEX_FACES, tuple(range(8))),
+    "hexahedron27": (*_corners(8), *HEX_EDGES, *_HEX_FACES, tuple(range(8))),
 }
 CORNER_COUNT = {"triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8}
 VOLUME = {("tet", 1): "tetra", ("tet", 2): "tetra10", ("hex", 1): "hexahedron", ("hex", 2): "hexahedron27"}

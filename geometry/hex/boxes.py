@@ -8,15 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geometry.elements import FloatArray, IntArray, gauss_lobatto
+from geometry.elements import BoolArray, FloatArray, IntArray, gauss_lobatto
 from geometry.errors import MeshError
 from geometry.hex.grading import Grading, grid_lines
 from geometry.layout import Design, Pillar
 from geometry.mesh import Mesh
 
-BoolArray = NDArray[np.bool_]
 VOID = -1
 
 

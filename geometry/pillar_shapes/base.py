@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from geometry.elements import FloatArray
+
 MM = 1e-3  # m
 SAME = 1e-9  # of the width: points closer than this are one
 IMAGES = {"x": ([0, 1], [-1.0, 1.0]), "y": ([0, 1], [1.0, -1.0]), "d": ([1, 0], [1.0, 1.0])}  # columns and their signs

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+
 from geometry.errors import GeometryError
 from geometry.files import read_by_command
 from geometry.pillar_shapes.base import MM, FloatArray
@@ -137,31 +139,24 @@ def _check_foot(solid: Any, file: Path) -> None:
     feet = _level_faces(solid, 0.0)
     if not feet:
         raise GeometryError(f"{file}: no flat face on z = 0 to bond to the plate")
-    boxes = [face.BoundingBox() for face in feet]
-    x = min(b.xmin for b in boxes) + max(b.xmax for b in boxes)
-    y = min(b.ymin for b in boxes) + max(b.ymax for b in boxes)
-    if max(abs(x), abs(y)) / 2.0 > ON_PLANE_MM:
-        raise GeometryError(f"{file}: foot centred at ({x / 2:g}, {y / 2:g}) mm, must be centred on the z axis")
+    x, y = _corners(feet).mean(axis=0)
+    if max(abs(x), abs(y)) > ON_PLANE_MM:
+        raise GeometryError(f"{file}: foot centred at ({x:g}, {y:g}) mm, must be centred on the z axis")
 
 
 def _level_faces(solid: Any, z: float) -> list[Any]:
-    return [
-        f
-        for f in solid.Faces()
-        if f.geomType() == "PLANE"
-        and abs(f.BoundingBox().zmax - z) < ON_PLANE_MM
-        and f.BoundingBox().zlen < ON_PLANE_MM
-    ]
+    boxes = [(face, face.BoundingBox()) for face in solid.Faces() if face.geomType() == "PLANE"]
+    return [face for face, box in boxes if max(abs(box.zmax - z), box.zlen) < ON_PLANE_MM]
+
+
+def _corners(faces: list[Any]) -> FloatArray:
+    """Least and greatest x and y of some faces together, (2, 2) mm."""
+    boxes = [face.BoundingBox() for face in faces]
+    low, high = [(b.xmin, b.ymin) for b in boxes], [(b.xmax, b.ymax) for b in boxes]
+    return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
 
 def _level_size(solid: Any, z: float) -> float:
     """Largest extent of the flat faces at height z, mm; 0 for a pointed or rounded tip."""
-    boxes = [face.BoundingBox() for face in _level_faces(solid, z)]
-    if not boxes:
-        return 0.0
-    return float(
-        max(
-            max(b.xmax for b in boxes) - min(b.xmin for b in boxes),
-            max(b.ymax for b in boxes) - min(b.ymin for b in boxes),
-        )
-    )
+    faces = _level_faces(solid, z)
+    return float(np.ptp(_corners(faces), axis=0).max()) if faces else 0.0

@@ -10,16 +10,13 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geometry.cad.surface import CadFace, CadSurface
-from geometry.elements import TET_FACES, FloatArray, IntArray
+from geometry.elements import TET_FACES, BoolArray, FloatArray, IntArray
 from geometry.errors import MeshError
 from geometry.tet.tetwild import tet_quality
 
 log = logging.getLogger(__name__)
-
-BoolArray = NDArray[np.bool_]
 
 POOR = 0.05  # mean ratio below which a cell counts as flattened; the mesher's own worst are about 0.2
 RELAXATIONS = 8

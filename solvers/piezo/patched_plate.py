@@ -85,34 +85,18 @@ class PatchedPlate:
         pencils = [plate.pencil() for plate in plates]
         stiffness = sp.block_diag([p.stiffness for p in pencils], format="csc")
         mass = sp.block_diag([p.mass for p in pencils], format="csc")
-        added_k, added_m, loads = [], [], []
+        loads = []
         for patch in self.patches:
             motion = sp.hstack([displacement_at(plate, patch.points, self.back) for plate in plates], format="csr")
             used = np.unique(motion.indices)
-            dense = motion[:, used].toarray()
-            place = (np.repeat(used, len(used)), np.tile(used, len(used)))
-            shape = stiffness.shape
-            added_k.append(
-                sp.coo_array(((dense.T @ patch.stiffness @ dense / self.stiffness_unit).ravel(), place), shape=shape)
-            )
-            added_m.append(
-                sp.coo_array(((dense.T @ patch.mass @ dense / self.scale.mass_kg).ravel(), place), shape=shape)
-            )
-            load = np.zeros(shape[0])
-            load[used] = dense.T @ patch.theta / self.stiffness_unit
-            loads.append(load)
-        whole_k, whole_m = sp.csc_array(stiffness + _sum(added_k)), sp.csc_array(mass + _sum(added_m))
-        for matrix in (whole_k, whole_m):
-            matrix.sum_duplicates()
+            chosen, dense = sp.eye_array(motion.shape[1], format="csr")[used], motion[:, used].toarray()
+            added_k = sp.csr_array(dense.T @ patch.stiffness @ dense / self.stiffness_unit)
+            added_m = sp.csr_array(dense.T @ patch.mass @ dense / self.scale.mass_kg)
+            stiffness, mass = stiffness + chosen.T @ added_k @ chosen, mass + chosen.T @ added_m @ chosen
+            loads.append(motion.T @ patch.theta / self.stiffness_unit)
         rigid = sum(RIGID_OF_CLASS[plate.symmetry] for plate in plates)
-        return Group(tuple(plates), PlainPencil(whole_k, whole_m, self.scale, rigid), np.column_stack(loads))
-
-
-def _sum(parts: list[sp.coo_array]) -> sp.csc_array:
-    total = parts[0].tocsc()
-    for part in parts[1:]:
-        total = total + part.tocsc()
-    return sp.csc_array(total)
+        pencil = PlainPencil(sp.csc_array(stiffness), sp.csc_array(mass), self.scale, rigid)
+        return Group(tuple(plates), pencil, np.column_stack(loads))
 
 
 def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:

@@ -17,7 +17,7 @@ from geometry.mesh import Mesh
 from pipeline.batch.peak_memory import peak_bytes, resident_bytes
 from solvers.fem.assembly import Scale, assemble
 from studies.benchmarks import in_a_process, timed
-from studies.benchmarks.meshes import cube_hexahedra, cube_tetrahedra
+from studies.scenes import cube
 
 ALUMINIUM = MATERIALS["aluminium"]
 DEGREE = {"tet2": 4, "hex2": 5}
@@ -31,7 +31,7 @@ Matrices = tuple[Any, Any]
 
 
 def _mesh(kind: str, cuts: int) -> Mesh:
-    return cube_tetrahedra(cuts, EDGE_M) if kind == "tet2" else cube_hexahedra(cuts, 2, EDGE_M)
+    return cube(cuts, kind[:3], EDGE_M)
 
 
 def ours(kind: str, cuts: int) -> Callable[[], Matrices]:

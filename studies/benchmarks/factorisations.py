@@ -22,8 +22,8 @@ from geometry.materials import MATERIALS
 from pipeline.batch.peak_memory import peak_bytes, resident_bytes
 from solvers.fem.factor.factoriser import Factoriser, available
 from solvers.fem.solid import SolidModel
+from studies import scenes
 from studies.benchmarks import in_a_process, timed
-from studies.benchmarks.meshes import cube_tetrahedra
 
 MODULE = "studies.benchmarks.factorisations"
 ALUMINIUM = MATERIALS["aluminium"]
@@ -47,7 +47,7 @@ def plate(length_m: float, rows: int, order: int, size_m: float) -> sp.csc_array
 
 def cube(cuts: int) -> sp.csc_array:
     """A free cube of quadratic tetrahedra."""
-    return _shifted(SolidModel(cube_tetrahedra(cuts), {"body": ALUMINIUM}, (), False), None)
+    return _shifted(SolidModel(scenes.cube(cuts), {"body": ALUMINIUM}, (), False), None)
 
 
 PROBLEMS: dict[str, Callable[[], sp.csc_array]] = {

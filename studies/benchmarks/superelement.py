@@ -197,11 +197,6 @@ def _receptances(ours: modal_overlap.Fields, theirs: modal_overlap.Fields) -> di
     }
 
 
-def measure() -> dict[str, Any]:
-    """Everything."""
-    return {"bands": bands(), "plates": plates()}
-
-
 def main() -> None:
     """Print it."""
     print("q  r  modes  degrees of freedom  error of bands 1-6  of bands 1-10")
