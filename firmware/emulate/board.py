@@ -16,6 +16,7 @@ import mmap
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,17 @@ HANDLER, PENDING, WINDOWS, SLOW, BACK = 0x44, 0x48, 0x4C, 0x50, 0x54  # words be
 NOTHING, WINDOWS_COUNT = 0x58, 0x60  # bx lr; slow steps so far
 
 
+@dataclass(frozen=True)
+class Chip:
+    """What may be unlike a sound F446: clocks that are dead, the overdrive's answer, the watchdog's clock, backup memory."""
+
+    dead_crystal: bool = False
+    dead_pll: bool = False
+    overdrive: int = OVERDRIVE_READY
+    lsi_hz: float = LSI_HZ
+    has_backup: bool = True
+
+
 class EmulatedBoard(Supervised):
     """The image and its peripherals in lock step; time moves by run(seconds). Builds say what a trigger does (_exchange)."""
 
@@ -80,20 +92,9 @@ class EmulatedBoard(Supervised):
     BUILD = "an_single_build"
     WORLD: tuple[str, ...] = ()  # attributes of a build that change as its time goes on
 
-    def __init__(
-        self,
-        image: Path,
-        sample_rate_hz: float,
-        dead_crystal: bool = False,
-        dead_pll: bool = False,
-        overdrive: int = OVERDRIVE_READY,
-        lsi_hz: float = LSI_HZ,
-        has_backup: bool = True,
-    ) -> None:
-        self.elf = Elf.read(image)
+    def __init__(self, image: Path, sample_rate_hz: float, chip: Chip) -> None:
+        self.elf, self.chip = Elf.read(image), chip
         self.sample_s = 1.0 / sample_rate_hz
-        self.dead_crystal, self.dead_pll, self.overdrive = dead_crystal, dead_pll, overdrive
-        self.lsi_hz = lsi_hz
         self.resets = 0
         self.time_s = 0.0
         self.on_window: Callable[[], None] | None = None
@@ -104,9 +105,9 @@ class EmulatedBoard(Supervised):
         self.memory = {start: self._shared(start, size) for start, size in _SHARED}
         self.uc.mmio_map(CONTROL, CONTROL_BYTES, self._control_read, None, self._control_write, None)
         self.sector = bytearray(b"\xff" * SECTOR_BYTES)
-        self.uc.mmio_map(SECTOR, SECTOR_BYTES, self._sector_read, None, self._sector_write, None)
-        self.backup = bytearray(BACKUP_BYTES if has_backup else 0)
-        self.uc.mmio_map(BACKUP, BACKUP_BYTES, self._backup_read, None, self._backup_write, None)
+        self.uc.mmio_map(SECTOR, SECTOR_BYTES, self._read_from(self.sector), None, self._sector_write, None)
+        self.backup = bytearray(BACKUP_BYTES if chip.has_backup else 0)
+        self.uc.mmio_map(BACKUP, BACKUP_BYTES, self._read_from(self.backup), None, self._backup_write, None)
         self._load()
         self._write_stubs()
         self.reset()
@@ -115,10 +116,10 @@ class EmulatedBoard(Supervised):
         """As the reset line, or the watchdog, does: peripherals clear, memory stays, the image starts anew."""
         for start in (APB1, APB2, AHB1, DMA, CORE):
             ctypes.memset(self._address(start), 0, dict(_SHARED)[start])
-        self.clock = Clock(self.dead_crystal, self.dead_pll, by_watchdog)
+        self.clock = Clock(self.chip.dead_crystal, self.chip.dead_pll, by_watchdog)
         self.flash = FlashController(SECTOR_NUMBER, self.sector, self._stall)
         self.bitten = self.hung = self.fast_lost = False
-        self.word(PWR_CSR).value = self.overdrive
+        self.word(PWR_CSR).value = self.chip.overdrive
         self.press(False)
         self.fed_s = self.sent_s = self.delivered_s = self.ticked_s = self.time_s
         self.received = bytearray()
@@ -322,7 +323,7 @@ class EmulatedBoard(Supervised):
             self.word(IWDG).value = 0
             self.fed_s = self.time_s
         prescaler, reload = self.word(IWDG + 4).value, self.word(IWDG + 8).value
-        self.bitten |= self.time_s - self.fed_s > (reload + 1) * (4 << prescaler) / self.lsi_hz
+        self.bitten |= self.time_s - self.fed_s > (reload + 1) * (4 << prescaler) / self.chip.lsi_hz
 
     def _stall(self, seconds: float) -> None:
         """The chip does nothing else while its flash memory is busy."""
@@ -368,23 +369,23 @@ class EmulatedBoard(Supervised):
         del self.incoming[:count]
 
     def _control_read(self, _: Uc, offset: int, size: int, __: Any) -> int:
-        part, start = (self.flash, FLASH_CONTROL) if offset >= FLASH_CONTROL else (self.clock, CLOCK_CONTROL)
+        part, start = self._controller(offset)
         return part.read(offset - start)
 
     def _control_write(self, _: Uc, offset: int, size: int, value: int, __: Any) -> None:
-        part, start = (self.flash, FLASH_CONTROL) if offset >= FLASH_CONTROL else (self.clock, CLOCK_CONTROL)
+        part, start = self._controller(offset)
         part.write(offset - start, value)
 
-    def _backup_read(self, _: Uc, offset: int, size: int, __: Any) -> int:
-        return int.from_bytes(self.backup[offset : offset + size], "little")
+    def _controller(self, offset: int) -> tuple[Clock | FlashController, int]:
+        return (self.flash, FLASH_CONTROL) if offset >= FLASH_CONTROL else (self.clock, CLOCK_CONTROL)
+
+    def _read_from(self, memory: bytearray) -> Callable[[Uc, int, int, Any], int]:
+        return lambda _, offset, size, __: int.from_bytes(memory[offset : offset + size], "little")
 
     def _backup_write(self, _: Uc, offset: int, size: int, value: int, __: Any) -> None:
         """Taken when the domain was unlocked and its clock is on."""
         if self.backup and self.word(PWR_CR).value >> 8 & 1 and self.clock.backup_is_clocked:
             self.backup[offset : offset + size] = value.to_bytes(size, "little")
-
-    def _sector_read(self, _: Uc, offset: int, size: int, __: Any) -> int:
-        return int.from_bytes(self.sector[offset : offset + size], "little")
 
     def _sector_write(self, _: Uc, offset: int, size: int, value: int, __: Any) -> None:
         self.flash.program(offset, size, value)

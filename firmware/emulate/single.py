@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from firmware.emulate.board import EmulatedBoard
+from firmware.emulate.board import Chip, EmulatedBoard
 from firmware.emulate.plant import Plate, PlateSimulation, adc_code, dac_level
 from firmware.host import load
 from firmware.protocol import RUN
@@ -23,7 +23,7 @@ class EmulatedSingle(EmulatedBoard):
         self.codes: list[int] | None = None
         self.stalls: list[tuple[bool, int]] = []  # flash memory busy: was the timer on, what was the DAC told
         self.reports: list[tuple[complex, complex, float]] = []
-        super().__init__(image, plate.sample_rate_hz, **options)
+        super().__init__(image, plate.sample_rate_hz, Chip(**options))
         ffi, _ = load()
         self.app = ffi.cast("an_single *", self.pointer("app"))
         self.on_window = self._report

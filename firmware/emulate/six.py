@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from firmware.emulate.beam import CHANNELS, Beam, BeamSimulation, Structure, adc_codes
-from firmware.emulate.board import EmulatedBoard
+from firmware.emulate.board import Chip, EmulatedBoard
 from firmware.host import load
 
 TIM1, TIM8 = 0x40010000, 0x40010400
@@ -34,7 +34,7 @@ class EmulatedSix(EmulatedBoard):
         self.history: list[list[int]] | None = None
         self.pulled = dict.fromkeys(BREAK_LINES, 0)
         self.stalls: list[bool] = []  # while the flash memory was busy: were the bridges driving
-        super().__init__(image, beam.sample_rate_hz, **options)
+        super().__init__(image, beam.sample_rate_hz, Chip(**options))
         ffi, _ = load()
         self.app = ffi.cast("an_six *", self.pointer("app"))
         self.compare = [self.word(timer + CCR1 + 4 * i) for timer in (TIM1, TIM8) for i in range(3)]

@@ -19,7 +19,7 @@ from pipeline.planning.request import driven_band_hz
 from pipeline.planning.simplifications import khz
 from pipeline.records.record import SampleRecord, SpreadRecord, ToleranceRecord
 from solvers.measures.levels import CONFINED_DB
-from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patched_plate import CLASSES
 from solvers.piezo.peaks import curve_about, near_hz, peak_of
 from solvers.piezo.pressure_load import PressedPlate
@@ -181,7 +181,7 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
     else:
         pressed = PressedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, design, model.name)
         with log.step("modes of the plate"):
-            forced = ForcedPlate(pressed, design, (0,), (), band, case.quality)
+            forced = ForcedPlate(pressed, design, Drive((0,), (), band, case.quality))
     with log.step("the space of the samples"):
         plate = VariedPlate(forced, reductions.families)
     log.info(f"{len(plate.pillars)} pillars, each of its own; {plate.size} nominal modes and answers hold every sample")

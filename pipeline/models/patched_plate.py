@@ -10,7 +10,7 @@ from pipeline.planning import foresight
 from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import driven_band_hz
 from pipeline.records.record import MeshRecord
-from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import PatchedPlate
 from solvers.superelement.build import PlateModel
@@ -45,4 +45,5 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
     if plate.undriven:
         log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")
     with log.step("modes of the patched plate"):
-        return ForcedPlate(plate, case.design, patches.drivers, patches.sensors, band_hz, case.quality, patches.circuit)
+        drive = Drive(patches.drivers, patches.sensors, band_hz, case.quality, patches.circuit)
+        return ForcedPlate(plate, case.design, drive)

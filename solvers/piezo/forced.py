@@ -88,24 +88,35 @@ class DrivenPlate(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Drive:
+    """Which patches drive and which listen, by number; the band; every mode's quality factor; what holds those that drive:
+    a voltage (short) or a charge (open). SolverError for what cannot drive.
+    """
+
+    drivers: tuple[int, ...]
+    sensors: tuple[int, ...]
+    band_hz: tuple[float, float]
+    quality: float
+    circuit: str = "short"
+
+    def __post_init__(self) -> None:
+        if not (self.quality > 0.0 and 0.0 < self.band_hz[0] < self.band_hz[1]):
+            raise SolverError(f"quality {self.quality}, band {self.band_hz} Hz: must be above 0 and ascending")
+        if not self.drivers:
+            raise SolverError("no patch drives: at least one must")
+        if self.circuit not in ("short", "open"):
+            raise SolverError(f"circuit {self.circuit!r}: must be short (a voltage drives) or open (a charge does)")
+
+
 class ForcedPlate:
     """A patched plate driven by some patches, one volt each with the wanted mode's signs; the others listen."""
 
-    def __init__(
-        self, plate: DrivenPlate, design: Design, drivers: tuple[int, ...], sensors: tuple[int, ...],
-        band_hz: tuple[float, float], quality: float, circuit: str = "short", margin: tuple[float, float] = MARGIN,
-    ) -> None:  # fmt: skip
-        if not (quality > 0.0 and 0.0 < band_hz[0] < band_hz[1]):
-            raise SolverError(f"quality {quality}, band {band_hz} Hz: must be above 0 and ascending")
-        if not drivers:
-            raise SolverError("no patch drives: at least one must")
-        if circuit not in ("short", "open"):
-            raise SolverError(f"circuit {circuit!r}: must be short (a voltage drives) or open (a charge does)")
-        self.plate, self.design, self.band_hz = plate, design, band_hz
-        self.drivers, self.sensors, self.loss = list(drivers), list(sensors), 1.0 / quality
-        self.circuit = circuit
+    def __init__(self, plate: DrivenPlate, design: Design, drive: Drive, margin: tuple[float, float] = MARGIN) -> None:
+        self.plate, self.design, self.band_hz, self.circuit = plate, design, drive.band_hz, drive.circuit
+        self.drivers, self.sensors, self.loss = list(drive.drivers), list(drive.sensors), 1.0 / drive.quality
         self.margin = margin
-        self.modes = [group_modes(group, band_hz, margin) for group in plate.groups]
+        self.modes = [group_modes(group, drive.band_hz, margin) for group in plate.groups]
         self.signs = self._wanted_signs()
 
     @cached_property
@@ -238,17 +249,13 @@ class ForcedPlate:
         """Operating shape on the whole touch face: points (q, 2) in m and complex u_z (q,) per volt, m/V."""
         eigenvalue = self.plate.scale.eigenvalue(frequency_hz)
         volts = self.volts(eigenvalue)
-        points, values = None, None
+        parts = []
         for basis in self.modes:
             motion = basis.columns @ basis.amplitudes(eigenvalue, self.loss, volts)
-            for part in (1.0, 1j):
-                real = np.real(motion) if part == 1.0 else np.imag(motion)
-                for symmetry, field in zip(basis.group.symmetries, basis.group.touch(real[:, None]), strict=True):
-                    whole_points, whole = _unfolded(field.points, field.values[:, 0], symmetry)
-                    points = whole_points
-                    values = part * whole if values is None else values + part * whole
-        assert points is not None and values is not None
-        return points, np.asarray(values)
+            fields = basis.group.touch(np.column_stack([motion.real, motion.imag]))
+            for symmetry, field in zip(basis.group.symmetries, fields, strict=True):
+                parts.append(_unfolded(field.points, field.values @ np.array([1.0, 1j]), symmetry))
+        return parts[0][0], np.asarray(sum(values for _, values in parts))
 
 
 def in_phase_signs(gain: FloatArray, drivers: list[int]) -> FloatArray:
@@ -276,7 +283,7 @@ def touch_grams(basis: GroupModes, design: Design) -> tuple[FloatArray, FloatArr
     return inside, outside
 
 
-def _unfolded(points: FloatArray, values: FloatArray, symmetry: str) -> tuple[FloatArray, FloatArray]:
+def _unfolded(points: FloatArray, values: ComplexArray, symmetry: str) -> tuple[FloatArray, ComplexArray]:
     for axis, mark in enumerate(symmetry):
         flip = np.ones(2)
         flip[axis] = -1.0

@@ -21,7 +21,7 @@ from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
 from solvers.control.resonance import half_power_quality
 from solvers.fem.assembly import assemble
 from solvers.piezo.circuit import circuit_shift, open_modes
-from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import _matrices, _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
@@ -124,7 +124,7 @@ def covered(pair: Pair, back: bool = True, circuit: str = "short") -> ForcedPlat
     box = np.array([-FREE.length_m / 2, FREE.length_m / 2, -FREE.width_m / 2, FREE.width_m / 2])
     plate = PatchedPlate(joined(pair.metal), [bonded_patch(pair.ceramic, box, THICK_M, back, 5e-3)], back)
     hz = free_even_hz(section(pair), FREE.length_m, 1, False)
-    return ForcedPlate(plate, FREE, (0,), (), (0.8 * hz, 1.25 * hz), 500.0, circuit)
+    return ForcedPlate(plate, FREE, Drive((0,), (), (0.8 * hz, 1.25 * hz), 500.0, circuit))
 
 
 def first_even(forced: ForcedPlate) -> tuple[float, float, float]:

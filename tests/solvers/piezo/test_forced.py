@@ -16,7 +16,7 @@ from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
 from solvers.errors import SolverError
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
-from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import _matrices, _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, coupled_classes
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
@@ -110,7 +110,7 @@ def test_a_middle_patch_keeps_the_classes_apart_and_a_lopsided_one_couples_all()
 def forced(
     boxes: np.ndarray, drivers: tuple[int, ...], sensors: tuple[int, ...], quality: float = 100.0
 ) -> ForcedPlate:
-    return ForcedPlate(patched(boxes, PZ26), DESIGN, drivers, sensors, (20e3, 45e3), quality)
+    return ForcedPlate(patched(boxes, PZ26), DESIGN, Drive(drivers, sensors, (20e3, 45e3), quality))
 
 
 TWO = np.array([[-9e-3, -3e-3, -2e-3, 2e-3], [3e-3, 9e-3, -2e-3, 2e-3]])
@@ -136,7 +136,7 @@ def test_the_plate_joined_whole_answers_as_its_mirror_classes() -> None:
     bonded = [bonded_patch(PZ26, box, THICK_M, True) for box in np.vstack([-LOPSIDED[:, [1, 0, 3, 2]], MIDDLE])]
     whole = AssembledPlate(model().tiling, model().cells, WHOLE)
     forced = [
-        ForcedPlate(PatchedPlate(plates, bonded, True), DESIGN, (0,), (1,), BAND_HZ, 100.0)
+        ForcedPlate(PatchedPlate(plates, bonded, True), DESIGN, Drive((0,), (1,), BAND_HZ, 100.0))
         for plates in ({WHOLE: whole}, joined())
     ]
     tones = np.linspace(12e3, 55e3, 40)
@@ -195,7 +195,7 @@ def test_a_patch_on_the_touch_face_bends_the_plate_the_other_way_than_one_on_the
 def test_what_cannot_be_driven_is_refused(change: dict, words: str) -> None:
     given = {"drivers": (0,), "sensors": (), "band_hz": (20e3, 40e3), "quality": 100.0} | change
     with pytest.raises(SolverError, match=words):
-        ForcedPlate(patched(MIDDLE, PZ26), DESIGN, **given)
+        Drive(**given)
 
 
 def test_no_patches_and_a_patch_beyond_the_plate_are_refused() -> None:

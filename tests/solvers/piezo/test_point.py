@@ -11,7 +11,7 @@ from geometry.hex.boxes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from geometry.piezo_materials import PIEZO_MATERIALS
-from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.piezo.point import loudest_point, point_response
@@ -30,7 +30,7 @@ def lopsided() -> ForcedPlate:
     model = PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, None, reduction))
     patch = bonded_patch(PIEZO_MATERIALS["pz26"], np.array([2e-3, 10e-3, -1e-3, 3e-3]), 0.3e-3, True)
     plate = PatchedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, [patch], True)
-    return ForcedPlate(plate, DESIGN, (0,), (), (20e3, 45e3), 100.0)
+    return ForcedPlate(plate, DESIGN, Drive((0,), (), (20e3, 45e3), 100.0))
 
 
 @pytest.mark.parametrize("place", [(7e-3, 3e-3), (-7e-3, 3e-3), (7e-3, -3e-3), (-7e-3, -3e-3)])

@@ -15,7 +15,7 @@ from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.errors import SolverError
 from solvers.measures.confinement import wanted_shape
-from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patched_plate import CLASSES
 from solvers.piezo.pressure_load import PressedPlate
 from solvers.superelement.build import PlateModel, ReductionSettings
@@ -39,7 +39,7 @@ def model(design: Design) -> tuple[PlateModel, VariedReductions]:
 
 def pressed(made: PlateModel, design: Design) -> ForcedPlate:
     plate = PressedPlate({symmetry: made.assembled(symmetry) for symmetry in CLASSES}, design, made.name)
-    return ForcedPlate(plate, design, (0,), (), BAND_HZ, QUALITY)
+    return ForcedPlate(plate, design, Drive((0,), (), BAND_HZ, QUALITY))
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ def faces(varied: VariedPlate, change: np.ndarray, tones: np.ndarray) -> np.ndar
 def widened() -> VariedPlate:
     have = stand()
     plate = PressedPlate({symmetry: have.made.assembled(symmetry) for symmetry in CLASSES}, DESIGN, have.made.name)
-    forced = ForcedPlate(plate, DESIGN, (0,), (), BAND_HZ, QUALITY, margin=(0.3, 2.5))
+    forced = ForcedPlate(plate, DESIGN, Drive((0,), (), BAND_HZ, QUALITY), margin=(0.3, 2.5))
     return VariedPlate(forced, have.reductions.families)
 
 
