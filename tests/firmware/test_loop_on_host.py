@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from firmware.emulate.plant import Plate, Resonance, hold
-from firmware.protocol import Fault
+from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
 from pipeline.board.table_file import Mode, ModeTable, to_bytes
 
 GUESS, TRUE, QUALITY, GAIN = 31400.0, 31437.3, 300.0, 0.8
@@ -25,7 +25,6 @@ PLATE = Plate(
 )
 DROOP = abs(hold(TRUE, 250e3))
 PERIOD, HALF_WINDOW = 200e-6, 92e-6
-IDENTIFY = 1
 
 
 def table(**changes) -> bytes:
@@ -46,6 +45,27 @@ def hosted(core):
 
 
 @pytest.fixture
+def swept(core):
+    """A plate in C, a hundred times as quick: for what takes seconds of the board's time; identified when it comes back."""
+    from tests.helpers.hosted_boards import Rig
+
+    def make(data: bytes, plate: Plate, seconds: float, reference: float = 0.0) -> Rig:
+        board = Rig(data, plate)
+        board.run(2e-3)
+        assert board.state == IDLE and board.rig.code == 2048
+        assert board.start(reference)
+        assert board.state == IDENTIFY
+        board.run_while(IDENTIFY, seconds)
+        return board
+
+    return make
+
+
+def gain_of(board) -> complex:
+    return complex(board.app.mode.gain.re, board.app.mode.gain.im)
+
+
+@pytest.fixture
 def settled(hosted):
     """Running at rest: reference zero, ringing gone."""
 
@@ -62,22 +82,18 @@ def settled(hosted):
     return make
 
 
-def test_unidentified_gain_is_swept_before_the_loop_closes(hosted) -> None:
-    board = hosted(table(), PLATE)
-    board.run(2e-3)
-    assert board.state == board.lib.AN_STATE_IDLE and board.code == 2048
-    assert board.start()
-    board.run_while(board.lib.AN_STATE_IDENTIFY, 3.0)
-    assert board.state == board.lib.AN_STATE_RUN
+def test_unidentified_gain_is_swept_before_the_loop_closes(swept) -> None:
+    board = swept(table(), PLATE, 3.0)
+    assert board.state == RUN
     mode = board.app.mode
     assert board.lib.an_dds_frequency(board.app.centre, 250e3) == pytest.approx(TRUE, abs=0.1)
     assert mode.tau_s == pytest.approx(TAU, rel=5e-3)
-    assert abs(board.gain) == pytest.approx(GAIN * DROOP, rel=5e-3)
+    assert abs(gain_of(board)) == pytest.approx(GAIN * DROOP, rel=5e-3)
     assert mode.delay_s == pytest.approx(9.3e-6, abs=5e-8)
-    assert board.gain.real == pytest.approx(0.0, abs=1e-3)
-    board.run(20e-3)
-    assert board.state == board.lib.AN_STATE_RUN
-    assert board.reports[-1][0] == pytest.approx(0.2 * GAIN * DROOP, rel=0.02)
+    assert gain_of(board).real == pytest.approx(0.0, abs=1e-3)
+    measured = board.windows(20e-3)["measured"]
+    assert board.state == RUN
+    assert measured[-1] == pytest.approx(0.2 * GAIN * DROOP, rel=0.02)
 
 
 @pytest.mark.parametrize("flags", [{"gain": -0.5j}, {"frequency_identified": True, "tau_identified": True}])
@@ -88,16 +104,13 @@ def test_what_was_only_computed_is_measured_first(hosted, flags: dict) -> None:
 
 
 @pytest.mark.parametrize("gains", [(0.48, -0.6), (-0.7, 0.3)])
-def test_strong_neighbours_slow_the_loop_instead_of_upsetting_it(hosted, gains: tuple[float, float]) -> None:
+def test_strong_neighbours_slow_the_loop_instead_of_upsetting_it(swept, gains: tuple[float, float]) -> None:
     neighbours = (Resonance(TRUE - 700.0, TAU, gains[0]), Resonance(TRUE + 900.0, TAU, gains[1]))
-    board = hosted(table(), replace(PLATE, resonances=(PLATE.resonances[0], *neighbours)))
-    board.run(1e-3)
-    assert board.start(0.1)
-    board.run_while(board.lib.AN_STATE_IDENTIFY, 4.0)
+    board = swept(table(), replace(PLATE, resonances=(PLATE.resonances[0], *neighbours)), 4.0, 0.1)
     assert board.app.neighbour == pytest.approx(max(map(abs, gains)) * DROOP, rel=0.15)
-    board.run(0.2)
-    assert board.state == board.lib.AN_STATE_RUN
-    assert board.reports[-1][0] == pytest.approx(0.1, rel=0.03)
+    measured = board.windows(0.2)["measured"]
+    assert board.state == RUN
+    assert measured[-1] == pytest.approx(0.1, rel=0.03)
 
 
 def step_response(board, reference: float, seconds: float = 20e-3) -> list[float]:
@@ -286,50 +299,35 @@ def test_stop_rests_within_two_windows(settled) -> None:
     assert board.state == board.lib.AN_STATE_IDLE and board.code == 2048
 
 
-def test_a_plate_without_resonance_fails_to_identify(hosted) -> None:
-    board = hosted(table(), replace(PLATE, resonances=(Resonance(60e3, 1e-4, 0.3),)))
-    board.run(1e-3)
-    assert board.start()
-    board.run_while(board.lib.AN_STATE_IDENTIFY, 6.0)
-    assert board.state == board.lib.AN_STATE_FAULT and board.faults == Fault.IDENTIFY
+def test_a_plate_without_resonance_fails_to_identify(swept) -> None:
+    board = swept(table(), replace(PLATE, resonances=(Resonance(60e3, 1e-4, 0.3),)), 6.0)
+    assert board.state == FAULT and board.faults == Fault.IDENTIFY
 
 
-def test_noise_is_not_taken_for_a_resonance(hosted) -> None:
-    board = hosted(table(), replace(PLATE, resonances=(Resonance(TRUE, TAU, 1e-4),), noise=0.05))
-    board.run(1e-3)
-    assert board.start()
-    board.run_while(IDENTIFY, 8.0)
-    assert board.state == board.lib.AN_STATE_FAULT and board.faults == Fault.IDENTIFY
+def test_noise_is_not_taken_for_a_resonance(swept) -> None:
+    board = swept(table(), replace(PLATE, resonances=(Resonance(TRUE, TAU, 1e-4),), noise=0.05), 8.0)
+    assert board.state == FAULT and board.faults == Fault.IDENTIFY
 
 
 @pytest.mark.parametrize("half_gap_hz", [30.0, 50.0, 80.0])
-def test_two_resonances_in_one_are_not_vouched_for(hosted, half_gap_hz: float) -> None:
+def test_two_resonances_in_one_are_not_vouched_for(swept, half_gap_hz: float) -> None:
     pair = tuple(Resonance(TRUE + side * half_gap_hz, TAU, 0.4) for side in (-1.0, 1.0))
-    board = hosted(table(), replace(PLATE, resonances=pair))
-    board.run(1e-3)
-    assert board.start()
-    board.run_while(IDENTIFY, 8.0)
-    assert board.state == board.lib.AN_STATE_FAULT and board.faults == Fault.IDENTIFY
+    board = swept(table(), replace(PLATE, resonances=pair), 8.0)
+    assert board.state == FAULT and board.faults == Fault.IDENTIFY
 
 
 @pytest.mark.parametrize("quality", [100.0, 900.0])
-def test_a_badly_guessed_quality_is_found_and_the_sweep_repeated(hosted, quality: float) -> None:
-    board = hosted(table(tau_s=quality / math.pi / GUESS), PLATE)
-    board.run(1e-3)
-    assert board.start()
-    board.run_while(IDENTIFY, 12.0)
-    assert board.state == board.lib.AN_STATE_RUN
+def test_a_badly_guessed_quality_is_found_and_the_sweep_repeated(swept, quality: float) -> None:
+    board = swept(table(tau_s=quality / math.pi / GUESS), PLATE, 12.0)
+    assert board.state == RUN
     assert board.app.mode.tau_s == pytest.approx(TAU, rel=5e-3)
-    assert abs(board.gain) == pytest.approx(GAIN * DROOP, rel=5e-3)
+    assert abs(gain_of(board)) == pytest.approx(GAIN * DROOP, rel=5e-3)
 
 
-def test_a_very_responsive_plate_is_probed_with_less(hosted) -> None:
-    board = hosted(table(), replace(PLATE, resonances=(Resonance(TRUE, TAU, 60.0),)))
-    board.run(1e-3)
-    assert board.start()
-    board.run_while(IDENTIFY, 4.0)
-    assert board.state == board.lib.AN_STATE_RUN
-    assert abs(board.gain) == pytest.approx(60.0 * DROOP, rel=0.02)
+def test_a_very_responsive_plate_is_probed_with_less(swept) -> None:
+    board = swept(table(), replace(PLATE, resonances=(Resonance(TRUE, TAU, 60.0),)), 4.0)
+    assert board.state == RUN
+    assert abs(gain_of(board)) == pytest.approx(60.0 * DROOP, rel=0.02)
 
 
 def test_values_out_of_range_do_not_start(hosted) -> None:

@@ -364,14 +364,14 @@ def test_timers_make_40_khz_with_dead_time_and_trigger_the_scan(make_six) -> Non
     assert not board.driving
 
 
-def test_pattern_over_the_line_on_the_emulated_board(make_six) -> None:
-    from tests.helpers.board_probes import EmulatedPort
+def test_pattern_over_the_line_on_the_emulated_board(make_six, core) -> None:
+    from tests.helpers.board_probes import EmulatedPort, hear_earlier
 
     board = make_six(table(matrix=seen_matrix()))
     client = Client(EmulatedPort(board))
     assert client.request(Kind.IDENTITY)[:4] == bytes([3, 6, 1, 1])
     client.request(Kind.START, struct.pack("<If", 1, 0.15))
-    for _ in range(3):
+    for _ in range(2):
         board.run(0.2)
         client.request(Kind.STATUS)
     assert board.driving and board.state == RUN
@@ -394,9 +394,11 @@ def test_pattern_over_the_line_on_the_emulated_board(make_six) -> None:
     with pytest.raises(BoardError, match="out of range"):
         client.choose(1)
     client.request(Kind.START, struct.pack("<If", 1, 0.15))
-    board.run(0.45)
+    board.run(10e-3)
+    hear_earlier(board, 0.44, (board.app.window + core.lib.AN_SIX_GAP) / 40e3)
+    board.run(10e-3)
     assert board.state == RUN
-    board.run(0.1)
+    board.run(60e-3)
     assert board.state == FAULT and board.faults == Fault.HOST_SILENT and not board.driving
 
 

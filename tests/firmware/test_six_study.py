@@ -37,24 +37,35 @@ def structure(model: ShapedBeam, noise: float = 1e-3) -> Structure:
     )
 
 
-@pytest.fixture
-def board(model, make_image, core):
-    pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.six import EmulatedSix
+@pytest.fixture(params=["here", pytest.param("image", marks=pytest.mark.slow)])
+def board(request, model, make_image, core):
+    """The core on this machine, which test_six compares with the image bit for bit; slow: the image itself."""
+    table = to_bytes(shaping_table(model, "displacement", (TONE,)))
+    if request.param == "here":
+        from tests.helpers.hosted_boards import HostedSix
 
-    table = shaping_table(model, "displacement", (TONE,))
-    emulated = EmulatedSix(make_image(to_bytes(table), "six").elf, structure(model))
-    emulated.run(5e-3)
-    return emulated
+        made = HostedSix(table, structure(model))
+    else:
+        pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
+        from firmware.emulate.six import EmulatedSix
+
+        made = EmulatedSix(make_image(table, "six").elf, structure(model))
+    made.run(5e-3)
+    return made
+
+
+def order(board, name: str, *arguments: float) -> int:
+    """A function of the application, on this machine or on the emulated board."""
+    if hasattr(board, "lib"):
+        return getattr(board.lib, name)(board.app, *arguments)
+    return board.call(name, board.symbol("app"), *arguments)
 
 
 def play(board, name: str, seconds: float = 0.4) -> np.ndarray:
     """Holds a pattern; returns the drives."""
     pattern = NAMES.index(name)
-    if board.state == 0:
-        assert board.call("an_six_start", board.symbol("app"), pattern, 0.0) == 1
-    else:
-        assert board.call("an_six_change", board.symbol("app"), pattern) == 1
+    arguments = ("an_six_start", pattern, 0.0) if board.state == 0 else ("an_six_change", pattern)
+    assert order(board, *arguments) == 1
     board.run(seconds)
     assert board.state == 2, hex(board.faults)
     return board.drives

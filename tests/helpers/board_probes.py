@@ -54,6 +54,12 @@ def peek(board: EmulatedBoard, address: int, length: int) -> bytes:
     return ctypes.string_at(board._address(address), length)
 
 
+def hear_earlier(board: EmulatedBoard, seconds: float, window_s: float) -> None:
+    """As if the host had been heard so much earlier: silence that need not be sat through."""
+    supervisor = board.app.base.supervisor
+    supervisor.heard = (supervisor.heard - round(seconds / window_s)) % 2**32
+
+
 def push_button(board: EmulatedBoard) -> None:
     """Pressed and let go, each for longer than a contact bounces."""
     for pressed in (True, False):
