@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from typing import Any
 
 from pipeline.workers import limit_threads
 
@@ -15,3 +16,11 @@ def pytest_configure() -> None:
     """Ctrl-C is heard: a shell's background job starts with it ignored, and so would every process started here."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """One line tells that pages were not looked at in a browser, and why."""
+    skipped = [report for report in terminalreporter.stats.get("skipped", ()) if "tests/browser" in report.nodeid]
+    if skipped:
+        reasons = sorted({str(report.longrepr[-1]).removeprefix("Skipped: ") for report in skipped})
+        terminalreporter.write_line(f"{len(skipped)} tests of pages in a browser were skipped: {'; '.join(reasons)}")

@@ -13,7 +13,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import legendre
-from scipy.optimize import linear_sum_assignment
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
@@ -71,6 +70,8 @@ def mac_matrix(first: FloatArray, second: FloatArray) -> FloatArray:
 
 def step(first: Shapes, second: Shapes, row: int) -> Step:
     """Follow one mode of the first plate into the second."""
+    from scipy.optimize import linear_sum_assignment  # a third of a second that readers of records need not wait for
+
     if not len(second.frequency_hz):
         return Step(None, 0.0, 0.0)
     mac = mac_matrix(first.coefficients, second.coefficients)

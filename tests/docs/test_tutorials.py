@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from pipeline.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
@@ -30,7 +33,7 @@ def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(line, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
 
 
-SLOW = {"how-many-rows", "own-pillar"}  # each most of a minute
+SLOW = {"how-many-rows", "own-pillar", "first-plate", "table-to-board"}  # up to most of a minute
 PAGES = [
     pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in SLOW else [])
     for page in TUTORIALS
@@ -44,6 +47,17 @@ def test_a_tutorial_runs(page: Path, tmp_path: Path) -> None:
     for line in commands(page):
         ended = shell(line, tmp_path)
         assert ended.returncode == 0, f"{line}\n{ended.stdout[-800:]}\n{ended.stderr[-1500:]}"
+
+
+@pytest.mark.parametrize("page", [page for page in TUTORIALS if commands(page)], ids=lambda page: page.stem)
+def test_every_command_of_a_tutorial_is_one_that_there_is(page: Path) -> None:
+    """Its options too, and the case files that it names: quicker than running them."""
+    for words in (shlex.split(line) for line in commands(page)):
+        if words[0] == "antinode":
+            assert main._parser().parse_args(words[1:]).command == words[1]
+            assert all((ROOT / word).is_file() for word in words if word.startswith("examples/"))
+        else:
+            assert words[:2] in (["python", "-c"], ["python", "-m"])
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)

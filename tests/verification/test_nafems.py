@@ -10,6 +10,7 @@ from itertools import pairwise
 from math import log, pi, sin
 
 import numpy as np
+import pytest
 import scipy.sparse as sp
 from numpy.polynomial import legendre
 
@@ -69,6 +70,7 @@ def test_fv32_the_published_frequencies_lie_between_the_converged_and_the_quadra
     check_membrane()
 
 
+@pytest.mark.slow
 def test_fv32_two_independent_sequences_of_meshes_meet() -> None:
     cubic, quartic = membrane_hz((12, 6), 3, 1), membrane_hz((8, 4), 4, 1)
     assert np.abs(cubic / quartic - 1.0).max() < 1e-5  # a fiftieth of what separates the published values

@@ -13,6 +13,7 @@ from pipeline.analysis import cross_check
 from pipeline.case.model import load_case
 from pipeline.cli import main
 from pipeline.models.cell_cache import CellCache
+from pipeline.planning import mesh_rules
 from solvers.errors import TooLarge
 from solvers.fem import eigen
 from solvers.fem.factor import factoriser
@@ -48,6 +49,7 @@ def scipy_alone(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(factoriser, name, absent)
     monkeypatch.setattr(CellCache, "get", lambda self, key: REDUCED.get(key))
     monkeypatch.setattr(CellCache, "put", lambda self, key, cell: REDUCED.setdefault(key, cell))
+    monkeypatch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: coarse_cells.COARSE)
 
 
 def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
@@ -67,8 +69,7 @@ def test_modes_are_found_counted_and_clean(what: str, capsys: pytest.CaptureFixt
     assert max(mode["residual"] for mode in result["modes"]) <= eigen.CLEAN
 
 
-def test_bands_and_attenuation_are_found(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    coarse_cells.put_in(monkeypatch)
+def test_bands_and_attenuation_are_found(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(answer(capsys, "bands", SMALL, *BANDS)["points"]) == 4
     points = answer(capsys, "attenuation", SMALL, *COARSE, "--band", "30kHz:30.5kHz")["points"]
     assert all(point["db_per_row"] is not None for point in points)

@@ -195,7 +195,7 @@ def test_truncated_is_a_subspace_and_lies_above() -> None:
 
 @pytest.mark.parametrize("count", [6, 10])
 @pytest.mark.parametrize("top_hz", [1.17e6, 1.5e6])
-@pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3), (8e-3, 8e-3)])
+@pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3), pytest.param((8e-3, 8e-3), marks=pytest.mark.slow)])
 def test_the_estimate_bounds_the_reductions_error(pitch: tuple[float, float], top_hz: float, count: int) -> None:
     """Against the same mesh, not reduced; and it is no more than some times the truth, or it would be of no use."""
     one = lattice(pitch, True, top_hz * 4e-3 / max(pitch), Interface(6 if pitch[0] > 5e-3 else 4, 3))
