@@ -1,7 +1,7 @@
 """Confining vibration to a part of a structure: targets at sensors, ratios of the field, and the best that is possible.
 
 peak ratio = max |w| inside/max |w| outside; contrast = rms |w| inside/rms |w| outside. Over all voltages the contrast is
-largest for the first eigenvector of G_in V = c^2 G_out V, G = F' diag(weights) F (acoustic contrast control, choi2002).
+largest for the first eigenvector of G_in V = c^2 G_out V, G = F' F/points (acoustic contrast control, choi2002).
 """
 
 from __future__ import annotations
@@ -58,31 +58,29 @@ def region_target(region: str, count: int, alternate: bool = False) -> ComplexAr
     return target
 
 
-def contrast(displacement: ComplexArray, inside: BoolArray, weights: FloatArray | None = None) -> Contrast:
-    """Ratios of a field (p,) over points; weights (p,): the area or length each stands for, equal if not given.
+def contrast(displacement: ComplexArray, inside: BoolArray) -> Contrast:
+    """Ratios of a field (p,) over points that stand for equal lengths.
 
     SolverError when a side has no point or nothing moves outside and inside.
     """
-    share = _weights(inside, weights)
+    _check_sides(inside)
     size = np.abs(displacement)
     if not size.any():
         raise SolverError("the field is zero everywhere: nothing can be said about its confinement")
-    power = [float(np.average(size[side] ** 2, weights=share[side])) for side in (inside, ~inside)]
+    power = [float(np.mean(size[side] ** 2)) for side in (inside, ~inside)]
     with np.errstate(divide="ignore"):
         peak = np.float64(size[inside].max()) / size[~inside].max()
         return Contrast(float(peak), float(np.sqrt(np.float64(power[0]) / power[1])))
 
 
-def best_contrast(
-    field: ComplexArray, inside: BoolArray, weights: FloatArray | None = None, alpha: float = 0.0
-) -> ComplexArray:
+def best_contrast(field: ComplexArray, inside: BoolArray, alpha: float = 0.0) -> ComplexArray:
     """Voltages (a,) of the largest contrast for a field (p, a) per volt, largest voltage 1 V.
 
     alpha^2 mean(diag G_out) |V|^2 is added to the outside, so that large voltages for little motion are left alone.
     SolverError when a side has no point, or the outside cannot resist (fewer points than actuators) without alpha.
     """
-    share = _weights(inside, weights)
-    gram_in, gram_out = (_gram(field[side], share[side] / share[side].sum()) for side in (inside, ~inside))
+    _check_sides(inside)
+    gram_in, gram_out = (field[side].conj().T @ field[side] / len(field[side]) for side in (inside, ~inside))
     size = field.shape[1]
     gram_out = gram_out + alpha**2 * float(np.trace(gram_out).real) / size * np.eye(size)
     spread = np.linalg.eigvalsh(gram_out)
@@ -95,11 +93,6 @@ def best_contrast(
     return np.asarray(best / np.abs(best).max())
 
 
-def _gram(field: ComplexArray, share: FloatArray) -> ComplexArray:
-    return np.asarray(field.conj().T @ (share[:, None] * field))
-
-
-def _weights(inside: BoolArray, weights: FloatArray | None) -> FloatArray:
+def _check_sides(inside: BoolArray) -> None:
     if inside.all() or not inside.any():
         raise SolverError("confinement compares two sides: some points must lie inside and some outside")
-    return np.ones(len(inside)) if weights is None else np.asarray(weights, dtype=float)

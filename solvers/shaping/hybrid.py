@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from geometry.elements import BoolArray, ComplexArray, FloatArray
+from geometry.elements import BoolArray, ComplexArray
 from solvers.errors import SolverError
 from solvers.shaping.acoustic_contrast import best_contrast, contrast
 from solvers.shaping.modal_table import ModalTable, field_matrix
@@ -65,9 +65,7 @@ class Confined:
     voltages: ComplexArray
 
 
-def confinement(
-    table: ModalTable, frequency_hz: float, inside: BoolArray, driver: int, weights: FloatArray | None = None
-) -> Confined:
+def confinement(table: ModalTable, frequency_hz: float, inside: BoolArray, driver: int) -> Confined:
     """Confinement to the points inside (p,) by one actuator and by all; errors as best_contrast and receptance.
 
     SolverError for a driver that is not in the table.
@@ -75,8 +73,8 @@ def confinement(
     if not 0 <= driver < table.actuator_count:
         raise SolverError(f"driver {driver}: must be from 0 to {table.actuator_count - 1}")
     field = field_matrix(table, frequency_hz)
-    voltages = best_contrast(field, inside, weights)
-    alone, shaped = contrast(field[:, driver], inside, weights), contrast(field @ voltages, inside, weights)
+    voltages = best_contrast(field, inside)
+    alone, shaped = contrast(field[:, driver], inside), contrast(field @ voltages, inside)
     return Confined(frequency_hz, alone.contrast_db, shaped.contrast_db, voltages)
 
 

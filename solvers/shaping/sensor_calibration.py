@@ -12,8 +12,6 @@ import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
-from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
-from solvers.shaping.monte_carlo import unit_phasors
 
 NODE = 0.05  # of the largest amplitude: a sensor below it stands too near a node to be calibrated on this wave
 
@@ -75,35 +73,3 @@ def _refuse_nodes(values: ComplexArray, verb: str) -> None:
             f"calibration: sensor {low[0] + 1} sits on a node of this wave (it {verb} {size[low[0]]:.3g} against "
             f"{size.max():.3g} elsewhere); use another mode or move it"
         )
-
-
-@dataclass(frozen=True)
-class Chain:
-    """A measuring chain: complex gains (s,) on the sensors' voltages, noise_v rms of each measured phasor, V."""
-
-    gains: ComplexArray
-    noise_v: float = 0.0
-    noise_m: float = 0.0
-
-
-def simulate_standing_wave(
-    table: ModalTable, frequency_hz: float, drives_v: FloatArray, actuator: int, chain: Chain, seed: int = 1
-) -> Measured:
-    """What laser and sensors would show for one actuator driven at several voltages; the table's points are the sensors.
-
-    noise_m, noise_v: rms of the complex phasors. SolverError for another actuator than there is, or points that are not
-    one per sensor; as receptance.
-    """
-    if not 0 <= actuator < table.actuator_count:
-        raise SolverError(f"actuator {actuator}: must be from 0 to {table.actuator_count - 1}")
-    if len(table.points_m) != table.sensor_count:
-        raise SolverError(
-            f"{len(table.points_m)} points for {table.sensor_count} sensors: give the points at the sensors"
-        )
-    random = np.random.default_rng(seed)
-    drives = np.asarray(drives_v, dtype=float)[:, None]
-    w = drives * field_matrix(table, frequency_hz)[:, actuator]
-    v = drives * sensor_matrix(table, frequency_hz)[:, actuator] * chain.gains
-    return Measured(
-        w + chain.noise_m * unit_phasors(random, w.shape), v + chain.noise_v * unit_phasors(random, v.shape)
-    )

@@ -10,7 +10,7 @@ import numpy as np
 from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
 from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
-from solvers.shaping.sensor_calibration import Calibration, Chain, Measured, calibrate, simulate_standing_wave
+from solvers.shaping.sensor_calibration import Calibration, Measured, calibrate
 from solvers.shaping.travelling_wave import free_wavelength_m
 from solvers.shaping_study.ideal_beam import point_beam_table
 from solvers.shaping_study.patched_beam import PatchedBeam, beam_table, section
@@ -84,13 +84,12 @@ def pointed(name: str, beam: PatchedBeam, modes: int) -> ShapedBeam:
     return ShapedBeam(name, beam, point_beam_table(beam, modes, points_m=_points(beam)), None, None)
 
 
-def standing_wave(places: ModalTable, mode: int, chain: Chain | None = None, seed: int = 1) -> Measured:
-    """Simulated measurement at a mode's frequency, 1 to 10 V on the actuator that drives it most; an ideal chain if none."""
-    actuator = int(np.argmax(np.abs(places.actuators[mode])))
-    ideal = Chain(np.ones(places.sensor_count, dtype=complex))
-    return simulate_standing_wave(
-        places, float(places.frequencies_hz[mode]), np.linspace(1.0, 10.0, 10), actuator, chain or ideal, seed
-    )
+def standing_wave(places: ModalTable, mode: int) -> Measured:
+    """What laser and sensors show at a mode's frequency, 1 to 10 V on the actuator that drives it most."""
+    actuator, frequency = int(np.argmax(np.abs(places.actuators[mode]))), float(places.frequencies_hz[mode])
+    drives = np.linspace(1.0, 10.0, 10)[:, None]
+    shown = (matrix(places, frequency)[:, actuator] for matrix in (field_matrix, sensor_matrix))
+    return Measured(*(drives * column for column in shown))
 
 
 def _points(beam: PatchedBeam) -> FloatArray:

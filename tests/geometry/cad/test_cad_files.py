@@ -3,7 +3,6 @@
 from dataclasses import replace
 from math import atan, degrees, pi
 
-import cadquery as cq
 import numpy as np
 import pytest
 import trimesh
@@ -90,6 +89,8 @@ def test_unreadable_stl_is_one_clear_line(tmp_path):
 
 def test_overhang_of_a_cone_on_its_tip_and_of_a_ceiling():
     """A cone on its tip leans out by atan(radius / height); a lid on a post is a ceiling of 90 degrees."""
+    import cadquery as cq
+
     for radius in (0.5, 2.0):
         cone = trimesh.creation.cone(radius, 1.0, sections=256)
         cone.apply_transform(np.diag([1.0, -1.0, -1.0, 1.0]))
@@ -152,6 +153,8 @@ def test_3mf_metadata_outside_the_specification_is_refused(tmp_path):
 
 @pytest.mark.parametrize("scene", SCENES, ids=["square", "round"])
 def test_step_reads_back_as_the_same_solid(tmp_path, scene, capfd):
+    import cadquery as cq
+
     body = plate_solid(scene)
     write_step(body, tmp_path / "plate.step", "plate")
     assert capfd.readouterr().out == ""
@@ -162,6 +165,8 @@ def test_step_reads_back_as_the_same_solid(tmp_path, scene, capfd):
 
 
 def test_bonded_materials_are_not_printed_but_kept_apart_in_step(tmp_path):
+    import cadquery as cq
+
     scene = design()
     scene = replace(scene, pillar=replace(scene.pillar, material=BRASS))
     body = plate_solid(scene)
