@@ -76,8 +76,8 @@ def chosen_programmer(name: str | None) -> tuple[Programmer, list[str]]:
         call = one.call()
         if call is not None:
             return one, call
-    ways = "; ".join(f"{one.name} ({one.install})" for one in wanted)
-    raise FlashError(f"no programmer is here: install {ways}; or copy the .bin onto the drive that a Nucleo shows", 5)
+    offers = "; ".join(f"{one.name} ({one.install})" for one in wanted)
+    raise FlashError(f"no programmer is here: install {offers}; or copy the .bin onto the drive that a Nucleo shows", 5)
 
 
 def image_to_write(variant: str, folder: Path, keep_table: bool) -> Path:

@@ -98,7 +98,7 @@ def verdict(outcome: Result) -> str:
 
 
 def result(pencil: Pencil, modes: Modes, reference_hz: float, promised: float = PROMISED, **more: Any) -> Result:
-    """What is told of the mode nearest to the reference."""
+    """Figures of the mode nearest to the reference."""
     index = int(np.argmin(np.abs(modes.frequency_hz - reference_hz)))
     return {
         "value_hz": float(modes.frequency_hz[index]),
@@ -277,7 +277,7 @@ def mixed_units(thickness_mm: float) -> Result:
 
 
 def million(shape: str) -> Result:
-    """A million unknowns: a slab that fits into memory, a block that does not."""
+    """A million degrees of freedom: a slab that fits into memory, a block that does not."""
     if shape == "slab":
         edges, cuts, order = (PLATE_M, PLATE_M, PLATE_M / 50.0), (165, 165, 1), 2
     else:

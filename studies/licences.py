@@ -225,7 +225,7 @@ def lists() -> str:
     return "\n".join(
         [
             _reciprocal(list(packages.values()), homes),
-            _effective_mass(list(packages.values())),
+            _inside(list(packages.values())),
             _listed("Always installed", packages, always),
             *own,
         ]
@@ -241,7 +241,7 @@ def _reciprocal(packages: list[Package], homes: dict[str, list[str]]) -> str:
     return _table("Declared: terms beyond a notice", ("family", "package", "version", "declares", "installed"), rows)
 
 
-def _effective_mass(packages: list[Package]) -> str:
+def _inside(packages: list[Package]) -> str:
     rows = [(one.name, *inside) for one in packages for inside in one.inside]
     return _table("Carried inside: terms beyond a notice", ("package", "inside", "terms", "seen as"), rows)
 

@@ -83,17 +83,17 @@ class Client:
 
     def status(self) -> SingleStatus | SixStatus:
         """What the board does now; also tells it that the host is alive."""
-        with _told(Kind.STATUS):
+        with _in_words(Kind.STATUS):
             return parse_status(self.request(Kind.STATUS))
 
     def identity(self) -> Identity:
         """Which build the board runs, and which table it has."""
-        with _told(Kind.IDENTITY):
+        with _in_words(Kind.IDENTITY):
             return parse_identity(self.request(Kind.IDENTITY))
 
     def health(self) -> Health:
         """Clock, longest interrupts, what was unexpected since power-on."""
-        with _told(Kind.HEALTH):
+        with _in_words(Kind.HEALTH):
             return parse_health(self.request(Kind.HEALTH))
 
     def identify(self) -> None:
@@ -157,7 +157,7 @@ class Client:
 
     def captured(self, start: int) -> Captured:
         """A part of the capture, from a word on."""
-        with _told(Kind.CAPTURED):
+        with _in_words(Kind.CAPTURED):
             return parse_captured(self.request(Kind.CAPTURED, struct.pack("<I", start)))
 
     def upload(self, table: bytes) -> None:
@@ -216,7 +216,7 @@ class Client:
 
     def _keep(self, message: Message) -> None:
         if message.kind == LOG_RECORDS:
-            with _told(Kind.LOG):
+            with _in_words(Kind.LOG):
                 self.records += parse_log(message.payload)
 
     def _accepted(self, kind: Kind, reply: Message) -> bytes:
@@ -224,7 +224,7 @@ class Client:
             raise BoardError(f"{kind.name.lower()}: an empty reply, {OTHER_VERSION}")
         result, more = reply.payload[0], reply.payload[1:]
         if result == Result.OK:
-            with _told(kind):
+            with _in_words(kind):
                 check_length(kind, more)
             return more
         raise Refused(f"{kind.name.lower()}: {_refusal(result, more)}")
@@ -234,7 +234,7 @@ OTHER_VERSION = "so the image may be of another version than this client"
 
 
 @contextmanager
-def _told(kind: Kind) -> Iterator[None]:
+def _in_words(kind: Kind) -> Iterator[None]:
     """Turns what the protocol does not allow into words for the one who asked."""
     try:
         yield

@@ -88,8 +88,10 @@ class PlateSimulation:
         self.decays = [cmath.exp(pole * self.period_s) for pole in self.poles]
         whole, part = divmod(plate.delay_s / self.period_s, 1.0)
         late_s = part * self.period_s
-        self.push_new = [_held(pole, self.period_s - late_s) for pole in self.poles]
-        self.push_old = [_held(pole, self.period_s) - new for pole, new in zip(self.poles, self.push_new, strict=True)]
+        self.push_new = [_hold_response(pole, self.period_s - late_s) for pole in self.poles]
+        self.push_old = [
+            _hold_response(pole, self.period_s) - new for pole, new in zip(self.poles, self.push_new, strict=True)
+        ]
         self.line = [0.0] * (int(whole) + 2)
         self.random = random.Random(seed)
 
@@ -123,7 +125,7 @@ def _residue(resonance: Resonance, displacement: bool) -> complex:
     return 2.0 * resonance.gain * numerator / (pole - pole.conjugate())
 
 
-def _held(pole: complex, seconds: float) -> complex:
+def _hold_response(pole: complex, seconds: float) -> complex:
     """Response of z' = p z + u after u = 1 was held for so long."""
     return (cmath.exp(pole * seconds) - 1.0) / pole
 

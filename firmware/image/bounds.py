@@ -105,12 +105,12 @@ class Code:
             under_way.add(place)
             step = self.step(at, left > 0)
             after = self.block_left(at, left)
-            ways = [walk(target, 0) for target in step.targets]
+            paths = [walk(target, 0) for target in step.targets]
             if step.falls_through:
-                ways.append(walk(at + step.size, after))
+                paths.append(walk(at + step.size, after))
             called = self.longest(step.call) if step.call is not None else 0
             under_way.discard(place)
-            result[place] = 1 + called + max(ways, default=0)
+            result[place] = 1 + called + max(paths, default=0)
             return result[place]
 
         sys.setrecursionlimit(20000)

@@ -21,13 +21,13 @@ MAX_BRANCHES = 200  # across one side: beyond, the volume alone counts
 
 
 def plate_modes(
-    frequency_hz: float, length_m: float, width_m: float, thickness_m: float, material: Material, held_m: float = 0.0
+    frequency_hz: float, length_m: float, width_m: float, thickness_m: float, material: Material, clamped_m: float = 0.0
 ) -> float:
-    """Modes below a frequency of a rectangular plate, `held_m` of its rim clamped: (A k^2 - R k)/(4 pi) + 1/4 a branch."""
+    """Modes below a frequency of a rectangular plate, `clamped_m` of its rim clamped: (A k^2 - R k)/(4 pi) + 1/4 a branch."""
     area, waves = length_m * width_m, _branches(frequency_hz, thickness_m, material)
-    if not held_m:
+    if not clamped_m:
         return area * sum(k * k for k in waves) / (4.0 * pi)
-    counts = [(area * k * k - held_m * k) / (4.0 * pi) + 0.25 for k in waves]
+    counts = [(area * k * k - clamped_m * k) / (4.0 * pi) + 0.25 for k in waves]
     return sum(count for count in counts if count >= SOME)
 
 

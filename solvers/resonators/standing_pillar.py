@@ -50,7 +50,7 @@ def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0
     """
     beam = pillar_beam(pillar, about_x=True)
     s, weight, ratio = _rule(beam)
-    shapes, slopes = _held(s)
+    shapes, slopes = _clamped(s)
     zero, length = np.zeros_like(shapes), beam.length_m
     deflection, turn = np.hstack([shapes, zero]), np.hstack([zero, shapes])
     shear = np.hstack([slopes / length, -shapes])
@@ -72,7 +72,7 @@ def lifting_effective_mass(pillar: Pillar) -> EffectiveMass:
     """The foot moves along the pillar's axis, the pillar stretches."""
     beam = pillar_beam(pillar, about_x=True)
     s, weight, ratio = _rule(beam)
-    shapes, slopes = _held(s)
+    shapes, slopes = _clamped(s)
     stretch = pillar.material.young_pa * pillar.form.section.area_m2
     heavy = weight * beam.mass_kg_m * ratio**2
     stiffness = _gram(slopes / beam.length_m, slopes / beam.length_m, weight * stretch * ratio**2)
@@ -87,7 +87,7 @@ def _rule(beam: Beam) -> tuple[FloatArray, FloatArray, FloatArray]:
     return s, weights * beam.length_m / 2.0, ratio
 
 
-def _held(s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _clamped(s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """s P_k(2 s - 1), zero at the foot, and derivatives over s, (points, DEGREE)."""
     series = np.eye(DEGREE)
     value = legendre.legval(2.0 * s - 1.0, series).T

@@ -134,28 +134,28 @@ def _with_rows(
     turning, lifting = bending_effective_mass(design.pillar, lever_m, compliance), lifting_effective_mass(design.pillar)
     for y in design.row_centres():
         node = int(np.argmin(np.abs(nodes - y)))
-        for carried, unknown, factor in (
+        for body, dof, factor in (
             (lifting, 2 * node, 1.0),
             (turning, 2 * node + 1, 1.0),
             (turning, 2 * node, kx),
         ):
-            stiffness, mass = _standing(stiffness, mass, carried, unknown, factor, density)
+            stiffness, mass = _standing(stiffness, mass, body, dof, factor, density)
     return stiffness, mass
 
 
 def _standing(
-    stiffness: FloatArray, mass: FloatArray, carried: EffectiveMass, unknown: int, factor: float, density: float
+    stiffness: FloatArray, mass: FloatArray, body: EffectiveMass, dof: int, factor: float, density: float
 ) -> tuple[FloatArray, FloatArray]:
-    """`density` pillars per length whose foot moves by `factor` times an unknown; their own modes are appended."""
-    old, count = len(stiffness), len(carried.omega)
+    """`density` pillars per length whose foot moves by `factor` times an dof; their own modes are appended."""
+    old, count = len(stiffness), len(body.omega)
     out = [np.zeros((old + count,) * 2) for _ in range(2)]
     for matrix, given in zip(out, (stiffness, mass), strict=True):
         matrix[:old, :old] = given
     own = np.arange(old, old + count)
-    out[0][own, own] = density * carried.omega**2
+    out[0][own, own] = density * body.omega**2
     out[1][own, own] = density
-    out[1][unknown, unknown] += density * carried.inertia * factor**2
-    out[1][unknown, own] = out[1][own, unknown] = density * factor * carried.coupling
+    out[1][dof, dof] += density * body.inertia * factor**2
+    out[1][dof, own] = out[1][own, dof] = density * factor * body.coupling
     return out[0], out[1]
 
 

@@ -46,7 +46,7 @@ def orthogonality(matrix: ComplexArray) -> FloatArray:
 
 
 def coupling_index(matrix: ComplexArray) -> float:
-    """||I - ORT||_2/(N - 1), from 0 (orthogonal rows) to 1 (all parallel); SolverError below two rows or for a silent one."""
+    """||I - ORT||_2/(N - 1), 0 (orthogonal rows) to 1 (all parallel); SolverError below two rows or for an undriven row."""
     if len(matrix) < 2:
         raise SolverError("the coupling index compares sensors: it needs two or more")
     modal_overlap = orthogonality(matrix)

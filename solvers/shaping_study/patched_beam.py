@@ -226,10 +226,10 @@ def _edge_rows(beam: PatchedBeam, nodes: FloatArray) -> tuple[FloatArray, FloatA
 
 def _free(beam: PatchedBeam, nodes: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Degrees of freedom of u and of (w, w') that the ends leave free."""
-    held_u: list[int] = []
-    held_w: list[int] = []
+    fixed_u: list[int] = []
+    fixed_w: list[int] = []
     for end, node in zip(beam.ends, (0, nodes - 1), strict=True):
         u, w, slope = CONSTRAINED[end]
-        held_u += [2 * node] * u
-        held_w += [2 * node] * w + [2 * node + 1] * slope
-    return np.setdiff1d(np.arange(2 * nodes - 1), held_u), np.setdiff1d(np.arange(2 * nodes), held_w)
+        fixed_u += [2 * node] * u
+        fixed_w += [2 * node] * w + [2 * node + 1] * slope
+    return np.setdiff1d(np.arange(2 * nodes - 1), fixed_u), np.setdiff1d(np.arange(2 * nodes), fixed_w)

@@ -24,7 +24,7 @@ from solvers.shaping.travelling_wave import (
 from solvers.shaping_study.model import LINE, ShapedBeam, Signal
 
 TARGETS = {"in phase": False, "alternating": True}
-NEAR_FIELD = 0.1  # what is left of the ends' near field, e^{-kx}, where the travelling wave is judged
+NEAR_FIELD = 0.1  # what is left of the ends' near field, e^{-kx}, where the travelling wave is evaluated
 MICROMETRE = 1e-6
 
 
@@ -76,7 +76,7 @@ def confine(model: ShapedBeam, signal: Signal, frequency_hz: float, limit_v: flo
 
 @dataclass(frozen=True)
 class Travelling:
-    """TWR (n,) over wavelengths (n,) for equal amplitudes at the sensors, and by the two-wave fit, judged over window_m.
+    """TWR (n,) over wavelengths (n,) for equal amplitudes at the sensors, and by the two-wave fit, evaluated over window_m.
 
     best_twr, best_fit, best_residual: amplitude and phase of all actuators free; best_volts: its relative voltages.
     """
@@ -115,7 +115,7 @@ def sweep(
 
 
 def travel(model: ShapedBeam, signal: Signal, frequency_hz: float, wavelengths_m: FloatArray) -> Travelling:
-    """Travelling waves at one frequency, judged where the ends' near field has fallen to a tenth."""
+    """Travelling waves at one frequency, evaluated where the ends' near field has fallen to a tenth."""
     k = 2.0 * pi / model.free_wavelength_m(frequency_hz)
     window = travel_window(model, frequency_hz)
     inside = inner_window(model.line_m, *window)

@@ -92,7 +92,7 @@ SCENES = (
 def run(scene: Scene, mesh: MeshLevel | None, patience_s: float | None = None) -> tuple[float, list[float]]:
     """Seconds of the whole command, and its frequencies in Hz; infinity and none where it took longer than the patience."""
     with tempfile.TemporaryDirectory() as folder:
-        entry = Path(folder) / "told.json"
+        entry = Path(folder) / "answer.json"
         settings = [f"solve.accuracy={scene.accuracy}", *scene.overrides]
         case = Path(folder) / "scene.toml"
         case.write_text(CASE)
@@ -135,7 +135,7 @@ def error(measured: list[float], reference: list[float], band: bool) -> float:
 
 
 def part_of(scene: Scene) -> str:
-    """Whose ladder of meshes the scene climbs."""
+    """Whose ladder of meshes the scene is solved by."""
     words = scene.command
     return words[words.index("--part") + 1] if "--part" in words else "cell"
 

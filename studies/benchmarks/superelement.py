@@ -114,8 +114,8 @@ def plates(with_solid: bool = True) -> dict[str, Any]:
     cache = Cache()
     peak_memory.restart()
     before, start = peak_memory.resident_bytes(), time.perf_counter()
-    joined = PlateModel(design, reductions(design, reduction, cache))
-    measured = _all_classes(joined)
+    assembled = PlateModel(design, reductions(design, reduction, cache))
+    measured = _all_classes(assembled)
     entry["one row + 5 mm (s)"] = time.perf_counter() - start
     entry["one row + 5 mm (MB)"] = (peak_memory.peak_bytes() - before) / 1e6
     entry["one row + 5 mm, modes"] = sum(len(modes.frequency_hz) for modes in measured.values())
@@ -137,14 +137,14 @@ def plates(with_solid: bool = True) -> dict[str, Any]:
         counted = reductions(changed, reduction, cache)
         PlateModel(changed, counted)
         entry[f"new reductions: {name}"] = counted.fresh
-    return entry | (_solid(design, joined, measured, entry["one row + 5 mm (s)"]) if with_solid else {})
+    return entry | (_solid(design, assembled, measured, entry["one row + 5 mm (s)"]) if with_solid else {})
 
 
 def _all_classes(model: PartModel) -> dict[str, Modes]:
     return {symmetry: modes_in_band(model.pencil(symmetry), *BAND_HZ) for symmetry in CLASSES}
 
 
-def _solid(design: Design, model: PlateModel, joined: dict[str, Modes], assembled_s: float) -> dict[str, Any]:
+def _solid(design: Design, model: PlateModel, assembled: dict[str, Modes], assembled_s: float) -> dict[str, Any]:
     settings = mesh_rules.cell_settings(design, PLATE_ACCURACY)
     peak_memory.restart()
     before, start = peak_memory.resident_bytes(), time.perf_counter()
@@ -162,7 +162,7 @@ def _solid(design: Design, model: PlateModel, joined: dict[str, Modes], assemble
     cell = next(iter(model.cells.values()))
     units = (_unit_kg(cell.scale), 4.0 * _unit_kg(full.system.scale))  # a solid's vectors belong to its quarter
     for symmetry in CLASSES:
-        ours, theirs = joined[symmetry], solid[symmetry]
+        ours, theirs = assembled[symmetry], solid[symmetry]
         entry[f"counts {symmetry} (joined, solid)"] = (len(ours.frequency_hz), len(theirs.frequency_hz))
         if len(ours.frequency_hz) != len(theirs.frequency_hz):
             continue
