@@ -1,4 +1,4 @@
-"""Pages are built quickly here: processes of their own and fine pictures would prove nothing of a page."""
+"""Pages are built in the tests' own process: others would prove nothing of a page."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from concurrent.futures import Executor, Future
 from typing import Any
 
 import pytest
-
-from pipeline.plots import style
 
 
 class Here(Executor):
@@ -30,5 +28,4 @@ class Here(Executor):
 def drawn_here() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pipeline.workers.LocalWorkers", Here)
-        patch.setattr(style, "DPI", 40)
         yield
