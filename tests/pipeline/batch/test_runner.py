@@ -58,7 +58,7 @@ def test_every_way_to_end_is_recorded_by_name_and_stops_no_other(tmp_path: Path)
 
 
 def test_a_record_holds_what_it_must(tmp_path: Path):
-    run(tmp_path, fake_study.jobs(1))
+    run(tmp_path, fake_study.jobs(1), jobs=1)
     record = store.read_record(tmp_path / "value=0")
     assert record["left_out"] == ["patches: the case has none"] and record["warnings"] == []
     assert record["sweep"] == {"value": 0} and record["name"] == "c0" and record["versions"]["numpy"]
@@ -69,7 +69,7 @@ def test_a_record_holds_what_it_must(tmp_path: Path):
 
 def test_again_computes_only_what_is_missing_changed_torn_or_forced(tmp_path: Path):
     jobs = fake_study.jobs(5)
-    run(tmp_path, jobs)
+    run(tmp_path, jobs, jobs=1)
     assert run(tmp_path, jobs).ended == ()
     changed = [*jobs[:4], runner.Job("value=4", {**jobs[4].payload, "seconds": 0.03}, jobs[4].sweep)]
     (tmp_path / "value=1/record.json").write_text("{")
@@ -80,16 +80,16 @@ def test_again_computes_only_what_is_missing_changed_torn_or_forced(tmp_path: Pa
     assert "record.json is unreadable" in why["value=1"] and "arrays.npz is unreadable" in why["value=2"]
     assert dry.ended == () and set(starts(tmp_path).values()) == {1}  # a dry run computes nothing
     stream = io.StringIO()
-    again = runner.run_study(changed, fake_study.compute, tmp_path, runner.Options(jobs=2), Progress(stream=stream))
+    again = runner.run_study(changed, fake_study.compute, tmp_path, runner.Options(jobs=1), Progress(stream=stream))
     assert "value=2: computed again, arrays.npz is unreadable" in stream.getvalue()
     assert "value=4: computed again, its input changed" in stream.getvalue()
     assert {end.case_id for end in again.ended} == {"value=1", "value=2", "value=4"} and again.exit_code == 0
-    assert len(run(tmp_path, changed, force=True).ended) == 5
+    assert len(run(tmp_path, changed, force=True, jobs=1).ended) == 5
 
 
 def test_a_failed_case_is_tried_again_the_next_time(tmp_path: Path):
-    run(tmp_path, fake_study.jobs(2, fates={1: "raise"}))
-    again = run(tmp_path, fake_study.jobs(2, fates={1: "raise"}))
+    run(tmp_path, fake_study.jobs(2, fates={1: "raise"}), jobs=1)
+    again = run(tmp_path, fake_study.jobs(2, fates={1: "raise"}), jobs=1)
     assert [(end.case_id, end.status) for end in again.ended] == [("value=1", "FAILED")]
 
 
