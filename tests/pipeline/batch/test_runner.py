@@ -202,7 +202,7 @@ def wait_for(condition: Callable[[], object], seconds: float = 20.0) -> None:
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow)])
 def test_an_interruption_ends_within_seconds_and_keeps_what_was_finished(tmp_path: Path, number: signal.Signals):
     process = start(tmp_path, "--cases", "4", "--seconds", "60", "--first", "0.1")
     wait_for(lambda: list(tmp_path.glob("*/record.json")) and len(starts(tmp_path)) == 3)
