@@ -5,8 +5,7 @@ from __future__ import annotations
 import copy
 import sys
 import warnings
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,7 @@ from pipeline.case.overrides import apply_overrides, read_toml
 from pipeline.case.schema import TABLES
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
+from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from antinode.results import Attenuation, Bands, Modes, Predesign, Response, Tolerance
@@ -52,11 +52,10 @@ class Plate:
         patches: Patches | dict[str, Any] | None = None,
         tolerance: Scatter | dict[str, Any] | None = None,
     ) -> None:
-        given: dict[str, Any] = {
-            "name": name, "material": material, "plate": {"thickness_mm": thickness_mm} if thickness_mm else None,
-            "zone": zone, "pillar": pillar, "array": array, "solve": solve, "bands": bands, "damping": damping,
-            "patches": patches, "tolerance": tolerance,
-        }  # fmt: skip
+        plate = {"thickness_mm": thickness_mm} if thickness_mm else None
+        given: dict[str, Any] = {"name": name, "material": material, "plate": plate}
+        given |= {"zone": zone, "pillar": pillar, "array": array, "solve": solve, "bands": bands}
+        given |= {"damping": damping, "patches": patches, "tolerance": tolerance}
         self._bind({key: plain(value) for key, value in given.items() if value is not None}, None)
 
     def _bind(self, raw: dict[str, Any], source: Path | None) -> None:
@@ -132,9 +131,9 @@ class Plate:
         self._case.require(*needed[part], command=f"modes of the {part}")
         if part == "plate":
             self._case.require_plate(command="modes of the plate")
-        near = None if near_kHz is None else 1e3 * near_kHz
-        with _logged(progress) as log:
-            part_modes = solve_modes(self._case, Request(part, _hz(band_kHz), near, count, symmetry), log)
+        near = None if near_kHz is None else KHZ * near_kHz
+        query = Request(part, _hz(band_kHz), near, count, symmetry)
+        part_modes = solve_modes(self._case, query, _logged(progress))
         return Modes(part_modes.record.to_dict() | self._about, part_modes, self._case)
 
     def bands(self, *, progress: bool | None = None) -> Bands:
@@ -142,8 +141,7 @@ class Plate:
         from antinode.results import Bands
         from pipeline.analysis.bands import solve_bands
 
-        with _logged(progress) as log:
-            return Bands(solve_bands(self._case, log).record.to_dict() | self._about)
+        return Bands(solve_bands(self._case, _logged(progress)).record.to_dict() | self._about)
 
     def attenuation(
         self,
@@ -157,8 +155,7 @@ class Plate:
         from antinode.results import Attenuation
         from pipeline.analysis import attenuation
 
-        with _logged(progress) as log:
-            solved = attenuation.solve(self._case, log, _hz(band_kHz), kx_per_m, points)
+        solved = attenuation.solve(self._case, _logged(progress), _hz(band_kHz), kx_per_m, points)
         return Attenuation(solved.to_dict() | self._about)
 
     def response(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Response:
@@ -166,16 +163,16 @@ class Plate:
         from antinode.results import Response
         from pipeline.analysis import response
 
-        with _logged(progress) as log:
-            return Response(response.solve(self._case, log, _hz(band_kHz), points).record.to_dict() | self._about)
+        solved = response.solve(self._case, _logged(progress), _hz(band_kHz), points)
+        return Response(solved.record.to_dict() | self._about)
 
     def tolerance(self, band_kHz: Pair | None = None, *, progress: bool | None = None) -> Tolerance:
         """Compute how far peak and confinement move when no two pillars are alike."""
         from antinode.results import Tolerance
         from pipeline.analysis import tolerance
 
-        with _logged(progress) as log:
-            return Tolerance(tolerance.solve(self._case, log, _hz(band_kHz)).record.to_dict() | self._about)
+        solved = tolerance.solve(self._case, _logged(progress), _hz(band_kHz))
+        return Tolerance(solved.record.to_dict() | self._about)
 
     @cached_property
     def _about(self) -> dict[str, Any]:
@@ -227,7 +224,7 @@ def key_of(name: str, tables: Iterable[str] = ()) -> str:
 def _hz(band_kHz: Pair | None) -> Pair | None:
     if band_kHz is None:
         return None
-    low, high = (1e3 * float(end) for end in band_kHz)
+    low, high = (KHZ * float(end) for end in band_kHz)
     if not 0.0 <= low < high:
         raise InputError(f"band_kHz = {tuple(band_kHz)}: must be two rising numbers")
     return low, high
@@ -244,10 +241,9 @@ class _Log(TerminalLog):
         warnings.warn(f"{id}: {text}", Caution, stacklevel=2)
 
 
-@contextmanager
-def _logged(progress: bool | None) -> Iterator[_Log]:
+def _logged(progress: bool | None) -> _Log:
     """A log that is quiet unless progress is wanted; None: wanted in a terminal or a notebook."""
-    yield _Log(quiet=not (is_watched() if progress is None else progress))
+    return _Log(quiet=not (is_watched() if progress is None else progress))
 
 
 def is_watched() -> bool:

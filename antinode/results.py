@@ -10,16 +10,28 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
+import numpy as np
+
+from geometry.elements import FloatArray
+from pipeline.units import KHZ
+
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
-    from numpy.typing import NDArray
 
     from pipeline.analysis.modes import PartModes
     from pipeline.case.model import Case
     from solvers.waves.gaps import Gap
 
 KIND = "kind"
+
+
+def dataframe(rows: Sequence[dict[str, Any]]) -> Any:
+    """Rows as a pandas DataFrame. Raises ImportError without pandas."""
+    try:
+        import pandas
+    except ModuleNotFoundError as error:
+        raise ImportError("to_dataframe needs pandas: pip install pandas") from error
+    return pandas.DataFrame(rows)
 
 
 class Result:
@@ -43,11 +55,9 @@ class Result:
 
     def to_dataframe(self) -> Any:
         """The rows as a pandas DataFrame, units in the column names. Raises ImportError without pandas."""
-        try:
-            import pandas
-        except ModuleNotFoundError as fault:
-            raise ImportError("to_dataframe needs pandas: pip install pandas") from fault
-        return pandas.DataFrame(self._rows())
+        from pipeline.views.rows import ROWS
+
+        return dataframe(ROWS[self.kind](self._document))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw into matplotlib axes (new ones where none are given) and return them."""
@@ -56,10 +66,10 @@ class Result:
         drawn: Axes = figures.draw(self.kind, self._document, ax)
         return drawn
 
-    def _rows(self) -> list[dict[str, Any]]:
-        from pipeline.views.rows import ROWS
-
-        return ROWS[self.kind](self._document)
+    def _array(self, name: str, of: str = "") -> FloatArray:
+        """A figure of the document, or of each of its points or modes; NaN for what has no value."""
+        values = [each[name] for each in self._document[of]] if of else self._document[name]
+        return np.array(values, dtype=float)
 
     def _repr_html_(self) -> str:
         """The result in words and its figure, for a notebook."""
@@ -129,18 +139,14 @@ class Modes(Result, Sequence[Mode]):
         return tuple(Mode(**{name: mode.get(name) for name in names}, _owner=self) for mode in self._document["modes"])
 
     @property
-    def error(self) -> NDArray[np.float64]:
+    def error(self) -> FloatArray:
         """Half-width of each frequency's error bar (modes,), relative; NaN where none was calibrated."""
-        import numpy as np
-
         return np.array([mode.error for mode in self], dtype=float)
 
     @property
-    def frequency_hz(self) -> NDArray[np.float64]:
+    def frequency_hz(self) -> FloatArray:
         """Frequencies (modes,) in Hz."""
-        import numpy as np
-
-        return np.array([mode.frequency_hz for mode in self], dtype=float)
+        return self._array("frequency_hz", "modes")
 
     @property
     def wanted(self) -> Wanted | None:
@@ -193,25 +199,19 @@ class Bands(Result):
     kind = "bands"
 
     @property
-    def frequencies_hz(self) -> NDArray[np.float64]:
+    def frequencies_hz(self) -> FloatArray:
         """Frequencies (points, bands) in Hz."""
-        import numpy as np
-
-        return np.array([point["frequencies_hz"] for point in self._document["points"]], dtype=float)
+        return self._array("frequencies_hz", "points")
 
     @property
-    def computed_hz(self) -> NDArray[np.float64]:
+    def computed_hz(self) -> FloatArray:
         """Frequencies (points, bands) of the mesh itself, Hz."""
-        import numpy as np
-
-        return np.array([point["computed_hz"] for point in self._document["points"]], dtype=float)
+        return self._array("computed_hz", "points")
 
     @property
-    def wavevectors_per_m(self) -> NDArray[np.float64]:
+    def wavevectors_per_m(self) -> FloatArray:
         """Wavevectors (points, 2) in rad/m."""
-        import numpy as np
-
-        return np.array([(point["kx_per_m"], point["ky_per_m"]) for point in self._document["points"]], dtype=float)
+        return np.column_stack([self._array(f"k{axis}_per_m", "points") for axis in "xy"])
 
     @property
     def labels(self) -> tuple[str | None, ...]:
@@ -223,20 +223,15 @@ class Bands(Result):
         """Complete gaps along the path: band numbers from 1, edges in Hz."""
         from solvers.waves.gaps import Gap
 
-        return tuple(
-            Gap(gap["lower_band"], gap["upper_band"], gap["lower_hz"], gap["upper_hz"])
-            for gap in self._document["gaps"]
-        )
+        return tuple(Gap(**gap) for gap in self._document["gaps"])
 
     @property
-    def error(self) -> NDArray[np.float64]:
+    def error(self) -> FloatArray:
         """Half-width of the error bars (points, bands), relative; NaN where none was calibrated."""
-        import numpy as np
-
-        return np.array([point["error"] for point in self._document["points"]], dtype=float)
+        return self._array("error", "points")
 
     @property
-    def distance_per_m(self) -> NDArray[np.float64]:
+    def distance_per_m(self) -> FloatArray:
         """Distance along the path (points,) in rad/m."""
         from solvers.waves.brillouin import Path
 
@@ -247,24 +242,25 @@ class Bands(Result):
         return f"<antinode.Bands: {bands} bands at {points} wavevectors, {len(self.gaps)} complete gaps>"
 
 
+def _over(result: Result, f: FloatArray) -> str:
+    """What a result over frequency is, in a few words."""
+    return f"<antinode.{type(result).__name__}: {len(f)} frequencies from {f[0] / KHZ:.4g} to {f[-1] / KHZ:.4g} kHz>"
+
+
 class Attenuation(Result):
     """Decay per row across the zone's border over frequency."""
 
     kind = "attenuation"
 
     @property
-    def frequency_hz(self) -> NDArray[np.float64]:
+    def frequency_hz(self) -> FloatArray:
         """Frequencies (points,) in Hz."""
-        import numpy as np
-
-        return np.array([point["frequency_hz"] for point in self._document["points"]], dtype=float)
+        return self._array("frequency_hz", "points")
 
     @property
-    def db_per_row(self) -> NDArray[np.float64]:
+    def db_per_row(self) -> FloatArray:
         """Decay per row (points,) in dB of the least attenuated flexural wave; NaN where there is none."""
-        import numpy as np
-
-        return np.array([point["db_per_row"] for point in self._document["points"]], dtype=float)
+        return self._array("db_per_row", "points")
 
     @property
     def kx_per_m(self) -> float:
@@ -272,8 +268,7 @@ class Attenuation(Result):
         return float(self._document["kx_per_m"])
 
     def __repr__(self) -> str:
-        f = self.frequency_hz
-        return f"<antinode.Attenuation: {len(f)} frequencies from {f[0] / 1e3:.4g} to {f[-1] / 1e3:.4g} kHz>"
+        return _over(self, self.frequency_hz)
 
 
 class Response(Result):
@@ -282,17 +277,17 @@ class Response(Result):
     kind = "response"
 
     @property
-    def frequency_hz(self) -> NDArray[np.float64]:
+    def frequency_hz(self) -> FloatArray:
         """Frequencies (points,) in Hz."""
         return self._array("frequency_hz")
 
     @property
-    def zone_rms_m_per_V(self) -> NDArray[np.float64]:
+    def zone_rms_m_per_V(self) -> FloatArray:
         """Rms of u_z on the active touch face (points,) in m/V."""
         return self._array("zone_rms_m_per_V")
 
     @property
-    def passive_rms_m_per_V(self) -> NDArray[np.float64] | None:
+    def passive_rms_m_per_V(self) -> FloatArray | None:
         """Rms of u_z on the passive touch face (points,) in m/V; None without one."""
         return None if self._document["passive_rms_m_per_V"] is None else self._array("passive_rms_m_per_V")
 
@@ -301,14 +296,8 @@ class Response(Result):
         """The wanted mode's peak; None where the band has none."""
         return self._document.get("wanted_peak")
 
-    def _array(self, name: str) -> NDArray[np.float64]:
-        import numpy as np
-
-        return np.array(self._document[name], dtype=float)
-
     def __repr__(self) -> str:
-        f = self.frequency_hz
-        return f"<antinode.Response: {len(f)} frequencies from {f[0] / 1e3:.4g} to {f[-1] / 1e3:.4g} kHz>"
+        return _over(self, self.frequency_hz)
 
 
 class Predesign(Result):
@@ -338,7 +327,7 @@ class Predesign(Result):
 
     def __repr__(self) -> str:
         height = "" if self.pillar_height_mm is None else f", pillar {self.pillar_height_mm:.2f} mm"
-        return f"<antinode.Predesign: zone {self.zone_hz / 1e3:.2f} kHz{height}>"
+        return f"<antinode.Predesign: zone {self.zone_hz / KHZ:.2f} kHz{height}>"
 
 
 class Tolerance(Result):

@@ -28,8 +28,8 @@ def open(path: str | Path) -> Result:
     """
     try:
         document = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as fault:
-        raise InputError(f"{path}: cannot be read: {fault}") from fault
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from error
     kind = _kind(document) if isinstance(document, dict) else None
     if kind is None or document.get("schema") != 1:
         raise InputError(

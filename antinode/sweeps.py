@@ -46,11 +46,9 @@ class SweepTable(Sequence[dict[str, Any]]):
 
     def to_dataframe(self) -> Any:
         """The table as a pandas DataFrame. Raises ImportError without pandas."""
-        try:
-            import pandas
-        except ModuleNotFoundError as fault:
-            raise ImportError("to_dataframe needs pandas: pip install pandas") from fault
-        return pandas.DataFrame(list(self._rows))
+        from antinode.results import dataframe
+
+        return dataframe(list(self._rows))
 
     def to_dict(self) -> dict[str, list[Any]]:
         """Columns as lists."""
@@ -138,11 +136,8 @@ def _written(plate: Plate, place: Path, measure: Sequence[str], paired: bool, va
     from pipeline.records.outputs import write_file
 
     write_file(place / "plate.toml", case_text(plate).encode())
-    head = {
-        "name": re.sub(r"[^A-Za-z0-9._+-]", "-", place.name).strip("-.") or "sweep",
-        "case": "plate.toml",
-        "measure": list(measure),
-    }
+    name = re.sub(r"[^A-Za-z0-9._+-]", "-", place.name).strip("-.") or "sweep"
+    head = {"name": name, "case": "plate.toml", "measure": list(measure)}
     keys = {key_of(name, plate.to_dict()): plain(list(each)) for name, each in values.items()}
     lines = ["[study]", *(f"{key} = {toml_text(value)}" for key, value in head.items()), "", "[sweep]"]
     lines += [f'"{key}" = {toml_text(each)}' for key, each in keys.items()] + (["zip = true"] if paired else [])

@@ -8,8 +8,6 @@ from typing import Any
 class Table(dict[str, Any]):
     """Keys of one table; they are checked by the case file's schema when a Plate is made of them."""
 
-    name = ""
-
     def __init__(self, **keys: Any) -> None:
         super().__init__({key: plain(value) for key, value in keys.items() if value is not None})
 
@@ -24,8 +22,6 @@ class Zone(Table):
     20.0
     """
 
-    name = "zone"
-
 
 class Pillar(Table):
     """One pillar: its shape with the sizes in mm that this shape takes, height_mm, fillet_mm, a material of its own.
@@ -33,8 +29,6 @@ class Pillar(Table):
     >>> Pillar(shape="round", diameter_mm=2.0, height_mm=6.3)
     Pillar(shape='round', diameter_mm=2.0, height_mm=6.3)
     """
-
-    name = "pillar"
 
 
 class Array(Table):
@@ -44,8 +38,6 @@ class Array(Table):
     3
     """
 
-    name = "array"
-
 
 class Solve(Table):
     """What to look for and how exactly: band_kHz or near_kHz with count, accuracy (relative), model, mesh.
@@ -53,8 +45,6 @@ class Solve(Table):
     >>> Solve(band_kHz=(30.0, 34.0), accuracy=0.003)["band_kHz"]
     [30.0, 34.0]
     """
-
-    name = "solve"
 
 
 class BandPath(Table):
@@ -64,8 +54,6 @@ class BandPath(Table):
     'GXMG'
     """
 
-    name = "bands"
-
 
 class Damping(Table):
     """Losses of the whole plate by its quality factor.
@@ -73,8 +61,6 @@ class Damping(Table):
     >>> Damping(quality=300.0)["quality"]
     300.0
     """
-
-    name = "damping"
 
 
 class Patches(Table):
@@ -84,8 +70,6 @@ class Patches(Table):
     [7]
     """
 
-    name = "patches"
-
 
 class Scatter(Table):
     """The table [tolerance]: standard deviations height_mm, side_mm, position_mm of single pillars, samples, seed.
@@ -93,8 +77,6 @@ class Scatter(Table):
     >>> Scatter(height_mm=0.05, samples=20)["samples"]
     20
     """
-
-    name = "tolerance"
 
 
 def plain(value: Any) -> Any:

@@ -11,11 +11,11 @@ def one_line(text: str) -> str:
     """A message as one line that any terminal shows: control characters escaped, the middle of a very long one left out."""
     if len(text) > MAX_LINE_LENGTH:
         text = f"{text[: MAX_LINE_LENGTH - MAX_END]} ... {text[-MAX_END:]}"
-    return text if text.isprintable() else "".join(c if c.isprintable() else _escaped(c) for c in text)
+    return text if text.isprintable() else "".join(map(_printable, text))
 
 
-def _escaped(letter: str) -> str:
-    return letter.encode("unicode_escape", "backslashreplace").decode()
+def _printable(letter: str) -> str:
+    return letter if letter.isprintable() else letter.encode("unicode_escape", "backslashreplace").decode()
 
 
 class CommandError(Exception):

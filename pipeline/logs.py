@@ -14,11 +14,11 @@ def memory_told(doing: str = "") -> Iterator[None]:
     """Turn a MemoryError within the block into OutOfMemory, which says what was done, how much it asked, what to change."""
     try:
         yield
-    except MemoryError as fault:
+    except MemoryError as error:
         from solvers.errors import OutOfMemory
         from solvers.fem.factor.memory import memory_text
 
-        raise OutOfMemory(memory_text(fault, doing)) from fault
+        raise OutOfMemory(memory_text(error, doing)) from error
 
 
 class Log(Protocol):
@@ -26,19 +26,15 @@ class Log(Protocol):
 
     def info(self, text: str, id: str = "") -> None:
         """A fact."""
-        ...
 
     def warning(self, id: str, text: str) -> None:
         """Something to know before believing the numbers."""
-        ...
 
     def left_out(self, what: str, why: str) -> None:
         """Something that the scene does not need."""
-        ...
 
     def step(self, name: str) -> AbstractContextManager[None]:
         """Time a step."""
-        ...
 
 
 class TerminalLog:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.active.options import Found, compared, only_frequency_hz, quality, seconds
+from pipeline.active.options import compared, only_frequency_hz, quality, seconds
 from pipeline.board import table_file
 from pipeline.board.table_file import ModeTable, TableError
 from pipeline.case.model import Case
@@ -18,6 +18,8 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.measured.files import LARGEST
 from pipeline.records import outputs
+from pipeline.units import MS, US
+from pipeline.views.answer import Answer
 from solvers.control.baseband import ModePlant
 from solvers.control.dq_loop import Rates
 from solvers.control.dq_study import DqData, DqStudy, dq_study
@@ -30,32 +32,32 @@ WANTED_GAIN, OTHER_GAIN = 0.8, 0.04  # sensor over drive, full scales: where not
 COLUMNS = ("frequency_hz", "re", "im")
 
 
-def dq(arguments: Namespace, case: Case | None, log: Log) -> Found:
+def dq(arguments: Namespace, case: Case | None, log: Log) -> Answer:
     """Study the loop of the mode that table, case or option names; with --sweep the mode is identified from a file."""
     from pipeline.active import plots_loop, thesis_models
     from pipeline.active.thesis import beside
 
     table = _table(arguments.table) if arguments.table else None
     data = _data(arguments, case, table, log)
-    measured = _identified(arguments, data) if arguments.sweep else None
+    measured = identify(_sweep(arguments.sweep), data.sensor, data.delay_guess_s) if arguments.sweep else None
     if measured is not None:
-        data = replace(data, wanted=_velocity(measured.plant, data.sensor), delay_s=_beyond_hold(measured, data))
+        late = max(measured.delay_s - 0.5 / data.rates.sample_rate_hz, 0.0)  # beyond the hold's half sample
+        data = replace(data, wanted=_velocity(measured.plant, data.sensor), delay_s=late)
     study = dq_study(data)
     comparison = beside("dq", thesis_models.dq(study))
     document = study.to_dict() | {"comparison": comparison, "measured": measured.to_dict() if measured else None}
     files = _new_table(table, measured, log) if table and measured else {}
-    return Found(
-        document, [*_lines(study, measured), *compared(comparison)], lambda: plots_loop.report_figures(study), files
-    )
+    lines = [*_lines(study, measured), *compared(comparison)]
+    return Answer(document, lines, pictures=lambda: plots_loop.report_figures(study), files=files)
 
 
 def _table(path: str) -> ModeTable:
     try:
         return table_file.from_bytes(Path(path).read_bytes())
-    except OSError as fault:
-        raise InputError(f"--table = {path}: {fault.strerror}") from fault
-    except TableError as fault:
-        raise InputError(f"--table = {path}: {fault}") from fault
+    except OSError as error:
+        raise InputError(f"--table = {path}: {error.strerror}") from error
+    except TableError as error:
+        raise InputError(f"--table = {path}: {error}") from error
 
 
 def _data(arguments: Namespace, case: Case | None, table: ModeTable | None, log: Log) -> DqData:
@@ -99,7 +101,6 @@ def _from_table(data: DqData, table: ModeTable, log: Log) -> DqData:
     if unknown:
         log.info(f"{unknown} gains of the table are not identified: {WANTED_GAIN} and {OTHER_GAIN} are assumed")
     plants = [_plant(one, i == table.wanted, sensor) for i, one in enumerate(table.modes)]
-    rates = Rates(sample_rate_hz=table.sample_rate_hz)
     late = mode.delay_s - 0.5 / table.sample_rate_hz
     known = late > 0.0
     return replace(
@@ -111,15 +112,14 @@ def _from_table(data: DqData, table: ModeTable, log: Log) -> DqData:
         amplitude_limit=mode.amplitude_limit,
         delay_s=late if known else data.delay_s,
         delay_guess_s=mode.delay_s if known else data.delay_guess_s,
-        rates=rates,
+        rates=Rates(sample_rate_hz=table.sample_rate_hz),
     )
 
 
 def _plant(mode: table_file.Mode, wanted: bool, sensor: Sensor) -> ModePlant:
-    gain = mode.gain if mode.gain is not None else None
-    if gain is None:
+    if mode.gain is None:
         return ModePlant(mode.frequency_hz, mode.tau_s, WANTED_GAIN if wanted else OTHER_GAIN)
-    return _velocity(ModePlant(mode.frequency_hz, mode.tau_s, gain), sensor)
+    return _velocity(ModePlant(mode.frequency_hz, mode.tau_s, mode.gain), sensor)
 
 
 def _velocity(plant: ModePlant, sensor: Sensor) -> ModePlant:
@@ -128,27 +128,19 @@ def _velocity(plant: ModePlant, sensor: Sensor) -> ModePlant:
     return replace(plant, gain=float(np.copysign(abs(turned), complex(turned).real)))
 
 
-def _beyond_hold(identified: Identified, data: DqData) -> float:
-    return max(identified.delay_s - 0.5 / data.rates.sample_rate_hz, 0.0)
-
-
-def _identified(arguments: Namespace, data: DqData) -> Identified:
-    return identify(_sweep(arguments.sweep), data.sensor, data.delay_guess_s)
-
-
 def _sweep(path: str) -> Sweep:
     """Read a file with the columns frequency_hz, re, im. Raises InputError with the line otherwise."""
     try:
         with Path(path).open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as fault:
-        raise InputError(f"--sweep = {path}: cannot be read ({fault})") from fault
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"--sweep = {path}: cannot be read ({error})") from error
     values = []
     for number, row in enumerate(rows, start=2):
         try:
             values.append([float(row[column]) for column in COLUMNS])
-        except (KeyError, TypeError, ValueError) as fault:
-            raise InputError(f"--sweep = {path}: line {number}: must hold {', '.join(COLUMNS)}") from fault
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"--sweep = {path}: line {number}: must hold {', '.join(COLUMNS)}") from error
     if not values:
         raise InputError(f"--sweep = {path}: no rows; columns must be {', '.join(COLUMNS)}")
     columns = np.array(values)
@@ -172,12 +164,9 @@ def _new_table(table: ModeTable, identified: Identified, log: Log) -> dict[str, 
     modes = tuple(mode if i == table.wanted else one for i, one in enumerate(table.modes))
     try:
         made = replace(table, modes=modes)
-        files = {
-            "mode_table.bin": table_file.to_bytes(made),
-            "mode_table.h": table_file.to_header(made).encode(),
-        }
-    except TableError as fault:
-        raise InputError(f"--sweep: what it shows does not fit a mode table: {fault}") from fault
+        files = {"mode_table.bin": table_file.to_bytes(made), "mode_table.h": table_file.to_header(made).encode()}
+    except TableError as error:
+        raise InputError(f"--sweep: what it shows does not fit a mode table: {error}") from error
     log.info("mode_table.bin and mode_table.h carry the measured mode (written with --out)")
     return files
 
@@ -190,10 +179,10 @@ def _lines(study: DqStudy, measured: Identified | None) -> list[str]:
     return [
         f"mode {data.wanted.frequency_hz:.1f} Hz, quality {data.wanted.quality:.0f}, {len(data.neighbours)} neighbours",
         f"identified from a simulated sweep{' of the measured mode' if measured else ''}: "
-        f"{plant.frequency_hz:.3f} Hz, tau {plant.tau_s * 1e3:.4f} ms, "
-        f"|G| {abs(plant.gain):.4f}, delay {study.identified.delay_s * 1e6:.2f} us",
+        f"{plant.frequency_hz:.3f} Hz, tau {plant.tau_s / MS:.4f} ms, "
+        f"|G| {abs(plant.gain):.4f}, delay {study.identified.delay_s / US:.2f} us",
         f"continuous PI: K_p = {study.pi.proportional:.4g}, K_i = {study.pi.integral_per_s:.5g} 1/s for tau_d = "
-        f"{data.response_s * 1e3:.3f} ms; each {sampled['period_s'] * 1e6:g} us: K_p = {sampled['proportional']:.4g}, "
+        f"{data.response_s / MS:.3f} ms; each {sampled['period_s'] / US:g} us: K_p = {sampled['proportional']:.4g}, "
         f"integral {sampled['integral']:.4g}",
         f"margins: gain {study.margins.gain:.2f}, carrier's phase {study.margins.phase_deg:.1f} degrees, "
         f"sensitivity {study.margins.sensitivity:.2f}",

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Callable
+from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING, Any
 
-from pipeline.active.options import Found, compared, frequencies_hz, number, only_frequency_hz, quality, seconds
+from pipeline.active.options import compared, frequencies_hz, number, only_frequency_hz, quality, seconds
 from pipeline.case.limits import span
 from pipeline.case.model import Case, load_case
 from pipeline.case.quantities import parse_band
@@ -15,6 +16,8 @@ from pipeline.errors import InputError
 from pipeline.logs import Log, TerminalLog
 from pipeline.paths import STUDIES
 from pipeline.records import outputs
+from pipeline.units import KHZ, MM
+from pipeline.views.answer import Answer, emit, of_case
 from solvers.errors import SolverError
 
 if TYPE_CHECKING:
@@ -36,29 +39,15 @@ def run(arguments: Namespace) -> int:
     _refuse_foreign_options(arguments)
     case, log = _case(arguments), TerminalLog(arguments.quiet)
     if case:
-        outputs.of_case(arguments, case)
+        of_case(arguments, case)
     try:
-        model_result = _models()[arguments.model](arguments, case, log)
-    except SolverError as fault:  # these models have no meshes and no iterations: what stops them is what was asked
-        raise InputError(f"active {arguments.model}: {' '.join(str(fault).split())}") from fault
-    outputs.emit(arguments, f"active_{arguments.model}", model_result.document, "\n".join(model_result.lines))
-    if arguments.out:
-        _write(arguments, model_result)
-    return 0
+        answer = _models()[arguments.model](arguments, case, log)
+    except SolverError as error:  # these models have no meshes and no iterations: what stops them is what was asked
+        raise InputError(f"active {arguments.model}: {' '.join(str(error).split())}") from error
+    return emit(arguments, f"active_{arguments.model}", answer)
 
 
-def _write(arguments: Namespace, model_result: Found) -> None:
-    from pipeline.plots import style
-
-    folder = outputs.folder(arguments.out)
-    for name, data in model_result.files.items():
-        outputs.write_file(folder / name, data)
-    with style.style():
-        for report_figure in model_result.report_figures():
-            style.save(report_figure, folder)
-
-
-def _models() -> dict[str, Callable[[Namespace, Case | None, Log], Found]]:
+def _models() -> dict[str, Callable[[Namespace, Case | None, Log], Answer]]:
     from pipeline.active.loop import dq
 
     return {"mason": _mason, "pillar": _pillar, "beam": _beam, "shaping": _shaping, "dq": dq}
@@ -82,9 +71,7 @@ def _case(arguments: Namespace) -> Case | None:
     return load_case(arguments.case, arguments.set)
 
 
-def _mason(arguments: Namespace, case: Case | None, log: Log) -> Found:
-    from dataclasses import replace
-
+def _mason(arguments: Namespace, case: Case | None, log: Log) -> Answer:
     import numpy as np
 
     from pipeline.active import plots, thesis_models
@@ -102,7 +89,7 @@ def _mason(arguments: Namespace, case: Case | None, log: Log) -> Found:
     entries = beside("mason", thesis_models.mason(whole))
     cell, one = data.cell, data.filter
     lines = [
-        f"five cells of {data.material.name}, each {cell.length_m * 1e3:.3f} mm long, section {cell.area_m2 * 1e6:g} mm2, "
+        f"five cells of {data.material.name}, each {cell.length_m / MM:.3f} mm long, section {cell.area_m2 / MM**2:g} mm2, "
         f"quality {data.quality:g}; 1 N in the middle one",
         f"filter: L = {one.inductance_kg:.4g} kg, C = {one.capacitance_m_n:.4g} m/N, rejects {one.rejected_hz:.6g} Hz",
         *(
@@ -111,17 +98,17 @@ def _mason(arguments: Namespace, case: Case | None, log: Log) -> Found:
         ),
         *compared(entries),
     ]
-    return Found(study.to_dict() | {"comparison": entries}, lines, lambda: [plots.mason(study)])
+    return Answer(study.to_dict() | {"comparison": entries}, lines, pictures=lambda: [plots.mason(study)])
 
 
 def _mason_band(text: str, target_hz: float) -> tuple[float, float]:
     """The band to show, Hz. Raises InputError beyond the range of a one-dimensional bar."""
     low, high = parse_band(text, "--band")
     if high > MASON_HIGHEST * target_hz:
-        limit = (
-            f"must end at {MASON_HIGHEST * target_hz / 1e3:g} kHz or below, {MASON_HIGHEST} times the mode to confine"
+        highest = f"{MASON_HIGHEST * target_hz / KHZ:g} kHz or below, {MASON_HIGHEST} times the mode to confine"
+        raise InputError(
+            f"--band = {text!r}: must end at {highest}: the waves beyond are shorter than the bar is thick"
         )
-        raise InputError(f"--band = {text!r}: {limit}: the waves beyond are shorter than the bar is thick")
     return low, high
 
 
@@ -129,11 +116,11 @@ def _refuse_empty(text: str, study: MasonStudy, whole: MasonStudy) -> None:
     """Raise InputError naming where the modes are, when none of the three lines has one in the band."""
     if not any(len(modes) for modes in study.modes_hz.values()):
         every = [float(mode) for modes in whole.modes_hz.values() for mode in modes]
-        listed = f"from {min(every) / 1e3:.4g} to {max(every) / 1e3:.4g} kHz, {len(every)} of them"
+        listed = f"from {min(every) / KHZ:.4g} to {max(every) / KHZ:.4g} kHz, {len(every)} of them"
         raise InputError(f"--band = {text!r}: holds no mode of the three bars; they have modes {listed}")
 
 
-def _pillar(arguments: Namespace, case: Case | None, log: Log) -> Found:
+def _pillar(arguments: Namespace, case: Case | None, log: Log) -> Answer:
     import numpy as np
 
     from pipeline.active import plots, thesis_models
@@ -151,7 +138,7 @@ def _pillar(arguments: Namespace, case: Case | None, log: Log) -> Found:
     cell = _computed_cell(case, log, (low, high)) if arguments.cell else None
     entries = beside("pillar", thesis_models.pillar(pillar_row, point, cell))
     document = pillar_row.to_dict() | {"point_force": point.to_dict(), "cell": cell, "comparison": entries}
-    return Found(document, compared(entries), lambda: plots.pillar(pillar_row, point, cell))
+    return Answer(document, compared(entries), pictures=lambda: plots.pillar(pillar_row, point, cell))
 
 
 def _pillar_window(case: Case) -> tuple[float, float]:
@@ -175,16 +162,12 @@ def _computed_cell(case: Case, log: Log, band_hz: tuple[float, float]) -> dict[s
     }
 
 
-def _beam(arguments: Namespace, case: Case | None, log: Log) -> Found:
-    from dataclasses import replace
-
+def _beam(arguments: Namespace, case: Case | None, log: Log) -> Answer:
     from pipeline.active import plots, thesis_models
     from pipeline.active.thesis import beside
     from solvers.active_beam.study import ActiveBeamData, active_beam_study
 
-    data = ActiveBeamData()
-    if case is not None:
-        data = replace(data, material=case.design.material)
+    data = ActiveBeamData() if case is None else ActiveBeamData(material=case.design.material)
     gains = tuple(number(text) for text in arguments.gain or ()) or data.gains_n_m
     for text, gain in zip(arguments.gain or (), gains, strict=False):
         if not GAIN_N_M[0] <= gain <= GAIN_N_M[1]:
@@ -200,21 +183,19 @@ def _beam(arguments: Namespace, case: Case | None, log: Log) -> Found:
     )
     study = active_beam_study(data)
     document = study.to_dict() | {"comparison": beside("beam", thesis_models.beam(study))}
-    size = f"{data.length_m * 1e3:g} x {data.width_m * 1e3:g} x {data.thickness_m * 1e3:g} mm"
+    size = f"{data.length_m / MM:g} x {data.width_m / MM:g} x {data.thickness_m / MM:g} mm"
     head = ("layout", "frequency_hz", "gain_n_m", "strength", "ratio_before", "ratio_after", "largest_force_n")
     rows = [[case[key] for key in head] for case in document["cases"]]
     lines = [
-        f"free-free {data.material.name} strip {size}, 1 N in the middle, loops {study.left_m * 1e3:.1f} mm from both ends; "
+        f"free-free {data.material.name} strip {size}, 1 N in the middle, loops {study.left_m / MM:.1f} mm from both ends; "
         f"strength = K'/(4 EI beta^3), ratio = rms between the loops over rms beyond",
         outputs.table(head, rows),
         *compared(document["comparison"]),
     ]
-    return Found(document, lines, lambda: plots.beam(study))
+    return Answer(document, lines, pictures=lambda: plots.beam(study))
 
 
-def _shaping(arguments: Namespace, case: Case | None, log: Log) -> Found:
-    from dataclasses import replace
-
+def _shaping(arguments: Namespace, case: Case | None, log: Log) -> Answer:
     from pipeline.active import plots_shaping
     from pipeline.active.thesis import beside
     from pipeline.active.thesis_shaping import shaping
@@ -224,8 +205,7 @@ def _shaping(arguments: Namespace, case: Case | None, log: Log) -> Found:
     if case is not None:
         log.info("the case is not used: shaping has its own beams, stated in its document")
     data = ShapingData()
-    data = replace(data, frequencies_hz=frequencies_hz(arguments, data.frequencies_hz))
-    study = shaping_study(data)
+    study = shaping_study(replace(data, frequencies_hz=frequencies_hz(arguments, data.frequencies_hz)))
     document = document_of(study) | {"comparison": beside("shaping", shaping(study))}
     lines = [*(f"assumed: {text}" for text in document["assumptions"]), *compared(document["comparison"])]
-    return Found(document, lines, lambda: plots_shaping.report_figures(study))
+    return Answer(document, lines, pictures=lambda: plots_shaping.report_figures(study))

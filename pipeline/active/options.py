@@ -1,32 +1,17 @@
-"""Options of `antinode active` read from the command line, and what every model gives back."""
+"""Options of `antinode active` read from the command line, and lines of the comparison with the thesis."""
 
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from math import inf
-from typing import TYPE_CHECKING, Any
+from math import inf, nan
 
 from pipeline.case.limits import QUALITY, span
 from pipeline.case.quantities import parse_frequency
 from pipeline.errors import InputError
-
-if TYPE_CHECKING:
-    from pipeline.plots.style import ReportFigure
+from pipeline.units import MS, US
 
 MAX_DURATION_S = 1.0  # of a loop's times: a slower one controls no vibration
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-
-
-@dataclass(frozen=True)
-class Found:
-    """What a model gives: its JSON document, its lines of text, its figures (drawn only when asked), further files."""
-
-    document: dict[str, Any]
-    lines: list[str]
-    report_figures: Callable[[], list[ReportFigure]]
-    files: dict[str, bytes] = field(default_factory=dict)
+SECONDS = {"ms": MS, "us": US, "s": 1.0}
 
 
 def frequencies_hz(arguments: Namespace, default: tuple[float, ...]) -> tuple[float, ...]:
@@ -55,12 +40,10 @@ def quality(arguments: Namespace, default: float) -> float:
 
 def seconds(text: str, what: str) -> float:
     """Read seconds from "2ms", "4us" or "0.002s". Raises InputError otherwise or below 0."""
-    for unit in ("ms", "us", "s"):
-        if text.strip().endswith(unit):
-            value = number(text.strip()[: -len(unit)])
-            if 0.0 <= value * SECONDS[unit] <= MAX_DURATION_S:
-                return value * SECONDS[unit]
-            break
+    unit = next((unit for unit in SECONDS if text.strip().endswith(unit)), None)
+    value = number(text.strip().removesuffix(unit)) * SECONDS[unit] if unit else nan
+    if 0.0 <= value <= MAX_DURATION_S:
+        return value
     limit = f"must be a time of 0 or more in s, ms or us, such as 4us, and at most {MAX_DURATION_S:g} s"
     raise InputError(f"{what} = {text!r}: {limit}")
 
@@ -70,17 +53,10 @@ def number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        return float("nan")
+        return nan
 
 
 def compared(entries: list[dict[str, str]]) -> list[str]:
     """One block a quantity: the thesis' value, ours, and how they agree."""
-    lines = []
-    for entry in entries:
-        lines += [
-            entry["quantity"],
-            f"  thesis: {entry['thesis']}",
-            f"  ours:   {entry['ours']}",
-            f"  {entry['agreement']}",
-        ]
-    return lines
+    form = "{quantity}\n  thesis: {thesis}\n  ours:   {ours}\n  {agreement}"
+    return [form.format(**entry) for entry in entries]

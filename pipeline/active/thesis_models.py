@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.active.thesis import Figures
+from pipeline.units import KHZ, MM, MS, UM, US
 from solvers.control.dq_study import FIRMWARE_RESPONSE_S
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 UNDRIVEN = 0.05  # of the loudest joint velocity: a mode below it does not answer
 STOPS_DB = 1.0  # a row: from here on the computed cell's flexural wave counts as stopped
 CONFINED = 2.0  # rms inside over rms outside from which a shape of the active beam counts as confined
-UM = 1e6
 
 
 def mason(study: MasonStudy) -> Iterator[tuple[str, Figures]]:
@@ -32,24 +32,21 @@ def mason(study: MasonStudy) -> Iterator[tuple[str, Figures]]:
     level = np.abs(study.clamped)
     answering = [m for m in clamped if level[np.argmin(np.abs(f - m))].max() > UNDRIVEN * level.max()]
     number = int(np.argmin(np.abs(clamped - target))) + 1
-    yield "confined", {"number": number, "answering": ", ".join(f"{m / 1e3:.2f}" for m in answering)}
-    nearest, added = (_nearest(modes, target) for modes in (study.bare_modes_hz, study.filtered_modes_hz))
-    yield "bare", {"target_khz": target / 1e3, "nearest_khz": nearest / 1e3, "off": abs(nearest / target - 1.0)}
+    yield "confined", {"number": number, "answering": ", ".join(f"{m / KHZ:.2f}" for m in answering)}
+    both = (study.bare_modes_hz, study.filtered_modes_hz)
+    nearest, added = (float(modes[np.argmin(np.abs(modes - target))]) for modes in both)
+    yield "bare", {"target_khz": target / KHZ, "nearest_khz": nearest / KHZ, "off": abs(nearest / target - 1.0)}
     bare_db, filtered_db = study.confinement_bare_db, study.confinement_filtered_db
     yield (
         "filtered",
         {
-            "added_khz": added / 1e3,
+            "added_khz": added / KHZ,
             "off": abs(added / target - 1.0),
             "bare_db": bare_db,
             "filtered_db": filtered_db,
             "gained_db": filtered_db - bare_db,
         },
     )
-
-
-def _nearest(modes: Any, target: float) -> float:
-    return float(modes[np.argmin(np.abs(modes - target))])
 
 
 def pillar(row: PillarFilter, point: PointForce, cell: dict[str, Any] | None) -> Iterator[tuple[str, Figures]]:
@@ -60,8 +57,8 @@ def pillar(row: PillarFilter, point: PointForce, cell: dict[str, Any] | None) ->
     yield (
         "stop",
         {
-            "stopped_khz": row.stopped_hz / 1e3,
-            "clamped_khz": row.clamped_hz / 1e3,
+            "stopped_khz": row.stopped_hz / KHZ,
+            "clamped_khz": row.clamped_hz / KHZ,
             "ratio": row.stopped_hz / row.clamped_hz,
             "oscillator": row.oscillator_stopped_hz / row.clamped_hz,
         },
@@ -73,7 +70,7 @@ def pillar(row: PillarFilter, point: PointForce, cell: dict[str, Any] | None) ->
 
 
 def _band(band: tuple[float, float] | None) -> str:
-    return f"{band[0] / 1e3:.2f}-{band[1] / 1e3:.2f} kHz" if band else "none in the window"
+    return f"{band[0] / KHZ:.2f}-{band[1] / KHZ:.2f} kHz" if band else "none in the window"
 
 
 def _cell(strip_hz: tuple[float, float] | None, cell: dict[str, Any]) -> Figures:
@@ -93,7 +90,7 @@ def beam(study: ActiveBeamStudy) -> Iterator[tuple[str, Figures]]:
     where = {"where": _where(point)}
     yield "equal", where | {"ratio": point.after.ratio, "pair_ratio": pair.after.ratio, "amplitudes": _amplitudes(pair)}
     ratios = study.place_sweep[f"couple at {tone:g} Hz"]
-    best = {"best_mm": 1e3 * float(study.sweep_places_m[ratios.argmax()]), "best": float(ratios.max())}
+    best = {"best_mm": float(study.sweep_places_m[ratios.argmax()]) / MM, "best": float(ratios.max())}
     yield "couples", where | _inside(couple) | best
     loops = {one.layout: one for one in study.stability}
     grows = max(loops["opposed"].growth_per_s) > 0.0
@@ -102,13 +99,13 @@ def beam(study: ActiveBeamStudy) -> Iterator[tuple[str, Figures]]:
     yield "higher", _higher(study)
     yield "force", where | {"steady_n": point.force_n, "switch_on_n": point.switch_on_n}
     limits, delays = loops["point"].gain_limits_n_m, study.data.delays_s
-    listed = [f"{_limit(limit)} with {1e6 * delay:g} us" for limit, delay in zip(limits, delays, strict=False)]
+    listed = [f"{_limit(limit)} with {delay / US:g} us" for limit, delay in zip(limits, delays, strict=False)]
     reach = max(limits[: len(delays)], default=0.0) / min(study.data.gains_n_m)
     yield "delay", {"limits": f"{', '.join(listed)}, {_limit(limits[-1])}", "reach": reach}
 
 
 def _where(case: Case) -> str:
-    return f"{case.frequency_hz / 1e3:g} kHz, K' = {case.gain_n_m:g} N/m"
+    return f"{case.frequency_hz / KHZ:g} kHz, K' = {case.gain_n_m:g} N/m"
 
 
 def _inside(case: Case) -> Figures:
@@ -118,7 +115,7 @@ def _inside(case: Case) -> Figures:
 
 def _amplitudes(case: Case) -> str:
     return (
-        f"largest inside {case.before.inside_max * UM:.2f} -> {case.after.inside_max * UM:.2f} um, "
+        f"largest inside {case.before.inside_max / UM:.2f} -> {case.after.inside_max / UM:.2f} um, "
         f"inside / beyond {case.after.inside_max / case.after.outside_max:.2f}"
     )
 
@@ -157,12 +154,12 @@ def dq(study: DqStudy) -> Iterator[tuple[str, Figures]]:
     yield (
         "response",
         {
-            "reached_ms": 1e3 * trace.reached_s(),
+            "reached_ms": trace.reached_s() / MS,
             "overshoot": 100.0 * trace.overshoot(),
-            "planned_ms": 1e3 * study.planned_s,
-            "firmware_ms": 1e3 * fast.trace.reached_s(),
-            "constant_ms": 1e3 * FIRMWARE_RESPONSE_S,
-            "asked_ms": 1e3 * study.data.within_s,
+            "planned_ms": study.planned_s / MS,
+            "firmware_ms": fast.trace.reached_s() / MS,
+            "constant_ms": FIRMWARE_RESPONSE_S / MS,
+            "asked_ms": study.data.within_s / MS,
             "largest_share": study.largest_share,
         },
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.active.thesis import Figures, statements
+from pipeline.units import CM, KHZ
 from solvers.shaping.acoustic_contrast import REGIONS, region_target
 from solvers.shaping.inversion import drive_voltages
 from solvers.shaping.modal_table import sensor_matrix
@@ -56,7 +57,7 @@ def _confined(study: ShapingStudy, model: ShapedBeam, signal: Signal, region: st
         "region": region,
         "beam": model.name,
         "signal": signal,
-        "khz": last / 1e3,
+        "khz": last / KHZ,
         "ratios": ", ".join(f"{one.peak_ratio:.2f} {name}" for name, one in contrast.items()),
         "ratio": best.peak_ratio,
         "best_db": best.best_contrast_db,
@@ -70,7 +71,7 @@ def _coupling(model: ShapedBeam, frequency_hz: float, signal: Signal) -> tuple[s
         f"coupling {coupling.coupling:.3f}, independence {coupling.independence:.3f}, "
         f"condition number {coupling.condition:.1f}"
     )
-    figures = {"khz": frequency_hz / 1e3, "beam": model.name, "signal": signal, "coupling": words}
+    figures = {"khz": frequency_hz / KHZ, "beam": model.name, "signal": signal, "coupling": words}
     printed = f"coupling at {frequency_hz:g} Hz"
     if printed not in statements()["shaping"]:
         return "coupling", figures
@@ -85,9 +86,9 @@ def _wave(study: ShapingStudy, model: ShapedBeam, signal: Signal) -> Figures:
         "beam": model.name,
         "signal": signal,
         "twr": float(wave.twr[wave.peak]),
-        "wavelength_cm": 100.0 * float(wave.wavelengths_m[wave.peak]),
+        "wavelength_cm": float(wave.wavelengths_m[wave.peak]) / CM,
         "fit": float(wave.fitted_twr[wave.peak]),
-        "free_cm": 100.0 * wave.free_wavelength_m,
+        "free_cm": wave.free_wavelength_m / CM,
     }
 
 
@@ -120,7 +121,7 @@ def _own_strain(study: ShapingStudy, model: ShapedBeam) -> Figures:
     last, table = study.data.frequencies_hz[-1], model.table
     residual = np.zeros((1, 1)) if table.sensor_residual is None else table.sensor_residual
     share = 100.0 * np.abs(np.diag(residual)) / np.abs(np.diag(sensor_matrix(table, last)))
-    return {"least": share.min(), "most": share.max(), "khz": last / 1e3, "modes": table.frequencies_hz.size}
+    return {"least": share.min(), "most": share.max(), "khz": last / KHZ, "modes": table.frequencies_hz.size}
 
 
 def _follows(study: ShapingStudy, model: ShapedBeam) -> Figures:

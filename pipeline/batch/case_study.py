@@ -31,8 +31,8 @@ def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
         try:
             case = load_case(study.case_path, overrides)
             registry.check(case, query)
-        except InputError as fault:
-            faults += [f"case {case_id}: {line}" for line in fault.lines]
+        except InputError as error:
+            faults += [f"case {case_id}: {line}" for line in error.lines]
             continue
         texts = [f"{key}={toml_text(value)}" for key, value in overrides]  # as --set takes them
         payload: dict[str, Any] = {"name": case.name, "case": case.to_dict(), "overrides": texts}

@@ -6,9 +6,10 @@ import json
 import os
 from contextlib import suppress
 from datetime import UTC, datetime
-from math import inf
 from pathlib import Path
 from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 JOURNAL = "journal.jsonl"
 
@@ -39,6 +40,16 @@ def _line_end(descriptor: int) -> str:
     return "\n" if size and os.pread(descriptor, 1, size - 1) != b"\n" else ""
 
 
+class Entry(BaseModel):
+    """A line of a journal: what happened, to which case, and the seconds that it took."""
+
+    model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
+
+    event: str
+    case: str = ""
+    seconds: float = Field(default=0.0, ge=0.0)
+
+
 def read(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
     """Entries of a study's journal and a read error for each line that cannot be read."""
     entries: list[dict[str, Any]] = []
@@ -48,24 +59,12 @@ def read(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
             if not line.strip():
                 continue
             try:
-                entries.append(_checked(json.loads(line)))
-            except (ValueError, RecursionError):
-                read_errors.append(f"{JOURNAL}, line {number}: torn, passed over")
-            except TypeError:
-                read_errors.append(f"{JOURNAL}, line {number}: not an entry of a journal, passed over")
+                entries.append(Entry.model_validate_json(line).model_dump(exclude_unset=True))
+            except ValidationError as error:
+                torn = error.errors()[0]["type"] == "json_invalid"
+                why = "torn" if torn else "not an entry of a journal"
+                read_errors.append(f"{JOURNAL}, line {number}: {why}, passed over")
     return entries, read_errors
-
-
-def _checked(entry: Any) -> dict[str, Any]:
-    """The entry. Raises TypeError when it, its event, its case or its seconds are of another type, or no time."""
-    if not isinstance(entry, dict) or not isinstance(entry.get("event"), str):
-        raise TypeError("no event")
-    if not isinstance(entry.get("case", ""), str):
-        raise TypeError("no case")
-    seconds = entry.get("seconds", 0.0)
-    if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not 0.0 <= seconds < inf:
-        raise TypeError("no time")
-    return entry
 
 
 def seconds_by_case(entries: list[dict[str, Any]]) -> dict[str, float]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +82,8 @@ def run_study(
         return StudyOutcome(folder, plan(jobs, folder, options.force))
     with lock.study_lock(folder):
         planned = plan(jobs, folder, options.force)
-        store.write_json(folder / CASES, {"schema": 1, "about": about or {}, "cases": [_listed(job) for job in jobs]})
+        listed = [{"case_id": job.case_id, "sweep": job.sweep} for job in jobs]
+        store.write_json(folder / CASES, {"schema": 1, "about": about or {}, "cases": listed})
         return _Run(jobs, compute, folder, options, progress, planned).go()
 
 
@@ -95,10 +96,6 @@ def plan(jobs: Sequence[Job], folder: Path, force: bool = False) -> tuple[Planne
     )
 
 
-def _listed(job: Job) -> dict[str, Any]:
-    return {"case_id": job.case_id, "sweep": job.sweep}
-
-
 def _check_ids(jobs: Sequence[Job], folder: Path) -> None:
     seen: set[str] = set()
     for job in jobs:
@@ -108,34 +105,27 @@ def _check_ids(jobs: Sequence[Job], folder: Path) -> None:
         seen.add(job.case_id)
 
 
+@dataclass
 class _Run:
     """One run of a study, while it lasts."""
 
-    def __init__(
-        self,
-        jobs: Sequence[Job],
-        compute: Compute,
-        folder: Path,
-        options: Options,
-        progress: Progress,
-        planned: tuple[Planned, ...],
-    ) -> None:
-        self.compute, self.folder, self.options, self.progress, self.planned = (
-            compute,
-            folder,
-            options,
-            progress,
-            planned,
-        )
-        why = {item.case_id: item.why for item in planned}
-        self.why = why
-        self.waiting = [job for job in jobs if why[job.case_id] is not None]
-        self.ended: list[CaseEnd] = []
-        self.running: dict[Future[CaseEnd], Job] = {}
-        self.given_up: list[Job] = []
-        self.journal = journal.Journal(folder)
-        at_once = len(jobs) if options.executor else default_jobs(len(jobs))  # a cluster queues by itself
-        self.workers = options.jobs or max(1, at_once)
+    jobs: Sequence[Job]
+    compute: Compute
+    folder: Path
+    options: Options
+    progress: Progress
+    planned: tuple[Planned, ...]
+    ended: list[CaseEnd] = field(default_factory=list)
+    running: dict[Future[CaseEnd], Job] = field(default_factory=dict)
+    given_up: list[Job] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.why = {item.case_id: item.why for item in self.planned}
+        self.waiting = [job for job in self.jobs if self.why[job.case_id] is not None]
+        self.journal = journal.Journal(self.folder)
+        count = len(self.jobs)
+        at_once = count if self.options.executor else default_jobs(count)  # a cluster queues by itself
+        self.workers = self.options.jobs or max(1, at_once)
 
     def go(self) -> StudyOutcome:
         entries, torn = journal.read(self.folder)
@@ -182,8 +172,9 @@ class _Run:
         """The next case, unless all workers are busy or its memory is taken; one case alone always fits."""
         if not self.waiting or len(self.running) >= self.workers:
             return None
-        wanted = self.waiting[0].memory_bytes + sum(job.memory_bytes for job in self.running.values())
-        if self.running and not self.options.executor and wanted > MEMORY_SHARE * _free_memory(self.running.values()):
+        granted = sum(job.memory_bytes for job in self.running.values())
+        wanted, free = granted + self.waiting[0].memory_bytes, granted + available_bytes()
+        if self.running and not self.options.executor and wanted > MEMORY_SHARE * free:
             return None
         return self.waiting.pop(0)
 
@@ -229,8 +220,3 @@ class _Run:
 def _local(count: int) -> workers.LocalWorkers:
     """Threads per worker depend on nothing that a resumed run would see differently, so that numbers repeat."""
     return workers.LocalWorkers(count, max(1, default_jobs(1 << 30) // count))
-
-
-def _free_memory(running: Iterable[Job]) -> float:
-    """What can be taken in all by this study's cases: free now plus what the running ones were granted, bytes."""
-    return available_bytes() + sum(job.memory_bytes for job in running)

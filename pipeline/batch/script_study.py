@@ -52,20 +52,20 @@ def load_script(path: Path) -> ScriptStudy | None:
     table = raw.get("study")
     if not isinstance(table, dict) or "script" not in table:
         return None
-    faults = Diagnostics(str(path))
+    diagnostics = Diagnostics(str(path))
     for key in raw:
         if key != "study":
-            faults.unknown(key, raw[key], ["study"])
+            diagnostics.unknown(key, raw[key], ["study"])
     for key in table:
         if key not in ("name", "script"):
-            faults.unknown(f"study.{key}", table[key], ["study.name", "study.script"])
+            diagnostics.unknown(f"study.{key}", table[key], ["study.name", "study.script"])
     script, name = table["script"], table.get("name", path.stem)
     known = sorted(file.stem for file in paths.STUDIES.glob("*.py") if "def conclude" in file.read_text())
     if script not in known:
-        faults.add("study.script", script, f"must be one of {', '.join(known)}")
+        diagnostics.add("study.script", script, f"must be one of {', '.join(known)}")
     if not (isinstance(name, str) and re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,99}", name)):
-        faults.add("study.name", name, "must be 1 to 100 letters, digits, dots, dashes or underscores")
-    faults.stop()
+        diagnostics.add("study.name", name, "must be 1 to 100 letters, digits, dots, dashes or underscores")
+    diagnostics.stop()
     return ScriptStudy(name, path, script)
 
 
@@ -101,8 +101,8 @@ def conclude(study: ScriptStudy, folder: Path) -> list[Path]:
     for case_id, parameters in study.module.cases():
         try:
             result = record.read(store.case_folder(folder, case_id))
-        except store.StoreError as fault:
-            result = Record(case_id=case_id, status="FAILED", diagnosis=str(fault))
+        except store.StoreError as error:
+            result = Record(case_id=case_id, status="FAILED", diagnosis=str(error))
         ended = {"status": result.status, "diagnosis": result.diagnosis, "case_id": case_id}
         records.append({"parameters": parameters, **result.other, **ended})
     page: Page = study.module.conclude(records)

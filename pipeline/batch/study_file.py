@@ -6,9 +6,8 @@ import hashlib
 import itertools
 import json
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
+from math import prod
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,8 +17,9 @@ from pipeline.case.diagnostics import Diagnostics, check_table, nearest
 from pipeline.case.overrides import is_file, read_toml
 from pipeline.case.schema import known_keys
 from pipeline.errors import InputError
+from pipeline.paths import STUDIES
+from pipeline.records.run_log import flat
 
-STUDIES = Path(__file__).resolve().parents[2] / "studies"
 RENAMED = {"once": "base_measure"}
 MAX_ID_LENGTH = 120
 MAX_CASES = 100_000
@@ -66,29 +66,26 @@ class StudyFile:
         keys = list(self.sweep)
         rows = zip(*self.sweep.values(), strict=True) if self.zip else itertools.product(*self.sweep.values())
         labels = _labels(keys)
-        cases = []
-        for values in rows if keys else [()]:
-            cases.append((_case_id(labels, values), list(zip(keys, values, strict=True))))
-        return cases
+        return [(_case_id(labels, values), list(zip(keys, values, strict=True))) for values in (rows if keys else [()])]
 
 
 def load_study(path_or_name: str | Path) -> StudyFile:
     """The study of a file, or of studies/NAME.toml of the checkout; InputError with one line for every fault."""
     path = find_study(path_or_name)
     raw = read_toml(path, MAX_BYTES)
-    faults = Diagnostics(str(path))
+    diagnostics = Diagnostics(str(path))
     if "study" not in raw and {"plate", "zone", "material"} & set(raw):
         raise InputError(f"{path}: a case file, must be a study file with a [study] table")
     for key in raw:
         if key not in ("study", "sweep"):
-            faults.unknown(key, raw[key], ["study", "sweep"])
-    values = _read_study(raw, faults)
-    sweep, paired = _read_sweep(raw.get("sweep", {}), faults, values.get("study.zip", False))
-    _check_counts(sweep, paired, faults)
+            diagnostics.unknown(key, raw[key], ["study", "sweep"])
+    values = _read_study(raw, diagnostics)
+    sweep, paired = _read_sweep(raw.get("sweep", {}), diagnostics, values.get("study.zip", False))
+    _check_counts(sweep, paired, diagnostics)
     case_path = path.parent / values.get("study.case", "")
     if "study.case" in values and not is_file(case_path):
-        faults.add("study.case", values["study.case"], f"no such file {case_path}")
-    faults.stop()
+        diagnostics.add("study.case", values["study.case"], f"no such file {case_path}")
+    diagnostics.stop()
     name = values.get("study.name") or path.stem
     base = tuple(values.get("study.base_measure") or ())
     return StudyFile(name, path, case_path, tuple(values["study.measure"]), sweep, paired, base)
@@ -102,30 +99,28 @@ def find_study(path_or_name: str | Path) -> Path:
     named = STUDIES / f"{text}.toml"
     if not is_file(named):
         names = sorted(file.stem for file in STUDIES.glob("*.toml"))
-        near = get_close_matches(text, names, n=1, cutoff=0.5)
-        hint = f" (did you mean {near[0]}?)" if near else ""
-        raise InputError(f"study {text!r}: no such file, and not one of {', '.join(names)}{hint}")
+        raise InputError(f"study {text!r}: no such file, and not one of {', '.join(names)}{nearest(text, names)}")
     return named
 
 
-def _read_study(raw: dict[str, Any], faults: Diagnostics) -> dict[str, Any]:
+def _read_study(raw: dict[str, Any], diagnostics: Diagnostics) -> dict[str, Any]:
     table = raw.get("study")
     if table is None:
-        faults.missing("[study]", "must be a table with name, case and measure")
+        diagnostics.missing("[study]", "must be a table with name, case and measure")
         return {}
     if not isinstance(table, dict):
-        faults.add("study", table, "must be a table [study]")
+        diagnostics.add("study", table, "must be a table [study]")
         return {}
     known = [f"study.{name}" for name in StudyTable.model_fields]
     for old in RENAMED.keys() & table.keys():
-        faults.add(f"study.{old}", table[old], f"this key is now named study.{RENAMED[old]}")
+        diagnostics.add(f"study.{old}", table[old], f"this key is now named study.{RENAMED[old]}")
     table = {key: value for key, value in table.items() if key not in RENAMED}
     for key, spare in (("measure", ["modes"]), ("base_measure", [])):
         measures = table.get(key)
         if isinstance(measures, list) and (measures or key == "measure"):
-            _check_measures(key, measures, faults)
+            _check_measures(key, measures, diagnostics)
             table = {**table, key: [name for name in measures if name in _names()] or spare}
-    return check_table(StudyTable, table, "study.", known, faults)
+    return check_table(StudyTable, table, "study.", known, diagnostics)
 
 
 def _names() -> list[str]:
@@ -134,57 +129,47 @@ def _names() -> list[str]:
     return registry.names()
 
 
-def _check_measures(key: str, measures: list[Any], faults: Diagnostics) -> None:
+def _check_measures(key: str, measures: list[Any], diagnostics: Diagnostics) -> None:
     for name in measures:
         if name not in _names():
             hint = nearest(name, _names()) if isinstance(name, str) else ""
-            faults.add(f"study.{key}", name, f"must be a list of {', '.join(_names())}{hint}")
+            diagnostics.add(f"study.{key}", name, f"must be a list of {', '.join(_names())}{hint}")
     if not measures or len({str(name) for name in measures}) < len(measures):
-        faults.add(f"study.{key}", measures, "must name at least one measure, each once")
+        diagnostics.add(f"study.{key}", measures, "must name at least one measure, each once")
 
 
-def _read_sweep(table: Any, faults: Diagnostics, paired: bool) -> tuple[dict[str, tuple[Any, ...]], bool]:
+def _read_sweep(table: Any, diagnostics: Diagnostics, paired: bool) -> tuple[dict[str, tuple[Any, ...]], bool]:
     if not isinstance(table, dict):
-        faults.add("sweep", table, "must be a table [sweep] of lists")
+        diagnostics.add("sweep", table, "must be a table [sweep] of lists")
         return {}, False
-    flat = dict(_flatten(table))
-    zipped = flat.pop("zip", False)
+    lists = dict(flat(table))
+    zipped = lists.pop("zip", False)
     if not isinstance(zipped, bool):
-        faults.add("sweep.zip", zipped, "must be true or false")
+        diagnostics.add("sweep.zip", zipped, "must be true or false")
     paired = paired or zipped is True
     known = known_keys()
-    for key, values in flat.items():
+    for key, values in lists.items():
         if key not in known:
-            faults.unknown(f'sweep."{key}"', values, known)
+            diagnostics.unknown(f'sweep."{key}"', values, known)
         elif not isinstance(values, list) or not values:
-            faults.add(f'sweep."{key}"', values, "must be a list of at least one value")
+            diagnostics.add(f'sweep."{key}"', values, "must be a list of at least one value")
         elif not paired and len({toml_text(value) for value in values}) < len(values):
-            faults.add(f'sweep."{key}"', values, "must hold each value once")
-    return {key: tuple(values) for key, values in flat.items() if isinstance(values, list) and values}, paired
+            diagnostics.add(f'sweep."{key}"', values, "must hold each value once")
+    return {key: tuple(values) for key, values in lists.items() if isinstance(values, list) and values}, paired
 
 
-def _check_counts(sweep: dict[str, tuple[Any, ...]], paired: bool, faults: Diagnostics) -> None:
+def _check_counts(sweep: dict[str, tuple[Any, ...]], paired: bool, diagnostics: Diagnostics) -> None:
     lengths = {key: len(values) for key, values in sweep.items()}
     if paired and len(set(lengths.values())) > 1:
         counts = ", ".join(f"{key} has {count}" for key, count in lengths.items())
-        faults.add("sweep.zip", True, f"needs lists of equal length ({counts})")
+        diagnostics.add("sweep.zip", True, f"needs lists of equal length ({counts})")
     elif paired:
         rows = [toml_text(list(row)) for row in zip(*sweep.values(), strict=True)]
         for row in sorted({row for row in rows if rows.count(row) > 1}):
-            faults.add("sweep", row, "must hold each combination once")
-    total = 1
-    for count in lengths.values():
-        total *= count
+            diagnostics.add("sweep", row, "must hold each combination once")
+    total = prod(lengths.values())
     if not paired and total > MAX_CASES:
-        faults.add("sweep", f"{total} cases", f"must be at most {MAX_CASES}")
-
-
-def _flatten(table: dict[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
-    for key, value in table.items():
-        if isinstance(value, dict):
-            yield from _flatten(value, f"{prefix}{key}.")
-        else:
-            yield prefix + key, value
+        diagnostics.add("sweep", f"{total} cases", f"must be at most {MAX_CASES}")
 
 
 def toml_text(value: Any) -> str:
@@ -208,8 +193,10 @@ def _labels(keys: list[str]) -> list[str]:
 def _case_id(labels: list[str], values: tuple[Any, ...]) -> str:
     if not labels:
         return "base"
-    exact = ",".join(f"{label}={toml_text(value)}" for label, value in zip(labels, values, strict=True))
-    plain = ",".join(f"{label}={_plain(value)}" for label, value in zip(labels, values, strict=True))
+    exact, plain = (
+        ",".join(f"{label}={text(value)}" for label, value in zip(labels, values, strict=True))
+        for text in (toml_text, _plain)
+    )
     readable = re.sub(r"[^A-Za-z0-9._+=,-]", "_", plain)
     if readable == exact.replace('"', "") and len(readable) <= MAX_ID_LENGTH:
         return readable

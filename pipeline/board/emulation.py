@@ -1,6 +1,4 @@
-"""The closed loop of a case: the unmodified image with its mode table, on the emulated board, connected to the
-table's plate.
-"""
+"""The closed loop of a case: the unmodified image with its mode table, on the emulated board, driving the table's plate."""
 
 from __future__ import annotations
 
@@ -9,6 +7,7 @@ from pathlib import Path
 from geometry.elements import FloatArray
 from pipeline.logs import Log
 from pipeline.records.record import BoardFault, BoardRecord
+from pipeline.units import MS
 
 TABLE = "mode_table.bin"
 COLUMNS = ("time_s", "reference", "u_d", "u_q", "drive")
@@ -31,9 +30,9 @@ def solve(folder: Path, log: Log) -> tuple[BoardRecord | BoardFault | None, dict
             raise
         log.left_out("closed loop on the emulated board", str(missing))
         return None, {}
-    except EmulationError as fault:
-        log.warning("BOARD", f"emulated board: {fault}")
-        return BoardFault(fault=str(fault)), {}
+    except EmulationError as error:
+        log.warning("BOARD", f"emulated board: {error}")
+        return BoardFault(fault=str(error)), {}
     record = BoardRecord.of(run, gain=(run.gain.real, run.gain.imag), reference=run.level)
     _log_summary(record, log)
     return record, {f"board_{name}": run.columns[name] for name in COLUMNS}
@@ -41,9 +40,9 @@ def solve(folder: Path, log: Log) -> tuple[BoardRecord | BoardFault | None, dict
 
 def _log_summary(record: BoardRecord, log: Log) -> None:
     origin = "identified" if record.swept else "taken from the table"
-    reached = "not reached" if record.t95_s is None else f"after {1e3 * record.t95_s:.2f} ms"
+    reached = "not reached" if record.t95_s is None else f"after {record.t95_s / MS:.2f} ms"
     log.info(
-        f"emulated board: mode at {record.frequency_hz:.2f} Hz {origin}, tau {1e3 * record.tau_s:.3f} ms, gain "
+        f"emulated board: mode at {record.frequency_hz:.2f} Hz {origin}, tau {record.tau_s / MS:.3f} ms, gain "
         f"{abs(complex(*record.gain)):.4g}; 95 % of a step to {record.reference:.4g} {reached}"
     )
 

@@ -154,8 +154,8 @@ def write(table: ModeTable, folder: Path, stem: str) -> list[Path]:
     files = places(folder, stem)
     try:
         contents = table_file.to_bytes(table), table_file.to_header(table).encode()
-    except TableError as fault:
-        raise InputError(f"mode table: {fault}: the firmware plays no such mode") from fault
+    except TableError as error:
+        raise InputError(f"mode table: {error}: the firmware plays no such mode") from error
     for file, content in zip(files, contents, strict=True):
         write_atomic(file, content)
     return files

@@ -16,7 +16,7 @@ from math import pi
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
-from pipeline.board.table import GAIN
+from pipeline.board.table_file import GAIN
 from pipeline.case.model import Case
 from solvers.errors import SolverError
 from solvers.piezo.forced import ForcedPlate

@@ -31,7 +31,7 @@ from solvers.shaping.travelling_wave import best_travelling_drive, inner_window
 from solvers.shaping_study.model import ShapedBeam, Signal
 from solvers.shaping_study.steps import travel_window
 
-SAMPLE_RATE_HZ = 40e3
+SAMPLE_RATE_HZ = 40_000.0
 LARGEST = 0.5  # |T| in full scales at the louder frequency: how the conditioners are to be set
 BAND_HZ = (MIN_SHAPE_HZ, 4500.0)
 SCANNED = 221
@@ -53,11 +53,8 @@ def patterns(model: ShapedBeam, signal: Signal, frequency_hz: float) -> tuple[Pa
     window = inner_window(line, *travel_window(model, frequency_hz))
     for name, sign in (("wave+", 1.0), ("wave-", -1.0)):
         named_targets.append((name, matrix @ best_travelling_drive(field[window], sign * line[window], k)[0]))
-    return tuple(Pattern(name, _relative(target)) for name, target in named_targets)
-
-
-def _relative(target: ComplexArray) -> tuple[complex, ...]:
-    return tuple(complex(value) for value in target / target[np.argmax(np.abs(target))])
+    relative = ((name, target / target[np.argmax(np.abs(target))]) for name, target in named_targets)
+    return tuple(Pattern(name, tuple(target.tolist())) for name, target in relative)
 
 
 def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float, ...] = ()) -> ModeTable:
@@ -73,11 +70,10 @@ def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float
         raise InputError(f"--frequency: {min(chosen):g} Hz, the six-channel board takes {MIN_SHAPE_HZ:g} Hz and more")
     scale = full_scale(model, signal, chosen)
     slowest_s = float((model.table.quality / (pi * model.table.frequencies_hz)).max())
+    matrices = [scale * model.matrix(f, signal) * hold(f, SAMPLE_RATE_HZ) for f in chosen]
     shapes = tuple(
-        Shape(
-            f, slowest_s, patterns(model, signal, f), _rows(scale * model.matrix(f, signal) * hold(f, SAMPLE_RATE_HZ))
-        )
-        for f in chosen
+        Shape(f, slowest_s, patterns(model, signal, f), tuple(map(tuple, matrix.tolist())))
+        for f, matrix in zip(chosen, matrices, strict=True)
     )
     identity = canonical_json([model.name, signal, list(chosen)]) + code_hash()
     return ModeTable(SAMPLE_RATE_HZ, hashlib.sha256(identity.encode()).digest()[:16], (), shapes=shapes)
@@ -86,10 +82,6 @@ def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float
 def _best(model: ShapedBeam, signal: Signal) -> tuple[float, ...]:
     scanned = scan(partial(model.matrix, signal=signal), np.linspace(*BAND_HZ, SCANNED))
     return tuple(float(f) for f in operating_frequencies(scanned, MAX_SHAPES))
-
-
-def _rows(matrix: ComplexArray) -> tuple[tuple[complex, ...], ...]:
-    return tuple(tuple(complex(value) for value in row) for row in matrix)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -10,6 +10,7 @@ from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import SHAPES
 from pipeline.case import limits
 from pipeline.case.schema import SIZE_KEYS
+from pipeline.units import MM
 
 Values = dict[str, Any]
 PITCHES = ("pitch_mm", "pitch_x_mm", "pitch_y_mm")
@@ -26,7 +27,7 @@ eps |K|/omega^2, the share of a bending eigenvalue that rounding may take, grows
 def section_mm(good: Values, form: PillarShape | None) -> float | None:
     """The foot section's width without fillet, mm, also when the shape's name is wrong; None while it is unknown."""
     if form is not None:
-        return 1e3 * form.width_m
+        return form.width_m / MM
     shape = SHAPES.get(good.get("pillar.shape", ""))
     widths = (good.get(f"pillar.{each.keys[0]}") for each in ([shape] if shape else SHAPES.values()))
     return next((width for width in widths if isinstance(width, float | int)), None)
@@ -37,7 +38,7 @@ def footprint_mm(good: Values, form: PillarShape | None) -> float | None:
     section, fillet = section_mm(good, form), good.get("pillar.fillet_mm")
     if section is None or fillet is None:
         return None
-    return section + 2.0 * fillet if form is None else 1e3 * form.footprint_m(1e-3 * fillet)
+    return section + 2.0 * fillet if form is None else form.footprint_m(MM * fillet) / MM
 
 
 def _sizes_mm(good: Values) -> dict[str, float]:
@@ -97,7 +98,7 @@ def check_pitch(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     footprint = footprint_mm(good, form)
     if footprint is None:
         return
-    widest = max(footprint, 1e3 * max(form.reach_m())) if form else footprint
+    widest = max(footprint, max(form.reach_m()) / MM) if form else footprint
     for name in good.get("array.pitch_given", ()):
         pitch = good["array.pitch_x_mm" if name == "pitch_mm" else f"array.{name}"]
         if pitch <= widest:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 from itertools import islice
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 
 from pipeline.errors import InputError
 
@@ -23,11 +24,8 @@ def quoted(value: Any) -> str:
         text = '"' + value[:MAX_LENGTH].encode("unicode_escape").decode().replace('"', '\\"') + '"'
         text = text if len(value) <= MAX_LENGTH else text[:-1].ljust(MAX_LENGTH + 1, ".")
     elif isinstance(value, dict):
-        text = (
-            "{"
-            + ", ".join(f"{key_quoted(key)} = {quoted(item)}" for key, item in islice(value.items(), MAX_LENGTH))
-            + "}"
-        )
+        first = islice(value.items(), MAX_LENGTH)
+        text = "{" + ", ".join(f"{key_quoted(key)} = {quoted(item)}" for key, item in first) + "}"
     elif isinstance(value, (list, tuple)):
         text = "[" + ", ".join(quoted(item) for item in value[:MAX_LENGTH]) + "]"
     elif isinstance(value, float):
@@ -104,39 +102,36 @@ class Diagnostics:
             raise InputError([*self.lines, *more])
 
 
+def _allowed(field: FieldInfo) -> str:
+    """What a field may be: its description, or the words of its type."""
+    *first, last = [str(word) for word in get_args(field.annotation)] or ["something else"]
+    return field.description or (f"{', '.join(first)} or {last}" if first else last)
+
+
 def check_table(
-    model: type[BaseModel], raw: dict[str, Any], prefix: str, known: Collection[str], faults: Diagnostics
+    model: type[BaseModel], raw: dict[str, Any], prefix: str, known: Collection[str], diagnostics: Diagnostics
 ) -> dict[str, Any]:
-    """The valid values of one table, defaults filled in, keys dotted with prefix; every fault is added to `faults`."""
-    bad: set[str] = set()
+    """The valid values of one table, defaults filled in, keys dotted with prefix; every fault is added to `diagnostics`."""
+    bad: dict[str, str] = {}
     try:
         model.model_validate(raw)
     except ValidationError as error:
         for detail in error.errors(include_url=False):
-            name = str(detail["loc"][0])
-            if name not in bad:
-                _log_summary(model, name, detail["type"], raw.get(name), prefix, known, faults)
-            bad.add(name)
+            bad.setdefault(str(detail["loc"][0]), detail["type"])
     fields = model.model_fields
-    good = {
-        name: raw[name] if name in raw else field.get_default(call_default_factory=True)
+    for name, kind in bad.items():
+        key, value = prefix + name, raw.get(name)
+        allowed = _allowed(fields[name]) if name in fields else ""
+        if kind == "extra_forbidden":
+            diagnostics.unknown(key, value, known)
+        elif kind == "missing":
+            diagnostics.missing(key, f"must be {allowed}")
+        else:
+            named = kind == "literal_error" and isinstance(value, str)
+            hint = nearest(str(value), allowed.replace(" or ", ", ").split(", ")) if named else ""
+            diagnostics.add(key, value, f"must be {allowed}{hint}")
+    return {
+        prefix + name: raw[name] if name in raw else field.get_default(call_default_factory=True)
         for name, field in fields.items()
         if name not in bad
     }
-    return {prefix + name: value for name, value in good.items()}
-
-
-def _log_summary(
-    model: type[BaseModel], name: str, kind: str, value: Any, prefix: str, known: Collection[str], faults: Diagnostics
-) -> None:
-    key = prefix + name
-    if kind == "extra_forbidden":
-        faults.unknown(key, value, known)
-        return
-    allowed = model.model_fields[name].description or "something else"
-    if kind == "missing":
-        faults.missing(key, f"must be {allowed}")
-    elif kind == "literal_error" and isinstance(value, str):
-        faults.add(key, value, f"must be {allowed}{nearest(value, allowed.replace(' or ', ', ').split(', '))}")
-    else:
-        faults.add(key, value, f"must be {allowed}")

@@ -13,9 +13,10 @@ from geometry.layout import Design, Pillar
 from geometry.patches import Patches
 from pipeline.case.overrides import apply_overrides, is_file, parse_override, read_toml
 from pipeline.case.patches import read_patches
-from pipeline.case.reader import KHZ, MM, read_values
 from pipeline.case.reader import CaseValues as Values
+from pipeline.case.reader import read_values
 from pipeline.errors import InputError
+from pipeline.units import KHZ, MM
 from solvers.measures.confinement import wanted_symmetry
 
 Override = str | tuple[str, Any]
@@ -146,9 +147,9 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
     settings = _parsed(overrides)
     values = read_values(apply_overrides(raw, settings), source, [key for key, _ in settings])
     patches, measured = None, _measured(values, source)
-    if not values.faults.touch("material", "plate", "zone", "pillar", "array"):
+    if not values.diagnostics.touch("material", "plate", "zone", "pillar", "array"):
         patches = read_patches(values, _design(values))
-    values.faults.stop()
+    values.diagnostics.stop()
     design = _design(values)
     return Case(
         name=values.name,
@@ -169,8 +170,8 @@ def _parsed(overrides: Iterable[Override]) -> list[tuple[str, Any]]:
     for given in overrides:
         try:
             parsed.append(parse_override(given) if isinstance(given, str) else given)
-        except InputError as fault:
-            lines += fault.lines
+        except InputError as error:
+            lines += error.lines
     if lines:
         raise InputError(lines)
     return parsed
@@ -224,7 +225,7 @@ def _measured(values: Values, source: Path | None) -> MeasuredFiles | None:
         given = good.get(f"measured.{name}")
         paths[name] = path = None if given is None else (source.parent if source else Path()) / given
         if path is not None and not is_file(path):
-            values.faults.add(f"measured.{name}", given, f"no such file {path}")
+            values.diagnostics.add(f"measured.{name}", given, f"no such file {path}")
     place = good.get("measured.at_mm")
     return MeasuredFiles(paths["sweep"], paths["map"], (MM * place[0], MM * place[1]) if place else None)
 

@@ -14,6 +14,7 @@ from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import SHAPES
 from pipeline.case.diagnostics import quoted
 from pipeline.errors import InputError
+from pipeline.units import GPA
 
 # keys that stand for one another: setting one drops the others that the file gave
 ALTERNATIVES: dict[str, tuple[str, ...]] = {
@@ -71,16 +72,13 @@ def is_file(path: Path) -> bool:
         return False
 
 
-def _is_deeper(value: Any, limit: int = DEEPEST) -> bool:
-    """Whether dictionaries and lists stand inside one another more than `limit` times."""
+def _is_deeper(value: Any) -> bool:
+    """Whether dictionaries and lists stand inside one another more than DEEPEST times."""
     level = [value]
-    for _ in range(limit + 1):
-        level = [item for each in level if isinstance(each, (dict, list)) for item in _items(each)]
+    for _ in range(DEEPEST + 1):
+        inside = [each.values() if isinstance(each, dict) else each for each in level if isinstance(each, (dict, list))]
+        level = [item for items in inside for item in items]
     return bool(level)
-
-
-def _items(owner: dict[str, Any] | list[Any]) -> Iterable[Any]:
-    return owner.values() if isinstance(owner, dict) else owner
 
 
 def parse_value(text: str) -> Any:
@@ -163,4 +161,4 @@ def _material_table(name: str) -> dict[str, Any] | None:
     known = MATERIALS.get(name)
     if known is None:
         return None
-    return {"young_GPa": known.young_pa / 1e9, "density_kg_m3": known.density_kg_m3, "poisson": known.poisson}
+    return {"young_GPa": known.young_pa / GPA, "density_kg_m3": known.density_kg_m3, "poisson": known.poisson}

@@ -11,7 +11,8 @@ from geometry.layout import Design
 from geometry.patches import FloatArray, Patches, antinode_places
 from geometry.piezo_materials import PIEZO_MATERIALS
 from pipeline.case.diagnostics import Diagnostics, nearest
-from pipeline.case.reader import MM, CaseValues
+from pipeline.case.reader import CaseValues
+from pipeline.units import MM
 from solvers.analytic.beams import antinodes, free_free_mode
 
 MAX_LISTED = 3  # patches or pairs of them that are named
@@ -20,12 +21,12 @@ TOUCHING = 1e-9  # relative to the patch: boxes that share an edge do not overla
 
 def read_patches(values: CaseValues, design: Design) -> Patches | None:
     """The patches in SI, or None without the table; what does not fit is added to the faults."""
-    good, faults = values.good, values.faults
-    if "patches" not in good or faults.touch("patches"):
+    good, diagnostics = values.good, values.diagnostics
+    if "patches" not in good or diagnostics.touch("patches"):
         return None
     name, allowed = good["patches.material"], ", ".join(PIEZO_MATERIALS)
     if name not in PIEZO_MATERIALS:
-        faults.add("patches.material", name, f"must be one of {allowed}{nearest(name, PIEZO_MATERIALS)}")
+        diagnostics.add("patches.material", name, f"must be one of {allowed}{nearest(name, PIEZO_MATERIALS)}")
     x, y, z = (MM * side for side in good["patches.size_mm"])
     centres, lengths = _places(good.get("patches.centres_mm"), design, (x, y, z))
     patches = Patches(
@@ -39,9 +40,9 @@ def read_patches(values: CaseValues, design: Design) -> Patches | None:
         drive_v=float(good["patches.drive_V"]),
         circuit=good["patches.circuit"],
     )
-    _check_sensors(patches, faults)
+    _check_sensors(patches, diagnostics)
     if "zone" in good:
-        _check_places(patches, design, good, faults)
+        _check_places(patches, design, good, diagnostics)
     return patches
 
 
@@ -55,40 +56,42 @@ def _places(
     return antinode_places(inner, length, size_m, ends=lines > 0)
 
 
-def _check_sensors(patches: Patches, faults: Diagnostics) -> None:
+def _check_sensors(patches: Patches, diagnostics: Diagnostics) -> None:
     wrong = [number for number in patches.sensors if number >= patches.count]
     if wrong:
-        faults.add(
+        diagnostics.add(
             "patches.sensors", list(patches.sensors), f"no such patch: must be numbers from 0 to {patches.count - 1}"
         )
     elif not patches.drivers:
-        faults.add("patches.sensors", list(patches.sensors), "every patch listens: at least one must drive")
+        diagnostics.add("patches.sensors", list(patches.sensors), "every patch listens: at least one must drive")
 
 
-def _check_places(patches: Patches, design: Design, good: dict[str, object], faults: Diagnostics) -> None:
+def _check_places(patches: Patches, design: Design, good: dict[str, object], diagnostics: Diagnostics) -> None:
     boxes, size = patches.boxes_m(), good["patches.size_mm"]
     slack = TOUCHING * max(patches.size_m)
     half_x, half_y = design.length_m / 2.0 + slack, design.half_span_m + slack
-    width_mm, length_mm = 2e3 * design.half_span_m, 1e3 * design.length_m
+    width_mm, length_mm = 2.0 * design.half_span_m / MM, design.length_m / MM
     if patches.size_m[1] > 2.0 * half_y or patches.size_m[0] > 2.0 * half_x:
-        faults.add("patches.size_mm", size, f"wider than the plate, which is {length_mm:g} x {width_mm:g} mm")
+        diagnostics.add("patches.size_mm", size, f"wider than the plate, which is {length_mm:g} x {width_mm:g} mm")
         return
     key, value = (
         ("patches.size_mm", size) if patches.at == "antinodes" else ("patches.centres_mm", good["patches.centres_mm"])
     )
     outside = (np.abs(boxes[:, :2]) > half_x).any(axis=1) | (np.abs(boxes[:, 2:]) > half_y).any(axis=1)
     for number in np.flatnonzero(outside)[:MAX_LISTED]:
-        faults.add(key, value, f"patch {number} reaches beyond the plate, which is {length_mm:g} x {width_mm:g} mm")
+        diagnostics.add(
+            key, value, f"patch {number} reaches beyond the plate, which is {length_mm:g} x {width_mm:g} mm"
+        )
     for i, j in _first_overlaps(boxes, slack):
-        faults.add(key, value, f"patches {i} and {j} overlap")
+        diagnostics.add(key, value, f"patches {i} and {j} overlap")
     if patches.face == "back":
-        _check_pillars(patches, design, key, value, faults, slack)
+        _check_pillars(patches, design, key, value, diagnostics, slack)
     if min(patches.lengths_m, default=inf) <= 0.0:
-        faults.add(key, value, "no room for the end patches: must be shorter along x")
+        diagnostics.add(key, value, "no room for the end patches: must be shorter along x")
 
 
 def _check_pillars(
-    patches: Patches, design: Design, key: str, value: object, faults: Diagnostics, slack: float
+    patches: Patches, design: Design, key: str, value: object, diagnostics: Diagnostics, slack: float
 ) -> None:
     if not design.pillar or not design.rows:
         return
@@ -97,7 +100,7 @@ def _check_pillars(
     hit = _holds(design.column_centres(), x0 - half + slack, x1 + half - slack)
     hit &= _holds(np.concatenate([-rows[::-1], rows]), y0 - half + slack, y1 + half - slack)
     if hit.any():
-        faults.add(key, value, f"patch {np.flatnonzero(hit)[0]} on the back overlaps a pillar's foot")
+        diagnostics.add(key, value, f"patch {np.flatnonzero(hit)[0]} on the back overlaps a pillar's foot")
 
 
 def _holds(ascending: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:

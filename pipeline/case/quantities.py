@@ -7,8 +7,9 @@ from math import inf, nan
 
 from pipeline.case.limits import FREQUENCY_KHZ, span
 from pipeline.errors import InputError
+from pipeline.units import KHZ
 
-HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6}
+HERTZ = {"hz": 1.0, "khz": KHZ, "mhz": 1e6}
 FREQUENCY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*([A-Za-z]*)\s*")
 ALLOWED = f"a frequency above 0 with its unit Hz, kHz or MHz, such as 32kHz, {span(FREQUENCY_KHZ)} kHz"
 
@@ -24,7 +25,7 @@ def parse_frequency(text: str, what: str = "frequency") -> float:
     value = float(number) * HERTZ.get(unit.lower(), 1.0 if not unit else nan)
     if not unit and 0.0 < value < inf:
         raise InputError(f"{what} = {text!r}: {number} could mean {number} Hz or {number} kHz: write the unit")
-    if not FREQUENCY_KHZ[0] <= value / 1e3 <= FREQUENCY_KHZ[1]:
+    if not FREQUENCY_KHZ[0] <= value / KHZ <= FREQUENCY_KHZ[1]:
         raise InputError(f"{what} = {text!r}: must be {ALLOWED}")
     return value
 

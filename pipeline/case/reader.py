@@ -16,10 +16,8 @@ from pipeline.case.checks import CHECKS, normalise_pitch
 from pipeline.case.diagnostics import Diagnostics, check_table, nearest
 from pipeline.case.limits import MAX_CONTRAST
 from pipeline.case.schema import MATERIAL_ALLOWED, MATERIAL_OWNERS, NAME_ALLOWED, TABLES, MaterialTable, known_keys
+from pipeline.units import GPA
 
-MM = 1e-3
-KHZ = 1e3
-GPA = 1e9
 ALWAYS = ("solve", "bands", "damping")  # tables that hold settings only: absent means their defaults
 
 
@@ -32,82 +30,79 @@ class CaseValues:
     materials: dict[str, Material]
     form: PillarShape | None
     given: frozenset[str]
-    faults: Diagnostics
+    diagnostics: Diagnostics
 
 
 def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[str]) -> CaseValues:
-    """Check a parsed case file table by table, then across tables; nothing is raised, `faults` has the lines."""
-    faults = Diagnostics(str(source) if source is not None else "case", overridden)
+    """Check a parsed case file table by table, then across tables; nothing is raised, `diagnostics` has the lines."""
+    diagnostics = Diagnostics(str(source) if source is not None else "case", overridden)
     known = known_keys()
     good: dict[str, Any] = {}
     materials: dict[str, Material] = {}
     for key in raw:
         if key not in TABLES and key not in ("name", "material"):
-            faults.unknown(key, raw[key], [*known, *TABLES] if not isinstance(raw[key], dict) else [*TABLES])
+            diagnostics.unknown(key, raw[key], [*known, *TABLES] if not isinstance(raw[key], dict) else [*TABLES])
     for table, model in TABLES.items():
         if table not in raw and table not in ALWAYS:
             continue
         content = raw.get(table, {})
         if not isinstance(content, dict):
-            faults.add(table, content, f"must be a table [{table}]")
+            diagnostics.add(table, content, f"must be a table [{table}]")
             continue
-        good |= {table: True} | check_table(model, _without_material(table, content), f"{table}.", known, faults)
+        hidden = "material" if table in MATERIAL_OWNERS else None
+        own = {key: value for key, value in content.items() if key != hidden}
+        good |= {table: True} | check_table(model, own, f"{table}.", known, diagnostics)
     for owner in MATERIAL_OWNERS:
-        _read_material(raw if owner == "" else raw.get(owner, {}), owner, materials, known, faults)
-    _check_contrast(materials, faults)
-    name = _read_name(raw, source, faults)
-    form = _read_shape(good, source, faults)
-    _check_across(good, form, faults)
-    return CaseValues(name, good, materials, form, _given(raw), faults)
-
-
-def _without_material(table: str, content: dict[str, Any]) -> dict[str, Any]:
-    hidden = "material" if table in MATERIAL_OWNERS else None
-    return {key: value for key, value in content.items() if key != hidden}
+        _read_material(raw if owner == "" else raw.get(owner, {}), owner, materials, known, diagnostics)
+    _check_contrast(materials, diagnostics)
+    name = _read_name(raw, source, diagnostics)
+    form = _read_shape(good, source, diagnostics)
+    _check_across(good, form, diagnostics)
+    return CaseValues(name, good, materials, form, _given(raw), diagnostics)
 
 
 def _read_material(
-    owner_table: Any, owner: str, materials: dict[str, Material], known: list[str], faults: Diagnostics
+    owner_table: Any, owner: str, materials: dict[str, Material], known: list[str], diagnostics: Diagnostics
 ) -> None:
     key = f"{owner}.material".lstrip(".")
     if not isinstance(owner_table, dict) or "material" not in owner_table:
         if owner == "":
-            faults.missing(key, f"must be {MATERIAL_ALLOWED} ({', '.join(MATERIALS)})")
+            diagnostics.missing(key, f"must be {MATERIAL_ALLOWED} ({', '.join(MATERIALS)})")
         return
     value = owner_table["material"]
     if isinstance(value, str):
         if value in MATERIALS:
             materials[owner] = MATERIALS[value]
         else:
-            faults.add(key, value, f"must be one of {', '.join(MATERIALS)} or a table{nearest(value, MATERIALS)}")
+            diagnostics.add(key, value, f"must be one of {', '.join(MATERIALS)} or a table{nearest(value, MATERIALS)}")
     elif isinstance(value, dict):
-        before = len(faults.lines)
-        good = check_table(MaterialTable, value, f"{key}.", known, faults)
-        if len(faults.lines) == before:
+        before = len(diagnostics.lines)
+        good = check_table(MaterialTable, value, f"{key}.", known, diagnostics)
+        if len(diagnostics.lines) == before:
             young, density, poisson = (good[f"{key}.{name}"] for name in MaterialTable.model_fields)
             materials[owner] = Material("given", GPA * young, float(density), float(poisson))
     else:
-        faults.add(key, value, f"must be {MATERIAL_ALLOWED}")
+        diagnostics.add(key, value, f"must be {MATERIAL_ALLOWED}")
 
 
-def _check_contrast(materials: dict[str, Material], faults: Diagnostics) -> None:
+def _check_contrast(materials: dict[str, Material], diagnostics: Diagnostics) -> None:
     """One line where plate and pillar differ in stiffness by more than one matrix can hold."""
     if set(materials) != {"", "pillar"}:
         return
     plate, pillar = (materials[owner].young_pa / GPA for owner in ("", "pillar"))
     if max(plate, pillar) > MAX_CONTRAST * min(plate, pillar):
         limit = f"must be within a factor of {MAX_CONTRAST:g} of the plate's {plate:g} GPa"
-        faults.add("pillar.material.young_GPa", pillar, limit)
+        diagnostics.add("pillar.material.young_GPa", pillar, limit)
 
 
-def _read_name(raw: dict[str, Any], source: Path | None, faults: Diagnostics) -> str:
+def _read_name(raw: dict[str, Any], source: Path | None, diagnostics: Diagnostics) -> str:
     name = raw.get("name", source.stem if source is not None else "case")
     if not (isinstance(name, str) and 0 < len(name) <= 100 and name.isprintable() and not set(name) & set("/\\")):
-        faults.add("name", name, f"must be {NAME_ALLOWED}")
+        diagnostics.add("name", name, f"must be {NAME_ALLOWED}")
     return str(name)
 
 
-def _read_shape(good: dict[str, Any], source: Path | None, faults: Diagnostics) -> PillarShape | None:
+def _read_shape(good: dict[str, Any], source: Path | None, diagnostics: Diagnostics) -> PillarShape | None:
     """The pillar's shape with its sizes; None while some are missing. A STEP file is read here, with CAD."""
     shape = SHAPES.get(good.get("pillar.shape", ""))
     if shape is None or any(good.get(f"pillar.{key}") is None for key in shape.keys):
@@ -117,16 +112,16 @@ def _read_shape(good: dict[str, Any], source: Path | None, faults: Diagnostics) 
         return shape.from_case(given, source.parent if source is not None else Path())
     except GeometryError as error:
         file = good.get("pillar.file")
-        faults.add("pillar.file", file, str(error).rpartition(f"{file}: ")[2])
+        diagnostics.add("pillar.file", file, str(error).rpartition(f"{file}: ")[2])
         return None
 
 
-def _check_across(good: dict[str, Any], form: PillarShape | None, faults: Diagnostics) -> None:
+def _check_across(good: dict[str, Any], form: PillarShape | None, diagnostics: Diagnostics) -> None:
     for key, value, text in chain(normalise_pitch(good), *(check(good, form) for check in CHECKS)):
         if value is None:
-            faults.missing(key, text)
+            diagnostics.missing(key, text)
         else:
-            faults.add(key, value, text)
+            diagnostics.add(key, value, text)
 
 
 def _given(raw: dict[str, Any]) -> frozenset[str]:

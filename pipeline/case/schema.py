@@ -14,14 +14,14 @@ ABOVE_0 = "a finite number above 0"
 NOT_NEGATIVE = "a finite number of 0 or more"
 
 
-def positive(within: Range) -> Any:
-    """A field for a number that must be given, within the limits."""
-    return Field(ge=within[0], le=within[1], description=f"{ABOVE_0}, {span(within)}")
+def positive(within: Range, **more: Any) -> Any:
+    """A field for a number within the limits, which must be given unless a default is."""
+    return Field(ge=within[0], le=within[1], description=f"{ABOVE_0}, {span(within)}", **more)
 
 
 def optional(within: Range) -> Any:
     """The same, None where it is left out."""
-    return Field(default=None, ge=within[0], le=within[1], description=f"{ABOVE_0}, {span(within)}")
+    return positive(within, default=None)
 
 
 def _zero_or(within: Range) -> AfterValidator:
@@ -45,6 +45,9 @@ Deviation = Annotated[
     float, _zero_or(limits.DEVIATION_MM), Field(description=f"{NOT_NEGATIVE}: 0, or {span(limits.DEVIATION_MM)}")
 ]
 Coordinate = Annotated[float, Field(ge=-LENGTH_MM[1], le=LENGTH_MM[1])]
+Place = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Frequency = Annotated[float, Field(ge=0, le=limits.FREQUENCY_KHZ[1])]
+Extent = Annotated[float, Field(ge=LENGTH_MM[0], le=LENGTH_MM[1])]
 
 
 class Table(BaseModel):
@@ -96,12 +99,8 @@ class ArrayTable(Table):
 
 
 class SolveTable(Table):
-    band_kHz: (
-        Annotated[list[Annotated[float, Field(ge=0, le=limits.FREQUENCY_KHZ[1])]], Field(min_length=2, max_length=2)]
-        | None
-    ) = Field(
-        default=None,
-        description=f"two numbers [low, high], 0 <= low < high, high {span(limits.FREQUENCY_KHZ)}",
+    band_kHz: Annotated[list[Frequency], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description=f"two numbers [low, high], 0 <= low < high, high {span(limits.FREQUENCY_KHZ)}"
     )
     near_kHz: float | None = optional(limits.FREQUENCY_KHZ)
     count: int | None = whole(1, limits.MAX_MODES, default=None)
@@ -111,10 +110,8 @@ class SolveTable(Table):
         le=limits.ACCURACY[1],
         description=f"a number above 0, at most {limits.ACCURACY[1]:g} and at least {limits.ACCURACY[0]:g}",
     )
-    model: Literal["auto", "analytic", "superelement", "solid"] = Field(
-        default="auto", description="auto, analytic, superelement or solid"
-    )
-    mesh: Literal["auto", "hex", "tet"] = Field(default="auto", description="auto, hex or tet")
+    model: Literal["auto", "analytic", "superelement", "solid"] = "auto"
+    mesh: Literal["auto", "hex", "tet"] = "auto"
 
 
 class BandsTable(Table):
@@ -139,18 +136,12 @@ class DampingTable(Table):
 
 class PatchesTable(Table):
     material: str = Field(default="pz26", description="the name of a piezo material")
-    size_mm: Annotated[
-        list[Annotated[float, Field(ge=LENGTH_MM[0], le=LENGTH_MM[1])]], Field(min_length=3, max_length=3)
-    ] = Field(description=f"three numbers above 0, {span(LENGTH_MM)}, along x, y and z")
-    face: Literal["back", "touch"] = Field(default="back", description="back or touch")
+    size_mm: Annotated[list[Extent], Field(min_length=3, max_length=3)] = Field(
+        description=f"three numbers above 0, {span(LENGTH_MM)}, along x, y and z"
+    )
+    face: Literal["back", "touch"] = "back"
     at: Literal["antinodes"] | None = Field(default=None, description="antinodes (or give centres_mm instead)")
-    centres_mm: (
-        Annotated[
-            list[Annotated[list[Coordinate], Field(min_length=2, max_length=2)]],
-            Field(min_length=1, max_length=limits.MAX_PATCHES),
-        ]
-        | None
-    ) = Field(
+    centres_mm: Annotated[list[Place], Field(min_length=1, max_length=limits.MAX_PATCHES)] | None = Field(
         default=None,
         description=f"a list of [x, y], at least one, at most {limits.MAX_PATCHES}, "
         f"each within {LENGTH_MM[1]:g} mm of the plate's centre",
@@ -158,12 +149,7 @@ class PatchesTable(Table):
     sensors: Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=limits.MAX_PATCHES)] = Field(
         default_factory=list, description="a list of patch numbers, counted from 0"
     )
-    drive_V: float = Field(
-        default=1.0,
-        ge=limits.VOLTS[0],
-        le=limits.VOLTS[1],
-        description=f"{ABOVE_0}, {span(limits.VOLTS)}",
-    )
+    drive_V: float = positive(limits.VOLTS, default=1.0)
     circuit: Literal["short", "open"] = Field(
         default="short", description="short (a voltage drives the patches) or open (a charge does)"
     )
@@ -172,9 +158,7 @@ class PatchesTable(Table):
 class MeasuredTable(Table):
     sweep: str | None = Field(default=None, min_length=1, description="the path of a CSV file")
     map: str | None = Field(default=None, min_length=1, description="the path of a CSV file")
-    at_mm: Annotated[list[Coordinate], Field(min_length=2, max_length=2)] | None = Field(
-        default=None, description="two numbers [x, y], where the sweep's laser stood"
-    )
+    at_mm: Place | None = Field(default=None, description="two numbers [x, y], where the sweep's laser stood")
 
 
 class ToleranceTable(Table):

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import csv
+from argparse import Namespace
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from pipeline.analysis.bands import solve_bands
-from pipeline.case.model import Case
+from pipeline.case.model import load_case
 from pipeline.errors import CheckFailed
-from pipeline.logs import Log
-from pipeline.paths import REFERENCE
+from pipeline.logs import TerminalLog
+from pipeline.paths import REFERENCE, STUDIES
+from pipeline.records import outputs
 from pipeline.records.record import BandsRecord
+from pipeline.units import KHZ
+from pipeline.views.answer import Answer, emit, of_case
 
 FILE = REFERENCE / "band_gap.csv"
 
@@ -37,10 +40,20 @@ class Edge:
         return self.relative_change is not None and abs(self.relative_change) <= self.allowed
 
     @property
+    def change_text(self) -> str | None:
+        """The change in per cent."""
+        return None if self.relative_change is None else f"{100 * self.relative_change:+.3f} %"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The contract's fields; an edge that is gone is null."""
+        names = ("name", "reference_hz", "found_hz", "relative_change", "allowed")
+        return {name: getattr(self, name) for name in names}
+
+    @property
     def words(self) -> str:
         """What became of it."""
         if self.relative_change is None:
-            return f"{self.name} is gone: none was found beside the committed {self.reference_hz / 1e3:.2f} kHz"
+            return f"{self.name} is gone: none was found beside the committed {self.reference_hz / KHZ:.2f} kHz"
         return f"{self.name} moved by {100 * self.relative_change:+.2f} %, allowed is {100 * self.allowed:.1f} %"
 
 
@@ -55,34 +68,25 @@ def edges_of(bands: BandsRecord) -> dict[str, float | None]:
     }
 
 
-def read_reference(path: Path = FILE) -> dict[str, tuple[float, float]]:
+def read_reference() -> dict[str, tuple[float, float]]:
     """Committed edges, {name: (Hz, allowed relative change)}. Raises CheckFailed when the file is missing."""
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with FILE.open(newline="", encoding="utf-8") as file:
             return {row["name"]: (float(row["hz"]), float(row["allowed"])) for row in csv.DictReader(file)}
-    except (OSError, KeyError, ValueError) as fault:
-        raise CheckFailed(f"{path.name}: {fault}: the committed band-gap reference cannot be read") from fault
+    except (OSError, KeyError, ValueError) as error:
+        raise CheckFailed(f"{FILE.name}: {error}: the committed band-gap reference cannot be read") from error
 
 
-def check_gap(case: Case, log: Log) -> list[Edge]:
-    """Every committed edge beside what is found now."""
-    edges = edges_of(solve_bands(case, log).record)
-    return [Edge(name, hz, edges.get(name), allowed) for name, (hz, allowed) in read_reference().items()]
-
-
-def to_dict(edges: list[Edge]) -> dict[str, Any]:
-    """The contract's fields; an edge that is gone is null."""
-    return {
-        "schema": 1,
-        "holds": all(edge.holds for edge in edges),
-        "edges": [
-            {
-                "name": edge.name,
-                "reference_hz": edge.reference_hz,
-                "found_hz": edge.found_hz,
-                "relative_change": edge.relative_change,
-                "allowed": edge.allowed,
-            }
-            for edge in edges
-        ],
-    }
+def check_gap(arguments: Namespace) -> int:
+    """Compare every committed edge with what is found now. Raises CheckFailed with a line for each that moved too far."""
+    place = arguments.case or str(STUDIES / "three-rows.toml")
+    case, log = of_case(arguments, load_case(place, arguments.set)), TerminalLog(arguments.quiet)
+    found = edges_of(solve_bands(case, log).record)
+    edges = [Edge(name, hz, found.get(name), allowed) for name, (hz, allowed) in read_reference().items()]
+    head = ("edge", "reference_hz", "found_hz", "change", "allowed", "holds")
+    rows = [[e.name, e.reference_hz, e.found_hz, e.change_text, f"{100 * e.allowed:.1f} %", e.holds] for e in edges]
+    document = {"holds": all(e.holds for e in edges), "edges": [e.to_dict() for e in edges]}
+    emit(arguments, "check-gap", Answer(document, [outputs.table(head, rows)]))
+    if not document["holds"]:
+        raise CheckFailed(e.words for e in edges if not e.holds)
+    return 0

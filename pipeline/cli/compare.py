@@ -9,28 +9,13 @@ from typing import Any
 
 Flat = dict[str, Any]
 SHOWN_DIGITS = 6
-
-
-def add(commands: Any, command: Any) -> None:
-    """The options of the command."""
-    text = "two cases, records or JSON results side by side"
-    sub = command(commands, "compare", text, "compare studies/three-rows.toml other.toml", "pipeline.cli.compare:run")
-    for name in ("a", "b"):
-        sub.add_argument(
-            name, metavar=name.upper(), help="a case file, a record.json or its folder, or a result written by --json"
-        )
-    solve = "also compute the wanted mode and the bands of case files (takes seconds each)"
-    sub.add_argument("--solve", action="store_true", help=solve)
-    sub.add_argument("--all", action="store_true", help="list what is equal, too")
-    sub.add_argument("--json", metavar="FILE|-", help="write the comparison as JSON; - for standard output, alone")
-    sub.add_argument("--plot", metavar="FILE", help="draw the relative differences into a .png, .pdf or .svg file")
-    sub.add_argument("--csv", metavar="FILE", help="write the comparison as CSV")
+NOT_COMPARED = ("seconds", "proof", "plan", "meshes", "times")
 
 
 def run(arguments: Namespace) -> int:
     """Read both, line up their quantities, and print those that differ."""
     from pipeline.records import outputs
-    from pipeline.views import files
+    from pipeline.views.answer import Answer, emit
 
     one, two = (read(Path(place), arguments.solve, arguments.quiet) for place in (arguments.a, arguments.b))
     rows = [row for row in lined_up(one, two) if arguments.all or row["a"] != row["b"]]
@@ -38,8 +23,7 @@ def run(arguments: Namespace) -> int:
     cells = [[row[key] for key in head] for row in rows]
     document = {"a": arguments.a, "b": arguments.b, "rows": rows}
     words = outputs.table(head, cells) if cells else "nothing differs"
-    files.emit(arguments, "compare", document, words, head, cells)
-    return 0
+    return emit(arguments, "compare", Answer(document, [words], head, cells))
 
 
 def read(place: Path, solve: bool, quiet: bool) -> Flat:
@@ -51,13 +35,11 @@ def read(place: Path, solve: bool, quiet: bool) -> Flat:
     file = place / "record.json" if place.is_dir() else place
     try:
         document = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as fault:
-        raise InputError(f"{file}: cannot be read as a case (.toml), a record or a JSON result: {fault}") from fault
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file}: cannot be read as a case (.toml), a record or a JSON result: {error}") from error
     if not isinstance(document, dict):
         raise InputError(f"{file}: holds no record and no JSON result")
-    return flat(
-        {key: value for key, value in document.items() if key not in ("seconds", "proof", "plan", "meshes", "times")}
-    )
+    return flat({key: value for key, value in document.items() if key not in NOT_COMPARED})
 
 
 def _of_case(place: Path, solve: bool, quiet: bool) -> Flat:
@@ -97,15 +79,8 @@ def flat(value: Any, name: str = "") -> Flat:
 
 def lined_up(one: Flat, two: Flat) -> list[dict[str, Any]]:
     """One row a quantity that either has; the difference relative to A where both are numbers."""
-    return [
-        {
-            "quantity": name,
-            "a": one.get(name),
-            "b": two.get(name),
-            "difference": _difference(one.get(name), two.get(name)),
-        }
-        for name in dict.fromkeys((*one, *two))
-    ]
+    both = ((name, one.get(name), two.get(name)) for name in dict.fromkeys((*one, *two)))
+    return [{"quantity": name, "a": a, "b": b, "difference": _difference(a, b)} for name, a, b in both]
 
 
 def _difference(a: Any, b: Any) -> float | None:

@@ -13,26 +13,24 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import InputError
-from pipeline.records import outputs
+from pipeline.units import GIB
+from pipeline.views.answer import Answer, emit
 
 NEEDED = (
-    "numpy",
-    "scipy",
-    "cadquery",
-    "pytetwild",
-    "pyvista",
-    "meshio",
-    "trimesh",
-    "pydantic",
-    "rich",
-    "matplotlib",
-    "jinja2",
+    *("numpy", "scipy", "cadquery", "pytetwild", "pyvista", "meshio"),
+    *("trimesh", "pydantic", "rich", "matplotlib", "jinja2"),
 )
 OPTIONAL = {
     "rslab": "a faster factorisation: pip install 'antinode[fast]'",
     "ziglang": "a compiler for the firmware: pip install 'antinode[firmware]'",
     "unicorn": "the emulated board: pip install 'antinode[firmware]'",
     "distributed": "studies on a cluster: pip install 'antinode[cluster]'",
+}
+TOOLS = {
+    "arm-none-eabi-gcc": "optional: ziglang builds the firmware without it",
+    "cc": "needed by host tests of the firmware",
+    "ccx": "optional: CalculiX, an independent solver",
+    "run_aster": "optional: Code_Aster, an independent solver",
 }
 
 
@@ -41,13 +39,10 @@ def doctor(arguments: Namespace) -> int:
     if arguments.what == "table":
         return _table(arguments)
     findings = examine()
-    lines = [line for group, entries in findings.items() for line in (group, *_entries(entries))]
-    outputs.emit(arguments, "doctor", {"schema": 1, **findings}, "\n".join(lines))
-    return 0
-
-
-def _entries(entries: dict[str, str]) -> list[str]:
-    return [f"   {name:14} {text}" for name, text in entries.items()]
+    lines = []
+    for group, entries in findings.items():
+        lines += [group, *(f"   {name:14} {text}" for name, text in entries.items())]
+    return emit(arguments, "doctor", Answer(findings, lines))
 
 
 def examine() -> dict[str, dict[str, str]]:
@@ -56,7 +51,7 @@ def examine() -> dict[str, dict[str, str]]:
         "machine": _machine(),
         "packages": {name: _version(name) or "MISSING: run `make setup`" for name in NEEDED},
         "optional": {name: _version(name) or f"absent; gives {what}" for name, what in OPTIONAL.items()},
-        "tools": _tools(),
+        "tools": {name: shutil.which(name) or f"absent ({why})" for name, why in TOOLS.items()},
     }
 
 
@@ -73,18 +68,8 @@ def _machine() -> dict[str, str]:
         import psutil
 
         memory = psutil.virtual_memory()
-        entries["memory"] = f"{memory.available / 2**30:.1f} of {memory.total / 2**30:.1f} GiB free"
+        entries["memory"] = f"{memory.available / GIB:.1f} of {memory.total / GIB:.1f} GiB free"
     return entries
-
-
-def _tools() -> dict[str, str]:
-    wanted = {
-        "arm-none-eabi-gcc": "optional: ziglang builds the firmware without it",
-        "cc": "needed by host tests of the firmware",
-        "ccx": "optional: CalculiX, an independent solver",
-        "run_aster": "optional: Code_Aster, an independent solver",
-    }
-    return {name: shutil.which(name) or f"absent ({why})" for name, why in wanted.items()}
 
 
 def _version(name: str) -> str | None:
@@ -101,14 +86,8 @@ def _table(arguments: Namespace) -> int:
         raise InputError("doctor table: FILE: missing, must be a mode table such as mode_table.bin")
     try:
         table = from_bytes(Path(arguments.file).read_bytes())
-    except (OSError, TableError) as fault:
-        raise InputError(f"{arguments.file}: {fault}") from fault
-    document: dict[str, Any] = {
-        "schema": 1,
-        "version": table.version,
-        "modes": len(table.modes),
-        "wanted": table.wanted,
-        "frequencies_hz": [mode.frequency_hz for mode in table.modes],
-    }
-    outputs.emit(arguments, "table", document, describe(table))
-    return 0
+    except (OSError, TableError) as error:
+        raise InputError(f"{arguments.file}: {error}") from error
+    document: dict[str, Any] = {"version": table.version, "modes": len(table.modes), "wanted": table.wanted}
+    document["frequencies_hz"] = [mode.frequency_hz for mode in table.modes]
+    return emit(arguments, "table", Answer(document, [describe(table)]))

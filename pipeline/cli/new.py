@@ -18,39 +18,7 @@ WISHES = {
     "rows": (3, "rows of pillars on each side of the zone"),
     "extension": (25.0, "plate beyond the last row, mm"),
 }
-TEXT = """\
-# {name}: a touch plate that is to vibrate at {khz:.4g} kHz under the finger and to stay still elsewhere.
-# Sized by `antinode new`; what a key means and may be: README.md. Lengths are in mm, frequencies in kHz.
-name = "{name}"
-material = "{material}"          # or a table: {{ young_GPa = 70, density_kg_m3 = 2700, poisson = 0.34 }}
-
-[plate]
-thickness_mm = {thickness:g}
-
-[zone]                          # the strip under the finger; its long sides are held by the rows of pillars
-length_mm = {length:g}
-width_mm = {width:.3f}               # puts the wanted mode at {khz:.4g} kHz by thin-plate theory
-nodal_lines = {lines}                 # the wanted mode (0, {lines}): half a wave across, {lines} nodes along
-
-[pillar]
-shape = "square"                # round, tapered, hexagonal, cross, or step with file = "own.step"
-side_mm = {side:g}
-height_mm = {height:.3f}              # resonates at {khz:.4g} kHz by Timoshenko's beam on a rigid foot
-fillet_mm = 0.0
-
-[array]
-pitch_mm = {pitch:g}
-rows = {rows}                        # on each side of the zone; 0 = bare plate
-extension_mm = {extension:g}
-
-[solve]
-accuracy = 0.003                # relative error of a frequency that is good enough
-
-[bands]
-path = "GXMG"
-points = 25
-count = 10
-"""
+TEMPLATE = Path(__file__).with_name("new_case.toml.template")
 
 
 def add(commands: Any, command: Any) -> None:
@@ -95,25 +63,26 @@ def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
     from geometry.layout import Pillar
     from geometry.materials import MATERIALS
     from pipeline.errors import InputError
+    from pipeline.units import KHZ, MM
     from solvers.analytic.plates import Strip
     from solvers.analytic.predesign import min_nodal_lines, pillar_height_m, zone_width_m
     from solvers.errors import SolverError
 
     material = MATERIALS[wishes["material"]]
-    length, thickness, side = (1e-3 * float(wishes[key]) for key in ("length", "thickness", "side"))
+    length, thickness, side = (MM * float(wishes[key]) for key in ("length", "thickness", "side"))
     if min(length, thickness, side, float(wishes["half_wavelength"])) <= 0.0:
         raise InputError("--length, --thickness, --side and --half-wavelength: must be above 0")
     try:
         constants = material.young_pa, material.density_kg_m3, material.poisson
         strip = Strip(length, length / 5.0, thickness, *constants)
-        lines = min_nodal_lines(strip, 1e-3 * float(wishes["half_wavelength"]))
+        lines = min_nodal_lines(strip, MM * float(wishes["half_wavelength"]))
         width = zone_width_m(strip, lines, frequency_hz)
         pillar = Pillar("square", side, side, 3.0 * side, material)
         height = pillar_height_m(pillar, frequency_hz, "timoshenko")
-    except SolverError as fault:
-        raise InputError(f"--frequency = {wishes['frequency']}: {fault}") from fault
-    sizes = {"width": 1e3 * width, "height": 1e3 * height, "lines": lines, "khz": frequency_hz / 1e3}
-    return TEXT.format(name=name, **{**wishes, **sizes})
+    except SolverError as error:
+        raise InputError(f"--frequency = {wishes['frequency']}: {error}") from error
+    sizes = {"width": width / MM, "height": height / MM, "lines": lines, "khz": frequency_hz / KHZ}
+    return TEMPLATE.read_text(encoding="utf-8").format(name=name, **{**wishes, **sizes})
 
 
 def check(text: str, place: Path) -> None:

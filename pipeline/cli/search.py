@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.case.model import load_case
 from pipeline.case.quantities import parse_frequency
@@ -12,47 +12,53 @@ from pipeline.logs import TerminalLog
 from pipeline.records import outputs
 from pipeline.search.limits import Limits
 from pipeline.search.space import read_space
+from pipeline.units import GRAM, MM
+from pipeline.views.answer import Answer, emit, of_case
+
+if TYPE_CHECKING:
+    from pipeline.search.designs import Evaluation, Outcome
 
 SHOWN = 8
+MEASURES = ("frequency_hz", "confinement_db", "extension_db", "mac")
+ERRORS = ("frequency_error", "confinement_error_db")
 
 
 def search(arguments: Namespace) -> int:
     """Search the design that confines the wanted mode best."""
     limits = limits_of(arguments)
     space = read_space(arguments.case, arguments.set, arguments.vary)
-    outputs.of_case(arguments, load_case(arguments.case, arguments.set))
-    outputs.check_places(arguments)
+    of_case(arguments, load_case(arguments.case, arguments.set))
     from pipeline.search.designs import Settings
     from pipeline.search.optimiser import search as find
+    from pipeline.search.plots import landscape
 
     log = TerminalLog(arguments.quiet)
     outcome = find(space, Settings(arguments.goal, limits, arguments.evaluations), log)
-    proof = _proof(outcome, arguments, log)
-    document = to_dict(outcome) | proof | {"seconds": log.seconds | {"total": log.elapsed}}
-    outputs.emit(arguments, "search", document, text(outcome, proof))
-    if arguments.out:
-        _write(outcome, document, arguments.out)
-    return 0
+    document = to_dict(outcome) | _proof(outcome, arguments, log)
+    head = ("fidelity", *(v.key for v in space.variables), *MEASURES, "mass_kg", "violations", "why_not")
+    rows = []
+    for each in document["evaluations"]:
+        figures = [each[key] for key in (*MEASURES, "mass_kg")]
+        rows.append([each["fidelity"], *each["set"].values(), *figures, "; ".join(each["violations"]), each["why_not"]])
+    answer = Answer(document, _lines(outcome, document), head, rows, lambda: [landscape(document)])
+    return emit(arguments, "search", answer, log)
 
 
 def limits_of(arguments: Namespace) -> Limits:
     """Read the limits of the command line. Raises InputError for a size or share that cannot be one."""
-    faults = []
-    for name, value in (
-        ("--max-half-wavelength", arguments.max_half_wavelength),
-        ("--min-feature", arguments.min_feature),
-    ):
-        if not 0.0 < value < 1e6:
-            faults.append(f"{name} = {value:g}: must be a length in mm above 0")
+    sizes = {f"--{name}": getattr(arguments, name.replace("-", "_")) for name in ("max-half-wavelength", "min-feature")}
+    faults = [
+        f"{name} = {value:g}: must be a length in mm above 0" for name, value in sizes.items() if not 0.0 < value < 1e6
+    ]
     if not 0.0 <= arguments.mac <= 1.0:
         faults.append(f"--mac = {arguments.mac:g}: must be a number from 0 to 1")
     if faults:
         raise InputError(faults)
     lowest = parse_frequency(arguments.min_frequency, "--min-frequency")
-    return Limits(lowest, 1e-3 * arguments.max_half_wavelength, 1e-3 * arguments.min_feature, arguments.mac)
+    return Limits(lowest, MM * arguments.max_half_wavelength, MM * arguments.min_feature, arguments.mac)
 
 
-def _proof(outcome: Any, arguments: Namespace, log: TerminalLog) -> dict[str, Any]:
+def _proof(outcome: Outcome, arguments: Namespace, log: TerminalLog) -> dict[str, Any]:
     """Solve both designs by the whole plate as a solid mesh, where asked for."""
     if arguments.verify_with != "solid":
         return {}
@@ -68,116 +74,65 @@ def _proof(outcome: Any, arguments: Namespace, log: TerminalLog) -> dict[str, An
     return {"solid": proof}
 
 
-def to_dict(outcome: Any) -> dict[str, Any]:
+def to_dict(outcome: Outcome) -> dict[str, Any]:
     """The document, without times."""
     from pipeline.search.fidelity import MODELS
 
-    limits = outcome.settings.limits
+    def design(each: Evaluation) -> dict[str, Any]:
+        result = each.result
+        return {
+            "fidelity": result.fidelity,
+            "set": {v.key: value for v, value in zip(outcome.space.variables, each.values, strict=False)},
+            **{name: getattr(result, name) for name in (*MEASURES, *ERRORS)},
+            "mass_kg": each.mass_kg,
+            "violations": list(each.violations),
+            "why_not": result.why_not or None,
+        }
+
     return {
-        "schema": 1,
         "goal": outcome.settings.goal,
         "vary": [{"key": v.key, "low": v.low, "high": v.high, "step": v.step} for v in outcome.space.variables],
-        "limits": vars(limits),
+        "limits": vars(outcome.settings.limits),
         "fidelities": [
             {
-                "name": fidelity,
-                "model": MODELS[fidelity],
+                "name": name,
+                "model": MODELS[name],
                 "designs": len(each),
                 "not_judged": sum(e.goal_db is None for e in each),
             }
-            for fidelity, each in outcome.by_fidelity.items()
+            for name, each in outcome.by_fidelity.items()
         ],
         "softness": outcome.softness,
-        "repeat": [*outcome.space.fixed, *outcome.space.overrides(outcome.best.values), *outcome.window],
-        "base": design_json(outcome, outcome.base),
-        "best": design_json(outcome, outcome.best),
+        "repeat": outcome.repeat,
+        "base": design(outcome.base),
+        "best": design(outcome.best),
         "gain_db": outcome.gain_db,
         "gain_error_db": outcome.gain_error_db,
-        "tradeoff": [design_json(outcome, each) for each in outcome.tradeoff],
-        "evaluations": [design_json(outcome, each) for each in all_results(outcome)],
+        "tradeoff": [design(each) for each in outcome.tradeoff],
+        "evaluations": [design(each) for listed in outcome.by_fidelity.values() for each in listed],
     }
 
 
-def all_results(outcome: Any) -> list[Any]:
-    """Every evaluation, the cheapest fidelity first."""
-    return [each for listed in outcome.by_fidelity.values() for each in listed]
-
-
-def design_json(outcome: Any, each: Any) -> dict[str, Any]:
-    """One evaluation."""
-    result = each.result
-    return {
-        "fidelity": result.fidelity,
-        "set": {v.key: value for v, value in zip(outcome.space.variables, each.values, strict=False)},
-        "frequency_hz": result.frequency_hz,
-        "confinement_db": result.confinement_db,
-        "extension_db": result.extension_db,
-        "mac": result.mac,
-        "frequency_error": result.frequency_error,
-        "confinement_error_db": result.confinement_error_db,
-        "mass_kg": each.mass_kg,
-        "violations": list(each.violations),
-        "why_not": result.why_not or None,
-    }
-
-
-def text(outcome: Any, proof: dict[str, Any]) -> str:
+def _lines(outcome: Outcome, document: dict[str, Any]) -> list[str]:
     """The best designs as a table, the gain, and the words to repeat it."""
+    from pipeline.search.designs import summary
     from pipeline.search.fidelity import PLATE
 
-    keys = [v.key for v in outcome.space.variables]
-    head = (*keys, "frequency_hz", "confinement_db", "extension_db", "mac", "mass_g")
     plates = sorted((e for e in outcome.by_fidelity[PLATE] if e.keeps), key=lambda e: -e.objective)[:SHOWN]
-    rows = [_row(each) for each in plates]
-    best, base = outcome.best, outcome.base
-    lines = [
-        f"{', '.join(f'{len(each)} by {fidelity}' for fidelity, each in outcome.by_fidelity.items())}; "
-        "the best assembled plates:",
-        outputs.table(head, rows),
-        f"as it was: {_summary(base)}",
-        f"best:      {_summary(best)}" + ("" if outcome.gain_db is None else f", {outcome.gain_db:+.2f} dB"),
-        *(f"solid mesh, {name}: {values['confinement_db']:.2f} dB at {values['frequency_hz']:.1f} Hz"
-          for name, values in (proof.get("solid") or {}).items()),
-        f"repeat it: antinode modes {outcome.space.path} "
-        + " ".join(f"--set {part}" for part in [*outcome.space.fixed, *outcome.space.overrides(best.values), *outcome.window]),
-    ]  # fmt: skip
-    return "\n".join(lines)
-
-
-def _row(each: Any) -> list[Any]:
-    result, mass = each.result, None if each.mass_kg is None else 1e3 * each.mass_kg
-    return [*each.values, result.frequency_hz, result.confinement_db, result.extension_db, result.mac, mass]
-
-
-def _summary(each: Any) -> str:
-    from pipeline.search.designs import summary
-
-    return summary(each)
-
-
-def _write(outcome: Any, document: dict[str, Any], out: str) -> None:
-    """Every evaluation as CSV, and the picture."""
-    from pipeline.plots import style
-    from pipeline.search.plots import landscape
-
-    folder = outputs.folder(out)
-    keys = [v.key for v in outcome.space.variables]
-    head = (
-        "fidelity",
-        *keys,
-        "frequency_hz",
-        "confinement_db",
-        "extension_db",
-        "mac",
-        "mass_kg",
-        "violations",
-        "why_not",
-    )
     rows = [
-        [each["fidelity"], *each["set"].values(), *(each[key] for key in head[1 + len(keys) : -2]),
-         "; ".join(each["violations"]), each["why_not"]]
-        for each in document["evaluations"]
-    ]  # fmt: skip
-    outputs.write_file(folder / "search.csv", outputs.csv_bytes(head, rows))
-    with style.style():
-        style.save(landscape(document), folder)
+        [*e.values, *(getattr(e.result, name) for name in MEASURES), None if e.mass_kg is None else e.mass_kg / GRAM]
+        for e in plates
+    ]
+    gain = "" if outcome.gain_db is None else f", {outcome.gain_db:+.2f} dB"
+    counts = ", ".join(f"{len(each)} by {fidelity}" for fidelity, each in outcome.by_fidelity.items())
+    return [
+        f"{counts}; the best assembled plates:",
+        outputs.table((*(v.key for v in outcome.space.variables), *MEASURES, "mass_g"), rows),
+        f"as it was: {summary(outcome.base)}",
+        f"best:      {summary(outcome.best)}{gain}",
+        *(
+            f"solid mesh, {name}: {values['confinement_db']:.2f} dB at {values['frequency_hz']:.1f} Hz"
+            for name, values in document.get("solid", {}).items()
+        ),
+        f"repeat it: antinode modes {outcome.space.path} " + " ".join(f"--set {part}" for part in outcome.repeat),
+    ]

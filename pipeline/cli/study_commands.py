@@ -85,8 +85,8 @@ def run(arguments: Namespace) -> int:
     try:
         progress = Progress(arguments.quiet)
         outcome = runner.run_study(jobs, task.computer(), folder, options, progress, task.about)
-    except StudyBusy as fault:
-        raise InputError(str(fault)) from fault
+    except StudyBusy as error:
+        raise InputError(str(error)) from error
     if arguments.dry_run:
         for planned, job in zip(outcome.plan, jobs, strict=True):
             print(f"{planned.case_id}: {'would run, ' + planned.why if planned.why else 'stands'}")
@@ -128,12 +128,12 @@ def _executor(address: str | None) -> Executor | None:
         return None
     try:
         from distributed import Client
-    except ModuleNotFoundError as fault:
-        raise NotAvailable("--scheduler needs the package distributed: pip install 'antinode[cluster]'") from fault
+    except ModuleNotFoundError as error:
+        raise NotAvailable("--scheduler needs the package distributed: pip install 'antinode[cluster]'") from error
     try:
         client = Client(address, timeout="10s")
-    except (OSError, TimeoutError, ValueError) as fault:
-        raise InputError(f"--scheduler = {address}: no Dask scheduler answers there ({fault})") from fault
+    except (OSError, TimeoutError, ValueError) as error:
+        raise InputError(f"--scheduler = {address}: no Dask scheduler answers there ({error})") from error
     for name in ("distributed", "distributed.client"):  # a lost scheduler is told in one line, not in its traceback
         logging.getLogger(name).setLevel(logging.CRITICAL)
     executor: Executor = client.get_executor()

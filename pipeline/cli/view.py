@@ -25,8 +25,8 @@ from pipeline.plots.plate import FloatArray, IntArray, skin_faces
 from pipeline.records import store
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase, read_study
+from pipeline.units import KHZ, MM
 
-MM = 1e3
 MAX_SHAPES = 7  # of a plate: the wanted mode and its neighbours
 DRAWN = 0.4  # of the pillars' height (of the thickness without any): the largest displacement as first drawn
 PERIOD_MS, FRAME_MS = 1600, 40
@@ -119,8 +119,8 @@ def of_study(target: str, case_id: str | None = None) -> Scene:
     folder = paths.RESULTS / load_study(target).name
     try:
         study = read_study(folder)
-    except store.BadRecord as fault:
-        raise InputError(f"{target}: nothing is stored yet; run it first: antinode run {target}") from fault
+    except store.BadRecord as error:
+        raise InputError(f"{target}: nothing is stored yet; run it first: antinode run {target}") from error
     names = [case.case_id for case in study.cases]
     if case_id is not None and case_id not in names:
         raise InputError(f"--case = {case_id}: must be one of {', '.join(names[:12])}")
@@ -144,11 +144,11 @@ def of_arrays(title: str, arrays: dict[str, Any], design: DesignRecord | None) -
     assert facets is not None
     tones = arrays.get("surface_frequency_hz", np.zeros(len(arrays["surface_u"])))
     shapes = [
-        (f"{tone / 1e3:.2f} kHz{', wanted' if number == 0 else ''}", np.asarray(shape, dtype=float))
+        (f"{tone / KHZ:.2f} kHz{', wanted' if number == 0 else ''}", np.asarray(shape, dtype=float))
         for number, (tone, shape) in enumerate(zip(tones, arrays["surface_u"], strict=True))
     ]
-    tall = 1e-3 if design is None else design.pillar.height_m if design.pillar else design.thickness_m
-    return Scene(title, np.asarray(arrays["surface_points"]) * MM, facets, shapes, DRAWN * tall * MM)
+    tall = MM if design is None else design.pillar.height_m if design.pillar else design.thickness_m
+    return Scene(title, np.asarray(arrays["surface_points"]) / MM, facets, shapes, DRAWN * tall / MM)
 
 
 def of_case(arguments: Namespace) -> Scene:
@@ -189,14 +189,14 @@ def of_vtu(path: Path) -> Scene:
     with _hushed():
         try:
             mesh = pv.read(path)
-        except Exception as fault:  # VTK's readers raise what they like
-            raise InputError(f"{path}: not a VTU file that can be read ({type(fault).__name__}: {fault})") from fault
+        except Exception as error:  # VTK's readers raise what they like
+            raise InputError(f"{path}: not a VTU file that can be read ({type(error).__name__}: {error})") from error
         if not isinstance(mesh, pv.UnstructuredGrid) or not mesh.n_cells:
             raise InputError(f"{path}: no cells could be read; must be a VTU file, an unstructured grid with cells")
         surface = mesh.extract_surface(nonlinear_subdivision=0).triangulate()
     names = [name for name in surface.point_data if np.shape(surface.point_data[name]) == (surface.n_points, 3)]
     shapes = [(name, np.asarray(surface.point_data[name], dtype=float)) for name in names]
-    points = np.asarray(surface.points, dtype=float) * MM
+    points = np.asarray(surface.points, dtype=float) / MM
     return Scene(
         path.name, points, np.asarray(surface.regular_faces), shapes, 0.05 * float(np.ptp(points, axis=0).max())
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from geometry.elements import IntArray
 from pipeline.case.model import Case
-from pipeline.exchange.part_mesh import CLAMP, Exchange, exchange, modes_below
+from pipeline.exchange.part_mesh import CLAMP, Exchange, exchange, modes_below, rendered
 from pipeline.logs import Log
 from pipeline.records.outputs import delivered, is_standard_output
 
@@ -37,9 +37,7 @@ def place(output: Path) -> Path:
 
 
 def _count(case: Case, part_mesh: Exchange, log: Log) -> int:
-    """Number of modes to ask for: CalculiX begins at the lowest one whatever the band, so that those below count,
-    too.
-    """
+    """Number of modes to ask for: CalculiX begins at the lowest one whatever the band, so that those below count too."""
     rigid = 0 if part_mesh.clamped else 6
     if part_mesh.search.band_hz is None:
         top = part_mesh.search.near_hz or 0.0
@@ -61,10 +59,7 @@ def input_deck(part_mesh: Exchange, count: int) -> str:
     for name, places in part_mesh.faces.items():
         _set(out, f"*NSET, NSET={name}", part_mesh.nodes_of(name) + 1)
         _surface(out, part_mesh, name, places)
-    _materials(out, part_mesh)
-    if part_mesh.clamped:
-        out.write(f"*BOUNDARY\n{CLAMP}, 1, 3\n")
-    out.write(_step(part_mesh, count))
+    out.write(rendered("calculix_materials.inp.j2", part=part_mesh, clamp=CLAMP, count=count))
     return out.getvalue()
 
 
@@ -94,20 +89,3 @@ def _surface(out: io.StringIO, part_mesh: Exchange, name: str, places: IntArray)
     facets = part_mesh.facets.only(places)
     for cell, local in zip(facets.cells, facets.local, strict=True):
         out.write(f"{cell + 1}, S{local + 1}\n")
-
-
-def _materials(out: io.StringIO, part_mesh: Exchange) -> None:
-    for volume, material in part_mesh.materials.items():
-        out.write(f"** {material.name}\n*MATERIAL, NAME=MAT_{volume}\n")
-        out.write(f"*ELASTIC\n{material.young_pa:.12g}, {material.poisson:.12g}\n")
-        out.write(f"*DENSITY\n{material.density_kg_m3:.12g}\n")
-        out.write(f"*SOLID SECTION, ELSET={volume}, MATERIAL=MAT_{volume}\n")
-
-
-def _step(part_mesh: Exchange, count: int) -> str:
-    band = part_mesh.search.band_hz
-    window = f", {band[0]:.12g}, {band[1]:.12g}" if band else ""
-    return (
-        "** CalculiX finds the lowest modes, as many as the number says, and prints those inside the band\n"
-        f"*STEP\n*FREQUENCY\n{count}{window}\n*NODE FILE\nU\n*END STEP\n"
-    )

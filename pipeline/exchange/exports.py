@@ -11,6 +11,7 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.records import outputs
 from pipeline.records.record import GeometryRecord
+from pipeline.units import GRAM, MM
 
 CAD = ("stl", "step", "3mf")
 SOLVER_FILES = ("aster", "calculix")
@@ -107,7 +108,7 @@ def _log_summary(report: Any, log: Log) -> None:
     name, size = report.smallest_feature
     log.info(
         f"print file: closed {report.watertight}, {report.bodies} body, volume {report.volume_error:+.1e} of the solid's, "
-        f"mass {1e3 * report.mass_kg:.2f} g, smallest feature {name} {1e3 * size:.3g} mm, "
+        f"mass {report.mass_kg / GRAM:.2f} g, smallest feature {name} {size / MM:.3g} mm, "
         f"overhang {report.overhang_deg:.0f} degrees"
     )
     for fault in report.faults:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -115,6 +116,15 @@ def exchange(case: Case, part: str, log: Log, tetrahedra: bool = False) -> Excha
     return part_mesh
 
 
+def rendered(template: str, **values: Any) -> str:
+    """Text for another program from a template beside this module."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    look: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+    loader = FileSystemLoader(Path(__file__).with_name("templates"))
+    return Environment(loader=loader, undefined=StrictUndefined, **look).get_template(template).render(values)
+
+
 def clamped_faces(part: str, mesh: Mesh) -> tuple[str, ...]:
     """The faces that are clamped: both long sides of the zone, the pillar's foot, none of the plate's."""
     if part == "zone":
@@ -164,23 +174,23 @@ def _settings(case: Case, part: str) -> Iterator[HexSettings]:
 
 def _boxes(case: Case, part: str, log: Log) -> Boxes:
     """The finest boxes below the limit of degrees of freedom; the coarsest there are when none is."""
-    design = case.design
-    boxes: Boxes | None = None
+    body, build, _, _ = _builders(case.design, part)
     for settings in _settings(case, part):
-        if part == "plate":
-            boxes = plate_boxes(design, settings, quarter=False)
-        elif part == "zone":
-            boxes = zone_boxes(design, settings, quarter=False)
-        else:
-            assert design.pillar
-            boxes = pillar_boxes(design.pillar, settings, quarter=False)
+        boxes: Boxes = build(body, settings, quarter=False)
         if _dofs(boxes) <= MAX_DOFS:
             return boxes
-    assert boxes is not None
-    log.warning(
-        "LARGE", f"the coarsest mesh of this {part} has {_dofs(boxes)} degrees of freedom, more than {MAX_DOFS}"
-    )
+    size = f"{_dofs(boxes)} degrees of freedom, more than {MAX_DOFS}"
+    log.warning("LARGE", f"the coarsest mesh of this {part} has {size}")
     return boxes
+
+
+def _builders(design: Design, part: str) -> tuple[Any, Callable[..., Boxes], Callable[..., Body], Callable[..., Mesh]]:
+    """What a part is made from, and what makes its boxes, its solid and its tetrahedra."""
+    if part == "pillar":
+        return design.pillar, pillar_boxes, pillar_solid, scenes.tet_pillar
+    if part == "zone":
+        return design, zone_boxes, zone_solid, scenes.tet_zone
+    return design, plate_boxes, plate_solid, scenes.tet_plate
 
 
 def _dofs(boxes: Boxes) -> int:
@@ -193,25 +203,21 @@ def _dofs(boxes: Boxes) -> int:
 
 def _tetrahedra(case: Case, part: str, log: Log) -> Mesh:
     """Mesh the part through CAD and pytetwild, coarsened until it is below the limit."""
-    body, smallest, mesher = _cad_part(case.design, part)
-    fewest = (DOFS_PER_TET * TETS_PER_CUBE * body.volume_m3 / MAX_DOFS) ** (1.0 / 3.0)
-    edge = max(mesh_rules.tet_edge_m(smallest, max(case.solve.accuracy, 0.01)), fewest)
-    while (mesh := mesher(edge)).dof > MAX_DOFS:
+    made_from, _, solid, tetrahedra = _builders(case.design, part)
+    fewest = (DOFS_PER_TET * TETS_PER_CUBE * solid(made_from).volume_m3 / MAX_DOFS) ** (1.0 / 3.0)
+    edge = max(mesh_rules.tet_edge_m(_smallest_m(case.design, part), max(case.solve.accuracy, 0.01)), fewest)
+    while (mesh := tetrahedra(made_from, edge)).dof > MAX_DOFS:
         log.info(f"{mesh.dof} degrees of freedom are more than {MAX_DOFS}: meshing again, coarser")
         edge *= COARSER
     return mesh
 
 
-def _cad_part(design: Design, part: str) -> tuple[Body, float, Callable[[float], Mesh]]:
-    """A part's solid, its smallest dimension (m), and what meshes it at an edge length."""
-    pillar = design.pillar
-    if part == "pillar":
-        assert pillar
-        return pillar_solid(pillar), pillar.form.smallest_m, partial(scenes.tet_pillar, pillar)
-    if part == "zone":
-        return zone_solid(design), design.thickness_m, partial(scenes.tet_zone, design)
-    narrowest = pillar.form.smallest_m if pillar and design.rows else design.thickness_m
-    return plate_solid(design), min(design.thickness_m, narrowest), partial(scenes.tet_plate, design)
+def _smallest_m(design: Design, part: str) -> float:
+    """The smallest dimension that a part's tetrahedra must resolve, m."""
+    sizes = [design.thickness_m] if part != "pillar" else []
+    if design.pillar and (part == "pillar" or (part == "plate" and design.rows)):
+        sizes.append(design.pillar.form.smallest_m)
+    return min(sizes)
 
 
 def modes_below(case: Case, part: str, frequencies_hz: Sequence[float], log: Log) -> list[int]:

@@ -20,6 +20,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.parts import mesh_record, warn_of_locking
+from pipeline.units import MM
 from solvers.fem.eigen import Modes, modes_in_band, modes_near
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import Confinement, measure
@@ -28,21 +29,15 @@ LARGE_M = 5.0
 
 
 def solve(case: Case, file: str, unit: str, clamps: Sequence[str], query: Request, log: Log) -> PartModes:
-    """Compute the modes of the mesh in a file with the case's material. Raises InputError for a mesh that cannot
-    serve.
-    """
+    """Compute the modes of a file's mesh with the case's material. Raises InputError for a mesh that cannot serve."""
     if query.symmetry:
-        raise InputError(
-            f"--symmetry {query.symmetry}: a mesh from a file has no symmetry classes; leave --symmetry out"
-        )
+        without = "a mesh from a file has no symmetry classes; leave --symmetry out"
+        raise InputError(f"--symmetry {query.symmetry}: {without}")
     with log.step("read the mesh"):
         mesh = load(file, unit)
     for name in clamps:
         _known(name, mesh, file)
-    pillar = case.design.pillar
-    materials = dict.fromkeys(mesh.regions, case.design.material)
-    if pillar:
-        materials |= {name: pillar.material for name in mesh.regions if name.casefold() == "pillar"}
+    materials = _materials(case, mesh)
     _log_summary(mesh, materials, file, log)
     warn_of_locking(case.design, mesh, log)
     model = SolidModel(_with_touch(mesh), materials, tuple(clamps), False)
@@ -53,22 +48,17 @@ def solve(case: Case, file: str, unit: str, clamps: Sequence[str], query: Reques
             solution = modes_in_band(pencil, *request.band_hz)
         else:
             solution = modes_near(pencil, request.near_hz or 0.0, request.count or DEFAULT_COUNT)
-    rows = _rows(case, model, solution)
-    meshes = [mesh_record("own mesh", mesh)]
-    wanted = look_among(rows, solution.count) if _has_touch(case, model) else None
+    rows, count = _rows(case, model, solution), solution.count
+    wanted = look_among(rows, count) if _has_touch(case, model) else None
     vectors: dict[str | None, FloatArray] = {None: solution.vectors}
-    return PartModes(
-        "mesh",
-        model,
-        rows,
-        vectors,
-        pencil.dof,
-        solution.rigid_count,
-        solution.count,
-        meshes,
-        wanted=wanted,
-        more_in_mesh=0,
-    )
+    about = (pencil.dof, solution.rigid_count, count, [mesh_record("own mesh", mesh)])
+    return PartModes("mesh", model, rows, vectors, *about, wanted=wanted, more_in_mesh=0)
+
+
+def _materials(case: Case, mesh: Mesh) -> dict[str, Material]:
+    """The case's material for every region, the pillar's for the one of that name."""
+    own = case.design.pillar.material if case.design.pillar else case.design.material
+    return {name: own if name.casefold() == "pillar" else case.design.material for name in mesh.regions}
 
 
 def _has_touch(case: Case, model: SolidModel) -> bool:
@@ -91,14 +81,14 @@ def _request(case: Case, query: Request) -> Request:
 
 
 def _log_summary(mesh: Mesh, materials: dict[str, Material], file: str, log: Log) -> None:
-    size = 1e3 * np.ptp(mesh.nodes, axis=0)
+    size = np.ptp(mesh.nodes, axis=0) / MM
     log.info(
         f"{file}: {len(mesh.cells)} {VOLUME[mesh.kind, mesh.order]}, {mesh.dof} degrees of freedom, "
         f"{size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g} mm; faces {', '.join(sorted(mesh.faces)) or 'none'}; "
         + ", ".join(f"{name}: {material.name}" for name, material in materials.items())
     )
-    if size.max() > 1e3 * LARGE_M:
-        log.warning("UNIT", f"{file}: {size.max() / 1e3:.3g} m long; if the file is in millimetres, add --unit mm")
+    if size.max() * MM > LARGE_M:
+        log.warning("UNIT", f"{file}: {size.max() * MM:.3g} m long; if the file is in millimetres, add --unit mm")
 
 
 def _known(name: str, mesh: Mesh, file: str) -> None:

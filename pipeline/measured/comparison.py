@@ -10,15 +10,11 @@ import numpy as np
 
 from pipeline.analysis.response import Response
 from pipeline.case.model import Case
-from pipeline.case.reader import MM
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.measured.files import Complex, FloatArray, MeasuredField, MeasuredSweep, read_field, read_sweep
-from pipeline.records.record import (
-    MeasuredMapRecord,
-    MeasuredRecord,
-    MeasuredSweepRecord,
-)
+from pipeline.records.record import MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord
+from pipeline.units import MM
 from solvers.control.identification import Sensor, Sweep
 from solvers.control.resonance import Resonance, resonance
 from solvers.errors import SolverError
@@ -64,26 +60,22 @@ def read(case: Case, sweep: str | None, field: str | None, at: str | None) -> Me
     if measured and measured.quantity == "sensor" and not (case.patches and case.patches.sensors):
         raise InputError(f"{sweep}: a sensor's voltage, but the case has no patches.sensors: must name one")
     mapped = read_field(field, case.design) if field is not None else None
-    weights = _weighed(mapped, case) if mapped else None
-    return Measurements(measured, _place(at, case), mapped, weights)
-
-
-def _weighed(field: MeasuredField, case: Case) -> Weights:
     try:
-        return weigh(field.points_m, case.design)
-    except SolverError as fault:
-        raise InputError(f"{field.file}: {fault}") from fault
+        weights = weigh(mapped.points_m, case.design) if mapped else None
+    except SolverError as error:
+        raise InputError(f"{field}: {error}") from error
+    return Measurements(measured, _place(at, case), mapped, weights)
 
 
 def _place(at: str | None, case: Case) -> tuple[float, float] | None:
     if at is None:
         return None
     half = (case.design.length_m / 2.0, case.design.half_span_m)
-    allowed = f"must be X,Y in mm, within {1e3 * half[0]:g} and {1e3 * half[1]:g} of the plate's centre"
+    allowed = f"must be X,Y in mm, within {half[0] / MM:g} and {half[1] / MM:g} of the plate's centre"
     try:
         x, y = (MM * float(part) for part in at.split(","))
-    except ValueError as fault:
-        raise InputError(f"--at = {at!r}: {allowed}") from fault
+    except ValueError as error:
+        raise InputError(f"--at = {at!r}: {allowed}") from error
     if not (abs(x) <= half[0] and abs(y) <= half[1]):
         raise InputError(f"--at = {at!r}: {allowed}")
     return x, y
@@ -112,42 +104,32 @@ def _sweep(
     given, tone = measured.sweep, response.curve.frequency_hz
     low, high = given.frequencies_hz[0], given.frequencies_hz[-1]
     if high <= tone[0] or low >= tone[-1]:
-        raise InputError(
-            f"{measured.file}: {low:g} to {high:g} Hz: must overlap the response, {tone[0]:g} to {tone[-1]:g} Hz (--band)"
-        )
+        band = f"must overlap the response, {tone[0]:g} to {tone[-1]:g} Hz (--band)"
+        raise InputError(f"{measured.file}: {low:g} to {high:g} Hz: {band}")
     sensor: Sensor = "velocity" if measured.quantity == "velocity" else "displacement"
     place, curve = _computed(case, response, measured, at_m)
     theirs, ours = resonance(given, sensor), resonance(Sweep(tone, curve), sensor)
-    shift = theirs.frequency_hz - ours.frequency_hz
     if theirs.trouble:
-        log.warning(
-            "NO_CIRCLE", f"{measured.file}: {theirs.trouble}; the peak and its half-power width are given instead"
-        )
+        instead = "the peak and its half-power width are given instead"
+        log.warning("NO_CIRCLE", f"{measured.file}: {theirs.trouble}; {instead}")
     if not tone[0] <= theirs.peak_hz <= tone[-1]:
-        log.warning(
-            "PEAK_OUTSIDE", f"{measured.file}: its peak at {theirs.peak_hz:.0f} Hz lies outside the response's band"
-        )
-    point_mm = None if place is None else (1e3 * place[0], 1e3 * place[1])
+        beyond = f"its peak at {theirs.peak_hz:.0f} Hz lies outside the response's band"
+        log.warning("PEAK_OUTSIDE", f"{measured.file}: {beyond}")
+    shift = theirs.frequency_hz - ours.frequency_hz
+    about = {"points": len(given.frequencies_hz), "band_hz": [float(low), float(high)]}
+    shifts = {"frequency_shift_hz": shift, "frequency_shift": shift / ours.frequency_hz}
+    point_mm = None if place is None else (place[0] / MM, place[1] / MM)
+    computed = _identified(ours) | {"point_mm": point_mm}
     record = MeasuredSweepRecord.model_validate(
-        {
-            "file": Path(measured.file).name,
-            "synthetic": measured.synthetic,
-            "quantity": measured.quantity,
-            "points": len(given.frequencies_hz),
-            "band_hz": [float(low), float(high)],
-            **_identified(theirs),
-            "frequency_shift_hz": shift,
-            "frequency_shift": shift / ours.frequency_hz,
-            "computed": _identified(ours) | {"point_mm": point_mm},
-        }
+        _source(measured) | about | _identified(theirs) | shifts | {"computed": computed}
     )
-    arrays = {
-        "measured_hz": given.frequencies_hz,
-        "measured_response": given.response,
-        "measured_computed_hz": tone,
-        "measured_computed": curve,
-    }
+    arrays = {"measured_hz": given.frequencies_hz, "measured_response": given.response}
+    arrays |= {"measured_computed_hz": tone, "measured_computed": curve}
     return record, arrays, _sweep_summary(measured, theirs, ours)
+
+
+def _source(measured: MeasuredSweep | MeasuredField) -> dict[str, Any]:
+    return {"file": Path(measured.file).name, "synthetic": measured.synthetic, "quantity": measured.quantity}
 
 
 def _computed(
@@ -192,44 +174,25 @@ def _map(
     case: Case, response: Response, measured: MeasuredField, weights: Weights, log: Log
 ) -> tuple[MeasuredMapRecord, dict[str, Any], str]:
     design, tone = case.design, response.peak.frequency_hz
-    computed = sampled(*response.forced.shape(tone), measured.points_m)
-    measured_level, seen = confinement_of(weights, measured.values, design), confinement_of(weights, computed, design)
+    computed = operating_field(response, measured.points_m)
+    level, seen = confinement_of(weights, measured.values, design), confinement_of(weights, computed, design)
     alike = assurance(weights.area_m2, measured.values[weights.index], computed[weights.index])
     _log_cover(measured, weights, log)
+    confined = None if level.confinement_db is None else bool(level.confinement_db >= CONFINED_DB)
+    there = {"frequency_hz": tone, "confinement_db": response.peak.confinement_db, "mac": seen.mac}
+    there |= {"confinement_at_points_db": seen.confinement_db, "zone_share_at_points": seen.zone_share}
     record = MeasuredMapRecord.model_validate(
-        {
-            "file": Path(measured.file).name,
-            "synthetic": measured.synthetic,
-            "quantity": measured.quantity,
-            "points": len(measured.values),
-            "covered_active": weights.active,
-            "covered_passive": weights.passive,
-            "zone_share": measured_level.zone_share,
-            "confinement_db": measured_level.confinement_db,
-            "confined": None
-            if measured_level.confinement_db is None
-            else bool(measured_level.confinement_db >= CONFINED_DB),
-            "mac": measured_level.mac,
-            "mac_operating": alike,
-            "computed": {
-                "frequency_hz": tone,
-                "confinement_db": response.peak.confinement_db,
-                "confinement_at_points_db": seen.confinement_db,
-                "zone_share_at_points": seen.zone_share,
-                "mac": seen.mac,
-            },
-        }
+        _source(measured)
+        | {"points": len(measured.values), "covered_active": weights.active, "covered_passive": weights.passive}
+        | {"zone_share": level.zone_share, "confinement_db": level.confinement_db, "confined": confined}
+        | {"mac": level.mac, "mac_operating": alike, "computed": there}
     )
     arrays = {"measured_xy": measured.points_m, "measured_field": measured.values, "measured_operating": computed}
-    summary = (
-        "no passive face"
-        if measured_level.confinement_db is None
-        else f"confinement {measured_level.confinement_db:.1f} dB"
-    )
+    summary = "no passive face" if level.confinement_db is None else f"confinement {level.confinement_db:.1f} dB"
     beside = "" if seen.confinement_db is None else f" (computed {seen.confinement_db:.1f} dB at the same points)"
     line = (
         f"{Path(measured.file).name}{_marked(measured.synthetic)}: {len(measured.values)} points, {summary}{beside}, "
-        f"MAC {alike:.3f} to the operating shape at {tone:.1f} Hz, {measured_level.mac:.3f} to the wanted one"
+        f"MAC {alike:.3f} to the operating shape at {tone:.1f} Hz, {level.mac:.3f} to the wanted one"
     )
     return record, arrays, line
 
@@ -237,10 +200,8 @@ def _map(
 def _log_cover(measured: MeasuredField, weights: Weights, log: Log) -> None:
     for name, share in (("active", weights.active), ("passive", weights.passive)):
         if share is not None and share < COVERED:
-            log.warning(
-                "MAP_PARTIAL",
-                f"{measured.file}: covers {100.0 * share:.0f} % of the {name} touch face: its rms is that of the part covered",
-            )
+            part = f"covers {100.0 * share:.0f} % of the {name} touch face: its rms is that of the part covered"
+            log.warning("MAP_PARTIAL", f"{measured.file}: {part}")
 
 
 def operating_field(response: Response, points_m: FloatArray) -> Complex:

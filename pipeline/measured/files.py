@@ -1,4 +1,4 @@
-"""Measured sweeps and maps as CSV: units in the column names, the first fault told with its line and column.
+"""Measured sweeps and maps as CSV: units in the column names, the first error given with its line and column.
 
 Lines that begin with # are comments, blank ones are skipped; the first other line names the columns. Commas, semicolons or
 tabs part them. A value's column may begin with what it is (velocity_, displacement_, sensor_) and end in its unit.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -22,6 +21,7 @@ from geometry.layout import Design
 from pipeline.case.diagnostics import nearest, quoted
 from pipeline.case.limits import FREQUENCY_KHZ, span
 from pipeline.errors import InputError
+from pipeline.units import KHZ, MM
 from solvers.control.identification import Sweep
 
 Complex = NDArray[np.complex128]
@@ -29,8 +29,8 @@ FloatArray = NDArray[np.float64]
 Quantity = Literal["velocity", "displacement", "sensor"]
 SYNTHETIC = "SYNTHETIC"  # the first word of the first comment of files that this program made
 MIN_COUNT = 8  # rows of a sweep: what a circle fit needs
-PLACES = {"x": {"x_mm": 1e-3, "x_m": 1.0}, "y": {"y_mm": 1e-3, "y_m": 1.0}}
-TONES = {"frequency": {"frequency_hz": 1.0, "frequency_khz": 1e3, "frequency_mhz": 1e6}}
+PLACES = {"x": {"x_mm": MM, "x_m": 1.0}, "y": {"y_mm": MM, "y_m": 1.0}}
+TONES = {"frequency": {"frequency_hz": 1.0, "frequency_khz": KHZ, "frequency_mhz": 1e6}}
 VALUE = re.compile(r"(?:(velocity|displacement|sensor)_)?(amplitude|phase|real|imag)(?:_(\w+))?")
 PAIRS = (("real", "imag"), ("amplitude", "phase"))
 PAIRS_ALLOWED = "real with imag, or amplitude with phase_deg or phase_rad"
@@ -71,16 +71,16 @@ def read_sweep(path: str | Path) -> MeasuredSweep:
     quantity, values = _values(table)
     for row, hertz in enumerate(tone):
         if hertz <= 0.0:
-            raise table.fault("must be above 0", row, "frequency")
-        if not FREQUENCY_KHZ[0] <= hertz / 1e3 <= FREQUENCY_KHZ[1]:
-            raise table.fault(f"must be {span(FREQUENCY_KHZ)} kHz", row, "frequency")
+            raise table.error("must be above 0", row, "frequency")
+        if not FREQUENCY_KHZ[0] <= hertz / KHZ <= FREQUENCY_KHZ[1]:
+            raise table.error(f"must be {span(FREQUENCY_KHZ)} kHz", row, "frequency")
     order = np.argsort(tone, kind="stable")
     twice = np.flatnonzero(np.diff(tone[order]) == 0.0)
     if len(twice):
         first, second = sorted(order[twice[0] : twice[0] + 2])
-        raise table.fault(f"stands in line {table.lines[first]} already: each frequency once", int(second), "frequency")
+        raise table.error(f"stands in line {table.lines[first]} already: each frequency once", int(second), "frequency")
     if len(tone) < MIN_COUNT:
-        raise table.fault(f"{len(tone)} frequencies: must be at least {MIN_COUNT}")
+        raise table.error(f"{len(tone)} frequencies: must be at least {MIN_COUNT}")
     return MeasuredSweep(str(path), table.synthetic, quantity, Sweep(tone[order], values[order]))
 
 
@@ -95,14 +95,14 @@ def read_field(path: str | Path, design: Design) -> MeasuredField:
     for axis, half in enumerate((design.length_m / 2.0, design.half_span_m)):
         beyond = np.flatnonzero(np.abs(points[:, axis]) > half + EDGE_M)
         if len(beyond):
-            limit = f"beyond the plate: must be from {-1e3 * half:g} to {1e3 * half:g} mm"
-            raise table.fault(limit, int(beyond[0]), "xy"[axis])
+            limit = f"beyond the plate: must be from {-half / MM:g} to {half / MM:g} mm"
+            raise table.error(limit, int(beyond[0]), "xy"[axis])
     rounded = np.round(points / SAME_M).astype(np.int64)
     _, first, place = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     again = np.flatnonzero(first[place.ravel()] != np.arange(len(points)))
     if len(again):
         row = int(again[0])
-        raise table.fault(f"stands in line {table.lines[int(first[place.ravel()[row]])]} already", row, "x")
+        raise table.error(f"stands in line {table.lines[int(first[place.ravel()[row]])]} already", row, "x")
     return MeasuredField(str(path), table.synthetic, quantity, points, values)
 
 
@@ -114,19 +114,19 @@ def _values(table: _Table) -> tuple[Quantity, Complex]:
     else:
         lone = next((pair for pair in PAIRS if set(pair) & set(table.roles)), None)
         lacking = "" if lone is None else f" ({next(role for role in lone if role not in table.roles)} is missing)"
-        raise table.fault(f"columns {table.names_text}: must hold {PAIRS_ALLOWED}{lacking}")
+        raise table.error(f"columns {table.names_text}: must hold {PAIRS_ALLOWED}{lacking}")
     kinds, units = zip(*(_parsed(table.name(role)) for role in (first, second)), strict=True)
     if kinds[0] != kinds[1]:
-        raise table.fault(f"columns {table.name(first)} and {table.name(second)}: must be of one quantity")
+        raise table.error(f"columns {table.name(first)} and {table.name(second)}: must be of one quantity")
     one, two = table.numbers(first), table.numbers(second)
     if first == "real":
         if units[0] != units[1]:
-            raise table.fault(f"columns {table.name(first)} and {table.name(second)}: must have one unit")
+            raise table.error(f"columns {table.name(first)} and {table.name(second)}: must have one unit")
         values = one + 1j * two
     else:
         values = _amplitude(table, one, units[0]) * np.exp(1j * _radians(table, two, units[1]))
     if not np.abs(values).max() > 1.0 / LARGEST:
-        raise table.fault(
+        raise table.error(
             f"columns {table.name(first)} and {table.name(second)}: every value is 0: nothing was measured"
         )
     return cast("Quantity", kinds[0] or "velocity"), values
@@ -142,17 +142,17 @@ def _amplitude(table: _Table, values: FloatArray, unit: str) -> FloatArray:
     if unit == "db":
         beyond = np.flatnonzero(np.abs(values) > LARGEST_DB)
         if len(beyond):
-            raise table.fault(f"must be from {-LARGEST_DB:g} to {LARGEST_DB:g} dB", int(beyond[0]), "amplitude")
+            raise table.error(f"must be from {-LARGEST_DB:g} to {LARGEST_DB:g} dB", int(beyond[0]), "amplitude")
         return np.asarray(10.0 ** (values / 20.0))
     below = np.flatnonzero(values < 0.0)
     if len(below):
-        raise table.fault("must be 0 or more (or amplitude_dB)", int(below[0]), "amplitude")
+        raise table.error("must be 0 or more (or amplitude_dB)", int(below[0]), "amplitude")
     return values
 
 
 def _radians(table: _Table, values: FloatArray, unit: str) -> FloatArray:
     if unit not in ("deg", "rad"):
-        raise table.fault(f"column {table.name('phase')}: must be phase_deg or phase_rad")
+        raise table.error(f"column {table.name('phase')}: must be phase_deg or phase_rad")
     return np.radians(values) if unit == "deg" else values
 
 
@@ -167,7 +167,7 @@ class _Table:
         numbered = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
         numbered = [(n, line) for n, line in numbered if not line.lstrip().startswith("#")]
         if not numbered:
-            raise self.fault("no columns: the first line that is no comment must name them")
+            raise self.error("no columns: the first line that is no comment must name them")
         self.head_line, head = numbered[0]
         self.delimiter = next((mark for mark in (",", ";", "\t") if mark in head), ",")
         self.names = self._cells(head)
@@ -176,9 +176,9 @@ class _Table:
         self.rows = [self._cells(line) for _, line in numbered[1:]]
         for row, cells in enumerate(self.rows):
             if len(cells) != len(self.names):
-                raise self.fault(f"{len(cells)} values: must be {len(self.names)}, one for each column", row)
+                raise self.error(f"{len(cells)} values: must be {len(self.names)}, one for each column", row)
         if not self.rows:
-            raise self.fault("no rows: values must follow the line of column names")
+            raise self.error("no rows: values must follow the line of column names")
 
     @property
     def names_text(self) -> str:
@@ -195,12 +195,11 @@ class _Table:
         if scales is not None:
             if role not in self.roles:
                 near = next((hint for name in self.names if (hint := nearest(name.lower(), list(scales)))), "")
-                text = f"columns {self.names_text}: must hold {' or '.join(_spelled(scales))}"
-                raise self.fault(text + _spelled_hint(near))
+                raise self.error(f"columns {self.names_text}: must hold {_spelled(' or '.join(scales) + near)}")
             scale = scales[self.name(role).lower()]
         return scale * np.array([self._number(row, role) for row in range(len(self.rows))])
 
-    def fault(self, text: str, row: int | None = None, role: str = "") -> InputError:
+    def error(self, text: str, row: int | None = None, role: str = "") -> InputError:
         """One line: file, line, column, what came, what is allowed."""
         line = self.lines[row] if row is not None else getattr(self, "head_line", None)
         where = f"{self.path}: line {line}" if line is not None else str(self.path)
@@ -212,8 +211,8 @@ class _Table:
     def _cells(self, line: str) -> list[str]:
         try:
             cells = next(csv.reader([line], delimiter=self.delimiter, skipinitialspace=True))
-        except csv.Error as fault:
-            raise self.fault(f"a line of {len(line)} characters that is no CSV ({fault})") from fault
+        except csv.Error as error:
+            raise self.error(f"a line of {len(line)} characters that is no CSV ({error})") from error
         return [cell.strip() for cell in cells]
 
     def _number(self, row: int, role: str) -> float:
@@ -222,9 +221,9 @@ class _Table:
         except ValueError:
             value = float("nan")
         if not isfinite(value):
-            raise self.fault("must be a finite number, with a point for decimals", row, role)
+            raise self.error("must be a finite number, with a point for decimals", row, role)
         if abs(value) > LARGEST:
-            raise self.fault(f"must be within {LARGEST:g}", row, role)
+            raise self.error(f"must be within {LARGEST:g}", row, role)
         return value
 
     def _roles(self) -> dict[str, int]:
@@ -232,7 +231,7 @@ class _Table:
         for index, name in enumerate(self.names):
             role = _role(name.lower())
             if role in roles:
-                raise self.fault(f"columns {self.names[roles[role]]} and {name} both hold {role}: must be one")
+                raise self.error(f"columns {self.names[roles[role]]} and {name} both hold {role}: must be one")
             if role:
                 roles[role] = index
         return roles
@@ -246,25 +245,17 @@ def _role(name: str) -> str:
     return match.group(2) if match else ""
 
 
-def _spelled(names: Sequence[str] | dict[str, float]) -> list[str]:
+def _spelled(text: str) -> str:
     """Column names as people write their units: frequency_kHz."""
-    units = {"_hz": "_Hz", "_khz": "_kHz", "_mhz": "_MHz"}
-    return [
-        next((name[: -len(low)] + unit for low, unit in units.items() if name.endswith(low)), name) for name in names
-    ]
-
-
-def _spelled_hint(hint: str) -> str:
-    return hint.replace("_khz", "_kHz").replace("_mhz", "_MHz").replace("_hz", "_Hz")
+    return text.replace("_khz", "_kHz").replace("_mhz", "_MHz").replace("_hz", "_Hz")
 
 
 def _text(path: Path) -> str:
     read_by_command(path)
     try:
         return path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as fault:
-        raise InputError(f"{path}: not UTF-8 text at byte {fault.start}: must be a CSV file in UTF-8") from fault
-    except FileNotFoundError as fault:
-        raise InputError(f"{path}: no such file: must be a CSV file") from fault
-    except OSError as fault:
-        raise InputError(f"{path}: cannot be read ({fault.strerror}): must be a CSV file") from fault
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 text at byte {error.start}: must be a CSV file in UTF-8") from error
+    except OSError as error:
+        why = "no such file" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
+        raise InputError(f"{path}: {why}: must be a CSV file") from error

@@ -19,11 +19,12 @@ from pipeline.measured.comparison import operating_field
 from pipeline.measured.files import SYNTHETIC, Complex, FloatArray
 from pipeline.records import outputs
 from pipeline.records.outputs import folder, write_file
+from pipeline.units import MM
 from solvers.piezo.point import loudest_point, point_response
 
 SWEEP, FIELD = "sweep.csv", "field.csv"
 TONES, REACH = 241, 8.0  # frequencies, over so many half-power widths on each side of the peak
-SPACING_M = 2e-3  # of the map's points, or an eighth of the zone's width where that is less
+SPACING_M = 2 * MM  # of the map's points, or an eighth of the zone's width where that is less
 NOISE = 0.01  # of the peak, rms per point
 
 
@@ -63,7 +64,7 @@ def _sweep(case: Case, response: Response, noise: float, random: np.random.Gener
     tone = np.linspace(peak - reach, peak + reach, TONES)
     place = loudest_point(response.forced, peak, case.design.width_m / 2.0)
     seen = _scattered(2j * pi * tone * point_response(response.forced, place, tone), noise, random)
-    lines = [f"# a laser at x = {1e3 * place[0]:.2f} mm, y = {1e3 * place[1]:.2f} mm of the touch face"]
+    lines = [f"# a laser at x = {place[0] / MM:.2f} mm, y = {place[1] / MM:.2f} mm of the touch face"]
     head = ("frequency_Hz", "velocity_amplitude_m_per_s_per_V", "velocity_phase_deg")
     rows = ((f"{f:.3f}", f"{abs(v):.6e}", f"{np.degrees(np.angle(v)):.4f}") for f, v in zip(tone, seen, strict=True))
     return "\n".join(lines) + "\n" + outputs.csv_bytes(head, rows).decode()
@@ -75,7 +76,7 @@ def _field(case: Case, response: Response, noise: float, random: np.random.Gener
     points = grid(case.design)
     seen = _scattered(2j * pi * peak * operating_field(response, points), noise, random)
     head = ("x_mm", "y_mm", "velocity_real_m_per_s_per_V", "velocity_imag_m_per_s_per_V")
-    both = zip(1e3 * points, seen, strict=True)
+    both = zip((1.0 / MM) * points, seen, strict=True)
     rows = ((f"{x:.3f}", f"{y:.3f}", f"{v.real:.4e}", f"{v.imag:.4e}") for (x, y), v in both)
     return f"# at {peak:.3f} Hz\n" + outputs.csv_bytes(head, rows).decode()
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pipeline.case.model import Case
-from pipeline.measures.measure import Draw, Measure, Work
+from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan, simplifications
 from pipeline.planning.plan import Step
 from pipeline.planning.simplifications import Simplification
+from pipeline.plots import attenuation as plots
 from pipeline.records.tables import Column, figures_of
 
 
@@ -25,12 +26,6 @@ def _compute(work: Work) -> None:
         work.keep(prediction=prediction)
 
 
-def _pictures() -> tuple[Draw, ...]:
-    from pipeline.plots import attenuation
-
-    return (attenuation.attenuation,)
-
-
 _rows = figures_of(lambda r: r.prediction)
 COLUMNS = (
     Column("db_per_row", "decay per row", _rows(lambda p: p.db_per_row), ".2f", "dB"),
@@ -38,4 +33,4 @@ COLUMNS = (
     Column("rows_needed", "rows needed, endless ones", _rows(lambda p: p.rows_needed), "d"),
 )
 
-ATTENUATION = Measure("attenuation", plan=_plan, compute=_compute, columns=COLUMNS, pictures=_pictures)
+ATTENUATION = Measure("attenuation", plan=_plan, compute=_compute, columns=COLUMNS, pictures=(plots.attenuation,))

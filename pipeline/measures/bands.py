@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from pipeline.case.model import Case
-from pipeline.measures.measure import Draw, Measure, Work
+from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan, simplifications
-from pipeline.planning.plan import Step
-from pipeline.planning.simplifications import Simplification
+from pipeline.plots import bands as plots
 from pipeline.records.tables import Column, figures_of
-
-
-def _plan(case: Case) -> Step | Simplification:
-    return simplifications.no_lattice(case.design, "bands") or plan.bands_step(case)
 
 
 def _compute(work: Work) -> None:
@@ -19,12 +13,6 @@ def _compute(work: Work) -> None:
 
     result = bands.solve_bands(work.case, work.log, shapes=True)
     work.keep(result.meshes, result.shapes, bands=result.record)
-
-
-def _pictures() -> tuple[Draw, ...]:
-    from pipeline.plots import bands
-
-    return (bands.dispersion,)
 
 
 _gap = figures_of(lambda r: r.bands.widest_gap if r.bands else None)
@@ -38,4 +26,10 @@ COLUMNS = (
     ),
 )
 
-BANDS = Measure("bands", plan=_plan, compute=_compute, columns=COLUMNS, pictures=_pictures)
+BANDS = Measure(
+    "bands",
+    plan=lambda case: simplifications.no_lattice(case.design, "bands") or plan.bands_step(case),
+    compute=_compute,
+    columns=COLUMNS,
+    pictures=(plots.dispersion,),
+)

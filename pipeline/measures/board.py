@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from pipeline.measures.measure import Draw, Measure, Work
+from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
+from pipeline.plots import board as plots
 
 NAME = "closed loop on the emulated board"
 
@@ -30,17 +31,11 @@ def _inputs() -> dict[str, Any]:
     return {"firmware": emulation.sources_hash()}
 
 
-def _pictures() -> tuple[Draw, ...]:
-    from pipeline.plots import board
-
-    return (board.board,)
-
-
 BOARD = Measure(
     "board",
     plan=lambda case: plan.plain_step("board", NAME, "the firmware's image and the mode table"),
     compute=_compute,
     after="modes",
     inputs=_inputs,
-    pictures=_pictures,
+    pictures=(plots.board,),
 )

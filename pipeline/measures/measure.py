@@ -56,7 +56,7 @@ class Measure:
 
     needs: tables of the case; after: another measure whose results it uses; aliases: other names of the same; drives: whether
     it drives the plate; inputs: what its results depend on beside case, sources and packages. Columns and pictures read the
-    record alone. `pictures` returns its functions, so that nothing heavy is imported before something is drawn.
+    record alone.
     """
 
     name: str
@@ -68,4 +68,4 @@ class Measure:
     drives: bool = False
     inputs: Callable[[], dict[str, Any]] = dict
     columns: tuple[Column, ...] = ()
-    pictures: Callable[[], tuple[Draw, ...]] = tuple
+    pictures: tuple[Draw, ...] = ()

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
-from pipeline.measures.measure import Draw, Measure, Work
+from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
 from pipeline.planning.request import of_case
+from pipeline.plots import fields, mesh
 from pipeline.records.record import Record, RivalRecord
 from pipeline.records.tables import Column, figures_of
 from solvers.measures.levels import CONFINED_DB
@@ -15,6 +16,7 @@ from solvers.measures.levels import CONFINED_DB
 if TYPE_CHECKING:
     from pipeline.analysis.modes import PartModes
 
+PICTURES = (mesh.report_figures, fields.touch_face, fields.side_view, fields.pillars_in_plane, fields.neighbours)
 SHAPES = 4  # of the modes nearest the wanted one, in a record: what a page draws and moves
 
 
@@ -36,8 +38,8 @@ def _compute(work: Work) -> None:
             work.keep(arrays=mode_fields.kept_arrays(result, nearest_rows(result, index)[:SHAPES]))
         try:
             write_table(case, result, index, work.folder)
-        except InputError as fault:
-            log.warning("TABLE", fault.lines[0])
+        except InputError as error:
+            log.warning("TABLE", error.lines[0])
     if work.all_fields:
         with log.step("fields in full"):
             store.save_arrays(work.folder, mode_fields.full_fields(result), store.FIELDS)
@@ -47,12 +49,6 @@ def nearest_rows(result: PartModes, index: int) -> list[int]:
     """All modes by their distance in frequency from one of them, which comes first."""
     own = result.rows[index].frequency_hz
     return sorted(range(len(result.rows)), key=lambda i: abs(result.rows[i].frequency_hz - own))
-
-
-def _pictures() -> tuple[Draw, ...]:
-    from pipeline.plots import fields, mesh
-
-    return mesh.report_figures, fields.touch_face, fields.side_view, fields.pillars_in_plane, fields.neighbours
 
 
 def _count_check(record: Record) -> str | None:
@@ -101,5 +97,5 @@ MODES = Measure(
     compute=_compute,
     aliases=("confinement",),
     columns=COLUMNS,
-    pictures=_pictures,
+    pictures=PICTURES,
 )

@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-from pipeline.measures.measure import Draw, Measure, Work
+from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
+from pipeline.plots import measured, response
 from pipeline.records.tables import Column, figures_of
 
 
 def _compute(work: Work) -> None:
     import numpy as np
 
-    from pipeline.analysis import response
+    from pipeline.analysis.response import solve
     from pipeline.measured import comparison
 
     case, log = work.case, work.log
     measured = comparison.read(case, None, None, None)
-    result = response.solve(case, log, points=plan.RESPONSE_POINTS)
+    result = solve(case, log, points=plan.RESPONSE_POINTS)
     shape = {"response_xy": result.shape_points.astype(np.float32), "response_uz": result.shape.astype(np.complex64)}
     work.keep(result.meshes, shape, response=result.record)
     if measured:
         beside = comparison.compare(case, result, measured, log)
         work.keep(arrays=beside.arrays, measured=beside.record)
     work.solved["forced"] = result.forced
-
-
-def _pictures() -> tuple[Draw, ...]:
-    from pipeline.plots import measured, response
-
-    return response.response, measured.measured
 
 
 _wanted = figures_of(lambda r: r.response.wanted_peak if r.response else None)
@@ -55,5 +50,5 @@ RESPONSE = Measure(
     needs=("patches",),
     drives=True,
     columns=COLUMNS,
-    pictures=_pictures,
+    pictures=(response.response, measured.measured),
 )

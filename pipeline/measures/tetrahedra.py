@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from pipeline.measures.measure import Draw, Measure, Work
+from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
+from pipeline.plots import fields
 
 
 def _compute(work: Work) -> None:
@@ -13,10 +14,4 @@ def _compute(work: Work) -> None:
         work.keep(meshes, arrays, **result)
 
 
-def _pictures() -> tuple[Draw, ...]:
-    from pipeline.plots import fields
-
-    return (fields.mode_on_both_meshes,)
-
-
-TETRAHEDRA = Measure("tetrahedra", plan=plan.tetrahedra_step, compute=_compute, pictures=_pictures)
+TETRAHEDRA = Measure("tetrahedra", plan=plan.tetrahedra_step, compute=_compute, pictures=(fields.mode_on_both_meshes,))

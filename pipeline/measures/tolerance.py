@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from pipeline.measures.measure import Draw, Measure, Work
+from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
+from pipeline.plots import response as plots
 from pipeline.records.tables import Column, figures_of
 
 
@@ -12,12 +13,6 @@ def _compute(work: Work) -> None:
 
     result = tolerance.solve(work.case, work.log)
     work.keep(arrays=result.arrays(), tolerance=result.record)
-
-
-def _pictures() -> tuple[Draw, ...]:
-    from pipeline.plots import response
-
-    return (response.tolerance,)
 
 
 _peak = figures_of(lambda r: r.tolerance.peak_hz if r.tolerance else None)
@@ -37,5 +32,5 @@ TOLERANCE = Measure(
     needs=("tolerance",),
     drives=True,
     columns=COLUMNS,
-    pictures=_pictures,
+    pictures=(plots.tolerance,),
 )

@@ -10,13 +10,9 @@ from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
 from pipeline.records.record import AttenuationRecord
 from pipeline.records.study import StoredCase
+from pipeline.units import KHZ
 
-KHZ = 1e-3
-LOOKS = {
-    "flexural": (style.BLUE, "o"),
-    "shear": (style.ORANGE, "s"),
-    "longitudinal": (style.GREEN, "D"),
-}
+LOOKS = {"flexural": (style.BLUE, "o"), "shear": (style.ORANGE, "s"), "longitudinal": (style.GREEN, "D")}
 DEEPEST_DB = 30.0
 
 
@@ -28,25 +24,21 @@ def attenuation(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None
 
 def complex_bands(record: AttenuationRecord, predicted_hz: float | None = None) -> ReportFigure:
     """Three panels over frequency: decay per row, Re k_y, power through the rows."""
-    figure = style.new_figure(style.WIDTH_IN, 6.2)
-    decay, phase, power = figure.subplots(3, 1, sharex=True, height_ratios=[1.2, 1.0, 1.0])
+    figure, (decay, phase, power) = style.panels(6.2, 3, 1, sharex=True, height_ratios=[1.2, 1.0, 1.0])
     _waves(decay, phase, record)
-    _least(decay, record)
+    draw_least(decay, record)
     _power(power, record)
-    decay.set_ylim(DEEPEST_DB, -0.5)
-    decay.set_ylabel("decay (dB per row)")
-    decay.set_title(f"Waves across the rows at kx = {record.kx_per_m:.0f} rad/m")
-    phase.set_ylabel("|Re ky| p / π")
-    power.set_ylabel("share of power")
-    power.set_xlabel("frequency (kHz)")
+    title = f"Waves across the rows at kx = {record.kx_per_m:.0f} rad/m"
+    decay.set(ylim=(DEEPEST_DB, -0.5), ylabel="decay (dB per row)", title=title)
+    phase.set(ylabel="|Re ky| p / π")
+    power.set(ylabel="share of power", xlabel="frequency (kHz)")
     for axes in (decay, phase, power):
         axes.grid(True)
         if predicted_hz:
-            axes.axvline(KHZ * predicted_hz, color=style.GREY, ls=":")
+            axes.axvline(predicted_hz / KHZ, color=style.GREY, ls=":")
     figure.legend(*decay.get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=7, markerscale=2.5)
-    return ReportFigure(
-        "attenuation", "Attenuation per row and power through the rows", _alt(record), figure, vector=True
-    )
+    title = "Attenuation per row and power through the rows"
+    return ReportFigure("attenuation", title, _alt(record), figure, vector=True)
 
 
 def _waves(decay: Any, phase: Any, record: AttenuationRecord) -> None:
@@ -55,17 +47,18 @@ def _waves(decay: Any, phase: Any, record: AttenuationRecord) -> None:
         waves = [(p.frequency_hz, w) for p in record.points for w in p.waves if w.polarisation == name]
         if not waves:
             continue
-        tone = KHZ * np.array([f for f, _ in waves])
+        tone = np.array([f for f, _ in waves]) / KHZ
         look = {"color": colour, "marker": marker, "ls": "none", "ms": 1.8}
         decay.plot(tone, [w.db_per_row for _, w in waves], label=name, **look)
         weak = np.array([w.db_per_row < DEEPEST_DB for _, w in waves])
         phase.plot(tone[weak], np.array([abs(w.ky_re_per_m) * pitch / np.pi for _, w in waves])[weak], **look)
 
 
-def _least(decay: Any, record: AttenuationRecord) -> None:
+def draw_least(axes: Any, record: AttenuationRecord) -> None:
+    """Decay per row of the least attenuated flexural wave over frequency."""
     tone, least = record.decay.T
     if len(tone):
-        decay.plot(KHZ * tone, least, color=style.VERMILION, lw=1.4, label="least attenuated flexural wave")
+        axes.plot(tone / KHZ, least, color=style.VERMILION, lw=1.4, label="least attenuated flexural wave")
 
 
 def _power(axes: Any, record: AttenuationRecord) -> None:
@@ -73,11 +66,9 @@ def _power(axes: Any, record: AttenuationRecord) -> None:
     if not transmitted:
         axes.text(0.5, 0.5, "no rows, or no flexural wave arrives", ha="center", transform=axes.transAxes)
         return
-    tone = KHZ * np.array([f for f, _ in transmitted])
-    axes.plot(
-        tone, [p.flexural for _, p in transmitted], color=style.BLUE, label=f"through {record.rows} rows, flexural"
-    )
-    turned = [p.shear + p.longitudinal for _, p in transmitted]
+    tone = np.array([f for f, _ in transmitted]) / KHZ
+    flexural, turned = np.array([(p.flexural, p.shear + p.longitudinal) for _, p in transmitted]).T
+    axes.plot(tone, flexural, color=style.BLUE, label=f"through {record.rows} rows, flexural")
     axes.plot(tone, turned, color=style.ORANGE, ls="--", label="turned into in-plane waves")
     axes.set_yscale("symlog", linthresh=1e-4)
     axes.set_ylim(0.0, 1.5)
@@ -88,5 +79,5 @@ def _alt(record: AttenuationRecord) -> str:
     deepest = max(((least, tone) for tone, least in record.decay), default=(0.0, 0.0))
     return (
         f"Decay per row of flexural, shear and longitudinal waves over frequency; the least attenuated flexural wave decays "
-        f"most, {deepest[0]:.1f} dB per row, at {KHZ * deepest[1]:.2f} kHz; below, the power that passes {record.rows} rows"
+        f"most, {deepest[0]:.1f} dB per row, at {deepest[1] / KHZ:.2f} kHz; below, the power that passes {record.rows} rows"
     )

@@ -11,13 +11,15 @@ from pipeline.plots.plate import FloatArray
 from pipeline.plots.style import ReportFigure
 from pipeline.records.record import BandPoint, BandsRecord, GapRecord
 from pipeline.records.study import StoredCase
+from pipeline.units import KHZ
 from solvers.waves.brillouin import Path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-KHZ = 1e-3
 NAMES = {"G": "Γ"}
+LABEL = {"ha": "center", "va": "center", "fontsize": 8, "clip_on": True}
+WHITE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
 MAX_COLUMNS = 3
 ZOOM = 1.6  # of the bending frequency at M
 PILLAR = "pillar"
@@ -54,10 +56,8 @@ def dispersion(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     figure = style.new_figure(style.WIDTH_IN, 4.4)
     panels = figure.subplots(1, 2, width_ratios=[1.15, 1]) if bending else [figure.subplots()]
     for axes in panels:
-        _bands(axes, case, bands)
-        _gaps(axes, bands)
-    panels[0].set_ylabel("frequency (kHz)")
-    panels[0].set_ylim(0, _top(bands))
+        draw_bands(axes, bands, "structured hexahedra" if case.record.tet_bands else "bands")
+        _tetrahedra(axes, case, bands)
     _normalised_axis(panels[0], case)
     panels[0].set_title(_gap_title(bands.widest_gap))
     if bending:
@@ -66,27 +66,28 @@ def dispersion(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     return ReportFigure("dispersion", "Dispersion diagram of the unit cell", _alt(case, bands), figure, vector=True)
 
 
-def _top(bands: BandsRecord) -> float:
-    """Upper end of the diagram, kHz: as far as every band counted is there."""
-    return 1.04 * KHZ * max(max(point.frequencies_hz) for point in bands.points)
-
-
-def _bands(axes: Axes, case: StoredCase, bands: BandsRecord) -> None:
+def draw_bands(axes: Axes, bands: BandsRecord, label: str = "bands") -> None:
+    """Bands over the path, the waves marked by their polarisation where it is known, the complete gaps shaded."""
     points = bands.points
     s = path_length(points)
-    values = np.array([point.frequencies_hz for point in points]) * KHZ
+    values = np.array([point.frequencies_hz for point in points]) / KHZ
     if all(point.plate_polarisation for point in points):
         axes.plot(s, values, color="#C8C8C8", lw=0.7)
         _polarised(axes, s, values, points)
     else:
         axes.plot(s, values, color=style.BLUE, lw=1.0, marker=".", ms=2.2)
-        axes.lines[0].set_label("structured hexahedra" if case.record.tet_bands else "bands")
+        axes.lines[0].set_label(label)
     marks = [(x, NAMES.get(p.label, p.label)) for x, p in zip(s, points, strict=True) if p.label]
     axes.set_xticks([x for x, _ in marks], [name for _, name in marks])
     axes.grid(True, axis="x")
-    axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])  # room for the marks at both ends
-    axes.set_xlabel("wavevector along the path (to scale)")
-    _tetrahedra(axes, case, s, points)
+    span = s[-1] or 1.0  # a lone point has none
+    axes.set(xlim=(-0.02 * span, 1.02 * span), ylim=(0, 1.04 * values.max()))  # room for the marks at both ends
+    axes.set(xlabel="wavevector along the path (to scale)", ylabel="frequency (kHz)")
+    for gap in bands.gaps:
+        low, high = gap.lower_hz / KHZ, gap.upper_hz / KHZ
+        axes.axhspan(low, high, color=style.ORANGE, alpha=0.3, lw=0)
+        text = f"complete gap {low:.2f} to {high:.2f} kHz"
+        axes.text(0.5, (low + high) / 2, text, transform=axes.get_yaxis_transform(), bbox=WHITE, **LABEL)  # type: ignore[arg-type]
 
 
 def _polarised(axes: Axes, s: FloatArray, values: FloatArray, points: list[BandPoint]) -> None:
@@ -102,71 +103,46 @@ def _polarised(axes: Axes, s: FloatArray, values: FloatArray, points: list[BandP
                 axes.plot(x[here], values[here], marker, color=color, mfc=fill, ms=size, mew=0.6, label=label)
 
 
-def _tetrahedra(axes: Axes, case: StoredCase, s: FloatArray, points: list[BandPoint]) -> None:
-    label = "tetrahedra (pytetwild)"
+def _tetrahedra(axes: Axes, case: StoredCase, bands: BandsRecord) -> None:
+    label, places = "tetrahedra (pytetwild)", path_length(bands.points)
     for point in case.record.tet_bands.points if case.record.tet_bands else []:
-        tones = np.array(point.frequencies_hz) * KHZ
-        for x in (x for x, p in zip(s, points, strict=True) if p.label == point.label):
+        tones = np.array(point.frequencies_hz) / KHZ
+        for x in (x for x, p in zip(places, bands.points, strict=True) if p.label == point.label):
             axes.plot(np.full(tones.size, x), tones, "o", mfc="none", color=style.VERMILION, ms=4.5, label=label)
             label = ""
-
-
-def _gaps(axes: Axes, bands: BandsRecord) -> None:
-    for gap in bands.gaps:
-        low, high = gap.lower_hz * KHZ, gap.upper_hz * KHZ
-        axes.axhspan(low, high, color=style.ORANGE, alpha=0.3, lw=0)
-        label = f"complete gap {low:.2f} to {high:.2f} kHz"
-        axes.text(
-            0.5,
-            (low + high) / 2,
-            label,
-            transform=axes.get_yaxis_transform(),
-            ha="center",
-            va="center",
-            fontsize=8,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.0},
-            clip_on=True,
-        )
 
 
 def _gap_title(gap: GapRecord | None) -> str:
     if not gap:
         return "No complete gap along the path"
-    width = 2 * (gap.upper_hz - gap.lower_hz) / (gap.upper_hz + gap.lower_hz)
-    return f"Gap: bands {gap.lower_band} to {gap.upper_band}, {width:.1%} wide"
+    return f"Gap: bands {gap.lower_band} to {gap.upper_band}, {gap.relative_width:.1%} wide"
 
 
 def _normalised_axis(axes: Axes, case: StoredCase) -> None:
     speed, design = shear_speed(case), case.record.design
     if not speed or design is None or design.pitch_x_m is None:
         return
-    scale: Any = 1e3 * design.pitch_x_m / speed
+    scale: Any = KHZ * design.pitch_x_m / speed
     axes.spines["right"].set_visible(True)
     right = axes.secondary_yaxis("right", functions=(lambda f: f * scale, lambda f: f / scale))
     right.set_ylabel("f a / c$_t$ (no unit)")
 
 
 def _bending(axes: Axes, case: StoredCase, bands: BandsRecord, bending: list[float]) -> None:
-    axes.set_ylim(0, ZOOM * max(bending) * KHZ)
-    axes.set_ylabel("frequency (kHz)")
-    points = bands.points
-    corner = next((x for x, point in zip(path_length(points), points, strict=True) if point.label == "M"), None)
-    if corner is not None:
-        axes.plot([corner] * len(bending), np.array(bending) * KHZ, "s", color=style.GREEN, ms=6, mfc="none", mew=1.6)
-        text = " and ".join(dict.fromkeys(f"{tone * KHZ:.2f}" for tone in bending))
-        axes.annotate(
-            f"bending at M\n{text} kHz",
-            (corner, min(bending) * KHZ),
-            xytext=(-8, -34),
-            textcoords="offset points",
-            ha="right",
-            color=style.GREEN,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
-            arrowprops={"arrowstyle": "-", "color": style.GREEN, "lw": 0.8},
-        )
+    points, tones = bands.points, np.array(bending) / KHZ
+    axes.set(ylim=(0, ZOOM * tones.max()), title="Pillar bending bands")
+    corner = next(x for x, point in zip(path_length(points), points, strict=True) if point.label == "M")
+    axes.plot([corner] * len(bending), tones, "s", color=style.GREEN, ms=6, mfc="none", mew=1.6)
+    text = f"bending at M\n{_listed(bending)} kHz"
+    look: dict[str, Any] = {"xytext": (-8, -34), "textcoords": "offset points", "ha": "right", "color": style.GREEN}
+    line = {"arrowstyle": "-", "color": style.GREEN, "lw": 0.8}
+    axes.annotate(text, (corner, tones.min()), bbox=WHITE, arrowprops=line, **look)
     if wanted := case.record.wanted:
-        axes.axhline(wanted.frequency_hz * KHZ, color=style.PURPLE, lw=1.0, ls="--", label="wanted mode of the plate")
-    axes.set_title("Pillar bending bands")
+        axes.axhline(wanted.frequency_hz / KHZ, color=style.PURPLE, lw=1.0, ls="--", label="wanted mode of the plate")
+
+
+def _listed(bending: list[float]) -> str:
+    return " and ".join(dict.fromkeys(f"{tone / KHZ:.2f}" for tone in bending))
 
 
 def _legend(figure: Any, axes: Axes) -> None:
@@ -174,14 +150,13 @@ def _legend(figure: Any, axes: Axes) -> None:
     for panel in figure.axes:
         handles |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
     if len(handles) > 1:
-        columns = min(len(handles), MAX_COLUMNS)
-        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns, fontsize=8)
+        style.legend_below(figure, handles.values(), handles.keys(), MAX_COLUMNS, 8)
 
 
 def _alt(case: StoredCase, bands: BandsRecord) -> str:
     gap, bending = bands.widest_gap, bands.bending_at_m_hz
     edges = (
-        f"the widest complete gap, shaded, lies between {gap.lower_hz * KHZ:.2f} and {gap.upper_hz * KHZ:.2f} kHz "
+        f"the widest complete gap, shaded, lies between {gap.lower_hz / KHZ:.2f} and {gap.upper_hz / KHZ:.2f} kHz "
         f"(bands {gap.lower_band} and {gap.upper_band})"
         if gap
         else "no complete gap opens along the path"
@@ -189,7 +164,5 @@ def _alt(case: StoredCase, bands: BandsRecord) -> str:
     kinds = {name for point in bands.points for name in point.plate_polarisation or ()}
     names_text = ", ".join(name for name in POLARISATIONS if name in kinds)
     marked = f"; waves are marked as {names_text}" if names_text else ""
-    at_m = (
-        f"; the bending bands meet M at {' and '.join(f'{tone * KHZ:.2f}' for tone in bending)} kHz" if bending else ""
-    )
+    at_m = f"; the bending bands meet M at {_listed(bending)} kHz" if bending else ""
     return f"Frequency in kHz against wavevector for the unit cell of {case.case_id}: {edges}{at_m}{marked}."

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.plate import (
     KINDS,
-    MM,
+    ZONE_EDGE,
     FloatArray,
     IntArray,
     Pillars,
@@ -26,6 +26,7 @@ from pipeline.plots.plate import (
 from pipeline.plots.style import ReportFigure
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase
+from pipeline.units import KHZ, MM, UM
 from solvers.measures.levels import CONFINED_DB
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def wanted_hz(case: StoredCase, arrays: dict[str, Any]) -> float | None:
 
 
 def _khz(frequency_hz: float | None) -> str:
-    return "" if frequency_hz is None else f" at {frequency_hz / 1e3:.2f} kHz"
+    return "" if frequency_hz is None else f" at {frequency_hz / KHZ:.2f} kHz"
 
 
 def level_text(case: StoredCase) -> str:
@@ -63,13 +64,17 @@ def level_text(case: StoredCase) -> str:
 
 
 def _paint(axes: Axes, arrays: dict[str, Any], values: FloatArray, design: DesignRecord) -> TriMesh:
-    xy = arrays["touch_xy"] * MM
-    field: TriMesh = axes.tripcolor(  # type: ignore[call-overload]
-        xy[:, 0], xy[:, 1], arrays["touch_triangles"], values, shading="gouraud", cmap=style.SIGNED, vmin=-1, vmax=1
-    )
-    field.set_rasterized(True)
+    field = _field(axes, arrays["touch_xy"], arrays["touch_triangles"], values)
     draw_outlines(axes, design)
     frame_plate(axes, design)
+    return field
+
+
+def _field(axes: Axes, points_m: FloatArray, triangles: IntArray, values: FloatArray) -> TriMesh:
+    """Values from -1 to 1 over triangles of points (n, 2), smooth between the points."""
+    look: dict[str, Any] = {"shading": "gouraud", "cmap": style.SIGNED, "vmin": -1, "vmax": 1}
+    field: TriMesh = axes.tripcolor(*(points_m / MM).T, triangles, values, **look)  # type: ignore[call-overload]
+    field.set_rasterized(True)
     return field
 
 
@@ -78,11 +83,10 @@ def touch_face(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     design = _design(case, arrays)
     if design is None:
         return None
-    figure = style.new_figure(style.WIDTH_IN, flat_height_in(design, 6.2) + 1.1)
-    axes = figure.subplots()
+    figure, axes = style.panels(flat_height_in(design, 6.2) + 1.1)
     field = _paint(axes, arrays, arrays["touch_uz"][0] / zone_peak(arrays, design), design)
-    bar = figure.colorbar(field, ax=axes, shrink=0.85, pad=0.01, aspect=22)
-    bar.set_label("u$_z$ / largest in the zone (no unit)")
+    label = "u$_z$ / largest in the zone (no unit)"
+    figure.colorbar(field, ax=axes, shrink=0.85, pad=0.01, aspect=22, label=label)
     title = f"Wanted mode on the touch face{_khz(wanted_hz(case, arrays))}"
     axes.set_title(f"{title}\n{level_text(case)}")
     alt = (
@@ -99,16 +103,17 @@ def neighbours(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
         return None
     shapes = arrays["touch_uz"][:MAX_NEIGHBOURS]
     rows = -(-len(shapes) // 2)
-    figure = style.new_figure(style.WIDTH_IN, rows * (flat_height_in(design, 3.4) + 0.55))
-    panels = figure.subplots(rows, 2, squeeze=False, sharex=True, sharey=True).ravel()
+    height = rows * (flat_height_in(design, 3.4) + 0.55)
+    figure, grid = style.panels(height, rows, 2, squeeze=False, sharex=True, sharey=True)
+    panels = grid.ravel()
     for axes, shape, frequency in zip(panels, shapes, arrays["surface_frequency_hz"], strict=False):
         _paint(axes, arrays, shape / np.max(np.abs(shape)), design)
         wanted = " (wanted)" if axes is panels[0] else ""
-        axes.set_title(f"{frequency / 1e3:.2f} kHz{wanted}")
+        axes.set_title(f"{frequency / KHZ:.2f} kHz{wanted}")
         axes.label_outer()
     for axes in panels[len(shapes) :]:
         axes.set_axis_off()
-    tones = ", ".join(f"{frequency / 1e3:.2f}" for frequency in arrays["surface_frequency_hz"][: len(shapes)])
+    tones = ", ".join(f"{frequency / KHZ:.2f}" for frequency in arrays["surface_frequency_hz"][: len(shapes)])
     alt = (
         f"Normal displacement on the touch face of the wanted mode and its neighbours, at {tones} kHz, "
         "each over its own largest value."
@@ -129,17 +134,16 @@ def pillars_in_plane(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure |
     mean = [np.bincount(pillars.tip_owner, tip[:, i], len(pillars.centres)) / count for i in (0, 1)]
     limit = max(1e-12, float(np.max(np.abs(mean))))
     reach = float(np.abs(pillars.centres[:, 1]).max())
-    figure = style.new_figure(style.WIDTH_IN, 2 * 6.2 * 1.25 * reach / (design.length_m / 2) + 1.5)
-    panels = figure.subplots(2, 1, sharex=True)
+    figure, panels = style.panels(2 * 6.2 * 1.25 * reach / (design.length_m / 2) + 1.5, 2, 1, sharex=True)
     for axes, values, name in zip(panels, mean, "xy", strict=True):
         feet = _feet(axes, design, pillars, values, limit)
         draw_outlines(axes, design)
         frame_plate(axes, design)
-        axes.set_title(f"Tip displacement along {name}")
-        axes.set_ylim(-1.25 * reach * MM, 1.25 * reach * MM)
+        edge = 1.25 * reach / MM
+        axes.set(title=f"Tip displacement along {name}", ylim=(-edge, edge))
     panels[0].set_xlabel("")
-    bar = figure.colorbar(feet, ax=list(panels), shrink=0.7, pad=0.01, aspect=30)
-    bar.set_label("displacement of the tips /\nlargest u$_z$ in the zone (no unit)")
+    label = "displacement of the tips /\nlargest u$_z$ in the zone (no unit)"
+    figure.colorbar(feet, ax=list(panels), shrink=0.7, pad=0.01, aspect=30, label=label)
     title = f"In-plane motion of the pillars{_khz(wanted_hz(case, arrays))}"
     alt = (
         f"Two maps of the pillars of {case.case_id}, coloured by the displacement of their tips along x and along y; the "
@@ -162,24 +166,29 @@ def _feet(axes: Axes, design: DesignRecord, pillars: Pillars, values: FloatArray
 def side_view(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """Two side views with displacements exaggerated by a stated factor: across the zone, and along the first row."""
     design = _design(case, arrays)
-    if design is None or "surface_u" not in arrays or skin_faces(arrays, "surface") is None:
+    faces = skin_faces(arrays, "surface")
+    if design is None or "surface_u" not in arrays or faces is None:
         return None
-    u = arrays["surface_u"][0] / zone_peak(arrays, design) * 1e-6  # 1 um at the zone's largest
+    u = arrays["surface_u"][0] / zone_peak(arrays, design) * UM  # 1 um at the zone's largest
     pillars = find_pillars(arrays, design)
     tallest = design.pillar.height_m if pillars and design.pillar else design.thickness_m
     factor = nice_below(DRAWN_SHARE * tallest / max(1e-30, float(np.max(np.abs(u)))))
     x0, y0 = _cuts(arrays, design, pillars)
     tall = design.thickness_m + 1.3 * tallest
     heights = [7.0 * tall / (2 * half) for half in (design.half_span_m, design.length_m / 2)]
-    figure = style.new_figure(style.WIDTH_IN, sum(heights) + 2.0)
-    panels = figure.subplots(2, 1, height_ratios=heights)
-    cuts = ((1, x0, f"Across the zone, at x = {x0 * MM:.1f} mm"), (0, y0, f"Along the zone, at y = {y0 * MM:.1f} mm"))
+    figure, panels = style.panels(sum(heights) + 2.0, 2, 1, height_ratios=heights)
+    cuts = ((1, x0, f"Across the zone, at x = {x0 / MM:.1f} mm"), (0, y0, f"Along the zone, at y = {y0 / MM:.1f} mm"))
     for axes, (axis, where, heading) in zip(panels, cuts, strict=True):
-        _side(axes, arrays, design, (axis, where), u, factor, pillars)
+        _plate_cut(axes, arrays, design, (axis, where), factor)
+        if pillars is not None:
+            in_view = np.abs(pillars.centres[pillars.face_owner, 1 - axis] - where) < footprint_m(design) / 2
+            _pillars_in_view(axes, arrays["surface_points"] + factor * u, faces[pillars.faces[in_view]], axis)
+        axes.autoscale_view(scalex=False)
+        axes.margins(y=0.08)
         axes.set_title(heading)
         style.mm_axes(axes, "xy"[axis], "z")
     for side in (-1, 1):
-        panels[0].axvline(side * design.width_m / 2 * MM, color="black", lw=0.9, ls=(0, (5, 3)))
+        panels[0].axvline(side * design.width_m / 2 / MM, **ZONE_EDGE)
     times = f"{factor:,.0f}".replace(",", "\u202f")
     title = f"Side views{_khz(wanted_hz(case, arrays))}, displacements drawn {times} times as large"
     figure.suptitle(f"{title} (zone's largest u$_z$ = 1 µm)", fontsize=9, x=0.01, ha="left")
@@ -202,33 +211,20 @@ def _cuts(arrays: dict[str, Any], design: DesignRecord, pillars: Pillars | None)
     return float(columns[np.argmin(np.abs(columns - antinode))]), float(rows[rows > 0].min())
 
 
-def _side(
-    axes: Axes,
-    arrays: dict[str, Any],
-    design: DesignRecord,
-    cut: tuple[int, float],
-    u: FloatArray,
-    factor: float,
-    pillars: Pillars | None,
-) -> None:
+def _plate_cut(axes: Axes, arrays: dict[str, Any], design: DesignRecord, cut: tuple[int, float], factor: float) -> None:
+    """The plate cut along a line, lifted by its displacement."""
+    half = design.half_span_m if cut[0] else design.length_m / 2
+    line = np.linspace(-half, half, 400)
+    lift = _along(arrays, line, cut) / zone_peak(arrays, design) * UM * factor
+    axes.fill_between(line / MM, lift / MM, (lift + design.thickness_m) / MM, color="#B9C4CE", lw=0.4, ec="#44525E")
+    axes.set_xlim(-1.03 * half / MM, 1.03 * half / MM)
+
+
+def _pillars_in_view(axes: Axes, points_m: FloatArray, faces: IntArray, axis: int) -> None:
     from matplotlib.collections import PolyCollection
 
-    axis, where = cut
-    half = design.half_span_m if axis else design.length_m / 2
-    line = np.linspace(-half, half, 400)
-    lift = _along(arrays, line, cut) / zone_peak(arrays, design) * 1e-6 * factor
-    axes.fill_between(line * MM, lift * MM, (lift + design.thickness_m) * MM, color="#B9C4CE", lw=0.4, ec="#44525E")
-    if pillars is not None:
-        in_view = np.abs(pillars.centres[pillars.face_owner, 1 - axis] - where) < footprint_m(design) / 2
-        faces = skin_faces(arrays, "surface")
-        assert faces is not None
-        outlines = (arrays["surface_points"] + factor * u)[faces[pillars.faces[in_view]]] * MM
-        axes.add_collection(
-            PolyCollection(outlines[:, :, [axis, 2]], facecolor=style.BLUE, edgecolor=style.BLUE, lw=0.3)
-        )
-    axes.set_xlim(-1.03 * half * MM, 1.03 * half * MM)
-    axes.autoscale_view(scalex=False)
-    axes.margins(y=0.08)
+    outlines = points_m[faces][:, :, [axis, 2]] / MM
+    axes.add_collection(PolyCollection(list(outlines), facecolor=style.BLUE, edgecolor=style.BLUE, lw=0.3))
 
 
 def _along(arrays: dict[str, Any], line: FloatArray, cut: tuple[int, float]) -> FloatArray:
@@ -256,28 +252,22 @@ def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> ReportFigur
     faces = faces[np.all(points[faces][:, :, 2] < 1e-3 * design.thickness_m, axis=1)]
     if not faces.size:
         return None
-    box = np.array([points[faces].min(axis=(0, 1))[:2], points[faces].max(axis=(0, 1))[:2]]) * MM
+    box = np.array([points[faces].min(axis=(0, 1))[:2], points[faces].max(axis=(0, 1))[:2]]) / MM
     uz = _aligned(arrays, points, uz, faces)
     aspect = (box[1, 1] - box[0, 1]) / (box[1, 0] - box[0, 0])
-    figure = style.new_figure(style.WIDTH_IN, 3.3 * aspect + 1.5)
-    panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    xy = arrays["touch_xy"] * MM
-    hexahedra = (xy, arrays["touch_triangles"], arrays["touch_uz"][0] / zone_peak(arrays, design))
-    both = (hexahedra, (points[:, :2] * MM, faces, uz))
+    figure, panels = style.panels(3.3 * aspect + 1.5, 1, 2, sharex=True, sharey=True)
+    hexahedra = (arrays["touch_xy"], arrays["touch_triangles"], arrays["touch_uz"][0] / zone_peak(arrays, design))
+    both = (hexahedra, (points[:, :2], faces, uz))
     compared = case.record.tet_modes
     tones = (compared.hex_frequency_hz, compared.frequency_hz) if compared else (None, None)
     for axes, (flat, cells, values), kind, tone in zip(panels, both, KINDS.values(), tones, strict=True):
-        field = axes.tripcolor(*flat.T, cells, values, shading="gouraud", cmap=style.SIGNED, vmin=-1, vmax=1)
-        field.set_rasterized(True)
-        axes.triplot(*flat.T, cells, color="black", lw=0.1, alpha=0.3, rasterized=True)
-        axes.set_title(kind + (f"\n{tone / 1e3:.3f} kHz" if tone else ""))
-        axes.axhline(design.width_m / 2 * MM, color="black", lw=0.9, ls=(0, (5, 3)))
-        axes.set_xlim(*box[:, 0])
-        axes.set_ylim(*box[:, 1])
+        field = _field(axes, flat, cells, values)
+        axes.triplot(*(flat / MM).T, cells, color="black", lw=0.1, alpha=0.3, rasterized=True)
+        axes.axhline(design.width_m / 2 / MM, **ZONE_EDGE)
+        axes.set(xlim=box[:, 0], ylim=box[:, 1], title=kind + (f"\n{tone / KHZ:.3f} kHz" if tone else ""))
         style.mm_axes(axes)
         axes.label_outer()
-    bar = figure.colorbar(field, ax=list(panels), shrink=0.8, pad=0.01)
-    bar.set_label("u$_z$ / largest in the zone")
+    figure.colorbar(field, ax=list(panels), shrink=0.8, pad=0.01, label="u$_z$ / largest in the zone")
     text = f"; frequencies differ by {compared.relative_difference:.2%}" if compared else ""
     alt = f"Normal displacement of {case.case_id}'s wanted mode on the touch face by hexahedra and by tetrahedra{text}."
     return ReportFigure("mode_on_both_meshes", "The wanted mode by hexahedra and by tetrahedra", alt, figure)

@@ -11,8 +11,8 @@ from pipeline.plots.plate import draw_outlines, flat_height_in, frame_plate
 from pipeline.plots.style import ReportFigure
 from pipeline.records.record import DesignRecord, MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord
 from pipeline.records.study import StoredCase
+from pipeline.units import KHZ, MM
 
-KHZ, MM = 1e-3, 1e3
 SQUARE = 0.6  # width over length of a plate from which on two fit beside each other
 AROUND = 10.0  # half-power widths about both resonances that are shown
 
@@ -47,13 +47,12 @@ def _sweep(figure: Any, record: MeasuredSweepRecord, arrays: dict[str, Any]) -> 
     for tone, response, about, colour, name in pairs:
         values = arrays[response] / np.abs(arrays[response]).max()
         dots = {"ls": "none", "marker": ".", "ms": 3} if name != "computed" else {"lw": 1.2}
-        curve.semilogy(KHZ * arrays[tone], np.abs(values), color=colour, label=name, **dots)
-        curve.axvline(KHZ * about.frequency_hz, color=colour, ls=":", lw=0.8)
-    curve.set_xlim(*(KHZ * edge for edge in _shown_hz(record)))
+        curve.semilogy(arrays[tone] / KHZ, np.abs(values), color=colour, label=name, **dots)
+        curve.axvline(about.frequency_hz / KHZ, color=colour, ls=":", lw=0.8)
+    title = f"Shift {record.frequency_shift_hz:+.0f} Hz ({100 * record.frequency_shift:+.2f} %)"
+    window = [edge / KHZ for edge in _shown_hz(record)]
+    curve.set(xlim=window, xlabel="frequency (kHz)", ylabel="amplitude over its own peak", title=title)
     curve.set_ylim(bottom=5e-3)
-    curve.set_xlabel("frequency (kHz)")
-    curve.set_ylabel("amplitude over its own peak")
-    curve.set_title(f"Shift {record.frequency_shift_hz:+.0f} Hz ({100 * record.frequency_shift:+.2f} %)")
     curve.grid(True)
     curve.legend(fontsize=8)
     _circle(circle, record, arrays)
@@ -80,10 +79,8 @@ def _circle(axes: Any, record: MeasuredSweepRecord, arrays: dict[str, Any]) -> N
         axes.plot(around.real, around.imag, color="black", lw=0.9)
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(True)
-    axes.set_xlabel("real, over the peak")
-    axes.set_ylabel("imaginary")
     quality = "none" if record.quality is None else f"{record.quality:.0f}"
-    axes.set_title(f"Quality factor {quality}")
+    axes.set(xlabel="real, over the peak", ylabel="imaginary", title=f"Quality factor {quality}")
 
 
 def _fields(
@@ -96,7 +93,7 @@ def _fields(
     titles = (f"Measured{_marked(record)}{level_text[0]}", f"Computed, same points{level_text[1]}")
     for axes, values, title in zip(panels, (seen, made), titles, strict=True):
         largest = float(np.abs(values).max()) or 1.0
-        image = _painted(axes, MM * arrays["measured_xy"], values.real / largest)
+        image = _painted(axes, arrays["measured_xy"] / MM, values.real / largest)
         draw_outlines(axes, design)
         frame_plate(axes, design)
         axes.set_title(title)
@@ -124,7 +121,7 @@ def _alt(record: MeasuredRecord) -> str:
     if sweep := record.sweep:
         quality = "" if sweep.quality is None else f", with a quality factor of {sweep.quality:.0f}"
         said.append(
-            f"The measured resonance{_marked(sweep)} lies at {KHZ * sweep.frequency_hz:.2f} kHz, "
+            f"The measured resonance{_marked(sweep)} lies at {sweep.frequency_hz / KHZ:.2f} kHz, "
             f"{sweep.frequency_shift_hz:+.0f} Hz from the computed one{quality}"
         )
     if field := record.map:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.plots import rendering, style
-from pipeline.plots.plate import KINDS, MM, FloatArray, IntArray, skin_faces
+from pipeline.plots.plate import KINDS, FloatArray, IntArray, skin_faces
 from pipeline.plots.rendering import Surface
 from pipeline.plots.style import ReportFigure
 from pipeline.records.record import DesignRecord, GeometryRecord
 from pipeline.records.study import StoredCase
+from pipeline.units import GRAM, MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,8 +94,7 @@ def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> ReportFi
     if design is None or "geometry" not in picture:
         return None
     image = picture["geometry"]
-    figure = style.new_figure(style.WIDTH_IN, style.WIDTH_IN * image.shape[0] / image.shape[1] + 0.75)
-    axes = figure.subplots()
+    figure, axes = style.panels(style.WIDTH_IN * image.shape[0] / image.shape[1] + 0.75)
     _show(axes, image)
     axes.set_title("The plate, seen from the pillars' side (the touch face is below)")
     figure.supxlabel(fill(_dimensions(design, case.record.geometry), CAPTION), fontsize=8.5)
@@ -103,17 +103,17 @@ def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> ReportFi
 
 
 def _dimensions(design: DesignRecord, geometry: GeometryRecord | None) -> str:
-    plate = f"plate {design.length_m * MM:g} × {2 * design.half_span_m * MM:.5g} × {design.thickness_m * MM:g} mm"
-    words = [plate, f"zone {design.width_m * MM:g} mm wide"]
+    plate = f"plate {design.length_m / MM:g} × {2 * design.half_span_m / MM:.5g} × {design.thickness_m / MM:g} mm"
+    words = [plate, f"zone {design.width_m / MM:g} mm wide"]
     pillar, pitch_m = design.pillar, design.pitch_x_m
     if pillar and pitch_m:
         columns = len(design.pillar_centres_m) // max(1, 2 * design.rows)
         words.append(
             f"2 × {design.rows} rows of {columns} {pillar.shape} pillars {pillar.form.sizes_text}, "
-            f"{pillar.height_m * MM:g} mm high, {pitch_m * MM:g} mm apart"
+            f"{pillar.height_m / MM:g} mm high, {pitch_m / MM:g} mm apart"
         )
     if geometry:
-        words.append(f"{geometry.mass_kg * 1e3:.1f} g")
+        words.append(f"{geometry.mass_kg / GRAM:.1f} g")
     return "; ".join(words)
 
 
@@ -148,46 +148,36 @@ def _meshes(
         return None
     images = [picture[f"{what} {kind}"] for kind in kinds]
     tallest = max(image.shape[0] / image.shape[1] for image in images)
-    figure = style.new_figure(style.WIDTH_IN, style.WIDTH_IN / 2 * tallest + 1.35)
-    panels = figure.subplots(1, len(images), squeeze=False)[0]
+    figure, panels = style.panels(style.WIDTH_IN / 2 * tallest + 1.35, 1, len(images), squeeze=False)
     words = []
-    for axes, image, kind in zip(panels, images, kinds, strict=True):
+    for axes, image, kind in zip(panels[0], images, kinds, strict=True):
         _show(axes, image)
         of_triangles = visible[f"{what} {kind}"].faces.shape[1] == 3
         label = MIXED if kind == "hex" and of_triangles else _mesh_words(case, what, kind)
         axes.set_title(label)
         quality = visible[f"{what} {kind}"].values
-        worst = (
-            f", face quality {quality.min():.2f} to {quality.max():.2f}" if quality is not None and quality.size else ""
-        )
+        worst = ""
+        if quality is not None and quality.size:
+            worst = f", face quality {quality.min():.2f} to {quality.max():.2f}"
         words.append(label.replace("\n", ", ") + worst)
-    _quality_bar(figure, panels)
+    _quality_bar(figure, panels[0])
     title = TITLES[what]
-    return ReportFigure(
-        f"{what}_meshes", title, f"{title} of {case.case_id}: {'; '.join(words)}.{_note(fault)}", figure
-    )
+    alt = f"{title} of {case.case_id}: {'; '.join(words)}.{_note(fault)}"
+    return ReportFigure(f"{what}_meshes", title, alt, figure)
 
 
 def _mesh_words(case: StoredCase, what: str, kind: str) -> str:
     mesh = case.record.mesh(what, kind)
     if mesh is None:
         return KINDS[kind]
-    counts = f"{mesh.cells:,} cells, {mesh.dof:,} degrees of freedom".replace(",", "\u202f").replace(
-        "cells\u202f", "cells,"
-    )
-    return f"{KINDS[kind]}, order {mesh.order}\n{counts}"
+    cells, dof = (f"{count:,}".replace(",", "\u202f") for count in (mesh.cells, mesh.dof))
+    return f"{KINDS[kind]}, order {mesh.order}\n{cells} cells, {dof} degrees of freedom"
 
 
 def _quality_bar(figure: Any, panels: Any) -> None:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    bar = figure.colorbar(
-        ScalarMappable(Normalize(0, 1), style.QUALITY),
-        ax=list(panels),
-        orientation="horizontal",
-        shrink=0.6,
-        aspect=40,
-        pad=0.02,
-    )
-    bar.set_label("shape quality of the visible faces (no unit; 1: square or equilateral triangle)")
+    label = "shape quality of the visible faces (no unit; 1: square or equilateral triangle)"
+    look = {"orientation": "horizontal", "shrink": 0.6, "aspect": 40, "pad": 0.02, "label": label}
+    figure.colorbar(ScalarMappable(Normalize(0, 1), style.QUALITY), ax=list(panels), **look)

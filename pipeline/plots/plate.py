@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from pipeline.plots import style
 from pipeline.records.record import DesignRecord
+from pipeline.units import MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-MM = 1e3
+ZONE_EDGE: dict[str, Any] = {"color": "black", "lw": 0.9, "ls": (0, (5, 3))}
 KINDS = {"hex": "structured hexahedra", "tet": "tetrahedra (pytetwild)"}
 
 
@@ -34,7 +35,7 @@ def footprint_m(design: DesignRecord) -> float:
 def footprints_mm(design: DesignRecord, centres_m: FloatArray) -> list[FloatArray]:
     """The outline of every pillar's foot, fillet included, about centres (n, 2): each (corners, 2), mm."""
     pillar = design.pillar
-    return list((centres_m[:, None, :] + pillar.form.outline(pillar.fillet_m)) * MM) if pillar else []
+    return list((centres_m[:, None, :] + pillar.form.outline(pillar.fillet_m)) / MM) if pillar else []
 
 
 def draw_outlines(axes: Axes, design: DesignRecord) -> None:
@@ -42,20 +43,19 @@ def draw_outlines(axes: Axes, design: DesignRecord) -> None:
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Rectangle
 
-    half = design.length_m / 2 * MM
-    for side in (-1, 1):
-        axes.plot([-half, half], [side * design.width_m / 2 * MM] * 2, color="black", lw=0.9, ls=(0, (5, 3)))
+    half, edge, span = design.length_m / 2 / MM, design.width_m / 2 / MM, design.half_span_m / MM
+    for side in (-edge, edge):
+        axes.plot([-half, half], [side, side], **ZONE_EDGE)
     feet = footprints_mm(design, np.reshape(design.pillar_centres_m, (-1, 2)))
-    span = design.half_span_m * MM
     axes.add_patch(Rectangle((-half, -span), 2 * half, 2 * span, fill=False, ec="#333333", lw=0.6))
     axes.add_collection(PolyCollection(feet, facecolor="none", edgecolor="#333333", linewidth=0.45))
 
 
 def frame_plate(axes: Axes, design: DesignRecord) -> None:
     """Axes in mm just around the plate."""
-    half_x, half_y = design.length_m / 2 * MM, design.half_span_m * MM
-    axes.set_xlim(-1.01 * half_x, 1.01 * half_x)
-    axes.set_ylim(-half_y - 0.01 * half_x, half_y + 0.01 * half_x)
+    half_x, half_y = design.length_m / 2 / MM, design.half_span_m / MM
+    rim = 0.01 * half_x
+    axes.set(xlim=(-half_x - rim, half_x + rim), ylim=(-half_y - rim, half_y + rim))
     style.mm_axes(axes)
     axes.spines[:].set_visible(False)
     axes.tick_params(length=2)

@@ -19,8 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.plots import style
+from pipeline.units import MM
+
 TIMEOUT_S = 120.0
 SIZE = (1500, 940)
+MARGIN = 12
 MIN_INK, MAX_INK = 0.005, 0.995  # share of pixels that are not background
 PLAIN_COLOUR = "#AEB8C2"
 _broken: list[str] = []  # why rendering failed in this process: not tried again
@@ -38,8 +42,6 @@ class Surface:
     values: NDArray[np.float64] | None = None
     edges: bool = False
     direction: tuple[float, float, float] = (1.0, -1.6, 1.3)
-    colours: str = "cividis"
-    limits: tuple[float, float] = (0.0, 1.0)
 
 
 def render(surfaces: Sequence[Surface]) -> tuple[list[NDArray[np.uint8]], str]:
@@ -67,12 +69,7 @@ def _by_pyvista(surfaces: Sequence[Surface]) -> tuple[list[NDArray[np.uint8]], s
 
 def _write(surface: Surface, path: Path) -> None:
     values = np.empty(0) if surface.values is None else surface.values
-    look = {
-        "edges": surface.edges,
-        "direction": surface.direction,
-        "colours": surface.colours,
-        "limits": surface.limits,
-    }
+    look = {name: getattr(surface, name) for name in ("edges", "direction")}
     np.savez(path, points=surface.points, faces=surface.faces, values=values, look=np.array(json.dumps(look)))
 
 
@@ -120,13 +117,13 @@ def _inked(image: NDArray[np.uint8]) -> NDArray[np.bool_]:
     return np.any(image < 250, axis=2)
 
 
-def _crop(image: NDArray[np.uint8], margin: int = 12) -> NDArray[np.uint8]:
+def _crop(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     inked = _inked(image)
     rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
     if not rows.size:
         return image
-    top, left = max(0, rows[0] - margin), max(0, columns[0] - margin)
-    return image[top : rows[-1] + margin + 1, left : columns[-1] + margin + 1]
+    top, left = max(0, rows[0] - MARGIN), max(0, columns[0] - MARGIN)
+    return image[top : rows[-1] + MARGIN + 1, left : columns[-1] + MARGIN + 1]
 
 
 def _by_hand(surface: Surface) -> NDArray[np.uint8]:
@@ -134,8 +131,6 @@ def _by_hand(surface: Surface) -> NDArray[np.uint8]:
     from matplotlib import colormaps
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgb
-
-    from pipeline.plots import style
 
     eye = np.asarray(surface.direction, dtype=float) / np.linalg.norm(surface.direction)
     right = np.cross([0.0, 0.0, 1.0], eye)
@@ -146,8 +141,7 @@ def _by_hand(surface: Surface) -> NDArray[np.uint8]:
     light = 0.55 + 0.45 * np.abs(normal @ (0.8 * eye + 0.6 * np.array([0.0, 0.0, 1.0]))) / np.sqrt(1.6)
     colours = np.tile(to_rgb(PLAIN_COLOUR), (len(corners), 1))
     if surface.values is not None:
-        low, high = surface.limits
-        colours = colormaps[surface.colours]((surface.values - low) / (high - low))[:, :3]
+        colours = colormaps[style.QUALITY](surface.values)[:, :3]
     order = np.argsort(corners.mean(axis=1) @ eye)
     flat = corners @ np.column_stack([right, np.cross(eye, right)])
     figure = style.new_figure(SIZE[0] / 100, SIZE[1] / 100)
@@ -169,14 +163,14 @@ def _draw_with_pyvista(path: Path) -> None:
     with np.load(path) as file:
         points, faces, values, look = file["points"], file["faces"], file["values"], json.loads(str(file["look"]))
     counts = np.full((len(faces), 1), faces.shape[1])
-    mesh = pv.PolyData(np.asarray(points, dtype=float) * 1e3, np.hstack([counts, faces]).ravel())
+    mesh = pv.PolyData(np.asarray(points, dtype=float) / MM, np.hstack([counts, faces]).ravel())
     plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
     plotter.set_background("white")  # type: ignore[arg-type]
     looks: dict[str, Any] = {"show_edges": look["edges"], "edge_color": "#333333", "line_width": 1, "ambient": 0.25}
     if values.size:
         looks |= {"ambient": 0.75, "diffuse": 0.3}  # shading must not be read as a value
         mesh.cell_data["value"] = values
-        looks |= {"scalars": "value", "cmap": look["colours"], "clim": look["limits"], "show_scalar_bar": False}
+        looks |= {"scalars": "value", "cmap": style.QUALITY, "clim": (0.0, 1.0), "show_scalar_bar": False}
     else:
         looks["color"] = PLAIN_COLOUR
     plotter.add_mesh(mesh, **looks)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pipeline.records import store
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 PICTURES = "pictures"
 WIDTH_IN = 7.6
 DPI = 150
+POINTS_PER_IN = 72  # the unit of an SVG
 WEBP_QUALITY = 84
 # Okabe and Ito's colours: told apart with any colour vision.
 BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, GREY = (
@@ -25,7 +26,9 @@ BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, GREY = (
     "#5A5A5A",
 )
 CYCLE = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, GREY)
+DASHES = ("-", "--", "-.", ":")
 MARKERS = "osD^vP*"
+LOOKS = [{"color": colour, "ls": dashes} for colour, dashes in zip(CYCLE, DASHES, strict=False)]
 SIGNED, QUALITY = "RdBu_r", "cividis"
 STYLE = {
     "font.size": 9.0,
@@ -61,7 +64,7 @@ class ReportFigure:
 
 @dataclass(frozen=True)
 class StoredFigure:
-    """A stored picture: file names without folder, title, alternative text; `shown` is the file that a page embeds."""
+    """A stored picture: file names without folder, title, alternative text; `shown`, of a size, is what a page embeds."""
 
     name: str
     title: str
@@ -69,6 +72,8 @@ class StoredFigure:
     svg: str
     png: str
     shown: str
+    width: int
+    height: int
 
 
 @contextmanager
@@ -90,11 +95,32 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
+def panels(height: float, *grid: int, **look: Any) -> tuple[Figure, Any]:
+    """An empty figure as wide as a page, and its axes: one, or an array of rows and columns."""
+    figure = new_figure(WIDTH_IN, height)
+    return figure, figure.subplots(*grid, **look)
+
+
+def draw_lines(draw: Callable[..., Any], x: Any, curves: Mapping[str, Any], **look: Any) -> None:
+    """Named curves over x by a method of axes such as semilogy, each in its own colour and dashes."""
+    for (name, y), own in zip(curves.items(), LOOKS, strict=False):
+        draw(x, y, label=name, **own, **look)
+
+
+def mark(axes: Axes, *places: float) -> None:
+    """Dotted vertical lines."""
+    for x in places:
+        axes.axvline(x, color=GREY, lw=0.8, ls=":")
+
+
 def mm_axes(axes: Axes, x: str = "x", y: str = "y") -> None:
     """Equal scales and labels in mm."""
-    axes.set_aspect("equal")
-    axes.set_xlabel(f"{x} (mm)")
-    axes.set_ylabel(f"{y} (mm)")
+    axes.set(aspect="equal", xlabel=f"{x} (mm)", ylabel=f"{y} (mm)")
+
+
+def legend_below(figure: Figure, handles: Any, labels: Any, columns: int = 3, size: float = 7.0) -> None:
+    """One legend of all panels, beneath them."""
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(columns, len(labels)), fontsize=size)
 
 
 def save(report_figure: ReportFigure, folder: Path) -> StoredFigure:
@@ -106,9 +132,8 @@ def save(report_figure: ReportFigure, folder: Path) -> StoredFigure:
         if engine := report_figure.figure.get_layout_engine():  # once for both files
             engine.execute(report_figure.figure)
         report_figure.figure.set_layout_engine("none")
-        for (
-            axes
-        ) in report_figure.figure.axes:  # the layout's last bits depend on where memory lies, and name clip paths
+        # the layout's last bits depend on where memory lies, and name clip paths
+        for axes in report_figure.figure.axes:
             left, low, width, height = (round(edge, 9) for edge in axes.get_position(original=True).bounds)
             axes.set_position((left, low, width, height))
     for kind, notes in (("svg", {**words, "Date": None}), ("png", {**words, "Software": None})):
@@ -118,7 +143,10 @@ def save(report_figure: ReportFigure, folder: Path) -> StoredFigure:
         files[kind] = f"{report_figure.name}.{kind}"
         store.write_atomic(folder / files[kind], buffer.getvalue())
     file = files["svg"] if report_figure.vector else _compressed(folder, files["png"])
-    return StoredFigure(report_figure.name, report_figure.title, report_figure.alt, files["svg"], files["png"], file)
+    scale = POINTS_PER_IN if report_figure.vector else DPI
+    size = (round(scale * edge) for edge in report_figure.figure.get_size_inches())
+    about = (report_figure.name, report_figure.title, report_figure.alt)
+    return StoredFigure(*about, files["svg"], files["png"], file, *size)
 
 
 def _compressed(folder: Path, png: str) -> str:

@@ -13,6 +13,7 @@ from pipeline.records import tracking
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.sweep_lines import axis_label, lines_along, main_key, swept
 from pipeline.records.tracking import Tracked
+from pipeline.units import KHZ
 from solvers.measures.levels import CONFINED_DB
 
 MAX_TICKS = 12
@@ -24,34 +25,36 @@ def against_sweep(study: StoredStudy) -> ReportFigure | None:
     key = main_key(study, cases) if cases else None
     if key is None:
         return None
-    figure = style.new_figure(style.WIDTH_IN, 5.2)
-    level, tone = figure.subplots(2, 1, sharex=True)
+    figure, (level, tone) = style.panels(5.2, 2, 1, sharex=True)
     lines, tracked = lines_along(study, cases, key), tracking.along_sweep(study)
     for index, (name, line) in enumerate(lines.items()):
-        _draw_line(level, tone, line, key, name or "wanted mode", index, tracked)
+        look = {"color": style.CYCLE[index % len(style.CYCLE)], "marker": style.MARKERS[index % len(style.MARKERS)]}
+        _draw_line((level, tone), line, key, _same_mode(line, tracked), look | {"label": name or "wanted mode"})
     _finish(level, tone, key)
     _bending_at_m(tone, list(lines.values()), key)
     handles, labels = tone.get_legend_handles_labels()
     if len(labels) > 1:
-        figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), fontsize=8)
+        style.legend_below(figure, handles, labels, 4, 8)
     title = f"Confinement and frequency against {axis_label(key)}"
     return ReportFigure("against_sweep", title, _alt(study, cases, key), figure, vector=True)
 
 
 def _draw_line(
-    level: Any, tone: Any, line: list[StoredCase], key: str, name: str, index: int, tracked: dict[str, Tracked]
+    panels: tuple[Any, Any], line: list[StoredCase], key: str, stretches: list[tuple[int, int]], look: dict[str, Any]
 ) -> None:
-    colour, marker = style.CYCLE[index % len(style.CYCLE)], style.MARKERS[index % len(style.MARKERS)]
+    """Levels and frequencies of a line: connected over `stretches` of one mode, filled where it is confined."""
+    level, tone = panels
     x = np.array([case.sweep[key] for case in line], dtype=float)
     levels = np.array([case.record.confinement_db for case in line], dtype=float)
-    khz = np.array([case.record.wanted.frequency_hz / 1e3 for case in line if case.record.wanted])
+    khz = np.array([case.record.wanted.frequency_hz / KHZ for case in line if case.record.wanted])
     for axes, values in ((level, levels), (tone, khz)):
-        for first, last in _same_mode(line, tracked):
-            axes.plot(x[first:last], values[first:last], color=colour, lw=1.1)
+        for first, last in stretches:
+            axes.plot(x[first:last], values[first:last], color=look["color"], lw=1.1)
     for filled in (True, False):
         marked = np.array([bool(case.record.confined) for case in line]) == filled
-        level.plot(x[marked], levels[marked], marker, color=colour, mfc=colour if filled else "white", ms=6)
-    tone.plot(x, khz, color=colour, marker=marker, ms=5, ls="none", label=name)
+        fill = look["color"] if filled else "white"
+        level.plot(x[marked], levels[marked], look["marker"], color=look["color"], mfc=fill, ms=6)
+    tone.plot(x, khz, ms=5, ls="none", **look)
 
 
 def _same_mode(line: list[StoredCase], tracked: dict[str, Tracked]) -> list[tuple[int, int]]:
@@ -66,12 +69,10 @@ def _finish(level: Any, tone: Any, key: str) -> None:
     low, high = min(0.0, low), max(CONFINED_DB + 3.0, high)
     level.axhspan(CONFINED_DB, high, color=style.GREEN, alpha=0.10, lw=0)
     level.axhline(CONFINED_DB, color=style.GREEN, lw=1.0, ls="--")
-    level.set_ylim(low, high)
-    level.set_ylabel("confinement (dB)")
-    level.set_title(f"At least {CONFINED_DB:.0f} dB as a mode (shaded); filled where confined, as driven too")
-    tone.set_ylabel("frequency (kHz)")
-    tone.set_title("Wanted mode (connected by a line where it is the same one, tracked by its shape)")
-    tone.set_xlabel(axis_label(key))
+    title = f"At least {CONFINED_DB:.0f} dB as a mode (shaded); filled where confined, as driven too"
+    level.set(ylim=(low, high), ylabel="confinement (dB)", title=title)
+    title = "Wanted mode (connected by a line where it is the same one, tracked by its shape)"
+    tone.set(xlabel=axis_label(key), ylabel="frequency (kHz)", title=title)
     for axes in (level, tone):
         axes.grid(True)
     values = sorted({float(value) for line in tone.lines for value in line.get_xdata()})
@@ -96,7 +97,7 @@ def _bending_at_m(tone: Any, lines: list[list[StoredCase]], key: str) -> None:
 
 def _bending_khz(case: StoredCase) -> float | None:
     pair = case.record.bands.bending_at_m_hz if case.record.bands else []
-    return min(pair) / 1e3 if pair else None
+    return min(pair) / KHZ if pair else None
 
 
 def _alt(study: StoredStudy, cases: list[StoredCase], key: str) -> str:
@@ -114,29 +115,27 @@ def _alt(study: StoredStudy, cases: list[StoredCase], key: str) -> str:
 def how_many_rows(study: StoredStudy) -> ReportFigure | None:
     """Decibels from zone to extension: rows times the decay per row (infinite rows) against the finite plates."""
     known = [(case, case.record.prediction) for case in study.cases]
-    told = {
+    levels = {
         case.case_id: (each.zone_to_extension_db, each.rows_db, each.through_db)
         for case, each in known
         if each and each.rows_db is not None and each.zone_to_extension_db is not None
     }
-    cases = [case for case in study.cases if case.case_id in told]
+    cases = [case for case in study.cases if case.case_id in levels]
     if len(cases) < 2 or "array.rows" not in study.swept:
         return None
-    figure = style.new_figure(style.WIDTH_IN, 3.6)
-    axes = figure.subplots()
+    figure, axes = style.panels(3.6)
     for index, (name, line) in enumerate(lines_along(study, cases, "array.rows").items()):
         colour = style.CYCLE[index % len(style.CYCLE)]
         rows = [case.sweep["array.rows"] for case in line]
-        finite, predicted, transmitted = np.array([told[case.case_id] for case in line], dtype=float).T
+        finite, predicted, transmitted = np.array([levels[case.case_id] for case in line], dtype=float).T
         label = f", {name}" if name else ""
         axes.plot(rows, finite, color=colour, marker="o", label=f"finite plate{label}")
         axes.plot(rows, predicted, color=colour, marker="s", mfc="white", ls="--", label=f"rows x decay per row{label}")
         axes.plot(rows, transmitted, color=colour, marker="^", mfc="white", ls=":", label=f"through the rows{label}")
-    axes.set_xticks(sorted({case.sweep["array.rows"] for case in cases}))
-    axes.set_xlabel("rows on each side of the zone")
-    axes.set_ylabel("zone to extension (dB)")
+    ticks = sorted({case.sweep["array.rows"] for case in cases})
+    axes.set(xticks=ticks, xlabel="rows on each side of the zone", ylabel="zone to extension (dB)")
     axes.grid(True)
     axes.legend(fontsize=7)
     title = "How many rows: prediction and finite plates"
-    parts = "; ".join(f"{name}: {one[0]:.1f} dB, predicted {one[1]:.1f} dB" for name, one in told.items())
+    parts = "; ".join(f"{name}: {one[0]:.1f} dB, predicted {one[1]:.1f} dB" for name, one in levels.items())
     return ReportFigure("how_many_rows", title, f"{title}. {parts}", figure, vector=True)

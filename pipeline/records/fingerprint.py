@@ -17,19 +17,12 @@ COMPUTING_FOLDERS = ("geometry", "solvers", "pipeline", "firmware")
 TABLE_LAYOUT = "firmware/table_format.py"  # all of firmware/ that decides bytes of a record
 # Files of pipeline/ that only dispatch, show or file away: editing them leaves every number as it is.
 SHOWING = (
-    *("pipeline/logs.py", "pipeline/paths.py", "pipeline/process.py", "pipeline/workers.py"),
+    *(f"pipeline/{name}.py" for name in ("logs", "paths", "process", "workers")),
+    *(f"pipeline/{folder}/*" for folder in ("cli", "plots", "report", "views")),
+    *("pipeline/search/plots.py", "pipeline/active/plots*.py"),
     *(f"pipeline/records/{name}.py" for name in ("outputs", "run_log", "study", "tables")),
-    *(
-        "pipeline/plots/*",
-        "pipeline/report/*",
-        "pipeline/cli/*",
-        "pipeline/search/plots.py",
-        "pipeline/active/plots*.py",
-    ),
-    *(
-        f"pipeline/batch/{name}.py"
-        for name in ("job", "journal", "lock", "peak_memory", "progress", "runner", "script_study")
-    ),
+    *(f"pipeline/batch/{name}.py" for name in ("job", "journal", "lock", "peak_memory")),
+    *(f"pipeline/batch/{name}.py" for name in ("progress", "runner", "script_study")),
 )
 COMPUTING_PACKAGES = ("numpy", "scipy", "cadquery", "cadquery-ocp", "pytetwild", "meshio", "trimesh", "rslab")
 

@@ -1,59 +1,25 @@
-"""Where a command's result goes: text for people, one JSON document for scripts, files into a folder."""
+"""Places that a command writes to, looked at before anything is computed; tables as text, CSV and Markdown."""
 
 from __future__ import annotations
 
 import csv
 import errno
 import io
-import json
 import os
 import sys
 import tempfile
 from argparse import Namespace
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from geometry import files
 from pipeline.errors import InputError
 from pipeline.records.store import StoreError, write_atomic
 
-if TYPE_CHECKING:
-    from pipeline.case.model import Case
-
 STANDARD_OUTPUT = "-"
 FORMULA = ("=", "+", "-", "@", "\t", "\n")  # what begins a formula in some spreadsheet
-
-
-def emit(arguments: Namespace, name: str, document: dict[str, Any], text: str) -> None:
-    """Text on standard output unless a document goes there; JSON to its file, and as NAME.json into --out.
-
-    Every document also says which case it answers, as it was understood, and by which version.
-    """
-    encoded = json.dumps({"schema": 1, **_about(arguments), **document}, indent=1, allow_nan=False) + "\n"
-    if is_standard_output(arguments.json):
-        sys.stdout.write(encoded)
-    elif not is_standard_output(getattr(arguments, "output", None)):
-        print(text)
-    if arguments.json and not is_standard_output(arguments.json):
-        write_file(Path(arguments.json), encoded.encode())
-    if getattr(arguments, "out", None):
-        write_file(folder(arguments.out) / f"{name}.json", encoded.encode())
-
-
-def of_case(arguments: Namespace, case: Case) -> Case:
-    """The case, noted as the one that the command's documents answer."""
-    arguments.answered = case
-    return case
-
-
-def _about(arguments: Namespace) -> dict[str, Any]:
-    """Name of the case, the case with every default, and the version; None for a command without a case."""
-    case: Case | None = getattr(arguments, "answered", None)
-    whole = case.to_dict() if case else None
-    return {"case": case.name if case else None, "with_defaults": whole, "version": version("antinode")}
 
 
 def is_standard_output(place: str | os.PathLike[str] | None) -> bool:
@@ -133,8 +99,8 @@ def folder(path: str) -> Path:
     place = Path(path)
     try:
         place.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise InputError(f"--out = {path}: {fault.strerror}: must be a folder that can be written") from fault
+    except OSError as error:
+        raise InputError(f"--out = {path}: {error.strerror}: must be a folder that can be written") from error
     return place
 
 
@@ -142,8 +108,8 @@ def write_file(path: Path, data: bytes) -> None:
     """Write a file as geometry.files does. Raises InputError when the place cannot be written."""
     try:
         write_atomic(path, data)
-    except StoreError as fault:
-        raise InputError(fault.lines) from fault
+    except StoreError as error:
+        raise InputError(error.lines) from error
 
 
 @contextmanager
@@ -159,10 +125,10 @@ def delivered(place: Path) -> Iterator[Path]:
     try:
         with files.written_whole(place) as temporary:
             yield temporary
-    except files.UnwritableError as fault:
-        raise InputError(str(fault)) from fault
-    except OSError as fault:
-        raise InputError(f"{place}: cannot be written ({fault.strerror or fault})") from fault
+    except files.UnwritableError as error:
+        raise InputError(str(error)) from error
+    except OSError as error:
+        raise InputError(f"{place}: cannot be written ({error.strerror or error})") from error
 
 
 @contextmanager

@@ -20,6 +20,7 @@ from geometry.layout import Design
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import stored_shape
 from pipeline.records import store
+from pipeline.units import NM
 from solvers.measures.levels import CONFINED_DB
 
 STATUSES = ("OK", "WARNING")  # of cases that gave an answer
@@ -219,6 +220,11 @@ class GapRecord(Part):
     lower_hz: float
     upper_hz: float
 
+    @property
+    def relative_width(self) -> float:
+        """Its width over its middle."""
+        return 2.0 * (self.upper_hz - self.lower_hz) / (self.upper_hz + self.lower_hz)
+
 
 class BandPoint(Open):
     """The waves at one wavevector; what only the reduced cell tells is None with the full one.
@@ -342,7 +348,7 @@ class PeakRecord(Part):
     @property
     def zone_nm_per_V(self) -> float:
         """The zone's rms in nm/V."""
-        return 1e9 * self.zone_rms_m_per_V
+        return self.zone_rms_m_per_V / NM
 
 
 class ResponseRecord(Part):
@@ -640,9 +646,9 @@ def read(folder: Path) -> Record:
     """Record of a case. Raises store.BadRecord when it is missing, torn, edited, another case's or of another version."""
     try:
         return Record.model_validate(store.read_record(folder))
-    except ValidationError as fault:
-        first = fault.errors()[0]
+    except ValidationError as error:
+        first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
         raise store.BadRecord(
             f"{store.RECORD} is no record of schema {store.SCHEMA}: {place}: {first['msg']}"
-        ) from fault
+        ) from error

@@ -57,7 +57,7 @@ class RunLog:
     def echo(self, payload: dict[str, Any]) -> None:
         """The input as understood, one key a line (SI)."""
         self._say("INPUT, as understood (SI)")
-        for key, value in _flat(payload):
+        for key, value in flat(payload):
             self._say(f"   {key} = {value}")
         self._say(RULE)
 
@@ -146,10 +146,11 @@ def _coded(code: str, id: str, text: str) -> str:
     return f"{head} {text}"
 
 
-def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flat(value: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """What is no dictionary inside of dictionaries, by dotted keys."""
     for key, item in value.items():
         name = f"{prefix}{key}"
         if isinstance(item, dict):
-            yield from _flat(item, f"{name}.")
+            yield from flat(item, f"{name}.")
         else:
             yield name, item

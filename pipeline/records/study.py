@@ -134,11 +134,11 @@ def read_study(folder: Path) -> StoredStudy:
     if (folder / CASES).exists():
         try:
             listed = StudyList.model_validate(store.read_json(folder / CASES))
-        except ValidationError as fault:
-            said = fault.errors()[0]["msg"]
+        except ValidationError as error:
+            said = error.errors()[0]["msg"]
             raise store.BadRecord(
                 f"{folder / CASES}: written by another version ({said}); run the study again"
-            ) from fault
+            ) from error
     if not listed.cases:
         raise store.BadRecord(f"{folder}: no study is stored here; run it first")
     return StoredStudy(folder, listed.about, tuple(_read_case(folder, case) for case in listed.cases))

@@ -15,6 +15,7 @@ from pipeline.records.fingerprint import canonical_json
 from pipeline.records.record import BandPoint, BandsRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.report.mode_shapes import Gallery
+from pipeline.units import KHZ
 
 MAX_CELLS = 12
 MAX_WITH_SHAPES = 3
@@ -115,7 +116,7 @@ def _add(gallery: Gallery, case: StoredCase, arrays: dict[str, Any], facets: Any
 
 
 def _words(label: str, band: int, point: BandPoint) -> dict[str, str]:
-    tone = f"{point.frequencies_hz[band] / 1e3:.2f} kHz"
+    tone = f"{point.frequencies_hz[band] / KHZ:.2f} kHz"
     name = {"G": "Γ"}.get(label, label)
     about = f"Wave of band {band + 1} at {name}, {tone}, on {TILES} x {TILES} cells"
     return {"group": name, "name": f"band {band + 1}, {tone}", "about": about, "still": ""}

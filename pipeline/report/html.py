@@ -25,6 +25,7 @@ def render(template: str, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    result.filters |= {name: value for name, value in values.items() if callable(value)}
     return result.get_template(template).render(values)
 
 

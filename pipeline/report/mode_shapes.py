@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from geometry.decimate import coarse, with_sides
 from pipeline.plots.plate import FloatArray, IntArray, skin_faces
 from pipeline.records.study import StoredCase
+from pipeline.units import KHZ
 
 MAX_SHAPES = 12  # of plates in a page
 MIN_OF_BEST = 4
@@ -105,7 +106,7 @@ def _add_plate(gallery: Gallery, case: StoredCase, most: int, still: str) -> Non
 
 
 def _words(case: StoredCase, frequency_hz: float, wanted: bool) -> dict[str, str]:
-    tone = f"{frequency_hz / 1e3:.2f} kHz" if np.isfinite(frequency_hz) else "frequency not stored"
+    tone = f"{frequency_hz / KHZ:.2f} kHz" if np.isfinite(frequency_hz) else "frequency not stored"
     level = case.record.confinement_db if wanted else None
     level_text = "" if level is None else f", {level:.1f} dB from zone to passive face"
     which = "wanted mode" if wanted else "neighbour"

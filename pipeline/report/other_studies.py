@@ -58,8 +58,8 @@ def _read(folder: Path, name: str, title: str, embedder: Embedder) -> Beside:
             if place == 0 or section["pictures"]
         ]
         return Beside(name, page["title"], page["lead"], f"../{name}/report.html", "", sections)
-    except (store.StoreError, OSError, KeyError, TypeError, AttributeError) as fault:
-        return Beside(name, title, missing=f"written by another version ({fault}): antinode report {name}")
+    except (store.StoreError, OSError, KeyError, TypeError, AttributeError) as error:
+        return Beside(name, title, missing=f"written by another version ({error}): antinode report {name}")
 
 
 def _section(folder: Path, name: str, section: dict[str, Any], embedder: Embedder) -> StudySection:

@@ -17,6 +17,7 @@ from pipeline.report import dispersion, gallery, mode_shapes, text
 from pipeline.report.html import render, script_data, vendored
 from pipeline.report.other_studies import beside
 from pipeline.report.pictures import EmbeddedFigure, Embedder, link
+from pipeline.units import GRAM, MM
 
 REPORT = "report.html"
 MAX_FIGURES = 12
@@ -24,6 +25,9 @@ FILES = ("run.mess", "input.json", "record.json", "timing.json", "arrays.npz")
 STILLS = ("side_view", "touch_face", "geometry")  # what stands for a moving shape, the first that is drawn
 UNFIT = (KeyError, TypeError, ValueError, IndexError)  # arrays of another shape than the page draws
 OF_BEST = {"attenuation": "Attenuation", "response": "Response"}
+# What the template of a case's results writes them with.
+SHOWN = {name: getattr(text, name) for name in ("si", "khz", "verdict", "band_difference", "CONFINED_DB")}
+SHOWN |= {"f": format, "GRAM": GRAM, "MM": MM}
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,6 @@ class CasePage:
 
     case: StoredCase
     anchor: str
-    facts: list[tuple[str, str]]
     pictures: list[EmbeddedFigure]
     files: list[tuple[str, str]]
     seconds: dict[str, float]
@@ -56,14 +59,14 @@ class Moving:
     troubles: list[str]
 
 
-def build(folder: Path, max_figures: int = MAX_FIGURES, say: Callable[[str], None] | None = None) -> Path:
+def build(folder: Path, max_figures: int = MAX_FIGURES) -> Path:
     """Write report.html of a study, pictures of at most `max_figures` cases drawn anew or kept; returns its path.
 
-    `say` is told when drawing takes its time. Solves nothing. Raises store.BadRecord when the folder holds no study.
+    Solves nothing. Raises store.BadRecord when the folder holds no study.
     """
     study = read_study(folder)
     visible = StoredStudy(folder, study.about, tuple(study.with_cross_checks(case) for case in study.cases))
-    figure_sets = draw_cases(chosen(visible, max_figures), say)
+    figure_sets = draw_cases(chosen(visible, max_figures))
     embedder = Embedder(folder)
     compared = _without_failing(partial(gallery.draw_study, study))
     pictures = [embedder.show(style.PICTURES, picture) for picture in compared.pictures]
@@ -85,7 +88,7 @@ def _page(
     columns = registry.columns_of(study)
     return render(
         "study.html.j2",
-        si=text.si,
+        **SHOWN,
         study=study,
         cards=text.cards(study),
         sentences=text.sentences(study),
@@ -121,12 +124,12 @@ def _moving(study: StoredStudy, pages: list[CasePage]) -> Moving:
     diagrams: dict[str, Any] = {"cells": [], "shapes": []}
     try:
         gallery = mode_shapes.plates([page.case for page in pages], best, stills)
-    except UNFIT as fault:
-        troubles.append(f"moving mode shapes: {type(fault).__name__}: {fault}")
+    except UNFIT as error:
+        troubles.append(f"moving mode shapes: {type(error).__name__}: {error}")
     try:
         diagrams = dispersion.diagrams(study, best)
-    except UNFIT as fault:
-        troubles.append(f"interactive dispersion diagram: {type(fault).__name__}: {fault}")
+    except UNFIT as error:
+        troubles.append(f"interactive dispersion diagram: {type(error).__name__}: {error}")
     cells = [cell["name"] for cell in diagrams["cells"]]
     shapes = script_data(vars(gallery)) if gallery.shapes else ""
     return Moving(shapes, script_data(diagrams), cells, bool(gallery.shapes or diagrams["shapes"]), troubles)
@@ -172,13 +175,11 @@ def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
     return [case for case in drawable if case.case_id in picked]
 
 
-def draw_cases(cases: list[StoredCase], say: Callable[[str], None] | None = None) -> dict[str, gallery.FigureSet]:
+def draw_cases(cases: list[StoredCase]) -> dict[str, gallery.FigureSet]:
     """Pictures of each case by its id, drawn in parallel."""
     from pipeline.workers import LocalWorkers, default_jobs
 
     stale = [case for case in cases if gallery.kept_pictures(case) is None]
-    if stale and say:
-        say(f"drawing the pictures of {len(stale)} case{'s' * (len(stale) != 1)}")
     if len(stale) < 2:
         return {case.case_id: _without_failing(partial(gallery.draw_case, case)) for case in cases}
     with LocalWorkers(default_jobs(len(stale)), 1) as workers:
@@ -211,7 +212,6 @@ def _case_page(case: StoredCase, index: int, figure_sets: gallery.FigureSet | No
     return CasePage(
         case=case,
         anchor=f"case-{index + 1}",
-        facts=text.facts(case.record),
         pictures=[embedder.show(folder, picture) for picture in (figure_sets.pictures if figure_sets else [])],
         files=list(_files(case)),
         seconds=_seconds(timing.get("seconds")),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -11,7 +10,6 @@ from pipeline.plots import style
 from pipeline.report.html import data_url
 
 EMBEDDED_BYTES = 6_500_000  # the rest is linked: with shapes and a thousand cases a page stays below 15 MB
-SVG_SIZE = re.compile(r'<svg[^>]*?\swidth="([\d.]+)pt"[^>]*?\sheight="([\d.]+)pt"')
 
 
 @dataclass(frozen=True)
@@ -36,8 +34,7 @@ class Embedder:
 
     def show(self, folder: str, picture: style.StoredFigure) -> EmbeddedFigure:
         """The picture of a folder (relative to the study), embedded or linked."""
-        path = self.study / folder / picture.shown
-        data = path.read_bytes()
+        data = (self.study / folder / picture.shown).read_bytes()
         source = link(folder, picture.shown)
         if len(data) * 4 / 3 <= self.left:
             source = data_url(picture.shown, data)
@@ -45,21 +42,8 @@ class Embedder:
         else:
             self.linked += 1
         links = (link(folder, picture.svg), link(folder, picture.png))
-        return EmbeddedFigure(picture.name, source, *size(path, data), *links, picture.title, picture.alt)
-
-
-def size(path: Path, data: bytes) -> tuple[int, int]:
-    """Width and height of a picture in its own units; (0, 0) when it does not tell."""
-    if path.suffix == ".svg":
-        match = SVG_SIZE.search(data[:2000].decode(errors="replace"))
-        return (round(float(match[1])), round(float(match[2]))) if match else (0, 0)
-    from PIL import Image
-
-    try:
-        with Image.open(path) as image:
-            return image.size
-    except OSError:
-        return 0, 0
+        size = (picture.width, picture.height)
+        return EmbeddedFigure(picture.name, source, *size, *links, picture.title, picture.alt)
 
 
 def link(*parts: str) -> str:

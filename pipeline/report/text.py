@@ -6,9 +6,10 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.records.record import DesignRecord, Record, SpreadRecord
+from pipeline.records.record import DesignRecord, Record
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.report.thesis import compare
+from pipeline.units import KHZ
 from solvers.measures.levels import CONFINED_DB
 
 MAX_MODES = 40
@@ -26,24 +27,20 @@ class Card:
     severity: str = "plain"
 
 
-def si(value: Any, unit: str = "", digits: int = 4) -> str:
+def si(value: Any, digits: int = 4) -> str:
     """A number for reading: thin spaces between thousands, '-' for nothing."""
     if value is None:
         return "–"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int):
-        text = f"{value:,}".replace(",", WIDE)
-    elif isinstance(value, float):
-        text = f"{value:.{digits}g}"
-    else:
-        text = str(value)
-    return f"{text}{WIDE}{unit}" if unit else text
+        return f"{value:,}".replace(",", WIDE)
+    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
 
 def khz(frequency_hz: float | None) -> str:
     """A frequency in kHz, to 10 Hz."""
-    return "–" if frequency_hz is None else f"{frequency_hz / 1e3:.2f}{WIDE}kHz"
+    return "–" if frequency_hz is None else f"{frequency_hz / KHZ:.2f}{WIDE}kHz"
 
 
 def verdict(record: Record) -> str:
@@ -95,7 +92,7 @@ def _confinement_card(study: StoredStudy, best: StoredCase) -> Card | None:
 
 
 def _rows_card(study: StoredStudy, best: StoredCase) -> Card | None:
-    """The fewest rows on which a finite plate like the best holds its mode; without any, the estimate of endless rows."""
+    """The fewest rows on which a finite plate like the best confines its mode; without any, the estimate of endless rows."""
     prediction = best.record.prediction
     estimate = prediction.rows_needed if prediction else None
     per_row = (
@@ -107,7 +104,9 @@ def _rows_card(study: StoredStudy, best: StoredCase) -> Card | None:
     enough = [case.sweep["array.rows"] for case in _like(study, best) if case.record.confined]
     if enough:
         endless = f"; {per_row}endless rows would take {estimate}" if estimate else ""
-        return Card(name, str(min(enough)), f"the fewest that hold it on a finite plate{endless}{_source(study, best)}")
+        return Card(
+            name, str(min(enough)), f"the fewest that confine it on a finite plate{endless}{_source(study, best)}"
+        )
     if estimate:
         return Card(name, f"≥ {estimate}", f"{per_row}an estimate for endless rows{_source(study, best)}")
     return None
@@ -127,7 +126,7 @@ def _gap_card(study: StoredStudy, best: StoredCase) -> Card | None:
     gap = best.record.bands.widest_gap if best.record.bands else None
     if not gap:
         return None
-    value = f"{gap.lower_hz / 1e3:.1f}–{gap.upper_hz / 1e3:.1f}{WIDE}kHz"
+    value = f"{gap.lower_hz / KHZ:.1f}–{gap.upper_hz / KHZ:.1f}{WIDE}kHz"
     note = f"of its unit cell, between bands {gap.lower_band} and {gap.upper_band}{_source(study, best)}"
     return Card("Complete gap", value, note)
 
@@ -168,7 +167,7 @@ def sentences(study: StoredStudy) -> list[str]:
     best = best_case(study)
     bending = best.record.bands.bending_at_m_hz if best and best.record.bands else []
     if best and bending:
-        tones = " and ".join(dict.fromkeys(f"{tone / 1e3:.2f}" for tone in bending))
+        tones = " and ".join(dict.fromkeys(f"{tone / KHZ:.2f}" for tone in bending))
         whose = f" of plate {best.case_id}" if len(plates(study)) > 1 else ""
         said.append(f"The pillars' bending bands of the unit cell{whose} meet M at {tones} kHz.")
     for case in study.cases:
@@ -178,7 +177,7 @@ def sentences(study: StoredStudy) -> list[str]:
 
 
 def _confinement_sentence(record: Record) -> str:
-    verb, wanted = "holds" if record.confined else "does not hold", record.wanted
+    verb, wanted = "confines" if record.confined else "does not confine", record.wanted
     known = wanted is not None and wanted.zone_share is not None
     inside = (
         f"; {wanted.zone_share:.0%} of its squared normal displacement lies in the zone" if wanted and known else ""
@@ -198,108 +197,6 @@ def _difference(thesis: float | str, ours: float | str) -> str:
     return f"{(ours - thesis) / thesis:+.1%}"
 
 
-def facts(record: Record) -> list[tuple[str, str]]:
-    """A case's results in words and numbers."""
-    makers = (_mode_facts, _response_facts, _band_facts, _part_facts, _plate_facts, _mesh_facts)
-    return [fact for make in makers for fact in make(record)]
-
-
-def _mode_facts(record: Record) -> list[tuple[str, str]]:
-    lines: list[tuple[str, str]] = []
-    if wanted := record.wanted:
-        error = "" if wanted.frequency_error is None else f" ± {wanted.frequency_error:.2%}"
-        lines.append(("wanted mode", f"{khz(wanted.frequency_hz)}{error}, MAC {si(wanted.mac, digits=3)}"))
-        if wanted.confinement_db is not None:
-            bar = "" if wanted.confinement_error_db is None else f" ± {wanted.confinement_error_db:.1f} dB"
-            level = f"{wanted.confinement_db:.1f}{bar or ' dB'}"
-            driven = "" if record.driven_db is None else f" as a mode, {record.driven_db:.1f} dB driven at its own peak"
-            lines.append(("confinement", f"{level}{driven}: {verdict(record)} (at least {CONFINED_DB:.0f} dB)"))
-        for share, name in (
-            (wanted.zone_share, "share of the touch face's u_z² in the zone"),
-            (wanted.pillar_energy_share, "pillars' share of energy"),
-        ):
-            if share is not None:
-                lines.append((name, f"{share:.1%}"))
-        if wanted.status == "split":
-            texts = [f"{khz(rival.frequency_hz)} (strength {rival.strength:.3f})" for rival in wanted.rivals]
-            lines.append(
-                ("the wanted shape is split: other modes that carry it", ", ".join(texts) or "none a quarter as strong")
-            )
-    if check := record.modes.count_check if record.modes else None:
-        outcome = "holds" if check.holds else "does not hold"
-        band = f"{khz(check.low_hz)} to {khz(check.high_hz)}"
-        lines.append(("count check by inertia", f"{outcome}: {check.found} found, {check.expected} expected in {band}"))
-    if tet := record.tet_modes:
-        told_tet = f"{khz(tet.frequency_hz)}, {tet.relative_difference:+.2%} from hexahedra"
-        lines.append(("wanted mode, tetrahedra (pytetwild)", f"{told_tet}, {si(tet.dof)} degrees of freedom"))
-    return lines
-
-
-def _response_facts(record: Record) -> list[tuple[str, str]]:
-    """What was measured beside the response, and what unlike pillars do to it."""
-    lines: list[tuple[str, str]] = []
-    measured, spread = record.measured, record.tolerance
-    if sweep := measured.sweep if measured else None:
-        marked = ", synthetic" if sweep.synthetic else ""
-        quality = "" if sweep.quality is None else f", quality factor {sweep.quality:.0f}"
-        shift = f"{sweep.frequency_shift_hz:+.0f} Hz from the computed one"
-        lines.append((f"measured resonance ({sweep.file}{marked})", f"{khz(sweep.frequency_hz)}, {shift}{quality}"))
-    if field := measured.map if measured else None:
-        level = "no passive face" if field.confinement_db is None else f"{field.confinement_db:.1f} dB"
-        marked = ", synthetic" if field.synthetic else ""
-        name = f"measured confinement ({field.file}{marked})"
-        lines.append((name, f"{level}; MAC {field.mac_operating:.3f} to the computed operating shape"))
-    if spread:
-        if spread.peak_hz:
-            kept = len(spread.samples) - spread.lost
-            lines.append(
-                (f"wanted mode's peak of {kept} plates of unlike pillars", _spread_words(spread.peak_hz, "Hz"))
-            )
-        if spread.lost:
-            lines.append(("plates that lost the wanted mode", f"{spread.lost} of {len(spread.samples)}"))
-        if level_word := spread.confinement_db:
-            lines.append(("their confinement", f"{_spread_words(level_word, 'dB')}; worst {level_word.lowest:.1f} dB"))
-    return lines
-
-
-def _spread_words(lines: SpreadRecord, unit: str) -> str:
-    return f"{lines.mean:.1f}{WIDE}{unit}, spread {lines.deviation:.1f}{WIDE}{unit}"
-
-
-def _band_facts(record: Record) -> list[tuple[str, str]]:
-    bands, lines = record.bands, []
-    for gap in bands.gaps if bands else []:
-        name = f"complete gap, bands {gap.lower_band} to {gap.upper_band}"
-        lines.append((name, f"{khz(gap.lower_hz)} to {khz(gap.upper_hz)}"))
-    if bands and not bands.gaps:
-        lines.append(("complete gap", "none along the path"))
-    if pair := bands.bending_at_m_hz if bands else []:
-        tones = dict.fromkeys(khz(tone) for tone in pair)
-        lines.append(("bending bands at M", " and ".join(tones) + (" (both)" if len(tones) < len(pair) else "")))
-    worst = band_difference(record)
-    if worst is not None:
-        lines.append(("bands, tetrahedra against hexahedra", f"at most {worst:.2%} apart at the labelled points"))
-    return lines
-
-
-def _part_facts(record: Record) -> list[tuple[str, str]]:
-    """The pre-design, the bare zone and the lone pillar, where they were computed."""
-    lines = []
-    sizes, zone = record.predesign, record.zone_modes
-    if sizes and sizes.zone:
-        lines.append(("pre-design: zone", khz(sizes.zone.frequency_hz)))
-    if sizes and sizes.pillar:
-        height = f", {sizes.pillar.height_mm:.2f} mm high" if sizes.pillar.height_mm else ""
-        lines.append(("pre-design: pillar", f"{khz(sizes.pillar.frequency_hz)}{height}"))
-    if zone and zone.wanted and zone.wanted.frequency_hz and record.design:
-        name = f"bare zone, long sides clamped, {record.design.nodal_lines} nodal lines"
-        lines.append((name, khz(zone.wanted.frequency_hz)))
-    if record.pillar_modes and record.pillar_modes.modes:
-        tones = ", ".join(khz(mode.frequency_hz) for mode in record.pillar_modes.modes[:4])
-        lines.append(("lone pillar, foot clamped", tones))
-    return lines
-
-
 def band_difference(record: Record) -> float | None:
     """Largest relative difference between the two meshes' bands at the wavevectors that both have; zero modes left out."""
     ours = record.bands.labelled if record.bands else {}
@@ -310,29 +207,6 @@ def band_difference(record: Record) -> float | None:
             if one > 1e-3 * pair[-1]:
                 worst = max(worst or 0.0, abs(two - one) / one)
     return worst
-
-
-def _plate_facts(record: Record) -> list[tuple[str, str]]:
-    plate = record.geometry
-    if plate is None:
-        return []
-    tight = "watertight" if plate.watertight else "NOT watertight"
-    return [
-        ("mass", f"{plate.mass_kg * 1e3:.2f} g, {plate.volume_m3 * 1e9:.0f} mm³"),
-        ("print file", f"{tight}, {plate.bodies} body, volume error {si(plate.volume_error, digits=2)}"),
-        ("smallest feature", f"{plate.smallest_feature_m * 1e3:g} mm"),
-    ]
-
-
-def _mesh_facts(record: Record) -> list[tuple[str, str]]:
-    kinds = {"hex": "hexahedra", "tet": "tetrahedra"}
-    return [
-        (
-            f"mesh of the {mesh.what}, {kinds.get(mesh.kind, mesh.kind)}",
-            f"{si(mesh.cells)} cells of order {mesh.order}, {si(mesh.dof)} degrees of freedom",
-        )
-        for mesh in record.meshes
-    ]
 
 
 def modes(record: Record) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ from typing import Any
 
 from pipeline.paths import REFERENCE
 from pipeline.records.record import DesignRecord, Record
+from pipeline.units import KHZ, MM
 from solvers.measures.levels import CONFINED_DB
 
 FILE = REFERENCE / "thesis.csv"
@@ -38,20 +39,20 @@ def _ours(entry: dict[str, str], record: Record) -> float | str | None:
     if record.design is None or not _same_design(entry, record.design):
         return None
     value = _figure(entry["key"], record)
-    return round(value / 1e3, 3) if isinstance(value, float) else value
+    return round(value / KHZ, 3) if isinstance(value, float) else value
 
 
 def _same_design(entry: dict[str, str], design: DesignRecord) -> bool:
     ours = {
         "rows": design.rows,
-        "pitch_mm": 1e3 * (design.pitch_x_m or 0.0),
-        "extension_mm": 1e3 * (design.extension_m or 0.0),
+        "pitch_mm": (design.pitch_x_m or 0.0) / MM,
+        "extension_mm": (design.extension_m or 0.0) / MM,
     }
     return all(not entry[key] or math.isclose(float(entry[key]), value, abs_tol=1e-6) for key, value in ours.items())
 
 
 def confinement_words(mode_db: float | None, driven_db: float | None) -> str | None:
-    """Whether a plate holds its mode, as the thesis looked at it, and whether it does so driven; None without passive face."""
+    """Whether a plate confines its mode, as the thesis looked at it, and also as driven; None without passive face."""
     if mode_db is None:
         return None
     said = f"{'confined' if mode_db >= CONFINED_DB else 'leaks'} ({mode_db:.1f} dB as a mode"

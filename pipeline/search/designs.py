@@ -1,4 +1,4 @@
-"""Designs as a search judges them: the goal, what limits they break, which of them no other beats."""
+"""Designs as a search evaluates them: the goal, what limits they break, which of them no other beats."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from geometry.layout import Design
 from pipeline.search.fidelity import PLATE, SLACK, FidelityResult
 from pipeline.search.limits import Limits, mass_kg
 from pipeline.search.space import Space
+from pipeline.units import KHZ
 
 GOALS = {"confinement": "confinement_db", "extension": "extension_db"}
 EVALUATIONS = 16  # assembled plates
@@ -33,12 +34,10 @@ class Settings:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A design as one fidelity evaluated it: the goal's value in dB (None: nothing to evaluate), what limits it
-    breaks, its merit.
+    """A design as one fidelity evaluated it: the goal in dB (None: nothing to evaluate), the limits it breaks, its objective.
 
-    `penalised_objective` is what ranks designs for the next fidelity and what a local search raises: the goal, less
-    what a broken limit
-    costs the more it is broken; without the slack that a cheap fidelity has before a limit counts as broken.
+    `penalised_objective` ranks designs for the next fidelity, and a local search raises it: the goal, less what a broken limit
+    costs the more it is broken, without the slack that a cheap fidelity has before a limit counts as broken.
     """
 
     values: Values
@@ -73,6 +72,11 @@ class Outcome:
     window: tuple[str, ...] = ()
 
     @property
+    def repeat(self) -> list[str]:
+        """The --set texts that make the best design from the file."""
+        return [*self.space.fixed, *self.space.overrides(self.best.values), *self.window]
+
+    @property
     def gain_db(self) -> float | None:
         """Gain of the best design over the design of the file, dB."""
         if self.best.goal_db is None or self.base.goal_db is None:
@@ -87,9 +91,7 @@ class Outcome:
 
     @property
     def tradeoff(self) -> list[Evaluation]:
-        """Assembled plates within the limits that no other beats in goal, frequency and mass at once, the best
-        confined first.
-        """
+        """Assembled plates within the limits that no other beats in goal, frequency and mass at once, best goal first."""
         return front([each for each in self.by_fidelity[PLATE] if each.keeps])
 
 
@@ -130,4 +132,4 @@ def summary(each: Evaluation) -> str:
         return f"not evaluated: {each.result.why_not}"
     broken = f"; breaks: {'; '.join(each.violations)}" if each.violations else ""
     bar = "" if each.goal_error_db is None else f" +-{each.goal_error_db:.2f}"
-    return f"{each.goal_db:.2f}{bar} dB at {each.result.frequency_hz / 1e3:.2f} kHz, MAC {each.result.mac:.2f}{broken}"
+    return f"{each.goal_db:.2f}{bar} dB at {each.result.frequency_hz / KHZ:.2f} kHz, MAC {each.result.mac:.2f}{broken}"

@@ -1,12 +1,9 @@
-"""One design evaluated by one model: from a strip in milliseconds to the assembled plate; what was evaluated once is
-kept on disk.
-"""
+"""One design evaluated by one model, from a strip in milliseconds to the assembled plate, and kept on disk."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from math import ceil, floor
 from pathlib import Path
@@ -14,10 +11,12 @@ from typing import Any
 
 from pipeline.case.model import Case
 from pipeline.errors import InputError
+from pipeline.logs import TerminalLog
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.planning.request import of_case, with_defaults
 from pipeline.records import fingerprint, store
+from pipeline.units import KHZ
 
 STRIP, COLUMN, PLATE, SOLID = "strip", "column", "plate", "solid"
 MODELS = {
@@ -60,17 +59,15 @@ def by_strip(case: Case, softness: float) -> FidelityResult:
 
     try:
         solved = strip_modes(case.design, *mesh_rules.wanted_window_hz(case.design), softness)
-    except SolverError as fault:
-        return FidelityResult(STRIP, None, None, None, None, str(fault))
+    except SolverError as error:
+        return FidelityResult(STRIP, None, None, None, None, str(error))
     return _of_profile(STRIP, solved.frequency_hz, solved.confinement)
 
 
 def evaluate(
     case: Case, fidelity: str, near_hz: float | None = None, cache: EvaluationCache | None = None
 ) -> FidelityResult:
-    """Compute the wanted mode at a fidelity, near a frequency where one is known; taken from the cache when it is
-    there.
-    """
+    """Compute the wanted mode at a fidelity, near a frequency where one is known, or take it from the cache."""
     question = {"case": case.to_dict(), "fidelity": fidelity, "near_hz": near_hz}
     stored = cache.get(question) if cache else None
     if stored is not None:
@@ -88,8 +85,8 @@ def _solved(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
     solve = {COLUMN: _by_column, PLATE: _by_plate, SOLID: _by_plate}[fidelity]
     try:
         return solve(case, fidelity, near_hz)
-    except (SolverError, MeshError, GeometryError, InputError) as fault:
-        return FidelityResult(fidelity, None, None, None, None, " ".join(str(fault).split()))
+    except (SolverError, MeshError, GeometryError, InputError) as error:
+        return FidelityResult(fidelity, None, None, None, None, " ".join(str(error).split()))
 
 
 def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
@@ -150,39 +147,27 @@ def window_around(case: Case, near_hz: float | None) -> tuple[str, ...]:
     low, high = _outwards(near_hz * (1.0 - AROUND), near_hz * (1.0 + AROUND))
     if query.band_hz:
         low, high = min(low, query.band_hz[0]), max(high, query.band_hz[1])
-    return (f"solve.band_kHz=[{low / 1e3!r},{high / 1e3!r}]",)
+    return (f"solve.band_kHz=[{low / KHZ!r},{high / KHZ!r}]",)
 
 
 def _outwards(low: float, high: float) -> tuple[float, float]:
     return GRID_HZ * floor(low / GRID_HZ), GRID_HZ * ceil(high / GRID_HZ)
 
 
-class WarningLog:
+class WarningLog(TerminalLog):
     """A log that keeps warnings and discards progress: a search reports designs, not how each was solved."""
 
     def __init__(self) -> None:
+        super().__init__(quiet=True)
         self.warnings: list[tuple[str, str]] = []
-
-    def info(self, text: str, id: str = "") -> None:
-        """Discarded."""
 
     def warning(self, id: str, text: str) -> None:
         """Kept: warnings of the best design are reported at the end."""
         self.warnings.append((id, text))
 
-    def left_out(self, what: str, why: str) -> None:
-        """Discarded."""
-
-    @contextmanager
-    def step(self, name: str) -> Iterator[None]:
-        """Not timed."""
-        yield
-
 
 class EvaluationCache:
-    """Evaluations as small JSON files under the hash of question and computing sources; a torn file counts as
-    absent.
-    """
+    """Evaluations as small JSON files under the hash of question and computing sources; a torn file counts as absent."""
 
     def __init__(self, folder: Path = RESULTS / ".search") -> None:
         self.folder = folder

@@ -7,19 +7,16 @@ from math import atan2, degrees
 
 from geometry.cad.printability import SUPPORT_DEG, features
 from geometry.layout import Design, Pillar
-
-MM = 1e3
+from pipeline.units import KHZ, MM
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits on the wanted mode's frequency (Hz) and modal assurance, on its half-wavelength and on the smallest
-    feature (m).
-    """
+    """Limits on the wanted mode's frequency (Hz), modal assurance and half-wavelength, and on the smallest feature (m)."""
 
-    lowest_hz: float = 25e3
-    half_wavelength_m: float = 20e-3
-    feature_m: float = 0.4e-3
+    lowest_hz: float = 25 * KHZ
+    half_wavelength_m: float = 20 * MM
+    feature_m: float = 0.4 * MM
     mac: float = 0.8
 
     def of_design(self, design: Design) -> list[tuple[str, float]]:
@@ -27,12 +24,12 @@ class Limits:
         violations = []
         half = design.half_wavelength_m or design.length_m  # rigid shapes: the whole length
         if not half <= self.half_wavelength_m:
-            text = f"half-wavelength {MM * half:.1f} mm, at most {MM * self.half_wavelength_m:g}"
+            text = f"half-wavelength {half / MM:.1f} mm, at most {self.half_wavelength_m / MM:g}"
             violations.append((text, half / self.half_wavelength_m - 1.0))
         name, size = min(features(design).items(), key=lambda item: item[1])
         if size < self.feature_m * (1.0 - 1e-9):
             violations.append(
-                (f"{name} {MM * size:.2f} mm, at least {MM * self.feature_m:g}", 1.0 - size / self.feature_m)
+                (f"{name} {size / MM:.2f} mm, at least {self.feature_m / MM:g}", 1.0 - size / self.feature_m)
             )
         lean = overhang_deg(design.pillar) if design.pillar else 0.0
         if lean > SUPPORT_DEG:
@@ -45,7 +42,7 @@ class Limits:
         """Limits that the wanted mode violates by more than `slack` (relative: what a cheap fidelity may err by)."""
         violations = []
         if frequency_hz < self.lowest_hz * (1.0 - slack):
-            text = f"{frequency_hz / 1e3:.2f} kHz, at least {self.lowest_hz / 1e3:g}"
+            text = f"{frequency_hz / KHZ:.2f} kHz, at least {self.lowest_hz / KHZ:g}"
             violations.append((text, 1.0 - frequency_hz / self.lowest_hz))
         if mac < self.mac * (1.0 - slack):
             violations.append((f"MAC {mac:.2f} to the wanted shape, at least {self.mac:g}", 1.0 - mac / self.mac))

@@ -1,9 +1,8 @@
-"""The design that holds the wanted mode best: cheap models look everywhere, expensive ones only where it pays.
+"""The design that confines the wanted mode best: cheap models look everywhere, expensive ones only where it pays.
 
-A strip judges a whole grid of designs in seconds; the best of it, well apart, go to a column of computed cells; the best of
-those to assembled plates. Each computed fidelity ends with a Nelder-Mead descent from its best design (scipy). The
-winner and the
-design as it was are solved once more as `antinode modes` would, so that what is claimed is what the user gets.
+A strip evaluates a whole grid of designs in seconds; the best of it, well apart, go to a column of computed cells; the best of
+those to assembled plates. Each computed fidelity ends with a Nelder-Mead descent from its best design (scipy). The winner and
+the design as it was are solved once more as `antinode modes` would, so that what is claimed is what the user gets.
 """
 
 from __future__ import annotations
@@ -40,9 +39,7 @@ MAX_CONFIRMED = 3
 
 
 def search(space: Space, settings: Settings, log: Log, cache: EvaluationCache | None = None) -> Outcome:
-    """Search the best design of a space. Raises InputError without rows of pillars, CheckFailed when none keeps the
-    limits.
-    """
+    """Search the best design of a space. Raises InputError without rows, CheckFailed when no design keeps the limits."""
     _check(space, settings)
     return _Search(space, settings, log, cache or EvaluationCache()).go()
 
@@ -53,7 +50,7 @@ def _check(space: Space, settings: Settings) -> None:
     case.require("pillar", "array.pitch_mm", command="search")
     varied = {variable.key for variable in space.variables}
     if not case.design.rows and "array.rows" not in varied:
-        raise InputError(f"{space.path}: array.rows = 0: must be 1 or more, a bare plate holds nothing")
+        raise InputError(f"{space.path}: array.rows = 0: must be 1 or more, a bare plate confines nothing")
     if settings.goal == "extension" and not case.design.extension_m and "array.extension_mm" not in varied:
         raise InputError(f"{space.path}: array.extension_mm = 0: must be above 0 for --goal extension")
 
@@ -95,9 +92,7 @@ class _Search:
         return Outcome(self.space, self.settings, results, base, best, self.softness, window)
 
     def _calibrate(self) -> None:
-        """Soften the strips' feet until the file's design has the frequency that a column of computed cells gives
-        it.
-        """
+        """Soften the strips' feet until the file's design has the frequency of a column of computed cells."""
         case = self.space.case()
         with self.log.step("calibrate the strips on one column"):
             column = evaluate(case, COLUMN, None, self.cache)
@@ -123,9 +118,7 @@ class _Search:
             raise CheckFailed(f"no design between the ends can be built: {unbuilt[0].result.why_not}")
 
     def _at_fidelity(self, fidelity: str, source: str, first: int, more: Sequence[Values] = ()) -> None:
-        """Evaluate the file's design, the best ones of the fidelity below and some more, then search locally from the
-        best two.
-        """
+        """Evaluate the file's design, the best of the fidelity below and some more, then search locally from the best two."""
         picked = [each.values for each in spread(self.known[source].values(), first, self.space)]
         own = self.space.own_values()
         for values in list(dict.fromkeys([*([own] if own else []), *picked, *more]))[: self.budget[fidelity]]:
@@ -193,16 +186,14 @@ class _Search:
     def _evaluated(self, values: Values, fidelity: str, near_hz: float | None, more: Sequence[str] = ()) -> Evaluation:
         try:
             case = self.space.case(values, more)
-        except InputError as fault:
-            nothing = FidelityResult(fidelity, None, None, None, None, fault.lines[0])
+        except InputError as error:
+            nothing = FidelityResult(fidelity, None, None, None, None, error.lines[0])
             return Evaluation(values, nothing, None, None, (), UNBUILT, UNBUILT)
         results = by_strip(case, self.softness) if fidelity == STRIP else evaluate(case, fidelity, near_hz, self.cache)
         return rate(values, results, self.settings, case.design)
 
     def _confirmed(self, values: Values, near_hz: float | None) -> Evaluation:
-        """Evaluate a design (none: as the file has it) by the assembled plate in the case's own window, which must
-        hold the mode.
-        """
+        """Evaluate a design (none: the file's) by the assembled plate in the case's own window, which must contain the mode."""
         with self.log.step("solve the design as it was" if not values else "solve the best design again"):
             confirmed = self._evaluated(values, PLATE, None, window_around(self.space.case(values), near_hz))
         for id, text in confirmed.result.warnings:

@@ -8,16 +8,15 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
+from pipeline.search.fidelity import COLUMN, PLATE, STRIP
+from pipeline.units import GRAM, KHZ
 
-KHZ = 1e-3
 GOALS = {"confinement": ("confinement_db", "confinement (dB)"), "extension": ("extension_db", "zone to extension (dB)")}
-STRIP, COLUMN, PLATE = "strip", "column", "plate"
 
 
 def landscape(document: dict[str, Any]) -> ReportFigure:
     """Draw the goal over one or two keys, and the goal against frequency and mass, from a search's document."""
-    figure = style.new_figure(style.WIDTH_IN, 3.9)
-    left, right = figure.subplots(1, 2, width_ratios=[1.15, 1.0])
+    figure, (left, right) = style.panels(3.9, 1, 2, width_ratios=[1.15, 1.0])
     key, label = GOALS[document["goal"]]
     axes = shown_keys(document)
     if len(axes) == 1:
@@ -61,11 +60,9 @@ def _line(axes: Any, document: dict[str, Any], key: str, value: str, label: str)
             axes.plot(x, y, color=colour, marker=marker or None, ls=line or "none", ms=4, label=fidelity)
     best = document["best"]
     axes.plot(best["set"][key], best[value], "*", color=style.VERMILION, ms=13, label="best")
-    axes.set_xlabel(axis_words(key))
-    axes.set_ylabel(label)
+    axes.set(xlabel=axis_words(key), ylabel=label, title="Landscape")
     axes.grid(True)
     axes.legend(fontsize=7)
-    axes.set_title("Landscape")
 
 
 def _map(axes: Any, document: dict[str, Any], keys: list[str], value: str, label: str) -> None:
@@ -78,17 +75,13 @@ def _map(axes: Any, document: dict[str, Any], keys: list[str], value: str, label
         axes.tripcolor(*strips[:2], strips[2], shading="gouraud", rasterized=True, **look)
     columns = _points(_of(document, COLUMN), keys, value)
     if columns.size:
-        axes.scatter(
-            *columns[:2], c=columns[2], marker="s", s=14, edgecolors="white", linewidths=0.5, label="column", **look
-        )
-    image = axes.scatter(
-        *plates[:2], c=plates[2], marker="o", s=42, edgecolors="black", linewidths=0.8, label="assembled plate", **look
-    )
+        own = {"marker": "s", "s": 14, "edgecolors": "white", "linewidths": 0.5, "label": "column"}
+        axes.scatter(*columns[:2], c=columns[2], **own, **look)
+    own = {"marker": "o", "s": 42, "edgecolors": "black", "linewidths": 0.8, "label": "assembled plate"}
+    image = axes.scatter(*plates[:2], c=plates[2], **own, **look)
     best = document["best"]["set"]
     axes.plot(best[keys[0]], best[keys[1]], "*", color=style.VERMILION, mec="white", ms=15, ls="none", label="best")
-    axes.set_xlabel(axis_words(keys[0]))
-    axes.set_ylabel(axis_words(keys[1]))
-    axes.set_title("Landscape (ground: strips)")
+    axes.set(xlabel=axis_words(keys[0]), ylabel=axis_words(keys[1]), title="Landscape (ground: strips)")
     axes.legend(fontsize=7, loc="upper right", framealpha=0.8, frameon=True)
     axes.figure.colorbar(image, ax=axes, label=label)
 
@@ -99,23 +92,20 @@ def _tradeoff(axes: Any, document: dict[str, Any], value: str, label: str) -> No
         listed = [e for e in _of(document, fidelity) if e[value] is not None and not e["violations"]]
         if not listed:
             continue
-        mass = [1e3 * e["mass_kg"] if e["mass_kg"] is not None else np.nan for e in listed]
-        x, y = [KHZ * e["frequency_hz"] for e in listed], [e[value] for e in listed]
-        image = axes.scatter(
-            x, y, c=mass, cmap="viridis_r", plotnonfinite=True, edgecolors="black", linewidths=0.4, **look
-        )
+        mass = [e["mass_kg"] / GRAM if e["mass_kg"] is not None else np.nan for e in listed]
+        x, y = [e["frequency_hz"] / KHZ for e in listed], [e[value] for e in listed]
+        own = {"cmap": "viridis_r", "plotnonfinite": True, "edgecolors": "black", "linewidths": 0.4}
+        image = axes.scatter(x, y, c=mass, **own, **look)
     axes.figure.colorbar(image, ax=axes, label="mass (g)")
-    front = sorted((KHZ * e["frequency_hz"], e[value]) for e in document["tradeoff"])
+    front = sorted((e["frequency_hz"] / KHZ, e[value]) for e in document["tradeoff"])
     axes.plot(*zip(*front, strict=True), color=style.GREY, lw=0.8, ls="--", label="no other design beats these")
     for name, marker, colour in (("base", "D", style.ORANGE), ("best", "*", style.VERMILION)):
         each = document[name]
         if each[value] is not None:
             label_ = "as it was" if name == "base" else "best"
-            axes.plot(KHZ * each["frequency_hz"], each[value], marker, color=colour, mec="white", ms=11, label=label_)
-    axes.axvline(KHZ * document["limits"]["lowest_hz"], color=style.GREY, lw=0.8, ls=":")
-    axes.set_xlabel("frequency of the wanted mode (kHz)")
-    axes.set_ylabel(label)
-    axes.set_title("Trade-off")
+            axes.plot(each["frequency_hz"] / KHZ, each[value], marker, color=colour, mec="white", ms=11, label=label_)
+    axes.axvline(document["limits"]["lowest_hz"] / KHZ, color=style.GREY, lw=0.8, ls=":")
+    axes.set(xlabel="frequency of the wanted mode (kHz)", ylabel=label, title="Trade-off")
     axes.grid(True)
     axes.legend(fontsize=7)
 
@@ -133,5 +123,5 @@ def _alt(document: dict[str, Any], value: str) -> str:
     counts = ", ".join(f"{fidelity['designs']} by {fidelity['name']}" for fidelity in document["fidelities"])
     return (
         f"Goal over what was varied ({counts}) and against frequency: best {best[value]:.1f} dB at "
-        f"{KHZ * best['frequency_hz']:.2f} kHz with {where}{was}"
+        f"{best['frequency_hz'] / KHZ:.2f} kHz with {where}{was}"
     )

@@ -95,8 +95,8 @@ def read_space(path: str, fixed: Sequence[str], texts: Sequence[str]) -> Space:
                 raise InputError(f"--vary {text}: {variable.key} is varied already")
             _check_ends(raw, file, fixed, variable, text)
             variables.append(variable)
-        except InputError as fault:
-            faults += fault.lines
+        except InputError as error:
+            faults += error.lines
     if not texts:
         faults.append(f"--vary: missing, search needs at least one KEY=LOW:HIGH, {EXAMPLE}")
     if faults:
@@ -142,9 +142,9 @@ def _check_ends(raw: dict[str, Any], file: Path, fixed: Sequence[str], variable:
     for end in (variable.low, variable.high):
         try:
             case_from_dict(raw, file, [*fixed, f"{variable.key}={end:g}"])
-        except InputError as fault:
-            lines.append(fault.lines)
-            if any("must be a " in line for line in fault.lines):  # the schema's words: wrong by itself
+        except InputError as error:
+            lines.append(error.lines)
+            if any("must be a " in line for line in error.lines):  # the schema's words: wrong by itself
                 break
     else:
         if len(lines) < 2:

@@ -1,1 +1,1 @@
-"""A result's document as rows of a table and as a figure."""
+"""What a command answers: its document, and that as rows of a table and as a figure."""

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, TypeVar
 
 import numpy as np
 
 from geometry.files import written_whole
+from pipeline.plots import attenuation as of_rows
+from pipeline.plots import bands as of_bands
+from pipeline.plots import response as of_response
 from pipeline.plots import style
+from pipeline.records.record import AttenuationRecord, BandsRecord, Part, ResponseRecord, ToleranceRecord
+from pipeline.units import KHZ
 from solvers.measures.levels import CONFINED_DB
-from solvers.waves.brillouin import Path as WavePath
 
 Document = dict[str, Any]
+P = TypeVar("P", bound=Part)
 
 
-def axes() -> Any:
-    """New axes of a new figure in the program's style."""
-    return style.new_figure(style.WIDTH_IN, 3.6).subplots()
+def _read(kind: type[P], document: Document) -> P:
+    """What a record would hold of a document."""
+    return kind.of(SimpleNamespace(**document))
 
 
 def draw(kind: str, document: Document, ax: Any = None) -> Any:
@@ -26,7 +32,7 @@ def draw(kind: str, document: Document, ax: Any = None) -> Any:
     if kind not in FIGURES:
         raise ValueError(f"{kind}: has no figure")
     with style.style():
-        ax = axes() if ax is None else ax
+        ax = style.panels(3.6)[1] if ax is None else ax
         FIGURES[kind](ax, document)
         return ax
 
@@ -40,21 +46,14 @@ def write(kind: str, document: Document, place: Path) -> None:
 
 def bands(ax: Any, document: Document) -> None:
     """Dispersion diagram, gaps shaded."""
-    points = document["points"]
-    distance = WavePath(np.array([(point["kx_per_m"], point["ky_per_m"]) for point in points]), ()).arc
-    ax.plot(distance, np.array([point["frequencies_hz"] for point in points]) / 1e3, color=style.BLUE, lw=1.1)
-    for gap in document["gaps"]:
-        ax.axhspan(gap["lower_hz"] / 1e3, gap["upper_hz"] / 1e3, color=style.GREEN, alpha=0.2)
-    marks = [(at, point["label"]) for at, point in zip(distance, points, strict=True) if point["label"]]
-    ax.set_xticks([at for at, _ in marks], ["Γ" if label == "G" else label for _, label in marks])
-    for at, _ in marks:
-        ax.axvline(at, color=style.GREY, lw=0.6)
-    ax.set(xlim=(distance[0], distance[-1] or 1.0), ylim=(0.0, None), xlabel="wavevector", ylabel="frequency (kHz)")
+    of_bands.draw_bands(ax, _read(BandsRecord, document))
+    if len(ax.get_legend_handles_labels()[1]) > 1:
+        ax.legend(fontsize=7)
 
 
 def modes(ax: Any, document: Document) -> None:
     """Confinement of each mode over its frequency, the wanted mode marked; frequencies alone where nothing is passive."""
-    khz = np.array([mode["frequency_hz"] for mode in document["modes"]]) / 1e3
+    khz = np.array([mode["frequency_hz"] for mode in document["modes"]]) / KHZ
     level = np.array([mode["confinement_db"] for mode in document["modes"]], dtype=float)
     if not np.isfinite(level).any():
         ax.plot(np.arange(1, len(khz) + 1), khz, "o", color=style.BLUE, ms=4)
@@ -64,7 +63,7 @@ def modes(ax: Any, document: Document) -> None:
     ax.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls="--", label=f"confined from {CONFINED_DB:g} dB")
     wanted = document.get("wanted") or {}
     if wanted.get("frequency_hz") is not None and wanted.get("confinement_db") is not None:
-        at = wanted["frequency_hz"] / 1e3, wanted["confinement_db"]
+        at = wanted["frequency_hz"] / KHZ, wanted["confinement_db"]
         ax.plot(*at, "*", color=style.VERMILION, ms=11, label=f"wanted mode ({wanted['status']})")
     ax.legend()
     ax.set(xlabel="frequency (kHz)", ylabel="confinement (dB)")
@@ -72,26 +71,19 @@ def modes(ax: Any, document: Document) -> None:
 
 def attenuation(ax: Any, document: Document) -> None:
     """Decay per row of the least attenuated flexural wave over frequency."""
-    khz = [point["frequency_hz"] / 1e3 for point in document["points"]]
-    ax.plot(khz, np.array([point["db_per_row"] for point in document["points"]], dtype=float), color=style.BLUE)
+    of_rows.draw_least(ax, _read(AttenuationRecord, document))
     ax.set(xlabel="frequency (kHz)", ylabel="decay per row (dB)")
 
 
 def response(ax: Any, document: Document) -> None:
-    """Rms of zone and passive face per volt over frequency."""
-    khz = np.array(document["frequency_hz"]) / 1e3
-    ax.semilogy(khz, 1e9 * np.array(document["zone_rms_m_per_V"]), color=style.BLUE, label="active zone")
-    if document["passive_rms_m_per_V"] is not None:
-        passive = 1e9 * np.array(document["passive_rms_m_per_V"])
-        ax.semilogy(khz, passive, color=style.ORANGE, ls="--", label="passive face")
-    ax.legend()
-    ax.set(xlabel="frequency (kHz)", ylabel="rms of $u_z$ (nm/V)")
+    """Rms of zone and passive face per volt over frequency, the peaks marked."""
+    of_response.draw_amplitudes(ax, _read(ResponseRecord, document))
 
 
 def predesign(ax: Any, document: Document) -> None:
     """Frequencies of zone and pillar by each theory."""
     values = {
-        f"{part}: {name.removesuffix('_hz').replace('_', ' ')}": value / 1e3
+        f"{part}: {name.removesuffix('_hz').replace('_', ' ')}": value / KHZ
         for part in ("zone", "pillar")
         for name, value in (document.get(part) or {}).items()
         if name.endswith("_hz") and value is not None
@@ -102,10 +94,7 @@ def predesign(ax: Any, document: Document) -> None:
 
 def tolerance(ax: Any, document: Document) -> None:
     """Peaks of the samples against their driven confinement."""
-    known = [sample for sample in document["samples"] if sample["peak_hz"] is not None]
-    levels = np.array([sample["confinement_db"] for sample in known], dtype=float)
-    ax.plot([sample["peak_hz"] / 1e3 for sample in known], levels, "o", color=style.BLUE, ms=4)
-    ax.set(xlabel="peak (kHz)", ylabel="driven confinement (dB)")
+    of_response.draw_peaks(ax, _read(ToleranceRecord, document))
 
 
 def compare(ax: Any, document: Document) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import os
 import signal
@@ -75,6 +76,19 @@ def test_every_command_ends_its_help_with_an_example(capsys: pytest.CaptureFixtu
     for name in commands():
         assert run(name, "--help") == 0
         assert lines(capsys.readouterr().out)[-1].startswith(f"example: antinode {name}")
+
+
+def test_every_command_runs_a_function_that_is_there() -> None:
+    """What commands.toml names by its module and function."""
+    actions = next(action for action in main._parser()._actions if isinstance(action, argparse._SubParsersAction))
+    for name, sub in actions.choices.items():
+        module, _, function = sub.get_default("handler").partition(":")
+        assert callable(getattr(importlib.import_module(module), function)), name
+
+
+def test_a_plan_leaves_neither_a_table_nor_a_figure(tmp_path: Path) -> None:
+    places = ("--csv", str(tmp_path / "b.csv"), "--plot", str(tmp_path / "b.png"))
+    assert run("bands", CASE, "--explain", *places) == 0 and not list(tmp_path.iterdir())
 
 
 def test_json_on_standard_output_is_alone_and_holds_the_pillar(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,95 @@
+"""What a command answers, and where it goes: text for people, one JSON document for scripts, files into a folder."""
+
+from __future__ import annotations
+
+import json
+import sys
+from argparse import Namespace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import InputError
+from pipeline.records.outputs import check_places, csv_bytes, folder, is_standard_output, write_file
+
+if TYPE_CHECKING:
+    from pipeline.case.model import Case
+    from pipeline.logs import TerminalLog
+    from pipeline.plots.style import ReportFigure
+
+FORMATS = (".png", ".pdf", ".svg")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A document, lines of text, rows under a head for CSV; pictures (drawn only when asked for) and files for --out."""
+
+    document: dict[str, Any]
+    lines: Sequence[str]
+    head: Sequence[str] = ()
+    rows: Sequence[Sequence[Any]] = ()
+    pictures: Callable[[], Sequence[ReportFigure]] = tuple
+    files: Mapping[str, bytes] = field(default_factory=dict)
+
+
+def of_case(arguments: Namespace, case: Case) -> Case:
+    """The case, kept as the one that is answered; places are looked at once more, now that it is known what it reads."""
+    arguments.answered = case
+    check_places(arguments)
+    return case
+
+
+def check(arguments: Namespace) -> None:
+    """Before computing: InputError for a --plot in a format that is not drawn, or a place that cannot be written."""
+    place = getattr(arguments, "plot", None)
+    if place and Path(place).suffix.lower() not in FORMATS:
+        raise InputError(f"--plot = {place}: must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
+    check_places(arguments)
+
+
+def emit(arguments: Namespace, name: str, answer: Answer, log: TerminalLog | None = None) -> int:
+    """Text on standard output unless a document goes there; JSON, CSV, pictures and files to where they are asked for.
+
+    Every document also says which case it answers, as it was understood, and by which version; with a log its seconds.
+    """
+    case: Case | None = getattr(arguments, "answered", None)
+    about = {"case": case and case.name, "with_defaults": case and case.to_dict(), "version": version("antinode")}
+    seconds = {"seconds": log.seconds | {"total": log.elapsed}} if log else {}
+    document = {"schema": 1, **about, **answer.document, **seconds}
+    encoded = (json.dumps(document, indent=1, allow_nan=False) + "\n").encode()
+    if is_standard_output(arguments.json):
+        sys.stdout.write(encoded.decode())
+    elif not is_standard_output(getattr(arguments, "output", None)):
+        print("\n".join(answer.lines))
+    for place, data in _files(arguments, name, answer, encoded).items():
+        write_file(place, data)
+    if out := getattr(arguments, "out", None):
+        _draw(answer, folder(out))
+    if answer.head and getattr(arguments, "plot", None):  # a plan has neither rows nor a figure
+        from pipeline.views import figures
+
+        figures.write(name, document, Path(arguments.plot))
+    return 0
+
+
+def _files(arguments: Namespace, name: str, answer: Answer, encoded: bytes) -> dict[Path, bytes]:
+    """What is written, by its place."""
+    csv, out = getattr(arguments, "csv", None), getattr(arguments, "out", None)
+    rows = csv_bytes(answer.head, answer.rows) if answer.head else b""
+    written = {Path(csv): rows} if csv and rows else {}
+    if arguments.json and not is_standard_output(arguments.json):
+        written[Path(arguments.json)] = encoded
+    if out:
+        named = {f"{name}.json": encoded, **({f"{name}.csv": rows} if rows else {}), **answer.files}
+        written |= {folder(out) / file: data for file, data in named.items()}
+    return written
+
+
+def _draw(answer: Answer, place: Path) -> None:
+    from pipeline.plots import style
+
+    with style.style():
+        for picture in answer.pictures():
+            style.save(picture, place)

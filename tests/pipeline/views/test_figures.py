@@ -1,0 +1,61 @@
+"""Figures of documents: drawn by the same panels as the report's, into axes that are given or new."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.records.record import SampleRecord, ToleranceRecord
+from pipeline.units import KHZ, NM
+from pipeline.views import figures
+from tests.helpers import synthetic
+
+RESPONSE, BANDS, ROWS = synthetic.response(12.0), synthetic.bands(0.004), synthetic.attenuation(3)
+
+
+def tolerance() -> ToleranceRecord:
+    """Three plates, one of which lost its mode."""
+    plates = [(31e3, 12.0, "single"), (31.5e3, 10.0, "single"), (None, None, "none")]
+    nominal, *samples = (
+        SampleRecord(peak_hz=tone, zone_rms=None, confinement_db=level, quality=None, tracking=word)
+        for tone, level, word in plates
+    )
+    counts: dict[str, Any] = {"pillars": 4, "dofs": 9, "lost": 1, "split": 0, "confined": 1}
+    statistics = dict.fromkeys(("peak_hz", "peak_shift_hz", "confinement_db"))
+    texts: dict[str, Any] = {"tolerance": {}, "drive": "patches", "rms_unit": "m/V", "space_check": {}}
+    return ToleranceRecord(nominal=nominal, samples=samples, **counts, **statistics, **texts)
+
+
+def test_a_response_shows_zone_and_passive_face_in_nm_per_volt_over_khz() -> None:
+    axes = figures.draw("response", {"schema": 1, **RESPONSE.to_dict()})
+    zone = next(line for line in axes.lines if line.get_label() == "zone")
+    assert np.allclose(zone.get_xdata(), np.array(RESPONSE.frequency_hz) / KHZ)
+    assert np.allclose(zone.get_ydata(), np.array(RESPONSE.zone_rms_m_per_V) / NM)
+    assert "(nm/V)" in axes.get_ylabel() and "passive face" in axes.get_legend_handles_labels()[1]
+
+
+def test_bands_go_over_the_path_to_scale_with_their_gaps_shaded() -> None:
+    axes = figures.draw("bands", BANDS.to_dict())
+    assert axes.get_ylabel() == "frequency (kHz)" and len(axes.texts) == len(BANDS.gaps)
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["Γ", "X", "M", "Γ"]
+
+
+def test_attenuation_shows_the_least_attenuated_flexural_wave() -> None:
+    axes = figures.draw("attenuation", ROWS.to_dict())
+    (line,) = axes.lines
+    assert np.allclose(np.transpose(line.get_data()), ROWS.decay / (KHZ, 1.0))
+
+
+def test_samples_of_a_tolerance_lie_at_their_peaks_and_lost_ones_are_left_out() -> None:
+    axes = figures.draw("tolerance", tolerance().to_dict())
+    samples, nominal = axes.lines[:2]
+    assert samples.get_xydata().tolist() == [[31.5, 10.0]] and nominal.get_xydata().tolist() == [[31.0, 12.0]]
+
+
+def test_given_axes_are_drawn_into_and_an_unknown_kind_is_refused() -> None:
+    axes = figures.draw("attenuation", ROWS.to_dict())
+    assert figures.draw("response", RESPONSE.to_dict(), axes) is axes
+    with pytest.raises(ValueError, match="has no figure"):
+        figures.draw("plan", {})
