@@ -34,6 +34,16 @@ def dataframe(rows: Sequence[dict[str, Any]]) -> Any:
     return pandas.DataFrame(rows)
 
 
+def values(document: dict[str, Any], name: str, of: str = "") -> FloatArray:
+    """A figure of a document, or of each item of a list in it, as an array; NaN for what has no value."""
+    return np.array([each.get(name) for each in document[of]] if of else document[name], dtype=float)
+
+
+def column(name: str, of: str = "", *, doc: str) -> Any:
+    """The property of a result that is a figure of its document."""
+    return property(lambda result: values(result._document, name, of), doc=doc)
+
+
 class Result:
     """A document as `--json` writes it, and what can be done with it."""
 
@@ -65,11 +75,6 @@ class Result:
 
         drawn: Axes = figures.draw(self.kind, self._document, ax)
         return drawn
-
-    def _array(self, name: str, of: str = "") -> FloatArray:
-        """A figure of the document, or of each of its points or modes; NaN for what has no value."""
-        values = [each[name] for each in self._document[of]] if of else self._document[name]
-        return np.array(values, dtype=float)
 
     def _repr_html_(self) -> str:
         """The result in words and its figure, for a notebook."""
@@ -138,15 +143,12 @@ class Modes(Result, Sequence[Mode]):
         names = ("frequency_hz", "symmetry", "mac", "zone_share", "confinement_db", "strength", "residual", "error")
         return tuple(Mode(**{name: mode.get(name) for name in names}, _owner=self) for mode in self._document["modes"])
 
-    @property
-    def error(self) -> FloatArray:
-        """Half-width of each frequency's error bar (modes,), relative; NaN where none was calibrated."""
-        return np.array([mode.error for mode in self], dtype=float)
-
-    @property
-    def frequency_hz(self) -> FloatArray:
-        """Frequencies (modes,) in Hz."""
-        return self._array("frequency_hz", "modes")
+    error: FloatArray = column(
+        "error",
+        "modes",
+        doc="Half-width of each frequency's error bar (modes,), relative; NaN where none was calibrated.",
+    )
+    frequency_hz: FloatArray = column("frequency_hz", "modes", doc="Frequencies (modes,) in Hz.")
 
     @property
     def wanted(self) -> Wanted | None:
@@ -198,20 +200,13 @@ class Bands(Result):
 
     kind = "bands"
 
-    @property
-    def frequencies_hz(self) -> FloatArray:
-        """Frequencies (points, bands) in Hz."""
-        return self._array("frequencies_hz", "points")
-
-    @property
-    def computed_hz(self) -> FloatArray:
-        """Frequencies (points, bands) of the mesh itself, Hz."""
-        return self._array("computed_hz", "points")
+    frequencies_hz: FloatArray = column("frequencies_hz", "points", doc="Frequencies (points, bands) in Hz.")
+    computed_hz: FloatArray = column("computed_hz", "points", doc="Frequencies (points, bands) of the mesh itself, Hz.")
 
     @property
     def wavevectors_per_m(self) -> FloatArray:
         """Wavevectors (points, 2) in rad/m."""
-        return np.column_stack([self._array(f"k{axis}_per_m", "points") for axis in "xy"])
+        return np.column_stack([values(self._document, f"k{axis}_per_m", "points") for axis in "xy"])
 
     @property
     def labels(self) -> tuple[str | None, ...]:
@@ -225,10 +220,9 @@ class Bands(Result):
 
         return tuple(Gap(**gap) for gap in self._document["gaps"])
 
-    @property
-    def error(self) -> FloatArray:
-        """Half-width of the error bars (points, bands), relative; NaN where none was calibrated."""
-        return self._array("error", "points")
+    error: FloatArray = column(
+        "error", "points", doc="Half-width of the error bars (points, bands), relative; NaN where none was calibrated."
+    )
 
     @property
     def distance_per_m(self) -> FloatArray:
@@ -252,15 +246,12 @@ class Attenuation(Result):
 
     kind = "attenuation"
 
-    @property
-    def frequency_hz(self) -> FloatArray:
-        """Frequencies (points,) in Hz."""
-        return self._array("frequency_hz", "points")
-
-    @property
-    def db_per_row(self) -> FloatArray:
-        """Decay per row (points,) in dB of the least attenuated flexural wave; NaN where there is none."""
-        return self._array("db_per_row", "points")
+    frequency_hz: FloatArray = column("frequency_hz", "points", doc="Frequencies (points,) in Hz.")
+    db_per_row: FloatArray = column(
+        "db_per_row",
+        "points",
+        doc="Decay per row (points,) in dB of the least attenuated flexural wave; NaN where there is none.",
+    )
 
     @property
     def kx_per_m(self) -> float:
@@ -276,20 +267,16 @@ class Response(Result):
 
     kind = "response"
 
-    @property
-    def frequency_hz(self) -> FloatArray:
-        """Frequencies (points,) in Hz."""
-        return self._array("frequency_hz")
-
-    @property
-    def zone_rms_m_per_V(self) -> FloatArray:
-        """Rms of u_z on the active touch face (points,) in m/V."""
-        return self._array("zone_rms_m_per_V")
+    frequency_hz: FloatArray = column("frequency_hz", doc="Frequencies (points,) in Hz.")
+    zone_rms_m_per_V: FloatArray = column(
+        "zone_rms_m_per_V", doc="Rms of u_z on the active touch face (points,) in m/V."
+    )
 
     @property
     def passive_rms_m_per_V(self) -> FloatArray | None:
         """Rms of u_z on the passive touch face (points,) in m/V; None without one."""
-        return None if self._document["passive_rms_m_per_V"] is None else self._array("passive_rms_m_per_V")
+        name = "passive_rms_m_per_V"
+        return None if self._document[name] is None else values(self._document, name)
 
     @property
     def wanted_peak(self) -> dict[str, Any] | None:

@@ -47,7 +47,7 @@ def run(arguments: Namespace) -> int:
     place = Path(arguments.place)
     if place.exists() and not arguments.force:
         raise InputError(f"{place}: is there already; --force replaces it")
-    wishes = _asked(arguments)
+    wishes = _wishes(arguments)
     if wishes["material"] not in MATERIALS:
         raise InputError(f"--material = {wishes['material']}: must be one of {', '.join(MATERIALS)}")
     frequency_hz = parse_frequency(str(wishes["frequency"]), "--frequency")
@@ -94,7 +94,7 @@ def check(text: str, place: Path) -> None:
     case_from_dict(tomllib.loads(text), place)
 
 
-def _asked(arguments: Namespace) -> dict[str, Any]:
+def _wishes(arguments: Namespace) -> dict[str, Any]:
     """Wishes from the options, from the person where one is there and nothing was given, else the defaults."""
     given = {name: getattr(arguments, name) for name in WISHES}
     asks = sys.stdin.isatty() and not arguments.quiet and all(value is None for value in given.values())

@@ -107,7 +107,7 @@ def _page(
         left_out=text.left_out(study),
         plans=text.plans(study),
         repeat=f"antinode run {study.about['name']}" if study.about.get("name") else "",
-        with_defaults=_understood(study),
+        with_defaults=_with_defaults(study),
         shapes=moving.shapes,
         bands=moving.cells,
         bands_data=moving.bands,
@@ -152,7 +152,7 @@ def _of_best(study: StoredStudy, pages: list[CasePage]) -> list[tuple[str, str]]
     return figures
 
 
-def _understood(study: StoredStudy) -> str:
+def _with_defaults(study: StoredStudy) -> str:
     """The first stored input as readable text."""
     for case in study.cases:
         stored = case.read(store.INPUT)
