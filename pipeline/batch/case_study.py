@@ -56,6 +56,18 @@ def _memory(case: Case, query: tuple[str, ...]) -> int:
     return 0
 
 
+def explain(study: StudyFile, job: Job) -> str:
+    """The plan of a case in a few lines."""
+    return registry.plan_of(load_case(study.case_path, job.payload["overrides"]), job.payload["measure"]).short()
+
+
+def conclude(study: StudyFile, folder: Path) -> list[Path]:
+    """Table and page from the stored records."""
+    from pipeline.report import page
+
+    return [registry.write_table(folder), page.build(folder)]
+
+
 def computer(study: StudyFile) -> Any:
     """The picklable function that computes one case in a worker process."""
     return partial(compute, str(study.case_path))

@@ -41,6 +41,11 @@ class ScriptStudy:
     script: str
 
     @property
+    def about(self) -> dict[str, Any]:
+        """What a run keeps of the study for its report."""
+        return {"name": self.name, "script": self.script}
+
+    @property
     def module(self) -> ModuleType:
         """The module, imported."""
         return importlib.import_module(f"studies.{self.script}")
@@ -69,8 +74,13 @@ def load_script(path: Path) -> ScriptStudy | None:
     return ScriptStudy(name, path, script)
 
 
-def jobs_of(study: ScriptStudy) -> list[Job]:
-    """The cases of the script; each carries the hash of the sources behind it."""
+def explain(study: ScriptStudy, job: Job) -> str:
+    """Nothing: a script's cases have no plan."""
+    return ""
+
+
+def jobs_of(study: ScriptStudy, all_fields: bool = False) -> list[Job]:
+    """The cases of the script; each carries the hash of the sources behind it. No script has fields of modes."""
     sources = {
         name: fingerprint.file_hash(paths.STUDIES / f"{name}.py")
         for name in (study.script, *SHARED)

@@ -7,7 +7,6 @@ from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan, simplifications
 from pipeline.planning.plan import Step
 from pipeline.planning.simplifications import Simplification
-from pipeline.plots import attenuation as plots
 from pipeline.records.tables import Column, figures_of
 
 
@@ -33,4 +32,6 @@ COLUMNS = (
     Column("rows_needed", "rows needed, endless ones", _rows(lambda p: p.rows_needed), "d"),
 )
 
-ATTENUATION = Measure("attenuation", plan=_plan, compute=_compute, columns=COLUMNS, pictures=(plots.attenuation,))
+ATTENUATION = Measure(
+    "attenuation", plan=_plan, compute=_compute, columns=COLUMNS, pictures=("attenuation.attenuation",)
+)

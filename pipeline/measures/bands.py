@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan, simplifications
-from pipeline.plots import bands as plots
 from pipeline.records.tables import Column, figures_of
 
 
@@ -31,5 +30,5 @@ BANDS = Measure(
     plan=lambda case: simplifications.no_lattice(case.design, "bands") or plan.bands_step(case),
     compute=_compute,
     columns=COLUMNS,
-    pictures=(plots.dispersion,),
+    pictures=("bands.dispersion",),
 )

@@ -6,7 +6,6 @@ from typing import Any
 
 from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
-from pipeline.plots import board as plots
 
 NAME = "closed loop on the emulated board"
 
@@ -37,5 +36,5 @@ BOARD = Measure(
     compute=_compute,
     after="modes",
     inputs=_inputs,
-    pictures=(plots.board,),
+    pictures=("board.board",),
 )

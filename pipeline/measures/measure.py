@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,7 +57,7 @@ class Measure:
 
     needs: tables of the case; after: another measure whose results it uses; aliases: other names of the same; drives: whether
     it drives the plate; inputs: what its results depend on beside case, sources and packages. Columns and pictures read the
-    record alone.
+    record alone. Pictures are functions of pipeline.plots by their names: nothing is imported before something is drawn.
     """
 
     name: str
@@ -68,4 +69,9 @@ class Measure:
     drives: bool = False
     inputs: Callable[[], dict[str, Any]] = dict
     columns: tuple[Column, ...] = ()
-    pictures: tuple[Draw, ...] = ()
+    pictures: tuple[str, ...] = ()
+
+    def draws(self) -> list[Draw]:
+        """The functions that draw its pictures."""
+        places = (name.split(".") for name in self.pictures)
+        return [getattr(import_module(f"pipeline.plots.{module}"), function) for module, function in places]

@@ -8,7 +8,6 @@ from pipeline.errors import InputError
 from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
 from pipeline.planning.request import of_case
-from pipeline.plots import fields, mesh
 from pipeline.records.record import Record, RivalRecord
 from pipeline.records.tables import Column, figures_of
 from solvers.measures.levels import CONFINED_DB
@@ -16,7 +15,7 @@ from solvers.measures.levels import CONFINED_DB
 if TYPE_CHECKING:
     from pipeline.analysis.modes import PartModes
 
-PICTURES = (mesh.report_figures, fields.touch_face, fields.side_view, fields.pillars_in_plane, fields.neighbours)
+FIELDS = tuple(f"fields.{name}" for name in ("touch_face", "side_view", "pillars_in_plane", "neighbours"))
 SHAPES = 4  # of the modes nearest the wanted one, in a record: what a page draws and moves
 
 
@@ -97,5 +96,5 @@ MODES = Measure(
     compute=_compute,
     aliases=("confinement",),
     columns=COLUMNS,
-    pictures=PICTURES,
+    pictures=("mesh.report_figures", *FIELDS),
 )

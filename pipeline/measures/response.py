@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
-from pipeline.plots import measured, response
 from pipeline.records.tables import Column, figures_of
 
 
@@ -50,5 +49,5 @@ RESPONSE = Measure(
     needs=("patches",),
     drives=True,
     columns=COLUMNS,
-    pictures=(response.response, measured.measured),
+    pictures=("response.response", "measured.measured"),
 )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
-from pipeline.plots import fields
 
 
 def _compute(work: Work) -> None:
@@ -14,4 +13,6 @@ def _compute(work: Work) -> None:
         work.keep(meshes, arrays, **result)
 
 
-TETRAHEDRA = Measure("tetrahedra", plan=plan.tetrahedra_step, compute=_compute, pictures=(fields.mode_on_both_meshes,))
+TETRAHEDRA = Measure(
+    "tetrahedra", plan=plan.tetrahedra_step, compute=_compute, pictures=("fields.mode_on_both_meshes",)
+)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
-from pipeline.plots import response as plots
 from pipeline.records.tables import Column, figures_of
 
 
@@ -32,5 +31,5 @@ TOLERANCE = Measure(
     needs=("tolerance",),
     drives=True,
     columns=COLUMNS,
-    pictures=(plots.tolerance,),
+    pictures=("response.tolerance",),
 )

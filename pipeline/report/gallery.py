@@ -36,7 +36,7 @@ def draw_case(case: StoredCase) -> FigureSet:
     if (kept := kept_pictures(case)) is not None:
         return FigureSet(kept)
     arrays, errors = case.read_arrays()
-    draws = [partial(draw, case, arrays) for measure in MEASURES for draw in measure.pictures]
+    draws = [partial(draw, case, arrays) for measure in MEASURES for draw in measure.draws()]
     return _draw(case.folder / PICTURES, _case_key(case), draws, errors)
 
 

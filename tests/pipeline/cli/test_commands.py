@@ -15,7 +15,8 @@ import pytest
 
 from pipeline import paths, process
 from pipeline.analysis import predesign
-from pipeline.cli import main, study_commands
+from pipeline.batch import case_study
+from pipeline.cli import main
 from pipeline.cli.check_gap import Edge
 from pipeline.records import store
 
@@ -174,7 +175,7 @@ def test_a_report_names_the_cases_that_it_does_not_believe(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(paths, "RESULTS", tmp_path)
-    monkeypatch.setattr(study_commands, "_table_and_report", lambda folder: [])
+    monkeypatch.setattr(case_study, "conclude", lambda study, folder: [])
     (tmp_path / "rows/a").mkdir(parents=True)
     store.seal(tmp_path / "rows/a", {"schema": store.SCHEMA, "case_id": "a", "status": "OK"})
     store.write_json(tmp_path / "rows/cases.json", {"about": {}, "cases": [{"case_id": "a"}]})
