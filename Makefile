@@ -8,9 +8,9 @@ READY := $(VENV)/.ready
 TABLE := firmware/generated/mode_table.bin
 SIX_TABLE := firmware/generated/six_table.bin
 JOBS ?=
-EXTRAS ?= fast,firmware,client,dev
+EXTRAS ?= fast,firmware,client,dev,tables,uff,docs,release
 .DEFAULT_GOAL := help
-.PHONY: help setup study test test-all check-gap firmware image-single image-six flash flash-six bench licences clean
+.PHONY: help setup study test test-all check-gap firmware image-single image-six flash flash-six bench docs release licences clean
 
 help:  ## what the targets do
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -70,10 +70,20 @@ bench: $(READY)  ## error against run time
 	@$(BIN)/antinode run extremes --jobs 1
 	@$(BIN)/python -m studies.benchmarks
 
+docs: $(READY)  ## the documentation site, its pictures made anew where sources changed (minutes)
+	@$(BIN)/python docs/site/make_site.py
+
+release: docs  ## sdist, wheel, site, SBOM and checksums into dist/; nothing is published
+	@rm -rf dist
+	@SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct 2>/dev/null || echo 0) $(BIN)/python -m build --no-isolation --outdir dist .
+	@$(BIN)/cyclonedx-py environment --of JSON --output-reproducible --pyproject pyproject.toml -o dist/antinode.cdx.json $(BIN)/python
+	@tar --sort=name --owner=0 --group=0 --numeric-owner -C build/docs -czf dist/antinode-site.tar.gz site
+	@cd dist && sha256sum * > SHA256SUMS && cat SHA256SUMS
+
 licences: $(READY)  ## docs/licences.md from the installed packages' own words
 	@$(BIN)/python -m studies.licences
 
 clean:  ## what the others made, never results/reference
-	@rm -rf firmware/build firmware/generated .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache build *.egg-info
+	@rm -rf firmware/build firmware/generated .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache build dist *.egg-info
 	@find results -mindepth 1 -maxdepth 1 ! -name reference ! -name README.md -exec rm -rf {} +
 	@rm -rf $(VENV)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from antinode.plate import Caution, Plate, load
-    from antinode.results import Attenuation, Bands, Mode, Modes, Predesign, Response, Tolerance
+    from antinode.results import Attenuation, Bands, Mode, Modes, Predesign, Response, Search, Tolerance, Wanted
     from antinode.stored import open
     from antinode.sweeps import SweepTable, sweep
     from antinode.tables import Array, BandPath, Damping, Patches, Pillar, Scatter, Solve, Zone
@@ -24,7 +24,17 @@ if TYPE_CHECKING:
 
 HOMES = {
     "antinode.plate": ("Caution", "Plate", "load"),
-    "antinode.results": ("Attenuation", "Bands", "Mode", "Modes", "Predesign", "Response", "Tolerance"),
+    "antinode.results": (
+        "Attenuation",
+        "Bands",
+        "Mode",
+        "Modes",
+        "Predesign",
+        "Response",
+        "Search",
+        "Tolerance",
+        "Wanted",
+    ),
     "antinode.stored": ("open",),
     "antinode.sweeps": ("SweepTable", "sweep"),
     "antinode.tables": ("Array", "BandPath", "Damping", "Patches", "Pillar", "Scatter", "Solve", "Zone"),
@@ -47,10 +57,12 @@ __all__ = [
     "Predesign",
     "Response",
     "Scatter",
+    "Search",
     "Solve",
     "SolverError",
     "SweepTable",
     "Tolerance",
+    "Wanted",
     "Zone",
     "__version__",
     "load",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import sys
 import warnings
+from argparse import Namespace
 from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +21,7 @@ from pipeline.logs import TerminalLog
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
-    from antinode.results import Attenuation, Bands, Modes, Predesign, Response, Tolerance
+    from antinode.results import Attenuation, Bands, Modes, Predesign, Response, Search, Tolerance
 
 Pair = tuple[float, float]
 
@@ -86,14 +87,15 @@ class Plate:
     def with_(self, **changes: Any) -> Plate:
         """Return another plate with changed keys: the last part of a key where the case has it once, else table__key.
 
-        Raises InputError for an unknown or ambiguous name, and for a value that the key cannot have.
+        A table's own name takes the whole table, or None to leave it out. Raises InputError for an unknown or
+        ambiguous name, and for a value that the key cannot have.
 
         >>> from antinode import load
-        >>> load("studies/three-rows.toml").with_(pitch_mm=5.0).to_dict()["array"]["pitch_mm"]
-        5.0
+        >>> other = load("studies/three-rows.toml").with_(pitch_mm=5.0, damping=Damping(quality=200.0))
+        >>> other.to_dict()["array"]["pitch_mm"], other.to_dict()["damping"]
+        (5.0, {'quality': 200.0})
         """
-        pairs = [(key_of(name, self._raw), plain(value)) for name, value in changes.items()]
-        return Plate._of(apply_overrides(self._raw, pairs), self._source)
+        return Plate._of(changed(self._raw, changes), self._source)
 
     def to_dict(self) -> dict[str, Any]:
         """The tables of the case as its file has them."""
@@ -174,6 +176,44 @@ class Plate:
         solved = tolerance.solve(self._case, _logged(progress), _hz(band_kHz))
         return Tolerance(solved.record.to_dict() | self._about)
 
+    def search(
+        self,
+        *,
+        goal: str = "confinement",
+        evaluations: int = 16,
+        min_frequency_kHz: float = 25.0,
+        max_half_wavelength_mm: float = 20.0,
+        min_feature_mm: float = 0.4,
+        mac: float = 0.8,
+        progress: bool | None = None,
+        **ranges: Pair,
+    ) -> Search:
+        """Search the design that confines the wanted mode best between (low, high) of keys as in `with_`.
+
+        Spends up to `evaluations` assembled plates, three columns of cells to each; minutes. Raises InputError for a
+        range that cannot be searched, CheckFailed where no design keeps the limits.
+        """
+        from antinode.results import Search
+        from pipeline.cli.search import limits_of, to_dict
+        from pipeline.search.designs import Settings
+        from pipeline.search.optimiser import search
+        from pipeline.search.space import space_of
+
+        texts = [f"{key_of(name, self._raw)}={low:g}:{high:g}" for name, (low, high) in ranges.items()]
+        space = space_of(self._raw, self._source or Path(f"{self.name}.toml"), (), texts)
+        if goal not in ("confinement", "extension"):
+            raise InputError(f"goal = {goal!r}: must be confinement or extension")
+        limits = limits_of(
+            Namespace(
+                min_frequency=f"{min_frequency_kHz}kHz",
+                max_half_wavelength=max_half_wavelength_mm,
+                min_feature=min_feature_mm,
+                mac=mac,
+            )
+        )
+        outcome = search(space, Settings(goal, limits, evaluations), _logged(progress))
+        return Search(to_dict(outcome) | self._about, self)
+
     @cached_property
     def _about(self) -> dict[str, Any]:
         from importlib.metadata import version
@@ -192,15 +232,22 @@ class Plate:
 
 
 def load(path: str | Path, **overrides: Any) -> Plate:
-    """Read a case file, with keys changed as by Plate.with_. Raises InputError with one line for every fault.
+    """Read a case file, with keys changed as by `Plate.with_`. Raises InputError with one line for every fault.
 
     >>> load("studies/three-rows.toml", rows=2).to_dict()["array"]["rows"]
     2
     """
     file = Path(path)
-    raw = read_toml(file)
-    pairs = [(key_of(name, raw), plain(value)) for name, value in overrides.items()]
-    return Plate._of(apply_overrides(raw, pairs), file)
+    return Plate._of(changed(read_toml(file), overrides), file)
+
+
+def changed(raw: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """Tables of a case with keys, or whole tables, changed as Plate.with_ says."""
+    tables = {name: value for name, value in changes.items() if name in TABLES and not isinstance(value, str)}
+    kept = {key: value for key, value in raw.items() if key not in tables}
+    whole = kept | {name: plain(value) for name, value in tables.items() if value is not None}
+    pairs = [(key_of(name, whole), plain(value)) for name, value in changes.items() if name not in tables]
+    return apply_overrides(whole, pairs)
 
 
 def key_of(name: str, tables: Iterable[str] = ()) -> str:
@@ -231,7 +278,12 @@ def _hz(band_kHz: Pair | None) -> Pair | None:
 
 
 class Caution(UserWarning):
-    """Something to know before believing the numbers."""
+    """Something to know before believing the numbers, as a Python warning: its name, then its text.
+
+    >>> import antinode, warnings
+    >>> warnings.simplefilter("error", antinode.Caution)  # from now on a caution stops the script
+    >>> warnings.resetwarnings()
+    """
 
 
 class _Log(TerminalLog):

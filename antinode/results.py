@@ -25,15 +25,6 @@ if TYPE_CHECKING:
 KIND = "kind"
 
 
-def dataframe(rows: Sequence[dict[str, Any]]) -> Any:
-    """Rows as a pandas DataFrame. Raises ImportError without pandas."""
-    try:
-        import pandas
-    except ModuleNotFoundError as error:
-        raise ImportError("to_dataframe needs pandas: pip install pandas") from error
-    return pandas.DataFrame(rows)
-
-
 def values(document: dict[str, Any], name: str, of: str = "") -> FloatArray:
     """A figure of a document, or of each item of a list in it, as an array; NaN for what has no value."""
     return np.array([each.get(name) for each in document[of]] if of else document[name], dtype=float)
@@ -48,6 +39,7 @@ class Result:
     """A document as `--json` writes it, and what can be done with it."""
 
     kind = ""
+    _dimensions: tuple[str, ...] = ("row",)
 
     def __init__(self, document: dict[str, Any]) -> None:
         self._document = {"schema": 1, **document, KIND: self.kind}
@@ -63,11 +55,28 @@ class Result:
         write_file(Path(path), (json.dumps(self._document, indent=1, allow_nan=False) + "\n").encode())
         return Path(path)
 
-    def to_dataframe(self) -> Any:
-        """The rows as a pandas DataFrame, units in the column names. Raises ImportError without pandas."""
+    def _rows(self) -> list[dict[str, Any]]:
+        """Rows of plain values, the columns of the command line's tables."""
         from pipeline.views.rows import ROWS
 
-        return dataframe(ROWS[self.kind](self._document))
+        return list(ROWS[self.kind](self._document))
+
+    def to_dataframe(self) -> Any:
+        """The rows as a pandas DataFrame, units in the column names. Raises ImportError without pandas."""
+        from antinode.frames import frame
+
+        return frame(self._rows())
+
+    def to_xarray(self) -> Any:
+        """The rows as an xarray Dataset over this result's dimensions, `units` in the attributes.
+
+        Raises ImportError without pandas and xarray (`pip install 'antinode[tables]'`).
+        """
+        from antinode.frames import dataset
+
+        rows = self._rows()
+        numbered = [{self._dimensions[0]: index, **row} for index, row in enumerate(rows)]
+        return dataset(rows if rows and self._dimensions[0] in rows[0] else numbered, self._dimensions)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw into matplotlib axes (new ones where none are given) and return them."""
@@ -90,7 +99,15 @@ class Result:
 
 @dataclass(frozen=True)
 class Wanted:
-    """The verdict on the wanted mode: status is single, split or none; with none, frequency and levels are None."""
+    """The verdict on the wanted mode: status is single, split or none; with none, frequency and levels are None.
+
+    Frequency in Hz, MAC and strength from 0 to 1, confinement in dB as a mode and as driven by the patches (None
+    without any); rivals of a split mode as dictionaries of the same figures.
+
+    >>> import antinode
+    >>> antinode.Wanted("single", 34.6e3, 0.97, 0.62, 12.1, None, ()).confinement_db
+    12.1
+    """
 
     status: str
     frequency_hz: float | None
@@ -103,7 +120,16 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Mode:
-    """One mode: frequency in Hz, symmetry class (SS, SA, AS, AA or None), measures (None without meaning), relative error."""
+    """One mode: frequency in Hz, symmetry class (SS, SA, AS, AA or None), measures (None without meaning), relative error.
+
+    `mac`, `zone_share` and `strength` run from 0 to 1, `confinement_db` is in dB, `error` the half-width of the frequency's
+    error bar over the frequency.
+
+    >>> import antinode
+    >>> mode = antinode.load("examples/small.toml", accuracy=0.1).modes(part="pillar", count=1)[0]
+    >>> 38e3 < mode.frequency_hz < 41e3, mode.to_pyvista()["displacement"].shape[1]
+    (True, 3)
+    """
 
     frequency_hz: float
     symmetry: str | None
@@ -124,7 +150,7 @@ class Mode:
 
 
 class Modes(Result, Sequence[Mode]):
-    """Modes in ascending order, proven complete by a count.
+    """Modes in ascending order, proven complete by a count; a sequence of Mode, arrays of shape (modes,).
 
     >>> import antinode
     >>> pillar = antinode.load("studies/three-rows.toml", accuracy=0.02).modes(part="pillar", count=2)
@@ -133,6 +159,7 @@ class Modes(Result, Sequence[Mode]):
     """
 
     kind = "modes"
+    _dimensions = ("mode",)
 
     def __init__(self, document: dict[str, Any], solved: PartModes | None = None, case: Case | None = None) -> None:
         super().__init__(document)
@@ -190,7 +217,7 @@ class Modes(Result, Sequence[Mode]):
 
 
 class Bands(Result):
-    """Bloch bands along a path.
+    """Bloch bands along a path: frequencies (points, bands) in Hz, wavevectors (points, 2) in rad/m.
 
     >>> import antinode
     >>> bands = antinode.load("studies/three-rows.toml", accuracy=0.02, bands__points=2, bands__count=4).bands()
@@ -199,6 +226,12 @@ class Bands(Result):
     """
 
     kind = "bands"
+    _dimensions = ("point", "band")
+
+    def _rows(self) -> list[dict[str, Any]]:
+        """One row a wavevector and band, the wavevectors numbered."""
+        rows, bands = super()._rows(), len(self._document["points"][0]["frequencies_hz"])
+        return [{"point": index // bands, **row} for index, row in enumerate(rows)]
 
     frequencies_hz: FloatArray = column("frequencies_hz", "points", doc="Frequencies (points, bands) in Hz.")
     computed_hz: FloatArray = column("computed_hz", "points", doc="Frequencies (points, bands) of the mesh itself, Hz.")
@@ -242,9 +275,16 @@ def _over(result: Result, f: FloatArray) -> str:
 
 
 class Attenuation(Result):
-    """Decay per row across the zone's border over frequency."""
+    """Decay per row across the zone's border over frequency: arrays (points,), in Hz and dB.
+
+    >>> import antinode
+    >>> waves = antinode.load("examples/small.toml", accuracy=0.1).attenuation((30.0, 34.0), points=3)
+    >>> waves.frequency_hz.tolist(), waves.db_per_row.shape, round(waves.kx_per_m)
+    ([30000.0, 32000.0, 34000.0], (3,), 196)
+    """
 
     kind = "attenuation"
+    _dimensions = ("frequency_hz",)
 
     frequency_hz: FloatArray = column("frequency_hz", "points", doc="Frequencies (points,) in Hz.")
     db_per_row: FloatArray = column(
@@ -263,9 +303,18 @@ class Attenuation(Result):
 
 
 class Response(Result):
-    """Forced response to the patches, per volt."""
+    """Forced response to the patches, per volt: arrays (points,), in Hz and m/V; more points about each peak.
+
+    >>> import antinode
+    >>> plate = antinode.load("examples/small.toml", accuracy=0.1)
+    >>> plate = plate.with_(patches=antinode.Patches(material="pz26", size_mm=(8.0, 3.0, 0.3)))
+    >>> driven = plate.response((33.0, 36.0), points=5)
+    >>> driven.zone_rms_m_per_V.shape == driven.frequency_hz.shape, 33e3 < driven.wanted_peak["frequency_hz"] < 36e3
+    (True, True)
+    """
 
     kind = "response"
+    _dimensions = ("frequency_hz",)
 
     frequency_hz: FloatArray = column("frequency_hz", doc="Frequencies (points,) in Hz.")
     zone_rms_m_per_V: FloatArray = column(
@@ -288,9 +337,16 @@ class Response(Result):
 
 
 class Predesign(Result):
-    """Analytic sizing of zone and pillar."""
+    """Analytic sizing of zone and pillar: frequencies in Hz, lengths in mm.
+
+    >>> import antinode
+    >>> sizes = antinode.load("examples/small.toml").predesign()
+    >>> round(sizes.zone_hz / 1e3, 1), round(sizes.pillar_height_mm, 1)
+    (33.5, 7.0)
+    """
 
     kind = "predesign"
+    _dimensions = ("part", "quantity")
 
     @property
     def zone_hz(self) -> float:
@@ -318,9 +374,17 @@ class Predesign(Result):
 
 
 class Tolerance(Result):
-    """How far peak and confinement of the response move when no two pillars are alike."""
+    """How far peak and confinement of the response move when no two pillars are alike: one dictionary a plate, Hz and dB.
+
+    `plate.with_(tolerance=Scatter(height_mm=0.05, samples=20)).tolerance()` computes one; here is what it holds.
+
+    >>> import antinode
+    >>> antinode.Tolerance({"samples": [{"peak_hz": 34.45e3, "confinement_db": 11.5}]}).samples[0]["confinement_db"]
+    11.5
+    """
 
     kind = "tolerance"
+    _dimensions = ("sample",)
 
     @property
     def samples(self) -> tuple[dict[str, Any], ...]:
@@ -331,6 +395,64 @@ class Tolerance(Result):
         return f"<antinode.Tolerance: {len(self.samples)} samples>"
 
 
+class Search(Result):
+    """What a search found: the best design beside the one it started from, every evaluation as a row; dB, Hz, mm, kg.
+
+    `plate.search(height_mm=(5.0, 8.0))` computes one; here is what it holds.
+
+    >>> import antinode
+    >>> best = {"set": {"pillar.height_mm": 6.6}, "confinement_db": 13.0}
+    >>> search = antinode.Search({"best": best, "gain_db": 1.9, "goal": "confinement", "evaluations": []})
+    >>> search.best_values, search.gain_db
+    ({'pillar.height_mm': 6.6}, 1.9)
+    """
+
+    kind = "search"
+    _dimensions = ("evaluation",)
+
+    def __init__(self, document: dict[str, Any], start: Any = None) -> None:
+        super().__init__(document)
+        self._start = start
+
+    @property
+    def best_values(self) -> dict[str, float]:
+        """Values of the varied keys in the best design, in the file's units."""
+        return dict(self._document["best"]["set"])
+
+    @property
+    def best(self) -> Any:
+        """The best design as a Plate. Raises ValueError for a search that was read from a file."""
+        if self._start is None:
+            raise ValueError("this search was read from a file: apply best_values to its plate with with_")
+        return self._start.with_(**{key.replace(".", "__"): value for key, value in self.best_values.items()})
+
+    @property
+    def gain_db(self) -> float | None:
+        """What the goal gained over the first design, dB; None where one of them has no wanted mode."""
+        return self._document["gain_db"]
+
+    @property
+    def tradeoff(self) -> tuple[dict[str, Any], ...]:
+        """Designs that no other beats in goal, frequency and mass at once, the best first."""
+        return tuple(self._document["tradeoff"])
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the goal over the varied keys into matplotlib axes (new ones where none are given) and return them."""
+        import matplotlib.pyplot as plt
+
+        from pipeline.plots import style
+        from pipeline.search.plots import over_keys
+
+        with style.style():
+            drawn: Axes = plt.subplots(layout="constrained")[1] if ax is None else ax
+            over_keys(drawn, self._document)
+            return drawn
+
+    def __repr__(self) -> str:
+        gain = "" if self.gain_db is None else f", {self.gain_db:+.2f} dB"
+        return f"<antinode.Search: {len(self._document['evaluations'])} evaluations, best {self.best_values}{gain}>"
+
+
 KINDS: dict[str, type[Result]] = {
-    kind.kind: kind for kind in (Modes, Bands, Attenuation, Response, Predesign, Tolerance)
+    kind.kind: kind for kind in (Modes, Bands, Attenuation, Response, Predesign, Tolerance, Search)
 }

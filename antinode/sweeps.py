@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,17 @@ STUDY, TABLE = "study.toml", "table.csv"
 class SweepTable(Sequence[dict[str, Any]]):
     """One row a case: swept keys and measures by their columns of table.csv; None where a measure has no meaning.
 
-    `folder` holds every case's record, run.mess and arrays, the table as table.csv, and the study as study.toml.
+    `folder` holds every case's record, run.mess and arrays, the table as table.csv, and the study as study.toml. Units
+    stand in the columns' names; the page of columns in the documentation says what each one is.
+
+    >>> import antinode
+    >>> table = antinode.SweepTable([{"array.rows": 1, "confinement_db": 8.6}], Path("sweep"), ("array.rows",))
+    >>> len(table), table[0]["confinement_db"], table.to_dict()["array.rows"]
+    (1, 8.6, [1])
     """
 
-    def __init__(self, rows: Sequence[dict[str, Any]], folder: Path) -> None:
-        self._rows, self.folder = tuple(rows), folder
+    def __init__(self, rows: Sequence[dict[str, Any]], folder: Path, swept: Sequence[str] = ()) -> None:
+        self._rows, self.folder, self.swept = tuple(rows), folder, tuple(swept)
 
     def __getitem__(self, index: Any) -> Any:
         return self._rows[index]
@@ -46,9 +53,19 @@ class SweepTable(Sequence[dict[str, Any]]):
 
     def to_dataframe(self) -> Any:
         """The table as a pandas DataFrame. Raises ImportError without pandas."""
-        from antinode.results import dataframe
+        from antinode.frames import frame
 
-        return dataframe(list(self._rows))
+        return frame(self._rows)
+
+    def to_xarray(self) -> Any:
+        """The table as an xarray Dataset over the swept keys, or over `case` where they are no grid.
+
+        Raises ImportError without pandas and xarray (`pip install 'antinode[tables]'`).
+        """
+        from antinode.frames import dataset
+
+        is_grid = len(self) == prod(len({str(row[key]) for row in self._rows}) for key in self.swept)
+        return dataset(self._rows, self.swept if self.swept and is_grid else ("case",))
 
     def to_dict(self) -> dict[str, list[Any]]:
         """Columns as lists."""
@@ -70,9 +87,15 @@ def sweep(
 ) -> SweepTable:
     """Compute a plate over a full grid of values (or pairs of them with zip) and return the table.
 
-    Keywords are keys as in Plate.with_, each with its values. What the folder (default: results/NAME-sweep) holds from
+    Keywords are keys as in `Plate.with_`, each with its values. What the folder (default: results/NAME-sweep) holds from
     the same input and sources is not computed again. Raises InputError for values that cannot be, CheckFailed where a
     case failed: the others are kept in the folder.
+
+    >>> import antinode, tempfile
+    >>> plate = antinode.load("examples/small.toml", accuracy=0.1, bands__points=2, bands__count=4)
+    >>> table = sweep(plate, measure=["bands"], folder=tempfile.mkdtemp(), jobs=1, pillar__height_mm=[6.0, 6.3])
+    >>> [row["pillar.height_mm"] for row in table]
+    [6, 6.3]
     """
     from pipeline import paths
     from pipeline.batch import case_study
@@ -88,7 +111,8 @@ def sweep(
     failed = _computed(place, jobs, quiet)
     if failed:
         raise CheckFailed(failed)
-    return SweepTable([*_read((place / TABLE).read_text(encoding="utf-8"))], place)
+    rows = [*_read((place / TABLE).read_text(encoding="utf-8"))]
+    return SweepTable(rows, place, [key_of(name, plate.to_dict()) for name in values])
 
 
 def _computed(place: Path, jobs: int | None, quiet: bool) -> list[str]:

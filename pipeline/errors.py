@@ -29,7 +29,15 @@ class CommandError(Exception):
 
 
 class InputError(CommandError):
-    """The input is wrong; every line says where, what came and what is allowed."""
+    """The input is wrong; every line of `lines` says where, what came and what is allowed.
+
+    >>> import antinode
+    >>> try:
+    ...     antinode.load("examples/small.toml", pitch_mm=-4.0)
+    ... except antinode.InputError as fault:
+    ...     print(fault.lines[0].partition(": ")[2])
+    array.pitch_mm = -4: must be a finite number above 0, from 0.001 to 10000
+    """
 
     exit_code = 2
 

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-RESULTS = Path(os.environ.get("ANTINODE_RESULTS") or ROOT / "results")
+IS_CHECKOUT = (ROOT / "pyproject.toml").is_file()  # an installed wheel keeps results where it is called
+RESULTS = Path(os.environ.get("ANTINODE_RESULTS") or (ROOT if IS_CHECKOUT else Path.cwd()) / "results")
 STUDIES = ROOT / "studies"
 REFERENCE = ROOT / "results" / "reference"

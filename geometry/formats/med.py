@@ -56,7 +56,7 @@ KINDS = {
     "tetra": _volume("TE4", 304, _TET),
     "tetra10": _volume("T10", 310, _TET, (0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
     "hexahedron": _volume("HE8", 308, _HEX),
-    "hexahedron20": _Kind("H20", 320),
+    "hexahedron20": _volume("H20", 320, _HEX, *HEX_EDGES),
     "hexahedron27": _volume("H27", 327, _HEX, *HEX_EDGES, *_FACES, tuple(range(8))),
     "pyramid": _Kind("PY5", 305),
     "pyramid13": _Kind("P13", 313),

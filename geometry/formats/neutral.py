@@ -31,6 +31,7 @@ PLACES: dict[str, Places] = {
     "tetra": _corners(4),
     "tetra10": (*_corners(4), *map(tuple, TET_EDGES.tolist())),
     "hexahedron": _corners(8),
+    "hexahedron20": (*_corners(8), *HEX_EDGES),
     "hexahedron27": (*_corners(8), *HEX_EDGES, *_HEX_FACES, tuple(range(8))),
 }
 CORNER_COUNT = {"triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8}

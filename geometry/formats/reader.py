@@ -14,6 +14,7 @@ from geometry.elements import FloatArray, IntArray
 from geometry.errors import MeshError, MeshFileError
 from geometry.formats.med import read_med
 from geometry.formats.neutral import PLACES, VOLUME, RawMesh, corner_keys, family, local_nodes, outward_faces, rows_in
+from geometry.formats.serendipity import SERENDIPITY, completed
 from geometry.mesh import Mesh, check_mesh
 
 UNITS = {"m": 1.0, "mm": 1e-3}
@@ -21,6 +22,7 @@ SUFFIXES = (".med", ".msh", ".inp")
 SURFACES = (".stl", ".obj", ".ply")
 IGNORED = ("vertex", "line")  # cells without a face or a volume: they only carry names
 KINDS = {cell_type: key for key, cell_type in VOLUME.items()}
+READABLE = (*KINDS, SERENDIPITY)
 CORNERS = {"tet": 4, "hex": 8}
 MIRRORED = {"tet": [0, 2, 1, 3], "hex": [0, 3, 2, 1, 4, 7, 6, 5]}  # corners of an element turned inside out
 FARTHEST = 1e6  # of a coordinate in the file's unit: a kilometre in millimetres
@@ -31,11 +33,12 @@ def load(file: str, unit: str = "m") -> Mesh:
     """The mesh of a file in our order, m: regions and faces named as its groups. MeshFileError for what cannot serve."""
     raw = _read(Path(file))
     _check_raw(raw, file)
+    raw = completed(raw, _middles, file)
     volumes = [i for i, (cell_type, block) in enumerate(raw.blocks) if len(block) and _dimension(cell_type, file) == 3]
     types = sorted({raw.blocks[i][0] for i in volumes})
     if len(types) != 1:
         what = "no volume elements" if not types else "a mix of " + " and ".join(types)
-        raise MeshFileError(f"{file}: holds {what}; must be one kind of {', '.join(KINDS)}")
+        raise MeshFileError(f"{file}: holds {what}; must be one kind of {', '.join(READABLE)}")
     kind, order = KINDS[types[0]]
     blocks = np.vstack([raw.blocks[i][1] for i in volumes])
     _refuse_twins(blocks[:, : CORNERS[kind]], file)
@@ -94,7 +97,7 @@ def _dimension(cell_type: str, file: str) -> int:
     if name in ("triangle", "quad"):
         return 2
     if cell_type not in KINDS:
-        raise MeshFileError(f"{file}: element type {cell_type} is not supported; must be one of {', '.join(KINDS)}")
+        raise MeshFileError(f"{file}: element type {cell_type} is not supported; must be one of {', '.join(READABLE)}")
     return 3
 
 

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from pipeline.batch import known
 from pipeline.case.diagnostics import Diagnostics, check_table, nearest
 from pipeline.case.overrides import is_file, read_toml
 from pipeline.case.schema import known_keys
@@ -92,13 +93,15 @@ def load_study(path_or_name: str | Path) -> StudyFile:
 
 
 def find_study(path_or_name: str | Path) -> Path:
-    """The file meant: a path as it is, or the bare name of a study of the checkout."""
+    """The file meant: a path as it is, or the bare name of a study of the checkout or of one that was run before."""
     path, text = Path(path_or_name), str(path_or_name)
     if is_file(path) or path.suffix == ".toml" or path.parent != Path():
         return path
-    named = STUDIES / f"{text}.toml"
+    named, elsewhere = STUDIES / f"{text}.toml", known.known()
+    if not is_file(named) and text in elsewhere:
+        return elsewhere[text].source
     if not is_file(named):
-        names = sorted(file.stem for file in STUDIES.glob("*.toml"))
+        names = sorted({*elsewhere, *(file.stem for file in STUDIES.glob("*.toml") if "[study]" in file.read_text())})
         raise InputError(f"study {text!r}: no such file, and not one of {', '.join(names)}{nearest(text, names)}")
     return named
 

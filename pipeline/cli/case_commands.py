@@ -56,7 +56,8 @@ def modes(arguments: Namespace) -> int:
     if arguments.mesh_file:
         from pipeline.exchange import user_mesh
 
-        solved = user_mesh.solve(case, arguments.mesh_file, arguments.unit or "m", arguments.clamp, query, log)
+        clamps, supports = arguments.clamp, arguments.support
+        solved = user_mesh.solve(case, arguments.mesh_file, arguments.unit or "m", clamps, query, log, supports)
     else:
         solved = solve_modes(case, query, log)
     head = ("frequency_hz", "symmetry", "zone_share", "confinement_db", "mac", "strength", "residual")
@@ -78,7 +79,11 @@ def _refuse_options_without_effect(arguments: Namespace) -> None:
     if not arguments.mesh_file:
         if arguments.unit:
             lines.append(f"--unit = {arguments.unit}: needs --mesh-file FILE, whose lengths it is for")
-        lines += [f"--clamp = {name}: needs --mesh-file FILE, one of whose groups it names" for name in arguments.clamp]
+        lines += [
+            f"{option} = {name}: needs --mesh-file FILE, one of whose groups it names"
+            for option, names in (("--clamp", arguments.clamp), ("--support", arguments.support))
+            for name in names
+        ]
     elif arguments.explain:
         lines.append("--explain: must be left out beside --mesh-file, whose mesh is solved whole as it is")
     if arguments.save_all_fields and not (arguments.out or arguments.explain):
@@ -226,7 +231,8 @@ def export(arguments: Namespace) -> int:
     case, log, _ = _read(arguments)
     from pipeline.exchange import exports
 
-    _require_part(case, arguments.part, f"export {arguments.format}")
+    if (arguments.part, arguments.format) != ("plate", "phonopy"):  # bands need a cell alone
+        _require_part(case, arguments.part, f"export {arguments.format}")
     outputs.check_apart(arguments.json, arguments.output)
     written = exports.write(case, arguments.format, arguments.output, log, arguments.part, arguments.force)
     answer = Answer({"schema": 1, "files": [str(path) for path in written]}, [f"wrote {path}" for path in written])

@@ -15,11 +15,13 @@ from pipeline.views.answer import Answer, emit
 def studies(arguments: Namespace) -> int:
     """List the studies under the results folder with their cases by status."""
     from pipeline import paths
+    from pipeline.batch import known
     from pipeline.records import store
     from pipeline.records.study import read_study
 
     rows = []
-    for folder in sorted(place for place in paths.RESULTS.glob("*") if place.is_dir() and place.name != "reference"):
+    ours = {place for place in paths.RESULTS.glob("*") if place.is_dir() and place.name != "reference"}
+    for folder in sorted(ours | {place.folder for place in known.known().values()}):
         try:
             cases = read_study(folder).cases
         except (store.StoreError, OSError):

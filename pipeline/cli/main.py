@@ -59,6 +59,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; the exit code is the contract with scripts."""
     words = sys.argv[1:] if argv is None else argv
     _refuse_renamed(words)
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks what could come next
+        importlib.import_module("pipeline.cli.completion").complete(_parser())
     arguments = _parser().parse_args(words)
     try:
         with terminable():

@@ -10,7 +10,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline import paths
+from pipeline.batch import known
 from pipeline.batch.study_file import find_study, load_study
 from pipeline.errors import InputError, NotAvailable
 
@@ -38,7 +38,7 @@ def run(arguments: Namespace) -> int:
     from pipeline.batch.runner import Options
 
     kind, study = _study(arguments.study)
-    folder = paths.RESULTS / study.name
+    folder = known.folder_of(study.name, study.source, arguments.results)
     jobs = kind.jobs_of(study, arguments.save_all_fields)
     options = Options(
         jobs=arguments.jobs,
@@ -58,6 +58,7 @@ def run(arguments: Namespace) -> int:
             if text := kind.explain(study, job):
                 print("  " + text.replace("\n", "\n  "))
         return 0
+    known.remember(study.name, study.source, folder)
     _log_summary(kind.conclude(study, folder), arguments.quiet)
     if outcome.given_up:
         print(f"antinode: {_lost(arguments.scheduler, outcome)}", file=sys.stderr)
@@ -103,11 +104,9 @@ def report(arguments: Namespace) -> int:
     from pipeline.records.study import read_study
 
     kind, study = _study(arguments.study)
-    folder = paths.RESULTS / study.name
+    folder = known.folder_of(study.name, study.source, arguments.results)
     if not (folder / "cases.json").exists():
-        raise InputError(
-            f"{arguments.study}: no results under {folder.name}; run it first: antinode run {arguments.study}"
-        )
+        raise InputError(f"{arguments.study}: no results under {folder}; run it first: antinode run {arguments.study}")
     _log_summary(kind.conclude(study, folder), arguments.quiet)
     for case in read_study(folder).cases:
         if case.read_error:

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from pipeline import paths
 from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
 from pipeline.plots.plate import FloatArray, IntArray, skin_faces
@@ -54,7 +53,7 @@ def view(arguments: Namespace) -> int:
     elif kind == "case":
         scene = of_case(arguments)
     else:
-        scene = of_study(arguments.target, arguments.case_id)
+        scene = of_study(arguments.target, arguments.case_id, arguments.results)
     show(scene)
     return 0
 
@@ -106,8 +105,9 @@ def _answers(place: Any) -> bool:
     return True
 
 
-def of_study(target: str, case_id: str | None = None) -> Scene:
+def of_study(target: str, case_id: str | None = None, results: str | None = None) -> Scene:
     """Return a stored case of a study with its stored modes; the best confined one unless named."""
+    from pipeline.batch import known
     from pipeline.batch.script_study import load_script
     from pipeline.batch.study_file import find_study, load_study
     from pipeline.report import text
@@ -116,9 +116,9 @@ def of_study(target: str, case_id: str | None = None) -> Scene:
         raise InputError(
             f"{target}: {script.name} holds no plate to view; antinode report {script.name} writes its page"
         )
-    folder = paths.RESULTS / load_study(target).name
+    found = load_study(target)
     try:
-        study = read_study(folder)
+        study = read_study(known.folder_of(found.name, found.source, results))
     except store.BadRecord as error:
         raise InputError(f"{target}: nothing is stored yet; run it first: antinode run {target}") from error
     names = [case.case_id for case in study.cases]

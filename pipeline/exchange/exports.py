@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ from pipeline.units import GRAM, MM
 
 CAD = ("stl", "step", "3mf")
 SOLVER_FILES = ("aster", "calculix")
-SUFFIX = {"stl": ".stl", "step": ".step", "3mf": ".3mf", "vtu": ".vtu", "table": ".bin"}
+ONE_FILE = {"phonopy": ".yaml", "paraview": ".vtkhdf", "uff": ".uff", "impedance": ".s1p"}  # a module here each
+SUFFIX = {"stl": ".stl", "step": ".step", "3mf": ".3mf", "vtu": ".vtu", "table": ".bin"} | ONE_FILE
 
 
 def write(case: Case, form: str, output: str | None, log: Log, part: str = "plate", force: bool = False) -> list[Path]:
@@ -29,6 +31,8 @@ def write(case: Case, form: str, output: str | None, log: Log, part: str = "plat
     outputs.check_files("-o", places(form, output if output == "" else path))
     if form in SOLVER_FILES:
         return _solver_files(case, form, part, path, log)
+    if form in ONE_FILE:
+        return [import_module(f"pipeline.exchange.{form}").write(case, path, log)]
     if form in CAD:
         return [_cad(case, form, path, log)]
     return _vtu(case, path, log) if form == "vtu" else _table(case, path, log, force)
@@ -37,7 +41,7 @@ def write(case: Case, form: str, output: str | None, log: Log, part: str = "plat
 def places(form: str, output: str | Path) -> list[str | Path]:
     """The files that one format goes to. Raises InputError for several files at what is no regular file's name."""
     path = Path(output)
-    if not path.name or form in CAD or form == "vtu":
+    if not path.name or form in CAD or form in ONE_FILE or form == "vtu":
         return [output]
     from pipeline.board import export
     from pipeline.exchange import aster, calculix

@@ -21,6 +21,7 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.parts import mesh_record, warn_of_locking
 from pipeline.units import MM
+from solvers.fem.constraints import AXES
 from solvers.fem.eigen import Modes, modes_in_band, modes_near
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import Confinement, measure
@@ -28,19 +29,26 @@ from solvers.measures.confinement import Confinement, measure
 LARGE_M = 5.0
 
 
-def solve(case: Case, file: str, unit: str, clamps: Sequence[str], query: Request, log: Log) -> PartModes:
-    """Compute the modes of a file's mesh with the case's material. Raises InputError for a mesh that cannot serve."""
+def solve(
+    case: Case, file: str, unit: str, clamps: Sequence[str], query: Request, log: Log, supports: Sequence[str] = ()
+) -> PartModes:
+    """Compute the modes of a file's mesh with the case's material: groups `clamps` are clamped, `supports` are supported
+    along some axes, such as "rim:z". Raises InputError for a mesh that cannot serve.
+    """
     if query.symmetry:
         without = "a mesh from a file has no symmetry classes; leave --symmetry out"
         raise InputError(f"--symmetry {query.symmetry}: {without}")
     with log.step("read the mesh"):
         mesh = load(file, unit)
+    held = [_support(text) for text in supports]
     for name in clamps:
-        _known(name, mesh, file)
+        _known(name, mesh, file, "--clamp")
+    for name, _ in held:
+        _known(name, mesh, file, "--support")
     materials = _materials(case, mesh)
     _log_summary(mesh, materials, file, log)
     warn_of_locking(case.design, mesh, log)
-    model = SolidModel(_with_touch(mesh), materials, tuple(clamps), False)
+    model = SolidModel(_with_touch(mesh), materials, (*clamps, *held), False)
     request = _request(case, query)
     pencil = model.pencil(None)
     with log.step("solve"):
@@ -91,11 +99,19 @@ def _log_summary(mesh: Mesh, materials: dict[str, Material], file: str, log: Log
         log.warning("UNIT", f"{file}: {size.max() * MM:.3g} m long; if the file is in millimetres, add --unit mm")
 
 
-def _known(name: str, mesh: Mesh, file: str) -> None:
+def _support(text: str) -> tuple[str, str]:
+    """The group and the axes of NAME:AXES; a name may hold a colon."""
+    name, _, axes = text.rpartition(":")
+    if not name or not axes or not set(axes) <= set(AXES) or len(set(axes)) < len(axes):
+        raise InputError(f"--support {text}: must be NAME:AXES with axes of x, y and z, such as RIM:z or FOOT:xy")
+    return name, axes
+
+
+def _known(name: str, mesh: Mesh, file: str, option: str) -> None:
     if name not in mesh.faces:
         there = ", ".join(sorted(mesh.faces)) or "none"
         raise InputError(
-            f"{file}: --clamp {name}: no such group of faces or nodes{nearest(name, list(mesh.faces))}; it has {there}"
+            f"{file}: {option} {name}: no such group of faces or nodes{nearest(name, list(mesh.faces))}; it has {there}"
         )
 
 

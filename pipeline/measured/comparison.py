@@ -12,7 +12,8 @@ from pipeline.analysis.response import Response
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.measured.files import Complex, FloatArray, MeasuredField, MeasuredSweep, read_field, read_sweep
+from pipeline.measured import files, universal
+from pipeline.measured.files import Complex, FloatArray, MeasuredField, MeasuredSweep
 from pipeline.records.record import MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord
 from pipeline.units import MM
 from solvers.control.identification import Sensor, Sweep
@@ -56,15 +57,20 @@ def read(case: Case, sweep: str | None, field: str | None, at: str | None) -> Me
         return None
     case.require_plate(command="response")
     case.require("patches", command="response")
-    measured = read_sweep(sweep) if sweep is not None else None
+    measured = _reader(sweep).read_sweep(sweep) if sweep is not None else None
     if measured and measured.quantity == "sensor" and not (case.patches and case.patches.sensors):
         raise InputError(f"{sweep}: a sensor's voltage, but the case has no patches.sensors: must name one")
-    mapped = read_field(field, case.design) if field is not None else None
+    mapped = _reader(field).read_field(field, case.design) if field is not None else None
     try:
         weights = weigh(mapped.points_m, case.design) if mapped else None
     except SolverError as error:
         raise InputError(f"{field}: {error}") from error
     return Measurements(measured, _place(at, case), mapped, weights)
+
+
+def _reader(path: str) -> Any:
+    """The module that reads a file of this name."""
+    return universal if universal.is_universal(path) else files
 
 
 def _place(at: str | None, case: Case) -> tuple[float, float] | None:
@@ -108,7 +114,9 @@ def _sweep(
         raise InputError(f"{measured.file}: {low:g} to {high:g} Hz: {band}")
     sensor: Sensor = "velocity" if measured.quantity == "velocity" else "displacement"
     place, curve = _computed(case, response, measured, at_m)
-    theirs, ours = resonance(given, sensor), resonance(Sweep(tone, curve), sensor)
+    near = np.abs(tone - (low + high) / 2.0) <= 1.5 * (high - low)  # a peak further off is another mode's
+    near |= near.sum() < files.MIN_COUNT
+    theirs, ours = resonance(given, sensor), resonance(Sweep(tone[near], curve[near]), sensor)
     if theirs.trouble:
         instead = "the peak and its half-power width are given instead"
         log.warning("NO_CIRCLE", f"{measured.file}: {theirs.trouble}; {instead}")

@@ -59,10 +59,8 @@ def _scattered(values: Complex, noise: float, random: np.random.Generator) -> Co
 
 def _sweep(case: Case, response: Response, noise: float, random: np.random.Generator) -> str:
     """Velocity per volt where the zone moves most, amplitude and phase."""
-    peak = response.peak.frequency_hz
-    reach = REACH * peak / case.quality / 2.0
-    tone = np.linspace(peak - reach, peak + reach, TONES)
-    place = loudest_point(response.forced, peak, case.design.width_m / 2.0)
+    tone = tones(case, response)
+    place = loudest_point(response.forced, response.peak.frequency_hz, case.design.width_m / 2.0)
     seen = _scattered(2j * pi * tone * point_response(response.forced, place, tone), noise, random)
     lines = [f"# a laser at x = {place[0] / MM:.2f} mm, y = {place[1] / MM:.2f} mm of the touch face"]
     head = ("frequency_Hz", "velocity_amplitude_m_per_s_per_V", "velocity_phase_deg")
@@ -79,6 +77,13 @@ def _field(case: Case, response: Response, noise: float, random: np.random.Gener
     both = zip((1.0 / MM) * points, seen, strict=True)
     rows = ((f"{x:.3f}", f"{y:.3f}", f"{v.real:.4e}", f"{v.imag:.4e}") for (x, y), v in both)
     return f"# at {peak:.3f} Hz\n" + outputs.csv_bytes(head, rows).decode()
+
+
+def tones(case: Case, response: Response) -> FloatArray:
+    """Frequencies about the peak, evenly spaced, in Hz."""
+    peak = response.peak.frequency_hz
+    reach = REACH * peak / case.quality / 2.0
+    return np.linspace(peak - reach, peak + reach, TONES)
 
 
 def grid(design: Design) -> FloatArray:

@@ -16,6 +16,11 @@ from pipeline.records.record import Record
 from pipeline.records.study import StoredStudy
 
 TABLE = "table.csv"
+TRACKED = (  # columns along a sweep: name, heading, field of a tracked mode, format, unit
+    ("tracked_hz", "tracked mode", "frequency_hz", ".2f", "Hz"),
+    ("tracked_mac", "MAC with the case before", "mac", ".4f", ""),
+    ("tracking", "tracking along the sweep", "identity", "", ""),
+)
 P = TypeVar("P")
 
 
@@ -67,11 +72,7 @@ def _tracked(study: StoredStudy) -> tuple[Column, ...]:
     def figure(key: str) -> Callable[[Record], Any]:
         return lambda record: getattr(peak.get(record.case_id), key, None)
 
-    return (
-        Column("tracked_hz", "tracked mode", figure("frequency_hz"), ".2f", "Hz"),
-        Column("tracked_mac", "MAC with the case before", figure("mac"), ".4f"),
-        Column("tracking", "tracking along the sweep", figure("identity")),
-    )
+    return tuple(Column(name, heading, figure(key), form, unit) for name, heading, key, form, unit in TRACKED)
 
 
 def table_bytes(study: StoredStudy, columns: Sequence[Column]) -> bytes:

@@ -18,13 +18,19 @@ def landscape(document: dict[str, Any]) -> ReportFigure:
     """Draw the goal over one or two keys, and the goal against frequency and mass, from a search's document."""
     figure, (left, right) = style.panels(3.9, 1, 2, width_ratios=[1.15, 1.0])
     key, label = GOALS[document["goal"]]
-    axes = shown_keys(document)
-    if len(axes) == 1:
-        _line(left, document, axes[0], key, label)
-    else:
-        _map(left, document, axes, key, label)
+    over_keys(left, document)
     _tradeoff(right, document, key, label)
     return ReportFigure("search", "Where the wanted mode is confined best", _alt(document, key), figure, vector=True)
+
+
+def over_keys(axes: Any, document: dict[str, Any]) -> None:
+    """Draw the goal over one or two keys into axes."""
+    key, label = GOALS[document["goal"]]
+    keys = shown_keys(document)
+    if len(keys) == 1:
+        _line(axes, document, keys[0], key, label)
+    else:
+        _map(axes, document, keys, key, label)
 
 
 def shown_keys(document: dict[str, Any]) -> list[str]:

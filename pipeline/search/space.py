@@ -86,6 +86,11 @@ def read_space(path: str, fixed: Sequence[str], texts: Sequence[str]) -> Space:
     file = Path(path)
     raw = read_toml(file)
     case_from_dict(raw, file, fixed)  # a fault of the file itself is told first
+    return space_of(raw, file, fixed, texts)
+
+
+def space_of(raw: dict[str, Any], file: Path, fixed: Sequence[str], texts: Sequence[str]) -> Space:
+    """The search space of a parsed case. InputError as read_space."""
     faults: list[str] = []
     variables: list[Variable] = []
     for text in texts:

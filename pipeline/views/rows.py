@@ -56,6 +56,16 @@ def tolerance(document: Document) -> Rows:
     return [dict(sample) for sample in document["samples"]]
 
 
+def search(document: Document) -> Rows:
+    """One row an evaluated design, its varied keys first."""
+    return [
+        each["set"]
+        | {key: value for key, value in each.items() if key != "set"}
+        | {"violations": "; ".join(each["violations"])}
+        for each in document["evaluations"]
+    ]
+
+
 ROWS: dict[str, Callable[[Document], Rows]] = {
-    each.__name__: each for each in (modes, bands, attenuation, response, predesign, tolerance)
+    each.__name__: each for each in (modes, bands, attenuation, response, predesign, tolerance, search)
 }

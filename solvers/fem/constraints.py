@@ -15,16 +15,20 @@ from solvers.fem.assembly import Scale, System
 AXES = "xyz"
 
 
-def free_mask(mesh: Mesh, clamped: Iterable[str] = (), mirrors: Mapping[str, str] | None = None) -> BoolArray:
+Support = str | tuple[str, str]  # a face held, or a face and the axes along which it is held, such as ("foot", "xz")
+
+
+def free_mask(mesh: Mesh, clamped: Iterable[Support] = (), mirrors: Mapping[str, str] | None = None) -> BoolArray:
     """Free degrees of freedom, shape (n, 3).
 
-    `clamped` names faces whose displacement is zero. `mirrors` maps a face on a mirror plane to `+` (u_z even: the
-    normal displacement vanishes there) or `-` (u_z odd: both tangential displacements vanish).
+    `clamped` names faces whose displacement is zero, or is so along some axes. `mirrors` maps a face on a mirror
+    plane to `S` (u_z even: the normal displacement vanishes there) or `A` (u_z odd: both tangential displacements vanish).
     Raises MeshError for a face that the mesh does not have.
     """
     free = np.ones((len(mesh.nodes), 3), dtype=bool)
-    for face in clamped:
-        free[mesh.nodes_of(face)] = False
+    for support in clamped:
+        face, axes = (support, AXES) if isinstance(support, str) else support
+        free[np.ix_(mesh.nodes_of(face), np.array([AXES.index(axis) for axis in axes]))] = False
     for face, sign in (mirrors or {}).items():
         normal = AXES.index(face[0])
         stopped = [normal] if sign == "S" else [axis for axis in range(3) if axis != normal]

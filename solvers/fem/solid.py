@@ -12,7 +12,7 @@ from geometry.elements import FloatArray
 from geometry.materials import Material
 from geometry.mesh import Mesh
 from solvers.fem.assembly import Scale, System, assemble
-from solvers.fem.constraints import Pencil, constrain, free_mask
+from solvers.fem.constraints import Pencil, Support, constrain, free_mask
 from solvers.fem.surface import FaceQuadrature, Skin, face_quadrature, skin_faces
 from solvers.measures.confinement import TouchField
 
@@ -23,7 +23,9 @@ CLASSES = ("SS", "SA", "AS", "AA")
 class SolidModel:
     """Three-dimensional elasticity of a mesh: `clamped` faces, `mirrored` when the mesh is the quarter x, y >= 0."""
 
-    def __init__(self, mesh: Mesh, materials: dict[str, Material], clamped: tuple[str, ...], mirrored: bool) -> None:
+    def __init__(
+        self, mesh: Mesh, materials: dict[str, Material], clamped: tuple[Support, ...], mirrored: bool
+    ) -> None:
         self.mesh, self.materials, self.clamped, self.mirrored = mesh, materials, clamped, mirrored
         self.name = f"solid {mesh.kind}{mesh.order}"
         self.symmetries: tuple[str | None, ...] = CLASSES if mirrored else (None,)

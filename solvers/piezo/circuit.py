@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from geometry.elements import FloatArray
+from geometry.elements import ComplexArray, FloatArray
 from solvers.piezo.forced import ForcedPlate
 
 SAME = 1e-10  # of the largest: directions of the space that are combinations of the others
@@ -74,3 +74,23 @@ def _projected(forced: ForcedPlate) -> tuple[FloatArray, FloatArray, FloatArray]
         mass.append(columns.T @ pencil.apply_mass(columns))
         loads.append(columns.T @ basis.group.loads)
     return scipy.linalg.block_diag(*stiffness), scipy.linalg.block_diag(*mass), np.vstack(loads)
+
+
+def admittance(forced: ForcedPlate, frequency_hz: FloatArray) -> ComplexArray:
+    """Current per volt into the driven patches in parallel, each with its polarisation, (n,) in S; sensors stay open.
+
+    The charge of a patch is theta' u + C V with its bonded face's motion u: Y = j omega s' q over the driven ones. Dielectric
+    losses are left out.
+    """
+    signs, driven, left = forced.signs[forced.drivers], forced.drivers, forced.sensors
+    out = np.zeros(len(frequency_hz), dtype=complex)
+    for index, frequency in enumerate(frequency_hz):
+        eigenvalue = forced.plate.scale.eigenvalue(float(frequency))
+        parts = [basis.receptance(eigenvalue, forced.loss) for basis in forced.modes]
+        per_volt = np.sum(parts, axis=0) * forced.plate.stiffness_unit + np.diag(forced.plate.capacitance_f)
+        charge = per_volt[np.ix_(driven, driven)] @ signs
+        if left:
+            volts = np.linalg.solve(per_volt[np.ix_(left, left)], -per_volt[np.ix_(left, driven)] @ signs)
+            charge = charge + per_volt[np.ix_(driven, left)] @ volts
+        out[index] = 2j * np.pi * frequency * (signs @ charge)
+    return out

@@ -10,13 +10,18 @@ from solvers.piezo.forced import ForcedPlate, GroupModes
 
 def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_hz: FloatArray) -> ComplexArray:
     """u_z per volt of drive, (n,) in m/V, at the quadrature point of the touch face nearest to a point in m."""
-    rows = [_row(basis, point_m) for basis in forced.modes]
-    out = np.zeros(len(frequency_hz), dtype=complex)
+    return point_responses(forced, np.array([point_m]), frequency_hz)[0]
+
+
+def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
+    """The same at points (p, 2): (p, n) in m/V."""
+    rows = [_rows(basis, points_m) for basis in forced.modes]
+    out = np.zeros((len(points_m), len(frequency_hz)), dtype=complex)
     for index, frequency in enumerate(frequency_hz):
         eigenvalue = forced.plate.scale.eigenvalue(float(frequency))
         volts = forced.volts(eigenvalue)
         for basis, row in zip(forced.modes, rows, strict=True):
-            out[index] += row @ basis.amplitudes(eigenvalue, forced.loss, volts)
+            out[:, index] += row @ basis.amplitudes(eigenvalue, forced.loss, volts)
     return out
 
 
@@ -29,14 +34,15 @@ def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float)
     return float(points[best, 0]), float(points[best, 1])
 
 
-def _row(basis: GroupModes, point_m: tuple[float, float]) -> FloatArray:
-    """u_z at the point per unit of each column, (columns,): the symmetry classes of the group added up."""
-    target, total = np.array(point_m), np.zeros(basis.columns.shape[1])
+def _rows(basis: GroupModes, points_m: FloatArray) -> FloatArray:
+    """u_z at the points per unit of each column, (points, columns): the symmetry classes of the group added up."""
+    total = np.zeros((len(points_m), basis.columns.shape[1]))
     for symmetry, field in zip(basis.group.symmetries, basis.group.touch(basis.columns), strict=True):
-        folded, sign = target.copy(), 1.0
+        folded, sign = np.array(points_m), np.ones(len(points_m))
         for axis, mark in enumerate(symmetry):
-            if target[axis] < 0.0:
-                folded[axis], sign = -target[axis], sign * (1.0 if mark == "S" else -1.0)
-        nearest = int(np.argmin(((field.points - folded) ** 2).sum(axis=1)))
-        total += sign * field.values[nearest]
+            below = folded[:, axis] < 0.0
+            folded[below, axis] *= -1.0
+            sign[below] *= 1.0 if mark == "S" else -1.0
+        nearest = [int(np.argmin(((field.points - point) ** 2).sum(axis=1))) for point in folded]
+        total += sign[:, None] * field.values[nearest]
     return total

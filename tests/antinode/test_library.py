@@ -7,6 +7,7 @@ import inspect
 import json
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,10 @@ ROOT = Path(__file__).resolve().parents[2]
 SMALL = ROOT / "examples" / "small.toml"
 NAMES = [
     "Array", "Attenuation", "BandPath", "Bands", "Caution", "Damping", "InputError", "Mode", "Modes", "Patches", "Pillar",
-    "Plate", "Predesign", "Response", "Scatter", "Solve", "SolverError", "SweepTable", "Tolerance", "Zone", "__version__",
-    "load", "open", "sweep",
+    "Plate", "Predesign", "Response", "Scatter", "Search", "Solve", "SolverError", "SweepTable", "Tolerance", "Wanted", "Zone",
+    "__version__", "load", "open", "sweep",
 ]  # fmt: skip
-HEAVY = "numpy scipy pydantic matplotlib cadquery pyvista pytetwild rich"
+HEAVY = "numpy scipy pydantic matplotlib cadquery pyvista pytetwild rich pandas xarray argcomplete"
 
 
 @pytest.fixture(scope="module")
@@ -44,11 +45,22 @@ def test_importing_it_loads_nothing_heavy() -> None:
     assert done.stdout.strip() == ""
 
 
-@pytest.mark.parametrize("module", ["plate", "tables", "results", "stored"])
+HOMES = [*(f"antinode.{name}" for name in ("plate", "tables", "results", "stored", "sweeps", "frames")),
+         "pipeline.errors", "solvers.errors"]  # fmt: skip
+
+
+@pytest.mark.parametrize("module", HOMES)
+@pytest.mark.filterwarnings("ignore::antinode.Caution")
 def test_the_examples_in_docstrings_hold(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
-    found = doctest.testmod(__import__(f"antinode.{module}", fromlist=["x"]))
+    found = doctest.testmod(import_module(module))
     assert found.attempted and not found.failed
+
+
+def test_every_public_name_has_an_example_that_is_run() -> None:
+    for name in set(NAMES) - {"__version__"}:
+        thing = getattr(antinode, name)
+        assert ">>> " in (inspect.getdoc(thing) or "") and thing.__module__ in HOMES, name
 
 
 def test_every_public_object_says_what_it_is() -> None:
@@ -56,7 +68,9 @@ def test_every_public_object_says_what_it_is() -> None:
         thing = getattr(antinode, name)
         assert inspect.getdoc(thing), name
         if inspect.isclass(thing) and thing.__module__.startswith("antinode"):
-            open_ = [key for key, value in vars(thing).items() if not key.startswith("_") and callable(value)]
+            kinds = (property, staticmethod, classmethod)
+            open_ = [key for key, value in vars(thing).items() if not key.startswith("_")
+                     and (callable(value) or isinstance(value, kinds))]  # fmt: skip
             assert all(inspect.getdoc(getattr(thing, key)) for key in open_), name
 
 
@@ -110,6 +124,72 @@ def test_modes_are_those_of_the_command(plate: antinode.Plate, tmp_path: Path) -
     assert isinstance(again, antinode.Modes) and [m.frequency_hz for m in again] == pytest.approx(modes.frequency_hz)
     with pytest.raises(ValueError, match="holds no shapes"):
         again[0].to_pyvista()
+
+
+def test_results_are_xarray_datasets_over_their_dimensions(plate: antinode.Plate) -> None:
+    bands = plate.with_(bands__points=2, bands__count=4).bands()
+    data = bands.to_xarray()
+    assert data["frequency_hz"].dims == ("point", "band") and data["frequency_hz"].attrs["units"] == "Hz"
+    assert data["frequency_hz"].values == pytest.approx(bands.frequencies_hz)
+    pillar = plate.modes(part="pillar", count=3)
+    assert pillar.to_xarray()["frequency_hz"].values == pytest.approx(pillar.frequency_hz)
+    assert float(plate.predesign().to_xarray()["value"].sel(part="zone", quantity="frequency_hz")) > 30e3
+    rows = [{"case": f"{x}{y}", "a.x": x, "a.y": y, "level_db": 10.0 * x + y} for x in (1, 2) for y in (1, 2, 3)]
+    grid = antinode.SweepTable(rows, Path(), ("a.x", "a.y")).to_xarray()["level_db"]
+    assert grid.shape == (2, 3) and float(grid.sel({"a.x": 2, "a.y": 3})) == 23.0 and grid.attrs["units"] == "dB"
+    paired = antinode.SweepTable([rows[0], rows[4]], Path(), ("a.x", "a.y")).to_xarray()["level_db"]
+    assert paired.dims == ("case",) and paired.shape == (2,)
+
+
+def test_without_pandas_the_extra_is_named(plate: antinode.Plate, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    for ask in (plate.predesign().to_dataframe, plate.predesign().to_xarray):
+        with pytest.raises(ImportError, match=r"antinode\[tables\]"):
+            ask()
+
+
+@pytest.mark.slow
+def test_a_search_is_that_of_the_command_and_its_best_is_a_plate(plate: antinode.Plate, tmp_path: Path) -> None:
+    asked = {"evaluations": 2, "mac": 0.3, "min_frequency_kHz": 20.0}
+    search = plate.search(height_mm=(6.0, 6.6), **asked)
+    args = [
+        "search",
+        str(SMALL),
+        "--set",
+        "solve.accuracy=0.05",
+        "--vary",
+        "pillar.height_mm=6:6.6",
+        "--evaluations",
+        "2",
+    ]
+    args += ["--mac", "0.3", "--min-frequency", "20kHz", "--quiet", "--json", str(tmp_path / "s.json")]
+    assert main(args) == 0
+    stored = antinode.open(tmp_path / "s.json")
+    assert isinstance(stored, antinode.Search) and stored.best_values == search.best_values
+    assert search.best == plate.with_(pillar__height_mm=search.best_values["pillar.height_mm"])
+    assert search.plot().get_ylabel() and len(search.to_dataframe()) == len(search.to_dict()["evaluations"])
+    with pytest.raises(ValueError, match="apply best_values"):
+        _ = stored.best
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"goal": "loudness", "height_mm": (5.0, 8.0)}, "must be confinement or extension"),
+        ({"height_mm": (8.0, 5.0)}, "low end must lie below"),
+        ({}, "at least one KEY"),
+        ({"height_mm": (5.0, 8.0), "mac": 2.0}, "from 0 to 1"),
+    ],
+)
+def test_a_search_that_cannot_be_is_refused_in_words(plate: antinode.Plate, asked: dict, said: str) -> None:
+    with pytest.raises(antinode.InputError, match=said):
+        plate.search(**asked)
+
+
+def test_a_whole_table_is_put_in_or_left_out(plate: antinode.Plate) -> None:
+    with_patches = plate.with_(patches=antinode.Patches(material="pz26", size_mm=(8.0, 3.0, 0.3)), patches__drive_V=2.0)
+    assert with_patches.case.patches is not None and with_patches.to_dict()["patches"]["drive_V"] == 2.0
+    assert with_patches.with_(patches=None) == plate
 
 
 def test_a_band_whose_ends_fall_is_refused(plate: antinode.Plate) -> None:

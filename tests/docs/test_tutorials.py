@@ -1,4 +1,4 @@
-"""Every command of the tutorials, and every example script, run as a reader would run them."""
+"""Every command of the tutorials and how-to pages, and every example script, run as a reader would run them."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ from pipeline.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+OTHERS = [ROOT / "docs" / "start.md", *sorted((ROOT / "docs" / "how-to").glob("*.md"))]
 SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
 BLOCK = re.compile(r"```sh\n(.*?)```", re.DOTALL)
+PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
+NEEDS_A_CLUSTER = "cluster"  # its Python starts jobs under Slurm
 
 
 def commands(page: Path) -> list[str]:
@@ -36,7 +39,7 @@ def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
 SLOW = {"how-many-rows", "own-pillar", "first-plate", "table-to-board"}  # up to most of a minute
 PAGES = [
     pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in SLOW else [])
-    for page in TUTORIALS
+    for page in [*TUTORIALS, *OTHERS]
     if commands(page)
 ]
 
@@ -44,9 +47,16 @@ PAGES = [
 @pytest.mark.parametrize("page", PAGES)
 def test_a_tutorial_runs(page: Path, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    before = set(ROOT.glob("*")) | set((ROOT / "examples").glob("*"))
     for line in commands(page):
         ended = shell(line, tmp_path)
         assert ended.returncode == 0, f"{line}\n{ended.stdout[-800:]}\n{ended.stderr[-1500:]}"
+    for number, block in enumerate(PYTHON.findall(page.read_text()) if page.stem != NEEDS_A_CLUSTER else []):
+        script = tmp_path / f"block{number}.py"
+        script.write_text(block)
+        ended = shell(f'"{sys.executable}" "{script}"', tmp_path)
+        assert ended.returncode == 0, f"{block}\n{ended.stderr[-1500:]}"
+    assert set(ROOT.glob("*")) | set((ROOT / "examples").glob("*")) == before  # nothing is left behind
 
 
 @pytest.mark.parametrize("page", [page for page in TUTORIALS if commands(page)], ids=lambda page: page.stem)

@@ -24,6 +24,7 @@ from pipeline.cli import main
 from pipeline.exchange import aster, calculix
 from pipeline.exchange.part_mesh import exchange
 from pipeline.logs import TerminalLog
+from solvers.fem.constraints import constrain
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import measure
@@ -343,7 +344,7 @@ FAULTS: list[tuple[str, Any, list[str]]] = [
     ("noise.msh", lambda p: p.write_text("$Nothing\n"), ["not a readable mesh"]),
     ("noise.inp", lambda p: p.write_text("*NODE\n1, a, b\n"), ["noise.inp"]),
     ("wedge.msh", _wedge, ["wedge", "tetra10"]),
-    ("hex20.med", _hex20, ["hexahedron20", "hexahedron27"]),
+    ("hex20.med", _hex20, ["element 0", "order not understood"]),
     ("polygon.med", _polygon, ["PG2", "not supported"]),
     ("mixed.med", _mixed, ["a mix of hexahedron27 and tetra10"]),
     ("flat.msh", _triangles, ["no volume elements"]),
@@ -409,3 +410,29 @@ def test_a_broken_step_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFi
     assert main.main(["export", "aster", str(tmp_path / "own.toml"), "--quiet"]) == 2
     text = capsys.readouterr()
     assert "broken.step" in text.err and len([line for line in text.err.splitlines() if line]) == 1
+
+
+def test_a_group_is_held_along_some_axes_only(case_file: str, tmp_path: Path) -> None:
+    """A foot that slides on a plane keeps three rigid-body modes; one held along y as well keeps one."""
+    mesh = bar(order=1)
+    meshio.write(tmp_path / "bar.msh", as_meshio(mesh), file_format="gmsh22")
+    query = [case_file, "--mesh-file", str(tmp_path / "bar.msh"), "--count", "4"]
+    for axes, rigid in (("z", 3), ("yz", 1), ("xyz", 0)):
+        document = found([*query, "--support", f"FIXED:{axes}"], tmp_path)
+        assert document["rigid_count"] == rigid
+        free = np.ones((len(mesh.nodes), 3), dtype=bool)
+        for axis in axes:
+            free[mesh.nodes[:, 2] < 1e-9, "xyz".index(axis)] = False  # the foot, by where it lies
+        system = SolidModel(mesh, dict.fromkeys(mesh.region_of_cells(), scene().design.material), (), False).system
+        expected = modes_near(constrain(system, free), 0.0, 4).frequency_hz
+        assert [mode["frequency_hz"] for mode in document["modes"]] == pytest.approx(expected, rel=1e-7)
+
+
+@pytest.mark.parametrize("text", ["FIXED", "FIXED:", ":z", "FIXED:q", "FIXED:zz"])
+def test_a_support_without_group_or_axes_is_refused(
+    text: str, case_file: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    meshio.write(tmp_path / "bar.msh", as_meshio(bar(order=1)), file_format="gmsh22")
+    capsys.readouterr()
+    assert main.main(["modes", case_file, "--mesh-file", str(tmp_path / "bar.msh"), "--support", text, "--quiet"]) == 2
+    assert "NAME:AXES" in capsys.readouterr().err

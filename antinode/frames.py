@@ -1,0 +1,49 @@
+"""Rows as pandas tables and xarray datasets, units in the names and in the attributes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import ModuleType
+from typing import Any
+
+UNITS = {
+    "hz": "Hz", "khz": "kHz", "db": "dB", "m": "m", "mm": "mm", "kg": "kg", "per_m": "rad/m", "m_per_V": "m/V",
+    "GPa": "GPa", "deg": "deg",
+}  # fmt: skip
+
+
+def unit_of(name: str) -> str | None:
+    """The unit at the end of a column's name; None for a name without one.
+
+    >>> unit_of("zone_rms_m_per_V"), unit_of("kx_per_m"), unit_of("mac")
+    ('m/V', 'rad/m', None)
+    """
+    ends = [end for end in UNITS if name.endswith(f"_{end}")]
+    return UNITS[max(ends, key=len)] if ends else None
+
+
+def frame(rows: Sequence[dict[str, Any]]) -> Any:
+    """The rows as a pandas DataFrame. Raises ImportError without pandas."""
+    return _needed("pandas").DataFrame(list(rows))
+
+
+def dataset(rows: Sequence[dict[str, Any]], dimensions: Sequence[str]) -> Any:
+    """The rows as an xarray Dataset over columns that number them; `units` in the attributes.
+
+    Raises ImportError without pandas and xarray.
+    """
+    _needed("xarray")
+    data = frame(rows).set_index(list(dimensions)).to_xarray()
+    for name, variable in data.variables.items():
+        if unit := unit_of(str(name)):
+            variable.attrs["units"] = unit
+    return data
+
+
+def _needed(name: str) -> ModuleType:
+    from importlib import import_module
+
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as fault:
+        raise ImportError(f"tables need {fault.name}: pip install 'antinode[tables]'") from fault

@@ -1,0 +1,133 @@
+"""Figures of the explanations: `python docs/site/figures.py NAME` writes NAME.svg into this folder."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from typing import Any
+
+import numpy as np
+from matplotlib.patches import Rectangle
+
+import antinode
+from geometry.hex.boxes import HexSettings
+from pipeline.plots import style
+from solvers.superelement.build import Reductions, ReductionSettings, lattice_panel
+from solvers.superelement.interface import Interface
+from solvers.superelement.lattice import Lattice
+
+PLATE = "examples/small.toml"
+
+
+def superelement(figure: Any) -> None:
+    """From one cell to the lattice and to the plate."""
+    axes = figure.subplots(1, 3)
+    _cell(axes[0], 0.0, 0.0, marked=True)
+    axes[0].set_title("one cell, reduced once")
+    for x in range(4):
+        for y in range(4):
+            _cell(axes[1], x, y)
+    axes[1].annotate("", (4.4, 2.0), (3.6, 2.0), arrowprops={"arrowstyle": "->", "color": style.VERMILION})
+    axes[1].text(4.5, 2.0, r"$e^{-\mathrm{i}k_xa}$", color=style.VERMILION, va="center")
+    axes[1].set_title("endless lattice: a phase a side")
+    for x in range(6):
+        axes[2].add_patch(Rectangle((x, 2), 1, 2, facecolor=style.GREEN, alpha=0.25, edgecolor=style.GREY))
+        for y in (0, 1, 4, 5):
+            _cell(axes[2], x, y)
+    axes[2].set_title("finite plate: cells share sides")
+    for each, size in zip(axes, (1.0, 5.3, 6.0), strict=True):
+        each.set(xlim=(-0.1 * size, 1.1 * size), ylim=(-0.1 * size, 1.1 * size), aspect="equal")
+        each.axis("off")
+
+
+def _cell(axes: Any, x: float, y: float, marked: bool = False) -> None:
+    axes.add_patch(Rectangle((x, y), 1, 1, facecolor="none", edgecolor=style.BLUE, lw=2.2 if marked else 0.8))
+    axes.add_patch(Rectangle((x + 0.25, y + 0.25), 0.5, 0.5, facecolor=style.ORANGE, edgecolor="none"))
+    if marked:
+        for grid in np.linspace(0.125, 0.875, 7):
+            axes.plot([x + grid, x + grid], [y, y + 1], color=style.GREY, lw=0.4)
+            axes.plot([x, x + 1], [y + grid, y + grid], color=style.GREY, lw=0.4)
+
+
+def superelement_convergence(figure: Any) -> None:
+    """Error of the bands at X over the degrees along a side, against the highest degree of the same mesh."""
+    design = antinode.load(PLATE).case.design
+    at_x = np.array([np.pi / design.pitch_x_m, 0.0])
+    mesh = HexSettings(3, 2e-3, 0, pillar_size_m=3.15e-3)
+    degrees = (1, 2, 3, 4, 5, 7)
+    tones = []
+    for degree in degrees:
+        settings = ReductionSettings(Interface(degree, 3), 1.5e6, mesh)
+        cell = Reductions(design.thickness_m, design.material, design.pillar, settings).cell(lattice_panel(design))
+        tones.append(Lattice(cell).frequencies(at_x, 5))
+    error = np.array(tones[:-1]) / tones[-1] - 1.0
+    axes = figure.subplots()
+    for band in range(5):
+        axes.semilogy(degrees[:-1], np.maximum(error[:, band], 1e-7), "o-", ms=4, label=f"band {band + 1}")
+    axes.set(
+        xlabel="degree of the polynomials along a side", ylabel="overestimate at X (relative)", xticks=degrees[:-1]
+    )
+    axes.legend()
+
+
+def error_bars(figure: Any) -> None:
+    """What a coarse answer is off by, beside what it says that it may be off by."""
+    plate = antinode.load(PLATE, bands__points=6, bands__count=4)
+    coarse, fine = (plate.with_(accuracy=accuracy).bands() for accuracy in (0.1, 0.003))
+    axes, moving = figure.subplots(), fine.frequencies_hz[1:-1] > 1e3
+    points = np.arange(1, len(fine.labels) - 1)
+    for band, colour in enumerate((style.BLUE, style.ORANGE, style.GREEN, style.VERMILION)):
+        at = points[moving[:, band]]
+        off = 100.0 * (coarse.frequencies_hz[at, band] / fine.frequencies_hz[at, band] - 1.0)
+        bar = 100.0 * coarse.error[at, band]
+        axes.errorbar(at + 0.12 * band, off, bar, fmt="o", ms=3, lw=0.8, color=colour, label=f"band {band + 1}")
+    axes.axhline(0.0, color=style.GREY, lw=0.8)
+    corners = [(at, label) for at, label in enumerate(fine.labels) if label]
+    axes.set_xticks([at for at, _ in corners], ["Γ" if label == "G" else str(label) for _, label in corners])
+    axes.set(xlabel="wavevector", ylabel="accuracy 0.1 over accuracy 0.003 (%)")
+    axes.legend()
+
+
+def confinement(figure: Any) -> None:
+    """Rms of u_z along x over the distance from the zone's middle, without rows and with them."""
+    axes = figure.subplots()
+    plate = antinode.load(PLATE, accuracy=0.05)
+    for rows, colour in ((0, style.GREY), (1, style.ORANGE), (3, style.BLUE)):
+        other = plate.with_(rows=rows, extension_mm=20.0 - 4.0 * rows)
+        modes = other.modes(symmetry="SS")
+        wanted = modes.wanted
+        at = wanted.frequency_hz if wanted and wanted.frequency_hz else modes[0].frequency_hz
+        mode = min(modes, key=lambda each: abs(each.frequency_hz - at))
+        y, level = _across(mode.to_pyvista())
+        axes.plot(y, level, color=colour, label=f"{rows} rows: {mode.confinement_db:.1f} dB")
+    width = 1e3 * plate.case.design.width_m / 2.0
+    axes.axvspan(-width, width, color=style.GREEN, alpha=0.15)
+    axes.text(0.0, axes.get_ylim()[0], "zone", ha="center", va="bottom", color=style.GREEN)
+    axes.set(xlabel="y (mm)", ylabel="rms of $u_z$ along x, of its largest (dB)")
+    axes.legend()
+
+
+def _across(surface: Any) -> tuple[Any, Any]:
+    """Middles of bins over y (mm) and the rms of u_z on the touch face in each, dB below the largest."""
+    face = np.abs(surface.points[:, 2]) < 1e-9
+    y, motion = 1e3 * surface.points[face, 1], surface["displacement"][face, 2]
+    edges = np.arange(-np.ceil(y.max()), np.ceil(y.max()) + 1.0, 1.0)
+    which = np.digitize(y, edges)
+    rms = np.array(
+        [np.sqrt(np.mean(motion[which == i] ** 2)) if np.any(which == i) else np.nan for i in range(1, len(edges))]
+    )
+    middles, known = (edges[:-1] + edges[1:]) / 2.0, np.isfinite(rms)
+    return middles[known], 20.0 * np.log10(rms[known] / np.nanmax(rms))
+
+
+def main(name: str) -> None:
+    """Draw a figure into a file."""
+    warnings.simplefilter("ignore", antinode.Caution)
+    with style.style():
+        figure = style.new_figure(style.WIDTH_IN, 2.6 if name == "superelement" else 3.6)
+        globals()[name.replace("-", "_")](figure)
+        figure.savefig(f"{name}.svg", bbox_inches="tight")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

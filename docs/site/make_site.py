@@ -1,0 +1,67 @@
+"""The documentation site: `make docs`, or `python docs/site/make_site.py [FOLDER]` (default: build/docs/site).
+
+Pages of docs/ as they stand, some of them completed from what the program knows, and pictures made by commands; nothing is
+written into docs/. No network. Exit code 4 with a line each where a link leads nowhere, a docstring cannot be read, or a
+public name is not on its page.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pictures
+import reference
+from sphinx.application import Sphinx
+from sphinx.util.docutils import docutils_namespace
+from sphinx.util.inventory import InventoryFile
+
+ROOT = Path(__file__).resolve().parents[2]
+WORK = ROOT / "build" / "docs"
+NOT_HELD = 4
+
+
+def pages(source: Path, with_pictures: bool = True) -> None:
+    """Write every page of the site into a folder: those of docs/, completed."""
+    shutil.rmtree(source, ignore_errors=True)
+    shutil.copytree(ROOT / "docs", source, ignore=shutil.ignore_patterns("site", "__pycache__"))
+    shutil.copy(ROOT / "CHANGELOG.md", source / "changelog.md")
+    made = {name: "\n".join(lines()) for name, lines in reference.PAGES.items()}
+    if with_pictures:
+        made["gallery.md"] = "\n".join(pictures.gallery_page(WORK / "pictures"))
+        for figure in pictures.figure_examples():
+            pictures.made(figure, WORK / "pictures")
+    for name, text in made.items():
+        with (source / name).open("a", encoding="utf-8") as page:
+            page.write(f"\n{text}\n")
+    if with_pictures:
+        shutil.copytree(WORK / "pictures", source / "pictures" / "gallery", ignore=shutil.ignore_patterns("*.json"))
+
+
+def build(source: Path, target: Path) -> list[str]:
+    """Build the site and say what is wrong with it."""
+    trees = WORK / "doctrees"
+    with docutils_namespace():
+        site = Sphinx(source, Path(__file__).parent, target, trees, "html", freshenv=True, status=None)
+        site.build()
+    faults = [f"{site._warncount} warnings of Sphinx, above"] if site._warncount else []
+    with (target / "objects.inv").open("rb") as file:
+        inventory = InventoryFile.load(file, "", lambda base, name: name)
+    known = {name for kind, entries in inventory.items() if kind.startswith("py:") for name in entries}
+    faults += [f"{name}: public, and not on the library's page" for name in sorted(reference.public_names() - known)]
+    return faults + [f"{key}: no meaning in docs/site/keys.toml, or no such key" for key in reference.unexplained()]
+
+
+def main(words: Sequence[str]) -> int:
+    """Build; exit code 0, or 4 with a line for each fault."""
+    target = Path(words[0]).resolve() if words else WORK / "site"
+    pages(WORK / "source")
+    faults = build(WORK / "source", target)
+    print("\n".join(faults) if faults else f"{target / 'index.html'}")
+    return NOT_HELD if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,157 @@
+"""Reference pages from what the program itself knows: case file, columns, JSON fields, commands, the library's names."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel
+
+import antinode
+from antinode.frames import unit_of
+from pipeline.case.schema import MATERIAL_ALLOWED, TABLES, MaterialTable
+from pipeline.cli import main
+from pipeline.measures.registry import MEASURES
+from pipeline.records import record, tables
+
+SITE = Path(__file__).resolve().parent
+ROOT = SITE.parents[1]
+OWN = [name for name in antinode.__all__ if name != "__version__"]
+
+
+def meanings() -> dict[str, dict[str, str]]:
+    """What every key of a case file means, by table."""
+    return tomllib.loads((SITE / "keys.toml").read_text(encoding="utf-8"))
+
+
+def unexplained() -> list[str]:
+    """Keys of the schema without a meaning, and meanings without a key."""
+    known, schema = meanings(), {table: {"", *model.model_fields} for table, model in TABLES.items()}
+    return sorted(
+        f"{table}.{key}"
+        for table in known.keys() | schema.keys()
+        for key in set(known.get(table, {})) ^ schema.get(table, set())
+    )
+
+
+def row(*cells: object) -> str:
+    """A line of a table; bars in cells would end them."""
+    return "| " + " | ".join(" ".join(str(cell).split()).replace("|", r"\|") for cell in cells) + " |"
+
+
+def head(*cells: str) -> str:
+    """The two first lines of a table."""
+    return f"{row(*cells)}\n{row(*('---' for _ in cells))}"
+
+
+def case_file() -> Iterator[str]:
+    """Every key of a case file with its meaning, what it may be and its default."""
+    known = meanings()
+    yield f"## material\n\n{MATERIAL_ALLOWED}; `antinode materials` lists the names.\n"
+    yield f"{head('key', 'what it may be', 'default')}\n" + "\n".join(_keys(MaterialTable))
+    for table, model in TABLES.items():
+        yield f"\n## {table}\n\n{known[table]['']}\n\n{head('key', 'meaning', 'what it may be', 'default')}"
+        yield "\n".join(_keys(model, known[table]))
+
+
+def _keys(model: type[BaseModel], known: dict[str, str] | None = None) -> Iterator[str]:
+    for name, field in model.model_fields.items():
+        default = "must be given" if field.is_required() else field.get_default(call_default_factory=True)
+        shown = "none" if default is None else f"`{default}`" if not field.is_required() else default
+        allowed = field.description or "; ".join(
+            each.description for each in field.metadata if getattr(each, "description", None)
+        )
+        yield row(f"`{name}`", *([known[name]] if known else []), allowed or "a list of numbers", shown)
+
+
+def columns() -> Iterator[str]:
+    """Every column of table.csv, by the measure that fills it."""
+    for measure in MEASURES:
+        if measure.columns:
+            yield f"\n## {measure.name}\n\n{head('column', 'what it is', 'unit')}"
+            yield "\n".join(row(f"`{each.name}`", each.heading, each.unit or "-") for each in measure.columns)
+    yield f"\n## Along a sweep\n\n{head('column', 'what it is', 'unit')}"
+    yield "\n".join(row(f"`{name}`", heading, unit or "-") for name, heading, _, _, unit in tables.TRACKED)
+
+
+def json_fields() -> Iterator[str]:
+    """Every field of records and of the commands' documents, by its typed part."""
+    for name, part in vars(record).items():
+        if inspect.isclass(part) and issubclass(part, record.Part) and part.model_fields:
+            yield f"\n## {name}\n\n{inspect.cleandoc(part.__doc__ or '')}\n\n{head('field', 'type', 'unit')}"
+            yield "\n".join(_fields(part))
+
+
+def _fields(part: type[BaseModel]) -> Iterator[str]:
+    for name, field in part.model_fields.items():
+        kind = field.annotation.__name__ if inspect.isclass(field.annotation) else str(field.annotation)
+        words = kind.replace("pipeline.records.record.", "").replace("typing.", "")
+        yield row(f"`{name}`", f"`{words}`", unit_of(name) or "-")
+
+
+def commands() -> Iterator[str]:
+    """What each command answers to `--help`."""
+    parser = main._parser()
+    choices = next(each for each in parser._actions if isinstance(each, argparse._SubParsersAction)).choices
+    for name, sub in choices.items():
+        sub.formatter_class = lambda prog: argparse.RawDescriptionHelpFormatter(prog, width=110)
+        yield f"\n## {name}\n\n```text\n{sub.format_help().strip()}\n```"
+
+
+def library() -> Iterator[str]:
+    """Every public name of `import antinode`, from its docstring."""
+    for name in OWN:
+        thing = getattr(antinode, name)
+        if inspect.isclass(thing):
+            inherited = ":inherited-members: dict, Sequence, UserWarning, Exception, object"
+            options = [":members:", inherited]
+            directive = f".. autoclass:: antinode.{name}"
+        else:
+            directive, options = f".. autofunction:: antinode.{name}", []
+        lines = [directive, *(f"   {option}" for option in options)]
+        yield f"\n## {name}\n\n" + "\n".join(["```{eval-rst}", *lines, "```"])
+
+
+def public_names() -> set[str]:
+    """Every name that the library's reference has to hold: public names, and public members of their classes."""
+    names = set()
+    for name in OWN:
+        thing: Any = getattr(antinode, name)
+        names.add(f"antinode.{name}")
+        for owner in inspect.getmro(thing) if inspect.isclass(thing) else ():
+            if owner.__module__.startswith("antinode"):
+                names |= {f"antinode.{name}.{key}" for key, value in vars(owner).items() if _is_member(key, value)}
+    return names
+
+
+def _is_member(key: str, value: object) -> bool:
+    return not key.startswith("_") and (callable(value) or isinstance(value, property))
+
+
+def cite() -> Iterator[str]:
+    """A BibTeX entry from CITATION.cff, and the works that this program stands on."""
+    cff = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    fields = {
+        "author": " and ".join(f"{{{each['name']}}}" for each in cff["authors"]),
+        "title": cff["title"],
+        "version": cff["version"],
+        "license": cff["license"],
+    }
+    entry = ",\n".join(f"  {key} = {{{value}}}" for key, value in fields.items())
+    yield f"```bibtex\n@software{{antinode,\n{entry}\n}}\n```\n\n## Works that it stands on\n"
+    yield f"```bibtex\n{(ROOT / 'docs' / 'references.bib').read_text(encoding='utf-8').strip()}\n```"
+
+
+PAGES = {
+    "reference/case-file.md": case_file,
+    "reference/columns.md": columns,
+    "reference/json.md": json_fields,
+    "reference/commands.md": commands,
+    "reference/library.md": library,
+    "cite.md": cite,
+}

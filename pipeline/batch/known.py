@@ -1,0 +1,65 @@
+"""Where studies keep their results, and the names by which they answer from any folder.
+
+The results of a study of the checkout lie in the checkout's `results/`, those of any other study file in `results/` beside it;
+ANTINODE_RESULTS and --results say otherwise. What lies elsewhere is noted in a file of the user's state folder.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+from pipeline import paths
+
+
+class Place(NamedTuple):
+    """A study file and the folder of its results."""
+
+    source: Path
+    folder: Path
+
+
+def folder_of(name: str, source: Path, given: str | None = None) -> Path:
+    """The folder of a study's results: below the one given, else where it was put before, else by the rule above."""
+    if given:
+        return Path(given).resolve() / name
+    if os.environ.get("ANTINODE_RESULTS") or _is_ours(source):
+        return paths.RESULTS / name
+    before = known().get(name)
+    if before and before.source == source.resolve():
+        return before.folder
+    return source.resolve().parent / "results" / name
+
+
+def _is_ours(source: Path) -> bool:
+    return (paths.IS_CHECKOUT and source.resolve().is_relative_to(paths.ROOT)) or source.parent == paths.STUDIES
+
+
+def known() -> dict[str, Place]:
+    """Studies whose results lie elsewhere, by name; only those whose file and results are still there."""
+    try:
+        entries = json.loads(_file().read_text(encoding="utf-8"))
+        places = {name: Place(Path(source), Path(folder)) for name, (source, folder) in entries.items()}
+    except (OSError, ValueError, TypeError, AttributeError):
+        return {}
+    return {name: place for name, place in places.items() if place.source.is_file() and place.folder.is_dir()}
+
+
+def remember(name: str, source: Path, folder: Path) -> None:
+    """Note a study whose results lie elsewhere; a state folder that cannot be written to is no reason to stop."""
+    from pipeline.records.store import write_atomic
+
+    if folder.parent == paths.RESULTS:
+        return
+    entries = known() | {name: Place(source.resolve(), folder.resolve())}
+    text = json.dumps({key: [str(part) for part in place] for key, place in sorted(entries.items())}, indent=1)
+    with suppress(OSError):
+        _file().parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(_file(), f"{text}\n".encode())
+
+
+def _file() -> Path:
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "antinode" / "studies.json"

@@ -1,0 +1,33 @@
+"""Every mode of a plate on the surface of the whole body, one step each, for ParaView."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.case.model import Case
+from pipeline.errors import InputError
+from pipeline.logs import Log
+
+
+def write(case: Case, path: Path, log: Log) -> Path:
+    """Compute the modes that `antinode modes` lists and write their shapes of unit modal mass; time is frequency, Hz."""
+    from geometry.decimate import with_sides
+    from geometry.formats.vtkhdf import write_steps
+    from pipeline.analysis.modes import solve_modes
+    from pipeline.planning.request import Request
+
+    solved = solve_modes(case, Request("plate"), log)
+    if not solved.rows:
+        raise InputError(f"{case.name}: no mode in the band that was asked for: there is nothing to show")
+    skins = {}
+    for symmetry in {row.symmetry for row in solved.rows}:
+        skins[symmetry] = solved.model.skin(symmetry, solved.vectors[symmetry]).unfolded(symmetry)
+    first = next(iter(skins.values()))
+    shapes = np.stack([skins[row.symmetry].displacement[row.column] for row in solved.rows])
+    facets = with_sides(first.points, first.facets, case.design.thickness_m)
+    tones = np.array([row.frequency_hz for row in solved.rows])
+    with log.step(f"write {len(tones)} shapes"):
+        write_steps(path, first.points, facets, tones, "displacement", shapes)
+    return path

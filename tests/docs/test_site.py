@@ -1,0 +1,113 @@
+"""The documentation site's structure; `make docs` builds it whole and fails on dead links and on undocumented names."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from pipeline.cli.main import _parser
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(page for page in DOCS.rglob("*.md") if "site" not in page.parts)
+LINK = re.compile(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)")
+
+
+@pytest.fixture(scope="module")
+def site() -> Iterator[dict[str, ModuleType]]:
+    sys.path.insert(0, str(DOCS / "site"))
+    try:
+        import make_site
+        import pictures
+        import reference
+
+        yield {"build": make_site, "pictures": pictures, "reference": reference}
+    finally:
+        sys.path.remove(str(DOCS / "site"))
+
+
+def listed() -> set[str]:
+    """Pages that the site's tables of contents name."""
+    names = {"index"}
+    for page in PAGES:
+        for block in re.findall(r"```\{toctree\}\n(.*?)```", page.read_text(), re.DOTALL):
+            lines = [line for line in block.splitlines() if line and not line.startswith(":")]
+            folder = page.parent.relative_to(DOCS)
+            for line in lines:
+                names |= {
+                    path.relative_to(DOCS).with_suffix("").as_posix() for path in DOCS.glob(f"{folder / line}.md")
+                }
+    return names
+
+
+def test_every_page_is_in_the_tables_of_contents() -> None:
+    assert {page.relative_to(DOCS).with_suffix("").as_posix() for page in PAGES} == listed()
+
+
+def test_every_relative_link_leads_to_a_page_or_a_picture_that_the_build_makes(site: dict[str, ModuleType]) -> None:
+    pictures = site["pictures"]
+    made = {DOCS / "pictures" / "gallery" / each.file for each in [*pictures.examples(), *pictures.figure_examples()]}
+    wrong = [
+        f"{page.relative_to(DOCS)}: {link}"
+        for page in PAGES
+        for link in LINK.findall(page.read_text())
+        if not (page.parent / link).exists() and (page.parent / link).resolve() not in made
+    ]
+    assert not wrong
+
+
+def test_the_gallery_has_a_dozen_examples_whose_commands_are_commands(site: dict[str, ModuleType]) -> None:
+    examples = site["pictures"].examples()
+    assert len(examples) >= 12 and len({each.name for each in examples}) == len(examples)
+    for each in examples:
+        program, *words = shlex.split(each.command)
+        if program == "antinode":
+            _parser().parse_args(words)  # SystemExit for what is no command
+        else:
+            assert program == "python" and (ROOT / words[0]).is_file()
+        assert each.title and each.text.endswith(".")
+    for each in site["pictures"].figure_examples():
+        assert f"def {each.name.replace('-', '_')}(" in (DOCS / "site" / "figures.py").read_text()
+
+
+def test_every_key_of_a_case_file_has_a_meaning(site: dict[str, ModuleType], monkeypatch: pytest.MonkeyPatch) -> None:
+    reference = site["reference"]
+    assert reference.unexplained() == []
+    known = reference.meanings()
+    del known["array"]["rows"]
+    monkeypatch.setattr(reference, "meanings", lambda: known | {"zone": known["zone"] | {"colour": "Its paint."}})
+    assert reference.unexplained() == ["array.rows", "zone.colour"]
+
+
+def test_generated_pages_hold_what_they_are_made_from(site: dict[str, ModuleType]) -> None:
+    text = {name: "\n".join(lines()) for name, lines in site["reference"].PAGES.items()}
+    assert "| `pitch_mm` |" in text["reference/case-file.md"] and "aluminium" not in text["reference/columns.md"]
+    assert "| `confinement_db` |" in text["reference/columns.md"] and "| `tracked_hz` |" in text["reference/columns.md"]
+    assert (
+        "## ModeRecord" in text["reference/json.md"]
+        and "| `frequency_hz` | `float` | Hz |" in text["reference/json.md"]
+    )
+    assert "## attenuation" in text["reference/commands.md"] and "--kx" in text["reference/commands.md"]
+    assert "antinode.sweep" in text["reference/library.md"] and "@software{antinode" in text["cite.md"]
+    assert all("PosixPath" not in page and str(ROOT) not in page for page in text.values())
+
+
+def test_a_dead_link_and_a_missing_name_are_faults(
+    site: dict[str, ModuleType], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = tmp_path / "source"
+    source.mkdir()
+    monkeypatch.setattr(site["build"], "WORK", tmp_path)
+    library = "```{eval-rst}\n.. autofunction:: antinode.load\n```"
+    (source / "index.md").write_text(f"# Site\n\n{library}\n")
+    faults = site["build"].build(source, tmp_path / "one")
+    assert "antinode.sweep: public, and not on the library's page" in faults
+    assert not [fault for fault in faults if "antinode.load:" in fault or "warnings" in fault]
+    (source / "index.md").write_text(f"# Site\n\n[there](nowhere.md)\n\n{library}\n")
+    assert any("1 warnings" in fault for fault in site["build"].build(source, tmp_path / "two"))

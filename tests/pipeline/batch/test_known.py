@@ -1,0 +1,82 @@
+"""Where results of a study lie, and that its name is known afterwards from any folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipeline import paths
+from pipeline.batch import known
+from pipeline.batch.study_file import find_study
+
+ROOT = Path(__file__).resolve().parents[3]
+SWEPT = '[sweep]\n"solve.accuracy" = [0.1]\n"bands.points" = [1]\n'
+STUDY = f'[study]\nname = "mine"\ncase = "small.toml"\nmeasure = ["bands"]\n{SWEPT}'
+
+
+@pytest.fixture
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.delenv("ANTINODE_RESULTS", raising=False)
+    return tmp_path
+
+
+def test_the_checkouts_studies_keep_to_the_checkout_and_others_to_their_own_folder(
+    state: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert known.folder_of("rows", ROOT / "studies" / "rows.toml") == paths.RESULTS / "rows"
+    assert known.folder_of("mine", state / "mine.toml") == state / "results" / "mine"
+    assert known.folder_of("rows", ROOT / "studies" / "rows.toml", str(state / "there")) == state / "there" / "rows"
+    monkeypatch.setenv("ANTINODE_RESULTS", str(state / "said"))
+    monkeypatch.setattr(paths, "RESULTS", state / "said")
+    assert known.folder_of("mine", state / "mine.toml") == state / "said" / "mine"
+
+
+def test_a_study_is_remembered_while_file_and_results_are_there(state: Path) -> None:
+    source, folder = state / "mine.toml", state / "far" / "mine"
+    folder.mkdir(parents=True)
+    source.write_text(STUDY)
+    known.remember("mine", source, folder)
+    assert known.known() == {"mine": (source, folder)} and find_study("mine") == source
+    assert known.folder_of("mine", source) == folder  # --results has to be said once
+    assert (
+        known.folder_of("mine", state / "other" / "mine.toml") == state / "other" / "results" / "mine"
+    )  # another of that name
+    shutil.rmtree(folder)
+    assert known.known() == {}
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", '{"mine": 3}', '{"mine": ["a"]}'])
+def test_a_broken_note_is_no_note(text: str, state: Path) -> None:
+    (state / "state" / "antinode").mkdir(parents=True)
+    (state / "state" / "antinode" / "studies.json").write_text(text)
+    assert known.known() == {}
+
+
+def test_a_study_of_ones_own_is_run_here_and_asked_for_from_elsewhere(state: Path) -> None:
+    here, elsewhere = state / "here", state / "elsewhere"
+    here.mkdir()
+    elsewhere.mkdir()
+    shutil.copy(ROOT / "examples" / "small.toml", here)
+    (here / "mine.toml").write_text(STUDY)
+
+    def antinode(folder: Path, *words: str) -> str:
+        command = [sys.executable, "-m", "antinode", *words]
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)}
+        )
+        assert done.returncode == 0, done.stderr[-1500:]
+        return done.stdout
+
+    antinode(here, "run", "mine.toml", "--jobs", "1", "--quiet")
+    page = here / "results" / "mine" / "report.html"
+    assert page.is_file()
+    page.unlink()
+    assert str(page) in antinode(elsewhere, "report", "mine") and page.is_file()
+    assert "mine" in [each["study"] for each in json.loads(antinode(elsewhere, "list", "--json", "-"))["studies"]]

@@ -1,0 +1,209 @@
+"""Bands, shapes, responses and impedances in the formats of others, read back by others' readers."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyuff
+import pyvista
+import yaml
+from scipy.spatial import cKDTree
+from vtkmodules.vtkIOHDF import vtkHDFReader
+
+from pipeline.case.model import Case, load_case
+from pipeline.cli.main import main
+from pipeline.exchange import impedance
+from pipeline.measured import universal
+from pipeline.measured.synthetic import grid
+from pipeline.models.patched_plate import forced_plate
+from solvers.piezo.circuit import admittance, circuit_shift
+from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.point import point_response
+from tests.helpers.recording_log import RecordingLog
+
+ROOT = Path(__file__).resolve().parents[3]
+SMALL = str(ROOT / "examples" / "small.toml")
+COARSE = ["solve.accuracy=0.1", "bands.points=3", "bands.count=7"]
+PATCH = "patches={material='pz26', size_mm=[8.0, 3.0, 0.3], centres_mm=[[0.0, 0.0]]}"
+
+
+def written(form: str, place: Path, *more: str) -> Path:
+    """The file that `antinode export` wrote."""
+    settings = [word for text in (*COARSE, *more) for word in ("--set", text)]
+    assert main(["export", form, SMALL, *settings, "-o", str(place), "--quiet"]) == 0
+    return place
+
+
+@pytest.fixture(scope="module")
+def driven() -> tuple[Case, ForcedPlate]:
+    case = load_case(SMALL, [*COARSE, PATCH])
+    return case, forced_plate(case, RecordingLog(), None, [])
+
+
+def test_phonopys_file_has_the_bands_of_the_command(tmp_path: Path) -> None:
+    data = yaml.safe_load(written("phonopy", tmp_path / "band.yaml").read_text())
+    settings = [word for text in COARSE for word in ("--set", text)]
+    assert main(["bands", SMALL, *settings, "--quiet", "--json", str(tmp_path / "b.json")]) == 0
+    points = json.loads((tmp_path / "b.json").read_text())["points"]
+    assert (
+        (data["npath"], data["nqpoint"], data["segment_nqpoint"])
+        == (3, 12, [4, 4, 4])
+        == (3, len(data["phonon"]), [4] * 3)
+    )
+    assert data["labels"] == [["G", "X"], ["X", "M"], ["M", "G"]]
+    ours = [points[i] for start in (0, 3, 6) for i in range(start, start + 4)]
+    for theirs, point in zip(data["phonon"], ours, strict=True):
+        tones = [1e12 * band["frequency"] for band in theirs["band"]]
+        assert tones == pytest.approx(point["frequencies_hz"], rel=1e-9)
+    corners = [data["phonon"][i]["q-position"] for i in (0, 3, 7)]
+    assert np.allclose(corners, [[0, 0, 0], [0.5, 0, 0], [0.5, 0.5, 0]])
+    length = (1.0 + np.sqrt(0.5)) / 4e7  # of Γ-X-M-Γ at a pitch of 4 mm, in reciprocal Angstrom
+    assert data["phonon"][11]["distance"] == pytest.approx(length)
+    assert 3 * data["natom"] <= len(data["phonon"][0]["band"]) == 7
+
+
+def test_paraviews_file_has_a_step_a_mode_on_the_whole_plate(tmp_path: Path) -> None:
+    place = written("paraview", tmp_path / "modes.vtkhdf", "solve.band_kHz=[25, 29]")
+    asked = ["--set", COARSE[0], "--set", "solve.band_kHz=[25, 29]", "--quiet", "--json", str(tmp_path / "m")]
+    assert main(["modes", SMALL, *asked]) == 0
+    modes = json.loads((tmp_path / "m").read_text())["modes"]
+    reader = vtkHDFReader()
+    reader.SetFileName(str(place))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == len(modes) > 2
+    design = load_case(SMALL).design
+    for step, mode in enumerate(modes):
+        reader.SetStep(step)
+        reader.Update()
+        grid = pyvista.wrap(reader.GetOutputDataObject(0))
+        assert reader.GetTimeValue() == pytest.approx(mode["frequency_hz"], rel=1e-6)
+        shape, places = np.array(grid.point_data["displacement"])[:, 2], cKDTree(grid.points)
+        for axis, letter in enumerate(mode["symmetry"]):  # u_z beyond a mirror is that of its class
+            _, image = places.query(grid.points * np.where(np.arange(3) == axis, -1.0, 1.0))
+            assert np.abs(shape[image] - (1.0 if letter == "S" else -1.0) * shape).max() < 1e-4 * np.abs(shape).max()
+    low, high = np.array(grid.bounds[::2]), np.array(grid.bounds[1::2])
+    assert low == pytest.approx([-design.length_m / 2, -design.half_span_m, 0.0], abs=1e-9)
+    assert high == pytest.approx([design.length_m / 2, design.half_span_m, 8.3e-3], abs=1e-9)
+
+
+def test_a_universal_file_holds_the_response_and_is_read_back(tmp_path: Path, driven: tuple[Case, ForcedPlate]) -> None:
+    case, forced = driven
+    place = written("uff", tmp_path / "plate.uff", PATCH)
+    sets = pyuff.UFF(str(place)).read_sets()
+    nodes, responses = (
+        next(each for each in sets if each["type"] == 15),
+        [each for each in sets if each["type"] == 58],
+    )
+    assert len(responses) == len(nodes["node_nums"]) > 100
+    chosen = responses[137]
+    at = int(chosen["rsp_node"]) - 1
+    place_m = grid(case.design)[at]
+    assert (nodes["x"][at], nodes["y"][at]) == pytest.approx(place_m, rel=1e-5)  # six digits in the format's 13 columns
+    direct = point_response(forced, (place_m[0], place_m[1]), np.array(chosen["x"]))
+    # the first frequency and the step have six digits, 5e-6 of a frequency at most: times 2 Q on a resonance's flank
+    assert np.abs(chosen["data"] - direct).max() < 2 * 300 * 5e-6 * np.abs(direct).max()
+    sweep, field = universal.read_sweep(place), universal.read_field(place, case.design)
+    assert sweep.quantity == field.quantity == "displacement" and len(field.points_m) == len(responses)
+    largest = max(np.abs(each["data"]).max() for each in responses)
+    assert np.abs(sweep.sweep.response).max() == pytest.approx(largest)
+    assert np.abs(field.values).max() == pytest.approx(
+        largest, rel=0.05
+    )  # all nodes peak together, within the line's width
+
+
+def test_a_sweep_is_compared_with_the_peak_that_it_covers(tmp_path: Path) -> None:
+    """The highest peak of this plate's response, at 26 kHz, is another mode's."""
+    patches = "patches={material='pz26', size_mm=[8.0, 3.0, 0.3]}"
+    place = written("uff", tmp_path / "plate.uff", patches)
+    asked = [*(word for text in (COARSE[0], patches) for word in ("--set", text)), "--points", "51", "--quiet"]
+    assert (
+        main(["response", SMALL, *asked, "--measured", str(place), "--map", str(place), "--json", str(tmp_path / "r")])
+        == 0
+    )
+    seen = json.loads((tmp_path / "r").read_text())["measured"]
+    assert abs(seen["sweep"]["frequency_shift"]) < 1e-4 and seen["map"]["mac_operating"] > 0.99
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"func_type": 1}, "no frequency response"),
+        ({"ordinate_spec_data_type": 12}, "8 (displacement), 11 (velocity)"),
+        ({"x": np.linspace(-5.0, 0.0, 9)}, "0 frequencies above 0"),
+    ],
+)
+def test_a_universal_file_that_does_not_serve_is_refused_in_words(change: dict, said: str, tmp_path: Path) -> None:
+    data = {
+        "type": 58,
+        "func_type": 4,
+        "rsp_node": 1,
+        "rsp_dir": 3,
+        "ref_node": 1,
+        "ref_dir": 3,
+        "binary": 0,
+        "orddenom_spec_data_type": 0,
+    }
+    data |= {"ordinate_spec_data_type": 8, "x": np.linspace(1e3, 2e3, 9), "data": np.ones(9, dtype=complex)} | change
+    pyuff.UFF(str(tmp_path / "m.uff")).write_sets([data], "overwrite")
+    with pytest.raises(universal.InputError, match=said.replace("(", r"\(").replace(")", r"\)")):
+        universal.read_sweep(tmp_path / "m.uff")
+
+
+def test_what_is_no_universal_file_and_nodes_without_a_place_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(universal.InputError, match="no such file"):
+        universal.read_sweep(tmp_path / "none.unv")
+    (tmp_path / "text.uff").write_text("frequency_Hz,real,imag\n1,2,3\n")
+    with pytest.raises(universal.InputError, match=r"no frequency response|can be read"):
+        universal.read_sweep(tmp_path / "text.uff")
+    data = {
+        "type": 58,
+        "func_type": 4,
+        "rsp_node": 7,
+        "rsp_dir": 3,
+        "ref_node": 1,
+        "ref_dir": 3,
+        "binary": 0,
+        "orddenom_spec_data_type": 0,
+    }
+    data |= {"ordinate_spec_data_type": 8, "x": np.linspace(1e3, 2e3, 9), "data": np.ones(9, dtype=complex)}
+    pyuff.UFF(str(tmp_path / "m.uff")).write_sets([data], "overwrite")
+    with pytest.raises(universal.InputError, match="node 7 has a response and no place"):
+        universal.read_field(tmp_path / "m.uff", load_case(SMALL).design)
+
+
+def test_the_impedance_resonates_short_and_resonates_against_open(driven: tuple[Case, ForcedPlate]) -> None:
+    """One driven patch: Re Y is largest at the short-circuit resonance, Re Z at the open-circuit one, both to second order
+    in the loss factor; away from every resonance only the capacitor is seen."""
+    _, forced = driven
+    shift = circuit_shift(forced)
+    assert shift is not None and shift.open_hz - shift.short_hz > 1.0
+    line = shift.short_hz / 300.0
+    tones = np.arange(shift.short_hz - line, shift.open_hz + line, 0.5)
+    seen = admittance(forced, tones)
+    assert tones[np.argmax(seen.real)] == pytest.approx(shift.short_hz, abs=0.02 * line)
+    assert tones[np.argmax((1.0 / seen).real)] == pytest.approx(shift.open_hz, abs=0.02 * line)
+    assert np.all(seen.real > 0.0)  # a passive plate takes power
+
+
+def test_touchstone_and_csv_are_the_same_impedance(tmp_path: Path, driven: tuple[Case, ForcedPlate]) -> None:
+    _, forced = driven
+    rows = list(csv.DictReader(written("impedance", tmp_path / "z.csv", PATCH).open()))
+    tones = np.array([float(row["frequency_Hz"]) for row in rows])
+    ohm = np.array([float(row["resistance_ohm"]) + 1j * float(row["reactance_ohm"]) for row in rows])
+    assert ohm[::100] == pytest.approx(1.0 / admittance(forced, tones[::100]), rel=1e-6)
+    lines = impedance.touchstone(tones, ohm).splitlines()
+    assert lines[1] == "# Hz S RI R 50"
+    f, re, im = (float(word) for word in lines[102].split())
+    s = re + 1j * im
+    assert f == tones[100] and 50.0 * (1.0 + s) / (1.0 - s) == pytest.approx(ohm[100], rel=1e-9)
+
+
+def test_an_impedance_without_patches_or_format_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export", "impedance", SMALL, "-o", str(tmp_path / "z.s1p"), "--quiet"]) == 2
+    assert "[patches]" in capsys.readouterr().err
+    assert main(["export", "impedance", SMALL, "--set", PATCH, "-o", str(tmp_path / "z.txt"), "--quiet"]) == 2
+    assert ".s1p (Touchstone) or .csv" in capsys.readouterr().err and not list(tmp_path.iterdir())
