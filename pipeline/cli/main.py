@@ -21,7 +21,8 @@ from pipeline.errors import one_line
 from pipeline.process import lend_cache_folders, terminable
 
 DECLARED = Path(__file__).with_name("commands.toml")
-MODULES = ("pipeline.cli.new",)  # each adds its commands, whose options are made of other data; light to import
+# Each adds its commands, whose options are made of other data; light to import.
+MODULES = ("pipeline.cli.new", "pipeline.cli.explore")
 # What commands read, by the names of their arguments: never written over.
 READ = ("case", "study", "target", "mesh_file", "measured", "map", "table", "sweep", "file")
 MAX_DIGITS = 40  # characters

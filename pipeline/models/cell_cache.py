@@ -38,23 +38,29 @@ class CellCache:
 
     def get(self, key: str) -> Cell | None:
         """Return the entry kept under this key by the same code, or None."""
-        with (
-            contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile),
-            np.load(self._path(key)) as file,
-        ):
-            cell = _unpacked({name: file[name] for name in file.files})
-            os.utime(self._path(key))  # used now: the last to go
-            return cell
+        with contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            return _unpacked(self.load(key))
         return None
 
     def put(self, key: str, cell: Cell) -> None:
         """Keep an entry; where the disk is full it is recomputed in the next run, and this run keeps its result."""
+        self.keep(key, _packed(cell))
+
+    def load(self, key: str) -> dict[str, Any]:
+        """The arrays kept under a key. OSError, ValueError, EOFError or BadZipFile where there are none or a torn file."""
+        with np.load(self._path(key)) as file:
+            flat = {name: file[name] for name in file.files}
+        os.utime(self._path(key))  # used now: the last to go
+        return flat
+
+    def keep(self, key: str, flat: dict[str, Any]) -> None:
+        """Keep arrays under a key, or none of them where the disk is full."""
         with contextlib.suppress(OSError):
             self.folder.mkdir(parents=True, exist_ok=True)
             handle, name = tempfile.mkstemp(dir=self.folder, suffix=".part")
             try:
                 with os.fdopen(handle, "wb") as file:
-                    np.savez(file, **_packed(cell))
+                    np.savez(file, **flat)
                 Path(name).replace(self._path(key))
             finally:
                 Path(name).unlink(missing_ok=True)
@@ -106,11 +112,8 @@ class ParametricCellCache(CellCache):
 
     def get(self, key: str) -> CellFamily | None:  # type: ignore[override]
         """Return the entry kept under this key by the same code, or None."""
-        with (
-            contextlib.suppress(OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile),
-            np.load(self._path(key)) as file,
-        ):
-            flat = {name: file[name] for name in file.files}
+        with contextlib.suppress(OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile):
+            flat = self.load(key)
             reach, stiffness, mass = (flat.pop(name) for name in OWN)
             return CellFamily(_unpacked(flat), reach, nodes_of(reach), stiffness, mass)
         return None
@@ -118,13 +121,4 @@ class ParametricCellCache(CellCache):
     def put(self, key: str, family: CellFamily) -> None:  # type: ignore[override]
         """Keep an entry; where the disk is full it is recomputed in the next run, and this run keeps its result."""
         own = dict(zip(OWN, (family.reach_m, family.stiffness, family.mass), strict=True))
-        with contextlib.suppress(OSError):
-            self.folder.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(dir=self.folder, suffix=".part")
-            try:
-                with os.fdopen(handle, "wb") as file:
-                    np.savez(file, **(_packed(family.cell) | own))
-                Path(name).replace(self._path(key))
-            finally:
-                Path(name).unlink(missing_ok=True)
-            self._make_room(self._path(key))
+        self.keep(key, _packed(family.cell) | own)

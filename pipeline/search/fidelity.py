@@ -14,7 +14,7 @@ from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
-from pipeline.planning.request import of_case, with_defaults
+from pipeline.planning.request import Request, of_case, with_defaults
 from pipeline.records import fingerprint, store
 from pipeline.units import KHZ
 
@@ -123,11 +123,8 @@ def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
     if fidelity == SOLID:
         solve = replace(case.solve, model="solid", accuracy=max(SOLID_ACCURACY, case.solve.accuracy))
     case = replace(case, solve=solve)
-    band = _outwards(near_hz * (1.0 - AROUND), near_hz * (1.0 + AROUND)) if near_hz else None
-    request = modes.Request("plate", band_hz=band, symmetry=case.symmetry_wanted, search=False)
-    if band is None:
-        request = of_case(case)
-    elif fidelity == SOLID:  # a whole mesh pays for every mode
+    request = around(case, near_hz)
+    if near_hz and fidelity == SOLID:  # a whole mesh pays for every mode
         request = modes.Request("plate", near_hz=near_hz, count=NEAREST, symmetry=case.symmetry_wanted, search=False)
     log = WarningLog()
     part_modes = modes.solve_modes(case, request, log)
@@ -137,6 +134,14 @@ def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
     measures = (row.frequency_hz, row.confinement_db, row.extension_db, row.mac)
     errors = (bar.frequency, bar.confinement_db) if bar else (None, None)
     return FidelityResult(fidelity, *measures, "", *errors, tuple(log.warnings))
+
+
+def around(case: Case, near_hz: float | None) -> Request:
+    """Request for the plate's modes about a frequency; without one, in the case's own window."""
+    if near_hz is None:
+        return of_case(case)
+    band = _outwards(near_hz * (1.0 - AROUND), near_hz * (1.0 + AROUND))
+    return Request("plate", band_hz=band, symmetry=case.symmetry_wanted, search=False)
 
 
 def window_around(case: Case, near_hz: float | None) -> tuple[str, ...]:

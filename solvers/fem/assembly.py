@@ -66,8 +66,7 @@ class System:
         density = np.zeros_like(self.density)
         cells = self.mesh.regions[region]
         density[cells] = self.density[cells]
-        geometry = _Geometry(self.mesh, self.scale.length_m)
-        return _Pattern(self.mesh.cells, len(self.mesh.nodes)).scalar_matrix(geometry.mass(density))
+        return Forms(self.mesh, self.scale.length_m).mass(density)
 
 
 def elasticity(material: Material) -> FloatArray:
@@ -89,8 +88,7 @@ def assemble(mesh: Mesh, materials: dict[str, Material], scale: Scale | None = N
     regions = mesh.region_of_cells()
     first = materials[next(iter(regions))]
     scale = scale or Scale(float(np.ptp(mesh.nodes, axis=0).min()), first.young_pa, first.density_kg_m3)
-    geometry = _Geometry(mesh, scale.length_m)
-    pattern = _Pattern(mesh.cells, len(mesh.nodes))
+    forms = Forms(mesh, scale.length_m)
     tensor = np.zeros((len(mesh.cells), 3, 3, 3, 3)) if len(regions) > 1 else None
     density = np.zeros(len(mesh.cells))
     single = elasticity(first) / scale.young_pa
@@ -98,10 +96,24 @@ def assemble(mesh: Mesh, materials: dict[str, Material], scale: Scale | None = N
         density[cells] = materials[name].density_kg_m3 / scale.density_kg_m3
         if tensor is not None:
             tensor[cells] = elasticity(materials[name]) / scale.young_pa
-    blocks = (
-        (i, j, geometry.stiffness(single if tensor is None else tensor, i, j)) for i in range(3) for j in range(3)
-    )
-    return System(pattern.vector_matrix(blocks), pattern.scalar_matrix(geometry.mass(density)), scale, mesh, density)
+    return System(forms.stiffness(single if tensor is None else tensor), forms.mass(density), scale, mesh, density)
+
+
+class Forms:
+    """The bilinear forms of one mesh for any elastic tensors and densities; lengths in units of `length_m`."""
+
+    def __init__(self, mesh: Mesh, length_m: float) -> None:
+        self._geometry = _Geometry(mesh, length_m)
+        self._pattern = _Pattern(mesh.cells, len(mesh.nodes))
+
+    def stiffness(self, tensor: FloatArray) -> sp.csr_array:
+        """int C_ikjl N_a,k N_b,l, (3n, 3n), from tensors (3, 3, 3, 3) or one an element."""
+        geometry = self._geometry
+        return self._pattern.vector_matrix((i, j, geometry.stiffness(tensor, i, j)) for i in range(3) for j in range(3))
+
+    def mass(self, density: FloatArray) -> sp.csr_array:
+        """int rho N_a N_b, (n, n), from a density an element."""
+        return self._pattern.scalar_matrix(self._geometry.mass(density))
 
 
 class _Geometry:

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from geometry.elements import BoolArray, FloatArray, IntArray
+from geometry.mesh import Mesh
 from solvers.fem.assembly import System
 from solvers.fem.constraints import mass_rows
 from solvers.fem.eigen import PlainPencil
@@ -22,21 +23,49 @@ def diagonal_mirror(system: System) -> IntArray | None:
 
     The nodes must fall on nodes, and K and M must act on the image of a generic field as on the field itself.
     """
-    nodes = system.mesh.nodes
-    distance, image = cKDTree(nodes).query(nodes[:, [1, 0, 2]])
-    if distance.max() > SAME * np.abs(nodes).max() or len(np.unique(image)) != len(image):
+    image = diagonal_image(system.mesh)
+    if image is None:
         return None
+    nodes = system.mesh.nodes
     field = np.sin(1.0 + np.arange(nodes.size) * 1.618).reshape(nodes.shape)
     force = (system.stiffness @ field.ravel()).reshape(field.shape)
     turned = (system.stiffness @ _turned(field, image).ravel()).reshape(field.shape)
     alike = np.abs(_turned(force, image) - turned).max() <= SAME * np.abs(force).max()
     heavy = system.mass @ field
     weighs = np.abs(_turned(heavy, image) - system.mass @ _turned(field, image)).max() <= SAME * np.abs(heavy).max()
-    return np.asarray(image, dtype=np.int64) if alike and weighs else None
+    return image if alike and weighs else None
+
+
+def diagonal_image(mesh: Mesh) -> IntArray | None:
+    """Image of every node under (x, y, z) -> (y, x, z), shape (n,), or None where nodes do not fall on nodes."""
+    nodes = mesh.nodes
+    distance, image = cKDTree(nodes).query(nodes[:, [1, 0, 2]])
+    if distance.max() > SAME * np.abs(nodes).max() or len(np.unique(image)) != len(image):
+        return None
+    return np.asarray(image, dtype=np.int64)
 
 
 def _turned(field: FloatArray, image: IntArray) -> FloatArray:
     return field[image][:, [1, 0, 2]]
+
+
+def _pairs(image: IntArray, inside: BoolArray, sign: int) -> tuple[IntArray, IntArray]:
+    """The first degree of freedom of every pair and its partner, itself where it is its own image and the sign allows it."""
+    own = np.flatnonzero(inside.ravel())
+    partner = (3 * image[:, None] + np.array([1, 0, 2])).ravel()[own]
+    first = own < partner if sign < 0 else own <= partner
+    return own[first], partner[first]
+
+
+def diagonal_folding(image: IntArray, inside: BoolArray, sign: int) -> sp.csr_array:
+    """F (3n, m) with F'F = 1: fields u = F v that the mirror leaves alone (sign 1) or turns over (-1)."""
+    first, partner = _pairs(image, inside, sign)
+    alone = first == partner
+    pair, columns = np.flatnonzero(~alone), np.arange(len(partner))
+    rows = np.concatenate([first, partner[pair]])
+    weight = np.where(alone, 1.0, np.sqrt(0.5))
+    entries = np.concatenate([weight, sign * weight[pair]])
+    return sp.csr_array((entries, (rows, np.concatenate([columns, pair]))), shape=(3 * len(image), len(partner)))
 
 
 class DiagonalSector:
@@ -46,18 +75,10 @@ class DiagonalSector:
     """
 
     def __init__(self, system: System, image: IntArray, inside: BoolArray, sign: int) -> None:
-        own = np.flatnonzero(inside.ravel())
-        partner = (3 * image[:, None] + np.array([1, 0, 2])).ravel()[own]
-        first = own < partner if sign < 0 else own <= partner
-        self.first, partner = own[first], partner[first]
-        alone = self.first == partner
-        pair, columns = np.flatnonzero(~alone), np.arange(len(partner))
-        rows = np.concatenate([self.first, partner[pair]])
-        weight = np.where(alone, 1.0, np.sqrt(0.5))
-        entries = np.concatenate([weight, sign * weight[pair]])
-        shape = (3 * len(image), len(partner))
-        self.fold = sp.csr_array((entries, (rows, np.concatenate([columns, pair]))), shape=shape)
-        self.members = np.where(alone, 1.0, np.sqrt(2.0))  # F'w of a field w that is alike under the mirror
+        self.first, partner = _pairs(image, inside, sign)
+        self.fold = diagonal_folding(image, inside, sign)
+        # F'w of a field w that is alike under the mirror
+        self.members = np.where(self.first == partner, 1.0, np.sqrt(2.0))
         self.pencil = PlainPencil(
             self._folded(sp.csr_array(system.stiffness[self.first])),
             self._folded(mass_rows(system, self.first)),

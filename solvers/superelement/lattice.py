@@ -44,16 +44,12 @@ class Lattice:
         face = cell.interface
         width = face.vertex_block + 2 * face.side_block
         self.dof = width + len(cell.fixed_hz)
-        self.column = np.empty(cell.dof, dtype=np.int64)  # the free unknown that each of the cell's follows
-        self.offset = np.zeros((cell.dof, 2))  # and by how many pitches it lies beyond it
-        for index, offset in enumerate(OFFSETS):
-            self.column[face.vertex(index)] = np.arange(face.vertex_block)
-            self.offset[face.vertex(index)] = offset
-        for index, offset in enumerate((OFFSETS[0], OFFSETS[1], OFFSETS[0], OFFSETS[2])):
-            start = face.vertex_block + (index // 2) * face.side_block
-            self.column[face.side(index)] = start + np.arange(face.side_block)
-            self.offset[face.side(index)] = offset
-        self.column[face.count :] = width + np.arange(len(cell.fixed_hz))
+        column, offset = _followed(face)
+        modes = len(cell.fixed_hz)
+        self.column = np.concatenate(
+            [column, width + np.arange(modes)]
+        )  # the free unknown that each of the cell's follows
+        self.offset = np.vstack([offset, np.zeros((modes, 2))])  # and by how many pitches it lies beyond it
 
     @cached_property
     def _steps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -185,6 +181,25 @@ class Lattice:
                 mesh_error=None,
             )
         )
+
+
+def _followed(face: Interface) -> tuple[IntArray, FloatArray]:
+    """For each boundary unknown the free one that it follows, (count,), and by how many pitches it lies beyond it."""
+    column, offset = np.empty(face.count, dtype=np.int64), np.zeros((face.count, 2))
+    for index, step in enumerate(OFFSETS):
+        column[face.vertex(index)], offset[face.vertex(index)] = np.arange(face.vertex_block), step
+    for index, step in enumerate((OFFSETS[0], OFFSETS[1], OFFSETS[0], OFFSETS[2])):
+        start = face.vertex_block + (index // 2) * face.side_block
+        column[face.side(index)], offset[face.side(index)] = start + np.arange(face.side_block), step
+    return column, offset
+
+
+def boundary_phases(face: Interface, phase: FloatArray) -> ComplexArray:
+    """The boundary's motion from the free boundary unknowns at phases (2,) a pitch, (count, free)."""
+    column, offset = _followed(face)
+    out = np.zeros((face.count, face.vertex_block + 2 * face.side_block), dtype=complex)
+    out[np.arange(face.count), column] = np.exp(1j * offset @ phase)
+    return out
 
 
 def _times(matrix: FloatArray, vectors: ComplexArray) -> ComplexArray:

@@ -82,7 +82,15 @@ class Column:
         return stiffness, mass
 
     def modes(self, low_hz: float, high_hz: float) -> ColumnModes:
-        """Every mode with low <= f <= high, Hz (a dense solve misses none). SolverError where the mass is not positive."""
+        """Every mode with low <= f <= high, Hz, and how well it is confined. Errors as solve."""
+        frequency_hz, vectors = self.solve(low_hz, high_hz)
+        return ColumnModes(frequency_hz, measure_profile(self.profile(vectors), self.design))
+
+    def solve(self, low_hz: float, high_hz: float) -> tuple[FloatArray, ComplexArray]:
+        """Frequencies (k,) in Hz within a window and their vectors (dof, k); a dense solve misses none.
+
+        SolverError where the mass is not positive.
+        """
         stiffness, mass = self.pencil()
         window = [self.scale.eigenvalue(low_hz), self.scale.eigenvalue(high_hz)]
         try:
@@ -92,9 +100,9 @@ class Column:
             raise SolverError(
                 "the column's cells hold more boundary functions than their meshes can tell apart"
             ) from fault
-        return ColumnModes(self.scale.frequency(values), measure_profile(self._profile(vectors), self.design))
+        return self.scale.frequency(values), np.asarray(vectors)
 
-    def _profile(self, vectors: ComplexArray) -> Profile:
+    def profile(self, vectors: ComplexArray) -> Profile:
         """u_z of every mode on the touch face of the column, and exp(i k x) cos(pi y / W) there."""
         places, weights, values, shapes = [], [], [], []
         for place in self.placed_cells:

@@ -1,0 +1,62 @@
+"""`antinode explore`: a page of this machine on which a design is dragged and answers at once."""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentTypeError, Namespace
+from typing import Any
+
+
+def add(commands: Any, command: Any) -> None:
+    """The options of the command; `command` makes a sub-parser with the options that all have."""
+    text = "a page on which a design is dragged: bands, gap, decay and confinement follow at once"
+    explore = command(commands, "explore", text, "explore studies/three-rows.toml", "pipeline.cli.explore:run")
+    explore.add_argument("case", metavar="CASE", help="case file (TOML) with a square pillar")
+    explore.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="override a key for every design"
+    )
+    explore.add_argument(
+        "--port", type=_port, default=0, metavar="N", help="port on the loopback address (default: a free one)"
+    )
+    explore.add_argument("--no-browser", action="store_true", help="say the address and open nothing")
+
+
+def _port(text: str) -> int:
+    value = int(text)
+    if not 0 <= value <= 65535:
+        raise ArgumentTypeError(f"{text}: must be a number from 0 to 65535")
+    return value
+
+
+def run(arguments: Namespace) -> int:
+    """Make the model of the case's cell, or take it from the cache, and serve its page until interrupted."""
+    from pathlib import Path
+
+    from pipeline.case.model import case_from_dict
+    from pipeline.case.overrides import read_toml
+
+    path = Path(arguments.case)
+    raw = read_toml(path)
+    case = case_from_dict(raw, path, arguments.set)
+    case.require_plate("explore")
+    case.require("pillar", "zone", command="explore")
+    from pipeline.explore.answer import Explorer, Scene
+    from pipeline.explore.cell_model import cell_model
+    from pipeline.explore.server import Server, serve
+    from pipeline.logs import TerminalLog
+
+    model = cell_model(case, TerminalLog(arguments.quiet))
+    server = Server(Explorer(Scene(case, raw, tuple(arguments.set)), model))
+    serve(server, arguments.port, lambda address: _opened(address, arguments))
+    return 0
+
+
+def _opened(address: str, arguments: Namespace) -> None:
+    """Say the address on standard output; open it where a person sits at a desktop."""
+    print(address, flush=True)
+    if not arguments.quiet:
+        print("press Ctrl-C to end; the address answers on this machine only", file=sys.stderr)
+    if not arguments.no_browser and sys.stdout.isatty():
+        import webbrowser
+
+        webbrowser.open(address)

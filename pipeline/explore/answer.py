@@ -1,0 +1,294 @@
+"""One design answered at once: bands and gaps, decay per row, and the wanted mode of one column of cells."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from geometry.hex.boxes import HexSettings, Panel
+from geometry.layout import Design
+from pipeline.case.model import Case, case_from_dict
+from pipeline.case.overrides import apply_overrides, parse_override
+from pipeline.errors import InputError
+from pipeline.explore.cell_model import MESH_ERROR, CellModel
+from pipeline.planning import mesh_rules
+from pipeline.search.fidelity import COLUMN, SLACK
+from solvers.errors import SolverError
+from solvers.measures.confinement import measure_profile
+from solvers.parametric.affine import Sizes
+from solvers.parametric.bands import bands
+from solvers.parametric.cell import Inner, ParametricCell
+from solvers.superelement.build import Reductions, ReductionSettings
+from solvers.superelement.cell import Cell
+from solvers.superelement.interface import Interface
+from solvers.waves.column import Column
+from solvers.waves.evanescent import Row
+from solvers.waves.gaps import complete_gaps
+from solvers.waves.polarisation import label_of
+
+FACE, INNER = (
+    Interface(3, 2),
+    Inner(3, 3),
+)  # of rows and column: a few half-waves of the plate, far below the tenth band
+REACH = 6.0  # fixed-interface modes of bare panels, in the top of the window
+POINTS = 25  # frequencies of the decay per row
+STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve the wave
+PROFILE = 121  # places across the plate
+LIMITS: dict[str, tuple[str, str, float, float, float]] = {
+    "height": ("pillar.height_mm", "mm", 4.0, 9.0, 0.05),
+    "side": ("pillar.side_mm", "mm", 1.0, 3.0, 0.05),
+    "pitch": ("array.pitch_mm", "mm", 3.0, 8.0, 0.05),
+    "thickness": ("plate.thickness_mm", "mm", 1.0, 3.0, 0.05),
+    "rows": ("array.rows", "", 0.0, 8.0, 1.0),
+    "extension": ("array.extension_mm", "mm", 0.0, 40.0, 0.5),
+}  # a slider each: key of the case file, unit, ends, step
+Document = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A case file with its --set words: what every design of the page is a variation of."""
+
+    case: Case
+    raw: dict[str, Any]
+    fixed: tuple[str, ...]
+
+    def overrides(self, design: dict[str, float]) -> list[tuple[str, Any]]:
+        """The keys and values that make a design of the page."""
+        values = {name: int(value) if name == "rows" else value for name, value in design.items()}
+        return [(LIMITS[name][0], value) for name, value in values.items()]
+
+    def at(self, design: dict[str, float]) -> Case:
+        """The case of a design. InputError, a line a fault."""
+        return case_from_dict(self.raw, self.case.source, [*self.fixed, *self.overrides(design)])
+
+    def toml(self, design: dict[str, float]) -> str:
+        """The case file of a design."""
+        import tomli_w
+
+        self.at(design)
+        settings = [*(parse_override(text) for text in self.fixed), *self.overrides(design)]
+        return tomli_w.dumps(apply_overrides(self.raw, settings))
+
+    def own(self) -> dict[str, float]:
+        """The design of the file itself."""
+        design = self.case.design
+        assert design.pillar is not None
+        lengths = {"height": design.pillar.height_m, "side": design.pillar.base_m, "pitch": design.pitch_x_m}
+        lengths |= {"thickness": design.thickness_m, "extension": design.extension_m}
+        own = {name: round(1e3 * value, 9) for name, value in lengths.items()} | {"rows": float(design.rows)}
+        return {name: own[name] for name in LIMITS}
+
+
+def read_design(given: Any) -> dict[str, float]:
+    """A design as the page sends it: a number for every name of LIMITS. InputError, a line a fault, for anything else."""
+    if not isinstance(given, dict) or set(given) != set(LIMITS):
+        raise InputError(f"a design has the numbers {', '.join(LIMITS)} and nothing else")
+    said = []
+    for name, value in given.items():
+        key, unit, low, high, _ = LIMITS[name]
+        good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        if not good:
+            said.append(f"{key} must be a number")
+        elif not low <= value <= high:
+            said.append(f"{key} = {value:g}: the model answers from {low:g} to {high:g} {unit}".rstrip())
+        elif name == "rows" and value != int(value):
+            said.append(f"{key} = {value:g}: must be a whole number")
+    if said:
+        raise InputError(said)
+    return {name: float(given[name]) for name in LIMITS}
+
+
+class LiveCell:
+    """The cell of rows and column, the last one kept: both ask for the same design."""
+
+    def __init__(self, model: ParametricCell) -> None:
+        self.model = model
+        self._last: tuple[Sizes, Cell] | None = None
+
+    def at(self, sizes: Sizes) -> Cell:
+        """The cell of a design. SolverError for one outside the box, by name."""
+        if self._last is None or self._last[0] != sizes:
+            self._last = sizes, self.model.at(sizes, INNER, FACE)
+        return self._last[1]
+
+
+class LiveReductions(Reductions):
+    """Reductions whose cells with a pillar come from the parametric cell; bare panels are reduced once each."""
+
+    def __init__(self, live: LiveCell, design: Design, known: dict[str, Cell], high_hz: float) -> None:
+        hexahedra = HexSettings(3, 2.0 * design.thickness_m, 0)
+        settings = ReductionSettings(FACE, REACH * high_hz, hexahedra, 3.0 * design.thickness_m)
+        super().__init__(design.thickness_m, design.material, design.pillar, settings, _Known(known))
+        self.live = live
+
+    def cell(self, panel: Panel) -> Cell:
+        """The cell of a panel; one whose pillar does not stand in the middle of a square is meshed."""
+        width, depth = (high - low for low, high in zip(panel.low, panel.high, strict=True))
+        if panel.foot is None or panel.free or abs(width - depth) > 1e-9 or panel.halved != (0, 1):
+            return super().cell(panel)
+        assert self.pillar is not None
+        return self.live.at((self.thickness_m, self.pillar.height_m, self.pillar.base_m, width))
+
+
+class _Known:
+    """Bare cells of this session, the oldest dropped."""
+
+    def __init__(self, cells: dict[str, Cell], most: int = 400) -> None:
+        self.cells, self.most = cells, most
+
+    def get(self, key: str) -> Cell | None:
+        return self.cells.get(key)
+
+    def put(self, key: str, cell: Cell) -> None:
+        while len(self.cells) >= self.most:
+            self.cells.pop(next(iter(self.cells)))
+        self.cells[key] = cell
+
+
+class Explorer:
+    """Answers designs of one scene from the parametric cell."""
+
+    def __init__(self, scene: Scene, model: CellModel) -> None:
+        self.scene, self.model = scene, model
+        self._live = LiveCell(model.cell)
+        self._bare: dict[str, Cell] = {}
+
+    def answer(self, given: dict[str, float]) -> Document:
+        """Everything that the page shows of a design. InputError for one that cannot be built or lies outside the model."""
+        return self.document(self.scene.at(given), given)
+
+    def document(self, case: Case, given: dict[str, float]) -> Document:
+        """The same of a case; `given` is what the page called it."""
+        design = case.design
+        assert design.pillar is not None
+        sizes = (design.thickness_m, design.pillar.height_m, design.pillar.base_m, design.pitch_x_m)
+        faults = self.model.cell.box.faults(sizes)
+        if faults:
+            raise InputError(faults)
+        document: Document = {"design": given, "warnings": self._warnings(case), "bands": self._bands(sizes)}
+        window = mesh_rules.wanted_window_hz(design)
+        document["rows"] = self._decay(case, sizes, window)
+        try:
+            document["plate"] = self._column(case, window)
+        except (SolverError, InputError) as fault:
+            document["plate"] = {"why_not": " ".join(str(fault).split())}
+        return document
+
+    def _warnings(self, case: Case) -> list[str]:
+        said, design = [], case.design
+        edge = np.pi / design.pitch_x_m
+        if case.kx_wanted_per_m > edge:
+            said.append(
+                f"the wanted wavenumber {case.kx_wanted_per_m:.0f} rad/m lies beyond the zone's edge {edge:.0f} rad/m"
+            )
+        if design.is_short_wave:
+            said.append("half a wave of the wanted mode is shorter than two thicknesses: its window is a guess")
+        if design.rows * design.pitch_y_m + design.extension_m > 0.06:
+            said.append(
+                "a wide passive part carries many modes near the wanted one: the column may pick another than the plate"
+            )
+        return said
+
+    def _bands(self, sizes: Sizes) -> Document:
+        bases = self.model.bases
+        found = bands(self.model.cell, bases, sizes)
+        error = found.error
+        gaps = [
+            {
+                "lower_hz": gap.lower_hz, "upper_hz": gap.upper_hz, "lower_band": gap.lower_band, "upper_band": gap.upper_band,
+                "error": float(max(error[gap.lower_band - 1], error[gap.upper_band - 1]) + MESH_ERROR),
+            }
+            for gap in complete_gaps(found.frequency_hz)
+        ]  # fmt: skip
+        return {
+            "frequency_hz": np.round(found.frequency_hz, 1).tolist(),
+            "error": error.tolist(),
+            "mesh_error": MESH_ERROR,
+            "labels": list(bases.labels),
+            "gaps": gaps,
+        }
+
+    def _decay(self, case: Case, sizes: Sizes, window: tuple[float, float]) -> Document:
+        """dB per row of the flexural wave that decays least at the wanted wavenumber, None where all are too steep."""
+        kx = case.kx_wanted_per_m
+        if kx > np.pi / sizes[3]:
+            return {"frequency_hz": [], "db_per_row": [], "kx_per_m": kx}
+        row = Row(self._live.at(sizes), kx)
+        frequencies = np.linspace(window[0], window[1], POINTS)
+        return {
+            "frequency_hz": np.round(frequencies, 1).tolist(),
+            "db_per_row": [_flexural_db(row, float(hz)) for hz in frequencies],
+            "kx_per_m": kx,
+        }
+
+    def _column(self, case: Case, window: tuple[float, float]) -> Document:
+        design = case.design
+        column = Column(design, LiveReductions(self._live, design, self._bare, window[1]), case.kx_wanted_per_m)
+        frequency_hz, vectors = column.solve(*window)
+        profile = column.profile(vectors)
+        level = measure_profile(profile, design)
+        at = level.wanted.index if len(frequency_hz) else None
+        if at is None:
+            return {"why_not": "no mode of the wanted shape in the window"}
+        numbers = {
+            name: _number(getattr(level, name)[at]) for name in ("confinement_db", "extension_db", "mac", "zone_share")
+        }
+        squares = np.abs(profile.values[:, at]) ** 2
+        return numbers | {
+            "frequency_hz": float(frequency_hz[at]),
+            "frequency_error": SLACK[COLUMN],
+            "rivals": len(level.wanted.rivals),
+            "profile": _profile(profile.y_m, profile.weights, squares, design.half_span_m),
+            "half_width_mm": 5e2 * design.width_m,
+            "half_span_mm": 1e3 * design.half_span_m,
+        }
+
+
+def _flexural_db(row: Row, frequency_hz: float) -> float | None:
+    waves = row.waves(frequency_hz)
+    kept = np.flatnonzero(waves.db_per_row <= STEEPEST_DB)
+    ky = waves.wavenumber_per_m[kept]
+    labels = label_of(row.cell, waves.dofs[:, kept], np.vstack([np.full(len(ky), row.kx, dtype=complex), ky]))
+    flexural = [
+        abs(float(waves.db_per_row[i])) for i, label in zip(kept, labels, strict=True) if label.name == "flexural"
+    ]
+    return round(min(flexural), 4) if flexural else None
+
+
+def _profile(y_m: FloatArray, weights: FloatArray, squares: FloatArray, end_m: float) -> Document:
+    """The root mean square of |u_z| along x over the distance from the zone's middle, the largest 1; empty slots left out."""
+    slot = np.minimum((np.abs(y_m) / end_m * PROFILE).astype(int), PROFILE - 1)
+    area = np.bincount(slot, weights, PROFILE)
+    level = np.sqrt(np.bincount(slot, weights * squares, PROFILE)[area > 0.0] / area[area > 0.0])
+    places = (np.flatnonzero(area > 0.0) + 0.5) / PROFILE * end_m
+    return {"y_mm": np.round(1e3 * places, 3).tolist(), "level": np.round(level / level.max(), 5).tolist()}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def compute(scene: Scene, given: dict[str, float], near_hz: float | None, log: Any) -> Document:
+    """The wanted mode of the assembled plate, as `antinode modes` finds it, its progress told to a log."""
+    from pipeline.search.fidelity import around
+
+    case = scene.at(given)
+    case = replace(case, solve=replace(case.solve, model="auto"))
+    from pipeline.analysis import modes
+
+    found = modes.solve_modes(case, around(case, near_hz), log)
+    row, bar = found.wanted.row if found.wanted else None, found.bar
+    if row is None:
+        return {"why_not": "no mode of the wanted shape in the window"}
+    return {
+        "frequency_hz": row.frequency_hz,
+        "confinement_db": row.confinement_db,
+        "extension_db": row.extension_db,
+        "frequency_error": bar.frequency if bar else None,
+        "confinement_error_db": bar.confinement_db if bar else None,
+    }

@@ -1,0 +1,189 @@
+"""The parametric cell of a case's materials, made once, kept in the results."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import zipfile
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from geometry.materials import Material
+from pipeline.case.model import Case
+from pipeline.errors import InputError
+from pipeline.logs import Log
+from pipeline.models.cell_cache import CellCache
+from pipeline.paths import RESULTS
+from pipeline.workers import LocalWorkers
+from solvers.fem.assembly import Scale
+from solvers.parametric.affine import AffineCell, DesignBox, FixedMesh, Sizes, as_sizes, between
+from solvers.parametric.bands import BandBases, band_bases, own_error
+from solvers.parametric.cell import ParametricCell, parametric_cell
+from solvers.parametric.reduced_block import ReducedBlock
+from solvers.parametric.sectors import Sector
+from solvers.superelement.interface import Interface
+from solvers.waves.brillouin import path_through
+
+PATH, INTERVALS, BANDS = "GXMG", 25, 10
+MAX_BYTES = 400_000_000  # of all models: some pairs of materials
+UNSEEN = 4  # designs that tell what the bases miss
+MESH_ERROR = (
+    0.0015  # of a frequency: about twice what the calibration measured for such a mesh; the benchmark checks it
+)
+
+
+@dataclass(frozen=True)
+class Offline:
+    """What the bases are made from: mesh, boundary degrees, designs besides the corners for the cell and for the bands."""
+
+    box: DesignBox = field(default_factory=DesignBox)
+    mesh: FixedMesh = field(default_factory=FixedMesh)
+    interface: Interface = field(default_factory=lambda: Interface(5, 3))
+    designs: int = 24
+    waves: int = 32
+    intervals: int = INTERVALS
+    workers: int = 2
+
+
+@dataclass(frozen=True)
+class CellModel:
+    """The cell as a function of its sizes, and its bands along the path."""
+
+    cell: ParametricCell
+    bases: BandBases
+
+
+def require_square(case: Case) -> None:
+    """InputError, a line each, for a case whose cell the model cannot follow."""
+    design, said = case.design, []
+    if design.pillar is None or not design.pillar.is_square_prism:
+        said.append(
+            f"{case.name}: pillar.shape must be square and without fillet for explore: its bases are made of boxes"
+        )
+    if design.pillar is not None and design.pitch_x_m != design.pitch_y_m:
+        said.append(f"{case.name}: array.pitch_x_mm and pitch_y_mm must be equal for explore")
+    if said:
+        raise InputError(said)
+
+
+def cell_model(case: Case, log: Log, offline: Offline | None = None) -> CellModel:
+    """The model of a case's materials: taken from the cache, or made now. InputError for a cell that it cannot follow."""
+    require_square(case)
+    assert case.design.pillar is not None
+    offline = offline or Offline()
+    materials = case.design.material, case.design.pillar.material
+    key = hashlib.sha256(repr(("parametric", offline, materials)).encode()).hexdigest()
+    cache = CellModelCache()
+    kept = cache.get_model(key, offline)
+    if kept is not None:
+        log.info("parametric cell taken from the cache")
+        return kept
+    model = _made(materials, offline, log)
+    cache.put_model(key, model)
+    return model
+
+
+def _made(materials: tuple[Material, Material], offline: Offline, log: Log) -> CellModel:
+    box = offline.box
+    unseen = as_sizes(box.sample(between(UNSEEN, seed=3)))
+    with log.step("mesh the reference cell"):
+        affine = AffineCell(box, offline.mesh, *materials)
+    with log.step("reduce the cell over the box of designs"):
+        cell, *alone = _reduced(affine, offline, unseen)
+    path = path_through(PATH, offline.intervals, 1.0, 1.0)
+    with log.step("gather waves at every wavevector"):
+        floor = own_error(cell, alone, unseen, BANDS)
+        labels = tuple(label or "" for label in path.labels)
+        bases = band_bases(cell, path.wavevectors / np.pi, labels, BANDS, box.spread(offline.waves, seed=2), floor)
+    log.info(f"bases miss at most {floor:.3%} of a frequency on {len(unseen)} designs that they were not made from")
+    return CellModel(cell, bases)
+
+
+def _reduced(affine: AffineCell, offline: Offline, unseen: list[Sizes]) -> tuple[ParametricCell, ...]:
+    """Symmetry classes side by side, in processes of their own."""
+    designs = offline.box.spread(offline.designs)
+    if offline.workers < 2:
+        return parametric_cell(affine, offline.interface, designs, unseen)
+    with LocalWorkers(offline.workers, 1) as workers:
+        return parametric_cell(affine, offline.interface, designs, unseen, workers.map)
+
+
+class CellModelCache(CellCache):
+    """A folder of .npz files, one a model, which no sweep's cells push out; a torn or foreign file counts as absent."""
+
+    def __init__(self, folder: Path = RESULTS / ".explore", max_bytes: int = MAX_BYTES) -> None:
+        super().__init__(folder, max_bytes)
+
+    def get_model(self, key: str, offline: Offline) -> CellModel | None:
+        """The model kept under this key by the same code, or None."""
+        with contextlib.suppress(OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile):
+            return _unpacked(self.load(key), offline)
+        return None
+
+    def put_model(self, key: str, model: CellModel) -> None:
+        """Keep a model; where the disk is full it is made again in the next run."""
+        self.keep(key, _packed(model))
+
+
+SYMMETRIC = ("stiffness", "mass", "pillar_mass")
+OWN = ("reference", "stiffness_exponents", "mass_exponents", "pillar_exponents", "touch_m", "touch_weights", "mesh_dof")
+
+
+def _packed(model: CellModel) -> dict[str, Any]:
+    cell, bases = model.cell, model.bases
+    flat: dict[str, Any] = {name: getattr(cell, name) for name in OWN}
+    flat |= {f"scale.{name}": value for name, value in vars(cell.scale).items()}
+    for number, block in enumerate(cell.blocks):
+        whole = {field.name: getattr(block, field.name) for field in fields(block)}
+        flat |= {f"block{number}.{name}": _half(value) if name in SYMMETRIC else value for name, value in whole.items()}
+    flat |= {name: getattr(bases, name) for name in ("fractions", "labels", "count", "floor")}
+    for name in ("sectors", "rich"):
+        for number, sector in enumerate(getattr(bases, name)):
+            flat |= {f"{name}{number}.{field.name}": getattr(sector, field.name) for field in fields(sector)}
+    return flat
+
+
+def _half(matrices: FloatArray) -> FloatArray:
+    """The upper triangles of symmetric matrices (q, n, n), (q, n (n + 1) / 2)."""
+    return np.asarray(matrices[:, *np.triu_indices(matrices.shape[1])])
+
+
+def _whole(triangles: FloatArray, size: int) -> FloatArray:
+    """The symmetric matrices of upper triangles, (q, n, n)."""
+    rows, columns = np.triu_indices(size)
+    out = np.empty((len(triangles), size, size))
+    out[:, rows, columns] = out[:, columns, rows] = triangles
+    return out
+
+
+def _group(flat: dict[str, Any], name: str) -> dict[str, Any]:
+    return {key.split(".")[1]: value for key, value in flat.items() if key.startswith(f"{name}.")}
+
+
+def _unpacked(flat: dict[str, Any], offline: Offline) -> CellModel:
+    blocks: list[ReducedBlock] = []
+    while own := _group(flat, f"block{len(blocks)}"):
+        size = own["touch"].shape[1]
+        whole = {name: _whole(own[name], size) for name in SYMMETRIC}
+        blocks.append(ReducedBlock(**own | whole | {"functions": int(own["functions"])}))
+    scale = Scale(**{name: float(value) for name, value in _group(flat, "scale").items()})
+    sizes: Sizes = tuple(flat["reference"].tolist())
+    cell = ParametricCell(
+        offline.box, sizes, scale, offline.interface,
+        flat["stiffness_exponents"], flat["mass_exponents"], flat["pillar_exponents"], tuple(blocks),
+        flat["touch_m"], flat["touch_weights"], int(flat["mesh_dof"]),
+    )  # fmt: skip
+    few, rich = _sectors(flat, "sectors"), _sectors(flat, "rich")
+    labels = tuple(str(label) for label in flat["labels"])
+    return CellModel(cell, BandBases(flat["fractions"], labels, int(flat["count"]), few, rich, float(flat["floor"])))
+
+
+def _sectors(flat: dict[str, Any], name: str) -> tuple[Sector, ...]:
+    out: list[Sector] = []
+    while own := _group(flat, f"{name}{len(out)}"):
+        out.append(Sector(own["points"], tuple(int(number) for number in own["classes"]), own["bases"]))
+    return tuple(out)

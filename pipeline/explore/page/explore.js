@@ -1,0 +1,318 @@
+"use strict";
+const WORDS = { height: "Pillar height", side: "Pillar side", pitch: "Pitch", thickness: "Plate thickness", rows: "Rows a side", extension: "Extension" };
+const MOST_PINS = 4;
+const $ = (id) => document.getElementById(id);
+const state = { limits: {}, design: {}, shown: null, before: null, undo: [], pins: [], asking: false, again: false };
+
+async function ask(path, body) {
+  let response;
+  try {
+    response = await fetch(path, body === undefined ? {} : { method: "POST", body: JSON.stringify(body) });
+  } catch {
+    throw new Error("the program that serves this page has ended: start it again, the address bar keeps the design");
+  }
+  const text = await response.text();
+  if (!response.ok) {
+    let why = text;
+    try { why = JSON.parse(text).error; } catch { /* the text itself says it */ }
+    throw new Error(why);
+  }
+  return text;
+}
+const answer = async (path, body) => JSON.parse(await ask(path, body));
+
+function say(text, bad) {
+  $("said").textContent = text;
+  $("said").className = bad ? "bad" : "";
+}
+
+function fromAddress(own) {
+  const wanted = new URLSearchParams(location.hash.slice(1));
+  const design = { ...own };
+  for (const name of Object.keys(own)) {
+    const text = wanted.get(name);
+    if (text !== null && text.trim() !== "" && Number.isFinite(Number(text))) design[name] = Number(text);
+  }
+  return design;
+}
+function intoAddress() {
+  history.replaceState(null, "", "#" + new URLSearchParams(state.design).toString());
+}
+
+function buildForm() {
+  for (const [name, limit] of Object.entries(state.limits)) {
+    const label = document.createElement("label");
+    const title = document.createElement("span");
+    title.textContent = `${WORDS[name]}${limit.unit ? ` (${limit.unit})` : ""}, ${limit.low} to ${limit.high}`;
+    label.append(title);
+    for (const kind of ["range", "number"]) {
+      const input = document.createElement("input");
+      Object.assign(input, { type: kind, id: `${name}-${kind}`, min: limit.low, max: limit.high, step: kind === "range" ? limit.step : "any" });
+      input.setAttribute("aria-label", `${WORDS[name]}, ${kind === "range" ? "slider" : "typed"}`);
+      input.addEventListener("input", () => changed(name, input));
+      if (kind === "range") input.addEventListener("change", () => { state.dragging = false; });
+      label.append(input);
+    }
+    $("design").append(label);
+  }
+  $("design").addEventListener("submit", (event) => event.preventDefault());
+}
+function show(design) {
+  for (const [name, value] of Object.entries(design)) {
+    $(`${name}-range`).value = value;
+    if (document.activeElement !== $(`${name}-number`)) $(`${name}-number`).value = value;
+  }
+}
+function changed(name, input) {
+  if (input.value.trim() === "") return;
+  if (!state.dragging) remember();
+  state.dragging = input.type === "range";
+  state.design = { ...state.design, [name]: Number(input.value) };
+  show(state.design);
+  refresh();
+}
+function remember() {
+  state.undo.push({ ...state.design });
+  if (state.undo.length > 100) state.undo.shift();
+  if (state.shown) state.before = state.shown;
+  $("undo").disabled = false;
+}
+
+// one question at a time: what was dragged meanwhile is asked as soon as the answer is here
+async function refresh() {
+  intoAddress();
+  if (state.asking) { state.again = true; return; }
+  state.asking = true;
+  document.body.classList.add("stale");
+  try {
+    state.shown = await answer("answer", state.design);
+    say("", false);
+    draw();
+  } catch (fault) {
+    say(fault.message, true);
+  }
+  document.body.classList.remove("stale");
+  state.asking = false;
+  if (state.again) { state.again = false; refresh(); }
+}
+
+const kilo = (hz) => (hz / 1000).toFixed(2);
+function headline(found) {
+  const plate = found.plate, gap = [...found.bands.gaps].sort((a, b) => (b.upper_hz - b.lower_hz) - (a.upper_hz - a.lower_hz))[0];
+  const numbers = [];
+  if (plate.why_not) numbers.push(["Wanted mode", "none", plate.why_not]);
+  else {
+    numbers.push(["Wanted frequency", `${kilo(plate.frequency_hz)} kHz`, `± ${kilo(plate.frequency_error * plate.frequency_hz)} kHz, the plate's ends are left out`]);
+    numbers.push(["Confinement", plate.confinement_db === null ? "no passive part" : `${plate.confinement_db.toFixed(2)} dB`, "no bar known: compute for real to see it"]);
+    if (plate.extension_db !== null) numbers.push(["Zone over extension", `${plate.extension_db.toFixed(2)} dB`, "no bar known"]);
+    const decay = decayAt(found.rows, plate.frequency_hz);
+    if (decay !== null) numbers.push(["Decay per row", `${decay.toFixed(2)} dB`, "at the wanted frequency and wavenumber"]);
+  }
+  if (gap) numbers.push(["Widest gap", `${kilo(gap.lower_hz)} to ${kilo(gap.upper_hz)} kHz`, `edges at most ${(100 * gap.error).toFixed(2)} % too high`]);
+  else numbers.push(["Widest gap", "none", "among the ten lowest bands"]);
+  const worst = Math.max(...found.bands.error);
+  numbers.push(["Error of the bands", `${(100 * worst).toFixed(3)} %`, `at most, and ${(100 * found.bands.mesh_error).toFixed(2)} % of the mesh`]);
+  return numbers;
+}
+function decayAt(rows, hz) {
+  const x = rows.frequency_hz, y = rows.db_per_row;
+  for (let i = 1; i < x.length; i++)
+    if (x[i - 1] <= hz && hz <= x[i] && y[i - 1] !== null && y[i] !== null)
+      return y[i - 1] + (y[i] - y[i - 1]) * (hz - x[i - 1]) / (x[i] - x[i - 1]);
+  return null;
+}
+
+function draw() {
+  const found = state.shown;
+  $("numbers").replaceChildren(...headline(found).map(([name, value, note]) => {
+    const card = document.createElement("div"), title = document.createElement("dt"), text = document.createElement("dd"), small = document.createElement("small");
+    card.className = "card"; title.textContent = name; text.textContent = value; small.textContent = note;
+    text.append(small); card.append(title, text);
+    return card;
+  }));
+  $("warnings").replaceChildren(...found.warnings.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+  drawBands(found, state.before);
+  drawDecay(found, state.before);
+  drawProfile(found, state.before);
+}
+
+const NS = "http://www.w3.org/2000/svg";
+function put(svg, tag, attributes, text) {
+  const element = document.createElementNS(NS, tag);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  if (text !== undefined) element.textContent = text;
+  svg.append(element);
+}
+function steps(high) {
+  const raw = high / 5, power = 10 ** Math.floor(Math.log10(raw || 1));
+  const step = [1, 2, 5, 10].map((n) => n * power).find((n) => n >= raw);
+  return Array.from({ length: Math.floor(high / step + 1e-9) + 1 }, (_, i) => i * step);
+}
+function frame(svg, xHigh, yHigh, xText, yText, xSteps) {
+  svg.replaceChildren();
+  const box = svg.viewBox.baseVal, left = 60, top = 14, width = box.width - 76, height = box.height - 58;
+  const x = (v) => left + width * v / xHigh, y = (v) => top + height * (1 - v / yHigh);
+  for (const v of steps(yHigh)) {
+    put(svg, "line", { class: "grid", x1: left, x2: left + width, y1: y(v), y2: y(v) });
+    put(svg, "text", { x: left - 6, y: y(v) + 4, "text-anchor": "end" }, String(Number(v.toPrecision(6))));
+  }
+  for (const [v, text] of xSteps) {
+    put(svg, "line", { class: "grid", x1: x(v), x2: x(v), y1: top, y2: top + height });
+    put(svg, "text", { x: x(v), y: top + height + 18, "text-anchor": "middle" }, text);
+  }
+  put(svg, "text", { x: left + width / 2, y: top + height + 38, "text-anchor": "middle" }, xText);
+  put(svg, "text", { x: 14, y: top + height / 2, "text-anchor": "middle", transform: `rotate(-90 14 ${top + height / 2})` }, yText);
+  put(svg, "rect", { class: "frame", x: left, y: top, width, height });
+  return { x, y, left, top, width, height };
+}
+function curve(svg, name, at, xs, ys) {
+  let path = "", pen = false;
+  xs.forEach((v, i) => {
+    if (ys[i] === null || ys[i] === undefined) { pen = false; return; }
+    path += `${pen ? "L" : "M"}${at.x(v).toFixed(1)} ${at.y(ys[i]).toFixed(1)}`;
+    pen = true;
+  });
+  if (path) put(svg, "path", { class: name, d: path });
+}
+// the path in units of pi over the pitch, so that designs of different pitch share the axis
+function arc(count) {
+  const third = (count - 1) / 3, lengths = [1, 1, Math.SQRT2];
+  return Array.from({ length: count }, (_, i) => {
+    const part = Math.min(Math.floor(i / third), 2);
+    return lengths.slice(0, part).reduce((a, b) => a + b, 0) + lengths[part] * (i - part * third) / third;
+  });
+}
+const LETTERS = { G: "Γ" };
+function drawBands(found, before) {
+  const bands = found.bands, xs = arc(bands.frequency_hz.length), svg = $("bands");
+  const high = Math.max(...bands.frequency_hz.flat()) / 1000;
+  const marks = bands.labels.map((text, i) => [xs[i], LETTERS[text] || text]).filter(([, text]) => text);
+  const at = frame(svg, xs[xs.length - 1], high * 1.03, "wavevector", "frequency (kHz)", marks);
+  for (const gap of bands.gaps)
+    put(svg, "rect", { class: "gap", x: at.left, width: at.width, y: at.y(gap.upper_hz / 1000), height: at.y(gap.lower_hz / 1000) - at.y(gap.upper_hz / 1000) });
+  const lines = (name, table) => table[0].forEach((_, band) =>
+    curve(svg, name, at, xs, table.map((row) => row[band] / 1000 <= high * 1.03 ? row[band] / 1000 : null)));
+  if (before) lines("before", before.bands.frequency_hz);
+  lines("line", bands.frequency_hz);
+  if (!found.plate.why_not) put(svg, "line", { class: "wanted", x1: at.left, x2: at.left + at.width, y1: at.y(found.plate.frequency_hz / 1000), y2: at.y(found.plate.frequency_hz / 1000) });
+  svg.setAttribute("aria-label", `Dispersion diagram, ten bands up to ${high.toFixed(0)} kHz, ${bands.gaps.length} complete gaps`);
+}
+function drawDecay(found, before) {
+  const rows = found.rows, svg = $("decay");
+  if (!rows.frequency_hz.length) { svg.replaceChildren(); put(svg, "text", { x: 20, y: 40 }, "the wanted wavenumber lies beyond the zone's edge"); return; }
+  const low = rows.frequency_hz[0], span = rows.frequency_hz[rows.frequency_hz.length - 1] - low;
+  const known = rows.db_per_row.filter((v) => v !== null), high = Math.max(1, ...known) * 1.08;
+  const ticks = steps(low + span).map((v) => [(v - low), (v / 1000).toFixed(0)]).filter(([v]) => v >= 0);
+  const at = frame(svg, span, high, "frequency (kHz)", "decay per row (dB)", ticks);
+  const inside = (other) => other.db_per_row.map((v, i) => (v !== null && v <= high && other.frequency_hz[i] >= low && other.frequency_hz[i] <= low + span) ? v : null);
+  if (before && before.rows.frequency_hz.length) curve(svg, "before", at, before.rows.frequency_hz.map((v) => v - low), inside(before.rows));
+  curve(svg, "line", at, rows.frequency_hz.map((v) => v - low), rows.db_per_row);
+  if (!found.plate.why_not) put(svg, "line", { class: "wanted", x1: at.x(found.plate.frequency_hz - low), x2: at.x(found.plate.frequency_hz - low), y1: at.top, y2: at.top + at.height });
+}
+function drawProfile(found, before) {
+  const plate = found.plate, svg = $("profile");
+  if (plate.why_not) { svg.replaceChildren(); put(svg, "text", { x: 20, y: 40 }, plate.why_not); return; }
+  const at = frame(svg, plate.half_span_mm, 1.05, "distance from the zone's middle (mm)", "|u|, largest 1", steps(plate.half_span_mm).map((v) => [v, String(Number(v.toPrecision(6)))]));
+  put(svg, "rect", { class: "zone", x: at.left, y: at.top, width: at.x(plate.half_width_mm) - at.left, height: at.height });
+  if (before && !before.plate.why_not) curve(svg, "before", at, before.plate.profile.y_mm, before.plate.profile.level.map((v, i) => before.plate.profile.y_mm[i] <= plate.half_span_mm ? v : null));
+  curve(svg, "line", at, plate.profile.y_mm, plate.profile.level);
+}
+
+function drawPins() {
+  const heads = ["", ...Object.keys(WORDS).map((name) => WORDS[name]), "Wanted (kHz)", "Confinement (dB)", "Widest gap (kHz)"];
+  const row = (tag, texts) => {
+    const tr = document.createElement("tr");
+    tr.append(...texts.map((text) => text instanceof Node ? text : Object.assign(document.createElement(tag), { textContent: text })));
+    return tr;
+  };
+  $("pins").tHead.replaceChildren(row("th", heads));
+  $("pins").tBodies[0].replaceChildren(...state.pins.map((pin, number) => {
+    const cell = document.createElement("td");
+    for (const [text, act] of [["Take", () => take(pin.design)], ["Unpin", () => { state.pins.splice(number, 1); drawPins(); }]]) {
+      const button = Object.assign(document.createElement("button"), { type: "button", textContent: text });
+      button.addEventListener("click", act);
+      cell.append(button);
+    }
+    const plate = pin.plate, gap = pin.bands.gaps.map((g) => [g.upper_hz - g.lower_hz, g]).sort((a, b) => b[0] - a[0])[0];
+    return row("td", [cell, ...Object.keys(WORDS).map((name) => String(pin.design[name])),
+      plate.why_not ? "none" : kilo(plate.frequency_hz), plate.why_not || plate.confinement_db === null ? "none" : plate.confinement_db.toFixed(2),
+      gap ? `${kilo(gap[1].lower_hz)} to ${kilo(gap[1].upper_hz)}` : "none"]);
+  }));
+  $("pin").disabled = state.pins.length >= MOST_PINS;
+}
+function take(design) {
+  remember();
+  state.design = { ...design };
+  show(state.design);
+  refresh();
+}
+
+async function computeFull() {
+  const asked = state.shown;
+  if (!asked) return;
+  $("real").hidden = false;
+  $("full").disabled = true;
+  $("log").replaceChildren();
+  try {
+    await answer("full", { ...asked.design, near_hz: asked.plate.frequency_hz ?? null });
+    for (;;) {
+      const told = await answer("full");
+      $("log").replaceChildren(...told.lines.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+      if (!told.running) { $("progress").textContent = compared(asked.plate, told.result); break; }
+      $("progress").textContent = "solving the assembled plate ...";
+      await new Promise((done) => setTimeout(done, 500));
+    }
+  } catch (fault) {
+    $("progress").textContent = fault.message;
+  }
+  $("full").disabled = false;
+}
+function compared(live, real) {
+  if (real.why_not) return `Full plate: ${real.why_not}.`;
+  const bar = real.frequency_error === null ? "" : ` ± ${kilo(real.frequency_error * real.frequency_hz)} kHz`;
+  const level = real.confinement_db === null ? "" : `, ${real.confinement_db.toFixed(2)} dB${real.confinement_error_db === null ? "" : ` ± ${real.confinement_error_db.toFixed(2)} dB`}`;
+  const text = `Full plate: ${kilo(real.frequency_hz)} kHz${bar}${level}.`;
+  if (live.why_not) return text;
+  const off = 100 * (live.frequency_hz / real.frequency_hz - 1);
+  const levels = real.confinement_db === null || live.confinement_db === null ? "" : `, ${(live.confinement_db - real.confinement_db).toFixed(2)} dB`;
+  return `${text} The live answer was off by ${off.toFixed(2)} %${levels}.`;
+}
+
+async function save() {
+  try {
+    const text = await ask("case", state.design);
+    const link = Object.assign(document.createElement("a"), { download: "explored.toml", href: URL.createObjectURL(new Blob([text], { type: "application/toml" })) });
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+    say("the case of this design is in your downloads as explored.toml", false);
+  } catch (fault) { say(fault.message, true); }
+}
+
+async function start() {
+  try {
+    const scene = await answer("scene");
+    $("name").textContent = scene.name;
+    state.limits = scene.limits;
+    state.design = fromAddress(scene.design);
+  } catch (fault) { say(fault.message, true); return; }
+  buildForm();
+  show(state.design);
+  drawPins();
+  $("undo").addEventListener("click", () => {
+    state.before = state.shown;
+    state.design = state.undo.pop();
+    $("undo").disabled = !state.undo.length;
+    show(state.design);
+    refresh();
+  });
+  $("pin").addEventListener("click", () => { if (state.shown && state.pins.length < MOST_PINS) { state.pins.push(state.shown); drawPins(); } });
+  $("save").addEventListener("click", save);
+  $("full").addEventListener("click", computeFull);
+  $("copy").addEventListener("click", async () => {
+    try { await navigator.clipboard.writeText(location.href); say("the address is copied; it holds the design", false); } catch { say("copy it from the address bar: it holds the design", false); }
+  });
+  window.addEventListener("hashchange", () => take(fromAddress(scene_own(state))));
+  await refresh();
+}
+const scene_own = (known) => known.design;
+start();

@@ -1,0 +1,217 @@
+"""The page served from this machine to this machine: loopback address, a free port, a token in the address, no other origin."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import secrets
+import socket
+from collections.abc import Awaitable, Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from aiohttp import web
+
+from geometry.errors import GeometryError, MeshError
+from pipeline.errors import InputError
+from pipeline.explore.answer import LIMITS, Document, Explorer, compute, read_design
+from solvers.errors import SolverError
+
+HOST = "127.0.0.1"
+PAGE = Path(__file__).with_name("page")
+MAX_BYTES = 4096  # of a request: a design takes two hundred
+FILES = {
+    "": ("index.html", "text/html"),
+    "explore.js": ("explore.js", "text/javascript"),
+    "explore.css": ("explore.css", "text/css"),
+}
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+}  # fmt: skip
+REFUSED = (InputError, SolverError, MeshError, GeometryError)
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class Progress:
+    """A log whose lines a page asks for."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.result: Document | None = None
+        self.running = True
+
+    def info(self, text: str, id: str = "") -> None:
+        """A fact."""
+        self.lines.append(text)
+
+    def warning(self, id: str, text: str) -> None:
+        """Something to know before believing the numbers."""
+        self.lines.append(f"warning {id}: {text}")
+
+    def left_out(self, what: str, why: str) -> None:
+        """Something that the scene does not need."""
+        self.lines.append(f"left out {what}: {why}")
+
+    @contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        """A step begins."""
+        self.lines.append(f"{name} ...")
+        yield
+
+
+class Server:
+    """Answers of one explorer under one token. Designs are solved one at a time, full plates beside them, one at a time too."""
+
+    def __init__(self, explorer: Explorer, token: str | None = None) -> None:
+        self.explorer = explorer
+        self.token = token or secrets.token_urlsafe(16)
+        self.port = 0
+        self._live = ThreadPoolExecutor(1, "live")
+        self._full = ThreadPoolExecutor(1, "full")
+        self._progress: Progress | None = None
+
+    def application(self) -> web.Application:
+        """The routes, all under the token."""
+        app = web.Application(middlewares=[self._guard], client_max_size=MAX_BYTES)
+        base = f"/{self.token}"
+        app.router.add_get(f"{base}/{{name:(explore\\.js|explore\\.css)?}}", self._file)
+        app.router.add_get(f"{base}/scene", self._scene)
+        app.router.add_post(f"{base}/answer", self._answer)
+        app.router.add_post(f"{base}/case", self._case)
+        app.router.add_post(f"{base}/full", self._start)
+        app.router.add_get(f"{base}/full", self._tell)
+        return app
+
+    @property
+    def address(self) -> str:
+        """Where the page is."""
+        return f"http://{HOST}:{self.port}/{self.token}/"
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Refuse another host's name and another page's request; one line for every fault."""
+        own = {f"{HOST}:{self.port}", f"localhost:{self.port}"}
+        origin = request.headers.get("Origin")
+        if request.headers.get("Host") not in own or (
+            origin is not None and origin not in {f"http://{h}" for h in own}
+        ):
+            response: web.StreamResponse = refusal("this page answers its own machine's browser only", 403)
+        else:
+            response = await _or_one_line(request, handler)
+        response.headers.update(HEADERS)
+        return response
+
+    async def _file(self, request: web.Request) -> web.StreamResponse:
+        name, kind = FILES[request.match_info["name"]]
+        return web.Response(text=(PAGE / name).read_text(encoding="utf-8"), content_type=kind)
+
+    async def _scene(self, request: web.Request) -> web.StreamResponse:
+        scene = self.explorer.scene
+        limits = {
+            name: {"key": key, "unit": unit, "low": low, "high": high, "step": step}
+            for name, (key, unit, low, high, step) in LIMITS.items()
+        }
+        return web.json_response({"name": scene.case.name, "limits": limits, "design": scene.own()})
+
+    async def _answer(self, request: web.Request) -> web.StreamResponse:
+        design = read_design(await _json(request))
+        found = await asyncio.get_running_loop().run_in_executor(self._live, self.explorer.answer, design)
+        return web.json_response(found, dumps=_dumps)
+
+    async def _case(self, request: web.Request) -> web.StreamResponse:
+        return web.Response(text=self.explorer.scene.toml(read_design(await _json(request))))
+
+    async def _start(self, request: web.Request) -> web.StreamResponse:
+        given = await _json(request)
+        near = given.pop("near_hz", None) if isinstance(given, dict) else None
+        design = read_design(given)
+        if near is not None and not (isinstance(near, int | float) and 0.0 < near < 1e9):
+            raise InputError("near_hz must be a frequency in Hz")
+        if self._progress and self._progress.running:
+            return refusal("a full plate is being solved already: wait for it", 409)
+        self._progress = progress = Progress()
+        asyncio.get_running_loop().run_in_executor(self._full, self._solve, design, near, progress)
+        return web.json_response({"started": True})
+
+    def _solve(self, design: dict[str, float], near: float | None, progress: Progress) -> None:
+        try:
+            progress.result = compute(self.explorer.scene, design, near, progress)
+        except (*REFUSED, MemoryError) as fault:
+            progress.result = {"why_not": " ".join(str(fault).split())}
+        except Exception as fault:  # told to the page: a thread's traceback is read by nobody
+            progress.result = {"why_not": f"{type(fault).__name__}: {' '.join(str(fault).split())}"}
+        finally:
+            progress.running = False
+
+    async def _tell(self, request: web.Request) -> web.StreamResponse:
+        progress = self._progress
+        if progress is None:
+            return refusal("no full plate has been asked for", 404)
+        return web.json_response(
+            {"running": progress.running, "lines": progress.lines[-12:], "result": progress.result}, dumps=_dumps
+        )
+
+
+def refusal(text: str, status: int) -> web.Response:
+    """One line of why not."""
+    return web.json_response({"error": text}, status=status)
+
+
+async def _or_one_line(request: web.Request, handler: Handler) -> web.StreamResponse:
+    try:
+        return await handler(request)
+    except REFUSED as fault:
+        lines = fault.lines if isinstance(fault, InputError) else [str(fault)]
+        return refusal("; ".join(" ".join(line.split()) for line in lines), 400)
+    except web.HTTPRequestEntityTooLarge:
+        return refusal(f"a request holds at most {MAX_BYTES} bytes", 413)
+    except web.HTTPException as fault:
+        return refusal(f"nothing here: {fault.reason}", fault.status)
+
+
+async def _json(request: web.Request) -> Any:
+    try:
+        return json.loads(await request.text())
+    except (ValueError, RecursionError) as fault:
+        raise InputError("a request must be a design as JSON") from fault
+
+
+def _dumps(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"), allow_nan=False)
+
+
+def listening(port: int = 0) -> socket.socket:
+    """A socket on the loopback address alone, on a free port unless one is named."""
+    sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        sock.bind((HOST, port))
+    except OSError as fault:
+        sock.close()
+        raise InputError(f"--port {port}: {fault.strerror or fault}") from fault
+    return sock
+
+
+def serve(server: Server, port: int, ready: Callable[[str], None]) -> None:
+    """Serve until interrupted; `ready` is told the address once the page can be opened."""
+    sock = listening(port)
+    server.port = sock.getsockname()[1]
+
+    async def run() -> None:
+        runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=1.0)
+        await runner.setup()
+        try:
+            await web.SockSite(runner, sock).start()
+            ready(server.address)
+            await asyncio.Event().wait()
+        finally:
+            await runner.cleanup()
+
+    asyncio.run(run())

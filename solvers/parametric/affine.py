@@ -1,0 +1,213 @@
+"""A square cell with a square pillar as an exactly affine function of its four sizes.
+
+The mesh keeps its topology; plate under the pillar, plate beside it and pillar are stretched each as a whole. A stretch
+(s_x, s_y, s_z) turns int C_ikjl u_i,k v_j,l into s_x s_y s_z / (s_k s_l) times what it was, so that
+K(mu) = sum_q theta_q(mu) K_q and M(mu) likewise, theta_q products of powers of side, clearance, thickness and height
+(rozza2008). Nothing is interpolated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.stats import qmc
+
+from geometry.elements import FloatArray, IntArray
+from geometry.hex.boxes import Boxes, hex_mesh
+from geometry.hex.grading import Grading, grid_lines
+from geometry.materials import Material
+from geometry.mesh import Mesh
+from solvers.errors import SolverError
+from solvers.fem.assembly import Forms, Scale, elasticity
+
+THICKNESS, HEIGHT, SIDE, PITCH = range(4)
+NAMES = ("thickness", "height", "side", "pitch")
+CLEARANCE_M = 0.5e-3  # between neighbouring pillars: a narrower slit is not printed, and its elements degenerate
+
+Sizes = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class DesignBox:
+    """Lowest and highest thickness, height, side and pitch, m; pillars stand at least `clearance_m` apart."""
+
+    low: Sizes = (1e-3, 4e-3, 1e-3, 3e-3)
+    high: Sizes = (3e-3, 9e-3, 3e-3, 8e-3)
+    clearance_m: float = CLEARANCE_M
+
+    def faults(self, sizes: FloatArray | Sizes) -> list[str]:
+        """What keeps a cell out of the box, one sentence each, by name; empty for one inside."""
+        said = []
+        for name, value, low, high in zip(NAMES, sizes, self.low, self.high, strict=True):
+            if not low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9):
+                said.append(f"{name} = {1e3 * value:g} mm: must lie between {1e3 * low:g} and {1e3 * high:g} mm")
+        gap = sizes[PITCH] - sizes[SIDE]
+        if not gap >= self.clearance_m * (1.0 - 1e-9):
+            said.append(
+                f"side = {1e3 * sizes[SIDE]:g} mm does not fit pitch = {1e3 * sizes[PITCH]:g} mm: at least "
+                f"{1e3 * self.clearance_m:g} mm must stay between two pillars"
+            )
+        return said
+
+    def require(self, sizes: FloatArray | Sizes) -> None:
+        """SolverError that names what does not fit."""
+        said = self.faults(sizes)
+        if said:
+            raise SolverError("; ".join(said))
+
+    def sample(self, unit: FloatArray) -> FloatArray:
+        """Designs (n, 4) in m from points (n, 4) of the unit cube, even in the logarithms of the stretches; all of them fit."""
+        unit = np.atleast_2d(unit)
+        low, high = np.log(self.low), np.log(self.high)
+        sizes = np.exp(low + unit * (high - low))
+        side = sizes[:, SIDE]
+        least = np.maximum(self.low[PITCH] - side, self.clearance_m)
+        sizes[:, PITCH] = side + least * ((self.high[PITCH] - side) / least) ** unit[:, PITCH]
+        return np.asarray(sizes)
+
+    def spread(self, count: int, seed: int = 1) -> list[Sizes]:
+        """The box's sixteen corners and `count` designs between them, the same at every call."""
+        corners = np.array(list(product((0.0, 1.0), repeat=4)))
+        return as_sizes(self.sample(np.vstack([corners, between(count, seed)])))
+
+    @property
+    def middle(self) -> Sizes:
+        """Geometric mean of the limits, m: where the reference mesh stands."""
+        t, h, a, p = np.sqrt(np.array(self.low) * np.array(self.high))
+        return float(t), float(h), float(a), float(max(p, a + self.clearance_m))
+
+
+def between(count: int, seed: int) -> FloatArray:
+    """Points (count, 4) evenly spread over the unit cube (a Halton sequence, scrambled by a seed)."""
+    return np.asarray(qmc.Halton(4, seed=seed).random(count))
+
+
+def as_sizes(designs: FloatArray) -> list[Sizes]:
+    """Rows (n, 4) as designs."""
+    return [(float(t), float(h), float(a), float(p)) for t, h, a, p in designs]
+
+
+@dataclass(frozen=True)
+class FixedMesh:
+    """Order and elements of the one topology: even intervals of each part, layers graded towards the pillar's foot."""
+
+    order: int = 3
+    under: int = 1
+    beside: int = 1
+    through: int = 1
+    along: int = 4
+    layers: int = 2
+    factor: float = 0.2
+
+
+Exponents = tuple[int, int, int, int]  # of thickness, height, side, clearance
+
+
+def stretches(sizes: FloatArray | Sizes) -> FloatArray:
+    """Thickness, height, side and clearance of a design: what the parts of the mesh are stretched by."""
+    t, h, a, p = sizes
+    return np.array([t, h, a, p - a])
+
+
+@dataclass(frozen=True)
+class AffineForm:
+    """sum_q theta_q A_q: exponents (q, 4) of the stretches over their reference, matrices A_q."""
+
+    exponents: IntArray
+    matrices: tuple[sp.csr_array, ...]
+
+
+def theta(exponents: IntArray, sizes: FloatArray | Sizes, reference: Sizes) -> FloatArray:
+    """theta_q of designs: (q,) for sizes (4,)."""
+    ratio = stretches(sizes) / stretches(reference)
+    return np.asarray(np.prod(ratio ** np.asarray(exponents), axis=1))
+
+
+class AffineCell:
+    """The quarter cell x, y >= 0 on its reference mesh, with the affine forms of K (3n, 3n) and of the scalar mass (n, n).
+
+    Matrices are in units of `scale`, whose length is the reference thickness.
+    """
+
+    def __init__(self, box: DesignBox, mesh: FixedMesh, plate: Material, pillar: Material) -> None:
+        self.box, self.reference = box, box.middle
+        self.scale = Scale(self.reference[THICKNESS], plate.young_pa, plate.density_kg_m3)
+        self.boxes = _boxes(self.reference, mesh)
+        self.mesh = hex_mesh(self.boxes, mesh.order)
+        self.parts = _parts(self.mesh, self.reference)
+        materials = {"plate": plate, "pillar": pillar}
+        forms = Forms(self.mesh, self.scale.length_m)
+        self.stiffness = self._stiffness(forms, materials)
+        self.mass = self._mass(forms, materials, ("plate", "pillar"))
+        self.pillar_mass = self._mass(forms, materials, ("pillar",))
+
+    def _stiffness(self, forms: Forms, materials: dict[str, Material]) -> AffineForm:
+        groups: dict[Exponents, FloatArray] = {}
+        whole = np.zeros((len(self.mesh.cells), 3, 3, 3, 3))
+        for name, cells in self.mesh.regions.items():
+            whole[cells] = elasticity(materials[name]) / self.scale.young_pa
+        for part, k, l in product(np.unique(self.parts, axis=0), range(3), range(3)):  # noqa: E741  as in C_ikjl
+            cells = np.flatnonzero((self.parts == part).all(axis=1))
+            tensor = groups.setdefault(_exponents(part, (k, l)), np.zeros_like(whole))
+            tensor[cells, :, k, :, l] += whole[cells, :, k, :, l]
+        ordered = sorted(groups)
+        return AffineForm(np.array(ordered), tuple(forms.stiffness(groups[key]) for key in ordered))
+
+    def _mass(self, forms: Forms, materials: dict[str, Material], regions: tuple[str, ...]) -> AffineForm:
+        groups: dict[Exponents, FloatArray] = {}
+        density = np.zeros(len(self.mesh.cells))
+        for name in regions:
+            density[self.mesh.regions[name]] = materials[name].density_kg_m3 / self.scale.density_kg_m3
+        for part in np.unique(self.parts, axis=0):
+            cells = np.flatnonzero((self.parts == part).all(axis=1))
+            if density[cells].any():
+                groups.setdefault(_exponents(part, ()), np.zeros_like(density))[cells] = density[cells]
+        ordered = sorted(groups)
+        return AffineForm(np.array(ordered), tuple(forms.mass(groups[key]) for key in ordered))
+
+    def theta(self, form: AffineForm, sizes: FloatArray | Sizes) -> FloatArray:
+        """The form's factors for one design, (q,)."""
+        return theta(form.exponents, sizes, self.reference)
+
+    def plan(self, nodes: FloatArray, sizes: FloatArray | Sizes) -> FloatArray:
+        """Places of reference points (n, 3) in the stretched cell, m."""
+        t0, h0, a0, p0 = self.reference
+        t, h, a, p = sizes
+        flat = [np.interp(nodes[:, axis], [0.0, a0 / 2.0, p0 / 2.0], [0.0, a / 2.0, p / 2.0]) for axis in (0, 1)]
+        return np.column_stack([*flat, np.interp(nodes[:, 2], [0.0, t0, t0 + h0], [0.0, t, t + h])])
+
+
+def _boxes(sizes: Sizes, mesh: FixedMesh) -> Boxes:
+    """The quarter's grid at the reference design; z = 0 is the touch face."""
+    t, h, a, p = sizes
+
+    def part(low: float, high: float, count: int, ends: tuple[bool, bool]) -> FloatArray:
+        return grid_lines({low: ends[0], high: ends[1]}, Grading((high - low) / count, mesh.layers, mesh.factor))
+
+    under, beside = part(0.0, a / 2.0, mesh.under, (False, True)), part(a / 2.0, p / 2.0, mesh.beside, (True, False))
+    plate, pillar = part(0.0, t, mesh.through, (False, True)), part(t, t + h, mesh.along, (True, False))
+    x, z = np.concatenate([under, beside[1:]]), np.concatenate([plate, pillar[1:]])
+    region = np.full((len(x) - 1, len(x) - 1, len(z) - 1), -1, dtype=np.int64)
+    region[:, :, : len(plate) - 1] = 0
+    region[: len(under) - 1, : len(under) - 1, len(plate) - 1 :] = 1
+    return Boxes(x, x, z, region, ("plate", "pillar"))
+
+
+def _parts(mesh: Mesh, sizes: Sizes) -> IntArray:
+    """For each element which stretch acts along x, y and z, (e, 3), by its number in `stretches`."""
+    t, _, a, _ = sizes
+    middle = mesh.nodes[mesh.cells].mean(axis=1)
+    return np.column_stack([*(np.where(middle[:, axis] < a / 2.0, 2, 3) for axis in (0, 1)), (middle[:, 2] > t) * 1])
+
+
+def _exponents(part: IntArray, derived: tuple[int, ...]) -> Exponents:
+    """Of an element whose stretches are `part`, differentiated along the axes `derived`."""
+    powers = [0, 0, 0, 0]
+    for axis in range(3):
+        powers[int(part[axis])] += 1
+    for axis in derived:
+        powers[int(part[axis])] -= 1
+    return powers[0], powers[1], powers[2], powers[3]

@@ -1,0 +1,199 @@
+"""Bands of any design of the box along a path, each with how far it may lie above its mesh's.
+
+At each wavevector and in each of its two mirror sectors a basis of some fifty functions: waves' motions of the boundary,
+gathered once over the box (BOUNDARY of them hold it: whatever a pillar does, its cell's sides bend smoothly), and the
+design's own clamped modes and inertial answers. All pencils are small, real and dense, and are solved in one batch (pau2007).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy.linalg import cholesky, eigh, solve_triangular
+
+from geometry.elements import BoolArray, FloatArray
+from solvers.parametric.affine import Sizes
+from solvers.parametric.cell import BESIDE, ClassAtDesign, Inner, ParametricCell
+from solvers.parametric.sectors import Sector, sectors
+from solvers.threads import one_thread
+
+BOUNDARY = 20  # motions of the boundary that a sector keeps
+INNER = Inner(5, 5)
+FLAT = 1e-3  # of the highest frequency: slower waves are rigid-body motions but for rounding
+SLOWEST = 1e-7  # scaled eigenvalue: some hundred hertz, from where on frequencies are held to their relative error
+SAFETY = 2.0  # on the largest error at the wavevectors looked at closely: others lie between them
+CLOSELY = 12  # every so many-th wavevector is
+
+
+@dataclass(frozen=True)
+class BandBases:
+    """What the bands of every design along a path need besides the cell: `sectors` with few boundary motions, `rich` with all.
+
+    fractions (k, 2): wavevectors in units of pi / pitch, with labels; rich holds some of them only; count: bands; floor:
+    relative error of the cell's own bases on designs that they were not made from.
+    """
+
+    fractions: FloatArray
+    labels: tuple[str, ...]
+    count: int
+    sectors: tuple[Sector, ...]
+    rich: tuple[Sector, ...]
+    floor: float
+
+
+@dataclass(frozen=True)
+class Bands:
+    """Frequencies (k, bands) in Hz, ascending; error (bands,): each may lie so much of itself above its mesh's."""
+
+    frequency_hz: FloatArray
+    error: FloatArray
+
+
+def bands(cell: ParametricCell, bases: BandBases, sizes: FloatArray | Sizes) -> Bands:
+    """The bands of one design. SolverError for a design outside the box, by name."""
+    parts = cell.parts(sizes, INNER, cell.interface)
+    with one_thread():
+        solved = [_eigenvalues(parts, sector) for sector in bases.sectors]
+        values = _merged(solved, bases.sectors, len(bases.fractions), bases.count)
+        error = _error(parts, bases, values)
+    return Bands(cell.scale.frequency(values), SAFETY * error + bases.floor)
+
+
+def _error(parts: Sequence[ClassAtDesign], bases: BandBases, values: FloatArray) -> FloatArray:
+    """Relative excess of each band's frequency at the wavevectors of `rich`, that of its neighbours counted too, (bands,)."""
+    solved = [_corrected(parts, sector, bases.count) for sector in bases.rich]
+    better = _merged(solved, bases.rich, len(bases.fractions), bases.count)
+    known = np.isfinite(better).all(axis=1)
+    ours, theirs = values[known], better[known]
+    moving = theirs > FLAT**2 * theirs[:, -1:]
+    excess = np.where(moving, 0.5 * np.abs(ours / np.where(moving, theirs, 1.0) - 1.0), 0.0).max(axis=0)
+    return np.asarray(np.max([excess, np.append(excess[1:], 0.0), np.append(0.0, excess[:-1])], axis=0))
+
+
+def _merged(solved: list[FloatArray], of: Sequence[Sector], points: int, count: int) -> FloatArray:
+    """Both sectors' eigenvalues together, (points, count); infinite where none was asked for."""
+    width = max(values.shape[1] for values in solved)
+    out = np.full((points, 2, width), np.inf)
+    for number, (values, sector) in enumerate(zip(solved, of, strict=True)):
+        out[sector.points, number % 2, : values.shape[1]] = values
+    return np.asarray(np.sort(out.reshape(points, -1), axis=1)[:, :count])
+
+
+def _eigenvalues(parts: Sequence[ClassAtDesign], sector: Sector) -> FloatArray:
+    """Every eigenvalue of a sector at each of its wavevectors, (k, m)."""
+    stiffness, mass = pencils([parts[number] for number in sector.classes], sector.bases)
+    lower = np.linalg.cholesky(mass)
+    half = np.linalg.solve(lower, stiffness)
+    return np.asarray(np.linalg.eigvalsh(np.linalg.solve(lower, half.transpose(0, 2, 1))))
+
+
+def _corrected(parts: Sequence[ClassAtDesign], sector: Sector, count: int) -> FloatArray:
+    """Eigenvalues less what the inner functions left out take from them, to first order: l - l^2 u'Du, (k, count)."""
+    own = [parts[number] for number in sector.classes]
+    out = []
+    for stiffness, mass, basis in zip(*pencils(own, sector.bases), sector.bases, strict=True):
+        values, waves = _lowest(stiffness, mass, count)
+        free, row, taken = basis @ waves[: basis.shape[1]], 0, np.zeros(len(values))
+        for part in own:
+            piece = free[row : row + part.parity.shape[1]]
+            taken += np.einsum("ij,ij->j", piece, part.lost @ piece)
+            row += len(piece)
+        out.append(values - values**2 * taken)
+    return np.array(out)
+
+
+def _lowest(stiffness: FloatArray, mass: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    values, waves = eigh(stiffness, mass, subset_by_index=(0, min(count, len(mass)) - 1), driver="gvx")
+    return np.asarray(values), np.asarray(waves)
+
+
+def pencils(parts: Sequence[ClassAtDesign], bases: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """K and M of [free boundary coordinates, inner functions] at each wavevector, (k, m, m)."""
+    free, inner = bases.shape[2], sum(len(part.fixed_hz) for part in parts)
+    stiffness, mass = (np.zeros((len(bases), free + inner, free + inner)) for _ in range(2))
+    row, start = 0, free
+    for part in parts:
+        width, stop = part.parity.shape[1], start + len(part.fixed_hz)
+        own = bases[:, row : row + width]
+        turned = own.transpose(0, 2, 1)
+        for whole, matrix in zip((stiffness, mass), part.own[:2], strict=True):
+            whole[:, :free, :free] += turned @ (matrix[:width, :width] @ own)
+            coupling = turned @ matrix[:width, width:]
+            whole[:, :free, start:stop] = coupling
+            whole[:, start:stop, :free] = coupling.transpose(0, 2, 1)
+            whole[:, start:stop, start:stop] = matrix[width:, width:]
+        row, start = row + width, stop
+    return stiffness, mass
+
+
+def band_bases(
+    cell: ParametricCell,
+    fractions: FloatArray,
+    labels: tuple[str, ...],
+    count: int,
+    designs: Sequence[Sizes],
+    floor: float,
+    apply: Callable[..., Iterable[list[FloatArray]]] = map,
+) -> BandBases:
+    """Gather the boundary motions of the waves of given designs; `apply` maps over designs, several at once if it can."""
+    whole = sectors(cell.interface, fractions)
+    waves = list(apply(partial(_boundary_waves, cell, whole, count), designs))
+    middle = cell.parts(cell.reference, INNER, cell.interface)
+    few = []
+    for number, sector in enumerate(whole):
+        gathered = np.concatenate([known[number] for known in waves], axis=2)
+        energy, mass = pencils([middle[member] for member in sector.classes], sector.bases)
+        free = sector.bases.shape[2]
+        metric = (energy + BESIDE * mass)[:, :free, :free]
+        kept = [_pod(own, root) for own, root in zip(gathered, metric, strict=True)]
+        few.append(replace(sector, bases=sector.bases @ np.array(kept)))
+    labelled = np.array([bool(label) for label in labels])
+    rich = tuple(_some(sector, labelled[sector.points]) for sector in whole)
+    return BandBases(fractions, labels, count, tuple(few), rich, floor)
+
+
+def _some(sector: Sector, labelled: BoolArray) -> Sector:
+    """The labelled wavevectors of a sector, every CLOSELY-th and the one in its middle."""
+    place = np.arange(len(labelled))
+    chosen = labelled | (place % CLOSELY == CLOSELY // 2) | (place == len(place) // 2)
+    return Sector(sector.points[chosen], sector.classes, sector.bases[chosen])
+
+
+def own_error(cell: ParametricCell, alone: Sequence[ParametricCell], designs: Sequence[Sizes], count: int) -> float:
+    """Largest relative excess of the cell's frequencies over those of cells made for each design alone, at six wavevectors."""
+    of = sectors(cell.interface, ((0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0), (0.5, 0.5)))
+    worst = 0.0
+    for one, sizes in zip(alone, designs, strict=True):
+        ours, theirs = (
+            _merged([_eigenvalues(each.parts(sizes, INNER, each.interface), sector) for sector in of], of, 6, count)
+            for each in (cell, one)
+        )
+        moving = theirs > FLAT**2 * theirs[:, -1:]
+        worst = max(worst, float(0.5 * np.abs(ours[moving] / theirs[moving] - 1.0).max()))
+    return worst
+
+
+def _boundary_waves(cell: ParametricCell, of: Sequence[Sector], count: int, sizes: Sizes) -> list[FloatArray]:
+    """For each sector the boundary coordinates of one design's lowest waves of unit energy, (k, m, count)."""
+    with one_thread():
+        parts = cell.parts(sizes, INNER, cell.interface)
+        out = []
+        for sector in of:
+            found = []
+            for stiffness, mass in zip(
+                *pencils([parts[member] for member in sector.classes], sector.bases), strict=True
+            ):
+                values, waves = _lowest(stiffness, mass, count)
+                found.append(waves[: sector.bases.shape[2]] / np.sqrt(np.maximum(values, 0.0) + SLOWEST))
+            out.append(np.array(found))
+    return out
+
+
+def _pod(waves: FloatArray, metric: FloatArray) -> FloatArray:
+    """The BOUNDARY motions that hold most of the waves' energy, (m, BOUNDARY), orthonormal in it (sirovich1987)."""
+    root = cholesky(metric)
+    left, _, _ = np.linalg.svd(root @ waves, full_matrices=False)
+    return np.asarray(solve_triangular(root, left[:, :BOUNDARY]))

@@ -1,0 +1,171 @@
+"""One symmetry class of the affine cell: its degrees of freedom, boundary functions and the reduced basis of its inside.
+
+Classes: u_z even or odd under x -> -x and y -> -y, and where both are alike even or odd under x <-> y; (+, -) stands for
+(-, +) too. A basis function is either a boundary function, zero at every inner node, or zero on the boundary.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import LinearOperator, eigsh
+
+from geometry.elements import FloatArray, IntArray
+from solvers.fem.constraints import free_mask, rigid_body_modes
+from solvers.fem.factor.factoriser import Factor, Factoriser
+from solvers.parametric.affine import PITCH, THICKNESS, AffineCell, Sizes
+from solvers.superelement.diagonal import diagonal_folding, diagonal_image
+from solvers.superelement.interface import Interface
+
+CLASSES = ((1, 1, 1), (1, 1, -1), (-1, -1, 1), (-1, -1, -1), (1, -1, 0))  # under x -> -x, y -> -y, x <-> y
+BESIDE = 0.1  # scaled eigenvalue: about a tenth band
+FUNCTION = 1e-11  # of the largest singular value: smaller ones are rounding
+
+
+@dataclass(frozen=True)
+class ClassForms:
+    """A symmetry class's affine matrices among its own degrees of freedom, all of one sparsity pattern.
+
+    stiffness (q, nnz), mass (r, nnz): values; indices, indptr: the pattern of (m, m); fold (3n, m): nodal motion.
+    """
+
+    fold: sp.csr_array
+    stiffness: FloatArray
+    mass: FloatArray
+    stiffness_pattern: tuple[IntArray, IntArray]
+    mass_pattern: tuple[IntArray, IntArray]
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of the class."""
+        return int(self.fold.shape[1])
+
+    def matrix(self, kind: str, weights: FloatArray) -> sp.csc_array:
+        """sum_q theta_q A_q of "stiffness" or "mass"; symmetric, so that rows serve as columns."""
+        indices, indptr = getattr(self, f"{kind}_pattern")
+        return sp.csc_array((weights @ getattr(self, kind), indices, indptr), shape=(self.dof,) * 2)
+
+
+def class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
+    """The affine forms of one symmetry class."""
+    mirrors = {face: "S" if sign > 0 else "A" for face, sign in zip(("x-", "y-"), signs, strict=False)}
+    inside = free_mask(cell.mesh, (), mirrors)
+    image = diagonal_image(cell.mesh)
+    assert image is not None  # the quarter's lines are alike along x and y
+    if signs[2]:
+        fold = diagonal_folding(image, inside, signs[2])
+    else:
+        own = np.flatnonzero(inside.ravel())
+        fold = sp.csr_array((np.ones(len(own)), (own, np.arange(len(own)))), shape=(cell.mesh.dof, len(own)))
+    eye = sp.eye_array(3, format="csr")
+    stiffness, k_pattern = _folded(fold, list(cell.stiffness.matrices))
+    mass, m_pattern = _folded(fold, [sp.csr_array(sp.kron(m, eye, format="csr")) for m in cell.mass.matrices])
+    return ClassForms(fold, stiffness, mass, k_pattern, m_pattern)
+
+
+def _folded(fold: sp.csr_array, matrices: list[sp.csr_array]) -> tuple[FloatArray, tuple[IntArray, IntArray]]:
+    """F'AF of matrices that share a pattern: values (q, nnz) and that pattern."""
+    products = [sp.csr_array(fold.T @ (matrix @ fold)).tocoo() for matrix in matrices]  # scipy drops the zeros of each
+    width = fold.shape[1]
+    keys = [product.row.astype(np.int64) * width + product.col for product in products]
+    union = np.unique(np.concatenate(keys))
+    values = np.zeros((len(matrices), len(union)))
+    for own, key, product in zip(values, keys, products, strict=True):
+        own[np.searchsorted(union, key)] = product.data
+    starts = np.concatenate([[0], np.cumsum(np.bincount(union // width, minlength=width))])
+    return values, ((union % width).astype(np.int32), starts.astype(np.int32))
+
+
+class Block:
+    """One class with its boundary functions at any design: P(mu) = functions @ coordinates(mu)."""
+
+    def __init__(self, cell: AffineCell, interface: Interface, signs: tuple[int, int, int]) -> None:
+        self.cell, self.interface, self.signs = cell, interface, signs
+        self.forms = class_forms(cell, signs)
+        self.parity = interface.parity_basis({0: signs[0], 1: signs[1]}, signs[2])
+        mesh = cell.mesh
+        self.boundary_nodes = np.unique(np.concatenate([mesh.nodes_of("x+"), mesh.nodes_of("y+")]))
+        rows = (3 * self.boundary_nodes[:, None] + np.arange(3)).ravel()
+        self.on_boundary = np.unique(self.forms.fold[rows].indices)
+        self.inner = np.setdiff1d(np.arange(self.forms.dof), self.on_boundary)
+        self.functions = self._functions()
+
+    def traces(self, sizes: FloatArray | Sizes) -> FloatArray:
+        """The class's boundary polynomials of a stretched cell at its boundary degrees of freedom, (b, m)."""
+        nodes = self.cell.plan(self.cell.mesh.nodes[self.boundary_nodes], sizes)
+        own = np.column_stack([2.0 * nodes[:, :2] / sizes[PITCH], 2.0 * nodes[:, 2] / sizes[THICKNESS] - 1.0])
+        field = self.interface.evaluate(own)
+        motion = np.stack([field @ self.parity[axis::3] for axis in range(3)], axis=1).reshape(-1, self.parity.shape[1])
+        rows = (3 * self.boundary_nodes[:, None] + np.arange(3)).ravel()
+        return np.asarray(self.forms.fold[rows][:, self.on_boundary].T @ motion)
+
+    def _functions(self) -> FloatArray:
+        """Orthonormal functions that hold the polynomials of every ratio of side to pitch, (b, f).
+
+        The polynomials are polynomials of that ratio too, of at most their degree + 1: so many samples span them all.
+        """
+        stacked = np.hstack([self.traces(self.of_share(share)) for share in self.shares])
+        left, size, _ = np.linalg.svd(stacked, full_matrices=False)
+        return np.asarray(left[:, size > FUNCTION * size[0]])
+
+    @property
+    def shares(self) -> FloatArray:
+        """Ratios of side to pitch that determine the polynomials at any other, Chebyshev points between 0 and 1."""
+        count = self.interface.along + 2
+        return np.asarray(0.5 - 0.5 * np.cos(np.pi * (np.arange(count) + 0.5) / count))
+
+    def of_share(self, share: float) -> Sizes:
+        """The reference design with another side."""
+        t, h, _, p = self.cell.reference
+        return t, h, float(share) * p, p
+
+    def coordinates(self, sizes: FloatArray | Sizes) -> FloatArray:
+        """The polynomials of a design among the functions, (f, m)."""
+        return np.asarray(self.functions.T @ self.traces(sizes))
+
+    def stretched(self, sizes: FloatArray | Sizes) -> tuple[sp.csc_array, sp.csc_array]:
+        """K and M of the class at a design."""
+        cell, forms = self.cell, self.forms
+        return (
+            forms.matrix("stiffness", cell.theta(cell.stiffness, sizes)),
+            forms.matrix("mass", cell.theta(cell.mass, sizes)),
+        )
+
+    def rigid(self, sizes: FloatArray | Sizes) -> FloatArray:
+        """The inside of a design's rigid motions as far as they belong to the class, (inner, 6)."""
+        motions = rigid_body_modes(self.cell.plan(self.cell.mesh.nodes, sizes)).reshape(-1, 6)
+        return np.asarray((self.forms.fold.T @ motions)[self.inner])
+
+    @cached_property
+    def factorise(self) -> Factoriser:
+        """Shares one symbolic analysis among all designs."""
+        return Factoriser()
+
+    def inner_shapes(self, sizes: FloatArray | Sizes, modes: int) -> tuple[FloatArray, FloatArray]:
+        """What the inside answers to the boundary's polynomials, and the lowest clamped modes: (inner, columns) each.
+
+        Modes have unit strain energy, answers unit strain energy and BESIDE times their mass, for rigid motions have none.
+        """
+        stiffness, mass = self.stretched(sizes)
+        inside = self.inner
+        clamped = sp.csc_array(stiffness[inside][:, inside])
+        factor = self.factorise(clamped)
+        traces = self.traces(sizes)
+        pull = stiffness[inside][:, self.on_boundary] @ traces
+        static = -factor.solve(np.asarray(pull))
+        motion = np.zeros((self.forms.dof, traces.shape[1]))
+        motion[self.on_boundary], motion[inside] = traces, static
+        energy = np.einsum("ij,ij->j", motion, stiffness @ motion + BESIDE * (mass @ motion))
+        fixed = _clamped_modes(clamped, sp.csc_array(mass[inside][:, inside]), factor, modes)
+        return static / np.sqrt(energy), fixed
+
+
+def _clamped_modes(stiffness: sp.csc_array, mass: sp.csc_array, factor: Factor, count: int) -> FloatArray:
+    """The lowest modes by inverse iteration, unit strain energy: functions for a basis, whose number nobody counts."""
+    inverse = LinearOperator(stiffness.shape, matvec=factor.solve, dtype=float)
+    start = np.sin(1.0 + np.arange(stiffness.shape[0]) * 1.618)
+    values, vectors = eigsh(stiffness, count, mass, sigma=0.0, OPinv=inverse, v0=start, tol=1e-6)
+    return np.asarray(vectors / np.sqrt(values))

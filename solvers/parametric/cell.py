@@ -1,0 +1,237 @@
+"""The reduced cell at any design of the box, from the reduced bases alone: a Craig-Bampton cell in milliseconds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import product
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, eigh
+
+from geometry.elements import FloatArray, IntArray
+from solvers.fem.assembly import Scale
+from solvers.fem.surface import face_quadrature
+from solvers.parametric.affine import PITCH, SIDE, THICKNESS, AffineCell, DesignBox, Sizes, theta
+from solvers.parametric.block import CLASSES, Block
+from solvers.parametric.reduced_block import ReducedBlock, reduced_block
+from solvers.superelement.cell import Cell, Expansion
+from solvers.superelement.interface import Interface
+from solvers.threads import one_thread
+
+ALL = 1e-12  # of the energy: every function of a single design
+BESIDE = 0.1  # scaled eigenvalue: about a tenth band
+
+
+@dataclass(frozen=True)
+class Inner:
+    """How many functions of the inside every class keeps: clamped modes, and what the other modes answer to inertia.
+
+    The modes left out answer the boundary's inertia by K_II^-1 M Psi less the share of those kept; of that the directions
+    with most energy are kept (craig1968; macneal1971, rubin1975 for the residual).
+    """
+
+    modes: int
+    residual: int
+
+
+@dataclass(frozen=True)
+class ParametricCell:
+    """K_r and M_r over a box of designs: the reduced classes, with the exponents of their affine forms.
+
+    touch_m (p, 2), touch_weights (p,): reference points and weights of the touch face's quarter x, y >= 0.
+    """
+
+    box: DesignBox
+    reference: Sizes
+    scale: Scale
+    interface: Interface
+    stiffness_exponents: IntArray
+    mass_exponents: IntArray
+    pillar_exponents: IntArray
+    blocks: tuple[ReducedBlock, ...]
+    touch_m: FloatArray
+    touch_weights: FloatArray
+    mesh_dof: int
+
+    def at(self, sizes: FloatArray | Sizes, inner: Inner, face: Interface | None = None) -> Cell:
+        """The cell of one design, in units of its thickness; `face`: lower degrees of its boundary polynomials.
+
+        SolverError for a design outside the box, by name.
+        """
+        face = face or self.interface
+        return _joined(self, self.parts(sizes, inner, face), face, sizes)
+
+    def parts(self, sizes: FloatArray | Sizes, inner: Inner, face: Interface) -> list[ClassAtDesign]:
+        """The symmetry classes of one design, that of (-, +) last. Errors as at."""
+        self.box.require(sizes)
+        with one_thread():
+            parts = [self._part(block, sizes, inner, face) for block in self.blocks]
+        return parts + [part.swapped(face, self._turned) for part in parts if part.signs[2] == 0]
+
+    def weights(self, sizes: FloatArray | Sizes) -> tuple[FloatArray, FloatArray]:
+        """theta of K and of M, (q,) and (r,)."""
+        return (
+            theta(self.stiffness_exponents, sizes, self.reference),
+            theta(self.mass_exponents, sizes, self.reference),
+        )
+
+    def _part(self, block: ReducedBlock, sizes: FloatArray | Sizes, inner: Inner, face: Interface) -> ClassAtDesign:
+        theta_k, theta_m = self.weights(sizes)
+        parity, kept = _lower(block.parity, self.interface, face)
+        boundary = block.boundary(sizes[SIDE] / sizes[PITCH])[:, kept]
+        f, width = block.functions, boundary.shape[1]
+        stiffness, mass = np.tensordot(theta_k, block.stiffness, axes=1), np.tensordot(theta_m, block.mass, axes=1)
+        factor = cho_factor(stiffness[f:, f:])
+        shapes = np.vstack([boundary, -cho_solve(factor, stiffness[f:, :f] @ boundary)])
+        pushed = mass[f:] @ shapes
+        flexible = cho_solve(factor, pushed)
+        values, modes = eigh(stiffness[f:, f:], mass[f:, f:], subset_by_index=(0, inner.modes - 1), driver="gvx")
+        left = flexible - (modes / values) @ (modes.T @ pushed)  # what the modes left out answer, per eigenvalue
+        energy = shapes.T @ (stiffness @ shapes + BESIDE * (mass @ shapes))
+        lost = pushed.T @ left
+        _, along = eigh(lost, energy, subset_by_index=(max(width - inner.residual, 0), width - 1), driver="gvx")
+        more = left @ along
+        more_values, turn = eigh(more.T @ stiffness[f:, f:] @ more, more.T @ mass[f:, f:] @ more)
+        inside = np.hstack([modes, more @ turn])
+        shapes = np.hstack([shapes, np.vstack([np.zeros((f, inside.shape[1])), inside])])
+        pillar = np.tensordot(theta(self.pillar_exponents, sizes, self.reference), block.pillar_mass, axes=1)
+        own = tuple(shapes.T @ matrix @ shapes for matrix in (stiffness, mass, pillar))
+        dropped_hz = float(self.scale.frequency(values[-1:])[0])
+        coupling = own[1][:width, width:]
+        values = np.concatenate([values, more_values])
+        lost = pushed.T @ flexible - (coupling / values) @ coupling.T
+        hz, touch = self.scale.frequency(values), block.touch @ shapes
+        return ClassAtDesign(block.signs, parity, own, hz, dropped_hz, lost, touch)
+
+    @cached_property
+    def _turned(self) -> IntArray:
+        """Which touch point each becomes when x and y are exchanged."""
+        apart = np.linalg.norm(self.touch_m[:, None] - self.touch_m[None, :, ::-1], axis=2)
+        return np.asarray(apart.argmin(axis=0))
+
+
+@dataclass(frozen=True)
+class ClassAtDesign:
+    """A class of one design: K, M and the pillar's M among its boundary polynomials and inner functions.
+
+    lost (m, m): what inner functions left out would answer, as Cell.dropped; touch (p, m): u_z at the touch points.
+    """
+
+    signs: IntArray
+    parity: FloatArray
+    own: tuple[FloatArray, ...]
+    fixed_hz: FloatArray
+    dropped_hz: float
+    lost: FloatArray
+    touch: FloatArray
+
+    def swapped(self, face: Interface, turned: IntArray) -> ClassAtDesign:
+        """(-, +) from (+, -): x and y exchanged, touch points too."""
+        return replace(self, signs=self.signs[[1, 0, 2]], parity=self.parity[face.diagonal()], touch=self.touch[turned])
+
+
+def _lower(parity: FloatArray, full: Interface, face: Interface) -> tuple[FloatArray, IntArray]:
+    """A class's polynomials without the bubbles that `face` lacks, and which columns they were."""
+    here = np.arange(face.vertex_block)
+    layer = np.arange(face.side_block) % face.vertex_block + full.vertex_block * (
+        np.arange(face.side_block) // face.vertex_block
+    )
+    corners = [full.vertex(index)[here] for index in range(4)]
+    rows = np.concatenate([*corners, *(full.side(index)[layer] for index in range(4))])
+    other = np.setdiff1d(np.arange(full.count), rows)
+    kept = np.flatnonzero(~parity[other].any(axis=0))
+    return parity[rows][:, kept], kept
+
+
+def _joined(cell: ParametricCell, parts: list[ClassAtDesign], face: Interface, sizes: FloatArray | Sizes) -> Cell:
+    """The symmetry classes in the sides' own degrees of freedom, in units of the design's thickness."""
+    places = _places(parts, face)
+    matrices = [
+        np.sum([4.0 * p @ part.own[i] @ p.T for p, part in zip(places, parts, strict=True)], axis=0) for i in range(3)
+    ]
+    lost = np.sum([4.0 * part.parity @ part.lost @ part.parity.T for part in parts], axis=0)
+    ratio = cell.scale.length_m / sizes[THICKNESS]
+    units = (ratio, ratio**3, ratio**3)
+    stiffness, mass, pillar = (unit * (m + m.T) / 2.0 for unit, m in zip(units, matrices, strict=True))
+    fixed = np.concatenate([part.fixed_hz for part in parts])
+    return Cell(
+        stiffness, mass, pillar, face, replace(cell.scale, length_m=float(sizes[THICKNESS])),
+        (float(sizes[PITCH]), float(sizes[PITCH]), float(sizes[THICKNESS])),
+        fixed, np.array([part.signs[:2] for part in parts for _ in part.fixed_hz], dtype=np.int64).reshape(-1, 2),
+        min(part.dropped_hz for part in parts), ratio**5 * lost,
+        _touch(cell, parts, places, sizes), _no_skin(len(stiffness)), cell.mesh_dof,
+    )  # fmt: skip
+
+
+def _places(parts: list[ClassAtDesign], face: Interface) -> list[FloatArray]:
+    """From each class's degrees of freedom to the cell's, (count, m)."""
+    places, start = [], face.count
+    count = face.count + sum(len(part.fixed_hz) for part in parts)
+    for part in parts:
+        width, inner = part.parity.shape[1], np.arange(len(part.fixed_hz))
+        place = np.zeros((count, width + len(inner)))
+        place[: face.count, :width] = part.parity
+        place[start + inner, width + inner] = 1.0
+        start += len(inner)
+        places.append(place)
+    return places
+
+
+def _touch(
+    cell: ParametricCell, parts: list[ClassAtDesign], places: list[FloatArray], sizes: FloatArray | Sizes
+) -> Expansion:
+    """u_z on the touch face of the whole cell, from its quarter's points."""
+    a0, p0 = cell.reference[SIDE] / 2.0, cell.reference[PITCH] / 2.0
+    a, p = sizes[SIDE] / 2.0, sizes[PITCH] / 2.0
+    points = np.column_stack([*np.interp(cell.touch_m, [0.0, a0, p0], [0.0, a, p]).T, np.zeros(len(cell.touch_m))])
+    stretch = np.where(cell.touch_m < a0, a / a0, (p - a) / (p0 - a0)).prod(axis=1)
+    everywhere, rows = [], []
+    for images in product((1, -1), repeat=2):
+        flips = [np.prod([part.signs[axis] for axis in (0, 1) if images[axis] < 0]) for part in parts]
+        everywhere.append(points * np.array([*images, 1.0]))
+        own = zip(flips, parts, places, strict=True)
+        rows.append(sum(float(flip) * part.touch @ place.T for flip, part, place in own))
+    weights = np.tile(cell.touch_weights * stretch, 4)
+    return Expansion(np.concatenate(everywhere), np.concatenate(rows)[:, None, :], weights)
+
+
+def _no_skin(count: int) -> Expansion:
+    return Expansion(np.empty((0, 3)), np.empty((0, 3, count)), facets=np.empty((0, 4), dtype=np.int64))
+
+
+def parametric_cell(
+    cell: AffineCell,
+    interface: Interface,
+    designs: Sequence[Sizes],
+    unseen: Sequence[Sizes] = (),
+    apply: Callable[..., Iterable[tuple[ReducedBlock, ...]]] = map,
+) -> tuple[ParametricCell, ...]:
+    """The cell reduced over the box from the given designs, then for each unseen design one made for it alone.
+
+    `apply` maps over the classes, several at once if it can; the largest comes first.
+    """
+    work = partial(_reduce, cell, interface, tuple(designs), tuple(unseen))
+    reduced = list(apply(work, CLASSES[::-1]))[::-1]
+    rule = face_quadrature(cell.mesh, "touch")
+    exponents = cell.stiffness.exponents, cell.mass.exponents, cell.pillar_mass.exponents
+    return tuple(
+        ParametricCell(
+            cell.box, cell.reference, cell.scale, interface, exponents[0], exponents[1], exponents[2], tuple(blocks),
+            rule.points[:, :2], rule.weights, 4 * cell.mesh.dof,
+        )
+        for blocks in zip(*reduced, strict=True)
+    )  # fmt: skip
+
+
+def _reduce(
+    cell: AffineCell,
+    interface: Interface,
+    designs: Sequence[Sizes],
+    unseen: Sequence[Sizes],
+    signs: tuple[int, int, int],
+) -> tuple[ReducedBlock, ...]:
+    with one_thread():
+        block = Block(cell, interface, signs)
+        return (reduced_block(block, designs), *(reduced_block(block, [sizes], ALL) for sizes in unseen))

@@ -1,0 +1,45 @@
+"""A small explorer: a coarse mesh, few designs, a short path; and its server in a thread."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from pipeline.case.model import case_from_dict
+from pipeline.case.overrides import read_toml
+from pipeline.explore import cell_model
+from pipeline.explore.answer import Explorer, Scene
+from pipeline.explore.cell_model import CellModelCache, Offline
+from pipeline.explore.server import Server, serve
+from pipeline.paths import ROOT
+from pipeline.search.fidelity import WarningLog
+from solvers.parametric.affine import DesignBox, FixedMesh
+from solvers.superelement.interface import Interface
+
+SMALL = ROOT / "examples" / "small.toml"
+BOX = DesignBox((1.8e-3, 6e-3, 1.8e-3, 3.5e-3), (2.2e-3, 7e-3, 2.2e-3, 4.5e-3))
+OFFLINE = Offline(BOX, FixedMesh(2, along=3, layers=0), Interface(3, 2), designs=2, waves=2, intervals=4, workers=1)
+
+
+def small_explorer(folder: Path) -> Explorer:
+    """The explorer of examples/small.toml, its bases kept in a folder."""
+    raw = read_toml(SMALL)
+    case = case_from_dict(raw, SMALL)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cell_model, "CellModelCache", lambda: CellModelCache(folder))
+        model = cell_model.cell_model(case, WarningLog(), OFFLINE)
+    return Explorer(Scene(case, raw, ()), model)
+
+
+@contextmanager
+def served(explorer: Explorer) -> Iterator[Server]:
+    """Its server on a free port, ended with the test's process."""
+    server, ready = Server(explorer), threading.Event()
+    thread = threading.Thread(target=serve, args=(server, 0, lambda _: ready.set()), daemon=True)
+    thread.start()
+    assert ready.wait(20.0)
+    yield server

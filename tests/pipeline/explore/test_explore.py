@@ -1,0 +1,282 @@
+"""Answers of the page's program, what it keeps, and what it refuses."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import threading
+import tomllib
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from geometry.hex.boxes import Panel, hex_mesh
+from pipeline.case.model import load_case
+from pipeline.errors import InputError
+from pipeline.explore import server as served_module
+from pipeline.explore.answer import FACE, INNER, Explorer, LiveCell, LiveReductions, read_design
+from pipeline.explore.cell_model import CellModelCache, require_square
+from pipeline.explore.server import Server
+from pipeline.planning import mesh_rules
+from solvers.fem.assembly import Scale, assemble
+from solvers.parametric.affine import AffineCell
+from solvers.parametric.bands import bands
+from solvers.superelement.cell import Cell, reduce_cell
+from solvers.superelement.lattice import Lattice
+from solvers.waves.column import Column
+from solvers.waves.gaps import complete_gaps
+from tests.helpers.exploring import OFFLINE, SMALL, served, small_explorer
+
+OWN = {"height": 6.3, "side": 2.0, "pitch": 4.0, "thickness": 2.0, "rows": 1.0, "extension": 5.0}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cells")
+
+
+@pytest.fixture(scope="module")
+def explorer(folder: Path) -> Explorer:
+    return small_explorer(folder)
+
+
+@pytest.fixture(scope="module")
+def server(explorer: Explorer) -> Iterator[Server]:
+    with served(explorer) as started:
+        yield started
+
+
+def test_the_scene_starts_with_the_file(explorer: Explorer) -> None:
+    assert explorer.scene.own() == OWN
+
+
+def test_a_kept_model_is_the_one_made(explorer: Explorer, folder: Path) -> None:
+    (kept,) = folder.glob("*.npz")
+    cache = CellModelCache(folder)
+    again = cache.get_model(kept.name.split("-")[0], OFFLINE)
+    assert again is not None
+    sizes = (2e-3, 6.3e-3, 2e-3, 4e-3)
+    one, other = (bands(model.cell, model.bases, sizes) for model in (explorer.model, again))
+    assert (one.frequency_hz == other.frequency_hz).all() and (one.error == other.error).all()
+
+
+def test_a_damaged_model_counts_as_absent(folder: Path, explorer: Explorer, tmp_path: Path) -> None:
+    (kept,) = folder.glob("*.npz")
+    data = bytearray(kept.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    (tmp_path / kept.name).write_bytes(data)
+    assert CellModelCache(tmp_path).get_model(kept.name.split("-")[0], OFFLINE) is None
+    (tmp_path / kept.name).write_bytes(data[: len(data) // 2])
+    assert CellModelCache(tmp_path).get_model(kept.name.split("-")[0], OFFLINE) is None
+
+
+def test_bands_and_gaps_are_those_of_the_design(explorer: Explorer) -> None:
+    given = OWN | {"height": 6.6, "pitch": 4.2}
+    found = explorer.answer(given)["bands"]
+    lattice = Lattice(explorer.model.cell.at((2e-3, 6.6e-3, 2e-3, 4.2e-3), INNER))
+    x = lattice.frequencies(np.array([np.pi / 4.2e-3, 0.0]), 10)
+    assert found["frequency_hz"][4] == pytest.approx(x.tolist(), rel=0.01)
+    assert found["labels"][4] == "X"
+    gaps = complete_gaps(np.array(found["frequency_hz"]))
+    assert [gap["lower_band"] for gap in found["gaps"]] == [gap.lower_band for gap in gaps]
+    assert all(gap["error"] > 0.0 for gap in found["gaps"])
+
+
+class OwnMesh(LiveReductions):
+    """The same column with each pillar's cell meshed and reduced for itself, on the topology of the bases."""
+
+    def cell(self, panel: Panel) -> Cell:
+        if panel.foot is None:
+            return super().cell(panel)
+        assert self.pillar is not None
+        sizes = (self.thickness_m, self.pillar.height_m, self.pillar.base_m, panel.high[0] - panel.low[0])
+        affine = AffineCell(OFFLINE.box, OFFLINE.mesh, self.material, self.pillar.material)
+        lines = [affine.boxes.x, affine.boxes.y, affine.boxes.z]
+        x, y, z = (affine.plan(np.outer(line, np.eye(3)[axis]), sizes)[:, axis] for axis, line in enumerate(lines))
+        mesh = hex_mesh(replace(affine.boxes, x=x, y=y, z=z), OFFLINE.mesh.order)
+        materials = {"plate": self.material, "pillar": self.pillar.material}
+        scale = Scale(self.thickness_m, self.material.young_pa, self.material.density_kg_m3)
+        return reduce_cell(assemble(mesh, materials, scale), FACE, 3e6, (0, 1))
+
+
+def test_the_wanted_mode_is_that_of_a_column_from_its_own_mesh(explorer: Explorer) -> None:
+    found = explorer.answer(OWN)["plate"]
+    case = load_case(SMALL)
+    window = mesh_rules.wanted_window_hz(case.design)
+    reductions = OwnMesh(LiveCell(explorer.model.cell), case.design, {}, window[1])
+    modes = Column(case.design, reductions, case.kx_wanted_per_m).modes(*window)
+    at = modes.confinement.wanted.index
+    assert at is not None
+    assert found["frequency_hz"] == pytest.approx(modes.frequency_hz[at], rel=2e-3)  # twice the bar of the coarse bases
+    assert found["confinement_db"] == pytest.approx(modes.confinement.confinement_db[at], abs=0.1)
+    places, level = found["profile"]["y_mm"], found["profile"]["level"]
+    assert max(level) == 1.0 and places == sorted(places) and places[-1] < found["half_span_mm"]
+
+
+def test_decay_follows_the_pillars(explorer: Explorer) -> None:
+    """A wave passes at 0 dB or decays; another height moves the pillars' resonance and with it the decay."""
+    one, other = (explorer.answer(OWN | {"height": height})["rows"] for height in (6.1, 6.9))
+    assert one["kx_per_m"] == pytest.approx(load_case(SMALL).kx_wanted_per_m)
+    known = [value for value in one["db_per_row"] if value is not None]
+    assert min(known) >= 0.0
+    assert one["db_per_row"] != other["db_per_row"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"height": 30.0}, "pillar.height_mm = 30"),
+        ({"side": "2"}, "pillar.side_mm must be a number"),
+        ({"rows": 1.5}, "whole number"),
+        ({"pitch": float("nan")}, "array.pitch_mm must be a number"),
+        ({"colour": 1.0}, "a design has the numbers"),
+    ],
+)
+def test_a_design_that_is_none_is_refused(change: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        read_design(OWN | change)
+
+
+def test_sizes_beyond_the_bases_are_refused_by_name(explorer: Explorer) -> None:
+    with pytest.raises(InputError, match="height = 8 mm: must lie between 6 and 7 mm"):
+        explorer.answer(OWN | {"height": 8.0})
+
+
+def test_other_pillars_are_refused() -> None:
+    case = load_case(SMALL)
+    assert case.design.pillar is not None
+    round_one = replace(case.design.pillar, shape="round")
+    design = replace(case.design, pillar=round_one, pitch_y_m=5e-3)
+    with pytest.raises(InputError) as refused:
+        require_square(replace(case, design=design))
+    assert len(refused.value.lines) == 2
+
+
+def request(
+    server: Server, method: str, path: str, body: bytes | None = None, **headers: str
+) -> tuple[int, str, dict[str, str]]:
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+    connection.request(method, path, body, {"Host": f"127.0.0.1:{server.port}"} | headers)
+    response = connection.getresponse()
+    return response.status, response.read().decode(), {name.lower(): value for name, value in response.getheaders()}
+
+
+def error(text: str) -> str:
+    said = json.loads(text)["error"]
+    assert "\n" not in said and said
+    return str(said)
+
+
+def test_the_page_and_its_files_are_under_the_token(server: Server) -> None:
+    for name, start in (("", "<!DOCTYPE html>"), ("explore.js", '"use strict"'), ("explore.css", ":root")):
+        status, text, headers = request(server, "GET", f"/{server.token}/{name}")
+        assert (status, text.startswith(start)) == (200, True)
+        assert "default-src 'none'" in headers["content-security-policy"]
+    for path in (
+        "/",
+        "/explore.js",
+        f"/{server.token[:-1]}x/",
+        f"/{server.token}/../scene",
+        f"/{server.token}/server.py",
+    ):
+        status, text, _ = request(server, "GET", path)
+        assert status == 404 and error(text)
+
+
+def test_another_host_or_origin_is_refused(server: Server) -> None:
+    path = f"/{server.token}/scene"
+    foreign = (
+        {"Host": "example.org"},
+        {"Host": f"127.0.0.1.example.org:{server.port}"},
+        {"Origin": "http://example.org"},
+        {"Origin": "null"},
+    )
+    for headers in foreign:
+        status, text, _ = request(server, "GET", path, **headers)
+        assert status == 403 and "own machine" in error(text)
+    assert request(server, "GET", path, Origin=f"http://127.0.0.1:{server.port}")[0] == 200
+
+
+@pytest.mark.parametrize("body", [b"", b"{", b"\xff\xfe", b"[]", b"null", b'{"height": 1e999}', b"[" * 4000])
+def test_garbage_is_refused_with_one_line(server: Server, body: bytes) -> None:
+    for path in ("answer", "case", "full"):
+        status, text, _ = request(server, "POST", f"/{server.token}/{path}", body)
+        assert status == 400 and error(text)
+
+
+def test_a_long_request_is_refused(server: Server) -> None:
+    status, text, _ = request(server, "POST", f"/{server.token}/answer", b" " * 100_000)
+    assert status == 413 and "at most" in error(text)
+
+
+def test_bytes_that_are_no_request_leave_the_server_alive(server: Server) -> None:
+    import socket
+
+    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as raw:
+        raw.sendall(b"\x16\x03\x01 nothing of http\r\n\r\n")
+        raw.recv(1000)
+    assert request(server, "GET", f"/{server.token}/scene")[0] == 200
+
+
+def test_two_pages_at_once_have_each_its_answer(server: Server) -> None:
+    designs = [OWN | {"height": height} for height in (6.2, 6.4, 6.6, 6.8)]
+
+    def asked(design: dict[str, float]) -> Any:
+        return json.loads(request(server, "POST", f"/{server.token}/answer", json.dumps(design).encode())[1])
+
+    with ThreadPoolExecutor(4) as pages:
+        found = list(pages.map(asked, designs))
+    assert [each["design"] for each in found] == designs
+    assert len({json.dumps(each["bands"]["frequency_hz"]) for each in found}) == len(designs)
+
+
+def test_a_closed_tab_costs_nobody_else_an_answer(server: Server) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+    connection.request("POST", f"/{server.token}/answer", json.dumps(OWN), {"Host": f"127.0.0.1:{server.port}"})
+    connection.close()
+    status, text, _ = request(server, "POST", f"/{server.token}/answer", json.dumps(OWN).encode())
+    assert status == 200 and json.loads(text)["design"] == OWN
+
+
+def test_the_case_saved_is_the_design(server: Server, tmp_path: Path) -> None:
+    design = OWN | {"height": 6.45, "rows": 2.0}
+    status, text, _ = request(server, "POST", f"/{server.token}/case", json.dumps(design).encode())
+    assert status == 200
+    assert tomllib.loads(text)["pillar"]["height_mm"] == 6.45
+    (tmp_path / "saved.toml").write_text(text, encoding="utf-8")
+    case = load_case(tmp_path / "saved.toml")
+    assert case.design.rows == 2 and case.design.pillar is not None
+    assert case.design.pillar.height_m == pytest.approx(6.45e-3)
+
+
+def test_one_full_plate_at_a_time(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    go = threading.Event()
+
+    def solved(scene: Any, design: Any, near: Any, log: Any) -> dict[str, Any]:
+        log.info(f"near {near}")
+        go.wait(20.0)
+        return {"frequency_hz": 1.0}
+
+    monkeypatch.setattr(served_module, "compute", solved)
+    path = f"/{server.token}/full"
+    assert request(server, "GET", path)[0] in (200, 404)
+    body = json.dumps(OWN | {"near_hz": 3e4}).encode()
+    assert request(server, "POST", path, body)[0] == 200
+    status, text, _ = request(server, "POST", path, body)
+    assert status == 409 and "already" in error(text)
+    go.set()
+    for _ in range(200):
+        told = json.loads(request(server, "GET", path)[1])
+        if not told["running"]:
+            break
+    assert told["result"] == {"frequency_hz": 1.0} and told["lines"] == ["near 30000.0"]
+
+
+def test_a_port_in_use_is_said(server: Server) -> None:
+    with pytest.raises(InputError, match=f"--port {server.port}"):
+        served_module.listening(server.port)

@@ -1,0 +1,155 @@
+"""The cell as a function of its sizes, against meshes made for one design each."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geometry.hex.boxes import hex_mesh
+from geometry.materials import Material
+from solvers.errors import SolverError
+from solvers.fem.assembly import Scale, System, assemble
+from solvers.parametric.affine import AffineCell, DesignBox, FixedMesh, Sizes, as_sizes, between
+from solvers.parametric.bands import BandBases, band_bases, bands, own_error
+from solvers.parametric.cell import Inner, ParametricCell, parametric_cell
+from solvers.superelement.cell import Cell, reduce_cell, rigid_boundary
+from solvers.superelement.interface import Interface
+from solvers.superelement.lattice import Lattice
+from solvers.waves.brillouin import path_through
+
+ALUMINIUM = Material("aluminium", 70e9, 2700.0, 0.34)
+STEEL = Material("steel", 200e9, 7800.0, 0.3)
+BOX = DesignBox((1.5e-3, 4e-3, 1.5e-3, 3e-3), (2.5e-3, 7e-3, 2.5e-3, 5e-3))
+MESH = FixedMesh(order=2, along=3, layers=0)
+FACE = Interface(3, 2)
+COUNT = 10
+PATH = path_through("GXMG", 4, 1.0, 1.0)
+FRACTIONS = PATH.wavevectors / np.pi
+UNSEEN = as_sizes(BOX.sample(between(3, seed=5)))
+
+
+@pytest.fixture(scope="module")
+def affine() -> AffineCell:
+    return AffineCell(BOX, MESH, ALUMINIUM, STEEL)
+
+
+@pytest.fixture(scope="module")
+def cells(affine: AffineCell) -> tuple[ParametricCell, ...]:
+    return parametric_cell(affine, FACE, BOX.spread(6), UNSEEN[:1])
+
+
+@pytest.fixture(scope="module")
+def bases(cells: tuple[ParametricCell, ...]) -> BandBases:
+    floor = own_error(cells[0], cells[1:], UNSEEN[:1], COUNT)
+    labels = tuple(label or "" for label in PATH.labels)
+    return band_bases(cells[0], FRACTIONS, labels, COUNT, BOX.spread(8, seed=2), floor)
+
+
+def stretched(affine: AffineCell, sizes: Sizes) -> System:
+    """The same topology meshed and assembled for one design, as any plate's cell is."""
+    lines = [
+        affine.plan(np.outer(line, np.eye(3)[axis]), sizes)[:, axis]
+        for axis, line in enumerate((affine.boxes.x, affine.boxes.y, affine.boxes.z))
+    ]
+    boxes = replace(affine.boxes, x=lines[0], y=lines[1], z=lines[2])
+    scale = Scale(sizes[0], ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3)
+    return assemble(hex_mesh(boxes, MESH.order), {"plate": ALUMINIUM, "pillar": STEEL}, scale)
+
+
+@pytest.fixture(scope="module")
+def plain(affine: AffineCell) -> list[Cell]:
+    """Each unseen design reduced from its own mesh, with fixed-interface modes far above ten bands."""
+    return [reduce_cell(stretched(affine, sizes), FACE, 4e6, (0, 1)) for sizes in UNSEEN]
+
+
+def test_stretched_matrices_are_sums_of_products(affine: AffineCell) -> None:
+    for sizes in UNSEEN:
+        system, ratio = stretched(affine, sizes), affine.scale.length_m / sizes[0]
+        forms = ((affine.stiffness, system.stiffness, ratio), (affine.mass, system.mass, ratio**3))
+        for form, wanted, unit in forms:
+            pairs = zip(affine.theta(form, sizes), form.matrices, strict=True)
+            found = unit * sum(weight * matrix for weight, matrix in pairs)
+            assert abs(found - wanted).max() < 1e-13 * abs(wanted).max()
+
+
+@pytest.mark.parametrize(
+    ("sizes", "said"),
+    [
+        ((2.6e-3, 5e-3, 2e-3, 4e-3), "thickness = 2.6 mm: must lie between 1.5 and 2.5 mm"),
+        ((2e-3, 3e-3, 2e-3, 4e-3), "height = 3 mm"),
+        ((2e-3, 5e-3, 2.5e-3, 2.9e-3), "side = 2.5 mm does not fit pitch = 2.9 mm"),
+        ((float("nan"), 5e-3, 2e-3, 4e-3), "thickness"),
+    ],
+)
+def test_what_does_not_fit_is_refused_by_name(cells: tuple[ParametricCell, ...], sizes: Sizes, said: str) -> None:
+    with pytest.raises(SolverError, match=said):
+        cells[0].at(sizes, Inner(3, 3))
+
+
+def test_samples_fit_the_box() -> None:
+    designs = DesignBox().spread(30)
+    assert len(designs) == 46
+    assert not any(DesignBox().faults(sizes) for sizes in designs)
+
+
+def test_rigid_motions_meet_no_force_and_carry_the_mass(cells: tuple[ParametricCell, ...]) -> None:
+    t, h, a, p = UNSEEN[0]
+    cell = cells[0].at(UNSEEN[0], Inner(4, 4))
+    motions = rigid_boundary(cell)
+    assert np.abs(cell.stiffness @ motions).max() < 1e-8 * np.abs(cell.stiffness).max()
+    mass = cell.scale.mass_kg * np.diag(motions[:, :3].T @ cell.mass @ motions[:, :3])
+    wanted = 2700.0 * t * p * p + 7800.0 * h * a * a
+    assert mass == pytest.approx(wanted, rel=1e-8)
+    pillar = cell.scale.mass_kg * np.diag(motions[:, :3].T @ cell.pillar_mass @ motions[:, :3])
+    assert pillar == pytest.approx(7800.0 * h * a * a, rel=1e-8)
+
+
+def test_touch_face_follows_the_stretch(cells: tuple[ParametricCell, ...], plain: list[Cell]) -> None:
+    """u_z and the area of the touch face are those of the cell from its own mesh, wherever the boundary moves it."""
+    ours, theirs = cells[0].at(UNSEEN[1], Inner(6, 6)), plain[1]
+    assert ours.touch.weights is not None and theirs.touch.weights is not None
+    assert ours.touch.weights.sum() == pytest.approx(UNSEEN[1][3] ** 2, rel=1e-12)
+    motions = rigid_boundary(ours)  # of a turn about x or y, u_z grows with the place
+    one = ours.touch.weights @ (ours.touch.matrix[:, 0] @ motions) ** 2
+    other = theirs.touch.weights @ (theirs.touch.matrix[:, 0] @ rigid_boundary(theirs)) ** 2
+    assert one == pytest.approx(other, rel=1e-6)
+    places = ours.touch.matrix[:, 0] @ motions[:, 3] / np.abs(ours.touch.matrix[:, 0] @ motions[:, 3]).max()
+    assert places == pytest.approx(ours.touch.points[:, 1] / np.abs(ours.touch.points[:, 1]).max(), abs=1e-6)
+
+
+def test_sectors_have_every_wave_of_the_lattice(cells: tuple[ParametricCell, ...]) -> None:
+    """The mirrors and the half turn only sort: all unknowns kept, the sectors' waves are those of the Hermitian pencil."""
+    from solvers.parametric.bands import INNER, _eigenvalues, _merged
+    from solvers.parametric.sectors import sectors
+
+    cell, sizes = cells[0], UNSEEN[2]
+    of = sectors(FACE, FRACTIONS)
+    values = _merged([_eigenvalues(cell.parts(sizes, INNER, FACE), s) for s in of], of, len(FRACTIONS), COUNT)
+    lattice = Lattice(cell.at(sizes, INNER))
+    for fraction, found in zip(FRACTIONS, cell.scale.frequency(values), strict=True):
+        wanted = lattice.frequencies(fraction * np.pi / sizes[3], COUNT)
+        assert found == pytest.approx(wanted, rel=1e-7, abs=1e-3 * wanted[-1])
+    assert lattice.c2_symmetry is not None
+
+
+def test_bands_of_unseen_designs_hold_their_bar(
+    cells: tuple[ParametricCell, ...], bases: BandBases, plain: list[Cell]
+) -> None:
+    """Against each design's own mesh and reduction: never below it but for rounding, above it by the bar at most."""
+    for sizes, cell in zip(UNSEEN, plain, strict=True):
+        found, lattice = bands(cells[0], bases, sizes), Lattice(cell)
+        wanted = np.array([lattice.frequencies(k * np.pi / sizes[3], COUNT) for k in FRACTIONS])
+        moving = wanted > 1e-3 * wanted.max()
+        excess = np.where(moving, found.frequency_hz / np.where(moving, wanted, 1.0) - 1.0, 0.0)
+        left_out = 5e-4  # fixed-interface modes above 4 MHz, which the plain reduction leaves out
+        assert excess.min() > -left_out
+        assert (excess.max(axis=0) <= found.error + 1e-4).all()
+        assert excess.max() < 3e-3
+
+
+def test_fewer_boundary_polynomials_lie_above(cells: tuple[ParametricCell, ...]) -> None:
+    few, many = (Lattice(cells[0].at(UNSEEN[0], Inner(5, 5), face)) for face in (Interface(2, 1), FACE))
+    k = np.array([0.7, 0.3]) * np.pi / UNSEEN[0][3]
+    assert (few.frequencies(k, COUNT) >= many.frequencies(k, COUNT) * (1.0 - 1e-9)).all()
