@@ -21,8 +21,8 @@ from scipy.optimize import newton
 from geometry.elements import ComplexArray, FloatArray
 from geometry.materials import Material
 
-REAL = np.linspace(0.02, 0.98, 97)
-IMAGINARY = np.linspace(0.0, 0.6, 31)
+REAL = np.linspace(0.02, 0.98, 65)
+IMAGINARY = np.linspace(0.0, 0.6, 16)
 RESIDUAL = 1e-9  # smallest over largest singular value of the scaled matrix at an exponent
 SHARED = 0.6  # of an outer element's own error, as measured on cells: it is not alone in its field
 POINTS, STRETCH = 200, 8.0  # of the quadrature over r

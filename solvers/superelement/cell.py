@@ -196,6 +196,7 @@ class CellBuilder:
         self.boundary = np.unique(np.concatenate([mesh.nodes_of(face) for face in self.outer]))
         self.thickness = float(mesh.nodes[self.boundary, 2].max())
         self.inside = free_mask(mesh, self.outer)
+        self._known: dict[int, tuple[SymmetryClass, tuple[FloatArray, FloatArray, FloatArray]]] = {}
         self.field = self._boundary_field(mesh)
 
     def _boundary_field(self, mesh: Mesh) -> FloatArray:
@@ -345,7 +346,12 @@ class CellBuilder:
         return (out + out.T) / 2.0
 
     def projected(self, part: SymmetryClass) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """V'KV, V'MV and V'MV of the pillar alone, (m, m) each."""
+        """V'KV, V'MV and V'MV of the pillar alone, (m, m) each; computed once a class."""
+        if id(part) not in self._known:
+            self._known[id(part)] = part, self._projection(part)
+        return self._known[id(part)][1]
+
+    def _projection(self, part: SymmetryClass) -> tuple[FloatArray, FloatArray, FloatArray]:
         system, shapes = self.system, part.shapes
         pillar = system.region_mass("pillar")
         stiffness, mass = shapes.T @ (system.stiffness @ shapes), weighted(shapes, system.mass)
