@@ -91,7 +91,8 @@ class HexSettings:
     """Order, element size in the plate and along a pillar (m), layers and shrink factor at singular edges.
 
     `through` is how many elements at least lie through the thickness of a plate with pillars, layers not counted; the
-    `skipped` innermost layers are left out, which nests the mesh in the one that has them.
+    `skipped` innermost layers are left out, which nests the mesh in the one that has them. `least` elements at least lie
+    between two lines that the scene prescribes.
     """
 
     order: int = 3
@@ -101,6 +102,7 @@ class HexSettings:
     pillar_size_m: float | None = None  # along its height; the plate's size when left out
     through: int = 1
     skipped: int = 0
+    least: int = 1
 
     @property
     def coarser(self) -> HexSettings:
@@ -122,7 +124,7 @@ class HexSettings:
         return self._grading(min(self.size_m, thickness_m / self.through))
 
     def _grading(self, size_m: float) -> Grading:
-        return Grading(size_m, self.layers, self.factor, self.skipped)
+        return Grading(size_m, self.layers, self.factor, self.skipped, self.least)
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,15 @@ SAME = 1e-9  # relative to the whole span: breakpoints closer than this are one
 class Grading:
     """Element size away from singular edges (m), layers towards each one, and the shrink factor of a layer.
 
-    The `skipped` innermost layers are left out: such a grid is nested in the one that has them.
+    The `skipped` innermost layers are left out: such a grid is nested in the one that has them. Between two breakpoints lie
+    `least` elements or more.
     """
 
     size_m: float
     layers: int = 0
     factor: float = 0.3
     skipped: int = 0
+    least: int = 1
 
     @property
     def cuts(self) -> FloatArray:
@@ -73,5 +75,5 @@ def _interval(start: tuple[float, bool], end: tuple[float, bool], grading: Gradi
 
 def _even_count(start: tuple[float, bool], end: tuple[float, bool], grading: Grading) -> int:
     """Even intervals between two breakpoints, before those at singular edges are cut."""
-    count = max(1, ceil((end[0] - start[0]) / grading.size_m - 1e-6))
+    count = max(grading.least, ceil((end[0] - start[0]) / grading.size_m - 1e-6))
     return max(2, count) if start[1] and end[1] and grading.layers else count

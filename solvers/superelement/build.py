@@ -138,18 +138,15 @@ class Reductions:
         return extrapolate
 
     def _bare(self, panel: Panel) -> HexSettings:
-        """Elements of a bare panel, short enough for its sides to hold the boundary functions; a foot would cut them anyway.
+        """Elements of a bare panel: enough of them along its sides to hold the boundary functions, however short a side.
 
         A polynomial of a degree needs one node more along the side: with fewer, functions are one, and the mass is singular.
-        Their order leaves elements of one order less enough nodes through the plate.
+        Elements of one order less have enough nodes, too, along the sides and through the plate.
         """
-        along, through = self.reduction.interface.along, self.reduction.interface.through
-        settings = replace(
-            self.reduction.hexahedra, order=min(max(self.reduction.hexahedra.order, through + 1), HIGHEST)
-        )
-        sides = [high - low for low, high in zip(panel.low, panel.high, strict=True)]
+        settings, face = self.reduction.hexahedra, self.reduction.interface
+        order = min(max(settings.order, face.through + 1), HIGHEST)
         size = self.reduction.bare_size_m or settings.size_m
-        return replace(settings, size_m=min(size, min(sides) / ceil(along / (settings.order - 1))))
+        return replace(settings, order=order, size_m=size, least=ceil(max(face.along, face.through) / (order - 1)))
 
     def _key(self, panel: Panel) -> str:
         pillar = self.pillar if panel.foot else None
