@@ -46,7 +46,7 @@ def draw_amplitudes(axes: Any, record: ResponseRecord) -> None:
         if peak:
             axes.axvline(peak.frequency_hz / KHZ, color=style.GREY, ls=dashes, lw=0.8)
     other = f"highest peak at {highest.frequency_hz / KHZ:.2f} kHz (dash-dotted)"
-    own = f"Wanted mode's peak at {wanted.frequency_hz / KHZ:.2f} kHz (dotted), " if wanted else ""
+    own = f"Wanted mode's peak at {wanted.frequency_hz / KHZ:.2f} kHz (dotted),\n" if wanted else ""
     axes.set(ylabel="rms u_z (nm/V)", xlabel=FREQUENCY, title=own + other if own else other.capitalize())
     axes.grid(True)
     axes.legend(fontsize=8)
@@ -72,7 +72,8 @@ def _shape(axes: Any, points: Any, shape: Any, record: ResponseRecord) -> None:
     image = axes.pcolormesh(x / MM, y / MM, field, **look)
     style.mm_axes(axes)
     axes.set_title(f"Operating shape at {record.peak.frequency_hz / KHZ:.2f} kHz")
-    axes.figure.colorbar(image, ax=axes, label="u_z (nm/V)")
+    axes.set_anchor("W")
+    axes.figure.colorbar(image, cax=axes.inset_axes((1.05, 0.0, 0.05, 1.0)), label="u_z (nm/V)")
 
 
 def _alt(record: ResponseRecord) -> str:
