@@ -138,15 +138,18 @@ class Reductions:
         return extrapolate
 
     def _bare(self, panel: Panel) -> HexSettings:
-        """Elements of a bare panel: enough of them along its sides to hold the boundary functions, however short a side.
+        """Elements of a bare panel: as many along its shortest side as its boundary functions need, about as long in the other
+        one, but no shorter there than the plate is thick.
 
         A polynomial of a degree needs one node more along the side: with fewer, functions are one, and the mass is singular.
         Elements of one order less have enough nodes, too, along the sides and through the plate.
         """
         settings, face = self.reduction.hexahedra, self.reduction.interface
         order = min(max(settings.order, face.through + 1), HIGHEST)
-        size = self.reduction.bare_size_m or settings.size_m
-        return replace(settings, order=order, size_m=size, least=ceil(max(face.along, face.through) / (order - 1)))
+        least = ceil(max(face.along, face.through) / (order - 1))
+        shortest = min(high - low for low, high in zip(panel.low, panel.high, strict=True))
+        size = min(self.reduction.bare_size_m or settings.size_m, max(shortest / least, self.thickness_m))
+        return replace(settings, order=order, size_m=size, least=least)
 
     def _key(self, panel: Panel) -> str:
         pillar = self.pillar if panel.foot else None
