@@ -438,13 +438,11 @@ class Search(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the goal over the varied keys into matplotlib axes (new ones where none are given) and return them."""
-        import matplotlib.pyplot as plt
-
         from pipeline.plots import style
         from pipeline.search.plots import over_keys
 
         with style.style():
-            drawn: Axes = plt.subplots(layout="constrained")[1] if ax is None else ax
+            drawn: Axes = style.panels(3.6)[1] if ax is None else ax
             over_keys(drawn, self._document)
             return drawn
 

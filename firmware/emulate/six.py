@@ -22,7 +22,28 @@ GATES, BREAK_SEEN = 1 << 15, 1 << 7
 SWING = 1080 / 1125  # of the supply, at a duty of full drive
 
 
-class EmulatedSix(EmulatedBoard):
+class SixView:
+    """What is seen of a six-channel application `app` on a simulated `beam`, wherever it runs."""
+
+    app: Any
+    beam: BeamSimulation
+
+    def sense(self) -> np.ndarray:
+        """What reaches the converters; a test may put broken sensors here."""
+        return self.beam.sense()
+
+    @property
+    def measured(self) -> np.ndarray:
+        """The six phasors of the last window."""
+        return np.array([complex(z.re, z.im) for z in self.app.slow.measured])
+
+    @property
+    def drives(self) -> np.ndarray:
+        """The six drives commanded last."""
+        return np.array([complex(z.re, z.im) for z in self.app.slow.drive])
+
+
+class EmulatedSix(SixView, EmulatedBoard):
     """A board whose application object is in view as `app`; open bridges drive nothing."""
 
     FAST_HANDLER = "DMA2_Stream0_IRQHandler"
@@ -81,20 +102,6 @@ class EmulatedSix(EmulatedBoard):
         super().tick()
         self._serve_breaks()
         self.pulled = {timer: max(left - 1, 0) for timer, left in self.pulled.items()}
-
-    def sense(self) -> np.ndarray:
-        """What reaches the converters; a test may put broken sensors here."""
-        return self.beam.sense()
-
-    @property
-    def measured(self) -> np.ndarray:
-        """The six phasors of the last window."""
-        return np.array([complex(z.re, z.im) for z in self.app.slow.measured])
-
-    @property
-    def drives(self) -> np.ndarray:
-        """The six drives commanded last."""
-        return np.array([complex(z.re, z.im) for z in self.app.slow.drive])
 
     def _stall(self, seconds: float) -> None:
         self.stalls.append(self.driving)

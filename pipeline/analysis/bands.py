@@ -22,6 +22,7 @@ from pipeline.planning.mesh_rules import FINEST
 from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice
 from pipeline.records.record import BandPoint, BandsRecord, GapRecord, MeshRecord
 from solvers.fem.assembly import assemble
+from solvers.fem.coarser import largest
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.lattice_error import MeshErrors, mesh_error
 from solvers.waves.bloch import BlochCell
@@ -158,9 +159,11 @@ def solve_bands(case: Case, log: Log, shapes: bool = False) -> Bands:
             f"{settings.path} does not bound this cell's irreducible Brillouin zone: a gap may close off the path; "
             "bands.grid = 20 looks there",
         )
-    told = np.nanmax(bands.by_mesh) if not np.isnan(bands.by_mesh).all() else None
     return replace(
-        bands, expected_error=error_bar.log_expected(choice, case, log, float(bands.frequencies_hz.max()), told)
+        bands,
+        expected_error=error_bar.log_expected(
+            choice, case, log, float(bands.frequencies_hz.max()), largest(bands.by_mesh)
+        ),
     )
 
 

@@ -41,7 +41,7 @@ from pipeline.planning.request import (
 )
 from pipeline.planning.simplifications import khz
 from pipeline.records.record import CountRecord, MeshRecord, ModesRecord, WantedRecord
-from solvers.fem.coarser import CoarserMeshes
+from solvers.fem.coarser import CoarserMeshes, largest
 from solvers.fem.constraints import Pencil
 from solvers.fem.eigen import Count, Modes, SymmetricPencil, modes_in_band, modes_near
 from solvers.fem.solid import SolidModel
@@ -164,9 +164,8 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
             f"any mode {estimate.worst:.2%} at most"
         )
         warn(estimate.total, case, log)
-    told = max((float(each.mesh.max()) for each in errors.values() if len(each.mesh)), default=None)
-    told = None if told is None or np.isnan(told) else told
-    expected = error_bar.log_expected(choice, case, log, part_modes.highest_hz, told)
+    by_mesh = np.concatenate([np.empty(0), *(each.mesh for each in errors.values())])
+    expected = error_bar.log_expected(choice, case, log, part_modes.highest_hz, largest(by_mesh))
     part_modes = replace(part_modes, rows=_with_errors(case, choice, part_modes, errors))
     return replace(
         part_modes,
@@ -182,7 +181,7 @@ def _by_mesh(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> Par
     A plate's reduced matrices are the best ones already; of a body meshed whole the frequencies are lowered here.
     """
 
-    def told(row: ModeRow) -> ModeRow:
+    def with_both(row: ModeRow) -> ModeRow:
         own = errors.get(row.symmetry)
         taken = float(own.taken[row.column]) if own else 0.0
         if isinstance(part_modes.model, PlateModel):
@@ -191,8 +190,8 @@ def _by_mesh(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> Par
             update={"computed_hz": row.frequency_hz, "frequency_hz": row.frequency_hz * (1.0 - taken)}
         )
 
-    wanted = part_modes.wanted and part_modes.wanted.each(told)
-    return replace(part_modes, rows=tuple(sorted(map(told, part_modes.rows), key=_place)), wanted=wanted)
+    wanted = part_modes.wanted and part_modes.wanted.each(with_both)
+    return replace(part_modes, rows=tuple(sorted(map(with_both, part_modes.rows), key=_place)), wanted=wanted)
 
 
 def _mesh_error(case: Case, choice: ModelChoice, row: ModeRow, errors: dict[str | None, ModeErrors]) -> float | None:

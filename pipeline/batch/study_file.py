@@ -101,9 +101,14 @@ def find_study(path_or_name: str | Path) -> Path:
     if not is_file(named) and text in elsewhere:
         return elsewhere[text].source
     if not is_file(named):
-        names = sorted({*elsewhere, *(file.stem for file in STUDIES.glob("*.toml") if "[study]" in file.read_text())})
+        names = sorted({*elsewhere, *checkout_studies()})
         raise InputError(f"study {text!r}: no such file, and not one of {', '.join(names)}{nearest(text, names)}")
     return named
+
+
+def checkout_studies() -> list[str]:
+    """Names of the checkout's own studies."""
+    return sorted(file.stem for file in STUDIES.glob("*.toml") if "[study]" in file.read_text(encoding="utf-8"))
 
 
 def _read_study(raw: dict[str, Any], diagnostics: Diagnostics) -> dict[str, Any]:

@@ -32,10 +32,10 @@ def _studies(prefix: str, **_: Any) -> list[str]:
     """Studies by their names, and study files below the folder."""
     from argcomplete.completers import FilesCompleter
 
-    from pipeline.paths import STUDIES
+    from pipeline.batch.study_file import checkout_studies
 
     files: list[str] = FilesCompleter(("toml",))(prefix)
-    return [*(file.stem for file in STUDIES.glob("*.toml") if "[study]" in file.read_text(encoding="utf-8")), *files]
+    return [*checkout_studies(), *files]
 
 
 def _keys(prefix: str, **_: Any) -> Iterator[str]:

@@ -126,6 +126,9 @@ class LiveReductions(Reductions):
         super().__init__(design.thickness_m, design.material, design.pillar, settings, _Known(known))
         self.live = live
 
+    def coarser(self, panel: Panel) -> None:
+        """Nobody asks a live answer for the error of its bare panels' mesh."""
+
     def cell(self, panel: Panel) -> Cell:
         """The cell of a panel; one whose pillar does not stand in the middle of a square is meshed."""
         width, depth = (high - low for low, high in zip(panel.low, panel.high, strict=True))

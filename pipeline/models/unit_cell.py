@@ -6,6 +6,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings
 from geometry.layout import Design, Pillar
@@ -19,6 +21,7 @@ from pipeline.planning.model_choice import SUPERELEMENT, ModelChoice
 from pipeline.planning.refinement import describe_change, higher_degree, more_modes
 from pipeline.records.record import MeshRecord
 from solvers.errors import SolverError
+from solvers.fem.coarser import largest
 from solvers.superelement.build import Reductions, ReductionSettings, lattice_panel
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
@@ -55,10 +58,9 @@ def lattice_model(
     edge = choice.edge_m
     reduce = _from_tetrahedra(case.design, edge, log, meshes) if edge else _from_hexahedra(case.design, log)
     reduction, lattice, error = _good_enough(reduce, reduction, corners, case, log)
-    if edge is None:
-        reduction, lattice = _finer_mesh(reduce, reduction, lattice, error, corners, case, log)
+    reduction, lattice, by_mesh = _finer_mesh(reduce, reduction, lattice, error, corners, case, log)
     name = replace(choice, model=SUPERELEMENT, hexahedra=reduction.hexahedra).name
-    return LatticeModel(name, lattice, error, worst_by_the_mesh(lattice, corners, case.bands.count))
+    return LatticeModel(name, lattice, error, by_mesh)
 
 
 def _finer_mesh(
@@ -69,8 +71,8 @@ def _finer_mesh(
     corners: FloatArray,
     case: Case,
     log: Log,
-) -> tuple[ReductionSettings, Lattice]:
-    """Reduce on the next mesh level while coarser meshes tell that the bar exceeds the accuracy."""
+) -> tuple[ReductionSettings, Lattice, float | None]:
+    """Reduce on the next mesh level while coarser meshes tell that the bar exceeds the accuracy; with the bar's half-width."""
     count, accuracy, level = case.bands.count, case.solve.accuracy, mesh_rules.cell_level(case.solve.accuracy)
     while (error := worst_by_the_mesh(lattice, corners, count)) is not None and error + truncated > accuracy:
         finer = mesh_rules.finer_cell_level(level)
@@ -84,14 +86,14 @@ def _finer_mesh(
             f"elements of order {level.order} with {level.layers} layers at the pillar's foot"
         )
         lattice = Lattice(reduce(reduction))
-    return reduction, lattice
+    return reduction, lattice, error
 
 
 def worst_by_the_mesh(lattice: Lattice, wavevectors: FloatArray, count: int) -> float | None:
     """Largest half-width of the lowest bands' bar by the mesh at wavevectors (n, 2); None where no coarser mesh tells it."""
     if lattice.cell.mesh_error is None:
         return None
-    return max(float(mesh_error(lattice.cell, lattice.waves(k, count)).half_width.max()) for k in wavevectors)
+    return largest(np.array([mesh_error(lattice.cell, lattice.waves(k, count)).half_width for k in wavevectors]))
 
 
 def _from_hexahedra(design: Design, log: Log) -> Reduce:
@@ -132,18 +134,13 @@ def _piloted(
 
     The reduction's error hardly depends on the mesh, and a coarse one is reduced in a fraction of a second.
     """
-    box = _of_boxes(design.pillar) if design.pillar else None
-    along = box.height_m if box else None
-    coarse = HexSettings(3, 2.0 * design.thickness_m, 0, pillar_size_m=along)
-    stand_in = replace(design, pillar=box)
     level = reduction
     with (
         log.step("choose degrees and modes on a coarse cell"),
         suppress(SolverError),
     ):  # more than the coarse mesh can hold
         for _ in range(ROUNDS):
-            trial = replace(reduction, hexahedra=coarse)
-            lattice = Lattice(Reductions(design.thickness_m, design.material, box, trial).cell(lattice_panel(stand_in)))
+            lattice = _coarse_lattice(design, reduction)
             error = reduction_error(lattice, corners, count)
             level, reduction = (
                 reduction,
@@ -164,15 +161,11 @@ def _thick_enough(
     """
     if design.thickness_m < THICK * max(design.pitch_x_m, design.pitch_y_m):
         return reduction, 0.0
-    stand_in = replace(design, pillar=_of_boxes(design.pillar) if design.pillar else None)
-    along = stand_in.pillar.height_m if stand_in.pillar else None
-    coarse = HexSettings(3, 2.0 * design.thickness_m, 0, pillar_size_m=along, through=2)
     error, face = 0.0, reduction.interface
     with log.step("choose the degree through the thickness on a coarse cell"):
         for through in range(face.through, MAX_THROUGH + 1):
-            trial = replace(reduction, interface=Interface(face.along, through + 1), hexahedra=coarse)
-            reductions = Reductions(design.thickness_m, design.material, stand_in.pillar, trial)
-            error = last_degree_through(Lattice(reductions.cell(lattice_panel(stand_in))), corners, count)
+            trial = replace(reduction, interface=Interface(face.along, through + 1))
+            error = last_degree_through(_coarse_lattice(design, trial, through=2), corners, count)
             if error <= wanted or through == MAX_THROUGH:
                 break
     if through == face.through:
@@ -180,6 +173,14 @@ def _thick_enough(
     log.info(f"degree {through} through the thickness instead of {face.through}: {error:.2%} left beyond it")
     mesh = replace(reduction.hexahedra, through=2)  # the mesh without its layers needs a node for each degree, too
     return replace(reduction, interface=Interface(face.along, through), hexahedra=mesh), error
+
+
+def _coarse_lattice(design: Design, reduction: ReductionSettings, through: int = 1) -> Lattice:
+    """The lattice of a coarse cell, its pillar replaced by a box, with so many elements through the plate."""
+    box = _of_boxes(design.pillar) if design.pillar else None
+    coarse = HexSettings(3, 2.0 * design.thickness_m, 0, pillar_size_m=box.height_m if box else None, through=through)
+    reductions = Reductions(design.thickness_m, design.material, box, replace(reduction, hexahedra=coarse))
+    return Lattice(reductions.cell(lattice_panel(replace(design, pillar=box))))
 
 
 def _of_boxes(pillar: Pillar) -> Pillar:

@@ -56,32 +56,30 @@ def expected_error(choice: ModelChoice, design: Design, highest_hz: float = 0.0)
         error = calibration.by_tetrahedra(measured, _smallest_m(choice, design) / (choice.edge_m or 1.0))
         return None if error is None else error * growth**TET_ORDER
     if choice.reduction:
-        return None  # told by its own coarser meshes
+        return None  # its own coarser meshes tell
     assert choice.mesh_level
     whole = choice.part == "plate" and choice.model != SUPERELEMENT
     return mesh_rules.expected_error("whole" if whole else choice.part, choice.mesh_level, growth)
 
 
 def log_expected(
-    choice: ModelChoice, case: Case, log: Log, highest_hz: float = 0.0, told: float | None = None
+    choice: ModelChoice, case: Case, log: Log, highest_hz: float = 0.0, estimated: float | None = None
 ) -> float | None:
     """Log the error to expect up to a frequency, and what to change where the case asks for less.
 
-    told: what coarser meshes of the same piece tell; without it the calibration does.
+    estimated: half-width that coarser meshes of the same piece tell; without it the calibration does.
     """
-    if told is not None:
-        return _log_told(float(told), case, log)
+    if estimated is not None:
+        log.info(
+            f"error of a frequency by the mesh {estimated:.2%} or less, as coarser meshes tell{_short(estimated, case)}"
+        )
+        return estimated
     error = expected_error(choice, case.design, highest_hz)
     if error is None:
         log.info(f"no error was measured for {choice.name} of the {choice.part}: compare with a finer solve.accuracy")
         return None
     beyond = f"; measured up to {khz(choice.good_to_hz)}, foreseen beyond" if highest_hz > choice.good_to_hz else ""
     log.info(f"expected error of a frequency by the mesh {error:.2%} or less{_short(error, case)}{beyond}")
-    return error
-
-
-def _log_told(error: float, case: Case, log: Log) -> float:
-    log.info(f"error of a frequency by the mesh {error:.2%} or less, as coarser meshes tell{_short(error, case)}")
     return error
 
 

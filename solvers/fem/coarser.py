@@ -48,6 +48,11 @@ class Shares:
         return np.asarray(self.spread * np.abs(layer) + SMOOTH * np.abs(order - self.edge * layer))
 
 
+def largest(half_widths: FloatArray) -> float | None:
+    """Largest half-width of some bars; None where there is none, or where one of them is not known (NaN)."""
+    return None if not half_widths.size or np.isnan(half_widths).any() else float(half_widths.max())
+
+
 def rim_shares(plate: Material, pillar: Material, mesh: HexSettings) -> Shares:
     """Shares at the rim of a foot, between the exponents of displacements normal to it and along it (williams1952)."""
     wedges = rim_wedges(plate, pillar)

@@ -16,7 +16,8 @@ from scipy.linalg import cholesky, eigh, solve_triangular
 
 from geometry.elements import BoolArray, FloatArray
 from solvers.parametric.affine import Sizes
-from solvers.parametric.cell import BESIDE, ClassAtDesign, Inner, ParametricCell
+from solvers.parametric.block import BESIDE
+from solvers.parametric.cell import ClassAtDesign, Inner, ParametricCell
 from solvers.parametric.sectors import Sector, sectors
 from solvers.threads import one_thread
 

@@ -14,14 +14,13 @@ from geometry.elements import FloatArray, IntArray
 from solvers.fem.assembly import Scale
 from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import PITCH, SIDE, THICKNESS, AffineCell, DesignBox, Sizes, theta
-from solvers.parametric.block import CLASSES, Block
+from solvers.parametric.block import BESIDE, CLASSES, Block
 from solvers.parametric.reduced_block import ReducedBlock, reduced_block
 from solvers.superelement.cell import Cell, Expansion
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
 
 ALL = 1e-12  # of the energy: every function of a single design
-BESIDE = 0.1  # scaled eigenvalue: about a tenth band
 
 
 @dataclass(frozen=True)

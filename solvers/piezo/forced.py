@@ -19,6 +19,7 @@ from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
+from solvers.fem.coarser import largest
 from solvers.fem.eigen import factor_near, modes_in_band
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.measures.confinement import measure
@@ -164,21 +165,17 @@ class ForcedPlate:
         return strength, share, strength / np.maximum(per_area * inside, 1e-300)
 
     def mesh_error(self, low_hz: float, high_hz: float) -> float | None:
-        """Largest half-width of the bar by the plate's mesh of any resonance between two frequencies, relative; None where no
-        coarser mesh tells it.
+        """Largest half-width of the bar by the plate's mesh of any resonance between two frequencies, relative; None where
+        there is none, or no coarser mesh tells it.
         """
-        worst = []
+        bars = []
         for basis in self.modes:
             inside = (basis.frequency_hz >= low_hz) & (basis.frequency_hz <= high_hz)
-            vectors = basis.columns[:, : len(basis.frequency_hz)][:, inside]
-            values, start = basis.eigenvalue[inside], 0
-            total = np.zeros(len(values))
-            for plate in basis.group.plates:
-                total += by_mesh(plate, values, vectors[start : start + plate.dof])[1]
-                start += plate.dof
-            worst.append(float(total.max(initial=0.0)))
-        largest = max(worst, default=0.0)
-        return None if np.isnan(largest) or np.isnan(worst).any() else largest
+            vectors, plates = basis.columns[:, : len(inside)][:, inside], basis.group.plates
+            parts = np.split(vectors, np.cumsum([plate.dof for plate in plates])[:-1])
+            pairs = zip(plates, parts, strict=True)
+            bars.append(sum(by_mesh(plate, basis.eigenvalue[inside], part)[1] for plate, part in pairs))
+        return largest(np.concatenate(bars)) if bars else None
 
     @property
     def resonances_hz(self) -> FloatArray:

@@ -6,7 +6,7 @@ V = [constraint shapes K_II Psi = -K_IB P, fixed-interface modes of (K_II, M_II)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import block_diag
 
-from geometry.elements import BoolArray, FloatArray, IntArray
+from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.mesh import Mesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System
@@ -66,6 +66,18 @@ class MeshError:
     def shares(self) -> Shares:
         """What the two changes tell."""
         return Shares(self.taken, self.spread, self.edge)
+
+    def changes(self, vectors: FloatArray | ComplexArray, eigenvalue: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Relative rise of frequencies, (k,) each, on the mesh without the layer and on that of one order less.
+
+        By Rayleigh's quotient of motions (dof, k) with eigenvalues l (k,) above 0: u^H (K - l M) u / 2 l.
+        """
+
+        def rise(stiffness: FloatArray, mass: FloatArray) -> FloatArray:
+            stiff, heavy = (np.einsum("ik,ik->k", vectors.conj(), part @ vectors).real for part in (stiffness, mass))
+            return np.asarray((stiff - eigenvalue * heavy) / (2.0 * eigenvalue))
+
+        return rise(self.layer_stiffness, self.layer_mass), rise(self.order_stiffness, self.order_mass)
 
 
 @dataclass(frozen=True)
@@ -311,9 +323,8 @@ class CellBuilder:
         fixed = np.concatenate([part.fixed_hz for part in parts])
         places = self.places(parts, interface.count + len(fixed))
         stiffness, mass, pillar = (np.zeros((places[0].shape[0],) * 2) for _ in range(3))
-        projected = {id(part): self.projected(part) for part in parts if part.turned is None}
         for part, place in zip(parts, places, strict=True):
-            for whole, own in zip((stiffness, mass, pillar), projected[id(part.turned or part)], strict=True):
+            for whole, own in zip((stiffness, mass, pillar), self.projected(part), strict=True):
                 whole += self.copies * place @ own @ place.T
         symmetry = [[part.signs.get(axis, 0) for axis in (0, 1)] for part in parts for _ in part.fixed_hz]
         return Cell(
@@ -326,30 +337,29 @@ class CellBuilder:
             fixed,
             np.array(symmetry, dtype=np.int64).reshape(-1, 2),
             min(part.dropped_hz for part in parts),
-            self._dropped(parts, places, projected),
+            self._dropped(parts, places),
             self._touch(parts, places),
             self._skin(parts, places),
             system.mesh.dof * self.copies,
         )
 
-    def _dropped(
-        self, parts: list[SymmetryClass], places: list[FloatArray], projected: Mapping[int, tuple[FloatArray, ...]]
-    ) -> FloatArray:
+    def _dropped(self, parts: list[SymmetryClass], places: list[FloatArray]) -> FloatArray:
         """Cell.dropped, (boundary, boundary): the flexibility of all fixed-interface modes less that of the modes kept."""
         own = self.interface.count
         out = np.zeros((own, own))
         for part, place in zip(parts, places, strict=True):
             width = part.basis.shape[1]
-            basis, pushed = place[:own, :width], projected[id(part.turned or part)][1][:width, width:]
+            basis, pushed = place[:own, :width], self.projected(part)[1][:width, width:]
             kept = (pushed / self.system.scale.eigenvalue(1.0) / part.fixed_hz**2) @ pushed.T
             out += self.copies * basis @ (part.flexibility - kept) @ basis.T
         return (out + out.T) / 2.0
 
     def projected(self, part: SymmetryClass) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """V'KV, V'MV and V'MV of the pillar alone, (m, m) each; computed once a class."""
-        if id(part) not in self._known:
-            self._known[id(part)] = part, self._projection(part)
-        return self._known[id(part)][1]
+        """V'KV, V'MV and V'MV of the pillar alone, (m, m) each; computed once a class, and for one turned over with it."""
+        own = part.turned or part
+        if id(own) not in self._known:
+            self._known[id(own)] = own, self._projection(own)
+        return self._known[id(own)][1]
 
     def _projection(self, part: SymmetryClass) -> tuple[FloatArray, FloatArray, FloatArray]:
         system, shapes = self.system, part.shapes

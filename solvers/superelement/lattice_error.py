@@ -85,19 +85,12 @@ def _rise(lattice: Lattice, small: Lattice, wavevectors: FloatArray, count: int)
 def mesh_error(cell: Cell, waves: Waves) -> MeshErrors:
     """How far the mesh may put each wave's frequency off; 0 for rigid-body waves.
 
-    By Rayleigh's quotient, u^H (K_c - l M_c) u / 2 l with the changes (K_c, M_c) of the cell (`MeshError`).
+    By Rayleigh's quotients with what coarser meshes change the cell by (`MeshError.changes`).
     """
     error = cell.mesh_error
     if error is None:
         return MeshErrors(np.zeros(len(waves.eigenvalue)), np.full(len(waves.eigenvalue), np.nan))
     moving = waves.frequency_hz > STILL * waves.frequency_hz[-1]
-
-    def change(stiffness: FloatArray, mass: FloatArray) -> FloatArray:
-        stiff, heavy = (
-            np.einsum("in,in->n", waves.dofs.conj(), matrix @ waves.dofs).real for matrix in (stiffness, mass)
-        )
-        rise = (stiff - waves.eigenvalue * heavy) / np.where(moving, 2.0 * waves.eigenvalue, 1.0)
-        return np.where(moving, rise, 0.0)
-
-    layer, order = change(error.layer_stiffness, error.layer_mass), change(error.order_stiffness, error.order_mass)
+    changes = error.changes(waves.dofs, np.where(moving, waves.eigenvalue, 1.0))
+    layer, order = (np.where(moving, change, 0.0) for change in changes)
     return MeshErrors(error.taken * layer, error.shares.half_width(layer, order))

@@ -76,22 +76,12 @@ def by_mesh(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> tu
         error = placed_cell.cell.mesh_error
         if error is None:
             return taken, np.full_like(value, np.nan)
-        own = plate.cell_vectors(placed_cell, vectors)
-        by_layer, by_order = (
-            placed_cell.copies * (_energy(stiffness, own) - value * _energy(mass, own)) / (2.0 * value)
-            for stiffness, mass in (
-                (error.layer_stiffness, error.layer_mass),
-                (error.order_stiffness, error.order_mass),
-            )
-        )
+        changes = error.changes(plate.cell_vectors(placed_cell, vectors), value)
+        by_layer, by_order = (placed_cell.copies * change for change in changes)
         taken += error.taken * by_layer
         spread += error.spread * by_layer
         order += by_order - error.edge * by_layer
     return taken, np.abs(spread) + SMOOTH * np.abs(order)
-
-
-def _energy(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
-    return np.asarray(np.einsum("ik,ik->k", vectors, matrix @ vectors))
 
 
 def _by_modes(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ import numpy as np
 
 from firmware.emulate.beam import CHANNELS, Beam, BeamSimulation, Structure, adc_codes
 from firmware.emulate.plant import Plate, PlateSimulation, adc_code, dac_level
+from firmware.emulate.six import SixView
 from firmware.host import Supervised, load
 from firmware.host.rig import SingleRig
 
@@ -115,7 +116,7 @@ def _complex(value: Any) -> complex:
     return complex(value.re, value.im)
 
 
-class HostedSix(Hosted):
+class HostedSix(SixView, Hosted):
     """an_six and a beam in lock step: run(seconds) advances both."""
 
     def __init__(self, table: bytes, beam: Beam | Structure, seed: int = 1, faults: int = 0) -> None:
@@ -141,20 +142,6 @@ class HostedSix(Hosted):
             self.lib.an_six_window_end(self.app)
         self.fast.faults |= self.lib.an_six_check(self.app)
         self.poll()
-
-    def sense(self) -> np.ndarray:
-        """What reaches the converters; a test may put broken sensors here."""
-        return self.beam.sense()
-
-    @property
-    def measured(self) -> np.ndarray:
-        """The six phasors of the last window."""
-        return np.array([complex(z.re, z.im) for z in self.app.slow.measured])
-
-    @property
-    def drives(self) -> np.ndarray:
-        """The six drives commanded last."""
-        return np.array([complex(z.re, z.im) for z in self.app.slow.drive])
 
 
 class Rig(Orders, SingleRig):
