@@ -24,8 +24,9 @@ from solvers.piezo.patched_plate import CLASSES
 from solvers.piezo.peaks import curve_about, near_hz, peak_of
 from solvers.piezo.pressure_load import PressedPlate
 from solvers.superelement.build import PlateModel
+from solvers.variation.plate_space import ChangedPlate
 from solvers.variation.reductions import VariedReductions
-from solvers.variation.samples import CUT, Deviations, VariedPlate, VariedSample, spread
+from solvers.variation.samples import CUT, Deviations, VariedPlate, spread
 
 DRAWN = 241  # of the curves kept for the picture
 AROUND = 0.08  # of the nominal peak, on both sides: what the picture shows
@@ -119,7 +120,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> T
         "patches" if case.patches else "pressure in the wanted shape",
         "m/V" if case.patches else "m/N",
         count,
-        plate.size,
+        plate.space.size,
         nominal,
         tuple(samples),
         _apart(narrow.peak_hz, samples[0].peak_hz),
@@ -184,11 +185,11 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
             forced = ForcedPlate(pressed, design, Drive((0,), (), band, case.quality))
     with log.step("the space of the samples"):
         plate = VariedPlate(forced, reductions.families)
-    log.info(f"{len(plate.pillars)} pillars, each of its own; {plate.size} nominal modes and answers hold every sample")
+    log.info(f"{len(plate.pillars)} pillars, each of its own; {plate.space.size} nominal modes and answers hold every sample")
     return plate
 
 
-def _measured(sample: VariedSample) -> SampleRecord:
+def _measured(sample: ChangedPlate) -> SampleRecord:
     """Measure the response at the mode into which the nominal wanted mode has turned, between the points of any
     grid.
     """

@@ -21,7 +21,8 @@ from solvers.superelement.interface import Interface
 from solvers.variation.parametric_cell import CellFamily, nodes_of
 
 MAX_BYTES = 200_000_000  # of all cells: a long sweep must not fill the disk with cells that it never meets again
-PARTS = {"scale": Scale, "interface": Interface, "touch": Expansion, "skin": Expansion, "mesh_error": MeshError}
+PARTS = {"scale": Scale, "interface": Interface, "mesh_error": MeshError}
+PARTS |= dict.fromkeys(("touch", "skin", "bare"), Expansion)
 OWN = ("reach_m", "stiffness_changes", "mass_changes")
 
 

@@ -41,7 +41,7 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
     with log.step("bond the patches"):
         bonded = [bonded_patch(patches.material, box, patches.size_m[2], back) for box in patches.boxes_m()]
         plates = {plate.symmetry: plate for plate in map(model.assembled, model.symmetries)}
-        plate = PatchedPlate(plates, bonded, back, model.name)
+        plate = PatchedPlate(plates, bonded, back, model.name, model.residual_flexibility)
     if plate.undriven:
         log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")
     with log.step("modes of the patched plate"):

@@ -39,7 +39,6 @@ MESH_LEVELS = {
         MeshLevel(4, 1, 0.1, 0.9), MeshLevel(4, 2, 0.15, 0.8),
     ),
     "pillar": (
-        MeshLevel(2, 1, 0.15, 0.5),
         MeshLevel(3, 1, 0.1),
         MeshLevel(4, 1, 0.1),
         MeshLevel(4, 2, 0.15),

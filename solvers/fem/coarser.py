@@ -31,7 +31,8 @@ from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.solid import SolidModel
 
 SHIFT = 0.1  # of the lowest eigenvalue: rigid-body modes are no obstacle then
-SMOOTH = 0.06  # of what the last order brought away from the edge: more than any further order brings there
+SMOOTH, CLAMPED_SMOOTH = 0.04, 0.02  # of what the last order brought away from the edge: more than further ones bring there
+SHADE = 0.5  # of what the last order brings at the edge: so much of it may be none of the edge's, and cancel what is not
 RIM_ROUGH, CLAMPED_ROUGH = 0.1, 0.35  # of the share: one radial function stands for the whole of an edge
 
 
@@ -42,10 +43,16 @@ class Shares:
     taken: float = 0.0
     spread: float = 0.0
     edge: float = 0.0
+    smooth: float = SMOOTH
+
+    @property
+    def rim(self) -> float:
+        """What of the layer's change is uncertain."""
+        return self.spread + SHADE * self.smooth * self.edge
 
     def half_width(self, layer: FloatArray, order: FloatArray) -> FloatArray:
         """Half-width of a figure's error from what the mesh without the layer and that of one order less change it by."""
-        return np.asarray(self.spread * np.abs(layer) + SMOOTH * np.abs(order - self.edge * layer))
+        return np.asarray(self.rim * np.abs(layer) + self.smooth * np.abs(order - self.edge * layer))
 
 
 def largest(half_widths: FloatArray) -> float | None:
@@ -61,7 +68,7 @@ def rim_shares(plate: Material, pillar: Material, mesh: HexSettings) -> Shares:
 
 def clamped_shares(material: Material, mesh: HexSettings) -> Shares:
     """Shares where a clamped face meets a free one (williams1952)."""
-    return _shares((clamped_edge_exponent(material),), mesh, CLAMPED_ROUGH)
+    return replace(_shares((clamped_edge_exponent(material),), mesh, CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
 
 
 def _shares(exponents: tuple[float, ...], mesh: HexSettings, rough: float) -> Shares:

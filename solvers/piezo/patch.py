@@ -6,14 +6,17 @@ K_E u - theta V = f,  Q = theta' u + C V, with theta = int B' e' (grad V) dV for
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import ceil
 
 import numpy as np
 
-from geometry.elements import FloatArray
+from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.mesh import Mesh
 from geometry.piezo_materials import PiezoMaterial
+from solvers.fem.surface import face_quadrature
 
 ORDER = 2
 ELEMENT_M = 2e-3  # along the patch: an eighth of a half-wavelength of 15 mm
@@ -24,11 +27,13 @@ VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 class BondedPatch:
     """A patch at its place, condensed to the nodes of its bonded face.
 
-    points (b, 2) in m of those nodes; stiffness and mass (3b, 3b) in N/m and kg at constant voltage; theta (3b,) in N/V
-    = C/m; capacitance_f with the bonded face clamped.
+    points (q, 2) in m on that face, projection (b, q): the nodes' displacements are those of its field nearest to u at the
+    points in the mean square, so that forces pass through the whole face and not at nodes. stiffness and mass (3b, 3b) in N/m
+    and kg at constant voltage; theta (3b,) in N/V = C/m; capacitance_f with the bonded face clamped.
     """
 
     points: FloatArray
+    projection: FloatArray
     stiffness: FloatArray
     mass: FloatArray
     theta: FloatArray
@@ -39,7 +44,17 @@ def bonded_patch(
     material: PiezoMaterial, box_m: FloatArray, thickness_m: float, above: bool, element_m: float = ELEMENT_M
 ) -> BondedPatch:
     """A patch with footprint box_m = (x0, x1, y0, y1), bonded below (on the plate's back) or above (on its touch face)."""
-    mesh = _mesh(box_m, thickness_m, element_m)
+    x0, x1, y0, y1 = (float(end) for end in box_m)
+    patch = _alike(material, round(x1 - x0, 12), round(y1 - y0, 12), thickness_m, above, element_m)
+    return replace(patch, points=patch.points + np.array([x0, y0]))
+
+
+@lru_cache(maxsize=8)
+def _alike(
+    material: PiezoMaterial, x_m: float, y_m: float, thickness_m: float, above: bool, element_m: float
+) -> BondedPatch:
+    """The patch with its first corner at the origin: patches of one size are one."""
+    mesh = _mesh(np.array([0.0, x_m, 0.0, y_m]), thickness_m, element_m)
     stiffness, mass, theta, capacitance = _matrices(mesh, material, thickness_m)
     bond = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (0.0 if above else thickness_m)) < 1e-9 * thickness_m + 1e-15)
     b = (3 * bond[:, None] + np.arange(3)).ravel()
@@ -52,7 +67,7 @@ def bonded_patch(
     map_to[i] = follow
     condensed = map_to.T @ stiffness @ map_to
     return BondedPatch(
-        mesh.nodes[bond, :2],
+        *_projection(mesh, "touch" if above else "top", bond),
         (condensed + condensed.T) / 2.0,
         map_to.T @ mass @ map_to,
         map_to.T @ theta,
@@ -62,35 +77,59 @@ def bonded_patch(
 
 def _mesh(box_m: FloatArray, thickness_m: float, element_m: float) -> Mesh:
     x0, x1, y0, y1 = box_m
-    cuts = [max(2, int(np.ceil((high - low) / element_m))) for low, high in ((x0, x1), (y0, y1))]
-    lines = (np.linspace(x0, x1, cuts[0] + 1), np.linspace(y0, y1, cuts[1] + 1), np.array([0.0, thickness_m]))
-    return hex_mesh(Boxes(*lines, np.zeros((*cuts, 1), dtype=np.int64), ("patch",)), ORDER)
+    x, y = (_graded(low, high, element_m, thickness_m) for low, high in ((x0, x1), (y0, y1)))
+    region = np.zeros((len(x) - 1, len(y) - 1, 1), dtype=np.int64)
+    return hex_mesh(Boxes(x, y, np.array([0.0, thickness_m]), region, ("patch",)), ORDER)
+
+
+def _graded(low: float, high: float, element_m: float, edge_m: float) -> FloatArray:
+    """Lines of elements from low to high: even ones, and one as long as the patch is thick at each end, where the forces
+    between patch and plate gather.
+    """
+    edge = min(edge_m, (high - low) / 4.0)
+    return np.array([low, *np.linspace(low + edge, high - edge, ceil((high - low - 2.0 * edge) / element_m) + 1), high])
+
+
+def _projection(mesh: Mesh, face: str, nodes: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Points (q, 2) of a quadrature over a face and the mean-square projection (b, q) onto the field of its nodes (b,)."""
+    rule = face_quadrature(mesh, face)
+    value = rule.interpolation[:, nodes].toarray()
+    heavy = value.T * rule.weights
+    return rule.points[:, :2], np.asarray(np.linalg.solve(heavy @ value, heavy))
 
 
 def _matrices(
     mesh: Mesh, material: PiezoMaterial, thickness_m: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """K_E and M (3n, 3n), theta (3n,), C: equal boxes, one of them integrated."""
-    rule = mesh.element.quadrature
-    value, gradient = mesh.element.shape(rule.points)
+    """K_E and M (3n, 3n), theta (3n,), C: boxes, one of each size integrated."""
     assert mesh.spans is not None
-    half = mesh.spans[0] / 2.0
-    weight = rule.weights * half.prod()
-    strain = _strain(gradient / half)
-    one = np.einsum("q,qim,ij,qjn->mn", weight, strain, material.stiffness_pa, strain, optimize=True)
-    scalar = material.density_kg_m3 * np.einsum("q,qa,qb->ab", weight, value, value, optimize=True)
-    heavy = np.kron(scalar, np.eye(3))
-    # stress of a field E_z = -V/t is -e' E = e_3 V/t against c S: the equivalent nodal force is theta V
-    load = np.einsum("q,qim,i->m", weight, strain, material.stress_c_m2[2], optimize=True) / -thickness_m
     size = 3 * len(mesh.nodes)
     stiffness, mass, theta = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
-    for cell in mesh.cells:
+    kinds, which = np.unique(np.round(mesh.spans, 12), axis=0, return_inverse=True)
+    alike = [_element(mesh, span / 2.0, material, thickness_m) for span in kinds]
+    for cell, kind in zip(mesh.cells, which.ravel(), strict=True):
         place = (3 * cell[:, None] + np.arange(3)).ravel()
+        one, heavy, load = alike[kind]
         stiffness[np.ix_(place, place)] += one
         mass[np.ix_(place, place)] += heavy
         theta[place] += load
     area = float(np.ptp(mesh.nodes[:, 0]) * np.ptp(mesh.nodes[:, 1]))
     return stiffness, mass, theta, float(material.permittivity_clamped_f_m[2, 2]) * area / thickness_m
+
+
+def _element(
+    mesh: Mesh, half: FloatArray, material: PiezoMaterial, thickness_m: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """K_E, M (3k, 3k) and theta (3k,) of a box of half-edges (3,)."""
+    rule = mesh.element.quadrature
+    value, gradient = mesh.element.shape(rule.points)
+    weight = rule.weights * half.prod()
+    strain = _strain(gradient / half)
+    one = np.einsum("q,qim,ij,qjn->mn", weight, strain, material.stiffness_pa, strain, optimize=True)
+    scalar = material.density_kg_m3 * np.einsum("q,qa,qb->ab", weight, value, value, optimize=True)
+    # stress of a field E_z = -V/t is -e' E = e_3 V/t against c S: the equivalent nodal force is theta V
+    load = np.einsum("q,qim,i->m", weight, strain, material.stress_c_m2[2], optimize=True) / -thickness_m
+    return one, np.kron(scalar, np.eye(3)), load
 
 
 def _strain(gradient: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ u = sum over classes E_c q_c at the bonded faces; K = diag(K_c) + sum over patch
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,7 +19,8 @@ from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
 from solvers.measures.confinement import TouchField
 from solvers.piezo.patch import BondedPatch
-from solvers.superelement.bond import displacement_at
+from solvers.superelement.bond import Contact, displacement_at, flexibility_at
+from solvers.superelement.cell import Cell
 from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
 
 CLASSES = ("SS", "SA", "AS", "AA")
@@ -60,11 +61,14 @@ class PatchedPlate:
         patches: Sequence[BondedPatch],
         back: bool,
         name: str = "superelement",
+        flexibility: Callable[[Cell], FloatArray] | None = None,
     ) -> None:
         if not patches:
             raise SolverError("no patches: nothing drives the plate")
         self.patches, self.back, self.name = tuple(patches), back, name
-        self.scale: Scale = next(iter(plates.values())).placed_cells[0].cell.scale
+        some = next(iter(plates.values()))
+        self.scale: Scale = some.placed_cells[0].cell.scale
+        self.bonds = [_bond(patch, some, back, self.stiffness_unit, flexibility) for patch in self.patches]
         classes = [[WHOLE]] if WHOLE in plates else coupled_classes(self.patches)
         self.everything = [self._group([plates[p] for p in symmetries]) for symmetries in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
@@ -79,24 +83,54 @@ class PatchedPlate:
     @property
     def capacitance_f(self) -> FloatArray:
         """Capacitance of each patch with its bonded face clamped, F."""
-        return np.array([patch.capacitance_f for patch in self.patches])
+        return np.array([bond.capacitance_f for bond in self.bonds])
 
     def _group(self, plates: list[AssembledPlate]) -> Group:
         pencils = [plate.pencil() for plate in plates]
         stiffness = sp.block_diag([p.stiffness for p in pencils], format="csc")
         mass = sp.block_diag([p.mass for p in pencils], format="csc")
         loads = []
-        for patch in self.patches:
-            motion = sp.hstack([displacement_at(plate, patch.points, self.back) for plate in plates], format="csr")
+        for bond in self.bonds:
+            motion = sp.csr_array(sp.hstack([displacement_at(plate, bond.contact) for plate in plates], format="csr"))
             used = np.unique(motion.indices)
             chosen, dense = sp.eye_array(motion.shape[1], format="csr")[used], motion[:, used].toarray()
-            added_k = sp.csr_array(dense.T @ patch.stiffness @ dense / self.stiffness_unit)
-            added_m = sp.csr_array(dense.T @ patch.mass @ dense / self.scale.mass_kg)
+            added_k = sp.csr_array(dense.T @ bond.stiffness @ dense)
+            added_m = sp.csr_array(dense.T @ (bond.mass / self.scale.mass_kg) @ dense)
             stiffness, mass = stiffness + chosen.T @ added_k @ chosen, mass + chosen.T @ added_m @ chosen
-            loads.append(motion.T @ patch.theta / self.stiffness_unit)
+            loads.append(motion.T @ bond.load)
         rigid = sum(RIGID_OF_CLASS[plate.symmetry] for plate in plates)
         pencil = PlainPencil(sp.csc_array(stiffness), sp.csc_array(mass), self.scale, rigid)
         return Group(tuple(plates), pencil, np.column_stack(loads))
+
+
+@dataclass(frozen=True)
+class _Bond:
+    """A patch as the plate's own degrees of freedom feel it: where, stiffness (3b, 3b) and load of a volt (3b,), scaled, mass
+    (3b, 3b) in kg, and the capacitance in F with that face held.
+    """
+
+    contact: Contact
+    stiffness: FloatArray
+    mass: FloatArray
+    load: FloatArray
+    capacitance_f: float
+
+
+def _bond(
+    patch: BondedPatch, plate: AssembledPlate, back: bool, unit: float, flexibility: Callable[[Cell], FloatArray] | None
+) -> _Bond:
+    """The patch on a plate that also gives way by F, the flexibility that its own degrees of freedom q lack.
+
+    w = E q - F (K_E w - theta V): with T = (I + F K_E)^-1 the plate feels K_E T, T'M_E T, the load T'theta, and the patch holds
+    theta'T F theta V more charge. What two patches on one panel do to each other by F is left out.
+    """
+    contact = Contact(patch.points, patch.projection, back)
+    stiffness, load = patch.stiffness / unit, patch.theta / unit
+    gives = flexibility_at(plate, contact, flexibility) if flexibility else np.zeros_like(stiffness)
+    turn = np.linalg.inv(np.eye(len(load)) + gives @ stiffness)
+    felt = stiffness @ turn
+    more = float(patch.theta @ turn @ gives @ load)
+    return _Bond(contact, (felt + felt.T) / 2.0, turn.T @ patch.mass @ turn, turn.T @ load, patch.capacitance_f + more)
 
 
 def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:

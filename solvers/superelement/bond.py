@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import product
+
 import numpy as np
 import scipy.sparse as sp
-from scipy.interpolate import make_interp_spline
 
-from geometry.elements import FloatArray
+from geometry.elements import FloatArray, IntArray, lagrange
 from solvers.errors import SolverError
 from solvers.superelement.cell import Cell
 from solvers.superelement.plate import WHOLE, AssembledPlate, PlacedCell
@@ -14,68 +17,122 @@ from solvers.superelement.plate import WHOLE, AssembledPlate, PlacedCell
 SAME_M = 1e-9
 
 
-def displacement_at(plate: AssembledPlate, points_m: FloatArray, back: bool) -> sp.csr_array:
-    """Rows (3 p, dof) that give u at points (p, 2) in m of the back (z = thickness) or the touch face of the whole plate.
+@dataclass(frozen=True)
+class Contact:
+    """Where something touches a bare face of the plate: points (p, 2) in m on its back (z = thickness) or its touch face, and
+    the means (b, p) of u at them that it feels.
+    """
+
+    points: FloatArray
+    means: FloatArray
+    back: bool
+
+
+def displacement_at(plate: AssembledPlate, contact: Contact) -> sp.csr_array:
+    """Rows (3 b, dof) that give the means of u which a contact feels.
 
     In a symmetry class points on the negative sides follow from the mirrors. Raises SolverError for a point outside the plate
     or on a panel that carries a pillar.
     """
-    flip = np.where(points_m < 0.0, -1.0, 1.0)
-    folded = points_m if plate.symmetry == WHOLE else np.abs(points_m)
-    rows = sp.lil_array((3 * len(points_m), plate.dof))
-    left = np.ones(len(points_m), dtype=bool)
-    for placed_cell in plate.placed_cells:
-        inside = left & _within(placed_cell, folded)
-        if not inside.any():
-            continue
-        left &= ~inside
-        local = folded[inside] - np.array(placed_cell.middle)
-        field = _on_face(placed_cell.cell, local, back)
-        signs = _mirror_signs(plate.symmetry, flip[inside])
-        block = signs[:, :, None] * field * placed_cell.coefficient
+    parts = []
+    for held in _held(plate, contact):
+        placed_cell = held.placed_cell
+        signs = _mirror_signs(plate.symmetry, held.flip)[:, None]
+        field = signs * np.tensordot(held.weights, held.matrix(), axes=1) * placed_cell.coefficient
         live = placed_cell.coefficient != 0.0
-        index = (3 * np.flatnonzero(inside)[:, None] + np.arange(3)).ravel()
-        rows[np.ix_(index, placed_cell.unknown[live])] = block.reshape(len(index), -1)[:, live]
+        block = sp.coo_array(field.reshape(-1, len(live))[:, live])
+        places = (block.row, placed_cell.unknown[live][block.col])
+        parts.append(sp.csr_array((block.data, places), shape=(3 * len(contact.means), plate.dof)))
+    return sp.csr_array(sum(parts[1:], start=parts[0]))
+
+
+def flexibility_at(plate: AssembledPlate, contact: Contact, of_cell: Callable[[Cell], FloatArray]) -> FloatArray:
+    """Displacements (3 b, 3 b) per force of a contact that the cells' own degrees of freedom lack.
+
+    of_cell: the same between the points of a cell's `bare`; cells do not pass it on, since their boundary is clamped.
+    """
+    total = np.zeros((len(contact.means), 3) * 2)
+    for held in _held(plate, contact):
+        on, count = (3 * held.nodes[:, None] + np.arange(3)).ravel(), len(held.nodes)
+        turn = np.tile([*held.flip, 1.0], count)
+        own = turn[:, None] * of_cell(held.placed_cell.cell)[np.ix_(on, on)] * turn
+        once = np.tensordot(held.weights, own.reshape(count, 3, count, 3), axes=1)
+        total += np.moveaxis(np.tensordot(once, held.weights, axes=(2, 1)), 3, 2)
+    return total.reshape(3 * len(contact.means), -1)
+
+
+@dataclass(frozen=True)
+class _Held:
+    """What of a contact lies on one panel of the whole plate: the mirrors (2,) that carry it to the cell assembled, which
+    nodes (n,) of its `bare` lie on that face and their weights (b, n) in each mean.
+    """
+
+    placed_cell: PlacedCell
+    flip: FloatArray
+    nodes: IntArray
+    weights: FloatArray
+
+    def matrix(self) -> FloatArray:
+        """u at those nodes from the cell's degrees of freedom, (n, 3, dof)."""
+        assert self.placed_cell.cell.bare is not None
+        return self.placed_cell.cell.bare.matrix[self.nodes]
+
+
+def _held(plate: AssembledPlate, contact: Contact) -> Iterator[_Held]:
+    """A contact panel by panel. A panel on a mirror line is its own image and holds its points as they are."""
+    left = np.ones(len(contact.points), dtype=bool)
+    for placed_cell in plate.placed_cells:
+        middle, half = np.array(placed_cell.middle), np.array(placed_cell.cell.size_m[:2]) / 2.0
+        alone = (plate.symmetry == WHOLE) | (middle < half / 2.0)
+        for flip in map(np.array, product(*((1.0,) if own else (1.0, -1.0) for own in alone))):
+            local = contact.points * flip - middle
+            inside = left & (np.abs(local) <= half + SAME_M).all(axis=1)
+            if inside.any():
+                left &= ~inside
+                nodes, weights = _on_face(placed_cell.cell, local[inside], contact.back)
+                yield _Held(placed_cell, flip, nodes, contact.means[:, inside] @ weights)
     if left.any():
-        raise SolverError(f"the point {1e3 * points_m[left][0]} mm lies outside the plate")
-    return sp.csr_array(rows)
-
-
-def _within(placed_cell: PlacedCell, points: FloatArray) -> FloatArray:
-    half = np.array(placed_cell.cell.size_m[:2]) / 2.0 + SAME_M
-    return np.asarray((np.abs(points - np.array(placed_cell.middle)) <= half).all(axis=1))
+        raise SolverError(f"the point {1e3 * contact.points[left][0]} mm lies outside the plate")
 
 
 def _mirror_signs(symmetry: str, flip: FloatArray) -> FloatArray:
-    """Signs (p, 3) of u_x, u_y, u_z at a point from those at its image in x, y >= 0."""
-    signs = np.ones((len(flip), 3))
+    """Signs (3,) of u_x, u_y, u_z of a class's field from those at its image in x, y >= 0."""
+    signs = np.ones(3)
     for axis, mark in enumerate(symmetry):
-        beyond = flip[:, axis] < 0.0
-        image = np.ones(3)
-        image[axis] = -1.0
-        signs[beyond] *= image * (1.0 if mark == "S" else -1.0)
+        if flip[axis] < 0.0:
+            signs *= 1.0 if mark == "S" else -1.0
+            signs[axis] *= -1.0
     return signs
 
 
-def _on_face(cell: Cell, local_m: FloatArray, back: bool) -> FloatArray:
-    """Rows (p, 3, cell dof) from the skin's nodes on a face, a tensor grid, by splines of the mesh's own degree or less."""
-    level = cell.size_m[2] if back else 0.0
-    if back and cell.skin.points[:, 2].max() > cell.size_m[2] + SAME_M:
+def _on_face(cell: Cell, local_m: FloatArray, back: bool) -> tuple[IntArray, FloatArray]:
+    """Which points of `bare` lie on a face, (n,), and their weights (p, n) at places (p, 2) by the elements' polynomials."""
+    level, bare = cell.size_m[2] if back else 0.0, cell.bare
+    if bare is None or bare.order is None:
+        raise SolverError("the faces of a panel of tetrahedra are no tensor grid: nothing can be bonded to it")
+    on = np.flatnonzero(np.abs(bare.points[:, 2] - level) < SAME_M)
+    if not len(on):
         raise SolverError("a patch lies on a panel of plate that carries a pillar: move the patch or the rows")
-    on = np.flatnonzero(np.abs(cell.skin.points[:, 2] - level) < SAME_M)
-    points = np.round(cell.skin.points[on, :2], 12)
-    x, y = np.unique(points[:, 0]), np.unique(points[:, 1])
-    place = np.searchsorted(x, points[:, 0]) * len(y) + np.searchsorted(y, points[:, 1])
-    grid = np.zeros((len(x) * len(y), 3, cell.dof))
-    filled = np.zeros(len(grid), dtype=bool)
-    grid[place], filled[place] = cell.skin.matrix[on], True
-    if not filled.all():
-        raise SolverError("the face of this panel is no tensor grid: nothing can be bonded to it")
-    along, across = _weights(x, local_m[:, 0]), _weights(y, local_m[:, 1])
-    return np.asarray(np.einsum("pi,pj,ijcd->pcd", along, across, grid.reshape(len(x), len(y), 3, -1), optimize=True))
+    (x, i), (y, j) = (_lines(bare.points[on, axis]) for axis in range(2))
+    along, across = (_weights(nodes, bare.order, local_m[:, axis]) for axis, nodes in enumerate((x, y)))
+    return on, along[:, i] * across[:, j]
 
 
-def _weights(nodes: FloatArray, at: FloatArray) -> FloatArray:
-    """Interpolation weights (p, n) of splines through values at the nodes, cubic where there are nodes enough."""
-    spline = make_interp_spline(nodes, np.eye(len(nodes)), k=min(3, len(nodes) - 1))
-    return np.asarray(spline(np.clip(at, nodes[0], nodes[-1])))
+def _lines(places_m: FloatArray) -> tuple[FloatArray, IntArray]:
+    """The different coordinates in ascending order, and which of them each place has."""
+    _, first, which = np.unique(np.round(places_m / SAME_M), return_index=True, return_inverse=True)
+    return places_m[first], np.asarray(which)
+
+
+def _weights(nodes: FloatArray, order: int, at: FloatArray) -> FloatArray:
+    """Weights (p, n) of the elements' polynomials between nodes (n,), `order` + 1 of them in each element, shared ends."""
+    at = np.clip(at, nodes[0], nodes[-1])
+    ends = nodes[::order]
+    element = np.clip(np.searchsorted(ends, at, side="right") - 1, 0, len(ends) - 2)
+    out = np.zeros((len(at), len(nodes)))
+    for each in np.unique(element):
+        own, start = np.flatnonzero(element == each), each * order
+        middle, half = (ends[each] + ends[each + 1]) / 2.0, (ends[each + 1] - ends[each]) / 2.0
+        places = slice(start, start + order + 1)
+        out[own, places] = lagrange((nodes[places] - middle) / half, (at[own] - middle) / half)[0]
+    return out

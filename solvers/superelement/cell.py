@@ -29,6 +29,7 @@ from solvers.superelement.interface import SIDES, VERTICES, Interface
 from solvers.threads import one_thread
 
 RIGID = 1e-8
+SAME = 1e-6  # of the thickness: one place
 
 
 @dataclass(frozen=True)
@@ -36,13 +37,14 @@ class Expansion:
     """Displacements at fixed points of the cell: u(points) = matrix @ degrees of freedom.
 
     points (p, 3) in m from the cell's middle, matrix (p, c, dof) for c components, weights (p,) in m2 of a quadrature,
-    facets (m, corners) of a surface between the points.
+    facets (m, corners) of a surface between the points, order that of the elements whose nodes they are.
     """
 
     points: FloatArray
     matrix: FloatArray
     weights: FloatArray | None = None
     facets: IntArray | None = None
+    order: int | None = None
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,8 @@ class Cell:
 
     size_m: edges along x, y and the plate's thickness; fixed_hz: fixed-interface frequencies kept, with their symmetry
     (modes, 2) under the cell's mirrors (0 without); touch: u_z at quadrature points of the touch face; skin: corners of
-    the outer skin; pillar_mass: the share of M_r that moves in the pillar.
+    the outer skin; bare: all nodes on the plate's faces that carry nothing, where something may be bonded (None for
+    tetrahedra); pillar_mass: the share of M_r that moves in the pillar.
 
     No fixed-interface mode below dropped_hz was left out. What those left out take from the dynamic stiffness of the
     boundary at an eigenvalue l lies between l^2 and l^2 L / (L - l) times `dropped` (boundary, boundary), L that of
@@ -107,6 +110,7 @@ class Cell:
     skin: Expansion
     mesh_dof: int
     mesh_error: MeshError | None = None
+    bare: Expansion | None = None
 
     @property
     def dof(self) -> int:
@@ -341,6 +345,7 @@ class CellBuilder:
             self._touch(parts, places),
             self._skin(parts, places),
             system.mesh.dof * self.copies,
+            bare=self._bare(parts, places),
         )
 
     def _dropped(self, parts: list[SymmetryClass], places: list[FloatArray]) -> FloatArray:
@@ -408,12 +413,59 @@ class CellBuilder:
         hidden = [np.isin(skin_faces(mesh), mesh.nodes_of(face)).all(axis=1) for face in SIDES]
         facets = skin_faces(mesh)[~np.any(hidden, axis=0)]
         used, local = np.unique(facets, return_inverse=True)
-        rows = [part.shapes.reshape(len(mesh.nodes), 3, -1)[used] for part in parts]
-        points, matrix = self._mirrored(mesh.nodes[used], rows, parts, places)
+        points, matrix = self._at_nodes(used, parts, places)
         local = local.reshape(facets.shape)
         return Expansion(
             points, matrix, facets=np.concatenate([local + copy * len(used) for copy in range(self.copies)])
         )
+
+    def _bare(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion | None:
+        mesh = self.system.mesh
+        if mesh.kind != "hex":
+            return None
+        points, matrix = self._at_nodes(self._bare_nodes(), parts, places)
+        first = self._once(points)
+        return Expansion(points[first], matrix[first], order=mesh.order)
+
+    def _bare_nodes(self) -> IntArray:
+        """Nodes of the mesh on the plate's faces that carry nothing."""
+        height = self.system.mesh.nodes[:, 2]
+        levels = [0.0] if height.max() > (1.0 + SAME) * self.thickness else [0.0, self.thickness]
+        return np.flatnonzero(np.abs(height[:, None] - levels).min(axis=1) < SAME * self.thickness)
+
+    def _once(self, points: FloatArray) -> IntArray:
+        """Points in one order, each once though a mirror holds it twice."""
+        return np.asarray(np.unique(np.round(points / (SAME * self.thickness)), axis=0, return_index=True)[1])
+
+    def flexibility(self) -> FloatArray:
+        """Static displacements at the points of `Cell.bare` per force there, the boundary clamped, (3 p, 3 p), scaled."""
+        nodes = self._bare_nodes()
+        dofs = (3 * nodes[:, None] + np.arange(3)).ravel()
+        images = [np.array([*image, 1.0]) for image in product((1.0, -1.0), repeat=2)]
+        images = [image for image in images if all(image[axis] > 0.0 or axis in self.halved for axis in range(2))]
+        total = np.zeros((len(images) * len(dofs),) * 2)
+        for signs in product((1, -1), repeat=len(self.halved)):
+            own = dict(zip(self.halved, signs, strict=True))
+            pencil = constrain(self.system, self._inside(own))
+            load = sp.eye_array(self.system.mesh.dof, format="csc")[np.flatnonzero(pencil.free)][:, dofs].toarray()
+            answer = load.T @ _static(pencil)[1].solve(load) / self.copies
+            turns = np.concatenate(
+                [
+                    np.prod([sign for axis, sign in own.items() if image[axis] < 0.0]) * np.tile(image, len(nodes))
+                    for image in images
+                ]
+            )
+            total += turns[:, None] * np.tile(answer, (len(images), len(images))) * turns
+        first = self._once(np.concatenate([self.system.mesh.nodes[nodes] * image for image in images]))
+        kept = (3 * first[:, None] + np.arange(3)).ravel()
+        return np.asarray(total[np.ix_(kept, kept)])
+
+    def _at_nodes(
+        self, nodes: IntArray, parts: list[SymmetryClass], places: list[FloatArray]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Points and matrices of nodes of the mesh and their mirror images."""
+        rows = [part.shapes.reshape(len(self.system.mesh.nodes), 3, -1)[nodes] for part in parts]
+        return self._mirrored(self.system.mesh.nodes[nodes], rows, parts, places)
 
 
 def _static(pencil: SymmetricPencil) -> tuple[Factoriser, Factor]:

@@ -179,6 +179,7 @@ class Lattice:
                 touch=_kept(cell.touch, keep),
                 skin=_kept(cell.skin, keep),
                 mesh_error=None,
+                bare=None,
             )
         )
 

@@ -71,7 +71,7 @@ def by_mesh(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> tu
 
     By Rayleigh's quotient at scaled eigenvalues (k,); a half-width is NaN where a cell has no coarser mesh.
     """
-    taken, spread, order = (np.zeros_like(value) for _ in range(3))
+    taken, rim, order = (np.zeros_like(value) for _ in range(3))
     for placed_cell in plate.placed_cells:
         error = placed_cell.cell.mesh_error
         if error is None:
@@ -79,9 +79,9 @@ def by_mesh(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> tu
         changes = error.changes(plate.cell_vectors(placed_cell, vectors), value)
         by_layer, by_order = (placed_cell.copies * change for change in changes)
         taken += error.taken * by_layer
-        spread += error.spread * by_layer
+        rim += error.shares.rim * by_layer
         order += by_order - error.edge * by_layer
-    return taken, np.abs(spread) + SMOOTH * np.abs(order)
+    return taken, np.abs(rim) + SMOOTH * np.abs(order)
 
 
 def _by_modes(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> FloatArray:

@@ -1,0 +1,133 @@
+"""A driven plate on few motions: its modes about the band and its answers to the loads, changed by what is added to K and M.
+
+Rayleigh-Ritz: frequencies err by the square of what a mode of the changed plate lacks of those motions, which is the smaller
+the wider the band; the response follows by superposition of the projected modes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+
+from geometry.elements import ComplexArray, FloatArray, IntArray
+from solvers.measures.wanted_mode import Verdict, verdict
+from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, rms, touch_grams
+
+SAME = 1e-10  # of the largest: directions that are combinations of the others
+
+
+class PlateSpace:
+    """Motions of groups of a driven plate, and K, M, loads and integrals of u_z^2 over zone and passive face in them.
+
+    `bases` hold each group's motions as `columns`, the modes first; `orthonormal` makes such.
+    """
+
+    def __init__(self, forced: ForcedPlate, bases: Sequence[GroupModes]) -> None:
+        self.forced, self.bases = forced, tuple(bases)
+        self.starts = np.cumsum([0, *(basis.columns.shape[1] for basis in bases)])
+        self.size = int(self.starts[-1])
+        place = forced.wanted_place()
+        self.wanted = None if place is None else int(self.starts[place[0]]) + place[1]
+        projected = [
+            [_within(basis, m) for m in (basis.group.pencil.stiffness, basis.group.pencil.mass)] for basis in bases
+        ]
+        self.stiffness, self.mass = (scipy.linalg.block_diag(*parts) for parts in zip(*projected, strict=True))
+        self.loads = np.vstack([basis.columns.T @ basis.group.loads for basis in bases])
+        pairs = [touch_grams(basis, forced.design) for basis in bases]
+        self.inside, self.outside = (scipy.linalg.block_diag(*parts) for parts in zip(*pairs, strict=True))
+
+    def changed(self, stiffness: FloatArray, mass: FloatArray, kept: IntArray | None = None) -> ChangedPlate:
+        """The plate with other matrices (n, n) over these motions; `kept`: numbers of the only motions that it has."""
+        within = np.arange(self.size, dtype=np.int64) if kept is None else kept
+        cut = np.ix_(within, within)
+        values, vectors = scipy.linalg.eigh((stiffness + stiffness.T)[cut] / 2.0, (mass + mass.T)[cut] / 2.0)
+        grams = tuple(vectors.T @ gram[cut] @ vectors for gram in (self.inside, self.outside))
+        alike = self.inside[self.wanted, within] @ vectors if self.wanted is not None else np.zeros(len(values))
+        own = float(self.inside[self.wanted, self.wanted]) if self.wanted is not None else 1.0
+        return ChangedPlate(
+            self.forced, values, vectors.T @ self.loads[within], grams[0], grams[1], np.asarray(alike**2 / own)
+        )
+
+
+def _within(basis: GroupModes, matrix: sp.csc_array) -> FloatArray:
+    """V'AV of a basis' columns V, (n, n)."""
+    projected = basis.columns.T @ (matrix @ basis.columns)
+    return np.asarray(projected + projected.T) / 2.0
+
+
+def orthonormal(basis: GroupModes) -> GroupModes:
+    """The basis with M-orthonormal columns: modes stay as they are, answers to the loads become what they add to them.
+
+    Columns of no load drop out.
+    """
+    pencil, columns, modes = basis.group.pencil, basis.columns, len(basis.eigenvalue)
+    residual = columns[:, modes:]
+    residual = residual - columns[:, :modes] @ (columns[:, :modes].T @ pencil.apply_mass(residual))
+    size = np.sqrt(np.maximum(np.einsum("ik,ik->k", residual, pencil.apply_mass(residual)), 0.0))
+    residual = residual[:, size > 0.0] / size[size > 0.0]
+    if residual.shape[1]:
+        value, vector = scipy.linalg.eigh(residual.T @ pencil.apply_mass(residual))
+        kept = value > SAME * value[-1]
+        residual = residual @ (vector[:, kept] / np.sqrt(value[kept]))
+    return replace(basis, columns=np.hstack([columns[:, :modes], residual]))
+
+
+@dataclass(frozen=True)
+class ChangedPlate:
+    """A plate's modes in that space: eigenvalues (n,), gains (n, patches), touch-face integrals (n, n) per pair.
+
+    alike (n,): <u, w>^2 / <w, w> over the active touch face, w the nominal plate's wanted mode; zero where it has none.
+    """
+
+    forced: ForcedPlate
+    eigenvalue: FloatArray
+    gain: FloatArray
+    inside: FloatArray
+    outside: FloatArray
+    alike: FloatArray
+
+    @property
+    def loss(self) -> float:
+        """1/Q."""
+        return self.forced.loss
+
+    @property
+    def tracked(self) -> Verdict:
+        """Which mode the nominal plate's wanted one has become, by its shape (`solvers.measures.wanted_mode`)."""
+        inside, outside = np.diag(self.inside), np.diag(self.outside)
+        share = inside / np.maximum(inside + outside, 1e-300)
+        return verdict(self.alike, share, self.alike / np.maximum(inside, 1e-300))
+
+    @property
+    def tracked_hz(self) -> float | None:
+        """Its frequency; None where no mode is like it."""
+        at = self.tracked.index
+        return None if at is None else float(self.forced.plate.scale.frequency(self.eigenvalue[at : at + 1])[0])
+
+    def curve(self, frequency_hz: FloatArray) -> Curve:
+        """Response at frequencies in Hz."""
+        forced, count = self.forced, len(frequency_hz)
+        amplitudes = np.zeros((len(self.eigenvalue), count), dtype=complex)
+        sensors = np.zeros((count, len(forced.sensors)), dtype=complex)
+        for row, frequency in enumerate(frequency_hz):
+            at = forced.plate.scale.eigenvalue(float(frequency))
+            denominator = np.asarray(self.eigenvalue * (1.0 + 1j * self.loss) - at, dtype=complex)
+            volts = forced.patch_volts(partial(self._charge, denominator))
+            sensors[row] = volts[forced.sensors]
+            amplitudes[:, row] = (self.gain @ volts) / denominator
+        energies = [_quadratic(gram, amplitudes) for gram in (self.inside, self.outside)]
+        return Curve(np.asarray(frequency_hz), *rms(energies[0], energies[1], forced.design), sensors)
+
+    def _charge(self, denominator: ComplexArray) -> ComplexArray:
+        return np.asarray(self.gain.T @ (self.gain / denominator[:, None]) * self.forced.plate.stiffness_unit)
+
+
+def _quadratic(gram: FloatArray, amplitudes: ComplexArray) -> FloatArray:
+    """a* G a for each column, (columns,); rounding below zero counts as zero."""
+    parts = [np.einsum("nf,nf->f", part, gram @ part) for part in (amplitudes.real, amplitudes.imag)]
+    return np.asarray(np.maximum(parts[0] + parts[1], 0.0))
