@@ -37,7 +37,18 @@ LANGUAGE = (
     "-g",
 )
 # What runs in the interrupts is compiled for speed, all else for size: the six-channel image would not fit otherwise.
-FAST = ("an_fast", "an_slow", "an_pi", "an_demod", "an_texture", "an_six_fast", "an_six_slow", "an_capture")
+FAST = (
+    "an_fast",
+    "an_slow",
+    "an_pi",
+    "an_watch",
+    "an_demod",
+    "an_texture",
+    "an_six_fast",
+    "an_six_slow",
+    "an_six_watch",
+    "an_capture",
+)
 SPEED, SIZE = "-O2", "-Os"
 SECTIONS = ("-ffunction-sections", "-fdata-sections", "-fno-unwind-tables", "-fno-asynchronous-unwind-tables")
 WARNINGS = (

@@ -1,10 +1,11 @@
 """Lets go wrong what can while a plate is held, and tells how soon the outputs rest: `python -m firmware.injection`.
 
-On the rig of firmware.host.rig, at every tick of a second: faults that interrupts find, broken sensors, and at each tick one
-flipped bit of the words of the state, drawn by the tick's number. On the emulated board, with the unmodified images of both
-builds, the interrupts themselves, at every 101st tick of a second (six channels: every 17th): numbers without a common divisor
-with the ticks of a window and of a look of the guard, so that each of their phases is met. --stride and --image-stride change
-that; --write puts the table into docs/bring-up.md. It takes some ten minutes of one processor.
+On the rig of firmware.host.rig, at every tick of a second: faults that interrupts find, broken sensors (also while the level
+swings between nothing and full), and at each tick one flipped bit of the words of the state, drawn by the tick's number. On
+the emulated board, with the unmodified images of both builds, the interrupts themselves and the sensors, at every 101st tick
+of a second (six channels: every 17th): numbers without a common divisor with the ticks of a window and of a look of the
+guard, so that each of their phases is met. --stride and --image-stride change that; --write puts the table into
+docs/bring-up.md. It takes some twenty minutes of one processor.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from firmware.protocol import RUN, Fault, fault_names
 from firmware.table_format import header_text
 
 TRIPS = (Fault.CLOCK, Fault.FAST_LATE, Fault.BREAK, Fault.SUPPLY)
-SENSORS = {"clipped": 25, "dead": 6250, "stuck": 6250, "reversed": 6250}  # ticks of 4 us that may pass: 100 us, 25 ms
-SOON, LATCHED, HORIZON = 25, 200, 10000
+SENSORS = ("clipped", "dead", "stuck", "reversed")
+SOON, LATER, LATCHED, HORIZON = 25, 6250, 200, 10000  # ticks of 4 us: 100 us, 25 ms
+SWING_HZ, SWING = 100.0, "level swings"
 SAFE_S = 100e-6
 WORDS = [
     "base.supervisor.state",
@@ -72,11 +74,14 @@ class Row(NamedTuple):
         return f"| {self.what} | {self.moments} | {self.latched} | {self.held}{late} | {times} |"
 
 
-def held(quality: float = 300.0) -> SingleRig:
-    """A rig that holds a plate. Raises NoCompiler."""
-    rig = SingleRig(*held_plate(quality, noise=1e-3))
+def held(swings: bool = False) -> SingleRig:
+    """A rig that holds a plate, or lets its level swing between nothing and full. Raises NoCompiler."""
+    rig = SingleRig(*held_plate(300.0, noise=1e-3))
     rig.run(5e-3)
     rig.start(0.15)
+    if swings:
+        texture = rig.ffi.addressof(rig.app.base, "texture")
+        rig.lib.an_texture_sine(texture, SWING_HZ, 1.0, rig.sample_rate_hz / rig.lib.AN_PERIOD)
     rig.run(50e-3)
     if rig.state != RUN:
         raise RuntimeError("the plate is not held")
@@ -101,10 +106,12 @@ def rig_rows(seconds: float, stride: int) -> Iterator[Row]:
     """What the rig shows."""
     lib = held().lib
     kinds = [(fault_names(fault)[0], lib.RIG_TRIP, int(fault), SOON) for fault in TRIPS]
-    for name, most in SENSORS.items():
-        kinds.append((f"sensor {name}", lib.RIG_SENSOR, getattr(lib, f"RIG_{name.upper()}"), most))
+    for name in SENSORS:
+        kinds.append((f"sensor {name}", lib.RIG_SENSOR, getattr(lib, f"RIG_{name.upper()}"), SOON))
+    for name, kind, detail, _ in kinds[-3:]:
+        kinds.append((f"{name}, {SWING}", kind, detail, LATER))
     for name, kind, detail, most in kinds:
-        rig = held()
+        rig = held(SWING in name)
         yield _row(name, rig, inject(rig, kind, [detail], seconds, stride, most), most)
     rig = held()
     result = inject(rig, rig.lib.RIG_FLIP, bits_of(rig, WORDS), seconds, stride, HORIZON)
@@ -132,8 +139,51 @@ def _damage(board: Any) -> None:
     board.app.fast.tick ^= 1 << 20
 
 
+def _lose_slow_step(board: Any) -> None:
+    """Until its next one is due: before, nothing is amiss."""
+    board.slow_stuck = True
+    due = board.app.fast.window.count + 1
+    while board.app.fast.window.count != due:
+        board.tick()
+
+
+def break_single(board: Any, how: str) -> None:
+    """One mode: what reaches the converter is from now on that of a broken sensor."""
+    shown, noise = board.adc.value / 2048.0 - 1.0, board.plate.plate.noise
+    board.sense = {
+        "dead": lambda: board.plate.random.gauss(0.0, noise),
+        "stuck": lambda: shown,
+        "reversed": lambda: -board.plate.sense(),
+        "clipped": lambda: 2.0,
+    }[how]
+
+
+def break_one_of_six(board: Any, how: str) -> None:
+    """Six channels: one sensor, each in turn."""
+    which = int(board.app.fast.tick) % len(board.samples)
+    shown, noise = board.samples[which] / 2048.0 - 1.0, board.beam.beam.noise
+
+    def sense() -> Any:
+        levels = board.beam.sense()
+        levels[which] = {
+            "dead": board.beam.random.normal(0.0, noise),
+            "stuck": shown,
+            "reversed": -levels[which],
+            "clipped": 2.0,
+        }[how]
+        return levels
+
+    board.sense = sense
+
+
+def sensor_kinds(broken: Callable[[Any, str], None]) -> dict[str, Break]:
+    """A broken sensor of each kind."""
+    return {f"sensor {how}": lambda board, how=how: broken(board, how) for how in SENSORS}
+
+
 BOARD_KINDS: dict[str, Break] = {
     "samples cease": _stop_samples,
+    "slow step lost, from being due": _lose_slow_step,
     "supply falls": _lower_supply,
     "clock dies": lambda board: board.interrupt_unexpectedly(),
     "tick damaged": _damage,
@@ -171,10 +221,15 @@ def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[
     six.run(5e-3)
     six.start(0, 0.1)
     for name, board, stride, more in (
-        ("one mode", single, single_stride, {"sensor clipped": lambda one: setattr(one, "sense", lambda: 2.0)}),
-        ("six channels", six, six_stride, {"break pulled": lambda one: one.pull_break()}),
+        ("one mode", single, single_stride, sensor_kinds(break_single)),
+        (
+            "six channels",
+            six,
+            six_stride,
+            sensor_kinds(break_one_of_six) | {"break pulled": lambda one: one.pull_break()},
+        ),
     ):
-        board.run(20e-3)
+        board.run(0.3)
         for what, go_wrong in (BOARD_KINDS | more).items():
             yield board_row(f"image, {name}: {what}", board, go_wrong, seconds, stride)
 

@@ -7,13 +7,13 @@
 #define AN_TURN_PER_LSB 1.4629180792671596e-9f /* 2 pi / 2^32 */
 
 /* The nearest angle of the table, turned by the rest d: |d| <= pi/256, so that the d^3/6 left out stays below
- * 3.1e-7. */
+ * 3.1e-7. What the nearest angle leaves is the phase's low 24 bits with their sign, here shifted to the top. */
 static inline an_complex an_sincos(uint32_t phase)
 {
     const uint32_t shifted = phase + 0x800000u;
     const an_sine_entry *near = &an_sine_table[shifted >> 24];
-    const int32_t rest = (int32_t)(shifted & 0xffffffu) - 0x800000;
-    const float d = (float)rest * AN_TURN_PER_LSB;
+    const int32_t rest = (int32_t)(phase << 8);
+    const float d = (float)rest * (AN_TURN_PER_LSB / 256.0f);
     const float h = 0.5f * d * d;
     an_complex z;
     z.re = near->cosine - (near->sine * d + near->cosine * h);

@@ -63,6 +63,7 @@ OVERDRIVE_READY = 3 << 16  # it is on, and switched to
 WAIT_FOR_INTERRUPT = b"\x30\xbf"
 BOOT_INSTRUCTIONS = 20_000_000
 BAUD, BAUD_TOLERANCE = 921600, 0.03  # of the other end, and what ten bits forgive
+TIME_ERROR_S = 1e-9  # of sums of periods
 LSI_HZ = 32e3  # data sheet: 17 to 47 kHz
 
 # Enters a handler as the core does (registers saved, PendSV chained behind when it was asked for) and goes on in the main loop.
@@ -306,7 +307,7 @@ class EmulatedBoard(Supervised):
         self.uc.emu_start(start | 1, end, count=limit)
 
     def _serve_systick(self) -> None:
-        while self.time_s - self.ticked_s >= self.systick_s and not self.hung:
+        while self.time_s - self.ticked_s >= self.systick_s - TIME_ERROR_S and not self.hung:
             self.ticked_s += self.systick_s
             if self.word(SYSTICK_CONTROL).value & 3 == 3:
                 self.interrupt(self.symbol("SysTick_Handler"))

@@ -2,8 +2,6 @@
 
 #include <math.h>
 
-enum { LOOK = 12 }; /* ticks between two looks of the board's guard, 50 us */
-
 static double uniform(rig_plate *plate)
 {
     plate->random ^= plate->random << 13;
@@ -83,7 +81,7 @@ bool rig_tick(rig_single *rig)
     if (ended) {
         an_single_slow(&rig->app);
     }
-    if (++rig->looked >= LOOK) {
+    if (++rig->looked >= (uint32_t)AN_WATCH_TICKS) {
         rig->looked = 0u;
         rig->app.fast.faults |= an_single_check(&rig->app);
     }

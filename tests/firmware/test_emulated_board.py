@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from firmware.emulate.plant import Plate, Resonance, hold
-from firmware.injection import BOARD_KINDS, board_row
+from firmware.injection import BOARD_KINDS, board_row, break_single, sensor_kinds
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
 from pipeline.board.table_file import Mode, ModeTable, to_bytes
 
@@ -222,7 +222,7 @@ def test_host_and_cortex_m4_agree_bit_for_bit(make_single, core, detuning_hz: fl
     assert bytes(core.ffi.buffer(board.app, bytes_alike)) == bytes(core.ffi.buffer(hosted.app, bytes_alike))
 
 
-GO_WRONG = BOARD_KINDS | {"sensor clipped": lambda board: setattr(board, "sense", lambda: 2.0)}
+GO_WRONG = BOARD_KINDS | sensor_kinds(break_single)
 
 
 @pytest.mark.parametrize("what", GO_WRONG)

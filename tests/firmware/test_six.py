@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from firmware.client.client import BoardError, Client, describe
-from firmware.emulate.beam import Beam, BeamSimulation, _clamped_roots
-from firmware.injection import BOARD_KINDS, board_row
+from firmware.emulate.beam import Beam, BeamSimulation, _clamped_roots, measured_table
+from firmware.injection import BOARD_KINDS, board_row, break_one_of_six, sensor_kinds
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault, Kind, parse_health
 from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 
@@ -586,18 +586,7 @@ def test_a_new_pattern_keeps_the_reference(hosted) -> None:
     assert board.app.slow.reference == pytest.approx(0.05)
 
 
-def clip_one(board) -> None:
-    sense = board.sense
-
-    def sensed() -> np.ndarray:
-        levels = sense()
-        levels[3] = 1.5
-        return levels
-
-    board.sense = sensed
-
-
-GO_WRONG = BOARD_KINDS | {"break": lambda board: board.pull_break(), "sensor clipped": clip_one}
+GO_WRONG = BOARD_KINDS | {"break": lambda board: board.pull_break()}
 
 
 @pytest.mark.parametrize("what", GO_WRONG)
@@ -606,6 +595,32 @@ def test_the_gates_open_within_100_us_of_what_an_interrupt_can_see(make_six, wha
     board = driving(make_six)
     row = board_row(what, board, GO_WRONG[what], 5 * 7 * board.sample_s, 7)
     assert row.moments == 5 and row.is_sound, row.text
+
+
+def test_the_gates_open_within_100_us_of_a_sensor_that_fails(make_six) -> None:
+    """Any of the six, each kind of failure, at each of twelve ticks of a window; what else rings has rung out."""
+    board = make_six(table(matrix=seen_matrix()))
+    assert board.call("an_six_start", board.symbol("app"), 3, 0.15) == 1
+    board.run(0.2)
+    for what, go_wrong in sensor_kinds(break_one_of_six).items():
+        row = board_row(what, board, go_wrong, 12 * 17 * board.sample_s, 17)
+        assert row.moments == 12 and row.is_sound, row.text
+
+
+@pytest.mark.parametrize("frequency_hz", [1360.0, 3400.0])
+def test_patterns_that_change_textures_and_knocks_are_no_failing_sensors(hosted, frequency_hz: float) -> None:
+    """A knock is a jump of every mode's motion, as large as what is driven."""
+    beam = dataclasses.replace(BEAM, frequency_hz=frequency_hz)
+    board = hosted(measured_table(beam), beam)
+    assert board.lib.an_six_start(board.app, 0, 0.1)
+    random = np.random.default_rng(1)
+    for turn in range(8):
+        board.run(20e-3)
+        board.lib.an_six_change(board.app, turn % 2)
+        board.lib.an_six_set_reference(board.app, random.uniform(0.02, 0.1))
+        kick = random.normal(0.0, 0.02, board.beam.state.shape) / np.arange(1, len(board.beam.state) + 1)
+        board.beam.state = board.beam.state + kick / np.abs(board.beam.pull).max()
+    assert board.state == RUN, hex(board.faults)
 
 
 def test_samples_that_come_back_after_a_standstill_find_a_latched_fault(make_six) -> None:

@@ -80,6 +80,7 @@ class HostedSingle(Hosted):
         self.slow = self.ffi.addressof(self.app, "slow")
         self.plate = PlateSimulation(plate, seed)
         self.code = self.lib.AN_DAC_MIDDLE
+        self.ticks = 0
         self.codes: list[int] | None = None
         self.reports: list[tuple[complex, complex, float]] = []
         self.lib.an_single_boot(self.app, self.table, len(table), plate.sample_rate_hz, faults)
@@ -94,6 +95,10 @@ class HostedSingle(Hosted):
         if self.fast.tick == 0:
             self.lib.an_single_slow(self.app)
         self.poll()
+        self.ticks += 1
+        if self.ticks % self.lib.AN_WATCH_TICKS == 0:
+            self.fast.faults |= self.lib.an_single_check(self.app)
+            self.poll()
         if self.fast.tick == 0:
             view = self.lib.an_single_view(self.app)
             self.reports.append((_complex(view.measured), _complex(view.drive), view.reference))
@@ -138,9 +143,9 @@ class HostedSix(SixView, Hosted):
         self.lib.an_six_tick(self.fast, self.samples, self.duties)
         if self.history is not None:
             self.history.append(list(self.duties))
+        self.fast.faults |= self.lib.an_six_check(self.app) | self.lib.an_six_look(self.app, self.samples)
         if self.fast.tick == 0:
             self.lib.an_six_window_end(self.app)
-        self.fast.faults |= self.lib.an_six_check(self.app)
         self.poll()
 
 

@@ -1,4 +1,4 @@
-/* A look 20 000 times a second, by an interrupt that depends on nothing but the core's clock: do samples still come, is
+/* A look 25 000 times a second, by an interrupt that depends on nothing but the core's clock: do samples still come, is
  * the supply still there? */
 #ifndef GUARD_H
 #define GUARD_H
@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-enum { GUARD_RATE_HZ = 20000 };
+enum { GUARD_RATE_HZ = 25000 };
 
 /* Begins; sampling must be under way. */
 void guard_start(void);

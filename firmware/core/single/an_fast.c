@@ -21,7 +21,8 @@ static void take_command(an_fast *fast)
         fast->drive = fast->command.drive;
         fast->step = fast->command.step;
     } else {
-        fast->faults |= AN_FAULT_SLOW_LATE;
+        volatile uint32_t *faults = &fast->faults; /* read anew: kept in a register it costs all other ticks */
+        *faults |= AN_FAULT_SLOW_LATE;
     }
     fast->sums = (an_sums){0.0f, 0.0f, 0.0f};
 }
@@ -37,7 +38,7 @@ static void end_window(an_fast *fast)
     fast->window.count++;
 }
 
-#define AN_LEVEL_MAX 1.0002f /* a full drive and its rounding; still within the codes */
+#define AN_LEVEL_MAX 2047.4f /* a full drive and its rounding; still within the codes */
 
 /* Rounded to the nearest code. A NaN fails the comparison, so that no undefined conversion is ever reached. Whatever fault
  * there is, and whoever found it: the output rests. */
@@ -50,7 +51,7 @@ static uint32_t dac_code(an_fast *fast, float level)
     if (fast->faults != 0u) {
         return AN_DAC_MIDDLE;
     }
-    return (uint32_t)(int32_t)(level * (float)AN_DAC_SWING + ((float)AN_DAC_MIDDLE + 0.5f));
+    return (uint32_t)(int32_t)(level + ((float)AN_DAC_MIDDLE + 0.5f));
 }
 
 uint32_t an_fast_tick(an_fast *fast, uint32_t adc)
@@ -63,6 +64,7 @@ uint32_t an_fast_tick(an_fast *fast, uint32_t adc)
     fast->clipped += ((adc + AN_ADC_MARGIN) & (4096u - 2u * AN_ADC_MARGIN)) == 0u;
     const uint32_t code = dac_code(fast, fast->drive.re * carrier.re - fast->drive.im * carrier.im);
 
+    fast->recent[fast->tick & AN_RECENT_MASK] = x;
     fast->tick++;
     if (fast->tick == AN_GAP) {
         take_command(fast);

@@ -17,7 +17,9 @@ enum {
     AN_ADC_MIDDLE = 2048,
     AN_ADC_MARGIN = 8, /* so many codes at each end count as clipped */
     AN_DAC_MIDDLE = 2048,
-    AN_DAC_SWING = 2047
+    AN_DAC_SWING = 2047,
+    AN_RECENT = 64, /* a power of two above AN_PERIOD: no damaged tick leads out of it */
+    AN_RECENT_MASK = AN_RECENT - 1
 };
 
 /* What the fast tick hands to the slow step at the end of a window. */
@@ -30,7 +32,7 @@ typedef struct {
 
 /* What the slow step hands back. */
 typedef struct {
-    an_complex drive; /* full scale = 1, phase relative to the sample's */
+    an_complex drive; /* codes, phase relative to the sample's */
     uint32_t step;
     uint32_t count; /* the window this answers */
 } an_command;
@@ -45,6 +47,7 @@ typedef struct {
     uint32_t faults; /* set by the fast tick and whatever else has its priority, cleared by the slow step; rests the output */
     an_window window;
     an_command command;
+    float recent[AN_RECENT]; /* the period's samples by their tick, counts from the middle; behind them the last period's */
 } an_fast;
 
 void an_fast_init(an_fast *fast, uint32_t step);

@@ -109,6 +109,7 @@ static bool post_track(an_single *app)
     const an_pi_wish wish = wish_of(app);
     an_track_mode(&app->track, &app->mode, &app->now);
     an_pi_plan(&job->gains, &app->now, step, app->detuning_hz, &wish);
+    an_watch_prepare(&job->watch, &app->mode, job->gains.lead, step, app->base.sample_rate_hz);
     an_handover_post(&app->slow.hand);
     return true;
 }
@@ -297,6 +298,18 @@ static void follow(an_application *base)
     }
 }
 
+/* The loop is closed by what the sensor shows, and it shows what no plate can. At the converter's ends it is another fault. */
+static bool sensor_failed(an_single *app)
+{
+    const an_job *job = &app->slow.jobs[app->slow.hand.active & 1u];
+    const uint32_t clipped = app->fast.clipped + app->fast.window.clipped;
+    if (job->kind != AN_JOB_TRACK || !job->watch.decides || app->slow.hand.trips != 0u || clipped != 0u) {
+        an_watch_forget(&app->watch);
+        return false;
+    }
+    return an_watch_look(&app->watch, &job->watch, &app->fast, app->slow.quiet);
+}
+
 uint32_t an_single_check(an_single *app)
 {
     uint32_t found = app->fast.clipped > AN_CLIPPED_MAX ? (uint32_t)AN_FAULT_SENSOR_CLIPPED : 0u;
@@ -304,7 +317,7 @@ uint32_t an_single_check(an_single *app)
         app->fast.tick = 0u;
         found |= AN_FAULT_MEMORY;
     }
-    return found;
+    return sensor_failed(app) ? found | AN_FAULT_MISMATCH : found;
 }
 
 static an_moment moment(const an_application *base)

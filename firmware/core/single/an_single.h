@@ -18,6 +18,7 @@ typedef struct {
     an_slow slow;
     an_mode mode; /* as the table holds it or identification found it */
     an_track track;
+    an_watch watch; /* the looks' own */
     an_mode now;  /* as it is followed */
     an_ident ident;
     uint32_t mode_flags;
@@ -52,8 +53,9 @@ void an_single_boot(an_single *app, const uint8_t *table, uint32_t length, float
 /* Once for each window, before the gap ends: the slow step, then the envelope's next factor. */
 void an_single_slow(an_single *app);
 
-/* Faults that a look finds before a window's end, from an interrupt of the fast tick's priority: a sensor at the converter's
- * end, and damage to what the tick relies on, mended so that windows go on to end. */
+/* Faults that a look finds before a window's end, every AN_WATCH_TICKS ticks from an interrupt of the fast tick's priority: a
+ * sensor at the converter's end, or dead, stuck or reversed; and damage to what the tick relies on, mended so that windows
+ * go on to end. */
 uint32_t an_single_check(an_single *app);
 
 /* The log's record of the last window: measured, drive, reference. */

@@ -130,7 +130,8 @@ void an_slow_step(an_slow *slow, an_fast *fast)
     }
     const an_job *job = &slow->jobs[slow->hand.active & 1u];
     slow->hand.trips |= fast->faults | check_measurement(window, &phasor, job->amplitude_limit2);
-    fast->command.drive = slow->hand.trips == 0u ? do_job(slow, job, phasor.tone) : an_cplx(0.0f, 0.0f);
+    const an_complex drive = slow->hand.trips == 0u ? do_job(slow, job, phasor.tone) : an_cplx(0.0f, 0.0f);
+    fast->command.drive = an_scale(drive, (float)AN_DAC_SWING);
     slow->measured = phasor;
     fast->command.step = job->step;
     atomic_signal_fence(memory_order_release);

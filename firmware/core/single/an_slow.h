@@ -11,6 +11,7 @@
 #include "an_handover.h"
 #include "an_pi.h"
 #include "an_track.h"
+#include "an_watch.h"
 #include "an_types.h"
 
 enum { AN_CLIPPED_MAX = 2 }; /* samples of a window */
@@ -25,6 +26,7 @@ typedef struct {
     uint32_t settle;  /* dwell: windows to wait */
     uint32_t average; /* dwell: windows to average */
     an_pi_gains gains; /* track */
+    an_watch_plan watch; /* track */
 } an_job;
 
 typedef struct {

@@ -322,6 +322,18 @@ uint32_t an_six_check(an_six *app)
     return check_ticks(app) | (clipped > AN_SIX_CLIPPED_MAX ? (uint32_t)AN_FAULT_SENSOR_CLIPPED : 0u);
 }
 
+/* At the converter's ends it is another fault. */
+uint32_t an_six_look(an_six *app, const uint16_t *adc)
+{
+    const an_six_slow *slow = &app->slow;
+    const uint32_t clipped = app->fast.clipped + app->fast.window.clipped;
+    if (slow->jobs[slow->hand.active & 1u].kind != AN_JOB_TRACK || slow->hand.trips != 0u || clipped != 0u) {
+        an_six_watch_forget(&app->watch);
+        return 0u;
+    }
+    return an_six_watch_look(&app->watch, slow, &app->fast, adc, app->channels) ? (uint32_t)AN_FAULT_MISMATCH : 0u;
+}
+
 /* The loop's integrals look after themselves. */
 static void follow(an_application *base)
 {

@@ -5,6 +5,7 @@
 #include "an_application.h"
 #include "an_shaping.h"
 #include "an_six_slow.h"
+#include "an_six_watch.h"
 #include "an_table.h"
 #include "an_types.h"
 
@@ -12,6 +13,7 @@ typedef struct {
     an_application base; /* its slot is the shape */
     an_six_fast fast;
     an_six_slow slow;
+    an_six_watch watch; /* the looks' own */
     an_shape_head shape;
     uint32_t pattern;
     uint32_t channels;
@@ -54,6 +56,9 @@ void an_six_set_reference(an_six *app, float reference);
 /* Faults that a look finds before a window's end, from an interrupt of the fast tick's priority: a sensor at the converter's
  * end, and damage to what the tick relies on, mended so that windows go on to end. */
 uint32_t an_six_check(an_six *app);
+
+/* After each tick, with its samples: the fault of a sensor that shows what no plate can. */
+uint32_t an_six_look(an_six *app, const uint16_t *adc);
 
 /* The log's record of the last window: sensor and drive of the pattern's largest target, reference. */
 void an_six_record(const an_six *app, float *record);

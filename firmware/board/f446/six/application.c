@@ -43,7 +43,7 @@ void DMA2_Stream0_IRQHandler(void)
     an_six_tick(&app.fast, scan_samples, duty);
     bridges_set(duty);
     an_capture_take(captured, scan_samples, duty);
-    app.fast.faults |= an_six_check(&app);
+    app.fast.faults |= an_six_check(&app) | an_six_look(&app, scan_samples);
     if (app.fast.faults != 0u) {
         bridges_off();
     }

@@ -1,0 +1,130 @@
+#include "an_watch.h"
+
+#include "an_clear.h"
+#include "an_complex.h"
+#include "an_sincos.h"
+
+#define AN_SPREAD_LEAST 0.35f   /* half of a weight's norm: noise at most 1.2 times that of a single sample */
+#define AN_GONE2 0.0625f        /* squared: what is left within a quarter of what was */
+#define AN_STILL2 (0.5f * (float)AN_WATCH_TICKS / 81.0f) /* the sum of squares of a tone of a ninth of what was */
+#define AN_PEAK_SHARE2 0.25f    /* squared: half of the largest lately; other modes' beats pass through less */
+#define AN_FORGET 0.06f         /* of the peak's square a look: half of it within half a millisecond */
+#define AN_OWN2 0.605f          /* of what was: damping and detuning of a touched plate, and what counts as gone */
+#define AN_LEAST2 67.0f         /* 0.004 of full scale in counts, squared */
+#define AN_QUIET 4200.0f        /* times the noise between windows at rest: 27 times that of a sample, which may not hide stillness */
+#define AN_FULL_SCALE2 4194304.0f /* counts, squared */
+
+static void remove_mean(float *values, const float *of)
+{
+    float product = 0.0f;
+    float square = 0.0f;
+    for (uint32_t i = 0u; i < AN_WATCH_PAIRS; i++) {
+        product += values[i] * of[i];
+        square += of[i] * of[i];
+    }
+    for (uint32_t i = 0u; i < AN_WATCH_PAIRS; i++) {
+        values[i] -= product / square * of[i];
+    }
+}
+
+/* Least squares of one unknown; false when noise would drown it. */
+static bool normalise(float *values)
+{
+    float square = 0.0f;
+    for (uint32_t i = 0u; i < AN_WATCH_PAIRS; i++) {
+        square += values[i] * values[i];
+    }
+    for (uint32_t i = 0u; i < AN_WATCH_PAIRS; i++) {
+        values[i] *= 0.5f / square;
+    }
+    return square > AN_SPREAD_LEAST;
+}
+
+void an_watch_prepare(an_watch_plan *plan, const an_mode *mode, an_complex lead, uint32_t step, float sample_rate_hz)
+{
+    static const float even[AN_WATCH_PAIRS] = {1.0f, 1.0f, 1.0f, 1.0f, 1.0f};
+    static const float odd[AN_WATCH_PAIRS] = {0.5f, 1.5f, 2.5f, 3.5f, 4.5f};
+    for (uint32_t i = 0u; i < AN_WATCH_PAIRS; i++) {
+        const an_complex turn = an_turn((step >> 1) * (2u * i + 1u));
+        plan->cosine[i] = turn.re;
+        plan->sine[i] = turn.im;
+    }
+    remove_mean(plan->cosine, even);
+    remove_mean(plan->sine, odd);
+    const bool cosine_fits = normalise(plan->cosine);
+    const bool fits = normalise(plan->sine) && cosine_fits;
+    const float full_scale = (float)AN_ADC_MIDDLE / (float)AN_DAC_SWING;
+    const float looks_s = 2.0f * (float)AN_WATCH_TICKS / sample_rate_hz;
+    plan->push = an_scale(an_conj(lead), an_abs(mode->gain) / mode->tau_s * looks_s * full_scale);
+    plan->decides = fits;
+}
+
+/* The sample that many ticks ago. */
+static float recent(const an_fast *fast, uint32_t ticks)
+{
+    const float *end = fast->recent + fast->tick;
+    return fast->tick >= ticks ? *(end - ticks) : *(end + AN_PERIOD - ticks);
+}
+
+/* The envelope in the middle of the last samples. */
+static an_complex envelope(const an_watch_plan *plan, const an_fast *fast)
+{
+    an_complex tone = {0.0f, 0.0f};
+    for (uint32_t i = 0u; i < AN_WATCH_PAIRS; i++) {
+        const float after = recent(fast, (uint32_t)AN_WATCH_PAIRS - i);
+        const float before = recent(fast, (uint32_t)AN_WATCH_PAIRS + 1u + i);
+        tone.re += plan->cosine[i] * (after + before);
+        tone.im -= plan->sine[i] * (after - before);
+    }
+    const uint32_t middle = fast->phase - (uint32_t)AN_WATCH_PAIRS * fast->step - (fast->step >> 1);
+    return an_mul(tone, an_conj(an_sincos(middle)));
+}
+
+/* Nothing is left of the tone at any sample: where two modes' beat passes through zero, it is on its way there or back. */
+static bool is_still(const an_fast *fast, float size2)
+{
+    const float first = recent(fast, 1u);
+    float sum = 0.0f;
+    float squares = 0.0f;
+    for (uint32_t i = 2u; i <= AN_WATCH_TICKS; i++) {
+        const float x = recent(fast, i) - first;
+        sum += x;
+        squares += x * x;
+    }
+    return squares - sum * sum * (1.0f / (float)AN_WATCH_TICKS) <= AN_STILL2 * size2;
+}
+
+/* True when the plate would have had to come from where it was expected to the middle, further than any does: by
+ * |F| + 0.55 |U|, F what the drive does, from (|F| + 0.55 |U|)^2 <= 2 |F|^2 + 0.605 |U|^2. */
+static bool failed(const an_watch *watch, const an_fast *fast, an_complex now, an_complex given)
+{
+    const an_complex was = watch->seen[1];
+    const float size2 = an_abs2(was);
+    const float most2 = an_abs2(given) + an_abs2(watch->given[1]) + AN_OWN2 * size2;
+    const an_complex expected = an_add(was, an_scale(an_add(given, watch->given[1]), 0.5f));
+    if (an_abs2(now) <= AN_GONE2 * size2) {
+        return an_abs2(expected) > most2 && is_still(fast, size2);
+    }
+    return an_abs2(an_add(now, was)) <= AN_GONE2 * size2 && an_abs2(an_add(expected, was)) > most2;
+}
+
+bool an_watch_look(an_watch *watch, const an_watch_plan *plan, const an_fast *fast, float quiet)
+{
+    const an_complex now = envelope(plan, fast);
+    const an_complex given = an_mul(plan->push, fast->drive);
+    const float size2 = an_abs2(watch->seen[1]);
+    const bool decided = size2 > AN_LEAST2 && size2 > AN_QUIET * AN_FULL_SCALE2 * quiet &&
+                         size2 > AN_PEAK_SHARE2 * watch->peak && failed(watch, fast, now, given);
+    const float left = (1.0f - AN_FORGET) * watch->peak;
+    watch->peak = an_abs2(now) > left ? an_abs2(now) : left;
+    watch->seen[1] = watch->seen[0];
+    watch->seen[0] = now;
+    watch->given[1] = watch->given[0];
+    watch->given[0] = given;
+    return decided;
+}
+
+void an_watch_forget(an_watch *watch)
+{
+    an_clear(watch, sizeof *watch);
+}

@@ -1,0 +1,126 @@
+#include "an_six_watch.h"
+
+#include "an_clear.h"
+#include "an_complex.h"
+#include "an_sincos.h"
+
+#define AN_SIX_ALLOWED 0.2f /* of the tone's size: the distance of a sample that was foretold */
+#define AN_SIX_STILL 0.13f  /* of the size times the angle of a sample: what a sensor may move that stands still */
+#define AN_SIX_ENOUGH 0.5f  /* of the size: the sum of distances that decides */
+#define AN_SIX_MOVED 0.25f  /* of the size: the sum of movements that ought to have been */
+#define AN_SIX_LEAST 0.02f  /* of full scale: smaller tones tell nothing */
+#define AN_SIX_CLEAR 17.0f  /* times what was not foretold: fifty times the noise */
+#define AN_SIX_FORGET 0.9f /* of the roughness in a few samples */
+#define AN_SIX_LEVEL 0.5f   /* of a distance in the level of what rings */
+#define AN_SIX_SLOPE 0.15f  /* in its slope */
+
+enum {
+    RUN_LEAST = 3,
+    FEW = 8, /* samples */
+    TAKE_OVER = 2 * AN_SIX_GAP /* the tick for a new measurement: a sensor that failed in the window's last samples is found before */
+};
+
+void an_six_watch_forget(an_six_watch *watch)
+{
+    an_clear(watch, sizeof *watch);
+    for (uint32_t i = 0u; i < AN_SIX; i++) {
+        watch->traces[i].rough = 1.0f;
+    }
+}
+
+/* A hypothesis gathers what speaks for it as long as every sample fits it. */
+static bool gather(float *sum, bool fits, float more)
+{
+    *sum = fits ? *sum + more : 0.0f;
+    return fits;
+}
+
+static float larger(float a, float b)
+{
+    return a > b ? a : b;
+}
+
+/* What slower modes add, by level and slope; a sensor that may have failed is not followed. */
+static void follow(an_six_trace *trace, float distance, bool followed)
+{
+    trace->ringing += trace->slope;
+    if (followed) {
+        trace->ringing += AN_SIX_LEVEL * distance;
+        trace->slope += AN_SIX_SLOPE * distance;
+    }
+}
+
+static bool look(an_six_trace *trace, float shown, float tone, float angle)
+{
+    const float expected = tone + trace->ringing + trace->slope;
+    const float allowed = AN_SIX_ALLOWED * trace->size;
+    const float still = AN_SIX_STILL * angle * trace->size;
+    const float distance = shown - expected;
+    const float off = __builtin_fabsf(distance);
+    const bool sound = off <= allowed;
+    const float more = sound ? 0.0f : off;
+    const float moved = __builtin_fabsf(expected - trace->expected);
+    const bool gone = gather(&trace->gone, __builtin_fabsf(shown) <= allowed, more);
+    const bool reversed = gather(&trace->reversed, __builtin_fabsf(shown + expected) <= allowed, more);
+    const bool stuck = gather(&trace->stuck, __builtin_fabsf(shown - trace->shown) <= still, moved);
+    const bool fits = gone || reversed || stuck;
+    trace->run = fits ? trace->run + 1u : 0u;
+    if (sound) {
+        trace->off = larger(trace->off, off);
+    } else if (!fits) {
+        trace->rough = larger(trace->rough, off);
+    }
+    follow(trace, distance, sound || !fits);
+    trace->shown = shown;
+    trace->expected = expected;
+    const float enough = AN_SIX_ENOUGH * trace->size;
+    return trace->size > AN_SIX_LEAST && trace->size > AN_SIX_CLEAR * trace->rough && trace->run >= RUN_LEAST &&
+           (trace->gone > enough || trace->reversed > enough || trace->stuck > AN_SIX_MOVED * trace->size);
+}
+
+static float sample_of(an_complex tone, an_complex carrier)
+{
+    return tone.re * carrier.re - tone.im * carrier.im;
+}
+
+/* What was expected is from now on what the new measurement would have made it: a sensor did not move by that. */
+static void take_over(an_six_watch *watch, const an_six_slow *slow, an_complex carrier)
+{
+    for (uint32_t i = 0u; i < AN_SIX; i++) {
+        an_six_trace *trace = &watch->traces[i];
+        trace->expected += sample_of(an_sub(slow->measured[i], trace->tone), carrier);
+        trace->tone = slow->measured[i];
+        trace->size = an_abs(trace->tone);
+        trace->offset = slow->offset[i];
+    }
+}
+
+static void forget_slowly(an_six_watch *watch)
+{
+    for (uint32_t i = 0u; i < AN_SIX; i++) {
+        an_six_trace *trace = &watch->traces[i];
+        trace->rough = larger(AN_SIX_FORGET * trace->rough, trace->off_before);
+        trace->off_before = trace->off;
+        trace->off = 0.0f;
+    }
+}
+
+bool an_six_watch_look(an_six_watch *watch, const an_six_slow *slow, const an_six_fast *fast, const uint16_t *adc,
+                       uint32_t channels)
+{
+    const an_complex carrier = an_sincos(fast->phase - fast->step);
+    const float angle = (float)fast->step * AN_TURN_PER_LSB;
+    bool failed = false;
+    for (uint32_t i = 0u; i < channels; i++) {
+        an_six_trace *trace = &watch->traces[i];
+        const float level = (float)((int32_t)adc[i] - AN_SIX_ADC_MIDDLE) * (1.0f / (float)AN_SIX_ADC_MIDDLE);
+        failed = look(trace, level - trace->offset, sample_of(trace->tone, carrier), angle) || failed;
+    }
+    if (fast->tick % FEW == 0u) {
+        forget_slowly(watch);
+    }
+    if (fast->tick == TAKE_OVER) {
+        take_over(watch, slow, carrier);
+    }
+    return failed;
+}
