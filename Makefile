@@ -73,11 +73,13 @@ bench: $(READY)  ## error against run time
 docs: $(READY)  ## the documentation site, its pictures made anew where sources changed (minutes)
 	@$(BIN)/python docs/site/make_site.py
 
-release: docs  ## sdist, wheel, site, SBOM and checksums into dist/; nothing is published
+release: docs firmware  ## sdist, wheel, site, firmware, SBOM and checksums into dist/; nothing is published
 	@rm -rf dist
 	@SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct 2>/dev/null || echo 0) $(BIN)/python -m build --no-isolation --outdir dist .
 	@$(BIN)/cyclonedx-py environment --of JSON --output-reproducible --pyproject pyproject.toml -o dist/antinode.cdx.json $(BIN)/python
 	@tar --sort=name --owner=0 --group=0 --numeric-owner -C build/docs -czf dist/antinode-site.tar.gz site
+	@cd firmware/build && tar --sort=name --owner=0 --group=0 --numeric-owner -czf ../../dist/antinode-firmware.tar.gz \
+		$(foreach image,antinode antinode-six,$(image).elf $(image).bin $(image).map $(image).svd)
 	@cd dist && sha256sum * > SHA256SUMS && cat SHA256SUMS
 
 licences: $(READY)  ## docs/licences.md from the installed packages' own words

@@ -242,13 +242,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--image-stride", type=int, nargs=2, default=(101, 17), metavar=("ONE", "SIX"), help="on the images"
     )
+    parser.add_argument("--image-seconds", type=float, default=1.0, help="length of the run on the images")
     parser.add_argument("--write", action="store_true", help="put the table into docs/bring-up.md")
     chosen = parser.parse_args(arguments)
     rows: list[Row] = []
     lines = [HEAD, "|---" * 6 + "|"]
     print("\n".join(lines))
     try:
-        for result in (rig_rows(chosen.seconds, chosen.stride), board_rows(chosen.seconds, *chosen.image_stride)):
+        for result in (rig_rows(chosen.seconds, chosen.stride), board_rows(chosen.image_seconds, *chosen.image_stride)):
             for row in result:
                 print(row.text, flush=True)
                 rows.append(row)

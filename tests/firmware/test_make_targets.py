@@ -20,6 +20,7 @@ SINGLE, SIX = (
     [
         ("firmware", (SINGLE, f"{SIX} --variant six"), ("firmware.flash",)),
         ("flash", (SINGLE, "firmware.flash single"), ("six",)),
+        ("release", (SINGLE, f"{SIX} --variant six", "antinode.svd antinode-six.elf"), ("firmware.flash",)),
         ("flash-six", (f"{SIX} --variant six", "firmware.flash six"), ("mode_table.bin", "antinode export")),
     ],
 )

@@ -10,7 +10,7 @@ IDLE, IDENTIFY, RUN, FAULT = range(4)
 REST, DWELL, TRACK = range(3)
 NONE, TO_REST, MEASURE = range(3)
 NO_ORDER, START, STOP, CLEAR = range(4)
-LOOKS = 20000
+LOOKS = 25000
 
 
 @pytest.fixture

@@ -5,7 +5,10 @@
 #include "an_single.h"
 #include "board.h"
 #include "converters.h"
+#include "guard.h"
 #include "registers.h"
+
+_Static_assert((int)AN_WATCH_TICKS * (int)GUARD_RATE_HZ == (int)CONVERTERS_RATE_HZ, "a look of the guard each so many samples");
 
 static an_single app;
 static uint32_t slow_cycles;
