@@ -178,7 +178,11 @@ def break_one_of_six(board: Any, how: str) -> None:
 
 def sensor_kinds(broken: Callable[[Any, str], None]) -> dict[str, Break]:
     """A broken sensor of each kind."""
-    return {f"sensor {how}": lambda board, how=how: broken(board, how) for how in SENSORS}
+
+    def kind(how: str) -> Break:
+        return lambda board: broken(board, how)
+
+    return {f"sensor {how}": kind(how) for how in SENSORS}
 
 
 BOARD_KINDS: dict[str, Break] = {
