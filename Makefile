@@ -10,6 +10,7 @@ SIX_TABLE := firmware/generated/six_table.bin
 JOBS ?=
 EXTRAS ?= fast,firmware,client,dev,tables,uff,docs,release
 .DEFAULT_GOAL := help
+unexport PYTHONDONTWRITEBYTECODE  # sources are compiled once, not once a process
 .PHONY: help setup study test test-all check-gap firmware image-single image-six flash flash-six bench docs release licences clean
 
 help:  ## what the targets do

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Iterator
 from typing import Any
+
+import pytest
 
 from pipeline.workers import limit_threads
 
@@ -16,6 +19,16 @@ def pytest_configure() -> None:
     """Ctrl-C is heard: a shell's background job starts with it ignored, and so would every process started here."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="module")
+def coarsest_cells() -> Iterator[None]:
+    """Plates and cells on the fewest elements, for modules whose assertions hold on any mesh."""
+    from tests.helpers import coarse_cells
+
+    with pytest.MonkeyPatch.context() as patch:
+        coarse_cells.mesh_coarsest(patch)
+        yield
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:

@@ -164,4 +164,4 @@ class BeamSimulation:
 
 def adc_codes(levels: Floats) -> list[int]:
     """12-bit codes of levels in full scales, clipped at the ends."""
-    return np.clip(np.floor(levels * 2048.0 + 2048.5), 0, 4095).astype(int).tolist()
+    return [min(max(int(code), 0), 4095) for code in (levels * 2048.0 + 2048.5).tolist()]

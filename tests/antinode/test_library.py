@@ -16,6 +16,7 @@ import pytest
 import antinode
 from pipeline.cli.main import main
 
+pytestmark = pytest.mark.usefixtures("coarsest_cells")
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = ROOT / "examples" / "small.toml"
 NAMES = [

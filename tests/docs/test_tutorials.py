@@ -36,7 +36,7 @@ def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(line, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
 
 
-SLOW = {"how-many-rows", "own-pillar", "first-plate", "table-to-board"}  # up to most of a minute
+SLOW = {"how-many-rows", "own-pillar", "first-plate", "table-to-board", "own-measurement", "other-programs"}  # a minute
 PAGES = [
     pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in SLOW else [])
     for page in [*TUTORIALS, *OTHERS]
@@ -59,7 +59,7 @@ def test_a_tutorial_runs(page: Path, tmp_path: Path) -> None:
     assert set(ROOT.glob("*")) | set((ROOT / "examples").glob("*")) == before  # nothing is left behind
 
 
-@pytest.mark.parametrize("page", [page for page in TUTORIALS if commands(page)], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [page for page in [*TUTORIALS, *OTHERS] if commands(page)], ids=lambda page: page.stem)
 def test_every_command_of_a_tutorial_is_one_that_there_is(page: Path) -> None:
     """Its options too, and the case files that it names: quicker than running them."""
     for words in (shlex.split(line) for line in commands(page)):

@@ -9,6 +9,7 @@ from pipeline.models import unit_cell
 from pipeline.planning import mesh_rules
 
 COARSE = HexSettings(order=3, size_m=4e-3, layers=1, factor=0.15, pillar_size_m=6.3e-3)
+COARSEST = HexSettings(order=3, size_m=4e-3, layers=0, factor=0.15, pillar_size_m=6.3e-3)  # tells no error of its own
 
 
 class NoCache:
@@ -21,8 +22,13 @@ class NoCache:
         return None
 
 
-def put_in(patch: pytest.MonkeyPatch) -> None:
+def mesh_coarsest(patch: pytest.MonkeyPatch) -> None:
+    """Every panel of every plate on the fewest elements, and kept like any other."""
+    patch.setattr(mesh_rules, "cell_mesh", lambda design, level: COARSEST)
+
+
+def put_in(patch: pytest.MonkeyPatch, mesh: HexSettings = COARSE) -> None:
     """Every cell coarse and reduced anew."""
-    patch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: COARSE)
-    patch.setattr(mesh_rules, "cell_mesh", lambda design, level: COARSE)
+    patch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: mesh)
+    patch.setattr(mesh_rules, "cell_mesh", lambda design, level: mesh)
     patch.setattr(unit_cell, "CellCache", NoCache)

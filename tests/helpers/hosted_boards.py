@@ -138,7 +138,7 @@ class HostedSix(SixView, Hosted):
     def tick(self) -> None:
         """One sample period: sensors and drives together, then the interrupts, then the main loop, woken by any of them."""
         sensed = self.sense()
-        self.beam.drive((np.array(list(self.duties)) - self.middle) / self.swing)
+        self.beam.drive((np.array(list(self.duties), float) - self.middle) / self.swing)
         self.samples[0:CHANNELS] = adc_codes(sensed)
         self.lib.an_six_tick(self.fast, self.samples, self.duties)
         if self.history is not None:

@@ -11,6 +11,7 @@ import pytest
 from pipeline.cli.main import main
 from solvers.control.resonance import half_power_quality
 
+pytestmark = pytest.mark.usefixtures("coarsest_cells")
 CASE = """name = "small"
 material = "aluminium"
 [plate]

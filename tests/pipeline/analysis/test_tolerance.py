@@ -12,6 +12,7 @@ from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.errors import InputError
 
+pytestmark = pytest.mark.usefixtures("coarsest_cells")
 CASE = """name = "small"
 material = "aluminium"
 [plate]

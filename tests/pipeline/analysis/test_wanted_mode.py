@@ -13,9 +13,12 @@ from pipeline.analysis.modes import PartModes, solve_modes
 from pipeline.analysis.wanted_text import lines
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
+from pipeline.planning import mesh_rules
 from pipeline.planning.request import Request
+from tests.helpers import coarse_cells
 from tests.helpers.recording_log import RecordingLog
 
+pytestmark = pytest.mark.usefixtures("coarsest_cells")
 ROOT = Path(__file__).resolve().parents[3]
 SMALL = ROOT / "examples" / "small.toml"
 COARSE = ("solve.accuracy=0.05",)
@@ -76,7 +79,10 @@ def test_a_plate_without_the_wanted_shape_has_no_wanted_mode(capsys: pytest.Capt
     assert text["wanted"]["confinement_db"] is None and text["error_bar"] is None
 
 
-def test_the_document_names_the_wanted_mode_and_its_rivals(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_document_names_the_wanted_mode_and_its_rivals(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mesh_rules, "cell_mesh", lambda design, level: coarse_cells.COARSE)  # it tells its own error
     text = document("modes", str(SMALL), "--band", "30kHz:36kHz", "--symmetry", "SS", capsys=capsys)
     wanted = text["wanted"]
     own = next(mode for mode in text["modes"] if mode["frequency_hz"] == wanted["frequency_hz"])

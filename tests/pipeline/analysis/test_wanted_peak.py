@@ -12,6 +12,7 @@ from pipeline.cli.main import main
 from solvers.piezo.forced import Curve
 from solvers.piezo.peaks import Peak, curve_about, highest_hz, near_hz, peak_of
 
+pytestmark = pytest.mark.usefixtures("coarsest_cells")
 ROOT = Path(__file__).resolve().parents[3]
 PATCHED = ["--set", "patches={size_mm=[8.0,3.0,0.3]}", "--set", "solve.accuracy=0.05"]
 

@@ -21,6 +21,7 @@ from tests.helpers import coarse_cells
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import three_patches
 
+pytestmark = pytest.mark.usefixtures("coarsest_cells")
 SMALL = str(Path(__file__).resolve().parents[3] / "examples" / "small.toml")
 COARSE = ("--set", "solve.accuracy=0.1")
 BANDS = (*COARSE, "--set", "bands.points=1", "--set", "bands.count=8")

@@ -25,6 +25,7 @@ from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.point import point_response
 from tests.helpers.recording_log import RecordingLog
 
+pytestmark = pytest.mark.usefixtures("coarsest_cells")
 ROOT = Path(__file__).resolve().parents[3]
 SMALL = str(ROOT / "examples" / "small.toml")
 COARSE = ["solve.accuracy=0.1", "bands.points=3", "bands.count=7"]

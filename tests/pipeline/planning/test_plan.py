@@ -25,6 +25,7 @@ from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import coupled_classes
 from tests.helpers.recording_log import RecordingLog
 
+pytestmark = pytest.mark.usefixtures("coarsest_cells")
 ROOT = Path(__file__).resolve().parents[3]
 CASE = str(STUDIES / "three-rows.toml")
 SMALL = [

@@ -23,6 +23,7 @@ from pipeline.records.study import StoredCase
 from pipeline.records.surface_codec import folded, from_steps, in_steps, scaled, surface_arrays, touch_arrays, unfolded
 from solvers.fem.surface import Skin
 
+pytestmark = pytest.mark.usefixtures("coarsest_cells")
 CASE = str(STUDIES / "three-rows.toml")
 SMALL = [
     "zone.length_mm=40", "zone.nodal_lines=4", "zone.width_mm=16", "array.extension_mm=10", "solve.accuracy=0.05",

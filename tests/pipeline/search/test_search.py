@@ -227,7 +227,7 @@ def test_strips_are_calibrated_on_the_files_own_column(monkeypatch: pytest.Monke
 
 
 @pytest.fixture(scope="module")
-def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, dict, Path]:
+def searched(coarsest_cells: None, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, dict, Path]:
     """A small plate searched by all fidelities, and once more from the cache alone."""
     folder = tmp_path_factory.mktemp("search")
     documents = []

@@ -73,7 +73,7 @@ def without(one: Cell) -> Cell:
     return replace(one, stiffness=stiffness, mass=mass)
 
 
-@pytest.mark.parametrize("pair", [*PAIRS[:2], pytest.param(PAIRS[2], marks=pytest.mark.slow)])
+@pytest.mark.parametrize("pair", [PAIRS[0], *(pytest.param(pair, marks=pytest.mark.slow) for pair in PAIRS[1:])])
 def test_the_bar_holds_a_finer_computation_and_most_of_the_error_goes(pair: tuple[str, str]) -> None:
     coarse, fine = cell(*pair, 3), cell(*pair, 4)
     (_, bar), (_, own) = errors(coarse), errors(fine)

@@ -31,8 +31,8 @@ def lattice(
 ) -> Lattice:
     """A coarse cell with its pillar; a bare one with more degrees and modes, for its waves are the exact ones."""
     half = np.array(pitch) / 2.0
-    degrees, top_hz = (Interface(4, 3), 1e6) if foot else (Interface(7, 3), 3e6)
-    reduction = ReductionSettings(degrees, top_hz, HexSettings(3, 4e-3 if foot else 1e-3, 0, 0.2, 6.3e-3))
+    degrees, top_hz = (Interface(4, 3), 1e6) if foot else (Interface(6, 3), 1.8e6)
+    reduction = ReductionSettings(degrees, top_hz, HexSettings(3, 4e-3 if foot else 2e-3, 0, 0.2, 6.3e-3))
     return Lattice(Reductions(2e-3, ALUMINIUM, PILLAR, reduction).cell(Panel(tuple(-half), tuple(half), foot, halved)))
 
 
