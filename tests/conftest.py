@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
@@ -32,8 +33,9 @@ def coarsest_cells() -> Iterator[None]:
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """One line tells that pages were not looked at in a browser, and why."""
-    skipped = [report for report in terminalreporter.stats.get("skipped", ()) if "tests/browser" in report.nodeid]
-    if skipped:
-        reasons = sorted({str(report.longrepr[-1]).removeprefix("Skipped: ") for report in skipped})
-        terminalreporter.write_line(f"{len(skipped)} tests of pages in a browser were skipped: {'; '.join(reasons)}")
+    """One line tells how many tests this machine cannot run, and why."""
+    skipped = terminalreporter.stats.get("skipped", ())
+    reasons = Counter(str(report.longrepr[-1]).removeprefix("Skipped: ") for report in skipped)
+    if reasons:
+        told = "; ".join(f"{count} ({reason})" for reason, count in reasons.most_common())
+        terminalreporter.write_line(f"{len(skipped)} tests were skipped: {told}")

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from tests import conftest
 
 
-def test_skipped_browsers_are_told_in_one_line() -> None:
+def test_skipped_tests_are_told_in_one_line() -> None:
     lines: list[str] = []
     reports = [
         SimpleNamespace(
@@ -18,7 +18,7 @@ def test_skipped_browsers_are_told_in_one_line() -> None:
     other = SimpleNamespace(nodeid="tests/firmware/test_six.py::c", longrepr=("f.py", 3, "Skipped: no unicorn"))
     reporter = SimpleNamespace(stats={"skipped": [*reports, other]}, write_line=lines.append)
     conftest.pytest_terminal_summary(reporter)
-    assert lines == ["2 tests of pages in a browser were skipped: no Chromium"]
+    assert lines == ["3 tests were skipped: 2 (no Chromium); 1 (no unicorn)"]
     reporter.stats = {"passed": reports}
     conftest.pytest_terminal_summary(reporter)
     assert len(lines) == 1

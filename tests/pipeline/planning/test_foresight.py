@@ -192,7 +192,7 @@ def held(name: str) -> bool:
     return low * foreseen(name).memory_bytes < peak_bytes(name) < high * foreseen(name).memory_bytes
 
 
-@pytest.mark.parametrize("name", ["zone small", "plate small"])
+@pytest.mark.parametrize("name", ["zone small", pytest.param("plate small", marks=pytest.mark.slow)])
 def test_peaks_lie_where_they_are_foreseen(name: str) -> None:
     assert held(name)
 
