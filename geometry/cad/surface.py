@@ -92,7 +92,7 @@ class CadSurface:
         outer = ~np.array([face.inner for face in self.faces])[self.face_of]
         skin = PolyData.from_regular_faces(self.points, self.triangles[outer])
         return np.asarray(
-            PolyData(points).select_interior_points(skin, method="cell_locator")["selected_points"], dtype=bool
+            PolyData(points).select_interior_points(skin, method="signed_distance")["selected_points"], dtype=bool
         )
 
     @cached_property

@@ -267,6 +267,17 @@ def test_a_vertex_off_the_cad_is_refused(monkeypatch):
         tet_mesh(solids.cell_solid(design()), 1.5e-3, options=TetOptions(attempts=1))
 
 
+def test_every_point_is_inside_or_outside_as_the_boxes_say():
+    """One element taken for outside leaves a hole, and corners inside the body are given to its faces; rays through the
+    surface misjudge one point in 13,000 of this cell.
+    """
+    low, high = np.array([-2.0, -2.0, 0.0]), np.array([2.0, 2.0, 8.3])
+    points = np.random.default_rng(0).uniform(low, high, (400_000, 3))
+    in_pillar = (np.abs(points[:, :2]) < 1.0).all(axis=1)
+    surface = cad_surface(solids.cell_solid(design(material=BRASS)).shape, 0.1)
+    assert np.array_equal(surface.encloses(points), (points[:, 2] < 2.0) | in_pillar)
+
+
 @pytest.mark.parametrize(("loser", "gainer"), [("pillar", "plate"), ("plate", "pillar")])
 def test_a_part_that_has_not_its_volume_is_refused(loser, gainer):
     """A tenth of a part's elements counted to the other side of the bond is far beyond what is allowed of either."""
