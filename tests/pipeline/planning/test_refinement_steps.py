@@ -15,7 +15,6 @@ from pipeline.planning.request import Request
 from solvers.errors import SolverError
 from tests.helpers.recording_log import RecordingLog
 
-pytestmark = pytest.mark.usefixtures("coarsest_cells")
 BAND_HZ = (25e3, 45e3)
 
 
@@ -50,7 +49,7 @@ def climbs(log: RecordingLog) -> list[str]:
 
 @pytest.mark.usefixtures("too_low")
 def test_a_degree_too_low_is_raised_and_every_mode_comes_down() -> None:
-    low, kept = solved(0.15)
+    low, kept = solved(0.1)
     high, log = solved(0.01)
     assert climbs(log) and not climbs(kept)
     ours, theirs = ([row.frequency_hz for row in result.rows] for result in (high, low))
