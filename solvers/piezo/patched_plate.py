@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,11 +29,18 @@ UNDRIVEN = 1e-9  # of the largest load: a class below it is not driven
 
 @dataclass(frozen=True)
 class Group:
-    """Symmetry classes solved together: K, M, and the load of one volt on each patch, (dof, patches), scaled."""
+    """Symmetry classes solved together: the load of one volt on each patch, (dof, patches), scaled, and K and M as `join` makes
+    them, once they are asked for.
+    """
 
     plates: tuple[AssembledPlate, ...]
-    pencil: PlainPencil
+    join: Callable[[], PlainPencil]
     loads: FloatArray
+
+    @cached_property
+    def pencil(self) -> PlainPencil:
+        """K and M."""
+        return self.join()
 
     @property
     def symmetries(self) -> tuple[str, ...]:
@@ -86,21 +93,31 @@ class PatchedPlate:
         return np.array([bond.capacitance_f for bond in self.bonds])
 
     def _group(self, plates: list[AssembledPlate]) -> Group:
-        pencils = [plate.pencil() for plate in plates]
-        stiffness = sp.block_diag([p.stiffness for p in pencils], format="csc")
-        mass = sp.block_diag([p.mass for p in pencils], format="csc")
-        loads = []
-        for bond in self.bonds:
-            motion = sp.csr_array(sp.hstack([displacement_at(plate, bond.contact) for plate in plates], format="csr"))
+        motions = [
+            sp.csr_array(sp.hstack([displacement_at(plate, bond.contact) for plate in plates], format="csr"))
+            for bond in self.bonds
+        ]
+        loads = np.column_stack([motion.T @ bond.load for motion, bond in zip(motions, self.bonds, strict=True)])
+        return Group(tuple(plates), partial(self._pencil, plates, motions), loads)
+
+    def _pencil(self, plates: list[AssembledPlate], motions: list[sp.csr_array]) -> PlainPencil:
+        """K and M of the classes with the patches, which move with their bonded faces, (3 b, dof) each."""
+        pencils, places, stiff, heavy = [plate.pencil() for plate in plates], [], [], []
+        for bond, motion in zip(self.bonds, motions, strict=True):
             used = np.unique(motion.indices)
-            chosen, dense = sp.eye_array(motion.shape[1], format="csr")[used], motion[:, used].toarray()
-            added_k = sp.csr_array(dense.T @ bond.stiffness @ dense)
-            added_m = sp.csr_array(dense.T @ (bond.mass / self.scale.mass_kg) @ dense)
-            stiffness, mass = stiffness + chosen.T @ added_k @ chosen, mass + chosen.T @ added_m @ chosen
-            loads.append(motion.T @ bond.load)
+            dense = motion[:, used].toarray()
+            places.append(np.stack([np.repeat(used, len(used)), np.tile(used, len(used))]))
+            stiff.append((dense.T @ bond.stiffness @ dense).ravel())
+            heavy.append((dense.T @ bond.mass @ dense / self.scale.mass_kg).ravel())
+        where = np.concatenate(places, axis=1)
+
+        def joined(bare: list[sp.csc_array], bonded: list[FloatArray]) -> sp.csc_array:
+            whole = bare[0] if len(bare) == 1 else sp.block_diag(bare, format="csc")
+            return sp.csc_array(whole + sp.coo_array((np.concatenate(bonded), tuple(where)), shape=whole.shape).tocsc())
+
         rigid = sum(RIGID_OF_CLASS[plate.symmetry] for plate in plates)
-        pencil = PlainPencil(sp.csc_array(stiffness), sp.csc_array(mass), self.scale, rigid)
-        return Group(tuple(plates), pencil, np.column_stack(loads))
+        bare = [p.stiffness for p in pencils], [p.mass for p in pencils]
+        return PlainPencil(joined(bare[0], stiff), joined(bare[1], heavy), self.scale, rigid)
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ class PressedPlate:
 
     def _group(self, plate: AssembledPlate, design: Design, pressed: bool) -> Group:
         load = _pressure(plate, design) / self.stiffness_unit if pressed else np.zeros(plate.dof)
-        return Group((plate,), plate.pencil(), load[:, None])
+        return Group((plate,), plate.pencil, load[:, None])
 
 
 def _pressure(plate: AssembledPlate, design: Design) -> FloatArray:

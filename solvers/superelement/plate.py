@@ -24,6 +24,7 @@ from solvers.superelement.interface import SIDES, VERTICES, Interface
 from solvers.superelement.tiling import Signature, Tiling, signature
 
 WHOLE = ""  # no mirror: every panel is assembled
+DUST = 1e-14  # over sqrt(a_ii a_jj): what symmetry makes zero is left by rounding, and would fill the factor
 RIGID_OF_CLASS = {"SS": 1, "SA": 2, "AS": 2, "AA": 1, WHOLE: 6}
 
 
@@ -67,37 +68,28 @@ class AssembledPlate:
 
     def pencil(self) -> PlainPencil:
         """K and M of the class, per whole plate."""
-        stiffness = self._assembled(self.placed_cells, [p.cell.stiffness for p in self.placed_cells])
-        mass = self._assembled(self.placed_cells, [p.cell.mass for p in self.placed_cells])
+        stiffness, mass = self.of_cells(lambda cell: cell.stiffness), self.of_cells(lambda cell: cell.mass)
         return PlainPencil(stiffness, mass, self.placed_cells[0].cell.scale, RIGID_OF_CLASS[self.symmetry])
 
     def pillar_share(self, vectors: FloatArray) -> FloatArray:
         """Share of the pillars in the kinetic energy of M-orthonormal modes, (k,)."""
-        mass = self._assembled(self.placed_cells, [p.cell.pillar_mass for p in self.placed_cells])
+        mass = self.of_cells(lambda cell: cell.pillar_mass)
         return np.asarray(np.einsum("ik,ik->k", vectors, mass @ vectors))
 
     def of_cells(self, matrix: Callable[[Cell], FloatArray]) -> sp.csc_array:
-        """The cells' matrices (cell dof, cell dof) summed over the plate, (dof, dof); cells of zeros are passed over."""
-        known = {id(cell): matrix(cell) for cell in {id(p.cell): p.cell for p in self.placed_cells}.values()}
-        chosen = [p for p in self.placed_cells if known[id(p.cell)].any()]
-        return self._assembled(chosen, [known[id(p.cell)] for p in chosen])
-
-    def _assembled(self, chosen: list[PlacedCell], matrices: list[FloatArray]) -> sp.csc_array:
-        if not chosen:
-            return sp.csc_array((self.dof, self.dof))
+        """The cells' matrices (cell dof, cell dof) summed over the plate, (dof, dof), without entries of rounding alone."""
+        known = {id(cell): _entries(matrix(cell)) for cell in {id(p.cell): p.cell for p in self.placed_cells}.values()}
         rows, columns, values = [], [], []
-        for placed_cell, matrix in zip(chosen, matrices, strict=True):
-            live = np.flatnonzero(placed_cell.coefficient != 0.0)
-            weight = placed_cell.coefficient[live]
-            block = placed_cell.copies * matrix[np.ix_(live, live)] * np.outer(weight, weight)
-            place = placed_cell.unknown[live].astype(np.int32)
-            rows.append(np.repeat(place, len(live)))
-            columns.append(np.tile(place, len(live)))
-            values.append(block.ravel())
+        for placed_cell in self.placed_cells:
+            row, column, value = known[id(placed_cell.cell)]
+            place, weight = placed_cell.unknown.astype(np.int32), placed_cell.coefficient
+            weighted = placed_cell.copies * value * weight[row] * weight[column]
+            live = weighted != 0.0
+            rows.append(place[row[live]])
+            columns.append(place[column[live]])
+            values.append(weighted[live])
         where = (np.concatenate(rows), np.concatenate(columns))
-        matrix = sp.coo_array((np.concatenate(values), where), shape=(self.dof, self.dof)).tocsc()
-        matrix.sum_duplicates()
-        return matrix
+        return sp.coo_array((np.concatenate(values), where), shape=(self.dof, self.dof)).tocsc()
 
     def cell_vectors(self, placed_cell: PlacedCell, vectors: FloatArray) -> FloatArray:
         """A cell's degrees of freedom (cell dof, k) from the plate's (dof, k)."""
@@ -129,6 +121,13 @@ class AssembledPlate:
         if len({part.shape[1] for part in facets}) > 1:  # tetrahedra beside bare panels of hexahedra
             facets = [triangles(part) for part in facets]
         return Skin(np.concatenate(points), np.concatenate(facets), np.concatenate(values, axis=1))
+
+
+def _entries(matrix: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+    """Rows, columns and values of a cell's matrix, but for what rounding left of entries that symmetry makes zero."""
+    size = np.sqrt(np.abs(np.diag(matrix)))
+    row, column = np.nonzero(np.abs(matrix) > DUST * np.outer(size, size))
+    return row, column, matrix[row, column]
 
 
 def _fit(tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:

@@ -100,6 +100,13 @@ def test_a_bonded_body_has_the_modes_of_the_same_solid(box: np.ndarray) -> None:
     assert np.abs(mine / solid - 1.0).max() < 0.01
 
 
+def test_classes_that_no_patch_drives_are_not_assembled() -> None:
+    plate = patched(MIDDLE)
+    ForcedPlate(plate, DESIGN, Drive((0,), (), BAND_HZ, 100.0))
+    assembled = {group.symmetries[0]: "pencil" in vars(group) for group in plate.everything}
+    assert assembled == {symmetry: symmetry not in plate.undriven for symmetry in CLASSES} and plate.undriven
+
+
 def test_a_middle_patch_keeps_the_classes_apart_and_a_lopsided_one_couples_all() -> None:
     apart = coupled_classes([bonded_patch(PLAIN, MIDDLE[0], THICK_M, True)])
     assert sorted(map(len, apart)) == [1, 1, 1, 1]
