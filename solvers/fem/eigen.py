@@ -6,7 +6,7 @@ Every solve proves itself: residuals, M-orthonormality, and Sylvester's count at
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
 from typing import Protocol
@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
-from geometry.elements import FloatArray
+from geometry.elements import BoolArray, FloatArray, IntArray
 from solvers.errors import CountMismatch, SingularShift, SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.block_lanczos import Operator, block_lanczos, fits
@@ -30,6 +30,9 @@ RIGID = tuple(
 )  # shares of the pencil's norm ratio tried as the floor above rigid-body modes
 LOST = 0.02  # relative error of a frequency by rounding above which it is refused
 EPSILON = float(np.finfo(float).eps)
+FEW = (
+    6  # eigenpairs of a slice that cost less from the factor at its end, beside as many beyond it, than another factor
+)
 SLICE = 120  # eigenpairs a shift at most: Lanczos vectors and their orthogonalisation stay cheap
 # Relative moves of a shift at which a factorisation is refused: a count belongs to its frequency, a search may stand aside.
 COUNTED = (0.0, 3e-7, 1.8e-6, 8.1e-6, 3.2e-5, 1.2e-4)
@@ -99,6 +102,15 @@ class Count:
     below: int | None = None
 
 
+@dataclass
+class Shared:
+    """What solves of one pencil share: the symbolic analysis, the counts made so far, a factor of K where there is one."""
+
+    factorise: Factoriser = field(default_factory=Factoriser)
+    static: Factor | None = None
+    counts: dict[float, int] = field(default_factory=dict)
+
+
 @dataclass(frozen=True)
 class Modes:
     """Elastic modes in ascending order.
@@ -120,14 +132,13 @@ def modes_in_band(
     pencil: SymmetricPencil,
     low_hz: float,
     high_hz: float,
-    backend: str | Factoriser | None = None,
-    static: Factor | None = None,
+    backend: str | Shared | None = None,
 ) -> Modes:
     """Every elastic mode with low <= f <= high. Raises CountMismatch when the count does not close.
 
-    `static`: a factor of K itself, where there is one already; it serves a band that begins at 0.
+    `backend` names a factorisation or holds what earlier solves of the pencil found; its factor of K serves a band from 0.
     """
-    solver = _Solver(pencil, backend, static)
+    solver = _Solver(pencil, backend)
     scale = pencil.scale
     low, high = scale.eigenvalue(low_hz), scale.eigenvalue(high_hz)
     low = low if low > RIGID[0] * solver.norm_ratio else max(low, solver.rigid_limit)
@@ -136,7 +147,7 @@ def modes_in_band(
     return solver.proven(values, vectors, low, high, below_low)
 
 
-def modes_near(pencil: SymmetricPencil, near_hz: float, count: int, backend: str | None = None) -> Modes:
+def modes_near(pencil: SymmetricPencil, near_hz: float, count: int, backend: str | Shared | None = None) -> Modes:
     """The `count` elastic modes nearest to a frequency, clusters at the rim of the interval kept whole."""
     solver = _Solver(pencil, backend)
     target = pencil.scale.eigenvalue(near_hz)
@@ -228,9 +239,10 @@ def lowest_hz(pencil: SymmetricPencil, static: Factor) -> float:
     return float(pencil.scale.frequency(values)[0]) * (1.0 - 1e-6)
 
 
-def count_below(pencil: SymmetricPencil, frequency_hz: float) -> int:
+def count_below(pencil: SymmetricPencil, frequency_hz: float, factorise: Factoriser | None = None) -> int:
     """Eigenvalues below a frequency by Sylvester's law of inertia, rigid-body modes included."""
-    return _Solver(pencil, None).count_below(pencil.scale.eigenvalue(frequency_hz))
+    shared = Shared(factorise) if factorise else None
+    return _Solver(pencil, shared).count_below(pencil.scale.eigenvalue(frequency_hz))
 
 
 def _first_gap(values: FloatArray, size: int) -> int:
@@ -268,10 +280,11 @@ def _closed_interval(
 class _Solver:
     """Shift-invert solves of one pencil, sharing the symbolic analysis between shifts."""
 
-    def __init__(self, pencil: SymmetricPencil, backend: str | Factoriser | None, static: Factor | None = None) -> None:
-        self.pencil, self.static = pencil, static
-        self.factorise = backend if isinstance(backend, Factoriser) else Factoriser(backend)
-        self._counts: dict[float, int] = {}
+    def __init__(self, pencil: SymmetricPencil, backend: str | Shared | None) -> None:
+        self.pencil = pencil
+        self.shared = backend if isinstance(backend, Shared) else Shared(Factoriser(backend))
+        self._images: tuple[FloatArray, FloatArray, FloatArray] | None = None
+        self._at_end: tuple[Factor, float] | None = None
         self.factorisations = 0
         self.stiffness_norm = float(abs(pencil.stiffness).sum(axis=0).max())
         self.mass_norm = float(abs(pencil.mass).sum(axis=0).max())
@@ -306,7 +319,8 @@ class _Solver:
 
         def counted(matrix: sp.csc_array) -> Factor:
             self.factorisations += 1
-            return self.factorise(matrix)
+            self._at_end = None  # no two factors are held at once
+            return self.shared.factorise(matrix)
 
         return _factors_near(self.pencil, shift, counted, RIGID[0] * self.norm_ratio, moves)
 
@@ -316,9 +330,10 @@ class _Solver:
 
     def count_below(self, shift: float) -> int:
         """Eigenvalues below a shift, rigid ones included."""
-        if shift not in self._counts:
-            self._counts[shift] = self.factor(shift)[0].negative
-        return self._counts[shift]
+        if shift not in self.shared.counts:
+            self._at_end = self.factor(shift)
+            self.shared.counts[shift] = self._at_end[0].negative
+        return self.shared.counts[shift]
 
     def nearest(self, target: float, count: int) -> tuple[FloatArray, FloatArray]:
         """About `count` eigenpairs nearest to the target, ascending; no promise of completeness.
@@ -367,9 +382,25 @@ class _Solver:
 
         return deflated
 
+    def images(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """K x and M x, (dof, k) each; of the vectors asked for last they are kept, for many columns cost what a solve does."""
+        if self._images is None or self._images[0] is not vectors:
+            self._images = vectors, np.asarray(self.pencil.stiffness @ vectors), self.pencil.apply_mass(vectors)
+        return self._images[1:]
+
+    def _taken(self, vectors: FloatArray, which: IntArray | BoolArray) -> FloatArray:
+        """Columns of the vectors, their images with them."""
+        stiff, heavy = self.images(vectors)
+        self._images = vectors[:, which], stiff[:, which], heavy[:, which]
+        return self._images[0]
+
     def residual(self, values: FloatArray, vectors: FloatArray) -> FloatArray:
         """||K x - l M x|| / (||K|| ||x||) a pair, shape (k,)."""
-        return _residual(self.pencil, values, vectors, self.pencil.apply_mass(vectors), self.stiffness_norm)
+        if not len(values):
+            return np.empty(0)
+        stiff, heavy = self.images(vectors)
+        length = self.stiffness_norm * np.linalg.norm(vectors, axis=0)
+        return np.asarray(np.linalg.norm(stiff - heavy * values, axis=0) / length)
 
     def _krylov(self, solve: Operator, shift: float, count: int) -> tuple[FloatArray, FloatArray]:
         """`count` eigenpairs nearest to the shift, ascending, from a fixed start vector."""
@@ -394,8 +425,9 @@ class _Solver:
 
     def _quotients(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rayleigh quotients x'Kx / x'Mx and vectors, ascending: what a solve loses enters squared (parlett1998, chapter 4)."""
-        weight = np.einsum("ik,ik->k", vectors, self.pencil.apply_mass(vectors))
-        return _ascending(np.einsum("ik,ik->k", vectors, self.pencil.stiffness @ vectors) / weight, vectors)
+        stiff, heavy = (np.einsum("ik,ik->k", vectors, image) for image in self.images(vectors))
+        order = np.argsort(stiff / heavy, kind="stable")
+        return (stiff / heavy)[order], self._taken(vectors, order)
 
     def between(self, low: float, high: float, below_low: int, below_high: int) -> tuple[FloatArray, FloatArray]:
         """Every eigenpair in [low, high], by as many shifts as the number of pairs asks for."""
@@ -406,8 +438,10 @@ class _Solver:
             return self._halves(low, high, below_low, below_high)
         # half-way in lambda: the pairs nearest to the shift are then those of the band, not of what lies below it
         shifts = self.factors(0.5 * (low + high), SEARCHED)
-        if self.static is not None and below_low == 0:
-            shifts = chain([(self.static, 0.0)], shifts)
+        if self.shared.static is not None and below_low == 0:
+            shifts = chain([(self.shared.static, 0.0)], shifts)
+        elif expected <= FEW and (found := self._from_the_end(low, high, expected)):
+            return found
         for factor, shift in shifts:
             values, vectors = self._inside(factor.solve, shift, low, high, expected + max(4, expected // 10))
             for _ in range(3):
@@ -420,6 +454,15 @@ class _Solver:
             raise CountMismatch(self._mismatch(low, high, expected, len(values)))
         return values, vectors
 
+    def _from_the_end(self, low: float, high: float, expected: int) -> tuple[FloatArray, FloatArray] | None:
+        """The few pairs of a narrow interval by the factor that counted at its end; None where they are not all clean."""
+        if self._at_end is None:
+            return None
+        factor, shift = self._at_end
+        values, vectors = self._inside(factor.solve, shift, low, high, 2 * expected + 4)
+        clean = len(values) == expected and (self.residual(values, vectors) <= CLEAN).all()
+        return (values, vectors) if clean else None
+
     def _inside(
         self, solve: Operator, shift: float, low: float, high: float, count: int
     ) -> tuple[FloatArray, FloatArray]:
@@ -428,7 +471,7 @@ class _Solver:
         else:
             values, vectors = self.lanczos(solve, shift, count)
         keep = (values >= low) & (values <= high)
-        return values[keep], vectors[:, keep]
+        return values[keep], self._taken(vectors, keep)
 
     def _missing(
         self,
@@ -469,11 +512,10 @@ class _Solver:
     def proven(self, values: FloatArray, vectors: FloatArray, low: float, high: float, below_low: int) -> Modes:
         """Normalise, check residuals and orthonormality, and attach the count."""
         scale = self.pencil.scale
-        weighted = self.pencil.apply_mass(vectors)
-        length = np.sqrt(np.einsum("ik,ik->k", vectors, weighted)) if len(values) else np.empty(0)
-        vectors, weighted = vectors / length, weighted / length
-        residual = _residual(self.pencil, values, vectors, weighted, self.stiffness_norm)
-        gram = np.abs(vectors.T @ weighted - np.eye(len(values))).max(initial=0.0)
+        residual, heavy = self.residual(values, vectors), self.images(vectors)[1]
+        length = np.sqrt(np.einsum("ik,ik->k", vectors, heavy)) if len(values) else np.empty(0)
+        vectors, heavy, self._images = vectors / length, heavy / length, None
+        gram = np.abs(vectors.T @ heavy - np.eye(len(values))).max(initial=0.0)
         if residual.max(initial=0.0) > RESIDUAL or gram > ORTHONORMAL:
             raise SolverError(
                 f"residual {residual.max(initial=0.0):.1e} (allowed {RESIDUAL:.0e}), "
@@ -510,13 +552,3 @@ def _ascending(values: FloatArray, vectors: FloatArray) -> tuple[FloatArray, Flo
 def _middle(low: float, high: float) -> float:
     """The eigenvalue half-way in frequency."""
     return float(((np.sqrt(max(low, 0.0)) + np.sqrt(high)) / 2.0) ** 2)
-
-
-def _residual(
-    pencil: SymmetricPencil, values: FloatArray, vectors: FloatArray, weighted: FloatArray, norm: float
-) -> FloatArray:
-    """||K x - l M x|| / (||K|| ||x||) a pair, shape (k,)."""
-    if not len(values):
-        return np.empty(0)
-    defect = pencil.stiffness @ vectors - weighted * values
-    return np.asarray(np.linalg.norm(defect, axis=0) / (norm * np.linalg.norm(vectors, axis=0)))

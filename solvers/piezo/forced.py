@@ -9,7 +9,7 @@ or their charge (open).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -20,9 +20,8 @@ from geometry.layout import Design
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.coarser import largest
-from solvers.fem.eigen import factor_near, modes_in_band
-from solvers.fem.factor.factoriser import Factoriser
-from solvers.measures.confinement import measure
+from solvers.fem.eigen import Shared, factor_near, modes_in_band
+from solvers.measures.confinement import TouchField, measure
 from solvers.measures.wanted_mode import Verdict, verdict
 from solvers.piezo.patched_plate import Group
 from solvers.superelement.plate_error import by_mesh
@@ -123,7 +122,7 @@ class ForcedPlate:
     @cached_property
     def verdict(self) -> Verdict:
         """Which of the patched plate's modes is the wanted one, group after group (`solvers.measures.wanted_mode`)."""
-        parts = [self._measures(basis) for basis in self.modes]
+        parts = [self._measures(*each) for each in zip(self.modes, self._fields, self._grams, strict=True)]
         return verdict(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     @cached_property
@@ -148,17 +147,19 @@ class ForcedPlate:
         basis, index = self._wanted
         return in_phase_signs(basis.gain[index], self.drivers)
 
-    def _measures(self, basis: GroupModes) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _measures(
+        self, basis: GroupModes, fields: list[TouchField], grams: tuple[FloatArray, FloatArray]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Strength, zone share and MAC of a group's modes, (k,) each.
 
         Classes that the patches couple move together: the wanted class alone has a part in the shape, all have one in the rest.
         """
         count = len(basis.frequency_hz)
-        inside, outside = (np.diag(gram)[:count] for gram in touch_grams(basis, self.design))
+        inside, outside = (np.diag(gram)[:count] for gram in grams)
         strength = np.zeros(count)
-        fields = basis.group.touch(basis.columns[:, :count])
         for symmetry, field in zip(basis.group.symmetries, fields, strict=True):
-            strength += measure(field, self.design, symmetry or None).strength if count else 0.0
+            own = replace(field, values=field.values[:, :count])
+            strength += measure(own, self.design, symmetry or None).strength if count else 0.0
         per_area = self.design.material.density_kg_m3 * self.design.thickness_m / self.plate.scale.mass_kg
         whole = np.maximum(inside + outside, 1e-300)
         share = inside / whole if rms(inside, outside, self.design)[1] is not None else np.full(count, np.nan)
@@ -224,9 +225,14 @@ class ForcedPlate:
         return volts
 
     @cached_property
+    def _fields(self) -> list[list[TouchField]]:
+        """u_z of every column on the touch face, class by class in each group."""
+        return [basis.group.touch(basis.columns) for basis in self.modes]
+
+    @cached_property
     def _grams(self) -> list[tuple[FloatArray, FloatArray]]:
         """Integrals of u_z^2 over the active and the passive touch face, per pair of columns."""
-        return [touch_grams(basis, self.design) for basis in self.modes]
+        return [touch_grams(fields, self.design) for fields in self._fields]
 
     def curve(self, frequency_hz: FloatArray) -> Curve:
         """Response at frequencies in Hz."""
@@ -247,11 +253,10 @@ class ForcedPlate:
         eigenvalue = self.plate.scale.eigenvalue(frequency_hz)
         volts = self.volts(eigenvalue)
         parts = []
-        for basis in self.modes:
-            motion = basis.columns @ basis.amplitudes(eigenvalue, self.loss, volts)
-            fields = basis.group.touch(np.column_stack([motion.real, motion.imag]))
+        for basis, fields in zip(self.modes, self._fields, strict=True):
+            amplitudes = basis.amplitudes(eigenvalue, self.loss, volts)
             for symmetry, field in zip(basis.group.symmetries, fields, strict=True):
-                parts.append(_unfolded(field.points, field.values @ np.array([1.0, 1j]), symmetry))
+                parts.append(_unfolded(field.points, field.values @ amplitudes, symmetry))
         return parts[0][0], np.asarray(sum(values for _, values in parts))
 
 
@@ -269,11 +274,11 @@ def rms(zone_m4: FloatArray, passive_m4: FloatArray, design: Design) -> tuple[Fl
     return np.sqrt(zone_m4 / active), np.sqrt(passive_m4 / passive) if passive > 1e-9 * active else None
 
 
-def touch_grams(basis: GroupModes, design: Design) -> tuple[FloatArray, FloatArray]:
+def touch_grams(fields: list[TouchField], design: Design) -> tuple[FloatArray, FloatArray]:
     """Integrals of u_z^2 over the active and the passive touch face per pair of columns, (columns, columns) each."""
-    inside = np.zeros((basis.columns.shape[1],) * 2)
+    inside = np.zeros((fields[0].values.shape[1],) * 2)
     outside = inside.copy()
-    for field in basis.group.touch(basis.columns):
+    for field in fields:
         active = np.abs(field.points[:, 1]) < design.width_m / 2.0
         for gram, part in ((inside, active), (outside, ~active)):
             gram += field.values[part].T @ (field.weights[part, None] * field.values[part])
@@ -292,14 +297,14 @@ def _unfolded(points: FloatArray, values: ComplexArray, symmetry: str) -> tuple[
 def group_modes(group: Group, band_hz: tuple[float, float], margin: tuple[float, float]) -> GroupModes:
     """Modes of a group within the band widened by the margin, and its residual vectors about the band's middle."""
     scale = group.pencil.scale
-    factorise = Factoriser()
-    modes = modes_in_band(group.pencil, margin[0] * band_hz[0], margin[1] * band_hz[1], factorise)
+    shared = Shared()
+    modes = modes_in_band(group.pencil, margin[0] * band_hz[0], margin[1] * band_hz[1], shared)
     values = scale.eigenvalue(1.0) * modes.frequency_hz**2
     gain = modes.vectors.T @ group.loads
     middle = scale.eigenvalue(0.5 * (band_hz[0] + band_hz[1]))
     while len(values) and np.abs(values / middle - 1.0).min() < 1e-6:
         middle *= 1.0 + 3e-6
-    factor, middle = factor_near(group.pencil, middle, factorise)
+    factor, middle = factor_near(group.pencil, middle, shared.factorise)
     residual = factor.solve(group.loads) - modes.vectors @ (gain / (values - middle)[:, None])
     slope = factor.solve(group.pencil.apply_mass(residual))
     columns = np.hstack([modes.vectors, residual, slope])

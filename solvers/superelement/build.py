@@ -19,6 +19,7 @@ from geometry.mesh import Mesh, check_mesh
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.coarser import Shares, rim_shares
 from solvers.fem.eigen import PlainPencil, SymmetricPencil
+from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
@@ -220,10 +221,15 @@ class PlateModel:
         return mode_errors(self.assembled(symmetry), pencil, vectors)
 
     def more_below(
-        self, symmetry: str | None, pencil: SymmetricPencil, edge_hz: float, reduced: int | None = None
+        self,
+        symmetry: str | None,
+        pencil: SymmetricPencil,
+        edge_hz: float,
+        reduced: int | None = None,
+        factorise: Factoriser | None = None,
     ) -> int | None:
         """How many more modes the meshes have at most below a frequency than the class's pencil; None without a bound."""
-        return more_below(self.assembled(symmetry), pencil, edge_hz, reduced)
+        return more_below(self.assembled(symmetry), pencil, edge_hz, reduced, factorise)
 
     def touch(self, symmetry: str | None, vectors: FloatArray) -> TouchField:
         """u_z on the touch face."""

@@ -21,7 +21,7 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System
 from solvers.fem.coarser import Shares
 from solvers.fem.constraints import Pencil, constrain, free_mask, rigid_body_modes
-from solvers.fem.eigen import Modes, SymmetricPencil, lowest_hz, modes_in_band
+from solvers.fem.eigen import Modes, Shared, SymmetricPencil, lowest_hz, modes_in_band
 from solvers.fem.factor.factoriser import Factor, Factoriser
 from solvers.fem.surface import face_quadrature, skin_faces
 from solvers.superelement.diagonal import DiagonalSector, diagonal_mirror
@@ -246,12 +246,15 @@ class CellBuilder:
             part,
         )
 
-    def classes(self, top_hz: float) -> list[SymmetryClass]:
-        """Every symmetry class reduced; where x and y are alike, the class (-, +) is (+, -) turned over."""
+    def classes(self, top_hz: float, bounded: bool = True) -> list[SymmetryClass]:
+        """Every symmetry class reduced; where x and y are alike, the class (-, +) is (+, -) turned over.
+
+        bounded: with what bounds the modes left out, which a mesh that only tells another one's error does not need.
+        """
         classes = list(product((1, -1), repeat=len(self.halved)))
         turned = {(-1, 1)} if self.diagonal is not None else set()
         wanted = [signs for signs in classes if signs not in turned]
-        parts = {signs: self.reduce(dict(zip(self.halved, signs, strict=True)), top_hz) for signs in wanted}
+        parts = {signs: self.reduce(dict(zip(self.halved, signs, strict=True)), top_hz, bounded) for signs in wanted}
         return [parts[signs] if signs in parts else self.swapped(parts[signs[::-1]]) for signs in classes]
 
     def _inside(self, signs: dict[int, int]) -> BoolArray:
@@ -281,15 +284,17 @@ class CellBuilder:
         shapes[keep] = -factor.solve(self._pull(shapes)[keep])
         return ClampedBoundaryClass(basis, shapes, keep, pencil, factorise, factor)
 
-    def reduce(self, signs: dict[int, int], top_hz: float) -> SymmetryClass:
+    def reduce(self, signs: dict[int, int], top_hz: float, bounded: bool = True) -> SymmetryClass:
         """Constraint shapes and fixed-interface modes of one symmetry class, by halves where x and y are alike in it."""
         if self.diagonal is not None and signs[0] == signs[1]:
-            return self._by_halves(signs, top_hz)
+            return self._by_halves(signs, top_hz, bounded)
         clamped = self.hold(signs)
-        modes = modes_in_band(clamped.pencil, 0.0, top_hz, clamped.factorise, clamped.factor)
+        modes = modes_in_band(clamped.pencil, 0.0, top_hz, Shared(clamped.factorise, clamped.factor))
         fixed = clamped.pencil.expand(modes.vectors).reshape(len(clamped.shapes), -1)
-        dropped = _dropped_hz(clamped.pencil, modes, top_hz, clamped.factor)
-        flexible = _flexibility(self._pushed(clamped.shapes)[clamped.keep], clamped.factor)
+        dropped, flexible = top_hz, np.zeros((clamped.basis.shape[1],) * 2)
+        if bounded:
+            dropped = _dropped_hz(clamped.pencil, modes, top_hz, clamped.factor)
+            flexible = _flexibility(self._pushed(clamped.shapes)[clamped.keep], clamped.factor)
         return SymmetryClass(
             signs, clamped.basis, np.hstack([clamped.shapes, fixed]), modes.frequency_hz, dropped, flexible
         )
@@ -299,7 +304,7 @@ class CellBuilder:
         nodes = len(self.system.mesh.nodes)
         return np.asarray(self.system.mass @ shapes.reshape(nodes, -1)).reshape(shapes.shape)
 
-    def _by_halves(self, signs: dict[int, int], top_hz: float) -> SymmetryClass:
+    def _by_halves(self, signs: dict[int, int], top_hz: float, bounded: bool) -> SymmetryClass:
         """The same from what the mirror x <-> y leaves alone and what it turns over, each of half the size."""
         assert self.diagonal is not None
         inside, bases, shapes, fixed, fixed_hz, dropped = self._inside(signs), [], [], [], [], []
@@ -310,11 +315,12 @@ class CellBuilder:
             boundary = self._at_boundary(bases[-1])
             factorise, factor = _static(half.pencil)
             shapes.append(boundary - half.spread(factor.solve(half.gathered(self._pull(boundary)))))
-            modes = modes_in_band(half.pencil, 0.0, top_hz, factorise, factor)
+            modes = modes_in_band(half.pencil, 0.0, top_hz, Shared(factorise, factor))
             fixed.append(half.spread(modes.vectors))
             fixed_hz.append(modes.frequency_hz)
-            dropped.append(_dropped_hz(half.pencil, modes, top_hz, factor))
-            flexible.append(_flexibility(half.gathered(self._pushed(shapes[-1])), factor))
+            dropped.append(_dropped_hz(half.pencil, modes, top_hz, factor) if bounded else top_hz)
+            pushed = half.gathered(self._pushed(shapes[-1])) if bounded else np.zeros((half.pencil.dof, 0))
+            flexible.append(_flexibility(pushed, factor) if bounded else np.zeros((bases[-1].shape[1],) * 2))
         order = np.argsort(np.concatenate(fixed_hz), kind="stable")
         whole = np.hstack([*shapes, np.hstack(fixed)[:, order]])
         return SymmetryClass(

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import cKDTree
 
 from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.mesh import Mesh
@@ -38,6 +37,8 @@ def diagonal_mirror(system: System) -> IntArray | None:
 
 def diagonal_image(mesh: Mesh) -> IntArray | None:
     """Image of every node under (x, y, z) -> (y, x, z), shape (n,), or None where nodes do not fall on nodes."""
+    from scipy.spatial import cKDTree  # slow to import, and a cell from the cache needs none
+
     nodes = mesh.nodes
     distance, image = cKDTree(nodes).query(nodes[:, [1, 0, 2]])
     if distance.max() > SAME * np.abs(nodes).max() or len(np.unique(image)) != len(image):

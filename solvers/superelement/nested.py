@@ -69,7 +69,7 @@ def _change(
     """What a coarser mesh adds to K_r and M_r, (dof, dof) each."""
     stiffness, mass = np.zeros_like(cell.stiffness), np.zeros_like(cell.mass)
     known: dict[int, list[FloatArray]] = {}
-    others = nested.builder.classes(top_hz)
+    others = nested.builder.classes(top_hz, bounded=False)
     for part, other, place in zip(parts, others, fine.places(parts, cell.dof), strict=True):
         key = id(part.turned or part)
         if key not in known:

@@ -21,6 +21,7 @@ import numpy as np
 from geometry.elements import BoolArray, FloatArray, IntArray
 from solvers.fem.coarser import SMOOTH
 from solvers.fem.eigen import PlainPencil, SymmetricPencil, count_below
+from solvers.fem.factor.factoriser import Factoriser
 from solvers.superelement.cell import Cell
 from solvers.superelement.plate import AssembledPlate
 
@@ -116,11 +117,16 @@ def _last_bubbles(cell: Cell) -> IntArray:
 
 
 def more_below(
-    plate: AssembledPlate, pencil: SymmetricPencil, edge_hz: float, reduced: int | None = None
+    plate: AssembledPlate,
+    pencil: SymmetricPencil,
+    edge_hz: float,
+    reduced: int | None = None,
+    factorise: Factoriser | None = None,
 ) -> int | None:
     """How many more modes the assembled meshes have at most below a frequency than the reduced pencil; None without a bound.
 
-    `reduced`: the reduced pencil's own count there, rigid-body modes included, where it is known already.
+    `reduced`: the reduced pencil's own count there, rigid-body modes included, where it is known already; `factorise` shares
+    the symbolic analysis of the pencil's earlier solves.
     """
     value = pencil.scale.eigenvalue(edge_hz)
     if not all(np.isfinite(placed_cell.cell.growth(value)) for placed_cell in plate.placed_cells):
@@ -132,5 +138,5 @@ def more_below(
     softer = PlainPencil(
         (pencil.stiffness - plate.of_cells(lost)).tocsc(), pencil.mass, pencil.scale, pencil.rigid_count
     )
-    own = count_below(pencil, edge_hz) if reduced is None else reduced
-    return count_below(softer, edge_hz) - own
+    own = count_below(pencil, edge_hz, factorise) if reduced is None else reduced
+    return count_below(softer, edge_hz, factorise) - own

@@ -38,7 +38,7 @@ class PlateSpace:
         ]
         self.stiffness, self.mass = (scipy.linalg.block_diag(*parts) for parts in zip(*projected, strict=True))
         self.loads = np.vstack([basis.columns.T @ basis.group.loads for basis in bases])
-        pairs = [touch_grams(basis, forced.design) for basis in bases]
+        pairs = [touch_grams(basis.group.touch(basis.columns), forced.design) for basis in bases]
         self.inside, self.outside = (scipy.linalg.block_diag(*parts) for parts in zip(*pairs, strict=True))
 
     def changed(self, stiffness: FloatArray, mass: FloatArray, kept: IntArray | None = None) -> ChangedPlate:

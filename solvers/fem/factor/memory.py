@@ -17,6 +17,7 @@ GROUP_FILES = (  # limit and use in a control group's folder, versions 2 and 1
     ("memory.max", "memory.current"),
     ("memory.limit_in_bytes", "memory.usage_in_bytes"),
 )
+SLIGHT_BYTES = 32e6  # that much is always there: asking the machine takes longer than a small factorisation
 STATED = "ANTINODE_MEMORY_GIB"  # what may be taken, stated by the user instead of measured
 
 
@@ -85,6 +86,8 @@ def memory_text(fault: MemoryError, doing: str = "") -> str:
 
 def foresee(needed_bytes: float, dofs: int) -> int:
     """The estimate itself, B; TooLarge, with the estimate and what to do, for what would not fit into memory."""
+    if needed_bytes < SLIGHT_BYTES and STATED not in os.environ:
+        return int(needed_bytes)
     room = room_bytes()
     if needed_bytes > room:
         raise TooLarge(

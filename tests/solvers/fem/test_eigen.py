@@ -11,7 +11,7 @@ from solvers.errors import CountMismatch, SolverError
 from solvers.fem import eigen
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.constraints import Pencil, constrain, free_mask
-from solvers.fem.eigen import PlainPencil, lowest_values, modes_in_band, modes_near
+from solvers.fem.eigen import PlainPencil, Shared, lowest_values, modes_in_band, modes_near
 from solvers.fem.factor.factoriser import Factoriser, available
 from tests.helpers import small_meshes as small
 
@@ -58,6 +58,18 @@ def test_the_nearest_modes_are_those_of_dense_algebra(count: int) -> None:
     nearest = np.sort(truth[np.argsort(np.abs(truth - aim))[:count]])
     assert np.allclose(modes.frequency_hz, nearest, rtol=1e-9)
     assert modes.count.expected == modes.count.found == count
+
+
+def test_a_few_modes_are_found_by_a_factor_that_counts() -> None:
+    """Two counts close a narrow window; its modes come from the second one's factor, and the next window from its own count."""
+    body, shared = pencil(("touch",)), Shared()
+    truth = dense(body)
+    ends = [(truth[i] + truth[i + 1]) / 2.0 for i in (3, 6, 8)]
+    first = modes_in_band(body, ends[0], ends[1], shared)
+    second = modes_in_band(body, ends[1], ends[2], shared)
+    assert (first.factorisations, second.factorisations) == (2, 1)
+    assert np.allclose([*first.frequency_hz, *second.frequency_hz], truth[4:9], rtol=1e-9)
+    assert (first.count.expected, second.count.expected, second.count.below) == (3, 2, 7)
 
 
 def test_vectors_are_orthonormal_and_meet_the_equation() -> None:
