@@ -13,7 +13,7 @@ from geometry.elements import IntArray
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.models.unit_cell import bare_cell, lattice_model
+from pipeline.models.unit_cell import LatticeModel, bare_cell, lattice_model
 from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.model_choice import SOLID, cell_model_choice
 from pipeline.planning.request import driven_band_hz
@@ -28,7 +28,7 @@ from pipeline.records.record import (
 from solvers.measures.levels import CONFINED_DB
 from solvers.threads import one_thread
 from solvers.waves.brillouin import path_through
-from solvers.waves.evanescent import Row, RowWaves
+from solvers.waves.evanescent import Row, RowStiffness, RowWaves
 from solvers.waves.polarisation import label_of
 from solvers.waves.scattering import scatter, stacked
 
@@ -51,8 +51,12 @@ def solve(
     band_hz: tuple[float, float] | None = None,
     kx_per_m: float | None = None,
     points: int = POINTS,
+    model: LatticeModel | None = None,
 ) -> Attenuation:
-    """Complex bands of the case. InputError for a wavenumber beyond the zone's edge or a case without pillar or pitch."""
+    """Complex bands of the case. InputError for a wavenumber beyond the zone's edge or a case without pillar or pitch.
+
+    model: the reduced cell of the case's bands, where there is one already.
+    """
     case.require("plate", "array.pitch_mm", "pillar", command="attenuation")
     if kx_per_m is None:
         case.require("zone", command="attenuation without --kx")
@@ -64,8 +68,9 @@ def solve(
     low, high = driven_band_hz(case, band_hz)
     foresight.announce("attenuation across the rows", foresight.of_attenuation(case, choice, points), log)
     meshes: list[MeshRecord] = []
-    path = path_through(case.bands.path, 1, case.design.pitch_x_m, case.design.pitch_y_m)
-    model = lattice_model(case, choice, path.wavevectors[[segment.last for segment in path.segments]], log, meshes)
+    if model is None:
+        path = path_through(case.bands.path, 1, case.design.pitch_x_m, case.design.pitch_y_m)
+        model = lattice_model(case, choice, path.wavevectors[[segment.last for segment in path.segments]], log, meshes)
     cell = model.lattice.cell  # the one that the bands use: reduced once for both
     row, bare = Row(cell, kx), Row(bare_cell(case, cell.interface, log), kx)
     rows = case.design.rows
@@ -98,7 +103,7 @@ def _point(row: Row, bare: Row, rows: int, frequency_hz: float) -> AttenuationPo
     kept = np.flatnonzero(row_waves.db_per_row <= STEEPEST_DB)
     waves = tuple(_described(row, row_waves, kept))
     flexural = [wave.db_per_row for wave in waves if wave.polarisation == "flexural"]
-    transmission = _transmission(row, bare, rows, frequency_hz) if rows else None
+    transmission = _transmission(row_waves.stiffness, bare, rows, frequency_hz) if rows else None
     return AttenuationPoint(
         frequency_hz=frequency_hz, waves=waves, db_per_row=min(flexural, default=None), through_rows=transmission
     )
@@ -120,7 +125,7 @@ def _described(row: Row, row_waves: RowWaves, kept: Any) -> list[WaveRecord]:
     return waves
 
 
-def _transmission(row: Row, bare: Row, rows: int, frequency_hz: float) -> ThroughRows | None:
+def _transmission(stiffness: RowStiffness, bare: Row, rows: int, frequency_hz: float) -> ThroughRows | None:
     """Shares of the incoming flexural wave's power by polarisation; None where the bare plate carries no such wave at
     this kx.
     """
@@ -132,7 +137,6 @@ def _transmission(row: Row, bare: Row, rows: int, frequency_hz: float) -> Throug
     if "flexural" not in labels:
         return None
     incoming = int(going[labels.index("flexural")])
-    stiffness, _ = row.condensed(frequency_hz)
     scattered = scatter(stacked(stiffness, rows), half, bare.mirror_sign, incoming)
     transmitted = dict.fromkeys(("flexural", "shear", "longitudinal"), 0.0)
     for name, share in zip(labels, scattered.transmitted, strict=True):

@@ -62,8 +62,8 @@ class Detail:
     parity: list[list[str]]
     branch: IntArray
     velocity: FloatArray
-    directional_gaps: list[DirectionalGap]
-    polarisation_gaps: list[PolarisationGap]
+    directional_gaps: list[DirectionalGap] | None
+    polarisation_gaps: list[PolarisationGap] | None
     reduction_error: float
     by_mesh: MeshErrors
 
@@ -80,11 +80,9 @@ class Detail:
     @property
     def path(self) -> dict[str, Any]:
         """The fields of the whole path."""
-        return {
-            "reduction_error": self.reduction_error,
-            "directional_gaps": [vars(gap) for gap in self.directional_gaps],
-            "polarisation_gaps": [vars(gap) for gap in self.polarisation_gaps],
-        }
+        gaps = {"directional_gaps": self.directional_gaps, "polarisation_gaps": self.polarisation_gaps}
+        asked = {name: [vars(gap) for gap in found] for name, found in gaps.items() if found is not None}
+        return {"reduction_error": self.reduction_error, **asked}
 
 
 @dataclass(frozen=True)
@@ -101,6 +99,7 @@ class Bands:
     zone_gaps: list[BrillouinZoneGap] | None = None
     shapes: dict[str, Any] = field(default_factory=dict)
     expected_error: float | None = None
+    lattice: LatticeModel | None = None  # where the cell was reduced
 
     @property
     def by_mesh(self) -> FloatArray:
@@ -143,8 +142,11 @@ def _pair(pair: FloatArray) -> list[float] | None:
     return None if np.isnan(pair).any() else [float(f"{value:.{DIGITS}g}") for value in pair]
 
 
-def solve_bands(case: Case, log: Log, shapes: bool = False) -> Bands:
-    """Compute all bands of the case at every wavevector of its path, and where asked the waves' shapes for a page."""
+def solve_bands(case: Case, log: Log, shapes: bool = False, every_gap: bool = True) -> Bands:
+    """Compute all bands of the case at every wavevector of its path, and where asked the waves' shapes for a page.
+
+    every_gap: those of a direction or a polarisation alone, too, which stand in documents and nowhere else.
+    """
     _check(case)
     design, settings, choice = case.design, case.bands, cell_model_choice(case)
     path = path_through(settings.path, settings.points, design.pitch_x_m, design.pitch_y_m)
@@ -152,7 +154,8 @@ def solve_bands(case: Case, log: Log, shapes: bool = False) -> Bands:
     simplifications.log_all((*choice.left_out, border), log)
     solved = len(path.wavevectors) if choice.model == SOLID else len(path.finer(_finer(case)).wavevectors)
     foresight.announce("bands of the unit cell", foresight.of_bands(case, choice, solved), log)
-    bands = _full(case, choice, path, log) if choice.model == SOLID else _reduced(case, choice, path, log, shapes)
+    whole = choice.model == SOLID
+    bands = _full(case, choice, path, log) if whole else _reduced(case, choice, path, log, shapes, every_gap)
     if bands.gaps and not (border or settings.grid):
         log.warning(
             "PATH",
@@ -214,7 +217,7 @@ def _each_once(wavevectors: FloatArray, count: int, frequencies: Frequencies) ->
     return np.array([known[float(k[0]), float(k[1])] for k in wavevectors])
 
 
-def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool) -> Bands:
+def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool, every_gap: bool) -> Bands:
     """Solve the reduced cell: branches are followed on a refined path, gaps are searched between the samples, too."""
     meshes: list[MeshRecord] = []
     corners = path.wavevectors[[segment.last for segment in path.segments]]
@@ -229,18 +232,19 @@ def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool
         branches = follow(solved, fine.wavevectors)
     with log.step("gaps"):
         labels, lines = labels_along(solved, branches), path_lines(solved, fine)
-        gaps, along_segments = path_gaps(lines), directional_gaps(fine, lines)
-        polarised = polarisation_gaps(solved, branches, labels)
+        gaps = path_gaps(lines)
+        along_segments = directional_gaps(fine, lines) if every_gap else None
+        polarised = polarisation_gaps(solved, branches, labels) if every_gap else None
     rows = np.array([waves.frequency_hz[:count] for waves in branches.waves])[::factor]
     detail = _detail(model, branches, labels, factor, count, along_segments, polarised)
     zone = _over_the_zone(case, model, solved, gaps, log) if case.bands.grid else None
     moved = wave_shapes(model.lattice, path, count) if shapes else {}
-    return Bands(model.name, model.lattice.dof, path, rows, gaps, meshes, detail, zone, moved)
+    return Bands(model.name, model.lattice.dof, path, rows, gaps, meshes, detail, zone, moved, lattice=model)
 
 
 def _detail(
     model: LatticeModel, branches: Branches, labels: list[list[Label]], factor: int, count: int,
-    along_segments: list[DirectionalGap], polarised: list[PolarisationGap],
+    along_segments: list[DirectionalGap] | None, polarised: list[PolarisationGap] | None,
 ) -> Detail:  # fmt: skip
     """Labels, parity, branches and group velocities at the wavevectors asked for."""
     mirrors, waves = Mirrors(model.lattice.cell), branches.waves[::factor]

@@ -116,7 +116,7 @@ def bands(arguments: Namespace) -> int:
         return _explained(arguments, "of_bands", case)
     from pipeline.analysis.bands import solve_bands
 
-    record = solve_bands(case, log).record
+    record = solve_bands(case, log, every_gap=bool(arguments.json or arguments.out)).record
     count = len(record.points[0].frequencies_hz)
     head = ("label", "kx_per_m", "ky_per_m", *(f"band_{n}_hz" for n in range(1, count + 1)))
     rows = [[point.label, point.kx_per_m, point.ky_per_m, *point.frequencies_hz] for point in record.points]

@@ -62,7 +62,7 @@ def _of_case(place: Path, solve: bool, quiet: bool) -> Flat:
         quantities["wanted"] = {key: value for key, value in wanted.items() if not isinstance(value, list)}
         if "array.pitch_mm" in case.given:
             quantities["gaps"] = {
-                f"{gap.lower_band}-{gap.upper_band}": vars(gap) for gap in solve_bands(case, log).gaps
+                f"{gap.lower_band}-{gap.upper_band}": vars(gap) for gap in solve_bands(case, log, every_gap=False).gaps
             }
     return flat(quantities)
 

@@ -18,7 +18,8 @@ def _plan(case: Case) -> Step | Simplification:
 def _compute(work: Work) -> None:
     from pipeline.analysis import attenuation
 
-    result = attenuation.solve(work.case, work.log, points=plan.ATTENUATION_POINTS)
+    lattice = work.solved.get("lattice")
+    result = attenuation.solve(work.case, work.log, points=plan.ATTENUATION_POINTS, model=lattice)
     work.keep(result.meshes, attenuation=result)
     if wanted := work.wanted:
         prediction = attenuation.prediction(result, wanted.frequency_hz, wanted.extension_db)

@@ -10,8 +10,9 @@ from pipeline.records.tables import Column, figures_of
 def _compute(work: Work) -> None:
     from pipeline.analysis import bands
 
-    result = bands.solve_bands(work.case, work.log, shapes=True)
+    result = bands.solve_bands(work.case, work.log, shapes=True, every_gap=False)
     work.keep(result.meshes, result.shapes, bands=result.record)
+    work.solved["lattice"] = result.lattice
 
 
 _gap = figures_of(lambda r: r.bands.widest_gap if r.bands else None)

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh
-from scipy.optimize import linear_sum_assignment
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings
@@ -133,5 +132,7 @@ def coarser_eigenvalues(
     stiffness, mass = (moved.T @ (part @ moved) for part in (coarse.stiffness, coarse.mass))
     found, turn = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
     overlap = vectors.T @ (fine.mass @ (restricted @ (moved @ turn)))
+    from scipy.optimize import linear_sum_assignment  # slow to import
+
     _, partner = linear_sum_assignment(-np.abs(overlap))
     return np.asarray(found[partner] / unit)

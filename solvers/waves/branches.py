@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.superelement.lattice import Lattice, Waves
@@ -122,6 +121,8 @@ def _aligned(lattice: Lattice, waves: ComplexArray, neighbour: ComplexArray) -> 
 
 def _partner(like: FloatArray) -> IntArray:
     """For each row the column assigned so that the sum of the likenesses is largest."""
+    from scipy.optimize import linear_sum_assignment  # slow to import
+
     _, column = linear_sum_assignment(like, maximize=True)
     return np.asarray(column, dtype=np.int64)
 

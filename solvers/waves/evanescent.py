@@ -39,7 +39,7 @@ class RowWaves:
 
     factor (n,): lambda, |lambda| <= 1; edge (m, n): displacements of the lower edge; force (m, n): forces on it;
     degrees of freedom (cell dof, n); flux (n,): power upwards, Im(force^H edge)/2, in scaled units over w (0 for
-    decaying waves).
+    decaying waves); stiffness: the row's own between its edges.
     """
 
     factor: ComplexArray
@@ -48,6 +48,7 @@ class RowWaves:
     dofs: ComplexArray
     flux: FloatArray
     pitch_m: float
+    stiffness: RowStiffness
 
     @property
     def wavenumber_per_m(self) -> ComplexArray:
@@ -131,7 +132,7 @@ class Row:
         dofs = self.transform @ np.vstack([motion, follow @ motion])
         order = np.argsort(-np.abs(factor), kind="stable")
         return RowWaves(
-            factor[order], edge[:, order], force[:, order], dofs[:, order], flux[order], self.cell.size_m[1]
+            factor[order], edge[:, order], force[:, order], dofs[:, order], flux[order], self.cell.size_m[1], stiffness
         )
 
     def _symmetric(self, d: RowStiffness) -> bool:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from geometry.elements import FloatArray
+from solvers.analytic.root_finding import root_between
 from solvers.superelement.lattice import Waves
 from solvers.waves.branches import Branches, Solved, modal_overlap
 from solvers.waves.gaps import SMALLEST
@@ -162,7 +162,7 @@ def _inside(solved: Solved, step: _Step, sign: int) -> float:
         best = max(best, sign * float(waves.eigenvalue[place]))
         return float(np.tensordot(along, solved.lattice.slopes(waves), axes=1)[place, place].real)
 
-    brentq(rate, 0.0, 1.0, xtol=CLOSE)
+    root_between(rate, 0.0, 1.0, CLOSE)
     return best
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize, minimize_scalar
 
 from geometry.elements import FloatArray
 from solvers.superelement.lattice import Lattice
@@ -52,6 +51,8 @@ class Line:
         ends, top = np.maximum(value[:-1], value[1:]), cubic_top(self.at, value, beyond, before)
         bound = np.maximum(2.0 * top - ends, tent_top(self.at, value, beyond, before))
         best, where = float(value.max()), float(self.at[value.argmax()])
+        from scipy.optimize import minimize_scalar  # slow to import
+
         for i in np.flatnonzero((top > ends) & (bound >= best)):
             low, high = self.at[i], self.at[i + 1]
             minimum = minimize_scalar(
@@ -101,6 +102,8 @@ def zone_extreme(solved: Solved, grid: FloatArray, value: FloatArray, band: int,
             best, where = sign * float(waves.eigenvalue[band]), share * edge
         slope = np.array([part[band, band].real for part in lattice.slopes(waves)])
         return -sign * float(waves.eigenvalue[band]) / scale, -sign * slope * edge / scale
+
+    from scipy.optimize import minimize  # slow to import
 
     for start in _spread(grid[order] / edge, STARTS):
         minimize(objective, start, jac=True, method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 2, options={"ftol": 1e-12})

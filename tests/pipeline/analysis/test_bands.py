@@ -10,10 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.analysis import bands
+from pipeline.analysis import attenuation, bands
 from pipeline.analysis.bands import Bands, solve_bands
 from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError
+from pipeline.measures.attenuation import ATTENUATION
+from pipeline.measures.bands import BANDS
+from pipeline.measures.measure import Work
 from pipeline.models import unit_cell
 from pipeline.planning import mesh_rules
 from pipeline.plots import bands as plots_bands
@@ -172,3 +175,21 @@ def test_the_picture_marks_every_wave_by_its_polarisation(tmp_path: Path) -> Non
     assert names == {"flexural", "shear", "longitudinal"}
     assert len({(line.get_color(), line.get_marker(), line.get_markerfacecolor()) for line in marks}) == len(marks)
     assert "waves are marked as flexural, shear, longitudinal" in report_figure.alt
+
+
+def test_what_only_documents_tell_is_not_computed_for_a_study(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither gaps of one direction or polarisation, nor the attenuation's own cell beside that of the bands."""
+
+    def refused(*_: object) -> None:
+        raise AssertionError("computed for nobody")
+
+    scene, log = case("bands.points=2", "bands.count=6"), RecordingLog()
+    monkeypatch.setattr(bands, "polarisation_gaps", refused)
+    monkeypatch.setattr(bands, "directional_gaps", refused)
+    monkeypatch.setattr(attenuation, "lattice_model", refused)
+    work = Work(scene, Path(), log)
+    BANDS.compute(work)
+    ATTENUATION.compute(work)
+    record = work.record["bands"].to_dict()
+    assert record["points"][0]["plate_polarisation"] and not {"polarisation_gaps", "directional_gaps"} & set(record)
+    assert work.record["attenuation"].model == record["model"]

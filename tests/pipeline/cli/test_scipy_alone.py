@@ -93,7 +93,7 @@ def test_a_cross_check_that_memory_cannot_hold_is_left_out_and_told(monkeypatch:
     )
     monkeypatch.setattr(cross_check, "_plate", too_large)
     cell = SimpleNamespace(meshes=[], record={})
-    monkeypatch.setattr(cross_check.bands, "solve_bands", lambda *_: done.append("cell") or cell)
+    monkeypatch.setattr(cross_check.bands, "solve_bands", lambda *_, **__: done.append("cell") or cell)
     log = RecordingLog()
     parts = [record for _, _, record in cross_check.solve(load_case(SMALL), log)]
     assert done == ["cell"] and [*parts[0]] == ["tet_bands"] and len(parts) == 1
