@@ -10,36 +10,45 @@ from geometry.elements import FloatArray
 from pipeline.analysis import bands, mode_fields, mode_rows, modes
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.planning.mesh_rules import NEAR_COUNT, PLATE_ACCURACY
+from pipeline.planning import calibration
+from pipeline.planning.mesh_rules import PLATE_ACCURACY, PLATE_TETRAHEDRA
 from pipeline.records.record import MeshRecord, TetModesRecord
 from solvers.errors import TooLarge
 
+BELOW = 0.002  # tetrahedra lie above the truth: below it is what two classes of meshes may differ by
 Found = tuple[list[MeshRecord], dict[str, FloatArray], dict[str, Any]]
 
 
-def solve(case: Case, log: Log) -> Iterator[Found]:
-    """Meshes, tet_* arrays and tet_modes of the plate, then tet_bands; a plate too large for the memory is left out."""
-    structured = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), log)
+def solve(case: Case, log: Log, structured: modes.PartModes | None = None) -> Iterator[Found]:
+    """Meshes, tet_* arrays and tet_modes of the plate, then tet_bands; a plate too large for the memory is left out.
+
+    structured: the plate's modes on the structured mesh, where they are known.
+    """
+    if structured is None:
+        structured = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), log)
     row = structured.wanted.row if structured.wanted else None
     if row is None:
         log.warning("NO_MODE", "no mode has the wanted shape: nothing to compare tetrahedra with")
     else:
         try:
-            yield _plate(case, row, log)
+            yield _plate(case, structured, log)
         except TooLarge as fault:
             log.warning("TOO_LARGE", f"the whole plate by tetrahedra, a cross-check, is left out: {fault}")
     corners = replace(case, solve=replace(case.solve, mesh="tet"), bands=replace(case.bands, points=1))
-    cell = bands.solve_bands(corners, log)
+    cell = bands.solve_bands(corners, log, every_gap=False)
     yield cell.meshes, {}, {"tet_bands": cell.record}
 
 
-def _plate(case: Case, structured: mode_rows.ModeRow, log: Log) -> Found:
-    accuracy = max(PLATE_ACCURACY, case.solve.accuracy)
-    coarse = replace(case, solve=replace(case.solve, mesh="tet", model="solid", accuracy=accuracy))
-    request = modes.Request(
-        "plate", near_hz=structured.frequency_hz, count=NEAR_COUNT, symmetry=case.symmetry_wanted, search=False
-    )
-    part_modes = modes.solve_modes(coarse, request, log)
+def excess(across: float) -> float:
+    """How far tetrahedra so many across a plate may lie above the truth, relative: as calibrated for one, falling squared."""
+    return (calibration.by_tetrahedra("plate", 1.0) or 0.0) / across**2
+
+
+def _plate(case: Case, hexahedra: modes.PartModes, log: Log) -> Found:
+    structured = hexahedra.wanted.row if hexahedra.wanted else None
+    assert structured
+    bar = (hexahedra.bar.frequency if hexahedra.bar else None) or 0.0
+    part_modes = _by_tetrahedra(case, structured, bar, log)
     row = part_modes.wanted.row if part_modes.wanted else None
     if row is None:
         log.warning(
@@ -51,10 +60,14 @@ def _plate(case: Case, structured: mode_rows.ModeRow, log: Log) -> Found:
         dof=part_modes.dof,
         hex_frequency_hz=structured.frequency_hz,
         relative_difference=row.frequency_hz / structured.frequency_hz - 1.0,
-        **{"model": part_modes.model.name, "mac": row.mac, "count_check": part_modes.count_check.to_dict()},
+        agrees=_agrees(row.frequency_hz, structured.frequency_hz, bar, log),
+        **{
+            "model": part_modes.model.name,
+            "mac": row.mac,
+            "count_check": part_modes.whole_window.count_check.to_dict(),
+        },
         **{"confinement_db": row.confinement_db, "hex_confinement_db": structured.confinement_db},
     )
-    log.info(f"wanted mode by tetrahedra {row.frequency_hz:.1f} Hz, structured {structured.frequency_hz:.1f} Hz")
     skin = part_modes.model.skin(row.symmetry, part_modes.vectors[row.symmetry][:, [row.column]]).unfolded(row.symmetry)
     surface = mode_fields.surface_arrays([skin])
     arrays = {
@@ -63,3 +76,31 @@ def _plate(case: Case, structured: mode_rows.ModeRow, log: Log) -> Found:
         "tet_u": surface["surface_u"][0],
     }
     return part_modes.meshes, arrays, {"tet_modes": record}
+
+
+def _by_tetrahedra(case: Case, structured: mode_rows.ModeRow, bar: float, log: Log) -> modes.PartModes:
+    """The modes of the plate meshed whole about the wanted one's frequency, as far as it takes to find it."""
+    tone, accuracy = structured.frequency_hz, max(PLATE_ACCURACY, case.solve.accuracy)
+    coarse = replace(case, solve=replace(case.solve, mesh="tet", model="solid", accuracy=accuracy))
+    request = modes.Request(
+        "plate",
+        band_hz=(tone * (1.0 - bar - BELOW), tone * (1.0 + excess(PLATE_TETRAHEDRA) / 2.0)),
+        symmetry=case.symmetry_wanted,
+        search=False,
+        expected=modes.Expected(tone, structured.strength or 0.0),
+    )
+    return modes.solve_modes(coarse, request, log)
+
+
+def _agrees(tet_hz: float, hex_hz: float, bar: float, log: Log) -> bool:
+    """Whether tetrahedra lie where so coarse a mesh may put them: hardly below the structured mesh, some per cent above it."""
+    low, high, difference = -bar - BELOW, bar + excess(PLATE_TETRAHEDRA), tet_hz / hex_hz - 1.0
+    log.info(f"wanted mode by tetrahedra {tet_hz:.1f} Hz, structured {hex_hz:.1f} Hz")
+    if low <= difference <= high:
+        return True
+    log.warning(
+        "CROSS_CHECK",
+        f"the wanted mode by tetrahedra, {tet_hz:.1f} Hz, lies {difference:+.2%} from the structured mesh's, {hex_hz:.1f} Hz: "
+        f"between {low:+.2%} and {high:+.2%} is expected of so coarse a mesh",
+    )
+    return False

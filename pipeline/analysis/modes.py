@@ -33,6 +33,7 @@ from pipeline.planning.refinement import (
 from pipeline.planning.request import (
     DEFAULT_COUNT,
     MEASURED,
+    Expected,
     Request,
     model_high_hz,
     wanted_window_hz,
@@ -43,14 +44,14 @@ from pipeline.planning.simplifications import khz
 from pipeline.records.record import CountRecord, MeshRecord, ModesRecord, WantedRecord
 from solvers.fem.coarser import CoarserMeshes, largest
 from solvers.fem.constraints import Pencil
-from solvers.fem.eigen import Count, Modes, SymmetricPencil, modes_in_band, modes_near
+from solvers.fem.eigen import Count, Modes, Shared, SymmetricPencil, modes_in_band, modes_near
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import Confinement, measure, wanted_symmetry
 from solvers.measures.mode_mixing import mixing_db
 from solvers.superelement.build import PlateModel
 from solvers.superelement.plate_error import ModeErrors
 
-__all__ = ["DEFAULT_COUNT", "PartModes", "Request", "solve_modes", "with_defaults"]
+__all__ = ["DEFAULT_COUNT", "Expected", "PartModes", "Request", "solve_modes", "with_defaults"]
 PASSES = 4  # meshed or reduced anew for what was found, at most
 
 
@@ -295,6 +296,7 @@ class _Class:
         self.rigid_count = 0
         self.nearest_hz: float | None = None
         self.count = Count(0.0, 0.0, 0, 0)
+        self.shared = Shared()
 
     def ask(self, query: Request) -> None:
         """Solve the modes of the request."""
@@ -303,10 +305,10 @@ class _Class:
             self.pencil = self.model.pencil(self.symmetry)
             self.dof = self.pencil.dof
             self.vectors = np.empty((self.dof, 0))
-            solution = _solve(self.pencil, query)
+            solution = self._solve(query)
             self.rows, self.count, self.rigid_count = self._kept(solution), solution.count, solution.rigid_count
             if not self.rows and query.band_hz:
-                near = modes_near(self.pencil, sum(query.band_hz) / 2.0, 1)
+                near = modes_near(self.pencil, sum(query.band_hz) / 2.0, 1, self.shared)
                 self.nearest_hz = float(near.frequency_hz[0]) if len(near.frequency_hz) else None
         self.log.info(f"{name}: {self.dof} degrees of freedom, {len(self.rows)} modes")
 
@@ -328,8 +330,14 @@ class _Class:
     def between(self, low_hz: float, high_hz: float) -> tuple[tuple[ModeRow, ...], Count]:
         """Return all modes between two frequencies, reusing those already solved."""
         with self.log.step(f"look for the wanted mode from {khz(round(low_hz))} to {khz(round(high_hz))}"):
-            solution = modes_in_band(self.pencil, low_hz, high_hz)
+            solution = modes_in_band(self.pencil, low_hz, high_hz, self.shared)
             return self._kept(solution), solution.count
+
+    def _solve(self, query: Request) -> Modes:
+        if query.band_hz:
+            return modes_in_band(self.pencil, *query.band_hz, self.shared)
+        assert query.near_hz is not None and query.count is not None
+        return modes_near(self.pencil, query.near_hz, query.count, self.shared)
 
     def _kept(self, modes: Modes) -> tuple[ModeRow, ...]:
         first = self.vectors.shape[1]
@@ -346,6 +354,8 @@ def _wanted(case: Case, query: Request, one: _Class) -> Wanted | None:
     window = wanted_window_hz(case, query)
     if window is None:
         return None
+    if query.expected:
+        return wanted_search.look_about(query.expected, one.count, one.rows, one.between)
     if not query.search:
         return wanted_search.look_among(one.rows, one.count)
     return wanted_search.look(window, one.count, one.rows, one.between)
@@ -370,7 +380,7 @@ def _more_in_mesh(model: PartModel, classes: dict[str | None, _Class], count: Co
     for symmetry, one in classes.items():
         same = one.count.below is not None and one.count.high_hz == count.high_hz
         reduced = one.count.below + one.count.expected if same and one.count.below is not None else None
-        more = model.more_below(symmetry, one.pencil, count.high_hz, reduced)
+        more = model.more_below(symmetry, one.pencil, count.high_hz, reduced, one.shared.factorise)
         if more is None:
             return None
         total += more
@@ -418,13 +428,6 @@ def _classes(model: PartModel, symmetry: str | None) -> tuple[str | None, ...]:
     if symmetry not in model.symmetries:
         raise InputError(f"--symmetry {symmetry}: this model has no symmetry classes; leave --symmetry out")
     return (symmetry,)
-
-
-def _solve(pencil: SymmetricPencil, query: Request) -> Modes:
-    if query.band_hz:
-        return modes_in_band(pencil, *query.band_hz)
-    assert query.near_hz is not None and query.count is not None
-    return modes_near(pencil, query.near_hz, query.count)
 
 
 def _merged(query: Request, classes: dict[str | None, _Class]) -> tuple[list[ModeRow], Count]:

@@ -14,6 +14,7 @@ from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import error_bar
 from pipeline.planning.model_choice import model_choice_of
+from pipeline.planning.request import response_high_hz
 from pipeline.records.record import MeshRecord, PeakRecord, ResponseRecord
 from solvers.piezo.circuit import CircuitShift, circuit_shift
 from solvers.piezo.forced import Curve, ForcedPlate
@@ -115,7 +116,13 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
         forced,
         circuit_shift(forced),
         meshes,
-        error_bar.log_expected(model_choice_of(case, "plate", high), case, log, high, forced.mesh_error(low, high)),
+        error_bar.log_expected(
+            model_choice_of(case, "plate", response_high_hz(case, (low, high))),
+            case,
+            log,
+            high,
+            forced.mesh_error(low, high),
+        ),
     )
     _log_summary(forced_response, log)
     return forced_response

@@ -15,7 +15,7 @@ from pipeline.models import patched_plate
 from pipeline.models.cell_cache import CellCache, ParametricCellCache
 from pipeline.planning import foresight
 from pipeline.planning.model_choice import HEX, SUPERELEMENT, model_choice_of
-from pipeline.planning.request import driven_band_hz
+from pipeline.planning.request import driven_band_hz, response_high_hz
 from pipeline.planning.simplifications import khz
 from pipeline.records.record import SampleRecord, SpreadRecord, ToleranceRecord
 from solvers.measures.levels import CONFINED_DB
@@ -148,7 +148,7 @@ def _sampled(
 
 
 def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -> VariedPlate:
-    design, choice = case.design, model_choice_of(case, "plate", band[1])
+    design, choice = case.design, model_choice_of(case, "plate", response_high_hz(case, band))
     assert design.pillar
     if choice.model != SUPERELEMENT or choice.kind != HEX or choice.reduction is None:
         raise InputError(

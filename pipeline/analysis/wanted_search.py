@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geometry.elements import FloatArray
+from pipeline.planning.request import Expected
 from pipeline.records.record import RivalRecord, WantedMode, WantedRecord
 from solvers.fem.eigen import Count
 from solvers.measures.wanted_mode import NONE, Status, Verdict, reaching, verdict, weight
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from pipeline.analysis.mode_rows import ModeRow
 
 ROUNDS = 6  # widenings at most: each moves an end by a fifth of a frequency
+SURE = (
+    0.5  # of the expected strength: a mode that has it is the one expected, for all others together have less beside it
+)
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,23 @@ def look(
     if verdict.index is None and rows_beyond(rows, ends):
         return look_among(rows, known)
     return Wanted(verdict, _within(rows, ends), *ends, known)
+
+
+def look_about(
+    expected: Expected,
+    known: Count,
+    rows: tuple[ModeRow, ...],
+    solve: Callable[[float, float], tuple[tuple[ModeRow, ...], Count]],
+) -> Wanted:
+    """Search the mode that another model has, from the narrow window of the `rows` outwards, by half of it on each side."""
+    for _ in range(ROUNDS):
+        found = look_among(rows, known)
+        if found.row is not None and (found.row.strength or 0.0) >= SURE * expected.strength:
+            break
+        step = (known.high_hz - known.low_hz) / 2.0
+        ends = max(known.low_hz - step, expected.frequency_hz / 2.0), known.high_hz + step
+        rows, known = _completed(rows, known, ends, solve)
+    return found
 
 
 def look_among(rows: tuple[ModeRow, ...], known: Count) -> Wanted:

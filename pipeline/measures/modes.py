@@ -29,6 +29,7 @@ def _compute(work: Work) -> None:
     result = modes.solve_modes(case, of_case(case), log).whole_window
     work.keep(result.meshes, modes=result.record)
     assert result.wanted
+    work.solved["modes"] = result
     index = result.index(result.wanted.row)
     warn_of_wanted(result.wanted, case, log)
     if index is not None:

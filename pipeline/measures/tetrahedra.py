@@ -9,7 +9,7 @@ from pipeline.planning import plan
 def _compute(work: Work) -> None:
     from pipeline.analysis import cross_check
 
-    for meshes, arrays, result in cross_check.solve(work.case, work.log):
+    for meshes, arrays, result in cross_check.solve(work.case, work.log, work.solved.get("modes")):
         work.keep(meshes, arrays, **result)
 
 

@@ -8,7 +8,7 @@ from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.planning import foresight
 from pipeline.planning.model_choice import model_choice_of
-from pipeline.planning.request import driven_band_hz
+from pipeline.planning.request import driven_band_hz, response_high_hz
 from pipeline.records.record import MeshRecord
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
@@ -25,9 +25,10 @@ def forced_plate(
     InputError for a model that cannot carry patches; raises what its solvers raise.
     """
     band = driven_band_hz(case, band_hz)
-    demand = foresight.of_response(case, model_choice_of(case, "plate", band[1]), band, 0)
+    high = response_high_hz(case, band)
+    demand = foresight.of_response(case, model_choice_of(case, "plate", high), band, 0)
     foresight.announce("the forced response", demand, log)
-    model = parts.build(case, "plate", band[1], log, [] if meshes is None else meshes)
+    model = parts.build(case, "plate", high, log, [] if meshes is None else meshes)
     if not isinstance(model, PlateModel):
         raise InputError(f"{case.name}: solve.model: patches are bonded to plates cells, must be auto or superelement")
     return driven(case, model, band, log)

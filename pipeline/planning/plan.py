@@ -14,7 +14,14 @@ from typing import Any
 from pipeline.case.model import Case
 from pipeline.planning import foresight, simplifications
 from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice, model_choice_of
-from pipeline.planning.request import Request, driven_band_hz, model_high_hz, with_defaults, with_search
+from pipeline.planning.request import (
+    Request,
+    driven_band_hz,
+    model_high_hz,
+    response_high_hz,
+    with_defaults,
+    with_search,
+)
 from pipeline.planning.resources import Demand, too_much
 from pipeline.planning.simplifications import Simplification, khz
 
@@ -207,7 +214,7 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int) 
     patches = case.patches
     assert patches is not None
     low, high = driven_band_hz(case, band_hz)
-    choice = model_choice_of(case, "plate", high)
+    choice = model_choice_of(case, "plate", response_high_hz(case, (low, high)))
     looks = f"{points} frequencies and more at the peak, from {khz(low)} to {khz(high)}; {patches.count} patches"
     numbers = {"band_hz": [low, high], "frequencies": points, "patches": patches.count, "quality": case.quality}
     demand = foresight.of_response(case, choice, (low, high), points)
@@ -236,7 +243,8 @@ def tolerance_step(case: Case) -> Step:
     given = case.tolerance
     assert given is not None
     low, high = driven_band_hz(case, None)
-    choice, scattered = model_choice_of(case, "plate", high), simplifications.is_scattered(case)
+    choice = model_choice_of(case, "plate", response_high_hz(case, (low, high)))
+    scattered = simplifications.is_scattered(case)
     broken = {"mirror_images", "alike_cells"}
     kept = [each for each in choice.left_out if each.rule not in broken]
     mirrored = (

@@ -14,10 +14,19 @@ MEASURED = ("plate", "zone")  # parts whose touch face tells which mode is the w
 
 
 @dataclass(frozen=True)
+class Expected:
+    """The wanted mode as another model has it: its frequency and its strength in the wanted shape."""
+
+    frequency_hz: float
+    strength: float
+
+
+@dataclass(frozen=True)
 class Request:
     """What to solve: a band, or `count` modes near a frequency (0: the lowest); one symmetry class or all.
 
     search: look for the wanted mode in its own window, beyond what is asked for; else among the modes found alone.
+    expected: look for it in the band asked for, which is widened only while it holds no mode as strong as that one.
     """
 
     part: str = "plate"
@@ -26,6 +35,7 @@ class Request:
     count: int | None = None
     symmetry: str | None = None
     search: bool = True
+    expected: Expected | None = None
 
     @property
     def highest_hz(self) -> float | None:
@@ -72,6 +82,13 @@ def model_high_hz(case: Case, query: Request) -> float:
     window = wanted_window_hz(case, query) if query.search else None
     meets = window and window[0] <= high and (query.band_hz is None or query.band_hz[0] <= window[1])
     return max(high, window[1]) if window and meets else high
+
+
+def response_high_hz(case: Case, band_hz: tuple[float, float]) -> float:
+    """Highest frequency, Hz, for which the plate of a response has to be good: that of its modes in the same band, so that
+    both are assembled from the same reduced panels.
+    """
+    return model_high_hz(case, Request("plate", band_hz))
 
 
 def with_search(case: Case, query: Request) -> Request:

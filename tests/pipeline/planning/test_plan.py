@@ -20,7 +20,7 @@ from pipeline.measures import registry
 from pipeline.paths import STUDIES
 from pipeline.planning import plan, simplifications
 from pipeline.planning.model_choice import cell_model_choice, model_choice_of
-from pipeline.planning.request import Request
+from pipeline.planning.request import Request, driven_band_hz, model_high_hz, of_case, response_high_hz
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import coupled_classes
 from tests.helpers.recording_log import RecordingLog
@@ -188,6 +188,14 @@ def test_other_classes_and_other_frequencies() -> None:
     assert not simplifications.other_classes((None,), None)
     assert "below 25 kHz and above 45 kHz" in simplifications.other_frequencies((25e3, 45e3), None, None).what
     assert "beyond the 20 nearest 32 kHz" in simplifications.other_frequencies(None, 32e3, 20).what
+
+
+def test_a_response_is_assembled_from_the_panels_of_the_modes() -> None:
+    """Their windows end at 45 and 45.87 kHz: each its own cut-off once reduced every panel twice."""
+    scene = case()
+    modes = model_choice_of(scene, "plate", model_high_hz(scene, of_case(scene)))
+    response = model_choice_of(scene, "plate", response_high_hz(scene, driven_band_hz(scene, None)))
+    assert modes.reduction == response.reduction != model_choice_of(scene, "plate", 45e3).reduction
 
 
 def test_models() -> None:
