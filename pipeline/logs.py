@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -44,6 +45,7 @@ class TerminalLog:
         self.quiet = quiet
         self.seconds: dict[str, float] = {}
         self._start = time.perf_counter()
+        self._spinning = threading.Lock()
 
     @property
     def elapsed(self) -> float:
@@ -74,13 +76,16 @@ class TerminalLog:
 
     @contextmanager
     def _spinner(self, name: str) -> Iterator[None]:
-        if self.quiet or not sys.stderr.isatty():
-            yield
+        if self.quiet or not sys.stderr.isatty() or not self._spinning.acquire(blocking=False):
+            yield  # beside another step of this log, which shows already that the command is alive
             return
         from rich.console import Console
 
-        with Console(stderr=True).status(f"{name} ..."):
-            yield
+        try:
+            with Console(stderr=True).status(f"{name} ..."):
+                yield
+        finally:
+            self._spinning.release()
 
     def _say(self, text: str) -> None:
         if not self.quiet:

@@ -20,6 +20,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+OWN_THREADS = "ANTINODE_THREADS"  # of solvers.threads: factorisations, classes and panels side by side
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
@@ -185,6 +186,7 @@ def limit_threads(threads: int) -> None:
     """Limit the threads of BLAS and its like in this process, loaded or still to be loaded."""
     for name in THREAD_VARIABLES:
         os.environ[name] = str(threads)
+    os.environ[OWN_THREADS] = str(min(threads, int(os.environ.get(OWN_THREADS) or threads)))
     from threadpoolctl import threadpool_limits
 
     threadpool_limits(threads)

@@ -1,18 +1,138 @@
-"""One BLAS thread for a while: small dense algebra and independent solves run slower on several that wait for each other."""
+"""Threads: independent tasks side by side with one thread each, and one BLAS thread for a while.
+
+The factorisations let go of the interpreter's lock, so threads do for symmetry classes and panels what processes would. A task
+that is one of several has one thread however many of them run at once: its digits do not depend on the number of workers.
+"""
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+import os
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from functools import lru_cache
-from typing import Any
+from typing import TypeVar
 
 import scipy.linalg  # noqa: F401  its thread pool must be loaded before the pools are looked up
 from threadpoolctl import ThreadpoolController
 
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+LIMIT = "ANTINODE_THREADS"
+HEARD_S = 0.2  # an interruption is heard so soon, whichever thread the signal reached
 
-def one_thread() -> AbstractContextManager[Any]:
-    """Numpy's and scipy's linear algebra limited to one thread within the block."""
-    return _pools().limit(limits=1)
+
+class Abandoned(Exception):
+    """Nobody waits for this task any more."""
+
+
+class _Task(threading.local):
+    """What a thread is at: one of several tasks, or the whole computation."""
+
+    abandoned: threading.Event | None = None
+
+
+_task = _Task()
+
+
+def threads() -> int:
+    """Threads a factorisation may use: one within a task that is one of several, else ANTINODE_THREADS, or every core."""
+    return 1 if _task.abandoned else workers()
+
+
+def workers() -> int:
+    """Threads that this process may use in all."""
+    return int(os.environ.get(LIMIT, "0")) or (os.cpu_count() or 1)
+
+
+def go_on() -> None:
+    """Raise Abandoned within a task whose command was interrupted; asked before every factorisation."""
+    if _task.abandoned and _task.abandoned.is_set():
+        raise Abandoned
+
+
+def side_by_side(
+    function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0, room: float = float("inf")
+) -> list[Result]:
+    """The function of every item, as many at once as there are threads and as `room` bytes hold, `bytes_each` each.
+
+    The first item's exception is raised, when all have ended. A task within a task, or one alone, runs where it is.
+    """
+    chosen = list(items)
+    if len(chosen) < 2 or _task.abandoned:
+        return [function(item) for item in chosen]
+    held = room / bytes_each if bytes_each > 0.0 else float("inf")
+    count = int(min(len(chosen), workers(), held))
+    abandoned = threading.Event()
+
+    def alone(item: Item) -> Result:
+        _task.abandoned = abandoned
+        try:
+            go_on()
+            return function(item)
+        finally:
+            _task.abandoned = None
+
+    with one_thread():
+        if count < 2:
+            return [alone(item) for item in chosen]
+        try:
+            futures = _submitted(alone, chosen, count)
+            while wait(futures, timeout=HEARD_S).not_done:
+                pass
+        except BaseException:
+            abandoned.set()
+            raise
+        return [future.result() for future in futures]
+
+
+def _submitted(task: Callable[[Item], Result], items: list[Item], count: int) -> list[Future[Result]]:
+    """Tasks for the process's one pool, at most `count` of them at work."""
+    free = threading.Semaphore(count)
+
+    def in_turn(item: Item) -> Result:
+        with free:
+            return task(item)
+
+    return [_pool().submit(in_turn, item) for item in items]
+
+
+@lru_cache(maxsize=1)
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(workers(), "antinode")
+
+
+class _OneThread:
+    """Limits the pools of numpy and scipy while anybody asks for it: the limit is the process's, not a thread's."""
+
+    def __init__(self) -> None:
+        self._lock, self._holders, self._limiter = threading.Lock(), 0, None
+
+    def hold(self) -> None:
+        with self._lock:
+            self._holders += 1
+            if self._holders == 1:
+                self._limiter = _pools().limit(limits=1)
+
+    def release(self) -> None:
+        with self._lock:
+            self._holders -= 1
+            if self._holders == 0 and self._limiter:
+                self._limiter.restore_original_limits()
+
+
+_one_thread = _OneThread()
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Numpy's and scipy's linear algebra limited to one thread within the block: on small problems others only wait."""
+    _one_thread.hold()
+    try:
+        yield
+    finally:
+        _one_thread.release()
 
 
 @lru_cache(maxsize=1)

@@ -45,6 +45,7 @@ from pipeline.records.record import CountRecord, MeshRecord, ModesRecord, Wanted
 from solvers.fem.coarser import CoarserMeshes, largest
 from solvers.fem.constraints import Pencil
 from solvers.fem.eigen import Count, Modes, Shared, SymmetricPencil, modes_in_band, modes_near
+from solvers.fem.factor.factoriser import side_by_side
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import Confinement, measure, wanted_symmetry
 from solvers.measures.mode_mixing import mixing_db
@@ -253,17 +254,21 @@ def _solved(
     """
     meshes: list[MeshRecord] = []
     model, coarser = parts.built(case, choice, log, meshes), parts.coarser(case, choice)
-    classes: dict[str | None, _Class] = {}
-    errors: dict[str | None, ModeErrors] = {}
-    wanted: Wanted | None = None
-    for symmetry in _classes(model, query.symmetry):
-        one = classes[symmetry] = _Class(case, query.part, model, symmetry, log)
+    demand = foresight.of_modes(case, choice, with_search(case, query))
+
+    def solved(symmetry: str | None) -> _Class:
+        one = _Class(case, query.part, model, symmetry, log)
         one.ask(query)
         if symmetry in (None, wanted_symmetry(case.design.nodal_lines)):
-            wanted = _wanted(case, query, one)
+            one.wanted = _wanted(case, query, one)
         if coarser and isinstance(model, SolidModel):
-            errors[symmetry] = one.by_coarser_meshes(coarser)
+            one.errors = one.by_coarser_meshes(coarser)
         one.let_go()
+        return one
+
+    each = side_by_side(solved, _classes(model, query.symmetry), demand.cost.peak.bytes)
+    classes = {one.symmetry: one for one in each}
+    errors = {one.symmetry: one.errors for one in each if one.errors}
     rows, count = _merged(query, classes)
     part_modes = PartModes(
         query.part,
@@ -274,7 +279,7 @@ def _solved(
         sum(one.rigid_count for one in classes.values()),
         count,
         meshes,
-        wanted=wanted,
+        wanted=next((one.wanted for one in each if one.wanted), None),
         more_in_mesh=_more_in_mesh(model, classes, count),
         nearest_hz=_nearest_hz(query, classes),
     )
@@ -297,6 +302,8 @@ class _Class:
         self.nearest_hz: float | None = None
         self.count = Count(0.0, 0.0, 0, 0)
         self.shared = Shared()
+        self.wanted: Wanted | None = None
+        self.errors: ModeErrors | None = None
 
     def ask(self, query: Request) -> None:
         """Solve the modes of the request."""

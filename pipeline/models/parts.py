@@ -16,7 +16,7 @@ from geometry.mesh import Mesh, check_mesh
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
-from pipeline.planning import simplifications
+from pipeline.planning import foresight, simplifications
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.records import fingerprint
 from pipeline.records.record import MeshRecord
@@ -177,7 +177,7 @@ def _assembled(design: Design, choice: ModelChoice, log: Log) -> PlateModel:
         *panel_mesher(design, choice, log),
     )
     with log.step("reduce cells"):
-        model = PlateModel(design, reductions)
+        model = PlateModel(design, reductions, foresight.of_panels(design, choice, choice.reduction))
     log.info(
         f"{len(model.tiling.x) - 1} x {len(model.tiling.y) - 1} panels of {len(model.cells)} kinds: "
         f"{reductions.fresh} reduced now, {reductions.reused} taken from the cache"

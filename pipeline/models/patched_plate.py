@@ -47,4 +47,6 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
         log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")
     with log.step("modes of the patched plate"):
         drive = Drive(patches.drivers, patches.sensors, band_hz, case.quality, patches.circuit)
-        return ForcedPlate(plate, case.design, drive)
+        choice = model_choice_of(case, "plate", response_high_hz(case, band_hz))
+        demand = foresight.of_response(case, choice, band_hz, 0)
+        return ForcedPlate(plate, case.design, drive, bytes_each=demand.cost.peak.bytes)

@@ -242,6 +242,12 @@ def _assembled(
     )
 
 
+def of_panels(design: Design, choice: ModelChoice, reduction: ReductionSettings) -> float:
+    """Bytes that reducing the costliest kind of panel takes at its peak."""
+    kinds = _panel_kinds(design, reduction, choice)
+    return max(_reduction(body, reduction.interface, functions, copies).peak.bytes for body, functions, copies in kinds)
+
+
 def _panels(design: Design, reduction: ReductionSettings) -> tuple[int, int]:
     """Number of panels along x and y."""
     bare = design.length_m / reduction.max_edge_m, 2.0 * design.half_span_m / reduction.max_edge_m

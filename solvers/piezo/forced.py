@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
@@ -21,6 +21,7 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.coarser import largest
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
+from solvers.fem.factor.factoriser import side_by_side
 from solvers.measures.confinement import TouchField, measure
 from solvers.measures.wanted_mode import Verdict, verdict
 from solvers.piezo.patched_plate import Group
@@ -110,13 +111,24 @@ class Drive:
 
 
 class ForcedPlate:
-    """A patched plate driven by some patches, one volt each with the wanted mode's signs; the others listen."""
+    """A patched plate driven by some patches, one volt each with the wanted mode's signs; the others listen.
 
-    def __init__(self, plate: DrivenPlate, design: Design, drive: Drive, margin: tuple[float, float] = MARGIN) -> None:
+    bytes_each: what a group's modes are foreseen to take.
+    """
+
+    def __init__(
+        self,
+        plate: DrivenPlate,
+        design: Design,
+        drive: Drive,
+        margin: tuple[float, float] = MARGIN,
+        bytes_each: float = 0.0,
+    ) -> None:
         self.plate, self.design, self.band_hz, self.circuit = plate, design, drive.band_hz, drive.circuit
         self.drivers, self.sensors, self.loss = list(drive.drivers), list(drive.sensors), 1.0 / drive.quality
         self.margin = margin
-        self.modes = [group_modes(group, drive.band_hz, margin) for group in plate.groups]
+        solved = partial(group_modes, band_hz=drive.band_hz, margin=margin)
+        self.modes = side_by_side(solved, plate.groups, bytes_each)
         self.signs = self._wanted_signs()
 
     @cached_property

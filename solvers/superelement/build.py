@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import ceil
 from typing import Protocol
 
@@ -19,14 +20,14 @@ from geometry.mesh import Mesh, check_mesh
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.coarser import Shares, rim_shares
 from solvers.fem.eigen import PlainPencil, SymmetricPencil
-from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.factor.factoriser import Factoriser, side_by_side
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
 from solvers.superelement.cell import Cell, CellBuilder, Coarser, SymmetryClass, reduce_cell
 from solvers.superelement.interface import Interface
 from solvers.superelement.nested import Nested, extrapolated
-from solvers.superelement.plate import WHOLE, AssembledPlate
+from solvers.superelement.plate import WHOLE, AssembledPlate, Grid
 from solvers.superelement.plate_error import ModeErrors, mode_errors, more_below
 from solvers.superelement.tiling import Signature, signature, tile
 
@@ -174,30 +175,34 @@ def lattice_panel(design: Design) -> Panel:
 
 class PlateModel:
     """A finite plate assembled from reduced cells, symmetry class by symmetry class; whole where it is not its own
-    mirror image.
+    mirror image. bytes_each: what reducing a panel is foreseen to take; as many are reduced at once as memory holds.
     """
 
-    def __init__(self, design: Design, reductions: Reductions) -> None:
+    def __init__(self, design: Design, reductions: Reductions, bytes_each: float = 0.0) -> None:
         self.tiling = tile(design, reductions.reduction.max_edge_m)
-        self.cells: dict[Signature, Cell] = {}
         self.reductions = reductions
-        self._panels: dict[Signature, Panel] = {}
         self._residuals: dict[int, FloatArray] = {}
         mirrored = self.tiling.mirrored
+        panels = self._panels = dict[Signature, Panel]()
         for place in self.tiling.representatives(not mirrored):
             panel = self.tiling.panel(*place)
-            if signature(panel) not in self.cells:
-                self.cells[signature(panel)], self._panels[signature(panel)] = reductions.cell(panel), panel
+            panels.setdefault(signature(panel), panel)
+        cells = side_by_side(reductions.cell, panels.values(), bytes_each)
+        self.cells: dict[Signature, Cell] = dict(zip(panels, cells, strict=True))
         order = reductions.reduction.hexahedra.order
         self.name = "superelement tet2" if reductions.mesher else f"superelement hex{order}"
         self.symmetries: tuple[str | None, ...] = CLASSES if mirrored else (None,)
         self._assembled_plates: dict[str, AssembledPlate] = {}
 
+    @cached_property
+    def _grid(self) -> Grid:
+        return Grid(self.tiling, self.cells, self.symmetries == (None,))
+
     def assembled(self, symmetry: str | None) -> AssembledPlate:
         """The assembled cells of one symmetry class, of the whole plate for None."""
         name = symmetry or WHOLE
         if name not in self._assembled_plates:
-            self._assembled_plates[name] = AssembledPlate(self.tiling, self.cells, name)
+            self._assembled_plates[name] = AssembledPlate(self.tiling, self.cells, name, self._grid)
         return self._assembled_plates[name]
 
     def pencil(self, symmetry: str | None) -> PlainPencil:

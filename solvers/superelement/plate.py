@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -43,16 +44,18 @@ class PlacedCell:
 
 class AssembledPlate:
     """Cells on a tiling, restricted to one symmetry class; `symmetry` = two signs of u_z, x then y; WHOLE for all of
-    them at once.
+    them at once. `grid`: the numbers of the whole plate's degrees of freedom, where another class has made them.
 
     Raises SolverError for cells that do not fit, and for a class of a plate that is not its own mirror image.
     """
 
-    def __init__(self, tiling: Tiling, cells: Mapping[Signature, Cell], symmetry: str) -> None:
+    def __init__(
+        self, tiling: Tiling, cells: Mapping[Signature, Cell], symmetry: str, grid: Grid | None = None
+    ) -> None:
         self.tiling, self.symmetry = tiling, symmetry
         if symmetry != WHOLE and not tiling.mirrored:
             raise SolverError("the plate is not its own mirror image: it has no symmetry classes")
-        self.grid = _Grid(tiling, cells, symmetry == WHOLE)
+        self.grid = grid or Grid(tiling, cells, symmetry == WHOLE)
         whole, sign = self.grid.representatives(symmetry)
         alive = np.unique(whole[sign != 0.0])
         self.dof = len(alive)
@@ -143,7 +146,7 @@ def _fit(tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:
             raise SolverError(f"a cell of {cell.size_m[:2]} m does not fill its panel of {key[:2]} m")
 
 
-class _Grid:
+class Grid:
     """Numbers of the whole plate's degrees of freedom, and what the two mirrors do to them; `whole`: no panel stands
     for its image.
     """
@@ -207,15 +210,16 @@ class _Grid:
     def representatives(self, symmetry: str) -> tuple[IntArray, FloatArray]:
         """For every unknown the one it follows and its coefficient: u[d] = sign[d] u[where[d]]; 0 where it must vanish."""
         here = np.arange(self.count)
-        where, sign = here, np.where(self._idle(), 0.0, 1.0)
+        where, sign = here, np.where(self._idle, 0.0, 1.0)
         for axis, mark in enumerate(symmetry):
-            image, flip = self._mirror(axis)
+            image, flip = self._mirrors[axis]
             flip = flip if mark == "S" else -flip
             beyond, forbidden = image > here, (image == here) & (flip < 0.0)
             factor = np.where(beyond, flip, np.where(forbidden, 0.0, 1.0))
             sign, where = sign * factor[where], np.where(beyond, image, here)[where]
         return where, sign
 
+    @cached_property
     def _idle(self) -> BoolArray:
         """Bubbles on the free sides of cells, and vertex lines between two of them: they carry nothing."""
         idle = np.zeros(self.count, dtype=bool)
@@ -228,6 +232,11 @@ class _Grid:
                     if {"x+" if x > 0 else "x-", "y+" if y > 0 else "y-"} <= free:
                         idle[dofs[self.interface.vertex(index)]] = True
         return idle
+
+    @cached_property
+    def _mirrors(self) -> tuple[tuple[IntArray, FloatArray], ...]:
+        """Both mirrors, which every symmetry class asks for."""
+        return self._mirror(0), self._mirror(1)
 
     def _mirror(self, axis: int) -> tuple[IntArray, FloatArray]:
         """The mirror normal to an axis on the whole plate's degrees of freedom: u'[d] = sign[d] u[image[d]]."""

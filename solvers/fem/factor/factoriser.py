@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import os
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import Any, Protocol
 
@@ -16,13 +17,18 @@ import scipy.sparse as sp
 
 from geometry.elements import FloatArray
 from solvers.errors import SingularShift, SolverError
+from solvers.fem.factor.memory import room_bytes
 from solvers.fem.factor.pardiso import Pardiso, load
 from solvers.fem.factor.rslab import Rslab
 from solvers.fem.factor.superlu import SuperLU
+from solvers.threads import Item, Result, go_on
+from solvers.threads import side_by_side as in_threads
 
 SMALL = (
     8000  # degrees of freedom up to which SuperLU is as fast as PARDISO: python -m studies.benchmarks.factorisations
 )
+# rslab 1.7 ends the process where what one thread made is used or freed by another; its factorisation has threads of its own
+THREADED = ("superlu",)
 BACKWARD_ERROR = 1e-10  # of one solve; rounding times growth stays far below, garbage far above
 
 
@@ -69,6 +75,13 @@ def preferred(dofs: int) -> str:
     return "superlu" if first == "pardiso" and dofs <= SMALL else first
 
 
+def side_by_side(function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0) -> list[Result]:
+    """The function of every item, each of which factorises: in threads where the factorisation bears it, as memory holds."""
+    if (os.environ.get("ANTINODE_FACTOR") or available()[0]) in THREADED:
+        return in_threads(function, items, bytes_each, room_bytes())
+    return [function(item) for item in items]
+
+
 class Factoriser:
     """Factorises matrices of one sparsity pattern, sharing the symbolic analysis, and checks each factor by a solve.
 
@@ -85,6 +98,7 @@ class Factoriser:
 
     def __call__(self, matrix: sp.csc_array) -> Factor:
         """Factor of a symmetric matrix. Raises SingularShift when it is singular to working precision, TooLarge."""
+        go_on()
         factor = self._factor(matrix)
         _probe(matrix, factor)
         return factor

@@ -17,7 +17,6 @@ GROUP_FILES = (  # limit and use in a control group's folder, versions 2 and 1
     ("memory.max", "memory.current"),
     ("memory.limit_in_bytes", "memory.usage_in_bytes"),
 )
-SLIGHT_BYTES = 32e6  # that much is always there: asking the machine takes longer than a small factorisation
 STATED = "ANTINODE_MEMORY_GIB"  # what may be taken, stated by the user instead of measured
 
 
@@ -86,8 +85,6 @@ def memory_text(fault: MemoryError, doing: str = "") -> str:
 
 def foresee(needed_bytes: float, dofs: int) -> int:
     """The estimate itself, B; TooLarge, with the estimate and what to do, for what would not fit into memory."""
-    if needed_bytes < SLIGHT_BYTES and STATED not in os.environ:
-        return int(needed_bytes)
     room = room_bytes()
     if needed_bytes > room:
         raise TooLarge(
@@ -96,8 +93,3 @@ def foresee(needed_bytes: float, dofs: int) -> int:
             "ask for a coarser mesh, a lower order, or model = superelement"
         )
     return int(needed_bytes)
-
-
-def threads() -> int:
-    """Threads a factorisation may use: ANTINODE_THREADS, or every core."""
-    return int(os.environ.get("ANTINODE_THREADS", "0")) or (os.cpu_count() or 1)

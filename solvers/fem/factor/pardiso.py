@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from geometry.elements import FloatArray
 from solvers.errors import SingularShift, SolverError, TooLarge
-from solvers.fem.factor.memory import foresee, threads
+from solvers.fem.factor.memory import foresee
+from solvers.threads import threads
 
 SYMMETRIC_INDEFINITE = -2
 ANALYSE, FACTORISE, SOLVE, RELEASE = 11, 22, 33, -1

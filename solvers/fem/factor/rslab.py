@@ -9,7 +9,8 @@ import scipy.sparse as sp
 
 from geometry.elements import FloatArray
 from solvers.errors import SingularShift
-from solvers.fem.factor.memory import foresee, threads
+from solvers.fem.factor.memory import foresee
+from solvers.threads import threads
 
 FILLED = 10.0  # factor over matrix, bytes: beyond, the body is no plate, and nested dissection fills less than minimum degree
 ANALYSIS_BYTES = 60  # measured peak of the analysis an entry of the matrix

@@ -17,6 +17,7 @@ from solvers.fem.eigen import modes_near
 from solvers.fem.factor import factoriser, memory, superlu
 from solvers.fem.factor.factoriser import Factoriser, available
 from solvers.fem.factor.symbolic import alike, postordered, quotient
+from solvers.threads import threads
 from tests.helpers import small_meshes as small
 
 BODY = {"body": small.SOFT}
@@ -176,9 +177,9 @@ def test_superlu_is_always_there_and_a_broken_mkl_is_not_counted(monkeypatch: py
 
 def test_threads_are_those_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ANTINODE_THREADS", "3")
-    assert memory.threads() == 3
+    assert threads() == 3
     monkeypatch.delenv("ANTINODE_THREADS")
-    assert memory.threads() >= 1
+    assert threads() >= 1
 
 
 def filled_entries(pattern: np.ndarray, place: np.ndarray, size: np.ndarray) -> int:
