@@ -179,7 +179,7 @@ def _coarse_lattice(design: Design, reduction: ReductionSettings, through: int =
     """The lattice of a coarse cell, its pillar replaced by a box, with so many elements through the plate."""
     box = _of_boxes(design.pillar) if design.pillar else None
     coarse = HexSettings(3, 2.0 * design.thickness_m, 0, pillar_size_m=box.height_m if box else None, through=through)
-    reductions = Reductions(design.thickness_m, design.material, box, replace(reduction, hexahedra=coarse))
+    reductions = Reductions(design.thickness_m, design.material, box, replace(reduction, hexahedra=coarse), CellCache())
     return Lattice(reductions.cell(lattice_panel(replace(design, pillar=box))))
 
 
