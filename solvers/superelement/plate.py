@@ -210,7 +210,7 @@ class Grid:
     def representatives(self, symmetry: str) -> tuple[IntArray, FloatArray]:
         """For every unknown the one it follows and its coefficient: u[d] = sign[d] u[where[d]]; 0 where it must vanish."""
         here = np.arange(self.count)
-        where, sign = here, np.where(self._idle, 0.0, 1.0)
+        where, sign = here, np.where(self._idle(), 0.0, 1.0)
         for axis, mark in enumerate(symmetry):
             image, flip = self._mirrors[axis]
             flip = flip if mark == "S" else -flip
@@ -219,7 +219,6 @@ class Grid:
             sign, where = sign * factor[where], np.where(beyond, image, here)[where]
         return where, sign
 
-    @cached_property
     def _idle(self) -> BoolArray:
         """Bubbles on the free sides of cells, and vertex lines between two of them: they carry nothing."""
         idle = np.zeros(self.count, dtype=bool)

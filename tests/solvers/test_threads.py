@@ -58,7 +58,7 @@ def test_one_worker_and_two_give_the_same_digits(monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_factorisation_that_bears_no_threads_gets_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    """rslab frees what another thread made and ends the process: its classes are solved one after another."""
+    """rslab does not bear that one thread uses or frees what another made: its classes are solved one after another."""
     monkeypatch.setenv("ANTINODE_FACTOR", "rslab")
     names = factoriser.side_by_side(lambda _: (threading.current_thread().name, threads.threads()), range(3))
     assert names == [(threading.main_thread().name, 2)] * 3

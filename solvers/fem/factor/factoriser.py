@@ -27,7 +27,7 @@ from solvers.threads import side_by_side as in_threads
 SMALL = (
     8000  # degrees of freedom up to which SuperLU is as fast as PARDISO: python -m studies.benchmarks.factorisations
 )
-# rslab 1.7 ends the process where what one thread made is used or freed by another; its factorisation has threads of its own
+# rslab 1.7 ended the process in runs where what one thread had made was used or freed by another; it has threads of its own
 THREADED = ("superlu",)
 BACKWARD_ERROR = 1e-10  # of one solve; rounding times growth stays far below, garbage far above
 
