@@ -15,7 +15,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from antinode.plate import Caution, Plate, load
-    from antinode.results import Attenuation, Bands, Mode, Modes, Predesign, Response, Search, Tolerance, Wanted
+    from antinode.results import (
+        Attenuation,
+        Bands,
+        Broadband,
+        Mode,
+        Modes,
+        Predesign,
+        Response,
+        Search,
+        Tolerance,
+        Wanted,
+    )
     from antinode.stored import open
     from antinode.sweeps import SweepTable, sweep
     from antinode.tables import Array, BandPath, Damping, Patches, Pillar, Scatter, Solve, Zone
@@ -27,6 +38,7 @@ HOMES = {
     "antinode.results": (
         "Attenuation",
         "Bands",
+        "Broadband",
         "Mode",
         "Modes",
         "Predesign",
@@ -46,6 +58,7 @@ __all__ = [
     "Attenuation",
     "BandPath",
     "Bands",
+    "Broadband",
     "Caution",
     "Damping",
     "InputError",

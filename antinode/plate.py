@@ -21,7 +21,7 @@ from pipeline.logs import TerminalLog
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
-    from antinode.results import Attenuation, Bands, Modes, Predesign, Response, Search, Tolerance
+    from antinode.results import Attenuation, Bands, Broadband, Modes, Predesign, Response, Search, Tolerance
 
 Pair = tuple[float, float]
 
@@ -159,6 +159,14 @@ class Plate:
 
         solved = attenuation.solve(self._case, _logged(progress), _hz(band_kHz), kx_per_m, points)
         return Attenuation(solved.to_dict() | self._about)
+
+    def broadband(self, band_kHz: Pair | None = None, *, points: int = 201, progress: bool | None = None) -> Broadband:
+        """Compute over frequency what the rows let through and how far a driven zone stays confined; rows may differ."""
+        from antinode.results import Broadband
+        from pipeline.models.broadband import broadband
+
+        solved = broadband(self._case, _logged(progress), _hz(band_kHz), points)
+        return Broadband(solved.to_dict() | self._about)
 
     def response(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Response:
         """Compute the forced response to the patches."""

@@ -302,6 +302,34 @@ class Attenuation(Result):
         return _over(self, self.frequency_hz)
 
 
+class Broadband(Result):
+    """What the rows hold over frequency: arrays (points,) in Hz and dB, of one column of cells at the wanted wavenumber.
+
+    >>> import antinode
+    >>> held = antinode.load("examples/small.toml", accuracy=0.1).broadband((30.0, 36.0), points=3)
+    >>> held.frequency_hz.tolist(), held.confinement_db.shape
+    ([30000.0, 33000.0, 36000.0], (3,))
+    """
+
+    kind = "broadband"
+    _dimensions = ("frequency_hz",)
+
+    frequency_hz: FloatArray = column("frequency_hz", "points", doc="Frequencies (points,) in Hz.")
+    confinement_db: FloatArray = column(
+        "confinement_db",
+        "points",
+        doc="Confinement (points,) in dB of the motion that the wanted shape's pressure forces.",
+    )
+
+    @property
+    def stopped_hz(self) -> list[tuple[float, float]]:
+        """Intervals in Hz in which the rows let at most a tenth of a flexural wave's power through."""
+        return [(low, high) for low, high in self._document["stopped"]]
+
+    def __repr__(self) -> str:
+        return _over(self, self.frequency_hz)
+
+
 class Response(Result):
     """Forced response to the patches, per volt: arrays (points,), in Hz and m/V; more points about each peak.
 
@@ -452,5 +480,5 @@ class Search(Result):
 
 
 KINDS: dict[str, type[Result]] = {
-    kind.kind: kind for kind in (Modes, Bands, Attenuation, Response, Predesign, Tolerance, Search)
+    kind.kind: kind for kind in (Modes, Bands, Attenuation, Broadband, Response, Predesign, Tolerance, Search)
 }

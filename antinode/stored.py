@@ -43,5 +43,5 @@ def _kind(document: dict[str, Any]) -> str | None:
     if document.get(KIND) in KINDS:
         return str(document[KIND])
     if "kx_per_m" in document and "points" in document:
-        return "attenuation"
+        return "broadband" if "stopped" in document else "attenuation"
     return next((kind for kind, mark in MARKS.items() if mark in document), None)

@@ -5,7 +5,7 @@ Axes: x along the zone, y across, z = 0 the touch face, pillars on z = thickness
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import floor
 
 import numpy as np
@@ -73,8 +73,20 @@ class Pillar:
 
 
 @dataclass(frozen=True)
+class Stand:
+    """Equal pillars and where they stand: centres (n, 2), m."""
+
+    pillar: Pillar
+    centres: FloatArray
+
+
+@dataclass(frozen=True)
 class Design:
-    """The plate as built: zone, pillar rows on both sides, passive extension. Lengths in m."""
+    """The plate as built: zone, pillar rows on both sides, passive extension. Lengths in m.
+
+    Where rows differ, `graded` and `graded_pitches_m` hold one entry a row from the zone outwards, a row standing in the
+    middle of a strip as wide as its pitch; pillar and pitch_y_m are then the first row's. Empty, all rows are alike.
+    """
 
     length_m: float
     width_m: float
@@ -86,6 +98,38 @@ class Design:
     pitch_y_m: float
     rows: int
     extension_m: float
+    graded: tuple[Pillar, ...] = ()
+    graded_pitches_m: tuple[float, ...] = ()
+
+    @property
+    def is_graded(self) -> bool:
+        """Whether rows differ: then no single unit cell stands for all of them."""
+        return bool(self.graded or self.graded_pitches_m)
+
+    @property
+    def row_pillars(self) -> tuple[Pillar, ...]:
+        """The pillar of every row, from the zone outwards; empty without pillars."""
+        return self.graded or ((self.pillar,) * self.rows if self.pillar else ())
+
+    @property
+    def kinds(self) -> tuple[Pillar, ...]:
+        """The pillars that differ; the pillar alone where all rows are alike, also where no row stands."""
+        return tuple(dict.fromkeys(self.graded)) or ((self.pillar,) if self.pillar else ())
+
+    @property
+    def row_pitches_m(self) -> FloatArray:
+        """Width of every row's strip across the zone, shape (rows,), m."""
+        return np.array(self.graded_pitches_m) if self.graded_pitches_m else np.full(self.rows, self.pitch_y_m)
+
+    def of_row(self, row: int) -> Design:
+        """The same plate with every row like row `row`, counted from 0 at the zone."""
+        pillar = self.row_pillars[row] if self.row_pillars else None
+        return replace(self, pillar=pillar, pitch_y_m=float(self.row_pitches_m[row]), graded=(), graded_pitches_m=())
+
+    @property
+    def row_designs(self) -> tuple[Design, ...]:
+        """Plates of one kind of row each, of every kind once, from the zone outwards; the plate itself without grading."""
+        return tuple(dict.fromkeys(self.of_row(row) for row in range(self.rows))) if self.is_graded else (self,)
 
     @property
     def half_wavelength_m(self) -> float | None:
@@ -104,13 +148,14 @@ class Design:
 
     @property
     def footprint_m(self) -> float:
-        """Footprint of a pillar, 0 without pillars, m."""
-        return self.pillar.footprint_m if self.pillar and self.rows else 0.0
+        """Footprint of the widest pillar, 0 without pillars, m."""
+        return max((pillar.footprint_m for pillar in self.row_pillars), default=0.0)
 
     @property
     def half_span_m(self) -> float:
         """Half of the plate's whole width across the zone, m."""
-        rows_m = (self.rows - 1) * self.pitch_y_m + self.footprint_m if self.rows else 0.0
+        feet = [pillar.footprint_m for pillar in self.row_pillars] or [0.0]
+        rows_m = float(self._row_offsets()[-1]) + (feet[0] + feet[-1]) / 2.0 if self.rows else 0.0
         return self.width_m / 2.0 + rows_m + self.extension_m
 
     @property
@@ -132,12 +177,26 @@ class Design:
 
     def row_centres(self) -> FloatArray:
         """y of the rows on the positive side, shape (rows,), m: width/2 + footprint/2, then every pitch_y."""
-        return np.asarray(self.width_m / 2.0 + self.footprint_m / 2.0 + self.pitch_y_m * np.arange(self.rows))
+        first = self.row_pillars[0].footprint_m if self.row_pillars else 0.0
+        return np.asarray(self.width_m / 2.0 + first / 2.0 + self._row_offsets())
+
+    def _row_offsets(self) -> FloatArray:
+        """Distance of every row from the first, m: half of both strips between neighbours."""
+        if not self.graded_pitches_m:
+            return np.asarray(self.pitch_y_m * np.arange(self.rows))
+        pitches = self.row_pitches_m
+        return np.concatenate([[0.0], np.cumsum((pitches[1:] + pitches[:-1]) / 2.0)])
 
     def pillar_centres(self) -> FloatArray:
         """Centres of every pillar, shape (2 rows columns, 2), m; empty without pillars."""
-        if not self.pillar or not self.rows:
-            return np.empty((0, 2))
-        rows = self.row_centres()
+        return self._centres(self.row_centres()) if self.row_pillars else np.empty((0, 2))
+
+    def _centres(self, rows: FloatArray) -> FloatArray:
         y, x = np.meshgrid(np.concatenate([-rows[::-1], rows]), self.column_centres(), indexing="ij")
         return np.column_stack([x.ravel(), y.ravel()])
+
+    def standing(self) -> tuple[Stand, ...]:
+        """Every kind of pillar with the centres where it stands."""
+        pillars, rows = self.row_pillars, self.row_centres()
+        kinds = {kind: [row for row, pillar in enumerate(pillars) if pillar == kind] for kind in dict.fromkeys(pillars)}
+        return tuple(Stand(kind, self._centres(rows[own])) for kind, own in kinds.items())

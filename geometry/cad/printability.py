@@ -100,13 +100,16 @@ def features(design: Design) -> dict[str, float]:
     pillar = design.pillar
     if pillar is None or not design.rows:
         return widths
-    widths |= pillar.form.features
+    for each in design.kinds:
+        widths |= {name: min(size, widths.get(name, size)) for name, size in each.form.features.items()}
     if pillar.fillet_m > 0.0:
         widths["foot fillet"] = pillar.fillet_m
-    pitches = {"x": (design.pitch_x_m, len(design.column_centres())), "y": (design.pitch_y_m, design.rows)}
-    for (axis, (pitch, count)), widest in zip(pitches.items(), pillar.form.reach_m(pillar.fillet_m), strict=True):
-        if count > 1:
-            widths[f"gap between pillars along {axis}"] = pitch - widest
+    reach = np.array([each.form.reach_m(each.fillet_m) for each in design.row_pillars])
+    if len(design.column_centres()) > 1:
+        widths["gap between pillars along x"] = design.pitch_x_m - float(reach[:, 0].max())
+    if design.rows > 1:
+        between = design.row_pitches_m[1:] / 2.0 + design.row_pitches_m[:-1] / 2.0
+        widths["gap between pillars along y"] = float((between - (reach[1:, 1] + reach[:-1, 1]) / 2.0).min())
     return widths
 
 

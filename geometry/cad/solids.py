@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from geometry.errors import GeometryError
 from geometry.hex.boxes import Panel
-from geometry.layout import Design, Pillar
+from geometry.layout import Design, Pillar, Stand
 from geometry.patches import Patches
 
 MM = 1e3  # mm per m
@@ -88,9 +88,9 @@ def zone_solid(design: Design, mirrors: str = "") -> Body:
 
 def cell_solid(design: Design, mirrors: str = "") -> Body:
     """The unit cell, pitch_x x pitch_y x thickness, centred, its pillar in the middle; bare without a pillar."""
-    centres = np.zeros((1, 2)) if design.pillar else np.empty((0, 2))
+    stands = (Stand(design.pillar, np.zeros((1, 2))),) if design.pillar else ()
     block = _block(design.pitch_x_m, design.pitch_y_m, design.thickness_m, mirrors)
-    return _assemble(design, block, centres, mirrors, None)
+    return _assemble(design, block, stands, mirrors, None)
 
 
 def panel_solid(design: Design, panel: Panel) -> Body:
@@ -100,9 +100,10 @@ def panel_solid(design: Design, panel: Panel) -> Body:
     """
     size = np.array(panel.high) - np.array(panel.low)
     mirrors = "".join("xy"[axis] for axis in panel.halved)
-    centres = np.array([panel.foot]) - np.array(panel.middle) if panel.foot else np.empty((0, 2))
+    pillar = panel.pillar or design.pillar
+    stands = (Stand(pillar, np.array([panel.foot]) - np.array(panel.middle)),) if pillar and panel.foot else ()
     block = _block(float(size[0]), float(size[1]), design.thickness_m, mirrors)
-    return _assemble(design, block, centres, mirrors, None)
+    return _assemble(design, block, stands, mirrors, None)
 
 
 def plate_solid(design: Design, mirrors: str = "", patches: Patches | None = None) -> Body:
@@ -112,7 +113,7 @@ def plate_solid(design: Design, mirrors: str = "", patches: Patches | None = Non
     overlap, or a pillar is not symmetric in a mirror that cuts it.
     """
     block = _block(design.length_m, 2.0 * design.half_span_m, design.thickness_m, mirrors)
-    return _assemble(design, block, design.pillar_centres(), mirrors, patches)
+    return _assemble(design, block, design.standing(), mirrors, patches)
 
 
 def patch_boxes(patches: Patches, thickness_m: float, mirrors: str = "") -> tuple[Box, ...]:
@@ -126,9 +127,9 @@ def patch_boxes(patches: Patches, thickness_m: float, mirrors: str = "") -> tupl
     return tuple(boxes)
 
 
-def _assemble(design: Design, block: Any, centres: NDArray[np.float64], mirrors: str, patches: Patches | None) -> Body:
+def _assemble(design: Design, block: Any, stands: tuple[Stand, ...], mirrors: str, patches: Patches | None) -> Body:
     """Parts of the plate's material united, those of another one bonded to it."""
-    pillars = _standing(design, centres, mirrors)
+    pillars = [pillar for each in stands for pillar in _standing(each, design.thickness_m, mirrors)]
     boxes = patch_boxes(patches, design.thickness_m, mirrors) if patches else ()
     glued = [_box(np.array(box.low), np.array(box.high)) for box in boxes]
     foreign = bool(pillars and design.pillar and design.pillar.material != design.material)
@@ -138,23 +139,23 @@ def _assemble(design: Design, block: Any, centres: NDArray[np.float64], mirrors:
     return Body(shape, design.thickness_m, boxes, mirrors, bonds)
 
 
-def _standing(design: Design, centres: NDArray[np.float64], mirrors: str) -> list[Any]:
+def _standing(stand: Stand, thickness_m: float, mirrors: str) -> list[Any]:
     """Pillars moved to their places, those on a mirror cut by it, those beyond it left out."""
     import cadquery as cq
 
-    if not design.pillar or not len(centres):
+    if not len(stand.centres):
         return []
-    shape = _pillar_shape(design.pillar)
+    shape, near = _pillar_shape(stand.pillar), 0.25 * stand.pillar.base_m
     halves: dict[str, Any] = {"": shape}
     placed = []
-    for x, y in centres:
+    for x, y in stand.centres:
         at = {"x": x, "y": y}
-        if any(at[letter] < -0.25 * design.pillar.base_m for letter in mirrors):
+        if any(at[letter] < -near for letter in mirrors):
             continue
-        cut = "".join(letter for letter in mirrors if at[letter] < 0.25 * design.pillar.base_m)
+        cut = "".join(letter for letter in mirrors if at[letter] < near)
         if cut not in halves:
             halves[cut] = _half(shape, cut)
-        placed.append(halves[cut].moved(cq.Location(cq.Vector(MM * x, MM * y, MM * design.thickness_m))))
+        placed.append(halves[cut].moved(cq.Location(cq.Vector(MM * x, MM * y, MM * thickness_m))))
     return placed
 
 

@@ -66,8 +66,9 @@ def box_counts(scene: Scene, order: int) -> BoxCounts:
     else:
         blocks = [_block(scene, np.zeros((1, 2)), part, up, False, sign) for sign, part in _union(scene.body)]
     if scene.above is not None and scene.along is not None:
-        up = interval_count(scene.above, scene.along)
-        blocks += [_block(scene, scene.centres, part, up, True, sign) for sign, part in _union(scene.foot)]
+        for foot in scene.feet:
+            up = interval_count({z: graded for z, graded in scene.above.items() if z <= foot.top_m}, scene.along)
+            blocks += [_block(scene, foot.centres, part, up, True, sign) for sign, part in _union(foot.rectangles)]
     return BoxCounts(order, tuple(blocks))
 
 

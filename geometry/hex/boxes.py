@@ -5,14 +5,14 @@ A scene is a tensor grid and a mask: which boxes are solid, and to which region 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geometry.elements import BoolArray, FloatArray, IntArray, gauss_lobatto
 from geometry.errors import MeshError
 from geometry.hex.grading import Grading, grid_lines
-from geometry.layout import Design, Pillar
+from geometry.layout import Design, Pillar, Stand
 from geometry.mesh import Mesh
 
 VOID = -1
@@ -128,12 +128,20 @@ class HexSettings:
 
 
 @dataclass(frozen=True)
+class Foot:
+    """Feet of one kind: rectangles x0, x1, y0, y1 about a centre (r, 4), centres (n, 2), where the pillars end, m."""
+
+    rectangles: FloatArray
+    centres: FloatArray
+    top_m: float
+
+
+@dataclass(frozen=True)
 class Scene:
     """Where the lines of a scene of boxes pass, before any is drawn: breakpoints in m, True at singular edges.
 
-    x, y and z span the lowest body (region `name`), above the pillars that stand on it (None without); `foot` (r, 4) are the
-    rectangles x0, x1, y0, y1 of a foot about its centre, centres (n, 2), m. The lowest body fills `body` (r, 4) only, where
-    that is given.
+    x, y and z span the lowest body (region `name`), above the pillars that stand on it (None without), `feet` of each kind.
+    The lowest body fills the rectangles `body` (r, 4) only, where that is given.
     """
 
     x: dict[float, bool]
@@ -144,8 +152,7 @@ class Scene:
     name: str = "plate"
     above: dict[float, bool] | None = None
     along: Grading | None = None
-    centres: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
-    foot: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
+    feet: tuple[Foot, ...] = ()
     body: FloatArray | None = None
 
 
@@ -182,7 +189,7 @@ class Panel:
     """A rectangular panel of plate from (x0, y0) to (x1, y1), lengths in m, with a pillar's centre or None.
 
     `halved` lists the axes along which only the half beyond the panel's middle is meshed (its mirrors), `free` the
-    sides (x-, x+, y-, y+) to which nothing is attached.
+    sides (x-, x+, y-, y+) to which nothing is attached. `pillar` names the one that stands there where rows differ.
     """
 
     low: tuple[float, float]
@@ -190,6 +197,7 @@ class Panel:
     foot: tuple[float, float] | None = None
     halved: tuple[int, ...] = ()
     free: tuple[str, ...] = ()
+    pillar: Pillar | None = None
 
     @property
     def middle(self) -> tuple[float, float]:
@@ -204,8 +212,9 @@ def panel_scene(panel: Panel, thickness_m: float, pillar: Pillar | None, setting
     for axis in (0, 1):
         half = (panel.high[axis] - panel.low[axis]) / 2.0
         spans.append(_span(half, False, axis in panel.halved))
-    feet = np.array([panel.foot]) - middle if panel.foot else np.empty((0, 2))
-    return _plate_with_pillars(thickness_m, pillar, settings, feet, *spans)
+    pillar = panel.pillar or pillar
+    stands = (Stand(pillar, np.array([panel.foot]) - middle),) if pillar and panel.foot else ()
+    return _plate_with_pillars(thickness_m, settings, stands, *spans)
 
 
 def panel_boxes(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Boxes:
@@ -231,11 +240,10 @@ def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> 
     x = _span(design.length_m / 2.0, False, quarter)
     y = _span(design.half_span_m, False, quarter)
     y |= {v: False for v in (-design.width_m / 2.0, design.width_m / 2.0) if v >= min(y)}
-    centres = design.pillar_centres()
+    stands, reach = design.standing(), design.footprint_m / 2.0
     if quarter:
-        reach = design.footprint_m / 2.0
-        centres = centres[(centres[:, 0] > -reach) & (centres[:, 1] > -reach)]
-    return _plate_with_pillars(design.thickness_m, design.pillar, settings, centres, x, y)
+        stands = tuple(Stand(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in stands)
+    return _plate_with_pillars(design.thickness_m, settings, stands, x, y)
 
 
 def plate_boxes(design: Design, settings: HexSettings, quarter: bool = True) -> Boxes:
@@ -249,25 +257,28 @@ def _span(half: float, singular: bool, quarter: bool) -> dict[float, bool]:
 
 def _plate_with_pillars(
     thickness_m: float,
-    pillar: Pillar | None,
     settings: HexSettings,
-    centres: FloatArray,
+    stands: tuple[Stand, ...],
     x: dict[float, bool],
     y: dict[float, bool],
 ) -> Scene:
     """Lines pass along every foot edge, graded there in x, y and in z on both sides of the foot."""
-    if pillar is None or not len(centres):
+    feet = tuple(
+        Foot(_foot(each.pillar), each.centres, thickness_m + each.pillar.height_m)
+        for each in stands
+        if len(each.centres)
+    )
+    if not feet:
         return Scene(x, y, {0.0: False, thickness_m: False}, settings.grading, settings.grading)
-    foot = _foot(pillar)
     for breaks, column in ((x, 0), (y, 1)):
         low, high = min(breaks), max(breaks)
-        edges = np.unique(foot[:, 2 * column : 2 * column + 2])
-        for centre in np.unique(centres[:, column]):
-            breaks |= {edge: True for edge in centre + edges if low < edge < high}
+        for foot in feet:
+            edges = np.unique(foot.rectangles[:, 2 * column : 2 * column + 2])
+            for centre in np.unique(foot.centres[:, column]):
+                breaks |= {edge: True for edge in centre + edges if low < edge < high}
     z, through = {0.0: False, thickness_m: True}, settings.through_grading(thickness_m)
-    above = {thickness_m: True, thickness_m + pillar.height_m: False}
-    along = settings.pillar_grading
-    return Scene(x, y, z, settings.grading, through, "plate", above, along, centres, foot)
+    above = {thickness_m: True} | {foot.top_m: False for foot in feet}
+    return Scene(x, y, z, settings.grading, through, "plate", above, settings.pillar_grading, feet)
 
 
 def _foot(pillar: Pillar) -> FloatArray:
@@ -287,8 +298,11 @@ def boxes_of(scene: Scene) -> Boxes:
         z = np.append(z, grid_lines(scene.above, scene.along)[1:])
     region = np.full(_cuts(lines_x, lines_y, z), VOID, dtype=np.int64)
     region[_inside(lines_x, lines_y, scene.body), :layers] = 0
-    for centre in scene.centres:
-        region[_inside(lines_x, lines_y, scene.foot, centre), layers:] = 1
+    middles = (z[1:] + z[:-1]) / 2.0
+    for foot in scene.feet:
+        below = layers + np.count_nonzero(middles[layers:] < foot.top_m)
+        for centre in foot.centres:
+            region[_inside(lines_x, lines_y, foot.rectangles, centre), layers:below] = 1
     return Boxes(lines_x, lines_y, z, region, (scene.name, "pillar") if scene.above else (scene.name,))
 
 

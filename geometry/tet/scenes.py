@@ -70,9 +70,10 @@ def tet_cell(design: Design, edge_m: float, quarter_then_mirror: bool = True, op
 def tet_panel(design: Design, panel: Panel, edge_m: float, options: TetOptions = DEFAULTS) -> Mesh:
     """A rectangular panel of the plate, its middle at the origin, finer near its pillar's foot."""
     rim: Lines = []
-    if design.pillar and panel.foot:
+    pillar = panel.pillar or design.pillar
+    if pillar and panel.foot:
         x, y = np.array(panel.foot) - np.array(panel.middle)
-        rim = [[(a + x, b + y, c) for a, b, c in line] for line in foot_rim(design.pillar, design.thickness_m)]
+        rim = [[(a + x, b + y, c) for a, b, c in line] for line in foot_rim(pillar, design.thickness_m)]
     return tet_mesh(solids.panel_solid(design, panel), edge_m, options=graded(options, rim, edge_m))
 
 

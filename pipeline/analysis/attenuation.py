@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from geometry.elements import IntArray
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
+from pipeline.models.broadband import passed_shares, wavevectors
 from pipeline.models.unit_cell import LatticeModel, bare_cell, lattice_model
 from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.model_choice import SOLID, cell_model_choice
@@ -22,15 +22,14 @@ from pipeline.records.record import (
     AttenuationRecord,
     MeshRecord,
     PredictionRecord,
-    ThroughRows,
     WaveRecord,
 )
 from solvers.measures.levels import CONFINED_DB
 from solvers.threads import one_thread
 from solvers.waves.brillouin import path_through
-from solvers.waves.evanescent import Row, RowStiffness, RowWaves
+from solvers.waves.evanescent import Row, RowWaves
 from solvers.waves.polarisation import label_of
-from solvers.waves.scattering import scatter, stacked
+from solvers.waves.scattering import stacked
 
 POINTS = 201
 STEEPEST_DB = (
@@ -58,6 +57,7 @@ def solve(
     model: the reduced cell of the case's bands, where there is one already.
     """
     case.require("plate", "array.pitch_mm", "pillar", command="attenuation")
+    case.require_one_kind("decay per row is")
     if kx_per_m is None:
         case.require("zone", command="attenuation without --kx")
     choice = cell_model_choice(case)
@@ -103,19 +103,15 @@ def _point(row: Row, bare: Row, rows: int, frequency_hz: float) -> AttenuationPo
     kept = np.flatnonzero(row_waves.db_per_row <= STEEPEST_DB)
     waves = tuple(_described(row, row_waves, kept))
     flexural = [wave.db_per_row for wave in waves if wave.polarisation == "flexural"]
-    transmission = _transmission(row_waves.stiffness, bare, rows, frequency_hz) if rows else None
+    stack = stacked(row_waves.stiffness, rows) if rows else None
+    transmission = passed_shares(stack, bare, frequency_hz) if stack else None
     return AttenuationPoint(
         frequency_hz=frequency_hz, waves=waves, db_per_row=min(flexural, default=None), through_rows=transmission
     )
 
 
-def _wavevectors(row: Row, row_waves: RowWaves, kept: IntArray) -> Any:
-    ky = row_waves.wavenumber_per_m[kept]
-    return np.vstack([np.full(len(ky), row.kx, dtype=complex), ky])
-
-
 def _described(row: Row, row_waves: RowWaves, kept: Any) -> list[WaveRecord]:
-    labels = label_of(row.cell, row_waves.dofs[:, kept], _wavevectors(row, row_waves, kept))
+    labels = label_of(row.cell, row_waves.dofs[:, kept], wavevectors(row, row_waves, kept))
     waves = []
     for index, label in zip(kept, labels, strict=True):
         ky, db = row_waves.wavenumber_per_m[index], abs(float(row_waves.db_per_row[index]))
@@ -123,25 +119,6 @@ def _described(row: Row, row_waves: RowWaves, kept: Any) -> list[WaveRecord]:
         own = {"polarisation": label.name, "ky_re_per_m": ky.real, "ky_im_per_m": max(ky.imag, 0.0)}
         waves.append(WaveRecord(**own, db_per_row=db, pillar_share=label.pillar_share))
     return waves
-
-
-def _transmission(stiffness: RowStiffness, bare: Row, rows: int, frequency_hz: float) -> ThroughRows | None:
-    """Shares of the incoming flexural wave's power by polarisation; None where the bare plate carries no such wave at
-    this kx.
-    """
-    half = bare.waves(frequency_hz)
-    going = np.flatnonzero(half.flux > 0.0)
-    if not len(going):
-        return None
-    labels = [label.name for label in label_of(bare.cell, half.dofs[:, going], _wavevectors(bare, half, going))]
-    if "flexural" not in labels:
-        return None
-    incoming = int(going[labels.index("flexural")])
-    scattered = scatter(stacked(stiffness, rows), half, bare.mirror_sign, incoming)
-    transmitted = dict.fromkeys(("flexural", "shear", "longitudinal"), 0.0)
-    for name, share in zip(labels, scattered.transmitted, strict=True):
-        transmitted[name] += float(share)
-    return ThroughRows(reflected=float(scattered.reflected.sum()), **transmitted)
 
 
 def prediction(attenuation: AttenuationRecord, frequency_hz: float, extension_db: float | None) -> PredictionRecord:

@@ -11,10 +11,12 @@ from typing import Any
 
 from geometry.layout import Design, Pillar
 from geometry.patches import Patches
+from geometry.pillar_shapes.base import PillarShape
 from pipeline.case.overrides import apply_overrides, is_file, parse_override, read_toml
 from pipeline.case.patches import read_patches
 from pipeline.case.reader import CaseValues as Values
 from pipeline.case.reader import read_values
+from pipeline.case.rows import INSTEAD, one_kind
 from pipeline.errors import InputError
 from pipeline.units import KHZ, MM
 from solvers.measures.confinement import wanted_symmetry
@@ -118,6 +120,15 @@ class Case:
         """InputError unless a finite plate is described: [plate], [zone] and, with pillars, array.rows."""
         self.require("plate", "zone", *(("array.rows",) if "pillar" in self.given else ()), command=command)
 
+    def require_one_kind(self, command: str) -> None:
+        """InputError for rows that differ, which no unit cell and no lone pillar stands for: each kind by its own keys."""
+        if self.design.is_graded:
+            where = self.source if self.source is not None else self.name
+            lists = " and ".join(key for key in INSTEAD if key in self.given)
+            example = " ".join(f"--set {text}" for text in one_kind(self.design))
+            what = f"rows differ, {command} of one kind of row alone: ask for each in turn, such as {example}"
+            raise InputError(f"{where}: {lists}: {what}")
+
     def to_dict(self) -> dict[str, Any]:
         """Everything that influences results as plain JSON in SI; a STEP file by its name and SHA-256."""
         plain: dict[str, Any] = {
@@ -127,9 +138,12 @@ class Case:
             plain["tolerance"] = _plain(self.tolerance)
         if self.measured:
             plain["measured"] = self.measured.to_dict()
-        pillar = self.design.pillar
-        if pillar:
-            plain["design"]["pillar"] |= dict(plain["design"]["pillar"].pop("more_m"))
+        pillar, shape = self.design.pillar, plain["design"]
+        for key in ("graded", "graded_pitches_m"):
+            if not shape[key]:
+                del shape[key]
+        for each in (shape["pillar"], *shape.get("graded", ())) if pillar else ():
+            each |= dict(each.pop("more_m"))
         if pillar and pillar.file:
             plain["design"]["pillar"]["file"] = Path(pillar.file).name
             plain["design"]["pillar"]["file_sha256"] = hashlib.sha256(Path(pillar.file).read_bytes()).hexdigest()
@@ -180,22 +194,25 @@ def _parsed(overrides: Iterable[Override]) -> list[tuple[str, Any]]:
 def _design(values: Values) -> Design:
     get = values.good.get
     rows = get("array.rows") or 0
+    pillars = tuple(pillar for own, form in values.rows if (pillar := _pillar(values, own, form)))
+    pitches = tuple(MM * pitch for pitch in get("array.pitches_y_mm") or ())
     return Design(
         length_m=MM * get("zone.length_mm", nan),
         width_m=MM * get("zone.width_mm", nan),
         thickness_m=MM * get("plate.thickness_mm", nan),
         nodal_lines=get("zone.nodal_lines", 0),
         material=values.materials[""],
-        pillar=_pillar(values),
+        pillar=pillars[0] if pillars else None,
         pitch_x_m=MM * (get("array.pitch_x_mm") or nan),
         pitch_y_m=MM * (get("array.pitch_y_mm") or nan),
         rows=rows,
         extension_m=MM * get("array.extension_mm", 0.0),
+        graded=pillars if len(set(pillars)) > 1 else (),
+        graded_pitches_m=pitches if len(set(pitches)) > 1 else (),
     )
 
 
-def _pillar(values: Values) -> Pillar | None:
-    good, form = values.good, values.form
+def _pillar(values: Values, good: dict[str, Any], form: PillarShape | None) -> Pillar | None:
     if form is None:
         return None
     material = values.materials.get("pillar", values.materials[""])

@@ -13,6 +13,7 @@ from geometry.files import read_by_command
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import SHAPES
 from pipeline.case.diagnostics import quoted
+from pipeline.case.rows import INSTEAD, PITCHES
 from pipeline.errors import InputError
 from pipeline.units import GPA
 
@@ -23,7 +24,10 @@ ALTERNATIVES: dict[str, tuple[str, ...]] = {
     "solve.near_kHz": ("solve.band_kHz",),
     "patches.centres_mm": ("patches.at",),
     "patches.at": ("patches.centres_mm",),
+    **INSTEAD,
+    **{other: (key,) for key, others in INSTEAD.items() for other in others},
 }
+ALTERNATIVES["array.pitch_mm"] += (PITCHES,)
 MAX_BYTES = 200_000  # of a case file: the most patches that it may hold take half
 DEEPEST = 8  # tables and lists inside one another; a case has four
 TOO_DEEP = f"tables or lists nested deeper than {DEEPEST}, which nothing in it may be"
@@ -108,7 +112,7 @@ def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -
     """A copy of `raw` with every override set in order; absent tables are created."""
     result = copy.deepcopy(raw)
     for key, value in overrides:
-        if key in ("array.pitch_x_mm", "array.pitch_y_mm"):
+        if key in ("array.pitch_x_mm", "array.pitch_y_mm", PITCHES):
             _split_pitch(result)
         for other in ALTERNATIVES.get(key, ()):
             _drop(result, other)

@@ -93,12 +93,12 @@ def _check_places(patches: Patches, design: Design, good: dict[str, object], dia
 def _check_pillars(
     patches: Patches, design: Design, key: str, value: object, diagnostics: Diagnostics, slack: float
 ) -> None:
-    if not design.pillar or not design.rows:
-        return
-    rows, half = design.row_centres(), design.footprint_m / 2.0
     x0, x1, y0, y1 = patches.boxes_m().T
-    hit = _holds(design.column_centres(), x0 - half + slack, x1 + half - slack)
-    hit &= _holds(np.concatenate([-rows[::-1], rows]), y0 - half + slack, y1 + half - slack)
+    hit = np.zeros(len(x0), dtype=bool)
+    for stand in design.standing():
+        half = stand.pillar.footprint_m / 2.0
+        x, y = (np.unique(places) for places in stand.centres.T)
+        hit |= _holds(x, x0 - half + slack, x1 + half - slack) & _holds(y, y0 - half + slack, y1 + half - slack)
     if hit.any():
         diagnostics.add(key, value, f"patch {np.flatnonzero(hit)[0]} on the back overlaps a pillar's foot")
 

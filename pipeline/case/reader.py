@@ -12,9 +12,10 @@ from geometry.errors import GeometryError
 from geometry.materials import MATERIALS, Material
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import SHAPES
-from pipeline.case.checks import CHECKS, normalise_pitch
+from pipeline.case.checks import CHECKS, Diagnostic, normalise_pitch
 from pipeline.case.diagnostics import Diagnostics, check_table, nearest
 from pipeline.case.limits import MAX_CONTRAST
+from pipeline.case.rows import INSTEAD, PITCHES, by_row, lists_of, named, normalise_rows
 from pipeline.case.schema import MATERIAL_ALLOWED, MATERIAL_OWNERS, NAME_ALLOWED, TABLES, MaterialTable, known_keys
 from pipeline.units import GPA
 
@@ -28,7 +29,7 @@ class CaseValues:
     name: str
     good: dict[str, Any]
     materials: dict[str, Material]
-    form: PillarShape | None
+    rows: tuple[tuple[dict[str, Any], PillarShape | None], ...]  # as each row has them, once where all rows are alike
     given: frozenset[str]
     diagnostics: Diagnostics
 
@@ -56,9 +57,10 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
         _read_material(raw if owner == "" else raw.get(owner, {}), owner, materials, known, diagnostics)
     _check_contrast(materials, diagnostics)
     name = _read_name(raw, source, diagnostics)
-    form = _read_shape(good, source, diagnostics)
-    _check_across(good, form, diagnostics)
-    return CaseValues(name, good, materials, form, _given(raw), diagnostics)
+    _tell(chain(normalise_rows(good), normalise_pitch(good)), diagnostics)
+    rows = tuple((own, _read_shape(own, source, diagnostics)) for own in by_row(good))
+    _check_across(rows, diagnostics)
+    return CaseValues(name, good, materials, rows, _given(raw), diagnostics)
 
 
 def _read_material(
@@ -116,8 +118,19 @@ def _read_shape(good: dict[str, Any], source: Path | None, diagnostics: Diagnost
         return None
 
 
-def _check_across(good: dict[str, Any], form: PillarShape | None, diagnostics: Diagnostics) -> None:
-    for key, value, text in chain(normalise_pitch(good), *(check(good, form) for check in CHECKS)):
+def _check_across(rows: tuple[tuple[dict[str, Any], PillarShape | None], ...], diagnostics: Diagnostics) -> None:
+    for number, (good, form) in enumerate(rows, start=1):
+        _tell((_of_row(number, fault, good) for check in CHECKS for fault in check(good, form)), diagnostics)
+
+
+def _of_row(number: int, fault: Diagnostic, good: dict[str, Any]) -> Diagnostic:
+    """A fault of a row's value, told by the list that holds it."""
+    key, _, text = fault
+    return (named(key), good[named(key)], f"row {number}: {text}") if key in lists_of(good) else fault
+
+
+def _tell(faults: Iterable[Diagnostic], diagnostics: Diagnostics) -> None:
+    for key, value, text in faults:
         if value is None:
             diagnostics.missing(key, text)
         else:
@@ -130,6 +143,8 @@ def _given(raw: dict[str, Any]) -> frozenset[str]:
     for table, content in raw.items():
         if isinstance(content, dict):
             keys |= {f"{table}.{name}" for name in content}
-    if {"array.pitch_x_mm", "array.pitch_y_mm"} <= keys:
+    if keys & {*INSTEAD}:
+        keys.add("array.rows")
+    if "array.pitch_x_mm" in keys and keys & {"array.pitch_y_mm", PITCHES}:
         keys.add("array.pitch_mm")
     return frozenset(keys)

@@ -48,6 +48,8 @@ Coordinate = Annotated[float, Field(ge=-LENGTH_MM[1], le=LENGTH_MM[1])]
 Place = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Frequency = Annotated[float, Field(ge=0, le=limits.FREQUENCY_KHZ[1])]
 Extent = Annotated[float, Field(ge=LENGTH_MM[0], le=LENGTH_MM[1])]
+RowLengths = Annotated[list[Extent], Field(min_length=1, max_length=1000)]
+ONE_A_ROW = f"a list of numbers above 0, {span(LENGTH_MM)}, one a row from the zone outwards"
 
 
 class Table(BaseModel):
@@ -95,6 +97,9 @@ class ArrayTable(Table):
     pitch_x_mm: float | None = optional(LENGTH_MM)
     pitch_y_mm: float | None = optional(LENGTH_MM)
     rows: int | None = whole(0, 1000, default=None)
+    heights_mm: RowLengths | None = Field(default=None, description=ONE_A_ROW)
+    sides_mm: RowLengths | None = Field(default=None, description=ONE_A_ROW)
+    pitches_y_mm: RowLengths | None = Field(default=None, description=ONE_A_ROW)
     extension_mm: Length = 0.0
 
 

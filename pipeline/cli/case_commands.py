@@ -160,6 +160,40 @@ def attenuation(arguments: Namespace) -> int:
     return emit(arguments, "attenuation", answer, log)
 
 
+def broadband(arguments: Namespace) -> int:
+    """Compute over frequency what the rows let through and how far a driven zone stays confined."""
+    case, log, band = _read(arguments)
+    from pipeline.models.broadband import broadband as over_frequency
+    from pipeline.plots.attenuation import rows_over_frequency
+
+    solved = over_frequency(case, log, band, arguments.points)
+    document = solved.to_dict()
+    rows = [list(row.values()) for row in ROWS["broadband"](document)]
+    head = tuple(ROWS["broadband"](document)[0])
+    lines = [f"{solved.model}, kx = {solved.kx_per_m:.1f} rad/m, {solved.rows} rows", *_told(solved)]
+    lines.insert(1, outputs.table(head, rows[:: max(1, len(rows) // 20)]))
+    answer = Answer(document, lines, head, rows, lambda: [rows_over_frequency(solved)])
+    return emit(arguments, "broadband", answer, log)
+
+
+def _told(solved: Any) -> list[str]:
+    """The wanted mode and the intervals, in words."""
+    from solvers.measures.levels import CONFINED_DB
+
+    none = "nowhere between the frequencies asked for"
+    stretches = {
+        f"stopped (at most a tenth of the power passes {solved.rows} rows)": solved.stopped,
+        f"driven motion confined by {CONFINED_DB:g} dB or more": solved.confined,
+    }
+    lines = [
+        f"{what}: {', '.join(f'{low / KHZ:.2f} to {high / KHZ:.2f} kHz' for low, high in found) or none}"
+        for what, found in stretches.items()
+    ]
+    if solved.wanted_hz is None or solved.wanted_db is None:
+        return [*lines, "the column has no mode of the wanted shape in its window"]
+    return [*lines, f"wanted mode of the column: {solved.wanted_hz / KHZ:.3f} kHz, {solved.wanted_db:.1f} dB"]
+
+
 def response(arguments: Namespace) -> int:
     """Compute the forced response."""
     case, log, band = _read(arguments)

@@ -90,6 +90,8 @@ class Exchange:
 
 def exchange(case: Case, part: str, log: Log, tetrahedra: bool = False) -> Exchange:
     """Mesh a part whole and name its groups; boxes as hexahedra of 27 nodes, or those split when `tetrahedra`."""
+    if part == "pillar":
+        case.require_one_kind("the lone pillar is")
     with log.step(f"mesh the whole {part}"):
         mesh = _mesh(case, part, log)
         if tetrahedra and mesh.kind == "hex":
@@ -216,7 +218,7 @@ def _smallest_m(design: Design, part: str) -> float:
     """The smallest dimension that a part's tetrahedra must resolve, m."""
     sizes = [design.thickness_m] if part != "pillar" else []
     if design.pillar and (part == "pillar" or (part == "plate" and design.rows)):
-        sizes.append(design.pillar.form.smallest_m)
+        sizes += [pillar.form.smallest_m for pillar in design.kinds]
     return min(sizes)
 
 

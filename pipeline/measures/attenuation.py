@@ -1,4 +1,4 @@
-"""Complex bands across the rows, and beside them what the finite plate does: rows times the decay per row."""
+"""Rows as filters: complex bands beside what the finite plate does, and how wide a band the rows hold."""
 
 from __future__ import annotations
 
@@ -31,6 +31,29 @@ COLUMNS = (
     Column("db_per_row", "decay per row", _rows(lambda p: p.db_per_row), ".2f", "dB"),
     Column("rows_db", "predicted by the rows", _rows(lambda p: p.rows_db), ".2f", "dB"),
     Column("rows_needed", "rows needed, endless ones", _rows(lambda p: p.rows_needed), "d"),
+)
+
+
+def _broadband_plan(case: Case) -> Step | Simplification:
+    if not (case.design.rows and all(pillar.is_made_of_boxes for pillar in case.design.kinds)):
+        return Simplification("no_rows", "broadband", "it takes rows of pillars made of boxes")
+    return plan.plain_step("broadband", "rows over frequency", "column of reduced cells at the wanted wavenumber")
+
+
+def _broadband(work: Work) -> None:
+    from pipeline.models.broadband import broadband
+
+    work.keep(broadband=broadband(work.case, work.log))
+
+
+_wide = figures_of(lambda r: r.broadband)
+BROAD_COLUMNS = (
+    Column("stopped_width_hz", "stopped about the wanted mode", _wide(lambda b: b.stopped_width_hz), ".1f", "Hz"),
+    Column("column_wanted_hz", "wanted mode of the column", _wide(lambda b: b.wanted_hz), ".1f", "Hz"),
+    Column("column_wanted_db", "confinement in the column", _wide(lambda b: b.wanted_db), ".2f", "dB"),
+)
+BROADBAND = Measure(
+    "broadband", plan=_broadband_plan, compute=_broadband, columns=BROAD_COLUMNS, pictures=("attenuation.broadband",)
 )
 
 ATTENUATION = Measure(

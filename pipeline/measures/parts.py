@@ -15,7 +15,7 @@ def _compute(work: Work) -> None:
     sizes = PredesignRecord.model_validate(predesign(work.case.design).to_dict())
     zone = solve_modes(work.case, Request("zone"), work.log)
     work.keep(zone.meshes, predesign=sizes, zone_modes=zone.record)
-    if work.case.design.pillar:
+    if work.case.design.pillar and not work.case.design.is_graded:
         pillar = solve_modes(work.case, Request("pillar", near_hz=0.0, count=4), work.log)
         work.keep(pillar.meshes, pillar_modes=pillar.record)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pipeline.case.model import Case
 from pipeline.errors import InputError
-from pipeline.measures.attenuation import ATTENUATION
+from pipeline.measures.attenuation import ATTENUATION, BROADBAND
 from pipeline.measures.bands import BANDS
 from pipeline.measures.board import BOARD
 from pipeline.measures.geometry import GEOMETRY
@@ -24,7 +24,7 @@ from pipeline.records.study import StoredStudy, read_study
 from pipeline.records.tables import Column
 
 MEASURES: tuple[Measure, ...] = (
-    *(MODES, BANDS, ATTENUATION, RESPONSE, TOLERANCE),
+    *(MODES, BANDS, ATTENUATION, BROADBAND, RESPONSE, TOLERANCE),
     *(BOARD, PARTS, GEOMETRY, TETRAHEDRA),
 )
 

@@ -151,15 +151,18 @@ def part_modes(design: Design, part: str, frequency_hz: float) -> float:
         )
     across = 2.0 * design.half_span_m
     plate = plate_modes(frequency_hz, design.length_m, across, design.thickness_m, design.material)
-    pillars = pillar_count(design)
-    return plate + (pillars * pillar_modes(frequency_hz, design.pillar) if pillars and design.pillar else 0.0)
+    own = Counter(design.row_pillars)
+    return plate + sum(_per_row(design) * rows * pillar_modes(frequency_hz, pillar) for pillar, rows in own.items())
 
 
 def pillar_count(design: Design) -> int:
     """Number of pillars of the plate, without listing them."""
-    if not (design.pillar and design.rows):
-        return 0
-    return 2 * design.rows * (floor((design.length_m - design.footprint_m) / design.pitch_x_m + 1e-6) + 1)
+    return design.rows * _per_row(design) if design.row_pillars else 0
+
+
+def _per_row(design: Design) -> int:
+    """Pillars of a row on both sides of the zone."""
+    return 2 * (floor((design.length_m - design.footprint_m) / design.pitch_x_m + 1e-6) + 1)
 
 
 def _body(case: Case, choice: ModelChoice) -> MeshCounts:
@@ -199,7 +202,10 @@ def _volume_m3(design: Design, part: str) -> float:
         return design.pitch_x_m * design.pitch_y_m * design.thickness_m + one
     if part == "zone":
         return design.length_m * design.width_m * design.thickness_m
-    return design.length_m * 2.0 * design.half_span_m * design.thickness_m + pillar_count(design) * one
+    plate = design.length_m * 2.0 * design.half_span_m * design.thickness_m
+    return plate + (
+        _per_row(design) * sum(each.volume_m3 for each in design.row_pillars) if pillar_count(design) else 0.0
+    )
 
 
 # -- reduced panels and what is assembled from them -------------------------------------------------------------------------
@@ -271,9 +277,12 @@ def _panel_kinds(design: Design, reduction: ReductionSettings, choice: ModelChoi
     )
     kinds: list[Kind] = [(mesh, fixed_modes(design, reduction, False, bare_m, mesh), 4)]
     if design.pillar and design.rows:
-        pitch = (design.pitch_x_m, design.pitch_y_m)
         halves = ((0, 1), (1,)) if choice.quarter else ((),)
-        kinds += [_pillar_panel(design, reduction, choice, pitch, halved) for halved in halves]
+        kinds += [
+            _pillar_panel(row, reduction, choice, (row.pitch_x_m, row.pitch_y_m), halved)
+            for row in design.row_designs
+            for halved in halves
+        ]
     return kinds
 
 

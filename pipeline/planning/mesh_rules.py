@@ -165,8 +165,7 @@ def _along(design: Design) -> float:
     """Element length along a pillar, m: four elements follow its third bending, which lies among the lowest bands of
     a slender one.
     """
-    assert design.pillar
-    return min(design.pillar.base_m, design.pillar.height_m / 4.0)
+    return min(min(pillar.base_m, pillar.height_m / 4.0) for pillar in design.kinds)
 
 
 def shear_cutoff_hz(design: Design) -> float:
@@ -191,7 +190,7 @@ def lattice_reduction(design: Design, accuracy: float) -> ReductionSettings:
 
 def plate_reduction(design: Design, accuracy: float, high_hz: float) -> ReductionSettings:
     """Reduction of a plate's panels: REACH times the highest frequency bounds the fixed-interface modes."""
-    longest = max(design.pitch_x_m, design.pitch_y_m) if design.rows else 3.0 * design.thickness_m
+    longest = max(design.pitch_x_m, *design.row_pitches_m) if design.rows else 3.0 * design.thickness_m
     share = longest / design.line_spacing_m
     along = next((degree for degree, limit in ALONG.items() if share <= limit), 6)
     mesh = cell_mesh(design, cell_level(accuracy))
@@ -223,7 +222,7 @@ def tet_plate_edge_m(design: Design, accuracy: float) -> float:
 
 
 def _smallest_m(design: Design) -> float:
-    return min(design.thickness_m, design.pillar.form.smallest_m) if design.pillar else design.thickness_m
+    return min(design.thickness_m, *(pillar.form.smallest_m for pillar in design.kinds))
 
 
 def wanted_window_hz(design: Design) -> tuple[float, float]:

@@ -102,6 +102,7 @@ def _zone(case: Case, high_hz: float) -> ModelChoice:
 def _pillar(case: Case, high_hz: float) -> ModelChoice:
     design, accuracy = case.design, case.solve.accuracy
     assert design.pillar
+    case.require_one_kind("the lone pillar is")
     no_cad = simplifications.boxes(case, "pillar")
     quarter = simplifications.mirror_images(design, "pillar") if no_cad else None  # tetrahedra mesh the whole pillar
     level, top_hz = mesh_rules.reaching("pillar", design, accuracy, high_hz)
@@ -132,6 +133,7 @@ def cell_model_choice(case: Case) -> ModelChoice:
 
     Raises InputError for a model that cannot serve.
     """
+    case.require_one_kind("the unit cell is")
     check_model(case, _boxes(case))
     design, accuracy = case.design, case.solve.accuracy
     no_cad = simplifications.boxes(case, "cell")

@@ -263,7 +263,7 @@ def tolerance_step(case: Case) -> Step:
 def parts_step(case: Case) -> Step:
     """Plan the bare zone and the lone pillar."""
     zone = modes_step(case, Request("zone"))
-    if not case.design.pillar:
+    if not case.design.pillar or case.design.is_graded:
         return Step(**{**vars(zone), "measure": "parts"})
     pillar = modes_step(case, Request("pillar", near_hz=0.0, count=4))
     model, mesh, looks = (

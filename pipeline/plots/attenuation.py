@@ -8,9 +8,10 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
-from pipeline.records.record import AttenuationRecord
+from pipeline.records.record import AttenuationRecord, BroadbandRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import KHZ
+from solvers.measures.levels import CONFINED_DB
 
 LOOKS = {"flexural": (style.BLUE, "o"), "shear": (style.ORANGE, "s"), "longitudinal": (style.GREEN, "D")}
 DEEPEST_DB = 30.0
@@ -39,6 +40,38 @@ def complex_bands(record: AttenuationRecord, predicted_hz: float | None = None) 
     figure.legend(*decay.get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=7, markerscale=2.5)
     title = "Attenuation per row and power through the rows"
     return ReportFigure("attenuation", title, _alt(record), figure, vector=True)
+
+
+def broadband(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
+    """The rows over frequency, as a case's record has them."""
+    return rows_over_frequency(case.record.broadband) if case.record.broadband else None
+
+
+def rows_over_frequency(record: BroadbandRecord) -> ReportFigure:
+    """What the rows take from a wave, and the confinement of the driven motion, over frequency."""
+    figure, axes = style.panels(3.6)
+    draw_levels(axes, record)
+    title = "What the rows hold over frequency"
+    bands = ", ".join(f"{low / KHZ:.1f} to {high / KHZ:.1f} kHz" for low, high in record.stopped) or "nowhere"
+    alt = f"Over frequency: dB that {record.rows} rows take from a flexural wave, at least {CONFINED_DB:g} at {bands}; "
+    return ReportFigure("broadband", title, alt + "and confinement of the driven zone", figure, vector=True)
+
+
+def draw_levels(
+    axes: Any, record: BroadbandRecord, label: str = "", colours: tuple[str, str] = (style.BLUE, style.ORANGE)
+) -> None:
+    """Both levels into axes, the wanted mode of the column marked."""
+    tone = np.array([point.frequency_hz for point in record.points]) / KHZ
+    taken = [-10.0 * np.log10(max(p.through_rows.flexural, 1e-30)) if p.through_rows else np.nan for p in record.points]
+    level = [np.nan if p.confinement_db is None else p.confinement_db for p in record.points]
+    axes.plot(tone, taken, color=colours[0], label=f"{label}taken from a wave by {record.rows} rows")
+    axes.plot(tone, level, color=colours[1], lw=0.9, ls="--", label=f"{label}confinement of the driven zone")
+    if record.wanted_hz is not None and record.wanted_db is not None:
+        axes.plot(record.wanted_hz / KHZ, record.wanted_db, "*", color=colours[1], ms=10)
+    axes.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
+    axes.set(xlabel="frequency (kHz)", ylabel="level (dB)", ylim=(-15.0, 60.0))
+    axes.grid(True)
+    axes.legend(fontsize=7)
 
 
 def _waves(decay: Any, phase: Any, record: AttenuationRecord) -> None:

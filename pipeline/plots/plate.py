@@ -29,13 +29,20 @@ def skin_faces(arrays: dict[str, Any], prefix: str) -> IntArray | None:
 
 def footprint_m(design: DesignRecord) -> float:
     """Largest foot section of a pillar, m; 0 without pillars."""
-    return design.pillar.form.footprint_m(design.pillar.fillet_m) if design.pillar else 0.0
+    kinds = design.graded_pillars or ([design.pillar] if design.pillar else [])
+    return max((pillar.form.footprint_m(pillar.fillet_m) for pillar in kinds), default=0.0)
 
 
 def footprints_mm(design: DesignRecord, centres_m: FloatArray) -> list[FloatArray]:
-    """The outline of every pillar's foot, fillet included, about centres (n, 2): each (corners, 2), mm."""
-    pillar = design.pillar
-    return list((centres_m[:, None, :] + pillar.form.outline(pillar.fillet_m)) / MM) if pillar else []
+    """The outline of every pillar's foot, fillet included, about centres (n, 2): each (corners, 2), mm.
+
+    Where rows differ, the centres are those of all pillars.
+    """
+    if not design.pillar:
+        return []
+    pillars = design.standing if design.graded_pillars else [design.pillar] * len(centres_m)
+    outlines = {id(pillar): pillar.form.outline(pillar.fillet_m) for pillar in pillars}
+    return [(centre + outlines[id(pillar)]) / MM for centre, pillar in zip(centres_m, pillars, strict=True)]
 
 
 def draw_outlines(axes: Axes, design: DesignRecord) -> None:
@@ -91,12 +98,14 @@ def find_pillars(arrays: dict[str, Any], design: DesignRecord) -> Pillars | None
     if faces is None or design.pillar is None or not centres.size:
         return None
     points = arrays["surface_points"]
-    top, height = design.thickness_m, design.pillar.height_m
-    tree = cKDTree(centres)
+    top, tree = design.thickness_m, cKDTree(centres)
+    heights = np.array([pillar.height_m for pillar in design.standing])
     middles = points[faces].mean(axis=1)
-    above = np.flatnonzero(middles[:, 2] > top + 1e-3 * height)
-    tips = np.flatnonzero(points[:, 2] > top + 0.98 * height)
-    return Pillars(centres, above, tree.query(middles[above, :2])[1], tips, tree.query(points[tips, :2])[1])
+    above = np.flatnonzero(middles[:, 2] > top + 1e-3 * heights.min())
+    high = np.flatnonzero(points[:, 2] > top + 1e-3 * heights.min())
+    owner = tree.query(points[high, :2])[1]
+    tip = points[high, 2] > top + 0.98 * heights[owner]
+    return Pillars(centres, above, tree.query(middles[above, :2])[1], high[tip], owner[tip])
 
 
 def nice_below(value: float) -> float:

@@ -75,7 +75,11 @@ class PillarRecord(Open):
 
 
 class DesignRecord(Part):
-    """The design, as tables and pictures need it; pillar_centres_m: (x, y) from the plate's centre."""
+    """The design, as tables and pictures need it; pillar_centres_m: (x, y) from the plate's centre, row by row along y.
+
+    graded_pillars and graded_widths_m (of the rows' strips) hold one entry a row from the zone outwards where rows differ:
+    pillar is then the first row's.
+    """
 
     length_m: float
     width_m: float
@@ -88,17 +92,33 @@ class DesignRecord(Part):
     nodal_lines: int
     pillar: PillarRecord | None
     pillar_centres_m: list[tuple[float, float]]
+    graded_pillars: list[PillarRecord] = []
+    graded_widths_m: list[float] = []
 
     @classmethod
     def of_design(cls, design: Design) -> DesignRecord:
         """What a record keeps of a design."""
         shape = PillarRecord.of(design.pillar, **dict(design.pillar.more_m)) if design.pillar else None
-        return cls.of(design, pillar=shape, pillar_centres_m=design.pillar_centres().tolist())
+        own: dict[str, Any] = {}
+        if design.is_graded:
+            shapes = [PillarRecord.of(pillar, **dict(pillar.more_m)) for pillar in design.row_pillars]
+            own = {"graded_pillars": shapes, "graded_widths_m": design.row_pitches_m.tolist()}
+        return cls.of(design, pillar=shape, pillar_centres_m=design.pillar_centres().tolist(), **own)
 
     @property
     def cell(self) -> tuple[Any, ...]:
-        """What decides the unit cell."""
-        return self.pitch_x_m, self.pitch_y_m, self.thickness_m, self.pillar
+        """What decides the unit cells of the rows."""
+        rows = tuple(self.graded_pillars), tuple(self.graded_widths_m)
+        return self.pitch_x_m, self.pitch_y_m, self.thickness_m, self.pillar, rows
+
+    @property
+    def standing(self) -> list[PillarRecord]:
+        """The pillar at each of pillar_centres_m."""
+        if not self.pillar or not self.rows:
+            return []
+        rows = self.graded_pillars or [self.pillar] * self.rows
+        columns = len(self.pillar_centres_m) // (2 * self.rows)
+        return [pillar for row in (*rows[::-1], *rows) for pillar in [row] * columns]
 
 
 class MeshRecord(Part):
@@ -320,6 +340,38 @@ class AttenuationRecord(Part):
         if not len(known) or not known[0, 0] <= frequency_hz <= known[-1, 0]:
             return None
         return float(np.interp(frequency_hz, *known.T))
+
+
+class BroadbandPoint(Part):
+    """At a frequency: confinement of the motion that a pressure of the wanted shape forces, and what passes the rows."""
+
+    frequency_hz: float
+    confinement_db: float | None
+    through_rows: ThroughRows | None
+
+
+class BroadbandRecord(Part):
+    """What the rows hold over frequency at the wanted wavenumber, of one column of cells: the plate's ends left out.
+
+    confined, stopped: intervals where the driven motion is confined, and where no more than a tenth of a wave's power
+    passes, Hz; confined_hz, stopped_hz: those of them that hold the wanted mode's frequency, None where none does.
+    """
+
+    model: str
+    kx_per_m: float
+    rows: int
+    wanted_hz: float | None
+    wanted_db: float | None
+    confined_hz: tuple[float, float] | None
+    stopped_hz: tuple[float, float] | None
+    confined: list[tuple[float, float]]
+    stopped: list[tuple[float, float]]
+    points: list[BroadbandPoint]
+
+    @property
+    def stopped_width_hz(self) -> float:
+        """Width of the band about the wanted mode in which the rows stop nine tenths of the power; 0 where they do not."""
+        return self.stopped_hz[1] - self.stopped_hz[0] if self.stopped_hz else 0.0
 
 
 class PredictionRecord(Part):
@@ -570,6 +622,7 @@ class Record(Part):
     shapes: ShapesRecord | None = None
     bands: BandsRecord | None = None
     attenuation: AttenuationRecord | None = None
+    broadband: BroadbandRecord | None = None
     prediction: PredictionRecord | None = None
     response: ResponseRecord | None = None
     measured: MeasuredRecord | None = None

@@ -31,7 +31,7 @@ class Limits:
             violations.append(
                 (f"{name} {size / MM:.2f} mm, at least {self.feature_m / MM:g}", 1.0 - size / self.feature_m)
             )
-        lean = overhang_deg(design.pillar) if design.pillar else 0.0
+        lean = max((overhang_deg(pillar) for pillar in design.kinds), default=0.0)
         if lean > SUPPORT_DEG:
             violations.append(
                 (f"pillars lean out by {lean:.0f} degrees, at most {SUPPORT_DEG:g}", lean / SUPPORT_DEG - 1.0)
@@ -57,8 +57,7 @@ def overhang_deg(pillar: Pillar) -> float:
 def mass_kg(design: Design) -> float:
     """Plate and pillars, fillets left out, kg."""
     plate = design.length_m * 2.0 * design.half_span_m * design.thickness_m * design.material.density_kg_m3
-    if not (design.pillar and design.rows):
+    if not design.row_pillars:
         return plate
-    pillar = design.pillar
-    pillars = 2.0 * design.rows * len(design.column_centres()) * pillar.volume_m3
-    return plate + pillars * pillar.material.density_kg_m3
+    each = sum(pillar.volume_m3 * pillar.material.density_kg_m3 for pillar in design.row_pillars)
+    return plate + 2.0 * len(design.column_centres()) * each

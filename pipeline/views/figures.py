@@ -14,7 +14,14 @@ from pipeline.plots import attenuation as of_rows
 from pipeline.plots import bands as of_bands
 from pipeline.plots import response as of_response
 from pipeline.plots import style
-from pipeline.records.record import AttenuationRecord, BandsRecord, Part, ResponseRecord, ToleranceRecord
+from pipeline.records.record import (
+    AttenuationRecord,
+    BandsRecord,
+    BroadbandRecord,
+    Part,
+    ResponseRecord,
+    ToleranceRecord,
+)
 from pipeline.units import KHZ
 from solvers.measures.levels import CONFINED_DB
 
@@ -75,6 +82,11 @@ def attenuation(ax: Any, document: Document) -> None:
     ax.set(xlabel="frequency (kHz)", ylabel="decay per row (dB)")
 
 
+def broadband(ax: Any, document: Document) -> None:
+    """What the rows take from a wave and how far the driven zone is confined, over frequency."""
+    of_rows.draw_levels(ax, _read(BroadbandRecord, document))
+
+
 def response(ax: Any, document: Document) -> None:
     """Rms of zone and passive face per volt over frequency, the peaks marked."""
     of_response.draw_amplitudes(ax, _read(ResponseRecord, document))
@@ -107,5 +119,5 @@ def compare(ax: Any, document: Document) -> None:
 
 
 FIGURES: dict[str, Callable[[Any, Document], None]] = {
-    each.__name__: each for each in (modes, bands, attenuation, response, predesign, tolerance, compare)
+    each.__name__: each for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, compare)
 }

@@ -31,6 +31,19 @@ def attenuation(document: Document) -> Rows:
     return [{key: point[key] for key in ("frequency_hz", "db_per_row")} for point in document["points"]]
 
 
+def broadband(document: Document) -> Rows:
+    """One row a frequency."""
+    shares = ("reflected", "flexural", "shear", "longitudinal")
+    return [
+        {key: point[key] for key in ("frequency_hz", "confinement_db")}
+        | {
+            f"passed_{name}" if name != "reflected" else name: (point["through_rows"] or {}).get(name)
+            for name in shares
+        }
+        for point in document["points"]
+    ]
+
+
 def response(document: Document) -> Rows:
     """One row a frequency."""
     frequencies = document["frequency_hz"]
@@ -67,5 +80,5 @@ def search(document: Document) -> Rows:
 
 
 ROWS: dict[str, Callable[[Document], Rows]] = {
-    each.__name__: each for each in (modes, bands, attenuation, response, predesign, tolerance, search)
+    each.__name__: each for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, search)
 }

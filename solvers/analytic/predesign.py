@@ -209,6 +209,7 @@ def _limits(design: Design, zone: ZoneSize | None, pillar: PillarSize | None) ->
         lines += _zone_limits(design, zone)
     if pillar is not None and design.pillar is not None:
         lines += _pillar_limits(design.pillar, pillar)
+        lines += _row_limits(design)
     if zone is not None and zone.half_wavelength_m is not None and not isnan(design.pitch_y_m):
         pitches = {design.pitch_x_m, design.pitch_y_m}
         lines += [
@@ -239,6 +240,15 @@ def _zone_limits(design: Design, zone: ZoneSize) -> list[str]:
         f"with pinned sides and {100 * (zone.clamped_hz / zone.thin_clamped_hz - 1):+.1f} % with clamped ones (Mindlin)",
         f"zone: between {zone.pinned_hz / 1e3:.2f} kHz (pinned sides) and {zone.clamped_hz / 1e3:.2f} kHz (clamped sides), "
         "whichever the rows of pillars come near to (Mindlin)",
+    ]
+
+
+def _row_limits(design: Design) -> list[str]:
+    """What differs from row to row: each row's pillar beside the first one's, which the sizes above are of."""
+    return [
+        f"row {number}: its pillar, {1e3 * pillar.base_m:.3g} mm wide and {1e3 * pillar.height_m:.3g} mm high, bends at "
+        f"{pillar_frequencies_hz(pillar, 'timoshenko')[0] / 1e3:.2f} kHz on a clamped foot, shear counted"
+        for number, pillar in enumerate(design.graded, start=1)
     ]
 
 

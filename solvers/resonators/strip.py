@@ -128,11 +128,17 @@ def _with_rows(
     stiffness: FloatArray, mass: FloatArray, nodes: FloatArray, design: Design, kx: float, softness: float
 ) -> tuple[FloatArray, FloatArray]:
     """K and M with a line of pillars on every row: lift by Y, turn across by Y', turn along by k Y."""
-    assert design.pillar
     density = len(design.column_centres()) / design.length_m
-    lever_m, compliance = design.thickness_m / 2.0, softness * root_compliance(design.pillar)
-    turning, lifting = bending_effective_mass(design.pillar, lever_m, compliance), lifting_effective_mass(design.pillar)
-    for y in design.row_centres():
+    lever_m = design.thickness_m / 2.0
+    bodies = {
+        pillar: (
+            bending_effective_mass(pillar, lever_m, softness * root_compliance(pillar)),
+            lifting_effective_mass(pillar),
+        )
+        for pillar in design.kinds
+    }
+    for y, pillar in zip(design.row_centres(), design.row_pillars, strict=True):
+        turning, lifting = bodies[pillar]
         node = int(np.argmin(np.abs(nodes - y)))
         for body, dof, factor in (
             (lifting, 2 * node, 1.0),

@@ -67,7 +67,8 @@ Meshes = Callable[[Panel], Mesh]
 class Reductions:
     """Reduces panels of one plate; equal panels once, and none that the cache has. `fresh` counts those computed here.
 
-    `mesher` meshes the panels with a pillar; without it, and for bare panels, structured hexahedra do.
+    `pillar` stands on panels with a foot that name none of their own. `mesher` meshes the panels with a pillar; without it,
+    and for bare panels, structured hexahedra do.
     """
 
     thickness_m: float
@@ -109,6 +110,10 @@ class Reductions:
     def settings(self, panel: Panel) -> HexSettings:
         """The hexahedra of a panel."""
         return self.reduction.hexahedra if panel.foot else self._bare(panel)
+
+    def pillar_of(self, panel: Panel) -> Pillar | None:
+        """The pillar that stands on a panel with a foot."""
+        return panel.pillar or self.pillar
 
     def _mesh(self, panel: Panel, settings: HexSettings) -> Mesh:
         return hex_mesh(panel_boxes(panel, self.thickness_m, self.pillar, settings), settings.order)
@@ -161,9 +166,10 @@ class Reductions:
         return replace(settings, order=order, size_m=size, least=least)
 
     def _key(self, panel: Panel) -> str:
-        pillar = self.pillar if panel.foot else None
+        pillar = self.pillar_of(panel) if panel.foot else None
         mesher = self.mesher_name if panel.foot else ""
-        text = repr((signature(panel), panel.halved, self.thickness_m, self.material, pillar, self.reduction, mesher))
+        place = signature(replace(panel, pillar=None))
+        text = repr((place, panel.halved, self.thickness_m, self.material, pillar, self.reduction, mesher))
         return hashlib.sha256(text.encode()).hexdigest()
 
 

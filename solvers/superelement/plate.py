@@ -142,7 +142,7 @@ def _fit(tiling: Tiling, cells: Mapping[Signature, Cell]) -> None:
             raise SolverError(
                 f"cells do not fit together: {cell.interface} beside {first.interface}, or another thickness"
             )
-        if not np.allclose(cell.size_m[:2], [float(v) for v in key[:2]], rtol=0.0, atol=1e-8):
+        if not np.allclose(cell.size_m[:2], np.array(key[:2], dtype=float), rtol=0.0, atol=1e-8):
             raise SolverError(f"a cell of {cell.size_m[:2]} m does not fill its panel of {key[:2]} m")
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
 from math import ceil
 
@@ -10,9 +11,9 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import Panel
-from geometry.layout import Design
+from geometry.layout import Design, Pillar
 
-Signature = tuple[float | str, ...]
+Signature = tuple[float | str | Pillar, ...]
 DIGITS = 9  # of a length in m: panels that agree to a nanometre are the same
 
 
@@ -20,13 +21,15 @@ DIGITS = 9  # of a length in m: panels that agree to a nanometre are the same
 class Tiling:
     """Grid lines x (nx + 1) and y (ny + 1) in m, symmetric about 0, and the foot in each panel, {(i, j): (x, y)}.
 
-    mirrored: whether a pillar is its own mirror image, and with it the plate.
+    mirrored: whether a pillar is its own mirror image, and with it the plate. pillars: those of the rows of panels j, where
+    rows of pillars differ.
     """
 
     x: FloatArray
     y: FloatArray
     feet: dict[tuple[int, int], tuple[float, float]]
     mirrored: bool = True
+    pillars: Mapping[int, Pillar] = field(default_factory=dict)
 
     def panel(self, i: int, j: int) -> Panel:
         """Panel in column i, row j, halved along every axis about which it is its own mirror image.
@@ -42,7 +45,8 @@ class Tiling:
             foot is None or (self.mirrored and abs(foot[axis] - whole.middle[axis]) < 10.0**-DIGITS) for axis in (0, 1)
         ]
         even = [not {f"{axis}-", f"{axis}+"} & set(free) for axis in "xy"]
-        return Panel(low, high, foot, tuple(axis for axis in (0, 1) if centred[axis] and even[axis]), free)
+        halved = tuple(axis for axis in (0, 1) if centred[axis] and even[axis])
+        return Panel(low, high, foot, halved, free, self.pillars.get(j) if foot else None)
 
     def representatives(self, whole: bool) -> list[tuple[int, int]]:
         """Panels (i, j) that stand for the others: those with middle x >= 0 and y >= 0, or all."""
@@ -59,10 +63,11 @@ class Tiling:
 
 
 def signature(panel: Panel) -> Signature:
-    """What a panel's reduction depends on: its edges, where in it the pillar stands, and its free sides."""
+    """What a panel's reduction depends on: its edges, where in it which pillar stands, and its free sides."""
     size = (panel.high[0] - panel.low[0], panel.high[1] - panel.low[1])
     offset = (panel.foot[0] - panel.middle[0], panel.foot[1] - panel.middle[1]) if panel.foot else (np.inf, np.inf)
-    return (*(round(v, DIGITS) + 0.0 for v in (*size, *offset)), *panel.free)
+    own = (panel.pillar,) if panel.pillar else ()
+    return (*(round(v, DIGITS) + 0.0 for v in (*size, *offset)), *panel.free, *own)
 
 
 def tile(design: Design, max_edge_m: float) -> Tiling:
@@ -72,7 +77,9 @@ def tile(design: Design, max_edge_m: float) -> Tiling:
         return Tiling(x, y, {}, design.is_mirrored)
     rows = design.row_centres()
     feet_rows = np.concatenate([-rows[::-1], rows])
-    return Tiling(x, y, _feet(x, y, design.column_centres(), feet_rows), design.is_mirrored)
+    places = (np.searchsorted(y, feet_rows) - 1).tolist()
+    pillars = dict(zip(places, (*design.graded[::-1], *design.graded), strict=True)) if design.graded else {}
+    return Tiling(x, y, _feet(x, y, design.column_centres(), feet_rows), design.is_mirrored, pillars)
 
 
 def grid(design: Design, max_edge_m: float) -> tuple[FloatArray, FloatArray]:
@@ -87,9 +94,10 @@ def grid(design: Design, max_edge_m: float) -> tuple[FloatArray, FloatArray]:
     inner, outer, rows = design.width_m / 2.0, half_y, design.row_centres() if design.rows else np.empty(0)
     upper = [inner, outer]
     if len(rows):
-        starts = rows - design.pitch_y_m / 2.0
+        reach = design.row_pitches_m / 2.0
+        starts = rows - reach
         starts[0] = starts[0] if starts[0] > inner / 4.0 else inner / 2.0
-        upper = [*starts, min(rows[-1] + design.pitch_y_m / 2.0, outer)]
+        upper = [*starts, min(rows[-1] + reach[-1], outer)]
         if outer - upper[-1] > 10.0**-DIGITS:
             upper.append(outer)
     cuts = np.unique(np.round([-c for c in upper] + upper, DIGITS + 3))

@@ -45,7 +45,8 @@ class VariedReductions(Reductions):
         return self.families[signature(panel)].cell
 
     def _family(self, panel: Panel) -> CellFamily:
-        if self.pillar is None or self.mesher is not None:
+        pillar = self.pillar_of(panel)
+        if pillar is None or self.mesher is not None:
             raise SolverError("only square pillars without fillet, meshed by hexahedra, can be varied")
         key = hashlib.sha256(repr(("family", self._key(panel), self.reach_m)).encode()).hexdigest()
         kept = self.parametric_cache.get(key) if self.parametric_cache else None
@@ -55,7 +56,7 @@ class VariedReductions(Reductions):
         setting = Setting(
             self.thickness_m,
             self.material,
-            self.pillar,
+            pillar,
             self.reduction.interface,
             self.reduction.top_hz,
             self.reduction.hexahedra,

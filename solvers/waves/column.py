@@ -6,9 +6,9 @@ mirror y = 0 halves it. What it leaves out is the plate's two ends; it costs one
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import isnan, pi
+from math import inf, isnan, pi
 
 import numpy as np
 from scipy.linalg import eigh
@@ -30,6 +30,14 @@ class ColumnModes:
 
     frequency_hz: FloatArray
     confinement: Confinement
+
+
+@dataclass(frozen=True)
+class Driven:
+    """All modes, and the confinement (n,) in dB of the forced motion at each frequency asked for."""
+
+    modes: ColumnModes
+    confinement_db: FloatArray
 
 
 @dataclass(frozen=True)
@@ -86,16 +94,32 @@ class Column:
         frequency_hz, vectors = self.solve(low_hz, high_hz)
         return ColumnModes(frequency_hz, measure_profile(self.profile(vectors), self.design))
 
+    def driven(self, frequencies_hz: FloatArray, quality: float) -> Driven:
+        """Motion forced by a pressure of the wanted shape on the zone: (K (1 + i/Q) - omega^2 M) u = f, by all modes.
+
+        SolverError as solve.
+        """
+        tones_hz, vectors = self.solve(-1.0, inf)
+        own = self.profile(vectors)
+        pressed = np.where(np.abs(own.y_m) < self.design.width_m / 2.0, own.weights * own.shape, 0.0)
+        force = own.values.conj().T @ pressed
+        stiff, moved = (np.array([self.scale.eigenvalue(f) for f in tones]) for tones in (tones_hz, frequencies_hz))
+        shares = force[:, None] / (stiff[:, None] * (1.0 + 1j / quality) - moved)
+        forced = measure_profile(replace(own, values=own.values @ shares), self.design)
+        return Driven(ColumnModes(tones_hz, measure_profile(own, self.design)), forced.confinement_db)
+
     def solve(self, low_hz: float, high_hz: float) -> tuple[FloatArray, ComplexArray]:
-        """Frequencies (k,) in Hz within a window and their vectors (dof, k); a dense solve misses none.
+        """Frequencies (k,) in Hz within a window (all of them from below 0 to inf) and their vectors (dof, k); a dense solve
+        misses none.
 
         SolverError where the mass is not positive.
         """
         stiffness, mass = self.pencil()
-        window = [self.scale.eigenvalue(low_hz), self.scale.eigenvalue(high_hz)]
+        every = low_hz < 0.0 and high_hz == inf
+        window = {"subset_by_value": [self.scale.eigenvalue(low_hz), self.scale.eigenvalue(high_hz)], "driver": "gvx"}
         try:
             with one_thread():
-                values, vectors = eigh(stiffness, mass, subset_by_value=window, driver="gvx")
+                values, vectors = eigh(stiffness, mass, **({} if every else window))
         except np.linalg.LinAlgError as fault:
             raise SolverError(
                 "the column's cells hold more boundary functions than their meshes can tell apart"
@@ -125,13 +149,15 @@ def column_panels(design: Design, max_edge_m: float) -> list[Panel]:
     if lines[0] > 10.0**-DIGITS:
         raise SolverError("the plate's panels do not part at its middle line: a column cannot be halved there")
     feet = design.row_centres() if design.rows else np.empty(0)
+    own = dict(zip(feet.tolist(), design.graded, strict=False))
     panels = []
     for low, high in pairwise(lines):
         inside = feet[(feet > low) & (feet < high)]
         foot = (0.0, float(inside[0])) if len(inside) else None
         free = ("y+",) if foot and high == lines[-1] else ()
         even = foot is None or (abs(foot[1] - (low + high) / 2.0) < 10.0**-DIGITS and not free)
-        panels.append(Panel((-width / 2.0, low), (width / 2.0, high), foot, (0, 1) if even else (0,), free))
+        sides = (-width / 2.0, low), (width / 2.0, high)
+        panels.append(Panel(*sides, foot, (0, 1) if even else (0,), free, own.get(foot[1]) if foot else None))
     return panels
 
 
@@ -140,4 +166,4 @@ def _centred(panel: Panel) -> Panel:
     middle = panel.middle[1]
     low, high = (round(edge - middle, 12) for edge in (panel.low[1], panel.high[1]))
     foot = (0.0, round(panel.foot[1] - middle, 12)) if panel.foot else None
-    return Panel((panel.low[0], low), (panel.high[0], high), foot, panel.halved, panel.free)
+    return replace(panel, low=(panel.low[0], low), high=(panel.high[0], high), foot=foot)

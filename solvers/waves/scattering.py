@@ -1,4 +1,4 @@
-"""N equal rows between two half-plates without end: what of a wave from the zone is reflected, passed, and turned.
+"""Rows between two half-plates without end: what of a wave from the zone is reflected, passed, and turned.
 
 The rows are joined by their dynamic stiffness (never by transfer matrices); each half-plate answers with the waves that
 leave: f = F Phi^-1 q. Powers of the propagating waves add up to the incoming one's (mace2005).
@@ -6,13 +6,15 @@ leave: f = F Phi^-1 q. Powers of the propagating waves add up to the incoming on
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
-from solvers.waves.evanescent import Row, RowStiffness, RowWaves
+from solvers.waves.evanescent import RowStiffness, RowWaves
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,11 @@ def stacked(row: RowStiffness, count: int) -> RowStiffness:
     return total
 
 
+def chain(rows: Iterable[RowStiffness]) -> RowStiffness:
+    """Dynamic stiffness of rows that may differ between the outermost edges, the first one lowest."""
+    return reduce(_joined, rows)
+
+
 def _joined(lower: RowStiffness, upper: RowStiffness) -> RowStiffness:
     """Two stacks sharing an edge, which carries no outer force."""
     middle = lower.tt + upper.bb
@@ -71,9 +78,3 @@ def scatter(rows: RowStiffness, half: RowWaves, sign: FloatArray, incoming: int)
     power = half.flux / half.flux[incoming]
     reflected, transmitted = np.abs(answer[:count]) ** 2 * power, np.abs(answer[count:]) ** 2 * power
     return Scattering(going, reflected[going], transmitted[going])
-
-
-def through(row: Row, bare: Row, count: int, frequency_hz: float, half: RowWaves, incoming: int) -> Scattering:
-    """`count` rows of one cell between bare half-plates at a frequency."""
-    stiffness, _ = row.condensed(frequency_hz)
-    return scatter(stacked(stiffness, count), half, bare.mirror_sign, incoming)

@@ -20,7 +20,7 @@ from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
 from solvers.waves import evanescent
 from solvers.waves.evanescent import Row
-from solvers.waves.scattering import scatter, stacked
+from solvers.waves.scattering import chain, scatter, stacked
 from tests.helpers.lattice_waves import shear_hz
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -33,6 +33,15 @@ def cell(foot: tuple[float, float] | None = (0.0, 0.0), halved: tuple[int, ...] 
     half = PITCH_M / 2.0
     reduction = ReductionSettings(Interface(4, 3), 600e3, HexSettings(3, 2e-3, 0, 0.2, 3e-3))
     panel = Panel((-half, -half), (half, half), foot, halved)
+    return Reductions(THICK_M, ALUMINIUM, PILLAR, reduction).cell(panel)
+
+
+def shorter() -> Cell:
+    """The cell with a pillar of its own, shorter than that of the others."""
+    half = PITCH_M / 2.0
+    reduction = ReductionSettings(Interface(4, 3), 600e3, HexSettings(3, 2e-3, 0, 0.2, 3e-3))
+    own = Pillar("square", 2e-3, 2e-3, 5.5e-3, ALUMINIUM)
+    panel = Panel((-half, -half), (half, half), (0.0, 0.0), (0, 1), (), own)
     return Reductions(THICK_M, ALUMINIUM, PILLAR, reduction).cell(panel)
 
 
@@ -141,18 +150,33 @@ def test_a_long_stack_decays_as_its_least_attenuated_wave() -> None:
     assert rest < 0.02
 
 
+def test_rows_that_differ_pass_as_much_from_either_side_and_keep_the_power() -> None:
+    """Reciprocity between two equal half-plates: the order of the rows changes phases, not what passes."""
+    bare, other = Row(cell(None), KX), Row(shorter(), KX)
+    half, one = bare.waves(36e3), Row(cell(), KX).condensed(36e3)[0]
+    two, incoming = other.condensed(36e3)[0], int(np.flatnonzero(half.flux > 0.0)[0])
+    passed = []
+    for rows in ([one, one, two], [two, one, one], [one, one, one]):
+        result = scatter(chain(rows), half, bare.mirror_sign, incoming)
+        assert result.reflected.sum() + result.transmitted.sum() == pytest.approx(1.0, abs=1e-10)
+        passed.append(result.transmitted.sum())
+    equal = scatter(stacked(one, 3), half, bare.mirror_sign, incoming).transmitted.sum()
+    assert passed[0] == pytest.approx(passed[1], rel=1e-8)
+    assert passed[2] == pytest.approx(equal, rel=1e-8) and abs(passed[0] / equal - 1.0) > 0.1
+
+
 def test_a_stack_is_its_rows_one_by_one() -> None:
     """Doubling against a chain of seven rows assembled and condensed in one go."""
     row = Row(cell(), KX)
     one, _ = row.condensed(36e3)
     m, count = len(one.bb), 7
-    chain = np.zeros((m * (count + 1),) * 2, dtype=complex)
+    joined = np.zeros((m * (count + 1),) * 2, dtype=complex)
     for k in range(count):
-        chain[k * m : (k + 2) * m, k * m : (k + 2) * m] += np.block([[one.bb, one.bt], [one.tb, one.tt]])
+        joined[k * m : (k + 2) * m, k * m : (k + 2) * m] += np.block([[one.bb, one.bt], [one.tb, one.tt]])
     ends = np.r_[0:m, count * m : (count + 1) * m]
-    inner = np.setdiff1d(np.arange(len(chain)), ends)
-    whole = chain[np.ix_(ends, ends)] - chain[np.ix_(ends, inner)] @ np.linalg.solve(
-        chain[np.ix_(inner, inner)], chain[np.ix_(inner, ends)]
+    inner = np.setdiff1d(np.arange(len(joined)), ends)
+    whole = joined[np.ix_(ends, ends)] - joined[np.ix_(ends, inner)] @ np.linalg.solve(
+        joined[np.ix_(inner, inner)], joined[np.ix_(inner, ends)]
     )
     fast = stacked(one, count)
     assert np.abs(whole - np.block([[fast.bb, fast.bt], [fast.tb, fast.tt]])).max() < 1e-9 * np.abs(whole).max()

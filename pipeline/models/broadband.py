@@ -1,0 +1,159 @@
+"""How wide a band the rows hold: what passes them, and how far a driven zone stays confined, over frequency."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from geometry.elements import ComplexArray, FloatArray, IntArray
+from geometry.hex.boxes import Panel
+from geometry.layout import Design
+from pipeline.case.model import Case
+from pipeline.errors import InputError
+from pipeline.logs import Log
+from pipeline.models.cell_cache import CellCache
+from pipeline.planning import mesh_rules
+from pipeline.planning.request import driven_band_hz
+from pipeline.records.record import BroadbandPoint, BroadbandRecord, ThroughRows
+from solvers.measures.levels import CONFINED_DB
+from solvers.measures.wanted_mode import verdict
+from solvers.superelement.build import Reductions
+from solvers.threads import one_thread
+from solvers.waves.column import Column, ColumnModes
+from solvers.waves.evanescent import Row, RowStiffness, RowWaves
+from solvers.waves.polarisation import label_of
+from solvers.waves.scattering import chain, scatter
+
+POINTS = 201
+Stretch = tuple[float, float]
+
+
+def broadband(
+    case: Case, log: Log, band_hz: Stretch | None = None, points: int = POINTS, accuracy: float | None = None
+) -> BroadbandRecord:
+    """One column of the case's cells at the wanted wavenumber: what passes its rows, and its forced motion, over frequency.
+
+    InputError for a case without zone, pillar or rows, and for a model or mesh other than reduced hexahedra.
+    """
+    design = _checked(case)
+    low, high = driven_band_hz(case, band_hz)
+    column, bare, order = _model(design, accuracy or case.solve.accuracy, high, case.kx_wanted_per_m, log)
+    tones = np.linspace(low, high, points)
+    with log.step(f"{points} frequencies"), one_thread():
+        driven = column.driven(tones, case.quality)
+        passed = [_through(column, bare, float(tone)) for tone in tones]
+    samples = [
+        BroadbandPoint(frequency_hz=tone, confinement_db=level, through_rows=shares)
+        for tone, level, shares in zip(tones.tolist(), driven.confinement_db.tolist(), passed, strict=True)
+    ]
+    wanted_hz, wanted_db = _wanted(driven.modes, mesh_rules.wanted_window_hz(design))
+    confined = stretches(tones, driven.confinement_db)
+    stopped = stretches(tones, np.array([_db(shares) for shares in passed]))
+    return BroadbandRecord(
+        model=f"column of superelements hex{order}",
+        kx_per_m=case.kx_wanted_per_m,
+        rows=design.rows,
+        wanted_hz=wanted_hz,
+        wanted_db=wanted_db,
+        confined_hz=_about(confined, wanted_hz),
+        stopped_hz=_about(stopped, wanted_hz),
+        confined=confined,
+        stopped=stopped,
+        points=samples,
+    )
+
+
+def _checked(case: Case) -> Design:
+    case.require("plate", "zone", "pillar", "array.pitch_mm", "array.rows", command="broadband")
+    design = case.design
+    said = []
+    if not design.rows:
+        said.append("array.rows = 0: must be 1 or more, a bare plate holds nothing back")
+    if case.solve.model not in ("auto", "superelement"):
+        said.append(f"solve.model = {case.solve.model!r}: must be auto or superelement for broadband")
+    if case.solve.mesh == "tet" or not all(pillar.is_made_of_boxes for pillar in design.kinds):
+        said.append("broadband takes hexahedra: pillars made of boxes, and solve.mesh auto or hex")
+    if said:
+        raise InputError(f"{case.source or case.name}: {text}" for text in said)
+    return design
+
+
+def _model(design: Design, accuracy: float, high_hz: float, kx: float, log: Log) -> tuple[Column, Row, int]:
+    """The column, the bare plate beside the rows, and the elements' order."""
+    top_hz = max(high_hz, mesh_rules.wanted_window_hz(design)[1])
+    reduction = mesh_rules.plate_reduction(design, accuracy, top_hz)
+    reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
+    half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
+    with log.step("reduce cells"):
+        column = Column(design, reductions, kx)
+        bare = Row(reductions.cell(Panel((-half_x, -half_y), (half_x, half_y), None, (0, 1))), kx)
+    log.info(
+        f"{len(column.panels)} cells across half the plate, {column.dof} degrees of freedom: {reductions.fresh} new"
+    )
+    return column, bare, reduction.hexahedra.order
+
+
+def _through(column: Column, bare: Row, frequency_hz: float) -> ThroughRows | None:
+    feet = [row for panel, row in zip(column.panels, column.rows, strict=True) if panel.foot]
+    return passed_shares(chain(row.condensed(frequency_hz)[0] for row in feet), bare, frequency_hz)
+
+
+def wavevectors(row: Row, waves: RowWaves, kept: IntArray) -> ComplexArray:
+    """Wavevectors (2, n) of some of a row's waves, complex across the rows, rad/m."""
+    ky = waves.wavenumber_per_m[kept]
+    return np.vstack([np.full(len(ky), row.kx, dtype=complex), ky])
+
+
+def passed_shares(stack: RowStiffness, bare: Row, frequency_hz: float) -> ThroughRows | None:
+    """Shares of the incoming flexural wave's power by polarisation; None where the bare plate carries no such wave at
+    this kx.
+    """
+    half = bare.waves(frequency_hz)
+    going = np.flatnonzero(half.flux > 0.0)
+    if not len(going):
+        return None
+    labels = [label.name for label in label_of(bare.cell, half.dofs[:, going], wavevectors(bare, half, going))]
+    if "flexural" not in labels:
+        return None
+    incoming = int(going[labels.index("flexural")])
+    scattered = scatter(stack, half, bare.mirror_sign, incoming)
+    transmitted = dict.fromkeys(("flexural", "shear", "longitudinal"), 0.0)
+    for name, share in zip(labels, scattered.transmitted, strict=True):
+        transmitted[name] += float(share)
+    return ThroughRows(reflected=float(scattered.reflected.sum()), **transmitted)
+
+
+def _db(passed: ThroughRows | None) -> float:
+    """What the rows take from a flexural wave's power, dB; NaN where none arrives, without end where nothing passes."""
+    if passed is None:
+        return np.nan
+    return float(-10.0 * np.log10(passed.flexural)) if passed.flexural > 0.0 else np.inf
+
+
+def _wanted(modes: ColumnModes, window_hz: Stretch) -> tuple[float | None, float | None]:
+    """Frequency and confinement of the wanted mode among the column's, as `antinode search` finds it."""
+    inside = (modes.frequency_hz >= window_hz[0]) & (modes.frequency_hz <= window_hz[1])
+    level = modes.confinement
+    at = verdict(level.strength[inside], level.zone_share[inside], level.mac[inside]).index
+    if at is None:
+        return None, None
+    return float(modes.frequency_hz[inside][at]), float(level.confinement_db[inside][at])
+
+
+def stretches(frequency_hz: FloatArray, level_db: FloatArray, least_db: float = CONFINED_DB) -> list[Stretch]:
+    """Intervals in which a level is at least `least_db`, their ends between two points interpolated, Hz."""
+    found: list[Stretch] = []
+    level = np.nan_to_num(level_db, nan=-1e3, posinf=1e3)
+    for (start, stop), (left, right) in zip(pairwise(frequency_hz.tolist()), pairwise(level.tolist()), strict=True):
+        if max(left, right) < least_db:
+            continue
+        cross = start + (stop - start) * (least_db - left) / (right - left) if left != right else start
+        low, high = (start if left >= least_db else cross), (stop if right >= least_db else cross)
+        found = [*found[:-1], (found[-1][0], high)] if found and found[-1][1] == low else [*found, (low, high)]
+    return found
+
+
+def _about(confined: list[Stretch], frequency_hz: float | None) -> Stretch | None:
+    """The interval that holds a frequency."""
+    return next((each for each in confined if frequency_hz and each[0] <= frequency_hz <= each[1]), None)
