@@ -203,14 +203,14 @@ class Plate:
         """
         from antinode.results import Search
         from pipeline.cli.search import limits_of, to_dict
-        from pipeline.search.designs import Settings
+        from pipeline.search.designs import GOALS, Settings
         from pipeline.search.optimiser import search
         from pipeline.search.space import space_of
 
         texts = [f"{key_of(name, self._raw)}={low:g}:{high:g}" for name, (low, high) in ranges.items()]
         space = space_of(self._raw, self._source or Path(f"{self.name}.toml"), (), texts)
-        if goal not in ("confinement", "extension"):
-            raise InputError(f"goal = {goal!r}: must be confinement or extension")
+        if goal not in GOALS:
+            raise InputError(f"goal = {goal!r}: must be one of {', '.join(GOALS)}")
         limits = limits_of(
             Namespace(
                 min_frequency=f"{min_frequency_kHz}kHz",

@@ -1,7 +1,8 @@
 """docs/thesis-reproduction.md: every figure of the thesis beside ours, `python -m studies.reproduction [--results DIR]`.
 
 Plates and cells come from stored studies (`antinode run NAME` for each of STUDIES), the lone pillars and chapters 1 and 3 are
-computed here. A study that was not run is named in the page instead of its figures.
+computed here. A study that was not run is named in the page instead of its figures. The outlook stands on studies of its own
+(OUTLOOK); its picture is drawn beside the page.
 """
 
 from __future__ import annotations
@@ -10,10 +11,12 @@ import argparse
 import json
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from geometry.files import written_whole
 from geometry.hex.boxes import hex_mesh, pillar_boxes
 from pipeline.case.model import load_case
 from pipeline.paths import RESULTS
@@ -26,10 +29,13 @@ from pipeline.report.thesis import compare
 from solvers.analytic.predesign import pillar_frequencies_hz
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
+from solvers.measures.levels import CONFINED_DB
 from studies import ladder
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "thesis-reproduction.md"
 STUDIES = ("rows", "extension", "periodicity", "prototype", "height", "cell")
+OUTLOOK = ("graded", "graded-heights")
+PICTURE = PAGE.parent / "pictures" / "graded-rows.svg"
 ACTIVE = ("mason", "pillar", "beam", "shaping", "dq")
 PILLARS_MM = {7.1: 32.0, 6.5: 35.0, 6.3: 38.0}
 NEAR = 0.02
@@ -41,6 +47,22 @@ formulas are not what is built here, `docs/thesis-errata.md` has the derivation.
 same verdict; the models of `antinode active` judge by the digits that the text gives.
 """
 HEADINGS = ("quantity", "thesis", "ours", "verdict")
+
+OUTLOOK_INTRODUCTION = """
+## Outlook: broadband rows
+
+The thesis wishes for a passive confinement over more than a narrow band. Three rows that differ in height (`[array]
+heights_mm`) against three alike, same footprint and pitch, 25 mm of plate beyond: what they take from a flexural wave at the
+wanted wavenumber, and how the wanted mode fares on the finite plate and where all heights are off by the same
+(`antinode broadband`; studies {studies}).
+"""
+OUTLOOK_HEADINGS = (
+    "heights from the zone outwards (mm)", "10 dB taken from a wave about the wanted mode", "least taken there, off its ends",
+    "taken at 34.6 kHz", "wanted mode, finite plate", "taken at the wanted mode, heights -0.4 to +0.4 mm",
+)  # fmt: skip
+CENTRE_HZ = 34.6e3  # of the band of three rows of 6.2 mm
+OFF_MM = 0.41
+EDGE_HZ = 200.0  # two points of the studies' grid: at the ends it is 10 dB by definition
 
 Row = tuple[str, str, str, str]
 
@@ -107,6 +129,80 @@ def active(model: str) -> list[Row]:
     return [(e["quantity"], e["thesis"], e["ours"], e["agreement"]) for e in documents["comparison"]]
 
 
+def heights_mm(record: Record) -> tuple[float, ...]:
+    """Heights of a case's rows from the zone outwards."""
+    design = record.design
+    assert design and design.pillar
+    return tuple(1e3 * pillar.height_m for pillar in design.graded_pillars or [design.pillar] * design.rows)
+
+
+def outlook(folder: Path) -> str:
+    """What rows that differ hold against rows alike: a table, the picture beside the page, and studies that are not stored."""
+    stored: dict[str, list[Record]] = {}
+    for name in OUTLOOK:
+        with suppress(BadRecord):
+            stored[name] = [case.record for case in read_study(folder / name).cases if case.record.broadband]
+    page = OUTLOOK_INTRODUCTION.format(studies=", ".join(OUTLOOK))
+    if plates := stored.get("graded"):
+        rows = [_of_rows(record, stored.get("graded-heights", [])) for record in plates]
+        page += "\n" + outputs.markdown(OUTLOOK_HEADINGS, rows)
+        page += f"\n![What equal and graded rows hold over frequency](pictures/{PICTURE.name})\n"
+    missing = [name for name in OUTLOOK if not stored.get(name)]
+    return page + (f"\nNot stored: {', '.join(missing)} (`antinode run NAME`).\n" if missing else "")
+
+
+def _of_rows(record: Record, others: list[Record]) -> list[str]:
+    """A design's line; `others` holds it with every height off by as much."""
+    broad, wanted, own = record.broadband, record.wanted, heights_mm(record)
+    assert broad
+    levels = {
+        off: other.broadband.taken_db(wanted.frequency_hz)
+        for other in others
+        if wanted and other.broadband and (off := _off_mm(heights_mm(other), own)) is not None
+    }
+    both_ends = levels and min(levels) < 0.02 - OFF_MM and max(levels) > OFF_MM - 0.02
+    band = broad.stopped_hz
+    inner = [p.taken_db for p in broad.points if band and band[0] + EDGE_HZ <= p.frequency_hz <= band[1] - EDGE_HZ]
+    return [
+        ", ".join(f"{height:g}" for height in own),
+        f"{band[0] / 1e3:.1f} to {band[1] / 1e3:.1f} kHz, {(band[1] - band[0]) / 1e3:.1f} kHz wide" if band else "none",
+        f"{min(inner):.1f} dB" if inner else "none",
+        f"{broad.taken_db(CENTRE_HZ):.1f} dB",
+        f"{wanted.frequency_hz / 1e3:.2f} kHz, {wanted.confinement_db:.1f} dB" if wanted else "none",
+        f"{min(levels.values()):.1f} to {max(levels.values()):.1f} dB" if both_ends else "not stored",
+    ]
+
+
+def _off_mm(heights: tuple[float, ...], own: tuple[float, ...]) -> float | None:
+    """How far all heights are off together; None where they are not, or by more than OFF_MM."""
+    changes = [there - here for there, here in zip(heights, own, strict=True)]
+    alike = max(changes) - min(changes) < 1e-6 and abs(changes[0]) <= OFF_MM
+    return changes[0] if alike else None
+
+
+def draw_outlook(folder: Path) -> Path | None:
+    """The picture: both designs' levels over frequency. None where the study is not stored."""
+    from pipeline.plots import style
+
+    try:
+        records = [case.record for case in read_study(folder / "graded").cases if case.record.broadband]
+    except BadRecord:
+        return None
+    with style.style():
+        figure, axes = style.panels(3.8)
+        for record, colour in zip(records[:2], (style.GREY, style.BLUE), strict=False):
+            points = record.broadband.points if record.broadband else []
+            tone = [point.frequency_hz / 1e3 for point in points]
+            name = ", ".join(f"{height:g}" for height in heights_mm(record))
+            axes.plot(tone, [point.taken_db for point in points], color=colour, label=f"rows of {name} mm")
+        axes.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls="--", label=f"{CONFINED_DB:g} dB")
+        axes.set(xlabel="frequency (kHz)", ylabel="taken from a flexural wave (dB)", ylim=(0.0, 60.0))
+        axes.legend()
+        with written_whole(PICTURE) as temporary:
+            figure.savefig(temporary, format="svg", bbox_inches="tight", metadata={"Date": None})
+    return PICTURE
+
+
 def table(rows: list[Row]) -> str:
     """A table in Markdown."""
     return outputs.markdown(HEADINGS, rows)
@@ -123,14 +219,16 @@ def text(folder: Path) -> str:
     chapters |= {"beam": "active beam (chapter 3)", "shaping": "shaping (chapter 3)", "dq": "closed loop (chapter 2)"}
     for model in ACTIVE:
         page += f"\n## `antinode active {model}`: {chapters[model]}\n\n" + table(active(model))
-    return page
+    return page + outlook(folder)
 
 
 def main() -> int:
     """Write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--results", type=Path, default=RESULTS, metavar="DIR")
-    write_atomic(PAGE, text(parser.parse_args().results).encode())
+    folder = parser.parse_args().results
+    draw_outlook(folder)
+    write_atomic(PAGE, text(folder).encode())
     print(f"reproduction {PAGE}")
     return 0
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pipeline.search.designs import Evaluation, Outcome
 
 SHOWN = 8
-MEASURES = ("frequency_hz", "confinement_db", "extension_db", "mac")
+MEASURES = ("frequency_hz", "confinement_db", "extension_db", "mac", "worst_db")
 ERRORS = ("frequency_error", "confinement_error_db")
 
 
@@ -35,7 +35,7 @@ def search(arguments: Namespace) -> int:
     log = TerminalLog(arguments.quiet)
     outcome = find(space, Settings(arguments.goal, limits, arguments.evaluations), log)
     document = to_dict(outcome) | _proof(outcome, arguments, log)
-    head = ("fidelity", *(v.key for v in space.variables), *MEASURES, "mass_kg", "violations", "why_not")
+    head = ("fidelity", *(v.name for v in space.variables), *MEASURES, "mass_kg", "violations", "why_not")
     rows = []
     for each in document["evaluations"]:
         figures = [each[key] for key in (*MEASURES, "mass_kg")]
@@ -82,7 +82,7 @@ def to_dict(outcome: Outcome) -> dict[str, Any]:
         result = each.result
         return {
             "fidelity": result.fidelity,
-            "set": {v.key: value for v, value in zip(outcome.space.variables, each.values, strict=False)},
+            "set": {v.name: value for v, value in zip(outcome.space.variables, each.values, strict=False)},
             **{name: getattr(result, name) for name in (*MEASURES, *ERRORS)},
             "mass_kg": each.mass_kg,
             "violations": list(each.violations),
@@ -91,7 +91,7 @@ def to_dict(outcome: Outcome) -> dict[str, Any]:
 
     return {
         "goal": outcome.settings.goal,
-        "vary": [{"key": v.key, "low": v.low, "high": v.high, "step": v.step} for v in outcome.space.variables],
+        "vary": [{"key": v.name, "low": v.low, "high": v.high, "step": v.step} for v in outcome.space.variables],
         "limits": vars(outcome.settings.limits),
         "fidelities": [
             {
@@ -127,7 +127,7 @@ def _lines(outcome: Outcome, document: dict[str, Any]) -> list[str]:
     counts = ", ".join(f"{len(each)} by {fidelity}" for fidelity, each in outcome.by_fidelity.items())
     return [
         f"{counts}; the best assembled plates:",
-        outputs.table((*(v.key for v in outcome.space.variables), *MEASURES, "mass_g"), rows),
+        outputs.table((*(v.name for v in outcome.space.variables), *MEASURES, "mass_g"), rows),
         f"as it was: {summary(outcome.base)}",
         f"best:      {summary(outcome.best)}{gain}",
         *(

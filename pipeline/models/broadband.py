@@ -49,7 +49,7 @@ def broadband(
     ]
     wanted_hz, wanted_db = _wanted(driven.modes, mesh_rules.wanted_window_hz(design))
     confined = stretches(tones, driven.confinement_db)
-    stopped = stretches(tones, np.array([_db(shares) for shares in passed]))
+    stopped = stretches(tones, np.array([sample.taken_db for sample in samples]))
     return BroadbandRecord(
         model=f"column of superelements hex{order}",
         kx_per_m=case.kx_wanted_per_m,
@@ -122,13 +122,6 @@ def passed_shares(stack: RowStiffness, bare: Row, frequency_hz: float) -> Throug
     for name, share in zip(labels, scattered.transmitted, strict=True):
         transmitted[name] += float(share)
     return ThroughRows(reflected=float(scattered.reflected.sum()), **transmitted)
-
-
-def _db(passed: ThroughRows | None) -> float:
-    """What the rows take from a flexural wave's power, dB; NaN where none arrives, without end where nothing passes."""
-    if passed is None:
-        return np.nan
-    return float(-10.0 * np.log10(passed.flexural)) if passed.flexural > 0.0 else np.inf
 
 
 def _wanted(modes: ColumnModes, window_hz: Stretch) -> tuple[float | None, float | None]:

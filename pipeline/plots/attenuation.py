@@ -62,7 +62,7 @@ def draw_levels(
 ) -> None:
     """Both levels into axes, the wanted mode of the column marked."""
     tone = np.array([point.frequency_hz for point in record.points]) / KHZ
-    taken = [-10.0 * np.log10(max(p.through_rows.flexural, 1e-30)) if p.through_rows else np.nan for p in record.points]
+    taken = [point.taken_db for point in record.points]
     level = [np.nan if p.confinement_db is None else p.confinement_db for p in record.points]
     axes.plot(tone, taken, color=colours[0], label=f"{label}taken from a wave by {record.rows} rows")
     axes.plot(tone, level, color=colours[1], lw=0.9, ls="--", label=f"{label}confinement of the driven zone")

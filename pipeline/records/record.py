@@ -8,7 +8,7 @@ another version is refused as a whole, and its case is computed again.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
+from math import isfinite, log10, nan
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -349,6 +349,11 @@ class BroadbandPoint(Part):
     confinement_db: float | None
     through_rows: ThroughRows | None
 
+    @property
+    def taken_db(self) -> float:
+        """What the rows take from a flexural wave's power, dB, at most 300; NaN where none arrives."""
+        return -10.0 * log10(max(self.through_rows.flexural, 1e-30)) if self.through_rows else nan
+
 
 class BroadbandRecord(Part):
     """What the rows hold over frequency at the wanted wavenumber, of one column of cells: the plate's ends left out.
@@ -367,6 +372,11 @@ class BroadbandRecord(Part):
     confined: list[tuple[float, float]]
     stopped: list[tuple[float, float]]
     points: list[BroadbandPoint]
+
+    def taken_db(self, frequency_hz: float) -> float:
+        """What the rows take at a frequency, interpolated, dB; NaN outside the band and where no wave arrives."""
+        tones, levels = [point.frequency_hz for point in self.points], [point.taken_db for point in self.points]
+        return float(np.interp(frequency_hz, tones, levels, left=nan, right=nan))
 
     @property
     def stopped_width_hz(self) -> float:

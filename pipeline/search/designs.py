@@ -14,7 +14,7 @@ from pipeline.search.limits import Limits, mass_kg
 from pipeline.search.space import Space
 from pipeline.units import KHZ
 
-GOALS = {"confinement": "confinement_db", "extension": "extension_db"}
+GOALS = {"confinement": "confinement_db", "extension": "extension_db", "worst": "worst_db"}
 EVALUATIONS = 16  # assembled plates
 BROKEN = 1000.0  # dB below any design that keeps the limits
 STEEP = 1000.0  # dB for breaking a limit by its own size: a slope that the local search follows, not a cliff that it sticks to

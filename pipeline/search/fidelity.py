@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from math import ceil, floor
@@ -50,6 +51,29 @@ class FidelityResult:
     frequency_error: float | None = None
     confinement_error_db: float | None = None
     warnings: tuple[tuple[str, str], ...] = ()
+    worst_db: float | None = None
+
+
+def worst(case: Case, height_m: float, evaluated: Callable[[Case], FidelityResult]) -> FidelityResult:
+    """A design's result, and as worst_db its least confinement with all pillars as designed, too low and too high alike.
+
+    None where one of the three has no wanted mode.
+    """
+    results = [evaluated(_taller(case, change)) for change in (0.0, -height_m, height_m)]
+    levels = [result.confinement_db for result in results]
+    known = [level for level in levels if level is not None]
+    return replace(results[0], worst_db=min(known) if len(known) == len(levels) else None)
+
+
+def _taller(case: Case, change_m: float) -> Case:
+    """The case with every pillar's height changed by as much."""
+    if not change_m:
+        return case
+    design = case.design
+    first, *others = (
+        replace(pillar, height_m=pillar.height_m + change_m) for pillar in (design.pillar, *design.graded) if pillar
+    )
+    return replace(case, design=replace(design, pillar=first, graded=tuple(others)))
 
 
 def by_strip(case: Case, softness: float) -> FidelityResult:

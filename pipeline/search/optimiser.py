@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from geometry.elements import FloatArray
+from pipeline.case.model import Case
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
 from pipeline.search.designs import UNBUILT, Evaluation, Outcome, Settings, Values, rate, summary
@@ -24,6 +25,7 @@ from pipeline.search.fidelity import (
     by_strip,
     evaluate,
     window_around,
+    worst,
 )
 from pipeline.search.space import Space
 
@@ -51,6 +53,8 @@ def _check(space: Space, settings: Settings) -> None:
     varied = {variable.key for variable in space.variables}
     if not case.design.rows and "array.rows" not in varied:
         raise InputError(f"{space.path}: array.rows = 0: must be 1 or more, a bare plate confines nothing")
+    if settings.goal == "worst" and not (case.tolerance and case.tolerance.height_m):
+        raise InputError(f"{space.path}: tolerance.height_mm: missing, --goal worst needs how far heights may be off")
     if settings.goal == "extension" and not case.design.extension_m and "array.extension_mm" not in varied:
         raise InputError(f"{space.path}: array.extension_mm = 0: must be above 0 for --goal extension")
 
@@ -189,7 +193,12 @@ class _Search:
         except InputError as error:
             nothing = FidelityResult(fidelity, None, None, None, None, error.lines[0])
             return Evaluation(values, nothing, None, None, (), UNBUILT, UNBUILT)
-        results = by_strip(case, self.softness) if fidelity == STRIP else evaluate(case, fidelity, near_hz, self.cache)
+
+        def evaluated(each: Case) -> FidelityResult:
+            return by_strip(each, self.softness) if fidelity == STRIP else evaluate(each, fidelity, near_hz, self.cache)
+
+        spread_m = case.tolerance.height_m if case.tolerance and self.settings.goal == "worst" else 0.0
+        results = worst(case, spread_m, evaluated) if spread_m else evaluated(case)
         return rate(values, results, self.settings, case.design)
 
     def _confirmed(self, values: Values, near_hz: float | None) -> Evaluation:

@@ -11,7 +11,11 @@ from pipeline.plots.style import ReportFigure
 from pipeline.search.fidelity import COLUMN, PLATE, STRIP
 from pipeline.units import GRAM, KHZ
 
-GOALS = {"confinement": ("confinement_db", "confinement (dB)"), "extension": ("extension_db", "zone to extension (dB)")}
+GOALS = {
+    "confinement": ("confinement_db", "confinement (dB)"),
+    "extension": ("extension_db", "zone to extension (dB)"),
+    "worst": ("worst_db", "least confinement, heights off (dB)"),
+}
 
 
 def landscape(document: dict[str, Any]) -> ReportFigure:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,10 @@ from geometry.elements import FloatArray
 from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, parse_override, parse_value, read_toml
+from pipeline.case.rows import HEIGHTS, INSTEAD, SIDES
 from pipeline.case.schema import TABLES
 from pipeline.errors import InputError
+from pipeline.units import MM
 
 VARIED = ("plate", "zone", "pillar", "array")  # the tables that shape the plate
 STEP_MM = 0.01  # a printer holds no more
@@ -24,13 +26,22 @@ EXAMPLE = "such as pillar.height_mm=5:8"
 
 @dataclass(frozen=True)
 class Variable:
-    """One key between two ends, in the file's unit; `step` is the grid that its values are snapped to."""
+    """One key between two ends, in the file's unit; `step` is the grid that its values are snapped to.
+
+    Of a key with one value a row, `row` (from 1 at the zone) tells whose.
+    """
 
     key: str
     low: float
     high: float
     step: float
     whole: bool
+    row: int | None = None
+
+    @property
+    def name(self) -> str:
+        """The key, and the row in brackets where it has one."""
+        return self.key if self.row is None else f"{self.key}[{self.row}]"
 
     def snapped(self, share: float) -> float | int:
         """The value at a share (0 to 1) of the way, on the grid and between the ends."""
@@ -62,7 +73,7 @@ class Space:
 
     def overrides(self, values: Sequence[float | int]) -> list[str]:
         """The --set texts that make a design."""
-        return [f"{variable.key}={value:g}" for variable, value in zip(self.variables, values, strict=True)]
+        return _overrides(self.variables, values)
 
     def case(self, values: Sequence[float | int] = (), more: Sequence[str] = ()) -> Case:
         """The scene with these values (none: as the file has it) and more overrides. InputError for what cannot be built."""
@@ -74,11 +85,26 @@ class Space:
         shares = []
         for variable in self.variables:
             table, _, name = variable.key.partition(".")
-            value = raw.get(table, {}).get(name)
+            value = raw.get(table, {}).get(name) if variable.row is None else self._of_row(variable.key, variable.row)
             if not isinstance(value, int | float) or not 0.0 <= variable.share(value) <= 1.0:
                 return None
             shares.append(variable.share(value))
         return self.values(shares)
+
+    def _of_row(self, key: str, row: int) -> float:
+        """The value that the file's own design has in a row, mm."""
+        design = self.case().design
+        own = {HEIGHTS: design.row_pillars[row - 1].height_m, SIDES: design.row_pillars[row - 1].base_m}
+        return round(own.get(key, float(design.row_pitches_m[row - 1])) / MM, 9)
+
+
+def _overrides(variables: Sequence[Variable], values: Sequence[float | int]) -> list[str]:
+    """KEY=VALUE of each key, KEY=[...] of one with a value a row."""
+    texts: dict[str, list[str]] = {}
+    for variable, value in zip(variables, values, strict=True):
+        texts.setdefault(variable.key, []).append(f"{value:g}")
+    listed = {variable.key for variable in variables if variable.row}
+    return [f"{key}=[{','.join(each)}]" if key in listed else f"{key}={each[0]}" for key, each in texts.items()]
 
 
 def read_space(path: str, fixed: Sequence[str], texts: Sequence[str]) -> Space:
@@ -98,12 +124,15 @@ def space_of(raw: dict[str, Any], file: Path, fixed: Sequence[str], texts: Seque
             variable = parse_vary(text)
             if variable.key in {known.key for known in variables}:
                 raise InputError(f"--vary {text}: {variable.key} is varied already")
-            _check_ends(raw, file, fixed, variable, text)
-            variables.append(variable)
+            rows = _rows(raw, file, fixed, variable, text)
+            _check_ends(raw, file, fixed, rows, text)
+            variables += rows
         except InputError as error:
             faults += error.lines
     if not texts:
         faults.append(f"--vary: missing, search needs at least one KEY=LOW:HIGH, {EXAMPLE}")
+    if any(variable.row for variable in variables) and "array.rows" in {variable.key for variable in variables}:
+        faults.append("--vary array.rows: must be left alone beside a key with one value a row")
     if faults:
         raise InputError(faults)
     return Space(file, raw, tuple(fixed), tuple(variables))
@@ -141,12 +170,22 @@ def searchable_keys() -> dict[str, bool]:
     return keys
 
 
-def _check_ends(raw: dict[str, Any], file: Path, fixed: Sequence[str], variable: Variable, text: str) -> None:
+def _rows(raw: dict[str, Any], file: Path, fixed: Sequence[str], variable: Variable, text: str) -> list[Variable]:
+    """The variable, or one for each of the file's rows where its key has a value a row. InputError without rows."""
+    if variable.key not in INSTEAD:
+        return [variable]
+    rows = case_from_dict(raw, file, fixed).design.rows
+    if not rows:
+        raise InputError(f"--vary {text}: {variable.key} has one value a row, and array.rows is 0 or missing")
+    return [replace(variable, row=row) for row in range(1, rows + 1)]
+
+
+def _check_ends(raw: dict[str, Any], file: Path, fixed: Sequence[str], variables: list[Variable], text: str) -> None:
     """InputError when an end is no value that the key may have, or neither end can be built."""
     lines: list[list[str]] = []
-    for end in (variable.low, variable.high):
+    for end in (variables[0].low, variables[0].high):
         try:
-            case_from_dict(raw, file, [*fixed, f"{variable.key}={end:g}"])
+            case_from_dict(raw, file, [*fixed, *_overrides(variables, [end] * len(variables))])
         except InputError as error:
             lines.append(error.lines)
             if any("must be a " in line for line in error.lines):  # the schema's words: wrong by itself

@@ -42,5 +42,16 @@ def test_what_the_page_asks_to_run_is_a_study(name: str) -> None:
     assert load_study(name).name == name
 
 
+def test_the_outlook_names_what_is_not_stored_and_its_studies_are_there(tmp_path: Path) -> None:
+    assert "Not stored: graded, graded-heights" in reproduction.outlook(tmp_path)
+    assert reproduction.draw_outlook(tmp_path) is None
+    assert [load_study(name).name for name in reproduction.OUTLOOK] == list(reproduction.OUTLOOK)
+
+
+def test_heights_off_together_belong_to_one_design() -> None:
+    assert reproduction._off_mm((6.1, 5.5), (6.2, 5.6)) == pytest.approx(-0.1)
+    assert reproduction._off_mm((6.1, 5.6), (6.2, 5.6)) is None is reproduction._off_mm((6.7, 6.1), (6.2, 5.6))
+
+
 def test_a_bar_in_a_cell_does_not_break_the_table() -> None:
     assert "\\|t\\|2" in reproduction.table([("force", "|t|2", "0", "agrees")])

@@ -217,3 +217,13 @@ def test_lopsided_step_pillar_is_not_mirrored(tmp_path):
         plate_solid(scene, "x")
     assert len(plate_solid(scene, "y").shape.Solids()) == 1
     assert len(plate_solid(scene).shape.Solids()) == 1
+
+
+def test_rows_that_differ_stand_on_the_plate_with_their_own_sizes() -> None:
+    """Volume in closed form, whole and quartered: two rows of 9 columns each side, 6.3 and 5 mm high, 2 and 1.5 mm wide."""
+    kinds = (pillar(), replace(pillar(tip=1.5e-3), base_m=1.5e-3, height_m=5e-3))
+    graded = replace(design(pillar(), rows=2, length=36e-3), graded=kinds, extension_m=3e-3)
+    assert len(graded.column_centres()) == 9
+    exact = 36.0 * 2e3 * graded.half_span_m * 2.0 + 18 * (4.0 * 6.3 + 2.25 * 5.0)
+    assert plate_solid(graded).volume_m3 == pytest.approx(exact * MM3, rel=KERNEL)
+    assert plate_solid(graded, "xy").volume_m3 == pytest.approx(exact * MM3 / 4.0, rel=KERNEL)

@@ -10,11 +10,18 @@ from geometry.hex.box_counts import box_counts
 from geometry.hex.boxes import HexSettings, Scene, boxes_of, cell_scene, hex_mesh, pillar_scene, plate_scene, zone_scene
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.mesh import check_mesh
 from solvers.fem.assembly import assemble
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 4e-3, ALUMINIUM)
 DESIGN = Design(13e-3, 8e-3, 2e-3, 3, ALUMINIUM, PILLAR, 4e-3, 5e-3, 1, 0.0)  # a column stands on the mirror
+UNLIKE = replace(
+    DESIGN,
+    rows=2,
+    graded=(PILLAR, replace(PILLAR, base_m=1.5e-3, tip_m=1.5e-3, height_m=3e-3)),
+    graded_pitches_m=(5e-3, 4e-3),
+)
 COARSE, GRADED = HexSettings(2, 4e-3, 0), HexSettings(2, 2.5e-3, 1, 0.2, 2e-3, 2)
 SCENES = {
     "zone": zone_scene(DESIGN, GRADED),
@@ -24,7 +31,16 @@ SCENES = {
     "plate graded": plate_scene(DESIGN, GRADED),
     "plate bare": plate_scene(replace(DESIGN, rows=0), GRADED),
     "cell": cell_scene(DESIGN, GRADED),
+    "rows that differ": plate_scene(UNLIKE, GRADED),
 }
+
+
+def test_rows_that_differ_fill_their_closed_form_volume() -> None:
+    """Boxes of order 1 hold their volume exactly: half the length 13 mm, half the span 4 + 2/2 + 4.5 + 1.5/2, columns 1.5."""
+    mesh = hex_mesh(boxes_of(plate_scene(UNLIKE, COARSE)), 1)
+    exact = 6.5 * UNLIKE.half_span_m * 1e3 * 2.0 + 1.5 * (2.0 * 2.0 * 4.0 + 1.5 * 1.5 * 3.0)
+    assert UNLIKE.half_span_m == pytest.approx(10.25e-3)
+    assert check_mesh(mesh).volume_m3 == pytest.approx(1e-9 * exact, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -11,6 +11,7 @@ import pytest
 from geometry.layout import Design
 from pipeline.case.model import case_from_dict
 from pipeline.errors import InputError
+from pipeline.records.record import DesignRecord
 from pipeline.search.limits import mass_kg
 
 RAW: dict[str, Any] = {
@@ -64,6 +65,18 @@ def test_rows_stand_in_the_middle_of_strips_as_wide_as_their_pitches() -> None:
     assert sorted(places.tolist()) == sorted(graded.pillar_centres().tolist())
     plate = 40.0 * 48.0 * 2.0
     assert mass_kg(graded) == pytest.approx(2700e-9 * (plate + 2 * 10 * 6.3 * (4.0 + 1.0 + 9.0)))
+
+
+def test_a_record_tells_which_pillar_stands_at_each_centre() -> None:
+    graded = design(HEIGHTS)
+    record = DesignRecord.of_design(graded)
+    tall = {round(abs(y), 9): pillar.height_m for y, pillar in zip(graded.row_centres(), graded.graded, strict=True)}
+    found = zip(record.pillar_centres_m, record.standing, strict=True)
+    assert all(pillar.height_m == tall[round(abs(y), 9)] for (_, y), pillar in found)
+    assert DesignRecord.model_validate(record.to_dict()) == record
+    equal = DesignRecord.of_design(design())
+    assert "graded_pillars" not in equal.to_dict() and equal.cell != record.cell
+    assert len(equal.standing) == len(equal.pillar_centres_m)
 
 
 @pytest.mark.parametrize(

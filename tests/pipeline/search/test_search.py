@@ -12,12 +12,13 @@ from pathlib import Path
 import pytest
 
 from geometry.layout import Pillar
-from pipeline.case.model import load_case
+from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
+from pipeline.errors import InputError
 from pipeline.paths import STUDIES
 from pipeline.search import fidelity, optimiser
 from pipeline.search.designs import Evaluation, Settings, front
-from pipeline.search.fidelity import COLUMN, PLATE, STRIP, EvaluationCache, FidelityResult, by_strip, evaluate
+from pipeline.search.fidelity import COLUMN, PLATE, STRIP, EvaluationCache, FidelityResult, by_strip, evaluate, worst
 from pipeline.search.limits import Limits, mass_kg
 from pipeline.search.space import parse_vary, read_space, searchable_keys
 
@@ -72,6 +73,9 @@ def put(monkeypatch: pytest.MonkeyPatch, result) -> None:
         (("--vary", "pillar.height_mm=5:8", "--mac", "1.5"), "--mac"),
         (("--vary", "pillar.height_mm=5:8", "--set", "array.rows=0"), "array.rows"),
         (("--vary", "pillar.height_mm=5:8", "--evaluations", "0"), "1 or more"),
+        (("--vary", "pillar.height_mm=5:8", "--goal", "worst"), "tolerance.height_mm"),
+        (("--vary", "array.heights_mm=5:0.001"), "below the high end"),
+        (("--vary", "array.pitches_y_mm=1:1.5", "--set", "array.pitch_x_mm=4"), "overlap"),
     ],
 )
 def test_a_bad_search_is_one_line_and_exit_code_2(
@@ -96,6 +100,36 @@ def test_the_file_is_its_own_first_design() -> None:
     assert space.own_values() == (6.3, 4.0)
     assert space.case(space.own_values()).to_dict() == space.case().to_dict()
     assert read_space(CASE, ["pillar.height_mm=9"], ["pillar.height_mm=5:8"]).own_values() is None
+
+
+def test_a_key_with_a_value_a_row_varies_row_by_row() -> None:
+    space = read_space(CASE, ["pillar.height_mm=6.2"], ["array.heights_mm=5:7", "array.extension_mm=5:25"])
+    assert [variable.name for variable in space.variables][:3] == [f"array.heights_mm[{row}]" for row in (1, 2, 3)]
+    assert space.own_values() == (6.2, 6.2, 6.2, 25.0)
+    assert space.case(space.own_values()).to_dict() == space.case().to_dict()
+    assert space.overrides((6.6, 6.2, 5.8, 8.0)) == ["array.heights_mm=[6.6,6.2,5.8]", "array.extension_mm=8"]
+    heights = [pillar.height_m for pillar in space.case((6.6, 6.2, 5.8, 8.0)).design.graded]
+    assert heights == pytest.approx([6.6e-3, 6.2e-3, 5.8e-3])
+    with pytest.raises(InputError, match="must be left alone"):
+        read_space(CASE, [], ["array.heights_mm=5:7", "array.rows=1:3"])
+
+
+def test_the_worst_case_is_the_least_of_three_plates_with_all_heights_off() -> None:
+    """A level of 20 - 30 (h - 6.2)^2 dB, h in mm: at 6.3 +- 0.2 the worst lies at 6.5."""
+    case = load_case(CASE, ["array.heights_mm=[6.3,6.3,6.0]"])
+
+    def evaluated(case: Case) -> FidelityResult:
+        first = case.design.row_pillars[0]
+        assert case.design.pillar == first and case.design.row_pillars[2].height_m == pytest.approx(
+            first.height_m - 0.3e-3
+        )
+        return FidelityResult(COLUMN, 34e3, 20.0 - 30.0 * (1e3 * first.height_m - 6.2) ** 2, None, 0.9)
+
+    result = worst(case, 0.2e-3, evaluated)
+    assert result.worst_db == pytest.approx(20.0 - 30.0 * 0.3**2)
+    assert result.confinement_db == pytest.approx(20.0 - 30.0 * 0.1**2)
+    nothing = FidelityResult(COLUMN, None, None, None, None)
+    assert worst(case, 0.2e-3, lambda each: nothing).worst_db is None
 
 
 def test_limits() -> None:
