@@ -49,6 +49,8 @@ def _of_case(place: Path, solve: bool, quiet: bool) -> Flat:
 
     case = load_case(place)
     quantities = {"case": case.to_dict()}
+    design = quantities["case"]["design"]
+    design |= {f"row_{number}": pillar for number, pillar in enumerate(design.pop("graded", ()), start=1)}
     if {"plate", "zone"} <= case.given:
         quantities["predesign"] = {key: value for key, value in predesign.run(case)[0].items() if key != "limits"}
     if solve:
@@ -60,7 +62,7 @@ def _of_case(place: Path, solve: bool, quiet: bool) -> Flat:
         case.require_plate(command="compare --solve")
         wanted = solve_modes(case, of_case(case), log).record.to_dict()["wanted"] or {}
         quantities["wanted"] = {key: value for key, value in wanted.items() if not isinstance(value, list)}
-        if "array.pitch_mm" in case.given:
+        if "array.pitch_mm" in case.given and not case.design.is_graded:
             quantities["gaps"] = {
                 f"{gap.lower_band}-{gap.upper_band}": vars(gap) for gap in solve_bands(case, log, every_gap=False).gaps
             }

@@ -43,6 +43,8 @@ def _ours(entry: dict[str, str], record: Record) -> float | str | None:
 
 
 def _same_design(entry: dict[str, str], design: DesignRecord) -> bool:
+    if design.graded_pillars:  # all rows of the thesis are alike
+        return False
     ours = {
         "rows": design.rows,
         "pitch_mm": (design.pitch_x_m or 0.0) / MM,

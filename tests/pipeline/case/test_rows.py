@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,11 @@ import pytest
 
 from geometry.layout import Design
 from pipeline.case.model import case_from_dict
+from pipeline.cli.compare import _of_case, lined_up
 from pipeline.errors import InputError
+from pipeline.paths import STUDIES
 from pipeline.records.record import DesignRecord
+from pipeline.report.thesis import _same_design
 from pipeline.search.limits import mass_kg
 
 RAW: dict[str, Any] = {
@@ -95,6 +99,22 @@ def test_what_cannot_be_is_refused_by_name(overrides: list[tuple[str, Any]], sai
     with pytest.raises(InputError, match="array") as refusal:
         case_from_dict(RAW, None, overrides)
     assert any(said in line for line in refusal.value.lines)
+
+
+def test_a_comparison_tells_the_rows_apart(tmp_path: Path) -> None:
+    """Designs that differ in the third row alone are not alike."""
+    for name, last in (("a", 5.7), ("b", 5.6)):
+        text = (STUDIES / "three-rows.toml").read_text().replace("height_mm = 6.3\n", "")
+        (tmp_path / f"{name}.toml").write_text(text.replace("rows = 3", f"heights_mm = [6.3, 6.0, {last}]"))
+    one, two = (_of_case(tmp_path / f"{name}.toml", False, True) for name in "ab")
+    apart = [row["quantity"] for row in lined_up(one, two) if row["difference"]]
+    assert apart == ["case.design.row_3.height_m"]
+
+
+def test_no_figure_of_the_thesis_is_held_against_rows_that_differ() -> None:
+    record = DesignRecord.of_design(design(HEIGHTS))
+    entry = {"rows": "3", "pitch_mm": "4", "extension_mm": "5"}
+    assert _same_design(entry, DesignRecord.of_design(design())) and not _same_design(entry, record)
 
 
 def test_a_file_with_both_keys_is_refused_in_one_line() -> None:
