@@ -21,7 +21,7 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.coarser import largest
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
-from solvers.fem.factor.factoriser import side_by_side
+from solvers.fem.factor.factoriser import Factor, side_by_side
 from solvers.measures.confinement import TouchField, measure
 from solvers.measures.wanted_mode import Verdict, verdict
 from solvers.piezo.patched_plate import Group
@@ -51,8 +51,11 @@ class GroupModes:
     def receptance(self, eigenvalue: float, loss: float) -> ComplexArray:
         """theta' u per volt, (patches, patches), scaled."""
         modal = self.gain / (self.eigenvalue * (1.0 + 1j * loss) - eigenvalue)[:, None]
-        residual = self.residual_gain[0] + (eigenvalue - self.middle) * self.residual_gain[1]
-        return np.asarray(self.gain.T @ modal + residual)
+        return np.asarray(self.gain.T @ modal + self.residual(eigenvalue))
+
+    def residual(self, eigenvalue: float) -> FloatArray:
+        """What the modes beyond the band add to the receptance, (patches, patches), scaled."""
+        return self.residual_gain[0] + (eigenvalue - self.middle) * self.residual_gain[1]
 
 
 @dataclass(frozen=True)
@@ -190,6 +193,13 @@ class ForcedPlate:
             bars.append(sum(by_mesh(plate, basis.eigenvalue[inside], part)[1] for plate, part in pairs))
         return largest(np.concatenate(bars)) if bars else None
 
+    @cached_property
+    def all_modes(self) -> list[GroupModes]:
+        """Modes of every group of the plate: something beside the patches may move those that the patches do not drive."""
+        known = {id(basis.group): basis for basis in self.modes}
+        groups = self.plate.everything
+        return [known.get(id(group)) or group_modes(group, self.band_hz, self.margin) for group in groups]
+
     @property
     def resonances_hz(self) -> FloatArray:
         """Frequencies of the patched plate's modes about the band, group after group."""
@@ -312,13 +322,21 @@ def group_modes(group: Group, band_hz: tuple[float, float], margin: tuple[float,
     shared = Shared()
     modes = modes_in_band(group.pencil, margin[0] * band_hz[0], margin[1] * band_hz[1], shared)
     values = scale.eigenvalue(1.0) * modes.frequency_hz**2
-    gain = modes.vectors.T @ group.loads
     middle = scale.eigenvalue(0.5 * (band_hz[0] + band_hz[1]))
     while len(values) and np.abs(values / middle - 1.0).min() < 1e-6:
         middle *= 1.0 + 3e-6
     factor, middle = factor_near(group.pencil, middle, shared.factorise)
-    residual = factor.solve(group.loads) - modes.vectors @ (gain / (values - middle)[:, None])
-    slope = factor.solve(group.pencil.apply_mass(residual))
+    gain, residual, slope = residual_vectors(group, factor, middle, (values, modes.vectors), group.loads)
     columns = np.hstack([modes.vectors, residual, slope])
     gains = (group.loads.T @ residual, group.loads.T @ slope)
     return GroupModes(group, modes.frequency_hz, values, gain, columns, middle, gains)
+
+
+def residual_vectors(
+    group: Group, factor: Factor, middle: float, modes: tuple[FloatArray, FloatArray], loads: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Gains of loads (dof, l) on modes (eigenvalues, vectors), (modes, l); R and R1 of the loads about the middle, (dof, l)."""
+    values, vectors = modes
+    gain = vectors.T @ loads
+    residual = factor.solve(loads) - vectors @ (gain / (values - middle)[:, None])
+    return gain, residual, factor.solve(group.pencil.apply_mass(residual))

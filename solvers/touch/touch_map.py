@@ -1,0 +1,116 @@
+"""The same finger at every place of the touch face: what it leaves of the motion, and what a sensor hears.
+
+One lattice of points carries the contacts of all places; a point and its mirror images share the residual vectors of their
+symmetry class. Each place is then a solve of the 13 points of its contact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from geometry.elements import ComplexArray, FloatArray, IntArray
+from geometry.layout import Design
+from solvers.piezo.patched_plate import Group
+from solvers.superelement.plate import WHOLE
+from solvers.touch.touched_plate import STEPS, TouchedPlate, normal_motion, rms, with_loads
+
+MAX_POINTS = 6000  # of the lattice: their receptance is a full matrix of 0.6 GB
+
+
+@dataclass(frozen=True)
+class TouchMap:
+    """Over a grid of places x_m (nx,), y_m (ny,): rms of u_z over the contact, m per volt of drive, free and touched, (nx, ny).
+
+    field: the free plate's u_z at the places, complex; sensor_v: what each listening patch gives per volt, (nx, ny, sensors).
+    """
+
+    frequency_hz: float
+    x_m: FloatArray
+    y_m: FloatArray
+    field: ComplexArray
+    free_m: FloatArray
+    touched_m: FloatArray
+    sensor_v: ComplexArray
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Points i spacing along x and y from the plate's centre, whose contacts lie on the plate: steps (nx,), (ny,)."""
+
+    spacing_m: float
+    along: IntArray
+    across: IntArray
+
+    @property
+    def points_m(self) -> FloatArray:
+        """All of them, (nx ny, 2), y fastest."""
+        grid = np.meshgrid(self.spacing_m * self.along, self.spacing_m * self.across, indexing="ij")
+        return np.stack(grid, axis=-1).reshape(-1, 2)
+
+    def contact(self, i: int, j: int) -> IntArray:
+        """Numbers of the points of the contact about point (i, j), counted from 0."""
+        return np.asarray((i + STEPS[:, 0]) * len(self.across) + j + STEPS[:, 1])
+
+
+def lattice(design: Design, touched: TouchedPlate) -> Lattice:
+    """The points of all contacts that lie on the plate."""
+    finger = touched.finger
+    ends = (design.length_m / 2.0 - finger.radius_m, design.half_span_m - finger.radius_m)
+    counts = [int(max(end, 0.0) / finger.spacing_m) + 2 for end in ends]
+    along, across = (np.arange(-count, count + 1) for count in counts)
+    return Lattice(finger.spacing_m, along, across)
+
+
+def touch_map(touched: TouchedPlate, points: Lattice, frequency_hz: float) -> TouchMap:
+    """Every place at one frequency; a finger of nothing leaves the free plate's motion."""
+    receptance = lattice_receptance(touched, points.points_m, frequency_hz)
+    count, stiffness = len(touched.plate.patches), touched.finger.stiffness_n_m(frequency_hz)
+    free = touched.patch_volts(lambda: receptance[:count, :count])
+    field = receptance[count:, :count] @ free
+    nx, ny = len(points.along) - 4, len(points.across) - 4
+    moved, before = np.zeros((nx, ny)), np.zeros((nx, ny))
+    heard = np.zeros((nx, ny, len(touched.sensors)), dtype=complex)
+    for i, j in np.ndindex(nx, ny):
+        contact = points.contact(i + 2, j + 2)
+        chosen = np.concatenate([np.arange(count), count + contact])
+        block = receptance[np.ix_(chosen, chosen)]
+        loads = touched.loads_of(block, stiffness)
+        before[i, j], moved[i, j] = rms(field[contact]), rms(block[count:] @ loads)
+        heard[i, j] = loads[touched.sensors]
+    inner = field.reshape(nx + 4, ny + 4)[2:-2, 2:-2]
+    x_m, y_m = points.spacing_m * points.along[2:-2], points.spacing_m * points.across[2:-2]
+    return TouchMap(frequency_hz, np.asarray(x_m), np.asarray(y_m), inner, before, moved, heard)
+
+
+def lattice_receptance(touched: TouchedPlate, points_m: FloatArray, frequency_hz: float) -> ComplexArray:
+    """Charges of patches and motions of points per volt and newton, (p + q, p + q), as TouchedPlate.receptance."""
+    plate, count = touched.plate, len(touched.plate.patches)
+    eigenvalue = plate.scale.eigenvalue(frequency_hz)
+    total = np.zeros((count + len(points_m),) * 2, dtype=complex)
+    for basis in touched.free.all_modes:
+        loads, signed = _folded(basis.group, points_m)
+        own = with_loads(basis, loads / plate.stiffness_unit).receptance(eigenvalue, touched.loss)
+        spread = scipy.linalg.block_diag(np.eye(count), signed)
+        total += spread @ own @ spread.T
+    return np.asarray(total * plate.stiffness_unit)
+
+
+def _folded(group: Group, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit forces at the distinct mirror images in x, y >= 0, class by class, (dof, k); each point as a sum of them, (q, k)."""
+    if group.symmetries == (WHOLE,):
+        return normal_motion(group, points_m).T.toarray(), np.eye(len(points_m))
+    folded = np.asarray(np.round(np.abs(points_m), 12), dtype=float)
+    distinct, which = np.unique(folded, axis=0, return_inverse=True)
+    loads = [normal_motion(Group((plate,), group.pencil, group.loads), distinct).T.toarray() for plate in group.plates]
+    chosen = np.eye(len(distinct))[which.ravel()]
+    signs = [_mirror_sign(symmetry, points_m)[:, None] * chosen for symmetry in group.symmetries]
+    return scipy.linalg.block_diag(*loads), np.hstack(signs)
+
+
+def _mirror_sign(symmetry: str, points_m: FloatArray) -> FloatArray:
+    """Sign of u_z at points from that at their images in x, y >= 0."""
+    odd = np.array([mark == "A" for mark in symmetry])
+    return np.where(((points_m < 0.0) & odd).sum(axis=1) % 2 == 1, -1.0, 1.0)
