@@ -25,11 +25,12 @@ if TYPE_CHECKING:
         Response,
         Search,
         Tolerance,
+        Touch,
         Wanted,
     )
     from antinode.stored import open
     from antinode.sweeps import SweepTable, sweep
-    from antinode.tables import Array, BandPath, Damping, Patches, Pillar, Scatter, Solve, Zone
+    from antinode.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Zone
     from pipeline.errors import InputError
     from solvers.errors import SolverError
 
@@ -45,11 +46,12 @@ HOMES = {
         "Response",
         "Search",
         "Tolerance",
+        "Touch",
         "Wanted",
     ),
     "antinode.stored": ("open",),
     "antinode.sweeps": ("SweepTable", "sweep"),
-    "antinode.tables": ("Array", "BandPath", "Damping", "Patches", "Pillar", "Scatter", "Solve", "Zone"),
+    "antinode.tables": ("Array", "BandPath", "Damping", "Finger", "Patches", "Pillar", "Scatter", "Solve", "Zone"),
     "pipeline.errors": ("InputError",),
     "solvers.errors": ("SolverError",),
 }
@@ -61,6 +63,7 @@ __all__ = [
     "Broadband",
     "Caution",
     "Damping",
+    "Finger",
     "InputError",
     "Mode",
     "Modes",
@@ -75,6 +78,7 @@ __all__ = [
     "SolverError",
     "SweepTable",
     "Tolerance",
+    "Touch",
     "Wanted",
     "Zone",
     "__version__",

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from antinode.tables import Array, BandPath, Damping, Patches, Pillar, Scatter, Solve, Table, Zone, plain
+from antinode.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Table, Zone, plain
 from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, read_toml
@@ -21,7 +21,7 @@ from pipeline.logs import TerminalLog
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
-    from antinode.results import Attenuation, Bands, Broadband, Modes, Predesign, Response, Search, Tolerance
+    from antinode.results import Attenuation, Bands, Broadband, Modes, Predesign, Response, Search, Tolerance, Touch
 
 Pair = tuple[float, float]
 
@@ -29,8 +29,8 @@ Pair = tuple[float, float]
 class Plate:
     """A touch plate: zone, pillars, array, and what is asked of it; it never changes, `with_` makes another one.
 
-    Keywords are the tables of a case file (Zone, Pillar, Array, Solve, BandPath, Damping, Patches, Scatter, or plain
-    dictionaries), the plate's thickness in mm, and a material by its name or by young_GPa, density_kg_m3 and poisson.
+    Keywords are the tables of a case file (Zone, Pillar, Array, Solve, BandPath, Damping, Patches, Scatter, Finger, or
+    plain dictionaries), the plate's thickness in mm, and a material by its name or by young_GPa, density_kg_m3 and poisson.
     Raises InputError with one line for every fault.
 
     >>> plate = Plate(thickness_mm=2.0, zone=Zone(length_mm=115.5, width_mm=20.0, nodal_lines=8))
@@ -52,11 +52,12 @@ class Plate:
         damping: Damping | dict[str, Any] | None = None,
         patches: Patches | dict[str, Any] | None = None,
         tolerance: Scatter | dict[str, Any] | None = None,
+        touch: Finger | dict[str, Any] | None = None,
     ) -> None:
         plate = {"thickness_mm": thickness_mm} if thickness_mm else None
         given: dict[str, Any] = {"name": name, "material": material, "plate": plate}
         given |= {"zone": zone, "pillar": pillar, "array": array, "solve": solve, "bands": bands}
-        given |= {"damping": damping, "patches": patches, "tolerance": tolerance}
+        given |= {"damping": damping, "patches": patches, "tolerance": tolerance, "touch": touch}
         self._bind({key: plain(value) for key, value in given.items() if value is not None}, None)
 
     def _bind(self, raw: dict[str, Any], source: Path | None) -> None:
@@ -183,6 +184,14 @@ class Plate:
 
         solved = tolerance.solve(self._case, _logged(progress), _hz(band_kHz))
         return Tolerance(solved.record.to_dict() | self._about)
+
+    def touch(self, band_kHz: Pair | None = None, *, mapped: bool = True, progress: bool | None = None) -> Touch:
+        """Compute what a finger makes of the driven plate; `mapped`: at every place of the touch face, too."""
+        from antinode.results import Touch
+        from pipeline.analysis import touch
+
+        solved = touch.solve(self._case, _logged(progress), _hz(band_kHz), mapped)
+        return Touch(solved.to_dict() | self._about)
 
     def search(
         self,

@@ -423,6 +423,34 @@ class Tolerance(Result):
         return f"<antinode.Tolerance: {len(self.samples)} samples>"
 
 
+class Touch(Result):
+    """A finger on the driven plate: one dictionary a state, amplitudes in m, powers in W, friction over that at rest.
+
+    `plate.with_(touch=Finger(radius_mm=5.0)).touch()` computes one; here is what it holds.
+
+    >>> import antinode
+    >>> antinode.Touch({"states": [{"state": "touched", "finger_m": 2e-7}]}).states["touched"]["finger_m"]
+    2e-07
+    """
+
+    kind = "touch"
+    _dimensions = ("state",)
+
+    @property
+    def states(self) -> dict[str, dict[str, Any]]:
+        """Every state by its name: free, touched, retuned, held, shaped; what cannot be is not there."""
+        return {state["state"]: state for state in self._document["states"]}
+
+    @property
+    def mode(self) -> dict[str, Any] | None:
+        """The wanted mode under the finger: frequencies in Hz, quality factor, share; None where none is left."""
+        return self._document["mode"]
+
+    def __repr__(self) -> str:
+        amplitudes = ", ".join(f"{name} {1e6 * state['finger_m']:.3g} um" for name, state in self.states.items())
+        return f"<antinode.Touch: {amplitudes}>"
+
+
 class Search(Result):
     """What a search found: the best design beside the one it started from, every evaluation as a row; dB, Hz, mm, kg.
 
@@ -480,5 +508,5 @@ class Search(Result):
 
 
 KINDS: dict[str, type[Result]] = {
-    kind.kind: kind for kind in (Modes, Bands, Attenuation, Broadband, Response, Predesign, Tolerance, Search)
+    kind.kind: kind for kind in (Modes, Bands, Attenuation, Broadband, Response, Predesign, Tolerance, Touch, Search)
 }

@@ -14,6 +14,7 @@ MARKS = {
     "bands": "gaps",
     "response": "zone_rms_m_per_V",
     "tolerance": "samples",
+    "touch": "states",
     "search": "evaluations",
     "predesign": "limits",
 }

@@ -81,6 +81,14 @@ class Scatter(Table):
     """
 
 
+class Finger(Table):
+    """The table [touch]: impedance (a name or a dictionary), at_mm, radius_mm, force_N with gap_um, the amplifier's limit_V.
+
+    >>> Finger(radius_mm=5.0, at_mm=(0.0, 0.0))["at_mm"]
+    [0.0, 0.0]
+    """
+
+
 def plain(value: Any) -> Any:
     """A value as a parsed case file holds it: tuples are lists, tables are dictionaries."""
     if isinstance(value, dict):

@@ -96,7 +96,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
     forced = forced_plate(case, log, band_hz, meshes)
     plate, (low, high) = forced.plate, forced.band_hz
     with log.step("sum the modes"):
-        tone, highest = _driven_hz(forced), highest_hz(forced, low, high, points, forced.resonances_hz)
+        tone, highest = driven_hz(forced), highest_hz(forced, low, high, points, forced.resonances_hz)
         peaks_hz = [near_hz(forced, tone), highest] if tone and low <= tone <= high else [highest]
         curve = curve_about(forced, low, high, points, peaks_hz)
         wanted = peak_of(curve, peaks_hz[0]) if len(peaks_hz) > 1 else None
@@ -128,7 +128,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
     return forced_response
 
 
-def _driven_hz(forced: ForcedPlate) -> float | None:
+def driven_hz(forced: ForcedPlate) -> float | None:
     """The wanted mode's frequency with the patches' circuits as wired: sensors open, drivers as they are fed."""
     opened = forced.sensors if forced.circuit == "short" else [*forced.drivers, *forced.sensors]
     shift = circuit_shift(forced, opened) if opened else None

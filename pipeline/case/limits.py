@@ -22,6 +22,12 @@ QUALITY: Range = (0.5, 1e12)
 """At 0.5 nothing resonates; the best of all mechanical resonators reach some 1e10."""
 VOLTS: Range = (1e-9, 1e6)
 """From below the noise of any amplifier to beyond the breakdown of a millimetre of ceramic."""
+IMPEDANCE: Range = (0.0, 1e9)
+"""Stiffness (N/m), damping (N s/m) and mass (g) of a fingertip, up to what is rigid beside any plate."""
+FORCE_N: Range = (1e-3, 100.0)
+"""From a contact that is hardly felt to more than a hand presses."""
+GAP_UM: Range = (0.7, 100.0)
+"""Ten free paths of air's molecules, below which a film is no continuum, to more than any squeeze film of a finger."""
 
 MAX_WAVENUMBER = 3e6
 """rad/m: pi over the shortest length of a case."""

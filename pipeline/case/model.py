@@ -17,6 +17,7 @@ from pipeline.case.patches import read_patches
 from pipeline.case.reader import CaseValues as Values
 from pipeline.case.reader import read_values
 from pipeline.case.rows import INSTEAD, one_kind
+from pipeline.case.touch import Touch, read_touch
 from pipeline.errors import InputError
 from pipeline.units import KHZ, MM
 from solvers.measures.confinement import wanted_symmetry
@@ -88,6 +89,7 @@ class Case:
     given: frozenset[str]
     tolerance: Tolerance | None = None
     measured: MeasuredFiles | None = None
+    touch: Touch | None = None
 
     @property
     def symmetry_wanted(self) -> str | None:
@@ -136,6 +138,8 @@ class Case:
         }
         if self.tolerance:
             plain["tolerance"] = _plain(self.tolerance)
+        if self.touch:
+            plain["touch"] = _plain(self.touch)
         if self.measured:
             plain["measured"] = self.measured.to_dict()
         pillar, shape = self.design.pillar, plain["design"]
@@ -160,9 +164,9 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
     """The case of a parsed file; STEP paths are taken from the folder of `source`. InputError as load_case."""
     settings = _parsed(overrides)
     values = read_values(apply_overrides(raw, settings), source, [key for key, _ in settings])
-    patches, measured = None, _measured(values, source)
+    patches, touch, measured = None, None, _measured(values, source)
     if not values.diagnostics.touch("material", "plate", "zone", "pillar", "array"):
-        patches = read_patches(values, _design(values))
+        patches, touch = read_patches(values, _design(values)), read_touch(values, _design(values))
     values.diagnostics.stop()
     design = _design(values)
     return Case(
@@ -176,6 +180,7 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
         given=values.given,
         tolerance=_tolerance(values),
         measured=measured,
+        touch=touch,
     )
 
 

@@ -6,12 +6,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 
+from geometry.fingertips import FINGERTIPS
 from geometry.pillar_shapes.registry import SHAPES, in_words
 from pipeline.case import limits
 from pipeline.case.limits import LENGTH_MM, Range, span
 
 ABOVE_0 = "a finite number above 0"
 NOT_NEGATIVE = "a finite number of 0 or more"
+FINGERTIP_ALLOWED = (
+    f"the name of a fingertip ({', '.join(FINGERTIPS)}) or a table with stiffness_N_m, damping_N_s_m and mass_g, "
+    f"{span(limits.IMPEDANCE)}"
+)
 
 
 def positive(within: Range, **more: Any) -> Any:
@@ -22,6 +27,11 @@ def positive(within: Range, **more: Any) -> Any:
 def optional(within: Range) -> Any:
     """The same, None where it is left out."""
     return positive(within, default=None)
+
+
+def not_negative(within: Range) -> Any:
+    """A field for a number of 0 or more, 0 where it is left out."""
+    return Field(default=0.0, ge=within[0], le=within[1], description=f"{NOT_NEGATIVE}, {span(within)}")
 
 
 def _zero_or(within: Range) -> AfterValidator:
@@ -47,6 +57,7 @@ Deviation = Annotated[
 Coordinate = Annotated[float, Field(ge=-LENGTH_MM[1], le=LENGTH_MM[1])]
 Place = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Frequency = Annotated[float, Field(ge=0, le=limits.FREQUENCY_KHZ[1])]
+Gap = Annotated[float, Field(ge=limits.GAP_UM[0], le=limits.GAP_UM[1])]
 Extent = Annotated[float, Field(ge=LENGTH_MM[0], le=LENGTH_MM[1])]
 RowLengths = Annotated[list[Extent], Field(min_length=1, max_length=1000)]
 ONE_A_ROW = f"a list of numbers above 0, {span(LENGTH_MM)}, one a row from the zone outwards"
@@ -160,6 +171,23 @@ class PatchesTable(Table):
     )
 
 
+class FingertipTable(Table):
+    stiffness_N_m: float = not_negative(limits.IMPEDANCE)
+    damping_N_s_m: float = not_negative(limits.IMPEDANCE)
+    mass_g: float = not_negative(limits.IMPEDANCE)
+
+
+class TouchTable(Table):
+    impedance: str | FingertipTable = Field(default="finger", description=FINGERTIP_ALLOWED)
+    at_mm: Place | None = Field(default=None, description="two numbers [x, y], from the plate's centre")
+    radius_mm: float = positive(LENGTH_MM)
+    force_N: float | None = optional(limits.FORCE_N)
+    gap_um: Annotated[list[Gap], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description=f"two numbers [low, high], low <= high, {span(limits.GAP_UM)}"
+    )
+    limit_V: float | None = optional(limits.VOLTS)
+
+
 class MeasuredTable(Table):
     sweep: str | None = Field(default=None, min_length=1, description="the path of a CSV file")
     map: str | None = Field(default=None, min_length=1, description="the path of a CSV file")
@@ -183,6 +211,7 @@ TABLES: dict[str, type[Table]] = {
     "bands": BandsTable,
     "damping": DampingTable,
     "patches": PatchesTable,
+    "touch": TouchTable,
     "tolerance": ToleranceTable,
     "measured": MeasuredTable,
 }
@@ -195,5 +224,6 @@ def known_keys() -> list[str]:
     """Every key of a case file, dotted, such as pillar.side_mm."""
     keys = ["name", "material", "pillar.material"]
     keys += [f"{owner}material.{key}".lstrip(".") for owner in ("", "pillar.") for key in MaterialTable.model_fields]
+    keys += [f"touch.impedance.{key}" for key in FingertipTable.model_fields]
     keys += [f"{table}.{key}" for table, model in TABLES.items() for key in model.model_fields]
     return sorted(set(keys))

@@ -253,6 +253,24 @@ def tolerance(arguments: Namespace) -> int:
     return emit(arguments, "tolerance", Answer(solved.record.to_dict(), lines, head, rows, pictures), log)
 
 
+def touch(arguments: Namespace) -> int:
+    """Put a finger on the driven plate."""
+    case, log, band = _read(arguments)
+    if arguments.explain:
+        return _explained(arguments, "of_touch", case, band, bool(arguments.out))
+    from pipeline.analysis import touch as touched
+    from pipeline.plots.touch import tactile_map
+
+    record = touched.solve(case, log, band, mapped=not arguments.no_map)
+    document = record.to_dict()
+    rows = ROWS["touch"](document)
+    head = tuple(rows[0])
+    cells = [list(row.values()) for row in rows]
+    lines = [*touched.lines(record), *record.not_told]
+    answer = Answer(document, lines, head, cells, lambda: [tactile_map(record)] if record.map else [])
+    return emit(arguments, "touch", answer, log)
+
+
 def active(arguments: Namespace) -> int:
     """Run an analogy or control model."""
     from pipeline.active.models import run

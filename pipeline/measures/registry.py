@@ -17,6 +17,7 @@ from pipeline.measures.parts import PARTS
 from pipeline.measures.response import RESPONSE
 from pipeline.measures.tetrahedra import TETRAHEDRA
 from pipeline.measures.tolerance import TOLERANCE
+from pipeline.measures.touch import TOUCH
 from pipeline.planning import simplifications
 from pipeline.planning.plan import Plan, Step
 from pipeline.records import store, tables
@@ -24,7 +25,7 @@ from pipeline.records.study import StoredStudy, read_study
 from pipeline.records.tables import Column
 
 MEASURES: tuple[Measure, ...] = (
-    *(MODES, BANDS, ATTENUATION, BROADBAND, RESPONSE, TOLERANCE),
+    *(MODES, BANDS, ATTENUATION, BROADBAND, RESPONSE, TOLERANCE, TOUCH),
     *(BOARD, PARTS, GEOMETRY, TETRAHEDRA),
 )
 

@@ -438,6 +438,94 @@ class ResponseRecord(Part):
         return self.wanted_peak or self.highest_peak
 
 
+class LoadedModeRecord(Part):
+    """The wanted mode under a finger: detuning, what it adds to 1/Q, and how much of the free mode is left in it, of 1."""
+
+    free_hz: float
+    frequency_hz: float
+    shift_hz: float
+    quality: float | None
+    added_loss: float
+    share: float
+
+
+class TouchStateRecord(Part):
+    """One way of driving the plate, with the finger or without: amplitudes are peaks, powers means over a period.
+
+    finger_m: rms of u_z over the contact. friction_low, friction_high: mu over mu at rest for the two gaps; None where the
+    relation says nothing. drawn_W: patches_W and dielectric_W; drawn_mW_at_1um: at an amplitude of 1 um under the finger.
+    """
+
+    state: Literal["free", "touched", "retuned", "held", "shaped"]
+    frequency_hz: float
+    drive_V: float
+    finger_m: float
+    zone_rms_m: float
+    passive_rms_m: float | None
+    confinement_db: float | None
+    sensor_V: float | None
+    friction_low: float | None
+    friction_high: float | None
+    patches_W: float
+    plate_W: float
+    finger_W: float
+    dielectric_W: float | None
+    drawn_W: float | None
+    apparent_VA: float
+    drawn_mW_at_1um: float | None
+    drive_V_at_1um: float | None
+
+
+class LoopRecord(Part):
+    """The drive that keeps the first sensor's amplitude as without the finger, and whether the amplifier can."""
+
+    sensor_V: float
+    needed_V: float
+    limit_V: float | None
+    saturates: bool | None
+
+
+class TouchMapRecord(Part):
+    """The finger at every place of a grid, x first: amplitudes at constant voltage, m; friction at the gaps' geometric mean.
+
+    displacement_m: the free plate's at each place in the phase of its largest, whose zeros are the nodes. needed_V: as
+    LoopRecord; None without a sensor.
+    """
+
+    frequency_hz: float
+    x_m: list[float]
+    y_m: list[float]
+    displacement_m: list[list[float]]
+    free_m: list[list[float]]
+    touched_m: list[list[float]]
+    friction: list[list[float | None]] | None
+    needed_V: list[list[float]] | None
+
+
+class TouchRecord(Part):
+    """A finger on the driven plate: what it is, what it makes of the wanted mode, each state, why a figure is not told."""
+
+    model: str
+    dof: int
+    fingertip: str
+    source: str
+    at_m: tuple[float, float]
+    radius_m: float
+    impedance_N_s_m: tuple[float, float]
+    force_N: float | None
+    gap_m: tuple[float, float] | None
+    quality_given: float
+    mode: LoadedModeRecord | None
+    states: list[TouchStateRecord]
+    loop: LoopRecord | None
+    map: TouchMapRecord | None
+    not_told: list[str]
+
+    def state(self, name: str) -> TouchStateRecord | None:
+        """A state by its name."""
+        return next((state for state in self.states if state.state == name), None)
+
+
 class CircleRecord(Open):
     """A circle in the complex plane."""
 
@@ -637,6 +725,7 @@ class Record(Part):
     response: ResponseRecord | None = None
     measured: MeasuredRecord | None = None
     tolerance: ToleranceRecord | None = None
+    touch: TouchRecord | None = None
     board: BoardRecord | BoardFault | None = None
     predesign: PredesignRecord | None = None
     zone_modes: ModesRecord | None = None

@@ -14,6 +14,7 @@ from pipeline.plots import attenuation as of_rows
 from pipeline.plots import bands as of_bands
 from pipeline.plots import response as of_response
 from pipeline.plots import style
+from pipeline.plots import touch as of_touch
 from pipeline.records.record import (
     AttenuationRecord,
     BandsRecord,
@@ -21,6 +22,7 @@ from pipeline.records.record import (
     Part,
     ResponseRecord,
     ToleranceRecord,
+    TouchRecord,
 )
 from pipeline.units import KHZ
 from solvers.measures.levels import CONFINED_DB
@@ -109,6 +111,11 @@ def tolerance(ax: Any, document: Document) -> None:
     of_response.draw_peaks(ax, _read(ToleranceRecord, document))
 
 
+def touch(ax: Any, document: Document) -> None:
+    """Amplitude under the finger at each place, the free plate's nodes as lines; the states' amplitudes without a map."""
+    of_touch.draw(ax, _read(TouchRecord, document))
+
+
 def compare(ax: Any, document: Document) -> None:
     """Relative differences of two designs as bars, the largest last and so on top."""
     known = sorted((row for row in document["rows"] if row["difference"]), key=lambda row: abs(row["difference"]))
@@ -119,5 +126,6 @@ def compare(ax: Any, document: Document) -> None:
 
 
 FIGURES: dict[str, Callable[[Any, Document], None]] = {
-    each.__name__: each for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, compare)
+    each.__name__: each
+    for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, touch, compare)
 }

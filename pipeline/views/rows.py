@@ -69,6 +69,11 @@ def tolerance(document: Document) -> Rows:
     return [dict(sample) for sample in document["samples"]]
 
 
+def touch(document: Document) -> Rows:
+    """One row a state: the free plate, the finger at constant voltage, retuned, held by the loop, with shaped voltages."""
+    return [dict(state) for state in document["states"]]
+
+
 def search(document: Document) -> Rows:
     """One row an evaluated design, its varied keys first."""
     return [
@@ -80,5 +85,6 @@ def search(document: Document) -> Rows:
 
 
 ROWS: dict[str, Callable[[Document], Rows]] = {
-    each.__name__: each for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, search)
+    each.__name__: each
+    for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, touch, search)
 }

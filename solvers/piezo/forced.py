@@ -9,9 +9,10 @@ or their charge (open).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -119,6 +120,8 @@ class ForcedPlate:
     bytes_each: what a group's modes are foreseen to take.
     """
 
+    feed: ComplexArray | None = None  # what the drivers get instead of their signs, per volt of drive
+
     def __init__(
         self,
         plate: DrivenPlate,
@@ -161,6 +164,12 @@ class ForcedPlate:
             return np.ones(len(self.plate.patches))
         basis, index = self._wanted
         return in_phase_signs(basis.gain[index], self.drivers)
+
+    def driven_by(self, volts: ComplexArray) -> Self:
+        """The same plate, its drivers fed with these voltages (patches,) per volt of drive instead of +-1."""
+        other = copy(self)
+        other.feed = volts
+        return other
 
     def _measures(
         self, basis: GroupModes, fields: list[TouchField], grams: tuple[FloatArray, FloatArray]
@@ -239,7 +248,7 @@ class ForcedPlate:
         fed, left = (self.drivers, self.sensors) if self.circuit == "short" else ([], self.drivers + self.sensors)
         if self.circuit == "open":
             charged[self.drivers] = (self.signs * capacitance)[self.drivers]
-        volts[fed] = self.signs[fed]
+        volts[fed] = (self.signs if self.feed is None else self.feed)[fed]
         if left:
             moved = charge()
             clamped = moved[np.ix_(left, left)] + np.diag(capacitance[left])

@@ -1,0 +1,59 @@
+"""A finger on the driven plate, and the same finger at every place of the touch face."""
+
+from __future__ import annotations
+
+from pipeline.measures.measure import Measure, Work
+from pipeline.planning import plan
+from pipeline.records.record import TouchRecord, TouchStateRecord
+from pipeline.records.tables import Column, figures_of
+from pipeline.units import UM
+
+
+def _compute(work: Work) -> None:
+    from pipeline.analysis import touch
+
+    meshes = [] if "forced" in work.solved else work.meshes
+    work.keep(touch=touch.solve(work.case, work.log, forced=work.solved.get("forced"), meshes=meshes))
+
+
+def _state(name: str) -> list[Column]:
+    """Columns of a state."""
+
+    def of(touch: TouchRecord | None) -> TouchStateRecord | None:
+        return touch.state(name) if touch else None
+
+    figure = figures_of(lambda record: of(record.touch))
+    return [
+        Column(f"{name}_um", f"amplitude at the finger, {name}", figure(lambda s: s.finger_m / UM), ".4g", "um"),
+        Column(f"{name}_db", f"confinement, {name}", figure(lambda s: s.confinement_db), ".2f", "dB"),
+        Column(f"{name}_mw_at_1um", f"power at 1 um, {name}", figure(lambda s: s.drawn_mW_at_1um), ".4g", "mW"),
+        Column(f"{name}_v_at_1um", f"drive at 1 um, {name}", figure(lambda s: s.drive_V_at_1um), ".4g", "V"),
+    ]
+
+
+_mode = figures_of(lambda r: r.touch.mode if r.touch else None)
+_loop = figures_of(lambda r: r.touch.loop if r.touch else None)
+_touched = figures_of(lambda r: r.touch.state("touched") if r.touch else None)
+COLUMNS = (
+    Column("touch_shift_hz", "detuning by the finger", _mode(lambda m: m.shift_hz), "+.1f", "Hz"),
+    Column("touch_quality", "quality factor under the finger", _mode(lambda m: m.quality), ".1f"),
+    Column("touch_share", "share of the wanted mode under the finger", _mode(lambda m: m.share), ".3f"),
+    *(column for name in ("free", "touched", "shaped") for column in _state(name)),
+    Column(
+        "touch_friction_low", "friction at the low gap over that at rest", _touched(lambda s: s.friction_low), ".3f"
+    ),
+    Column(
+        "touch_friction_high", "friction at the high gap over that at rest", _touched(lambda s: s.friction_high), ".3f"
+    ),
+    Column("touch_needed_v", "drive that holds the sensor's amplitude", _loop(lambda p: p.needed_V), ".4g", "V"),
+)
+
+TOUCH = Measure(
+    "touch",
+    plan=plan.touch_step,
+    compute=_compute,
+    needs=("patches", "touch"),
+    drives=True,
+    columns=COLUMNS,
+    pictures=("touch.tactile",),
+)

@@ -1,0 +1,106 @@
+"""The tactile map: what a finger finds at each place of the touch face; and what designs draw for it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pipeline.plots import style
+from pipeline.plots.style import ReportFigure
+from pipeline.records.record import TouchMapRecord, TouchRecord
+from pipeline.records.study import StoredCase
+from pipeline.units import KHZ, MM, UM
+
+LOOK = {"shading": "nearest", "rasterized": True}
+
+
+def tactile(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
+    """The tactile map of a case's record."""
+    record = case.record.touch
+    return tactile_map(record, record_width_m(case)) if record and record.map else None
+
+
+def record_width_m(case: StoredCase) -> float | None:
+    """Width of the zone, where the record has it."""
+    return case.record.design.width_m if case.record.design else None
+
+
+def tactile_map(record: TouchRecord, width_m: float | None = None) -> ReportFigure:
+    """Amplitude and friction under the finger over its place, nodes of the free plate as lines; the drive of the loop."""
+    places = record.map
+    assert places is not None
+    count = 1 + (places.friction is not None) + (places.needed_V is not None)
+    figure, panels = style.panels(2.4 * count + 0.4, count, 1, squeeze=False)
+    rows = iter(panels[:, 0])
+    _amplitude(next(rows), record, places)
+    if places.friction is not None:
+        _field(next(rows), places, places.friction, "friction over that at rest", "Friction, where it can be told")
+    if places.needed_V is not None:
+        title = "Drive that holds the sensor's amplitude"
+        _field(next(rows), places, places.needed_V, "drive (V)", title)
+    for axes in panels[:, 0]:
+        if width_m is not None:
+            for side in (-0.5, 0.5):
+                axes.axhline(side * width_m / MM, color="black", lw=0.6, ls="--")
+    return ReportFigure("tactile", "Tactile map", _alt(record, places), figure)
+
+
+def draw(axes: Any, record: TouchRecord) -> None:
+    """The amplitude's panel alone; the states' amplitudes where there is no map."""
+    if record.map:
+        _amplitude(axes, record, record.map)
+        return
+    axes.barh(
+        [state.state for state in record.states], [state.finger_m / UM for state in record.states], color=style.BLUE
+    )
+    axes.set(xlabel="amplitude at the finger (um)")
+
+
+def _amplitude(axes: Any, record: TouchRecord, places: TouchMapRecord) -> None:
+    title = f"Finger at each place, {places.frequency_hz / KHZ:.2f} kHz; lines: nodes of the free plate"
+    _field(axes, places, np.array(places.touched_m) / UM, "amplitude (um)", title)
+    x, y = (np.array(ticks) / MM for ticks in (places.x_m, places.y_m))
+    if len(x) > 1 and len(y) > 1:
+        axes.contour(x, y, np.array(places.displacement_m).T, levels=[0.0], colors="white", linewidths=0.8)
+    axes.plot(record.at_m[0] / MM, record.at_m[1] / MM, "+", color=style.VERMILION, ms=9)
+
+
+def _field(axes: Any, places: TouchMapRecord, values: Any, label: str, title: str) -> None:
+    field = np.ma.masked_invalid(np.array(values, dtype=float).T)
+    x, y = (np.array(ticks) / MM for ticks in (places.x_m, places.y_m))
+    image = axes.pcolormesh(x, y, field, cmap=style.QUALITY, **LOOK)
+    style.mm_axes(axes)
+    axes.set_title(title)
+    axes.set_anchor("W")
+    axes.figure.colorbar(image, cax=axes.inset_axes((1.03, 0.0, 0.03, 1.0)), label=label)
+
+
+def _alt(record: TouchRecord, places: TouchMapRecord) -> str:
+    touched = np.array(places.touched_m) / UM
+    best = np.unravel_index(int(np.argmax(touched)), touched.shape)
+    there = f"({places.x_m[best[0]] / MM:.0f}, {places.y_m[best[1]] / MM:.0f}) mm"
+    state = record.state("touched")
+    here = "" if state is None else f"; {state.finger_m / UM:.3f} um where the case puts the finger"
+    return (
+        f"Amplitude under {record.fingertip} at {touched.size} places of the touch face, {places.frequency_hz / KHZ:.2f} kHz: "
+        f"at most {touched.max():.3f} um, at {there}{here}"
+    )
+
+
+def power_by_design(records: Sequence[tuple[str, TouchRecord]], place: Any) -> None:
+    """Write a figure: power at 1 um under the finger of each design, all patches in phase and with shaped voltages."""
+    with style.style():
+        figure, axes = style.panels(2.8)
+        for offset, (name, label) in zip(
+            (-0.2, 0.2), (("touched", "in phase"), ("shaped", "shaped for contrast")), strict=True
+        ):
+            states = [record.state(name) for _, record in records]
+            known = [(i, s.drawn_mW_at_1um) for i, s in enumerate(states) if s and s.drawn_mW_at_1um is not None]
+            colour = style.BLUE if name == "touched" else style.VERMILION
+            axes.bar([i + offset for i, _ in known], [watts for _, watts in known], 0.38, color=colour, label=label)
+        axes.set_xticks(range(len(records)), [design for design, _ in records])
+        axes.set(ylabel="power at 1 um (mW)", yscale="log")
+        axes.legend()
+        figure.savefig(place, format="svg", bbox_inches="tight", metadata={"Date": None})

@@ -1,0 +1,40 @@
+"""Active confinement by the patches themselves: the voltages of the largest contrast between zone and passive face.
+
+a' G_in a over a' G_out a is largest for the first eigenvector of G_in a = c^2 G_out a (choi2002), with G from each
+driver's field.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+
+from geometry.elements import ComplexArray
+from solvers.piezo.forced import ForcedPlate, touch_grams
+from solvers.touch.touched_plate import TouchedPlate
+
+
+def contrast_volts(plate: TouchedPlate, frequency_hz: float) -> ComplexArray | None:
+    """Voltages of all patches, 0 of those that listen, the largest of size 1; None with one driver or no passive face."""
+    drivers = plate.drivers
+    passive = 2.0 * plate.design.half_span_m > plate.design.width_m * (1.0 + 1e-9)
+    if len(drivers) < 2 or plate.circuit != "short" or not passive:
+        return None
+    inside, outside = _grams(plate, frequency_hz)
+    floor = 1e-12 * float(np.trace(outside).real) * np.eye(len(drivers))  # of what rounding leaves
+    best = scipy.linalg.eigh(inside, outside + floor)[1][:, -1]
+    volts = np.zeros(len(plate.plate.patches), dtype=complex)
+    volts[drivers] = best / best[int(np.argmax(np.abs(best)))]
+    return volts
+
+
+def _grams(plate: ForcedPlate, frequency_hz: float) -> tuple[ComplexArray, ComplexArray]:
+    """Integrals of u_z^* u_z over zone and passive face for pairs of drivers at 1 V each, (drivers, drivers)."""
+    eigenvalue, count = plate.plate.scale.eigenvalue(frequency_hz), len(plate.drivers)
+    singles = [plate.driven_by(np.eye(len(plate.plate.patches))[driver]).volts(eigenvalue) for driver in plate.drivers]
+    sums = [np.zeros((count, count), dtype=complex), np.zeros((count, count), dtype=complex)]
+    for basis in plate.modes:
+        moved = np.column_stack([basis.amplitudes(eigenvalue, plate.loss, loads) for loads in singles])
+        for total, gram in zip(sums, touch_grams(basis, plate.design), strict=True):
+            total += moved.conj().T @ gram @ moved
+    return sums[0], sums[1]
