@@ -21,11 +21,13 @@ from geometry.hex.boxes import hex_mesh, pillar_boxes
 from pipeline.case.model import load_case
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
+from pipeline.plots.touch import power_by_design
 from pipeline.records import outputs
-from pipeline.records.record import Record
+from pipeline.records.record import Record, TouchRecord
 from pipeline.records.store import BadRecord, write_atomic
 from pipeline.records.study import read_study
 from pipeline.report.thesis import compare
+from pipeline.units import UM
 from solvers.analytic.predesign import pillar_frequencies_hz
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
@@ -46,6 +48,11 @@ Ours come from meshes whose error is known (`docs/verification.md`), and none wa
 formulas are not what is built here, `docs/thesis-errata.md` has the derivation. "agrees" means within {near:.0%}, or the
 same verdict; the models of `antinode active` judge by the digits that the text gives.
 """
+TOUCH_FIGURE = "pictures/touch-power.svg"
+TOUCH_HEADINGS = (
+    *("design, fingertip", "detuning", "free", "touched", "confinement free", "touched", "shaped"),
+    *("power in phase", "power shaped"),
+)
 HEADINGS = ("quantity", "thesis", "ours", "verdict")
 
 OUTLOOK_INTRODUCTION = """
@@ -203,6 +210,35 @@ def draw_outlook(folder: Path) -> Path | None:
     return PICTURE
 
 
+def finger(folder: Path) -> str:
+    """What a finger leaves of the plates of the study `touch`, with its figure; nothing while the study is not stored."""
+    try:
+        records = [case.record for case in read_study(folder / "touch").cases]
+    except BadRecord:
+        return ""
+    known = [(_touched_design(record), record.touch) for record in records if record.touch]
+    power_by_design(known, PAGE.parent / TOUCH_FIGURE)
+    words = "amplitudes at the study's voltage; power is what the patches draw for 1 um under the finger"
+    figure = f"![Power drawn for 1 um under the finger, by design]({TOUCH_FIGURE})"
+    rows = outputs.markdown(TOUCH_HEADINGS, [_touched_row(design, touch) for design, touch in known])
+    return (
+        f"\n## Outlook: what a finger feels\n\nNot of the thesis: {words} (`antinode run touch`).\n\n{rows}\n{figure}\n"
+    )
+
+
+def _touched_design(record: Record) -> str:
+    return f"{record.sweep.get('array.rows')} rows, {record.sweep.get('touch.impedance')}"
+
+
+def _touched_row(design: str, touch: TouchRecord) -> tuple[str, ...]:
+    states = [touch.state(name) for name in ("free", "touched", "shaped")]
+    shift = "not told" if touch.mode is None else f"{touch.mode.shift_hz:+.0f} Hz"
+    amplitudes = ["none" if s is None else f"{s.finger_m / UM:.3g} um" for s in states[:2]]
+    levels = ["none" if s is None or s.confinement_db is None else f"{s.confinement_db:.1f} dB" for s in states]
+    watts = ["none" if s is None or s.drawn_mW_at_1um is None else f"{s.drawn_mW_at_1um:.3g} mW" for s in states[1:]]
+    return design, shift, *amplitudes, *levels, *watts
+
+
 def table(rows: list[Row]) -> str:
     """A table in Markdown."""
     return outputs.markdown(HEADINGS, rows)
@@ -219,7 +255,7 @@ def text(folder: Path) -> str:
     chapters |= {"beam": "active beam (chapter 3)", "shaping": "shaping (chapter 3)", "dq": "closed loop (chapter 2)"}
     for model in ACTIVE:
         page += f"\n## `antinode active {model}`: {chapters[model]}\n\n" + table(active(model))
-    return page + outlook(folder)
+    return page + outlook(folder) + finger(folder)
 
 
 def main() -> int:

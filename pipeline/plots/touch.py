@@ -55,12 +55,12 @@ def draw(axes: Any, record: TouchRecord) -> None:
     axes.barh(
         [state.state for state in record.states], [state.finger_m / UM for state in record.states], color=style.BLUE
     )
-    axes.set(xlabel="amplitude at the finger (um)")
+    axes.set(xlabel="amplitude at the finger (µm)")
 
 
 def _amplitude(axes: Any, record: TouchRecord, places: TouchMapRecord) -> None:
     title = f"Finger at each place, {places.frequency_hz / KHZ:.2f} kHz; lines: nodes of the free plate"
-    _field(axes, places, np.array(places.touched_m) / UM, "amplitude (um)", title)
+    _field(axes, places, np.array(places.touched_m) / UM, "amplitude (µm)", title)
     x, y = (np.array(ticks) / MM for ticks in (places.x_m, places.y_m))
     if len(x) > 1 and len(y) > 1:
         axes.contour(x, y, np.array(places.displacement_m).T, levels=[0.0], colors="white", linewidths=0.8)
@@ -82,10 +82,10 @@ def _alt(record: TouchRecord, places: TouchMapRecord) -> str:
     best = np.unravel_index(int(np.argmax(touched)), touched.shape)
     there = f"({places.x_m[best[0]] / MM:.0f}, {places.y_m[best[1]] / MM:.0f}) mm"
     state = record.state("touched")
-    here = "" if state is None else f"; {state.finger_m / UM:.3f} um where the case puts the finger"
+    here = "" if state is None else f"; {state.finger_m / UM:.3f} µm where the case puts the finger"
     return (
         f"Amplitude under {record.fingertip} at {touched.size} places of the touch face, {places.frequency_hz / KHZ:.2f} kHz: "
-        f"at most {touched.max():.3f} um, at {there}{here}"
+        f"at most {touched.max():.3f} µm, at {there}{here}"
     )
 
 
@@ -101,6 +101,6 @@ def power_by_design(records: Sequence[tuple[str, TouchRecord]], place: Any) -> N
             colour = style.BLUE if name == "touched" else style.VERMILION
             axes.bar([i + offset for i, _ in known], [watts for _, watts in known], 0.38, color=colour, label=label)
         axes.set_xticks(range(len(records)), [design for design, _ in records])
-        axes.set(ylabel="power at 1 um (mW)", yscale="log")
+        axes.set(ylabel="power at 1 µm (mW)", yscale="log")
         axes.legend()
         figure.savefig(place, format="svg", bbox_inches="tight", metadata={"Date": None})

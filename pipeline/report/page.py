@@ -17,7 +17,7 @@ from pipeline.report import dispersion, gallery, mode_shapes, text
 from pipeline.report.html import render, script_data, vendored
 from pipeline.report.other_studies import beside
 from pipeline.report.pictures import EmbeddedFigure, Embedder, link
-from pipeline.units import GRAM, MM
+from pipeline.units import GRAM, MM, UM
 
 REPORT = "report.html"
 MAX_FIGURES = 12
@@ -27,7 +27,7 @@ UNFIT = (KeyError, TypeError, ValueError, IndexError)  # arrays of another shape
 OF_BEST = {"attenuation": "Attenuation", "response": "Response"}
 # What the template of a case's results writes them with.
 SHOWN = {name: getattr(text, name) for name in ("si", "khz", "verdict", "band_difference", "CONFINED_DB")}
-SHOWN |= {"f": format, "GRAM": GRAM, "MM": MM}
+SHOWN |= {"f": format, "GRAM": GRAM, "MM": MM, "UM": UM}
 
 
 @dataclass(frozen=True)

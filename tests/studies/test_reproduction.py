@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from pipeline.batch.study_file import load_study
+from pipeline.records.record import TouchRecord, TouchStateRecord
 from studies import reproduction
 
 
@@ -55,3 +58,31 @@ def test_heights_off_together_belong_to_one_design() -> None:
 
 def test_a_bar_in_a_cell_does_not_break_the_table() -> None:
     assert "\\|t\\|2" in reproduction.table([("force", "|t|2", "0", "agrees")])
+
+
+def test_the_outlook_appears_once_its_study_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A record with two states: what is known stands in the table, what is not says so; no zero is made of none."""
+    assert reproduction.finger(tmp_path) == "" and load_study("touch").name == "touch"
+    figures: dict[str, Any] = {name: 2e-7 if name.endswith("_m") else 0.5 for name in TouchStateRecord.model_fields}
+    touched = TouchStateRecord(**{**figures, "state": "touched", "confinement_db": None, "drawn_mW_at_1um": 7.5})
+    free = touched.model_copy(update={"state": "free", "confinement_db": 12.0, "finger_m": 9e-7})
+    texts: dict[str, Any] = {"model": "", "fingertip": "", "source": "", "states": [free, touched], "not_told": []}
+    numbers: dict[str, Any] = {
+        "dof": 1,
+        "at_m": (0, 0),
+        "radius_m": 5e-3,
+        "impedance_N_s_m": (5, 0),
+        "quality_given": 300,
+    }
+    empty: dict[str, Any] = dict.fromkeys(("force_N", "gap_m", "mode", "loop", "map"))
+    record = SimpleNamespace(
+        sweep={"array.rows": 2, "touch.impedance": "light"}, touch=TouchRecord(**texts, **numbers, **empty)
+    )
+    monkeypatch.setattr(
+        reproduction, "read_study", lambda folder: SimpleNamespace(cases=[SimpleNamespace(record=record)])
+    )
+    monkeypatch.setattr(reproduction, "PAGE", tmp_path / "page.md")
+    (tmp_path / "pictures").mkdir()
+    page = reproduction.finger(tmp_path)
+    assert "| 2 rows, light | not told | 0.9 um | 0.2 um | 12.0 dB | none | none | 7.5 mW | none |" in page
+    assert (tmp_path / reproduction.TOUCH_FIGURE).stat().st_size > 1000 and reproduction.TOUCH_FIGURE in page

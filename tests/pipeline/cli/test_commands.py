@@ -66,6 +66,23 @@ def test_wrong_input_is_one_clear_line_and_exit_code_2(
     assert said in text[0]
 
 
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ((), "[touch]: missing, touch needs it"),
+        (("touch.radius_mm=5.0", "touch.at_mm=[57.0, 0.0]"), "the contact reaches beyond the plate"),
+        (("touch.radius_mm=5.0", "touch.impedance={damping_N_s_m=-1.0}"), "must be the name of a fingertip"),
+    ],
+)
+def test_a_finger_that_cannot_be_is_one_line(
+    settings: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    overrides = [part for setting in settings for part in ("--set", setting)]
+    assert run("touch", CASE, *overrides) == 2
+    (line,) = lines(capsys.readouterr().err)
+    assert said in line
+
+
 def commands() -> list[str]:
     """Every command that the parser knows."""
     actions = main._parser()._actions

@@ -70,8 +70,8 @@ def test_a_measure_that_was_not_registered_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("measure", registry.MEASURES, ids=lambda measure: measure.name)
 def test_every_measure_plans_a_step_of_its_name(measure: Measure) -> None:
-    lacking = [] if "tolerance" not in measure.needs else ["tolerance.samples=2", "tolerance.height_mm=0.05"]
-    step = measure.plan(load_case(FULL, lacking))
+    lacking = {"tolerance": ["tolerance.samples=2", "tolerance.height_mm=0.05"], "touch": ["touch.radius_mm=5.0"]}
+    step = measure.plan(load_case(FULL, [line for table in measure.needs for line in lacking.get(table, [])]))
     assert isinstance(step, Step) and step.measure == measure.name
 
 
@@ -80,7 +80,9 @@ def test_names_and_columns_are_each_once() -> None:
     assert len(set(columns)) == len(columns) and len(set(registry.names())) == len(registry.names())
 
 
-@pytest.mark.parametrize(("measure", "said"), [("response", r"\[patches\]"), ("tolerance", r"\[tolerance\]")])
+@pytest.mark.parametrize(
+    ("measure", "said"), [("response", r"\[patches\]"), ("tolerance", r"\[tolerance\]"), ("touch", r"\[touch\]")]
+)
 def test_what_a_case_lacks_is_named(measure: str, said: str) -> None:
     with pytest.raises(InputError, match=rf"{said}: missing, the measure {measure} needs it"):
         registry.check(load_case(SMALL), [measure])
