@@ -25,8 +25,9 @@ from pipeline.records.record import (
     TouchRecord,
     TouchStateRecord,
 )
-from pipeline.units import KHZ, MM, UM
+from pipeline.units import GIB, KHZ, MM, UM
 from solvers.errors import SolverError
+from solvers.fem.factor.memory import room_bytes
 from solvers.measures.levels import ratio_db
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.peaks import near_hz
@@ -34,7 +35,7 @@ from solvers.touch.energy import Power, power
 from solvers.touch.loaded_mode import loaded_mode
 from solvers.touch.shaped_drive import contrast_volts
 from solvers.touch.squeeze_film import OutOfValidity, SqueezeFilm
-from solvers.touch.touch_map import MAX_POINTS, TouchMap, lattice, touch_map
+from solvers.touch.touch_map import TouchMap, lattice, needed_bytes, touch_map
 from solvers.touch.touched_plate import Finger, TouchedPlate
 
 
@@ -195,10 +196,12 @@ def _loop(session: Session) -> LoopRecord | None:
 
 def _map(session: Session, log: Log, mapped: bool) -> TouchMapRecord | None:
     points = lattice(session.case.design, session.touched)
-    count = len(points.points_m)
-    if not mapped or count > MAX_POINTS:
-        why = f"its contacts have {count} points, more than {MAX_POINTS}" if mapped else "not asked for"
-        log.left_out("the map of the touch face", why)
+    needed, room = needed_bytes(session.touched, points), room_bytes()
+    if not mapped or needed > room:
+        lack = (
+            f"{len(points.points_m)} points of its contacts need {needed / GIB:.1f} GiB, {room / GIB:.1f} GiB are free"
+        )
+        log.left_out("the map of the touch face", lack if mapped else "not asked for")
         return None
     with log.step(f"the finger at {(len(points.along) - 4) * (len(points.across) - 4)} places"):
         return _map_record(session, touch_map(session.touched, points, session.peak_hz))
@@ -282,8 +285,8 @@ def _of_mode(record: TouchRecord) -> Iterator[str]:
 
 def _of_state(state: TouchStateRecord) -> str:
     level = "" if state.confinement_db is None else f", {state.confinement_db:.1f} dB above the passive face"
-    ratios = [f"{each:.2f}" for each in (state.friction_low, state.friction_high) if each is not None]
-    friction = f"; friction {' to '.join(ratios)} of that at rest" if ratios else ""
+    ratios = ["not told" if each is None else f"{each:.2f}" for each in (state.friction_low, state.friction_high)]
+    friction = f"; friction {' to '.join(ratios)} of that at rest" if set(ratios) != {"not told"} else ""
     drawn = (
         ""
         if state.drawn_mW_at_1um is None

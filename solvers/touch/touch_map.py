@@ -17,7 +17,7 @@ from solvers.piezo.patched_plate import Group
 from solvers.superelement.plate import WHOLE
 from solvers.touch.touched_plate import STEPS, TouchedPlate, normal_motion, rms, with_loads
 
-MAX_POINTS = 6000  # of the lattice: their receptance is a full matrix of 0.6 GB
+COPIES = 6  # of a group's loads that are held at once: loads, residual vectors, slopes, and the three stacked
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,16 @@ def lattice(design: Design, touched: TouchedPlate) -> Lattice:
     return Lattice(finger.spacing_m, along, across)
 
 
+def needed_bytes(touched: TouchedPlate, points: Lattice) -> float:
+    """Memory that a map takes, B: the residual vectors of the largest group, and the receptance of all points."""
+    count, distinct = len(points.points_m), len(_distinct(points.points_m)[0])
+    loads = [
+        group.pencil.dof * (count if group.symmetries == (WHOLE,) else distinct * len(group.plates))
+        for group in touched.plate.everything
+    ]
+    return 8.0 * COPIES * max(loads) + 3.0 * 16.0 * count**2
+
+
 def touch_map(touched: TouchedPlate, points: Lattice, frequency_hz: float) -> TouchMap:
     """Every place at one frequency; a finger of nothing leaves the free plate's motion."""
     receptance = lattice_receptance(touched, points.points_m, frequency_hz)
@@ -102,12 +112,18 @@ def _folded(group: Group, points_m: FloatArray) -> tuple[FloatArray, FloatArray]
     """Unit forces at the distinct mirror images in x, y >= 0, class by class, (dof, k); each point as a sum of them, (q, k)."""
     if group.symmetries == (WHOLE,):
         return normal_motion(group, points_m).T.toarray(), np.eye(len(points_m))
-    folded = np.asarray(np.round(np.abs(points_m), 12), dtype=float)
-    distinct, which = np.unique(folded, axis=0, return_inverse=True)
+    distinct, which = _distinct(points_m)
     loads = [normal_motion(Group((plate,), group.pencil, group.loads), distinct).T.toarray() for plate in group.plates]
-    chosen = np.eye(len(distinct))[which.ravel()]
+    chosen = np.eye(len(distinct))[which]
     signs = [_mirror_sign(symmetry, points_m)[:, None] * chosen for symmetry in group.symmetries]
     return scipy.linalg.block_diag(*loads), np.hstack(signs)
+
+
+def _distinct(points_m: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Mirror images in x, y >= 0, each once, (k, 2), and which of them is each point's, (q,)."""
+    folded = np.asarray(np.round(np.abs(points_m), 12), dtype=float)
+    distinct, which = np.unique(folded, axis=0, return_inverse=True)
+    return distinct, which.ravel()
 
 
 def _mirror_sign(symmetry: str, points_m: FloatArray) -> FloatArray:

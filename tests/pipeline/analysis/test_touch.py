@@ -80,6 +80,11 @@ def test_what_is_not_known_is_not_told(forced: ForcedPlate) -> None:
     assert any("not below a gap of 2 um" in reason for reason in loud.not_told)
 
 
+def test_a_map_that_no_memory_holds_is_left_out(forced: ForcedPlate, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(touch, "room_bytes", lambda: 1e3)
+    assert touch.solve(case_of(), QUIET, forced=forced).map is None
+
+
 def test_the_map_holds_the_case_s_own_place_and_is_drawn_from_the_record(record: TouchRecord, tmp_path: Path) -> None:
     places, touched = record.map, record.state("touched")
     assert places and touched and places.friction and places.needed_V and record.loop

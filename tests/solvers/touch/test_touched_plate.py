@@ -94,6 +94,10 @@ def test_modes_with_a_finger_meet_a_direct_solve_of_the_whole_model(tip: Fingert
         direct = spla.splu(sp.csc_array(matrix + spring * (rows.T @ rows))).solve(right)
     parts = [basis.columns @ basis.amplitudes(eigenvalue, plate.loss, answer) for basis in plate.modes]
     assert np.linalg.norm(np.concatenate(parts) - direct) < 10.0 / QUALITY * np.linalg.norm(direct)
+    charge = unit * (loads.T @ direct) + plate.plate.capacitance_f * answer[:2]
+    assert abs(charge[1]) < 10.0 / QUALITY * abs(
+        plate.plate.capacitance_f[1] * answer[1]
+    )  # the open sensor carries none
     alone = [basis.columns @ basis.amplitudes(eigenvalue, plate.loss, answer[:2]) for basis in free().all_modes]
     assert np.linalg.norm(np.concatenate(alone) - direct) > 0.1 * np.linalg.norm(direct)  # the finger is felt
 
