@@ -18,13 +18,8 @@ LOOK = {"shading": "nearest", "rasterized": True}
 
 def tactile(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """The tactile map of a case's record."""
-    record = case.record.touch
-    return tactile_map(record, record_width_m(case)) if record and record.map else None
-
-
-def record_width_m(case: StoredCase) -> float | None:
-    """Width of the zone, where the record has it."""
-    return case.record.design.width_m if case.record.design else None
+    record, design = case.record.touch, case.record.design
+    return tactile_map(record, design.width_m if design else None) if record and record.map else None
 
 
 def tactile_map(record: TouchRecord, width_m: float | None = None) -> ReportFigure:
