@@ -189,12 +189,12 @@ class PlateModel:
         self.reductions = reductions
         self._residuals: dict[int, FloatArray] = {}
         mirrored = self.tiling.mirrored
-        panels = self._panels = dict[Signature, Panel]()
+        self._panels: dict[Signature, Panel] = {}
         for place in self.tiling.representatives(not mirrored):
             panel = self.tiling.panel(*place)
-            panels.setdefault(signature(panel), panel)
-        cells = side_by_side(reductions.cell, panels.values(), bytes_each)
-        self.cells: dict[Signature, Cell] = dict(zip(panels, cells, strict=True))
+            self._panels.setdefault(signature(panel), panel)
+        cells = side_by_side(reductions.cell, self._panels.values(), bytes_each)
+        self.cells: dict[Signature, Cell] = dict(zip(self._panels, cells, strict=True))
         order = reductions.reduction.hexahedra.order
         self.name = "superelement tet2" if reductions.mesher else f"superelement hex{order}"
         self.symmetries: tuple[str | None, ...] = CLASSES if mirrored else (None,)

@@ -35,6 +35,6 @@ def _grams(plate: ForcedPlate, frequency_hz: float) -> tuple[ComplexArray, Compl
     sums = [np.zeros((count, count), dtype=complex), np.zeros((count, count), dtype=complex)]
     for basis in plate.modes:
         moved = np.column_stack([basis.amplitudes(eigenvalue, plate.loss, loads) for loads in singles])
-        for total, gram in zip(sums, touch_grams(basis, plate.design), strict=True):
+        for total, gram in zip(sums, touch_grams(basis.group.touch(basis.columns), plate.design), strict=True):
             total += moved.conj().T @ gram @ moved
     return sums[0], sums[1]

@@ -113,7 +113,7 @@ def _folded(group: Group, points_m: FloatArray) -> tuple[FloatArray, FloatArray]
     if group.symmetries == (WHOLE,):
         return normal_motion(group, points_m).T.toarray(), np.eye(len(points_m))
     distinct, which = _distinct(points_m)
-    loads = [normal_motion(Group((plate,), group.pencil, group.loads), distinct).T.toarray() for plate in group.plates]
+    loads = [normal_motion(Group((plate,), group.join, group.loads), distinct).T.toarray() for plate in group.plates]
     chosen = np.eye(len(distinct))[which]
     signs = [_mirror_sign(symmetry, points_m)[:, None] * chosen for symmetry in group.symmetries]
     return scipy.linalg.block_diag(*loads), np.hstack(signs)
