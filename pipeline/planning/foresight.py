@@ -249,7 +249,9 @@ def _assembled(
 
 
 def of_panels(design: Design, choice: ModelChoice, reduction: ReductionSettings) -> float:
-    """Bytes that reducing the costliest kind of panel takes at its peak."""
+    """Bytes that reducing the costliest kind of panel takes at its peak; 0 with a pillar whose file is not foreseen."""
+    if design.pillar and design.pillar.file:
+        return 0.0
     kinds = _panel_kinds(design, reduction, choice)
     return max(_reduction(body, reduction.interface, functions, copies).peak.bytes for body, functions, copies in kinds)
 

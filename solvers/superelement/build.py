@@ -208,7 +208,8 @@ class PlateModel:
         """The assembled cells of one symmetry class, of the whole plate for None."""
         name = symmetry or WHOLE
         if name not in self._assembled_plates:
-            self._assembled_plates[name] = AssembledPlate(self.tiling, self.cells, name, self._grid)
+            shared = None if name == WHOLE else self._grid  # a whole plate has every panel's own numbers
+            self._assembled_plates[name] = AssembledPlate(self.tiling, self.cells, name, shared)
         return self._assembled_plates[name]
 
     def pencil(self, symmetry: str | None) -> PlainPencil:

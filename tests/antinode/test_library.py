@@ -176,7 +176,7 @@ def test_a_search_is_that_of_the_command_and_its_best_is_a_plate(plate: antinode
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ({"goal": "loudness", "height_mm": (5.0, 8.0)}, "must be confinement or extension"),
+        ({"goal": "loudness", "height_mm": (5.0, 8.0)}, "must be one of confinement, extension, worst"),
         ({"height_mm": (8.0, 5.0)}, "low end must lie below"),
         ({}, "at least one KEY"),
         ({"height_mm": (5.0, 8.0), "mac": 2.0}, "from 0 to 1"),

@@ -22,7 +22,7 @@ def key_of(file: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     heard: list[Any] = []
 
     class Joined:
-        def __init__(self, design: Any, reductions: Any) -> None:
+        def __init__(self, design: Any, reductions: Any, bytes_each: float) -> None:
             heard.append(reductions)
             raise StopIteration
 

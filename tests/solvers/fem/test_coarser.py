@@ -11,7 +11,15 @@ from geometry.hex.boxes import HexSettings, hex_mesh, pillar_boxes
 from geometry.hex.nesting import interpolation
 from geometry.layout import Pillar
 from geometry.materials import Material
-from solvers.fem.coarser import CoarserMeshes, NestedMesh, Shares, clamped_shares, coarser_eigenvalues, rim_shares
+from solvers.fem.coarser import (
+    SMOOTH,
+    CoarserMeshes,
+    NestedMesh,
+    Shares,
+    clamped_shares,
+    coarser_eigenvalues,
+    rim_shares,
+)
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
 
@@ -75,4 +83,4 @@ def test_shares_are_between_the_exponents_and_grow_with_the_contrast() -> None:
 
 def test_nothing_singular_leaves_the_order_alone() -> None:
     layer, order = np.array([0.0, 0.0]), np.array([1e-3, -2e-3])
-    assert Shares().half_width(layer, order) == pytest.approx(0.06 * np.abs(order))
+    assert Shares().half_width(layer, order) == pytest.approx(SMOOTH * np.abs(order))

@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 from solvers.errors import SingularShift
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.constraints import Pencil, constrain, free_mask
-from solvers.fem.eigen import PlainPencil, factor_near, modes_near
+from solvers.fem.eigen import PlainPencil, Shared, factor_near, modes_near
 from solvers.fem.factor import superlu
 from solvers.fem.factor.factoriser import Factor, Factoriser, available
 from solvers.fem.factor.superlu import SuperLU
@@ -184,7 +184,7 @@ def test_rounding_beside_the_shift_does_not_spoil_the_modes_far_from_it(backend:
         rigid_count=2 if place == "above rigid-body modes" else 0,
     )
     target = 0.0 if place == "above rigid-body modes" else 3.6e-3 * (1.0 + 1e-8)
-    modes = modes_near(pencil, float(np.sqrt(target) / (2.0 * np.pi)), 5, Noisy(backend))  # type: ignore[arg-type]
+    modes = modes_near(pencil, float(np.sqrt(target) / (2.0 * np.pi)), 5, Shared(Noisy(backend)))  # type: ignore[arg-type]
     elastic = values[pencil.rigid_count :]
     nearest = np.sort(elastic[np.argsort(np.abs(np.sqrt(elastic) - np.sqrt(target)))[:5]])
     assert np.allclose(pencil.scale.eigenvalue(1.0) * modes.frequency_hz**2, nearest, rtol=1e-8)
