@@ -36,7 +36,7 @@ def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(line, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
 
 
-SLOW = {"how-many-rows", "own-pillar", "first-plate", "table-to-board", "own-measurement", "other-programs"}  # a minute
+SLOW = {"finger", "how-many-rows", "own-pillar", "first-plate", "table-to-board", "own-measurement", "other-programs"}  # a minute
 PAGES = [
     pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in SLOW else [])
     for page in [*TUTORIALS, *OTHERS]

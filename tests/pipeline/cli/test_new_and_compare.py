@@ -77,6 +77,7 @@ def test_the_lists_name_what_there_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(paths, "RESULTS", tmp_path)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     assert main(["list"]) == 0 and "no stored study" in capsys.readouterr().out
     assert main(["materials", "--json", "-"]) == 0
     assert {row["name"] for row in json.loads(capsys.readouterr().out)["materials"]} == set(MATERIALS)
