@@ -178,7 +178,7 @@ def draw(results: list[Compared], path: Path) -> None:
 def main() -> int:
     """Compute, print and write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name, count in (("cells", 12), ("pillars", 16), ("zones", 6)):
+    for name, count in (("cells", 12), ("pillars", 34), ("zones", 6)):
         parser.add_argument(f"--{name}", type=int, default=count, help=f"scenes of {name} (default {count})")
     arguments = parser.parse_args()
     results = compare(arguments.cells, arguments.pillars, arguments.zones)
