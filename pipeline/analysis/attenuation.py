@@ -103,8 +103,7 @@ def _point(row: Row, bare: Row, rows: int, frequency_hz: float) -> AttenuationPo
     kept = np.flatnonzero(row_waves.db_per_row <= STEEPEST_DB)
     waves = tuple(_described(row, row_waves, kept))
     flexural = [wave.db_per_row for wave in waves if wave.polarisation == "flexural"]
-    stack = stacked(row_waves.stiffness, rows) if rows else None
-    transmission = passed_shares(stack, bare, frequency_hz) if stack else None
+    transmission = passed_shares(stacked(row_waves.stiffness, rows), bare, frequency_hz) if rows else None
     return AttenuationPoint(
         frequency_hz=frequency_hz, waves=waves, db_per_row=min(flexural, default=None), through_rows=transmission
     )

@@ -27,11 +27,12 @@ def solve(case: Case, log: Log, structured: modes.PartModes | None = None) -> It
     if structured is None:
         structured = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), log)
     row = structured.wanted.row if structured.wanted else None
+    bar = (structured.bar.frequency if structured.bar else None) or 0.0
     if row is None:
         log.warning("NO_MODE", "no mode has the wanted shape: nothing to compare tetrahedra with")
     else:
         try:
-            yield _plate(case, structured, log)
+            yield _plate(case, row, bar, log)
         except TooLarge as fault:
             log.warning("TOO_LARGE", f"the whole plate by tetrahedra, a cross-check, is left out: {fault}")
     corners = replace(case, solve=replace(case.solve, mesh="tet"), bands=replace(case.bands, points=1))
@@ -44,10 +45,7 @@ def excess(across: float) -> float:
     return (calibration.by_tetrahedra("plate", 1.0) or 0.0) / across**2
 
 
-def _plate(case: Case, hexahedra: modes.PartModes, log: Log) -> Found:
-    structured = hexahedra.wanted.row if hexahedra.wanted else None
-    assert structured
-    bar = (hexahedra.bar.frequency if hexahedra.bar else None) or 0.0
+def _plate(case: Case, structured: mode_rows.ModeRow, bar: float, log: Log) -> Found:
     part_modes = _by_tetrahedra(case, structured, bar, log)
     row = part_modes.wanted.row if part_modes.wanted else None
     if row is None:

@@ -185,7 +185,9 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
             forced = ForcedPlate(pressed, design, Drive((0,), (), band, case.quality))
     with log.step("the space of the samples"):
         plate = VariedPlate(forced, reductions.families)
-    log.info(f"{len(plate.pillars)} pillars, each of its own; {plate.space.size} nominal modes and answers hold every sample")
+    log.info(
+        f"{len(plate.pillars)} pillars, each of its own; {plate.space.size} nominal modes and answers hold every sample"
+    )
     return plate
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import chain
 from math import sqrt
 
@@ -56,7 +55,7 @@ class Session:
         assert self.case.patches is not None
         return self.case.patches.drive_v
 
-    @cached_property
+    @property
     def loss_tangent(self) -> float | None:
         """Of the patches' dielectric."""
         assert self.case.patches is not None
@@ -79,7 +78,9 @@ def solve(
         states = _states(session, mode.frequency_hz if mode else None, loop)
     if mode is None:
         session.not_told["the wanted mode under the finger: no mode about the band holds it"] = None
-    record = _record(session, LoadedModeRecord.of(mode) if mode else None, states, loop, _map(session, log, mapped))
+    record = _record(
+        session, LoadedModeRecord.of(mode) if mode else None, states, loop, _map(session, loop, log, mapped)
+    )
     for line in lines(record):
         log.info(line)
     for reason in record.not_told:
@@ -143,7 +144,7 @@ def _state(session: Session, plate: TouchedPlate, name: str, frequency_hz: float
         dielectric_W=_scaled(flow.dielectric_w, volts**2),
         drawn_W=_scaled(flow.drawn_w, volts**2),
         apparent_VA=volts**2 * flow.apparent_va,
-        drawn_mW_at_1um=_at_1_um(flow, 1e3),
+        drawn_mW_at_1um=_milliwatts_at_1_um(flow),
         drive_V_at_1um=UM / flow.finger_m if flow.finger_m > 0.0 else None,
     )
 
@@ -152,11 +153,9 @@ def _scaled(figure: float | None, factor: float) -> float | None:
     return None if figure is None else factor * figure
 
 
-def _at_1_um(flow: Power, factor: float) -> float | None:
+def _milliwatts_at_1_um(flow: Power) -> float | None:
     """Power drawn at an amplitude of 1 um under the finger."""
-    return (
-        factor * flow.drawn_w * (UM / flow.finger_m) ** 2 if flow.drawn_w is not None and flow.finger_m > 0.0 else None
-    )
+    return 1e3 * flow.drawn_w * (UM / flow.finger_m) ** 2 if flow.drawn_w is not None and flow.finger_m > 0.0 else None
 
 
 def _friction(session: Session, amplitude_m: float, frequency_hz: float) -> tuple[float | None, float | None]:
@@ -194,7 +193,7 @@ def _loop(session: Session) -> LoopRecord | None:
     return LoopRecord(sensor_V=session.drive_v * free, needed_V=needed, limit_V=limit, saturates=saturates)
 
 
-def _map(session: Session, log: Log, mapped: bool) -> TouchMapRecord | None:
+def _map(session: Session, loop: LoopRecord | None, log: Log, mapped: bool) -> TouchMapRecord | None:
     points = lattice(session.case.design, session.touched)
     needed, room = needed_bytes(session.touched, points), room_bytes()
     if not mapped or needed > room:
@@ -204,19 +203,15 @@ def _map(session: Session, log: Log, mapped: bool) -> TouchMapRecord | None:
         log.left_out("the map of the touch face", lack if mapped else "not asked for")
         return None
     with log.step(f"the finger at {(len(points.along) - 4) * (len(points.across) - 4)} places"):
-        return _map_record(session, touch_map(session.touched, points, session.peak_hz))
+        return _map_record(session, loop, touch_map(session.touched, points, session.peak_hz))
 
 
-def _map_record(session: Session, found: TouchMap) -> TouchMapRecord:
+def _map_record(session: Session, loop: LoopRecord | None, found: TouchMap) -> TouchMapRecord:
     volts, gaps = session.drive_v, session.touch.gap_m
     friction = None
     if gaps:
         gap, tone = sqrt(gaps[0] * gaps[1]), found.frequency_hz
         friction = [[_ratio(session, gap, volts * float(a), tone) for a in row] for row in found.touched_m]
-    needed = None
-    if session.free.sensors:
-        free = float(abs(session.free.curve(np.array([found.frequency_hz])).sensor_v_per_v[0, 0]))
-        needed = (volts * free / np.abs(found.sensor_v[:, :, 0])).tolist()
     return TouchMapRecord(
         frequency_hz=found.frequency_hz,
         x_m=found.x_m.tolist(),
@@ -225,7 +220,7 @@ def _map_record(session: Session, found: TouchMap) -> TouchMapRecord:
         free_m=(volts * found.free_m).tolist(),
         touched_m=(volts * found.touched_m).tolist(),
         friction=friction,
-        needed_V=needed,
+        needed_V=(loop.sensor_V / np.abs(found.sensor_v[:, :, 0])).tolist() if loop else None,
     )
 
 

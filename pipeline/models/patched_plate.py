@@ -25,10 +25,8 @@ def forced_plate(
     InputError for a model that cannot carry patches; raises what its solvers raise.
     """
     band = driven_band_hz(case, band_hz)
-    high = response_high_hz(case, band)
-    demand = foresight.of_response(case, model_choice_of(case, "plate", high), band, 0)
-    foresight.announce("the forced response", demand, log)
-    model = parts.build(case, "plate", high, log, [] if meshes is None else meshes)
+    foresight.announce("the forced response", _demand(case, band), log)
+    model = parts.build(case, "plate", response_high_hz(case, band), log, [] if meshes is None else meshes)
     if not isinstance(model, PlateModel):
         raise InputError(f"{case.name}: solve.model: patches are bonded to plates cells, must be auto or superelement")
     return driven(case, model, band, log)
@@ -47,6 +45,10 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
         log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")
     with log.step("modes of the patched plate"):
         drive = Drive(patches.drivers, patches.sensors, band_hz, case.quality, patches.circuit)
-        choice = model_choice_of(case, "plate", response_high_hz(case, band_hz))
-        demand = foresight.of_response(case, choice, band_hz, 0)
-        return ForcedPlate(plate, case.design, drive, bytes_each=demand.cost.peak.bytes)
+        return ForcedPlate(plate, case.design, drive, bytes_each=_demand(case, band_hz).cost.peak.bytes)
+
+
+def _demand(case: Case, band_hz: tuple[float, float]) -> foresight.Demand:
+    """What the response over a band is foreseen to take."""
+    choice = model_choice_of(case, "plate", response_high_hz(case, band_hz))
+    return foresight.of_response(case, choice, band_hz, 0)

@@ -249,9 +249,7 @@ def _assembled(
 
 
 def of_panels(design: Design, choice: ModelChoice, reduction: ReductionSettings) -> float:
-    """Bytes that reducing the costliest kind of panel takes at its peak; 0 with a pillar whose file is not foreseen."""
-    if design.pillar and design.pillar.file:
-        return 0.0
+    """Bytes that reducing the costliest kind of panel takes at its peak."""
     kinds = _panel_kinds(design, reduction, choice)
     return max(_reduction(body, reduction.interface, functions, copies).peak.bytes for body, functions, copies in kinds)
 

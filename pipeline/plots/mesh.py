@@ -110,16 +110,11 @@ def _dimensions(design: DesignRecord, geometry: GeometryRecord | None) -> str:
         columns = len(design.pillar_centres_m) // max(1, 2 * design.rows)
         words.append(
             f"2 × {design.rows} rows of {columns} {pillar.shape} pillars {pillar.form.sizes_text}, "
-            f"{_heights(design)} mm high, {pitch_m / MM:g} mm apart"
+            f"{', '.join(f'{each.height_m / MM:g}' for each in design.pillars)} mm high, {pitch_m / MM:g} mm apart"
         )
     if geometry:
         words.append(f"{geometry.mass_kg / GRAM:.1f} g")
     return "; ".join(words)
-
-
-def _heights(design: DesignRecord) -> str:
-    rows = design.graded_pillars or ([design.pillar] if design.pillar else [])
-    return ", ".join(f"{pillar.height_m / MM:g}" for pillar in rows)
 
 
 def _note(fault: str) -> str:

@@ -29,8 +29,7 @@ def skin_faces(arrays: dict[str, Any], prefix: str) -> IntArray | None:
 
 def footprint_m(design: DesignRecord) -> float:
     """Largest foot section of a pillar, m; 0 without pillars."""
-    kinds = design.graded_pillars or ([design.pillar] if design.pillar else [])
-    return max((pillar.form.footprint_m(pillar.fillet_m) for pillar in kinds), default=0.0)
+    return max((pillar.form.footprint_m(pillar.fillet_m) for pillar in design.pillars), default=0.0)
 
 
 def footprints_mm(design: DesignRecord, centres_m: FloatArray) -> list[FloatArray]:

@@ -112,6 +112,11 @@ class DesignRecord(Part):
         return self.pitch_x_m, self.pitch_y_m, self.thickness_m, self.pillar, rows
 
     @property
+    def pillars(self) -> list[PillarRecord]:
+        """The pillars of the rows that differ, from the zone outwards; the one of all rows where they are alike."""
+        return self.graded_pillars or ([self.pillar] if self.pillar else [])
+
+    @property
     def standing(self) -> list[PillarRecord]:
         """The pillar at each of pillar_centres_m."""
         if not self.pillar or not self.rows:

@@ -30,8 +30,13 @@ from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.solid import SolidModel
 
 SHIFT = 0.1  # of the lowest eigenvalue: rigid-body modes are no obstacle then
-SMOOTH, CLAMPED_SMOOTH = 0.04, 0.02  # of what the last order brought away from the edge: more than further ones bring there
-SHADE = 0.5  # of what the last order brings at the edge: so much of it may be none of the edge's, and cancel what is not
+SMOOTH, CLAMPED_SMOOTH = (
+    0.04,
+    0.02,
+)  # of what the last order brought away from the edge: more than further ones bring there
+SHADE = (
+    0.5  # of what the last order brings at the edge: so much of it may be none of the edge's, and cancel what is not
+)
 RIM_ROUGH, CLAMPED_ROUGH = 0.1, 0.35  # of the share: one radial function stands for the whole of an edge
 
 
@@ -121,6 +126,8 @@ def coarser_eigenvalues(
 
     transfer (fine nodes, coarse nodes); both pencils have the same supports and mirrors.
     """
+    from scipy.optimize import linear_sum_assignment  # slow to import
+
     unit = (fine.scale.angular / coarse.scale.angular) ** 2
     shift = SHIFT * float(np.abs(values).min())
     restricted = sp.csr_array(sp.kron(transfer, sp.eye_array(3), format="csr"))[np.flatnonzero(fine.free)][
@@ -132,7 +139,5 @@ def coarser_eigenvalues(
     stiffness, mass = (moved.T @ (part @ moved) for part in (coarse.stiffness, coarse.mass))
     found, turn = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
     overlap = vectors.T @ (fine.mass @ (restricted @ (moved @ turn)))
-    from scipy.optimize import linear_sum_assignment  # slow to import
-
     _, partner = linear_sum_assignment(-np.abs(overlap))
     return np.asarray(found[partner] / unit)

@@ -140,7 +140,7 @@ class ForcedPlate:
     @cached_property
     def verdict(self) -> Verdict:
         """Which of the patched plate's modes is the wanted one, group after group (`solvers.measures.wanted_mode`)."""
-        parts = [self._measures(*each) for each in zip(self.modes, self._fields, self._grams, strict=True)]
+        parts = [self._measures(*each) for each in zip(self.modes, self._fields, self.grams, strict=True)]
         return verdict(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     @cached_property
@@ -261,7 +261,7 @@ class ForcedPlate:
         return [basis.group.touch(basis.columns) for basis in self.modes]
 
     @cached_property
-    def _grams(self) -> list[tuple[FloatArray, FloatArray]]:
+    def grams(self) -> list[tuple[FloatArray, FloatArray]]:
         """Integrals of u_z^2 over the active and the passive touch face, per pair of columns."""
         return [touch_grams(fields, self.design) for fields in self._fields]
 
@@ -273,7 +273,7 @@ class ForcedPlate:
             eigenvalue = self.plate.scale.eigenvalue(float(frequency))
             volts = self.volts(eigenvalue)
             sensors[row] = volts[self.sensors]
-            for basis, (inside, outside) in zip(self.modes, self._grams, strict=True):
+            for basis, (inside, outside) in zip(self.modes, self.grams, strict=True):
                 a = basis.amplitudes(eigenvalue, self.loss, volts)
                 zone[row] += float((a.conj() @ inside @ a).real)
                 passive[row] += float((a.conj() @ outside @ a).real)

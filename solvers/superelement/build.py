@@ -202,14 +202,15 @@ class PlateModel:
 
     @cached_property
     def _grid(self) -> Grid:
-        return Grid(self.tiling, self.cells, self.symmetries == (None,))
+        """What the symmetry classes share; a whole plate has every panel's own numbers."""
+        return Grid(self.tiling, self.cells, False)
 
     def assembled(self, symmetry: str | None) -> AssembledPlate:
         """The assembled cells of one symmetry class, of the whole plate for None."""
         name = symmetry or WHOLE
         if name not in self._assembled_plates:
-            shared = None if name == WHOLE else self._grid  # a whole plate has every panel's own numbers
-            self._assembled_plates[name] = AssembledPlate(self.tiling, self.cells, name, shared)
+            grid = None if name == WHOLE else self._grid
+            self._assembled_plates[name] = AssembledPlate(self.tiling, self.cells, name, grid)
         return self._assembled_plates[name]
 
     def pencil(self, symmetry: str | None) -> PlainPencil:

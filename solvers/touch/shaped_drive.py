@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 
 from geometry.elements import ComplexArray
-from solvers.piezo.forced import ForcedPlate, touch_grams
+from solvers.piezo.forced import ForcedPlate
 from solvers.touch.touched_plate import TouchedPlate
 
 
@@ -33,8 +33,8 @@ def _grams(plate: ForcedPlate, frequency_hz: float) -> tuple[ComplexArray, Compl
     eigenvalue, count = plate.plate.scale.eigenvalue(frequency_hz), len(plate.drivers)
     singles = [plate.driven_by(np.eye(len(plate.plate.patches))[driver]).volts(eigenvalue) for driver in plate.drivers]
     sums = [np.zeros((count, count), dtype=complex), np.zeros((count, count), dtype=complex)]
-    for basis in plate.modes:
+    for basis, grams in zip(plate.modes, plate.grams, strict=True):
         moved = np.column_stack([basis.amplitudes(eigenvalue, plate.loss, loads) for loads in singles])
-        for total, gram in zip(sums, touch_grams(basis.group.touch(basis.columns), plate.design), strict=True):
+        for total, gram in zip(sums, grams, strict=True):
             total += moved.conj().T @ gram @ moved
     return sums[0], sums[1]

@@ -6,13 +6,11 @@ the wider the band; the response follows by superposition of the projected modes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sp
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.measures.wanted_mode import Verdict, verdict
@@ -22,23 +20,19 @@ SAME = 1e-10  # of the largest: directions that are combinations of the others
 
 
 class PlateSpace:
-    """Motions of groups of a driven plate, and K, M, loads and integrals of u_z^2 over zone and passive face in them.
-
-    `bases` hold each group's motions as `columns`, the modes first; `orthonormal` makes such.
+    """M-orthonormal motions of a driven plate (`bases`, all groups), and K, loads and integrals of u_z^2 over zone and passive
+    face in them.
     """
 
-    def __init__(self, forced: ForcedPlate, bases: Sequence[GroupModes]) -> None:
-        self.forced, self.bases = forced, tuple(bases)
-        self.starts = np.cumsum([0, *(basis.columns.shape[1] for basis in bases)])
+    def __init__(self, forced: ForcedPlate) -> None:
+        self.forced, self.bases = forced, [orthonormal(basis) for basis in forced.all_modes]
+        self.starts = np.cumsum([0, *(basis.columns.shape[1] for basis in self.bases)])
         self.size = int(self.starts[-1])
         place = forced.wanted_place()
         self.wanted = None if place is None else int(self.starts[place[0]]) + place[1]
-        projected = [
-            [_within(basis, m) for m in (basis.group.pencil.stiffness, basis.group.pencil.mass)] for basis in bases
-        ]
-        self.stiffness, self.mass = (scipy.linalg.block_diag(*parts) for parts in zip(*projected, strict=True))
-        self.loads = np.vstack([basis.columns.T @ basis.group.loads for basis in bases])
-        pairs = [touch_grams(basis.group.touch(basis.columns), forced.design) for basis in bases]
+        self.stiffness = scipy.linalg.block_diag(*map(_stiffness, self.bases))
+        self.loads = np.vstack([basis.columns.T @ basis.group.loads for basis in self.bases])
+        pairs = [touch_grams(basis.group.touch(basis.columns), forced.design) for basis in self.bases]
         self.inside, self.outside = (scipy.linalg.block_diag(*parts) for parts in zip(*pairs, strict=True))
 
     def changed(self, stiffness: FloatArray, mass: FloatArray, kept: IntArray | None = None) -> ChangedPlate:
@@ -54,9 +48,9 @@ class PlateSpace:
         )
 
 
-def _within(basis: GroupModes, matrix: sp.csc_array) -> FloatArray:
-    """V'AV of a basis' columns V, (n, n)."""
-    projected = basis.columns.T @ (matrix @ basis.columns)
+def _stiffness(basis: GroupModes) -> FloatArray:
+    """V'KV of a basis' columns V, (n, n)."""
+    projected = basis.columns.T @ (basis.group.pencil.stiffness @ basis.columns)
     return np.asarray(projected + projected.T) / 2.0
 
 

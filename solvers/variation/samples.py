@@ -14,10 +14,10 @@ from scipy.stats import norm
 
 from geometry.elements import FloatArray, IntArray
 from solvers.errors import SolverError
-from solvers.piezo.forced import ForcedPlate, group_modes
+from solvers.piezo.forced import ForcedPlate
 from solvers.superelement.tiling import Signature, signature
 from solvers.variation.parametric_cell import HEIGHT, SIDE, CellFamily, X, Y
-from solvers.variation.plate_space import ChangedPlate, PlateSpace, orthonormal
+from solvers.variation.plate_space import ChangedPlate, PlateSpace
 
 CUT = 3.0  # standard deviations: a part beyond is no part of the batch
 ENERGY = 1e-14  # of the largest: what a cell's motions leave out, square of 1e-7 of an amplitude
@@ -70,9 +70,7 @@ class VariedPlate:
 
     def __init__(self, forced: ForcedPlate, families: Mapping[Signature, CellFamily]) -> None:
         self.forced = forced
-        undriven = [group for group in forced.plate.everything if group not in forced.plate.groups]
-        bases = [*forced.modes, *(group_modes(group, forced.band_hz, forced.margin) for group in undriven)]
-        self.space = PlateSpace(forced, [orthonormal(basis) for basis in bases])
+        self.space = PlateSpace(forced)
         self.pillars, self._kinds = self._placed(families)
 
     def sample(self, change_m: FloatArray, within_hz: tuple[float, float] | None = None) -> ChangedPlate:
@@ -83,7 +81,7 @@ class VariedPlate:
         if change_m.shape != (len(self.pillars), 4):
             raise SolverError(f"deviations of shape {change_m.shape}: must be ({len(self.pillars)}, 4)")
         space = self.space
-        stiffness, mass = space.stiffness.copy(), space.mass.copy()
+        stiffness, mass = space.stiffness.copy(), np.eye(space.size)
         for kind in self._kinds:
             weights = kind.family.weights(change_m[kind.numbers] * kind.signs)
             flat = kind.motions.reshape(-1, space.size)

@@ -36,7 +36,8 @@ def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(line, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
 
 
-SLOW = {"finger", "how-many-rows", "own-pillar", "first-plate", "table-to-board", "own-measurement", "other-programs"}  # a minute
+# a minute each
+SLOW = {"finger", "how-many-rows", "own-pillar", "first-plate", "table-to-board", "own-measurement", "other-programs"}
 PAGES = [
     pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in SLOW else [])
     for page in [*TUTORIALS, *OTHERS]

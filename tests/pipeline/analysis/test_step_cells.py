@@ -28,7 +28,8 @@ def key_of(file: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
     monkeypatch.setattr(parts, "PlateModel", Joined)
     case = load_case(CASE)
-    pillar = Pillar("step", 2e-3, 2e-3, 6.3e-3, case.design.material, file=str(file))
+    more = (("extent_m", 2e-3), ("volume_m3", 25.2e-9))  # as a file of that bar would tell
+    pillar = Pillar("step", 2e-3, 2e-3, 6.3e-3, case.design.material, file=str(file), more_m=more)
     case = replace(case, design=replace(case.design, pillar=pillar))
     with pytest.raises(StopIteration):
         parts.built(case, model_choice_of(case, "plate", 45e3), TerminalLog(True), [])

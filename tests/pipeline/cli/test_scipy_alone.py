@@ -27,7 +27,16 @@ COARSE = ("--set", "solve.accuracy=0.1")
 BANDS = (*COARSE, "--set", "bands.points=1", "--set", "bands.count=8")
 MODES = {
     "lowest of the free plate": (SMALL, *COARSE, "--count", "3"),
-    "nearest to a frequency far below the first": (SMALL, *COARSE, "--near", "40Hz", "--count", "3", "--symmetry", "SS"),
+    "nearest to a frequency far below the first": (
+        SMALL,
+        *COARSE,
+        "--near",
+        "40Hz",
+        "--count",
+        "3",
+        "--symmetry",
+        "SS",
+    ),
     "zone": (SMALL, *COARSE, "--part", "zone", "--count", "4"),
     "pillar": (SMALL, *COARSE, "--part", "pillar", "--count", "4"),
     "solid": (SMALL, *COARSE, "--set", "solve.model=solid", "--set", "array.rows=0", "--count", "3"),
