@@ -104,6 +104,7 @@ def test_hexahedra_and_tetrahedra_of_a_cross_fall_towards_one_limit() -> None:
     assert fine_tet / finest - 1.0 < 0.6 * (coarse_tet / finest - 1.0)
 
 
+@pytest.mark.slow
 def test_the_meshes_chosen_for_squares_are_as_good_for_a_cross() -> None:
     """Expected errors of the planner's hexahedra were measured on square pillars; a cross keeps within them."""
     design = Design(30e-3, 10e-3, 2e-3, 3, ALUMINIUM, CROSS, 4e-3, 4e-3, 1, 3e-3)

@@ -50,6 +50,7 @@ def document(folder: Path) -> dict:
     return json.loads((folder / "response.json").read_text())
 
 
+@pytest.mark.slow
 def test_the_shipped_files_are_what_their_command_makes(specimen: Path) -> None:
     """Same seed, same noise: what differs is the linear algebra's rounding, far below the noise."""
     theirs, ours = read_sweep(FOLDER / "sweep.csv"), read_sweep(specimen / "sweep.csv")
@@ -67,6 +68,7 @@ def close(first: np.ndarray, second: np.ndarray) -> None:
     assert np.abs(first - second).max() < 0.1 * NOISE * np.abs(first).max()
 
 
+@pytest.mark.slow
 def test_the_shift_and_the_losses_of_the_specimen_are_found(compared: Path, specimen: Path) -> None:
     """Five standard deviations of noise/sqrt(points) about the specimen's own peak and its given losses."""
     result, given = document(compared)["measured"]["sweep"], document(specimen)
@@ -81,6 +83,7 @@ def test_the_shift_and_the_losses_of_the_specimen_are_found(compared: Path, spec
     assert result["computed"]["quality"] == pytest.approx(document(compared)["quality_given"], rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_map_is_held_as_the_specimen_was(compared: Path, specimen: Path) -> None:
     """Noise of 1 % of the peak fills the passive face with its own power; the expected confinement counts it in."""
     result, peak = document(compared)["measured"]["map"], document(specimen)["wanted_peak"]

@@ -32,6 +32,7 @@ def plate(along: int, top_hz: float) -> tuple[np.ndarray, float, float]:
     return modes.frequency_hz[:COUNT], float(errors.modes.max()), float(errors.degrees.max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("along", "top_hz"), [(2, 900e3), (3, 400e3), (4, 400e3), (4, 800e3)])
 def test_the_worst_error_stays_below_the_worst_estimate(along: int, top_hz: float) -> None:
     fine, coarse = plate(7, 1.5e6), plate(along, top_hz)

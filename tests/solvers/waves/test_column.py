@@ -103,6 +103,7 @@ def test_rows_that_differ_stand_in_the_column_as_in_the_plate() -> None:
     assert kinds == [DESIGN.pillar, other]
 
 
+@pytest.mark.slow
 def test_a_column_finds_the_plates_wanted_mode_and_ranks_its_heights() -> None:
     """The plate's two ends are left out, nothing else: 2 % in frequency; what is held better there is held better here."""
     levels = []
