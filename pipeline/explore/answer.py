@@ -21,7 +21,9 @@ from solvers.errors import SolverError
 from solvers.measures.confinement import measure_profile
 from solvers.parametric.affine import Sizes
 from solvers.parametric.bands import bands
+from solvers.parametric.bare import bare_cell
 from solvers.parametric.cell import Inner, ParametricCell
+from solvers.parametric.chain import Chain
 from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
@@ -34,7 +36,8 @@ FACE, INNER = (
     Interface(3, 2),
     Inner(3, 3),
 )  # of rows and column: a few half-waves of the plate, far below the tenth band
-REACH = 6.0  # fixed-interface modes of bare panels, in the top of the window
+REACH = 6.0  # fixed-interface modes of panels that are meshed, in the top of the window
+PANEL = 3.0  # thicknesses: longest bare panel
 POINTS = 25  # frequencies of the decay per row
 STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve the wave
 PROFILE = 121  # places across the plate
@@ -118,28 +121,30 @@ class LiveCell:
 
 
 class LiveReductions(Reductions):
-    """Reductions whose cells with a pillar come from the parametric cell; bare panels are reduced once each."""
+    """Reductions whose cells with a pillar come from the parametric cell and whose bare panels are polynomials."""
 
     def __init__(self, live: LiveCell, design: Design, known: dict[str, Cell], high_hz: float) -> None:
         hexahedra = HexSettings(3, 2.0 * design.thickness_m, 0)
-        settings = ReductionSettings(FACE, REACH * high_hz, hexahedra, 3.0 * design.thickness_m)
+        settings = ReductionSettings(FACE, REACH * high_hz, hexahedra, PANEL * design.thickness_m)
         super().__init__(design.thickness_m, design.material, design.pillar, settings, _Known(known))
         self.live = live
 
     def coarser(self, panel: Panel) -> None:
-        """Nobody asks a live answer for the error of its bare panels' mesh."""
+        """Nobody asks a live answer for the error of its mesh."""
 
     def cell(self, panel: Panel) -> Cell:
         """The cell of a panel; one whose pillar does not stand in the middle of a square is meshed."""
         width, depth = (high - low for low, high in zip(panel.low, panel.high, strict=True))
-        if panel.foot is None or panel.free or abs(width - depth) > 1e-9 or panel.halved != (0, 1):
+        if panel.foot is None:
+            return bare_cell((width, depth, self.thickness_m), self.material, FACE)
+        if panel.free or abs(width - depth) > 1e-9 or panel.halved != (0, 1):
             return super().cell(panel)
         assert self.pillar is not None
         return self.live.at((self.thickness_m, self.pillar.height_m, self.pillar.base_m, width))
 
 
 class _Known:
-    """Bare cells of this session, the oldest dropped."""
+    """Meshed cells of this session, the oldest dropped."""
 
     def __init__(self, cells: dict[str, Cell], most: int = 400) -> None:
         self.cells, self.most = cells, most
@@ -232,7 +237,7 @@ class Explorer:
     def _column(self, case: Case, window: tuple[float, float]) -> Document:
         design = case.design
         column = Column(design, LiveReductions(self._live, design, self._bare, window[1]), case.kx_wanted_per_m)
-        frequency_hz, vectors = column.solve(*window)
+        frequency_hz, vectors = Chain(column, *window).solve(*window)
         profile = column.profile(vectors)
         level = measure_profile(profile, design)
         at = level.wanted.index if len(frequency_hz) else None

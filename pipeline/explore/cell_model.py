@@ -21,8 +21,9 @@ from pipeline.paths import RESULTS
 from pipeline.workers import LocalWorkers
 from solvers.fem.assembly import Scale
 from solvers.parametric.affine import AffineCell, DesignBox, FixedMesh, Sizes, as_sizes, between
-from solvers.parametric.bands import BandBases, band_bases, own_error
+from solvers.parametric.bands import BandBases, band_bases, own_error, rich_sectors
 from solvers.parametric.cell import ParametricCell, parametric_cell
+from solvers.parametric.compressed import compressed
 from solvers.parametric.reduced_block import ReducedBlock
 from solvers.parametric.sectors import Sector
 from solvers.superelement.interface import Interface
@@ -96,10 +97,12 @@ def _made(materials: tuple[Material, Material], offline: Offline, log: Log) -> C
     with log.step("reduce the cell over the box of designs"):
         cell, *alone = _reduced(affine, offline, unseen)
     path = path_through(PATH, offline.intervals, 1.0, 1.0)
+    fractions, labels = path.wavevectors / np.pi, tuple(label or "" for label in path.labels)
+    designs = box.spread(offline.waves, seed=2)
     with log.step("gather waves at every wavevector"):
+        cell = compressed(cell, rich_sectors(cell, fractions, labels), BANDS, designs)
         floor = own_error(cell, alone, unseen, BANDS)
-        labels = tuple(label or "" for label in path.labels)
-        bases = band_bases(cell, path.wavevectors / np.pi, labels, BANDS, box.spread(offline.waves, seed=2), floor)
+        bases = band_bases(cell, fractions, labels, BANDS, designs, floor)
     log.info(f"bases miss at most {floor:.3%} of a frequency on {len(unseen)} designs that they were not made from")
     return CellModel(cell, bases)
 
@@ -149,8 +152,8 @@ def _packed(model: CellModel) -> dict[str, Any]:
 
 
 def _half(matrices: FloatArray) -> FloatArray:
-    """The upper triangles of symmetric matrices (q, n, n), (q, n (n + 1) / 2)."""
-    return np.asarray(matrices[:, *np.triu_indices(matrices.shape[1])])
+    """The upper triangles of symmetric matrices (q, n, n), (q, n (n + 1) / 2): single precision holds them."""
+    return np.asarray(matrices[:, *np.triu_indices(matrices.shape[1])], dtype=np.float32)
 
 
 def _whole(triangles: FloatArray, size: int) -> FloatArray:

@@ -96,7 +96,7 @@ def _corrected(parts: Sequence[ClassAtDesign], sector: Sector, count: int) -> Fl
     own = [parts[number] for number in sector.classes]
     out = []
     for stiffness, mass, basis in zip(*pencils(own, sector.bases), sector.bases, strict=True):
-        values, waves = _lowest(stiffness, mass, count)
+        values, waves = lowest(stiffness, mass, count)
         free, row, taken = basis @ waves[: basis.shape[1]], 0, np.zeros(len(values))
         for part in own:
             piece = free[row : row + part.parity.shape[1]]
@@ -106,7 +106,7 @@ def _corrected(parts: Sequence[ClassAtDesign], sector: Sector, count: int) -> Fl
     return np.array(out)
 
 
-def _lowest(stiffness: FloatArray, mass: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+def lowest(stiffness: FloatArray, mass: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
     values, waves = eigh(stiffness, mass, subset_by_index=(0, min(count, len(mass)) - 1), driver="gvx")
     return np.asarray(values), np.asarray(waves)
 
@@ -151,9 +151,13 @@ def band_bases(
         metric = (energy + BESIDE * mass)[:, :free, :free]
         kept = [_pod(own, root) for own, root in zip(gathered, metric, strict=True)]
         few.append(replace(sector, bases=sector.bases @ np.array(kept)))
+    return BandBases(fractions, labels, count, tuple(few), rich_sectors(cell, fractions, labels), floor)
+
+
+def rich_sectors(cell: ParametricCell, fractions: FloatArray, labels: tuple[str, ...]) -> tuple[Sector, ...]:
+    """The sectors with all boundary motions at some of the wavevectors."""
     labelled = np.array([bool(label) for label in labels])
-    rich = tuple(_some(sector, labelled[sector.points]) for sector in whole)
-    return BandBases(fractions, labels, count, tuple(few), rich, floor)
+    return tuple(_some(sector, labelled[sector.points]) for sector in sectors(cell.interface, fractions))
 
 
 def _some(sector: Sector, labelled: BoolArray) -> Sector:
@@ -187,7 +191,7 @@ def _boundary_waves(cell: ParametricCell, of: Sequence[Sector], count: int, size
             for stiffness, mass in zip(
                 *pencils([parts[member] for member in sector.classes], sector.bases), strict=True
             ):
-                values, waves = _lowest(stiffness, mass, count)
+                values, waves = lowest(stiffness, mass, count)
                 found.append(waves[: sector.bases.shape[2]] / np.sqrt(np.maximum(values, 0.0) + SLOWEST))
             out.append(np.array(found))
     return out

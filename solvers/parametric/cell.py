@@ -16,11 +16,12 @@ from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import PITCH, SIDE, THICKNESS, AffineCell, DesignBox, Sizes, theta
 from solvers.parametric.block import BESIDE, CLASSES, Block
 from solvers.parametric.reduced_block import ReducedBlock, reduced_block
-from solvers.superelement.cell import Cell, Expansion
+from solvers.superelement.cell import Cell, Expansion, rigid_polynomials
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
 
 ALL = 1e-12  # of the energy: every function of a single design
+RIGID = 1e-9  # of the pitch: smaller rigid motions of a class are rounding
 
 
 @dataclass(frozen=True)
@@ -97,12 +98,13 @@ class ParametricCell:
         shapes = np.hstack([shapes, np.vstack([np.zeros((f, inside.shape[1])), inside])])
         pillar = np.tensordot(theta(self.pillar_exponents, sizes, self.reference), block.pillar_mass, axes=1)
         own = tuple(shapes.T @ matrix @ shapes for matrix in (stiffness, mass, pillar))
+        own[0][:width, :width] = _flexible(own[0][:width, :width], rigid_span(parity, face, sizes))
         dropped_hz = float(self.scale.frequency(values[-1:])[0])
         coupling = own[1][:width, width:]
         values = np.concatenate([values, more_values])
         lost = pushed.T @ flexible - (coupling / values) @ coupling.T
         hz, touch = self.scale.frequency(values), block.touch @ shapes
-        return ClassAtDesign(block.signs, parity, own, hz, dropped_hz, lost, touch)
+        return ClassAtDesign(block.signs, parity, own, hz, dropped_hz, lost, touch, shapes)
 
     @cached_property
     def _turned(self) -> IntArray:
@@ -115,7 +117,8 @@ class ParametricCell:
 class ClassAtDesign:
     """A class of one design: K, M and the pillar's M among its boundary polynomials and inner functions.
 
-    lost (m, m): what inner functions left out would answer, as Cell.dropped; touch (p, m): u_z at the touch points.
+    lost (m, m): what inner functions left out would answer, as Cell.dropped; touch (p, m): u_z at the touch points; shapes:
+    both in the block's basis.
     """
 
     signs: IntArray
@@ -125,10 +128,24 @@ class ClassAtDesign:
     dropped_hz: float
     lost: FloatArray
     touch: FloatArray
+    shapes: FloatArray
 
     def swapped(self, face: Interface, turned: IntArray) -> ClassAtDesign:
         """(-, +) from (+, -): x and y exchanged, touch points too."""
         return replace(self, signs=self.signs[[1, 0, 2]], parity=self.parity[face.diagonal()], touch=self.touch[turned])
+
+
+def rigid_span(parity: FloatArray, face: Interface, sizes: FloatArray | Sizes) -> FloatArray:
+    """An orthonormal basis of a class's rigid-body modes among its boundary polynomials, (m, r)."""
+    motions = parity.T @ rigid_polynomials(face, (1.0, 1.0, float(sizes[THICKNESS] / sizes[PITCH])))
+    left, size, _ = np.linalg.svd(motions, full_matrices=False)
+    return np.asarray(left[:, size > RIGID])
+
+
+def _flexible(stiffness: FloatArray, rigid: FloatArray) -> FloatArray:
+    """The stiffness without what rounding of the stored matrices makes rigid motions meet."""
+    other = np.eye(len(stiffness)) - rigid @ rigid.T
+    return np.asarray(other @ stiffness @ other)
 
 
 def _lower(parity: FloatArray, full: Interface, face: Interface) -> tuple[FloatArray, IntArray]:

@@ -75,13 +75,13 @@ def inner_basis(block: Block, designs: Iterable[Sizes], kept: float) -> FloatArr
     designs = list(designs)
     stiffness, _ = block.stretched(block.cell.reference)
     energy = sp.csr_array(stiffness[block.inner][:, block.inner])
-    rigid = _orthonormal(np.hstack([block.rigid(sizes) for sizes in designs]), energy, RIGID)
+    rigid = orthonormal(np.hstack([block.rigid(sizes) for sizes in designs]), energy, RIGID)
     snapshots = np.hstack([part for sizes in designs for part in block.inner_shapes(sizes, MODES)])
     snapshots -= rigid @ (rigid.T @ (energy @ snapshots))
-    return np.hstack([rigid, _orthonormal(snapshots, energy, kept)])
+    return np.hstack([rigid, orthonormal(snapshots, energy, kept)])
 
 
-def _orthonormal(functions: FloatArray, energy: sp.csr_array, kept: float) -> FloatArray:
+def orthonormal(functions: FloatArray, energy: sp.csr_array, kept: float) -> FloatArray:
     """A basis of what has more than `kept` of the largest energy among functions (n, m), orthonormal in it."""
     size, turn = eigh(functions.T @ (energy @ functions), overwrite_a=True, check_finite=False)
     chosen = size > kept * size[-1]
@@ -91,15 +91,15 @@ def _orthonormal(functions: FloatArray, energy: sp.csr_array, kept: float) -> Fl
 def _projected(block: Block, kind: str, whole: FloatArray) -> FloatArray:
     forms = block.forms
     count = len(getattr(forms, kind))
-    return _symmetric(np.array([whole.T @ (forms.matrix(kind, row) @ whole) for row in np.eye(count)]))
+    return symmetric(np.array([whole.T @ (forms.matrix(kind, row) @ whole) for row in np.eye(count)]))
 
 
 def _pillar(block: Block, form: AffineForm, whole: FloatArray) -> FloatArray:
     nodal = np.asarray(block.forms.fold @ whole)
     nodes = len(nodal) // 3
     flat = nodal.reshape(nodes, -1)
-    return _symmetric(np.array([nodal.T @ np.asarray(m @ flat).reshape(nodal.shape) for m in form.matrices]))
+    return symmetric(np.array([nodal.T @ np.asarray(m @ flat).reshape(nodal.shape) for m in form.matrices]))
 
 
-def _symmetric(matrices: FloatArray) -> FloatArray:
+def symmetric(matrices: FloatArray) -> FloatArray:
     return np.asarray((matrices + matrices.transpose(0, 2, 1)) / 2.0)

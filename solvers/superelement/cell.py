@@ -511,12 +511,19 @@ def check_rigid(cell: Cell, whole: float) -> None:
 
 def rigid_boundary(cell: Cell) -> FloatArray:
     """The six rigid-body modes in the cell's degrees of freedom, shape (dof, 6); exact, because they are linear in x, y, z."""
-    corners = np.array([[*corner, z] for corner in VERTICES for z in (-1, 1)], dtype=float)
-    motions = rigid_body_modes(corners * np.array(cell.size_m) / 2.0).reshape(4, 2, 3, 6)
     out = np.zeros((cell.dof, 6))
+    out[: cell.interface.count] = rigid_polynomials(cell.interface, cell.size_m)
+    return out
+
+
+def rigid_polynomials(face: Interface, size_m: tuple[float, float, float]) -> FloatArray:
+    """The rigid-body modes of a cell of these edges among the boundary functions, (count, 6)."""
+    corners = np.array([[*corner, z] for corner in VERTICES for z in (-1, 1)], dtype=float)
+    motions = rigid_body_modes(corners * np.array(size_m) / 2.0).reshape(4, 2, 3, 6)
+    out = np.zeros((face.count, 6))
     for vertex in range(4):
-        block = np.zeros((cell.interface.layers, 3, 6))
+        block = np.zeros((face.layers, 3, 6))
         block[0] = motions[vertex].mean(axis=0)
         block[1] = (motions[vertex, 1] - motions[vertex, 0]) / 2.0
-        out[cell.interface.vertex(vertex)] = block.reshape(-1, 6)
+        out[face.vertex(vertex)] = block.reshape(-1, 6)
     return out

@@ -70,9 +70,16 @@ class Row:
         self.edge = face.vertex_block + face.side_block
         self.inner = face.side_block + len(cell.fixed_hz)
         self.transform = self._transform(np.exp(1j * kx_per_m * cell.size_m[0]))
-        adjoint = self.transform.conj().T
-        self.stiffness = adjoint @ (cell.stiffness @ self.transform)
-        self.mass = adjoint @ (cell.mass @ self.transform)
+
+    @cached_property
+    def stiffness(self) -> ComplexArray:
+        """Hermitian K of [lower edge, upper edge, inner]."""
+        return np.asarray(self.transform.conj().T @ (self.cell.stiffness @ self.transform))
+
+    @cached_property
+    def mass(self) -> ComplexArray:
+        """Hermitian M of the same."""
+        return np.asarray(self.transform.conj().T @ (self.cell.mass @ self.transform))
 
     def _transform(self, phase: complex) -> ComplexArray:
         """Cell degrees of freedom from [lower edge, upper edge, inner]: an edge is a vertex line and a side, inner the rest."""

@@ -1,0 +1,125 @@
+"""A bare rectangular panel reduced without a mesh: hierarchical polynomials, K and M from integrals over a line.
+
+Along x and y two hats and integrated Legendre polynomials, through the thickness Legendre polynomials (szabo1991): on the sides
+they are the interface's own, so that the panel joins any cell. Sizes enter as stretches alone.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import product
+
+import numpy as np
+from numpy.polynomial import legendre
+from scipy.linalg import eigh
+
+from geometry.elements import FloatArray, IntArray
+from geometry.materials import Material
+from solvers.fem.assembly import Scale, elasticity
+from solvers.superelement.cell import Cell, Expansion
+from solvers.superelement.interface import SIDES, VERTICES, Interface, bubble_functions
+
+DEGREE, THROUGH = 5, 3  # of the inside: a few half-waves along the panel, shear and Poisson's strain through it
+POINTS = 6  # of the touch face's quadrature, each way
+TRIPLES = tuple(product(range(3), repeat=2))
+
+
+@lru_cache(maxsize=4)
+def functions(face: Interface) -> IntArray:
+    """The scalar functions (n, 3) by their numbers along x, y (0 and 1 the hats, then bubbles) and through z.
+
+    The interface's come first, in its order.
+    """
+    layers, bubbles = range(face.layers), range(2, face.along + 1)
+    out = [((1 + x) // 2, (1 + y) // 2, layer) for x, y in VERTICES for layer in layers]
+    out += [(at, bubble, layer) for at in range(len(SIDES) // 2) for bubble in bubbles for layer in layers]
+    out += [(bubble, at, layer) for at in range(len(SIDES) // 2) for bubble in bubbles for layer in layers]
+    inside = range(2, DEGREE + 1)
+    return np.array(out + list(product(inside, inside, range(THROUGH + 1))))
+
+
+def _values(s: FloatArray, derived: bool) -> tuple[FloatArray, FloatArray]:
+    """Functions along a side (q, DEGREE + 1) and through the thickness (q, THROUGH + 1) on [-1, 1], or their derivatives."""
+    if not derived:
+        hats = np.column_stack([1.0 - s, 1.0 + s]) / 2.0
+        return np.hstack([hats, bubble_functions(s, DEGREE)]), np.asarray(legendre.legvander(s, THROUGH), dtype=float)
+    slopes = np.column_stack([legendre.legval(s, legendre.legder(row)) for row in np.eye(THROUGH + 1)])
+    hats = np.column_stack([-np.ones_like(s), np.ones_like(s)]) / 2.0
+    degrees = np.arange(2, DEGREE + 1)
+    bubbles = legendre.legvander(s, DEGREE)[:, degrees - 1] * np.sqrt((2.0 * degrees - 1.0) / 2.0)
+    return np.asarray(np.hstack([hats, bubbles]), dtype=float), slopes
+
+
+@lru_cache(maxsize=4)
+def _reference(face: Interface) -> tuple[FloatArray, FloatArray]:
+    """int d_j f d_l g over [-1, 1]^3, (9, n, n) in the order of TRIPLES, and int f g, (n, n)."""
+    s, weights = legendre.leggauss(DEGREE + 2)
+    known = [_values(s, derived) for derived in (False, True)]
+    chosen = functions(face)
+
+    def lines(axis: int, one: bool, other: bool) -> FloatArray:
+        left, right = known[one][axis == 2], known[other][axis == 2]
+        whole = left.T @ (weights[:, None] * right)
+        return np.asarray(whole[np.ix_(chosen[:, axis], chosen[:, axis])])
+
+    def solid(j: int, l: int) -> FloatArray:  # noqa: E741  as in C_ijkl
+        return np.prod([lines(axis, axis == j, axis == l) for axis in range(3)], axis=0)
+
+    return np.array([solid(j, l) for j, l in TRIPLES]), solid(-1, -1)  # noqa: E741
+
+
+def bare_matrices(
+    size_m: tuple[float, float, float], material: Material, face: Interface
+) -> tuple[FloatArray, FloatArray]:
+    """K and M (3 n, 3 n) of a panel among all its functions, component fastest, in units of its thickness."""
+    gradients, square = _reference(face)
+    stretch = np.array(size_m) / size_m[2] / 2.0
+    volume = float(np.prod(stretch))
+    tensor = elasticity(material) / material.young_pa
+    scaled = np.array([volume / stretch[j] / stretch[l] * g for (j, l), g in zip(TRIPLES, gradients, strict=True)])  # noqa: E741
+    stiffness = np.einsum("ijkl,jlfg->figk", tensor, scaled.reshape(3, 3, *square.shape), optimize=True)
+    count = 3 * len(square)
+    return stiffness.reshape(count, count), np.asarray(np.kron(volume * square, np.eye(3)), dtype=float)
+
+
+def bare_cell(size_m: tuple[float, float, float], material: Material, face: Interface) -> Cell:
+    """The panel's cell; every mode of its inside is kept."""
+    stiffness, mass = bare_matrices(size_m, material, face)
+    b = face.count
+    values, modes, parity = _modes(stiffness[b:, b:], mass[b:, b:], face)
+    pull = modes.T @ stiffness[b:, :b]
+    static = -modes @ (pull / values[:, None])  # all modes: K_II^-1 = sum of u u' / l
+    shapes = np.block([[np.eye(b), np.zeros((b, len(values)))], [static, modes]])
+    scale = Scale(size_m[2], material.young_pa, material.density_kg_m3)
+    k, m = (shapes.T @ matrix @ shapes for matrix in (stiffness, mass))
+    touch = _touch(size_m, face)
+    touch = Expansion(touch.points, (touch.matrix[:, 0] @ shapes[2::3])[:, None], touch.weights)
+    none = Expansion(np.empty((0, 3)), np.empty((0, 3, len(k))), facets=np.empty((0, 4), dtype=np.int64))
+    return Cell(
+        (k + k.T) / 2.0, (m + m.T) / 2.0, np.zeros_like(m), face, scale, size_m, scale.frequency(values), parity,
+        float("inf"), np.zeros((b, b)), touch, none, len(stiffness),
+    )  # fmt: skip
+
+
+def _modes(stiffness: FloatArray, mass: FloatArray, face: Interface) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Eigenvalues (n,), modes (n, n) of the inside and the parity (n, 2) of their u_z under x -> -x and y -> -y."""
+    flips = np.array([[-1, 1], [1, -1], [1, 1]])  # of u_z = 1 for u_x, u_y, u_z
+    inside = functions(face)[face.count // 3 :, None, :2]
+    parity = ((-1) ** inside * flips).reshape(-1, 2)
+    values, modes = np.zeros(len(mass)), np.zeros_like(mass)
+    for signs in product((1, -1), repeat=2):
+        own = np.flatnonzero((parity == signs).all(axis=1))
+        here = np.ix_(own, own)
+        values[own], modes[here] = eigh(stiffness[here], mass[here])
+    return values, modes, parity
+
+
+def _touch(size_m: tuple[float, float, float], face: Interface) -> Expansion:
+    """The scalar functions (q, 1, n) at Gauss points of the touch face z = 0."""
+    s, weights = legendre.leggauss(POINTS)
+    flat, (_, through) = _values(s, False)[0], _values(np.array([-1.0]), False)
+    x, y = (part.ravel() for part in np.meshgrid(np.arange(POINTS), np.arange(POINTS), indexing="ij"))
+    chosen = functions(face)
+    matrix = flat[x][:, chosen[:, 0]] * flat[y][:, chosen[:, 1]] * through[0, chosen[:, 2]]
+    points = np.column_stack([s[x] * size_m[0] / 2.0, s[y] * size_m[1] / 2.0, np.zeros(len(x))])
+    return Expansion(points, matrix[:, None], weights[x] * weights[y] * size_m[0] * size_m[1] / 4.0)

@@ -1,0 +1,153 @@
+"""Modes of one column of cells, its rows condensed one after another from the plate's middle outwards.
+
+The mirror x -> -x followed by conjugation leaves waves of a real wavenumber alone: in the coordinates that it keeps, K and M of
+a row are real. Every step keeps the edge that the next row shares and the modes of what lies behind it, that edge fixed,
+up to REACH times the window's top, so that no eigenvalue problem is larger than some fifty unknowns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, eigh
+
+from geometry.elements import ComplexArray, FloatArray, IntArray
+from solvers.superelement.cell import Cell
+from solvers.threads import one_thread
+from solvers.waves.column import Column
+from solvers.waves.evanescent import Row
+
+REACH = 3.0  # of the top of the window
+Pair = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True)
+class Step:
+    """[kept, modes] -> dropped: u_dropped = static @ u_kept + modes @ q, with K and M of [kept, q]."""
+
+    static: FloatArray
+    modes: FloatArray
+    stiffness: FloatArray
+    mass: FloatArray
+
+    def dropped(self, motion: FloatArray) -> FloatArray:
+        """What was dropped, of a motion [kept, q] (..., k)."""
+        kept = self.static.shape[1]
+        return np.asarray(self.static @ motion[:kept] + self.modes @ motion[kept:])
+
+
+def condense(pair: Pair, kept: int, top: float, about: float) -> Step:
+    """Drop all but the first `kept` unknowns; modes of the rest up to the eigenvalue `top` stay.
+
+    What the other modes answer is exact at the eigenvalue `about` (leung1978): errors grow with the square of the distance.
+    """
+    stiffness, mass = (matrix[kept:, kept:] for matrix in pair)
+    pull = pair[0][kept:, :kept] - about * pair[1][kept:, :kept]
+    if _is_stiffer(stiffness, mass, top):
+        modes = np.empty((len(mass), 0))
+        static = -cho_solve(cho_factor(stiffness - about * mass), pull)
+    else:
+        values, modes = eigh(stiffness, mass, driver="gvd")
+        low = values <= top
+        static = -(modes[:, ~low] / (values[~low] - about)) @ (modes[:, ~low].T @ pull)
+        modes = modes[:, low]
+    shapes = np.block([[np.eye(kept), np.zeros((kept, modes.shape[1]))], [static, modes]])
+    k, m = (shapes.T @ matrix @ shapes for matrix in pair)
+    return Step(static, modes, (k + k.T) / 2.0, (m + m.T) / 2.0)
+
+
+def _is_stiffer(stiffness: FloatArray, mass: FloatArray, eigenvalue: float) -> bool:
+    """Whether no eigenvalue lies at or below one."""
+    try:
+        np.linalg.cholesky(stiffness - eigenvalue * mass)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def real_factors(cell: Cell, kx_per_m: float) -> ComplexArray:
+    """Factors of a row's unknowns [lower edge, upper edge, inner] that make its matrices real, (row dof,)."""
+    face = cell.interface
+    half = np.exp(-0.5j * kx_per_m * cell.size_m[0])
+    _, sign = face.mirror(0)
+    vertex, across, beside = (
+        np.where(sign[own] > 0, 1.0, 1.0j) for own in (face.vertex(0), face.side(2), face.side(0))
+    )
+    edge = np.concatenate([half * vertex, across])
+    inner = np.where(cell.fixed_parity[:, 0] >= 0, 1.0, 1.0j)
+    return np.concatenate([edge, edge, half * beside, inner])
+
+
+def real_row(row: Row) -> Pair:
+    """K and M of a row among the unknowns that `real_factors` turn into its own."""
+    turned = row.transform * real_factors(row.cell, row.kx)
+    parts = turned.real, turned.imag
+    stiffness, mass = (
+        np.sum([p.T @ matrix @ p for p in parts], axis=0) for matrix in (row.cell.stiffness, row.cell.mass)
+    )
+    return stiffness, mass
+
+
+class Chain:
+    """A column's rows condensed up to a frequency."""
+
+    def __init__(self, column: Column, low_hz: float, high_hz: float) -> None:
+        self.column = column
+        self.top, self.about = (column.scale.eigenvalue(hz) for hz in (REACH * high_hz, (low_hz + high_hz) / 2.0))
+        self.edge = column.rows[0].edge
+        rows = {id(row): row for row in column.rows}
+        with one_thread():
+            self.rows = {key: condense(real_row(row), 2 * self.edge, self.top, self.about) for key, row in rows.items()}
+            self.steps: list[Step] = []
+            for place in column.placed_cells:
+                self._add(self.rows[id(place.row)])
+
+    def _add(self, row: Step) -> None:
+        """One row more: its upper edge stays, its lower edge and all behind it are condensed."""
+        e, modes = self.edge, len(row.mass) - 2 * self.edge
+        behind = self.steps[-1] if self.steps else None
+        more = len(behind.mass) - e if behind else 0
+        lower = np.arange(e) if behind else self._free
+        order = np.concatenate([e + np.arange(e), lower, 2 * e + np.arange(modes + more)])
+        whole = []
+        for name in ("stiffness", "mass"):
+            own = np.zeros((2 * e + modes + more,) * 2)
+            own[: 2 * e + modes, : 2 * e + modes] = getattr(row, name)
+            if behind:
+                at = np.concatenate([np.arange(e), 2 * e + modes + np.arange(more)])
+                own[np.ix_(at, at)] += getattr(behind, name)
+            whole.append(own[np.ix_(order, order)])
+        self.steps.append(condense((whole[0], whole[1]), e, self.top, self.about))
+
+    @property
+    def _free(self) -> IntArray:
+        """Unknowns of the lowest edge: u_y vanishes on the mirror."""
+        own = np.arange(self.edge)
+        return own[own % 3 != 1]
+
+    def solve(self, low_hz: float, high_hz: float) -> tuple[FloatArray, ComplexArray]:
+        """Frequencies (k,) in Hz within a window and the column's own vectors (dof, k), as Column.solve."""
+        last, scale = self.steps[-1], self.column.scale
+        with one_thread():
+            values, waves = eigh(last.stiffness, last.mass, driver="gvd")
+        inside = (values >= scale.eigenvalue(low_hz)) & (values <= scale.eigenvalue(high_hz))
+        return scale.frequency(values[inside]), self._unfolded(waves[:, inside])
+
+    def _unfolded(self, motion: FloatArray) -> ComplexArray:
+        out = np.zeros((self.column.dof, motion.shape[1]), dtype=complex)
+        for number in range(len(self.steps) - 1, -1, -1):
+            place, step, e = self.column.placed_cells[number], self.steps[number], self.edge
+            upper, behind = motion[:e], step.dropped(motion)
+            lower = np.zeros((e, motion.shape[1]))
+            free = np.arange(e) if number else self._free
+            lower[free] = behind[: len(free)]
+            row = self.rows[id(place.row)]
+            modes = len(row.mass) - 2 * e
+            own = np.vstack([lower, upper, behind[len(free) : len(free) + modes]])
+            whole = np.vstack([own[: 2 * e], row.dropped(own)])
+            live = np.flatnonzero(place.unknown >= 0)
+            factors = real_factors(place.row.cell, place.row.kx)
+            out[place.unknown[live]] = factors[live, None] * whole[live]
+            motion = np.vstack([lower, behind[len(free) + modes :]])
+        return out

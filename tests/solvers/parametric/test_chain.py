@@ -1,0 +1,76 @@
+"""Bare panels without a mesh, and the column's rows condensed one after another."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from geometry.hex.boxes import HexSettings, Panel
+from geometry.layout import Design, Pillar
+from geometry.materials import Material
+from solvers.measures.confinement import measure_profile
+from solvers.parametric.bare import bare_cell
+from solvers.parametric.chain import Chain, real_factors
+from solvers.superelement.build import Reductions, ReductionSettings
+from solvers.superelement.cell import rigid_boundary
+from solvers.superelement.interface import Interface
+from solvers.waves.column import Column
+from solvers.waves.evanescent import Row
+
+ALUMINIUM = Material("aluminium", 70e9, 2700.0, 0.34)
+FACE = Interface(3, 2)
+SIZE = (4e-3, 5.5e-3, 2e-3)
+WINDOW = (24e3, 45e3)
+PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
+DESIGN = Design(115.5e-3, 20e-3, 2e-3, 8, ALUMINIUM, PILLAR, 4e-3, 4e-3, 2, 10e-3)
+
+
+def reductions(size_m: float = 4e-3, order: int = 3, top_hz: float = 6.0 * WINDOW[1]) -> Reductions:
+    settings = ReductionSettings(FACE, top_hz, HexSettings(order, size_m, 0), 6e-3)
+    made = Reductions(DESIGN.thickness_m, ALUMINIUM, PILLAR, settings)
+    made.coarser = lambda panel: None  # type: ignore[method-assign]
+    return made
+
+
+def test_rigid_motions_of_a_bare_panel_meet_no_force_and_carry_its_mass() -> None:
+    cell = bare_cell(SIZE, ALUMINIUM, FACE)
+    motions = rigid_boundary(cell)
+    assert np.abs(cell.stiffness @ motions).max() < 1e-12 * np.abs(cell.stiffness).max()
+    mass = cell.scale.mass_kg * np.diag(motions[:, :3].T @ cell.mass @ motions[:, :3])
+    assert mass == pytest.approx(2700.0 * np.prod(SIZE), rel=1e-12)
+    assert cell.touch.weights is not None and cell.touch.weights.sum() == pytest.approx(SIZE[0] * SIZE[1], rel=1e-12)
+
+
+def test_a_bare_panel_is_that_of_a_fine_mesh() -> None:
+    """Both are Ritz, and their boundaries alike: the few polynomials of the inside lie above a mesh of order 4, but closely."""
+    half = SIZE[0] / 2.0, SIZE[1] / 2.0
+    fine = reductions(2e-3, 4, 3e6).cell(Panel((-half[0], -half[1]), half, None, (0, 1)))
+    rows = [Row(cell, 200.0) for cell in (bare_cell(SIZE, ALUMINIUM, FACE), fine)]
+    ours, theirs = (eigh(row.stiffness, row.mass, eigvals_only=True, subset_by_index=(0, 6)) for row in rows)
+    assert (ours >= theirs * (1.0 - 1e-3)).all()  # the mesh leaves out its fixed-interface modes above 3 MHz
+    assert ours == pytest.approx(theirs, rel=1e-2)
+
+
+def test_a_rows_matrices_are_real_in_their_coordinates() -> None:
+    row = Row(bare_cell(SIZE, ALUMINIUM, FACE), 200.0)
+    turned = row.transform * real_factors(row.cell, row.kx)
+    for matrix in (row.cell.stiffness, row.cell.mass):
+        found = turned.conj().T @ matrix @ turned
+        assert np.abs(found.imag).max() < 1e-12 * np.abs(found).max()
+
+
+def test_the_condensed_column_has_the_columns_modes() -> None:
+    """Against one dense solve of the whole column: same frequencies, same shapes, the wanted one best."""
+    column = Column(DESIGN, reductions(), 7.5 * np.pi / DESIGN.length_m)
+    wanted_hz, wanted = column.solve(*WINDOW)
+    found_hz, found = Chain(column, *WINDOW).solve(*WINDOW)
+    assert len(found_hz) == len(wanted_hz)
+    assert found_hz == pytest.approx(
+        wanted_hz, rel=5e-3
+    )  # at the window's ends; what is condensed is exact in its middle
+    levels = [measure_profile(column.profile(vectors), DESIGN) for vectors in (wanted, found)]
+    at = levels[0].wanted.index
+    assert at is not None and levels[1].wanted.index == at
+    assert found_hz[at] == pytest.approx(wanted_hz[at], rel=1e-5)
+    assert levels[1].confinement_db[at] == pytest.approx(levels[0].confinement_db[at], abs=0.02)
