@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import sys
 from argparse import ArgumentTypeError, Namespace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pipeline.explore.answer import Explorer
+    from pipeline.logs import Log
 
 
 def add(commands: Any, command: Any) -> None:
@@ -18,6 +23,9 @@ def add(commands: Any, command: Any) -> None:
     explore.add_argument(
         "--port", type=_port, default=0, metavar="N", help="port on the loopback address (default: a free one)"
     )
+    explore.add_argument(
+        "--export", metavar="FILE.html", help="write the page as one file that answers without the program, and end"
+    )
     explore.add_argument("--no-browser", action="store_true", help="say the address and open nothing")
 
 
@@ -30,8 +38,6 @@ def _port(text: str) -> int:
 
 def run(arguments: Namespace) -> int:
     """Make the model of the case's cell, or take it from the cache, and serve its page until interrupted."""
-    from pathlib import Path
-
     from pipeline.case.model import case_from_dict
     from pipeline.case.overrides import read_toml
 
@@ -42,12 +48,30 @@ def run(arguments: Namespace) -> int:
     case.require("pillar", "zone", command="explore")
     from pipeline.explore.answer import Explorer, Scene
     from pipeline.explore.cell_model import cell_model
-    from pipeline.explore.server import Server, serve
     from pipeline.logs import TerminalLog
+    from pipeline.records import outputs
 
-    model = cell_model(case, TerminalLog(arguments.quiet))
-    server = Server(Explorer(Scene(case, raw, tuple(arguments.set)), model))
+    if arguments.export:
+        outputs.check_files("--export", [arguments.export])
+    log = TerminalLog(arguments.quiet)
+    explorer = Explorer(Scene(case, raw, tuple(arguments.set)), cell_model(case, log))
+    if arguments.export:
+        return _exported(explorer, Path(arguments.export), log)
+    from pipeline.explore.server import Server, serve
+
+    server = Server(explorer)
     serve(server, arguments.port, lambda address: _opened(address, arguments))
+    return 0
+
+
+def _exported(explorer: Explorer, path: Path, log: Log) -> int:
+    from pipeline.explore.offline import page
+    from pipeline.records import outputs
+
+    with log.step("write the page"):
+        html = page(explorer)
+        with outputs.delivered(path) as place:
+            place.write_text(html, encoding="utf-8")
     return 0
 
 

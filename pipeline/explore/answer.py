@@ -77,6 +77,21 @@ class Scene:
         settings = [*(parse_override(text) for text in self.fixed), *self.overrides(design)]
         return tomli_w.dumps(apply_overrides(self.raw, settings))
 
+    def template(self) -> str:
+        """The case file with "@NAME@" in the place of each number of a design."""
+        import tomli_w
+
+        places = [(LIMITS[name][0], f"@{name}@") for name in LIMITS]
+        return tomli_w.dumps(apply_overrides(self.raw, [*(parse_override(text) for text in self.fixed), *places]))
+
+    def document(self) -> Document:
+        """What the page starts with: the case's name, the sliders, the file's own design."""
+        limits = {
+            name: {"key": key, "unit": unit, "low": low, "high": high, "step": step}
+            for name, (key, unit, low, high, step) in LIMITS.items()
+        }
+        return {"name": self.case.name, "limits": limits, "design": self.own()}
+
     def own(self) -> dict[str, float]:
         """The design of the file itself."""
         design = self.case.design

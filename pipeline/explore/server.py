@@ -16,7 +16,7 @@ from aiohttp import web
 
 from geometry.errors import GeometryError, MeshError
 from pipeline.errors import InputError
-from pipeline.explore.answer import LIMITS, Document, Explorer, compute, read_design
+from pipeline.explore.answer import Document, Explorer, compute, read_design
 from solvers.errors import SolverError
 
 HOST = "127.0.0.1"
@@ -113,12 +113,7 @@ class Server:
         return web.Response(text=(PAGE / name).read_text(encoding="utf-8"), content_type=kind)
 
     async def _scene(self, request: web.Request) -> web.StreamResponse:
-        scene = self.explorer.scene
-        limits = {
-            name: {"key": key, "unit": unit, "low": low, "high": high, "step": step}
-            for name, (key, unit, low, high, step) in LIMITS.items()
-        }
-        return web.json_response({"name": scene.case.name, "limits": limits, "design": scene.own()})
+        return web.json_response(self.explorer.scene.document())
 
     async def _answer(self, request: web.Request) -> web.StreamResponse:
         design = read_design(await _json(request))

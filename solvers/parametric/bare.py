@@ -38,7 +38,7 @@ def functions(face: Interface) -> IntArray:
     return np.array(out + list(product(inside, inside, range(THROUGH + 1))))
 
 
-def _values(s: FloatArray, derived: bool) -> tuple[FloatArray, FloatArray]:
+def line_values(s: FloatArray, derived: bool) -> tuple[FloatArray, FloatArray]:
     """Functions along a side (q, DEGREE + 1) and through the thickness (q, THROUGH + 1) on [-1, 1], or their derivatives."""
     if not derived:
         hats = np.column_stack([1.0 - s, 1.0 + s]) / 2.0
@@ -47,23 +47,30 @@ def _values(s: FloatArray, derived: bool) -> tuple[FloatArray, FloatArray]:
     hats = np.column_stack([-np.ones_like(s), np.ones_like(s)]) / 2.0
     degrees = np.arange(2, DEGREE + 1)
     bubbles = legendre.legvander(s, DEGREE)[:, degrees - 1] * np.sqrt((2.0 * degrees - 1.0) / 2.0)
-    return np.asarray(np.hstack([hats, bubbles]), dtype=float), slopes
+    return np.asarray(np.hstack([hats, bubbles]), dtype=float), np.asarray(slopes, dtype=float)
+
+
+@lru_cache(maxsize=1)
+def line_integrals() -> tuple[tuple[FloatArray, ...], ...]:
+    """int f g, int f' g and int f' g' over [-1, 1] of the functions along a side, and of those through the thickness."""
+    s, weights = legendre.leggauss(DEGREE + 2)
+    plain, derived = line_values(s, False), line_values(s, True)
+    pairs = ((plain, plain), (derived, plain), (derived, derived))
+    return tuple(tuple(one[i].T @ (weights[:, None] * other[i]) for one, other in pairs) for i in (0, 1))
 
 
 @lru_cache(maxsize=4)
 def _reference(face: Interface) -> tuple[FloatArray, FloatArray]:
     """int d_j f d_l g over [-1, 1]^3, (9, n, n) in the order of TRIPLES, and int f g, (n, n)."""
-    s, weights = legendre.leggauss(DEGREE + 2)
-    known = [_values(s, derived) for derived in (False, True)]
     chosen = functions(face)
 
-    def lines(axis: int, one: bool, other: bool) -> FloatArray:
-        left, right = known[one][axis == 2], known[other][axis == 2]
-        whole = left.T @ (weights[:, None] * right)
+    def line(axis: int, one: bool, other: bool) -> FloatArray:
+        square, slope, both = line_integrals()[axis == 2]
+        whole = both if one and other else slope if one else slope.T if other else square
         return np.asarray(whole[np.ix_(chosen[:, axis], chosen[:, axis])])
 
     def solid(j: int, l: int) -> FloatArray:  # noqa: E741  as in C_ijkl
-        return np.prod([lines(axis, axis == j, axis == l) for axis in range(3)], axis=0)
+        return np.asarray(np.prod([line(axis, axis == j, axis == l) for axis in range(3)], axis=0))
 
     return np.array([solid(j, l) for j, l in TRIPLES]), solid(-1, -1)  # noqa: E741
 
@@ -79,7 +86,8 @@ def bare_matrices(
     scaled = np.array([volume / stretch[j] / stretch[l] * g for (j, l), g in zip(TRIPLES, gradients, strict=True)])  # noqa: E741
     stiffness = np.einsum("ijkl,jlfg->figk", tensor, scaled.reshape(3, 3, *square.shape), optimize=True)
     count = 3 * len(square)
-    return stiffness.reshape(count, count), np.asarray(np.kron(volume * square, np.eye(3)), dtype=float)
+    mass: FloatArray = np.kron(volume * square, np.eye(3)).astype(float)
+    return stiffness.reshape(count, count), mass
 
 
 def bare_cell(size_m: tuple[float, float, float], material: Material, face: Interface) -> Cell:
@@ -117,7 +125,7 @@ def _modes(stiffness: FloatArray, mass: FloatArray, face: Interface) -> tuple[Fl
 def _touch(size_m: tuple[float, float, float], face: Interface) -> Expansion:
     """The scalar functions (q, 1, n) at Gauss points of the touch face z = 0."""
     s, weights = legendre.leggauss(POINTS)
-    flat, (_, through) = _values(s, False)[0], _values(np.array([-1.0]), False)
+    flat, (_, through) = line_values(s, False)[0], line_values(np.array([-1.0]), False)
     x, y = (part.ravel() for part in np.meshgrid(np.arange(POINTS), np.arange(POINTS), indexing="ij"))
     chosen = functions(face)
     matrix = flat[x][:, chosen[:, 0]] * flat[y][:, chosen[:, 1]] * through[0, chosen[:, 2]]

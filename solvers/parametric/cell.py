@@ -68,7 +68,7 @@ class ParametricCell:
         self.box.require(sizes)
         with one_thread():
             parts = [self._part(block, sizes, inner, face) for block in self.blocks]
-        return parts + [part.swapped(face, self._turned) for part in parts if part.signs[2] == 0]
+        return parts + [part.swapped(face, self.turned) for part in parts if part.signs[2] == 0]
 
     def weights(self, sizes: FloatArray | Sizes) -> tuple[FloatArray, FloatArray]:
         """theta of K and of M, (q,) and (r,)."""
@@ -79,7 +79,7 @@ class ParametricCell:
 
     def _part(self, block: ReducedBlock, sizes: FloatArray | Sizes, inner: Inner, face: Interface) -> ClassAtDesign:
         theta_k, theta_m = self.weights(sizes)
-        parity, kept = _lower(block.parity, self.interface, face)
+        parity, kept = lower(block.parity, self.interface, face)
         boundary = block.boundary(sizes[SIDE] / sizes[PITCH])[:, kept]
         f, width = block.functions, boundary.shape[1]
         stiffness, mass = np.tensordot(theta_k, block.stiffness, axes=1), np.tensordot(theta_m, block.mass, axes=1)
@@ -107,7 +107,7 @@ class ParametricCell:
         return ClassAtDesign(block.signs, parity, own, hz, dropped_hz, lost, touch, shapes)
 
     @cached_property
-    def _turned(self) -> IntArray:
+    def turned(self) -> IntArray:
         """Which touch point each becomes when x and y are exchanged."""
         apart = np.linalg.norm(self.touch_m[:, None] - self.touch_m[None, :, ::-1], axis=2)
         return np.asarray(apart.argmin(axis=0))
@@ -148,7 +148,7 @@ def _flexible(stiffness: FloatArray, rigid: FloatArray) -> FloatArray:
     return np.asarray(other @ stiffness @ other)
 
 
-def _lower(parity: FloatArray, full: Interface, face: Interface) -> tuple[FloatArray, IntArray]:
+def lower(parity: FloatArray, full: Interface, face: Interface) -> tuple[FloatArray, IntArray]:
     """A class's polynomials without the bubbles that `face` lacks, and which columns they were."""
     here = np.arange(face.vertex_block)
     layer = np.arange(face.side_block) % face.vertex_block + full.vertex_block * (

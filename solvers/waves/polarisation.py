@@ -76,6 +76,12 @@ def _line_motion(cell: Cell, dofs: ComplexArray) -> tuple[ComplexArray, FloatArr
     return np.tensordot(values, layer, axes=1), weights
 
 
+def line_gram(face: Interface) -> FloatArray:
+    """The mean along a square cell's sides of the products of boundary functions of layer 0, (m, m)."""
+    _, weights, values = _lines(face, (1.0, 1.0))
+    return np.asarray(values.T @ (weights[:, None] * values))
+
+
 @lru_cache(maxsize=8)
 def _lines(face: Interface, size_m: tuple[float, float]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Gauss points (p, 2) in m on the sides, weights by length (p,), boundary functions of layer 0 there (p, m)."""

@@ -4,7 +4,30 @@ const MOST_PINS = 4;
 const $ = (id) => document.getElementById(id);
 const state = { limits: {}, design: {}, shown: null, before: null, undo: [], pins: [], asking: false, again: false };
 
+// who answers: the program that serves the page, or without one a worker with the model that the page holds
+let worker = null;
+const asked = new Map();
+function startWorker() {
+  worker = new Worker(URL.createObjectURL(new Blob([$("worker").textContent], { type: "text/javascript" })));
+  worker.onmessage = ({ data }) => {
+    const { done, fail } = asked.get(data.id);
+    asked.delete(data.id);
+    if (data.error === undefined) done(data.found); else fail(new Error(data.error));
+  };
+  worker.onerror = (fault) => { for (const { fail } of asked.values()) fail(new Error(`the page's own model failed: ${fault.message}`)); asked.clear(); };
+  return askWorker({ document: $("model").textContent, numbers: $("numbers-of-model").textContent });
+}
+const askWorker = (words) => new Promise((done, fail) => {
+  const id = ++asked.last || (asked.last = 1);
+  asked.set(id, { done, fail });
+  worker.postMessage({ id, ...words });
+});
+
 async function ask(path, body) {
+  if (worker) {
+    const found = await askWorker({ path, body });
+    return typeof found === "string" ? found : JSON.stringify(found);
+  }
   let response;
   try {
     response = await fetch(path, body === undefined ? {} : { method: "POST", body: JSON.stringify(body) });
@@ -290,6 +313,11 @@ async function save() {
 
 async function start() {
   try {
+    if ($("model")) {
+      $("full").hidden = true;
+      $("alone").hidden = false;
+      await startWorker();
+    }
     const scene = await answer("scene");
     $("name").textContent = scene.name;
     state.limits = scene.limits;

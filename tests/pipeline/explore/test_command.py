@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
+from pathlib import Path
+
 import pytest
 
 from pipeline.cli.main import main
-from tests.helpers.exploring import SMALL
+from pipeline.explore import cell_model, offline
+from tests.helpers.exploring import SMALL, small_explorer
 
 
 @pytest.mark.parametrize(
@@ -32,3 +36,29 @@ def test_a_port_that_is_none_is_refused(port: str, capsys: pytest.CaptureFixture
         main(["explore", str(SMALL), "--port", port])
     assert ended.value.code == 2
     assert "--port" in capsys.readouterr().err
+
+
+def test_the_page_is_exported_as_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = small_explorer(tmp_path).model
+    monkeypatch.setattr(cell_model, "cell_model", lambda case, log: model)
+    place = tmp_path / "explorer.html"
+    assert main(["explore", str(SMALL), "--export", str(place), "--quiet"]) == 0
+    html = place.read_text(encoding="utf-8")
+    assert "http://" not in html.replace("http://www.w3.org/2000/svg", "") and "src=" not in html
+    assert offline.POLICY in html and 'id="numbers-of-model"' in html
+    assert len(html) < offline.MAX_BYTES
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_anything_is_computed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cell_model, "cell_model", lambda case, log: pytest.fail("computed"))
+    assert main(["explore", str(SMALL), "--export", str(tmp_path / "none" / "explorer.html")]) == 2
+    assert "--export" in capsys.readouterr().err
+
+
+def test_the_vendored_solver_is_the_one_its_readme_names() -> None:
+    script = offline.SOLVER.read_bytes()
+    assert hashlib.sha256(script).hexdigest() in (offline.SOLVER.parent / "README.md").read_text()
+    assert b"</script" not in script.lower() and b"<!--" not in script
+    assert "MIT" in (offline.SOLVER.parent / "LICENSE.ml-matrix").read_text()

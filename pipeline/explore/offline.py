@@ -1,0 +1,177 @@
+"""The explorer as one file: the page, the reduced matrices, and a worker of the browser that answers as the program does."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from geometry.elements import FloatArray
+from pipeline.explore.answer import FACE, INNER, PANEL, POINTS, PROFILE, Explorer
+from pipeline.explore.cell_model import MESH_ERROR, CellModel
+from pipeline.planning import mesh_rules
+from pipeline.search.fidelity import COLUMN, SLACK
+from solvers.parametric import bands, bare, chain
+from solvers.parametric.affine import NAMES
+from solvers.parametric.cell import lower
+from solvers.parametric.reduced_block import ReducedBlock
+from solvers.parametric.sectors import Sector
+from solvers.superelement.cell import rigid_polynomials
+from solvers.superelement.interface import Interface
+from solvers.waves.polarisation import line_gram
+
+Plain = dict[str, Any]
+PAGE = Path(__file__).with_name("page")
+SOLVER = Path(__file__).parent / "vendor" / "ml-matrix.min.js"
+MAX_BYTES = 12_000_000
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' blob:; worker-src blob:; style-src 'unsafe-inline'; img-src data:"
+)
+
+
+class _Numbers:
+    """Large arrays one after another in single precision; a place stands for each."""
+
+    def __init__(self) -> None:
+        self.parts: list[np.ndarray] = []
+        self.length = 0
+
+    def put(self, values: FloatArray) -> Plain:
+        """The place of an array's numbers."""
+        flat = np.asarray(values, dtype="<f4").ravel()
+        self.parts.append(flat)
+        self.length += len(flat)
+        return {"at": self.length - len(flat), "length": len(flat)}
+
+    def text(self) -> str:
+        """All of them, bytes of like weight together (they compress better), as base64."""
+        whole = np.concatenate(self.parts).view(np.uint8).reshape(-1, 4).T
+        return base64.b64encode(gzip.compress(whole.tobytes(), 9, mtime=0)).decode()
+
+
+def page(explorer: Explorer) -> str:
+    """The page's HTML, to be opened from a file. ValueError where it would be larger than MAX_BYTES."""
+    numbers = _Numbers()
+    document = model_document(explorer, numbers)
+    files = {path.name: path.read_text(encoding="utf-8") for path in PAGE.iterdir()}
+    data = json.dumps(document, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    worker = "\n".join([SOLVER.read_text(encoding="utf-8"), files["model.js"], files["worker.js"]])
+    scripts = [
+        f'<script type="application/json" id="model">{data}</script>',
+        f'<script type="text/plain" id="numbers-of-model">{numbers.text()}</script>',
+        f'<script type="text/plain" id="worker">{worker}</script>',
+        f"<script>{files['explore.js']}</script>",
+    ]
+    html = files["index.html"].replace('<script src="explore.js"></script>', "\n".join(scripts))
+    style = f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n<style>{files["explore.css"]}</style>'
+    html = html.replace('<link rel="stylesheet" href="explore.css">', style)
+    if len(html.encode()) > MAX_BYTES:
+        raise ValueError(f"the page would have {len(html.encode())} bytes, at most {MAX_BYTES} are meant to travel")
+    return html
+
+
+def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
+    """Everything that the worker needs, large arrays as places among the numbers."""
+    scene, model = explorer.scene, explorer.model
+    case, cell = scene.case, model.cell
+    design, box = case.design, cell.box
+    return scene.document() | {
+        "case_template": scene.template(),
+        "reference": cell.reference,
+        "angular": cell.scale.angular,
+        "box": {"names": NAMES, "low": box.low, "high": box.high, "clearance": box.clearance_m},
+        "stiffness_exponents": cell.stiffness_exponents.tolist(),
+        "mass_exponents": cell.mass_exponents.tolist(),
+        "blocks": [_block(cell.interface, block, numbers) for block in cell.blocks],
+        "touch_m": cell.touch_m.tolist(),
+        "touch_weights": cell.touch_weights.tolist(),
+        "turned": cell.turned.tolist(),
+        "bands_inner": vars(bands.INNER),
+        "face_inner": vars(INNER),
+        "face": _face(FACE),
+        "lines": {"n": len(line_gram(FACE)), "a": line_gram(FACE).ravel().tolist()},
+        "bare": _bare(design.material.lame_pa / design.material.young_pa, design.material.shear_pa / design.material.young_pa),
+        "zone_width": design.width_m,
+        "kx": case.kx_wanted_per_m,
+        "half_wave": design.half_wavelength_m or design.width_m,
+        "plate_density": design.material.density_kg_m3,
+        "window_hz": mesh_rules.wanted_window_hz(design),
+        "window_thickness": design.thickness_m,
+        "panel": PANEL,
+        "reach": chain.REACH,
+        "slack": SLACK[COLUMN],
+        "profile": PROFILE,
+        "decay_points": POINTS,
+        "mesh_error": MESH_ERROR,
+    } | _bands(model, numbers)  # fmt: skip
+
+
+def _bands(model: CellModel, numbers: _Numbers) -> Plain:
+    bases = model.bases
+    return {
+        "fractions": bases.fractions.tolist(), "labels": bases.labels, "count": bases.count, "floor": bases.floor,
+        "sectors": [_sector(sector, numbers) for sector in bases.sectors],
+        "rich": [_sector(sector, numbers) for sector in bases.rich],
+    }  # fmt: skip
+
+
+def _sector(sector: Sector, numbers: _Numbers) -> Plain:
+    _, rows, width = sector.bases.shape
+    return {
+        "points": sector.points.tolist(), "classes": sector.classes, "rows": rows, "width": width,
+        "bases": numbers.put(sector.bases),
+    }  # fmt: skip
+
+
+def _block(full: Interface, block: ReducedBlock, numbers: _Numbers) -> Plain:
+    n = block.stiffness.shape[1]
+    upper = np.triu_indices(n)
+    return {
+        "signs": block.signs.tolist(), "size": n, "functions": block.functions, "shares": block.shares.tolist(),
+        "parity_count": block.coordinates.shape[2],
+        "stiffness": numbers.put(block.stiffness[:, *upper]), "mass": numbers.put(block.mass[:, *upper]),
+        "coordinates": numbers.put(block.coordinates), "touch": numbers.put(block.touch),
+        "whole": _use(block, full, full), "low": _use(block, full, FACE),
+    }  # fmt: skip
+
+
+def _use(block: ReducedBlock, full: Interface, face: Interface) -> Plain:
+    """Which polynomials a use of the class has, their parity among the cell's, and its rigid motions there."""
+    parity, kept = lower(block.parity, full, face)
+    still = parity.T @ rigid_polynomials(face, (1.0, 1.0, 0.0))
+    thick = parity.T @ rigid_polynomials(face, (1.0, 1.0, 1.0)) - still
+    plain = {"n": len(parity), "m": parity.shape[1], "a": parity.ravel().tolist()} if face == FACE else None
+    return {"kept": kept.tolist(), "rigid": {"still": still.tolist(), "thick": thick.tolist()}, "parity": plain}
+
+
+def _face(face: Interface) -> Plain:
+    odd = face.mirror(0)[1] < 0.0
+    return {
+        "count": face.count, "layers": face.layers, "edge": face.vertex_block + face.side_block,
+        "vertex": [face.vertex(index).tolist() for index in range(4)],
+        "side": [face.side(index).tolist() for index in range(4)],
+        "diagonal": face.diagonal().tolist(),
+        "vertexOdd": odd[face.vertex(0)].tolist(), "acrossOdd": odd[face.side(2)].tolist(),
+        "besideOdd": odd[face.side(0)].tolist(),
+    }  # fmt: skip
+
+
+def _bare(lame: float, shear: float) -> Plain:
+    """Lame's constants over Young's modulus, and the integrals over a line that bare panels are made of."""
+
+    def plain(matrix: FloatArray) -> Plain:
+        return {"n": len(matrix), "m": matrix.shape[1], "a": matrix.ravel().tolist()}
+
+    gauss, weights = legendre.leggauss(bare.POINTS)
+    flat, _ = bare.line_values(gauss, False)
+    _, bottom = bare.line_values(np.array([-1.0]), False)
+    return {
+        "lambda": lame, "mu": shear, "functions": bare.functions(FACE).tolist(),
+        "lines": [[plain(matrix) for matrix in line] for line in bare.line_integrals()],
+        "gauss": gauss.tolist(), "weights": weights.tolist(), "flatValues": plain(flat), "bottom": bottom[0].tolist(),
+    }  # fmt: skip

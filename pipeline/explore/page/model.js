@@ -1,0 +1,638 @@
+// The live answer without Python: solvers/parametric and pipeline/explore/answer.py over the same stored matrices.
+"use strict";
+const BESIDE = 0.1, FLAT = 1e-3, SAFETY = 2, STEEPEST_DB = 100, PROPAGATING = 1e-7, FELT = 0.25, TINY = 1e-150;
+const zeros = (n) => new Float64Array(n);
+
+// dense matrices: { n rows, m columns, a row by row }
+const mat = (n, m) => ({ n, m, a: zeros(n * m) });
+function mul(x, y) {
+  const out = mat(x.n, y.m), w = y.m;
+  for (let i = 0; i < x.n; i++)
+    for (let k = 0; k < x.m; k++) {
+      const v = x.a[i * x.m + k];
+      if (v) for (let j = 0, p = i * w, q = k * w; j < w; j++) out.a[p + j] += v * y.a[q + j];
+    }
+  return out;
+}
+function mulT(x, y) { // x' y
+  const out = mat(x.m, y.m), w = y.m;
+  for (let k = 0; k < x.n; k++)
+    for (let i = 0; i < x.m; i++) {
+      const v = x.a[k * x.m + i];
+      if (v) for (let j = 0, p = i * w, q = k * w; j < w; j++) out.a[p + j] += v * y.a[q + j];
+    }
+  return out;
+}
+function transposed(x) {
+  const out = mat(x.m, x.n);
+  for (let i = 0; i < x.n; i++) for (let j = 0; j < x.m; j++) out.a[j * x.n + i] = x.a[i * x.m + j];
+  return out;
+}
+function block(x, r0, r1, c0, c1) {
+  const out = mat(r1 - r0, c1 - c0);
+  for (let i = r0; i < r1; i++) out.a.set(x.a.subarray(i * x.m + c0, i * x.m + c1), (i - r0) * out.m);
+  return out;
+}
+function picked(x, rows, columns) {
+  const out = mat(rows.length, columns.length);
+  rows.forEach((r, i) => columns.forEach((c, j) => { out.a[i * out.m + j] = x.a[r * x.m + c]; }));
+  return out;
+}
+function plus(x, y, factor = 1) {
+  const out = mat(x.n, x.m);
+  for (let i = 0; i < out.a.length; i++) out.a[i] = x.a[i] + factor * y.a[i];
+  return out;
+}
+function beside(x, y) {
+  const out = mat(x.n, x.m + y.m);
+  for (let i = 0; i < x.n; i++) {
+    out.a.set(x.a.subarray(i * x.m, (i + 1) * x.m), i * out.m);
+    out.a.set(y.a.subarray(i * y.m, (i + 1) * y.m), i * out.m + x.m);
+  }
+  return out;
+}
+const below = (x, y) => { const out = mat(x.n + y.n, x.m); out.a.set(x.a); out.a.set(y.a, x.a.length); return out; };
+const scaledColumns = (x, factors) => { const out = mat(x.n, x.m); for (let i = 0; i < x.a.length; i++) out.a[i] = x.a[i] * factors[i % x.m]; return out; };
+const range = (low, high) => Array.from({ length: high - low }, (_, i) => low + i);
+
+function cholesky(x) { // lower factor, null where x is not positive
+  const n = x.n, l = mat(n, n);
+  for (let i = 0; i < n; i++)
+    for (let j = 0; j <= i; j++) {
+      let v = x.a[i * n + j];
+      for (let k = 0, p = i * n, q = j * n; k < j; k++) v -= l.a[p + k] * l.a[q + k];
+      if (i > j) l.a[i * n + j] = v / l.a[j * n + j];
+      else if (v > 0) l.a[i * n + i] = Math.sqrt(v);
+      else return null;
+    }
+  return l;
+}
+function forward(l, x) { // L^-1 x
+  const out = mat(x.n, x.m), w = x.m, n = l.n;
+  out.a.set(x.a);
+  for (let i = 0; i < n; i++) {
+    for (let k = 0; k < i; k++) {
+      const v = l.a[i * n + k];
+      if (v) for (let j = 0, p = i * w, q = k * w; j < w; j++) out.a[p + j] -= v * out.a[q + j];
+    }
+    const d = 1 / l.a[i * n + i];
+    for (let j = 0, p = i * w; j < w; j++) out.a[p + j] *= d;
+  }
+  return out;
+}
+function backward(l, x) { // L'^-1 x
+  const out = mat(x.n, x.m), w = x.m, n = l.n;
+  out.a.set(x.a);
+  for (let i = n - 1; i >= 0; i--) {
+    const d = 1 / l.a[i * n + i];
+    for (let j = 0, p = i * w; j < w; j++) out.a[p + j] *= d;
+    for (let k = 0; k < i; k++) {
+      const v = l.a[i * n + k];
+      if (v) for (let j = 0, p = k * w, q = i * w; j < w; j++) out.a[p + j] -= v * out.a[q + j];
+    }
+  }
+  return out;
+}
+const solved = (l, x) => backward(l, forward(l, x));
+
+// symmetric eigenvalues: Householder to tridiagonal form, then implicit QL (EISPACK tred2, tql2)
+function symmetricEigen(x, withVectors) {
+  const n = x.n, z = x.a.slice(), d = zeros(n), e = zeros(n);
+  for (let i = n - 1; i > 0; i--) {
+    let scale = 0, h = 0;
+    const row = i * n;
+    for (let k = 0; k < i; k++) scale += Math.abs(z[row + k]);
+    if (i === 1 || scale === 0) { e[i] = z[row + i - 1]; d[i] = 0; continue; }
+    for (let k = 0; k < i; k++) { z[row + k] /= scale; h += z[row + k] * z[row + k]; }
+    let f = z[row + i - 1], g = f >= 0 ? -Math.sqrt(h) : Math.sqrt(h);
+    e[i] = scale * g; h -= f * g; z[row + i - 1] = f - g; f = 0;
+    for (let j = 0; j < i; j++) e[j] = 0;
+    for (let j = 0; j < i; j++) { // e = A u by the lower triangle
+      const u = z[row + j], at = j * n;
+      let s = z[at + j] * u;
+      for (let k = 0; k < j; k++) { s += z[at + k] * z[row + k]; e[k] += z[at + k] * u; }
+      e[j] += s;
+    }
+    for (let j = 0; j < i; j++) { if (withVectors) z[j * n + i] = z[row + j] / h; e[j] /= h; f += e[j] * z[row + j]; }
+    const hh = f / (h + h);
+    for (let j = 0; j < i; j++) e[j] -= hh * z[row + j];
+    for (let j = 0; j < i; j++) {
+      const u = z[row + j], v = e[j], at = j * n;
+      for (let k = 0; k <= j; k++) z[at + k] -= u * e[k] + v * z[row + k];
+    }
+    d[i] = h;
+  }
+  d[0] = 0; e[0] = 0;
+  const work = zeros(n);
+  for (let i = 0; i < n; i++) {
+    if (!withVectors) { d[i] = z[i * n + i]; continue; }
+    if (d[i] !== 0) {
+      work.fill(0, 0, i);
+      for (let k = 0; k < i; k++) { const v = z[i * n + k]; for (let j = 0, p = k * n; j < i; j++) work[j] += v * z[p + j]; }
+      for (let k = 0; k < i; k++) { const v = z[k * n + i]; for (let j = 0, p = k * n; j < i; j++) z[p + j] -= work[j] * v; }
+    }
+    d[i] = z[i * n + i]; z[i * n + i] = 1;
+    for (let j = 0; j < i; j++) z[j * n + i] = z[i * n + j] = 0;
+  }
+  const t = withVectors ? transposed({ n, m: n, a: z }).a : null; // a vector a row: rotations run along memory
+  ql(d, e, t, n);
+  const order = range(0, n).sort((a, b) => d[a] - d[b]);
+  const vectors = withVectors ? mat(n, n) : null;
+  if (vectors) order.forEach((from, to) => { for (let i = 0; i < n; i++) vectors.a[i * n + to] = t[from * n + i]; });
+  return { values: Float64Array.from(order, (i) => d[i]), vectors };
+}
+function ql(d, e, t, n) {
+  for (let i = 1; i < n; i++) e[i - 1] = e[i];
+  e[n - 1] = 0;
+  for (let l = 0; l < n; l++)
+    for (let turn = 0; turn < 100; turn++) {
+      let m = l;
+      while (m < n - 1 && Math.abs(e[m]) > 2.3e-16 * (Math.abs(d[m]) + Math.abs(d[m + 1]))) m++;
+      if (m === l) break;
+      let g = (d[l + 1] - d[l]) / (2 * e[l]), r = Math.hypot(g, 1);
+      g = d[m] - d[l] + e[l] / (g + (g >= 0 ? r : -r));
+      let s = 1, c = 1, p = 0, i = m - 1;
+      for (; i >= l; i--) {
+        let f = s * e[i];
+        const b = c * e[i];
+        r = Math.sqrt(f * f + g * g); e[i + 1] = r;
+        if (r === 0) { d[i + 1] -= p; e[m] = 0; break; }
+        s = f / r; c = g / r; g = d[i + 1] - p; r = (d[i] - g) * s + 2 * c * b; p = s * r;
+        d[i + 1] = g + p; g = c * r - b;
+        if (t) for (let k = 0, x = i * n, y = (i + 1) * n; k < n; k++) { f = t[y + k]; t[y + k] = s * t[x + k] + c * f; t[x + k] = c * t[x + k] - s * f; }
+      }
+      if (r === 0 && i >= l) continue;
+      d[l] -= p; e[l] = g; e[m] = 0;
+    }
+}
+function symmetricPencil(k, m, withVectors) {
+  const l = cholesky(m);
+  if (!l) throw new Error("a mass matrix is not positive: the design lies at the end of what the bases follow");
+  const { values, vectors } = symmetricEigen(forward(l, transposed(forward(l, k))), withVectors);
+  return { values, vectors: vectors && backward(l, vectors) };
+}
+const firstColumns = (x, count) => block(x, 0, x.n, 0, count);
+
+// ---- the cell at a design: solvers/parametric/cell.py ----
+function theta(exponents, sizes, reference) {
+  const stretch = ([t, h, a, p]) => [t, h, a, p - a], now = stretch(sizes), then = stretch(reference);
+  return exponents.map((row) => row.reduce((v, power, axis) => v * (now[axis] / then[axis]) ** power, 1));
+}
+function summed(triangles, weights, n) {
+  const half = n * (n + 1) / 2, line = zeros(half), out = mat(n, n);
+  weights.forEach((w, q) => { for (let i = 0, s = q * half; i < half; i++) line[i] += w * triangles[s + i]; });
+  for (let i = 0, at = 0; i < n; i++) for (let j = i; j < n; j++, at++) out.a[i * n + j] = out.a[j * n + i] = line[at];
+  return out;
+}
+function boundaryAt(own, share) { // Lagrange's polynomials of the ratio of side to pitch
+  const f = own.functions, m = own.parity_count, out = mat(f, m);
+  own.shares.forEach((at, s) => {
+    const w = own.shares.reduce((v, other, o) => o === s ? v : v * (share - other) / (at - other), 1);
+    for (let i = 0; i < f * m; i++) out.a[i] += w * own.coordinates[s * f * m + i];
+  });
+  return out;
+}
+function lowestModes(k, factor, m, count) { // inverse iteration of a few vectors more than asked for
+  const n = k.n, width = 2 * count + 4;
+  if (n < 4 * width) { const all = symmetricPencil(k, m, true); return { values: all.values.slice(0, count), modes: firstColumns(all.vectors, count) }; }
+  let x = mat(n, width), values = null, before = null;
+  for (let i = 0, seed = 1; i < x.a.length; i++) { seed = seed * 16807 % 2147483647; x.a[i] = seed / 2147483647 - 0.5; }
+  for (let turn = 0; turn < 60; turn++) {
+    const y = solved(factor, mul(m, x)), small = symmetricPencil(mulT(y, mul(k, y)), mulT(y, mul(m, y)), true);
+    x = mul(y, small.vectors); values = small.values;
+    if (before && range(0, count).every((i) => Math.abs(values[i] - before[i]) <= 1e-11 * values[i])) break;
+    before = values;
+  }
+  return { values: values.slice(0, count), modes: firstColumns(x, count) };
+}
+function prepared(data, sizes) { // what both uses of a design share: matrices of every class, its inside factorised
+  const [tk, tm] = [data.stiffness_exponents, data.mass_exponents].map((rows) => theta(rows, sizes, data.reference));
+  return data.blocks.map((own) => {
+    const n = own.size, f = own.functions, k = summed(own.stiffness, tk, n), m = summed(own.mass, tm, n);
+    const inner = { k: block(k, f, n, f, n), m: block(m, f, n, f, n) }, factor = cholesky(inner.k);
+    const lowest = lowestModes(inner.k, factor, inner.m, data.bands_inner.modes);
+    return { own, f, n, k, m, inner, factor, lowest, boundary: boundaryAt(own, sizes[2] / sizes[3]) };
+  });
+}
+function rigidSpan(rigid, ratio) { // orthonormal columns, by Gram and Schmidt
+  const out = [];
+  for (let c = 0; c < 6; c++) {
+    const v = Float64Array.from(rigid.still, (row, i) => row[c] + ratio * rigid.thick[i][c]);
+    for (let again = 0; again < 2; again++)
+      for (const u of out) { const s = u.reduce((t, x, i) => t + x * v[i], 0); for (let i = 0; i < v.length; i++) v[i] -= s * u[i]; }
+    const length = Math.hypot(...v);
+    if (length > 1e-9) out.push(v.map((x) => x / length));
+  }
+  return out;
+}
+function flexible(k, span) {
+  const out = mat(k.n, k.m), pi = mat(k.n, k.n);
+  for (let i = 0; i < k.n; i++) pi.a[i * k.n + i] = 1;
+  for (const u of span) for (let i = 0; i < k.n; i++) for (let j = 0; j < k.n; j++) pi.a[i * k.n + j] -= u[i] * u[j];
+  out.a.set(mul(pi, mul(k, pi)).a);
+  return out;
+}
+function classAt(one, sizes, use, counts, withTouch) {
+  const { own, f, n, k, m, inner, factor } = one, p = picked(one.boundary, range(0, f), use.kept), width = p.m;
+  const kib = block(k, f, n, 0, f), mib = block(m, f, n, 0, f), si = solved(factor, mul(kib, p));
+  for (let i = 0; i < si.a.length; i++) si.a[i] = -si.a[i];
+  const pushed = plus(mul(mib, p), mul(inner.m, si)), answer = solved(factor, pushed);
+  const values = one.lowest.values.slice(0, counts.modes), modes = firstColumns(one.lowest.modes, counts.modes);
+  const left = plus(answer, mul(scaledColumns(modes, values.map((v) => 1 / v)), mulT(modes, pushed)), -1);
+  const kbb = plus(mulT(p, mul(block(k, 0, f, 0, f), p)), mulT(mul(kib, p), si));
+  const mbb = plus(plus(mulT(p, mul(block(m, 0, f, 0, f), p)), mulT(mul(mib, p), si)), mulT(si, pushed));
+  const lost = mulT(pushed, left), energy = plus(kbb, mbb, BESIDE);
+  const along = symmetricPencil(halfSum(lost), halfSum(energy), true).vectors;
+  const more = mul(left, block(along, 0, width, width - counts.residual, width));
+  const turn = symmetricPencil(halfSum(mulT(more, mul(inner.k, more))), halfSum(mulT(more, mul(inner.m, more))), true);
+  const inside = beside(modes, mul(more, turn.vectors)), every = [...values, ...turn.values];
+  const coupling = mulT(pushed, inside);
+  const rest = plus(mulT(pushed, answer), mul(scaledColumns(coupling, every.map((v) => 1 / v)), transposed(coupling)), -1);
+  const out = { k: flexible(halfSum(kbb), rigidSpan(use.rigid, sizes[0] / sizes[3])), m: halfSum(mbb), coupling, values: every, lost: rest, width };
+  if (withTouch) {
+    const touch = { n: own.touch.length / n, m: n, a: own.touch }, flat = block(touch, 0, touch.n, 0, f), deep = block(touch, 0, touch.n, f, n);
+    out.touch = beside(plus(mul(flat, p), mul(deep, si)), mul(deep, inside));
+  }
+  return out;
+}
+const halfSum = (x) => { const out = mat(x.n, x.n); for (let i = 0; i < x.n; i++) for (let j = 0; j < x.n; j++) out.a[i * x.n + j] = (x.a[i * x.n + j] + x.a[j * x.n + i]) / 2; return out; };
+
+// ---- bands: solvers/parametric/bands.py ----
+function pencil(parts, basis) {
+  const free = basis.m, inner = parts.reduce((n, part) => n + part.values.length, 0), n = free + inner, k = mat(n, n), m = mat(n, n);
+  let row = 0, start = free;
+  for (const part of parts) {
+    const own = block(basis, row, row + part.width, 0, free), kf = mulT(own, mul(part.k, own)), mf = mulT(own, mul(part.m, own)), c = mulT(own, part.coupling);
+    for (let i = 0; i < free; i++) {
+      for (let j = 0; j < free; j++) { k.a[i * n + j] += kf.a[i * free + j]; m.a[i * n + j] += mf.a[i * free + j]; }
+      for (let j = 0; j < c.m; j++) m.a[i * n + start + j] = m.a[(start + j) * n + i] = c.a[i * c.m + j];
+    }
+    part.values.forEach((v, i) => { k.a[(start + i) * (n + 1)] = v; m.a[(start + i) * (n + 1)] = 1; });
+    row += part.width; start += part.values.length;
+  }
+  return { k, m, free };
+}
+function basisOf(sector, at) { const size = sector.rows * sector.width; return { n: sector.rows, m: sector.width, a: sector.bases.subarray(at * size, (at + 1) * size) }; }
+function merged(points, count, found) {
+  return range(0, points).map((i) => found.filter(([point]) => point === i).flatMap(([, values]) => [...values]).sort((a, b) => a - b).slice(0, count));
+}
+function corrected(parts, basis, count) { // less what the inner functions left out take, to first order
+  const { k, m, free } = pencil(parts, basis), { values, vectors } = symmetricPencil(k, m, true);
+  return range(0, Math.min(count, values.length)).map((c) => {
+    let taken = 0, row = 0;
+    for (const part of parts) {
+      const piece = zeros(part.width);
+      for (let i = 0; i < part.width; i++) for (let j = 0; j < free; j++) piece[i] += basis.a[(row + i) * free + j] * vectors.a[j * vectors.m + c];
+      for (let i = 0; i < part.width; i++) for (let j = 0; j < part.width; j++) taken += piece[i] * part.lost.a[i * part.width + j] * piece[j];
+      row += part.width;
+    }
+    return values[c] - values[c] ** 2 * taken;
+  });
+}
+function bandsOf(data, ready, sizes) {
+  const parts = ready.map((one, number) => classAt(one, sizes, data.blocks[number].whole, data.bands_inner, false)), points = data.fractions.length;
+  parts.push(parts[parts.length - 1]);
+  const found = [], better = [];
+  for (const sector of data.sectors) {
+    const own = sector.classes.map((c) => parts[c]);
+    sector.points.forEach((point, at) => { const { k, m } = pencil(own, basisOf(sector, at)); found.push([point, symmetricPencil(k, m, false).values]); });
+  }
+  for (const sector of data.rich) {
+    const own = sector.classes.map((c) => parts[c]);
+    sector.points.forEach((point, at) => better.push([point, corrected(own, basisOf(sector, at), data.count)]));
+  }
+  const ours = merged(points, data.count, found), theirs = merged(points, data.count, better), excess = zeros(data.count);
+  theirs.forEach((row, i) => {
+    if (row.length < data.count) return;
+    row.forEach((v, band) => { if (v > FLAT ** 2 * row[row.length - 1]) excess[band] = Math.max(excess[band], 0.5 * Math.abs(ours[i][band] / v - 1)); });
+  });
+  const error = Array.from(excess, (v, i) => SAFETY * Math.max(v, excess[i + 1] || 0, excess[i - 1] || 0) + data.floor);
+  const frequency = ours.map((row) => row.map((v) => Math.sqrt(Math.max(v, 0)) * data.angular / (2 * Math.PI)));
+  return { frequency_hz: frequency, error, mesh_error: data.mesh_error, labels: data.labels, gaps: gapsOf(frequency, error, data.mesh_error) };
+}
+function gapsOf(table, error, meshError) {
+  const out = [];
+  for (let band = 0; band + 1 < table[0].length; band++) {
+    const top = Math.max(...table.map((row) => row[band])), bottom = Math.min(...table.map((row) => row[band + 1]));
+    if (bottom - top > 1e-3 * bottom)
+      out.push({ lower_hz: top, upper_hz: bottom, lower_band: band + 1, upper_band: band + 2, error: Math.max(error[band], error[band + 1]) + meshError });
+  }
+  return out;
+}
+
+// ---- cells of rows and column, among boundary functions and what lies inside: real, in units of the thickness ----
+function joinedCell(data, ready, sizes) {
+  const face = data.face, b = face.count, counts = data.face_inner;
+  const stored = ready.map((one, number) => classAt(one, sizes, data.blocks[number].low, counts, true));
+  const parts = stored.map((part, number) => ({ ...part, parity: data.blocks[number].low.parity, signs: data.blocks[number].signs }));
+  const last = parts[parts.length - 1];
+  parts.push({ ...last, signs: [last.signs[1], last.signs[0]], parity: picked(last.parity, face.diagonal, range(0, last.parity.m)),
+    touch: picked(last.touch, data.turned, range(0, last.touch.m)) });
+  const each = counts.modes + counts.residual, n = b + parts.length * each, k = mat(n, n), m = mat(n, n), ratio = data.reference[0] / sizes[0];
+  const touch = mat(4 * data.touch_m.length, n), images = [[1, 1], [1, -1], [-1, 1], [-1, -1]];
+  parts.forEach((part, number) => {
+    const start = b + number * each, kb = mul(part.parity, mul(part.k, transposed(part.parity))), mb = mul(part.parity, mul(part.m, transposed(part.parity)));
+    const c = mul(part.parity, part.coupling);
+    for (let i = 0; i < b; i++) {
+      for (let j = 0; j < b; j++) { k.a[i * n + j] += 4 * ratio * kb.a[i * b + j]; m.a[i * n + j] += 4 * ratio ** 3 * mb.a[i * b + j]; }
+      for (let j = 0; j < each; j++) m.a[i * n + start + j] = m.a[(start + j) * n + i] = 4 * ratio ** 3 * c.a[i * each + j];
+    }
+    part.values.forEach((v, i) => { k.a[(start + i) * (n + 1)] = 4 * ratio * v; m.a[(start + i) * (n + 1)] = 4 * ratio ** 3; });
+    const polynomials = mul(block(part.touch, 0, part.touch.n, 0, part.width), transposed(part.parity));
+    images.forEach((image, q) => {
+      const flip = (image[0] < 0 ? part.signs[0] : 1) * (image[1] < 0 ? part.signs[1] : 1);
+      for (let i = 0; i < part.touch.n; i++) {
+        const at = (q * part.touch.n + i) * n;
+        for (let j = 0; j < b; j++) touch.a[at + j] += flip * polynomials.a[i * b + j];
+        for (let j = 0; j < each; j++) touch.a[at + start + j] += flip * part.touch.a[i * part.touch.m + part.width + j];
+      }
+    });
+  });
+  const odd = parts.flatMap((part) => Array(each).fill(part.signs[0] < 0));
+  return { k, m, odd, width: sizes[3], ...touchPlaces(data, sizes, images), touch };
+}
+function touchPlaces(data, sizes, images) {
+  const a0 = data.reference[2] / 2, p0 = data.reference[3] / 2, a = sizes[2] / 2, p = sizes[3] / 2;
+  const moved = (v) => v < a0 ? v * a / a0 : a + (v - a0) * (p - a) / (p0 - a0), stretch = (v) => v < a0 ? a / a0 : (p - a) / (p0 - a0);
+  const points = images.flatMap(([x, y]) => data.touch_m.map((at) => [x * moved(at[0]), y * moved(at[1])]));
+  const own = data.touch_m.map((at, i) => data.touch_weights[i] * stretch(at[0]) * stretch(at[1]));
+  return { points, weights: images.flatMap(() => own) };
+}
+function bareCell(data, width, depth, thickness) { // solvers/parametric/bare.py
+  const { lines, functions, lambda, mu } = data.bare, n = functions.length;
+  const stretch = [width / thickness / 2, depth / thickness / 2, 0.5], volume = stretch[0] * stretch[1] * stretch[2];
+  const k = mat(3 * n, 3 * n), m = mat(3 * n, 3 * n), g = zeros(9);
+  const line = (axis, kind, a, b) => { const x = lines[axis === 2 ? 1 : 0][kind]; return x.a[a * x.m + b]; }; // kinds: ff, df, dd
+  for (let f = 0; f < n; f++)
+    for (let o = 0; o < n; o++) {
+      const p = functions[f], q = functions[o], flat = [0, 1, 2].map((axis) => line(axis, 0, p[axis], q[axis]));
+      for (let j = 0; j < 3; j++)
+        for (let l = 0; l < 3; l++) {
+          let v = volume / stretch[j] / stretch[l];
+          for (let axis = 0; axis < 3 && v; axis++)
+            v *= axis === j ? (axis === l ? line(axis, 2, p[axis], q[axis]) : line(axis, 1, p[axis], q[axis])) : (axis === l ? line(axis, 1, q[axis], p[axis]) : flat[axis]);
+          g[3 * j + l] = v;
+        }
+      const trace = g[0] + g[4] + g[8], mass = volume * flat[0] * flat[1] * flat[2];
+      for (let i = 0; i < 3; i++) {
+        for (let c = 0; c < 3; c++) k.a[(3 * f + i) * 3 * n + 3 * o + c] = lambda * g[3 * i + c] + mu * ((i === c ? trace : 0) + g[3 * c + i]);
+        m.a[(3 * f + i) * 3 * n + 3 * o + i] = mass;
+      }
+    }
+  const odd = [];
+  for (let f = data.face.count / 3; f < n; f++) for (let i = 0; i < 3; i++) odd.push((functions[f][0] % 2 === 1) !== (i === 0));
+  const { gauss, weights, flatValues, bottom } = data.bare, s = gauss.length, touch = mat(s * s, 3 * n), points = [], areas = [];
+  for (let x = 0; x < s; x++)
+    for (let y = 0; y < s; y++) {
+      points.push([gauss[x] * width / 2, gauss[y] * depth / 2]); areas.push(weights[x] * weights[y] * width * depth / 4);
+      functions.forEach(([i, j, r], f) => { touch.a[(x * s + y) * 3 * n + 3 * f + 2] = flatValues.a[x * flatValues.m + i] * flatValues.a[y * flatValues.m + j] * bottom[r]; });
+    }
+  return { k, m, odd, width, points, weights: areas, touch };
+}
+function realRow(data, cell, kx) { // unknowns [lower edge, upper edge, inside] whose matrices are real: solvers/parametric/chain.py
+  const { vertex, side, vertexOdd, acrossOdd, besideOdd, count } = data.face, half = -kx * cell.width / 2;
+  const near = [Math.cos(half), Math.sin(half)], far = [near[0], -near[1]], turn = ([re, im], odd) => odd ? [-im, re] : [re, im];
+  const rows = [], put = (...entries) => rows.push(entries.map(([at, [re, im]]) => [at, re, im]));
+  for (const [a, b, along] of [[0, 1, 2], [2, 3, 3]]) {
+    vertex[a].forEach((at, i) => put([at, turn(near, vertexOdd[i])], [vertex[b][i], turn(far, vertexOdd[i])]));
+    side[along].forEach((at, i) => put([at, turn([1, 0], acrossOdd[i])]));
+  }
+  side[0].forEach((at, i) => put([at, turn(near, besideOdd[i])], [side[1][i], turn(far, besideOdd[i])]));
+  cell.odd.forEach((odd, i) => put([count + i, turn([1, 0], odd)]));
+  const n = rows.length, w = cell.k.m, k = mat(n, n), m = mat(n, n);
+  for (let r = 0; r < n; r++)
+    for (let c = 0; c <= r; c++) {
+      let x = 0, y = 0;
+      for (const [i, a, b] of rows[r]) for (const [j, p, q] of rows[c]) { const f = a * p + b * q; x += f * cell.k.a[i * w + j]; y += f * cell.m.a[i * w + j]; }
+      k.a[r * n + c] = k.a[c * n + r] = x; m.a[r * n + c] = m.a[c * n + r] = y;
+    }
+  return { k, m, rows, cell };
+}
+function condense(k, m, kept, top, about) {
+  const n = k.n, ki = block(k, kept, n, kept, n), mi = block(m, kept, n, kept, n), pull = plus(block(k, kept, n, 0, kept), block(m, kept, n, 0, kept), -about);
+  let modes = mat(n - kept, 0), still;
+  if (cholesky(plus(ki, mi, -top))) still = solved(cholesky(plus(ki, mi, -about)), pull);
+  else {
+    const { values, vectors } = symmetricPencil(ki, mi, true), low = values.filter((v) => v <= top).length, high = block(vectors, 0, ki.n, low, ki.n);
+    modes = firstColumns(vectors, low);
+    still = mul(scaledColumns(high, Array.from(values.slice(low), (v) => 1 / (v - about))), mulT(high, pull));
+  }
+  for (let i = 0; i < still.a.length; i++) still.a[i] = -still.a[i];
+  const eye = mat(kept, kept + modes.m);
+  for (let i = 0; i < kept; i++) eye.a[i * eye.m + i] = 1;
+  const shapes = below(eye, beside(still, modes)), turned = (x) => halfSum(mulT(shapes, mul(x, shapes)));
+  return { still, modes, k: turned(k), m: turned(m), inside: beside(still, modes) };
+}
+function columnPanels(data, design) { // solvers/waves/column.py and solvers/superelement/tiling.py, in m
+  const { pitch, side, thickness, rows, extension } = design, half = data.zone_width / 2, longest = data.panel * thickness, lines = [0], feet = [];
+  const bare = (to, even) => {
+    const from = lines[lines.length - 1];
+    let count = Math.max(1, Math.ceil((even ? 2 : 1) * (to - from) / longest - 1e-9));
+    if (even) count = Math.ceil(count / 2);
+    for (let i = 1; i <= count; i++) { lines.push(from + (to - from) * i / count); feet.push(false); }
+  };
+  if (!rows) { bare(half, true); if (extension > 1e-9) bare(half + extension, false); return { lines, feet, end: half + extension }; }
+  const first = half + side / 2, end = first + (rows - 1) * pitch + side / 2 + extension;
+  if (first - pitch / 2 <= half / 4) throw new Error("the first row's cell reaches over the zone's middle: no live answer for the plate");
+  if (extension < (pitch - side) / 2 - 1e-9) throw new Error(`an extension below ${(500 * (pitch - side)).toFixed(2)} mm cuts through the last row's cell: no live answer for the plate`);
+  bare(first - pitch / 2, true);
+  for (let row = 0; row < rows; row++) { lines.push(first + (row + 0.5) * pitch); feet.push(true); }
+  if (end - lines[lines.length - 1] > 1e-9) bare(end, false);
+  return { lines, feet, end };
+}
+function columnOf(data, pillarRow, design, window) {
+  const { lines, feet, end } = columnPanels(data, design), angular = data.angular * data.reference[0] / design.thickness, value = (hz) => (2 * Math.PI * hz / angular) ** 2;
+  const top = value(data.reach * window[1]), about = value((window[0] + window[1]) / 2), e = data.face.edge, known = new Map();
+  const width = design.rows ? design.pitch : data.panel * design.thickness;
+  const places = feet.map((foot, i) => {
+    const depth = lines[i + 1] - lines[i], key = foot ? "foot" : depth.toFixed(10);
+    if (!known.has(key)) {
+      const row = foot ? pillarRow() : realRow(data, bareCell(data, width, depth, design.thickness), data.kx);
+      known.set(key, { row, short: condense(row.k, row.m, 2 * e, top, about) });
+    }
+    return { ...known.get(key), middle: (lines[i] + lines[i + 1]) / 2 };
+  });
+  const free = range(0, e).filter((i) => i % 3 !== 1), steps = [];
+  places.forEach(({ short }, number) => {
+    const behind = steps[number - 1], modes = short.k.n - 2 * e, more = behind ? behind.k.n - e : 0, lower = number ? range(0, e) : free;
+    const order = [...range(e, 2 * e), ...lower, ...range(2 * e, 2 * e + modes + more)], total = 2 * e + modes + more;
+    const whole = (name) => {
+      const out = mat(total, total), at = [...range(0, e), ...range(2 * e + modes, total)], s = short[name];
+      for (let i = 0; i < s.n; i++) for (let j = 0; j < s.n; j++) out.a[i * total + j] = s.a[i * s.n + j];
+      if (behind) { const b = behind[name]; at.forEach((r, i) => at.forEach((c, j) => { out.a[r * total + c] += b.a[i * b.n + j]; })); }
+      return picked(out, order, order);
+    };
+    steps.push(condense(whole("k"), whole("m"), e, top, about));
+  });
+  const last = steps[steps.length - 1], { values, vectors } = symmetricPencil(last.k, last.m, true);
+  const inside = range(0, values.length).filter((i) => values[i] >= value(window[0]) && values[i] <= value(window[1]));
+  const frequency = inside.map((i) => Math.sqrt(values[i]) * angular / (2 * Math.PI));
+  return { frequency, profile: profileOf(data, places, steps, picked(vectors, range(0, vectors.n), inside), free), half_span: end };
+}
+function profileOf(data, places, steps, motion, free) {
+  const e = data.face.edge, out = [];
+  for (let number = places.length - 1; number >= 0; number--) {
+    const { row, short, middle } = places[number], step = steps[number], count = motion.m, upper = block(motion, 0, e, 0, count), behind = mul(step.inside, motion);
+    const lower = mat(e, count), own = number ? range(0, e) : free, modes = short.k.n - 2 * e;
+    own.forEach((at, i) => lower.a.set(behind.a.subarray(i * count, (i + 1) * count), at * count));
+    const local = below(below(lower, upper), block(behind, own.length, own.length + modes, 0, count)), whole = below(block(local, 0, 2 * e, 0, count), mul(short.inside, local));
+    const re = mat(row.cell.k.n, count), im = mat(row.cell.k.n, count);
+    row.rows.forEach((entries, r) => entries.forEach(([at, a, b]) => {
+      for (let c = 0; c < count; c++) { const v = whole.a[r * count + c]; re.a[at * count + c] += a * v; im.a[at * count + c] += b * v; }
+    }));
+    const x = mul(row.cell.touch, re), y = mul(row.cell.touch, im);
+    row.cell.points.forEach((point, i) => out.push({ x: point[0], y: point[1] + middle, weight: row.cell.weights[i], re: x.a.subarray(i * count, (i + 1) * count), im: y.a.subarray(i * count, (i + 1) * count) }));
+    motion = below(lower, block(behind, own.length + modes, behind.n, 0, count));
+  }
+  return out;
+}
+function measured(data, found, design) { // solvers/measures: confinement.py, wanted_mode.py
+  const half = data.zone_width / 2, beyond = found.half_span - design.extension, unit = data.plate_density * design.thickness ** 3;
+  const modes = found.frequency.map((hz, c) => {
+    let inside = 0, all = 0, active = 0, passive = 0, passiveArea = 0, far = 0, farArea = 0, own = 0, re = 0, im = 0;
+    for (const p of found.profile) {
+      const square = p.re[c] ** 2 + p.im[c] ** 2, y = Math.abs(p.y);
+      all += p.weight * square;
+      if (y < half) {
+        const shape = Math.cos(Math.PI * p.y / data.zone_width), cos = Math.cos(data.kx * p.x) * shape, sin = Math.sin(data.kx * p.x) * shape;
+        inside += p.weight * square; active += p.weight; own += p.weight * shape * shape;
+        re += p.weight * (cos * p.re[c] + sin * p.im[c]); im += p.weight * (cos * p.im[c] - sin * p.re[c]);
+      } else { passive += p.weight * square; passiveArea += p.weight; }
+      if (y > beyond) { far += p.weight * square; farArea += p.weight; }
+    }
+    const level = (sum, area) => Math.min(active, area) <= 1e-9 * Math.max(active, area) ? null : 10 * Math.log10(inside / active / (sum / area));
+    const projection = (re * re + im * im) / own, confinement = level(passive, passiveArea), share = confinement === null ? null : inside / all;
+    return { hz, c, mac: projection / inside, confinement_db: confinement, extension_db: level(far, farArea), zone_share: share,
+      score: data.plate_density * design.thickness * projection / unit * (share === null ? 1 : share) };
+  });
+  const candidates = modes.filter((mode) => mode.mac >= 0.5);
+  if (!candidates.length) return null;
+  const best = candidates.reduce((a, b) => b.score > a.score ? b : a);
+  const rivals = modes.filter((mode) => mode !== best && mode.score * mode.mac >= 0.25 * best.score * best.mac).length;
+  return { ...best, rivals: Math.min(rivals, 3) };
+}
+function plateOf(data, pillarRow, design, window) {
+  const found = columnOf(data, pillarRow, design, window), best = measured(data, found, design);
+  if (!best) return { why_not: "no mode of the wanted shape in the window" };
+  const slots = data.profile, end = found.half_span, area = zeros(slots), square = zeros(slots);
+  for (const p of found.profile) { const slot = Math.min(Math.floor(Math.abs(p.y) / end * slots), slots - 1); area[slot] += p.weight; square[slot] += p.weight * (p.re[best.c] ** 2 + p.im[best.c] ** 2); }
+  const full = range(0, slots).filter((i) => area[i] > 0), level = full.map((i) => Math.sqrt(square[i] / area[i])), high = Math.max(...level);
+  return { confinement_db: best.confinement_db, extension_db: best.extension_db, mac: best.mac, zone_share: best.zone_share, frequency_hz: best.hz, frequency_error: data.slack, rivals: best.rivals,
+    profile: { y_mm: full.map((i) => 1e3 * (i + 0.5) / slots * end), level: level.map((v) => v / high) }, half_width_mm: 500 * data.zone_width, half_span_mm: 1e3 * end };
+}
+
+// ---- decay per row: solvers/waves/evanescent.py, polarisation.py ----
+function decayOf(data, row, design, window) {
+  if (data.kx > Math.PI / design.pitch) return { frequency_hz: [], db_per_row: [], kx_per_m: data.kx };
+  const hz = range(0, data.decay_points).map((i) => window[0] + (window[1] - window[0]) * i / (data.decay_points - 1));
+  const angular = data.angular * data.reference[0] / design.thickness;
+  return { frequency_hz: hz, db_per_row: hz.map((f) => flexuralDb(data, row, (2 * Math.PI * f / angular) ** 2)), kx_per_m: data.kx };
+}
+function flexuralDb(data, row, eigenvalue) {
+  const e = data.face.edge, n = row.k.n, d = plus(row.k, row.m, -eigenvalue), side = 2 * e;
+  const follow = linear(block(d, side, n, side, n), block(d, side, n, 0, side)); // the inside is minus this times the edges
+  const edges = halfSum(plus(block(d, 0, side, 0, side), mul(block(d, 0, side, side, n), follow), -1));
+  const sign = range(0, e).map((i) => i % 3 === 1 ? -1 : 1), even = range(0, e).filter((i) => sign[i] > 0), odd = range(0, e).filter((i) => sign[i] < 0);
+  const bb = block(edges, 0, e, 0, e), bt = scaledColumns(block(edges, 0, e, e, side), sign), together = plus(bb, bt), apart = plus(bb, bt, -1);
+  const g = plus(picked(apart, even, odd), picked(together, even, odd), -1), minus = plus(mat(g.n, g.m), g, -1), a = even.length, b = odd.length;
+  const left = below(beside(picked(together, even, even), minus), beside(mat(b, a), picked(apart, odd, odd)));
+  const right = below(beside(picked(apart, even, even), mat(a, b)), beside(transposed(minus), picked(together, odd, odd)));
+  const pencil = linear(right, left), rows = range(0, e).map((i) => Array.from(pencil.a.subarray(i * e, (i + 1) * e)));
+  const eigen = new MlMatrix.EigenvalueDecomposition(rows, { assumeSymmetric: false });
+  let least = null;
+  for (let c = 0; c < e; c++) {
+    const re = eigen.realEigenvalues[c], im = eigen.imaginaryEigenvalues[c], size = Math.hypot(re, im), tau = [Math.sqrt(Math.max((size + re) / 2, 0)), Math.sign(im || 1) * Math.sqrt(Math.max((size - re) / 2, 0))];
+    const factor = over([1 - tau[0], -tau[1]], [1 + tau[0], tau[1]]), amount = Math.max(Math.hypot(...factor), TINY), log = Math.abs(Math.log(amount));
+    const db = log > PROPAGATING ? 20 * log / Math.LN10 : 0;
+    if (db > STEEPEST_DB || (least !== null && db >= least)) continue;
+    const vector = eigenvector(eigen, c, im), q = range(0, e).map(() => [0, 0]);
+    even.forEach((at, i) => { q[at] = size < 1e-18 ? vector[i] : times(vector[i], tau); });
+    odd.forEach((at, i) => { q[at] = vector[a + i]; });
+    const motion = [...q, ...q.map((v) => times(v, factor))];
+    for (let i = 0; i < follow.n; i++) {
+      let x = 0, y = 0;
+      for (let j = 0; j < side; j++) { const f = follow.a[i * side + j]; x -= f * motion[j][0]; y -= f * motion[j][1]; }
+      motion.push([x, y]);
+    }
+    if (flexuralShare(data, row, motion) > FELT) least = db;
+  }
+  return least;
+}
+const times = (x, y) => [x[0] * y[0] - x[1] * y[1], x[0] * y[1] + x[1] * y[0]];
+const over = (x, y) => { const s = y[0] * y[0] + y[1] * y[1]; return [(x[0] * y[0] + x[1] * y[1]) / s, (x[1] * y[0] - x[0] * y[1]) / s]; };
+function eigenvector(eigen, c, im) { // of a real matrix: conjugate pairs share two columns
+  const v = eigen.eigenvectorMatrix, n = v.rows, first = im > 0 ? c : c - 1;
+  if (im === 0) return range(0, n).map((i) => [v.get(i, c), 0]);
+  return range(0, n).map((i) => [v.get(i, first), Math.sign(im) * v.get(i, first + 1)]);
+}
+function linear(x, y) { // x^-1 y by Gauss with row exchanges
+  const n = x.n, w = y.m, a = x.a.slice(), out = mat(n, w);
+  out.a.set(y.a);
+  const exchange = (z, width, i, j) => { for (let k = 0; k < width; k++) [z[i * width + k], z[j * width + k]] = [z[j * width + k], z[i * width + k]]; };
+  for (let c = 0; c < n; c++) {
+    let best = c;
+    for (let r = c + 1; r < n; r++) if (Math.abs(a[r * n + c]) > Math.abs(a[best * n + c])) best = r;
+    if (best !== c) { exchange(a, n, c, best); exchange(out.a, w, c, best); }
+    for (let r = c + 1; r < n; r++) {
+      const f = a[r * n + c] / a[c * n + c];
+      if (!f) continue;
+      for (let k = c + 1; k < n; k++) a[r * n + k] -= f * a[c * n + k];
+      for (let k = 0; k < w; k++) out.a[r * w + k] -= f * out.a[c * w + k];
+    }
+  }
+  for (let c = n - 1; c >= 0; c--)
+    for (let k = 0; k < w; k++) {
+      let v = out.a[c * w + k];
+      for (let j = c + 1; j < n; j++) v -= a[c * n + j] * out.a[j * w + k];
+      out.a[c * w + k] = v / a[c * n + c];
+    }
+  return out;
+}
+function flexuralShare(data, row, motion) { // of <|u_z|^2> in <|u|^2>, means through the thickness along the cell's sides
+  const { layers, count } = data.face, lines = data.lines, n = lines.n, flat = [0, 1, 2].map(() => range(0, n).map(() => [0, 0]));
+  row.rows.forEach((entries, r) => entries.forEach(([at, a, b]) => {
+    if (at >= count || Math.floor(at / 3) % layers) return;
+    const v = flat[at % 3][Math.floor(at / 3) / layers], p = times([a, b], motion[r]);
+    v[0] += p[0]; v[1] += p[1];
+  }));
+  const squares = flat.map((u) => { let s = 0; for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) s += lines.a[i * n + j] * (u[i][0] * u[j][0] + u[i][1] * u[j][1]); return s; });
+  return squares[2] / Math.max(squares[0] + squares[1] + squares[2], Number.MIN_VALUE);
+}
+
+// ---- a design: pipeline/explore/answer.py ----
+function faultsOf(data, given) {
+  const out = [];
+  for (const [name, { key, low, high, unit }] of Object.entries(data.limits)) {
+    const value = given[name];
+    if (!Number.isFinite(value)) out.push(`${key} must be a number`);
+    else if (value < low || value > high) out.push(`${key} = ${value}: the model answers from ${low} to ${high} ${unit}`.trim());
+    else if (name === "rows" && !Number.isInteger(value)) out.push(`${key} = ${value}: must be a whole number`);
+  }
+  data.box.names.forEach((name, i) => {
+    const value = given[name], [low, high] = [1e3 * data.box.low[i], 1e3 * data.box.high[i]];
+    if (!out.length && !(value >= low * (1 - 1e-9) && value <= high * (1 + 1e-9))) out.push(`${name} = ${value} mm: must lie between ${+low.toFixed(6)} and ${+high.toFixed(6)} mm`);
+  });
+  const gap = 1e3 * data.box.clearance;
+  if (!out.length && !(given.pitch - given.side >= gap * (1 - 1e-9))) out.push(`side = ${given.side} mm does not fit pitch = ${given.pitch} mm: at least ${gap} mm must stay between two pillars`);
+  if (!out.length && given.rows && data.zone_width < 2e-3 * given.side) out.push(`side = ${given.side} mm: the zone must be at least two pillar sides wide`);
+  return out;
+}
+function warningsOf(data, design) {
+  const out = [], edge = Math.PI / design.pitch;
+  if (data.kx > edge) out.push(`the wanted wavenumber ${data.kx.toFixed(0)} rad/m lies beyond the zone's edge ${edge.toFixed(0)} rad/m`);
+  if (data.half_wave < 2 * design.thickness) out.push("half a wave of the wanted mode is shorter than two thicknesses: its window is a guess");
+  if (design.rows * design.pitch + design.extension > 0.06) out.push("a wide passive part carries many modes near the wanted one: the column may pick another than the plate");
+  return out;
+}
+function answerOf(data, given) {
+  const faults = faultsOf(data, given);
+  if (faults.length) throw new Error(faults.join("; "));
+  const design = Object.fromEntries(Object.entries(given).map(([name, value]) => [name, name === "rows" ? value : value / 1e3]));
+  const sizes = [design.thickness, design.height, design.side, design.pitch], ready = prepared(data, sizes);
+  const window = data.window_hz.map((hz) => hz * design.thickness / data.window_thickness);
+  let kept = null;
+  const pillarRow = () => kept = kept || realRow(data, joinedCell(data, ready, sizes), data.kx);
+  const out = { design: given, warnings: warningsOf(data, design), bands: bandsOf(data, ready, sizes), rows: decayOf(data, pillarRow(), design, window) };
+  try { out.plate = plateOf(data, pillarRow, design, window); } catch (fault) { out.plate = { why_not: fault.message }; }
+  return out;
+}

@@ -1,0 +1,1 @@
+export { EigenvalueDecomposition } from "ml-matrix";
