@@ -63,9 +63,10 @@ def explain(study: StudyFile, job: Job) -> str:
 
 def conclude(study: StudyFile, folder: Path) -> list[Path]:
     """Table and page from the stored records."""
-    from pipeline.report import page
+    from pipeline.report import explorer, page
 
-    return [registry.write_table(folder), page.build(folder)]
+    made = explorer.put(folder, study.case_path)
+    return [registry.write_table(folder), *made, page.build(folder)]
 
 
 def computer(study: StudyFile) -> Any:

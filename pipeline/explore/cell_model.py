@@ -74,19 +74,30 @@ def require_square(case: Case) -> None:
 
 def cell_model(case: Case, log: Log, offline: Offline | None = None) -> CellModel:
     """The model of a case's materials: taken from the cache, or made now. InputError for a cell that it cannot follow."""
-    require_square(case)
-    assert case.design.pillar is not None
     offline = offline or Offline()
-    materials = case.design.material, case.design.pillar.material
-    key = hashlib.sha256(repr(("parametric", offline, materials)).encode()).hexdigest()
-    cache = CellModelCache()
-    kept = cache.get_model(key, offline)
+    kept = kept_model(case, offline)
     if kept is not None:
         log.info("parametric cell taken from the cache")
         return kept
-    model = _made(materials, offline, log)
-    cache.put_model(key, model)
+    model = _made(_materials(case), offline, log)
+    CellModelCache().put_model(_key(case, offline), model)
     return model
+
+
+def kept_model(case: Case, offline: Offline | None = None) -> CellModel | None:
+    """The model of a case's materials where the cache has it. InputError for a cell that it cannot follow."""
+    require_square(case)
+    offline = offline or Offline()
+    return CellModelCache().get_model(_key(case, offline), offline)
+
+
+def _materials(case: Case) -> tuple[Material, Material]:
+    assert case.design.pillar is not None
+    return case.design.material, case.design.pillar.material
+
+
+def _key(case: Case, offline: Offline) -> str:
+    return hashlib.sha256(repr(("parametric", offline, _materials(case))).encode()).hexdigest()
 
 
 def _made(materials: tuple[Material, Material], offline: Offline, log: Log) -> CellModel:

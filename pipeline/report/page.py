@@ -13,7 +13,7 @@ from pipeline.measures import registry
 from pipeline.plots import style
 from pipeline.records import store
 from pipeline.records.study import StoredCase, StoredStudy, read_study
-from pipeline.report import dispersion, gallery, mode_shapes, text
+from pipeline.report import dispersion, explorer, gallery, mode_shapes, text
 from pipeline.report.html import render, script_data, vendored
 from pipeline.report.other_studies import beside
 from pipeline.report.pictures import EmbeddedFigure, Embedder, link
@@ -101,6 +101,7 @@ def _page(
         best=text.best_case(study),
         of_best=_of_best(study, pages),
         beside=beside(study.folder, embedder),
+        explorer=explorer.link(study.folder),
         undrawn=sum(page.case.record.answered and not page.drawn for page in pages),
         linked=embedder.linked,
         versions=next((case.record.versions for case in study.cases if case.record.versions), {}),

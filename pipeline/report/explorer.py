@@ -1,0 +1,37 @@
+"""The explorer beside a study's report: a page of its own that answers without the program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.case.model import case_from_dict
+from pipeline.case.overrides import read_toml
+from pipeline.errors import InputError
+from pipeline.records import store
+
+NAME = "explorer.html"
+
+
+def put(folder: Path, case_path: Path) -> list[Path]:
+    """Write the explorer of the study's case where its bases are in the cache: making them takes longer than most studies."""
+    from pipeline.explore import offline
+    from pipeline.explore.answer import Explorer, Scene
+    from pipeline.explore.cell_model import kept_model
+
+    try:
+        raw = read_toml(case_path)
+        case = case_from_dict(raw, case_path)
+        case.require("pillar", "zone", command="explore")
+        model = kept_model(case)
+        if model is None:
+            return []
+        html = offline.page(Explorer(Scene(case, raw, ()), model))
+    except InputError:  # a cell that the bases cannot follow: the study has no explorer
+        return []
+    store.write_atomic(folder / NAME, html.encode())
+    return [folder / NAME]
+
+
+def link(folder: Path) -> str:
+    """The address of the explorer beside a study's report, or nothing."""
+    return NAME if (folder / NAME).exists() else ""

@@ -1,0 +1,29 @@
+"""The explorer beside a study's report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.explore import cell_model
+from pipeline.report import explorer, page
+from tests.helpers import synthetic
+from tests.helpers.exploring import SMALL, small_explorer
+
+
+def test_a_study_links_an_explorer_where_its_bases_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = small_explorer(tmp_path).model
+    folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,))
+    assert f'href="{explorer.NAME}"' not in page.build(folder).read_text(encoding="utf-8")
+    monkeypatch.setattr(cell_model, "kept_model", lambda case: None)
+    assert explorer.put(folder, SMALL) == [] and not (folder / explorer.NAME).exists()
+    monkeypatch.setattr(cell_model, "kept_model", lambda case: model)
+    assert explorer.put(folder, SMALL) == [folder / explorer.NAME]
+    assert f'href="{explorer.NAME}"' in page.build(folder).read_text(encoding="utf-8")
+
+
+def test_a_study_of_a_cell_that_the_bases_cannot_follow_has_none(tmp_path: Path) -> None:
+    case = tmp_path / "tall.toml"
+    case.write_text(SMALL.read_text(encoding="utf-8").replace('shape = "square"', 'shape = "round"'), encoding="utf-8")
+    assert explorer.put(tmp_path, case) == []
