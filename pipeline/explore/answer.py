@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings, Panel
@@ -17,9 +19,11 @@ from pipeline.errors import InputError
 from pipeline.explore.cell_model import MESH_ERROR, CellModel
 from pipeline.planning import mesh_rules
 from pipeline.search.fidelity import COLUMN, SLACK
+from pipeline.search.limits import mass_kg
+from pipeline.units import GRAM, MM
 from solvers.errors import SolverError
 from solvers.measures.confinement import measure_profile
-from solvers.parametric.affine import Sizes
+from solvers.parametric.affine import NAMES, Sizes, between
 from solvers.parametric.bands import bands
 from solvers.parametric.bare import bare_cell
 from solvers.parametric.cell import Inner, ParametricCell
@@ -49,6 +53,8 @@ LIMITS: dict[str, tuple[str, str, float, float, float]] = {
     "rows": ("array.rows", "", 0.0, 8.0, 1.0),
     "extension": ("array.extension_mm", "mm", 0.0, 40.0, 0.5),
 }  # a slider each: key of the case file, unit, ends, step
+CLOUD = 2000  # designs of the Pareto picture
+BATCH = 6  # of them a question: a drag waits no longer
 Document = dict[str, Any]
 
 
@@ -201,6 +207,34 @@ class Explorer:
         except (SolverError, InputError) as fault:
             document["plate"] = {"why_not": " ".join(str(fault).split())}
         return document
+
+    @cached_property
+    def cloud_designs(self) -> list[dict[str, float]]:
+        """The designs of the Pareto picture: evenly spread over the box, on the sliders' steps, the same at every call."""
+        box = self.model.cell.box
+        sizes = dict(zip(NAMES, box.sample(between(CLOUD, seed=4)).T, strict=True))
+        unit = qmc.Halton(2, seed=5).random(CLOUD)
+        designs = []
+        for number, (one, other) in enumerate(unit):
+            values = {name: 1e3 * own[number] for name, own in sizes.items()}
+            values |= {"rows": 1.0 + np.floor(5.0 * one), "extension": 5.0 + 30.0 * other}
+            stepped = {name: round(round(values[name] / LIMITS[name][4]) * LIMITS[name][4], 6) for name in LIMITS}
+            if not box.faults((MM * stepped["thickness"], *(MM * stepped[name] for name in NAMES[1:]))):
+                designs.append(stepped)
+        return designs
+
+    def cloud(self, first: int, count: int) -> list[Document]:
+        """Frequency, confinement and mass of some of those designs; None where one has no wanted mode in its window."""
+        out = []
+        for design in self.cloud_designs[first : first + min(count, BATCH)]:
+            case = self.scene.at(design)
+            try:
+                plate = self._column(case, mesh_rules.wanted_window_hz(case.design))
+            except (SolverError, InputError) as fault:
+                plate = {"why_not": str(fault)}
+            known = {name: plate.get(name) for name in ("frequency_hz", "confinement_db")}
+            out.append({"design": design, "mass_g": mass_kg(case.design) / GRAM} | known)
+        return out
 
     def _warnings(self, case: Case) -> list[str]:
         said, design = [], case.design

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from geometry.elements import FloatArray
-from pipeline.explore.answer import FACE, INNER, PANEL, POINTS, PROFILE, Explorer
+from pipeline.explore.answer import BATCH, FACE, INNER, PANEL, POINTS, PROFILE, Explorer
 from pipeline.explore.cell_model import MESH_ERROR, CellModel
 from pipeline.planning import mesh_rules
 from pipeline.search.fidelity import COLUMN, SLACK
@@ -82,6 +82,10 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
     design, box = case.design, cell.box
     return scene.document() | {
         "case_template": scene.template(),
+        "cloud": explorer.cloud_designs,
+        "batch": BATCH,
+        "zone_length": design.length_m,
+        "pillar_density": design.pillar.material.density_kg_m3 if design.pillar else 0.0,
         "reference": cell.reference,
         "angular": cell.scale.angular,
         "box": {"names": NAMES, "low": box.low, "high": box.high, "clearance": box.clearance_m},

@@ -16,7 +16,7 @@ from aiohttp import web
 
 from geometry.errors import GeometryError, MeshError
 from pipeline.errors import InputError
-from pipeline.explore.answer import Document, Explorer, compute, read_design
+from pipeline.explore.answer import BATCH, Document, Explorer, compute, read_design
 from solvers.errors import SolverError
 
 HOST = "127.0.0.1"
@@ -84,6 +84,7 @@ class Server:
         app.router.add_get(f"{base}/{{name:(explore\\.js|explore\\.css)?}}", self._file)
         app.router.add_get(f"{base}/scene", self._scene)
         app.router.add_post(f"{base}/answer", self._answer)
+        app.router.add_post(f"{base}/cloud", self._cloud)
         app.router.add_post(f"{base}/case", self._case)
         app.router.add_post(f"{base}/full", self._start)
         app.router.add_get(f"{base}/full", self._tell)
@@ -118,6 +119,15 @@ class Server:
     async def _answer(self, request: web.Request) -> web.StreamResponse:
         design = read_design(await _json(request))
         found = await asyncio.get_running_loop().run_in_executor(self._live, self.explorer.answer, design)
+        return web.json_response(found, dumps=_dumps)
+
+    async def _cloud(self, request: web.Request) -> web.StreamResponse:
+        given = await _json(request)
+        first = given.get("first") if isinstance(given, dict) else None
+        if not isinstance(first, int) or isinstance(first, bool) or first < 0:
+            raise InputError("a question for the cloud has the number of its first design")
+        loop = asyncio.get_running_loop()
+        found = await loop.run_in_executor(self._live, self.explorer.cloud, first, BATCH)
         return web.json_response(found, dumps=_dumps)
 
     async def _case(self, request: web.Request) -> web.StreamResponse:

@@ -95,11 +95,16 @@ def bare_cell(size_m: tuple[float, float, float], material: Material, face: Inte
     stiffness, mass = bare_matrices(size_m, material, face)
     b = face.count
     values, modes, parity = _modes(stiffness[b:, b:], mass[b:, b:], face)
-    pull = modes.T @ stiffness[b:, :b]
-    static = -modes @ (pull / values[:, None])  # all modes: K_II^-1 = sum of u u' / l
-    shapes = np.block([[np.eye(b), np.zeros((b, len(values)))], [static, modes]])
+    static = -modes @ ((modes.T @ stiffness[b:, :b]) / values[:, None])  # all modes: K_II^-1 = sum of u u' / l
+    moving = mass[b:, :b] + mass[b:, b:] @ static
     scale = Scale(size_m[2], material.young_pa, material.density_kg_m3)
-    k, m = (shapes.T @ matrix @ shapes for matrix in (stiffness, mass))
+    k, m = np.zeros((2, *stiffness.shape))
+    k[:b, :b] = stiffness[:b, :b] + stiffness[:b, b:] @ static
+    m[:b, :b] = mass[:b, :b] + mass[:b, b:] @ static + static.T @ moving
+    m[b:, :b] = modes.T @ moving
+    m[:b, b:] = m[b:, :b].T
+    k[b:, b:], m[b:, b:] = np.diag(values), np.eye(len(values))
+    shapes = np.block([[np.eye(b), np.zeros((b, len(values)))], [static, modes]])
     touch = _touch(size_m, face)
     touch = Expansion(touch.points, (touch.matrix[:, 0] @ shapes[2::3])[:, None], touch.weights)
     none = Expansion(np.empty((0, 3)), np.empty((0, 3, len(k))), facets=np.empty((0, 4), dtype=np.int64))

@@ -80,13 +80,24 @@ def real_factors(cell: Cell, kx_per_m: float) -> ComplexArray:
 
 
 def real_row(row: Row) -> Pair:
-    """K and M of a row among the unknowns that `real_factors` turn into its own."""
-    turned = row.transform * real_factors(row.cell, row.kx)
-    parts = turned.real, turned.imag
-    stiffness, mass = (
-        np.sum([p.T @ matrix @ p for p in parts], axis=0) for matrix in (row.cell.stiffness, row.cell.mass)
-    )
-    return stiffness, mass
+    """K and M of a row among the unknowns that `real_factors` turn into its own.
+
+    Of the inside only modes of like parity meet: their factors are alike, and drop out.
+    """
+    count = row.cell.interface.count
+    width = row.transform.shape[1] - len(row.cell.fixed_hz)
+    turned = row.transform[:count, :width] * real_factors(row.cell, row.kx)[:width]
+    odd = row.cell.fixed_parity[:, 0] < 0
+    alike = odd[:, None] == odd
+    out = []
+    for matrix in (row.cell.stiffness, row.cell.mass):
+        edges = sum(part.T @ matrix[:count, :count] @ part for part in (turned.real, turned.imag))
+        across = np.empty((width, len(odd)))
+        across[:, ~odd], across[:, odd] = (
+            part.T @ matrix[:count, count:][:, own] for part, own in ((turned.real, ~odd), (turned.imag, odd))
+        )
+        out.append(np.block([[edges, across], [across.T, np.where(alike, matrix[count:, count:], 0.0)]]))
+    return out[0], out[1]
 
 
 class Chain:

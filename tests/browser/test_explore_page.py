@@ -142,6 +142,20 @@ def test_a_page_whose_program_has_ended_says_so(browser: Any, explorer: Explorer
         page.close()
 
 
+def test_a_dot_of_the_cloud_sets_the_sliders(opened: Callable[..., Any]) -> None:
+    page = opened()
+    page.locator("#gather").click()
+    until(page, "document.querySelectorAll('#by-frequency .dot.front').length > 0 && cloud.points.length > 4")
+    page.locator("#gather").click()
+    until(page, "!cloud.running")
+    dot = page.locator("#by-mass .dot.front").first
+    wanted = float(dot.locator("title").text_content().split(" dB")[0])
+    dot.focus()
+    page.keyboard.press("Enter")
+    until(page, f"{READY} && Math.abs(state.shown.plate.confinement_db - {wanted}) < 0.06")
+    assert page.locator("#pins tbody tr").count() == 0 and not page.faults
+
+
 @pytest.fixture(scope="module")
 def exported(explorer: Explorer, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("offline") / "explorer.html"
@@ -179,6 +193,14 @@ def test_the_exported_page_has_pythons_numbers(browser: Any, exported: Path, exp
         assert [other for _, other in known if other] == pytest.approx(
             [one for one, _ in known if one], rel=1e-4, abs=1e-4
         )
+    assert page.evaluate("() => answer('cloud', { first: 3 })")[:4] == [
+        one
+        | {
+            name: one[name] if one[name] is None else pytest.approx(one[name], rel=1e-4)
+            for name in ("mass_g", "frequency_hz", "confinement_db")
+        }
+        for one in explorer.cloud(3, 4)
+    ]
     assert asked == [exported.as_uri()]
     page.close()
 

@@ -165,6 +165,7 @@ function put(svg, tag, attributes, text) {
   for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
   if (text !== undefined) element.textContent = text;
   svg.append(element);
+  return element;
 }
 function steps(high) {
   const raw = high / 5, power = 10 ** Math.floor(Math.log10(raw || 1));
@@ -239,6 +240,46 @@ function drawProfile(found, before) {
   put(svg, "rect", { class: "zone", x: at.left, y: at.top, width: at.x(plate.half_width_mm) - at.left, height: at.height });
   if (before && !before.plate.why_not) curve(svg, "before", at, before.plate.profile.y_mm, before.plate.profile.level.map((v, i) => before.plate.profile.y_mm[i] <= plate.half_span_mm ? v : null));
   curve(svg, "line", at, plate.profile.y_mm, plate.profile.level);
+}
+
+// many designs, gathered a batch at a time between the answers to drags
+const cloud = { points: [], next: 0, running: false };
+async function gather() {
+  cloud.running = !cloud.running;
+  $("gather").textContent = cloud.running ? "Stop" : "Go on";
+  while (cloud.running) {
+    let more;
+    try { more = await answer("cloud", { first: cloud.next }); } catch (fault) { $("gathered").textContent = fault.message; break; }
+    cloud.next += more.length;
+    cloud.points.push(...more.filter((point) => point.frequency_hz !== null && point.confinement_db !== null));
+    $("gathered").textContent = `${cloud.next} designs computed, ${cloud.points.length} have a wanted mode`;
+    drawCloud();
+    if (!more.length) { $("gather").disabled = true; break; }
+  }
+  cloud.running = false;
+  $("gather").textContent = $("gather").disabled ? "Done" : "Go on";
+}
+function front(points) { // those that no other beats in all three
+  const worth = (p) => [p.confinement_db, p.frequency_hz, -p.mass_g], kept = [];
+  for (const p of [...points].sort((a, b) => b.confinement_db - a.confinement_db))
+    if (!kept.some((q) => worth(q).every((v, i) => v >= worth(p)[i]))) kept.push(p);
+  return new Set(kept);
+}
+function drawCloud() {
+  if (!cloud.points.length) return;
+  const best = front(cloud.points), high = Math.max(...cloud.points.map((p) => p.confinement_db));
+  for (const [id, text, value] of [["by-frequency", "frequency (kHz)", (p) => p.frequency_hz / 1000], ["by-mass", "mass (g)", (p) => p.mass_g]]) {
+    const svg = $(id), far = Math.max(...cloud.points.map(value)) * 1.03, at = frame(svg, far, Math.max(high, 1) * 1.05, text, "confinement (dB)", steps(far).map((v) => [v, String(Number(v.toPrecision(6)))]));
+    for (const p of [...cloud.points].sort((a, b) => best.has(a) - best.has(b))) {
+      if (p.confinement_db < 0) continue;
+      const label = `${p.confinement_db.toFixed(1)} dB, ${kilo(p.frequency_hz)} kHz, ${p.mass_g.toFixed(1)} g`;
+      const dot = put(svg, "circle", { class: best.has(p) ? "dot front" : "dot", cx: at.x(value(p)).toFixed(1), cy: at.y(p.confinement_db).toFixed(1), r: best.has(p) ? 4.5 : 3 });
+      if (best.has(p)) { dot.setAttribute("tabindex", "0"); dot.setAttribute("role", "button"); dot.setAttribute("aria-label", `Take the design with ${label}`); }
+      put(dot, "title", {}, label);
+      dot.addEventListener("click", () => take(p.design));
+      dot.addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); take(p.design); } });
+    }
+  }
 }
 
 function drawPins() {
@@ -335,6 +376,7 @@ async function start() {
   });
   $("pin").addEventListener("click", () => { if (state.shown && state.pins.length < MOST_PINS) { state.pins.push(state.shown); drawPins(); } });
   $("save").addEventListener("click", save);
+  $("gather").addEventListener("click", gather);
   $("full").addEventListener("click", computeFull);
   $("copy").addEventListener("click", async () => {
     try { await navigator.clipboard.writeText(location.href); say("the address is copied; it holds the design", false); } catch { say("copy it from the address bar: it holds the design", false); }

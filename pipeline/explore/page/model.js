@@ -205,12 +205,12 @@ function lowestModes(k, factor, m, count) { // inverse iteration of a few vector
   }
   return { values: values.slice(0, count), modes: firstColumns(x, count) };
 }
-function prepared(data, sizes) { // what both uses of a design share: matrices of every class, its inside factorised
+function prepared(data, sizes, modes = data.bands_inner.modes) { // what both uses of a design share: matrices of every class, its inside factorised
   const [tk, tm] = [data.stiffness_exponents, data.mass_exponents].map((rows) => theta(rows, sizes, data.reference));
   return data.blocks.map((own) => {
     const n = own.size, f = own.functions, k = summed(own.stiffness, tk, n), m = summed(own.mass, tm, n);
     const inner = { k: block(k, f, n, f, n), m: block(m, f, n, f, n) }, factor = cholesky(inner.k);
-    const lowest = lowestModes(inner.k, factor, inner.m, data.bands_inner.modes);
+    const lowest = lowestModes(inner.k, factor, inner.m, modes);
     return { own, f, n, k, m, inner, factor, lowest, boundary: boundaryAt(own, sizes[2] / sizes[3]) };
   });
 }
@@ -624,10 +624,27 @@ function warningsOf(data, design) {
   if (design.rows * design.pitch + design.extension > 0.06) out.push("a wide passive part carries many modes near the wanted one: the column may pick another than the plate");
   return out;
 }
+const inMetres = (given) => Object.fromEntries(Object.entries(given).map(([name, value]) => [name, name === "rows" ? value : value / 1e3]));
+function massOf(data, design) { // pipeline/search/limits.py, kg
+  const { pitch, side, thickness, height, rows, extension } = design, span = data.zone_width / 2 + extension + (rows ? (rows - 1) * pitch + side : 0);
+  const columns = Math.floor((data.zone_length - side) / pitch * (1 + 1e-9) + 1e-9) + 1;
+  return data.zone_length * 2 * span * thickness * data.plate_density + (rows ? 2 * columns * rows * side * side * height * data.pillar_density : 0);
+}
+function cloudOf(data, first) {
+  return data.cloud.slice(first, first + data.batch).map((given) => {
+    const design = inMetres(given), sizes = [design.thickness, design.height, design.side, design.pitch], out = { design: given, mass_g: 1e3 * massOf(data, design), frequency_hz: null, confinement_db: null };
+    const window = data.window_hz.map((hz) => hz * design.thickness / data.window_thickness);
+    try {
+      const ready = prepared(data, sizes, data.face_inner.modes), found = columnOf(data, () => realRow(data, joinedCell(data, ready, sizes), data.kx), design, window), best = measured(data, found, design);
+      if (best) Object.assign(out, { frequency_hz: best.hz, confinement_db: best.confinement_db });
+    } catch { /* no live answer for this one */ }
+    return out;
+  });
+}
 function answerOf(data, given) {
   const faults = faultsOf(data, given);
   if (faults.length) throw new Error(faults.join("; "));
-  const design = Object.fromEntries(Object.entries(given).map(([name, value]) => [name, name === "rows" ? value : value / 1e3]));
+  const design = inMetres(given);
   const sizes = [design.thickness, design.height, design.side, design.pitch], ready = prepared(data, sizes);
   const window = data.window_hz.map((hz) => hz * design.thickness / data.window_thickness);
   let kept = null;

@@ -17,6 +17,7 @@ function placed(value, numbers) {
 function answered(path, body) {
   if (path === "scene") return { name: model.name, limits: model.limits, design: model.design };
   if (path === "answer") return answerOf(model, body);
+  if (path === "cloud") return cloudOf(model, body.first);
   const faults = faultsOf(model, body);
   if (faults.length) throw new Error(faults.join("; "));
   return Object.entries(body).reduce((text, [name, value]) => text.replace(`"@${name}@"`, name === "rows" ? value.toFixed(0) : String(value)), model.case_template);
