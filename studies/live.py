@@ -1,6 +1,7 @@
 """How far the parametric cell's bands lie from plain reductions of random designs, and the ratio of times.
 
     python -m studies.live [DESIGNS] [CASE]
+    python -m studies.live picture [CASE]      docs/pictures/explore.gif: bands and shape while the pillars grow
 
 Each design is solved once from the bases and once as `antinode bands` would at accuracy 0.001, in one process, one after
 the other. The bar counted is that of the bases and the mesh's together.
@@ -11,22 +12,26 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from geometry.elements import FloatArray
 from pipeline.case.model import Case, load_case
-from pipeline.explore.answer import Explorer, Scene
+from pipeline.case.overrides import read_toml
+from pipeline.explore.answer import BATCH, Explorer, Scene
 from pipeline.explore.cell_model import BANDS, MESH_ERROR, CellModel, cell_model
 from pipeline.logs import TerminalLog
 from pipeline.models.unit_cell import lattice_model
-from pipeline.paths import STUDIES
+from pipeline.paths import ROOT, STUDIES
 from pipeline.planning.model_choice import cell_model_choice
 from pipeline.search.fidelity import WarningLog
+from pipeline.units import KHZ
 from solvers.parametric.affine import Sizes, as_sizes
 from solvers.parametric.bands import FLAT, bands
 
 ACCURACY, GOAL = 0.001, 0.003
+FRAMES, PICTURE = 25, ROOT / "docs" / "pictures" / "explore.gif"
 EVERY = 5  # wavevectors that the plain reduction solves
 
 
@@ -92,21 +97,67 @@ def main(count: int, path: str) -> int:
     print(f"{good} of {count} designs within {GOAL:.1%}")
     print(f"{outside} of {values} values beyond bar and accuracy together")
     print(f"{ratio:.0f} times as fast as a plain reduction, {live_s:.3f} s (medians)")
-    _whole(Explorer(Scene(case, {}, ()), model), case)
+    _whole(Explorer(Scene(case, read_toml(Path(path)), ()), model), case)
     return 0
 
 
 def _whole(explorer: Explorer, case: Case) -> None:
-    """The page's whole answer of the case itself, after one to warm up."""
+    """The page's whole answer of the case itself, after one to warm up, and designs of its cloud."""
     assert case.design.pillar is not None
     explorer.document(case, {})
-    begin = time.perf_counter()
+    begin, busy = time.perf_counter(), time.process_time()
     explorer.document(case, {})
-    print(f"bands, decay and column together: {time.perf_counter() - begin:.3f} s")
+    print(
+        f"bands, decay and column: {time.perf_counter() - begin:.3f} s, {time.process_time() - busy:.3f} s of the processor"
+    )
+    busy = time.process_time()
+    made = [point for first in range(0, 10 * BATCH, BATCH) for point in explorer.cloud(first, BATCH)]
+    each = (time.process_time() - busy) / len(made)
+    print(f"a design of the cloud: {each:.3f} s of the processor, {60.0 / each:.0f} a minute")
+
+
+def picture(path: str) -> None:
+    """Write the moving picture of the documentation: the page's own answers at FRAMES heights, there and back."""
+    from matplotlib import pyplot as plt
+    from matplotlib.animation import FuncAnimation, PillowWriter
+
+    raw = read_toml(Path(path))
+    case = load_case(path)
+    explorer = Explorer(Scene(case, raw, ()), cell_model(case, TerminalLog()))
+    heights = np.round(np.linspace(4.5, 8.5, FRAMES), 2)
+    answers = [explorer.answer(explorer.scene.own() | {"height": float(height)}) for height in heights]
+    figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.2), layout="constrained")
+
+    def draw(number: int) -> None:
+        answer = answers[number]
+        bands_khz = np.array(answer["bands"]["frequency_hz"]) / KHZ
+        for one in axes:
+            one.clear()
+        axes[0].plot(bands_khz, color="#0072b2", linewidth=1.2)
+        for gap in answer["bands"]["gaps"]:
+            axes[0].axhspan(gap["lower_hz"] / KHZ, gap["upper_hz"] / KHZ, color="#e69f00", alpha=0.3)
+        axes[0].set(xlim=(0, len(bands_khz) - 1), ylim=(0, 160), xticks=[], ylabel="frequency (kHz)")
+        axes[0].set_title(f"pillars {heights[number]:.2f} mm high: bands", fontsize=10)
+        plate = answer["plate"]
+        axes[1].set(
+            xlim=(0, 45), ylim=(0, 1.05), xlabel="distance from the zone's middle (mm)", ylabel="|u|, largest 1"
+        )
+        if "profile" in plate:
+            axes[1].axvspan(0, plate["half_width_mm"], color="#cfe3f1")
+            axes[1].plot(plate["profile"]["y_mm"], plate["profile"]["level"], color="#8f3f77")
+            level, hz = plate["confinement_db"], plate["frequency_hz"] / KHZ
+            axes[1].set_title(f"wanted mode {hz:.1f} kHz, {level:.1f} dB", fontsize=10)
+
+    frames = [*range(FRAMES), *range(FRAMES - 2, 0, -1)]
+    FuncAnimation(figure, draw, frames).save(PICTURE, PillowWriter(fps=8), dpi=80)
+    print(PICTURE)
 
 
 if __name__ == "__main__":
     words = sys.argv[1:]
+    if words[:1] == ["picture"]:
+        picture(words[1] if len(words) > 1 else str(STUDIES / "three-rows.toml"))
+        raise SystemExit
     raise SystemExit(
         main(int(words[0]) if words else 100, words[1] if len(words) > 1 else str(STUDIES / "three-rows.toml"))
     )
