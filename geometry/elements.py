@@ -1,11 +1,15 @@
-"""Reference elements: nodes, shape functions, quadrature and faces of hexahedra (order 1 to 4) and tetrahedra (1, 2).
+"""Reference elements: nodes, shape functions, quadrature and faces of hexahedra (order 1 to 4), tetrahedra, wedges and
+pyramids (1, 2).
 
 Hexahedra live on [-1, 1]^3 with Gauss-Lobatto nodes, x fastest: local index = ix + (p + 1) (iy + (p + 1) iz).
 Tetrahedra live on the unit simplex; order 2 adds the middles of edges 01, 12, 02, 03, 13, 23 (VTK order).
+Wedges live on the unit triangle times [-1, 1], pyramids between [-1, 1]^2 at z = 0 and their tip at z = 1, nodes in VTK's
+order; of order 2 they have 18 and 14 nodes, so that their faces are those of the others: 9 nodes on squares, 6 on triangles.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import permutations
@@ -21,6 +25,12 @@ ComplexArray = NDArray[np.complex128]
 
 TET_EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 TET_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])  # outward normals
+WEDGE_EDGES = ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5))
+WEDGE_SQUARES = ((0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5))  # the rings of corners, outward, as the triangles
+WEDGE_TRIANGLES = ((0, 2, 1), (3, 4, 5))
+PYRAMID_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4))
+PYRAMID_SQUARES = ((0, 3, 2, 1),)
+PYRAMID_TRIANGLES = ((0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4))
 
 
 @lru_cache(maxsize=16)
@@ -85,6 +95,11 @@ class Hexahedron:
         sides = [grid[:, :, 0], grid[:, :, -1], grid[:, 0, :], grid[:, -1, :], grid[0], grid[-1]]
         return np.array([side.ravel() for side in sides])
 
+    @property
+    def facets(self) -> tuple[IntArray, ...]:
+        """The faces by shape, one array of local nodes each."""
+        return (self.faces,)
+
 
 @dataclass(frozen=True)
 class Tetrahedron:
@@ -127,8 +142,99 @@ class Tetrahedron:
         middles = [[edge_of[frozenset((f[i], f[(i + 1) % 3]))] for i in range(3)] for f in TET_FACES.tolist()]
         return np.hstack([TET_FACES, middles])
 
+    @property
+    def facets(self) -> tuple[IntArray, ...]:
+        """The faces by shape, one array of local nodes each."""
+        return (self.faces,)
 
-Element = Hexahedron | Tetrahedron
+
+@dataclass(frozen=True)
+class Wedge:
+    """Lagrange wedge (triangular prism) of order 1 or 2: the triangle's polynomials times the line's; 6 or 18 nodes."""
+
+    order: int
+    kind: str = "wedge"
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """Reference nodes: corners, then the middles of edges and of squares."""
+        corners = np.array([(x, y, t) for t in (-1.0, 1.0) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))])
+        return _with_middles(corners, WEDGE_EDGES, WEDGE_SQUARES, self.order)
+
+    def shape(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Values (q, k) and reference gradients (q, k, 3) of the shape functions at points (q, 3)."""
+        return _nodal(self._monomials, self.points, at)
+
+    def _monomials(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+        powers = [
+            (i, j, k) for k in range(self.order + 1) for i in range(self.order + 1) for j in range(self.order + 1 - i)
+        ]
+        return _powers(at, np.array(powers))
+
+    @cached_property
+    def quadrature(self) -> Quadrature:
+        """Gauss rule along the prism times the collapsed Gauss-Jacobi rule of the triangle, degree 2 order + 1."""
+        (x, u), (y, v) = _gauss_jacobi(self.order + 1, 0), _gauss_jacobi(self.order + 1, 1)
+        t, w = legendre.leggauss(self.order + 1)
+        points = [((1.0 - b) * a, b, c) for c in t for b in y for a in x]
+        return Quadrature(np.array(points), np.asarray(np.kron(w, np.kron(v, u))))
+
+    @cached_property
+    def facets(self) -> tuple[IntArray, ...]:
+        """Local nodes of the triangles (corners first) and of the squares (u fastest), outward."""
+        return _facets(self.points, WEDGE_TRIANGLES, WEDGE_SQUARES, self.order)
+
+
+@dataclass(frozen=True)
+class Pyramid:
+    """Pyramid of order 1 or 2, 5 or 14 nodes: complete polynomials and the rational functions that its square base needs.
+
+    With r = xy/(1 - z): order 1 spans 1, x, y, z, r; order 2 the ten quadratic monomials, r, rx, ry, r^2 (bergot2010).
+    """
+
+    order: int
+    kind: str = "pyramid"
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """Reference nodes: corners, then the middles of edges and of the base."""
+        corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0, 0, 1)], dtype=float)
+        return _with_middles(corners, PYRAMID_EDGES, PYRAMID_SQUARES, self.order)
+
+    def shape(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Values (q, k) and reference gradients (q, k, 3) at points (q, 3); at the tip the limit along the axis."""
+        return _nodal(self._functions, self.points, at)
+
+    def _functions(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+        powers = [(i, j, k) for i, j, k in np.ndindex(3, 3, 3) if i + j + k <= self.order]
+        value, slope = _powers(at, np.array(powers))
+        x, y = at[:, 0], at[:, 1]
+        deep = np.maximum(1.0 - at[:, 2], 1e-14)
+        r, flat = x * y / deep, np.zeros(len(at))
+        steep = np.stack([y / deep, x / deep, x * y / deep**2], axis=1)
+        along = [np.stack([np.ones(len(at)), flat, flat], axis=1), np.stack([flat, np.ones(len(at)), flat], axis=1)]
+        more, slopes = [r], [steep]
+        if self.order == 2:
+            more += [r * x, r * y, r * r]
+            slopes += [axis[:, None] * steep + r[:, None] * unit for axis, unit in zip((x, y), along, strict=True)]
+            slopes.append(2.0 * r[:, None] * steep)
+        return np.column_stack([value, *more]), np.concatenate([slope, np.stack(slopes, axis=1)], axis=1)
+
+    @cached_property
+    def quadrature(self) -> Quadrature:
+        """Gauss rule of squares that shrink towards the tip, Gauss-Jacobi along the height: the mass of a straight one."""
+        at, weight = legendre.leggauss(self.order + 1)
+        z, high = _gauss_jacobi(self.order + 1, 2)
+        points = [((1.0 - c) * a, (1.0 - c) * b, c) for c in z for b in at for a in at]
+        return Quadrature(np.array(points), np.asarray(np.kron(high, np.kron(weight, weight))))
+
+    @cached_property
+    def facets(self) -> tuple[IntArray, ...]:
+        """Local nodes of the triangles (corners first) and of the base (u fastest), outward."""
+        return _facets(self.points, PYRAMID_TRIANGLES, PYRAMID_SQUARES, self.order)
+
+
+Element = Hexahedron | Tetrahedron | Wedge | Pyramid
 
 
 @lru_cache(maxsize=16)
@@ -138,12 +244,81 @@ def element(kind: str, order: int) -> Element:
         return Hexahedron(order)
     if kind == "tet" and 1 <= order <= 2:
         return Tetrahedron(order)
-    raise ValueError(f"no {kind} element of order {order}: hex has 1 to 4, tet has 1 and 2")
+    if kind in ("wedge", "pyramid") and 1 <= order <= 2:
+        return Wedge(order) if kind == "wedge" else Pyramid(order)
+    raise ValueError(f"no {kind} element of order {order}: hex has 1 to 4; tet, wedge and pyramid have 1 and 2")
 
 
 def _tensor_points(line: FloatArray) -> FloatArray:
     z, y, x = np.meshgrid(line, line, line, indexing="ij")
     return np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+
+
+TRIANGLES = (3, 6)  # nodes of a triangular facet of order 1 or 2; any other number is a square's
+
+
+def corner_ring(facets: IntArray, order: int) -> IntArray:
+    """The corners of facets (m, k), triangles' first three, squares' (u fastest) in ring order."""
+    if facets.shape[1] in TRIANGLES:
+        return facets[:, :3]
+    return facets[:, [0, order, (order + 1) ** 2 - 1, order * (order + 1)]]
+
+
+Rings = tuple[tuple[int, ...], ...]
+
+
+def _with_middles(corners: FloatArray, edges: Rings, squares: Rings, order: int) -> FloatArray:
+    middles = [corners[list(place)].mean(axis=0) for place in (*edges, *squares)]
+    return corners if order == 1 else np.vstack([corners, *middles])
+
+
+def _powers(at: FloatArray, powers: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Monomials x^i y^j z^k (q, k) and their gradients (q, k, 3) at points (q, 3)."""
+    each = at[:, None, :] ** powers
+    slopes = powers * at[:, None, :] ** np.maximum(powers - 1, 0)
+    others = [np.prod(np.delete(each, axis, axis=2), axis=2) for axis in range(3)]
+    return each.prod(axis=2), np.stack([slopes[:, :, axis] * others[axis] for axis in range(3)], axis=2)
+
+
+def _nodal(
+    functions: Callable[[FloatArray], tuple[FloatArray, FloatArray]], nodes: FloatArray, at: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Values and gradients of the functions of the same span that are 1 at one node and 0 at the others."""
+    to_nodal = np.linalg.inv(functions(nodes)[0])
+    value, slope = functions(at)
+    return value @ to_nodal, np.asarray(np.einsum("qfm,fk->qkm", slope, to_nodal))
+
+
+def _gauss_jacobi(count: int, power: int) -> tuple[FloatArray, FloatArray]:
+    """Points and weights on [0, 1] for the weight (1 - t)^power."""
+    from scipy.special import roots_jacobi
+
+    at, weight = roots_jacobi(count, power, 0)
+    return (1.0 + at) / 2.0, weight / 2.0 ** (power + 1)
+
+
+def _facets(points: FloatArray, triangles: Rings, squares: Rings, order: int) -> tuple[IntArray, ...]:
+    """Local nodes of faces given by their rings of corners, (m, 3 or 6) and (m, 4 or 9), each node found by its place."""
+    return np.array([_placed(points, _triangle_places, ring, order) for ring in triangles]), np.array(
+        [_placed(points, _square_places, ring, order) for ring in squares]
+    )
+
+
+def _placed(
+    points: FloatArray, places: Callable[[FloatArray, int], FloatArray], ring: Sequence[int], order: int
+) -> IntArray:
+    wanted = places(points[list(ring)], order)
+    return np.asarray(np.linalg.norm(wanted[:, None] - points, axis=2).argmin(axis=1))
+
+
+def _triangle_places(corners: FloatArray, order: int) -> FloatArray:
+    return corners if order == 1 else np.vstack([corners, (corners + np.roll(corners, -1, axis=0)) / 2.0])
+
+
+def _square_places(corners: FloatArray, order: int) -> FloatArray:
+    line = np.linspace(0.0, 1.0, order + 1)
+    a, b, c, d = corners
+    return np.array([(1 - v) * ((1 - u) * a + u * b) + v * ((1 - u) * d + u * c) for v in line for u in line])
 
 
 def _orbit(barycentric: tuple[float, float, float, float]) -> FloatArray:

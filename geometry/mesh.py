@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +16,46 @@ FLAT = 1e-12  # relative deviation below which an element counts as affine
 CHUNK = 4096  # elements a time: bounds the memory of a check
 
 
+class _Named:
+    """What meshes of one kind and of several share: counts, and what their names stand for."""
+
+    nodes: FloatArray
+    regions: dict[str, IntArray]
+    faces: dict[str, Any]
+
+    @property
+    def blocks(self) -> tuple[Mesh, ...]:
+        """The mesh as blocks of one element kind each, on the same nodes."""
+        raise NotImplementedError
+
+    @property
+    def dof(self) -> int:
+        """Displacement degrees of freedom before any constraint."""
+        return 3 * len(self.nodes)
+
+    @property
+    def cell_count(self) -> int:
+        """Number of elements."""
+        return sum(len(block.cells) for block in self.blocks)
+
+    def facets_of(self, face: str) -> tuple[IntArray, ...]:
+        """Facets of a named face by shape. Raises MeshError for a name the mesh does not have."""
+        if face not in self.faces:
+            raise MeshError(f"the mesh has no face '{face}'; it has {', '.join(sorted(self.faces))}")
+        found = self.faces[face]
+        return found if isinstance(found, tuple) else (found,)
+
+    def nodes_of(self, face: str) -> IntArray:
+        """Sorted node indices of a named face. Raises MeshError for a name the mesh does not have."""
+        return np.unique(np.concatenate([part.ravel() for part in self.facets_of(face)]))
+
+    def region_of_cells(self) -> dict[str, IntArray]:
+        """Regions, or the whole mesh as `body` when none is named."""
+        return self.regions or {"body": np.arange(self.cell_count)}
+
+
 @dataclass(frozen=True)
-class Mesh:
+class Mesh(_Named):
     """Nodes (n, 3) in m, cells (e, k) of one element kind, named regions (cell indices) and faces (m, kf node indices).
 
     `spans` holds the elements' edge lengths (e, 3) in m when every element is a box along the axes.
@@ -36,9 +75,9 @@ class Mesh:
         return element(self.kind, self.order)
 
     @property
-    def dof(self) -> int:
-        """Displacement degrees of freedom before any constraint."""
-        return 3 * len(self.nodes)
+    def blocks(self) -> tuple[Mesh, ...]:
+        """The mesh itself."""
+        return (self,)
 
     @cached_property
     def sha256(self) -> str:
@@ -52,15 +91,46 @@ class Mesh:
                 digest.update(np.ascontiguousarray(named[name]).tobytes())
         return digest.hexdigest()
 
-    def nodes_of(self, face: str) -> IntArray:
-        """Sorted node indices of a named face. Raises MeshError for a name the mesh does not have."""
-        if face not in self.faces:
-            raise MeshError(f"the mesh has no face '{face}'; it has {', '.join(sorted(self.faces))}")
-        return np.unique(self.faces[face])
 
-    def region_of_cells(self) -> dict[str, IntArray]:
-        """Regions, or the whole mesh as `body` when none is named."""
-        return self.regions or {"body": np.arange(len(self.cells))}
+@dataclass(frozen=True)
+class MixedMesh(_Named):
+    """Blocks of several element kinds and one order on the same nodes (n, 3) in m.
+
+    `regions` count elements over the blocks one after another; `faces` hold a named face's facets by shape.
+    """
+
+    nodes: FloatArray
+    parts: tuple[Mesh, ...]
+    regions: dict[str, IntArray] = field(default_factory=dict)
+    faces: dict[str, tuple[IntArray, ...]] = field(default_factory=dict)
+
+    @property
+    def blocks(self) -> tuple[Mesh, ...]:
+        """The blocks."""
+        return self.parts
+
+    @property
+    def kind(self) -> str:
+        """The kinds, such as hex+wedge."""
+        return "+".join(block.kind for block in self.parts)
+
+    @property
+    def order(self) -> int:
+        """Order of every element."""
+        return self.parts[0].order
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of the blocks, regions and faces."""
+        digest = hashlib.sha256("".join(block.sha256 for block in self.parts).encode())
+        for named in (self.regions, self.faces):
+            for name in sorted(named):
+                parts = named[name] if isinstance(named[name], tuple) else (named[name],)
+                digest.update(name.encode() + b"".join(np.ascontiguousarray(part).tobytes() for part in parts))
+        return digest.hexdigest()
+
+
+AnyMesh = Mesh | MixedMesh
 
 
 def jacobians(mesh: Mesh, cells: IntArray, at: FloatArray) -> FloatArray:
@@ -102,7 +172,7 @@ class MeshReport:
     worst_jacobian_ratio: float
 
 
-def check_mesh(mesh: Mesh, volume_m3: float | None = None, tolerance: float = 1e-3) -> MeshReport:
+def check_mesh(mesh: AnyMesh, volume_m3: float | None = None, tolerance: float = 1e-3) -> MeshReport:
     """Check Jacobians at the quadrature points, orphan nodes, and the volume against the CAD solid's.
 
     `volume_m3` is the exact volume, `tolerance` the allowed relative difference.
@@ -110,19 +180,25 @@ def check_mesh(mesh: Mesh, volume_m3: float | None = None, tolerance: float = 1e
     """
     if not np.isfinite(mesh.nodes).all():
         raise MeshError("the mesh has a node that is not a number")
-    unused = np.setdiff1d(np.arange(len(mesh.nodes)), mesh.cells)
+    unused = np.setdiff1d(np.arange(len(mesh.nodes)), np.concatenate([block.cells.ravel() for block in mesh.blocks]))
     if len(unused):
         raise MeshError(f"{len(unused)} orphan node(s), the first is node {unused[0]}: no element uses it")
+    ratio = min(_sound(block) for block in mesh.blocks)
+    volume = float(sum(cell_volumes(block).sum() for block in mesh.blocks))
+    if volume_m3 is not None and abs(volume - volume_m3) > tolerance * volume_m3:
+        off = volume / volume_m3 - 1.0
+        raise MeshError(f"mesh volume differs from the solid's by {off:+.2e}, allowed is {tolerance:.0e}")
+    return MeshReport(mesh.cell_count, len(mesh.nodes), volume, ratio)
+
+
+def _sound(mesh: Mesh) -> float:
+    """The worst Jacobian ratio of a block. Raises MeshError where it is not above 0."""
     ratio, worst = _worst_jacobian(mesh)
     if not ratio > 0.0:
         centre = 1e3 * mesh.nodes[mesh.cells[worst]].mean(axis=0)
         place = ", ".join(f"{c:.3f}" for c in centre)
         raise MeshError(f"element {worst} at ({place}) mm is inverted or flat: Jacobian ratio {ratio:.2e}, must be > 0")
-    volume = float(cell_volumes(mesh).sum())
-    if volume_m3 is not None and abs(volume - volume_m3) > tolerance * volume_m3:
-        off = volume / volume_m3 - 1.0
-        raise MeshError(f"mesh volume differs from the solid's by {off:+.2e}, allowed is {tolerance:.0e}")
-    return MeshReport(len(mesh.cells), len(mesh.nodes), volume, ratio)
+    return ratio
 
 
 def _worst_jacobian(mesh: Mesh) -> tuple[float, int]:

@@ -9,7 +9,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geometry.elements import TET_EDGES, FloatArray, IntArray
+from geometry.elements import (
+    PYRAMID_EDGES,
+    PYRAMID_SQUARES,
+    TET_EDGES,
+    WEDGE_EDGES,
+    WEDGE_SQUARES,
+    FloatArray,
+    IntArray,
+)
 from geometry.formats.vtu import CORNERS
 from geometry.mesh import Mesh
 
@@ -33,9 +41,16 @@ PLACES: dict[str, Places] = {
     "hexahedron": _corners(8),
     "hexahedron20": (*_corners(8), *HEX_EDGES),
     "hexahedron27": (*_corners(8), *HEX_EDGES, *_HEX_FACES, tuple(range(8))),
+    "wedge": _corners(6),
+    "wedge15": (*_corners(6), *WEDGE_EDGES),
+    "wedge18": (*_corners(6), *WEDGE_EDGES, *WEDGE_SQUARES),
+    "pyramid": _corners(5),
+    "pyramid13": (*_corners(5), *PYRAMID_EDGES),
+    "pyramid14": (*_corners(5), *PYRAMID_EDGES, *PYRAMID_SQUARES),
 }
-CORNER_COUNT = {"triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8}
+CORNER_COUNT = {"triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8, "wedge": 6, "pyramid": 5}
 VOLUME = {("tet", 1): "tetra", ("tet", 2): "tetra10", ("hex", 1): "hexahedron", ("hex", 2): "hexahedron27"}
+VOLUME |= {("wedge", 1): "wedge", ("wedge", 2): "wedge18", ("pyramid", 1): "pyramid", ("pyramid", 2): "pyramid14"}
 FACET = {("tet", 1): "triangle", ("tet", 2): "triangle6", ("hex", 1): "quad", ("hex", 2): "quad9"}
 
 
@@ -57,7 +72,7 @@ class RawMesh:
 def local_nodes(kind: str, order: int) -> IntArray:
     """Our local node at each of VTK's places of a volume cell of order 1 or 2."""
     places = PLACES[VOLUME[kind, order]]
-    if kind == "tet":
+    if kind != "hex":
         return np.arange(len(places))
     corners = order * np.array(CORNERS)
     grid = np.array([corners[list(place)].mean(axis=0) for place in places])
@@ -86,7 +101,7 @@ def outer_facets(mesh: Mesh) -> tuple[IntArray, IntArray, IntArray]:
 
 def outward_faces(mesh: Mesh) -> IntArray:
     """Local nodes of each face of an element in VTK's order, seen from outside anticlockwise."""
-    local = mesh.element.faces[:, facet_nodes(mesh.kind, mesh.order)]
+    local = mesh.element.facets[0][:, facet_nodes(mesh.kind, mesh.order)]
     at = mesh.element.points
     a, b, c = (at[local[:, i]] for i in (0, 1, 2))
     outward = np.einsum("fi,fi->f", np.cross(b - a, c - a), a - at.mean(axis=0)) > 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from io import StringIO
@@ -10,49 +11,85 @@ from typing import Any
 
 import numpy as np
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import FloatArray, IntArray, corner_ring
 from geometry.errors import MeshError, MeshFileError
 from geometry.formats.med import read_med
-from geometry.formats.neutral import PLACES, VOLUME, RawMesh, corner_keys, family, local_nodes, outward_faces, rows_in
-from geometry.formats.serendipity import SERENDIPITY, completed
-from geometry.mesh import Mesh, check_mesh
+from geometry.formats.neutral import (
+    CORNER_COUNT,
+    PLACES,
+    VOLUME,
+    Places,
+    RawMesh,
+    family,
+    local_nodes,
+    rows_in,
+)
+from geometry.formats.serendipity import FULL, completed
+from geometry.mesh import AnyMesh, Mesh, MixedMesh, check_mesh
 
 UNITS = {"m": 1.0, "mm": 1e-3}
 SUFFIXES = (".med", ".msh", ".inp")
 SURFACES = (".stl", ".obj", ".ply")
 IGNORED = ("vertex", "line")  # cells without a face or a volume: they only carry names
 KINDS = {cell_type: key for key, cell_type in VOLUME.items()}
-READABLE = (*KINDS, SERENDIPITY)
-CORNERS = {"tet": 4, "hex": 8}
-MIRRORED = {"tet": [0, 2, 1, 3], "hex": [0, 3, 2, 1, 4, 7, 6, 5]}  # corners of an element turned inside out
+READABLE = (*KINDS, *FULL)
+# corners of an element turned inside out, and the four whose edges from the first span it
+MIRRORED = {
+    "tet": [0, 2, 1, 3],
+    "hex": [0, 3, 2, 1, 4, 7, 6, 5],
+    "wedge": [0, 2, 1, 3, 5, 4],
+    "pyramid": [0, 3, 2, 1, 4],
+}
+SPANNING = {"tet": (0, 1, 2, 3), "hex": (0, 1, 3, 4), "wedge": (0, 1, 2, 3), "pyramid": (0, 1, 3, 4)}
 FARTHEST = 1e6  # of a coordinate in the file's unit: a kilometre in millimetres
 OFF_MIDDLE = 0.3  # of an edge: a node farther from its place than this is not the node we think it is
 
 
-def load(file: str, unit: str = "m") -> Mesh:
-    """The mesh of a file in our order, m: regions and faces named as its groups. MeshFileError for what cannot serve."""
+def load(file: str, unit: str = "m") -> AnyMesh:
+    """The mesh of a file in our order, m: regions and faces named as its groups. MeshFileError for what cannot serve.
+
+    Elements of several kinds make a MixedMesh.
+    """
     raw = _read(Path(file))
     _check_raw(raw, file)
+    kinds = {cell_type: _dimension(cell_type, file) for cell_type, block in raw.blocks if len(block)}
     raw = completed(raw, _middles, file)
-    volumes = [i for i, (cell_type, block) in enumerate(raw.blocks) if len(block) and _dimension(cell_type, file) == 3]
-    types = sorted({raw.blocks[i][0] for i in volumes})
-    if len(types) != 1:
-        what = "no volume elements" if not types else "a mix of " + " and ".join(types)
-        raise MeshFileError(f"{file}: holds {what}; must be one kind of {', '.join(READABLE)}")
-    kind, order = KINDS[types[0]]
-    blocks = np.vstack([raw.blocks[i][1] for i in volumes])
-    _refuse_twins(blocks[:, : CORNERS[kind]], file)
-    used, cells = np.unique(blocks, return_inverse=True)
+    types = _volume_types(raw, kinds, file)
+    chosen = {name: [i for i, (cell_type, _) in enumerate(raw.blocks) if cell_type == name] for name in types}
+    cells = {name: np.vstack([raw.blocks[i][1] for i in chosen[name] if len(raw.blocks[i][1])]) for name in types}
+    for name, block in cells.items():
+        _refuse_twins(block[:, : CORNER_COUNT[family(name)]], file)
+    used = np.unique(np.concatenate([block.ravel() for block in cells.values()]))
     points = UNITS[unit] * raw.points[used]
-    ordered = _ordered(points, cells.reshape(blocks.shape), kind, order, file)
-    mesh = Mesh(points, ordered, kind, order, _regions(raw, volumes))
+    number = np.full(len(raw.points), -1)
+    number[used] = np.arange(len(used))
+    blocks = tuple(_block(points, number[block], name, file) for name, block in cells.items())
+    regions = _regions(raw, [i for name in types for i in chosen[name]])
+    mesh = replace(blocks[0], regions=regions) if len(blocks) == 1 else MixedMesh(points, blocks, regions)
     try:
         check_mesh(mesh)
     except MeshError as fault:
         raise MeshFileError(f"{file}: {fault}") from fault
-    number = np.full(len(raw.points), -1)
-    number[used] = np.arange(len(used))
-    return replace(mesh, faces=_faces(raw, mesh, number, file))
+    faces = _faces(raw, blocks, number, file)
+    if isinstance(mesh, MixedMesh) or any(len(parts) > 1 for parts in faces.values()):
+        return MixedMesh(points, blocks, regions, faces)
+    return replace(mesh, faces={name: parts[0] for name, parts in faces.items()})
+
+
+def _volume_types(raw: RawMesh, kinds: dict[str, int], file: str) -> list[str]:
+    """The cell types of the volume elements. MeshFileError when there are none, or linear ones beside quadratic ones."""
+    types = sorted({cell_type for cell_type, block in raw.blocks if len(block) and cell_type in KINDS})
+    if not types:
+        raise MeshFileError(f"{file}: holds no volume elements; must hold some of {', '.join(READABLE)}")
+    if len({KINDS[cell_type][1] for cell_type in types}) > 1:
+        named = " and ".join(cell_type for cell_type, dimension in kinds.items() if dimension == 3)
+        raise MeshFileError(f"{file}: holds {named}: elements with and without middle nodes do not fit together")
+    return types
+
+
+def _block(points: FloatArray, cells: IntArray, cell_type: str, file: str) -> Mesh:
+    kind, order = KINDS[cell_type]
+    return Mesh(points, _ordered(points, cells, kind, order, file), kind, order)
 
 
 def _check_raw(raw: RawMesh, file: str) -> None:
@@ -96,7 +133,7 @@ def _dimension(cell_type: str, file: str) -> int:
         return 1
     if name in ("triangle", "quad"):
         return 2
-    if cell_type not in KINDS:
+    if cell_type not in READABLE:
         raise MeshFileError(f"{file}: element type {cell_type} is not supported; must be one of {', '.join(READABLE)}")
     return 3
 
@@ -127,10 +164,20 @@ def _surface(file: Path) -> str:
     )
 
 
+def meshio_with_pyramids() -> Any:
+    """meshio, told what its version 5.3 leaves out: Abaqus' pyramids; wedges and pyramids with middles are solids."""
+    import meshio
+    from meshio._mesh import topological_dimension
+    from meshio.abaqus._abaqus import abaqus_to_meshio_type
+
+    abaqus_to_meshio_type |= {"C3D5": "pyramid", "C3D13": "pyramid13"}
+    topological_dimension |= {"wedge15": 3, "pyramid13": 3}
+    return meshio
+
+
 def _read_meshio(file: Path) -> RawMesh:
     """What meshio reads: gmsh's physical groups and Abaqus sets become groups."""
-    import meshio
-
+    meshio = meshio_with_pyramids()
     chatter = StringIO()
     try:
         with redirect_stdout(chatter), redirect_stderr(chatter):
@@ -139,9 +186,44 @@ def _read_meshio(file: Path) -> RawMesh:
         reason = " ".join(str(fault).split()) or type(fault).__name__
         raise MeshFileError(f"{file}: not a readable mesh ({reason[:120]})") from fault
     try:
+        if file.suffix.lower() == ".inp":
+            read.cell_sets |= _sets_of_elements(file, read.cells)
         return _from_meshio(read)
+    except MeshFileError:
+        raise
     except Exception as fault:  # meshio hands on what the file says, whatever that is
         raise MeshFileError(f"{file}: not a readable mesh ({type(fault).__name__}: {str(fault)[:120]})") from fault
+
+
+def _sets_of_elements(file: Path, blocks: Sequence[Any]) -> dict[str, list[IntArray]]:
+    """The sets that *ELEMENT lines name, on their own blocks: meshio 5.3 puts the last block of a name on the first one.
+
+    Raises MeshFileError where *ELSET lines extend or gather such sets, which it mixes up as well.
+    """
+    lines = [line.strip() for line in file.read_text(errors="replace").splitlines()]
+    heads = [line.split(",")[0].strip().upper() for line in lines]
+    named = [_named_set(line) for line, head in zip(lines, heads, strict=True) if head == "*ELEMENT"]
+    names = {name for name in named if name}
+    if len(blocks) < 2 or not names:
+        return {}
+    gathered = {_named_set(line) for line, head in zip(lines, heads, strict=True) if head == "*ELSET"} | {
+        word.strip() for line in lines if line[:1].isalpha() for word in line.split(",")
+    }
+    if "*INCLUDE" in heads or len(named) != len(blocks) or names & gathered:
+        raise MeshFileError(
+            f"{file}: sets named by *ELEMENT lines and by others or in several files: name each set once"
+        )
+    empty = np.empty(0, dtype=np.int64)
+    return {
+        name: [np.arange(len(block.data)) if own == name else empty for own, block in zip(named, blocks, strict=True)]
+        for name in names
+    }
+
+
+def _named_set(line: str) -> str | None:
+    """The name behind ELSET= in a line of an Abaqus file."""
+    pairs = (part.partition("=") for part in line.split(",")[1:])
+    return next((value.strip() for key, _, value in pairs if key.strip().upper() == "ELSET"), None)
 
 
 def _from_meshio(read: Any) -> RawMesh:
@@ -166,9 +248,9 @@ def _from_meshio(read: Any) -> RawMesh:
 
 def _ordered(points: FloatArray, cells: IntArray, kind: str, order: int, file: str) -> IntArray:
     """Local nodes in our order: inside-out elements turned, every middle node found by where it lies."""
-    corner_count = CORNERS[kind]
+    corner_count = CORNER_COUNT[family(VOLUME[kind, order])]
     corners = cells[:, :corner_count].copy()
-    a, b, c, d = (points[corners[:, i]] for i in ((0, 1, 2, 3) if kind == "tet" else (0, 1, 3, 4)))
+    a, b, c, d = (points[corners[:, i]] for i in SPANNING[kind])
     inside_out = np.einsum("ei,ei->e", np.cross(b - a, c - a), d - a) < 0.0
     corners[inside_out] = corners[inside_out][:, MIRRORED[kind]]
     places = PLACES[VOLUME[kind, order]]
@@ -180,9 +262,7 @@ def _ordered(points: FloatArray, cells: IntArray, kind: str, order: int, file: s
     return ours
 
 
-def _middles(
-    points: FloatArray, corners: IntArray, middles: IntArray, places: tuple[tuple[int, ...], ...], file: str
-) -> IntArray:
+def _middles(points: FloatArray, corners: IntArray, middles: IntArray, places: Places, file: str) -> IntArray:
     """Middle nodes in the order of `places`, whatever convention the file follows.
 
     Raises MeshFileError where a node is not near the middle of the corners it should belong to.
@@ -222,27 +302,64 @@ def _regions(raw: RawMesh, volumes: list[int]) -> dict[str, IntArray]:
     return {name: cells for name, cells in (("plate", others), ("pillar", inside)) if len(cells)}
 
 
-def _faces(raw: RawMesh, mesh: Mesh, number: IntArray, file: str) -> dict[str, IntArray]:
-    """Face groups as facets of our elements, node groups as single nodes."""
-    corners = 3 if mesh.kind == "tet" else 4
-    local, vtk = mesh.element.faces, outward_faces(mesh)
-    keys = corner_keys(mesh.cells[:, vtk].reshape(-1, vtk.shape[1]), corners)
-    table, first = np.unique(keys, axis=0, return_index=True)
-    full = mesh.cells[:, local].reshape(-1, local.shape[1])
-    faces = {name: number[nodes][number[nodes] >= 0][:, None] for name, nodes in raw.node_groups.items()}
-    faces = {name: nodes for name, nodes in faces.items() if len(nodes)}
-    for name, parts in raw.cell_groups.items():
-        facets = [raw.blocks[i][1][cells][:, :corners] for i, cells in parts.items() if _is_facet(raw.blocks[i][0])]
-        if not facets:
-            continue
-        place = rows_in(np.sort(number[np.vstack(facets)], axis=1), table)
-        if (place < 0).any():
-            raise MeshFileError(
-                f"{file}: group {name}: {int((place < 0).sum())} facet(s) are no face of a volume element"
-            )
-        faces[name] = full[first[place]]
+def _faces(raw: RawMesh, blocks: Sequence[Mesh], number: IntArray, file: str) -> dict[str, tuple[IntArray, ...]]:
+    """Face groups as facets of our elements, by shape; node groups as single nodes."""
+    shapes = _facets_by_corners(blocks)
+    _check_fit(shapes, blocks[0].nodes, file)
+    faces: dict[str, tuple[IntArray, ...]] = {}
+    for name, nodes in raw.node_groups.items():
+        kept = number[nodes]
+        if (kept >= 0).any():
+            faces[name] = (kept[kept >= 0][:, None],)
+    for name, members in raw.cell_groups.items():
+        parts = []
+        for corners, (keys, full) in shapes.items():
+            given = [
+                raw.blocks[i][1][cells][:, :corners] for i, cells in members.items() if _corners_of(raw, i) == corners
+            ]
+            if given:
+                place = rows_in(np.sort(number[np.vstack(given)], axis=1), keys)
+                parts.append((place, full))
+        lost = sum(int((place < 0).sum()) for place, _ in parts)
+        lost += sum(len(cells) for i, cells in members.items() if _corners_of(raw, i) not in (0, *shapes))
+        if lost:
+            raise MeshFileError(f"{file}: group {name}: {lost} facet(s) are no face of a volume element")
+        if parts:
+            faces[name] = tuple(full[place] for place, full in parts)
     return faces
 
 
-def _is_facet(cell_type: str) -> bool:
-    return family(cell_type) in ("triangle", "quad")
+def _corners_of(raw: RawMesh, block: int) -> int:
+    """Corners of a block's facets, 0 where its cells are none."""
+    name = family(raw.blocks[block][0])
+    return CORNER_COUNT[name] if name in ("triangle", "quad") else 0
+
+
+def _facets_by_corners(blocks: Sequence[Mesh]) -> dict[int, tuple[IntArray, IntArray]]:
+    """Every facet of the elements by its number of corners: corners as unique sorted rows, and all its nodes."""
+    found: dict[int, list[tuple[IntArray, IntArray]]] = {}
+    for block in blocks:
+        for local in block.element.facets:
+            ring = corner_ring(local, block.order)
+            keys = np.sort(block.cells[:, ring].reshape(-1, ring.shape[1]), axis=1)
+            found.setdefault(ring.shape[1], []).append((keys, block.cells[:, local].reshape(-1, local.shape[1])))
+    shapes = {}
+    for corners, each in sorted(found.items()):
+        keys, first = np.unique(np.vstack([keys for keys, _ in each]), axis=0, return_index=True)
+        shapes[corners] = (keys, np.vstack([full for _, full in each])[first])
+    return shapes
+
+
+def _check_fit(shapes: dict[int, tuple[IntArray, IntArray]], nodes: FloatArray, file: str) -> None:
+    """MeshFileError where triangles lean against a square: displacements would gape there."""
+    if len(shapes) < 2:
+        return
+    squares = shapes[4][0]
+    halves = np.vstack([np.delete(squares, corner, axis=1) for corner in range(4)])
+    leaning = np.flatnonzero(rows_in(shapes[3][0], np.unique(halves, axis=0)) >= 0)
+    if len(leaning):
+        place = ", ".join(f"{value:.3f}" for value in 1e3 * nodes[shapes[3][0][leaning[0]]].mean(axis=0))
+        raise MeshFileError(
+            f"{file}: {len(leaning)} triangular face(s) lean against a square one, the first at ({place}) mm: "
+            "a pyramid must stand between"
+        )

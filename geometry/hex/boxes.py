@@ -73,7 +73,7 @@ def nodal_line(lines: FloatArray, order: int) -> FloatArray:
 
 def _outer_faces(mesh: Mesh, boxes: Boxes, solid: IntArray) -> dict[str, IntArray]:
     """The faces on the six sides of the grid's bounding box."""
-    local = mesh.element.faces
+    (local,) = mesh.element.facets
     last = [len(boxes.x) - 2, len(boxes.y) - 2, len(boxes.z) - 2]
     sides = {
         "x-": (0, solid[:, 0] == 0),

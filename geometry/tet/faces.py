@@ -25,7 +25,7 @@ def named_faces(
     `back` ends where pillars and patches stand; `touch` goes on under patches. A face between bonded parts is listed
     once, outward of the plate.
     """
-    nodes = mesh.cells[boundary.cell[:, None], mesh.element.faces[boundary.local]]
+    nodes = mesh.cells[boundary.cell[:, None], mesh.element.facets[0][boundary.local]]
     planes = _planes(body, surface) | {name: (axis, MM * at) for name, (axis, at) in extra.items()}
     centres = mesh.nodes[nodes[:, :3]].mean(axis=1)
     faces = {}

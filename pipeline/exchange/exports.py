@@ -124,6 +124,7 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
     from dataclasses import replace
 
     from geometry.formats.vtu import write_vtu
+    from geometry.mesh import Mesh
     from pipeline.analysis.modes import Request, solve_modes
     from pipeline.analysis.wanted_text import warn_of_wanted
     from solvers.fem.solid import SolidModel
@@ -137,6 +138,7 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
         data["displacement"] = part_modes.model.field(row.symmetry, part_modes.vectors[row.symmetry][:, [row.column]])[
             :, :, 0
         ]
+    assert isinstance(part_modes.model.mesh, Mesh)
     with outputs.delivered(path) as temporary:
         write_vtu(part_modes.model.mesh, temporary, data)
     return [path]

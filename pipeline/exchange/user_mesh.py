@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from geometry.elements import FloatArray
 from geometry.formats.neutral import VOLUME
 from geometry.formats.reader import load
 from geometry.materials import Material
-from geometry.mesh import Mesh
+from geometry.mesh import AnyMesh
 from pipeline.analysis.mode_rows import ModeRow, mode_rows
 from pipeline.analysis.modes import DEFAULT_COUNT, PartModes, Request, with_defaults
 from pipeline.analysis.wanted_search import look_among
@@ -63,7 +64,7 @@ def solve(
     return PartModes("mesh", model, rows, vectors, *about, wanted=wanted, more_in_mesh=0)
 
 
-def _materials(case: Case, mesh: Mesh) -> dict[str, Material]:
+def _materials(case: Case, mesh: AnyMesh) -> dict[str, Material]:
     """The case's material for every region, the pillar's for the one of that name."""
     own = case.design.pillar.material if case.design.pillar else case.design.material
     return {name: own if name.casefold() == "pillar" else case.design.material for name in mesh.regions}
@@ -74,10 +75,11 @@ def _has_touch(case: Case, model: SolidModel) -> bool:
     return "touch" in model.mesh.faces and "zone" in case.given
 
 
-def _with_touch(mesh: Mesh) -> Mesh:
+def _with_touch(mesh: AnyMesh) -> AnyMesh:
     """The mesh whose group TOUCH, however written, is the face that is measured."""
-    named = [name for name, nodes in mesh.faces.items() if name.casefold() == "touch" and nodes.shape[1] > 1]
-    return replace(mesh, faces=mesh.faces | {"touch": mesh.faces[named[0]]}) if named else mesh
+    named = [name for name in mesh.faces if name.casefold() == "touch" and mesh.facets_of(name)[0].shape[1] > 1]
+    measured: dict[str, Any] = {"faces": {**mesh.faces, "touch": mesh.faces[named[0]]}} if named else {}
+    return replace(mesh, **measured)
 
 
 def _request(case: Case, query: Request) -> Request:
@@ -88,10 +90,11 @@ def _request(case: Case, query: Request) -> Request:
     return with_defaults(case, query)
 
 
-def _log_summary(mesh: Mesh, materials: dict[str, Material], file: str, log: Log) -> None:
+def _log_summary(mesh: AnyMesh, materials: dict[str, Material], file: str, log: Log) -> None:
     size = np.ptp(mesh.nodes, axis=0) / MM
+    cells = " and ".join(f"{len(block.cells)} {VOLUME[block.kind, block.order]}" for block in mesh.blocks)
     log.info(
-        f"{file}: {len(mesh.cells)} {VOLUME[mesh.kind, mesh.order]}, {mesh.dof} degrees of freedom, "
+        f"{file}: {cells}, {mesh.dof} degrees of freedom, "
         f"{size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g} mm; faces {', '.join(sorted(mesh.faces)) or 'none'}; "
         + ", ".join(f"{name}: {material.name}" for name, material in materials.items())
     )
@@ -107,7 +110,7 @@ def _support(text: str) -> tuple[str, str]:
     return name, axes
 
 
-def _known(name: str, mesh: Mesh, file: str, option: str) -> None:
+def _known(name: str, mesh: AnyMesh, file: str, option: str) -> None:
     if name not in mesh.faces:
         there = ", ".join(sorted(mesh.faces)) or "none"
         raise InputError(

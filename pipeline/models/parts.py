@@ -12,7 +12,7 @@ from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, pillar_boxes
 from geometry.hex.nesting import interpolation
 from geometry.layout import Design, Pillar
 from geometry.materials import Material
-from geometry.mesh import Mesh, check_mesh
+from geometry.mesh import AnyMesh, Mesh, check_mesh
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
@@ -53,7 +53,7 @@ class PartModel(Protocol):
         ...
 
 
-def mesh_record(what: str, mesh: Mesh, volume_m3: float | None = None) -> MeshRecord:
+def mesh_record(what: str, mesh: AnyMesh, volume_m3: float | None = None) -> MeshRecord:
     """Check a mesh and describe it for the record. Raises MeshError when it is not sound."""
     report = check_mesh(mesh, volume_m3)
     error = report.volume_m3 / volume_m3 - 1.0 if volume_m3 else None
@@ -88,10 +88,10 @@ def _materials(design: Design) -> dict[str, Material]:
     return {"plate": design.material, "pillar": pillar, "body": design.material}
 
 
-def warn_of_locking(design: Design, mesh: Mesh, log: Log) -> None:
+def warn_of_locking(design: Design, mesh: AnyMesh, log: Log) -> None:
     """Warn where displacement elements are known to be too stiff; `antinode report extremes` has the measurement."""
     stiffest = max(design.material.poisson, design.pillar.material.poisson if design.pillar else -1.0)
-    if mesh.kind == "tet" and mesh.order == 2 and stiffest > LOCKING:
+    if "tet" in mesh.kind and mesh.order == 2 and stiffest > LOCKING:
         log.warning(
             "LOCKING", f"nu = {stiffest:g}: quadratic tetrahedra lock above {LOCKING:g}; hexahedra of order 4 do not"
         )

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from geometry.elements import FloatArray, IntArray
 from geometry.materials import Material
-from geometry.mesh import Mesh, is_affine, jacobians
+from geometry.mesh import AnyMesh, Mesh, is_affine, jacobians
 
 CHUNK_VALUES = 2_000_000  # element-matrix entries held at once by the quadrature path
 SORTED_VALUES = 4_000_000  # entries of all element matrices sorted or summed at once
@@ -56,7 +56,7 @@ class System:
     stiffness: sp.csr_array
     mass: sp.csr_array
     scale: Scale
-    mesh: Mesh
+    mesh: AnyMesh
     density: FloatArray
 
     def region_mass(self, region: str) -> sp.csr_array | None:
@@ -78,7 +78,7 @@ def elasticity(material: Material) -> FloatArray:
     )
 
 
-def assemble(mesh: Mesh, materials: dict[str, Material], scale: Scale | None = None) -> System:
+def assemble(mesh: AnyMesh, materials: dict[str, Material], scale: Scale | None = None) -> System:
     """Assemble K_(a i)(b j) = int C_ikjl N_a,k N_b,l and m_ab = int rho N_a N_b.
 
     `materials` names one material per region of the mesh. The pencil is scaled by the mesh's smallest extent and the
@@ -89,8 +89,8 @@ def assemble(mesh: Mesh, materials: dict[str, Material], scale: Scale | None = N
     first = materials[next(iter(regions))]
     scale = scale or Scale(float(np.ptp(mesh.nodes, axis=0).min()), first.young_pa, first.density_kg_m3)
     forms = Forms(mesh, scale.length_m)
-    tensor = np.zeros((len(mesh.cells), 3, 3, 3, 3)) if len(regions) > 1 else None
-    density = np.zeros(len(mesh.cells))
+    tensor = np.zeros((mesh.cell_count, 3, 3, 3, 3)) if len(regions) > 1 else None
+    density = np.zeros(mesh.cell_count)
     single = elasticity(first) / scale.young_pa
     for name, cells in regions.items():
         density[cells] = materials[name].density_kg_m3 / scale.density_kg_m3
@@ -102,18 +102,33 @@ def assemble(mesh: Mesh, materials: dict[str, Material], scale: Scale | None = N
 class Forms:
     """The bilinear forms of one mesh for any elastic tensors and densities; lengths in units of `length_m`."""
 
-    def __init__(self, mesh: Mesh, length_m: float) -> None:
-        self._geometry = _Geometry(mesh, length_m)
-        self._pattern = _Pattern(mesh.cells, len(mesh.nodes))
+    def __init__(self, mesh: AnyMesh, length_m: float) -> None:
+        self._parts = [(_Geometry(block, length_m), _Pattern(block.cells, len(mesh.nodes))) for block in mesh.blocks]
+        self._ends = np.cumsum([len(block.cells) for block in mesh.blocks])[:-1]
 
     def stiffness(self, tensor: FloatArray) -> sp.csr_array:
         """int C_ikjl N_a,k N_b,l, (3n, 3n), from tensors (3, 3, 3, 3) or one an element."""
-        geometry = self._geometry
-        return self._pattern.vector_matrix((i, j, geometry.stiffness(tensor, i, j)) for i in range(3) for j in range(3))
+        tensors = np.split(tensor, self._ends) if tensor.ndim == 5 else [tensor] * len(self._parts)
+        return _sum(
+            pattern.vector_matrix((i, j, geometry.stiffness(own, i, j)) for i in range(3) for j in range(3))
+            for (geometry, pattern), own in zip(self._parts, tensors, strict=True)
+        )
 
     def mass(self, density: FloatArray) -> sp.csr_array:
         """int rho N_a N_b, (n, n), from a density an element."""
-        return self._pattern.scalar_matrix(self._geometry.mass(density))
+        densities = np.split(density, self._ends)
+        return _sum(
+            pattern.scalar_matrix(geometry.mass(own))
+            for (geometry, pattern), own in zip(self._parts, densities, strict=True)
+        )
+
+
+def _sum(matrices: Iterable[sp.csr_array]) -> sp.csr_array:
+    """The sum over the blocks of a mesh."""
+    first, *rest = matrices
+    for other in rest:
+        first = sp.csr_array(first + other)
+    return first
 
 
 class _Geometry:

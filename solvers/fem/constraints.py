@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geometry.elements import BoolArray, FloatArray, IntArray
-from geometry.mesh import Mesh
+from geometry.mesh import AnyMesh
 from solvers.fem.assembly import Scale, System
 
 AXES = "xyz"
@@ -18,7 +18,7 @@ AXES = "xyz"
 Support = str | tuple[str, str]  # a face held, or a face and the axes along which it is held, such as ("foot", "xz")
 
 
-def free_mask(mesh: Mesh, clamped: Iterable[Support] = (), mirrors: Mapping[str, str] | None = None) -> BoolArray:
+def free_mask(mesh: AnyMesh, clamped: Iterable[Support] = (), mirrors: Mapping[str, str] | None = None) -> BoolArray:
     """Free degrees of freedom, shape (n, 3).
 
     `clamped` names faces whose displacement is zero, or is so along some axes. `mirrors` maps a face on a mirror

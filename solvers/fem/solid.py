@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from geometry.elements import FloatArray
 from geometry.materials import Material
-from geometry.mesh import Mesh
+from geometry.mesh import AnyMesh
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.constraints import Pencil, Support, constrain, free_mask
 from solvers.fem.surface import FaceQuadrature, Skin, face_quadrature, skin_faces
@@ -24,7 +24,7 @@ class SolidModel:
     """Three-dimensional elasticity of a mesh: `clamped` faces, `mirrored` when the mesh is the quarter x, y >= 0."""
 
     def __init__(
-        self, mesh: Mesh, materials: dict[str, Material], clamped: tuple[Support, ...], mirrored: bool
+        self, mesh: AnyMesh, materials: dict[str, Material], clamped: tuple[Support, ...], mirrored: bool
     ) -> None:
         self.mesh, self.materials, self.clamped, self.mirrored = mesh, materials, clamped, mirrored
         self.name = f"solid {mesh.kind}{mesh.order}"

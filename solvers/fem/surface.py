@@ -8,8 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.polynomial import legendre
 
-from geometry.elements import TET_FACES, FloatArray, IntArray, gauss_lobatto, lagrange
-from geometry.mesh import Mesh
+from geometry.elements import TRIANGLES, FloatArray, IntArray, corner_ring, gauss_lobatto, lagrange
+from geometry.mesh import AnyMesh
 
 # Dunavant's rule of degree 4 on the unit triangle, from its two orbits (dunavant1985)
 _TRIANGLE = ((0.44594849091596489, 0.22338158967801147), (0.09157621350977073, 0.10995174365532187))
@@ -45,22 +45,29 @@ class Skin:
         return skin
 
 
-def face_quadrature(mesh: Mesh, face: str) -> FaceQuadrature:
+def face_quadrature(mesh: AnyMesh, face: str) -> FaceQuadrature:
     """Quadrature over a named face, exact for squared displacements on flat faces.
 
     Raises MeshError for a face that the mesh does not have.
     """
-    mesh.nodes_of(face)
-    faces = mesh.faces[face]
-    value, slopes, weights = _square(mesh.order) if mesh.kind == "hex" else _triangle(mesh.order)
-    corners = mesh.nodes[faces]
+    parts = [_facet_quadrature(mesh.nodes, facets, mesh.order) for facets in mesh.facets_of(face)]
+    if len(parts) == 1:
+        return parts[0]
+    points, weights = (np.concatenate([getattr(part, name) for part in parts]) for name in ("points", "weights"))
+    return FaceQuadrature(points, weights, sp.csr_array(sp.vstack([part.interpolation for part in parts])))
+
+
+def _facet_quadrature(nodes: FloatArray, faces: IntArray, order: int) -> FaceQuadrature:
+    """Quadrature over facets of one shape."""
+    value, slopes, weights = _triangle(order) if faces.shape[1] in TRIANGLES else _square(order)
+    corners = nodes[faces]
     points = np.einsum("qk,fkj->fqj", value, corners)
     tangents = np.einsum("mqk,fkj->mfqj", slopes, corners)
     area = np.linalg.norm(np.cross(tangents[0], tangents[1]), axis=2) * weights
     rows = np.repeat(np.arange(points.shape[0] * points.shape[1]), value.shape[1])
     columns = np.repeat(faces[:, None, :], len(weights), axis=1).ravel()
     data = np.broadcast_to(value, (len(faces), *value.shape)).ravel()
-    matrix = sp.csr_array((data, (rows, columns)), shape=(len(faces) * len(weights), len(mesh.nodes)))
+    matrix = sp.csr_array((data, (rows, columns)), shape=(len(faces) * len(weights), len(nodes)))
     return FaceQuadrature(points.reshape(-1, 3), area.ravel(), matrix)
 
 
@@ -95,14 +102,20 @@ def triangles(facets: IntArray) -> IntArray:
     return np.concatenate([facets[:, [0, 1, 2]], facets[:, [0, 2, 3]]]) if facets.shape[1] == 4 else facets
 
 
-def skin_faces(mesh: Mesh) -> IntArray:
-    """Corner nodes of every outer facet, shape (m, 4) for hexahedra (in ring order) or (m, 3) for tetrahedra."""
-    if mesh.kind == "hex":
-        p = mesh.order
-        corners = [0, p, (p + 1) ** 2 - 1, p * (p + 1)]
-        local = mesh.element.faces[:, corners]
-    else:
-        local = TET_FACES
-    facets = mesh.cells[:, local].reshape(-1, local.shape[1])
+def skin_faces(mesh: AnyMesh) -> IntArray:
+    """Corner nodes of every outer facet, shape (m, 4) for hexahedra (in ring order) or (m, 3) for tetrahedra; where both
+    shapes occur, triangles repeat their last corner.
+    """
+    shapes: dict[int, list[IntArray]] = {3: [], 4: []}
+    for block in mesh.blocks:
+        for local in block.element.facets:
+            ring = corner_ring(local, block.order)
+            shapes[ring.shape[1]].append(block.cells[:, ring].reshape(-1, ring.shape[1]))
+    outer = [_outer(np.concatenate(each)) for each in shapes.values() if each]
+    return outer[0] if len(outer) == 1 else np.concatenate([outer[0][:, [0, 1, 2, 2]], outer[1]])
+
+
+def _outer(facets: IntArray) -> IntArray:
+    """Those that stand once."""
     _, index, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
     return np.asarray(facets[np.sort(index[counts == 1])])

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from scipy.linalg import block_diag
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
-from geometry.mesh import Mesh
+from geometry.mesh import AnyMesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System
 from solvers.fem.coarser import Shares
@@ -215,7 +215,7 @@ class CellBuilder:
         self._known: dict[int, tuple[SymmetryClass, tuple[FloatArray, FloatArray, FloatArray]]] = {}
         self.field = self._boundary_field(mesh)
 
-    def _boundary_field(self, mesh: Mesh) -> FloatArray:
+    def _boundary_field(self, mesh: AnyMesh) -> FloatArray:
         """Scalar boundary functions at the boundary nodes, shape (b, count / 3)."""
         nodes = mesh.nodes[self.boundary]
         return self.interface.evaluate(

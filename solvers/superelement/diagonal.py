@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geometry.elements import BoolArray, FloatArray, IntArray
-from geometry.mesh import Mesh
+from geometry.mesh import AnyMesh
 from solvers.fem.assembly import System
 from solvers.fem.constraints import mass_rows
 from solvers.fem.eigen import PlainPencil
@@ -35,7 +35,7 @@ def diagonal_mirror(system: System) -> IntArray | None:
     return image if alike and weighs else None
 
 
-def diagonal_image(mesh: Mesh) -> IntArray | None:
+def diagonal_image(mesh: AnyMesh) -> IntArray | None:
     """Image of every node under (x, y, z) -> (y, x, z), shape (n,), or None where nodes do not fall on nodes."""
     from scipy.spatial import cKDTree  # slow to import, and a cell from the cache needs none
 

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from geometry.elements import FloatArray, IntArray
 from geometry.errors import MeshError
-from geometry.mesh import Mesh
+from geometry.mesh import AnyMesh
 from solvers.fem.assembly import System
 from solvers.fem.eigen import PlainPencil, lowest_values
 
@@ -30,7 +30,7 @@ class PeriodicNodes:
     offset: IntArray
 
 
-def periodic_nodes(mesh: Mesh, pitch_x_m: float, pitch_y_m: float) -> PeriodicNodes:
+def periodic_nodes(mesh: AnyMesh, pitch_x_m: float, pitch_y_m: float) -> PeriodicNodes:
     """Pair the nodes on x+ with x-, y+ with y-. Raises MeshError when opposite faces do not match node for node."""
     low = mesh.nodes.min(axis=0)
     offset = np.zeros((len(mesh.nodes), 2), dtype=np.int64)

@@ -11,6 +11,7 @@ import pytest
 from geometry.elements import element, gauss_lobatto, lagrange
 
 ALL = [("hex", 1), ("hex", 2), ("hex", 3), ("hex", 4), ("tet", 1), ("tet", 2)]
+ALL += [("wedge", 1), ("wedge", 2), ("pyramid", 1), ("pyramid", 2)]
 ROUNDING = 1e-12
 
 
@@ -19,13 +20,25 @@ def inside(kind: str, count: int = 40) -> np.ndarray:
     draw = np.random.default_rng(7)
     if kind == "hex":
         return draw.uniform(-1.0, 1.0, (count, 3))
-    return draw.dirichlet(np.ones(4), count)[:, 1:]
+    if kind == "tet":
+        return draw.dirichlet(np.ones(4), count)[:, 1:]
+    along = draw.uniform(0.0, 1.0, (count, 1))
+    if kind == "wedge":
+        return np.hstack([draw.dirichlet(np.ones(3), count)[:, 1:], 2.0 * along - 1.0])
+    return np.hstack([(1.0 - along) * draw.uniform(-1.0, 1.0, (count, 2)), along])
 
 
 def exact_moment(kind: str, powers: tuple[int, int, int]) -> float:
     """Integral of x^a y^b z^c over the reference element."""
     if kind == "hex":
         return float(np.prod([0.0 if p % 2 else 2.0 / (p + 1) for p in powers]))
+    if kind == "wedge":
+        a, b, c = powers
+        return 0.0 if c % 2 else factorial(a) * factorial(b) / factorial(a + b + 2) * 2.0 / (c + 1)
+    if kind == "pyramid":
+        a, b, c = powers
+        base = 0.0 if a % 2 or b % 2 else 4.0 / ((a + 1) * (b + 1))
+        return base * factorial(a + b + 2) * factorial(c) / factorial(a + b + c + 3)
     return float(np.prod([factorial(p) for p in powers]) / factorial(sum(powers) + 3))
 
 
@@ -59,7 +72,7 @@ def test_an_element_of_order_p_reproduces_polynomials_of_degree_p(kind: str, ord
     shape, at = element(kind, order), inside(kind)
     value, _ = shape.shape(at)
     for powers in product(range(order + 1), repeat=3):
-        if kind == "tet" and sum(powers) > order:
+        if (kind in ("tet", "pyramid") and sum(powers) > order) or (kind == "wedge" and sum(powers[:2]) > order):
             continue
         nodal = np.prod(shape.points ** np.array(powers), axis=1)
         assert np.abs(value @ nodal - np.prod(at ** np.array(powers), axis=1)).max() < 1e-11
@@ -68,9 +81,9 @@ def test_an_element_of_order_p_reproduces_polynomials_of_degree_p(kind: str, ord
 @pytest.mark.parametrize(("kind", "order"), ALL)
 def test_quadrature_is_exact_to_its_stated_degree(kind: str, order: int) -> None:
     rule = element(kind, order).quadrature
-    degree = 2 * order + 1 if kind == "hex" else 5
+    degree = 5 if kind == "tet" else 2 * order + 1
     for powers in product(range(degree + 1), repeat=3):
-        if kind == "tet" and sum(powers) > degree:
+        if (kind in ("tet", "pyramid") and sum(powers) > degree) or (kind == "wedge" and sum(powers[:2]) > degree):
             continue
         result = rule.weights @ np.prod(rule.points ** np.array(powers), axis=1)
         assert abs(result - exact_moment(kind, powers)) < 1e-12, powers
@@ -84,10 +97,14 @@ def test_quadrature_of_a_hexahedron_is_not_exact_beyond_its_degree() -> None:
 @pytest.mark.parametrize(("kind", "order"), ALL)
 def test_quadrature_weights_are_positive_and_points_inside(kind: str, order: int) -> None:
     rule = element(kind, order).quadrature
-    assert (rule.weights > 0.0).all()
-    low = -1.0 if kind == "hex" else 0.0
-    assert (rule.points > low).all()
-    assert (rule.points.sum(axis=1) < 1.0).all() if kind == "tet" else (rule.points < 1.0).all()
+    x, y, z = rule.points.T
+    within = {
+        "hex": np.abs(rule.points).max(axis=1) < 1.0,
+        "tet": (rule.points > 0.0).all(axis=1) & (x + y + z < 1.0),
+        "wedge": (x > 0.0) & (y > 0.0) & (x + y < 1.0) & (np.abs(z) < 1.0),
+        "pyramid": (z > 0.0) & (np.maximum(np.abs(x), np.abs(y)) < 1.0 - z),
+    }
+    assert (rule.weights > 0.0).all() and within[kind].all()
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
@@ -109,6 +126,26 @@ def test_faces_of_a_tetrahedron_point_outwards_and_their_middles_lie_between_cor
             assert np.allclose(shape.points[face[3:]], [(a + b) / 2, (b + c) / 2, (c + a) / 2], atol=1e-15)
 
 
+@pytest.mark.parametrize(("kind", "order"), [(kind, order) for kind in ("wedge", "pyramid") for order in (1, 2)])
+def test_faces_of_wedges_and_pyramids_move_as_those_of_tetrahedra_and_hexahedra(kind: str, order: int) -> None:
+    """On a face only its own nodes count, by the shape functions that a neighbour of another kind has there."""
+    shape = element(kind, order)
+    at = np.random.default_rng(8).dirichlet(np.ones(3), 12)[:, 1:]
+    plane = np.column_stack([at, np.zeros(len(at))])
+    for facets, neighbour in zip(shape.facets, (element("tet", order), element("hex", order)), strict=True):
+        inside = plane if neighbour.kind == "tet" else 2.0 * plane - 1.0
+        value, _ = neighbour.shape(inside)
+        own = [0, 1, 2, 4, 5, 6] if neighbour.kind == "tet" else list(range(9))  # its nodes on z = 0 or -1
+        weights = value[:, own[: facets.shape[1]]]
+        for face in facets:
+            result, _ = shape.shape(weights @ shape.points[face])
+            expected = np.zeros_like(result)
+            expected[:, face] = weights
+            assert np.abs(result - expected).max() < 1e-11
+            a, b, c = (shape.points[face[i]] for i in (0, 1, -1 if neighbour.kind == "hex" else 2))
+            assert np.cross(b - a, c - a) @ (a - shape.points.mean(axis=0)) > 0.0
+
+
 def test_gauss_lobatto_points_are_the_known_ones() -> None:
     assert np.allclose(gauss_lobatto(2), [-1.0, 0.0, 1.0], atol=1e-15)
     assert np.allclose(gauss_lobatto(3), [-1.0, -1 / 5**0.5, 1 / 5**0.5, 1.0], atol=1e-15)
@@ -121,7 +158,7 @@ def test_lagrange_derivatives_of_a_cubic_are_exact() -> None:
     assert np.allclose(slope @ nodes**3, 3.0 * at**2, atol=1e-13)
 
 
-@pytest.mark.parametrize(("kind", "order"), [("hex", 0), ("hex", 5), ("tet", 3), ("wedge", 1)])
+@pytest.mark.parametrize(("kind", "order"), [("hex", 0), ("hex", 5), ("tet", 3), ("wedge", 3)])
 def test_elements_that_are_not_offered_are_named_with_what_is(kind: str, order: int) -> None:
-    with pytest.raises(ValueError, match=f"no {kind} element of order {order}: hex has 1 to 4, tet has 1 and 2"):
+    with pytest.raises(ValueError, match=f"no {kind} element of order {order}: hex has 1 to 4; tet, wedge and pyramid"):
         element(kind, order)
