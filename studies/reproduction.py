@@ -43,6 +43,9 @@ PILLARS_MM = {7.1: 32.0, 6.5: 35.0, 6.3: 38.0}
 NEAR = 0.02
 INTRODUCTION = """# The thesis' figures, and ours
 
+The thesis is *Design of controlled localized mechanical waves: application to haptics*,
+a doctoral thesis of the project HASAMé (ANR-21-CE33-0020); the text used here names no author, university or year.
+
 Written by `python -m studies.reproduction` from the stored studies ({studies}) and the models of `antinode active`.
 Ours come from meshes whose error is known (`docs/verification.md`), and none was tuned towards the thesis; where its
 formulas are not what is built here, `docs/thesis-errata.md` has the derivation. "agrees" means within {near:.0%}, or the

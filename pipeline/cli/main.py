@@ -40,7 +40,14 @@ DONE, WRONG_INPUT, NOT_TRUSTED, NOT_HELD, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4,
 
 
 class _Parser(argparse.ArgumentParser):
-    """argparse, with one line for an error instead of a usage block."""
+    """argparse, with one line for an error instead of a usage block, and the nearest command for one that there is not."""
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.dest == "command" and action.choices is not None and value not in action.choices:
+            from pipeline.case.diagnostics import nearest
+
+            raise argparse.ArgumentError(None, f"{value}: no such command{nearest(value, list(action.choices))}")
+        super()._check_value(action, value)
 
     def error(self, message: str) -> NoReturn:
         print(one_line(f"{self.prog}: {message} (see {self.prog} --help)"), file=sys.stderr)
@@ -62,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     _refuse_renamed(words)
     if "_ARGCOMPLETE" in os.environ:  # a shell asks what could come next
         importlib.import_module("pipeline.cli.completion").complete(_parser())
-    arguments = _parser().parse_args(words)
+    arguments = _read(_parser(), words)
     try:
         with terminable():
             return _run(arguments)
@@ -76,6 +83,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         if arguments.debug:
             raise
         return _report_error(error)
+
+
+def _read(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Namespace:
+    """A command line as arguments; `antinode` alone and `antinode help [COMMAND]` ask for help as --help does."""
+    if not words or words[0] == "help":
+        words = [*words[1:2], "--help"]
+    arguments, unknown = parser.parse_known_args(words)
+    if unknown:
+        own = f"antinode {arguments.command}"
+        line = f"{own}: unrecognized arguments: {' '.join(unknown)} (see {own} --help)"
+        print(one_line(line), file=sys.stderr)
+        raise SystemExit(WRONG_INPUT)
+    return arguments
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -177,21 +197,28 @@ def _up_to(most: int) -> Callable[[str], int]:
     return number
 
 
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text}: must be a number") from None
+
+
 def _wavenumber(text: str) -> float:
-    value = float(text)
+    value = _number(text)
     if not abs(value) <= limits.MAX_WAVENUMBER:
         raise argparse.ArgumentTypeError(f"{text}: must be a number of at most {limits.MAX_WAVENUMBER:g} rad/m")
     return value
 
 
 def _share(text: str) -> float:
-    value = float(text)
+    value = _number(text)
     if not 0.0 <= value < 1.0:
         raise argparse.ArgumentTypeError(f"{text}: must be 0 or more and below 1")
     return value
 
 
-TYPES: dict[str, Callable[[str], float]] = {"number": float, "wavenumber": _wavenumber, "share": _share}
+TYPES: dict[str, Callable[[str], float]] = {"number": _number, "wavenumber": _wavenumber, "share": _share}
 
 
 if __name__ == "__main__":

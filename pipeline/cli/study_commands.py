@@ -99,14 +99,20 @@ def _executor(address: str | None) -> Executor | None:
     return executor
 
 
-def report(arguments: Namespace) -> int:
-    """Rebuild table, figures and page from the records; cases whose records cannot be trusted are named."""
-    from pipeline.records.study import read_study
-
+def _stored(arguments: Namespace) -> tuple[Any, Any, Path]:
+    """A study's kind, the study and the folder of its results. Raises InputError when nothing is stored."""
     kind, study = _study(arguments.study)
     folder = known.folder_of(study.name, study.source, arguments.results)
     if not (folder / "cases.json").exists():
         raise InputError(f"{arguments.study}: no results under {folder}; run it first: antinode run {arguments.study}")
+    return kind, study, folder
+
+
+def report(arguments: Namespace) -> int:
+    """Rebuild table, figures and page from the records; cases whose records cannot be trusted are named."""
+    from pipeline.records.study import read_study
+
+    kind, study, folder = _stored(arguments)
     _log_summary(kind.conclude(study, folder), arguments.quiet)
     for case in read_study(folder).cases:
         if case.read_error:
@@ -114,3 +120,30 @@ def report(arguments: Namespace) -> int:
                 f"antinode: case {case.case_id} is not shown: {case.read_error}; run the study again", file=sys.stderr
             )
     return 0
+
+
+def show(arguments: Namespace) -> int:
+    """Print what a stored study found: its answer, its facts and the table's main columns."""
+    from pipeline.measures import registry
+    from pipeline.records.outputs import table
+    from pipeline.records.study import read_study
+    from pipeline.report import text
+    from pipeline.views.answer import Answer, emit
+
+    folder = _stored(arguments)[2]
+    study = read_study(folder)
+    columns = [column for column in map(text.PageColumn, registry.columns_of(study)) if column.main]
+    head = [f"{column.heading} ({column.unit})" if column.unit else column.heading for column in columns]
+    rows = [[column.text(case.record) or None for column in columns] for case in study.cases]
+    lead = [
+        *filter(None, [text.headline(study)]),
+        "; ".join(text.facts_of(study)),
+        f"report {folder / 'report.html'}",
+        "",
+    ]
+    document = {
+        "study": study.name,
+        "folder": str(folder),
+        "cases": [dict(zip(head, row, strict=True)) for row in rows],
+    }
+    return emit(arguments, "show", Answer(document, [*lead, table(head, rows)]))

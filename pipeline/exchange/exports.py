@@ -16,7 +16,13 @@ from pipeline.units import GRAM, MM
 
 CAD = ("stl", "step", "3mf")
 SOLVER_FILES = ("aster", "calculix")
-ONE_FILE = {"phonopy": ".yaml", "paraview": ".vtkhdf", "uff": ".uff", "impedance": ".s1p"}  # a module here each
+ONE_FILE = {
+    "phonopy": ".yaml",
+    "paraview": ".vtkhdf",
+    "xdmf": ".xdmf",
+    "uff": ".uff",
+    "impedance": ".s1p",
+}  # a module here each
 SUFFIX = {"stl": ".stl", "step": ".step", "3mf": ".3mf", "vtu": ".vtu", "table": ".bin"} | ONE_FILE
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from geometry.elements import FloatArray, IntArray
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -13,8 +14,19 @@ from pipeline.logs import Log
 
 def write(case: Case, path: Path, log: Log) -> Path:
     """Compute the modes that `antinode modes` lists and write their shapes of unit modal mass; time is frequency, Hz."""
-    from geometry.decimate import with_sides
     from geometry.formats.vtkhdf import write_steps
+
+    points, facets, tones, shapes = shapes_of(case, log)
+    with log.step(f"write {len(tones)} shapes"):
+        write_steps(path, points, facets, tones, "displacement", shapes)
+    return path
+
+
+def shapes_of(case: Case, log: Log) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
+    """Points (p, 3) in m and facets of the whole plate's surface, frequencies (k,) in Hz and displacements (k, p, 3) of its
+    modes. Raises InputError where the band holds none.
+    """
+    from geometry.decimate import with_sides
     from pipeline.analysis.modes import solve_modes
     from pipeline.planning.request import Request
 
@@ -27,7 +39,4 @@ def write(case: Case, path: Path, log: Log) -> Path:
     first = next(iter(skins.values()))
     shapes = np.stack([skins[row.symmetry].displacement[row.column] for row in solved.rows])
     facets = with_sides(first.points, first.facets, case.design.thickness_m)
-    tones = np.array([row.frequency_hz for row in solved.rows])
-    with log.step(f"write {len(tones)} shapes"):
-        write_steps(path, first.points, facets, tones, "displacement", shapes)
-    return path
+    return first.points, facets, np.array([row.frequency_hz for row in solved.rows]), shapes

@@ -13,7 +13,7 @@ from pipeline.records.study import StoredCase
 from pipeline.units import KHZ
 from solvers.measures.levels import CONFINED_DB
 
-LOOKS = {"flexural": (style.BLUE, "o"), "shear": (style.ORANGE, "s"), "longitudinal": (style.GREEN, "D")}
+LOOKS = {"flexural": (style.BLUE, "o"), "shear": (style.ORANGE, "s"), "longitudinal": (style.PURPLE, "D")}
 DEEPEST_DB = 30.0
 
 

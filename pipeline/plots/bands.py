@@ -26,7 +26,7 @@ PILLAR = "pillar"
 # colour, marker and size of the plate's polarisation: told apart in grey too
 POLARISATIONS = {
     "flexural": (style.BLUE, "o", 2.8),
-    "shear": (style.SKY, "s", 2.8),
+    "shear": (style.ORANGE, "s", 2.8),
     "longitudinal": (style.PURPLE, "^", 3.4),
 }
 

@@ -19,7 +19,9 @@ PICTURES = "pictures"
 WIDTH_IN = 7.6
 DPI = 150
 POINTS_PER_IN = 72  # the unit of an SVG
-WEBP_QUALITY = 84
+WEBP_QUALITY = 75
+SHOWN_PX = 960  # width in a page: twice what a column of two is wide on a screen
+SVG_BYTES = 40_000  # of lines; what has more is smaller as pixels
 # Okabe and Ito's colours: told apart with any colour vision.
 BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, GREY = (
     *("#0072B2", "#D55E00", "#009E73", "#E69F00", "#56B4E9", "#CC79A7"),
@@ -59,7 +61,7 @@ class ReportFigure:
     title: str
     alt: str
     figure: Figure
-    vector: bool = False  # mostly lines: a page shows the SVG, else a compressed image
+    vector: bool = False  # mostly lines: a page shows the SVG while it is small, else a compressed image
 
 
 @dataclass(frozen=True)
@@ -142,22 +144,31 @@ def save(report_figure: ReportFigure, folder: Path) -> StoredFigure:
             report_figure.figure.savefig(buffer, format=kind, dpi=DPI, metadata=notes)
         files[kind] = f"{report_figure.name}.{kind}"
         store.write_atomic(folder / files[kind], buffer.getvalue())
-    file = files["svg"] if report_figure.vector else _compressed(folder, files["png"])
-    scale = POINTS_PER_IN if report_figure.vector else DPI
+    small = report_figure.vector and (folder / files["svg"]).stat().st_size <= SVG_BYTES
+    file = files["svg"] if small else _compressed(folder, files["png"])
+    scale = POINTS_PER_IN if small else DPI
     size = (round(scale * edge) for edge in report_figure.figure.get_size_inches())
     about = (report_figure.name, report_figure.title, report_figure.alt)
     return StoredFigure(*about, files["svg"], files["png"], file, *size)
 
 
 def _compressed(folder: Path, png: str) -> str:
-    """A WebP beside the PNG, several times smaller; the PNG itself where this Pillow cannot write WebP."""
+    """A WebP beside the PNG, as wide as a page shows it: exact where that is smaller, as of lines on white; the PNG itself
+    where this Pillow cannot write WebP.
+    """
     from PIL import Image, features
 
     if not features.check("webp"):
         return png
-    buffer = io.BytesIO()
+    looks: tuple[dict[str, Any], ...] = ({"quality": WEBP_QUALITY}, {"lossless": True})
     with Image.open(folder / png) as image:
-        image.convert("RGB").save(buffer, "WEBP", quality=WEBP_QUALITY, method=4)
+        height = round(image.height * SHOWN_PX / image.width)
+        shown = image.convert("RGB").resize((SHOWN_PX, height), Image.Resampling.LANCZOS)
+    written = []
+    for look in looks:
+        buffer = io.BytesIO()
+        shown.save(buffer, "WEBP", method=4, **look)
+        written.append(buffer.getvalue())
     name = f"{png[:-4]}.webp"
-    store.write_atomic(folder / name, buffer.getvalue())
+    store.write_atomic(folder / name, min(written, key=len))
     return name

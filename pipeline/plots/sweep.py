@@ -17,6 +17,12 @@ from pipeline.units import KHZ
 from solvers.measures.levels import CONFINED_DB
 
 MAX_TICKS = 12
+MAX_PANELS = 3  # beside one another
+ROWS_LOOKS: dict[str, dict[str, Any]] = {
+    "finite plate": {"color": style.BLUE, "marker": "o"},
+    "endless lattice: rows times decay per row": {"color": style.VERMILION, "marker": "s", "mfc": "white", "ls": "--"},
+    "endless rows: power let through": {"color": style.GREY, "marker": "^", "mfc": "white", "ls": ":"},
+}
 
 
 def against_sweep(study: StoredStudy) -> ReportFigure | None:
@@ -123,19 +129,33 @@ def how_many_rows(study: StoredStudy) -> ReportFigure | None:
     cases = [case for case in study.cases if case.case_id in levels]
     if len(cases) < 2 or "array.rows" not in study.swept:
         return None
-    figure, axes = style.panels(3.6)
-    for index, (name, line) in enumerate(lines_along(study, cases, "array.rows").items()):
-        colour = style.CYCLE[index % len(style.CYCLE)]
-        rows = [case.sweep["array.rows"] for case in line]
-        finite, predicted, transmitted = np.array([levels[case.case_id] for case in line], dtype=float).T
-        label = f", {name}" if name else ""
-        axes.plot(rows, finite, color=colour, marker="o", label=f"finite plate{label}")
-        axes.plot(rows, predicted, color=colour, marker="s", mfc="white", ls="--", label=f"rows x decay per row{label}")
-        axes.plot(rows, transmitted, color=colour, marker="^", mfc="white", ls=":", label=f"through the rows{label}")
+    lines = lines_along(study, cases, "array.rows")
+    columns = min(len(lines), MAX_PANELS)
+    figure, panels = style.panels(
+        0.6 + 2.6 * -(-len(lines) // columns),
+        -(-len(lines) // columns),
+        columns,
+        sharex=True,
+        sharey=True,
+        squeeze=False,
+    )
     ticks = sorted({case.sweep["array.rows"] for case in cases})
-    axes.set(xticks=ticks, xlabel="rows on each side of the zone", ylabel="zone to extension (dB)")
-    axes.grid(True)
-    axes.legend(fontsize=7)
+    for axes, (name, line) in zip(panels.flat, lines.items(), strict=False):
+        rows = [case.sweep["array.rows"] for case in line]
+        values = np.array([levels[case.case_id] for case in line], dtype=float).T
+        for (label, look), series in zip(ROWS_LOOKS.items(), values, strict=True):
+            axes.plot(rows, series, label=label, **look)
+        axes.set(xticks=ticks, title=name)
+        axes.axhline(CONFINED_DB, color=style.GREEN, lw=1.0, ls="--")
+        axes.grid(True)
+    for axes in panels.flat[len(lines) :]:
+        axes.set_visible(False)
+    for axes in panels[-1]:
+        axes.set_xlabel("rows on each side")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("zone to extension (dB)")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    style.legend_below(figure, handles, labels, 3, 8)
     title = "How many rows: prediction and finite plates"
     parts = "; ".join(f"{name}: {one[0]:.1f} dB, predicted {one[1]:.1f} dB" for name, one in levels.items())
     return ReportFigure("how_many_rows", title, f"{title}. {parts}", figure, vector=True)

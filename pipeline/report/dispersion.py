@@ -14,6 +14,7 @@ from pipeline.plots.plate import skin_faces
 from pipeline.records.fingerprint import canonical_json
 from pipeline.records.record import BandPoint, BandsRecord
 from pipeline.records.study import StoredCase, StoredStudy
+from pipeline.records.sweep_lines import axis_label
 from pipeline.report.mode_shapes import Gallery
 from pipeline.units import KHZ
 
@@ -68,6 +69,15 @@ def _cell(members: list[StoredCase], bands: BandsRecord, best: StoredCase | None
 
 
 def _name(members: list[StoredCase]) -> str:
+    """What the swept cases of a cell have in common and how many they are; their names where that is nothing."""
+    cases = [case for case in members if case.sweep]
+    shared = (
+        {key: value for key, value in cases[0].sweep.items() if all(c.sweep.get(key) == value for c in cases)}
+        if cases
+        else {}
+    )
+    if len(cases) > 1 and shared:
+        return f"{', '.join(f'{axis_label(key)} = {value}' for key, value in shared.items())}, {len(cases)} plates"
     names = [case.case_id for case in members]
     return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 

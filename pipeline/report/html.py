@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import mimetypes
+import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,11 +38,14 @@ def script_data(value: Any) -> Markup:
     return Markup(text.replace("<", "\\u003c"))
 
 
-def vendored(name: str) -> Markup:
-    """A script that others wrote, as it is in templates/vendor; it must not end a script element."""
-    from markupsafe import Markup
+def vendored(name: str) -> str:
+    """A script that others wrote, in templates/vendor, as text that unpack.js inflates."""
+    return deflated((TEMPLATES / "vendor" / name).read_bytes())
 
-    return Markup((TEMPLATES / "vendor" / name).read_text(encoding="utf-8"))
+
+def deflated(data: bytes) -> str:
+    """Bytes as base64 text of their zlib stream, which browsers inflate."""
+    return base64.b64encode(zlib.compress(data, 9)).decode()
 
 
 def data_url(name: str, data: bytes) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,9 +12,10 @@ from numpy.typing import NDArray
 from geometry.decimate import coarse, with_sides
 from pipeline.plots.plate import FloatArray, IntArray, skin_faces
 from pipeline.records.study import StoredCase
+from pipeline.report.html import deflated
 from pipeline.units import KHZ
 
-MAX_SHAPES = 12  # of plates in a page
+MAX_SHAPES = 16  # of plates in a page
 MIN_OF_BEST = 4
 MAX_POINTS = 9000  # of a surface as sent; a quarter is sent where the others are its mirror images
 FULL = 32767
@@ -41,7 +41,7 @@ class Gallery:
                 "points": packed(np.round((points - low) / span * 0xFFFF), "<u2"),
                 "corners": int(facets.shape[1]),
                 "wide": not small,
-                "facets": packed(facets, "<u2" if small else "<u4"),
+                "facets": packed(np.diff(facets.astype(np.int64), axis=0, prepend=0), "<u2" if small else "<u4"),
                 "reach": float(f"{reach_m:.4g}"),
             }
         )
@@ -65,8 +65,9 @@ class Gallery:
 
 
 def packed(values: NDArray[Any], kind: str) -> str:
-    """Numbers as base64 text of little-endian integers."""
-    return base64.b64encode(np.ascontiguousarray(values).astype(kind).tobytes()).decode()
+    """Rows of integers as deflated text: one component after another, of each all low bytes before the higher ones."""
+    flat = np.ascontiguousarray(np.asarray(values).T).astype(kind).ravel()
+    return deflated(flat.view(np.uint8).reshape(flat.size, -1).T.tobytes())
 
 
 def _short(values: Iterable[float]) -> list[float]:
@@ -112,7 +113,7 @@ def _words(case: StoredCase, frequency_hz: float, wanted: bool) -> dict[str, str
     which = "wanted mode" if wanted else "neighbour"
     return {
         "group": case.case_id,
-        "name": f"{tone}, {which}",
+        "name": f"{case.case_id}: {tone}, {which}",
         "about": f"{which.capitalize()} of {case.case_id} at {tone}{level_text}",
     }
 

@@ -40,14 +40,15 @@ class Beside:
 
 def beside(folder: Path, embedder: Embedder) -> list[Beside]:
     """The scripted studies beside a study's folder: their opening section, and every section that has a picture."""
-    return [_read(folder, name, title, embedder) for name, title in STUDIES.items() if folder.name != name]
+    return [
+        _read(folder, name, title, embedder)
+        for name, title in STUDIES.items()
+        if folder.name != name and (folder.parent / name / PAGE).exists()
+    ]
 
 
 def _read(folder: Path, name: str, title: str, embedder: Embedder) -> Beside:
     other = folder.parent / name
-    if not (other / PAGE).exists():
-        how = "antinode report" if (other / "cases.json").exists() else "antinode run"
-        return Beside(name, title, missing=f"not computed yet: {how} {name}")
     try:
         page = store.read_json(other / PAGE)
         if page["schema"] != SCHEMA:
@@ -65,7 +66,7 @@ def _read(folder: Path, name: str, title: str, embedder: Embedder) -> Beside:
 def _section(folder: Path, name: str, section: dict[str, Any], embedder: Embedder) -> StudySection:
     """A section; its tables only where it has no picture to say the same."""
     pictures = [style.StoredFigure(**entry) for entry in section["pictures"]]
-    embedded = [embedder.show(f"../{name}/{style.PICTURES}", picture) for picture in pictures]
+    embedded = embedder.show_all(f"../{name}/{style.PICTURES}", pictures)
     tables = [] if embedded else [_table(folder.parent / name, table) for table in section["tables"]]
     return StudySection(section["heading"], list(section["words"]), tables, embedded)
 

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,16 @@ from pipeline.report import dispersion, explorer, gallery, mode_shapes, text
 from pipeline.report.html import render, script_data, vendored
 from pipeline.report.other_studies import beside
 from pipeline.report.pictures import EmbeddedFigure, Embedder, link
+from pipeline.report.sketch import sketch
+from pipeline.report.thesis import TITLE
 from pipeline.units import GRAM, MM, UM
 
 REPORT = "report.html"
 MAX_FIGURES = 12
 FILES = ("run.mess", "input.json", "record.json", "timing.json", "arrays.npz")
+# the pictures of a case, those first that tell most beside the moving shapes; the best case has all of them
+TELLING = ("touch_face", "response", "dispersion", "attenuation", "neighbours", "side_view")
+OF_A_CELL = ("dispersion",)  # the same for all cases of one cell
 STILLS = ("side_view", "touch_face", "geometry")  # what stands for a moving shape, the first that is drawn
 UNFIT = (KeyError, TypeError, ValueError, IndexError)  # arrays of another shape than the page draws
 OF_BEST = {"attenuation": "Attenuation", "response": "Response"}
@@ -37,12 +43,14 @@ class CasePage:
     case: StoredCase
     anchor: str
     pictures: list[EmbeddedFigure]
+    elsewhere: list[str]
     files: list[tuple[str, str]]
     seconds: dict[str, float]
     troubles: list[str] = field(default_factory=list)
     modes: list[dict[str, Any]] = field(default_factory=list)
     overrides: list[str] = field(default_factory=list)
     drawn: bool = True
+    twin: str = ""  # the anchor of a case of the same plate, whose pictures are this one's
 
 
 @dataclass(frozen=True)
@@ -69,7 +77,7 @@ def build(folder: Path, max_figures: int = MAX_FIGURES) -> Path:
     figure_sets = draw_cases(chosen(visible, max_figures))
     embedder = Embedder(folder)
     compared = _without_failing(partial(gallery.draw_study, study))
-    pictures = [embedder.show(style.PICTURES, picture) for picture in compared.pictures]
+    pictures = embedder.show_all(style.PICTURES, compared.pictures)
     pages = _case_pages(visible, figure_sets, embedder)
     moving = _moving(visible, [page for page in pages if page.drawn])
     path = folder / REPORT
@@ -85,7 +93,8 @@ def _page(
     compared: tuple[list[EmbeddedFigure], list[str]],
 ) -> str:
     """The page's HTML; `compared` holds the pictures over the study and what could not be drawn."""
-    columns = registry.columns_of(study)
+    columns = [text.PageColumn(column) for column in registry.columns_of(study)]
+    best = text.best_case(study)
     return render(
         "study.html.j2",
         **SHOWN,
@@ -94,16 +103,22 @@ def _page(
         sentences=text.sentences(study),
         comparison=text.comparison(study),
         columns=columns,
+        brief=any(not column.main for column in columns),
         example="confinement>10" if any(column.name == "confinement_db" for column in columns) else columns[1].heading,
+        headline=text.headline(study),
+        facts_of_study=text.facts_of(study),
+        sketch=sketch(best.record.design) if best and best.record.design else "",
+        command=text.command(study, best) if best else "",
+        program=metadata.version("antinode"),
+        thesis=TITLE,
         pages=pages,
         pictures=compared[0],
         troubles=[*compared[1], *moving.troubles],
-        best=text.best_case(study),
+        best=best,
         of_best=_of_best(study, pages),
         beside=beside(study.folder, embedder),
         explorer=explorer.link(study.folder),
         undrawn=sum(page.case.record.answered and not page.drawn for page in pages),
-        linked=embedder.linked,
         versions=next((case.record.versions for case in study.cases if case.record.versions), {}),
         left_out=text.left_out(study),
         plans=text.plans(study),
@@ -124,7 +139,7 @@ def _moving(study: StoredStudy, pages: list[CasePage]) -> Moving:
     gallery = mode_shapes.Gallery()
     diagrams: dict[str, Any] = {"cells": [], "shapes": []}
     try:
-        gallery = mode_shapes.plates([page.case for page in pages], best, stills)
+        gallery = mode_shapes.plates([page.case for page in pages if not page.twin], best, stills)
     except UNFIT as error:
         troubles.append(f"moving mode shapes: {type(error).__name__}: {error}")
     try:
@@ -163,17 +178,20 @@ def _with_defaults(study: StoredStudy) -> str:
 
 
 def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
-    """Which cases get pictures: all of a short study; of a long one the best and the worst confined, the rest evenly spread."""
-    drawable = [case for case in study.cases if case.record.answered]
+    """Which cases get pictures: all of a short study; of a long one the best and the worst confined, the rest evenly spread;
+    besides those that compute a plate of the sweep in more ways.
+    """
+    twins = [case for case in study.cases if case.record.answered and _twin(study, case)] if most else []
+    drawable = [case for case in study.cases if case.record.answered and case not in twins]
     if len(drawable) <= most or most < 2:
-        return drawable[:most]
+        return [*twins, *drawable[:most]]
     ranked = sorted((level, case.case_id) for case in drawable if (level := case.record.confinement_db) is not None)
     picked = {name for _, name in (ranked[:1] + ranked[-1:])}
     spread = (drawable[round(i * (len(drawable) - 1) / max(1, most - 1))] for i in range(most))
     for case in spread:
         if len(picked) < most:
             picked.add(case.case_id)
-    return [case for case in drawable if case.case_id in picked]
+    return [*twins, *(case for case in drawable if case.case_id in picked)]
 
 
 def draw_cases(cases: list[StoredCase]) -> dict[str, gallery.FigureSet]:
@@ -200,26 +218,72 @@ def _without_failing(draw: Callable[[], gallery.FigureSet]) -> gallery.FigureSet
 
 
 def _case_pages(study: StoredStudy, figure_sets: dict[str, gallery.FigureSet], embedder: Embedder) -> list[CasePage]:
-    """Every case's part of the page in the study's order; the best case's pictures are embedded first."""
+    """Every case's part of the page in the study's order."""
+    shown = _shown(study, figure_sets, embedder)
+    pages = []
+    for index, case in enumerate(study.cases):
+        figures = figure_sets.get(case.case_id)
+        twin = next((i for i in range(len(study.cases)) if study.cases[i] is _twin(study, case)), None)
+        pages.append(
+            _case_page(case, index, figures, shown.get(case.case_id, []), "" if twin is None else f"case-{twin + 1}")
+        )
+    return pages
+
+
+def _shown(
+    study: StoredStudy, figure_sets: dict[str, gallery.FigureSet], embedder: Embedder
+) -> dict[str, list[EmbeddedFigure]]:
+    """The pictures that the page holds by case: all of the best one, then of each what tells most while there is room."""
     best = text.best_case(study)
-    order = sorted(range(len(study.cases)), key=lambda i: best is None or study.cases[i].case_id != best.case_id)
-    made = {i: _case_page(study.cases[i], i, figure_sets.get(study.cases[i].case_id), embedder) for i in order}
-    return [made[i] for i in range(len(study.cases))]
+    ordered = sorted(study.cases, key=lambda case: best is None or case.case_id != best.case_id)
+    drawn = {
+        case.case_id: {p.name: p for p in figure_sets[case.case_id].pictures}
+        for case in ordered
+        if case.case_id in figure_sets
+    }
+    asked = [(case, name) for name in TELLING for case in ordered[1:]]
+    asked = [(case, name) for case in ordered[:1] for name in drawn.get(case.case_id, {})] + asked
+    for case in ordered:
+        if twin := _twin(study, case):  # only what the same plate has not
+            own = [name for name in drawn.get(case.case_id, {}) if name not in drawn.get(twin.case_id, {})]
+            asked = [(case, name) for name in own] + [pair for pair in asked if pair[0] is not case]
+    found: dict[str, dict[str, EmbeddedFigure]] = {}
+    cells: set[tuple[str, Any]] = set()
+    for case, name in asked:
+        mark = (name, case.record.design.cell if case.record.design else case.case_id)
+        picture = drawn.get(case.case_id, {}).get(name)
+        if picture is None or (name in OF_A_CELL and mark in cells):
+            continue
+        if embedded := embedder.show(f"{case.case_id}/{style.PICTURES}", picture):
+            found.setdefault(case.case_id, {})[name] = embedded
+            cells.add(mark)
+    return {case: [found[case][name] for name in drawn[case] if name in found[case]] for case in found}
 
 
-def _case_page(case: StoredCase, index: int, figure_sets: gallery.FigureSet | None, embedder: Embedder) -> CasePage:
+def _twin(study: StoredStudy, case: StoredCase) -> StoredCase | None:
+    """A case of the sweep that is the same plate as this one, which the study computes beside it."""
+    if case.sweep or case.record.design is None:
+        return None
+    return next((other for other in study.cases if other.sweep and other.record.design == case.record.design), None)
+
+
+def _case_page(
+    case: StoredCase, index: int, figure_sets: gallery.FigureSet | None, shown: list[EmbeddedFigure], twin: str
+) -> CasePage:
     timing, stored = case.read(store.TIMING) or {}, case.read(store.INPUT)
-    folder = f"{case.case_id}/{style.PICTURES}"
+    names = {picture.name for picture in shown}
     return CasePage(
         case=case,
         anchor=f"case-{index + 1}",
-        pictures=[embedder.show(folder, picture) for picture in (figure_sets.pictures if figure_sets else [])],
+        pictures=shown,
+        elsewhere=[p.title for p in figure_sets.pictures if p.name not in names] if figure_sets and not twin else [],
         files=list(_files(case)),
         seconds=_seconds(timing.get("seconds")),
         troubles=figure_sets.troubles if figure_sets else [],
-        modes=text.modes(case.record) if figure_sets is not None else [],
+        modes=text.modes(case.record) if figure_sets is not None and not twin else [],
         overrides=[str(text) for text in (stored.get("overrides") or [])] if isinstance(stored, dict) else [],
         drawn=figure_sets is not None,
+        twin=twin,
     )
 
 

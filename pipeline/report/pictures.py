@@ -1,4 +1,4 @@
-"""Pictures of a page: embedded while there is room, else linked; each with its size, so that nothing jumps as they load."""
+"""Pictures of a page: in the file itself while there is room; each with its size, so that nothing jumps as they load."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from urllib.parse import quote
 from pipeline.plots import style
 from pipeline.report.html import data_url
 
-EMBEDDED_BYTES = 6_500_000  # the rest is linked: with shapes and a thousand cases a page stays below 15 MB
+EMBEDDED_BYTES = 2_700_000  # with shapes, diagrams, viewer and a dozen cases a page stays below 4 MB
 
 
 @dataclass(frozen=True)
 class EmbeddedFigure:
-    """A picture in the page: where its pixels come from (data or file), its size, links and words."""
+    """A picture in the page: its pixels as data, its size, links and words."""
 
     name: str
     source: str
@@ -27,23 +27,23 @@ class EmbeddedFigure:
 
 
 class Embedder:
-    """Puts pictures into the page until its budget is spent; links the rest."""
+    """Puts pictures into the page until its budget is spent; a page sent alone misses nothing that it shows."""
 
     def __init__(self, study: Path, budget: int | None = None) -> None:
-        self.study, self.left, self.linked = study, EMBEDDED_BYTES if budget is None else budget, 0
+        self.study, self.left = study, EMBEDDED_BYTES if budget is None else budget
 
-    def show(self, folder: str, picture: style.StoredFigure) -> EmbeddedFigure:
-        """The picture of a folder (relative to the study), embedded or linked."""
-        data = (self.study / folder / picture.shown).read_bytes()
-        source = link(folder, picture.shown)
-        if len(data) * 4 / 3 <= self.left:
-            source = data_url(picture.shown, data)
-            self.left -= len(source)
-        else:
-            self.linked += 1
+    def show(self, folder: str, picture: style.StoredFigure) -> EmbeddedFigure | None:
+        """The picture of a folder (relative to the study), None where it does not fit any more."""
+        source = data_url(picture.shown, (self.study / folder / picture.shown).read_bytes())
+        if len(source) > self.left:
+            return None
+        self.left -= len(source)
         links = (link(folder, picture.svg), link(folder, picture.png))
-        size = (picture.width, picture.height)
-        return EmbeddedFigure(picture.name, source, *size, *links, picture.title, picture.alt)
+        return EmbeddedFigure(picture.name, source, picture.width, picture.height, *links, picture.title, picture.alt)
+
+    def show_all(self, folder: str, pictures: list[style.StoredFigure]) -> list[EmbeddedFigure]:
+        """Those of a folder's pictures that fit."""
+        return [embedded for picture in pictures if (embedded := self.show(folder, picture))]
 
 
 def link(*parts: str) -> str:

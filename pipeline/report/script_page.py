@@ -54,7 +54,7 @@ def write_page(folder: Path, name: str, title: str, lead: str, page: Page) -> li
             written.append(path)
         with style.style():
             pictures = [style.save(draw(), folder / style.PICTURES) for draw in section.report_figures]
-        embedded.append((section, [embedder.show(style.PICTURES, picture) for picture in pictures]))
+        embedded.append((section, embedder.show_all(style.PICTURES, pictures)))
         kept.append(_kept(section, pictures))
     html = folder / "report.html"
     page_text = render("scripted.html.j2", name=name, title=title, lead=lead, sections=embedded, text=text)

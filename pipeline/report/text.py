@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from dataclasses import dataclass
+from importlib import metadata
 from typing import Any
 
 from pipeline.records.record import DesignRecord, Record
 from pipeline.records.study import StoredCase, StoredStudy
+from pipeline.records.tables import Column
 from pipeline.report.thesis import compare
-from pipeline.units import KHZ
+from pipeline.units import KHZ, MM
 from solvers.measures.levels import CONFINED_DB
 
 MAX_MODES = 40
 MAX_PLANS = 12
+# columns of the table that answer first, beside what is swept
+MAIN = ("case", "status", "wanted_hz", "confinement_db", "confined", "wanted_peak_db", "db_per_row", "tracking")
 WIDE = "\u202f"
 
 
@@ -150,6 +155,113 @@ def _ended(study: StoredStudy) -> Card:
     texts = ", ".join(f"{counts[key]} {word}" for key, word in words if counts[key]) or "no warning"
     good = done == len(study.cases)
     return Card("Cases", f"{done} of {len(study.cases)} done", texts, "good" if good else "bad")
+
+
+def headline(study: StoredStudy) -> str:
+    """The study's answer in a sentence that needs no knowledge of the field; '' where no level was measured."""
+    best = best_case(study)
+    if best is None or best.record.confinement_db is None or best.record.wanted is None:
+        return ""
+    ratio = 10.0 ** (best.record.confinement_db / 20.0)
+    design, tone = best.record.design, khz(best.record.wanted.frequency_hz)
+    rows, pitch = (design.rows, design.pitch_y_m) if design else (0, None)
+    apart = f" {pitch / MM:g}{WIDE}mm apart" if pitch and rows > 1 else ""
+    what = (
+        f"{rows} row{'s' if rows != 1 else ''} of pillars{apart} on each side of the zone" if rows else "a bare plate"
+    )
+    first = "Best of this study: " if len(plates(study)) > 1 else ""
+    level = f"{best.record.confinement_db:.1f}{WIDE}dB; {CONFINED_DB:.0f}{WIDE}dB counts as confined"
+    return (
+        f"{first}{what}. At {tone} the active zone moves {ratio:.1f} times as much as the rest of the plate ({level})."
+    )
+
+
+def facts_of(study: StoredStudy) -> list[str]:
+    """Plate, pillars, material, when it was computed and by what: of the best case, or of the first."""
+    case = best_case(study) or study.cases[0]
+    design, stored = case.record.design, (case.read("input.json") or {}).get("case") or {}
+    found = []
+    if design:
+        found.append(
+            f"plate {design.length_m / MM:g} × {2.0 * design.half_span_m / MM:g} × {design.thickness_m / MM:g}{WIDE}mm, "
+            f"zone {design.width_m / MM:g}{WIDE}mm"
+        )
+    if design and design.pillar and design.rows:
+        pillar = design.pillar
+        found.append(
+            f"{pillar.shape} pillars {pillar.base_m / MM:g}{WIDE}mm wide, {pillar.height_m / MM:g}{WIDE}mm high"
+        )
+    if name := ((stored.get("design") or {}).get("material") or {}).get("name"):
+        found.append(str(name))
+    measured = ", ".join(study.about.get("measure") or [])
+    found.append(
+        f"{len(study.cases)} case{'s' if len(study.cases) != 1 else ''}" + (f" of {measured}" if measured else "")
+    )
+    if day := computed_on(study):
+        found.append(f"computed {day}")
+    return [*found, f"Antinode {metadata.version('antinode')}"]
+
+
+def computed_on(study: StoredStudy) -> str:
+    """The day of the study's last run by its journal, '' where there is none."""
+    try:
+        lines = (study.folder / "journal.jsonl").read_text(encoding="utf-8").splitlines()
+        return str(json.loads(lines[-1])["at"])[:10] if lines else ""
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
+
+
+def command(study: StoredStudy, case: StoredCase) -> str:
+    """The command that computes a case's plate again, beside the study file."""
+    base = study.about.get("case")
+    settings = "".join(f" --set {key}={value}" for key, value in case.sweep.items())
+    return f"antinode modes {base}{settings}" if isinstance(base, str) else ""
+
+
+@dataclass(frozen=True)
+class PageColumn:
+    """A column as the page shows it: frequencies in kHz, and whether it is among the few that answer first."""
+
+    column: Column
+
+    @property
+    def name(self) -> str:
+        """Its name in table.csv."""
+        return self.column.name
+
+    @property
+    def heading(self) -> str:
+        """Its heading."""
+        return self.column.heading
+
+    @property
+    def number(self) -> bool:
+        """Whether it holds numbers."""
+        return bool(self.column.format)
+
+    @property
+    def _in_khz(self) -> bool:
+        return (self.column.unit, self.column.format) == ("Hz", ".2f")
+
+    @property
+    def unit(self) -> str:
+        """Unit in the page."""
+        return "kHz" if self._in_khz else self.column.unit
+
+    @property
+    def main(self) -> bool:
+        """Whether it is shown before all columns are asked for."""
+        return self.name in MAIN or "." in self.name
+
+    def text(self, record: Record) -> str:
+        """A cell's text."""
+        value = self.column.value(record) if self._in_khz else None
+        return self.column.text(record) if value is None else f"{value / KHZ:.2f}"
+
+    def style(self, text: str) -> str:
+        """A cell's classes."""
+        own = {"diagnosis": "long", "status": f"status-{text}", "confined": text}.get(self.name, "")
+        return " ".join(filter(None, ("number" if self.number else own, "" if self.main else "more")))
 
 
 def sentences(study: StoredStudy) -> list[str]:

@@ -14,6 +14,7 @@ from pipeline.units import KHZ, MM
 from solvers.measures.levels import CONFINED_DB
 
 FILE = REFERENCE / "thesis.csv"
+TITLE = "Design of controlled localized mechanical waves: application to haptics"  # a doctoral thesis
 
 
 def compare(records: list[Record], path: Path = FILE) -> list[dict[str, Any]]:

@@ -38,6 +38,7 @@
     cursor = chosen = null;
     tip.hidden = true;
     document.querySelector("#dispersion-gap").hidden = !cell.gaps.length;
+    document.querySelector("#dispersion-wanted").hidden = !cell.wanted_hz;
     zoom_to(whole);
     draw(); // at once: who comes early, by hand or by keyboard, finds the diagram there
     write_legend();
@@ -220,7 +221,7 @@
     const { name, point } = stored.reduce((best, other) => (far(other) < far(best) ? other : best));
     chosen = { point, band: wave.band };
     const moved = point === wave.point ? "" : ", the nearest wavevector with a stored shape";
-    told.textContent = `Shown below: band ${wave.band + 1} at ${label(name)}, ${khz(cell.hz[point][wave.band])}${moved}.`;
+    told.textContent = `Shown: band ${wave.band + 1} at ${label(name)}, ${khz(cell.hz[point][wave.band])}${moved}.`;
     dispatchEvent(new CustomEvent("antinode:wave", { detail: cell.shapes[name][wave.band] }));
   }
 
@@ -235,12 +236,12 @@
     tip.hidden = true;
     later();
   }
-  function zoom(factor, centre) {
+  function zoom(factor, centre, axes = "xy") {
     const deep = (whole.y[1] - whole.y[0]) / (view.y[1] - view.y[0]);
     const by = Math.min(factor, DEEPEST / deep);
     const about = centre ?? [(view.x[0] + view.x[1]) / 2, (view.y[0] + view.y[1]) / 2];
     const part = (range, middle) => range.map((end) => middle + (end - middle) / by);
-    zoom_to({ x: part(view.x, about[0]), y: part(view.y, about[1]) });
+    zoom_to({ x: axes.includes("x") ? part(view.x, about[0]) : view.x, y: part(view.y, about[1]) });
   }
   const is_whole = () => view.y[1] - view.y[0] > 0.999 * (whole.y[1] - whole.y[0]);
   const value_at = ([x, y]) => [
@@ -252,6 +253,7 @@
     const room = 0.6 * (widest.upper_hz - widest.lower_hz);
     zoom_to({ x: whole.x, y: [widest.lower_hz - room, widest.upper_hz + room] });
   }
+  const to_wanted = () => zoom_to({ x: whole.x, y: [0, 2 * cell.wanted_hz] });
   const on_cursor = () => cursor && [cell.arc[cursor.point], cell.hz[cursor.point][cursor.band]];
 
   // --- what people do ----------------------------------------------------------------------------------------------
@@ -276,7 +278,8 @@
   svg.addEventListener("wheel", (event) => {
     if (event.deltaY > 0 && is_whole()) return; // nothing to zoom out of: the page scrolls
     event.preventDefault();
-    zoom(event.deltaY < 0 ? 1.25 : 0.8, value_at(at(event)));
+    const turned = event.deltaY || event.deltaX; // with shift some browsers turn the wheel sideways
+    zoom(turned < 0 ? 1.25 : 0.8, value_at(at(event)), event.shiftKey ? "y" : "xy");
   }, { passive: false });
 
   function step(points, bands) {
@@ -301,7 +304,7 @@
     const act = !event.ctrlKey && !event.metaKey && !event.altKey && KEYS[event.key];
     if (act) { event.preventDefault(); act(); }
   });
-  const buttons = { in: () => zoom(1.5), out: () => zoom(1 / 1.5), all: () => zoom_to(whole), gap: to_gap };
+  const buttons = { in: () => zoom(1.5), out: () => zoom(1 / 1.5), all: () => zoom_to(whole), gap: to_gap, wanted: to_wanted };
   for (const [name, act] of Object.entries(buttons)) document.querySelector(`#dispersion-${name}`).addEventListener("click", act);
   picker?.addEventListener("change", () => choose(picker.selectedIndex));
   new ResizeObserver(later).observe(host);

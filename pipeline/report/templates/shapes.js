@@ -3,17 +3,16 @@
 (() => {
   const PERIOD = 1600; // ms: a vibration, slowed down so that it can be seen
   const VIEW = [1.0, -1.6, 1.3]; // from the body to the eye
+  const VIEWS = { reset: VIEW, below: [0.5, -0.9, -1.5], side: [0, -1, 0.06] };
   const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
   // --- what is stored ----------------------------------------------------------------------------------------------
-  function numbers(text, kind) {
-    const raw = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-    return new kind(raw.buffer); // little-endian, as every browser's machine is
-  }
-  function surface(stored) { // mm, from the middle of the touch face
-    const steps = numbers(stored.points, Uint16Array);
+  async function surface(stored) { // mm, from the middle of the touch face
+    const steps = await unpack.rows(stored.points, 3, 2);
     const points = Float32Array.from(steps, (step, i) => 1e3 * (stored.low[i % 3] + (step / 0xffff) * stored.span[i % 3]));
-    const corners = numbers(stored.facets, stored.wide ? Uint32Array : Uint16Array);
+    const size = stored.wide ? 4 : 2, span = 2 ** (8 * size);
+    const corners = await unpack.rows(stored.facets, stored.corners, size); // differences from the facet before
+    for (let i = stored.corners; i < corners.length; i++) corners[i] = (corners[i] + corners[i - stored.corners]) % span;
     const triangles = [];
     for (let i = 0; i < corners.length; i += stored.corners) {
       triangles.push(corners[i], corners[i + 1], corners[i + 2]);
@@ -21,18 +20,19 @@
     }
     return { points, triangles };
   }
-  const part = (text, count) => (text ? Float32Array.from(numbers(text, Int16Array), (step) => step / 32767) : new Float32Array(count));
+  const part = async (text, count) =>
+    text ? Float32Array.from(await unpack.rows(text, 3, 2, true), (step) => step / 32767) : new Float32Array(count);
 
   // --- drawing -----------------------------------------------------------------------------------------------------
   let library = null;
-  function three() {
-    if (!library) {
-      const script = document.createElement("script");
-      script.textContent = document.querySelector("#three").textContent;
-      document.head.append(script);
-      library = globalThis.AntinodeThree;
-    }
-    return library;
+  const three = () => library;
+  async function load_three() {
+    const code = await unpack.text(document.querySelector("#three").textContent);
+    if (library) return;
+    const script = document.createElement("script");
+    script.textContent = code;
+    document.head.append(script);
+    library = globalThis.AntinodeThree;
   }
 
   const VERTEX = `
@@ -95,7 +95,8 @@
       this.picker.addEventListener("change", () => this.show(Number(this.picker.value)));
       this.size.addEventListener("input", () => this.later());
       this.buttons.play.addEventListener("click", () => this.play(!this.playing));
-      this.buttons.reset.addEventListener("click", () => this.look());
+      for (const [name, view] of Object.entries(VIEWS)) this.buttons[name].addEventListener("click", () => this.look(view));
+      this.buttons.save.addEventListener("click", () => this.save());
       const keys = {
         ArrowLeft: () => this.turn(-0.12, 0), ArrowRight: () => this.turn(0.12, 0), ArrowUp: () => this.turn(0, -0.12),
         ArrowDown: () => this.turn(0, 0.12), "+": () => this.closer(0.87), "=": () => this.closer(0.87), "-": () => this.closer(1.15),
@@ -115,9 +116,11 @@
       if (this.scene) this.later();
     }
 
-    start() {
+    async start() {
+      this.figure.dataset.state = "loading";
       try {
         if (!document.createElement("canvas").getContext("webgl2")) throw new Error("no WebGL");
+        await load_three();
         const { WebGLRenderer, Scene, PerspectiveCamera, OrbitControls } = three();
         this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true });
         this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
@@ -133,7 +136,7 @@
       this.canvas.addEventListener("webglcontextlost", () => this.still());
       new ResizeObserver(() => this.fit()).observe(this.canvas.parentElement);
       this.fit();
-      this.show(this.number);
+      await this.show(this.number);
       this.play(this.playing);
     }
 
@@ -146,7 +149,7 @@
       this.show(this.number);
     }
 
-    show(number) {
+    async show(number) {
       this.number = number;
       this.picker.value = number;
       const shape = this.data.shapes[number];
@@ -155,10 +158,12 @@
       this.canvas.setAttribute("aria-label", `${shape.about}, moving; arrow keys turn it, space plays and pauses`);
       if (this.figure.dataset.state === "still") return this.show_still(shape, about);
       if (!this.scene) return;
+      const geometry = await this.geometry(shape);
+      if (this.number !== number) return; // another one was chosen meanwhile
       const fresh = this.body !== shape.body;
       this.body = shape.body;
       this.scene.clear();
-      this.materials = shape.copies.map((copy) => this.add(shape, copy));
+      this.materials = shape.copies.map((copy) => this.add(shape, copy, geometry));
       if (fresh) this.look();
       this.later();
     }
@@ -171,7 +176,7 @@
       about.textContent += picture ? " WebGL is not available here: a still picture." : " WebGL is not available here, and no still picture is in the page.";
     }
 
-    add(shape, copy) {
+    add(shape, copy, geometry) {
       const { Mesh, ShaderMaterial, Vector2, Vector3, DoubleSide } = three();
       const stored = this.data.bodies[shape.body];
       const material = new ShaderMaterial({
@@ -182,20 +187,20 @@
           drawn: { value: 1e3 * stored.reach }, normal_peak: { value: shape.normal },
         },
       });
-      const mesh = new Mesh(this.geometry(shape), material);
+      const mesh = new Mesh(geometry, material);
       mesh.frustumCulled = false;
       this.scene.add(mesh);
       return { material, phase: copy.phase ?? 0 };
     }
 
-    geometry(shape) {
+    async geometry(shape) {
       if (!this.surfaces.has(shape)) {
         const { BufferGeometry, BufferAttribute } = three();
-        const { points, triangles } = surface(this.data.bodies[shape.body]);
+        const { points, triangles } = await surface(this.data.bodies[shape.body]);
         const made = new BufferGeometry();
         made.setAttribute("position", new BufferAttribute(points, 3));
-        made.setAttribute("re", new BufferAttribute(part(shape.re, points.length), 3));
-        made.setAttribute("im", new BufferAttribute(part(shape.im, points.length), 3));
+        made.setAttribute("re", new BufferAttribute(await part(shape.re, points.length), 3));
+        made.setAttribute("im", new BufferAttribute(await part(shape.im, points.length), 3));
         made.setIndex(triangles);
         this.surfaces.set(shape, made);
       }
@@ -212,7 +217,7 @@
       this.later();
     }
 
-    look() {
+    look(view = VIEW) {
       const shape = this.data.shapes[this.number], body = this.data.bodies[shape.body];
       const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
       for (const { flip, offset = [0, 0, 0] } of shape.copies) {
@@ -225,7 +230,7 @@
         }
       }
       const middle = low.map((value, axis) => (value + high[axis]) / 2);
-      const length = Math.hypot(...VIEW), toward = VIEW.map((value) => value / length);
+      const length = Math.hypot(...view), toward = view.map((value) => value / length);
       const distance = this.distance(low.map((value, axis) => (high[axis] - value) / 2), toward);
       this.orbit.target.set(...middle);
       this.camera.position.set(...toward.map((value, axis) => middle[axis] + value * distance));
@@ -245,6 +250,13 @@
         found = Math.max(found, at.dot(eye) + Math.max(Math.abs(at.dot(right)) / wide, Math.abs(at.dot(up)) / high));
       }
       return 1.12 * found;
+    }
+
+    save() {
+      if (!this.materials) return;
+      this.renderer.render(this.scene, this.camera); // the picture is gone from the canvas once it is on the screen
+      const name = `${this.data.shapes[this.number].about.replace(/[^\p{L}\p{N}.]+/gu, "-")}.png`;
+      Object.assign(document.createElement("a"), { href: this.canvas.toDataURL("image/png"), download: name }).click();
     }
 
     turn(around, down) {
@@ -276,7 +288,7 @@
     }
 
     later() {
-      if (this.scene && this.visible && !document.hidden) this.waiting ||= requestAnimationFrame((now) => this.draw(now));
+      if (this.materials && this.scene && this.visible && !document.hidden) this.waiting ||= requestAnimationFrame((now) => this.draw(now));
     }
 
     draw(now) {

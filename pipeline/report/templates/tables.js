@@ -2,6 +2,12 @@
 // Tables sort at a press on a heading and show the rows that match a filter; without scripts everything is still readable.
 (() => {
   for (const words of document.querySelectorAll("[data-without-scripts]")) words.remove();
+  for (const control of document.querySelectorAll("[data-with-scripts]")) control.hidden = false;
+  for (const box of document.querySelectorAll("[data-more]")) {
+    const choose = () => document.getElementById(box.dataset.more).classList.toggle("brief", !box.checked);
+    box.addEventListener("change", choose);
+    choose();
+  }
   const value = (row, column) => row.cells[column].dataset.value ?? row.cells[column].textContent.trim();
   const nothing = (text) => text === "" || text === "–";
   const number = (text) => (nothing(text) ? NaN : Number(text));
@@ -38,11 +44,12 @@
 
   function filter(field) {
     const table = document.getElementById(field.dataset.filter);
-    const tests = field.value.toLowerCase().split(/\s+/).filter(Boolean).map((word) => test(table, word));
+    const tests = field.value.toLowerCase().split(/\s+/).filter((word) => word && word !== "and").map((word) => test(table, word));
     const rows = [...table.tBodies[0].rows];
     for (const row of rows) row.hidden = !tests.every((holds) => holds(row));
     const shown = rows.filter((row) => !row.hidden).length;
-    document.querySelector(`[data-shown="${field.dataset.filter}"]`).textContent = `${shown} of ${rows.length} shown`;
+    document.querySelector(`[data-shown="${field.dataset.filter}"]`).textContent =
+      `${shown} of ${rows.length} shown${shown ? "" : ": no row holds these words or this comparison, such as confinement>10"}`;
   }
 
   for (const table of document.querySelectorAll("table.sortable")) {

@@ -14,6 +14,7 @@ from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from solvers.analytic.plates import levy_hz
 from solvers.analytic.predesign import pillar_frequencies_hz, strip_of
+from tests.helpers import synthetic
 
 ROOT = Path(__file__).resolve().parents[3]
 SMALL = str(ROOT / "examples" / "small.toml")
@@ -101,3 +102,53 @@ def test_a_figure_in_another_format_is_refused_before_anything_is_computed(
 ) -> None:
     assert main(["bands", SMALL, "--quiet", "--plot", str(tmp_path / "b.gif")]) == 2
     assert ".png, .pdf or .svg" in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
+WRONG = [
+    (["mode", "x.toml"], "mode: no such command (did you mean modes?)"),
+    (
+        ["bands", "x.toml", "--near", "30kHz"],
+        "antinode bands: unrecognized arguments: --near 30kHz (see antinode bands --help)",
+    ),
+    (["attenuation", "x.toml", "--kx", "foo"], "argument --kx: foo: must be a number"),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), WRONG, ids=[words[0] for words, _ in WRONG])
+def test_a_command_line_that_is_not_understood_names_what_is_near(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    assert end.value.code == 2 and said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [[], ["help"], ["help", "modes"]])
+def test_help_comes_without_dashes_too(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    assert end.value.code == 0
+    assert ("usage: antinode modes" if words[1:] else "usage: antinode [") in capsys.readouterr().out
+
+
+def test_a_study_given_as_a_case_is_told_as_such(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["modes", str(ROOT / "studies" / "rows.toml"), "--quiet"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "a study file" in said and "antinode run" in said
+
+
+def test_a_stored_study_is_shown_with_its_answer_and_its_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1, 2))
+    place = ["--results", str(tmp_path)]
+    assert main(["show", "rows", *place]) == 0
+    said = capsys.readouterr().out
+    assert (
+        "Best of this study: 2 rows of pillars" in said and "pitch_mm=4,rows=1" in said and "wanted mode (kHz)" in said
+    )
+    assert main(["show", "rows", *place, "--json", "-"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [case["case"] for case in document["cases"]][:2] == ["pitch_mm=4,rows=1", "pitch_mm=4,rows=2"]
+    assert main(["show", "rows", "--results", str(tmp_path / "none")]) == 2
+    assert "run it first: antinode run rows" in capsys.readouterr().err

@@ -11,6 +11,7 @@ import pytest
 import pyuff
 import pyvista
 import yaml
+from meshio.xdmf import TimeSeriesReader
 from scipy.spatial import cKDTree
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
@@ -89,6 +90,26 @@ def test_paraviews_file_has_a_step_a_mode_on_the_whole_plate(tmp_path: Path) -> 
     low, high = np.array(grid.bounds[::2]), np.array(grid.bounds[1::2])
     assert low == pytest.approx([-design.length_m / 2, -design.half_span_m, 0.0], abs=1e-9)
     assert high == pytest.approx([design.length_m / 2, design.half_span_m, 8.3e-3], abs=1e-9)
+
+
+def test_an_xdmf_file_holds_the_same_shapes_at_the_same_steps(tmp_path: Path) -> None:
+    settings = "solve.band_kHz=[25, 29]"
+    reader = vtkHDFReader()
+    reader.SetFileName(str(written("paraview", tmp_path / "modes.vtkhdf", settings)))
+    with TimeSeriesReader(written("xdmf", tmp_path / "modes.xdmf", settings)) as series:
+        points, (block,) = series.read_points_cells()
+        reader.UpdateInformation()
+        assert series.num_steps == reader.GetNumberOfSteps() > 2
+        for step in range(series.num_steps):
+            tone, data, _ = series.read_data(step)
+            reader.SetStep(step)
+            reader.Update()
+            grid = pyvista.wrap(reader.GetOutputDataObject(0))
+            assert tone == pytest.approx(reader.GetTimeValue(), rel=1e-12)
+            assert points == pytest.approx(np.array(grid.points), abs=1e-9) and len(block.data) == grid.n_cells
+            expected = np.array(grid.point_data["displacement"])
+            assert np.abs(data["displacement"] - expected).max() < 1e-6 * np.abs(expected).max()
+    assert {path.name for path in tmp_path.iterdir()} == {"modes.vtkhdf", "modes.xdmf"}  # one file each, nothing beside
 
 
 def test_a_universal_file_holds_the_response_and_is_read_back(tmp_path: Path, driven: tuple[Case, ForcedPlate]) -> None:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from pipeline.measures import registry
 from pipeline.plots.fields import level_text
 from pipeline.records.record import BandPoint, BandsRecord, GapRecord
 from pipeline.records.study import StoredCase, StoredStudy
+from pipeline.report import page as report_page
 from pipeline.report import text
+from pipeline.report.sketch import sketch
 from tests.helpers import synthetic
 
 
@@ -82,3 +86,48 @@ def test_without_a_wanted_mode_nothing_is_claimed() -> None:
     assert record.wanted is None and record.confined is None and record.wanted_status == "none"
     assert set(cards(StoredStudy(Path("s"), {}, (StoredCase(Path("none"), record),)))) == {"Cases"}
     json.dumps(record.to_dict(), allow_nan=False)
+
+
+def test_the_lead_tells_the_best_plate_in_words_that_need_no_glossary(study: StoredStudy) -> None:
+    said = text.headline(study)
+    assert said.startswith(
+        "Best of this study: 3 rows of pillars 6\u202fmm apart on each side of the zone. At 35.00\u202fkHz"
+    )
+    assert (
+        "moves 5.6 times as much as the rest of the plate (15.0\u202fdB; 10\u202fdB counts as confined)" in said
+    )  # 10^(15/20)
+    assert text.command(StoredStudy(Path("s"), {"case": "own.toml"}, study.cases), study.cases[-1]) == (
+        "antinode modes own.toml --set array.pitch_mm=6 --set array.rows=3"
+    )
+
+
+def test_the_facts_name_plate_pillars_day_and_program(study: StoredStudy, tmp_path: Path) -> None:
+    (tmp_path / "journal.jsonl").write_text('{"at": "2031-05-06T07:08:09+00:00", "event": "run"}\n')
+    facts = text.facts_of(StoredStudy(tmp_path, {"measure": ["modes"]}, study.cases))
+    assert {"7 cases of modes", "computed 2031-05-06"} <= set(facts) and facts[-1].startswith("Antinode 0.")
+    assert text.computed_on(StoredStudy(tmp_path / "none", {}, study.cases)) == ""
+    (tmp_path / "journal.jsonl").write_text("torn")
+    assert text.computed_on(StoredStudy(tmp_path, {}, study.cases)) == ""
+
+
+def test_the_table_shows_frequencies_in_khz_and_few_columns_first(study: StoredStudy) -> None:
+    columns = {column.name: text.PageColumn(column) for column in registry.columns_of(study)}
+    wanted, rows, zone = columns["wanted_hz"], columns["array.rows"], columns["zone_share"]
+    record = study.cases[-1].record
+    assert (wanted.unit, wanted.text(record), wanted.style("")) == ("kHz", "35.00", "number")
+    assert rows.main and not zone.main and zone.style("") == "number more"
+    assert sum(column.main for column in columns.values()) <= 10 < len(columns)
+
+
+def test_a_plate_computed_beside_the_sweep_is_that_of_the_sweep(study: StoredStudy) -> None:
+    base, swept = study.cases[0], study.cases[3]
+    assert report_page._twin(study, base) is swept and report_page._twin(study, swept) is None
+
+
+def test_the_sketch_has_every_pillar_and_the_dimensions(study: StoredStudy) -> None:
+    design = study.cases[-1].record.design
+    assert design is not None
+    drawn = str(sketch(design))
+    (pillars,) = ET.fromstring(drawn).findall("path")
+    assert pillars.attrib["d"].count("z") == len(design.pillar_centres_m) > 0
+    assert f"{design.length_m * 1e3:g} × {2e3 * design.half_span_m:g} ×" in drawn

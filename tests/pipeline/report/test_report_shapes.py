@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import shutil
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -89,6 +90,12 @@ def test_a_shape_without_mirrors_is_sent_whole() -> None:
     assert mode_shapes.quarter(points, facets, u)[3] == [None]
 
 
+def unpacked(text: str, columns: int, kind: str) -> np.ndarray:
+    """What unpack.js makes of packed rows."""
+    planes = np.frombuffer(zlib.decompress(base64.b64decode(text)), np.uint8).reshape(np.dtype(kind).itemsize, -1)
+    return np.ascontiguousarray(planes.T).view(kind).reshape(columns, -1).T.astype(float)
+
+
 def test_numbers_come_back_within_a_step() -> None:
     gallery = mode_shapes.Gallery()
     points, quads = synthetic.box(LOW, HIGH, (4, 3, 2))
@@ -96,9 +103,10 @@ def test_numbers_come_back_within_a_step() -> None:
     body = gallery.add_body(points, quads, 1e-3)
     gallery.add_shape(body, u, {"name": "n"}, [])
     stored, shape = gallery.bodies[0], gallery.shapes[0]
-    steps = np.frombuffer(base64.b64decode(stored["points"]), "<u2").reshape(-1, 3)
+    steps = unpacked(stored["points"], 3, "<u2")
     np.testing.assert_allclose(np.array(stored["low"]) + steps / 65535 * stored["span"], points, atol=1e-6)
-    moved = np.frombuffer(base64.b64decode(shape["re"]), "<i2").reshape(-1, 3) / 32767
+    np.testing.assert_array_equal(np.cumsum(unpacked(stored["facets"], 4, "<u2"), axis=0) % 2**16, quads)
+    moved = unpacked(shape["re"], 3, "<i2") / 32767
     np.testing.assert_allclose(moved * np.abs(u).max(), u, atol=1e-4)
     assert "im" not in shape and shape["normal"] == pytest.approx(np.abs(u[:, 2]).max() / np.abs(u).max(), rel=1e-3)
 
@@ -128,7 +136,7 @@ def test_a_long_study_stays_light(study: Path) -> None:
 def test_cases_with_the_same_bands_share_a_diagram(study: Path) -> None:
     stored = read_study(study)
     result = dispersion.diagrams(stored, stored.cases[1])
-    assert len(result["cells"]) == 1 and result["cells"][0]["name"] == "pitch_mm=4,rows=2, pitch_mm=4,rows=1"
+    assert len(result["cells"]) == 1 and result["cells"][0]["name"] == "array pitch (mm) = 4, 2 plates"
     cell = result["cells"][0]
     assert cell["kind"] is None and cell["pillar"] is None and "shapes" not in cell  # a record of an older version
     assert cell["gaps"][0]["lower_hz"] == 163100.0 and cell["wanted_hz"] == 31500.0
