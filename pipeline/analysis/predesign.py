@@ -7,6 +7,9 @@ from typing import Any
 from geometry.layout import SHORT, Design
 from pipeline.case.model import Case
 from pipeline.planning import calibration
+from pipeline.records.outputs import table
+from pipeline.records.reading import named, shown
+from pipeline.units import KHZ
 from solvers.analytic.predesign import predesign
 
 THEORIES = {  # what the document and what the calibration call them
@@ -21,14 +24,34 @@ def run(case: Case) -> tuple[dict[str, Any], str]:
     document = sizing.to_dict()
     lines = []
     for part in [each for each in THEORIES if document[each]]:
-        lines.append(f"{part}: {', '.join(_pairs(document[part]))}")
         known = expected_errors(part, case.design)
         errors = {name: error for name, error in known.items() if document[part].get(name) is not None}
         if errors:
-            expected = ", ".join(f"{name} {error:.1%}" for name, error in errors.items())
+            expected = ", ".join(f"{named(name)[0]} {error:.1%}" for name, error in errors.items())
             lines.append(f"{part}, expected error beside a solid with clamped faces: {expected}")
         document[part] = document[part] | {"expected_error": errors}
-    return document, "\n".join([*lines, *(f"limit: {text}" for text in sizing.limits)])
+    return document, "\n".join([*_read(document), *lines, *(f"limit: {text}" for text in sizing.limits)])
+
+
+def _read(document: dict[str, Any]) -> list[str]:
+    """What is proposed and what is given, a line each, and how the given pillar stands to the zone."""
+    rows = []
+    for part in [each for each in THEORIES if document[each]]:
+        for name, value in document[part].items():
+            if name != "expected_error":
+                words, form = named(name)
+                rows.append([part, f"{words} ({form.unit})" if form.unit else words, shown(value, form)])
+    lines = [table(("part", "quantity", "value"), rows)]
+    zone, pillar = document.get("zone") or {}, document.get("pillar") or {}
+    target, given = zone.get("frequency_hz"), pillar.get("given_timoshenko_hz")
+    if target and given:
+        side, height = "above" if given > target else "below", pillar.get("timoshenko_height_mm")
+        better = f"; {height:.2f} mm of height would meet it" if height else ""
+        lines.append(
+            f"the pillar as given resonates at {given / KHZ:.2f} kHz, {abs(given / target - 1.0):.0%} {side} the zone's "
+            f"{target / KHZ:.2f} kHz{better}"
+        )
+    return lines
 
 
 def short_wave(design: Design) -> str | None:
@@ -54,7 +77,3 @@ def expected_errors(part: str, design: Design) -> dict[str, float]:
         return {}
     errors_by_theory = {name: calibration.by_theory(part, theory, slender) for name, theory in THEORIES[part].items()}
     return {name: error for name, error in errors_by_theory.items() if error is not None}
-
-
-def _pairs(values: dict[str, Any]) -> list[str]:
-    return [f"{key} = {value:.6g}" if isinstance(value, float) else f"{key} = {value}" for key, value in values.items()]

@@ -10,6 +10,7 @@ from pipeline.case.quantities import parse_band, parse_frequency
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.records import outputs
+from pipeline.records.reading import reading_table
 from pipeline.units import KHZ
 from pipeline.views.answer import Answer, emit, of_case
 from pipeline.views.rows import ROWS
@@ -62,9 +63,17 @@ def modes(arguments: Namespace) -> int:
         solved = solve_modes(case, query, log)
     head = ("frequency_hz", "symmetry", "zone_share", "confinement_db", "mac", "strength", "residual")
     rows = [[getattr(row, key) for key in head] for row in solved.rows]
-    about = f"{solved.model.name}, {solved.dof} degrees of freedom, {solved.rigid_count} rigid-body modes"
-    lines = [about, outputs.table(head, rows), *wanted_text.lines(solved, case.design)]
-    emit(arguments, "modes", Answer(solved.record.to_dict(), lines, head, rows), log)
+    about = f"{solved.model.name}, {solved.dof} degrees of freedom, {solved.rigid_count} rigid-body mode{'s' if solved.rigid_count != 1 else ''}"
+    document = solved.record.to_dict()
+    wanted = (document.get("wanted") or {}).get("frequency_hz")
+    marked = [number for number, row in enumerate(rows) if wanted is not None and row[0] == wanted]
+    visible = [row[: head.index("residual")] for row in rows]
+    lines = [
+        about,
+        reading_table(head[: head.index("residual")], visible, marked),
+        *wanted_text.lines(solved, case.design),
+    ]
+    emit(arguments, "modes", Answer(document, lines, head, rows), log)
     if arguments.save_all_fields:
         store.save_arrays(outputs.folder(arguments.out), mode_fields.full_fields(solved), store.FIELDS)
     return 0
@@ -122,7 +131,7 @@ def bands(arguments: Namespace) -> int:
     rows = [[point.label, point.kx_per_m, point.ky_per_m, *point.frequencies_hz] for point in record.points]
     lines = [
         f"{record.model}, {record.dof} degrees of freedom a wavevector",
-        outputs.table(head, [row for row in rows if row[0]]),
+        reading_table(head, [row for row in rows if row[0]]),
         *(
             f"Gap from band {g.lower_band} ({g.lower_hz / KHZ:.2f} kHz) to band {g.upper_band} "
             f"({g.upper_hz / KHZ:.2f} kHz), {100 * g.relative_width:.2f} %"
@@ -155,7 +164,7 @@ def attenuation(arguments: Namespace) -> int:
         f"{solved.model}, kx = {solved.kx_per_m:.1f} rad/m; decay of the least attenuated flexural wave, and shares of an "
         f"incoming flexural wave's power after {solved.rows} rows"
     )
-    lines = [about, outputs.table(head, rows[:: max(1, len(rows) // 20)])]
+    lines = [about, reading_table(head, rows[:: max(1, len(rows) // 20)])]
     answer = Answer(solved.to_dict(), lines, head, rows, lambda: [complex_bands(solved)])
     return emit(arguments, "attenuation", answer, log)
 
@@ -171,7 +180,7 @@ def broadband(arguments: Namespace) -> int:
     rows = [list(row.values()) for row in ROWS["broadband"](document)]
     head = tuple(ROWS["broadband"](document)[0])
     lines = [f"{solved.model}, kx = {solved.kx_per_m:.1f} rad/m, {solved.rows} rows", *_told(solved)]
-    lines.insert(1, outputs.table(head, rows[:: max(1, len(rows) // 20)]))
+    lines.insert(1, reading_table(head, rows[:: max(1, len(rows) // 20)]))
     answer = Answer(document, lines, head, rows, lambda: [rows_over_frequency(solved)])
     return emit(arguments, "broadband", answer, log)
 
@@ -214,7 +223,7 @@ def response(arguments: Namespace) -> int:
     lines = [
         f"{solved.model}, {solved.dof} degrees of freedom; around the peak of "
         f"the {'wanted mode' if solved.wanted else 'zone'}, per volt of drive:",
-        outputs.table(head, sorted(near)),
+        reading_table(head, sorted(near)),
         *forced.lines(solved),
         *(beside.lines if beside else []),
         *(f"wrote {path}" for path in made),
@@ -248,7 +257,7 @@ def tolerance(arguments: Namespace) -> int:
     solved = drawn.solve(case, log, band)
     head = tuple(solved.nominal.to_dict())
     rows = [list(one.to_dict().values()) for one in solved.samples]
-    lines = [f"{solved.pillars} pillars, driven by {solved.drive}", outputs.table(head, rows), *drawn.lines(solved)]
+    lines = [f"{solved.pillars} pillars, driven by {solved.drive}", reading_table(head, rows), *drawn.lines(solved)]
     pictures = lambda: [report_figure(solved.record, solved.arrays())]  # noqa: E731
     return emit(arguments, "tolerance", Answer(solved.record.to_dict(), lines, head, rows, pictures), log)
 

@@ -1,0 +1,22 @@
+"""Tables for people: units in the head, few digits, the answer marked."""
+
+from __future__ import annotations
+
+from pipeline.records.reading import reading_table
+
+
+def test_frequencies_are_in_khz_with_units_in_the_head_and_the_answer_is_starred() -> None:
+    head = ("frequency_hz", "symmetry", "zone_share", "confinement_db", "mac")
+    rows = [[30056.0123, "SS", 0.6275161, -0.0170816, 5.26595e-06], [34492.64, "SS", 0.953743, None, 0.987795]]
+    assert reading_table(head, rows, [1]).splitlines() == [
+        "  frequency (kHz)  symmetry  zone share  confinement (dB)        mac",
+        "           30.056        SS      0.6275              -0.0  5.266e-06",
+        "*          34.493        SS      0.9537                 -     0.9878",
+    ]
+
+
+def test_without_an_answer_there_is_no_column_of_stars() -> None:
+    assert reading_table(("label", "band_1_hz", "db_per_row"), [["G", 0.0, 5.5]]).splitlines() == [
+        "label  band 1 (kHz)  decay per row (dB)",
+        "    G         0.000                5.50",
+    ]
