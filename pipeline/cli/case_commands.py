@@ -63,20 +63,22 @@ def modes(arguments: Namespace) -> int:
         solved = solve_modes(case, query, log)
     head = ("frequency_hz", "symmetry", "zone_share", "confinement_db", "mac", "strength", "residual")
     rows = [[getattr(row, key) for key in head] for row in solved.rows]
-    about = f"{solved.model.name}, {solved.dof} degrees of freedom, {solved.rigid_count} rigid-body mode{'s' if solved.rigid_count != 1 else ''}"
+    plural = "" if solved.rigid_count == 1 else "s"
+    about = f"{solved.model.name}, {solved.dof} degrees of freedom, {solved.rigid_count} rigid-body mode{plural}"
     document = solved.record.to_dict()
-    wanted = (document.get("wanted") or {}).get("frequency_hz")
-    marked = [number for number, row in enumerate(rows) if wanted is not None and row[0] == wanted]
-    visible = [row[: head.index("residual")] for row in rows]
-    lines = [
-        about,
-        reading_table(head[: head.index("residual")], visible, marked),
-        *wanted_text.lines(solved, case.design),
-    ]
+    lines = [about, _modes_table(head, rows, document), *wanted_text.lines(solved, case.design)]
     emit(arguments, "modes", Answer(document, lines, head, rows), log)
     if arguments.save_all_fields:
         store.save_arrays(outputs.folder(arguments.out), mode_fields.full_fields(solved), store.FIELDS)
     return 0
+
+
+def _modes_table(head: tuple[str, ...], rows: list[list[Any]], document: dict[str, Any]) -> str:
+    """Modes for reading: without residuals, the wanted one with a star."""
+    wanted = (document.get("wanted") or {}).get("frequency_hz")
+    marked = [number for number, row in enumerate(rows) if wanted is not None and row[0] == wanted]
+    last = head.index("residual")
+    return reading_table(head[:last], [row[:last] for row in rows], marked)
 
 
 def _refuse_options_without_effect(arguments: Namespace) -> None:

@@ -130,32 +130,35 @@ def how_many_rows(study: StoredStudy) -> ReportFigure | None:
     if len(cases) < 2 or "array.rows" not in study.swept:
         return None
     lines = lines_along(study, cases, "array.rows")
-    columns = min(len(lines), MAX_PANELS)
-    figure, panels = style.panels(
-        0.6 + 2.6 * -(-len(lines) // columns),
-        -(-len(lines) // columns),
-        columns,
-        sharex=True,
-        sharey=True,
-        squeeze=False,
+    figure = _panel_a_line(
+        {name: [(case.sweep["array.rows"], levels[case.case_id]) for case in each] for name, each in lines.items()}
     )
-    ticks = sorted({case.sweep["array.rows"] for case in cases})
+    title = "How many rows: prediction and finite plates"
+    parts = "; ".join(f"{name}: {one[0]:.1f} dB, predicted {one[1]:.1f} dB" for name, one in levels.items())
+    return ReportFigure("how_many_rows", title, f"{title}. {parts}", figure, vector=True)
+
+
+def _panel_a_line(lines: dict[str, list[tuple[int, tuple[Any, ...]]]]) -> Any:
+    """A panel for each line of (rows, levels), all with the same axes, one legend below."""
+    columns = min(len(lines), MAX_PANELS)
+    deep = -(-len(lines) // columns)
+    figure, panels = style.panels(0.6 + 2.6 * deep, deep, columns, sharex=True, sharey=True, squeeze=False)
     for axes, (name, line) in zip(panels.flat, lines.items(), strict=False):
-        rows = [case.sweep["array.rows"] for case in line]
-        values = np.array([levels[case.case_id] for case in line], dtype=float).T
-        for (label, look), series in zip(ROWS_LOOKS.items(), values, strict=True):
+        rows = [count for count, _ in line]
+        for (label, look), series in zip(
+            ROWS_LOOKS.items(), np.array([each for _, each in line], dtype=float).T, strict=True
+        ):
             axes.plot(rows, series, label=label, **look)
-        axes.set(xticks=ticks, title=name)
+        axes.set(xticks=sorted({count for each in lines.values() for count, _ in each}), title=name)
         axes.axhline(CONFINED_DB, color=style.GREEN, lw=1.0, ls="--")
         axes.grid(True)
     for axes in panels.flat[len(lines) :]:
         axes.set_visible(False)
-    for axes in panels[-1]:
+    for axes in panels.flat[max(0, len(lines) - columns) : len(lines)]:  # those with nothing beneath
         axes.set_xlabel("rows on each side")
+        axes.tick_params(labelbottom=True)
     for axes in panels[:, 0]:
         axes.set_ylabel("zone to extension (dB)")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     style.legend_below(figure, handles, labels, 3, 8)
-    title = "How many rows: prediction and finite plates"
-    parts = "; ".join(f"{name}: {one[0]:.1f} dB, predicted {one[1]:.1f} dB" for name, one in levels.items())
-    return ReportFigure("how_many_rows", title, f"{title}. {parts}", figure, vector=True)
+    return figure

@@ -94,27 +94,20 @@ def _page(
 ) -> str:
     """The page's HTML; `compared` holds the pictures over the study and what could not be drawn."""
     columns = [text.PageColumn(column) for column in registry.columns_of(study)]
-    best = text.best_case(study)
     return render(
         "study.html.j2",
         **SHOWN,
+        **_answer(study),
         study=study,
-        cards=text.cards(study),
-        sentences=text.sentences(study),
         comparison=text.comparison(study),
         columns=columns,
         brief=any(not column.main for column in columns),
         example="confinement>10" if any(column.name == "confinement_db" for column in columns) else columns[1].heading,
-        headline=text.headline(study),
-        facts_of_study=text.facts_of(study),
-        sketch=sketch(best.record.design) if best and best.record.design else "",
-        command=text.command(study, best) if best else "",
         program=metadata.version("antinode"),
         thesis=TITLE,
         pages=pages,
         pictures=compared[0],
         troubles=[*compared[1], *moving.troubles],
-        best=best,
         of_best=_of_best(study, pages),
         beside=beside(study.folder, embedder),
         explorer=explorer.link(study.folder),
@@ -129,6 +122,20 @@ def _page(
         bands_data=moving.bands,
         three=vendored("three.min.js") if moving.moves else "",
     )
+
+
+def _answer(study: StoredStudy) -> dict[str, Any]:
+    """What the page's head tells: the answer, the best plate, the cards."""
+    best = text.best_case(study)
+    return {
+        "best": best,
+        "headline": text.headline(study),
+        "facts_of_study": text.facts_of(study),
+        "sketch": sketch(best.record.design) if best and best.record.design else "",
+        "command": text.command(study, best) if best else "",
+        "cards": text.cards(study),
+        "sentences": text.sentences(study),
+    }
 
 
 def _moving(study: StoredStudy, pages: list[CasePage]) -> Moving:
