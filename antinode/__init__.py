@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     )
     from antinode.stored import open
     from antinode.sweeps import SweepTable, sweep
-    from antinode.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Zone
+    from antinode.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
     from pipeline.errors import InputError
     from solvers.errors import SolverError
 
@@ -51,7 +51,18 @@ HOMES = {
     ),
     "antinode.stored": ("open",),
     "antinode.sweeps": ("SweepTable", "sweep"),
-    "antinode.tables": ("Array", "BandPath", "Damping", "Finger", "Patches", "Pillar", "Scatter", "Solve", "Zone"),
+    "antinode.tables": (
+        "Array",
+        "BandPath",
+        "Damping",
+        "Finger",
+        "Patches",
+        "Pillar",
+        "Scatter",
+        "Solve",
+        "Tip",
+        "Zone",
+    ),
     "pipeline.errors": ("InputError",),
     "solvers.errors": ("SolverError",),
 }
@@ -77,6 +88,7 @@ __all__ = [
     "Solve",
     "SolverError",
     "SweepTable",
+    "Tip",
     "Tolerance",
     "Touch",
     "Wanted",

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from antinode.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Table, Zone, plain
+from antinode.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Table, Tip, Zone, plain
 from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, read_toml
@@ -46,6 +46,7 @@ class Plate:
         thickness_mm: float | None = None,
         zone: Zone | dict[str, Any] | None = None,
         pillar: Pillar | dict[str, Any] | None = None,
+        tip: Tip | dict[str, Any] | None = None,
         array: Array | dict[str, Any] | None = None,
         solve: Solve | dict[str, Any] | None = None,
         bands: BandPath | dict[str, Any] | None = None,
@@ -56,7 +57,7 @@ class Plate:
     ) -> None:
         plate = {"thickness_mm": thickness_mm} if thickness_mm else None
         given: dict[str, Any] = {"name": name, "material": material, "plate": plate}
-        given |= {"zone": zone, "pillar": pillar, "array": array, "solve": solve, "bands": bands}
+        given |= {"zone": zone, "pillar": pillar, "tip": tip, "array": array, "solve": solve, "bands": bands}
         given |= {"damping": damping, "patches": patches, "tolerance": tolerance, "touch": touch}
         self._bind({key: plain(value) for key, value in given.items() if value is not None}, None)
 

@@ -31,6 +31,14 @@ class Pillar(Table):
     """
 
 
+class Tip(Table):
+    """A heavy tip on every pillar: a square prism of side_mm and height_mm, of a material of its own where that is given.
+
+    >>> Tip(side_mm=2.0, height_mm=1.0, material="brass")
+    Tip(side_mm=2.0, height_mm=1.0, material='brass')
+    """
+
+
 class Array(Table):
     """Rows of pillars on each side of the zone at pitch_mm (or pitch_x_mm, pitch_y_mm), and extension_mm of plate beyond.
 

@@ -29,8 +29,31 @@ def half_wavelength_m(length_m: float, nodal_lines: int) -> float | None:
 
 
 @dataclass(frozen=True)
+class Tip:
+    """A heavy tip: a square prism of its own material on a pillar's top, its sides along x and y. Lengths in m."""
+
+    side_m: float
+    height_m: float
+    material: Material
+
+    @property
+    def rectangles(self) -> FloatArray:
+        """Its outline as one rectangle x0, x1, y0, y1 about the pillar's axis, (1, 4) m."""
+        half = self.side_m / 2.0
+        return np.array([[-half, half, -half, half]])
+
+    @property
+    def mass_kg(self) -> float:
+        """Its mass, kg."""
+        return self.side_m**2 * self.height_m * self.material.density_kg_m3
+
+
+@dataclass(frozen=True)
 class Pillar:
-    """One pillar: its shape by name, widths of foot and tip, height, foot fillet, further sizes of the shape. Lengths in m."""
+    """One pillar: its shape by name, widths of foot and tip, height, foot fillet, further sizes of the shape. Lengths in m.
+
+    A heavy tip stands on its top, beyond its height.
+    """
 
     shape: str
     base_m: float
@@ -40,6 +63,7 @@ class Pillar:
     fillet_m: float = 0.0
     file: str | None = None
     more_m: tuple[tuple[str, float], ...] = ()
+    tip: Tip | None = None
 
     @property
     def form(self) -> PillarShape:
@@ -52,6 +76,33 @@ class Pillar:
         return self.form.footprint_m(self.fillet_m)
 
     @property
+    def top_m(self) -> float:
+        """Height from foot to top, the heavy tip included, m."""
+        return self.height_m + (self.tip.height_m if self.tip else 0.0)
+
+    @property
+    def widest_m(self) -> float:
+        """Largest extent of foot and heavy tip, m."""
+        return max(self.footprint_m, self.tip.side_m if self.tip else 0.0)
+
+    @property
+    def reach_m(self) -> tuple[float, float]:
+        """How far the pillar extends along x and y at any height, fillet and heavy tip included, m."""
+        x, y = self.form.reach_m(self.fillet_m)
+        side = self.tip.side_m if self.tip else 0.0
+        return max(x, side), max(y, side)
+
+    @property
+    def features(self) -> dict[str, float]:
+        """Lengths in plan that a printer must resolve and a mesh must follow, m."""
+        return self.form.features | ({"heavy tip": self.tip.side_m} if self.tip else {})
+
+    @property
+    def smallest_m(self) -> float:
+        """The smallest of them and of the heavy tip's height, m."""
+        return min([*self.features.values(), *([self.tip.height_m] if self.tip else [])])
+
+    @property
     def is_made_of_boxes(self) -> bool:
         """True when structured hexahedra can follow the pillar exactly."""
         return self.form.rectangles is not None and self.fillet_m == 0.0
@@ -59,7 +110,7 @@ class Pillar:
     @property
     def is_square_prism(self) -> bool:
         """True when the pillar is a single box on a square foot: what varies from pillar to pillar, and what was calibrated."""
-        return self.form.is_square_prism and self.fillet_m == 0.0
+        return self.form.is_square_prism and self.fillet_m == 0.0 and self.tip is None
 
     @property
     def is_own_image(self) -> bool:
@@ -67,9 +118,30 @@ class Pillar:
         return {"x", "y"} <= {*self.form.mirrors}
 
     @property
+    def joints(self) -> tuple[tuple[Material, Material], ...]:
+        """Re-entrant edges where the heavy tip meets the pillar: the wider part's material, then the narrower one's."""
+        if self.tip is None or self.tip.side_m == self.base_m:
+            return ()
+        pair = self.tip.material, self.material
+        return (pair if self.tip.side_m > self.base_m else pair[::-1],)
+
+    @property
     def volume_m3(self) -> float:
-        """Volume without fillet, m3; NaN where it is not known."""
-        return self.form.volume_m3(self.height_m)
+        """Volume without fillet, with the heavy tip, m3; NaN where it is not known."""
+        return self.form.volume_m3(self.height_m) + (self.tip.side_m**2 * self.tip.height_m if self.tip else 0.0)
+
+    @property
+    def mass_kg(self) -> float:
+        """Mass without fillet, with the heavy tip, kg; NaN where the volume is not known."""
+        stem = self.form.volume_m3(self.height_m) * self.material.density_kg_m3
+        return stem + (self.tip.mass_kg if self.tip else 0.0)
+
+
+def region_materials(plate: Material, pillar: Pillar | None) -> dict[str, Material]:
+    """The material of each region that a mesh of a plate with such pillars may have."""
+    own = pillar.material if pillar else plate
+    tip = pillar.tip.material if pillar and pillar.tip else own
+    return {"plate": plate, "body": plate, "pillar": own, "tip": tip}
 
 
 @dataclass(frozen=True)
@@ -148,14 +220,16 @@ class Design:
 
     @property
     def footprint_m(self) -> float:
-        """Footprint of the widest pillar, 0 without pillars, m."""
-        return max((pillar.footprint_m for pillar in self.row_pillars), default=0.0)
+        """Largest extent of the widest pillar's foot and heavy tip, 0 without pillars, m."""
+        return max((pillar.widest_m for pillar in self.row_pillars), default=0.0)
 
     @property
     def half_span_m(self) -> float:
         """Half of the plate's whole width across the zone, m."""
-        feet = [pillar.footprint_m for pillar in self.row_pillars] or [0.0]
-        rows_m = float(self._row_offsets()[-1]) + (feet[0] + feet[-1]) / 2.0 if self.rows else 0.0
+        first, last = (
+            (self.row_pillars[0].footprint_m, self.row_pillars[-1].widest_m) if self.row_pillars else (0.0, 0.0)
+        )
+        rows_m = float(self._row_offsets()[-1]) + (first + last) / 2.0 if self.rows else 0.0
         return self.width_m / 2.0 + rows_m + self.extension_m
 
     @property

@@ -161,7 +161,7 @@ def cell(mesh_level: dict[str, Any]) -> tuple[Values, int]:
 def tet_cell(d: Design, edge_m: float) -> Mesh:
     """The quarter of the unit cell in tetrahedra, finer towards the pillar's foot."""
     assert d.pillar
-    rim = scenes.foot_rim(d.pillar, d.thickness_m)
+    rim = scenes.rims(d.pillar, d.thickness_m)
     return tet_mesh(solids.cell_solid(d, "xy"), edge_m, options=scenes.graded(TetOptions(), rim, edge_m))
 
 

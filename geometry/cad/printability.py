@@ -101,10 +101,10 @@ def features(design: Design) -> dict[str, float]:
     if pillar is None or not design.rows:
         return widths
     for each in design.kinds:
-        widths |= {name: min(size, widths.get(name, size)) for name, size in each.form.features.items()}
+        widths |= {name: min(size, widths.get(name, size)) for name, size in each.features.items()}
     if pillar.fillet_m > 0.0:
         widths["foot fillet"] = pillar.fillet_m
-    reach = np.array([each.form.reach_m(each.fillet_m) for each in design.row_pillars])
+    reach = np.array([each.reach_m for each in design.row_pillars])
     if len(design.column_centres()) > 1:
         widths["gap between pillars along x"] = design.pitch_x_m - float(reach[:, 0].max())
     if design.rows > 1:

@@ -34,8 +34,9 @@ class Body:
     """A CAD shape in mm and what a mesher must know about it, in m.
 
     Plate below z = `thickness_m`, pillars above; the lone pillar has thickness 0. `mirrors` names the symmetry planes
-    it was cut by: "", "x", "y" or "xy" (x = 0, y = 0). `bonds` names the parts ("pillar", "patch") of another material:
-    `shape` is one cadquery solid without any, else solids that share their contact faces.
+    it was cut by: "", "x", "y" or "xy" (x = 0, y = 0). `bonds` names the parts ("pillar", "tip", "patch") of another
+    material: `shape` is one cadquery solid without any, else solids that share their contact faces. `tips` are the heavy
+    tips whose material is not their pillar's.
     """
 
     shape: Any
@@ -43,6 +44,7 @@ class Body:
     patches: tuple[Box, ...] = ()
     mirrors: str = ""
     bonds: frozenset[str] = frozenset()
+    tips: tuple[Box, ...] = ()
 
     @property
     def bonded(self) -> bool:
@@ -55,11 +57,11 @@ class Body:
         return float(self.shape.Volume()) / MM**3
 
     def region_of(self, points: NDArray[np.float64]) -> NDArray[np.str_]:
-        """Name of the region ("plate", "pillar", "patch") that holds each point (n, 3) of the body, m."""
+        """Name of the region ("plate", "pillar", "tip", "patch") that holds each point (n, 3) of the body, m."""
         names = np.where(points[:, 2] > self.thickness_m, "pillar", "plate")
-        for box in self.patches:
-            inside = ((points > np.array(box.low)) & (points < np.array(box.high))).all(axis=1)
-            names[inside] = "patch"
+        for region, boxes in (("tip", self.tips), ("patch", self.patches)):
+            for box in boxes:
+                names[((points > np.array(box.low)) & (points < np.array(box.high))).all(axis=1)] = region
         return names
 
     def part_volumes_m3(self) -> dict[str, float]:
@@ -73,11 +75,15 @@ class Body:
 
 
 def pillar_solid(pillar: Pillar) -> Body:
-    """The lone pillar, foot on z = 0, axis +z, fillet flare included.
+    """The lone pillar, foot on z = 0, axis +z, fillet flare and heavy tip included.
 
     Raises GeometryError when the shape or its fillet cannot be built, or the STEP file is not a pillar.
     """
-    return Body(_pillar_shape(pillar), 0.0)
+    tips = _tips(Stand(pillar, np.zeros((1, 2))), 0.0, "")
+    if not tips:
+        return Body(_pillar_shape(pillar), 0.0)
+    shape = _share_faces([_pillar_shape(pillar), *_solids(tips)])
+    return Body(shape, 0.0, bonds=frozenset(["tip"]), tips=tips)
 
 
 def zone_solid(design: Design, mirrors: str = "") -> Body:
@@ -130,13 +136,35 @@ def patch_boxes(patches: Patches, thickness_m: float, mirrors: str = "") -> tupl
 def _assemble(design: Design, block: Any, stands: tuple[Stand, ...], mirrors: str, patches: Patches | None) -> Body:
     """Parts of the plate's material united, those of another one bonded to it."""
     pillars = [pillar for each in stands for pillar in _standing(each, design.thickness_m, mirrors)]
+    tips = tuple(box for each in stands for box in _tips(each, design.thickness_m, mirrors))
     boxes = patch_boxes(patches, design.thickness_m, mirrors) if patches else ()
-    glued = [_box(np.array(box.low), np.array(box.high)) for box in boxes]
     foreign = bool(pillars and design.pillar and design.pillar.material != design.material)
-    bonds = frozenset([name for name, there in (("pillar", foreign), ("patch", bool(glued))) if there])
+    there = {"pillar": foreign, "tip": bool(tips), "patch": bool(boxes)}
+    bonds = frozenset(name for name, bonded in there.items() if bonded)
     base = [block, *pillars] if foreign else [_unite(block, pillars)]
-    shape = _share_faces(base + glued) if bonds else base[0]
-    return Body(shape, design.thickness_m, boxes, mirrors, bonds)
+    shape = _share_faces([*base, *_solids(tips), *_solids(boxes)]) if bonds else base[0]
+    return Body(shape, design.thickness_m, boxes, mirrors, bonds, tips)
+
+
+def _solids(boxes: tuple[Box, ...]) -> list[Any]:
+    return [_box(np.array(box.low), np.array(box.high)) for box in boxes]
+
+
+def _tips(stand: Stand, thickness_m: float, mirrors: str) -> tuple[Box, ...]:
+    """Heavy tips whose material is not their pillar's, cut by the mirrors, those beyond one left out."""
+    pillar, tip = stand.pillar, stand.pillar.tip
+    if tip is None or tip.material == pillar.material:
+        return ()
+    bottom, half, near = thickness_m + pillar.height_m, tip.side_m / 2.0, 0.25 * pillar.base_m
+    boxes = []
+    for centre in stand.centres:
+        kept = [letter in mirrors for letter in "xy"]
+        if any(cut and at < -near for at, cut in zip(centre, kept, strict=True)):
+            continue
+        low = [0.0 if cut and at < near else float(at) - half for at, cut in zip(centre, kept, strict=True)]
+        x1, y1 = (float(at) + half for at in centre)
+        boxes.append(Box((low[0], low[1], bottom), (x1, y1, bottom + tip.height_m)))
+    return tuple(boxes)
 
 
 def _standing(stand: Stand, thickness_m: float, mirrors: str) -> list[Any]:
@@ -180,6 +208,16 @@ def _normal_plane(letter: str) -> str:
 
 
 def _pillar_shape(pillar: Pillar) -> Any:
+    """The pillar with its foot fillet and a heavy tip of its own material."""
+    stem, tip = _stem_shape(pillar), pillar.tip
+    if tip is None or tip.material != pillar.material:
+        return stem
+    (x0, x1, y0, y1), foot = tip.rectangles[0], pillar.height_m
+    head = _box(np.array([x0, y0, foot]), np.array([x1, y1, foot + tip.height_m]))
+    return _one_solid(stem.fuse(head).clean(), "a pillar and its heavy tip")
+
+
+def _stem_shape(pillar: Pillar) -> Any:
     """The bare pillar, then its foot fillet: both cut from a filleted pillar on a slab, so that the flare is exact."""
     bare = pillar.form.solid(pillar.height_m)
     if pillar.fillet_m == 0.0:

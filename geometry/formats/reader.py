@@ -30,6 +30,7 @@ from geometry.mesh import AnyMesh, Mesh, MixedMesh, check_mesh
 UNITS = {"m": 1.0, "mm": 1e-3}
 SUFFIXES = (".med", ".msh", ".inp")
 SURFACES = (".stl", ".obj", ".ply")
+OWN = ("plate", "pillar", "tip")  # groups with a material of their own; what is in none of them is plate
 IGNORED = ("vertex", "line")  # cells without a face or a volume: they only carry names
 KINDS = {cell_type: key for key, cell_type in VOLUME.items()}
 READABLE = (*KINDS, *FULL)
@@ -287,19 +288,13 @@ def _middles(points: FloatArray, corners: IntArray, middles: IntArray, places: P
 
 
 def _regions(raw: RawMesh, volumes: list[int]) -> dict[str, IntArray]:
-    """The cells of a group `pillar`, which may have a material of its own, and all others as `plate`."""
+    """The cells of groups `pillar` and `tip`, which may have materials of their own, and all others as `plate`."""
     starts = np.concatenate([[0], np.cumsum([len(raw.blocks[i][1]) for i in volumes])])
-    total = int(starts[-1])
-    pillar = [
-        starts[volumes.index(block)] + cells
-        for name, parts in raw.cell_groups.items()
-        if name.casefold() == "pillar"
-        for block, cells in parts.items()
-        if block in volumes
-    ]
-    inside = np.unique(np.concatenate(pillar)) if pillar else np.empty(0, dtype=np.int64)
-    others = np.setdiff1d(np.arange(total), inside)
-    return {name: cells for name, cells in (("plate", others), ("pillar", inside)) if len(cells)}
+    region = np.zeros(int(starts[-1]), dtype=np.int64)
+    for name, parts in raw.cell_groups.items():
+        for block in {*parts} & {*volumes} if name.casefold() in OWN else ():
+            region[starts[volumes.index(block)] + parts[block]] = OWN.index(name.casefold())
+    return {name: np.flatnonzero(region == i) for i, name in enumerate(OWN) if (region == i).any()}
 
 
 def _faces(raw: RawMesh, blocks: Sequence[Mesh], number: IntArray, file: str) -> dict[str, tuple[IntArray, ...]]:

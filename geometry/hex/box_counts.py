@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import Scene
+from geometry.hex.boxes import Foot, Scene
 from geometry.hex.grading import Grading, interval_count
 
 SAME = 1e-9  # of a breakpoints' span
@@ -67,9 +67,21 @@ def box_counts(scene: Scene, order: int) -> BoxCounts:
         blocks = [_block(scene, np.zeros((1, 2)), part, up, False, sign) for sign, part in _union(scene.body)]
     if scene.above is not None and scene.along is not None:
         for foot in scene.feet:
-            up = interval_count({z: graded for z, graded in scene.above.items() if z <= foot.top_m}, scene.along)
-            blocks += [_block(scene, foot.centres, part, up, True, sign) for sign, part in _union(foot.rectangles)]
+            span = {z: graded for z, graded in scene.above.items() if foot.bottom_m <= z <= foot.top_m}
+            up, alone = interval_count(span, scene.along), foot.below is None
+            blocks += [_block(scene, foot.centres, part, up, alone, sign) for sign, part in _union(foot.rectangles)]
+            blocks += [_block(scene, foot.centres, part, 0, False, -sign) for sign, part in _shared(foot)]
     return BoxCounts(order, tuple(blocks))
+
+
+def _shared(foot: Foot) -> Iterator[tuple[int, FloatArray]]:
+    """Signs and rectangles of the faces that prisms share with others that they stand on."""
+    for sign, part in _union(foot.rectangles):
+        for other, below in _union(np.empty((0, 4)) if foot.below is None else foot.below):
+            x0, y0 = np.maximum(part[::2], below[::2])
+            x1, y1 = np.minimum(part[1::2], below[1::2])
+            if x0 < x1 and y0 < y1:
+                yield sign * other, np.array([x0, x1, y0, y1])
 
 
 def _union(rectangles: FloatArray) -> Iterator[tuple[int, FloatArray]]:

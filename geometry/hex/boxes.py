@@ -16,6 +16,7 @@ from geometry.layout import Design, Pillar, Stand
 from geometry.mesh import Mesh
 
 VOID = -1
+REGIONS = ("", "pillar", "tip")  # the lowest body has a name of its own
 
 
 @dataclass(frozen=True)
@@ -129,11 +130,17 @@ class HexSettings:
 
 @dataclass(frozen=True)
 class Foot:
-    """Feet of one kind: rectangles x0, x1, y0, y1 about a centre (r, 4), centres (n, 2), where the pillars end, m."""
+    """Prisms of one kind: rectangles x0, x1, y0, y1 about a centre (r, 4), centres (n, 2), where they begin and end, m.
+
+    They stand on the prisms of the outline `below`, on the lowest body without one.
+    """
 
     rectangles: FloatArray
     centres: FloatArray
+    bottom_m: float
     top_m: float
+    region: str = "pillar"
+    below: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -172,11 +179,14 @@ def zone_boxes(design: Design, settings: HexSettings, quarter: bool = True) -> B
 def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Scene:
     """The lone pillar, foot on z = 0 (face `touch`), graded towards the clamped foot's rim and its own inner edges."""
     foot = _foot(pillar)
-    x, y = (dict.fromkeys(np.unique(foot[:, sides]), True) for sides in ([0, 1], [2, 3]))
+    x, y = _edges(pillar)
     if quarter:
-        x, y = ({0.0: False} | {edge: True for edge in breaks if edge > 0.0} for breaks in (x, y))
-    height = {0.0: True, pillar.height_m: False}
-    return Scene(x, y, height, settings.grading, settings.pillar_grading, "pillar", body=foot)
+        x, y = ({0.0: False} | {edge: inner for edge, inner in breaks.items() if edge > 0.0} for breaks in (x, y))
+    height, along = {0.0: True, pillar.height_m: pillar.tip is not None}, settings.pillar_grading
+    if pillar.tip is None:
+        return Scene(x, y, height, settings.grading, along, "pillar", body=foot)
+    above, feet = {pillar.height_m: True, pillar.top_m: False}, _prisms(pillar, np.zeros((1, 2)), 0.0)[1:]
+    return Scene(x, y, height, settings.grading, along, "pillar", above, along, feet, foot)
 
 
 def pillar_boxes(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Boxes:
@@ -263,22 +273,42 @@ def _plate_with_pillars(
     y: dict[float, bool],
 ) -> Scene:
     """Lines pass along every foot edge, graded there in x, y and in z on both sides of the foot."""
-    feet = tuple(
-        Foot(_foot(each.pillar), each.centres, thickness_m + each.pillar.height_m)
-        for each in stands
-        if len(each.centres)
-    )
-    if not feet:
+    stands = tuple(each for each in stands if len(each.centres))
+    if not stands:
         return Scene(x, y, {0.0: False, thickness_m: False}, settings.grading, settings.grading)
     for breaks, column in ((x, 0), (y, 1)):
         low, high = min(breaks), max(breaks)
-        for foot in feet:
-            edges = np.unique(foot.rectangles[:, 2 * column : 2 * column + 2])
-            for centre in np.unique(foot.centres[:, column]):
-                breaks |= {edge: True for edge in centre + edges if low < edge < high}
+        for each in stands:
+            for centre in np.unique(each.centres[:, column]):
+                for edge, inner in _edges(each.pillar)[column].items():
+                    if low < centre + edge < high:
+                        breaks[centre + edge] = inner or breaks.get(centre + edge, False)
     z, through = {0.0: False, thickness_m: True}, settings.through_grading(thickness_m)
-    above = {thickness_m: True} | {foot.top_m: False for foot in feet}
+    feet = tuple(foot for each in stands for foot in _prisms(each.pillar, each.centres, thickness_m))
+    junctions = {foot.bottom_m for foot in feet}
+    above = {height: height in junctions for foot in feet for height in (foot.bottom_m, foot.top_m)}
     return Scene(x, y, z, settings.grading, through, "plate", above, settings.pillar_grading, feet)
+
+
+def _edges(pillar: Pillar) -> tuple[dict[float, bool], dict[float, bool]]:
+    """Where the sides of foot and heavy tip lie along x and y, m, and whether an edge there is re-entrant."""
+    foot = _foot(pillar)
+    tip = np.empty((0, 4)) if pillar.tip is None else pillar.tip.rectangles
+    sides: list[dict[float, bool]] = []
+    for columns in ([0, 1], [2, 3]):
+        reach = np.abs(foot[:, columns]).max()
+        overhang = {edge: bool(abs(edge) < reach) for edge in np.unique(tip[:, columns]).tolist()}
+        sides.append(overhang | dict.fromkeys(np.unique(foot[:, columns]).tolist(), True))
+    return sides[0], sides[1]
+
+
+def _prisms(pillar: Pillar, centres: FloatArray, bottom_m: float) -> tuple[Foot, ...]:
+    """The pillars at centres (n, 2) that stand at a height, and their heavy tips."""
+    foot, joint = _foot(pillar), bottom_m + pillar.height_m
+    stem = Foot(foot, centres, bottom_m, joint)
+    if pillar.tip is None:
+        return (stem,)
+    return stem, Foot(pillar.tip.rectangles, centres, joint, bottom_m + pillar.top_m, "tip", foot)
 
 
 def _foot(pillar: Pillar) -> FloatArray:
@@ -300,10 +330,10 @@ def boxes_of(scene: Scene) -> Boxes:
     region[_inside(lines_x, lines_y, scene.body), :layers] = 0
     middles = (z[1:] + z[:-1]) / 2.0
     for foot in scene.feet:
-        below = layers + np.count_nonzero(middles[layers:] < foot.top_m)
+        first, last = np.searchsorted(middles, (foot.bottom_m, foot.top_m))
         for centre in foot.centres:
-            region[_inside(lines_x, lines_y, foot.rectangles, centre), layers:below] = 1
-    return Boxes(lines_x, lines_y, z, region, (scene.name, "pillar") if scene.above else (scene.name,))
+            region[_inside(lines_x, lines_y, foot.rectangles, centre), first:last] = REGIONS.index(foot.region)
+    return Boxes(lines_x, lines_y, z, region, (scene.name, *REGIONS[1:]))
 
 
 def _inside(

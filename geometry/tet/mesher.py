@@ -29,7 +29,7 @@ SAGITTA_PER_EDGE = 1 / 16  # of a chord as long as an edge on a curve of twice i
 EPSILON_PER_DIAGONAL = 1e-3  # the mesher's own default, a ceiling when the edge is long beside the body
 FLAT_QUALITY = 1e-3  # mean-ratio quality of a tetrahedron that is as good as flat (regular: 1)
 PART_TOLERANCE = 1e-3  # relative volume error allowed to each bonded part
-REGIONS = ("plate", "pillar", "patch")
+REGIONS = ("plate", "pillar", "tip", "patch")
 ON_PLANE = 1e-9  # of the diagonal: planes must be met to rounding
 
 log = logging.getLogger(__name__)
@@ -60,7 +60,7 @@ DEFAULTS = TetOptions()
 def tet_mesh(body: Body, edge_m: float, order: int = 2, options: TetOptions = DEFAULTS) -> Mesh:
     """Tetrahedra (order 1 or 2) of a CAD body with edges of about edge_m.
 
-    Regions "plate", "pillar", "patch"; faces "touch", "back", "foot", "top", "x-" ... "y+", "patch0-", "patch0+" where
+    Regions "plate", "pillar", "tip", "patch"; faces "touch", "back", "foot", "top", "x-" ... "y+", "patch0-", "patch0+" where
     the body has them, and those of the options. Raises MeshError naming the worst element when every attempt fails
     its checks (Jacobians, orphan nodes, flat elements, volume of the body and of each bonded part against CAD).
     """

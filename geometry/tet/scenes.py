@@ -34,7 +34,7 @@ def tet_zone(design: Design, edge_m: float, mirrors: str = "", options: TetOptio
 
 def tet_pillar(pillar: Pillar, edge_m: float, options: TetOptions = DEFAULTS) -> Mesh:
     """The lone pillar (its foot is face "foot"), finer near the rim of its foot, which a clamp makes singular."""
-    return tet_mesh(solids.pillar_solid(pillar), edge_m, options=graded(options, foot_rim(pillar, 0.0), edge_m))
+    return tet_mesh(solids.pillar_solid(pillar), edge_m, options=graded(options, rims(pillar, 0.0), edge_m))
 
 
 def tet_plate(
@@ -61,7 +61,7 @@ def tet_cell(design: Design, edge_m: float, quarter_then_mirror: bool = True, op
     Mirrored from its quarter, opposite faces pair node for node: equal to the last bit but for the sign of x or y.
     Raises GeometryError when the pillar is not symmetric in x = 0 and y = 0.
     """
-    rim = foot_rim(design.pillar, design.thickness_m) if design.pillar else []
+    rim = rims(design.pillar, design.thickness_m) if design.pillar else []
     body = solids.cell_solid(design, "xy" if quarter_then_mirror else "")
     mesh = tet_mesh(body, edge_m, options=graded(options, rim, edge_m))
     return _whole(mesh) if quarter_then_mirror else mesh
@@ -73,7 +73,7 @@ def tet_panel(design: Design, panel: Panel, edge_m: float, options: TetOptions =
     pillar = panel.pillar or design.pillar
     if pillar and panel.foot:
         x, y = np.array(panel.foot) - np.array(panel.middle)
-        rim = [[(a + x, b + y, c) for a, b, c in line] for line in foot_rim(pillar, design.thickness_m)]
+        rim = [[(a + x, b + y, c) for a, b, c in line] for line in rims(pillar, design.thickness_m)]
     return tet_mesh(solids.panel_solid(design, panel), edge_m, options=graded(options, rim, edge_m))
 
 
@@ -92,9 +92,15 @@ def graded(options: TetOptions, lines: Lines, edge_m: float) -> TetOptions:
     return replace(options, size=NearSegments(np.array(lines), fine, edge_m, GROWTH), min_edge_m=fine)
 
 
-def foot_rim(pillar: Pillar, z: float) -> Lines:
-    """The re-entrant edge round a foot at the origin as segments, m; none when a fillet rounds it off."""
-    if pillar.fillet_m > 0.0:
-        return []
-    corners = [(float(x), float(y), z) for x, y in pillar.form.rim()]
+def rims(pillar: Pillar, z: float) -> Lines:
+    """The re-entrant edges round a foot at the origin, unless a fillet rounds it off, and below a heavy tip, as segments, m."""
+    form, loops = pillar.form, []
+    if pillar.fillet_m == 0.0:
+        loops.append((form.rim(), z))
+    if pillar.tip is not None:
+        loops.append((form.rim() * form.taper, z + pillar.height_m))
+    return [line for rim, height in loops for line in _closed([(float(x), float(y), height) for x, y in rim])]
+
+
+def _closed(corners: list[tuple[float, float, float]]) -> Lines:
     return [[start, end] for start, end in zip(corners, corners[1:] + corners[:1], strict=True)]

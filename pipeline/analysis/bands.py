@@ -11,7 +11,7 @@ import numpy as np
 from geometry.decimate import coarse, with_sides
 from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import cell_boxes, hex_mesh
-from geometry.layout import Design
+from geometry.layout import region_materials
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -182,10 +182,6 @@ def _check(case: Case) -> None:
         raise InputError(f"{case.name}: array.rows = {case.design.rows}: must be 0 when the case has no [pillar]")
 
 
-def _materials(design: Design) -> dict[str, Any]:
-    return {"plate": design.material, "pillar": design.pillar.material if design.pillar else design.material}
-
-
 def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
     """Solve the cell as meshed, which gives frequencies and sampled gaps only."""
     design, settings = case.design, choice.hexahedra
@@ -193,7 +189,8 @@ def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
     log.left_out("polarisation, branches and group velocity", "the full cell gives frequencies only")
     mesh = hex_mesh(cell_boxes(design, settings), settings.order)
     with log.step("assemble the cell"):
-        cell = BlochCell(assemble(mesh, _materials(design)), design.pitch_x_m, design.pitch_y_m)
+        system = assemble(mesh, region_materials(design.material, design.pillar))
+        cell = BlochCell(system, design.pitch_x_m, design.pitch_y_m)
     with log.step(f"{len(path.wavevectors)} wavevectors"):
         rows = _each_once(path.wavevectors, case.bands.count, cell.frequencies)
     gaps, zone = complete_gaps(rows), None

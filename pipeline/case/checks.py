@@ -108,6 +108,39 @@ def check_pitch(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
             yield f"array.{name}", pitch, f"{text}, a gap that a mesh can hold"
 
 
+def check_tip(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
+    """A heavy tip stands on a pillar drawn here, beside its neighbours and the rows across the zone."""
+    side, height = good.get("tip.side_mm"), good.get("tip.height_mm")
+    if "tip" not in good or not side or not height:
+        return
+    if "pillar" not in good:
+        yield "tip.side_mm", side, "needs a [pillar] to stand on"
+    elif good.get("pillar.shape") == "step":
+        yield "tip.height_mm", height, "must be 0 with a step pillar: the file has the final shape"
+    section, width, most = section_mm(good, form), good.get("zone.width_mm"), limits.MAX_SLENDERNESS
+    for name, other in (("tip.side_mm", section), ("tip.height_mm", side)):
+        given = good[name]
+        if other and not 1.0 / most <= given / other <= most:
+            yield (
+                name,
+                given,
+                f"must be from {other / most:g} to {other * most:g}, {1.0 / most:g} to {most:g} times {other:g}",
+            )
+    for name in good.get("array.pitch_given", ()):
+        pitch = good["array.pitch_x_mm" if name == "pitch_mm" else f"array.{name}"]
+        if pitch - side < limits.MIN_GAP * side:
+            yield (
+                "tip.side_mm",
+                side,
+                f"tips touch: must be below array.{name} = {pitch:g} by {limits.MIN_GAP:g} of itself",
+            )
+    if width and section and good.get("array.rows") != 0 and 2.0 * (side - section) >= width:
+        allowed = (
+            f"must be below {section + width / 2.0:g}: a tip may reach over a quarter of zone.width_mm = {width:g}"
+        )
+        yield "tip.side_mm", side, allowed
+
+
 def check_slenderness(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """Pillar height, sides and foot fillet differ by no more than beams and elements can follow."""
     height, most, sizes = good.get("pillar.height_mm"), limits.MAX_SLENDERNESS, _sizes_mm(good)
@@ -163,6 +196,7 @@ def check_zone_width(good: Values, form: PillarShape | None) -> Iterator[Diagnos
 def check_row_fits(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     """A row of at least one pillar fits along the zone."""
     length, footprint = good.get("zone.length_mm"), footprint_mm(good, form)
+    footprint = max(footprint, good.get("tip.side_mm") or 0.0) if footprint and good.get("tip.height_mm") else footprint
     if length is not None and footprint is not None and good.get("array.rows") != 0 and footprint > length:
         yield "zone.length_mm", length, f"pillar row outside the plate: must be at least the footprint {footprint:g} mm"
 
@@ -269,8 +303,13 @@ def check_tolerance(good: Values, form: PillarShape | None) -> Iterator[Diagnost
         return
     if not (height or side or position):
         yield "tolerance.height_mm", height, "nothing varies: height_mm, side_mm or position_mm must be above 0"
-    if form is not None and not (form.is_square_prism and good.get("pillar.fillet_mm") == 0.0):
-        yield "tolerance.height_mm", height, "only square pillars without fillet can be varied"
+    plain = good.get("pillar.fillet_mm") == 0.0 and not good.get("tip.height_mm")
+    if form is not None and not (form.is_square_prism and plain):
+        yield (
+            "tolerance.height_mm",
+            height,
+            "only square pillars without fillet can be varied, and none with a heavy tip",
+        )
         return
     if "pillar" not in good or good.get("array.rows") == 0:
         yield "tolerance.height_mm", height, "needs a [pillar] and array.rows above 0"
@@ -291,6 +330,7 @@ CHECKS: tuple[Callable[[Values, PillarShape | None], Iterator[Diagnostic]], ...]
     check_fillet,
     check_slenderness,
     check_pitch,
+    check_tip,
     check_pillar_on_plate,
     check_nodal_lines,
     check_zone_width,

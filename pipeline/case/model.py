@@ -9,7 +9,8 @@ from math import isfinite, isnan, nan, pi
 from pathlib import Path
 from typing import Any
 
-from geometry.layout import Design, Pillar
+from geometry.layout import Design, Pillar, Tip
+from geometry.materials import Material
 from geometry.patches import Patches
 from geometry.pillar_shapes.base import PillarShape
 from pipeline.case.overrides import apply_overrides, is_file, parse_override, read_toml
@@ -148,6 +149,8 @@ class Case:
                 del shape[key]
         for each in (shape["pillar"], *shape.get("graded", ())) if pillar else ():
             each |= dict(each.pop("more_m"))
+            if not each["tip"]:
+                del each["tip"]
         if pillar and pillar.file:
             plain["design"]["pillar"]["file"] = Path(pillar.file).name
             plain["design"]["pillar"]["file_sha256"] = hashlib.sha256(Path(pillar.file).read_bytes()).hexdigest()
@@ -170,7 +173,7 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
     settings = _parsed(overrides)
     values = read_values(apply_overrides(raw, settings), source, [key for key, _ in settings])
     patches, touch, measured = None, None, _measured(values, source)
-    if not values.diagnostics.touch("material", "plate", "zone", "pillar", "array"):
+    if not values.diagnostics.touch("material", "plate", "zone", "pillar", "tip", "array"):
         patches, touch = read_patches(values, _design(values)), read_touch(values, _design(values))
     values.diagnostics.stop()
     design = _design(values)
@@ -227,7 +230,15 @@ def _pillar(values: Values, good: dict[str, Any], form: PillarShape | None) -> P
         return None
     material = values.materials.get("pillar", values.materials[""])
     height, fillet = form.height_m(MM * (good["pillar.height_mm"] or nan)), MM * good["pillar.fillet_mm"]
-    return Pillar(form.name, form.width_m, form.tip_m, height, material, fillet, form.file, form.more_m)
+    return Pillar(
+        form.name, form.width_m, form.tip_m, height, material, fillet, form.file, form.more_m, _tip(values, material)
+    )
+
+
+def _tip(values: Values, pillar: Material) -> Tip | None:
+    """The heavy tip, of the pillar's material where it has none of its own; None where its height is 0."""
+    side, height = (values.good.get(f"tip.{name}_mm", 0.0) for name in ("side", "height"))
+    return Tip(MM * side, MM * height, values.materials.get("tip", pillar)) if height else None
 
 
 def _solve(values: Values) -> SolveSettings:

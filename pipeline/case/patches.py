@@ -96,7 +96,7 @@ def _check_pillars(
     x0, x1, y0, y1 = patches.boxes_m().T
     hit = np.zeros(len(x0), dtype=bool)
     for stand in design.standing():
-        half = stand.pillar.footprint_m / 2.0
+        half = stand.pillar.widest_m / 2.0
         x, y = (np.unique(places) for places in stand.centres.T)
         hit |= _holds(x, x0 - half + slack, x1 + half - slack) & _holds(y, y0 - half + slack, y1 + half - slack)
     if hit.any():

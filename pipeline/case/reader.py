@@ -88,13 +88,13 @@ def _read_material(
 
 
 def _check_contrast(materials: dict[str, Material], diagnostics: Diagnostics) -> None:
-    """One line where plate and pillar differ in stiffness by more than one matrix can hold."""
-    if set(materials) != {"", "pillar"}:
-        return
-    plate, pillar = (materials[owner].young_pa / GPA for owner in ("", "pillar"))
-    if max(plate, pillar) > MAX_CONTRAST * min(plate, pillar):
-        limit = f"must be within a factor of {MAX_CONTRAST:g} of the plate's {plate:g} GPa"
-        diagnostics.add("pillar.material.young_GPa", pillar, limit)
+    """One line where plate and pillar or tip differ in stiffness by more than one matrix can hold."""
+    young = {owner: material.young_pa / GPA for owner, material in materials.items()}
+    plate = young.pop("", None)
+    for owner, other in young.items():
+        if plate is not None and max(plate, other) > MAX_CONTRAST * min(plate, other):
+            limit = f"must be within a factor of {MAX_CONTRAST:g} of the plate's {plate:g} GPa"
+            diagnostics.add(f"{owner}.material.young_GPa", other, limit)
 
 
 def _read_name(raw: dict[str, Any], source: Path | None, diagnostics: Diagnostics) -> str:

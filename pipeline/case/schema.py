@@ -103,6 +103,11 @@ def _pillar_table() -> type[Table]:
 SIZE_KEYS = tuple(dict.fromkeys(key for shape in SHAPES.values() for key in shape.keys))  # of any pillar's shape
 
 
+class TipTable(Table):
+    side_mm: float = positive(LENGTH_MM)
+    height_mm: Length = Field(description=f"{NOT_NEGATIVE}: 0 for none, or {span(LENGTH_MM)}")
+
+
 class ArrayTable(Table):
     pitch_mm: float | None = optional(LENGTH_MM)
     pitch_x_mm: float | None = optional(LENGTH_MM)
@@ -206,6 +211,7 @@ TABLES: dict[str, type[Table]] = {
     "plate": PlateTable,
     "zone": ZoneTable,
     "pillar": _pillar_table(),
+    "tip": TipTable,
     "array": ArrayTable,
     "solve": SolveTable,
     "bands": BandsTable,
@@ -215,15 +221,15 @@ TABLES: dict[str, type[Table]] = {
     "tolerance": ToleranceTable,
     "measured": MeasuredTable,
 }
-MATERIAL_OWNERS = ("", "pillar")  # the tables that may hold a material; "" is the top of the file
+MATERIAL_OWNERS = ("", "pillar", "tip")  # the tables that may hold a material; "" is the top of the file
 MATERIAL_ALLOWED = "the name of a material or a table with young_GPa, density_kg_m3 and poisson"
 NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"
 
 
 def known_keys() -> list[str]:
     """Every key of a case file, dotted, such as pillar.side_mm."""
-    keys = ["name", "material", "pillar.material"]
-    keys += [f"{owner}material.{key}".lstrip(".") for owner in ("", "pillar.") for key in MaterialTable.model_fields]
+    owners = [f"{owner}.material".lstrip(".") for owner in MATERIAL_OWNERS]
+    keys = ["name", *owners, *(f"{owner}.{key}" for owner in owners for key in MaterialTable.model_fields)]
     keys += [f"touch.impedance.{key}" for key in FingertipTable.model_fields]
     keys += [f"{table}.{key}" for table, model in TABLES.items() for key in model.model_fields]
     return sorted(set(keys))

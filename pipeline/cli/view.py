@@ -147,7 +147,7 @@ def of_arrays(title: str, arrays: dict[str, Any], design: DesignRecord | None) -
         (f"{tone / KHZ:.2f} kHz{', wanted' if number == 0 else ''}", np.asarray(shape, dtype=float))
         for number, (tone, shape) in enumerate(zip(tones, arrays["surface_u"], strict=True))
     ]
-    tall = MM if design is None else design.pillar.height_m if design.pillar else design.thickness_m
+    tall = MM if design is None else design.pillar.top_m if design.pillar else design.thickness_m
     return Scene(title, np.asarray(arrays["surface_points"]) / MM, facets, shapes, DRAWN * tall / MM)
 
 

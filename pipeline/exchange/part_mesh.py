@@ -14,7 +14,7 @@ from geometry.elements import IntArray
 from geometry.formats.neutral import outer_facets
 from geometry.hex.boxes import Boxes, HexSettings, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
 from geometry.hex.split import split_hexahedra
-from geometry.layout import Design
+from geometry.layout import Design, region_materials
 from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
 from geometry.tet import scenes
@@ -46,7 +46,7 @@ GROUPS = {
     "y+": "YMAX",
 }
 CLAMP = "CLAMP"
-VOLUMES = {"plate": "PLATE", "pillar": "PILLAR", "body": "BODY"}
+VOLUMES = {"plate": "PLATE", "pillar": "PILLAR", "tip": "TIP", "body": "BODY"}
 
 
 @dataclass(frozen=True)
@@ -99,11 +99,8 @@ def exchange(case: Case, part: str, log: Log, tetrahedra: bool = False) -> Excha
         check_mesh(mesh)
     design = case.design
     facets = Facets(*outer_facets(mesh))
-    pillar = design.pillar
-    materials = {
-        VOLUMES[name]: pillar.material if name == "pillar" and pillar else design.material
-        for name in mesh.region_of_cells()
-    }
+    own = region_materials(design.material, design.pillar)
+    materials = {VOLUMES[name]: own[name] for name in mesh.region_of_cells()}
     part_mesh = Exchange(
         case.name,
         part,
@@ -167,7 +164,7 @@ def _mesh(case: Case, part: str, log: Log) -> Mesh:
 def _settings(case: Case, part: str) -> Iterator[HexSettings]:
     """Element sizes from the finest that the accuracy asks for to the coarsest."""
     design = case.design
-    smallest = design.thickness_m if part != "pillar" or design.pillar is None else design.pillar.form.smallest_m
+    smallest = design.thickness_m if part != "pillar" or design.pillar is None else design.pillar.smallest_m
     finest = next((size for accuracy, size in FINEST.items() if case.solve.accuracy >= accuracy), FINENESS[0])
     for size in FINENESS:
         if size >= finest:
@@ -218,7 +215,7 @@ def _smallest_m(design: Design, part: str) -> float:
     """The smallest dimension that a part's tetrahedra must resolve, m."""
     sizes = [design.thickness_m] if part != "pillar" else []
     if design.pillar and (part == "pillar" or (part == "plate" and design.rows)):
-        sizes += [pillar.form.smallest_m for pillar in design.kinds]
+        sizes += [pillar.smallest_m for pillar in design.kinds]
     return min(sizes)
 
 

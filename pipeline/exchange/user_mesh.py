@@ -11,6 +11,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.formats.neutral import VOLUME
 from geometry.formats.reader import load
+from geometry.layout import region_materials
 from geometry.materials import Material
 from geometry.mesh import AnyMesh
 from pipeline.analysis.mode_rows import ModeRow, mode_rows
@@ -65,9 +66,9 @@ def solve(
 
 
 def _materials(case: Case, mesh: AnyMesh) -> dict[str, Material]:
-    """The case's material for every region, the pillar's for the one of that name."""
-    own = case.design.pillar.material if case.design.pillar else case.design.material
-    return {name: own if name.casefold() == "pillar" else case.design.material for name in mesh.regions}
+    """The case's material for every region, the pillar's and its tip's for those of that name."""
+    own = region_materials(case.design.material, case.design.pillar)
+    return {name: own.get(name.casefold(), case.design.material) for name in mesh.regions}
 
 
 def _has_touch(case: Case, model: SolidModel) -> bool:

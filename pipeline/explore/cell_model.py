@@ -63,7 +63,7 @@ def require_square(case: Case) -> None:
     design, said = case.design, []
     if design.pillar is None or not design.pillar.is_square_prism:
         said.append(
-            f"{case.name}: pillar.shape must be square and without fillet for explore: its bases are made of boxes"
+            f"{case.name}: pillar.shape must be square, without fillet and heavy tip, for explore: its bases are made of boxes"
         )
     if design.pillar is not None and design.pitch_x_m != design.pitch_y_m:
         said.append(f"{case.name}: array.pitch_x_mm and pitch_y_mm must be equal for explore")

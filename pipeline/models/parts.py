@@ -10,8 +10,7 @@ from typing import Protocol
 from geometry.elements import FloatArray
 from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
 from geometry.hex.nesting import interpolation
-from geometry.layout import Design, Pillar
-from geometry.materials import Material
+from geometry.layout import Design, Pillar, region_materials
 from geometry.mesh import AnyMesh, Mesh, check_mesh
 from pipeline.case.model import Case
 from pipeline.logs import Log
@@ -80,17 +79,12 @@ def _solid(
 ) -> SolidModel:
     meshes.append(mesh_record(what, mesh))
     warn_of_locking(case.design, mesh, log)
-    return SolidModel(mesh, _materials(case.design), clamped, mirrored)
-
-
-def _materials(design: Design) -> dict[str, Material]:
-    pillar = design.pillar.material if design.pillar else design.material
-    return {"plate": design.material, "pillar": pillar, "body": design.material}
+    return SolidModel(mesh, region_materials(case.design.material, case.design.pillar), clamped, mirrored)
 
 
 def warn_of_locking(design: Design, mesh: AnyMesh, log: Log) -> None:
     """Warn where displacement elements are known to be too stiff; `antinode report extremes` has the measurement."""
-    stiffest = max(design.material.poisson, design.pillar.material.poisson if design.pillar else -1.0)
+    stiffest = max(material.poisson for material in region_materials(design.material, design.pillar).values())
     if "tet" in mesh.kind and mesh.order == 2 and stiffest > LOCKING:
         log.warning(
             "LOCKING", f"nu = {stiffest:g}: quadratic tetrahedra lock above {LOCKING:g}; hexahedra of order 4 do not"
@@ -125,22 +119,18 @@ def coarser(case: Case, choice: ModelChoice) -> CoarserMeshes | None:
 
     def nested(settings: HexSettings) -> NestedMesh:
         own = _boxes(design, choice.part, settings)
-        model = SolidModel(hex_mesh(own, settings.order), _materials(design), CLAMPED[choice.part], choice.quarter)
+        materials = region_materials(design.material, design.pillar)
+        model = SolidModel(hex_mesh(own, settings.order), materials, CLAMPED[choice.part], choice.quarter)
         return NestedMesh(model, interpolation(own, boxes, fine.order, settings.order))
 
     pillar = design.pillar
-    rim = choice.part == "plate" and pillar is not None
-    shares = (
-        rim_shares(design.material, pillar.material, fine)
-        if rim and pillar
-        else clamped_shares(_own(case, choice), fine)
-    )
+    if choice.part == "plate" and pillar:
+        shares = rim_shares(design.material, pillar.material, fine, *pillar.joints)
+    elif choice.part == "pillar" and pillar:
+        shares = clamped_shares(pillar.material, fine, *pillar.joints)
+    else:
+        shares = clamped_shares(design.material, fine)
     return CoarserMeshes(nested(fine.coarser), nested(replace(fine, order=fine.order - 1)), shares)
-
-
-def _own(case: Case, choice: ModelChoice) -> Material:
-    pillar = case.design.pillar
-    return pillar.material if choice.part == "pillar" and pillar else case.design.material
 
 
 def _zone(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> SolidModel:
@@ -234,6 +224,6 @@ def tet_cell(design: Design, edge_m: float, log: Log) -> tuple[Mesh, tuple[int, 
     with log.step("mesh the cell by tetrahedra"):
         if not {"x", "y"} <= {*design.cell_mirrors}:
             return scenes.tet_cell(design, edge_m, quarter_then_mirror=False), ()
-        rim = scenes.foot_rim(design.pillar, design.thickness_m) if design.pillar else []
+        rim = scenes.rims(design.pillar, design.thickness_m) if design.pillar else []
         options = scenes.graded(TetOptions(), rim, edge_m)
         return tet_mesh(solids.cell_solid(design, "xy"), edge_m, options=options), (0, 1)

@@ -93,5 +93,5 @@ def _smallest_m(choice: ModelChoice, design: Design) -> float:
     """
     if choice.part == "zone" or design.pillar is None:
         return 2.0 * design.thickness_m
-    narrowest = min(pillar.form.smallest_m for pillar in design.kinds)
+    narrowest = min(pillar.smallest_m for pillar in design.kinds)
     return narrowest if choice.part == "pillar" else min(design.thickness_m, narrowest)

@@ -220,7 +220,7 @@ def tet_plate_edge_m(design: Design, accuracy: float) -> float:
 
 
 def _smallest_m(design: Design) -> float:
-    return min(design.thickness_m, *(pillar.form.smallest_m for pillar in design.kinds))
+    return min(design.thickness_m, *(pillar.smallest_m for pillar in design.kinds))
 
 
 def wanted_window_hz(design: Design) -> tuple[float, float]:

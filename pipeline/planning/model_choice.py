@@ -107,7 +107,7 @@ def _pillar(case: Case, high_hz: float) -> ModelChoice:
     quarter = simplifications.mirror_images(design, "pillar") if no_cad else None  # tetrahedra mesh the whole pillar
     level, top_hz = mesh_rules.reaching("pillar", design, accuracy, high_hz)
     hexahedra = mesh_rules.pillar_mesh(design, level, top_hz) if no_cad else None
-    edge = None if no_cad else mesh_rules.tet_edge_m(design.pillar.form.smallest_m, accuracy)
+    edge = None if no_cad else mesh_rules.tet_edge_m(design.pillar.smallest_m, accuracy)
     return _choice(case, "pillar", SOLID, level, hexahedra, edge, (no_cad, quarter), good_to_hz=top_hz)
 
 

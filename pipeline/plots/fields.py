@@ -171,7 +171,7 @@ def side_view(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
         return None
     u = arrays["surface_u"][0] / zone_peak(arrays, design) * UM  # 1 um at the zone's largest
     pillars = find_pillars(arrays, design)
-    tallest = design.pillar.height_m if pillars and design.pillar else design.thickness_m
+    tallest = design.pillar.top_m if pillars and design.pillar else design.thickness_m
     factor = nice_below(DRAWN_SHARE * tallest / max(1e-30, float(np.max(np.abs(u)))))
     x0, y0 = _cuts(arrays, design, pillars)
     tall = design.thickness_m + 1.3 * tallest

@@ -112,6 +112,8 @@ def _dimensions(design: DesignRecord, geometry: GeometryRecord | None) -> str:
             f"2 × {design.rows} rows of {columns} {pillar.shape} pillars {pillar.form.sizes_text}, "
             f"{', '.join(f'{each.height_m / MM:g}' for each in design.pillars)} mm high, {pitch_m / MM:g} mm apart"
         )
+        if tip := pillar.heavy_tip:
+            words.append(f"on each a tip {tip.side_m / MM:g} mm wide and {tip.height_m / MM:g} mm high")
     if geometry:
         words.append(f"{geometry.mass_kg / GRAM:.1f} g")
     return "; ".join(words)

@@ -98,7 +98,7 @@ def find_pillars(arrays: dict[str, Any], design: DesignRecord) -> Pillars | None
         return None
     points = arrays["surface_points"]
     top, tree = design.thickness_m, cKDTree(centres)
-    heights = np.array([pillar.height_m for pillar in design.standing])
+    heights = np.array([pillar.top_m for pillar in design.standing])
     middles = points[faces].mean(axis=1)
     above = np.flatnonzero(middles[:, 2] > top + 1e-3 * heights.min())
     high = np.flatnonzero(points[:, 2] > top + 1e-3 * heights.min())

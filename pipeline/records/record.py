@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from geometry.elements import FloatArray
-from geometry.layout import Design
+from geometry.layout import Design, Pillar
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import stored_shape
 from pipeline.records import store
@@ -59,6 +59,13 @@ class Open(Part):
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
 
 
+class TipRecord(Part):
+    """A heavy tip on a pillar."""
+
+    side_m: float
+    height_m: float
+
+
 class PillarRecord(Open):
     """A pillar's shape and size; sizes that only its shape has stand beside these by their names."""
 
@@ -67,11 +74,23 @@ class PillarRecord(Open):
     tip_m: float
     height_m: float
     fillet_m: float
+    heavy_tip: TipRecord | None = None
+
+    @classmethod
+    def of_pillar(cls, pillar: Pillar) -> PillarRecord:
+        """What a record keeps of a pillar."""
+        tip = {"heavy_tip": TipRecord.of(pillar.tip)} if pillar.tip else {}
+        return cls.of(pillar, **dict(pillar.more_m), **tip)
 
     @property
     def form(self) -> PillarShape:
         """The shape with these sizes."""
         return stored_shape(self.model_dump())
+
+    @property
+    def top_m(self) -> float:
+        """Height from foot to top, the heavy tip included, m."""
+        return self.height_m + (self.heavy_tip.height_m if self.heavy_tip else 0.0)
 
 
 class DesignRecord(Part):
@@ -98,10 +117,10 @@ class DesignRecord(Part):
     @classmethod
     def of_design(cls, design: Design) -> DesignRecord:
         """What a record keeps of a design."""
-        shape = PillarRecord.of(design.pillar, **dict(design.pillar.more_m)) if design.pillar else None
+        shape = PillarRecord.of_pillar(design.pillar) if design.pillar else None
         own: dict[str, Any] = {}
         if design.is_graded:
-            shapes = [PillarRecord.of(pillar, **dict(pillar.more_m)) for pillar in design.row_pillars]
+            shapes = [PillarRecord.of_pillar(pillar) for pillar in design.row_pillars]
             own = {"graded_pillars": shapes, "graded_widths_m": design.row_pitches_m.tolist()}
         return cls.of(design, pillar=shape, pillar_centres_m=design.pillar_centres().tolist(), **own)
 

@@ -98,7 +98,7 @@ def _add_plate(gallery: Gallery, case: StoredCase, most: int, still: str) -> Non
     points, facets, u, signs = quarter(points, facets, u)
     facets = with_sides(points, facets, design.thickness_m)
     kept, small = coarse(points, facets, MAX_POINTS)
-    tallest = design.pillar.height_m if design.pillar else design.thickness_m
+    tallest = design.pillar.top_m if design.pillar else design.thickness_m
     body = gallery.add_body(points[kept], small, 0.4 * tallest)
     tones = arrays.get("surface_frequency_hz", np.full(len(u), np.nan))
     for number, (shape, sign) in enumerate(zip(u, signs, strict=True)):

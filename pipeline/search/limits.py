@@ -50,7 +50,13 @@ class Limits:
 
 
 def overhang_deg(pillar: Pillar) -> float:
-    """How far the pillar's sides lean outwards, degrees from the vertical; 0 for those that do not, and for a STEP file."""
+    """How far the pillar's sides lean outwards, degrees from the vertical; 0 for those that do not, and for a STEP file.
+
+    A heavy tip of the pillar's own material is printed with it: one that is wider has a level underside.
+    """
+    tip = pillar.tip
+    if tip and tip.material == pillar.material and tip.side_m > pillar.tip_m:
+        return 90.0
     return max(0.0, degrees(atan2((pillar.tip_m - pillar.base_m) / 2.0, pillar.height_m)))
 
 
@@ -59,5 +65,5 @@ def mass_kg(design: Design) -> float:
     plate = design.length_m * 2.0 * design.half_span_m * design.thickness_m * design.material.density_kg_m3
     if not design.row_pillars:
         return plate
-    each = sum(pillar.volume_m3 * pillar.material.density_kg_m3 for pillar in design.row_pillars)
+    each = sum(pillar.mass_kg for pillar in design.row_pillars)
     return plate + 2.0 * len(design.column_centres()) * each

@@ -19,7 +19,7 @@ from pipeline.case.schema import TABLES
 from pipeline.errors import InputError
 from pipeline.units import MM
 
-VARIED = ("plate", "zone", "pillar", "array")  # the tables that shape the plate
+VARIED = ("plate", "zone", "pillar", "tip", "array")  # the tables that shape the plate
 STEP_MM = 0.01  # a printer holds no more
 EXAMPLE = "such as pillar.height_mm=5:8"
 

@@ -8,6 +8,7 @@ family is bending. Thick bodies and high frequencies tend to V/(6 pi^2) (k_L^3 +
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import floor, pi, sqrt
 
 import numpy as np
@@ -32,9 +33,13 @@ def plate_modes(
 
 
 def pillar_modes(frequency_hz: float, pillar: Pillar) -> float:
-    """Modes below a frequency of a pillar on a clamped foot, h (n - 1/2) half-waves along it on every branch of its section."""
-    height, material = pillar.height_m, pillar.material
+    """Modes below a frequency of a pillar on a clamped foot, h (n - 1/2) half-waves along it on every branch of its section;
+    with a heavy tip, of one as high as both whose own mass is that of both.
+    """
+    height, material = pillar.top_m, pillar.material
     side = sqrt(pillar.form.section.area_m2)
+    if pillar.tip:
+        material = replace(material, density_kg_m3=pillar.mass_kg / (side**2 * height))
     shear, longitudinal, bending = _waves(frequency_hz, side, material)
     if shear * side / pi > MAX_BRANCHES:
         return height * side**2 * (longitudinal**3 + 2.0 * shear**3) / (6.0 * pi**2)

@@ -10,12 +10,12 @@ from typing import Any, Literal
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.layout import Design, Pillar, half_wavelength_m
+from geometry.layout import Design, Pillar, Tip, half_wavelength_m
 from solvers.analytic.beams import frequency_hz, roots
 from solvers.analytic.plates import Strip, beam_function_hz, levy_hz, levy_wavenumber_per_m
 from solvers.analytic.ritz_plates import MAX_LINES, kirchhoff_mode, mindlin_mode
 from solvers.analytic.root_finding import root_between
-from solvers.analytic.section import Beam, beam_of
+from solvers.analytic.section import Beam, EndBody, beam_of
 from solvers.analytic.timoshenko import exact_omegas
 from solvers.errors import SolverError, check_above_zero
 
@@ -93,20 +93,31 @@ def strip_of(design: Design) -> Strip | None:
 
 
 def pillar_beam(pillar: Pillar, height_m: float | None = None, about_x: bool = False) -> Beam:
-    """The pillar as a beam on its clamped foot, fillet left out: bent about x, or about the axis where it is weaker."""
+    """The pillar as a beam on its clamped foot, fillet left out: bent about x, or about the axis where it is weaker.
+
+    A heavy tip is a rigid block on its end.
+    """
     form, material = pillar.form, pillar.material
     section, height = form.section, pillar.height_m if height_m is None else height_m
     about = section.about_x_m4 if about_x else min(section.about_x_m4, section.about_y_m4)
     constants = (material.young_pa, material.density_kg_m3, material.poisson)
     beam = beam_of(height, section.area_m2, about, form.shear_factor(material.poisson), constants)
     slope = form.taper - 1.0
-    return replace(beam, width_ratio=lambda s: 1.0 + slope * s) if slope else beam
+    beam = replace(beam, width_ratio=lambda s: 1.0 + slope * s) if slope else beam
+    return replace(beam, end=tip_body(pillar.tip)) if pillar.tip else beam
 
 
-def pillar_frequencies_hz(pillar: Pillar, theory: Theory, count: int = 1, height_m: float | None = None) -> FloatArray:
+def tip_body(tip: Tip) -> EndBody:
+    """A heavy tip as a rigid block: M, M (side^2 + height^2)/12 about its centre, which lies half its height above."""
+    return EndBody(tip.mass_kg, tip.mass_kg * (tip.side_m**2 + tip.height_m**2) / 12.0, tip.height_m / 2.0)
+
+
+def pillar_frequencies_hz(
+    pillar: Pillar, theory: Theory, count: int = 1, height_m: float | None = None, about_x: bool = False
+) -> FloatArray:
     """The first `count` bending frequencies of the pillar on its clamped foot, shape (count,), Hz."""
-    beam = pillar_beam(pillar, height_m)
-    if beam.width_ratio is not None:
+    beam = pillar_beam(pillar, height_m, about_x)
+    if beam.width_ratio is not None or beam.end is not None:
         from solvers.analytic.ritz_beams import ritz_frequencies_hz
 
         return ritz_frequencies_hz(beam, "clamped", "free", count, rigid_shear=theory == "euler")
@@ -265,6 +276,11 @@ def _pillar_limits(pillar: Pillar, size: PillarSize) -> list[str]:
     if slenderness < 3.0:
         lines.append(
             f"pillar: height over width {slenderness:.2f} is below 3: beam theory is a guess, compute the solid"
+        )
+    if pillar.tip:
+        share = pillar.tip.mass_kg / (pillar.mass_kg - pillar.tip.mass_kg)
+        lines.append(
+            f"pillar: its heavy tip, {share:.2g} times the pillar's mass, is taken for a rigid block on its end"
         )
     if note := pillar.form.sizing_note:
         lines.append(f"pillar: {note}")

@@ -22,8 +22,9 @@ ENOUGH = 14  # polynomial degree beyond twice the mode number; the series conver
 def ritz_frequencies_hz(beam: Beam, left: End, right: End, count: int, rigid_shear: bool = False) -> FloatArray:
     """The first `count` elastic frequencies from above, Hz; for uniform beams exact_omegas is exact.
 
-    Minimises integral of EI psi'^2 + kappa G A (w' - psi)^2 over integral of rho A w^2 + rho I psi^2; rigid_shear leaves
-    shear and rotary inertia out (Euler-Bernoulli). SolverError as exact_omegas.
+    Minimises integral of EI psi'^2 + kappa G A (w' - psi)^2 over integral of rho A w^2 + rho I psi^2, to which a body on the
+    right end adds M (w + d psi)^2 + J psi^2 there; rigid_shear leaves the beam's shear and rotary inertia out
+    (Euler-Bernoulli). SolverError as exact_omegas.
     """
     check_ends(left, right)
     check_beam(beam, count)
@@ -65,7 +66,10 @@ def _matrices(beam: Beam, degree: int) -> tuple[FloatArray, FloatArray]:
     deflection, rotation, bending, shear = _rows(points, beam, degree)
     stiffness = _gram(bending, weights * ratio**4) + _gram(shear, weights * ratio**2 * beam.flexibility)
     mass = _gram(deflection, weights * ratio**2) + _gram(rotation, weights * ratio**4 * beam.rotation)
-    return stiffness / 2.0, mass / 2.0
+    heavy, turned, arm = beam.end_shares
+    deflection, rotation, _, _ = _rows(np.array([1.0]), beam, degree)
+    at_end = _gram(deflection + arm * rotation, np.array([heavy])) + _gram(rotation, np.array([turned]))
+    return stiffness / 2.0, mass / 2.0 + at_end
 
 
 def _gram(rows: FloatArray, weights: FloatArray) -> FloatArray:

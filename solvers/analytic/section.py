@@ -13,8 +13,18 @@ from solvers.errors import SolverError, check_above_zero
 
 
 @dataclass(frozen=True)
+class EndBody:
+    """A rigid body on a beam's end: mass, rotary inertia about its own centre, how far that lies beyond the end. SI."""
+
+    mass_kg: float
+    inertia_kg_m2: float
+    arm_m: float
+
+
+@dataclass(frozen=True)
 class Beam:
-    """A beam in bending, SI. width_ratio(s), s = x/L, scales every section size against the one at s = 0.
+    """A beam in bending, SI. width_ratio(s), s = x/L, scales every section size against the one at s = 0; `end` is carried
+    at s = 1.
 
     length_m L; bending_n_m2 EI, shear_n kappa G A, mass_kg_m rho A, rotary_kg_m rho I, all at s = 0.
     """
@@ -25,6 +35,7 @@ class Beam:
     mass_kg_m: float
     rotary_kg_m: float
     width_ratio: Callable[[FloatArray], FloatArray] | None = None
+    end: EndBody | None = None
 
     @property
     def flexibility(self) -> float:
@@ -35,6 +46,14 @@ class Beam:
     def rotation(self) -> float:
         """I/(A L^2), dimensionless: rotary inertia."""
         return self.rotary_kg_m / (self.mass_kg_m * self.length_m**2)
+
+    @property
+    def end_shares(self) -> tuple[float, float, float]:
+        """The end body's mass over rho A L, its inertia over rho A L^3 and its arm over L; zeros without one."""
+        if self.end is None:
+            return 0.0, 0.0, 0.0
+        mass = self.mass_kg_m * self.length_m
+        return self.end.mass_kg / mass, self.end.inertia_kg_m2 / mass / self.length_m**2, self.end.arm_m / self.length_m
 
     @property
     def unit_rad_s(self) -> float:

@@ -27,13 +27,13 @@ def exact_omegas(beam: Beam, left: End, right: End, count: int) -> list[float]:
     """The first `count` elastic frequencies in units of beam.unit_rad_s; rigid-body modes are left out.
 
     EI psi'' + kappa G A (w' - psi) + rho I omega^2 psi = 0, kappa G A (w'' - psi') + rho A omega^2 w = 0.
-    Raises SolverError for an unknown end, count < 1, a size that is not above 0 or a tapered beam.
+    Raises SolverError for an unknown end, count < 1, a size that is not above 0, a tapered beam or a body on its end.
     Source: timoshenko1921.
     """
     check_ends(left, right)
     check_beam(beam, count)
-    if beam.width_ratio is not None:
-        raise SolverError("a tapered beam has no exact solution: use ritz_frequencies_hz")
+    if beam.width_ratio is not None or beam.end is not None:
+        raise SolverError("a tapered beam, or one that carries a body, has no exact solution: use ritz_frequencies_hz")
     omegas = _scanned(beam, left, right, count)
     return omegas if len(omegas) == count else _beyond_cutoff(beam, left, right, count, omegas)
 

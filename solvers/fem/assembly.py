@@ -59,12 +59,12 @@ class System:
     mesh: AnyMesh
     density: FloatArray
 
-    def region_mass(self, region: str) -> sp.csr_array | None:
-        """Scalar mass of one region alone; None when the mesh has no such region."""
-        if region not in self.mesh.regions:
+    def region_mass(self, *regions: str) -> sp.csr_array | None:
+        """Scalar mass of some regions alone; None when the mesh has none of them."""
+        known = [self.mesh.regions[region] for region in regions if region in self.mesh.regions]
+        if not known:
             return None
-        density = np.zeros_like(self.density)
-        cells = self.mesh.regions[region]
+        density, cells = np.zeros_like(self.density), np.concatenate(known)
         density[cells] = self.density[cells]
         return Forms(self.mesh, self.scale.length_m).mass(density)
 

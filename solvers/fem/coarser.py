@@ -64,15 +64,25 @@ def largest(half_widths: FloatArray) -> float | None:
     return None if not half_widths.size or np.isnan(half_widths).any() else float(half_widths.max())
 
 
-def rim_shares(plate: Material, pillar: Material, mesh: HexSettings) -> Shares:
-    """Shares at the rim of a foot, between the exponents of displacements normal to it and along it (williams1952)."""
-    wedges = rim_wedges(plate, pillar)
-    return _shares((edge_exponent(wedges), antiplane_exponent(wedges)), mesh, RIM_ROUGH)
+Rim = tuple[Material, Material]  # the wider part's material, and that of the narrower one that stands on it
 
 
-def clamped_shares(material: Material, mesh: HexSettings) -> Shares:
-    """Shares where a clamped face meets a free one (williams1952)."""
-    return replace(_shares((clamped_edge_exponent(material),), mesh, CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
+def rim_shares(plate: Material, pillar: Material, mesh: HexSettings, *more: Rim) -> Shares:
+    """Shares at the rims of a foot and of `more` like it, between the exponents of displacements normal to them and along
+    them (williams1952).
+    """
+    return _shares(_rim_exponents((plate, pillar), *more), mesh, RIM_ROUGH)
+
+
+def clamped_shares(material: Material, mesh: HexSettings, *more: Rim) -> Shares:
+    """Shares where a clamped face meets a free one, and at the rims of `more` (williams1952)."""
+    exponents = (clamped_edge_exponent(material), *_rim_exponents(*more))
+    return replace(_shares(exponents, mesh, CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
+
+
+def _rim_exponents(*rims: Rim) -> tuple[float, ...]:
+    wedges = [rim_wedges(*rim) for rim in rims]
+    return tuple(exponent(each) for each in wedges for exponent in (edge_exponent, antiplane_exponent))
 
 
 def _shares(exponents: tuple[float, ...], mesh: HexSettings, rough: float) -> Shares:

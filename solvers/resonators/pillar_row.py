@@ -10,8 +10,7 @@ import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design, Pillar
-from solvers.analytic.predesign import pillar_beam
-from solvers.analytic.timoshenko import exact_omegas
+from solvers.analytic.predesign import pillar_beam, pillar_frequencies_hz
 from solvers.errors import SolverError
 from solvers.resonators.impedance import pillar_foot
 from solvers.resonators.scattering import (
@@ -95,8 +94,7 @@ def pillar_filter(
     scattered = [
         scatter(host_beam, feet, [n * design.pitch_y_m for n in range(count)], omega) for count in range(1, rows + 1)
     ]
-    beam = pillar_beam(pillar, about_x=True)
-    clamped = exact_omegas(beam, "clamped", "free", 1)[0] * beam.unit_rad_s
+    clamped = 2.0 * pi * float(pillar_frequencies_hz(pillar, "timoshenko", about_x=True)[0])
     transmitted = np.stack([np.abs(one.transmission) ** 2 for one in scattered])
     decay = decay_db_per_row(host_beam, feet, design.pitch_y_m, omega)
     lossless = feet if loss == 0.0 else design_feet(pillar, omega, 0.0, lever_m)
@@ -104,7 +102,6 @@ def pillar_filter(
     stopped = moment_total_reflection_rad_s(
         host_beam, lambda w: design_feet(pillar, np.array([w]), 0.0, lever_m), clamped
     )
-    mass = beam.mass_kg_m * beam.length_m
     return PillarFilter(
         frequencies_hz=frequencies_hz,
         transmitted=transmitted,
@@ -112,7 +109,7 @@ def pillar_filter(
         decay_db=decay,
         clamped_hz=clamped / (2.0 * pi),
         stopped_hz=stopped / (2.0 * pi),
-        oscillator_stopped_hz=oscillator_total_reflection_rad_s(host_beam, mass, clamped) / (2.0 * pi),
+        oscillator_stopped_hz=oscillator_total_reflection_rad_s(host_beam, pillar.mass_kg, clamped) / (2.0 * pi),
         bands_hz=tuple(half_power_band(one, frequencies_hz) for one in transmitted),
         stop_hz=half_power_band(np.where(stopping, 0.0, 1.0), frequencies_hz),
     )

@@ -57,13 +57,16 @@ def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0
     bent = np.hstack([zero, slopes / length])
     stiffness = _gram(bent, bent, weight * beam.bending_n_m2 * ratio**4)
     stiffness += _gram(shear, shear, weight * beam.shear_n * ratio**2)
-    heavy, rotary = weight * beam.mass_kg_m * ratio**2, weight * beam.rotary_kg_m * ratio**4
+    heavy, rotary = _inertias(beam, weight, ratio)
     if compliance > 0.0:
         deflection, turn = np.column_stack([deflection, length * s]), np.column_stack([turn, np.ones_like(s)])
         stiffness = np.pad(stiffness, (0, 1))
         stiffness[-1, -1] = 1.0 / compliance
-    mass = _gram(deflection, deflection, heavy) + _gram(turn, turn, rotary)
     arm = lever_m + length * s
+    if beam.end is not None:
+        deflection[-1] += beam.end.arm_m * turn[-1]
+        arm[-1] += beam.end.arm_m
+    mass = _gram(deflection, deflection, heavy) + _gram(turn, turn, rotary)
     inertia = float(heavy @ arm**2 + rotary.sum())
     return _own(stiffness, mass, deflection.T @ (heavy * arm) + turn.T @ rotary, inertia)
 
@@ -74,17 +77,29 @@ def lifting_effective_mass(pillar: Pillar) -> EffectiveMass:
     s, weight, ratio = _rule(beam)
     shapes, slopes = _clamped(s)
     stretch = pillar.material.young_pa * pillar.form.section.area_m2
-    heavy = weight * beam.mass_kg_m * ratio**2
+    heavy, _ = _inertias(beam, weight, ratio)
     stiffness = _gram(slopes / beam.length_m, slopes / beam.length_m, weight * stretch * ratio**2)
     return _own(stiffness, _gram(shapes, shapes, heavy), shapes.T @ heavy, float(heavy.sum()))
 
 
 def _rule(beam: Beam) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Points s in [0, 1], weights in m and section ratios of a Gauss rule along the pillar."""
+    """Points s in [0, 1], weights in m and section ratios of a Gauss rule along the pillar; last, without weight, its end
+    where that carries a body.
+    """
     points, weights = legendre.leggauss(POINTS)
+    if beam.end is not None:
+        points, weights = np.append(points, 1.0), np.append(weights, 0.0)
     s = (points + 1.0) / 2.0
     ratio = np.ones_like(s) if beam.width_ratio is None else beam.width_ratio(s)
     return s, weights * beam.length_m / 2.0, ratio
+
+
+def _inertias(beam: Beam, weight: FloatArray, ratio: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mass (kg) and rotary inertia (kg m2) at the points of the rule."""
+    heavy, rotary = weight * beam.mass_kg_m * ratio**2, weight * beam.rotary_kg_m * ratio**4
+    if beam.end is not None:
+        heavy[-1], rotary[-1] = beam.end.mass_kg, beam.end.inertia_kg_m2
+    return heavy, rotary
 
 
 def _clamped(s: FloatArray) -> tuple[FloatArray, FloatArray]:

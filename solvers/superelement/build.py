@@ -14,7 +14,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, panel_boxes
 from geometry.hex.nesting import interpolation
-from geometry.layout import Design, Pillar
+from geometry.layout import Design, Pillar, region_materials
 from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
 from solvers.fem.assembly import Scale, System, assemble
@@ -121,9 +121,8 @@ class Reductions:
     def system(self, mesh: Mesh) -> System:
         """The assembled matrices of a panel's mesh. Raises MeshError for one that is not sound."""
         check_mesh(mesh)
-        pillar_material = self.pillar.material if self.pillar else self.material
         scale = Scale(self.thickness_m, self.material.young_pa, self.material.density_kg_m3)
-        return assemble(mesh, {"plate": self.material, "pillar": pillar_material, "body": self.material}, scale)
+        return assemble(mesh, region_materials(self.material, self.pillar), scale)
 
     def coarser(self, panel: Panel) -> Coarser | None:
         """What takes the mesh's error from a reduced panel by coarser meshes nested in its own; None for a mesh that has none.
@@ -146,7 +145,7 @@ class Reductions:
             lower = nested(boxes, replace(settings, order=settings.order - 1))
             if not at_rim or self.pillar is None:
                 return extrapolated(cell, (fine, parts), lower, None, Shares(), reduction.top_hz)
-            shares = rim_shares(self.material, self.pillar.material, settings)
+            shares = rim_shares(self.material, self.pillar.material, settings, *self.pillar.joints)
             return extrapolated(cell, (fine, parts), lower, nested(boxes, settings.coarser), shares, reduction.top_hz)
 
         return extrapolate

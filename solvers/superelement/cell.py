@@ -374,7 +374,7 @@ class CellBuilder:
 
     def _projection(self, part: SymmetryClass) -> tuple[FloatArray, FloatArray, FloatArray]:
         system, shapes = self.system, part.shapes
-        pillar = system.region_mass("pillar")
+        pillar = system.region_mass("pillar", "tip")
         stiffness, mass = shapes.T @ (system.stiffness @ shapes), weighted(shapes, system.mass)
         return stiffness, mass, np.zeros_like(mass) if pillar is None else weighted(shapes, pillar)
 

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, panel_boxes
-from geometry.layout import Pillar
+from geometry.layout import Pillar, region_materials
 from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
 from solvers.errors import SolverError
@@ -173,8 +173,7 @@ class _Sampler:
         setting, mesh = self.setting, self._mesh(boxes)
         check_mesh(mesh)
         scale = Scale(setting.thickness_m, setting.material.young_pa, setting.material.density_kg_m3)
-        materials = {"plate": setting.material, "pillar": setting.pillar.material, "body": setting.material}
-        return assemble(mesh, materials, scale)
+        return assemble(mesh, region_materials(setting.material, setting.pillar), scale)
 
     def _fixed(self, still: Mesh, opened: list[int], signs: dict[int, int]) -> tuple[FloatArray, FloatArray]:
         """The nominal modes of a symmetry class, numbers and nodal shapes (3n, m), on the mesh unfolded about `opened`."""

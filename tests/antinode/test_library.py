@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SMALL = ROOT / "examples" / "small.toml"
 NAMES = [
     "Array", "Attenuation", "BandPath", "Bands", "Broadband", "Caution", "Damping", "Finger", "InputError", "Mode", "Modes",
-    "Patches", "Pillar", "Plate", "Predesign", "Response", "Scatter", "Search", "Solve", "SolverError", "SweepTable",
+    "Patches", "Pillar", "Plate", "Predesign", "Response", "Scatter", "Search", "Solve", "SolverError", "SweepTable", "Tip",
     "Tolerance", "Touch", "Wanted", "Zone", "__version__", "load", "open", "sweep",
 ]  # fmt: skip
 HEAVY = "numpy scipy pydantic matplotlib cadquery pyvista pytetwild rich pandas xarray argcomplete"

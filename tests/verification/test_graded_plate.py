@@ -6,10 +6,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.analysis.modes import solve_modes
-from pipeline.case.model import case_from_dict
-from pipeline.logs import TerminalLog
-from pipeline.planning.request import Request
+from tests.helpers.whole_solid import check_within_both_bars
 
 RAW: dict[str, Any] = {
     "name": "graded",
@@ -30,13 +27,4 @@ RAW: dict[str, Any] = {
 
 @pytest.mark.slow
 def test_graded_cells_have_the_modes_of_the_whole_solid_within_both_bars() -> None:
-    query = Request("plate", band_hz=(25e3, 70e3), symmetry="SS", search=False)
-    ours, theirs = (
-        solve_modes(case_from_dict(RAW, None, [("solve.model", model)]), query, TerminalLog(True)).rows
-        for model in ("superelement", "solid")
-    )
-    assert len(ours) == len(theirs) > 2
-    for one, other in zip(ours, theirs, strict=True):
-        assert one.error is not None and other.error is not None
-        assert one.frequency_hz == pytest.approx(other.frequency_hz, rel=one.error + other.error)
-        assert max(one.error, other.error) < 0.03
+    check_within_both_bars(RAW, (25e3, 70e3))

@@ -8,9 +8,9 @@ import pytest
 
 from geometry.hex.box_counts import box_counts
 from geometry.hex.boxes import HexSettings, Scene, boxes_of, cell_scene, hex_mesh, pillar_scene, plate_scene, zone_scene
-from geometry.layout import Design, Pillar
+from geometry.layout import Design, Pillar, Tip, region_materials
 from geometry.materials import MATERIALS
-from geometry.mesh import check_mesh
+from geometry.mesh import cell_volumes, check_mesh
 from solvers.fem.assembly import assemble
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -22,6 +22,9 @@ UNLIKE = replace(
     graded=(PILLAR, replace(PILLAR, base_m=1.5e-3, tip_m=1.5e-3, height_m=3e-3)),
     graded_pitches_m=(5e-3, 4e-3),
 )
+WIDE = replace(PILLAR, tip=Tip(3e-3, 1e-3, ALUMINIUM))
+CROSS = replace(WIDE, shape="cross", more_m=(("arm_m", 1e-3),), tip=Tip(1.5e-3, 1e-3, ALUMINIUM))
+HEAVY = replace(UNLIKE, graded=(WIDE, replace(CROSS, height_m=3e-3)))
 COARSE, GRADED = HexSettings(2, 4e-3, 0), HexSettings(2, 2.5e-3, 1, 0.2, 2e-3, 2)
 SCENES = {
     "zone": zone_scene(DESIGN, GRADED),
@@ -32,6 +35,10 @@ SCENES = {
     "plate bare": plate_scene(replace(DESIGN, rows=0), GRADED),
     "cell": cell_scene(DESIGN, GRADED),
     "rows that differ": plate_scene(UNLIKE, GRADED),
+    "heavy tip": pillar_scene(WIDE, GRADED),
+    "heavy tip of one side": cell_scene(replace(DESIGN, pillar=replace(WIDE, tip=Tip(2e-3, 1e-3, ALUMINIUM))), GRADED),
+    "tip within a cross": pillar_scene(CROSS, GRADED),
+    "heavy tips that differ": plate_scene(HEAVY, GRADED),
 }
 
 
@@ -43,9 +50,26 @@ def test_rows_that_differ_fill_their_closed_form_volume() -> None:
     assert check_mesh(mesh).volume_m3 == pytest.approx(1e-9 * exact, rel=1e-12)
 
 
+def test_heavy_tips_fill_their_closed_form_volume() -> None:
+    """Half the span is 4 + 2/2 + 4.5 + 2/2: a tip of 3 mm on the first row does not reach beyond, the cross's is narrower."""
+    mesh = hex_mesh(boxes_of(plate_scene(HEAVY, COARSE)), 1)
+    exact = 6.5 * 10.5 * 2.0 + 1.5 * (2.0 * 2.0 * 4.0 + 3.0 * 3.0 * 1.0 + 3.0 * 3.0 + 1.5 * 1.5 * 1.0)
+    assert HEAVY.half_span_m == pytest.approx(10.5e-3)
+    assert check_mesh(mesh).volume_m3 == pytest.approx(1e-9 * exact, rel=1e-12)
+    of_tips = cell_volumes(mesh)[mesh.regions["tip"]].sum()
+    assert of_tips == pytest.approx(1e-9 * 1.5 * (9.0 + 2.25), rel=1e-12)
+    outer = replace(DESIGN, pillar=WIDE)
+    assert outer.half_span_m == pytest.approx(4e-3 + 1e-3 + 1.5e-3), "the plate ends below the last tip"
+    assert (
+        replace(outer, length_m=10.5e-3).column_centres().size
+        == 2
+        < replace(DESIGN, length_m=10.5e-3).column_centres().size
+    )
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_elements_nodes_and_pairs_are_those_of_the_mesh(name: str) -> None:
     scene: Scene = SCENES[name]
     counts, mesh = box_counts(scene, 2), hex_mesh(boxes_of(scene), 2)
     assert (counts.elements, counts.nodes) == (len(mesh.cells), len(mesh.nodes))
-    assert counts.pairs == assemble(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}).mass.nnz
+    assert counts.pairs == assemble(mesh, region_materials(ALUMINIUM, WIDE)).mass.nnz

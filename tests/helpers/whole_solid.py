@@ -1,0 +1,26 @@
+"""A small plate's modes by reduced cells and by the whole solid mesh, each with its own stated error."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from pipeline.analysis.modes import solve_modes
+from pipeline.case.model import case_from_dict
+from pipeline.logs import TerminalLog
+from pipeline.planning.request import Request
+
+
+def check_within_both_bars(raw: dict[str, Any], band_hz: tuple[float, float], symmetry: str = "SS") -> None:
+    """As many modes in a band, each within the sum of both bars, which are below 3 %."""
+    query = Request("plate", band_hz=band_hz, symmetry=symmetry, search=False)
+    ours, theirs = (
+        solve_modes(case_from_dict(raw, None, [("solve.model", model)]), query, TerminalLog(True)).rows
+        for model in ("superelement", "solid")
+    )
+    assert len(ours) == len(theirs) > 2
+    for one, other in zip(ours, theirs, strict=True):
+        assert one.error is not None and other.error is not None
+        assert one.frequency_hz == pytest.approx(other.frequency_hz, rel=one.error + other.error)
+        assert max(one.error, other.error) < 0.03
