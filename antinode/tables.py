@@ -42,7 +42,8 @@ class Tip(Table):
 class Array(Table):
     """Rows of pillars on each side of the zone at pitch_mm (or pitch_x_mm, pitch_y_mm), and extension_mm of plate beyond.
 
-    Rows that differ have a list each, from the zone outwards: heights_mm, sides_mm, pitches_y_mm.
+    Rows that differ have a list each, from the zone outwards: heights_mm, sides_mm, pitches_y_mm. stagger shifts every other
+    row by half a pitch.
 
     >>> Array(pitch_mm=4.0, rows=3, extension_mm=25.0)["rows"]
     3

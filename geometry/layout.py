@@ -5,6 +5,7 @@ Axes: x along the zone, y across, z = 0 the touch face, pillars on z = thickness
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import floor
 
@@ -158,6 +159,7 @@ class Design:
 
     Where rows differ, `graded` and `graded_pitches_m` hold one entry a row from the zone outwards, a row standing in the
     middle of a strip as wide as its pitch; pillar and pitch_y_m are then the first row's. Empty, all rows are alike.
+    With `stagger` every other row, from the second on, stands half a pitch along x beside its neighbours.
     """
 
     length_m: float
@@ -172,6 +174,12 @@ class Design:
     extension_m: float
     graded: tuple[Pillar, ...] = ()
     graded_pitches_m: tuple[float, ...] = ()
+    stagger: bool = False
+
+    @property
+    def is_staggered(self) -> bool:
+        """Whether a row stands beside its neighbours."""
+        return self.stagger and self.rows > 1
 
     @property
     def is_graded(self) -> bool:
@@ -196,7 +204,9 @@ class Design:
     def of_row(self, row: int) -> Design:
         """The same plate with every row like row `row`, counted from 0 at the zone."""
         pillar = self.row_pillars[row] if self.row_pillars else None
-        return replace(self, pillar=pillar, pitch_y_m=float(self.row_pitches_m[row]), graded=(), graded_pitches_m=())
+        return replace(
+            self, pillar=pillar, pitch_y_m=float(self.row_pitches_m[row]), graded=(), graded_pitches_m=(), stagger=False
+        )
 
     @property
     def row_designs(self) -> tuple[Design, ...]:
@@ -221,7 +231,7 @@ class Design:
     @property
     def footprint_m(self) -> float:
         """Largest extent of the widest pillar's foot and heavy tip, 0 without pillars, m."""
-        return max((pillar.widest_m for pillar in self.row_pillars), default=0.0)
+        return max((pillar.widest_m for pillar in self.kinds), default=0.0) if self.row_pillars else 0.0
 
     @property
     def half_span_m(self) -> float:
@@ -243,10 +253,12 @@ class Design:
         shared = ("x", "y", "d") if self.pitch_x_m == self.pitch_y_m else ("x", "y")
         return shared if self.pillar is None else tuple(name for name in shared if name in self.pillar.form.mirrors)
 
-    def column_centres(self) -> FloatArray:
-        """x of the pillar columns, shape (columns,), m: floor((length - footprint)/pitch_x) + 1, centred."""
+    def column_centres(self, row: int = 0) -> FloatArray:
+        """x of the pillars of a row, counted from 0 at the zone, shape (columns,), m: floor((length - footprint)/pitch_x) + 1,
+        centred; one less between them in a row that is shifted.
+        """
         room = (self.length_m - self.footprint_m) / self.pitch_x_m
-        count = floor(room * (1.0 + ROUNDING) + ROUNDING) + 1
+        count = floor(room * (1.0 + ROUNDING) + ROUNDING) + 1 - (self.stagger and row % 2)
         return np.asarray((np.arange(count) - (count - 1) / 2.0) * self.pitch_x_m)
 
     def row_centres(self) -> FloatArray:
@@ -262,15 +274,18 @@ class Design:
         return np.concatenate([[0.0], np.cumsum((pitches[1:] + pitches[:-1]) / 2.0)])
 
     def pillar_centres(self) -> FloatArray:
-        """Centres of every pillar, shape (2 rows columns, 2), m; empty without pillars."""
-        return self._centres(self.row_centres()) if self.row_pillars else np.empty((0, 2))
+        """Centres of every pillar, shape (pillars, 2), m, row by row along y; empty without pillars."""
+        return self._centres(range(len(self.row_pillars)))
 
-    def _centres(self, rows: FloatArray) -> FloatArray:
-        y, x = np.meshgrid(np.concatenate([-rows[::-1], rows]), self.column_centres(), indexing="ij")
-        return np.column_stack([x.ravel(), y.ravel()])
+    def _centres(self, rows: Sequence[int]) -> FloatArray:
+        """Centres of the pillars of some rows on both sides."""
+        y, both = self.row_centres(), [*((row, -1.0) for row in rows[::-1]), *((row, 1.0) for row in rows)]
+        columns = self.column_centres(0), self.column_centres(1)
+        lines = [(columns[row % 2], side * y[row]) for row, side in both]
+        return np.concatenate([np.empty((0, 2)), *(np.column_stack([x, np.full(len(x), at)]) for x, at in lines)])
 
     def standing(self) -> tuple[Stand, ...]:
         """Every kind of pillar with the centres where it stands."""
-        pillars, rows = self.row_pillars, self.row_centres()
+        pillars = self.row_pillars
         kinds = {kind: [row for row, pillar in enumerate(pillars) if pillar == kind] for kind in dict.fromkeys(pillars)}
-        return tuple(Stand(kind, self._centres(rows[own])) for kind, own in kinds.items())
+        return tuple(Stand(kind, self._centres(own)) for kind, own in kinds.items())

@@ -130,7 +130,7 @@ def _pillar(arguments: Namespace, case: Case | None, log: Log) -> Answer:
 
     assert case is not None
     case.require("plate", "pillar", "array.pitch_mm", command="active pillar")
-    case.require_one_kind("active pillar is")
+    case.require_lattice("active pillar is")
     band = parse_band(arguments.band, "--band") if arguments.band else None
     loss = 1.0 / quality(arguments, case.quality if "damping" in case.given else inf)
     low, high = band or _pillar_window(case)

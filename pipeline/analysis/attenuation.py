@@ -57,7 +57,7 @@ def solve(
     model: the reduced cell of the case's bands, where there is one already.
     """
     case.require("plate", "array.pitch_mm", "pillar", command="attenuation")
-    case.require_one_kind("decay per row is")
+    case.require_lattice("decay per row is")
     if kx_per_m is None:
         case.require("zone", command="attenuation without --kx")
     choice = cell_model_choice(case)

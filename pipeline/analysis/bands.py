@@ -177,7 +177,7 @@ def _finer(case: Case) -> int:
 
 def _check(case: Case) -> None:
     case.require("plate", "array.pitch_mm", command="bands")
-    case.require_one_kind("bands are")
+    case.require_lattice("bands are")
     if case.design.pillar is None and case.design.rows:
         raise InputError(f"{case.name}: array.rows = {case.design.rows}: must be 0 when the case has no [pillar]")
 

@@ -199,6 +199,13 @@ def check_row_fits(good: Values, form: PillarShape | None) -> Iterator[Diagnosti
     footprint = max(footprint, good.get("tip.side_mm") or 0.0) if footprint and good.get("tip.height_mm") else footprint
     if length is not None and footprint is not None and good.get("array.rows") != 0 and footprint > length:
         yield "zone.length_mm", length, f"pillar row outside the plate: must be at least the footprint {footprint:g} mm"
+    rows, pitch = good.get("array.rows") or 0, good.get("array.pitch_x_mm")
+    if good.get("array.stagger") and rows > 1 and length and pitch and footprint and length < pitch + footprint:
+        yield (
+            "array.stagger",
+            True,
+            f"a shifted row holds no pillar: zone.length_mm must be at least {pitch + footprint:g}",
+        )
 
 
 def _whole_width(good: Values, form: PillarShape | None) -> list[float]:
@@ -303,6 +310,8 @@ def check_tolerance(good: Values, form: PillarShape | None) -> Iterator[Diagnost
         return
     if not (height or side or position):
         yield "tolerance.height_mm", height, "nothing varies: height_mm, side_mm or position_mm must be above 0"
+    if good.get("array.stagger"):
+        yield "tolerance.height_mm", height, "must be left out beside array.stagger = true"
     plain = good.get("pillar.fillet_mm") == 0.0 and not good.get("tip.height_mm")
     if form is not None and not (form.is_square_prism and plain):
         yield (

@@ -132,6 +132,14 @@ class Case:
             what = f"rows differ, {command} of one kind of row alone: ask for each in turn, such as {example}"
             raise InputError(f"{where}: {lists}: {what}")
 
+    def require_lattice(self, command: str) -> None:
+        """InputError for rows that differ or are staggered: one cell beside the other is no part of such an array."""
+        self.require_one_kind(command)
+        if self.design.is_staggered:
+            where = self.source if self.source is not None else self.name
+            what = f"{command} of rows in line alone; modes, response and search know the staggered plate"
+            raise InputError(f"{where}: array.stagger = true: {what}")
+
     def to_dict(self) -> dict[str, Any]:
         """Everything that influences results as plain JSON in SI; a STEP file by its name and SHA-256."""
         plain: dict[str, Any] = {
@@ -144,7 +152,7 @@ class Case:
         if self.measured:
             plain["measured"] = self.measured.to_dict()
         pillar, shape = self.design.pillar, plain["design"]
-        for key in ("graded", "graded_pitches_m"):
+        for key in ("graded", "graded_pitches_m", "stagger"):
             if not shape[key]:
                 del shape[key]
         for each in (shape["pillar"], *shape.get("graded", ())) if pillar else ():
@@ -222,6 +230,7 @@ def _design(values: Values) -> Design:
         extension_m=MM * get("array.extension_mm", 0.0),
         graded=pillars if len(set(pillars)) > 1 else (),
         graded_pitches_m=pitches if len(set(pitches)) > 1 else (),
+        stagger=get("array.stagger", False),
     )
 
 

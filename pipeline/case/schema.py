@@ -116,6 +116,7 @@ class ArrayTable(Table):
     heights_mm: RowLengths | None = Field(default=None, description=ONE_A_ROW)
     sides_mm: RowLengths | None = Field(default=None, description=ONE_A_ROW)
     pitches_y_mm: RowLengths | None = Field(default=None, description=ONE_A_ROW)
+    stagger: bool = Field(default=False, description="true or false")
     extension_mm: Length = 0.0
 
 

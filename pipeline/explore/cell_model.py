@@ -69,7 +69,7 @@ def require_square(case: Case) -> None:
         said.append(f"{case.name}: array.pitch_x_mm and pitch_y_mm must be equal for explore")
     if said:
         raise InputError(said)
-    case.require_one_kind("explore is")
+    case.require_lattice("explore is")
 
 
 def cell_model(case: Case, log: Log, offline: Offline | None = None) -> CellModel:

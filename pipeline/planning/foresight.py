@@ -157,7 +157,8 @@ def part_modes(design: Design, part: str, frequency_hz: float) -> float:
 
 def pillar_count(design: Design) -> int:
     """Number of pillars of the plate, without listing them."""
-    return design.rows * _per_row(design) if design.row_pillars else 0
+    shifted = design.rows // 2 if design.is_staggered else 0
+    return design.rows * _per_row(design) - 2 * shifted if design.row_pillars else 0
 
 
 def _per_row(design: Design) -> int:
@@ -279,7 +280,7 @@ def _panel_kinds(design: Design, reduction: ReductionSettings, choice: ModelChoi
     if design.pillar and design.rows:
         halves = ((0, 1), (1,)) if choice.quarter else ((),)
         kinds += [
-            _pillar_panel(row, reduction, choice, (row.pitch_x_m, row.pitch_y_m), halved)
+            _pillar_panel(row, reduction, choice, (row.pitch_x_m / (1 + design.is_staggered), row.pitch_y_m), halved)
             for row in design.row_designs
             for halved in halves
         ]

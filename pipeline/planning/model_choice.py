@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from geometry.hex.boxes import HexSettings
+from pipeline.case.limits import MIN_GAP
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.planning import mesh_rules, simplifications
@@ -120,6 +121,7 @@ def _plate(case: Case, high_hz: float) -> ModelChoice:
         hexahedra = mesh_rules.cell_mesh(design, level) if no_cad else None
         edge = None if no_cad else mesh_rules.tet_plate_edge_m(design, accuracy)
         return _choice(case, "plate", SOLID, level, hexahedra, edge, taken, why="the case asks for it", table="whole")
+    _check_stagger(case)
     reduction = mesh_rules.plate_reduction(design, accuracy, high_hz)
     edge = None if no_cad or bare else mesh_rules.tet_cell_edge_m(design, accuracy)
     why = "cells assembled cost one reduction a kind; one mesh level finer where their own estimate asks for it"
@@ -128,12 +130,21 @@ def _plate(case: Case, high_hz: float) -> ModelChoice:
     return _choice(case, "plate", SUPERELEMENT, level, reduction.hexahedra, edge, taken, reduction, why)
 
 
+def _check_stagger(case: Case) -> None:
+    """InputError where panels half a pitch wide cannot hold a pillar each: both kinds of rows share the panels' lines."""
+    design = case.design
+    reach = max((pillar.reach_m[0] for pillar in design.row_pillars), default=0.0)
+    if design.is_staggered and design.pitch_x_m / 2.0 < (1.0 + MIN_GAP) * reach:
+        need = f"array.pitch_x_mm above {2e3 * reach:g}, twice the pillars' width, or solve.model = 'solid'"
+        raise InputError(f"{case.source or case.name}: array.stagger = true: cells of half a pitch need {need}")
+
+
 def cell_model_choice(case: Case) -> ModelChoice:
     """How the unit cell is modelled: reduced, or as meshed when the case asks for the solid and boxes allow it.
 
     Raises InputError for a model that cannot serve.
     """
-    case.require_one_kind("the unit cell is")
+    case.require_lattice("the unit cell is")
     check_model(case, _boxes(case))
     design, accuracy = case.design, case.solve.accuracy
     no_cad = simplifications.boxes(case, "cell")

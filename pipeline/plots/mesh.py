@@ -107,10 +107,11 @@ def _dimensions(design: DesignRecord, geometry: GeometryRecord | None) -> str:
     words = [plate, f"zone {design.width_m / MM:g} mm wide"]
     pillar, pitch_m = design.pillar, design.pitch_x_m
     if pillar and pitch_m:
-        columns = len(design.pillar_centres_m) // max(1, 2 * design.rows)
+        columns = -(-len(design.pillar_centres_m) // max(1, 2 * design.rows))
         words.append(
             f"2 × {design.rows} rows of {columns} {pillar.shape} pillars {pillar.form.sizes_text}, "
             f"{', '.join(f'{each.height_m / MM:g}' for each in design.pillars)} mm high, {pitch_m / MM:g} mm apart"
+            f"{', every other row shifted by half of that' if design.staggered else ''}"
         )
         if tip := pillar.heavy_tip:
             words.append(f"on each a tip {tip.side_m / MM:g} mm wide and {tip.height_m / MM:g} mm high")

@@ -7,6 +7,7 @@ another version is refused as a whole, and its case is computed again.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from math import isfinite, log10, nan
 from pathlib import Path
@@ -113,22 +114,23 @@ class DesignRecord(Part):
     pillar_centres_m: list[tuple[float, float]]
     graded_pillars: list[PillarRecord] = []
     graded_widths_m: list[float] = []
+    staggered: bool = False
 
     @classmethod
     def of_design(cls, design: Design) -> DesignRecord:
         """What a record keeps of a design."""
         shape = PillarRecord.of_pillar(design.pillar) if design.pillar else None
-        own: dict[str, Any] = {}
+        own: dict[str, Any] = {"staggered": True} if design.is_staggered else {}
         if design.is_graded:
             shapes = [PillarRecord.of_pillar(pillar) for pillar in design.row_pillars]
-            own = {"graded_pillars": shapes, "graded_widths_m": design.row_pitches_m.tolist()}
+            own |= {"graded_pillars": shapes, "graded_widths_m": design.row_pitches_m.tolist()}
         return cls.of(design, pillar=shape, pillar_centres_m=design.pillar_centres().tolist(), **own)
 
     @property
     def cell(self) -> tuple[Any, ...]:
         """What decides the unit cells of the rows."""
         rows = tuple(self.graded_pillars), tuple(self.graded_widths_m)
-        return self.pitch_x_m, self.pitch_y_m, self.thickness_m, self.pillar, rows
+        return self.pitch_x_m, self.pitch_y_m, self.thickness_m, self.pillar, rows, self.staggered
 
     @property
     def pillars(self) -> list[PillarRecord]:
@@ -141,8 +143,8 @@ class DesignRecord(Part):
         if not self.pillar or not self.rows:
             return []
         rows = self.graded_pillars or [self.pillar] * self.rows
-        columns = len(self.pillar_centres_m) // (2 * self.rows)
-        return [pillar for row in (*rows[::-1], *rows) for pillar in [row] * columns]
+        counts = Counter(y for _, y in self.pillar_centres_m).values()  # row by row along y
+        return [each for pillar, count in zip((*rows[::-1], *rows), counts, strict=True) for each in [pillar] * count]
 
 
 class MeshRecord(Part):

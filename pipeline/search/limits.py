@@ -65,5 +65,5 @@ def mass_kg(design: Design) -> float:
     plate = design.length_m * 2.0 * design.half_span_m * design.thickness_m * design.material.density_kg_m3
     if not design.row_pillars:
         return plate
-    each = sum(pillar.mass_kg for pillar in design.row_pillars)
-    return plate + 2.0 * len(design.column_centres()) * each
+    rows = (len(design.column_centres(row)) * pillar.mass_kg for row, pillar in enumerate(design.row_pillars))
+    return plate + 2.0 * sum(rows)

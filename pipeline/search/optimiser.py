@@ -72,7 +72,8 @@ class _Search:
         plates = settings.evaluations
         self.budget = {COLUMN: COLUMNS_A_PLATE * plates, PLATE: plates}
         self.softness = SOFTNESS
-        self.boxes = bool(space.case().design.pillar and space.case().design.pillar.is_made_of_boxes)  # type: ignore[union-attr]
+        design = space.case().design
+        self.boxes = bool(design.pillar and design.pillar.is_made_of_boxes and not design.is_staggered)
 
     def go(self) -> Outcome:
         if self.boxes:
@@ -84,9 +85,7 @@ class _Search:
             self._at_fidelity(COLUMN, source, first - first // 3, even_points(self.space, first // 3))
             source = COLUMN
         else:
-            self.log.left_out(
-                "columns of reduced cells", "a pillar that is not made of boxes is meshed through CAD for each design"
-            )
+            self.log.left_out("columns of reduced cells", "they take rows in line of pillars made of boxes")
         self._at_fidelity(PLATE, source, max(2, self.budget[PLATE] // 3))
         own = evaluate(self.space.case(), COLUMN, None, self.cache).frequency_hz if self.boxes else None
         base = self._confirmed((), own)

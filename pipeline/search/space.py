@@ -165,7 +165,7 @@ def searchable_keys() -> dict[str, bool]:
     for table in VARIED:
         for name, field in TABLES[table].model_fields.items():
             kind = str(field.annotation)
-            if "Literal" not in kind and "str" not in kind:
+            if not any(word in kind for word in ("Literal", "str", "bool")):
                 keys[f"{table}.{name}"] = "int" in kind
     return keys
 

@@ -128,7 +128,6 @@ def _with_rows(
     stiffness: FloatArray, mass: FloatArray, nodes: FloatArray, design: Design, kx: float, softness: float
 ) -> tuple[FloatArray, FloatArray]:
     """K and M with a line of pillars on every row: lift by Y, turn across by Y', turn along by k Y."""
-    density = len(design.column_centres()) / design.length_m
     lever_m = design.thickness_m / 2.0
     bodies = {
         pillar: (
@@ -137,7 +136,8 @@ def _with_rows(
         )
         for pillar in design.kinds
     }
-    for y, pillar in zip(design.row_centres(), design.row_pillars, strict=True):
+    for row, (y, pillar) in enumerate(zip(design.row_centres(), design.row_pillars, strict=True)):
+        density = len(design.column_centres(row)) / design.length_m
         turning, lifting = bodies[pillar]
         node = int(np.argmin(np.abs(nodes - y)))
         for body, dof, factor in (

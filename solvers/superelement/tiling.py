@@ -79,18 +79,18 @@ def tile(design: Design, max_edge_m: float) -> Tiling:
     feet_rows = np.concatenate([-rows[::-1], rows])
     places = (np.searchsorted(y, feet_rows) - 1).tolist()
     pillars = dict(zip(places, (*design.graded[::-1], *design.graded), strict=True)) if design.graded else {}
-    return Tiling(x, y, _feet(x, y, design.column_centres(), feet_rows), design.is_mirrored, pillars)
+    numbers = [*range(design.rows)[::-1], *range(design.rows)]
+    centres = [(row, design.column_centres(number)) for row, number in zip(feet_rows.tolist(), numbers, strict=True)]
+    return Tiling(x, y, _feet(x, y, centres), design.is_mirrored, pillars)
 
 
 def grid(design: Design, max_edge_m: float) -> tuple[FloatArray, FloatArray]:
     """The grid lines of `tile`, x (nx + 1) and y (ny + 1), m."""
-    columns = design.column_centres() if design.rows else np.empty(0)
+    columns, pitch = design.column_centres() if design.rows else np.empty(0), design.pitch_x_m
+    if design.is_staggered:
+        columns, pitch = np.sort(np.concatenate([columns, design.column_centres(1)])), pitch / 2.0
     half_x, half_y = design.length_m / 2.0, design.half_span_m
-    x = (
-        _lines_about(columns, design.pitch_x_m, half_x, max_edge_m)
-        if len(columns)
-        else _bare(-half_x, half_x, max_edge_m)
-    )
+    x = _lines_about(columns, pitch, half_x, max_edge_m) if len(columns) else _bare(-half_x, half_x, max_edge_m)
     inner, outer, rows = design.width_m / 2.0, half_y, design.row_centres() if design.rows else np.empty(0)
     upper = [inner, outer]
     if len(rows):
@@ -135,11 +135,11 @@ def _refined(cuts: FloatArray, feet: FloatArray, longest: float) -> FloatArray:
 
 
 def _feet(
-    x: FloatArray, y: FloatArray, columns: FloatArray, rows: FloatArray
+    x: FloatArray, y: FloatArray, rows: list[tuple[float, FloatArray]]
 ) -> dict[tuple[int, int], tuple[float, float]]:
-    place_x, place_y = np.searchsorted(x, columns) - 1, np.searchsorted(y, rows) - 1
+    """The panel of each pillar, from y of every row and x of its pillars."""
     return {
-        (int(i), int(j)): (float(cx), float(cy))
-        for i, cx in zip(place_x, columns, strict=True)
-        for j, cy in zip(place_y, rows, strict=True)
+        (int(i), int(np.searchsorted(y, cy)) - 1): (float(cx), cy)
+        for cy, columns in rows
+        for i, cx in zip(np.searchsorted(x, columns) - 1, columns, strict=True)
     }

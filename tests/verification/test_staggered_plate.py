@@ -1,0 +1,102 @@
+"""Staggered rows: where pillars stand, what no shift leaves alone, and reduced cells against the whole solid mesh."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from geometry.hex.boxes import HexSettings, boxes_of, hex_mesh, plate_scene
+from geometry.mesh import cell_volumes
+from pipeline.analysis.attenuation import solve
+from pipeline.analysis.bands import solve_bands
+from pipeline.analysis.modes import solve_modes
+from pipeline.case.model import Case, case_from_dict
+from pipeline.errors import InputError
+from pipeline.logs import TerminalLog
+from pipeline.models.broadband import broadband
+from pipeline.planning.foresight import pillar_count
+from pipeline.planning.request import Request
+from pipeline.records.record import DesignRecord
+from pipeline.search.limits import mass_kg
+from solvers.superelement.tiling import tile
+from tests.helpers.whole_solid import check_within_both_bars
+
+RAW: dict[str, Any] = {
+    "name": "staggered",
+    "material": "aluminium",
+    "plate": {"thickness_mm": 2.0},
+    "zone": {"length_mm": 12.0, "width_mm": 8.0, "nodal_lines": 2},
+    "pillar": {"shape": "square", "side_mm": 1.6, "height_mm": 5.0},
+    "array": {"pitch_mm": 4.0, "rows": 2, "stagger": True, "extension_mm": 1.0},
+    "solve": {"accuracy": 0.01},
+}
+
+
+def case_of(*settings: str) -> Case:
+    return case_from_dict(RAW, None, settings)
+
+
+def test_every_other_row_stands_between_the_pillars_of_its_neighbours() -> None:
+    design = case_of("array.rows=3").design
+    assert 1e3 * design.column_centres(0) == pytest.approx([-4.0, 0.0, 4.0])
+    assert 1e3 * design.column_centres(1) == pytest.approx([-2.0, 2.0]) and len(design.column_centres(2)) == 3
+    centres = 1e3 * design.pillar_centres()
+    assert len(centres) == pillar_count(design) == 16
+    assert centres[:4] == pytest.approx(np.array([[-4.0, -12.8], [0.0, -12.8], [4.0, -12.8], [-2.0, -8.8]]))
+    images = {tuple(row) for row in np.round(centres, 9).tolist()}
+    assert images == {(-x, y) for x, y in images} == {(x, -y) for x, y in images}, "the plate keeps its mirrors"
+
+
+def test_masses_meshes_and_records_count_its_pillars() -> None:
+    design, line = case_of().design, case_of("array.stagger=false").design
+    assert mass_kg(line) - mass_kg(design) == pytest.approx(2.0 * 1.6e-3**2 * 5e-3 * 2700.0)
+    mesh = hex_mesh(boxes_of(plate_scene(design, HexSettings(1, 4e-3, 0))), 1)
+    assert cell_volumes(mesh)[mesh.regions["pillar"]].sum() == pytest.approx(2.5 * 1.6e-3**2 * 5e-3)
+    record = DesignRecord.of_design(design)
+    assert record.staggered and len(record.standing) == len(record.pillar_centres_m) == 10
+
+
+def test_panels_half_a_pitch_wide_carry_a_pillar_in_every_other_one() -> None:
+    tiling = tile(case_of().design, 6e-3)
+    assert 1e3 * np.diff(tiling.x)[1:-1] == pytest.approx(2.0)
+    assert len(tiling.feet) == 10
+    for (i, j), (x, y) in tiling.feet.items():
+        assert tiling.x[i] < x - 0.8e-3 and x + 0.8e-3 < tiling.x[i + 1] and tiling.y[j] < y < tiling.y[j + 1]
+        assert (i + 1, j) not in tiling.feet
+
+
+def test_one_row_has_nothing_to_be_shifted_beside() -> None:
+    query = Request("plate", near_hz=30e3, count=2, symmetry="SS", search=False)
+    ours, theirs = (
+        solve_modes(case_of("array.rows=1", "solve.accuracy=0.05", f"array.stagger={each}"), query, TerminalLog(True))
+        for each in ("true", "false")
+    )
+    assert [row.frequency_hz for row in ours.rows] == [row.frequency_hz for row in theirs.rows]
+    assert "stagger" not in case_of("array.stagger=false").to_dict()["design"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "line"),
+    [
+        (("pillar.side_mm=2",), "cells of half a pitch need array.pitch_x_mm above 4"),
+        (("zone.length_mm=5",), "a shifted row holds no pillar: zone.length_mm must be at least 5.6"),
+        (("tolerance.height_mm=0.1",), "must be left out beside array.stagger = true"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(settings: tuple[str, ...], line: str) -> None:
+    with pytest.raises(InputError) as caught:
+        solve_modes(case_of(*settings), Request("plate", symmetry="SS"), TerminalLog(True))
+    assert len(caught.value.lines) == 1 and line in caught.value.lines[0]
+
+
+def test_one_row_beside_the_other_is_no_part_of_it() -> None:
+    for command in (solve, solve_bands, broadband):
+        with pytest.raises(InputError, match=r"array\.stagger = true"):
+            command(case_of(), TerminalLog(True))  # type: ignore[operator]
+
+
+@pytest.mark.slow
+def test_staggered_cells_have_the_modes_of_the_whole_solid_within_both_bars() -> None:
+    check_within_both_bars(RAW, (25e3, 60e3))
