@@ -248,9 +248,14 @@ class Design:
         return not (self.pillar and self.rows) or self.pillar.is_own_image
 
     @property
+    def cell_m(self) -> tuple[float, float]:
+        """Sides of the unit cell, m: both pitches, of staggered rows the rectangle of two."""
+        return self.pitch_x_m, self.pitch_y_m * (1 + self.stagger)
+
+    @property
     def cell_mirrors(self) -> tuple[str, ...]:
         """Mirrors of the unit cell: x, y, and "d", which exchanges x and y, where the pillar and equal pitches have it."""
-        shared = ("x", "y", "d") if self.pitch_x_m == self.pitch_y_m else ("x", "y")
+        shared = ("x", "y", "d") if self.pitch_x_m == self.pitch_y_m and not self.stagger else ("x", "y")
         return shared if self.pillar is None else tuple(name for name in shared if name in self.pillar.form.mirrors)
 
     def column_centres(self, row: int = 0) -> FloatArray:

@@ -233,11 +233,24 @@ def panel_boxes(panel: Panel, thickness_m: float, pillar: Pillar | None, setting
 
 
 def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> Scene:
-    """The unit cell pitch_x x pitch_y x thickness centred at the origin, its pillar in its middle."""
+    """The unit cell pitch_x x pitch_y x thickness centred at the origin, its pillar in its middle.
+
+    Of staggered rows the rectangle of two: a pillar in the lower half's middle, half a one on either side of the upper half.
+    """
+    if design.stagger:
+        return _staggered_scene(design, settings)
     half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
     foot = (0.0, 0.0) if design.pillar else None
     panel = Panel((-half_x, -half_y), (half_x, half_y), foot, (0, 1) if quarter else ())
     return panel_scene(panel, design.thickness_m, design.pillar, settings)
+
+
+def _staggered_scene(design: Design, settings: HexSettings) -> Scene:
+    half_x, pitch = design.pitch_x_m / 2.0, design.pitch_y_m
+    x, y = _span(half_x, False, False), _span(pitch, False, False)
+    centres = np.array([[0.0, -pitch / 2.0], [-half_x, pitch / 2.0], [half_x, pitch / 2.0]])
+    stands = (Stand(design.pillar, centres),) if design.pillar else ()
+    return _plate_with_pillars(design.thickness_m, settings, stands, x, y)
 
 
 def cell_boxes(design: Design, settings: HexSettings, quarter: bool = False) -> Boxes:

@@ -15,6 +15,7 @@ from geometry.layout import region_materials
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
+from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import mesh_record
 from pipeline.models.unit_cell import LatticeModel, lattice_model
 from pipeline.planning import error_bar, foresight, simplifications
@@ -23,6 +24,7 @@ from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice
 from pipeline.records.record import BandPoint, BandsRecord, GapRecord, MeshRecord
 from solvers.fem.assembly import assemble
 from solvers.fem.coarser import largest
+from solvers.superelement.build import Reductions
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.lattice_error import MeshErrors, mesh_error
 from solvers.waves.bloch import BlochCell
@@ -41,6 +43,7 @@ from solvers.waves.gaps import (
 from solvers.waves.gaps import zone_gaps as refined_zone_gaps
 from solvers.waves.polarisation import Label
 from solvers.waves.polarisation_gaps import PolarisationGap, labels_along, polarisation_gaps
+from solvers.waves.supercell import Supercell, staggered_tiling
 from solvers.waves.symmetry import Mirrors
 
 Frequencies = Callable[[FloatArray, int], FloatArray]
@@ -149,13 +152,17 @@ def solve_bands(case: Case, log: Log, shapes: bool = False, every_gap: bool = Tr
     """
     _check(case)
     design, settings, choice = case.design, case.bands, cell_model_choice(case)
-    path = path_through(settings.path, settings.points, design.pitch_x_m, design.pitch_y_m)
+    path = path_through(settings.path, settings.points, *design.cell_m)
     border = simplifications.off_path(design, settings.path, settings.grid)
     simplifications.log_all((*choice.left_out, border), log)
     solved = len(path.wavevectors) if choice.model == SOLID else len(path.finer(_finer(case)).wavevectors)
     foresight.announce("bands of the unit cell", foresight.of_bands(case, choice, solved), log)
-    whole = choice.model == SOLID
-    bands = _full(case, choice, path, log) if whole else _reduced(case, choice, path, log, shapes, every_gap)
+    if choice.model == SOLID:
+        bands = _full(case, choice, path, log)
+    elif design.stagger:
+        bands = _staggered(case, choice, path, log)
+    else:
+        bands = _reduced(case, choice, path, log, shapes, every_gap)
     if bands.gaps and not (border or settings.grid):
         log.warning(
             "PATH",
@@ -177,32 +184,48 @@ def _finer(case: Case) -> int:
 
 def _check(case: Case) -> None:
     case.require("plate", "array.pitch_mm", command="bands")
-    case.require_lattice("bands are")
+    case.require_one_kind("bands are")
     if case.design.pillar is None and case.design.rows:
         raise InputError(f"{case.name}: array.rows = {case.design.rows}: must be 0 when the case has no [pillar]")
 
 
 def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
-    """Solve the cell as meshed, which gives frequencies and sampled gaps only."""
+    """Solve the cell as meshed."""
     design, settings = case.design, choice.hexahedra
     assert settings
-    log.left_out("polarisation, branches and group velocity", "the full cell gives frequencies only")
     mesh = hex_mesh(cell_boxes(design, settings), settings.order)
     with log.step("assemble the cell"):
         system = assemble(mesh, region_materials(design.material, design.pillar))
-        cell = BlochCell(system, design.pitch_x_m, design.pitch_y_m)
+        cell = BlochCell(system, *design.cell_m)
+    return _sampled(case, f"solid hex{settings.order}", cell, path, [mesh_record("cell", mesh)], log)
+
+
+def _staggered(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
+    """Join the panels of two staggered rows."""
+    assert choice.reduction
+    design = case.design
+    reductions = Reductions(design.thickness_m, design.material, design.pillar, choice.reduction, CellCache())
+    with log.step("reduce the panels of two rows"):
+        cell = Supercell(staggered_tiling(design), reductions)
+    return _sampled(case, choice.name, cell, path, [], log)
+
+
+def _sampled(
+    case: Case, name: str, cell: BlochCell | Supercell, path: Path, meshes: list[MeshRecord], log: Log
+) -> Bands:
+    """Solve a cell that gives frequencies and sampled gaps only."""
+    log.left_out("polarisation, branches and group velocity", "this cell gives frequencies only")
     with log.step(f"{len(path.wavevectors)} wavevectors"):
         rows = _each_once(path.wavevectors, case.bands.count, cell.frequencies)
     gaps, zone = complete_gaps(rows), None
     if case.bands.grid:
-        grid = zone_grid(
-            case.bands.grid, design.pitch_x_m, design.pitch_y_m, {"x", "y"} <= {*design.cell_mirrors}, False
-        )
+        design = case.design
+        grid = zone_grid(case.bands.grid, *design.cell_m, {"x", "y"} <= {*design.cell_mirrors}, False)
         with log.step(f"grid of {len(grid)} wavevectors"):
             values = _each_once(grid, case.bands.count, cell.frequencies)
         zone = sampled_zone_gaps(np.vstack([path.wavevectors, grid]), np.vstack([rows, values]), gaps)
         _log_zone(gaps, zone, log)
-    return Bands(f"solid hex{settings.order}", cell.dof, path, rows, gaps, [mesh_record("cell", mesh)], None, zone)
+    return Bands(name, cell.dof, path, rows, gaps, meshes, None, zone)
 
 
 def _each_once(wavevectors: FloatArray, count: int, frequencies: Frequencies) -> FloatArray:

@@ -135,9 +135,9 @@ class Case:
     def require_lattice(self, command: str) -> None:
         """InputError for rows that differ or are staggered: one cell beside the other is no part of such an array."""
         self.require_one_kind(command)
-        if self.design.is_staggered:
+        if self.design.stagger:
             where = self.source if self.source is not None else self.name
-            what = f"{command} of rows in line alone; modes, response and search know the staggered plate"
+            what = f"{command} of rows in line alone; bands, modes, response and search know staggered ones"
             raise InputError(f"{where}: array.stagger = true: {what}")
 
     def to_dict(self) -> dict[str, Any]:
@@ -287,7 +287,7 @@ def _tolerance(values: Values) -> Tolerance | None:
 
 def _bands(values: Values, design: Design) -> BandSettings:
     good = values.good
-    oblong = design.pitch_x_m != design.pitch_y_m and not isnan(design.pitch_x_m)
+    oblong = len(set(design.cell_m)) > 1 and not isnan(design.pitch_x_m)
     path = good["bands.path"] or ("GXMYG" if oblong else "GXMG")
     return BandSettings(path, good["bands.points"], good["bands.count"], good["bands.grid"])
 

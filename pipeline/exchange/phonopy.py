@@ -28,7 +28,8 @@ def write(case: Case, path: Path, log: Log) -> Path:
 def text(document: dict[str, Any]) -> str:
     """The file's text from a document of bands; every segment has both its ends, as phonopy writes them."""
     design, points = document["with_defaults"]["design"], document["points"]
-    sides = np.array([design["pitch_x_m"], design["pitch_y_m"], design["thickness_m"]])
+    rows = 1 + design.get("stagger", False)
+    sides = np.array([design["pitch_x_m"], rows * design["pitch_y_m"], design["thickness_m"]])
     corners = [index for index, point in enumerate(points) if point["label"]]
     return "\n".join([*_head(sides / ANGSTROM_M, points, corners), *_phonon(sides[:2], points, corners)]) + "\n"
 

@@ -36,7 +36,7 @@ COLUMNS = (
 
 def _broadband_plan(case: Case) -> Step | Simplification:
     boxes = case.design.rows and all(pillar.is_made_of_boxes for pillar in case.design.kinds)
-    if not boxes or case.design.is_staggered:
+    if not boxes or case.design.stagger:
         return Simplification("no_rows", "broadband", "it takes rows in line of pillars made of boxes")
     return plan.plain_step("broadband", "rows over frequency", "column of reduced cells at the wanted wavenumber")
 

@@ -70,7 +70,7 @@ def _checked(case: Case) -> Design:
     said = []
     if not design.rows:
         said.append("array.rows = 0: must be 1 or more, a bare plate holds nothing back")
-    if design.is_staggered:
+    if design.stagger:
         said.append("array.stagger = true: broadband takes a column of cells in line")
     if case.solve.model not in ("auto", "superelement"):
         said.append(f"solve.model = {case.solve.model!r}: must be auto or superelement for broadband")

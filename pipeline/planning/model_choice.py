@@ -121,7 +121,8 @@ def _plate(case: Case, high_hz: float) -> ModelChoice:
         hexahedra = mesh_rules.cell_mesh(design, level) if no_cad else None
         edge = None if no_cad else mesh_rules.tet_plate_edge_m(design, accuracy)
         return _choice(case, "plate", SOLID, level, hexahedra, edge, taken, why="the case asks for it", table="whole")
-    _check_stagger(case)
+    if design.is_staggered:
+        _check_stagger(case)
     reduction = mesh_rules.plate_reduction(design, accuracy, high_hz)
     edge = None if no_cad or bare else mesh_rules.tet_cell_edge_m(design, accuracy)
     why = "cells assembled cost one reduction a kind; one mesh level finer where their own estimate asks for it"
@@ -131,10 +132,10 @@ def _plate(case: Case, high_hz: float) -> ModelChoice:
 
 
 def _check_stagger(case: Case) -> None:
-    """InputError where panels half a pitch wide cannot hold a pillar each: both kinds of rows share the panels' lines."""
+    """InputError where staggered panels, half a pitch wide, cannot hold a pillar: both kinds of rows share their lines."""
     design = case.design
-    reach = max((pillar.reach_m[0] for pillar in design.row_pillars), default=0.0)
-    if design.is_staggered and design.pitch_x_m / 2.0 < (1.0 + MIN_GAP) * reach:
+    reach = max((pillar.reach_m[0] for pillar in design.kinds), default=0.0)
+    if design.pitch_x_m / 2.0 < (1.0 + MIN_GAP) * reach:
         need = f"array.pitch_x_mm above {2e3 * reach:g}, twice the pillars' width, or solve.model = 'solid'"
         raise InputError(f"{case.source or case.name}: array.stagger = true: cells of half a pitch need {need}")
 
@@ -144,14 +145,19 @@ def cell_model_choice(case: Case) -> ModelChoice:
 
     Raises InputError for a model that cannot serve.
     """
-    case.require_lattice("the unit cell is")
+    case.require_one_kind("the unit cell is")
     check_model(case, _boxes(case))
     design, accuracy = case.design, case.solve.accuracy
     no_cad = simplifications.boxes(case, "cell")
+    if design.stagger and not no_cad:
+        what = "its cell of two rows takes pillars made of boxes, and solve.mesh auto or hex"
+        raise InputError(f"{case.source or case.name}: array.stagger = true: {what}")
     taken = (simplifications.no_pillars(design, "cell"), no_cad)
     if case.solve.model == SOLID and no_cad:
         level, settings = mesh_rules.mesh_level("cell", accuracy), mesh_rules.cell_settings(design, accuracy)
         return _choice(case, "cell", SOLID, level, settings, None, taken, why="the case asks for it")
+    if design.stagger:
+        _check_stagger(case)
     reduction = mesh_rules.lattice_reduction(design, accuracy)
     edge = None if no_cad else mesh_rules.tet_cell_edge_m(design, accuracy)
     why, level = "one reduced pair serves every wavevector", mesh_rules.cell_level(accuracy)

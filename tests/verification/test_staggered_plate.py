@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,13 @@ from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.models.broadband import broadband
 from pipeline.planning.foresight import pillar_count
+from pipeline.planning.mesh_rules import lattice_reduction
 from pipeline.planning.request import Request
 from pipeline.records.record import DesignRecord
 from pipeline.search.limits import mass_kg
+from solvers.superelement.build import Reductions
 from solvers.superelement.tiling import tile
+from solvers.waves.supercell import Supercell, staggered_tiling
 from tests.helpers.whole_solid import check_within_both_bars
 
 RAW: dict[str, Any] = {
@@ -92,9 +96,33 @@ def test_what_cannot_be_is_refused_in_one_line(settings: tuple[str, ...], line: 
 
 
 def test_one_row_beside_the_other_is_no_part_of_it() -> None:
-    for command in (solve, solve_bands, broadband):
+    for command in (solve, broadband):
         with pytest.raises(InputError, match=r"array\.stagger = true"):
             command(case_of(), TerminalLog(True))  # type: ignore[operator]
+
+
+def test_the_bands_of_two_rows_are_those_of_the_meshed_rectangle() -> None:
+    """Within the accuracy that both are asked for; a glide between the rows makes waves at X equal in pairs."""
+    ask = ("bands.count=8", "bands.points=1", "bands.path=GXM", "solve.accuracy=0.02")
+    ours = solve_bands(case_of(*ask), TerminalLog(True))
+    theirs = solve_bands(case_of(*ask, "solve.model=solid"), TerminalLog(True))
+    assert ours.path.wavevectors == pytest.approx(np.pi / 4e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.5]]))
+    assert ours.frequencies_hz[1:] == pytest.approx(theirs.frequencies_hz[1:], rel=0.02)
+    assert ours.frequencies_hz[1, ::2] == pytest.approx(ours.frequencies_hz[1, 1::2], rel=1e-6)
+    assert ours.frequencies_hz[0, :3] == pytest.approx(0.0, abs=1e-3) and ours.frequencies_hz[0, 3] > 1e3
+
+
+def test_two_rows_in_line_are_a_lattice_folded_once() -> None:
+    """At kx = 0 the rectangle's waves at ky = 0 are the one row's at ky = 0 and pi / pitch together."""
+    case = case_of("bands.count=6", "solve.accuracy=0.02")
+    design, reduction = case.design, lattice_reduction(case.design, 0.02)
+    reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction)
+    shifted = staggered_tiling(design)
+    line = replace(shifted, feet={(0, 0): (0.0, -2e-3), (0, 1): (0.0, 2e-3)})
+    folded = Supercell(line, reductions).frequencies(np.zeros(2), 8)
+    single = Supercell(replace(line, y=line.y[:2], feet={(0, 0): (0.0, -2e-3)}), reductions)
+    both = [single.frequencies(np.array([0.0, ky]), 8) for ky in (0.0, np.pi / 4e-3)]
+    assert folded[3:] == pytest.approx(np.sort(np.concatenate(both))[3:8], rel=1e-8)
 
 
 @pytest.mark.slow
