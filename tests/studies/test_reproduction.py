@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from pipeline.batch.study_file import load_study
-from pipeline.records.record import TouchRecord, TouchStateRecord
+from pipeline.records.record import PillarRecord, TipRecord, TouchRecord, TouchStateRecord, WantedMode
 from studies import reproduction
+from tests.helpers.synthetic import design
 
 
 @pytest.mark.parametrize(
@@ -86,3 +87,22 @@ def test_the_outlook_appears_once_its_study_is_stored(tmp_path: Path, monkeypatc
     page = reproduction.finger(tmp_path)
     assert "| 2 rows, light | not told | 0.9 um | 0.2 um | 12.0 dB | none | none | 7.5 mW | none |" in page
     assert (tmp_path / reproduction.TOUCH_FIGURE).stat().st_size > 1000 and reproduction.TOUCH_FIGURE in page
+
+
+def test_the_cover_glass_appears_once_its_study_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plate with tips and its wanted mode; a bare one without any says none in every place."""
+    assert reproduction.glass(tmp_path) == "" and load_study("glass").name == "glass"
+    small = {"shape": "square", "base_m": 1e-3, "tip_m": 1e-3, "height_m": 2e-3, "fillet_m": 0.0}
+    heavy = PillarRecord(**small, heavy_tip=TipRecord(side_m=1.5e-3, height_m=9e-4))
+    plate = design(3, 4e-3, 0.01).model_copy(update={"pillar": heavy})
+    mode = WantedMode(
+        status="single", frequency_hz=30e3, mac=0.9, strength=0.5, confinement_db=15.5, confinement_error_db=0.25
+    )
+    known = SimpleNamespace(design=plate, wanted=mode, confinement_db=15.5)
+    bare = SimpleNamespace(design=design(0, 4e-3, 0.01), wanted=None, confinement_db=None)
+    cases = [SimpleNamespace(record=record) for record in (known, bare)]
+    monkeypatch.setattr(reproduction, "read_study", lambda folder: SimpleNamespace(cases=cases))
+    page = reproduction.glass(tmp_path)
+    tips = "1 mm wide, 2 mm high | 1.5 mm wide, 0.9 mm high"
+    assert f"| 3 | {tips} | 20 mm | 30.00 kHz, single | 15.5 +- 0.2 dB |" in page
+    assert "| 0 | none | none | 20 mm | none | none |" in page
