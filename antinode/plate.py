@@ -21,7 +21,18 @@ from pipeline.logs import TerminalLog
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
-    from antinode.results import Attenuation, Bands, Broadband, Modes, Predesign, Response, Search, Tolerance, Touch
+    from antinode.results import (
+        Attenuation,
+        Bands,
+        Broadband,
+        Hybrid,
+        Modes,
+        Predesign,
+        Response,
+        Search,
+        Tolerance,
+        Touch,
+    )
 
 Pair = tuple[float, float]
 
@@ -193,6 +204,15 @@ class Plate:
 
         solved = touch.solve(self._case, _logged(progress), _hz(band_kHz), mapped)
         return Touch(solved.to_dict() | self._about)
+
+    def hybrid(
+        self, band_kHz: Pair | None = None, *, points: int = 61, alpha: float = 0.0, progress: bool | None = None
+    ) -> Hybrid:
+        """Compute confinement by rows, by patches and by both; alpha: weight of voltages that move little, of 1."""
+        from antinode.results import Hybrid
+        from pipeline.driven import hybrid
+
+        return Hybrid(hybrid.solve(self._case, _logged(progress), _hz(band_kHz), points, alpha).to_dict() | self._about)
 
     def search(
         self,

@@ -451,6 +451,31 @@ class Touch(Result):
         return f"<antinode.Touch: {amplitudes}>"
 
 
+class Hybrid(Result):
+    """Rows and patches together over frequency: levels in dB and V for 1 um of neither, rows, patches and both.
+
+    `plate.hybrid()` computes one; here is what it holds.
+
+    >>> import antinode
+    >>> way = {"way": "rows", "confinement_db": [14.6]}
+    >>> antinode.Hybrid({"frequency_hz": [34.8e3], "ways": [way]}).ways["rows"]["confinement_db"]
+    [14.6]
+    """
+
+    kind = "hybrid"
+    _dimensions = ("frequency_hz",)
+
+    frequencies_hz = column("frequency_hz", doc="Frequencies (points,) in Hz.")
+
+    @property
+    def ways(self) -> dict[str, dict[str, Any]]:
+        """Every way by its name: neither, rows, patches, both; lists over the frequencies."""
+        return {way["way"]: way for way in self._document["ways"]}
+
+    def __repr__(self) -> str:
+        return f"<antinode.Hybrid: {len(self.frequencies_hz)} frequencies, {', '.join(self.ways)}>"
+
+
 class Search(Result):
     """What a search found: the best design beside the one it started from, every evaluation as a row; dB, Hz, mm, kg.
 
@@ -508,5 +533,6 @@ class Search(Result):
 
 
 KINDS: dict[str, type[Result]] = {
-    kind.kind: kind for kind in (Modes, Bands, Attenuation, Broadband, Response, Predesign, Tolerance, Touch, Search)
+    kind.kind: kind
+    for kind in (Modes, Bands, Attenuation, Broadband, Response, Predesign, Tolerance, Touch, Hybrid, Search)
 }

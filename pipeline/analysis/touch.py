@@ -25,6 +25,7 @@ from pipeline.records.record import (
     TouchStateRecord,
 )
 from pipeline.units import GIB, KHZ, MM, UM
+from solvers.driven.contrast import contrast_volts
 from solvers.errors import SolverError
 from solvers.fem.factor.memory import room_bytes
 from solvers.measures.levels import ratio_db
@@ -32,7 +33,6 @@ from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.peaks import near_hz
 from solvers.touch.energy import Power, power
 from solvers.touch.loaded_mode import loaded_mode
-from solvers.touch.shaped_drive import contrast_volts
 from solvers.touch.squeeze_film import OutOfValidity, SqueezeFilm
 from solvers.touch.touch_map import TouchMap, lattice, needed_bytes, touch_map
 from solvers.touch.touched_plate import Finger, TouchedPlate

@@ -281,6 +281,8 @@ def check_patch_keys(good: Values, form: PillarShape | None) -> Iterator[Diagnos
     at, centres, sensors = (good.get(f"patches.{name}") for name in ("at", "centres_mm", "sensors"))
     if at and centres:
         yield "patches.at", at, "must be left out beside centres_mm"
+    if centres and good.get("patches.behind_mm"):
+        yield "patches.behind_mm", good["patches.behind_mm"], "must be left out beside centres_mm"
     if not centres and "zone" not in good and {"patches.at", "patches.centres_mm"} <= good.keys():
         yield "patches.at", at or "antinodes", "needs a [zone] (or give centres_mm)"
     if sensors and len(set(sensors)) < len(sensors):

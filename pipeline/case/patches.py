@@ -29,6 +29,10 @@ def read_patches(values: CaseValues, design: Design) -> Patches | None:
         diagnostics.add("patches.material", name, f"must be one of {allowed}{nearest(name, PIEZO_MATERIALS)}")
     x, y, z = (MM * side for side in good["patches.size_mm"])
     centres, lengths = _places(good.get("patches.centres_mm"), design, (x, y, z))
+    if behind := good.get("patches.behind_mm"):
+        across = design.half_span_m - design.extension_m + MM * behind
+        centres += tuple((place, side * across) for side in (-1.0, 1.0) for place, _ in centres)
+        lengths *= 3
     patches = Patches(
         material=PIEZO_MATERIALS.get(name, PIEZO_MATERIALS["pz26"]),
         size_m=(x, y, z),
@@ -74,9 +78,9 @@ def _check_places(patches: Patches, design: Design, good: dict[str, object], dia
     if patches.size_m[1] > 2.0 * half_y or patches.size_m[0] > 2.0 * half_x:
         diagnostics.add("patches.size_mm", size, f"wider than the plate, which is {length_mm:g} x {width_mm:g} mm")
         return
-    key, value = (
-        ("patches.size_mm", size) if patches.at == "antinodes" else ("patches.centres_mm", good["patches.centres_mm"])
-    )
+    given = [f"patches.{name}" for name in ("centres_mm", "behind_mm") if good.get(f"patches.{name}")]
+    key = [*given, "patches.size_mm"][0]
+    value = good[key]
     outside = (np.abs(boxes[:, :2]) > half_x).any(axis=1) | (np.abs(boxes[:, 2:]) > half_y).any(axis=1)
     for number in np.flatnonzero(outside)[:MAX_LISTED]:
         diagnostics.add(

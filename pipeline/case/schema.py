@@ -168,6 +168,7 @@ class PatchesTable(Table):
         description=f"a list of [x, y], at least one, at most {limits.MAX_PATCHES}, "
         f"each within {LENGTH_MM[1]:g} mm of the plate's centre",
     )
+    behind_mm: float | None = optional(LENGTH_MM)
     sensors: Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=limits.MAX_PATCHES)] = Field(
         default_factory=list, description="a list of patch numbers, counted from 0"
     )

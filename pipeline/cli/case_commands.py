@@ -273,13 +273,29 @@ def touch(arguments: Namespace) -> int:
     from pipeline.plots.touch import tactile_map
 
     record = touched.solve(case, log, band, mapped=not arguments.no_map)
-    document = record.to_dict()
-    rows = ROWS["touch"](document)
-    head = tuple(rows[0])
-    cells = [list(row.values()) for row in rows]
     lines = [*touched.lines(record), *record.not_told]
-    answer = Answer(document, lines, head, cells, lambda: [tactile_map(record)] if record.map else [])
-    return emit(arguments, "touch", answer, log)
+    return _ran(arguments, "touch", record, lines, lambda: [tactile_map(record)] if record.map else [], log)
+
+
+def hybrid(arguments: Namespace) -> int:
+    """Compute confinement by rows, by patches and by both."""
+    case, log, band = _read(arguments)
+    if arguments.explain:
+        return _explained(arguments, "of_hybrid", case, band, arguments.points, bool(arguments.out))
+    from pipeline.driven import hybrid as together
+    from pipeline.plots.response import hybrid_levels
+
+    record = together.solve(case, log, band, arguments.points, arguments.alpha)
+    return _ran(arguments, "hybrid", record, together.lines(record), lambda: [hybrid_levels(record)], log)
+
+
+def _ran(arguments: Namespace, name: str, record: Any, lines: list[str], pictures: Any, log: TerminalLog) -> int:
+    """Answer with a record: its own rows, its lines in words."""
+    document = record.to_dict()
+    rows = ROWS[name](document)
+    return emit(
+        arguments, name, Answer(document, lines, tuple(rows[0]), [[*row.values()] for row in rows], pictures), log
+    )
 
 
 def active(arguments: Namespace) -> int:

@@ -1,9 +1,12 @@
-"""The forced response to the patches, its operating shape at the peak, and what was measured beside it."""
+"""The forced response to the patches and what was measured beside it; rows and patches together."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
+from pipeline.records.record import Record
 from pipeline.records.tables import Column, figures_of
 
 
@@ -50,4 +53,39 @@ RESPONSE = Measure(
     drives=True,
     columns=COLUMNS,
     pictures=("response.response", "measured.measured"),
+)
+
+
+def _compute_hybrid(work: Work) -> None:
+    from pipeline.driven import hybrid
+
+    meshes = [] if "forced" in work.solved else work.meshes
+    work.keep(hybrid=hybrid.solve(work.case, work.log, forced=work.solved.get("forced"), meshes=meshes))
+
+
+def _way(name: str) -> list[Column]:
+    """Columns of a way of confining, at the wanted mode's peak."""
+
+    figure = figures_of(lambda record: record.hybrid)
+
+    def at(values: str) -> Callable[[Record], float | None]:
+        return figure(lambda hybrid: hybrid.at_wanted(name, values))
+
+    words = {"rows": "rows alone", "patches": "patches alone", "both": "rows and patches"}[name]
+    return [
+        Column(f"hybrid_{name}_db", f"confinement by {words}", at("confinement_db"), ".2f", "dB"),
+        Column(f"hybrid_{name}_off_db", f"{words}, all off by 2 %", at("off_db"), ".2f", "dB"),
+        Column(f"hybrid_{name}_rows_off_db", f"{words}, pillars off by 2 %", at("rows_off_db"), ".2f", "dB"),
+        Column(f"hybrid_{name}_v_per_um", f"drive for 1 um, {words}", at("volts_per_um"), ".4g", "V"),
+    ]
+
+
+HYBRID = Measure(
+    "hybrid",
+    plan=plan.hybrid_step,
+    compute=_compute_hybrid,
+    needs=("patches",),
+    drives=True,
+    columns=tuple(column for name in ("rows", "patches", "both") for column in _way(name)),
+    pictures=("response.hybrid",),
 )

@@ -26,6 +26,7 @@ from pipeline.planning.resources import Demand, too_much
 from pipeline.planning.simplifications import Simplification, khz
 
 ATTENUATION_POINTS = 101  # frequencies of a study's attenuation; the command asks for 201
+HYBRID_POINTS = 61
 RESPONSE_POINTS = 401
 
 
@@ -160,6 +161,11 @@ def of_touch(case: Case, band_hz: tuple[float, float] | None, drawn: bool) -> Pl
     return _plan(case, [touch_step(case, band_hz)], [simplifications.no_figures(drawn)])
 
 
+def of_hybrid(case: Case, band_hz: tuple[float, float] | None, points: int, drawn: bool) -> Plan:
+    """Plan of `antinode hybrid`. Raises InputError for a case without patches."""
+    return _plan(case, [hybrid_step(case, band_hz, points)], [simplifications.no_figures(drawn)])
+
+
 def modes_step(case: Case, request: Request) -> Step:
     """Plan the modes of a part."""
     query = with_defaults(case, request)
@@ -250,6 +256,17 @@ def touch_step(case: Case, band_hz: tuple[float, float] | None = None) -> Step:
     return replace(
         step, measure="touch", name="a finger on the plate", classes=classes, looks_for=looks, left_out=left_out
     )
+
+
+def hybrid_step(case: Case, band_hz: tuple[float, float] | None = None, points: int = HYBRID_POINTS) -> Step:
+    """Plan rows and patches together: the plate, the same without rows, and with the pillars off by 2 % both ways."""
+    step = response_step(case, band_hz, points)
+    assert case.patches is not None and step.demand
+    looks = f"{points} frequencies, {case.patches.count} patches; four plates: as it is, without rows, pillars detuned twice"
+    demand = step.demand
+    for _ in range(3):
+        demand = demand.then(step.demand)
+    return replace(step, measure="hybrid", name="rows and patches together", looks_for=looks, demand=demand)
 
 
 def _named(simplification: Simplification) -> set[str]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
-from pipeline.records.record import ResponseRecord, ToleranceRecord
+from pipeline.records.record import HybridRecord, ResponseRecord, ToleranceRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import KHZ, MM, NM
 from solvers.measures.levels import CONFINED_DB
@@ -148,3 +148,53 @@ def _spread_alt(record: ToleranceRecord) -> str:
         f"Response of {len(record.samples)} plates whose pillars differ: the peak lies at {peak.mean / KHZ:.2f} kHz "
         f"with a spread of {peak.deviation:.0f} Hz{nominal}{spread}"
     )
+
+
+def hybrid(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
+    """Rows and patches together, from a case's record."""
+    return hybrid_levels(case.record.hybrid) if case.record.hybrid else None
+
+
+def hybrid_levels(record: HybridRecord) -> ReportFigure:
+    """Levels of the four ways over frequency, the same detuned, and the voltages."""
+    figure, panels = style.panels(7.6, 3, 1, sharex=True)
+    draw_hybrid(panels[0], record)
+    off = {way.way: way.off_db if way.rows_off_db is None else way.rows_off_db for way in record.ways}
+    title = f"Resonances of the pillars (of the plate without rows) off by {record.detuning:.0%}, the worse sign"
+    _ways(panels[1], record, off, "confinement (dB)", title)
+    _ways(
+        panels[2],
+        record,
+        {w.way: w.volts_per_um for w in record.ways},
+        "largest voltage (V)",
+        "For 1 µm rms in the zone",
+    )
+    panels[2].set(yscale="log", xlabel=FREQUENCY)
+    return ReportFigure("hybrid", "Rows and patches together", _alt_hybrid(record), figure, vector=True)
+
+
+def draw_hybrid(axes: Any, record: HybridRecord) -> None:
+    """Confinement by rows, by patches, by both and by neither over frequency."""
+    levels = {way.way: way.confinement_db for way in record.ways}
+    _ways(axes, record, levels, "confinement (dB)", "As computed; dotted: the wanted mode's peak")
+    axes.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
+    axes.set_xlabel(FREQUENCY)
+    axes.legend(fontsize=8, ncols=4)
+
+
+def _ways(axes: Any, record: HybridRecord, curves: Any, label: str, title: str) -> None:
+    style.draw_lines(axes.plot, np.array(record.frequency_hz) / KHZ, curves)
+    if record.wanted_hz:
+        style.mark(axes, record.wanted_hz / KHZ)
+    axes.set(ylabel=label, title=title)
+    axes.grid(True)
+
+
+def _alt_hybrid(record: HybridRecord) -> str:
+    where = "least over the band" if record.wanted_hz is None else f"at {record.wanted_hz / KHZ:.2f} kHz"
+    at = [record.at_wanted(way.way, "confinement_db") for way in record.ways]
+    levels = (
+        f"{way.way} {min(way.confinement_db) if level is None else level:.1f} dB"
+        for way, level in zip(record.ways, at, strict=True)
+    )
+    return f"Confinement over frequency by rows, by patches, by both and by neither; {where}: {', '.join(levels)}"

@@ -464,6 +464,49 @@ class ResponseRecord(Part):
         return self.wanted_peak or self.highest_peak
 
 
+class HybridWay(Part):
+    """One way of confining, over the record's frequencies: levels in dB, the largest voltage for 1 um rms in the zone.
+
+    neither and rows: patches inside the zone in phase with the wanted mode; patches and both: all patches with the voltages
+    of the largest contrast. off_db, rows_off_db: the least level with the same voltages and frequency where every resonance, or the
+    pillars' alone, is lower or higher by the detuning; without rows none of the latter.
+    """
+
+    way: Literal["neither", "rows", "patches", "both"]
+    confinement_db: list[float]
+    volts_per_um: list[float]
+    off_db: list[float]
+    rows_off_db: list[float] | None
+
+
+class HybridRecord(Part):
+    """Confinement by rows alone, by patches alone, by both and by neither; wanted_hz: the peak of the plate with rows."""
+
+    model: str
+    dof: int
+    inside: int
+    behind: int
+    detuning: float
+    alpha: float
+    wanted_hz: float | None
+    frequency_hz: list[float]
+    ways: list[HybridWay]
+
+    @property
+    def wanted_place(self) -> int | None:
+        """Place of the wanted mode's peak among the frequencies; None where the band holds none."""
+        return None if self.wanted_hz is None else self.frequency_hz.index(self.wanted_hz)
+
+    def way(self, name: str) -> HybridWay:
+        """A way by its name."""
+        return next(way for way in self.ways if way.way == name)
+
+    def at_wanted(self, way: str, values: str) -> float | None:
+        """A figure of a way at the wanted mode's peak, such as off_db."""
+        figures: list[float] | None = getattr(self.way(way), values)
+        return None if figures is None or self.wanted_place is None else figures[self.wanted_place]
+
+
 class LoadedModeRecord(Part):
     """The wanted mode under a finger: detuning, what it adds to 1/Q, and how much of the free mode is left in it, of 1."""
 
@@ -752,6 +795,7 @@ class Record(Part):
     measured: MeasuredRecord | None = None
     tolerance: ToleranceRecord | None = None
     touch: TouchRecord | None = None
+    hybrid: HybridRecord | None = None
     board: BoardRecord | BoardFault | None = None
     predesign: PredesignRecord | None = None
     zone_modes: ModesRecord | None = None

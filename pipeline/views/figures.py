@@ -19,6 +19,7 @@ from pipeline.records.record import (
     AttenuationRecord,
     BandsRecord,
     BroadbandRecord,
+    HybridRecord,
     Part,
     ResponseRecord,
     ToleranceRecord,
@@ -116,6 +117,11 @@ def touch(ax: Any, document: Document) -> None:
     of_touch.draw(ax, _read(TouchRecord, document))
 
 
+def hybrid(ax: Any, document: Document) -> None:
+    """Confinement by rows, by patches, by both and by neither over frequency."""
+    of_response.draw_hybrid(ax, _read(HybridRecord, document))
+
+
 def compare(ax: Any, document: Document) -> None:
     """Relative differences of two designs as bars, the largest last and so on top."""
     known = sorted((row for row in document["rows"] if row["difference"]), key=lambda row: abs(row["difference"]))
@@ -127,5 +133,5 @@ def compare(ax: Any, document: Document) -> None:
 
 FIGURES: dict[str, Callable[[Any, Document], None]] = {
     each.__name__: each
-    for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, touch, compare)
+    for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, touch, hybrid, compare)
 }

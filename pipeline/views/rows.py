@@ -74,6 +74,21 @@ def touch(document: Document) -> Rows:
     return [dict(state) for state in document["states"]]
 
 
+def hybrid(document: Document) -> Rows:
+    """One row a frequency: of each way the level in dB, with every resonance or the pillars' alone off, and V for 1 um."""
+    keys = {"confinement_db": "db", "off_db": "off_db", "rows_off_db": "rows_off_db", "volts_per_um": "volts_per_um"}
+    return [
+        {"frequency_hz": frequency}
+        | {
+            f"{way['way']}_{name}": way[key][place]
+            for way in document["ways"]
+            for key, name in keys.items()
+            if way[key] is not None
+        }
+        for place, frequency in enumerate(document["frequency_hz"])
+    ]
+
+
 def search(document: Document) -> Rows:
     """One row an evaluated design, its varied keys first."""
     return [
@@ -86,5 +101,5 @@ def search(document: Document) -> Rows:
 
 ROWS: dict[str, Callable[[Document], Rows]] = {
     each.__name__: each
-    for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, touch, search)
+    for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, touch, hybrid, search)
 }

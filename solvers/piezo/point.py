@@ -1,11 +1,14 @@
-"""Response of a patched plate at one point of its touch face, as a laser vibrometer sees it."""
+"""Response of a patched plate at points of its touch face, as a laser vibrometer sees it."""
 
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 
 from geometry.elements import ComplexArray, FloatArray
 from solvers.piezo.forced import ForcedPlate, GroupModes
+from solvers.piezo.patched_plate import Group
+from solvers.superelement.bond import Contact, displacement_at
 
 
 def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_hz: FloatArray) -> ComplexArray:
@@ -46,3 +49,10 @@ def _rows(basis: GroupModes, points_m: FloatArray) -> FloatArray:
         nearest = [int(np.argmin(((field.points - point) ** 2).sum(axis=1))) for point in folded]
         total += sign[:, None] * field.values[nearest]
     return total
+
+
+def normal_motion(group: Group, points_m: FloatArray) -> sp.csr_array:
+    """Rows (points, dof) that give u_z of a group at points (q, 2) in m of the touch face."""
+    contact = Contact(points_m, np.eye(len(points_m)), back=False)
+    parts = [displacement_at(plate, contact)[2::3] for plate in group.plates]
+    return sp.csr_array(sp.hstack(parts, format="csr"))

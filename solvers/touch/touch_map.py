@@ -14,8 +14,9 @@ import scipy.linalg
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from solvers.piezo.patched_plate import Group
+from solvers.piezo.point import normal_motion
 from solvers.superelement.plate import WHOLE
-from solvers.touch.touched_plate import STEPS, TouchedPlate, normal_motion, rms, with_loads
+from solvers.touch.touched_plate import STEPS, TouchedPlate, rms, with_loads
 
 COPIES = 6  # of a group's loads that are held at once: loads, residual vectors, slopes, and the three stacked
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from math import pi, sqrt
 
 import numpy as np
-import scipy.sparse as sp
 
 from geometry.elements import ComplexArray, FloatArray
 from geometry.fingertips import Fingertip
@@ -19,8 +18,7 @@ from solvers.errors import SolverError
 from solvers.fem.eigen import factor_near
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.piezo.forced import ForcedPlate, GroupModes, residual_vectors
-from solvers.piezo.patched_plate import Group
-from solvers.superelement.bond import Contact, displacement_at
+from solvers.piezo.point import normal_motion
 
 STEPS = np.array([(i, j) for i in range(-2, 3) for j in range(-2, 3) if i * i + j * j <= 4])
 STEP = sqrt(len(STEPS) / (2.0 * float((STEPS**2).sum())))  # of the radius: 13 points with the second moment of the disk
@@ -124,13 +122,6 @@ def contact_motion(plate: ForcedPlate, finger: Finger, frequency_hz: float) -> C
 def rms(motion: ComplexArray) -> float:
     """Root of the mean square of peak amplitudes."""
     return float(np.sqrt(np.mean(np.abs(motion) ** 2)))
-
-
-def normal_motion(group: Group, points_m: FloatArray) -> sp.csr_array:
-    """Rows (points, dof) that give u_z of a group at points (q, 2) in m of the touch face."""
-    contact = Contact(points_m, np.eye(len(points_m)), back=False)
-    parts = [displacement_at(plate, contact)[2::3] for plate in group.plates]
-    return sp.csr_array(sp.hstack(parts, format="csr"))
 
 
 def with_loads(basis: GroupModes, loads: FloatArray) -> GroupModes:

@@ -20,9 +20,9 @@ pytestmark = pytest.mark.usefixtures("coarsest_cells")
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = ROOT / "examples" / "small.toml"
 NAMES = [
-    "Array", "Attenuation", "BandPath", "Bands", "Broadband", "Caution", "Damping", "Finger", "InputError", "Mode", "Modes",
-    "Patches", "Pillar", "Plate", "Predesign", "Response", "Scatter", "Search", "Solve", "SolverError", "SweepTable", "Tip",
-    "Tolerance", "Touch", "Wanted", "Zone", "__version__", "load", "open", "sweep",
+    "Array", "Attenuation", "BandPath", "Bands", "Broadband", "Caution", "Damping", "Finger", "Hybrid", "InputError", "Mode",
+    "Modes", "Patches", "Pillar", "Plate", "Predesign", "Response", "Scatter", "Search", "Solve", "SolverError",
+    "SweepTable", "Tip", "Tolerance", "Touch", "Wanted", "Zone", "__version__", "load", "open", "sweep",
 ]  # fmt: skip
 HEAVY = "numpy scipy pydantic matplotlib cadquery pyvista pytetwild rich pandas xarray argcomplete"
 

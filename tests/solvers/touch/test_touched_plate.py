@@ -18,13 +18,13 @@ from geometry.piezo_materials import PIEZO_MATERIALS
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
+from solvers.piezo.point import normal_motion
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.touch.energy import power
 from solvers.touch.loaded_mode import loaded_mode
-from solvers.touch.shaped_drive import contrast_volts
 from solvers.touch.touch_map import lattice, touch_map
-from solvers.touch.touched_plate import Finger, TouchedPlate, contact_motion, normal_motion, rms
+from solvers.touch.touched_plate import Finger, TouchedPlate, contact_motion, rms
 
 ALUMINIUM = MATERIALS["aluminium"]
 DESIGN = Design(24e-3, 10e-3, 2e-3, 2, ALUMINIUM, None, float("nan"), float("nan"), 0, 3e-3)
@@ -160,20 +160,3 @@ def test_impedances_are_their_parts() -> None:
     assert tip.impedance_n_s_m(30e3, 5e-5) == pytest.approx(7.0 + 1j * (omega * 1e-4 - 1e6 / omega), rel=1e-14)
     with pytest.raises(GeometryError, match="0 or more"):
         Fingertip("odd", damping_n_s_m=-1.0)
-
-
-def test_shaped_voltages_confine_the_free_plate_better_than_any_other() -> None:
-    """Against patches in phase and random voltages; two patches driven, at a frequency between modes."""
-    drive = Drive((0, 1), (), BAND_HZ, 100.0)
-    plate = TouchedPlate(ForcedPlate(patched(), DESIGN, drive), Finger(NOTHING, PLACE_M, SMALL_M))
-    best = contrast_volts(plate, 24e3)
-    assert best is not None and np.abs(best).max() == pytest.approx(1.0)
-
-    def contrast(volts: np.ndarray) -> float:
-        curve = plate.driven_by(volts).curve(np.array([24e3]))
-        assert curve.passive_rms_m_per_v is not None
-        return float(curve.zone_rms_m_per_v[0] / curve.passive_rms_m_per_v[0])
-
-    random = np.random.default_rng(1).normal(size=(20, 2, 2)) @ np.array([1.0, 1j])
-    assert all(contrast(best) >= contrast(volts) * (1.0 - 1e-9) for volts in [plate.signs, *random])
-    assert contrast_volts(touched(NOTHING), 24e3) is None  # one driver has nothing to shape

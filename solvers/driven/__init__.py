@@ -1,0 +1,1 @@
+"""What patches make of a driven plate together: contrast of zone and passive face, travelling waves, power flow."""

@@ -1,0 +1,125 @@
+"""Rows and patches together on a small plate: each way against the response, the best of all voltages, and what is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.case.model import Case, case_from_dict
+from pipeline.driven import hybrid
+from pipeline.errors import InputError
+from pipeline.logs import TerminalLog
+from pipeline.models.patched_plate import forced_plate
+from pipeline.plots.response import hybrid_levels
+from pipeline.records.record import HybridRecord
+from pipeline.views import figures
+from pipeline.views.rows import ROWS
+from tests.helpers.coarse_cells import mesh_coarsest
+from tests.helpers.scenes import STEEL_PILLARS
+
+QUIET = TerminalLog(quiet=True)
+PATCHES = {
+    "size_mm": [3.0, 2.0, 0.3],
+    "face": "touch",
+    "centres_mm": [[-5.0, 0.0], [5.0, 0.0], [0.0, -11.0], [0.0, 11.0]],
+}
+
+
+def case_of(**more: Any) -> Case:
+    case = {**STEEL_PILLARS, "patches": PATCHES, "solve": {"accuracy": 0.1, "band_kHz": [30.0, 60.0]}}
+    case["array"] = {**case["array"], "extension_mm": 8.0}
+    return case_from_dict(case, overrides=[(key.replace("__", "."), value) for key, value in more.items()])
+
+
+@pytest.fixture(scope="module")
+def coarse() -> Iterator[pytest.MonkeyPatch]:
+    with pytest.MonkeyPatch.context() as patch:
+        mesh_coarsest(patch)
+        yield patch
+
+
+@pytest.fixture(scope="module")
+def record(coarse: pytest.MonkeyPatch) -> HybridRecord:
+    return hybrid.solve(case_of(), QUIET, points=4)
+
+
+def test_each_way_is_what_the_response_says(record: HybridRecord, coarse: pytest.MonkeyPatch) -> None:
+    """Rows: the patches inside alone, others at rest, as a case has it whose others only listen but for their open circuit."""
+    forced = forced_plate(case_of(), QUIET)
+    tones = np.array(record.frequency_hz)
+    curve = forced.driven_by(forced.signs * np.array([1.0, 1.0, 0.0, 0.0])).curve(tones)
+    assert curve.passive_rms_m_per_v is not None
+    level = 20.0 * np.log10(curve.zone_rms_m_per_v / curve.passive_rms_m_per_v)
+    rows = record.way("rows")
+    assert rows.confinement_db == pytest.approx(level, abs=1e-9)
+    assert rows.volts_per_um == pytest.approx(1e-6 / curve.zone_rms_m_per_v, rel=1e-9)
+    off = [forced.driven_by(forced.signs * np.array([1.0, 1.0, 0.0, 0.0])).curve(tones / f) for f in (0.98, 1.02)]
+    worst = np.min([20.0 * np.log10(c.zone_rms_m_per_v / c.passive_rms_m_per_v) for c in off], axis=0)  # type: ignore[operator]
+    assert rows.off_db == pytest.approx(worst, abs=1e-9)
+    assert (record.inside, record.behind) == (2, 2)
+
+
+def test_shaped_patches_confine_at_least_as_well_and_without_rows_there_are_none_to_detune(
+    record: HybridRecord,
+) -> None:
+    for plain, shaped in (("neither", "patches"), ("rows", "both")):
+        more = np.array(record.way(shaped).confinement_db) - np.array(record.way(plain).confinement_db)
+        assert more.min() >= -1e-9 and more.max() > 1.0
+    assert [way.rows_off_db is None for way in record.ways] == [True, False, True, False]
+
+
+def test_pillars_off_by_two_percent_are_stiffer_or_softer_pillars(
+    record: HybridRecord, coarse: pytest.MonkeyPatch
+) -> None:
+    """A plate whose pillars have (1 +- 0.02)^2 of Young's modulus, driven with the voltages of the plate as computed."""
+    forced, levels = forced_plate(case_of(), QUIET), []
+    for factor in (0.98, 1.02):
+        steel = {"young_GPa": 210.0 * factor**2, "density_kg_m3": 7850.0, "poisson": 0.3}
+        other = forced_plate(case_of(pillar__material=steel), QUIET)
+        curve = other.driven_by(forced.signs * np.array([1.0, 1.0, 0.0, 0.0])).curve(np.array(record.frequency_hz))
+        assert curve.passive_rms_m_per_v is not None
+        levels.append(20.0 * np.log10(curve.zone_rms_m_per_v / curve.passive_rms_m_per_v))
+    assert record.way("rows").rows_off_db == pytest.approx(np.min(levels, axis=0), abs=1e-6)
+
+
+def test_rows_and_pictures_come_from_the_record_alone(record: HybridRecord, tmp_path: Path) -> None:
+    assert HybridRecord.model_validate(record.to_dict()) == record
+    rows = ROWS["hybrid"](record.to_dict())
+    assert len(rows) == len(record.frequency_hz) and rows[0]["both_db"] == record.way("both").confinement_db[0]
+    assert "bare_rows_off_db" not in rows[0] and "rows_rows_off_db" in rows[0]
+    assert len(hybrid_levels(record).figure.axes) == 3
+    figures.write("hybrid", record.to_dict(), tmp_path / "hybrid.svg")
+    assert (tmp_path / "hybrid.svg").stat().st_size > 1000
+
+
+def test_patches_behind_the_rows_stand_beside_every_antinode() -> None:
+    case = case_of(patches={"size_mm": [2.0, 2.0, 0.3], "behind_mm": 3.0, "sensors": [1]})
+    assert case.patches is not None
+    x, y = np.array(case.patches.centres_m).T
+    each = len(x) // 3
+    end = case.design.half_span_m - case.design.extension_m
+    assert np.array_equal(x[:each], x[each : 2 * each]) and not y[:each].any()
+    assert y[each:] == pytest.approx(np.repeat([-1.0, 1.0], each) * (end + 3e-3))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"array__rows": 0}, "array.rows = 0: must be 1 or more"),
+        ({"patches__circuit": "open"}, "must be 'short'"),
+        ({"patches__centres_mm": [[0.0, -11.0], [0.0, 11.0]]}, "no driving patch stands inside the zone"),
+        ({"patches__sensors": [1, 2, 3]}, "one drives, shaping takes two or more"),
+        ({"patches__behind_mm": 3.0}, "must be left out beside centres_mm"),
+        ({"patches": {"size_mm": [2.0, 2.0, 0.3], "behind_mm": 30.0}}, "reaches beyond the plate"),
+    ],
+)
+def test_what_cannot_be_is_one_line(change: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said.replace(".", r"\.")) as refused:
+        case = case_of(**change)
+        hybrid.solve(dataclasses.replace(case), QUIET)
+    assert all("patches" in line or "array" in line for line in refused.value.lines)
