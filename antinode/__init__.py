@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         Search,
         Tolerance,
         Touch,
+        Travel,
         Wanted,
     )
     from antinode.stored import open
@@ -49,6 +50,7 @@ HOMES = {
         "Search",
         "Tolerance",
         "Touch",
+        "Travel",
         "Wanted",
     ),
     "antinode.stored": ("open",),
@@ -94,6 +96,7 @@ __all__ = [
     "Tip",
     "Tolerance",
     "Touch",
+    "Travel",
     "Wanted",
     "Zone",
     "__version__",

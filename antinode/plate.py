@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         Search,
         Tolerance,
         Touch,
+        Travel,
     )
 
 Pair = tuple[float, float]
@@ -206,13 +207,21 @@ class Plate:
         return Touch(solved.to_dict() | self._about)
 
     def hybrid(
-        self, band_kHz: Pair | None = None, *, points: int = 61, alpha: float = 0.0, progress: bool | None = None
+        self, band_kHz: Pair | None = None, *, points: int = 61, alpha: float = 0.3, progress: bool | None = None
     ) -> Hybrid:
         """Compute confinement by rows, by patches and by both; alpha: weight of voltages that move little, of 1."""
         from antinode.results import Hybrid
         from pipeline.driven import hybrid
 
         return Hybrid(hybrid.solve(self._case, _logged(progress), _hz(band_kHz), points, alpha).to_dict() | self._about)
+
+    def travel(self, band_kHz: Pair | None = None, *, others: float = 0.0, progress: bool | None = None) -> Travel:
+        """Hold two modes of the zone a quarter period apart; others: weight of keeping all other modes small."""
+        from antinode.results import Travel
+        from pipeline.driven import travelling
+
+        record, _ = travelling.solve(self._case, _logged(progress), _hz(band_kHz), others)
+        return Travel(record.to_dict() | self._about)
 
     def search(
         self,

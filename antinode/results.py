@@ -476,6 +476,35 @@ class Hybrid(Result):
         return f"<antinode.Hybrid: {len(self.frequencies_hz)} frequencies, {', '.join(self.ways)}>"
 
 
+class Travel(Result):
+    """A wave that travels inside the zone: two modes held a quarter period apart; fields and powers for 1 um rms there.
+
+    `plate.travel()` computes one; here is what it holds.
+
+    >>> import antinode
+    >>> antinode.Travel({"x_m": [0.0], "field_m": [[0.0, 1e-6]], "twr": 0.6, "frequency_hz": 14e3}).field_m
+    array([0.+1.e-06j])
+    """
+
+    kind = "travel"
+    _dimensions = ("x_m",)
+
+    x_m = column("x_m", doc="Places along the zone's centre line (points,) in m.")
+
+    @property
+    def field_m(self) -> Any:
+        """u_z there, complex (points,) in m."""
+        return np.array([complex(*each) for each in self._document["field_m"]])
+
+    @property
+    def twr(self) -> float:
+        """Travelling-wave ratio: 1 travels, 0 stands."""
+        return float(self._document["twr"])
+
+    def __repr__(self) -> str:
+        return f"<antinode.Travel: {self._document['frequency_hz']:.1f} Hz, travelling-wave ratio {self.twr:.3f}>"
+
+
 class Search(Result):
     """What a search found: the best design beside the one it started from, every evaluation as a row; dB, Hz, mm, kg.
 
@@ -534,5 +563,5 @@ class Search(Result):
 
 KINDS: dict[str, type[Result]] = {
     kind.kind: kind
-    for kind in (Modes, Bands, Attenuation, Broadband, Response, Predesign, Tolerance, Touch, Hybrid, Search)
+    for kind in (Modes, Bands, Attenuation, Broadband, Response, Predesign, Tolerance, Touch, Hybrid, Travel, Search)
 }

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware.build import BuildError, Image, build
+from firmware.emulate.beam import Structure
 from firmware.emulate.plant import Plate, plate_from_table
 from firmware.table_format import header_text, verify
 
@@ -66,12 +67,16 @@ def board_run(table: bytes, plate: Plate | None = None, share: float = 0.2, seco
     (exit_code 5 when something is not installed), ValueError for a damaged table, EmulationError when the image faulted.
     """
     verify(table)
-    missing = [package for name, package in NEEDS.items() if not find_spec(name)]
-    if missing:
-        raise BuildError(f"emulation needs {' and '.join(missing)}: pip install {' '.join(missing)}", 5)
+    _check_installed()
     with tempfile.TemporaryDirectory() as folder:
         image = build(header_text(table), Path(folder))
         return _stepped(image, plate or plate_from_table(table, noise=1e-3), share, seconds)
+
+
+def _check_installed() -> None:
+    missing = [package for name, package in NEEDS.items() if not find_spec(name)]
+    if missing:
+        raise BuildError(f"emulation needs {' and '.join(missing)}: pip install {' '.join(missing)}", 5)
 
 
 def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardRun:
@@ -103,3 +108,38 @@ def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardR
     }
     frequency_hz = board.app.centre / 2**32 * plate.sample_rate_hz
     return BoardRun(columns, swept, frequency_hz, mode.tau_s, gain, mode.delay_s, image.compiler)
+
+
+@dataclass(frozen=True)
+class SixRun:
+    """The drives that the six-channel image settles at, (patterns, 6) in full scales, pattern by pattern."""
+
+    drives: NDArray[np.complex128]
+    compiler: str
+
+
+def six_run(table: bytes, plate: Structure, patterns: int, seconds: float) -> SixRun:
+    """Each of the table's first patterns, held one after another by the unmodified six-channel image on the emulated board.
+
+    Raises BuildError (exit_code 5 when something is not installed), ValueError for a damaged table, EmulationError when the
+    image faulted.
+    """
+    verify(table)
+    _check_installed()
+    from firmware.emulate.six import EmulatedSix
+    from firmware.protocol import RUN, fault_names
+
+    with tempfile.TemporaryDirectory() as folder:
+        image = build(header_text(table), Path(folder), "six")
+        board, drives = EmulatedSix(image.elf, plate), []
+        board.run(5e-3)
+        for pattern in range(patterns):
+            if pattern:
+                board.call("an_six_change", board.symbol("app"), pattern)
+            else:
+                board.start(pattern)
+            board.run(seconds)
+            if board.state != RUN:
+                raise EmulationError(f"the image ended in a fault: {', '.join(fault_names(board.faults)) or 'none'}")
+            drives.append(board.drives)
+    return SixRun(np.array(drives), image.compiler)

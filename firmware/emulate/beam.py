@@ -47,6 +47,25 @@ class Structure:
         rest = 0.0 if self.residual is None else self.residual
         return np.asarray(np.einsum("ms,m,ma->sa", self.sensors, modal, self.actuators) + rest)
 
+    def sampled_matrix(self, frequency_hz: float) -> Complexes:
+        """T as a board finds it that holds its drives between samples and samples just before it changes them, (6, 6).
+
+        Modes by their exact steps, images about the sample rate included; the residual follows one sample late.
+        """
+        pole = self.poles
+        step, turn = 1.0 / self.sample_rate_hz, np.exp(2j * math.pi * frequency_hz / self.sample_rate_hz)
+        decay = np.exp(pole * step)
+        push = (decay - 1.0) / pole
+        modal = (push / (turn - decay) - push.conj() / (turn - decay.conj())) / (2j * pole.imag)
+        rest = 0.0 if self.residual is None else self.residual / turn
+        return np.asarray(np.einsum("ms,m,ma->sa", self.sensors, modal, self.actuators) + rest)
+
+    @property
+    def poles(self) -> Complexes:
+        """One pole of each mode, rad/s."""
+        rate = self.angular / (2.0 * self.quality)
+        return np.asarray(-rate + 1j * np.sqrt(self.angular**2 - rate**2))
+
 
 @dataclass(frozen=True)
 class Beam:
@@ -140,8 +159,7 @@ class BeamSimulation:
 
     def __init__(self, beam: Beam | Structure, seed: int = 1) -> None:
         self.beam = beam.structure if isinstance(beam, Beam) else beam
-        rate = self.beam.angular / (2.0 * self.beam.quality)
-        pole = -rate + 1j * np.sqrt(self.beam.angular**2 - rate**2)
+        pole = self.beam.poles
         step = 1.0 / self.beam.sample_rate_hz
         self.decay = np.exp(pole * step)
         self.push = ((self.decay - 1.0) / pole)[:, None] * self.beam.actuators

@@ -21,7 +21,7 @@ import numpy as np
 from firmware.table_format import MAX_SHAPES, MIN_SHAPE_HZ
 from geometry.elements import ComplexArray
 from pipeline.board.gains import hold
-from pipeline.board.table_file import ModeTable, Pattern, Shape
+from pipeline.board.table_file import FREQUENCY_HIGH, ModeTable, Pattern, Shape
 from pipeline.errors import InputError
 from pipeline.records.fingerprint import canonical_json, code_hash
 from solvers.errors import SolverError
@@ -75,8 +75,26 @@ def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float
         Shape(f, slowest_s, patterns(model, signal, f), tuple(map(tuple, matrix.tolist())))
         for f, matrix in zip(chosen, matrices, strict=True)
     )
-    identity = canonical_json([model.name, signal, list(chosen)]) + code_hash()
-    return ModeTable(SAMPLE_RATE_HZ, hashlib.sha256(identity.encode()).digest()[:16], (), shapes=shapes)
+    return ModeTable(SAMPLE_RATE_HZ, _named([model.name, signal, list(chosen)]), (), shapes=shapes)
+
+
+def plate_table(matrix: ComplexArray, frequency_hz: float, tau_s: float, drives: dict[str, ComplexArray]) -> ModeTable:
+    """The table of a plate whose drivers and sensors, six of each or fewer, have T (sensors, drivers) at one frequency.
+
+    matrix: in full scales, as the board samples it. drives: voltages (drivers,) of each pattern by its name, whose targets are
+    what they show at the sensors. Raises InputError for a frequency that the board does not play.
+    """
+    highest = FREQUENCY_HIGH * SAMPLE_RATE_HZ
+    if not MIN_SHAPE_HZ <= frequency_hz <= highest:
+        raise InputError(f"{frequency_hz:.0f} Hz: the six-channel board plays {MIN_SHAPE_HZ:g} to {highest:g} Hz")
+    targets = {name: matrix @ volts for name, volts in drives.items()}
+    named = tuple(Pattern(name, tuple((w / w[np.argmax(np.abs(w))]).tolist())) for name, w in targets.items())
+    shape = Shape(frequency_hz, tau_s, named, tuple(map(tuple, matrix.tolist())))
+    return ModeTable(SAMPLE_RATE_HZ, _named([frequency_hz, repr(matrix.tolist())]), (), shapes=(shape,))
+
+
+def _named(about: list[object]) -> bytes:
+    return hashlib.sha256((canonical_json(about) + code_hash()).encode()).digest()[:16]
 
 
 def _best(model: ShapedBeam, signal: Signal) -> tuple[float, ...]:

@@ -289,6 +289,23 @@ def hybrid(arguments: Namespace) -> int:
     return _ran(arguments, "hybrid", record, together.lines(record), lambda: [hybrid_levels(record)], log)
 
 
+def travel(arguments: Namespace) -> int:
+    """Hold two modes of the zone a quarter period apart."""
+    if not 0.0 <= arguments.others <= 1.0:
+        raise InputError(f"--others = {arguments.others:g}: must be from 0 to 1")
+    case, log, band = _read(arguments)
+    if arguments.explain:
+        return _explained(arguments, "of_travel", case, band, bool(arguments.out))
+    from pipeline.driven import played, travelling
+    from pipeline.plots.response import travelling_wave
+
+    record, held = travelling.solve(case, log, band, arguments.others)
+    place = outputs.folder(arguments.out) if arguments.out else None
+    record = record.model_copy(update=played.told(held, log, place, arguments.board))
+    lines = [*travelling.lines(record), *played.lines(record)]
+    return _ran(arguments, "travel", record, lines, lambda: [travelling_wave(record)], log)
+
+
 def _ran(arguments: Namespace, name: str, record: Any, lines: list[str], pictures: Any, log: TerminalLog) -> int:
     """Answer with a record: its own rows, its lines in words."""
     document = record.to_dict()

@@ -14,7 +14,7 @@ from pipeline.measures.geometry import GEOMETRY
 from pipeline.measures.measure import Measure
 from pipeline.measures.modes import MODES
 from pipeline.measures.parts import PARTS
-from pipeline.measures.response import HYBRID, RESPONSE
+from pipeline.measures.response import HYBRID, RESPONSE, TRAVEL
 from pipeline.measures.tetrahedra import TETRAHEDRA
 from pipeline.measures.tolerance import TOLERANCE
 from pipeline.measures.touch import TOUCH
@@ -25,7 +25,7 @@ from pipeline.records.study import StoredStudy, read_study
 from pipeline.records.tables import Column
 
 MEASURES: tuple[Measure, ...] = (
-    *(MODES, BANDS, ATTENUATION, BROADBAND, RESPONSE, TOLERANCE, TOUCH, HYBRID),
+    *(MODES, BANDS, ATTENUATION, BROADBAND, RESPONSE, TOLERANCE, TOUCH, HYBRID, TRAVEL),
     *(BOARD, PARTS, GEOMETRY, TETRAHEDRA),
 )
 

@@ -89,3 +89,31 @@ HYBRID = Measure(
     columns=tuple(column for name in ("rows", "patches", "both") for column in _way(name)),
     pictures=("response.hybrid",),
 )
+
+
+def _compute_travel(work: Work) -> None:
+    from pipeline.driven import played, travelling
+
+    record, held = travelling.solve(work.case, work.log, meshes=work.meshes)
+    work.keep(travel=record.model_copy(update=played.told(held, work.log, work.folder, played=False)))
+
+
+_travel = figures_of(lambda r: r.travel)
+TRAVEL = Measure(
+    "travel",
+    plan=plan.travel_step,
+    compute=_compute_travel,
+    needs=("patches",),
+    drives=True,
+    columns=(
+        Column("travel_hz", "travelling wave", _travel(lambda t: t.frequency_hz), ".2f", "Hz"),
+        Column("travel_twr", "travelling-wave ratio", _travel(lambda t: t.twr), ".3f"),
+        Column("travel_best_twr", "the same with any voltages", _travel(lambda t: t.best_twr), ".3f"),
+        Column("travel_db", "confinement, travelling", _travel(lambda t: t.confinement_db), ".2f", "dB"),
+        Column("travel_v_per_um", "drive for 1 um, travelling", _travel(lambda t: t.drive_V_at_1um), ".4g", "V"),
+        Column(
+            "travel_mw", "power along the zone for 1 um", _travel(lambda t: 1e3 * max(t.flow_W, key=abs)), ".4g", "mW"
+        ),
+    ),
+    pictures=("response.travelling",),
+)

@@ -166,6 +166,11 @@ def of_hybrid(case: Case, band_hz: tuple[float, float] | None, points: int, draw
     return _plan(case, [hybrid_step(case, band_hz, points)], [simplifications.no_figures(drawn)])
 
 
+def of_travel(case: Case, band_hz: tuple[float, float] | None, drawn: bool) -> Plan:
+    """Plan of `antinode travel`. Raises InputError for a case without patches."""
+    return _plan(case, [travel_step(case, band_hz)], [simplifications.no_figures(drawn)])
+
+
 def modes_step(case: Case, request: Request) -> Step:
     """Plan the modes of a part."""
     query = with_defaults(case, request)
@@ -267,6 +272,14 @@ def hybrid_step(case: Case, band_hz: tuple[float, float] | None = None, points: 
     for _ in range(3):
         demand = demand.then(step.demand)
     return replace(step, measure="hybrid", name="rows and patches together", looks_for=looks, demand=demand)
+
+
+def travel_step(case: Case, band_hz: tuple[float, float] | None = None) -> Step:
+    """Plan two modes held a quarter period apart."""
+    step = response_step(case, band_hz, 1)
+    lines = case.design.nodal_lines
+    looks = f"the modes (0, {lines}) and (0, {lines - 1}) or (0, {lines + 1}), held at a frequency between theirs"
+    return replace(step, measure="travel", name="a wave that travels in the zone", looks_for=looks)
 
 
 def _named(simplification: Simplification) -> set[str]:

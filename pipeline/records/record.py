@@ -468,8 +468,8 @@ class HybridWay(Part):
     """One way of confining, over the record's frequencies: levels in dB, the largest voltage for 1 um rms in the zone.
 
     neither and rows: patches inside the zone in phase with the wanted mode; patches and both: all patches with the voltages
-    of the largest contrast. off_db, rows_off_db: the least level with the same voltages and frequency where every resonance, or the
-    pillars' alone, is lower or higher by the detuning; without rows none of the latter.
+    of the largest contrast. off_db, rows_off_db: the least level with the same voltages and frequency where every resonance,
+    or the pillars' alone, is lower or higher by the detuning; without rows none of the latter.
     """
 
     way: Literal["neither", "rows", "patches", "both"]
@@ -505,6 +505,56 @@ class HybridRecord(Part):
         """A figure of a way at the wanted mode's peak, such as off_db."""
         figures: list[float] | None = getattr(self.way(way), values)
         return None if figures is None or self.wanted_place is None else figures[self.wanted_place]
+
+
+class HeldMode(Part):
+    """A mode held for a travelling wave: the nodal lines of its shape, and the share of its mass that moves so."""
+
+    nodal_lines: int
+    frequency_hz: float
+    share: float
+
+
+class PlayedPattern(Part):
+    """A pattern as the emulated board drove it: the travelling-wave ratio in the window, and |V - V_table|/|V_table|."""
+
+    name: str
+    twr: float
+    twr_asked: float
+    error: float
+
+
+class TravelRecord(Part):
+    """Two modes held a quarter period apart. Amplitudes are peaks, figures of power and field for 1 um rms in the zone.
+
+    twr: within window_m; alone_twr: of the two shapes alone; best_twr: with any voltages. volts: of drivers, real and
+    imaginary, the largest 1 V; patches_W negative where a patch takes. flow_W: towards +x through the sections flow_x_m;
+    standing_flow_W: with all drivers in phase with the wanted mode.
+    """
+
+    model: str
+    dof: int
+    frequency_hz: float
+    modes: list[HeldMode]
+    others: float
+    twr: float
+    alone_twr: float
+    best_twr: float
+    wavenumber_per_m: float
+    window_m: tuple[float, float]
+    confinement_db: float | None
+    drive_V_at_1um: float
+    drivers: list[int]
+    volts: list[tuple[float, float]]
+    x_m: list[float]
+    field_m: list[tuple[float, float]]
+    patches_W: list[float]
+    lost_W: float
+    flow_x_m: list[float]
+    flow_W: list[float]
+    standing_flow_W: list[float]
+    board: list[PlayedPattern] | BoardFault | None = None
+    tables: list[str] = []
 
 
 class LoadedModeRecord(Part):
@@ -796,6 +846,7 @@ class Record(Part):
     tolerance: ToleranceRecord | None = None
     touch: TouchRecord | None = None
     hybrid: HybridRecord | None = None
+    travel: TravelRecord | None = None
     board: BoardRecord | BoardFault | None = None
     predesign: PredesignRecord | None = None
     zone_modes: ModesRecord | None = None

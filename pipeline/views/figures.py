@@ -24,6 +24,7 @@ from pipeline.records.record import (
     ResponseRecord,
     ToleranceRecord,
     TouchRecord,
+    TravelRecord,
 )
 from pipeline.units import KHZ
 from solvers.measures.levels import CONFINED_DB
@@ -122,6 +123,11 @@ def hybrid(ax: Any, document: Document) -> None:
     of_response.draw_hybrid(ax, _read(HybridRecord, document))
 
 
+def travel(ax: Any, document: Document) -> None:
+    """The wave along the zone's centre line through a period, its envelope beside it."""
+    of_response.draw_wave(ax, _read(TravelRecord, document))
+
+
 def compare(ax: Any, document: Document) -> None:
     """Relative differences of two designs as bars, the largest last and so on top."""
     known = sorted((row for row in document["rows"] if row["difference"]), key=lambda row: abs(row["difference"]))
@@ -133,5 +139,5 @@ def compare(ax: Any, document: Document) -> None:
 
 FIGURES: dict[str, Callable[[Any, Document], None]] = {
     each.__name__: each
-    for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, touch, hybrid, compare)
+    for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, touch, hybrid, travel, compare)
 }

@@ -89,6 +89,12 @@ def hybrid(document: Document) -> Rows:
     ]
 
 
+def travel(document: Document) -> Rows:
+    """One row a place of the zone's centre line: u_z for 1 um rms in the zone, real, imaginary, size, m."""
+    places = zip(document["x_m"], document["field_m"], strict=True)
+    return [{"x_m": x, "re_m": re, "im_m": im, "size_m": abs(complex(re, im))} for x, (re, im) in places]
+
+
 def search(document: Document) -> Rows:
     """One row an evaluated design, its varied keys first."""
     return [
@@ -101,5 +107,5 @@ def search(document: Document) -> Rows:
 
 ROWS: dict[str, Callable[[Document], Rows]] = {
     each.__name__: each
-    for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, touch, hybrid, search)
+    for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, touch, hybrid, travel, search)
 }

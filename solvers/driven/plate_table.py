@@ -17,11 +17,13 @@ from solvers.piezo.point import normal_motion
 from solvers.shaping.modal_table import ModalTable
 
 
-def plate_table(forced: ForcedPlate, points_m: FloatArray, frequency_hz: float) -> ModalTable:
+def plate_table(
+    forced: ForcedPlate, points_m: FloatArray, frequency_hz: float, rows: list[FloatArray] | None = None
+) -> ModalTable:
     """The modes about the band over points (p, 2) of the touch face, in SI: actuators are the drivers, in the order of
     `forced.drivers`, sensors those that listen, V. Residuals are those at the frequency.
 
-    SolverError for a plate whose drivers are fed a charge, or without sensors.
+    rows: `motion_at` of the points, where it is known. SolverError for drivers that are fed a charge, or without sensors.
     """
     if forced.circuit != "short" or not forced.sensors:
         raise SolverError("shaping needs drivers that a voltage feeds and at least one patch that listens")
@@ -31,7 +33,7 @@ def plate_table(forced: ForcedPlate, points_m: FloatArray, frequency_hz: float) 
     values = np.concatenate([basis.eigenvalue for basis in forced.modes])
     gain = np.concatenate([basis.gain for basis in forced.modes])
     residual = np.sum([basis.residual(eigenvalue) for basis in forced.modes], axis=0)
-    moves, beyond = _motion(forced, points_m, eigenvalue)
+    moves, beyond = _motion(forced, motion_at(forced, points_m) if rows is None else rows, eigenvalue)
     clamped = np.diag(plate.capacitance_f[s]) / unit + residual[np.ix_(s, s)]
     heard = np.linalg.solve(clamped, gain[:, s].T)  # -V_s per modal coordinate, (sensors, modes)
     at_once = np.linalg.solve(clamped, residual[np.ix_(s, d)])  # -V_s per volt of a driver
@@ -50,11 +52,15 @@ def plate_table(forced: ForcedPlate, points_m: FloatArray, frequency_hz: float) 
     )
 
 
-def _motion(forced: ForcedPlate, points_m: FloatArray, eigenvalue: float) -> tuple[FloatArray, FloatArray]:
+def motion_at(forced: ForcedPlate, points_m: FloatArray) -> list[FloatArray]:
+    """u_z at points (p, 2) of the touch face per unit of each column, group by group."""
+    return [np.asarray(normal_motion(basis.group, points_m) @ basis.columns) for basis in forced.modes]
+
+
+def _motion(forced: ForcedPlate, known: list[FloatArray], eigenvalue: float) -> tuple[FloatArray, FloatArray]:
     """u_z at points per modal coordinate, (points, modes), and per volt beyond the modes, (points, patches)."""
-    moves, beyond = [], np.zeros((len(points_m), len(forced.plate.patches)))
-    for basis in forced.modes:
-        rows = normal_motion(basis.group, points_m) @ basis.columns
+    moves, beyond = [], np.zeros((len(known[0]), len(forced.plate.patches)))
+    for basis, rows in zip(forced.modes, known, strict=True):
         count, patches = len(basis.frequency_hz), beyond.shape[1]
         moves.append(rows[:, :count])
         residual, slope = rows[:, count : count + patches], rows[:, count + patches :]

@@ -19,7 +19,6 @@ from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
 from solvers.piezo.forced import ForcedPlate, GroupModes
 from solvers.piezo.patched_plate import PatchedPlate
-from solvers.superelement.bond import displacement_at
 from solvers.superelement.cell import Cell
 from solvers.superelement.plate import WHOLE
 
@@ -102,13 +101,11 @@ def _sign(symmetry: str, flip: tuple[float, ...]) -> float:
 
 def _on_patches(forced: ForcedPlate, motions: list[list[Any]]) -> FloatArray:
     """u' K u of the patches themselves, scaled, (patches,)."""
-    assert isinstance(forced.plate, PatchedPlate)
-    energies = []
-    for bond in forced.plate.bonds:
-        moved = sum(
-            displacement_at(plate, bond.contact) @ part
-            for basis, parts in zip(forced.modes, motions, strict=True)
-            for plate, part in zip(basis.group.plates, parts, strict=True)
-        )
-        energies.append(float((np.conj(moved) @ bond.stiffness @ moved).real))
-    return np.array(energies)
+    plate = forced.plate
+    assert isinstance(plate, PatchedPlate)
+    energies = np.zeros(len(plate.bonds))
+    for number, bond in enumerate(plate.bonds):
+        parts = zip(forced.modes, motions, strict=True)
+        moved = np.sum([plate.motions[b.group.symmetries[0]][number] @ np.concatenate(m) for b, m in parts], axis=0)
+        energies[number] = (np.conj(moved) @ bond.stiffness @ moved).real
+    return energies

@@ -77,6 +77,7 @@ class PatchedPlate:
         self.scale: Scale = some.placed_cells[0].cell.scale
         self.bonds = [_bond(patch, some, back, self.stiffness_unit, flexibility) for patch in self.patches]
         classes = [[WHOLE]] if WHOLE in plates else coupled_classes(self.patches)
+        self.motions: dict[str, list[sp.csr_array]] = {}  # of the bonded faces, by a group's first class
         self.everything = [self._group([plates[p] for p in symmetries]) for symmetries in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
         self.groups = [group for group in self.everything if np.abs(group.loads).max() > UNDRIVEN * loudest]
@@ -97,6 +98,7 @@ class PatchedPlate:
             sp.csr_array(sp.hstack([displacement_at(plate, bond.contact) for plate in plates], format="csr"))
             for bond in self.bonds
         ]
+        self.motions[plates[0].symmetry] = motions
         loads = np.column_stack([motion.T @ bond.load for motion, bond in zip(motions, self.bonds, strict=True)])
         return Group(tuple(plates), partial(self._pencil, plates, motions), loads)
 

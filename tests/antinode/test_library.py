@@ -22,7 +22,7 @@ SMALL = ROOT / "examples" / "small.toml"
 NAMES = [
     "Array", "Attenuation", "BandPath", "Bands", "Broadband", "Caution", "Damping", "Finger", "Hybrid", "InputError", "Mode",
     "Modes", "Patches", "Pillar", "Plate", "Predesign", "Response", "Scatter", "Search", "Solve", "SolverError",
-    "SweepTable", "Tip", "Tolerance", "Touch", "Wanted", "Zone", "__version__", "load", "open", "sweep",
+    "SweepTable", "Tip", "Tolerance", "Touch", "Travel", "Wanted", "Zone", "__version__", "load", "open", "sweep",
 ]  # fmt: skip
 HEAVY = "numpy scipy pydantic matplotlib cadquery pyvista pytetwild rich pandas xarray argcomplete"
 

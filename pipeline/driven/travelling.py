@@ -1,0 +1,236 @@
+"""Two modes of the zone held a quarter period apart: a wave that travels inside it, its power, and the board's table for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import log, pi
+
+import numpy as np
+
+from geometry.elements import BoolArray, ComplexArray, FloatArray
+from geometry.layout import Design
+from pipeline.case.model import Case
+from pipeline.errors import InputError
+from pipeline.logs import Log
+from pipeline.models.patched_plate import forced_plate
+from pipeline.records.record import HeldMode, MeshRecord, TravelRecord
+from pipeline.units import KHZ, MM, UM
+from solvers.driven.plate_table import motion_at, plate_table
+from solvers.driven.power_flow import power_flow
+from solvers.errors import SolverError
+from solvers.measures.confinement import wanted_shape
+from solvers.measures.levels import ratio_db
+from solvers.piezo.forced import ForcedPlate
+from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
+from solvers.shaping.mode_pairs import ModePair, travelling_pair
+from solvers.shaping.travelling_wave import best_travelling_drive, inner_window, travelling_wave_ratio
+
+ALONG, ACROSS = 61, 5  # points over the zone: an odd number across has its centre line
+LEAST_SHARE = 0.1  # of a mode's mass that moves in the shape asked for
+NEAR_FIELD = 0.1  # what is left of the ends' near field, e^{-kx}, where the wave is judged
+MOST_WINDOW = 0.3  # of the length, at each end, that is left out at most
+
+
+@dataclass(frozen=True)
+class Travelling:
+    """The pair held on the plate, and what the table for the board is made from: patterns by name, volts of the drivers."""
+
+    forced: ForcedPlate
+    table: ModalTable
+    pair: ModePair
+    window: BoolArray
+    line: BoolArray
+    drives: dict[str, ComplexArray]
+
+    @property
+    def line_m(self) -> FloatArray:
+        """Places along the zone's centre line, m."""
+        return np.asarray(self.table.points_m[self.line, 0])
+
+    def field(self, volts: ComplexArray) -> ComplexArray:
+        """u_z along the centre line for voltages of the drivers, m."""
+        return np.asarray(field_matrix(self.table, self.pair.frequency_hz)[self.line] @ volts)
+
+    def twr(self, volts: ComplexArray) -> float:
+        """Travelling-wave ratio within the window."""
+        return travelling_wave_ratio(self.field(volts)[self.window[self.line]])
+
+    @property
+    def matrix(self) -> ComplexArray:
+        """Volts of the sensors per volt of each driver, (sensors, drivers)."""
+        return sensor_matrix(self.table, self.pair.frequency_hz)
+
+    def all_volts(self, volts: ComplexArray) -> ComplexArray:
+        """Voltages of every patch as `ForcedPlate.driven_by` takes them."""
+        every = np.zeros(len(self.forced.plate.patches), dtype=complex)
+        every[self.forced.drivers] = volts
+        return every
+
+
+def solve(
+    case: Case, log: Log, band_hz: tuple[float, float] | None = None, others: float = 0.0,
+    meshes: list[MeshRecord] | None = None,
+) -> tuple[TravelRecord, Travelling]:  # fmt: skip
+    """Hold the wanted mode and its neighbour with one nodal line more or less; the pair that runs best.
+
+    InputError for a case without patches that listen and two that drive, or with fewer than two nodal lines; SolverError
+    where the band does not hold both modes.
+    """
+    _check(case)
+    forced = forced_plate(case, log, band_hz, [] if meshes is None else meshes)
+    with log.step("two modes a quarter period apart"):
+        held = hold(forced, case.design, others)
+        record = _record(held, case.design, others)
+    for line in lines(record):
+        log.info(line)
+    return record, held
+
+
+def _check(case: Case) -> None:
+    case.require_plate(command="travel")
+    case.require("patches", command="travel")
+    patches = case.patches
+    assert patches is not None
+    said = []
+    if case.design.nodal_lines < 2:
+        said.append(f"zone.nodal_lines = {case.design.nodal_lines}: must be 2 or more, rigid shapes do not travel")
+    if patches.circuit != "short":
+        said.append(f"patches.circuit = {patches.circuit!r}: must be 'short', shaped patches are fed by voltages")
+    if len(patches.drivers) < 2 or not patches.sensors:
+        what = f"{len(patches.drivers)} drive and {len(patches.sensors)} listen"
+        said.append(f"patches.sensors: {what}: two or more must drive and one or more listen")
+    if said:
+        raise InputError(f"{case.source or case.name}: {text}" for text in said)
+
+
+def hold(forced: ForcedPlate, design: Design, others: float) -> Travelling:
+    """The better of the pairs (N, N - 1) and (N, N + 1) among the plate's own modes, and further drives for the board."""
+    points, line = _points(design)
+    middle = 0.5 * sum(forced.band_hz)
+    known = motion_at(forced, points)
+    table = plate_table(forced, points, middle, known)
+    own = _mode(table, design, design.nodal_lines)
+    window = line & inner_window(points, *_window(design))
+    found: list[tuple[float, ModalTable, ModePair]] = []
+    for neighbour in (design.nodal_lines - 1, design.nodal_lines + 1):
+        other = _mode(table, design, neighbour)
+        if own is None or other is None or other == own:
+            continue
+        tone = float(np.sqrt(table.frequencies_hz[own] * table.frequencies_hz[other]))
+        at = plate_table(forced, points, tone, known)
+        pair = travelling_pair(at, (own, other), window, others)
+        found.append((pair.twr, at, pair))
+    if not found:
+        low, high = (end / KHZ for end in forced.band_hz)
+        raise SolverError(
+            f"the band from {low:g} to {high:g} kHz does not hold the wanted mode and a neighbour with one nodal line more or "
+            "less: widen it"
+        )
+    _, best, pair = max(found, key=lambda each: each[0])
+    volts = pair.drive.voltages
+    field = field_matrix(best, pair.frequency_hz)[window]
+    reach = best_travelling_drive(field, points[window, 0], pi / (design.half_wavelength_m or design.width_m))[0]
+    back = best_travelling_drive(field, -points[window, 0], pi / (design.half_wavelength_m or design.width_m))[0]
+    drives = {"pair+": volts, "pair-": _reversed(best, pair, window, others), "wave+": reach, "wave-": back}
+    unit = {name: np.asarray(each / np.abs(each).max()) for name, each in drives.items()}
+    return Travelling(forced, best, pair, window, line, unit)
+
+
+def _reversed(table: ModalTable, pair: ModePair, window: BoolArray, others: float) -> ComplexArray:
+    """The same pair towards -x: its places turned round."""
+    turned = replace(table, points_m=table.points_m * np.array([-1.0, 1.0]))
+    return travelling_pair(turned, pair.modes, window, others).drive.voltages
+
+
+def _points(design: Design) -> tuple[FloatArray, BoolArray]:
+    """Points over the zone (p, 2), m, and which of them are on its centre line."""
+    half = design.length_m / 2.0
+    step = 2.0 * half / ALONG
+    x = np.linspace(-half + step / 2.0, half - step / 2.0, ALONG)
+    y = design.width_m * (np.arange(ACROSS) - ACROSS // 2) / (ACROSS + 1.0)
+    grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    return grid, grid[:, 1] == 0.0
+
+
+def _window(design: Design) -> tuple[float, float]:
+    """From where to where the wave is judged, m: free of the ends' near field."""
+    k = pi / (design.half_wavelength_m or design.width_m)
+    margin = min(-log(NEAR_FIELD) / k, MOST_WINDOW * design.length_m)
+    return margin - design.length_m / 2.0, design.length_m / 2.0 - margin
+
+
+def share_of(table: ModalTable, design: Design, lines: int) -> FloatArray:
+    """Share of each mode's mass that moves as the zone's shape with so many nodal lines, (modes,)."""
+    shape = wanted_shape(replace(design, nodal_lines=lines), table.points_m)
+    per_point = design.material.density_kg_m3 * design.thickness_m * design.length_m * design.width_m / len(shape)
+    return np.asarray(per_point * (table.field @ shape) ** 2 / (shape @ shape))
+
+
+def _mode(table: ModalTable, design: Design, lines: int) -> int | None:
+    share = share_of(table, design, lines)
+    best = int(np.argmax(share))
+    return best if share[best] >= LEAST_SHARE else None
+
+
+def _record(held: Travelling, design: Design, others: float) -> TravelRecord:
+    pair, volts, tone = held.pair, held.drives["pair+"], held.pair.frequency_hz
+    plate = held.forced.driven_by(held.all_volts(volts))
+    curve, flow = plate.curve(np.array([tone])), power_flow(plate, tone)
+    zone = float(curve.zone_rms_m_per_v[0])
+    per_um = UM / zone
+    passive = None if curve.passive_rms_m_per_v is None else float(ratio_db(zone, curve.passive_rms_m_per_v[0]))
+    field = held.field(volts) * per_um
+    stand = held.forced.driven_by(held.forced.signs.astype(np.complex128))
+    standing = float(stand.curve(np.array([tone])).zone_rms_m_per_v[0])
+    shares = [share_of(held.table, design, lines) for lines in _neighbours(design)]
+    own = [int(np.argmax([share[mode] for share in shares])) for mode in pair.modes]
+    return TravelRecord(
+        model=f"{plate.plate.name} with {len(plate.plate.patches)} patches",
+        dof=sum(group.pencil.dof for group in plate.plate.groups),
+        frequency_hz=tone,
+        modes=[
+            HeldMode(
+                nodal_lines=_neighbours(design)[which],
+                frequency_hz=float(held.table.frequencies_hz[mode]),
+                share=float(shares[which][mode]),
+            )
+            for which, mode in zip(own, pair.modes, strict=True)
+        ],
+        others=others,
+        twr=pair.twr,
+        alone_twr=pair.alone,
+        best_twr=held.twr(held.drives["wave+"]),
+        wavenumber_per_m=pair.wavenumber,
+        window_m=(float(held.table.points_m[held.window, 0].min()), float(held.table.points_m[held.window, 0].max())),
+        confinement_db=passive,
+        drive_V_at_1um=per_um,
+        drivers=list(held.forced.drivers),
+        volts=[(float(each.real), float(each.imag)) for each in volts],
+        x_m=held.line_m.tolist(),
+        field_m=[(float(each.real), float(each.imag)) for each in field],
+        patches_W=(flow.patches_w * per_um**2).tolist(),
+        lost_W=flow.lost_w * per_um**2,
+        flow_x_m=flow.x_m.tolist(),
+        flow_W=(flow.flow_w * per_um**2).tolist(),
+        standing_flow_W=(power_flow(stand, tone).flow_w * (UM / standing) ** 2).tolist(),
+    )
+
+
+def _neighbours(design: Design) -> tuple[int, ...]:
+    return design.nodal_lines - 1, design.nodal_lines, design.nodal_lines + 1
+
+
+def lines(record: TravelRecord) -> list[str]:
+    """The result in words."""
+    modes = " and ".join(f"(0, {mode.nodal_lines}) at {mode.frequency_hz / KHZ:.3f} kHz" for mode in record.modes)
+    level = "" if record.confinement_db is None else f"; {record.confinement_db:.1f} dB above the passive face"
+    largest = max(record.flow_W, key=abs)
+    where = record.flow_x_m[record.flow_W.index(largest)]
+    return [
+        f"modes {modes}, held a quarter period apart at {record.frequency_hz / KHZ:.3f} kHz",
+        f"travelling-wave ratio {record.twr:.3f} from {record.window_m[0] / MM:.1f} to {record.window_m[1] / MM:.1f} mm, "
+        f"{record.alone_twr:.3f} by the two shapes alone, {record.best_twr:.3f} with any voltages; half a wave is "
+        f"{pi / abs(record.wavenumber_per_m) / MM:.2f} mm{level}",
+        f"{record.drive_V_at_1um:.3g} V for 1 um rms in the zone; then {1e3 * largest:.3g} mW flow through "
+        f"x = {where / MM:.1f} mm, {1e3 * record.lost_W:.3g} mW are lost in the plate",
+    ]

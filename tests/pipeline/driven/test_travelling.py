@@ -1,0 +1,175 @@
+"""A wave that travels in a small zone: the pair, its power, the six-channel table and the firmware's core playing it."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from firmware.emulate.beam import BeamSimulation, Structure
+from pipeline.board.table_file import from_bytes, to_bytes
+from pipeline.case.model import Case, case_from_dict
+from pipeline.driven import played, travelling
+from pipeline.driven.travelling import Travelling
+from pipeline.errors import InputError
+from pipeline.logs import TerminalLog
+from pipeline.plots.response import travelling_wave
+from pipeline.records.record import TravelRecord
+from pipeline.views import figures
+from solvers.errors import SolverError
+
+QUIET = TerminalLog(quiet=True)
+X_MM = (-46.0, -28.0, -10.0, 10.0, 28.0, 46.0, -55.0, -37.0, -19.0, 19.0, 37.0, 55.0)
+STRIP: dict[str, Any] = {
+    "name": "strip",
+    "material": "aluminium",
+    "plate": {"thickness_mm": 1.0},
+    "zone": {"length_mm": 120.0, "width_mm": 8.0, "nodal_lines": 6},
+    "array": {"rows": 0},
+    "solve": {"accuracy": 0.1, "band_kHz": [3.0, 9.0]},
+    "patches": {
+        "size_mm": [8.0, 4.0, 0.3],
+        "centres_mm": [[x, 0.0] for x in X_MM],
+        "sensors": [6, 7, 8, 9, 10, 11],
+    },
+}
+
+
+def case_of(**more: Any) -> Case:
+    return case_from_dict(STRIP, overrides=[(key.replace("__", "."), value) for key, value in more.items()])
+
+
+@pytest.fixture(scope="module")
+def core() -> None:
+    """The firmware's core compiled for this machine, or a skip with its reason."""
+    pytest.importorskip("cffi", reason="cffi is not installed: pip install cffi")
+    from firmware.host import NoCompiler, load
+
+    try:
+        load()
+    except NoCompiler as missing:
+        pytest.skip(str(missing))
+
+
+@pytest.fixture(scope="module")
+def solved() -> tuple[TravelRecord, Travelling]:
+    return travelling.solve(case_of(), QUIET)
+
+
+def test_the_wave_travels_and_carries_what_its_losses_take(solved: tuple[TravelRecord, Travelling]) -> None:
+    """Power flows the way the phase turns, many times what patches in phase let through; all that comes in is lost."""
+    record, _ = solved
+    assert {mode.nodal_lines for mode in record.modes} <= {5, 6, 7} and record.wavenumber_per_m > 0.0
+    assert record.modes[0].frequency_hz != record.modes[1].frequency_hz
+    assert sum(record.patches_W) == pytest.approx(record.lost_W, rel=1e-9)
+    flow = np.array(record.flow_W)
+    assert flow.max() > 10.0 * np.abs(record.standing_flow_W).max() and flow.min() > -0.05 * flow.max()
+    field = np.array(record.field_m) @ np.array([1.0, 1j])
+    inside = (np.array(record.x_m) >= record.window_m[0] - 1e-9) & (np.array(record.x_m) <= record.window_m[1] + 1e-9)
+    size = np.abs(field[inside])
+    assert record.twr == pytest.approx(2.0 * size.min() / (size.max() + size.min()), rel=1e-6)
+    assert record.twr <= record.best_twr + 1e-9
+
+
+def test_the_field_is_the_forced_plate_s_own(solved: tuple[TravelRecord, Travelling]) -> None:
+    """What the modal table says along the centre line against rms of the whole face, which the forced plate sums itself."""
+    record, held = solved
+    plate = held.forced.driven_by(held.all_volts(held.drives["pair+"]))
+    curve = plate.curve(np.array([record.frequency_hz]))
+    assert curve.zone_rms_m_per_v[0] * record.drive_V_at_1um == pytest.approx(1e-6, rel=1e-9)
+    x = np.array(record.x_m)
+    points, values = plate.shape(record.frequency_hz)
+    line = np.abs(points[:, 1]) < 1e-3
+    nearest = [int(np.argmin(np.hypot(*(points[line] - np.array([place, 0.0])).T))) for place in x]
+    theirs = values[line][nearest] * record.drive_V_at_1um
+    ours = np.array(record.field_m) @ np.array([1.0, 1j])
+    assert np.abs(ours - theirs).max() < 0.1 * np.abs(ours).max()  # the nearest points are up to half a millimetre away
+
+
+def test_backwards_is_the_mirror_image(solved: tuple[TravelRecord, Travelling]) -> None:
+    _, held = solved
+    forward, back = (held.field(held.drives[name])[held.window[held.line]] for name in ("pair+", "pair-"))
+    slopes = [np.polyfit(np.arange(len(each)), np.unwrap(np.angle(each)), 1)[0] for each in (forward, back)]
+    assert slopes[0] < 0.0 < slopes[1] and slopes[1] == pytest.approx(-slopes[0], rel=0.05)
+
+
+def test_the_table_holds_t_and_what_each_pattern_shows(solved: tuple[TravelRecord, Travelling], tmp_path: Path) -> None:
+    record, held = solved
+    found = played.told(held, QUIET, tmp_path, played=False)
+    assert found["tables"] == ["travelling_wave.bin", "travelling_wave.h"]
+    table = from_bytes((tmp_path / "travelling_wave.bin").read_bytes())
+    (shape,) = table.shapes
+    assert shape.frequency_hz == pytest.approx(record.frequency_hz, rel=1e-6)
+    matrix = np.array(shape.matrix)
+    assert matrix == pytest.approx(_sampled(played.structure(held), record.frequency_hz), rel=1e-3)
+    for pattern, volts in zip(shape.patterns, held.drives.values(), strict=True):
+        shown, target = matrix @ volts, np.array(pattern.targets)
+        assert target * shown[np.argmax(np.abs(shown))] == pytest.approx(shown, rel=1e-5)
+
+
+def _sampled(plate: Structure, frequency_hz: float) -> np.ndarray:
+    """T in the time domain: each drive alone a sampled tone until its start has decayed, then demodulated."""
+    quiet = dataclasses.replace(plate, noise=0.0)
+    settled, taken = int(20.0 * plate.slowest_s * plate.sample_rate_hz), 4000
+    tone = np.exp(2j * np.pi * frequency_hz / plate.sample_rate_hz * np.arange(settled + taken))
+    columns = []
+    for drive in np.eye(6):
+        simulation, heard = BeamSimulation(quiet), []
+        for level in tone.real:
+            heard.append(simulation.sense())
+            simulation.drive(level * drive)
+        base = np.column_stack([tone.real, -tone.imag])[settled:]
+        fitted = np.linalg.lstsq(base, np.array(heard)[settled:], rcond=None)[0]
+        columns.append(fitted[0] + 1j * fitted[1])
+    return np.array(columns).T
+
+
+def test_the_firmware_s_core_plays_the_wave(solved: tuple[TravelRecord, Travelling], core: None) -> None:
+    """The core of this machine, which the firmware's own tests compare with the image bit for bit; noise of 1e-3."""
+    from tests.helpers.hosted_boards import HostedSix
+
+    _, held = solved
+    board = HostedSix(to_bytes(played.table_of(held)), played.structure(held))
+    board.run(5e-3)
+    drives = []
+    for pattern in range(2):
+        function = board.lib.an_six_change if pattern else board.lib.an_six_start
+        assert function(board.app, pattern, *(() if pattern else (0.0,))) == 1
+        board.run(0.3)
+        assert board.state == 2, hex(board.faults)
+        drives.append(board.drives)
+    forward, back = played.patterns_of(
+        dataclasses.replace(held, drives=dict(list(held.drives.items())[:2])), np.array(drives)
+    )
+    for each in (forward, back):
+        assert each.twr == pytest.approx(each.twr_asked, abs=0.05) and each.error < 0.05
+
+
+def test_pictures_come_from_the_record_alone(solved: tuple[TravelRecord, Travelling], tmp_path: Path) -> None:
+    record, _ = solved
+    assert TravelRecord.model_validate(record.to_dict()) == record
+    assert "mW flow along the zone" in travelling_wave(record).alt
+    figures.write("travel", record.to_dict(), tmp_path / "travel.svg")
+    assert (tmp_path / "travel.svg").stat().st_size > 1000
+
+
+def test_what_cannot_be_is_one_line(solved: tuple[TravelRecord, Travelling]) -> None:
+    for change, said in (
+        ({"zone__nodal_lines": 1}, "rigid shapes do not travel"),
+        ({"patches__circuit": "open"}, "must be 'short'"),
+        ({"patches__sensors": []}, "12 drive and 0 listen"),
+    ):
+        with pytest.raises(InputError, match=said) as refused:
+            travelling.solve(case_of(**change), QUIET)
+        assert len(refused.value.lines) == 1
+    with pytest.raises(SolverError, match="does not hold the wanted mode and a neighbour"):
+        travelling.solve(case_of(solve__band_kHz=[20.0, 21.0]), QUIET)
+    _, held = solved
+    sensors = np.pad(held.table.sensors, ((0, 0), (0, 1)))
+    seven = dataclasses.replace(held, table=dataclasses.replace(held.table, sensors=sensors, sensor_residual=None))
+    with pytest.raises(InputError, match="6 drive and 7 listen, the board has 6"):
+        played.told(seven, QUIET, None, played=True)
+    assert played.told(seven, QUIET, None, played=False) == {}
