@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         Attenuation,
         Bands,
         Broadband,
+        Crosstalk,
         Hybrid,
         Modes,
         Predesign,
@@ -222,6 +223,13 @@ class Plate:
 
         record, _ = travelling.solve(self._case, _logged(progress), _hz(band_kHz), others)
         return Travel(record.to_dict() | self._about)
+
+    def crosstalk(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Crosstalk:
+        """Drive each of several zones in turn and measure all."""
+        from antinode.results import Crosstalk
+        from pipeline.driven import crosstalk
+
+        return Crosstalk(crosstalk.solve(self._case, _logged(progress), _hz(band_kHz), points).to_dict() | self._about)
 
     def search(
         self,

@@ -505,6 +505,26 @@ class Travel(Result):
         return f"<antinode.Travel: {self._document['frequency_hz']:.1f} Hz, travelling-wave ratio {self.twr:.3f}>"
 
 
+class Crosstalk(Result):
+    """Several zones on one plate, each driven in turn: levels of all of them over the driven one's, dB.
+
+    `plate.crosstalk()` computes one; here is what it holds.
+
+    >>> import antinode
+    >>> zones = [{"level_db": [0.0, -31.5]}, {"level_db": [-31.5, 0.0]}]
+    >>> float(antinode.Crosstalk({"zones": zones, "shared_rows": 3}).level_db[0, 1])
+    -31.5
+    """
+
+    kind = "crosstalk"
+    _dimensions = ("driven", "measured")
+
+    level_db = column("level_db", "zones", doc="Levels (driven zones, measured zones) in dB.")
+
+    def __repr__(self) -> str:
+        return f"<antinode.Crosstalk: {len(self.level_db)} zones>"
+
+
 class Search(Result):
     """What a search found: the best design beside the one it started from, every evaluation as a row; dB, Hz, mm, kg.
 
@@ -563,5 +583,18 @@ class Search(Result):
 
 KINDS: dict[str, type[Result]] = {
     kind.kind: kind
-    for kind in (Modes, Bands, Attenuation, Broadband, Response, Predesign, Tolerance, Touch, Hybrid, Travel, Search)
+    for kind in (
+        Modes,
+        Bands,
+        Attenuation,
+        Broadband,
+        Response,
+        Predesign,
+        Tolerance,
+        Touch,
+        Hybrid,
+        Travel,
+        Crosstalk,
+        Search,
+    )
 }

@@ -15,6 +15,7 @@ MARKS = {
     "response": "zone_rms_m_per_V",
     "tolerance": "samples",
     "touch": "states",
+    "crosstalk": "zones",
     "travel": "twr",
     "hybrid": "ways",
     "search": "evaluations",

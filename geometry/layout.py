@@ -160,6 +160,8 @@ class Design:
     Where rows differ, `graded` and `graded_pitches_m` hold one entry a row from the zone outwards, a row standing in the
     middle of a strip as wide as its pitch; pillar and pitch_y_m are then the first row's. Empty, all rows are alike.
     With `stagger` every other row, from the second on, stands half a pitch along x beside its neighbours.
+    `zones` of equal size lie side by side along y, centred, zone_gap_m between their borders; `shared_rows` stand in each gap,
+    the nearer half of them at either border. Width is one zone's, `rows` those beyond the outer zones.
     """
 
     length_m: float
@@ -175,11 +177,29 @@ class Design:
     graded: tuple[Pillar, ...] = ()
     graded_pitches_m: tuple[float, ...] = ()
     stagger: bool = False
+    zones: int = 1
+    shared_rows: int = 0
+    zone_gap_m: float = 0.0
 
     @property
     def is_staggered(self) -> bool:
         """Whether a row stands beside its neighbours."""
         return self.stagger and self.rows > 1
+
+    @property
+    def zone_centres_m(self) -> FloatArray:
+        """y of the middle of every zone, ascending, (zones,), m."""
+        return np.asarray((np.arange(self.zones) - (self.zones - 1) / 2.0) * (self.width_m + self.zone_gap_m))
+
+    @property
+    def outer_border_m(self) -> float:
+        """y of the outer border of the last zone, m."""
+        return self.width_m / 2.0 + float(self.zone_centres_m[-1])
+
+    @property
+    def one_zone(self) -> Design:
+        """One of its zones alone on a plate, with the same rows beyond it."""
+        return replace(self, zones=1, shared_rows=0, zone_gap_m=0.0)
 
     @property
     def is_graded(self) -> bool:
@@ -240,7 +260,7 @@ class Design:
             (self.row_pillars[0].footprint_m, self.row_pillars[-1].widest_m) if self.row_pillars else (0.0, 0.0)
         )
         rows_m = float(self._row_offsets()[-1]) + (first + last) / 2.0 if self.rows else 0.0
-        return self.width_m / 2.0 + rows_m + self.extension_m
+        return self.outer_border_m + rows_m + self.extension_m
 
     @property
     def is_mirrored(self) -> bool:
@@ -267,9 +287,21 @@ class Design:
         return np.asarray((np.arange(count) - (count - 1) / 2.0) * self.pitch_x_m)
 
     def row_centres(self) -> FloatArray:
-        """y of the rows on the positive side, shape (rows,), m: width/2 + footprint/2, then every pitch_y."""
+        """y of the rows beyond the last zone, shape (rows,), m: width/2 + footprint/2, then every pitch_y."""
         first = self.row_pillars[0].footprint_m if self.row_pillars else 0.0
-        return np.asarray(self.width_m / 2.0 + first / 2.0 + self._row_offsets())
+        return np.asarray(self.outer_border_m + first / 2.0 + self._row_offsets())
+
+    def row_places(self) -> FloatArray:
+        """y of every row of the plate, ascending, shape (2 rows + shared_rows (zones - 1),), m."""
+        outer = self.row_centres()
+        return np.concatenate([-outer[::-1], *map(self._shared, self.zone_centres_m[:-1]), outer])
+
+    def _shared(self, centre: float) -> FloatArray:
+        """y of the rows between the zone about `centre` and the next one."""
+        low, half = centre + self.width_m / 2.0, (self.shared_rows + 1) // 2
+        steps = self.pitch_y_m * np.arange(half) + self.footprint_m / 2.0
+        upper = low + self.zone_gap_m - steps[: self.shared_rows - half]
+        return np.concatenate([low + steps, upper[::-1]])
 
     def _row_offsets(self) -> FloatArray:
         """Distance of every row from the first, m: half of both strips between neighbours."""
@@ -280,17 +312,22 @@ class Design:
 
     def pillar_centres(self) -> FloatArray:
         """Centres of every pillar, shape (pillars, 2), m, row by row along y; empty without pillars."""
-        return self._centres(range(len(self.row_pillars)))
+        return self._centres(range(len(self.row_numbers)))
 
-    def _centres(self, rows: Sequence[int]) -> FloatArray:
-        """Centres of the pillars of some rows on both sides."""
-        y, both = self.row_centres(), [*((row, -1.0) for row in rows[::-1]), *((row, 1.0) for row in rows)]
-        columns = self.column_centres(0), self.column_centres(1)
-        lines = [(columns[row % 2], side * y[row]) for row, side in both]
+    @property
+    def row_numbers(self) -> tuple[int, ...]:
+        """Of every row of the plate along y its number from the border of a zone outwards; rows between zones are alike."""
+        own = range(len(self.row_pillars))
+        return (*own[::-1], *own[:1] * (self.shared_rows * (self.zones - 1)), *own)
+
+    def _centres(self, places: Sequence[int]) -> FloatArray:
+        """Centres of the pillars of some rows of the plate, numbered along y."""
+        columns, numbers = (self.column_centres(0), self.column_centres(1)), self.row_numbers
+        lines = [(columns[numbers[place] % 2], self.row_places()[place]) for place in places]
         return np.concatenate([np.empty((0, 2)), *(np.column_stack([x, np.full(len(x), at)]) for x, at in lines)])
 
     def standing(self) -> tuple[Stand, ...]:
         """Every kind of pillar with the centres where it stands."""
-        pillars = self.row_pillars
+        pillars = [self.row_pillars[number] for number in self.row_numbers]
         kinds = {kind: [row for row, pillar in enumerate(pillars) if pillar == kind] for kind in dict.fromkeys(pillars)}
         return tuple(Stand(kind, self._centres(own)) for kind, own in kinds.items())

@@ -262,7 +262,10 @@ def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> 
     """The whole plate, or its quarter x, y >= 0, with every pillar; a line runs along the zone's border."""
     x = _span(design.length_m / 2.0, False, quarter)
     y = _span(design.half_span_m, False, quarter)
-    y |= {v: False for v in (-design.width_m / 2.0, design.width_m / 2.0) if v >= min(y)}
+    borders = (
+        centre + side * design.width_m / 2.0 for centre in design.zone_centres_m.tolist() for side in (-1.0, 1.0)
+    )
+    y |= {v: False for v in borders if v >= min(y)}
     stands, reach = design.standing(), design.footprint_m / 2.0
     if quarter:
         stands = tuple(Stand(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in stands)

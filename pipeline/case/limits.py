@@ -31,6 +31,8 @@ GAP_UM: Range = (0.7, 100.0)
 
 MAX_WAVENUMBER = 3e6
 """rad/m: pi over the shortest length of a case."""
+MAX_ZONES = 20
+"""Each is a plate more to assemble."""
 MAX_PATCHES = 2000
 """Each patch drives a column of the forced response and has two wires of its own."""
 MAX_PATH = 20

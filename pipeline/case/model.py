@@ -19,6 +19,7 @@ from pipeline.case.reader import CaseValues as Values
 from pipeline.case.reader import read_values
 from pipeline.case.rows import INSTEAD, one_kind
 from pipeline.case.touch import Touch, read_touch
+from pipeline.case.zones import one_table, span_mm
 from pipeline.errors import InputError
 from pipeline.units import KHZ, MM
 from solvers.measures.confinement import wanted_symmetry
@@ -119,8 +120,14 @@ class Case:
             visible = (key if "." in key else f"[{key}]" for key in lacking)
             raise InputError(f"{where}: {name}: missing, {command} needs it" for name in visible)
 
-    def require_plate(self, command: str = "this command") -> None:
-        """InputError unless a finite plate is described: [plate], [zone] and, with pillars, array.rows."""
+    def require_plate(self, command: str = "this command", several: bool = False) -> None:
+        """InputError unless a finite plate is described: [plate], [zone] and, with pillars, array.rows; one zone unless
+        `several` may be.
+        """
+        if self.design.zones > 1 and not several:
+            where, count = self.source if self.source is not None else self.name, self.design.zones
+            what = f"{command} is of one zone alone, must be 1 (antinode crosstalk takes several)"
+            raise InputError(f"{where}: zone.count = {count}: {what}")
         self.require("plate", "zone", *(("array.rows",) if "pillar" in self.given else ()), command=command)
 
     def require_one_kind(self, command: str) -> None:
@@ -155,6 +162,9 @@ class Case:
         for key in ("graded", "graded_pitches_m", "stagger"):
             if not shape[key]:
                 del shape[key]
+        if self.design.zones == 1:
+            for key in ("zones", "shared_rows", "zone_gap_m"):
+                del shape[key]
         for each in (shape["pillar"], *shape.get("graded", ())) if pillar else ():
             each |= dict(each.pop("more_m"))
             if not each["tip"]:
@@ -179,6 +189,7 @@ def load_case(path: str | Path, overrides: Iterable[Override] = ()) -> Case:
 def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: Iterable[Override] = ()) -> Case:
     """The case of a parsed file; STEP paths are taken from the folder of `source`. InputError as load_case."""
     settings = _parsed(overrides)
+    raw = one_table(raw, str(source) if source is not None else "case")
     values = read_values(apply_overrides(raw, settings), source, [key for key, _ in settings])
     patches, touch, measured = None, None, _measured(values, source)
     if not values.diagnostics.touch("material", "plate", "zone", "pillar", "tip", "array"):
@@ -231,7 +242,17 @@ def _design(values: Values) -> Design:
         graded=pillars if len(set(pillars)) > 1 else (),
         graded_pitches_m=pitches if len(set(pitches)) > 1 else (),
         stagger=get("array.stagger", False),
+        **_zones(values),
     )
+
+
+def _zones(values: Values) -> dict[str, Any]:
+    """How many zones, the rows between them, and the distance of their borders in m."""
+    get = values.good.get
+    if (get("zone.count") or 1) == 1:
+        return {}
+    gap = get("zone.gap_mm") or span_mm(values.good, values.rows[0][1]) or nan
+    return {"zones": get("zone.count"), "shared_rows": get("zone.shared_rows") or 0, "zone_gap_m": MM * gap}
 
 
 def _pillar(values: Values, good: dict[str, Any], form: PillarShape | None) -> Pillar | None:

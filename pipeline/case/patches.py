@@ -33,6 +33,12 @@ def read_patches(values: CaseValues, design: Design) -> Patches | None:
         across = design.half_span_m - design.extension_m + MM * behind
         centres += tuple((place, side * across) for side in (-1.0, 1.0) for place, _ in centres)
         lengths *= 3
+    sensors = tuple(good["patches.sensors"])
+    if not good.get("patches.centres_mm") and design.zones > 1:  # the same patches in every zone
+        inner = len(centres) // (3 if good.get("patches.behind_mm") else 1)
+        centres = tuple((x, float(mid)) for mid in design.zone_centres_m for x, _ in centres[:inner]) + centres[inner:]
+        lengths = lengths[:inner] * design.zones + lengths[inner:]
+        sensors = tuple(inner * zone + number for zone in range(design.zones) for number in sensors)
     patches = Patches(
         material=PIEZO_MATERIALS.get(name, PIEZO_MATERIALS["pz26"]),
         size_m=(x, y, z),
@@ -40,7 +46,7 @@ def read_patches(values: CaseValues, design: Design) -> Patches | None:
         at="centres" if good.get("patches.centres_mm") else "antinodes",
         centres_m=centres,
         lengths_m=lengths,
-        sensors=tuple(good["patches.sensors"]),
+        sensors=sensors,
         drive_v=float(good["patches.drive_V"]),
         circuit=good["patches.circuit"],
     )

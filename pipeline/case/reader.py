@@ -17,6 +17,7 @@ from pipeline.case.diagnostics import Diagnostics, check_table, nearest
 from pipeline.case.limits import MAX_CONTRAST
 from pipeline.case.rows import INSTEAD, PITCHES, by_row, lists_of, named, normalise_rows
 from pipeline.case.schema import MATERIAL_ALLOWED, MATERIAL_OWNERS, NAME_ALLOWED, TABLES, MaterialTable, known_keys
+from pipeline.case.zones import check_zones
 from pipeline.units import GPA
 
 ALWAYS = ("solve", "bands", "damping")  # tables that hold settings only: absent means their defaults
@@ -120,7 +121,10 @@ def _read_shape(good: dict[str, Any], source: Path | None, diagnostics: Diagnost
 
 def _check_across(rows: tuple[tuple[dict[str, Any], PillarShape | None], ...], diagnostics: Diagnostics) -> None:
     for number, (good, form) in enumerate(rows, start=1):
-        _tell((_of_row(number, fault, good) for check in CHECKS for fault in check(good, form)), diagnostics)
+        _tell(
+            (_of_row(number, fault, good) for check in (*CHECKS, check_zones) for fault in check(good, form)),
+            diagnostics,
+        )
 
 
 def _of_row(number: int, fault: Diagnostic, good: dict[str, Any]) -> Diagnostic:

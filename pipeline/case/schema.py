@@ -87,6 +87,9 @@ class ZoneTable(Table):
     length_mm: float = positive(LENGTH_MM)
     width_mm: float = positive(LENGTH_MM)
     nodal_lines: int = whole(0, 1000)
+    count: int = whole(1, limits.MAX_ZONES, default=1)
+    shared_rows: int = whole(0, 1000, default=0)
+    gap_mm: float | None = optional(LENGTH_MM)
 
 
 def _pillar_table() -> type[Table]:

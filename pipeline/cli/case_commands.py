@@ -16,6 +16,7 @@ from pipeline.views.answer import Answer, emit, of_case
 from pipeline.views.rows import ROWS
 
 Band = tuple[float, float]
+SOLIDS = tuple(f"export {form}" for form in ("stl", "step", "3mf"))  # of any number of zones
 
 
 def _read(arguments: Namespace, *overrides: str) -> tuple[Case, TerminalLog, Band | None]:
@@ -105,7 +106,7 @@ def _refuse_options_without_effect(arguments: Namespace) -> None:
 
 def _require_part(case: Case, part: str, command: str = "") -> None:
     if part == "plate":
-        case.require_plate(command=command or "modes --part plate")
+        case.require_plate(command=command or "modes --part plate", several=command in SOLIDS)
     elif part == "zone":
         case.require("plate", "zone", command="modes --part zone")
     else:
@@ -304,6 +305,18 @@ def travel(arguments: Namespace) -> int:
     record = record.model_copy(update=played.told(held, log, place, arguments.board))
     lines = [*travelling.lines(record), *played.lines(record)]
     return _ran(arguments, "travel", record, lines, lambda: [travelling_wave(record)], log)
+
+
+def crosstalk(arguments: Namespace) -> int:
+    """Drive each of several zones and measure all."""
+    case, log, band = _read(arguments)
+    if arguments.explain:
+        return _explained(arguments, "of_crosstalk", case, band, arguments.points, bool(arguments.out))
+    from pipeline.driven import crosstalk as between
+    from pipeline.plots.response import crosstalk_figure
+
+    record = between.solve(case, log, band, arguments.points)
+    return _ran(arguments, "crosstalk", record, between.lines(record), lambda: [crosstalk_figure(record)], log)
 
 
 def _ran(arguments: Namespace, name: str, record: Any, lines: list[str], pictures: Any, log: TerminalLog) -> int:

@@ -158,7 +158,7 @@ def of_case(arguments: Namespace) -> Scene:
     from pipeline.measures.modes import nearest_rows
 
     case, log = load_case(arguments.target, arguments.set), TerminalLog(arguments.quiet)
-    case.require_plate(command="view")
+    case.require_plate(command="view", several=not arguments.solve)
     if not arguments.solve:
         return _solid(case, log)
     part_modes = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), log)

@@ -14,7 +14,7 @@ from pipeline.measures.geometry import GEOMETRY
 from pipeline.measures.measure import Measure
 from pipeline.measures.modes import MODES
 from pipeline.measures.parts import PARTS
-from pipeline.measures.response import HYBRID, RESPONSE, TRAVEL
+from pipeline.measures.response import CROSSTALK, HYBRID, RESPONSE, TRAVEL
 from pipeline.measures.tetrahedra import TETRAHEDRA
 from pipeline.measures.tolerance import TOLERANCE
 from pipeline.measures.touch import TOUCH
@@ -25,7 +25,7 @@ from pipeline.records.study import StoredStudy, read_study
 from pipeline.records.tables import Column
 
 MEASURES: tuple[Measure, ...] = (
-    *(MODES, BANDS, ATTENUATION, BROADBAND, RESPONSE, TOLERANCE, TOUCH, HYBRID, TRAVEL),
+    *(MODES, BANDS, ATTENUATION, BROADBAND, RESPONSE, TOLERANCE, TOUCH, HYBRID, TRAVEL, CROSSTALK),
     *(BOARD, PARTS, GEOMETRY, TETRAHEDRA),
 )
 
@@ -44,7 +44,7 @@ def chosen(query: Iterable[str]) -> list[Measure]:
 def check(case: Case, query: Iterable[str]) -> None:
     """InputError for a case that lacks what its measures need."""
     measures = chosen(query)
-    case.require_plate(command="a study")
+    case.require_plate(command="a study", several=all(measure in (CROSSTALK, GEOMETRY) for measure in measures))
     for measure in measures:
         if measure.needs:
             case.require(*measure.needs, command=f"the measure {measure.name}")

@@ -8,6 +8,7 @@ from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
 from pipeline.records.record import Record
 from pipeline.records.tables import Column, figures_of
+from pipeline.units import MM
 
 
 def _compute(work: Work) -> None:
@@ -116,4 +117,33 @@ TRAVEL = Measure(
         ),
     ),
     pictures=("response.travelling",),
+)
+
+
+def _compute_crosstalk(work: Work) -> None:
+    from pipeline.driven import crosstalk
+
+    work.keep(crosstalk=crosstalk.solve(work.case, work.log, meshes=work.meshes))
+
+
+_crosstalk = figures_of(lambda r: r.crosstalk)
+CROSSTALK = Measure(
+    "crosstalk",
+    plan=plan.crosstalk_step,
+    compute=_compute_crosstalk,
+    needs=("patches",),
+    drives=True,
+    columns=(
+        Column("crosstalk_gap_mm", "gap between zones", _crosstalk(lambda c: c.gap_m / MM), ".2f", "mm"),
+        Column("crosstalk_db", "largest cross-talk", _crosstalk(lambda c: c.worst_db), ".2f", "dB"),
+        Column("crosstalk_hz", "peak of the first zone, driven", _crosstalk(lambda c: c.zones[0].peak_hz), ".2f", "Hz"),
+        Column(
+            "crosstalk_passive_db",
+            "passive face, first zone driven",
+            _crosstalk(lambda c: c.zones[0].passive_db),
+            ".2f",
+            "dB",
+        ),
+    ),
+    pictures=("response.crosstalk",),
 )

@@ -66,6 +66,7 @@ def broadband(
 
 def _checked(case: Case) -> Design:
     case.require("plate", "zone", "pillar", "array.pitch_mm", "array.rows", command="broadband")
+    case.require_plate(command="broadband")
     design = case.design
     said = []
     if not design.rows:

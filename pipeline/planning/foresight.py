@@ -152,13 +152,17 @@ def part_modes(design: Design, part: str, frequency_hz: float) -> float:
     across = 2.0 * design.half_span_m
     plate = plate_modes(frequency_hz, design.length_m, across, design.thickness_m, design.material)
     own = Counter(design.row_pillars)
+    shared = design.shared_rows * (design.zones - 1) / 2.0  # a row stands for two, one on each side
+    if design.pillar and shared:
+        own[design.pillar] += shared  # type: ignore[assignment]
     return plate + sum(_per_row(design) * rows * pillar_modes(frequency_hz, pillar) for pillar, rows in own.items())
 
 
 def pillar_count(design: Design) -> int:
     """Number of pillars of the plate, without listing them."""
+    rows = 2 * design.rows + design.shared_rows * (design.zones - 1)
     shifted = design.rows // 2 if design.is_staggered else 0
-    return design.rows * _per_row(design) - 2 * shifted if design.row_pillars else 0
+    return rows * _per_row(design) // 2 - 2 * shifted if design.row_pillars else 0
 
 
 def _per_row(design: Design) -> int:

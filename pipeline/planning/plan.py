@@ -171,6 +171,11 @@ def of_travel(case: Case, band_hz: tuple[float, float] | None, drawn: bool) -> P
     return _plan(case, [travel_step(case, band_hz)], [simplifications.no_figures(drawn)])
 
 
+def of_crosstalk(case: Case, band_hz: tuple[float, float] | None, points: int, drawn: bool) -> Plan:
+    """Plan of `antinode crosstalk`. Raises InputError for a case without patches."""
+    return _plan(case, [crosstalk_step(case, band_hz, points)], [simplifications.no_figures(drawn)])
+
+
 def modes_step(case: Case, request: Request) -> Step:
     """Plan the modes of a part."""
     query = with_defaults(case, request)
@@ -223,9 +228,9 @@ def attenuation_step(case: Case, band_hz: tuple[float, float] | None, kx_per_m: 
     return replace(step, demand=foresight.of_attenuation(case, choice, points) if choice.reduction else None)
 
 
-def response_step(case: Case, band_hz: tuple[float, float] | None, points: int) -> Step:
+def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, several: bool = False) -> Step:
     """Plan the forced response to the patches."""
-    case.require_plate(command="response")
+    case.require_plate(command="response", several=several)
     case.require("patches", command="response")
     patches = case.patches
     assert patches is not None
@@ -280,6 +285,13 @@ def travel_step(case: Case, band_hz: tuple[float, float] | None = None) -> Step:
     lines = case.design.nodal_lines
     looks = f"the modes (0, {lines}) and (0, {lines - 1}) or (0, {lines + 1}), held at a frequency between theirs"
     return replace(step, measure="travel", name="a wave that travels in the zone", looks_for=looks)
+
+
+def crosstalk_step(case: Case, band_hz: tuple[float, float] | None = None, points: int = RESPONSE_POINTS) -> Step:
+    """Plan each zone driven and all measured."""
+    step = response_step(case, band_hz, points, several=True)
+    looks = f"{points} frequencies, each of {case.design.zones} zones driven in turn"
+    return replace(step, measure="crosstalk", name="cross-talk between zones", looks_for=looks)
 
 
 def _named(simplification: Simplification) -> set[str]:

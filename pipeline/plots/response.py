@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
-from pipeline.records.record import HybridRecord, ResponseRecord, ToleranceRecord, TravelRecord
+from pipeline.records.record import CrosstalkRecord, HybridRecord, ResponseRecord, ToleranceRecord, TravelRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import KHZ, MM, NM, UM
 from solvers.measures.levels import CONFINED_DB
@@ -238,3 +238,36 @@ def _alt_wave(record: TravelRecord) -> str:
         f"Modes {modes} held a quarter period apart at {record.frequency_hz / KHZ:.2f} kHz: travelling-wave ratio "
         f"{record.twr:.2f}, at most {1e3 * most:.3g} mW flow along the zone for 1 um rms"
     )
+
+
+def crosstalk(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
+    """Cross-talk of a case's record."""
+    return crosstalk_figure(case.record.crosstalk) if case.record.crosstalk else None
+
+
+def crosstalk_figure(record: CrosstalkRecord) -> ReportFigure:
+    """The table of levels, and every zone over frequency while the first is driven."""
+    figure, (table, over) = style.panels(3.4, 1, 2, width_ratios=(1.0, 1.6))
+    draw_crosstalk(table, record)
+    first = record.zones[0]
+    curves = {f"zone {i}": np.array(rms) / NM for i, rms in enumerate(first.over_rms_m_per_V, start=1)}
+    style.draw_lines(over.semilogy, np.array(record.frequency_hz) / KHZ, curves)
+    style.mark(over, first.peak_hz / KHZ)
+    over.set(xlabel=FREQUENCY, ylabel="rms u_z (nm/V)", title="Zone 1 driven")
+    over.legend(fontsize=8)
+    worst = "one zone" if record.worst_db is None else f"at most {record.worst_db:.1f} dB in another zone"
+    alt = f"Cross-talk between {len(record.zones)} zones, {record.shared_rows} rows between two of them: {worst}"
+    return ReportFigure("crosstalk", "Cross-talk between zones", alt, figure, vector=True)
+
+
+def draw_crosstalk(axes: Any, record: CrosstalkRecord) -> None:
+    """Level of every zone while each of them is driven, dB."""
+    levels = np.array([zone.level_db for zone in record.zones])
+    names = range(1, len(levels) + 1)
+    axes.imshow(levels, cmap=style.QUALITY, vmin=-60.0, vmax=0.0)
+    for row, column in np.ndindex(levels.shape):
+        colour = "black" if levels[row, column] > -25.0 else "white"
+        axes.text(column, row, f"{levels[row, column]:.1f}", ha="center", va="center", color=colour)
+    axes.set_xticks(range(len(levels)), names)
+    axes.set_yticks(range(len(levels)), names)
+    axes.set(xlabel="zone measured", ylabel="zone driven", title="dB over the driven zone")

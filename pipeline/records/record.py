@@ -97,6 +97,7 @@ class PillarRecord(Open):
 class DesignRecord(Part):
     """The design, as tables and pictures need it; pillar_centres_m: (x, y) from the plate's centre, row by row along y.
 
+    zone_centres_m: y of every zone where there are several.
     graded_pillars and graded_widths_m (of the rows' strips) hold one entry a row from the zone outwards where rows differ:
     pillar is then the first row's.
     """
@@ -115,6 +116,7 @@ class DesignRecord(Part):
     graded_pillars: list[PillarRecord] = []
     graded_widths_m: list[float] = []
     staggered: bool = False
+    zone_centres_m: list[float] = []
 
     @classmethod
     def of_design(cls, design: Design) -> DesignRecord:
@@ -124,6 +126,7 @@ class DesignRecord(Part):
         if design.is_graded:
             shapes = [PillarRecord.of_pillar(pillar) for pillar in design.row_pillars]
             own |= {"graded_pillars": shapes, "graded_widths_m": design.row_pitches_m.tolist()}
+        own["zone_centres_m"] = design.zone_centres_m.tolist() if design.zones > 1 else []
         return cls.of(design, pillar=shape, pillar_centres_m=design.pillar_centres().tolist(), **own)
 
     @property
@@ -142,7 +145,9 @@ class DesignRecord(Part):
         """The pillar at each of pillar_centres_m."""
         if not self.pillar or not self.rows:
             return []
-        rows = self.graded_pillars or [self.pillar] * self.rows
+        if not self.graded_pillars:
+            return [self.pillar] * len(self.pillar_centres_m)
+        rows = self.graded_pillars
         counts = Counter(y for _, y in self.pillar_centres_m).values()  # row by row along y
         return [each for pillar, count in zip((*rows[::-1], *rows), counts, strict=True) for each in [pillar] * count]
 
@@ -557,6 +562,38 @@ class TravelRecord(Part):
     tables: list[str] = []
 
 
+class DrivenZone(Part):
+    """One zone driven at its own peak: rms of u_z of every zone, and their levels over the driven zone's, dB.
+
+    passive_db: the same of the passive face, None without one; over_rms_m_per_V: (zones, n) over the record's frequencies.
+    """
+
+    centre_m: float
+    drivers: list[int]
+    peak_hz: float
+    rms_m_per_V: list[float]
+    level_db: list[float]
+    passive_db: float | None
+    over_rms_m_per_V: list[list[float]]
+
+
+class CrosstalkRecord(Part):
+    """Zones on one plate, each driven in turn with the others' patches held at 0 V."""
+
+    model: str
+    dof: int
+    shared_rows: int
+    gap_m: float
+    frequency_hz: list[float]
+    zones: list[DrivenZone]
+
+    @property
+    def worst_db(self) -> float | None:
+        """The largest level of a zone while another is driven; None with one zone."""
+        others = [level for i, zone in enumerate(self.zones) for j, level in enumerate(zone.level_db) if i != j]
+        return max(others, default=None)
+
+
 class LoadedModeRecord(Part):
     """The wanted mode under a finger: detuning, what it adds to 1/Q, and how much of the free mode is left in it, of 1."""
 
@@ -847,6 +884,7 @@ class Record(Part):
     touch: TouchRecord | None = None
     hybrid: HybridRecord | None = None
     travel: TravelRecord | None = None
+    crosstalk: CrosstalkRecord | None = None
     board: BoardRecord | BoardFault | None = None
     predesign: PredesignRecord | None = None
     zone_modes: ModesRecord | None = None

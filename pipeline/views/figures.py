@@ -19,6 +19,7 @@ from pipeline.records.record import (
     AttenuationRecord,
     BandsRecord,
     BroadbandRecord,
+    CrosstalkRecord,
     HybridRecord,
     Part,
     ResponseRecord,
@@ -128,6 +129,11 @@ def travel(ax: Any, document: Document) -> None:
     of_response.draw_wave(ax, _read(TravelRecord, document))
 
 
+def crosstalk(ax: Any, document: Document) -> None:
+    """Level of every zone while each of them is driven, dB."""
+    of_response.draw_crosstalk(ax, _read(CrosstalkRecord, document))
+
+
 def compare(ax: Any, document: Document) -> None:
     """Relative differences of two designs as bars, the largest last and so on top."""
     known = sorted((row for row in document["rows"] if row["difference"]), key=lambda row: abs(row["difference"]))
@@ -139,5 +145,18 @@ def compare(ax: Any, document: Document) -> None:
 
 FIGURES: dict[str, Callable[[Any, Document], None]] = {
     each.__name__: each
-    for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, touch, hybrid, travel, compare)
+    for each in (
+        modes,
+        bands,
+        attenuation,
+        broadband,
+        response,
+        predesign,
+        tolerance,
+        touch,
+        hybrid,
+        travel,
+        crosstalk,
+        compare,
+    )
 }

@@ -95,6 +95,15 @@ def travel(document: Document) -> Rows:
     return [{"x_m": x, "re_m": re, "im_m": im, "size_m": abs(complex(re, im))} for x, (re, im) in places]
 
 
+def crosstalk(document: Document) -> Rows:
+    """One row a driven zone and a measured one, counted from 1 at the lowest y."""
+    return [
+        {"driven": driven, "measured": measured, "peak_hz": zone["peak_hz"], "rms_m_per_V": rms, "level_db": level}
+        for driven, zone in enumerate(document["zones"], start=1)
+        for measured, (rms, level) in enumerate(zip(zone["rms_m_per_V"], zone["level_db"], strict=True), start=1)
+    ]
+
+
 def search(document: Document) -> Rows:
     """One row an evaluated design, its varied keys first."""
     return [
@@ -107,5 +116,18 @@ def search(document: Document) -> Rows:
 
 ROWS: dict[str, Callable[[Document], Rows]] = {
     each.__name__: each
-    for each in (modes, bands, attenuation, broadband, response, predesign, tolerance, touch, hybrid, travel, search)
+    for each in (
+        modes,
+        bands,
+        attenuation,
+        broadband,
+        response,
+        predesign,
+        tolerance,
+        touch,
+        hybrid,
+        travel,
+        crosstalk,
+        search,
+    )
 }

@@ -76,12 +76,11 @@ def tile(design: Design, max_edge_m: float) -> Tiling:
     x, y = grid(design, max_edge_m)
     if not design.rows:
         return Tiling(x, y, {}, design.is_mirrored)
-    rows = design.row_centres()
-    feet_rows = np.concatenate([-rows[::-1], rows])
+    feet_rows = design.row_places()
     places = (np.searchsorted(y, feet_rows) - 1).tolist()
     pillars = dict(zip(places, (*design.graded[::-1], *design.graded), strict=True)) if design.graded else {}
-    numbers = [*range(design.rows)[::-1], *range(design.rows)]
-    centres = [(row, design.column_centres(number)) for row, number in zip(feet_rows.tolist(), numbers, strict=True)]
+    numbered = zip(feet_rows.tolist(), design.row_numbers, strict=True)
+    centres = [(row, design.column_centres(number)) for row, number in numbered]
     return Tiling(x, y, _feet(x, y, centres), design.is_mirrored, pillars)
 
 
@@ -90,9 +89,34 @@ def grid(design: Design, max_edge_m: float) -> tuple[FloatArray, FloatArray]:
     columns, pitch = design.column_centres() if design.rows else np.empty(0), design.pitch_x_m
     if design.is_staggered:
         columns, pitch = np.sort(np.concatenate([columns, design.column_centres(1)])), pitch / 2.0
-    half_x, half_y = design.length_m / 2.0, design.half_span_m
+    half_x = design.length_m / 2.0
     x = _lines_about(columns, pitch, half_x, max_edge_m) if len(columns) else _bare(-half_x, half_x, max_edge_m)
-    inner, outer, rows = design.width_m / 2.0, half_y, design.row_centres() if design.rows else np.empty(0)
+    rows = design.row_places() if design.rows else np.empty(0)
+    return x, _refined(_cuts(design) if design.zones == 1 else _cuts_between(design), rows, max_edge_m)
+
+
+def _cuts_between(design: Design) -> FloatArray:
+    """Lines across a plate of several zones: its ends, and those of every row's strip, a strip no wider than leaves each zone
+    its middle; without rows the zones' borders.
+    """
+    half, middles = design.width_m / 2.0, design.zone_centres_m
+    ends = [-design.half_span_m, design.half_span_m]
+    if not design.rows:
+        borders = np.concatenate([middles - half, middles + half])
+        return np.unique(np.round([*ends, *borders], DIGITS + 3))
+    for row in design.row_places():
+        for end in (row - design.pitch_y_m / 2.0, row + design.pitch_y_m / 2.0):
+            middle = middles[int(np.argmin(np.abs(middles - end)))]
+            toward = np.sign(row - middle)
+            end = end if (end - middle) * toward > half / 4.0 else middle + toward * half / 2.0
+            ends.append(min(max(float(end), ends[0]), ends[1]))
+    lines = np.unique(np.round(ends, DIGITS + 3))
+    return lines[np.concatenate([[True], np.diff(lines) > 10.0**-DIGITS])]
+
+
+def _cuts(design: Design) -> FloatArray:
+    """The same of a plate of one zone, whose rows may differ in width."""
+    inner, outer, rows = design.width_m / 2.0, design.half_span_m, design.row_centres() if design.rows else np.empty(0)
     upper = [inner, outer]
     if len(rows):
         reach = design.row_pitches_m / 2.0
@@ -101,9 +125,7 @@ def grid(design: Design, max_edge_m: float) -> tuple[FloatArray, FloatArray]:
         upper = [*starts, min(rows[-1] + reach[-1], outer)]
         if outer - upper[-1] > 10.0**-DIGITS:
             upper.append(outer)
-    cuts = np.unique(np.round([-c for c in upper] + upper, DIGITS + 3))
-    feet_rows = np.concatenate([-rows[::-1], rows])
-    return x, _refined(cuts, feet_rows, max_edge_m)
+    return np.unique(np.round([-c for c in upper] + upper, DIGITS + 3))
 
 
 def _lines_about(centres: FloatArray, pitch: float, end: float, longest: float) -> FloatArray:

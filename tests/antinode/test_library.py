@@ -20,7 +20,8 @@ pytestmark = pytest.mark.usefixtures("coarsest_cells")
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = ROOT / "examples" / "small.toml"
 NAMES = [
-    "Array", "Attenuation", "BandPath", "Bands", "Broadband", "Caution", "Damping", "Finger", "Hybrid", "InputError", "Mode",
+    "Array", "Attenuation", "BandPath", "Bands", "Broadband", "Caution", "Crosstalk",
+    "Damping", "Finger", "Hybrid", "InputError", "Mode",
     "Modes", "Patches", "Pillar", "Plate", "Predesign", "Response", "Scatter", "Search", "Solve", "SolverError",
     "SweepTable", "Tip", "Tolerance", "Touch", "Travel", "Wanted", "Zone", "__version__", "load", "open", "sweep",
 ]  # fmt: skip

@@ -1,0 +1,85 @@
+"""Several zones on one plate: each driven in turn, all measured."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.case.model import Case
+from pipeline.errors import InputError
+from pipeline.logs import Log
+from pipeline.models.patched_plate import forced_plate
+from pipeline.planning.plan import RESPONSE_POINTS
+from pipeline.records.record import CrosstalkRecord, DrivenZone, MeshRecord
+from pipeline.units import KHZ, MM
+from solvers.driven.crosstalk import zone_volts, zones_of
+from solvers.measures.levels import ratio_db
+
+
+def solve(
+    case: Case, log: Log, band_hz: tuple[float, float] | None = None, points: int = RESPONSE_POINTS,
+    meshes: list[MeshRecord] | None = None,
+) -> CrosstalkRecord:  # fmt: skip
+    """Drive one zone at its own peak and measure every zone. InputError for a case without patches that drive each zone."""
+    _check(case)
+    forced = forced_plate(case, log, band_hz, [] if meshes is None else meshes)
+    patches, design = case.patches, case.design
+    assert patches is not None
+    with log.step(f"{design.zones} zones, each driven in turn"):
+        zones, volts = zones_of(forced), zone_volts(forced, np.array(patches.centres_m))
+        tones = np.linspace(*forced.band_hz, points)
+        driven = []
+        for zone, fed in enumerate(volts):
+            peak = zones.peak_hz(fed, zone)
+            (at,) = zones.rms(fed, np.array([peak]))
+            over = zones.rms(fed, tones)
+            driven.append(
+                DrivenZone(
+                    centre_m=float(design.zone_centres_m[zone]),
+                    drivers=np.flatnonzero(fed).tolist(),
+                    peak_hz=peak,
+                    rms_m_per_V=at[:-1].tolist(),
+                    level_db=ratio_db(at[:-1], at[zone]).tolist(),
+                    passive_db=None if np.isnan(at[-1]) else float(ratio_db(at[-1], at[zone])),
+                    over_rms_m_per_V=over[:, :-1].T.tolist(),
+                )
+            )
+    record = CrosstalkRecord(
+        model=f"{forced.plate.name} with {patches.count} patches",
+        dof=sum(group.pencil.dof for group in forced.plate.groups),
+        shared_rows=design.shared_rows,
+        gap_m=design.zone_gap_m,
+        frequency_hz=tones.tolist(),
+        zones=driven,
+    )
+    for line in lines(record):
+        log.info(line)
+    return record
+
+
+def _check(case: Case) -> None:
+    case.require_plate(command="crosstalk", several=True)
+    case.require("patches", command="crosstalk")
+    patches, design = case.patches, case.design
+    assert patches is not None
+    said = []
+    if patches.circuit != "short":
+        said.append(f"patches.circuit = {patches.circuit!r}: must be 'short', zones at rest hold their patches at 0 V")
+    y = np.array([patches.centres_m[i][1] for i in patches.drivers])
+    bare = [i + 1 for i, mid in enumerate(design.zone_centres_m) if not (np.abs(y - mid) < design.width_m / 2.0).any()]
+    if bare:
+        said.append(f"patches.centres_mm: zone {', '.join(map(str, bare))} has no patch that drives it")
+    if said:
+        raise InputError(f"{case.source or case.name}: {text}" for text in said)
+
+
+def lines(record: CrosstalkRecord) -> list[str]:
+    """The table in words: a line a driven zone."""
+    between = f"{record.shared_rows} rows" if record.shared_rows else "no row"
+    head = f"{len(record.zones)} zones, {record.gap_m / MM:.2f} mm and {between} between two of them"
+    return [head if len(record.zones) > 1 else "one zone", *map(_of_zone, record.zones)]
+
+
+def _of_zone(zone: DrivenZone) -> str:
+    levels = ", ".join(f"{level:.1f}" for level in zone.level_db)
+    passive = "" if zone.passive_db is None else f"; passive face {zone.passive_db:.1f} dB"
+    return f"driven at y = {zone.centre_m / MM:.2f} mm, {zone.peak_hz / KHZ:.3f} kHz: zones at {levels} dB{passive}"

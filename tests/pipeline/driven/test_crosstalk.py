@@ -1,0 +1,202 @@
+"""Several zones on one plate: geometry, one zone as before, a whole solid, energy, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from geometry.hex.boxes import VOID, Boxes, hex_mesh, panel_boxes
+from geometry.mesh import Mesh
+from pipeline.case.model import Case, case_from_dict
+from pipeline.cli.main import main
+from pipeline.driven import crosstalk
+from pipeline.errors import InputError
+from pipeline.logs import TerminalLog
+from pipeline.models import parts
+from pipeline.models.patched_plate import forced_plate
+from pipeline.plots.response import crosstalk_figure
+from pipeline.records.record import CrosstalkRecord
+from solvers.driven.crosstalk import zone_volts, zones_of
+from solvers.driven.power_flow import power_flow
+from solvers.fem.eigen import modes_near
+from solvers.fem.solid import SolidModel
+from solvers.piezo.forced import ForcedPlate
+from solvers.superelement.build import PlateModel
+from tests.helpers.coarse_cells import mesh_coarsest
+from tests.helpers.scenes import STEEL_PILLARS
+
+QUIET = TerminalLog(quiet=True)
+ZONE = STEEL_PILLARS["zone"]
+BASE = {**STEEL_PILLARS, "solve": {"accuracy": 0.1, "band_kHz": [20.0, 50.0]}}
+PATCHES = {
+    "size_mm": [3.0, 2.0, 0.3],
+    "face": "touch",
+    "centres_mm": [[-5.0, -6.0], [5.0, 6.0], [0.0, 6.0]],
+    "sensors": [2],
+}
+TWO = [ZONE, {"shared_rows": 1}]
+
+
+def case_of(zone: Any = TWO, patches: Any = None, **more: Any) -> Case:
+    raw = {**BASE, "zone": zone} | ({"patches": patches} if patches else {})
+    return case_from_dict(raw, overrides=[(key.replace("__", "."), value) for key, value in more.items()])
+
+
+@pytest.fixture(scope="module")
+def forced() -> Iterator[ForcedPlate]:
+    with pytest.MonkeyPatch.context() as patch:
+        mesh_coarsest(patch)
+        yield forced_plate(case_of(patches=PATCHES), QUIET)
+
+
+def test_tables_are_one_table_and_rows_stand_between_the_zones() -> None:
+    """Two zones of 10 mm, one row of feet of 2 mm between them; three with four rows over a wider gap."""
+    design = case_of().design
+    assert design == case_of({**ZONE, "count": 2, "shared_rows": 1}).design
+    assert (design.zones, design.shared_rows) == (2, 1)
+    assert design.zone_gap_m == pytest.approx(2e-3) and design.zone_centres_m == pytest.approx([-6e-3, 6e-3])
+    assert design.row_places() == pytest.approx([-12e-3, 0.0, 12e-3])
+    assert design.half_span_m == pytest.approx(11e-3 + 2e-3 + 4e-3)
+    assert (
+        len(design.pillar_centres())
+        == 3 * len(design.column_centres())
+        == sum(len(s.centres) for s in design.standing())
+    )
+    far = [{**ZONE, "centre_y_mm": -40.0}, {"centre_y_mm": 0.0, "shared_rows": 4}, {"centre_y_mm": 40.0}]
+    design = case_of(far).design
+    gap = [-34.0, -29.0, -11.0, -6.0]
+    assert 1e3 * design.row_places() == pytest.approx([-46.0, *gap, *(-y for y in gap[::-1]), 46.0])
+    assert case_of({**ZONE, "count": 3, "shared_rows": 4, "gap_mm": 30.0}).design == design
+
+
+def test_one_zone_is_what_it_was(forced: ForcedPlate) -> None:
+    """Not a byte of the understood case differs, and its zone moves as the response says."""
+    assert case_of([ZONE]).to_dict() == case_of(ZONE).to_dict() == case_of({**ZONE, "count": 1}).to_dict()
+    assert not {"zones", "shared_rows", "zone_gap_m"} & case_of(ZONE).to_dict()["design"].keys()
+    with pytest.MonkeyPatch.context() as patch:
+        mesh_coarsest(patch)
+        single = forced_plate(case_of(ZONE, {**PATCHES, "centres_mm": [[-5.0, 0.0], [5.0, 1.0]], "sensors": []}), QUIET)
+    tones = np.array([25e3, 40e3])
+    curve, ours = single.curve(tones), zones_of(single).rms(single.signs, tones)
+    assert curve.passive_rms_m_per_v is not None
+    assert ours[:, 0] == pytest.approx(curve.zone_rms_m_per_v, rel=1e-9)
+    assert ours[:, 1] == pytest.approx(curve.passive_rms_m_per_v, rel=1e-9)
+
+
+def test_two_zones_meet_the_whole_solid_as_one_zone_does() -> None:
+    """Elastic modes of cells joined against one mesh of the plate on the lines of all cells: what the reduction leaves out
+    at coarse feet is as much with a row between two zones as without.
+    """
+    one, two = _apart(case_of(ZONE)), _apart(case_of())
+    assert two <= 1.5 * one < 0.03
+
+
+def _apart(case: Case) -> float:
+    """Largest relative difference of elastic modes between the joined plate and the solid."""
+    with pytest.MonkeyPatch.context() as patch:
+        mesh_coarsest(patch)
+        model = parts.build(case, "plate", 50e3, QUIET, [])
+    assert isinstance(model, PlateModel) and case.design.pillar
+    materials = {"plate": case.design.material, "pillar": case.design.pillar.material}
+    solid = SolidModel(_on_all_lines(model, case), materials, (), True)
+    apart = []
+    for symmetry in ("SS", "SA"):  # both zones alike, and against each other
+        ours, theirs = (np.sort(modes_near(each.pencil(symmetry), 20e3, 6).frequency_hz) for each in (model, solid))
+        apart.append(float(np.abs(ours / theirs - 1.0).max()))
+    return max(apart)
+
+
+def _on_all_lines(model: PlateModel, case: Case) -> Mesh:
+    """The quarter x, y >= 0 of the plate on the union of its panels' lines."""
+    design, tiling = case.design, model.tiling
+    lines: tuple[list[float], ...] = ([0.0], [0.0], [])
+    for place in tiling.representatives(False):
+        panel = tiling.panel(*place)
+        boxes = panel_boxes(panel, design.thickness_m, design.pillar, model.reductions.settings(panel))
+        for axis, own in enumerate((boxes.x, boxes.y)):
+            both = np.concatenate([own, -own]) if axis in panel.halved else own
+            lines[axis].extend(v for v in both + panel.middle[axis] if v > 0.0)
+        lines[2].extend(boxes.z)
+    x, y, z = (np.unique(np.round(each, 9)) for each in lines)
+    middles = [(each[1:] + each[:-1]) / 2.0 for each in (x, y, z)]
+    above = middles[2] > design.thickness_m
+    region = np.where(above, VOID, 0) * np.ones((len(x) - 1, len(y) - 1, 1), dtype=np.int64)
+    for cx, cy in design.pillar_centres():
+        near = [np.abs(middles[axis] - c) < 1e-3 for axis, c in enumerate((cx, cy))]
+        region[near[0][:, None, None] & near[1][None, :, None] & above] = 1
+    return hex_mesh(Boxes(x, y, z, region, ("plate", "pillar")), 3)
+
+
+def test_a_zone_s_motion_is_that_of_the_whole_face(forced: ForcedPlate) -> None:
+    """Both zones and the rest from the unfolded operating shape: points in y of either sign, weights by the nearest areas."""
+    zones, tone = zones_of(forced), 33e3
+    volts = zone_volts(forced, np.array([[-5e-3, -6e-3], [5e-3, 6e-3], [0.0, 6e-3]]))
+    assert np.array_equal(np.abs(volts), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    (ours,) = zones.rms(volts[0], np.array([tone]))
+    points, values = forced.driven_by(volts[0].astype(complex)).shape(tone)
+    weights = np.concatenate([basis.group.touch(basis.columns)[0].weights for basis in forced.modes[:1]])
+    weights = np.tile(weights, len(points) // len(weights))
+    for place, part in enumerate([points[:, 1] < -1e-3, points[:, 1] > 1e-3]):
+        part = part & (np.abs(points[:, 1]) < 11e-3)
+        rms = np.sqrt((weights[part] @ np.abs(values[part]) ** 2) / weights[part].sum())
+        assert ours[place] == pytest.approx(rms, rel=1e-9)
+    assert ours[0] != pytest.approx(ours[1], rel=0.05)
+    flow = power_flow(forced.driven_by(volts[0].astype(complex)), tone)
+    assert flow.patches_w.sum() == pytest.approx(flow.lost_w, rel=1e-9) and flow.lost_w > 0.0
+
+
+def test_what_one_zone_does_to_the_other_is_what_the_other_does_to_it(forced: ForcedPlate) -> None:
+    """The plate turned by half: patches at (-5, -6) and (5, 6) mm are each other's images, the sensor's mass aside."""
+    case = case_of(patches={**PATCHES, "centres_mm": [[-5.0, -6.0], [5.0, 6.0]], "sensors": []})
+    with pytest.MonkeyPatch.context() as patch:
+        mesh_coarsest(patch)
+        record = crosstalk.solve(case, QUIET, points=3)
+    first, second = record.zones
+    assert first.peak_hz == pytest.approx(second.peak_hz, rel=1e-6)
+    assert first.level_db == pytest.approx(second.level_db[::-1], abs=1e-4) and first.level_db[0] == 0.0
+    assert record.worst_db == max(first.level_db[1], second.level_db[0])
+    assert CrosstalkRecord.model_validate(record.to_dict()) == record
+    assert f"{record.worst_db:.1f} dB" in crosstalk_figure(record).alt
+
+
+def test_patches_of_the_antinodes_stand_in_every_zone() -> None:
+    case = case_of(patches={"size_mm": [2.0, 2.0, 0.3], "sensors": [1]})
+    assert case.patches is not None and case.patches.count == 8
+    assert case.patches.sensors == (1, 5) and case.patches.drivers == (0, 2, 3, 4, 6, 7)
+    assert 1e3 * np.array(case.patches.centres_m)[:, 1] == pytest.approx([-6.0] * 4 + [6.0] * 4)
+
+
+@pytest.mark.parametrize(
+    ("zone", "said"),
+    [
+        (
+            [ZONE, {"width_mm": 12.0, "shared_rows": 1}],
+            r"\[\[zone\]\] 2: width_mm = 12.0: must be 10.0 as in the first",
+        ),
+        ([ZONE, {"shared_rows": 1}, {"shared_rows": 2}], "must be the same between all zones"),
+        ([ZONE, {}], "the zones touch"),
+        ([{**ZONE, "centre_y_mm": -6.0}, {}], "must be a number in every table or in none"),
+        ([{**ZONE, "centre_y_mm": 0.0}, {"centre_y_mm": 20.0}], "must ascend evenly about 0"),
+        ({**ZONE, "count": 2, "shared_rows": 2, "gap_mm": 3.0}, "must be at least 7, which 2 rows take"),
+        ({**ZONE, "count": 2, "shared_rows": 1, "gap_mm": 9.0}, "must be even where the gap 9 mm leaves room"),
+        ({**ZONE, "shared_rows": 2}, "must be left out with one zone"),
+    ],
+)
+def test_zones_that_cannot_be_are_one_line(zone: Any, said: str) -> None:
+    with pytest.raises(InputError, match=said) as refused:
+        case_of(zone)
+    assert len(refused.value.lines) == 1
+
+
+def test_commands_of_one_zone_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = Path(__file__).resolve().parents[3] / "examples" / "two-zones.toml"
+    for command in ("modes", "response", "hybrid", "travel", "broadband"):
+        assert main([command, str(file), "--quiet"]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "zone.count = 2" in line and "one zone alone" in line
+    with pytest.raises(InputError, match="zone 2 has no patch that drives it"):
+        crosstalk.solve(case_of(patches={**PATCHES, "centres_mm": [[-5.0, -6.0]], "sensors": []}), QUIET)
