@@ -11,16 +11,19 @@ import argparse
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from geometry.files import written_whole
 from geometry.hex.boxes import hex_mesh, pillar_boxes
 from pipeline.case.model import load_case
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
+from pipeline.plots import style
+from pipeline.plots.response import hybrid_levels, travelling_wave
 from pipeline.plots.touch import power_by_design
 from pipeline.records import outputs
 from pipeline.records.record import Record, TouchRecord
@@ -33,6 +36,9 @@ from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
 from solvers.measures.levels import CONFINED_DB
 from studies import ladder
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "thesis-reproduction.md"
 STUDIES = ("rows", "extension", "periodicity", "prototype", "height", "cell")
@@ -201,8 +207,6 @@ def _off_mm(heights: tuple[float, ...], own: tuple[float, ...]) -> float | None:
 
 def draw_outlook(folder: Path) -> Path | None:
     """The picture: both designs' levels over frequency. None where the study is not stored."""
-    from pipeline.plots import style
-
     try:
         records = [case.record for case in read_study(folder / "graded").cases if case.record.broadband]
     except BadRecord:
@@ -276,6 +280,117 @@ def _glass_row(record: Record) -> tuple[str, ...]:
     )
 
 
+@dataclass(frozen=True)
+class Wish:
+    """A wish of the thesis' outlook that a study of ours answers: its table and its picture, once the study is stored."""
+
+    study: str
+    title: str
+    words: str
+    headings: tuple[str, ...]
+    row: Callable[[Record], tuple[str, ...] | None]
+    draw: Callable[[list[Record]], Figure]
+
+    def text(self, folder: Path) -> str:
+        """The section, its picture drawn beside the page; nothing while the study is not stored."""
+        try:
+            records = [case.record for case in read_study(folder / self.study).cases]
+        except BadRecord:
+            return ""
+        rows = {row: record for record in records if (row := self.row(record))}
+        if not rows:
+            return ""
+        picture = f"pictures/{self.study}.svg"
+        with style.style(), written_whole(PAGE.parent / picture) as temporary:
+            self.draw([*rows.values()]).savefig(temporary, format="svg", bbox_inches="tight", metadata={"Date": None})
+        body = outputs.markdown(self.headings, [*rows])
+        words = f"{self.words} (`antinode run {self.study}`)."
+        return f"\n## Outlook: {self.title}\n\n{words}\n\n{body}\n![{self.title}]({picture})\n"
+
+
+def _of_hybrid(record: Record) -> tuple[str, ...] | None:
+    found = record.hybrid
+    if found is None or found.wanted_hz is None:
+        return None
+
+    def level(way: str, values: str = "confinement_db", unit: str = "dB") -> str:
+        figure = found.at_wanted(way, values) if found else None
+        return "none" if figure is None else f"{figure:.3g} {unit}"
+
+    off = [level("rows", "rows_off_db"), level("patches", "off_db"), level("both", "rows_off_db")]
+    volts = [level(way, "volts_per_um", "V") for way in ("rows", "patches", "both")]
+    levels = [level(way) for way in ("neither", "rows", "patches", "both")]
+    return f"{record.design.rows if record.design else '?'}", f"{found.wanted_hz / 1e3:.2f} kHz", *levels, *off, *volts
+
+
+def _of_travel(record: Record) -> tuple[str, ...] | None:
+    found = record.travel
+    if found is None:
+        return None
+    level = "none" if found.confinement_db is None else f"{found.confinement_db:.1f} dB"
+    watts = max(map(abs, found.flow_W)), max(map(abs, found.standing_flow_W))
+    ratios = (f"{found.twr:.2f}", f"{found.best_twr:.2f}", level)
+    rows = f"{record.design.rows if record.design else '?'}"
+    return (
+        *(rows, f"{found.frequency_hz / 1e3:.2f} kHz", *ratios, f"{found.drive_V_at_1um:.3g} V"),
+        *(f"{1e3 * each:.3g} mW" for each in watts),
+    )
+
+
+def _of_zones(record: Record) -> tuple[str, ...] | None:
+    found = record.crosstalk
+    if found is None or found.worst_db is None:
+        return None
+    first = found.zones[0]
+    passive = "none" if first.passive_db is None else f"{first.passive_db:.1f} dB"
+    gap, tone = f"{1e3 * found.gap_m:.1f} mm", f"{first.peak_hz / 1e3:.2f} kHz"
+    return f"{found.shared_rows}", gap, tone, f"{found.worst_db:.1f} dB", passive
+
+
+def _by_gap(records: list[Record]) -> Figure:
+    figure, axes = style.panels(3.0)
+    known = sorted(
+        (r.crosstalk.gap_m, r.crosstalk.worst_db) for r in records if r.crosstalk and r.crosstalk.worst_db is not None
+    )
+    axes.plot([1e3 * gap for gap, _ in known], [level for _, level in known], "o-", color=style.BLUE)
+    axes.set(xlabel="gap between the zones (mm)", ylabel="other zone over the driven one (dB)")
+    return figure
+
+
+WISHES = (
+    Wish(
+        "hybrid",
+        "rows and patches together",
+        "The thesis wishes for passive and active confinement together. At the peak of the wanted mode: patches inside the "
+        "zone in phase (neither, rows), or all with voltages shaped for contrast, those behind the rows too (patches, both); "
+        "with the pillars' resonances off by 2 % (every resonance where there are no rows); the largest voltage for 1 um rms",
+        (
+            *("rows", "at", "neither", "rows alone", "patches alone", "both", "rows, off", "patches, off", "both, off"),
+            *("rows, drive", "patches, drive", "both, drive"),
+        ),
+        _of_hybrid,
+        lambda records: hybrid_levels(records[-1].hybrid).figure,  # type: ignore[arg-type]
+    ),
+    Wish(
+        "travelling",
+        "a wave that travels inside the zone",
+        "Two modes held a quarter period apart by six patches, for 1 um rms in the zone. The ratio is that of the pair, and "
+        "of any voltages; the power is the largest through a section, as held and with all patches in phase",
+        ("rows", "at", "ratio", "any voltages", "confinement", "drive", "power along the zone", "in phase"),
+        _of_travel,
+        lambda records: travelling_wave(records[-1].travel).figure,  # type: ignore[arg-type]
+    ),
+    Wish(
+        "zones",
+        "two zones on one plate",
+        "Two zones of the thesis with rows between them, one driven at its own peak",
+        ("shared rows", "gap", "at", "the other zone", "passive face"),
+        _of_zones,
+        _by_gap,
+    ),
+)
+
+
 def table(rows: list[Row]) -> str:
     """A table in Markdown."""
     return outputs.markdown(HEADINGS, rows)
@@ -292,7 +407,8 @@ def text(folder: Path) -> str:
     chapters |= {"beam": "active beam (chapter 3)", "shaping": "shaping (chapter 3)", "dq": "closed loop (chapter 2)"}
     for model in ACTIVE:
         page += f"\n## `antinode active {model}`: {chapters[model]}\n\n" + table(active(model))
-    return page + outlook(folder) + finger(folder) + glass(folder)
+    wishes = "".join(wish.text(folder) for wish in WISHES)
+    return page + outlook(folder) + finger(folder) + glass(folder) + wishes
 
 
 def main() -> int:

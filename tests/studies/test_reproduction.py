@@ -9,7 +9,15 @@ from typing import Any
 import pytest
 
 from pipeline.batch.study_file import load_study
-from pipeline.records.record import PillarRecord, TipRecord, TouchRecord, TouchStateRecord, WantedMode
+from pipeline.records.record import (
+    CrosstalkRecord,
+    DrivenZone,
+    PillarRecord,
+    TipRecord,
+    TouchRecord,
+    TouchStateRecord,
+    WantedMode,
+)
 from studies import reproduction
 from tests.helpers.synthetic import design
 
@@ -106,3 +114,29 @@ def test_the_cover_glass_appears_once_its_study_is_stored(tmp_path: Path, monkey
     tips = "1 mm wide, 2 mm high | 1.5 mm wide, 0.9 mm high"
     assert f"| 3 | {tips} | 20 mm | 30.00 kHz, single | 15.5 +- 0.2 dB |" in page
     assert "| 0 | none | none | 20 mm | none | none |" in page
+
+
+def test_a_wish_stands_on_the_page_once_its_study_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows come from the records; a record without the figure leaves its row out, and no row leaves the section out."""
+    monkeypatch.setattr(reproduction, "PAGE", tmp_path / "page.md")
+    (tmp_path / "pictures").mkdir()
+    assert all(wish.text(tmp_path) == "" and load_study(wish.study).name == wish.study for wish in reproduction.WISHES)
+
+    def zone(level: float) -> DrivenZone:
+        own = {"centre_m": 0.0, "drivers": [0], "peak_hz": 34.9e3, "rms_m_per_V": [1e-9, 1e-10], "over_rms_m_per_V": []}
+        return DrivenZone(**own, level_db=[0.0, level], passive_db=None)
+
+    def record(rows: int, level: float) -> SimpleNamespace:
+        found = CrosstalkRecord(
+            model="", dof=1, shared_rows=rows, gap_m=rows * 4e-3, frequency_hz=[], zones=[zone(level)]
+        )
+        return SimpleNamespace(crosstalk=found)
+
+    cases = [
+        SimpleNamespace(record=each) for each in (record(2, -3.0), SimpleNamespace(crosstalk=None), record(6, -21.0))
+    ]
+    monkeypatch.setattr(reproduction, "read_study", lambda folder: SimpleNamespace(cases=cases))
+    zones = next(wish for wish in reproduction.WISHES if wish.study == "zones")
+    page = zones.text(tmp_path)
+    assert "| 2 | 8.0 mm | 34.90 kHz | -3.0 dB | none |" in page and page.count("\n|") == 4
+    assert (tmp_path / "pictures" / "zones.svg").stat().st_size > 1000
