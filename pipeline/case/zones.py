@@ -85,6 +85,8 @@ def check_zones(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
     for name in ("heights_mm", "sides_mm", "pitches_y_mm"):
         if values := good.get(f"array.{name}"):
             yield f"array.{name}", values, "must be left out with several zones, between which rows have no order"
+    if good.get("array.stagger"):
+        yield "array.stagger", True, "must be left out with several zones, between which rows stand in line"
     if shared and ("pillar" not in good or not good.get("array.rows")):
         yield "zone.shared_rows", shared, "needs a [pillar] and array.rows of 1 or more"
         return

@@ -104,12 +104,15 @@ def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> ReportFi
 
 def _dimensions(design: DesignRecord, geometry: GeometryRecord | None) -> str:
     plate = f"plate {design.length_m / MM:g} × {2 * design.half_span_m / MM:.5g} × {design.thickness_m / MM:g} mm"
-    words = [plate, f"zone {design.width_m / MM:g} mm wide"]
+    zones = len(design.zone_centres_m)
+    words = [plate, f"{f'{zones} zones' if zones else 'zone'} {design.width_m / MM:g} mm wide"]
     pillar, pitch_m = design.pillar, design.pitch_x_m
     if pillar and pitch_m:
-        columns = -(-len(design.pillar_centres_m) // max(1, 2 * design.rows))
+        rows = len({y for _, y in design.pillar_centres_m})
+        columns = -(-len(design.pillar_centres_m) // max(1, rows))
+        count = f"2 × {design.rows}" if rows == 2 * design.rows else f"{rows}"
         words.append(
-            f"2 × {design.rows} rows of {columns} {pillar.shape} pillars {pillar.form.sizes_text}, "
+            f"{count} rows of {columns} {pillar.shape} pillars {pillar.form.sizes_text}, "
             f"{', '.join(f'{each.height_m / MM:g}' for each in design.pillars)} mm high, {pitch_m / MM:g} mm apart"
             f"{', every other row shifted by half of that' if design.staggered else ''}"
         )

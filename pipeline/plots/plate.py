@@ -50,8 +50,9 @@ def draw_outlines(axes: Axes, design: DesignRecord) -> None:
     from matplotlib.patches import Rectangle
 
     half, edge, span = design.length_m / 2 / MM, design.width_m / 2 / MM, design.half_span_m / MM
-    for side in (-edge, edge):
-        axes.plot([-half, half], [side, side], **ZONE_EDGE)
+    for middle in design.zone_centres_m or [0.0]:
+        for side in (middle / MM - edge, middle / MM + edge):
+            axes.plot([-half, half], [side, side], **ZONE_EDGE)
     feet = footprints_mm(design, np.reshape(design.pillar_centres_m, (-1, 2)))
     axes.add_patch(Rectangle((-half, -span), 2 * half, 2 * span, fill=False, ec="#333333", lw=0.6))
     axes.add_collection(PolyCollection(feet, facecolor="none", edgecolor="#333333", linewidth=0.45))

@@ -18,8 +18,11 @@ from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.models import parts
 from pipeline.models.patched_plate import forced_plate
+from pipeline.plots import style
+from pipeline.plots.mesh import _dimensions
+from pipeline.plots.plate import draw_outlines
 from pipeline.plots.response import crosstalk_figure
-from pipeline.records.record import CrosstalkRecord
+from pipeline.records.record import CrosstalkRecord, DesignRecord
 from solvers.driven.crosstalk import zone_volts, zones_of
 from solvers.driven.power_flow import power_flow
 from solvers.fem.eigen import modes_near
@@ -71,6 +74,16 @@ def test_tables_are_one_table_and_rows_stand_between_the_zones() -> None:
     gap = [-34.0, -29.0, -11.0, -6.0]
     assert 1e3 * design.row_places() == pytest.approx([-46.0, *gap, *(-y for y in gap[::-1]), 46.0])
     assert case_of({**ZONE, "count": 3, "shared_rows": 4, "gap_mm": 30.0}).design == design
+
+
+def test_pictures_show_every_zone_and_row() -> None:
+    design = DesignRecord.of_design(case_of().design)
+    assert len(design.standing) == len(design.pillar_centres_m) == 3 * 4
+    _, axes = style.panels(2.0)
+    draw_outlines(axes, design)
+    assert sorted(float(line.get_ydata()[0]) for line in axes.lines) == pytest.approx([-11.0, -1.0, 1.0, 11.0])
+    words = _dimensions(design, None)
+    assert "2 zones 10 mm wide" in words and "3 rows of 4 square" in words
 
 
 def test_one_zone_is_what_it_was(forced: ForcedPlate) -> None:
