@@ -317,7 +317,7 @@ class Design:
     @property
     def row_numbers(self) -> tuple[int, ...]:
         """Of every row of the plate along y its number from the border of a zone outwards; rows between zones are alike."""
-        own = range(len(self.row_pillars))
+        own = tuple(range(len(self.row_pillars)))
         return (*own[::-1], *own[:1] * (self.shared_rows * (self.zones - 1)), *own)
 
     def _centres(self, places: Sequence[int]) -> FloatArray:

@@ -20,8 +20,8 @@ from geometry.elements import FloatArray
 from pipeline.case.model import Case, load_case
 from pipeline.case.overrides import read_toml
 from pipeline.explore.answer import BATCH, Explorer, Scene
-from pipeline.explore.cell_model import BANDS, MESH_ERROR, CellModel, cell_model
 from pipeline.logs import TerminalLog
+from pipeline.models.parametric import BANDS, MESH_ERROR, CellModel, cell_model
 from pipeline.models.unit_cell import lattice_model
 from pipeline.paths import ROOT, STUDIES
 from pipeline.planning.model_choice import cell_model_choice

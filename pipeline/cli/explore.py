@@ -47,8 +47,8 @@ def run(arguments: Namespace) -> int:
     case.require_plate("explore")
     case.require("pillar", "zone", command="explore")
     from pipeline.explore.answer import Explorer, Scene
-    from pipeline.explore.cell_model import cell_model
     from pipeline.logs import TerminalLog
+    from pipeline.models.parametric import cell_model
     from pipeline.records import outputs
 
     if arguments.export:

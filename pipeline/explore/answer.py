@@ -11,12 +11,11 @@ import numpy as np
 from scipy.stats import qmc
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import HexSettings, Panel
-from geometry.layout import Design
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, parse_override
 from pipeline.errors import InputError
-from pipeline.explore.cell_model import MESH_ERROR, CellModel
+from pipeline.models.live_column import LiveCell, live_modes
+from pipeline.models.parametric import MESH_ERROR, CellModel
 from pipeline.planning import mesh_rules
 from pipeline.search.fidelity import COLUMN, SLACK
 from pipeline.search.limits import mass_kg
@@ -25,23 +24,11 @@ from solvers.errors import SolverError
 from solvers.measures.confinement import measure_profile
 from solvers.parametric.affine import NAMES, Sizes, between
 from solvers.parametric.bands import bands
-from solvers.parametric.bare import bare_cell
-from solvers.parametric.cell import Inner, ParametricCell
-from solvers.parametric.chain import Chain
-from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.cell import Cell
-from solvers.superelement.interface import Interface
-from solvers.waves.column import Column
 from solvers.waves.evanescent import Row
 from solvers.waves.gaps import complete_gaps
 from solvers.waves.polarisation import label_of
 
-FACE, INNER = (
-    Interface(3, 2),
-    Inner(3, 3),
-)  # of rows and column: a few half-waves of the plate, far below the tenth band
-REACH = 6.0  # fixed-interface modes of panels that are meshed, in the top of the window
-PANEL = 3.0  # thicknesses: longest bare panel
 POINTS = 25  # frequencies of the decay per row
 STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve the wave
 PROFILE = 121  # places across the plate
@@ -125,58 +112,6 @@ def read_design(given: Any) -> dict[str, float]:
     if said:
         raise InputError(said)
     return {name: float(given[name]) for name in LIMITS}
-
-
-class LiveCell:
-    """The cell of rows and column, the last one kept: both ask for the same design."""
-
-    def __init__(self, model: ParametricCell) -> None:
-        self.model = model
-        self._last: tuple[Sizes, Cell] | None = None
-
-    def at(self, sizes: Sizes) -> Cell:
-        """The cell of a design. SolverError for one outside the box, by name."""
-        if self._last is None or self._last[0] != sizes:
-            self._last = sizes, self.model.at(sizes, INNER, FACE)
-        return self._last[1]
-
-
-class LiveReductions(Reductions):
-    """Reductions whose cells with a pillar come from the parametric cell and whose bare panels are polynomials."""
-
-    def __init__(self, live: LiveCell, design: Design, known: dict[str, Cell], high_hz: float) -> None:
-        hexahedra = HexSettings(3, 2.0 * design.thickness_m, 0)
-        settings = ReductionSettings(FACE, REACH * high_hz, hexahedra, PANEL * design.thickness_m)
-        super().__init__(design.thickness_m, design.material, design.pillar, settings, _Known(known))
-        self.live = live
-
-    def coarser(self, panel: Panel) -> None:
-        """Nobody asks a live answer for the error of its mesh."""
-
-    def cell(self, panel: Panel) -> Cell:
-        """The cell of a panel; one whose pillar does not stand in the middle of a square is meshed."""
-        width, depth = (high - low for low, high in zip(panel.low, panel.high, strict=True))
-        if panel.foot is None:
-            return bare_cell((width, depth, self.thickness_m), self.material, FACE)
-        if panel.free or abs(width - depth) > 1e-9 or panel.halved != (0, 1):
-            return super().cell(panel)
-        assert self.pillar is not None
-        return self.live.at((self.thickness_m, self.pillar.height_m, self.pillar.base_m, width))
-
-
-class _Known:
-    """Meshed cells of this session, the oldest dropped."""
-
-    def __init__(self, cells: dict[str, Cell], most: int = 400) -> None:
-        self.cells, self.most = cells, most
-
-    def get(self, key: str) -> Cell | None:
-        return self.cells.get(key)
-
-    def put(self, key: str, cell: Cell) -> None:
-        while len(self.cells) >= self.most:
-            self.cells.pop(next(iter(self.cells)))
-        self.cells[key] = cell
 
 
 class Explorer:
@@ -285,9 +220,7 @@ class Explorer:
 
     def _column(self, case: Case, window: tuple[float, float]) -> Document:
         design = case.design
-        column = Column(design, LiveReductions(self._live, design, self._bare, window[1]), case.kx_wanted_per_m)
-        frequency_hz, vectors = Chain(column, *window).solve(*window)
-        profile = column.profile(vectors)
+        frequency_hz, profile = live_modes(case, self._live, self._bare, window)
         level = measure_profile(profile, design)
         at = level.wanted.index if len(frequency_hz) else None
         if at is None:

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from geometry.elements import FloatArray
-from pipeline.explore.answer import BATCH, FACE, INNER, PANEL, POINTS, PROFILE, Explorer
-from pipeline.explore.cell_model import MESH_ERROR, CellModel
+from pipeline.explore.answer import BATCH, POINTS, PROFILE, Explorer
+from pipeline.models.live_column import FACE, INNER, PANEL
+from pipeline.models.parametric import MESH_ERROR, CellModel
 from pipeline.planning import mesh_rules
 from pipeline.search.fidelity import COLUMN, SLACK
 from solvers.parametric import bands, bare, chain

@@ -16,7 +16,7 @@ def put(folder: Path, case_path: Path) -> list[Path]:
     """Write the explorer of the study's case where its bases are in the cache: making them takes longer than most studies."""
     from pipeline.explore import offline
     from pipeline.explore.answer import Explorer, Scene
-    from pipeline.explore.cell_model import kept_model
+    from pipeline.models.parametric import kept_model
 
     try:
         raw = read_toml(case_path)

@@ -92,7 +92,9 @@ def evaluate(
     case: Case, fidelity: str, near_hz: float | None = None, cache: EvaluationCache | None = None
 ) -> FidelityResult:
     """Compute the wanted mode at a fidelity, near a frequency where one is known, or take it from the cache."""
-    question = {"case": case.to_dict(), "fidelity": fidelity, "near_hz": near_hz}
+    question: dict[str, Any] = {"case": case.to_dict(), "fidelity": fidelity, "near_hz": near_hz}
+    if fidelity == COLUMN and kept_cell(case):
+        question["cell"] = "parametric"
     stored = cache.get(question) if cache else None
     if stored is not None:
         return stored
@@ -100,6 +102,13 @@ def evaluate(
     if cache:
         cache.put(question, solved)
     return solved
+
+
+def kept_cell(case: Case) -> Any:
+    """The parametric cell where an explorer has made it; imported when asked for."""
+    from pipeline.models import parametric
+
+    return parametric.kept_cell(case)
 
 
 def _solved(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
@@ -115,11 +124,17 @@ def _solved(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
 
 def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
     from pipeline.models.cell_cache import CellCache
+    from pipeline.models.live_column import LiveCell, live_modes
+    from solvers.measures.confinement import measure_profile
     from solvers.superelement.build import Reductions
     from solvers.waves.column import Column
 
     design = case.design
     low, high = mesh_rules.wanted_window_hz(design)
+    cell = kept_cell(case)
+    if cell is not None:
+        frequency_hz, profile = live_modes(case, LiveCell(cell), {}, (low, high))
+        return _of_profile(fidelity, frequency_hz, measure_profile(profile, design))
     reduction = mesh_rules.plate_reduction(design, max(COLUMN_ACCURACY, case.solve.accuracy), _outwards(low, high)[1])
     reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
     solved = Column(design, reductions, case.kx_wanted_per_m).modes(low, high)

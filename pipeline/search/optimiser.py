@@ -24,6 +24,7 @@ from pipeline.search.fidelity import (
     FidelityResult,
     by_strip,
     evaluate,
+    kept_cell,
     window_around,
     worst,
 )
@@ -99,6 +100,8 @@ class _Search:
         case = self.space.case()
         with self.log.step("calibrate the strips on one column"):
             column = evaluate(case, COLUMN, None, self.cache)
+            if kept_cell(case):
+                self.log.info("columns by the parametric cell that the explorer made: a hundredth of the time")
             tried = [(softness, by_strip(case, softness).frequency_hz) for softness in np.linspace(0.0, SOFTEST, 41)]
         known = [(abs(tone - column.frequency_hz), s, tone) for s, tone in tried if tone and column.frequency_hz]
         if not known:

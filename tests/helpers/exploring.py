@@ -11,10 +11,10 @@ import pytest
 
 from pipeline.case.model import case_from_dict
 from pipeline.case.overrides import read_toml
-from pipeline.explore import cell_model
 from pipeline.explore.answer import Explorer, Scene
-from pipeline.explore.cell_model import CellModelCache, Offline
 from pipeline.explore.server import Server, serve
+from pipeline.models import parametric as cell_model
+from pipeline.models.parametric import CellModelCache, Offline
 from pipeline.paths import ROOT
 from pipeline.search.fidelity import WarningLog
 from solvers.parametric.affine import DesignBox, FixedMesh

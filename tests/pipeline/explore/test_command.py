@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.cli.main import main
-from pipeline.explore import cell_model, offline
+from pipeline.explore import offline
+from pipeline.models import parametric as cell_model
 from tests.helpers.exploring import SMALL, small_explorer
 
 

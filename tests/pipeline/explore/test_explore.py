@@ -19,9 +19,10 @@ from geometry.hex.boxes import Panel, hex_mesh
 from pipeline.case.model import load_case
 from pipeline.errors import InputError
 from pipeline.explore import server as served_module
-from pipeline.explore.answer import FACE, INNER, Explorer, LiveCell, LiveReductions, read_design
-from pipeline.explore.cell_model import CellModelCache, require_square
+from pipeline.explore.answer import Explorer, read_design
 from pipeline.explore.server import Server
+from pipeline.models.live_column import FACE, INNER, LiveCell, LiveReductions
+from pipeline.models.parametric import CellModelCache, require_square
 from pipeline.planning import mesh_rules
 from solvers.fem.assembly import Scale, assemble
 from solvers.parametric.affine import AffineCell

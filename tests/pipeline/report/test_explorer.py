@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.explore import cell_model
+from pipeline.models import parametric as cell_model
 from pipeline.report import explorer, page
 from tests.helpers import synthetic
 from tests.helpers.exploring import SMALL, small_explorer

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import zipfile
 from dataclasses import dataclass, field, fields
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +81,7 @@ def cell_model(case: Case, log: Log, offline: Offline | None = None) -> CellMode
         log.info("parametric cell taken from the cache")
         return kept
     model = _made(_materials(case), offline, log)
-    CellModelCache().put_model(_key(case, offline), model)
+    CellModelCache().put_model(_key(_materials(case), offline), model)
     return model
 
 
@@ -88,7 +89,26 @@ def kept_model(case: Case, offline: Offline | None = None) -> CellModel | None:
     """The model of a case's materials where the cache has it. InputError for a cell that it cannot follow."""
     require_square(case)
     offline = offline or Offline()
-    return CellModelCache().get_model(_key(case, offline), offline)
+    return CellModelCache().get_model(_key(_materials(case), offline), offline)
+
+
+def kept_cell(case: Case) -> ParametricCell | None:
+    """The parametric cell of a case where the cache has it and the design lies in its box; None where it must be meshed."""
+    try:
+        require_square(case)
+    except InputError:
+        return None
+    cell, design, pillar = _loaded(_materials(case)), case.design, case.design.pillar
+    assert pillar is not None
+    sizes = (design.thickness_m, pillar.height_m, pillar.base_m, design.pitch_x_m)
+    return cell if cell is not None and not cell.box.faults(sizes) else None
+
+
+@lru_cache(maxsize=2)
+def _loaded(materials: tuple[Material, Material]) -> ParametricCell | None:
+    offline = Offline()
+    model = CellModelCache().get_model(_key(materials, offline), offline)
+    return model.cell if model else None
 
 
 def _materials(case: Case) -> tuple[Material, Material]:
@@ -96,8 +116,8 @@ def _materials(case: Case) -> tuple[Material, Material]:
     return case.design.material, case.design.pillar.material
 
 
-def _key(case: Case, offline: Offline) -> str:
-    return hashlib.sha256(repr(("parametric", offline, _materials(case))).encode()).hexdigest()
+def _key(materials: tuple[Material, Material], offline: Offline) -> str:
+    return hashlib.sha256(repr(("parametric", offline, materials)).encode()).hexdigest()
 
 
 def _made(materials: tuple[Material, Material], offline: Offline, log: Log) -> CellModel:

@@ -1,0 +1,32 @@
+"""Columns of a search from the parametric cell, where an explorer has made it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.case.model import load_case
+from pipeline.models import parametric
+from pipeline.search.fidelity import COLUMN, SLACK, EvaluationCache, evaluate
+from tests.helpers.exploring import SMALL, small_explorer
+
+
+def test_a_kept_cell_answers_columns_within_their_slack(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same design by both cells; the evaluations are kept apart, and a design outside the box is meshed."""
+    case, cache = load_case(SMALL), EvaluationCache(tmp_path / "search")
+    cell = small_explorer(tmp_path).model.cell
+    monkeypatch.setattr(parametric, "_loaded", lambda materials: None)
+    meshed = evaluate(case, COLUMN, None, cache)
+    monkeypatch.setattr(parametric, "_loaded", lambda materials: cell)
+    live = evaluate(case, COLUMN, None, cache)
+    assert cache.reused == 0 and live != meshed
+    assert meshed.frequency_hz is not None
+    assert live.frequency_hz == pytest.approx(
+        meshed.frequency_hz, rel=2.0 * SLACK[COLUMN]
+    )  # its own, and as much of these bases' coarse mesh
+    assert parametric.kept_cell(case) is cell
+    assert parametric.kept_cell(load_case(SMALL, ("pillar.height_mm=8",))) is None
+    raw = SMALL.read_text(encoding="utf-8").replace("side_mm", "diameter_mm").replace('"square"', '"round"')
+    (tmp_path / "round.toml").write_text(raw, encoding="utf-8")
+    assert parametric.kept_cell(load_case(tmp_path / "round.toml")) is None
