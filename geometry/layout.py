@@ -322,8 +322,8 @@ class Design:
 
     def _centres(self, places: Sequence[int]) -> FloatArray:
         """Centres of the pillars of some rows of the plate, numbered along y."""
-        columns, numbers = (self.column_centres(0), self.column_centres(1)), self.row_numbers
-        lines = [(columns[numbers[place] % 2], self.row_places()[place]) for place in places]
+        numbers, y = self.row_numbers, self.row_places()
+        lines = [(self.column_centres(numbers[place]), y[place]) for place in places]
         return np.concatenate([np.empty((0, 2)), *(np.column_stack([x, np.full(len(x), at)]) for x, at in lines)])
 
     def standing(self) -> tuple[Stand, ...]:
