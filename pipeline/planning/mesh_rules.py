@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import sqrt
 
 from geometry.hex.boxes import HexSettings
@@ -12,7 +13,8 @@ from geometry.layout import Design
 from pipeline.planning import calibration
 from pipeline.planning.calibration import MeshLevel
 from solvers.analytic.plates import Strip, levy_hz, thin_plate_hz
-from solvers.analytic.predesign import pillar_frequencies_hz
+from solvers.analytic.predesign import pillar_frequencies_hz, strip_of
+from solvers.analytic.ritz_plates import MAX_LINES, mindlin_mode
 from solvers.superelement.build import ReductionSettings
 from solvers.superelement.interface import Interface
 
@@ -224,21 +226,27 @@ def _smallest_m(design: Design) -> float:
 
 
 def wanted_window_hz(design: Design) -> tuple[float, float]:
-    """Window in which the wanted mode is searched first, about the zone's exact thin-plate frequency, Hz."""
-    estimate = _wanted_hz(design)
-    return WINDOW[0] * estimate, WINDOW[1] * estimate
+    """Window in which the wanted mode is searched first, Hz: about the zone's exact thin-plate frequency between pinned sides,
+    and up to the zone between clamped ones, which no row of pillars can exceed.
+    """
+    estimate, strip = _wanted_hz(design), _strip(design)
+    return WINDOW[0] * estimate, max(WINDOW[1] * estimate, _clamped_hz(strip, design.nodal_lines))
+
+
+@lru_cache(maxsize=64)
+def _clamped_hz(strip: Strip, lines: int) -> float:
+    """The same of the zone between clamped sides, with shear; 0 where its shape is not known."""
+    return mindlin_mode(strip, lines, "clamped").frequency_hz if 2 <= lines <= MAX_LINES else 0.0
 
 
 def _wanted_hz(design: Design) -> float:
     """The zone's exact thin-plate frequency, Hz."""
-    material = design.material
-    strip = Strip(
-        design.length_m,
-        design.width_m,
-        design.thickness_m,
-        material.young_pa,
-        material.density_kg_m3,
-        material.poisson,
-    )
+    strip = _strip(design)
     pinned = design.nodal_lines < 2  # a rigid shape along x: cylindrical bending across the zone
     return thin_plate_hz(strip, strip.across_per_m) if pinned else levy_hz(strip, design.nodal_lines)
+
+
+def _strip(design: Design) -> Strip:
+    strip = strip_of(design)
+    assert strip
+    return strip

@@ -18,9 +18,10 @@ from pipeline.case.overrides import read_toml
 from pipeline.cli.main import main
 from pipeline.measures import registry
 from pipeline.paths import STUDIES
-from pipeline.planning import plan, simplifications
+from pipeline.planning import mesh_rules, plan, simplifications
 from pipeline.planning.model_choice import cell_model_choice, model_choice_of
 from pipeline.planning.request import Request, driven_band_hz, model_high_hz, of_case, response_high_hz
+from solvers.analytic.predesign import predesign
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import coupled_classes
 from tests.helpers.recording_log import RecordingLog
@@ -404,3 +405,13 @@ def test_the_trace_sees_all_of_what_a_scene_does_ask_for(tmp_path: Path) -> None
     for what in WORK.keys() - {"drawing"}:  # a case never draws: its page does
         assert any(name.startswith(WORK[what]) for name in result["calls"]), what
     assert "cadquery" in result["modules"]
+
+
+def test_the_wanted_window_reaches_to_the_zone_between_clamped_sides() -> None:
+    """A zone narrower than half a wave: rows may hold its border so fast that 1.35 times the pinned zone lies too low."""
+    for name in ("three-rows.toml", "glass-plate.toml"):
+        design = load_case(STUDIES / name).design
+        low, high = mesh_rules.wanted_window_hz(design)
+        zone = predesign(design).zone
+        assert zone and zone.clamped_hz and low < zone.frequency_hz < zone.clamped_hz <= high
+    assert high > mesh_rules.WINDOW[1] * zone.frequency_hz
