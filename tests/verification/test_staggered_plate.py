@@ -71,6 +71,7 @@ def test_panels_half_a_pitch_wide_carry_a_pillar_in_every_other_one() -> None:
         assert (i + 1, j) not in tiling.feet
 
 
+@pytest.mark.slow
 def test_one_row_has_nothing_to_be_shifted_beside() -> None:
     query = Request("plate", near_hz=30e3, count=2, symmetry="SS", search=False)
     ours, theirs = (
@@ -101,6 +102,7 @@ def test_one_row_beside_the_other_is_no_part_of_it() -> None:
             command(case_of(), TerminalLog(True))  # type: ignore[operator]
 
 
+@pytest.mark.slow
 def test_the_bands_of_two_rows_are_those_of_the_meshed_rectangle() -> None:
     """Within the accuracy that both are asked for; a glide between the rows makes waves at X equal in pairs."""
     ask = ("bands.count=8", "bands.points=1", "bands.path=GXM", "solve.accuracy=0.02")

@@ -100,6 +100,7 @@ def test_one_zone_is_what_it_was(forced: ForcedPlate) -> None:
     assert ours[:, 1] == pytest.approx(curve.passive_rms_m_per_v, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_two_zones_meet_the_whole_solid_as_one_zone_does() -> None:
     """Elastic modes of cells joined against one mesh of the plate on the lines of all cells: what the reduction leaves out
     at coarse feet is as much with a row between two zones as without.
@@ -162,6 +163,7 @@ def test_a_zone_s_motion_is_that_of_the_whole_face(forced: ForcedPlate) -> None:
     assert flow.patches_w.sum() == pytest.approx(flow.lost_w, rel=1e-9) and flow.lost_w > 0.0
 
 
+@pytest.mark.slow
 def test_what_one_zone_does_to_the_other_is_what_the_other_does_to_it(forced: ForcedPlate) -> None:
     """The plate turned by half: patches at (-5, -6) and (5, 6) mm are each other's images, the sensor's mass aside."""
     case = case_of(patches={**PATCHES, "centres_mm": [[-5.0, -6.0], [5.0, 6.0]], "sensors": []})

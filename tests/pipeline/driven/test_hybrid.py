@@ -73,6 +73,7 @@ def test_shaped_patches_confine_at_least_as_well_and_without_rows_there_are_none
     assert [way.rows_off_db is None for way in record.ways] == [True, False, True, False]
 
 
+@pytest.mark.slow
 def test_pillars_off_by_two_percent_are_stiffer_or_softer_pillars(
     record: HybridRecord, coarse: pytest.MonkeyPatch
 ) -> None:

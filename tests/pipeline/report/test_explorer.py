@@ -12,6 +12,7 @@ from tests.helpers import synthetic
 from tests.helpers.exploring import SMALL, small_explorer
 
 
+@pytest.mark.slow
 def test_a_study_links_an_explorer_where_its_bases_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model = small_explorer(tmp_path).model
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,))
