@@ -111,6 +111,7 @@ def _page(
         of_best=_of_best(study, pages),
         beside=beside(study.folder, embedder),
         explorer=explorer.link(study.folder),
+        case_file=text.case_file(study),
         undrawn=sum(page.case.record.answered and not page.drawn for page in pages),
         versions=next((case.record.versions for case in study.cases if case.record.versions), {}),
         left_out=text.left_out(study),

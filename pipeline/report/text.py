@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
 
+from pipeline.paths import RESULTS, ROOT, STUDIES
 from pipeline.records.record import DesignRecord, Record
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.tables import Column
@@ -212,10 +213,19 @@ def computed_on(study: StoredStudy) -> str:
 
 
 def command(study: StoredStudy, case: StoredCase) -> str:
-    """The command that computes a case's plate again, beside the study file."""
-    base = study.about.get("case")
+    """The command that computes a case's plate again."""
+    base = case_file(study)
     settings = "".join(f" --set {key}={value}" for key, value in case.sweep.items())
-    return f"antinode modes {base}{settings}" if isinstance(base, str) else ""
+    return f"antinode modes {base}{settings}" if base else ""
+
+
+def case_file(study: StoredStudy) -> str:
+    """The case file as a command takes it: from the checkout for one of its own studies, else beside the study file."""
+    base = study.about.get("case")
+    if not isinstance(base, str):
+        return ""
+    own = study.folder.parent == RESULTS and (STUDIES / base).is_file()
+    return (STUDIES / base).relative_to(ROOT).as_posix() if own else base
 
 
 @dataclass(frozen=True)

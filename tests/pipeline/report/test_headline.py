@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from pipeline.measures import registry
+from pipeline.paths import RESULTS
 from pipeline.plots.fields import level_text
 from pipeline.records.record import BandPoint, BandsRecord, GapRecord
 from pipeline.records.study import StoredCase, StoredStudy
@@ -99,6 +100,8 @@ def test_the_lead_tells_the_best_plate_in_words_that_need_no_glossary(study: Sto
     assert text.command(StoredStudy(Path("s"), {"case": "own.toml"}, study.cases), study.cases[-1]) == (
         "antinode modes own.toml --set array.pitch_mm=6 --set array.rows=3"
     )
+    ours = StoredStudy(RESULTS / "rows", {"case": "three-rows.toml"}, study.cases)
+    assert text.command(ours, study.cases[-1]).startswith("antinode modes studies/three-rows.toml --set")
 
 
 def test_the_facts_name_plate_pillars_day_and_program(study: StoredStudy, tmp_path: Path) -> None:
