@@ -6,25 +6,25 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from geometry.elements import FloatArray, IntArray
-from geometry.hex.boxes import Boxes, HexSettings, hex_mesh
+from geometry.elements import FloatArray
+from geometry.hex.boxes import HexSettings
 from geometry.hex.grading import Grading, grid_lines
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from geometry.mesh import Mesh
 from geometry.piezo_materials import PIEZO_MATERIALS
 from solvers.fem.assembly import assemble
 from solvers.fem.eigen import PlainPencil, modes_in_band
 from solvers.fem.surface import face_quadrature
 from solvers.piezo.forced import Drive, ForcedPlate
-from solvers.piezo.patch import _matrices, bonded_patch
+from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
+from tests.helpers.bodies import bricks
+from tests.helpers.bonded_solid import SAME_M, bonded_solid
 
 ALUMINIUM, PZ26 = MATERIALS["aluminium"], PIEZO_MATERIALS["pz26"]
 DESIGN = Design(24e-3, 10e-3, 2e-3, 2, ALUMINIUM, None, float("nan"), float("nan"), 0, 3e-3)
-SAME_M = 1e-9
 PATCH_M, PATCH_THICK_M, BAND_HZ = np.array([-4e-3, 4e-3, -2e-3, 2e-3]), 0.5e-3, (15e3, 80e3)
 HIGH = 0.10  # of the height: what docs/decisions/0009-bonded-patches.md tells of the model's stiffness beneath a patch
 
@@ -34,40 +34,20 @@ def conforming(layers: int) -> tuple[FloatArray, FloatArray]:
     grading, back = Grading(2e-3, layers, 0.3), DESIGN.thickness_m
     x = grid_lines({0.0: False, PATCH_M[1]: True, DESIGN.length_m / 2.0: False}, grading)
     y = grid_lines({0.0: False, PATCH_M[3]: True, DESIGN.half_span_m: False}, grading)
-    plate = bricks((x, y, grid_lines({0.0: False, back: True}, grading)), "plate")
-    patch = bricks((x[x < PATCH_M[1] + SAME_M], y[y < PATCH_M[3] + SAME_M], np.array([0.0, PATCH_THICK_M])), "patch")
-    system = assemble(plate, {"plate": ALUMINIUM})
-    stiffness, mass, theta, _ = _matrices(patch, PZ26, PATCH_THICK_M)
-    place = np.vstack([plate.nodes, patch.nodes + np.array([0.0, 0.0, back])])
-    unique, number = np.unique(np.round(place / SAME_M).astype(np.int64), axis=0, return_inverse=True)
-    below, above = (
-        sp.coo_array((np.ones(3 * len(own)), (dofs(own), np.arange(3 * len(own)))), (3 * len(unique), 3 * len(own)))
-        for own in np.split(number.ravel(), [len(plate.nodes)])
-    )
-    scale, whole = system.scale, sp.kron(system.mass, sp.eye_array(3))
+    plate = bricks((x, y, grid_lines({0.0: False, back: True}, grading)), 3)
+    patch = bricks((x[x < PATCH_M[1] + SAME_M], y[y < PATCH_M[3] + SAME_M], np.array([0.0, PATCH_THICK_M])), 3)
+    system = assemble(plate, {"body": ALUMINIUM})
+    joined, scale = bonded_solid(system, patch, PZ26, PATCH_THICK_M), system.scale
     unit = scale.young_pa * scale.length_m
-    joined = [below @ one @ below.T + above @ sp.csr_array(other) @ above.T for one, other in (
-        (system.stiffness, stiffness / unit), (whole, mass / scale.mass_kg))]  # fmt: skip
-    free = np.flatnonzero(
-        np.column_stack([unique[:, :2] != 0, np.ones(len(unique), dtype=bool)])
-    )  # between two mirrors
-    pencil = PlainPencil(*(sp.csc_array(matrix.tocsr()[free][:, free]) for matrix in joined), scale, 1)
-    modes = modes_in_band(pencil, *BAND_HZ)
-    moved = np.zeros((3 * len(unique), modes.vectors.shape[1]))
+    sides = joined.place_nm[:, :2] != 0
+    free = np.flatnonzero(np.column_stack([sides, np.ones(len(sides), dtype=bool)]))  # between two mirrors
+    scaled = joined.stiffness / unit, joined.mass / scale.mass_kg
+    modes = modes_in_band(PlainPencil(*(sp.csc_array(each[free][:, free]) for each in scaled), scale, 1), *BAND_HZ)
+    moved = np.zeros((3 * len(sides), modes.vectors.shape[1]))
     moved[free] = modes.vectors
     touch = face_quadrature(plate, "touch")
-    heave = touch.interpolation @ (below.T @ moved)[2::3]
-    return modes.frequency_hz, height(modes.frequency_hz, above @ theta / unit @ moved, heave, touch.weights)
-
-
-def bricks(lines: tuple[FloatArray, FloatArray, FloatArray], name: str) -> Mesh:
-    """Hexahedra of order 3 between lines."""
-    return hex_mesh(Boxes(*lines, np.zeros([len(line) - 1 for line in lines], dtype=np.int64), (name,)), 3)
-
-
-def dofs(nodes: IntArray) -> IntArray:
-    """Degrees of freedom of nodes."""
-    return (3 * nodes[:, None] + np.arange(3)).ravel()
+    heave = touch.interpolation @ (joined.plate.T @ moved)[2::3]
+    return modes.frequency_hz, height(modes.frequency_hz, joined.load / unit @ moved, heave, touch.weights)
 
 
 def height(frequency_hz: FloatArray, gain: FloatArray, heave: FloatArray, weights: FloatArray) -> FloatArray:

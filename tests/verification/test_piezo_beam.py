@@ -22,10 +22,11 @@ from solvers.control.resonance import half_power_quality
 from solvers.fem.assembly import assemble
 from solvers.piezo.circuit import circuit_shift, open_modes
 from solvers.piezo.forced import Drive, ForcedPlate
-from solvers.piezo.patch import _matrices, _mesh, bonded_patch
+from solvers.piezo.patch import _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
+from tests.helpers.bonded_solid import bonded_solid
 from tests.helpers.piezo_beam import (
     Section,
     cantilever_hz,
@@ -51,24 +52,12 @@ def cantilever(material: PiezoMaterial) -> tuple[float, float]:
     region = np.zeros((len(x) - 1, len(y) - 1, 1), dtype=np.int64)
     below = hex_mesh(Boxes(x, y, np.array([0.0, METAL_M]), region, ("metal",)), 2)
     system = assemble(below, {"metal": STEEL_LIKE})
-    unit = system.scale.young_pa * system.scale.length_m
-    heavy = system.scale.density_kg_m3 * system.scale.length_m**3
-    stiffness, mass, theta, capacitance = _matrices(above, material, CERAMIC_M)
-    place = np.round(np.vstack([below.nodes, above.nodes + np.array([0.0, 0.0, METAL_M])]) / 1e-9).astype(np.int64)
-    unique, number = np.unique(place, axis=0, return_inverse=True)
-    owners = np.split(number.ravel(), [len(below.nodes)])
-    size = 3 * len(unique)
-    k, m, load = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
-    first, second = ((3 * nodes[:, None] + np.arange(3)).ravel() for nodes in owners)
-    k[np.ix_(first, first)] += unit * system.stiffness.toarray()
-    m[np.ix_(first, first)] += heavy * np.kron(system.mass.toarray(), np.eye(3))
-    k[np.ix_(second, second)] += stiffness
-    m[np.ix_(second, second)] += mass
-    load[second] += theta
-    kept = np.repeat(unique[:, 0] > 0, 3)
+    joined = bonded_solid(system, above, material, CERAMIC_M)
+    k, m, load = joined.stiffness.toarray(), joined.mass.toarray(), joined.load
+    kept = np.repeat(joined.place_nm[:, 0] > 0, 3)
     result = []
     for opened in (0.0, 1.0):
-        whole = k + opened * np.outer(load, load) / capacitance
+        whole = k + opened * np.outer(load, load) / joined.capacitance_f
         pencil = [sp.csc_array(matrix[kept][:, kept]) for matrix in (whole, m)]
         value = spla.eigsh(pencil[0], 2, pencil[1], sigma=0.0, return_eigenvectors=False)
         result.append(np.sqrt(np.sort(value)) / (2.0 * np.pi))
