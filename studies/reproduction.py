@@ -62,15 +62,6 @@ TOUCH_HEADINGS = (
     *("design, fingertip", "detuning", "free", "touched", "confinement free", "touched", "shaped"),
     *("power in phase", "power shaped"),
 )
-GLASS = """
-## Outlook: heavy tips on a cover glass
-
-Not of the thesis: glass 0.7 mm thin, half a wave 15 mm long, nothing higher than 3 mm behind it. `antinode search` was asked
-for the best confinement above 25 kHz, once of plain pillars, once of pillars below a heavy tip (`antinode run glass`; its
-case is studies/glass-plate.toml). A level stands with its own bar; "split" is a shape that several modes share.
-
-"""
-GLASS_HEADINGS = ("rows", "pillars", "heavy tips", "zone's width", "wanted mode", "confinement")
 HEADINGS = ("quantity", "thesis", "ours", "verdict")
 
 OUTLOOK_INTRODUCTION = """
@@ -255,18 +246,10 @@ def _touched_row(design: str, touch: TouchRecord) -> tuple[str, ...]:
     return design, shift, *amplitudes, *levels, *watts
 
 
-def glass(folder: Path) -> str:
-    """What heavy tips do on the cover glass of the study `glass`; nothing while the study is not stored."""
-    try:
-        records = [case.record for case in read_study(folder / "glass").cases]
-    except BadRecord:
-        return ""
-    return GLASS + outputs.markdown(GLASS_HEADINGS, [_glass_row(record) for record in records if record.design])
-
-
-def _glass_row(record: Record) -> tuple[str, ...]:
+def _of_glass(record: Record) -> tuple[str, ...] | None:
     design, wanted = record.design, record.wanted
-    assert design
+    if design is None:
+        return None
     pillar = design.pillar if design.rows else None
     tip = pillar.heavy_tip if pillar else None
     bar = f" +- {wanted.confinement_error_db:.1f}" if wanted and wanted.confinement_error_db is not None else ""
@@ -282,14 +265,16 @@ def _glass_row(record: Record) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Wish:
-    """A wish of the thesis' outlook that a study of ours answers: its table and its picture, once the study is stored."""
+    """A wish of the thesis' outlook that a study of ours answers, once the study is stored: its table, and its picture where
+    it has one.
+    """
 
     study: str
     title: str
     words: str
     headings: tuple[str, ...]
     row: Callable[[Record], tuple[str, ...] | None]
-    draw: Callable[[list[Record]], Figure]
+    draw: Callable[[list[Record]], Figure] | None = None
 
     def text(self, folder: Path) -> str:
         """The section, its picture drawn beside the page; nothing while the study is not stored."""
@@ -300,12 +285,17 @@ class Wish:
         rows = {row: record for record in records if (row := self.row(record))}
         if not rows:
             return ""
-        picture = f"pictures/{self.study}.svg"
-        with style.style(), written_whole(PAGE.parent / picture) as temporary:
-            self.draw([*rows.values()]).savefig(temporary, format="svg", bbox_inches="tight", metadata={"Date": None})
         body = outputs.markdown(self.headings, [*rows])
         words = f"{self.words} (`antinode run {self.study}`)."
-        return f"\n## Outlook: {self.title}\n\n{words}\n\n{body}\n![{self.title}]({picture})\n"
+        return f"\n## Outlook: {self.title}\n\n{words}\n\n{body}" + self._picture([*rows.values()])
+
+    def _picture(self, records: list[Record]) -> str:
+        if self.draw is None:
+            return ""
+        picture = f"pictures/{self.study}.svg"
+        with style.style(), written_whole(PAGE.parent / picture) as temporary:
+            self.draw(records).savefig(temporary, format="svg", bbox_inches="tight", metadata={"Date": None})
+        return f"\n![{self.title}]({picture})\n"
 
 
 def _of_hybrid(record: Record) -> tuple[str, ...] | None:
@@ -359,6 +349,16 @@ def _by_gap(records: list[Record]) -> Figure:
 
 WISHES = (
     Wish(
+        "glass",
+        "heavy tips on a cover glass",
+        "Not of the thesis: glass 0.7 mm thin, half a wave 15 mm long, nothing higher than 3 mm behind it. "
+        "`antinode search` was asked for the best confinement above 25 kHz, once of plain pillars, once of pillars below a "
+        "heavy tip; its case is studies/glass-plate.toml. A level stands with its own bar; "
+        '"split" is a shape that several modes share',
+        ("rows", "pillars", "heavy tips", "zone's width", "wanted mode", "confinement"),
+        _of_glass,
+    ),
+    Wish(
         "hybrid",
         "rows and patches together",
         "The thesis wishes for passive and active confinement together. At the peak of the wanted mode: patches inside the "
@@ -408,7 +408,7 @@ def text(folder: Path) -> str:
     for model in ACTIVE:
         page += f"\n## `antinode active {model}`: {chapters[model]}\n\n" + table(active(model))
     wishes = "".join(wish.text(folder) for wish in WISHES)
-    return page + outlook(folder) + finger(folder) + glass(folder) + wishes
+    return page + outlook(folder) + finger(folder) + wishes
 
 
 def main() -> int:

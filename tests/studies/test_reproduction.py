@@ -99,7 +99,8 @@ def test_the_outlook_appears_once_its_study_is_stored(tmp_path: Path, monkeypatc
 
 def test_the_cover_glass_appears_once_its_study_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A plate with tips and its wanted mode; a bare one without any says none in every place."""
-    assert reproduction.glass(tmp_path) == "" and load_study("glass").name == "glass"
+    glass = next(wish for wish in reproduction.WISHES if wish.study == "glass")
+    assert glass.text(tmp_path) == "" and load_study("glass").name == "glass"
     small = {"shape": "square", "base_m": 1e-3, "tip_m": 1e-3, "height_m": 2e-3, "fillet_m": 0.0}
     heavy = PillarRecord(**small, heavy_tip=TipRecord(side_m=1.5e-3, height_m=9e-4))
     plate = design(3, 4e-3, 0.01).model_copy(update={"pillar": heavy})
@@ -110,7 +111,7 @@ def test_the_cover_glass_appears_once_its_study_is_stored(tmp_path: Path, monkey
     bare = SimpleNamespace(design=design(0, 4e-3, 0.01), wanted=None, confinement_db=None)
     cases = [SimpleNamespace(record=record) for record in (known, bare)]
     monkeypatch.setattr(reproduction, "read_study", lambda folder: SimpleNamespace(cases=cases))
-    page = reproduction.glass(tmp_path)
+    page = glass.text(tmp_path)
     tips = "1 mm wide, 2 mm high | 1.5 mm wide, 0.9 mm high"
     assert f"| 3 | {tips} | 20 mm | 30.00 kHz, single | 15.5 +- 0.2 dB |" in page
     assert "| 0 | none | none | 20 mm | none | none |" in page
