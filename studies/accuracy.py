@@ -35,6 +35,7 @@ ENVELOPE = (
     "(0, N) are not what its meshes are made for: they tell how the error grows with the frequency."
 )
 HELD = "confinement (dB)"
+LINES = {"superelement": "--", ladder.EXTRAPOLATED: ":"}
 CHOSEN = "what solve.accuracy may choose"
 TARGETS = (0.03, 0.01, 0.003, 0.001)
 QUANTITIES = {
@@ -81,10 +82,16 @@ def _expanded(entry: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _planners(planner: str, model: str, **more: Any) -> list[dict[str, Any]]:
-    """The meshes that an accuracy may choose, and those of order 2 beside them; not a plate's finest, which is expensive."""
-    below = tuple(mesh_rules.MeshLevel(2, layers, 0.15) for layers in (1, 2))
-    levels = mesh_rules.mesh_levels(planner)
-    rows = levels[:-1] if planner in ("plate", "whole") else (*below, *levels)
+    """The meshes that an accuracy may choose of a part, or of reduced cells; of lone parts those of order 2 beside them.
+
+    A whole plate's finest is left out: it is expensive.
+    """
+    if planner == "reduced":
+        rows = tuple(mesh_rules.CELL_LEVELS.values())
+    elif planner == "whole":
+        rows = mesh_rules.mesh_levels(planner)[:-1]
+    else:
+        rows = (*(mesh_rules.MeshLevel(2, layers, 0.15) for layers in (1, 2)), *mesh_rules.mesh_levels(planner))
     return [{"model": model, **ladder.of_the_planner(planner, row), **more} for row in rows]
 
 
@@ -265,10 +272,10 @@ def _envelope(records: list[dict[str, Any]], known: dict[str, tuple[float, float
 
 
 def _planned(part: str, mesh_level: dict[str, Any]) -> bool:
-    """Whether there is an accuracy for which the planner takes a mesh level's mesh for the part; of a plate, joined
-    from cells.
-    """
-    if "share" not in mesh_level or (part, mesh_level["model"]) == ("plate", "solid"):
+    """Whether there is an accuracy for which the planner takes a mesh level's mesh for the part; of cells, reduced."""
+    if part in ("cell", "plate"):
+        return bool(mesh_level["model"] == ladder.EXTRAPOLATED)
+    if "share" not in mesh_level:
         return False
     expected = [mesh_rules.expected_error(part, row) for row in mesh_rules.mesh_levels(part)]
     taken = {mesh_rules.mesh_level(part, each) for each in expected if each is not None}
@@ -317,7 +324,7 @@ def _picture(quantity: str, found: list[Any], uncertainty: float) -> style.Repor
         seconds, memory, errors = np.array(sorted(points)).T
         look = {
             "marker": style.MARKERS[index % len(style.MARKERS)], "color": style.CYCLE[index % len(style.CYCLE)],
-            "linestyle": "--" if "superelement" in family else "-", "markersize": 4.0,
+            "linestyle": LINES.get(family.split("-")[0], "-"), "markersize": 4.0,
         }  # fmt: skip
         left.plot(seconds, errors, label=family, **look)
         right.plot(memory, errors, **look)

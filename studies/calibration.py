@@ -30,7 +30,7 @@ def rows(records: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
     known, worst = references(records), dict[tuple[Any, ...], float]()
     for record in records:
         given, values = record["parameters"], record.get("values") or {}
-        if given["role"] == "mesh_level" and values:
+        if given["role"] == "mesh_level" and given["mesh_level"]["model"] != ladder.EXTRAPOLATED and values:
             for key, error in _errors(given["part"], given["mesh_level"], values, known):
                 worst[key] = max(error, worst.get(key, 0.0))
     share = _mixing(records, known)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import cache
 from math import pi
@@ -11,7 +12,16 @@ import numpy as np
 
 from geometry.cad import solids
 from geometry.elements import FloatArray
-from geometry.hex.boxes import HexSettings, cell_boxes, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
+from geometry.hex.boxes import (
+    HexSettings,
+    Panel,
+    cell_boxes,
+    hex_mesh,
+    panel_boxes,
+    pillar_boxes,
+    plate_boxes,
+    zone_boxes,
+)
 from geometry.layout import Design
 from geometry.mesh import Mesh, check_mesh
 from geometry.tet import scenes
@@ -34,6 +44,7 @@ from solvers.waves.bloch import BlochCell
 WINDOW_HZ = (30e3, 38e3)  # where the wanted mode of the plate is looked for
 SMALL = 1e-6  # an error to which a confinement answers in proportion
 ZONE = {"zone": 0, "zone two lines up": 2, "zone four lines up": 4}  # nodal lines beyond the wanted mode's
+EXTRAPOLATED = "extrapolated"  # the model of a superelement that coarser meshes take most of its mesh's error from
 ALIKE = 0.5  # modal assurance of a mode with the shape it is called after: a coarse mesh may have none
 BENDING = ("pillar", "second bending", "third bending")
 WHOLE_BENDING = [0, 3, 7]  # among all modes: every bending twice, with a twist, a stretch and a twist between
@@ -149,13 +160,22 @@ def cell(mesh_level: dict[str, Any]) -> tuple[Values, int]:
         )
         return band_values({name: bloch.frequencies(k, 8) for name, k in points().items()}), bloch.dof
     reduction = replace(mesh_rules.lattice_reduction(d, 0.002), hexahedra=settings(mesh_level))
-    mesher = None
-    panel = lattice_panel(d)
+    lattice = Lattice(_reductions(d, reduction, mesh_level).cell(lattice_panel(d)))
+    return band_values({name: lattice.frequencies(k, 8) for name, k in points().items()}), lattice.cell.mesh_dof
+
+
+def _reductions(d: Design, reduction: ReductionSettings, mesh_level: dict[str, Any]) -> Reductions:
+    """Panels as a mesh level has them: of an extrapolated one coarser meshes take most of the mesh's error away."""
+    mesher: Callable[[Panel], Mesh] | None = None
     if mesh_level["model"] == "superelement tet":
         mesh = check(of_order(tet_cell(d, 1e-3 * mesh_level["size_mm"]), mesh_level["order"]))
         mesher = lambda _: mesh  # noqa: E731
-    lattice = Lattice(Reductions(d.thickness_m, d.material, d.pillar, reduction, None, mesher).cell(panel))
-    return band_values({name: lattice.frequencies(k, 8) for name, k in points().items()}), lattice.cell.mesh_dof
+    elif mesh_level["model"] == "superelement":
+        hexahedra = settings(mesh_level)
+        mesher = lambda panel: hex_mesh(  # noqa: E731
+            panel_boxes(panel, d.thickness_m, d.pillar, hexahedra), hexahedra.order
+        )
+    return Reductions(d.thickness_m, d.material, d.pillar, reduction, None, mesher)
 
 
 def tet_cell(d: Design, edge_m: float) -> Mesh:
@@ -220,7 +240,7 @@ def plate(mesh_level: dict[str, Any]) -> tuple[Values, int]:
     d, symmetry = plate_design(), wanted_symmetry(design().nodal_lines)
     if mesh_level["model"] == "analytic":
         return {"plate": float(getattr(predesign(d).zone, mesh_level["theory"]))}, 0
-    if mesh_level["model"] == "superelement":
+    if mesh_level["model"] in ("superelement", EXTRAPOLATED):
         bare = mesh_rules.bare_size_m(d, mesh_level["order"]) if "share" in mesh_level else None
         reduction = ReductionSettings(
             Interface(*mesh_level["degrees"]),
@@ -229,7 +249,7 @@ def plate(mesh_level: dict[str, Any]) -> tuple[Values, int]:
             6e-3,
             bare,
         )
-        model: Any = PlateModel(d, Reductions(d.thickness_m, d.material, d.pillar, reduction))
+        model: Any = PlateModel(d, _reductions(d, reduction, mesh_level))
     elif mesh_level["model"] == "tet":
         mesh = of_order(scenes.tet_plate(d, 1e-3 * mesh_level["size_mm"], True), mesh_level["order"])
         model = SolidModel(check(mesh), materials(), (), True)

@@ -72,8 +72,8 @@ def finer_cell_level(level: MeshLevel) -> MeshLevel | None:
 
 
 def mesh_levels(part: str) -> tuple[MeshLevel, ...]:
-    """The meshes of a part: zone, pillar, cell, assembled plate, or plate meshed as a whole."""
-    return MESH_LEVELS["cell" if part == "plate" else part]
+    """The meshes of a part solved as meshed: zone, pillar, cell, or the whole plate."""
+    return MESH_LEVELS[part]
 
 
 def mesh_level(part: str, accuracy: float) -> MeshLevel:
@@ -101,15 +101,8 @@ def reaching(part: str, design: Design, accuracy: float, high_hz: float) -> tupl
 
 
 def expected_error(part: str, row: MeshLevel, growth: float = 1.0) -> float | None:
-    """Error to expect of a mesh level at `growth` times the frequencies measured; None where it was not measured.
-
-    An assembled plate's is that of its cell too.
-    """
-    parts = ("cell", "plate") if part == "plate" else (part,)
-    kind = calibration.PLATE if part in ("plate", "whole") else calibration.HEX
-    errors = [calibration.by_hexahedra(each, row, kind, growth) for each in parts]
-    known = [error for error in errors if error is not None]
-    return max(known) if len(known) == len(parts) else None
+    """Error to expect of a mesh level at `growth` times the frequencies measured; None where it was not measured."""
+    return calibration.by_hexahedra(part, row, calibration.PLATE if part == "whole" else calibration.HEX, growth)
 
 
 def good_to_hz(part: str, design: Design) -> float:

@@ -20,7 +20,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from pipeline.planning.mesh_rules import MeshLevel, mesh_levels
+from pipeline.planning.mesh_rules import CELL_LEVELS, MeshLevel, mesh_levels
 
 MODULE = "studies.benchmarks.auto"
 CASE = """name = "scene"
@@ -140,12 +140,17 @@ def part_of(scene: Scene) -> str:
     return words[words.index("--part") + 1] if "--part" in words else "cell"
 
 
+def ladder_of(part: str) -> tuple[MeshLevel, ...]:
+    """The meshes among which the planner chooses for a part; plates are reduced as their cells are."""
+    return tuple(CELL_LEVELS.values()) if part == "cell" else mesh_levels(part)
+
+
 def compare(scene: Scene, reference: list[float]) -> tuple[float, float, MeshLevel, float]:
     """Auto's seconds and error, the best fixed mesh and its seconds. ValueError where none serves."""
     band = "--band" in scene.command
     auto_s, auto_hz = run(scene, None)
     serving: dict[MeshLevel, float] = {}
-    for mesh in dict.fromkeys((*OTHERS, *mesh_levels(part_of(scene)))):
+    for mesh in dict.fromkeys((*OTHERS, *ladder_of(part_of(scene)))):
         quickest = min(serving.values(), default=2.0 * auto_s)
         seconds, hz = run(scene, mesh, QUICK * quickest)
         if error(hz, reference, band) <= scene.accuracy:
@@ -190,6 +195,8 @@ def _fixed(mesh: list[Any] | None, words: list[str]) -> int:
     if mesh:
         fixed = MeshLevel(*mesh)
         mesh_rules.mesh_level = lambda part, accuracy: fixed
+        mesh_rules.cell_level = lambda accuracy: fixed
+        mesh_rules.finer_cell_level = lambda level: None
         mesh_rules.reaching = lambda part, design, accuracy, high_hz: (fixed, mesh_rules.good_to_hz(part, design))
     return command(words)
 
