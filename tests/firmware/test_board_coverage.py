@@ -37,9 +37,10 @@ def visit(tmp_path, monkeypatch, core):
     def make(variant: str):
         table = SINGLE if variant == "single" else SIX
         try:
-            image = builder.build(header_text(table), tmp_path, variant).elf
+            builder.toolchain()
         except builder.BuildError as missing:
             pytest.skip(str(missing))
+        image = builder.build(header_text(table), tmp_path, variant).elf
         recorder = BranchRecorder(Elf.read(image), routines_of_the_board(header_text(table), variant))
 
         def start(**options):

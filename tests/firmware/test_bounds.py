@@ -26,10 +26,11 @@ def compiler(request, tmp_path_factory: pytest.TempPathFactory):
         elif not which(request.param):
             pytest.skip(f"{request.param} is not installed: its code is what this test measures")
         try:
-            folder = tmp_path_factory.mktemp(request.param)
-            return {variant: builder.build(TABLE, folder, variant).elf for variant in builder.VARIANTS}
+            builder.toolchain()
         except builder.BuildError as missing:
             pytest.skip(str(missing))
+        folder = tmp_path_factory.mktemp(request.param)
+        return {variant: builder.build(TABLE, folder, variant).elf for variant in builder.VARIANTS}
 
 
 @pytest.mark.parametrize(("variant", "routine"), [(v, name) for v, names in ALLOWED.items() for name in names])

@@ -167,11 +167,13 @@ void an_single_boot(an_single *app, const uint8_t *table, uint32_t length, float
 
 an_view an_single_view(const an_single *app)
 {
-    an_view view = {.measured = app->slow.measured.tone, .offset = app->slow.measured.offset};
-    if (app->base.supervisor.state == AN_STATE_RUN) {
-        view.drive = app->slow.pi.drive;
-        view.reference = app->slow.pi.reference;
-    }
+    const bool runs = app->base.supervisor.state == AN_STATE_RUN;
+    const an_view view = {
+        .measured = app->slow.measured.tone,
+        .drive = runs ? app->slow.pi.drive : an_cplx(0.0f, 0.0f),
+        .reference = runs ? app->slow.pi.reference : 0.0f,
+        .offset = app->slow.measured.offset,
+    };
     return view;
 }
 

@@ -32,12 +32,17 @@ bool an_slow_finished(const an_slow *slow)
     return complete;
 }
 
-static void take_job(an_slow *slow, an_fast *fast)
+static const an_job *job_at_work(const an_slow *slow)
+{
+    return &slow->jobs[slow->hand.active & 1u];
+}
+
+static const an_job *take_job(an_slow *slow, an_fast *fast)
 {
     slow->hand.active = slow->hand.posted;
-    const an_job *job = &slow->jobs[slow->hand.active & 1u];
+    const an_job *job = job_at_work(slow);
     if (job->kind == AN_JOB_TRACK) {
-        return;
+        return job;
     }
     if (job->clear != 0u) {
         slow->hand.trips = 0u;
@@ -48,6 +53,7 @@ static void take_job(an_slow *slow, an_fast *fast)
     slow->finished = 0u;
     slow->total = an_cplx(0.0f, 0.0f);
     slow->energy = 0.0f;
+    return job;
 }
 
 /* Written so that a NaN trips too. */
@@ -124,11 +130,11 @@ static an_complex do_job(an_slow *slow, const an_job *job, an_complex measured)
 void an_slow_step(an_slow *slow, an_fast *fast)
 {
     const an_window *window = &fast->window;
-    const an_phasor phasor = an_demod_fit(&slow->jobs[slow->hand.active & 1u].demod, &window->sums, window->last_phase);
+    const an_job *job = job_at_work(slow);
+    const an_phasor phasor = an_demod_fit(&job->demod, &window->sums, window->last_phase);
     if (slow->hand.active != slow->hand.posted) {
-        take_job(slow, fast);
+        job = take_job(slow, fast);
     }
-    const an_job *job = &slow->jobs[slow->hand.active & 1u];
     slow->hand.trips |= fast->faults | check_measurement(window, &phasor, job->amplitude_limit2);
     const an_complex drive = slow->hand.trips == 0u ? do_job(slow, job, phasor.tone) : an_cplx(0.0f, 0.0f);
     fast->command.drive = an_scale(drive, (float)AN_DAC_SWING);
