@@ -2,15 +2,16 @@
 
 On the rig of firmware.host.rig, at every tick of a second: faults that interrupts find, broken sensors (also while the level
 swings between nothing and full), and at each tick one flipped bit of the words of the state, drawn by the tick's number. On
-the emulated board, with the unmodified images of both builds, the interrupts themselves and the sensors, at every 101st tick
-of a second (six channels: every 17th): numbers without a common divisor with the ticks of a window and of a look of the
-guard, so that each of their phases is met. --stride and --image-stride change that; --write puts the table into
-docs/bring-up.md. It takes some twenty minutes of one processor.
+the emulated board, with the unmodified images of both builds, the interrupts themselves, the sensors and the flipped bits, at
+every 303rd tick of a second (six channels: every 51st): numbers without a common divisor with the ticks of a window and of a
+look of the guard, so that each of their phases is met. --stride and --image-stride change that; --write puts the table into
+docs/bring-up.md. It takes some ten minutes of one processor.
 """
 
 from __future__ import annotations
 
 import argparse
+import ctypes
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,23 +20,26 @@ from typing import Any, NamedTuple
 
 from firmware.build import BuildError, build
 from firmware.control_table import GAIN, held_plate, write_into_page
-from firmware.host import NoCompiler
+from firmware.host import NoCompiler, load
 from firmware.host.rig import SingleRig
-from firmware.protocol import RUN, Fault, fault_names
+from firmware.protocol import FAULT, IDLE, RUN, Fault, fault_names
 from firmware.table_format import header_text
 
 TRIPS = (Fault.CLOCK, Fault.FAST_LATE, Fault.BREAK, Fault.SUPPLY)
 SENSORS = ("clipped", "dead", "stuck", "reversed")
-SOON, LATER, LATCHED, HORIZON = 25, 6250, 200, 10000  # ticks of 4 us: 100 us, 25 ms
+SOON, WINDOW, LATER, LATCHED, HORIZON = 25, 50, 6250, 200, 10000  # ticks of 4 us: 100 us (RIG_SOON), 200 us, 25 ms
 SWING_HZ, SWING = 100.0, "level swings"
-SAFE_S = 100e-6
-WORDS = [
+SAFE_S, FOLLOWED_S, STOPPED_S = 100e-6, 5e-3, 3e-3
+WATCHED = 100  # ticks, two windows and more of either build
+SHARED = [
     "base.supervisor.state",
     "base.supervisor.inverse",
     "base.supervisor.faults",
     "slow.hand.active",
     "slow.hand.posted",
     "slow.hand.trips",
+    "slow.waited",
+    "slow.finished",
     "fast.tick",
     "fast.phase",
     "fast.step",
@@ -43,10 +47,21 @@ WORDS = [
     "fast.window.count",
     "fast.command.count",
     "fast.command.step",
-    "slow.tracking",
-    "slow.noted",
-    "track.read",
     "probing",
+]
+WORDS = [*SHARED, "slow.tracking", "slow.noted", "track.read"]
+SIX_WORDS = [
+    *SHARED,
+    "slow.limited",
+    "slow.mismatched",
+    "fast.acting",
+    "fast.growing",
+    "fast.end",
+    "fast.window.bank",
+    "fast.command.bank",
+    "fast.command.window",
+    "channels",
+    "probe",
 ]
 HEAD = "| what goes wrong | moments | at rest and latched | held as before | longest, us | allowed, us |"
 
@@ -88,10 +103,15 @@ def held(swings: bool = False) -> SingleRig:
     return rig
 
 
-def bits_of(rig: SingleRig, words: list[str]) -> list[int]:
-    """The places of all bits of some 32-bit words of the application's state."""
-    starts = [rig.ffi.offsetof("an_single", *word.split(".")) for word in words]
+def bits_of(ffi: Any, application: str, words: list[str]) -> list[int]:
+    """The places of all bits of some 32-bit words of an application's state."""
+    starts = [ffi.offsetof(application, *word.split(".")) for word in words]
     return [8 * start + bit for start in starts for bit in range(32)]
+
+
+def drawn(bits: list[int], moment: int) -> int:
+    """One of them by the moment's number, as rig_inject draws."""
+    return bits[(moment * 2654435761 % 2**32 >> 8) % len(bits)]
 
 
 def inject(rig: SingleRig, kind: int, details: list[int], seconds: float, stride: int, most: int) -> Any:
@@ -112,16 +132,18 @@ def rig_rows(seconds: float, stride: int) -> Iterator[Row]:
         kinds.append((f"{name}, {SWING}", kind, detail, LATER))
     for name, kind, detail, most in kinds:
         rig = held(SWING in name)
-        yield _row(name, rig, inject(rig, kind, [detail], seconds, stride, most), most)
+        result = inject(rig, kind, [detail], seconds, stride, most)
+        soon = f" ({100 * result.soon / result.latched:.1f} % within 100 us)" if most > SOON and result.latched else ""
+        yield _row(name + soon, rig, result, most, result.longest)
     rig = held()
-    result = inject(rig, rig.lib.RIG_FLIP, bits_of(rig, WORDS), seconds, stride, HORIZON)
+    result = inject(rig, rig.lib.RIG_FLIP, bits_of(rig.ffi, "an_single", WORDS), seconds, stride, HORIZON)
     yield _row("flipped bit, from being found", rig, result, SOON, result.longest_found)
+    yield _row("flipped bit, from the flip", rig, result, WINDOW + SOON, result.longest)
 
 
-def _row(what: str, rig: SingleRig, result: Any, most: int, longest: int | None = None) -> Row:
+def _row(what: str, rig: SingleRig, result: Any, most: int, longest: int) -> Row:
     moments = result.latched + result.held + result.unsafe
-    ticks = result.longest if longest is None else longest
-    return Row(what, moments, result.latched, result.held, ticks / rig.sample_rate_hz, most / rig.sample_rate_hz)
+    return Row(what, moments, result.latched, result.held, longest / rig.sample_rate_hz, most / rig.sample_rate_hz)
 
 
 Break = Callable[[Any], object]
@@ -129,6 +151,12 @@ Break = Callable[[Any], object]
 
 def _stop_samples(board: Any) -> None:
     board.fast_lost = True
+
+
+def _lose_interrupt(board: Any) -> None:
+    board.fast_lost = True
+    board.tick()
+    board.fast_lost = False
 
 
 def _lower_supply(board: Any) -> None:
@@ -187,6 +215,7 @@ def sensor_kinds(broken: Callable[[Any, str], None]) -> dict[str, Break]:
 
 BOARD_KINDS: dict[str, Break] = {
     "samples cease": _stop_samples,
+    "an interrupt lost, from the next one": _lose_interrupt,
     "slow step lost, from being due": _lose_slow_step,
     "supply falls": _lower_supply,
     "clock dies": lambda board: board.interrupt_unexpectedly(),
@@ -194,19 +223,87 @@ BOARD_KINDS: dict[str, Break] = {
 }
 
 
-def board_row(what: str, board: Any, go_wrong: Break, seconds: float, stride: int) -> Row:
-    """An emulated board that drives, broken at each so-many-th tick, its main loop busy for ever from then on."""
-    allowed, longest, moments, latched = round(SAFE_S / board.sample_s), 0, 0, 0
-    for _ in range(0, round(seconds / board.sample_s), stride):
+def _unsafe(board: Any, ticks: int) -> list[int]:
+    """Of the next ticks, those that something is driven in."""
+    return [tick for tick in range(1, ticks + 1) if not (board.tick() or board.at_rest)]
+
+
+class Ending(NamedTuple):
+    """Of one moment: whether it ended at rest and latched, or held as before; ticks until the outputs rested."""
+
+    latched: bool
+    held: bool
+    late: int
+
+
+Trial = Callable[[Any, int], Ending]  # of a board, at the moment of a number
+
+
+def breaking(go_wrong: Break) -> Trial:
+    """Something goes wrong, the main loop busy until the outputs have to rest.
+
+    Latched: nothing is driven afterwards, when the main loop goes on, and its state is the fault; or the chip stands still.
+    """
+
+    def trial(board: Any, _: int) -> Ending:
+        allowed = round(SAFE_S / board.sample_s)
+        board.main_stuck = True
+        go_wrong(board)
+        last = max(_unsafe(board, 2 * allowed + 8), default=0)
+        board.main_stuck = False
+        stays = not _unsafe(board, WATCHED) and (board.hung or board.state == FAULT)
+        return Ending(last <= allowed and bool(stays), False, last)
+
+    return trial
+
+
+def flipping(bits: list[int]) -> Trial:
+    """A bit of the state is flipped, drawn by the moment's number; late, from the moment that a fault is found."""
+
+    def trial(board: Any, moment: int) -> Ending:
+        _flip(board, drawn(bits, moment))
+        late = _late(board)
+        return Ending(late is not None, late is None and _rests_when_stopped(board), late or 0)
+
+    return trial
+
+
+def image_rows(board: Any, trials: dict[str, Trial], seconds: float, stride: int) -> Iterator[Row]:
+    """An emulated board that drives; at each so-many-th tick each of the trials, undone afterwards."""
+    endings: dict[str, list[Ending]] = {what: [] for what in trials}
+    for moment in range(0, round(seconds / board.sample_s), stride):
         board.run(stride * board.sample_s)
-        with board.undone():
-            board.main_stuck = True
-            go_wrong(board)
-            unsafe = [tick for tick in range(1, 2 * allowed + 9) if not (board.tick() or board.at_rest)]
-        last = unsafe[-1] if unsafe else 0
-        moments, latched = moments + 1, latched + (last <= allowed)
-        longest = max(longest, last)
-    return Row(what, moments, latched, 0, longest * board.sample_s, allowed * board.sample_s)
+        for what, trial in trials.items():
+            with board.undone():
+                endings[what].append(trial(board, moment))
+    for what, each in endings.items():
+        latched, held, late = (list(column) for column in zip(*each, strict=True))
+        yield Row(what, len(each), sum(latched), sum(held), max(late) * board.sample_s, SAFE_S)
+
+
+def _flip(board: Any, bit: int) -> None:
+    byte = ctypes.c_uint8.from_address(board.pointer("app") + bit // 8)
+    byte.value ^= 1 << bit % 8
+
+
+def _rests_when_stopped(board: Any) -> bool:
+    """True when the job that runs can be ended, if only in the fault of a plate that rings beyond the converter's ends."""
+    ran = board.state == RUN
+    board.app.base.supervisor.stopping = True
+    board.run(STOPPED_S)
+    ended = board.state == IDLE or board.app.base.supervisor.first == Fault.SENSOR_CLIPPED
+    return bool(ran and ended and board.at_rest)
+
+
+def _late(board: Any) -> int | None:
+    """Ticks from the moment a fault is found to the last at which something is driven; none, when none is found."""
+    last = found = tick = 0
+    while tick < round(FOLLOWED_S / board.sample_s) and tick - last < WATCHED:
+        tick += 1
+        board.tick()
+        last = last if board.at_rest else tick
+        found = found if board.state == FAULT or board.app.fast.faults else tick
+    return max(last - found, 0) if board.state == FAULT and tick > last else None
 
 
 def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[Row]:
@@ -224,18 +321,17 @@ def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[
     single.start(0.15 * GAIN)
     six.run(5e-3)
     six.start(0, 0.1)
-    for name, board, stride, more in (
-        ("one mode", single, single_stride, sensor_kinds(break_single)),
-        (
-            "six channels",
-            six,
-            six_stride,
-            sensor_kinds(break_one_of_six) | {"break pulled": lambda one: one.pull_break()},
-        ),
+    ffi, _ = load()
+    single_kinds = BOARD_KINDS | sensor_kinds(break_single)
+    six_kinds = BOARD_KINDS | sensor_kinds(break_one_of_six) | {"break pulled": lambda one: one.pull_break()}
+    for name, board, stride, kinds, bits in (
+        ("one mode", single, single_stride, single_kinds, bits_of(ffi, "an_single", WORDS)),
+        ("six channels", six, six_stride, six_kinds, bits_of(ffi, "an_six", SIX_WORDS)),
     ):
         board.run(0.3)
-        for what, go_wrong in (BOARD_KINDS | more).items():
-            yield board_row(f"image, {name}: {what}", board, go_wrong, seconds, stride)
+        trials = {f"image, {name}: {what}": breaking(go_wrong) for what, go_wrong in kinds.items()}
+        trials[f"image, {name}: flipped bit, from being found"] = flipping(bits)
+        yield from image_rows(board, trials, seconds, stride)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -244,7 +340,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seconds", type=float, default=1.0, help="length of the run")
     parser.add_argument("--stride", type=int, default=1, help="ticks between two moments on the rig")
     parser.add_argument(
-        "--image-stride", type=int, nargs=2, default=(101, 17), metavar=("ONE", "SIX"), help="on the images"
+        "--image-stride", type=int, nargs=2, default=(303, 51), metavar=("ONE", "SIX"), help="on the images"
     )
     parser.add_argument("--image-seconds", type=float, default=1.0, help="length of the run on the images")
     parser.add_argument("--write", action="store_true", help="put the table into docs/bring-up.md")

@@ -113,7 +113,7 @@ static void take_kept(an_application *app, const an_build *build, const uint8_t 
 
 void an_application_keep(an_application *app, const an_build *build, uint8_t *memory, an_keeping *keeping)
 {
-    if (memory == NULL || (app->supervisor.faults & AN_FAULT_TABLE) != 0u) {
+    if (memory == NULL || app->slot >= (uint32_t)AN_SLOTS || (app->supervisor.faults & AN_FAULT_TABLE) != 0u) {
         return;
     }
     uint8_t *place = memory + app->slot * AN_KEEP_BYTES;

@@ -45,14 +45,22 @@ static void take_row(an_capture *capture, const uint16_t *inputs, const uint16_t
     capture->used += capture->row;
 }
 
+/* Asked before a row is written as well: a damaged word leads nowhere else. */
+static bool has_room(const an_capture *capture)
+{
+    return capture->row <= (uint32_t)AN_CAPTURE_ROOM && capture->used <= (uint32_t)AN_CAPTURE_ROOM - capture->row;
+}
+
 void an_capture_take(an_capture *capture, const uint16_t *inputs, const uint16_t *outputs)
 {
     if (capture->every == 0u || ++capture->waited < capture->every) {
         return;
     }
     capture->waited = 0u;
-    take_row(capture, inputs, outputs);
-    if (capture->used == capture->total) {
+    if (has_room(capture)) {
+        take_row(capture, inputs, outputs);
+    }
+    if (!has_room(capture)) {
         capture->every = 0u;
     }
 }

@@ -10,7 +10,8 @@ from firmware.emulate.plant import Plate, PlateSimulation, adc_code, dac_level
 from firmware.host import load
 from firmware.protocol import RUN
 
-TIM2, ADC_DR, DAC_RD = 0x40000000, 0x4001204C, 0x40007420
+TIM2, ADC_SR, ADC_DR, DAC_RD = 0x40000000, 0x40012000, 0x4001204C, 0x40007420
+OVERRUN = 1 << 5
 
 
 class EmulatedSingle(EmulatedBoard):
@@ -51,6 +52,8 @@ class EmulatedSingle(EmulatedBoard):
         if self.codes is not None:
             self.codes.append(code)
         self.adc.value = sample
+        if self.fast_lost:  # nobody takes this sample before the next one is there
+            self.word(ADC_SR).value |= OVERRUN
         return True
 
     def _stall(self, seconds: float) -> None:

@@ -16,7 +16,9 @@ TIM1, TIM8 = 0x40010000, 0x40010400
 CR1, DIER, SR, ARR, CCR1, BDTR = 0x00, 0x0C, 0x10, 0x2C, 0x34, 0x44
 BREAK_LINES = {TIM1: 24, TIM8: 43}
 BREAK_HANDLERS = {TIM1: "TIM1_BRK_TIM9_IRQHandler", TIM8: "TIM8_BRK_TIM12_IRQHandler"}
-SCAN_LEFT, SCAN_MEMORY = 0x40026410 + 0x04, 0x40026410 + 0x0C  # DMA2, stream 0
+DMA_FLAGS, DMA_CLEAR = 0x40026400, 0x40026408  # DMA2
+SCAN_LEFT, SCAN_MEMORY = 0x40026410 + 0x04, 0x40026410 + 0x0C  # its stream 0
+HALF_WAY, COMPLETE = 1 << 4, 1 << 5  # of the stream's two scans
 ADC_SR, OVERRUN = 0x40012000, 1 << 5
 GATES, BREAK_SEEN = 1 << 15, 1 << 7
 SWING = 1080 / 1125  # of the supply, at a duty of full drive
@@ -60,7 +62,7 @@ class EmulatedSix(SixView, EmulatedBoard):
         self.app = ffi.cast("an_six *", self.pointer("app"))
         self.compare = [self.word(timer + CCR1 + 4 * i) for timer in (TIM1, TIM8) for i in range(3)]
         self.gates = [self.word(timer + BDTR) for timer in (TIM1, TIM8)]
-        self.samples = (ctypes.c_uint16 * CHANNELS).from_address(self._address(self.word(SCAN_MEMORY).value))
+        self.samples = [2048] * CHANNELS  # of the last scan
 
     @property
     def driving(self) -> bool:
@@ -117,7 +119,18 @@ class EmulatedSix(SixView, EmulatedBoard):
         self.beam.drive(levels)
         if self.history is not None:
             self.history.append(duties)
-        if self.word(SCAN_LEFT).value != CHANNELS:
+        return self._scan(adc_codes(sensed))
+
+    def _scan(self, codes: list[int]) -> bool:
+        """The next half of the stream's buffer, unless ADC and DMA stand still."""
+        left, flags, clear = self.word(SCAN_LEFT), self.word(DMA_FLAGS), self.word(DMA_CLEAR)
+        if left.value not in (CHANNELS, 2 * CHANNELS):
             return False
-        self.samples[:] = adc_codes(sensed)  # type: ignore[assignment]
+        first = left.value == 2 * CHANNELS
+        place = self._address(self.word(SCAN_MEMORY).value) + (0 if first else 2 * CHANNELS)
+        (ctypes.c_uint16 * CHANNELS).from_address(place)[:] = codes  # type: ignore[assignment]
+        self.samples = codes
+        left.value = CHANNELS if first else 2 * CHANNELS
+        flags.value = flags.value & ~clear.value | (HALF_WAY if first else COMPLETE)
+        clear.value = 0
         return True

@@ -8,7 +8,7 @@
 #include "an_single.h"
 #include "an_types.h"
 
-enum { RIG_MODES = 8, RIG_LINE = 64 };
+enum { RIG_MODES = 8, RIG_LINE = 64, RIG_SOON = 25 };
 
 typedef enum { RIG_SOUND, RIG_DEAD, RIG_STUCK, RIG_REVERSED, RIG_CLIPPED } rig_sensor;
 
@@ -61,6 +61,7 @@ typedef struct {
     uint32_t latched; /* in the fault state, the output at rest for good */
     uint32_t held;    /* the plate is held as before, and rests when asked to */
     uint32_t unsafe;  /* neither */
+    uint32_t soon;    /* of those that latched, within RIG_SOON ticks */
     uint32_t longest; /* ticks until the last unsafe one, of those that latched */
     uint32_t longest_found; /* the same from the moment that a fault was found */
 } rig_outcome;

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from firmware.emulate.plant import Plate, Resonance, hold
-from firmware.injection import BOARD_KINDS, board_row, break_single, sensor_kinds
+from firmware.injection import BOARD_KINDS, WORDS, bits_of, break_single, breaking, flipping, image_rows, sensor_kinds
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
 from pipeline.board.table_file import Mode, ModeTable, to_bytes
 
@@ -231,5 +231,15 @@ def test_the_output_rests_within_100_us_of_what_an_interrupt_can_see(make_single
     board = running(make_single)
     board.app.slow.reference = 0.12
     board.run(5e-3)
-    row = board_row(what, board, GO_WRONG[what], 7 * 9 * board.sample_s, 9)
+    (row,) = image_rows(board, {what: breaking(GO_WRONG[what])}, 7 * 9 * board.sample_s, 9)
     assert row.moments == 7 and row.is_sound, row.text
+
+
+def test_no_flipped_bit_leaves_the_image_a_job_that_cannot_be_ended(make_single, core) -> None:
+    board = running(make_single)
+    board.app.slow.reference = 0.12
+    board.run(5e-3)
+    flips = {"flipped bit": flipping(bits_of(core.ffi, "an_single", WORDS))}
+    (row,) = image_rows(board, flips, 12 * 9 * board.sample_s, 9)
+    assert row.moments == 12 and row.is_sound, row.text
+    assert row.latched and row.held  # both kinds were among them

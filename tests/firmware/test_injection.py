@@ -6,12 +6,17 @@ a look of the guard; the slow test, as `python -m firmware.injection` does, at e
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from firmware import injection
-from firmware.injection import WORDS
-from firmware.protocol import FAULT, IDLE, RUN
-from tests.helpers.hosted_boards import restore, save
+from firmware.control_table import held_plate
+from firmware.emulate.beam import Beam, measured_table
+from firmware.injection import SIX_WORDS, WORDS
+from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
+from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
+from tests.helpers.hosted_boards import HostedSix, Rig, restore, save
 
 
 @pytest.fixture
@@ -21,7 +26,10 @@ def rig(core):
 
 def check(seconds: float, stride: int) -> None:
     rows = list(injection.rig_rows(seconds, stride))
-    assert len(rows) == len(injection.TRIPS) + 2 * len(injection.SENSORS)  # three of them also while the level swings
+    flips = 2  # from being found, from the flip
+    assert (
+        len(rows) == len(injection.TRIPS) + 2 * len(injection.SENSORS) - 1 + flips
+    )  # three sensors also while it swings
     for row in rows:
         assert row.moments == -(-round(seconds * 250e3) // stride) and row.is_sound, row.text
     assert rows[-1].latched and rows[-1].held  # bits of both kinds were among them
@@ -42,18 +50,21 @@ def test_an_output_that_passes_its_middle_is_not_taken_for_rest(core, rig) -> No
     assert result.latched == result.held == 0 and result.unsafe == 68
 
 
+def flip(app: Any, word: str, bit: int) -> None:
+    *path, name = word.split(".")
+    for part in path:
+        app = getattr(app, part)
+    setattr(app, name, int(getattr(app, name)) ^ 1 << bit)
+
+
 @pytest.mark.parametrize("word", WORDS)
 def test_no_flipped_bit_of_a_state_word_leaves_a_job_that_cannot_be_ended(rig, word: str) -> None:
     """The plate is held as before, or everything rests in a latched fault; either way a stop ends it."""
     saved, reference = save(rig), 0.15
-    *path, name = word.split(".")
     for bit in range(32):
         restore(rig, saved)
         rig.run(bit * 7 * 4e-6)
-        place = rig.app
-        for part in path:
-            place = getattr(place, part)
-        setattr(place, name, int(getattr(place, name)) ^ 1 << bit)
+        flip(rig.app, word, bit)
         sizes = abs(rig.windows(40e-3)["measured"])
         assert sizes.max() < 0.9, bit
         if rig.state == RUN:
@@ -65,3 +76,76 @@ def test_no_flipped_bit_of_a_state_word_leaves_a_job_that_cannot_be_ended(rig, w
             assert rig.state == FAULT and rig.faults, bit
         rig.run(1e-3)
         assert rig.rig.code == 2048, bit
+
+
+MEASURING = [*WORDS, "ident.stage", "ident.index", "ident.points", "ident.rounds", "ident.best"]
+
+
+@pytest.fixture(scope="module")
+def measuring(core):
+    """A rig that looks for the resonance, and the moments of its coarse sweep, its fine one and the survey."""
+    _, plate = held_plate(100.0, noise=1e-3)
+    guess = Mode.from_quality(plate.resonances[0].frequency_hz - 60.0, 90.0, delay_s=2e-6)
+    rig, moments = Rig(to_bytes(ModeTable(250e3, bytes(16), (guess,))), plate), []
+    rig.run(5e-3)
+    assert rig.start()
+    for stage in (rig.lib.AN_IDENT_COARSE, rig.lib.AN_IDENT_FINE, rig.lib.AN_IDENT_SURVEY):
+        while rig.app.ident.stage != stage or rig.app.ident.index < 2:
+            assert rig.state == IDENTIFY
+            rig.run(1e-3)
+        moments.append(save(rig))
+    return rig, moments
+
+
+@pytest.mark.parametrize("word", MEASURING)
+def test_no_flipped_bit_leaves_a_measurement_that_cannot_be_ended(measuring, word: str) -> None:
+    rig, moments = measuring
+    for saved in moments:
+        for bit in range(32):
+            restore(rig, saved)
+            rig.run(bit * 7 * 4e-6)
+            flip(rig.app, word, bit)
+            rig.run(30e-3)
+            ends_at_rest(rig, lambda: rig.rig.code == 2048, bit)
+
+
+def ends_at_rest(board: Any, is_at_rest: Any, bit: int, ringing: int = 0) -> None:
+    """A stop ends what still drives; what does not is a latched fault. A plate that rings on may be told as one."""
+    drives = board.state in (RUN, IDENTIFY)
+    assert drives or (board.state == FAULT and board.faults), bit
+    board.stop()
+    board.run(5e-3)
+    assert is_at_rest(), bit
+    assert board.state == (IDLE if drives else FAULT) or board.faults & ringing, bit
+
+
+@pytest.fixture(scope="module")
+def six(core):
+    """Six channels that hold a pattern, and that measure their matrix, each at a moment that is come back to."""
+    beam, boards = Beam(noise=1e-3), []
+    shape = Shape(beam.frequency_hz, beam.slowest_s, (Pattern("all", (1,) * 6),))
+    unknown = to_bytes(ModeTable(beam.sample_rate_hz, bytes(16), (), shapes=(shape,)))
+    for table, state in ((measured_table(beam), RUN), (unknown, IDENTIFY)):
+        board = HostedSix(table, beam)
+        board.run(5e-3)
+        assert board.lib.an_six_start(board.app, 0, 0.1)
+        board.run(60e-3)
+        assert board.state == state
+        boards.append(board)
+    return boards
+
+
+@pytest.mark.parametrize("word", SIX_WORDS)
+@pytest.mark.parametrize(
+    "bits", [(0, 1, 2, 3, 5, 31), pytest.param(range(32), marks=pytest.mark.slow)], ids=["some", "all"]
+)
+def test_no_flipped_bit_leaves_six_channels_a_job_that_cannot_be_ended(six, word: str, bits: Any) -> None:
+    for board in six:
+        app, state = bytes(board.ffi.buffer(board.app)), board.beam.state
+        for bit in bits:
+            board.run(bit * 3 * 25e-6)
+            flip(board.app, word, bit)
+            board.run(5e-3)
+            assert not any(abs(z) > 0.9 for z in board.measured) or board.state == FAULT, bit
+            ends_at_rest(board, lambda own=board: list(own.duties) == [own.middle] * 6, bit, Fault.SENSOR_CLIPPED)
+            board.ffi.buffer(board.app)[:], board.beam.state = app, state

@@ -149,3 +149,9 @@ def test_the_image_keeps_them_and_says_so(make_image, core) -> None:
             assert client.health().kept == REFUSED and not client.status().identified
         else:
             assert "no backup memory" in describe_health(client.health())
+
+
+def test_what_belongs_to_no_slot_is_written_nowhere(core, rig) -> None:
+    backup, board = Backup(core), rig(UNKNOWN)
+    board.app.base.slot, board.app.base.measured = core.lib.AN_SLOTS, 1
+    assert backup.serve(board) == 0 and not any(backup.memory)

@@ -281,6 +281,7 @@ REGISTER_AT(dma_regs, stream[6].M0AR, 0xac);
 
 enum {
     DMA_CR_EN = 1 << 0,
+    DMA_CR_HTIE = 1 << 3,
     DMA_CR_TCIE = 1 << 4,
     DMA_CR_TO_PERIPHERAL = 1 << 6,
     DMA_CR_CIRC = 1 << 8,
@@ -288,6 +289,8 @@ enum {
     DMA_CR_PSIZE_16 = 1 << 11,
     DMA_CR_MSIZE_16 = 1 << 13,
     DMA_CR_CHSEL_POS = 25,
+    DMA_LISR_HTIF0 = 1 << 4,
+    DMA_LISR_TCIF0 = 1 << 5,
     DMA_FLAGS_STREAM0 = 0x3d,        /* of LISR, LIFCR */
     DMA_FLAGS_STREAM6 = 0x3d << 16   /* of HISR, HIFCR */
 };

@@ -224,7 +224,7 @@ static void answer_coarse(an_ident *ident, an_complex measured, float noise2)
     if (ident->index % 2u == 1u && has_found_a_peak(ident)) {
         ident->centre = step_of(ident, ident->best);
         raise(ident);
-    } else if (ident->index == ident->points) {
+    } else if (ident->index >= ident->points) {
         end_coarse(ident);
     }
 }
@@ -316,9 +316,13 @@ static void end_fine(an_ident *ident)
 
 static void answer_fine(an_ident *ident, an_complex measured)
 {
+    if (ident->index >= (uint32_t)AN_RESONANCE_POINTS) {
+        ident->stage = AN_IDENT_FAILED;
+        return;
+    }
     ident->response[ident->index] = an_scale(measured, 1.0f / ident->level);
     ident->index++;
-    if (ident->index == ident->points) {
+    if (ident->index >= ident->points) {
         end_fine(ident);
     }
 }
@@ -332,7 +336,7 @@ static void answer_survey(an_ident *ident, an_complex measured)
     const float beside = an_abs(an_sub(response, an_mul(own, late)));
     ident->neighbour = beside > ident->neighbour ? beside : ident->neighbour;
     ident->index++;
-    if (ident->index == ident->points) {
+    if (ident->index >= ident->points) {
         ident->stage = AN_IDENT_DONE;
     }
 }

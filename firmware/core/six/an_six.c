@@ -286,6 +286,10 @@ static void take_column(an_six *app)
 static void identify(an_application *base)
 {
     an_six *app = (an_six *)base;
+    if (app->probe >= app->channels) {
+        fail(app, AN_FAULT_MEMORY);
+        return;
+    }
     if (app->probing != 0u) {
         if (!an_six_slow_finished(&app->slow)) {
             return;
@@ -316,22 +320,48 @@ static uint32_t check_ticks(an_six *app)
     return AN_FAULT_MEMORY;
 }
 
+/* An index beyond its array becomes the one that does no harm. */
+static uint32_t check_index(uint32_t *index, uint32_t most)
+{
+    if (*index <= most) {
+        return 0u;
+    }
+    *index = most;
+    return AN_FAULT_MEMORY;
+}
+
+static uint32_t check_indices(an_six *app)
+{
+    an_six_fast *fast = &app->fast;
+    return check_index(&fast->acting, AN_SIX_REST_BANK) | check_index(&fast->growing, AN_SIX_GAP_BANK) |
+           check_index(&fast->command.bank, 1u) | check_index(&fast->window.bank, 1u) |
+           check_index(&app->channels, AN_SIX) | check_index(&app->slow.jobs[0].channels, AN_SIX) |
+           check_index(&app->slow.jobs[1].channels, AN_SIX);
+}
+
 uint32_t an_six_check(an_six *app)
 {
     const uint32_t clipped = app->fast.clipped + app->fast.window.clipped;
-    return check_ticks(app) | (clipped > AN_SIX_CLIPPED_MAX ? (uint32_t)AN_FAULT_SENSOR_CLIPPED : 0u);
+    return check_ticks(app) | check_indices(app) | (clipped > AN_SIX_CLIPPED_MAX ? (uint32_t)AN_FAULT_SENSOR_CLIPPED : 0u);
+}
+
+/* Open gates drive nothing, also before the slow step knows of it. */
+static bool is_tracking(const an_six *app)
+{
+    const an_handover *hand = &app->slow.hand;
+    return app->base.supervisor.state == AN_STATE_RUN && app->slow.jobs[hand->active & 1u].kind == AN_JOB_TRACK &&
+           hand->trips == 0u;
 }
 
 /* At the converter's ends it is another fault. */
 uint32_t an_six_look(an_six *app, const uint16_t *adc)
 {
-    const an_six_slow *slow = &app->slow;
     const uint32_t clipped = app->fast.clipped + app->fast.window.clipped;
-    if (slow->jobs[slow->hand.active & 1u].kind != AN_JOB_TRACK || slow->hand.trips != 0u || clipped != 0u) {
+    if (!is_tracking(app) || clipped != 0u) {
         an_six_watch_forget(&app->watch);
         return 0u;
     }
-    return an_six_watch_look(&app->watch, slow, &app->fast, adc, app->channels) ? (uint32_t)AN_FAULT_MISMATCH : 0u;
+    return an_six_watch_look(&app->watch, &app->slow, &app->fast, adc, app->channels) ? (uint32_t)AN_FAULT_MISMATCH : 0u;
 }
 
 /* The loop's integrals look after themselves. */

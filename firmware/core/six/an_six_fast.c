@@ -75,7 +75,8 @@ static uint32_t duty_of(an_six_fast *fast, float level)
 
 static void act(an_six_fast *fast, an_complex carrier, uint16_t *duty)
 {
-    const an_complex *drive = fast->drive[fast->faults == 0u ? fast->acting : (uint32_t)AN_SIX_REST_BANK];
+    const bool acts = fast->faults == 0u && fast->acting < AN_SIX_REST_BANK;
+    const an_complex *drive = fast->drive[acts ? fast->acting : (uint32_t)AN_SIX_REST_BANK];
     UNROLLED
     for (uint32_t i = 0u; i < AN_SIX; i++) {
         duty[i] = (uint16_t)duty_of(fast, drive[i].re * carrier.re - drive[i].im * carrier.im);

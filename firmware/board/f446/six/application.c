@@ -37,13 +37,14 @@ void TIM8_BRK_TIM12_IRQHandler(void);
 void DMA2_Stream0_IRQHandler(void)
 {
     const uint32_t begin = DWT->CYCCNT;
-    if (!scan_complete()) {
+    const uint16_t *samples;
+    if (!scan_complete(&samples)) {
         app.fast.faults |= AN_FAULT_FAST_LATE;
     }
-    an_six_tick(&app.fast, scan_samples, duty);
+    an_six_tick(&app.fast, samples, duty);
     bridges_set(duty);
-    an_capture_take(captured, scan_samples, duty);
-    app.fast.faults |= an_six_check(&app) | an_six_look(&app, scan_samples);
+    an_capture_take(captured, samples, duty);
+    app.fast.faults |= an_six_check(&app) | an_six_look(&app, samples);
     if (app.fast.faults != 0u) {
         bridges_off();
     }

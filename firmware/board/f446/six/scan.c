@@ -10,7 +10,7 @@ enum {
     PATIENCE = 1000
 };
 
-uint16_t scan_samples[SCAN_CHANNELS];
+static uint16_t scans[2u * SCAN_CHANNELS]; /* in turn: half a transfer is one scan, the whole is the next */
 
 /* PA0, PA1, PA4, PC0, PC1, PC2 */
 static const uint8_t channels[SCAN_CHANNELS] = {0, 1, 4, 10, 11, 12};
@@ -30,10 +30,10 @@ static void dma_start(void)
     }
     DMA2->LIFCR = DMA_FLAGS_STREAM0;
     stream->PAR = (uint32_t)(uintptr_t)&ADC1->DR;
-    stream->M0AR = (uint32_t)(uintptr_t)scan_samples;
-    stream->NDTR = SCAN_CHANNELS;
+    stream->M0AR = (uint32_t)(uintptr_t)scans;
+    stream->NDTR = 2u * SCAN_CHANNELS;
     stream->CR = CHANNEL << DMA_CR_CHSEL_POS | DMA_CR_MSIZE_16 | DMA_CR_PSIZE_16 | DMA_CR_MINC | DMA_CR_CIRC |
-                 DMA_CR_TCIE | DMA_CR_EN;
+                 DMA_CR_HTIE | DMA_CR_TCIE | DMA_CR_EN;
 }
 
 /* 90 MHz / 4 = 22.5 MHz, 15 + 12 cycles: 1.2 us a channel. */
@@ -68,12 +68,15 @@ void scan_revive(void)
     ADC1->CR2 = ADC_ON_BY_DMA;
 }
 
-bool scan_complete(void)
+bool scan_complete(const uint16_t **samples)
 {
-    const bool sound = (ADC1->SR & ADC_SR_OVR) == 0u;
+    const uint32_t both = DMA_LISR_HTIF0 | DMA_LISR_TCIF0;
+    const uint32_t ended = DMA2->LISR & both;
+    const bool overran = (ADC1->SR & ADC_SR_OVR) != 0u;
     DMA2->LIFCR = DMA_FLAGS_STREAM0;
-    if (!sound) {
+    if (overran) {
         scan_revive();
     }
-    return sound;
+    *samples = ended == (uint32_t)DMA_LISR_HTIF0 ? scans : scans + SCAN_CHANNELS;
+    return !overran && ended != both;
 }

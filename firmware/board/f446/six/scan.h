@@ -7,9 +7,6 @@
 
 enum { SCAN_CHANNELS = 6 };
 
-/* Written by the DMA controller, before each call of the handler. */
-extern uint16_t scan_samples[SCAN_CHANNELS];
-
 /* DMA2_Stream0_IRQHandler follows each complete scan. */
 void scan_init(void);
 
@@ -17,7 +14,8 @@ void scan_init(void);
  * DMA"). */
 void scan_revive(void);
 
-/* To be called there; false when samples were lost. */
-bool scan_complete(void);
+/* To be called there: the samples of the last scan, valid until the one after the next begins. False when samples were lost, or
+ * the handler was not called for a scan. */
+bool scan_complete(const uint16_t **samples);
 
 #endif
