@@ -90,7 +90,7 @@ static bool is_consistent(const an_supervisor *supervisor, an_job_kind kind)
     const bool fits = kind == AN_JOB_REST    ? state != AN_STATE_RUN
                       : kind == AN_JOB_DWELL ? state == AN_STATE_IDENTIFY
                                              : kind == AN_JOB_TRACK && state == AN_STATE_RUN;
-    return fits && an_supervisor_is_sound(supervisor);
+    return fits && (supervisor->faults != 0u) == (state == AN_STATE_FAULT) && an_supervisor_is_sound(supervisor);
 }
 
 an_action an_supervisor_decide(an_supervisor *supervisor, an_job_kind kind, uint32_t found, uint32_t window, float window_s)

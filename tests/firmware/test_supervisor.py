@@ -59,6 +59,16 @@ def test_a_state_word_with_a_flipped_bit_is_a_fault(core, supervisor, bit: int) 
     assert supervisor.state == FAULT and supervisor.faults == Fault.MEMORY
 
 
+@pytest.mark.parametrize(("state", "kind", "faults"), [(RUN, TRACK, 8), (IDLE, REST, 2**31), (FAULT, REST, 0)])
+def test_faults_without_the_fault_state_or_the_other_way_round_are_a_fault(
+    core, supervisor, state: int, kind: int, faults: int
+) -> None:
+    core.lib.an_supervisor_enter(supervisor, state)
+    supervisor.faults = faults
+    assert core.lib.an_supervisor_decide(supervisor, kind, 0, 1, 2e-4) == TO_REST
+    assert supervisor.state == FAULT and supervisor.faults == faults | Fault.MEMORY
+
+
 def test_stop_ends_a_measurement_and_does_nothing_at_rest(core, supervisor) -> None:
     core.lib.an_supervisor_stop(supervisor)
     assert core.lib.an_supervisor_decide(supervisor, REST, 0, 1, 2e-4) == NONE and supervisor.state == IDLE
