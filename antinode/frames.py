@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from types import ModuleType
 from typing import Any
 
@@ -38,6 +38,30 @@ def dataset(rows: Sequence[dict[str, Any]], dimensions: Sequence[str]) -> Any:
         if unit := unit_of(str(name)):
             variable.attrs["units"] = unit
     return data
+
+
+def html_table(names: Sequence[str], rows: Sequence[Sequence[Any]], marked: Collection[int] = ()) -> str:
+    """Rows as an HTML table with units in its head, frequencies in kHz, few digits; the `marked` ones in bold with a star.
+
+    >>> html_table(["confinement_db"], [[11.52], [None]], [0])[-66:]
+    '<tr><td><b>11.5 *</b></td></tr><tr><td>-</td></tr></tbody></table>'
+    """
+    from html import escape
+
+    from pipeline.records.reading import named, shown
+
+    known = [named(name) for name in names]
+    head = "".join(f"<th>{escape(words)}{f' ({form.unit})' if form.unit else ''}</th>" for words, form in known)
+    lines = []
+    for number, row in enumerate(rows):
+        cells = [
+            escape(str("-" if value is None else shown(value, form)))
+            for value, (_, form) in zip(row, known, strict=True)
+        ]
+        if number in marked:
+            cells = [f"<b>{cell}{' *' if place == 0 else ''}</b>" for place, cell in enumerate(cells)]
+        lines.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
 
 
 def _needed(name: str) -> ModuleType:

@@ -11,7 +11,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from antinode.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Table, Tip, Zone, plain
+from antinode.tables import (
+    Array,
+    BandPath,
+    Damping,
+    Finger,
+    Frozen,
+    Patches,
+    Pillar,
+    Scatter,
+    Solve,
+    Table,
+    Tip,
+    Zone,
+    plain,
+)
 from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, read_toml
@@ -39,7 +53,7 @@ if TYPE_CHECKING:
 Pair = tuple[float, float]
 
 
-class Plate:
+class Plate(Frozen):
     """A touch plate: zone, pillars, array, and what is asked of it; it never changes, `with_` makes another one.
 
     Keywords are the tables of a case file (Zone, Pillar, Array, Solve, BandPath, Damping, Patches, Scatter, Finger, or
@@ -113,11 +127,19 @@ class Plate:
         return Plate._of(changed(self._raw, changes), self._source)
 
     def to_dict(self) -> dict[str, Any]:
-        """The tables of the case as its file has them."""
+        """The tables of the case as its file has them, a copy, in the file's units.
+
+        >>> load("examples/small.toml").to_dict()["plate"]
+        {'thickness_mm': 2.0}
+        """
         return copy.deepcopy(self._raw)
 
     def predesign(self) -> Predesign:
-        """Size zone and pillar analytically; raises InputError without [plate] and [zone]."""
+        """Size zone and pillar analytically: frequencies in Hz, lengths in mm. Raises InputError without [plate] and [zone].
+
+        >>> round(load("examples/small.toml").predesign().zone_hz)
+        33494
+        """
         from antinode.results import Predesign
         from pipeline.analysis import predesign
 
@@ -134,9 +156,13 @@ class Plate:
         symmetry: str | None = None,
         progress: bool | None = None,
     ) -> Modes:
-        """Compute the modes of plate, zone or pillar in a band, or `count` of them near a frequency.
+        """Compute the modes of plate, zone or pillar in a band (low, high) in kHz, or `count` of them near a frequency in kHz.
 
-        Raises InputError for what the case lacks, SolverError for what could not be trusted.
+        symmetry: one class of SS, SA, AS, AA. The result's arrays are (modes,), in Hz and dB. Raises InputError for what
+        the case lacks, SolverError for what could not be trusted.
+
+        >>> load("examples/small.toml", accuracy=0.1).modes(part="pillar", count=2).frequency_hz.shape
+        (2,)
         """
         from antinode.results import Modes
         from pipeline.analysis.modes import solve_modes
@@ -154,7 +180,13 @@ class Plate:
         return Modes(part_modes.record.to_dict() | self._about, part_modes, self._case)
 
     def bands(self, *, progress: bool | None = None) -> Bands:
-        """Compute Bloch bands and gaps of the unit cell along the case's path."""
+        """Compute Bloch bands and gaps of the unit cell along the case's path: arrays (points, bands), in Hz and rad/m.
+
+        Raises InputError without [plate] and a pitch, SolverError for what could not be trusted.
+
+        >>> load("examples/small.toml", accuracy=0.1, bands__points=2, bands__count=4).bands().frequencies_hz.shape
+        (7, 4)
+        """
         from antinode.results import Bands
         from pipeline.analysis.bands import solve_bands
 
@@ -168,7 +200,14 @@ class Plate:
         points: int = 201,
         progress: bool | None = None,
     ) -> Attenuation:
-        """Compute the decay per row across the zone's border at a wavenumber along it (default: the wanted mode's)."""
+        """Compute the decay per row in dB across the zone's border at a wavenumber along it (default: the wanted mode's).
+
+        band_kHz: (low, high) in kHz; the result's arrays are (points,). Raises InputError without pillar and pitch, and
+        without a zone unless kx_per_m, in rad/m, is given.
+
+        >>> load("examples/small.toml", accuracy=0.1).attenuation((30.0, 34.0), points=3).frequency_hz.tolist()
+        [30000.0, 32000.0, 34000.0]
+        """
         from antinode.results import Attenuation
         from pipeline.analysis import attenuation
 
@@ -176,7 +215,13 @@ class Plate:
         return Attenuation(solved.to_dict() | self._about)
 
     def broadband(self, band_kHz: Pair | None = None, *, points: int = 201, progress: bool | None = None) -> Broadband:
-        """Compute over frequency what the rows let through and how far a driven zone stays confined; rows may differ."""
+        """Compute over frequency what the rows let through and how far a driven zone stays confined, dB; rows may differ.
+
+        band_kHz: (low, high) in kHz; the result's arrays are (points,). Raises InputError without zone, pillar and pitch.
+
+        >>> load("examples/small.toml", accuracy=0.1).broadband((30.0, 36.0), points=3).confinement_db.shape
+        (3,)
+        """
         from antinode.results import Broadband
         from pipeline.models.broadband import broadband
 
@@ -184,7 +229,15 @@ class Plate:
         return Broadband(solved.to_dict() | self._about)
 
     def response(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Response:
-        """Compute the forced response to the patches."""
+        """Compute the forced response to the patches in m/V over a band (low, high) in kHz: arrays (points,).
+
+        points are spread evenly, with more about each peak. Raises InputError without [patches].
+
+        >>> load("examples/small.toml").response()
+        Traceback (most recent call last):
+        ...
+        pipeline.errors.InputError: examples/small.toml: [patches]: missing, response needs it
+        """
         from antinode.results import Response
         from pipeline.analysis import response
 
@@ -192,7 +245,15 @@ class Plate:
         return Response(solved.record.to_dict() | self._about)
 
     def tolerance(self, band_kHz: Pair | None = None, *, progress: bool | None = None) -> Tolerance:
-        """Compute how far peak and confinement move when no two pillars are alike."""
+        """Compute how far peak (Hz) and confinement (dB) move when no two pillars are alike; band_kHz: (low, high) in kHz.
+
+        Raises InputError where [tolerance] has no deviation.
+
+        >>> load("examples/small.toml").tolerance()
+        Traceback (most recent call last):
+        ...
+        pipeline.errors.InputError: examples/small.toml: [tolerance]: missing, tolerance needs it
+        """
         from antinode.results import Tolerance
         from pipeline.analysis import tolerance
 
@@ -200,7 +261,16 @@ class Plate:
         return Tolerance(solved.record.to_dict() | self._about)
 
     def touch(self, band_kHz: Pair | None = None, *, mapped: bool = True, progress: bool | None = None) -> Touch:
-        """Compute what a finger makes of the driven plate; `mapped`: at every place of the touch face, too."""
+        """Compute what a finger makes of the driven plate: m, W and Hz; `mapped`: at every place of the touch face, too.
+
+        band_kHz: (low, high) in kHz. Raises InputError without [patches] and [touch].
+
+        >>> load("examples/small.toml").touch()
+        Traceback (most recent call last):
+        ...
+        pipeline.errors.InputError: examples/small.toml: [patches]: missing, touch needs it
+        examples/small.toml: [touch]: missing, touch needs it
+        """
         from antinode.results import Touch
         from pipeline.analysis import touch
 
@@ -210,14 +280,31 @@ class Plate:
     def hybrid(
         self, band_kHz: Pair | None = None, *, points: int = 61, alpha: float = 0.3, progress: bool | None = None
     ) -> Hybrid:
-        """Compute confinement by rows, by patches and by both; alpha: weight of voltages that move little, of 1."""
+        """Compute confinement in dB by rows, by patches and by both; alpha: weight of voltages that move little, of 1.
+
+        band_kHz: (low, high) in kHz; lists of a way are (points,). Raises InputError without patches in and behind the zone.
+
+        >>> load("examples/small.toml").hybrid()
+        Traceback (most recent call last):
+        ...
+        pipeline.errors.InputError: examples/small.toml: [patches]: missing, hybrid needs it
+        """
         from antinode.results import Hybrid
         from pipeline.driven import hybrid
 
         return Hybrid(hybrid.solve(self._case, _logged(progress), _hz(band_kHz), points, alpha).to_dict() | self._about)
 
     def travel(self, band_kHz: Pair | None = None, *, others: float = 0.0, progress: bool | None = None) -> Travel:
-        """Hold two modes of the zone a quarter period apart; others: weight of keeping all other modes small."""
+        """Hold two modes of the zone a quarter period apart; others: weight of keeping all other modes small, beside 1.
+
+        band_kHz: (low, high) in kHz, with both modes in it; the wave's arrays are (points,), in m. Raises InputError
+        without patches.
+
+        >>> load("examples/small.toml").travel()
+        Traceback (most recent call last):
+        ...
+        pipeline.errors.InputError: examples/small.toml: [patches]: missing, travel needs it
+        """
         from antinode.results import Travel
         from pipeline.driven import travelling
 
@@ -225,7 +312,15 @@ class Plate:
         return Travel(record.to_dict() | self._about)
 
     def crosstalk(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Crosstalk:
-        """Drive each of several zones in turn and measure all."""
+        """Drive each of several zones in turn and measure all: levels (driven zones, measured zones) in dB.
+
+        band_kHz: (low, high) in kHz. Raises InputError for a plate of one zone.
+
+        >>> load("examples/small.toml").crosstalk()
+        Traceback (most recent call last):
+        ...
+        pipeline.errors.InputError: examples/small.toml: [patches]: missing, crosstalk needs it
+        """
         from antinode.results import Crosstalk
         from pipeline.driven import crosstalk
 
@@ -243,10 +338,16 @@ class Plate:
         progress: bool | None = None,
         **ranges: Pair,
     ) -> Search:
-        """Search the design that confines the wanted mode best between (low, high) of keys as in `with_`.
+        """Search the design that confines the wanted mode best between (low, high) of keys as in `with_`, in their units.
 
-        Spends up to `evaluations` assembled plates, three columns of cells to each; minutes. Raises InputError for a
+        goal: confinement, extension or worst, raised in dB; mac: the least, 0 to 1. Spends up to `evaluations` assembled
+        plates, three columns of cells to each; minutes. Raises InputError for a
         range that cannot be searched, CheckFailed where no design keeps the limits.
+
+        >>> load("examples/small.toml").search(height_mm=(8.0, 5.0))
+        Traceback (most recent call last):
+        ...
+        pipeline.errors.InputError: --vary pillar.height_mm=8:5: the low end must lie below the high end
         """
         from antinode.results import Search
         from pipeline.cli.search import limits_of, to_dict
@@ -269,11 +370,49 @@ class Plate:
         outcome = search(space, Settings(goal, limits, evaluations), _logged(progress))
         return Search(to_dict(outcome) | self._about, self)
 
+    def explore(
+        self, path: str | Path | None = None, *, port: int = 0, browser: bool = True, progress: bool | None = None
+    ) -> None:
+        """Open a page on which the design is dragged, in mm, and answers at once: serve it until interrupted, or write it.
+
+        path: one file that answers in the browser alone; None: serve the page.
+        port: on this machine's loopback address (0: a free one). The page's model takes a minute to make and is kept.
+        Raises InputError without a square pillar, plate and zone.
+
+        >>> from antinode import load
+        >>> load("studies/three-rows.toml").with_(pillar=None, rows=0).explore("page.html")
+        Traceback (most recent call last):
+        ...
+        pipeline.errors.InputError: studies/three-rows.toml: [pillar]: missing, explore needs it
+        """
+        from pipeline.cli import explore
+
+        explorer = explore.explorer_of(self._case, self._raw, (), _logged(progress))
+        if path is not None:
+            explore.export(explorer, Path(path), _logged(progress))
+            return
+        from pipeline.explore.server import Server, serve
+
+        serve(Server(explorer), port, lambda address: explore.opened(address, browser))
+
     @cached_property
     def _about(self) -> dict[str, Any]:
         from importlib.metadata import version
 
         return {"case": self.name, "with_defaults": self._case.to_dict(), "version": version("antinode")}
+
+    def _repr_html_(self) -> str:
+        """The plate in words and as a labelled sketch, for a notebook; words alone where it has no zone."""
+        from html import escape
+
+        from pipeline.records.record import DesignRecord
+        from pipeline.report.sketch import sketch
+
+        words = f"<p>{escape(repr(self))}</p>"
+        whole = {"plate", "zone"} <= self._case.given
+        return words + (
+            f'<div style="max-width: 30rem">{sketch(DesignRecord.of_design(self._case.design))}</div>' if whole else ""
+        )
 
     def __repr__(self) -> str:
         tables = ", ".join(key for key in self._raw if key in TABLES)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
+from antinode.tables import Frozen
 from geometry.elements import FloatArray
 from pipeline.units import KHZ
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from pipeline.analysis.modes import PartModes
     from pipeline.case.model import Case
+    from pipeline.records.record import HybridWay, LoadedModeRecord, PeakRecord, SampleRecord, TouchStateRecord
     from solvers.waves.gaps import Gap
 
 KIND = "kind"
@@ -35,7 +37,14 @@ def column(name: str, of: str = "", *, doc: str) -> Any:
     return property(lambda result: values(result._document, name, of), doc=doc)
 
 
-class Result:
+def typed(kind: str, figures: dict[str, Any] | None) -> Any:
+    """A part of a document as the frozen class of records that has its fields; None for None."""
+    from pipeline.records import record
+
+    return None if figures is None else getattr(record, kind).model_construct(**copy.deepcopy(figures))
+
+
+class Result(Frozen):
     """A document as `--json` writes it, and what can be done with it."""
 
     kind = ""
@@ -94,7 +103,11 @@ class Result:
         out, words = io.BytesIO(), escape(repr(self))
         self.plot().figure.savefig(out, format="png", dpi=110, bbox_inches="tight")  # type: ignore[union-attr]
         data = base64.b64encode(out.getvalue()).decode()
-        return f'<p>{words}</p><img alt="{words}" src="data:image/png;base64,{data}">'
+        return f'<p>{words}</p><img alt="{words}" src="data:image/png;base64,{data}">{self._rows_html()}'
+
+    def _rows_html(self) -> str:
+        """Rows that a notebook shows beneath the picture; none for curves."""
+        return ""
 
 
 @dataclass(frozen=True)
@@ -207,6 +220,26 @@ class Modes(Result, Sequence[Mode]):
     def __repr__(self) -> str:
         span = f", {self[0].frequency_hz:.1f} to {self[-1].frequency_hz:.1f} Hz" if len(self) else ""
         return f"<antinode.Modes of the {self._document.get('part', 'plate')}: {len(self)}{span}>"
+
+    def to_pyvista(self, mode: int | Mode | None = None) -> Any:
+        """The closed surface of a mode, by its number or itself, in m as Mode.to_pyvista gives it; None: of the wanted mode.
+
+        Raises ValueError where no mode is the wanted one, and for modes that were read from a file.
+        """
+        if mode is None:
+            at = self.wanted.frequency_hz if self.wanted else None
+            if at is None:
+                raise ValueError("none of these modes is the wanted one: name a mode by its number")
+            mode = int(np.argmin(np.abs(self.frequency_hz - at)))
+        return (self[mode] if isinstance(mode, int) else mode).to_pyvista()
+
+    def _rows_html(self) -> str:
+        from antinode.frames import html_table
+
+        shown = ("frequency_hz", "symmetry", "zone_share", "confinement_db", "mac", "strength")
+        wanted = self.wanted.frequency_hz if self.wanted else None
+        return html_table(shown, [[getattr(mode, name) for name in shown] for mode in self],
+                          [i for i, mode in enumerate(self) if mode.frequency_hz == wanted])  # fmt: skip
 
     def _surface(self, mode: Mode) -> Any:
         if self._solved is None or self._case is None:
@@ -337,7 +370,7 @@ class Response(Result):
     >>> plate = antinode.load("examples/small.toml", accuracy=0.1)
     >>> plate = plate.with_(patches=antinode.Patches(material="pz26", size_mm=(8.0, 3.0, 0.3)))
     >>> driven = plate.response((33.0, 36.0), points=5)
-    >>> driven.zone_rms_m_per_V.shape == driven.frequency_hz.shape, 33e3 < driven.wanted_peak["frequency_hz"] < 36e3
+    >>> driven.zone_rms_m_per_V.shape == driven.frequency_hz.shape, 33e3 < driven.wanted_peak.frequency_hz < 36e3
     (True, True)
     """
 
@@ -356,9 +389,10 @@ class Response(Result):
         return None if self._document[name] is None else values(self._document, name)
 
     @property
-    def wanted_peak(self) -> dict[str, Any] | None:
-        """The wanted mode's peak; None where the band has none."""
-        return self._document.get("wanted_peak")
+    def wanted_peak(self) -> PeakRecord | None:
+        """The wanted mode's peak: frequency_hz, zone_rms_m_per_V, confinement_db, quality; None where the band has none."""
+        peak: PeakRecord | None = typed("PeakRecord", self._document.get("wanted_peak"))
+        return peak
 
     def __repr__(self) -> str:
         return _over(self, self.frequency_hz)
@@ -407,7 +441,7 @@ class Tolerance(Result):
     `plate.with_(tolerance=Scatter(height_mm=0.05, samples=20)).tolerance()` computes one; here is what it holds.
 
     >>> import antinode
-    >>> antinode.Tolerance({"samples": [{"peak_hz": 34.45e3, "confinement_db": 11.5}]}).samples[0]["confinement_db"]
+    >>> antinode.Tolerance({"samples": [{"peak_hz": 34.45e3, "confinement_db": 11.5}]}).samples[0].confinement_db
     11.5
     """
 
@@ -415,9 +449,9 @@ class Tolerance(Result):
     _dimensions = ("sample",)
 
     @property
-    def samples(self) -> tuple[dict[str, Any], ...]:
-        """What was measured of each plate."""
-        return tuple(self._document["samples"])
+    def samples(self) -> tuple[SampleRecord, ...]:
+        """Each plate: peak_hz, zone_rms (m/V or m/N), confinement_db, quality, tracking."""
+        return tuple(typed("SampleRecord", each) for each in self._document["samples"])
 
     def __repr__(self) -> str:
         return f"<antinode.Tolerance: {len(self.samples)} samples>"
@@ -429,7 +463,7 @@ class Touch(Result):
     `plate.with_(touch=Finger(radius_mm=5.0)).touch()` computes one; here is what it holds.
 
     >>> import antinode
-    >>> antinode.Touch({"states": [{"state": "touched", "finger_m": 2e-7}]}).states["touched"]["finger_m"]
+    >>> antinode.Touch({"states": [{"state": "touched", "finger_m": 2e-7}]}).states["touched"].finger_m
     2e-07
     """
 
@@ -437,17 +471,18 @@ class Touch(Result):
     _dimensions = ("state",)
 
     @property
-    def states(self) -> dict[str, dict[str, Any]]:
+    def states(self) -> dict[str, TouchStateRecord]:
         """Every state by its name: free, touched, retuned, held, shaped; what cannot be is not there."""
-        return {state["state"]: state for state in self._document["states"]}
+        return {state["state"]: typed("TouchStateRecord", state) for state in self._document["states"]}
 
     @property
-    def mode(self) -> dict[str, Any] | None:
+    def mode(self) -> LoadedModeRecord | None:
         """The wanted mode under the finger: frequencies in Hz, quality factor, share; None where none is left."""
-        return self._document["mode"]
+        mode: LoadedModeRecord | None = typed("LoadedModeRecord", self._document["mode"])
+        return mode
 
     def __repr__(self) -> str:
-        amplitudes = ", ".join(f"{name} {1e6 * state['finger_m']:.3g} um" for name, state in self.states.items())
+        amplitudes = ", ".join(f"{name} {1e6 * state.finger_m:.3g} um" for name, state in self.states.items())
         return f"<antinode.Touch: {amplitudes}>"
 
 
@@ -458,7 +493,7 @@ class Hybrid(Result):
 
     >>> import antinode
     >>> way = {"way": "rows", "confinement_db": [14.6]}
-    >>> antinode.Hybrid({"frequency_hz": [34.8e3], "ways": [way]}).ways["rows"]["confinement_db"]
+    >>> antinode.Hybrid({"frequency_hz": [34.8e3], "ways": [way]}).ways["rows"].confinement_db
     [14.6]
     """
 
@@ -468,9 +503,9 @@ class Hybrid(Result):
     frequencies_hz = column("frequency_hz", doc="Frequencies (points,) in Hz.")
 
     @property
-    def ways(self) -> dict[str, dict[str, Any]]:
-        """Every way by its name: neither, rows, patches, both; lists over the frequencies."""
-        return {way["way"]: way for way in self._document["ways"]}
+    def ways(self) -> dict[str, HybridWay]:
+        """Every way by its name: neither, rows, patches, both; lists over the frequencies, dB and V for 1 um."""
+        return {way["way"]: typed("HybridWay", way) for way in self._document["ways"]}
 
     def __repr__(self) -> str:
         return f"<antinode.Hybrid: {len(self.frequencies_hz)} frequencies, {', '.join(self.ways)}>"
@@ -564,7 +599,7 @@ class Search(Result):
     @property
     def tradeoff(self) -> tuple[dict[str, Any], ...]:
         """Designs that no other beats in goal, frequency and mass at once, the best first."""
-        return tuple(self._document["tradeoff"])
+        return tuple(copy.deepcopy(self._document["tradeoff"]))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the goal over the varied keys into matplotlib axes (new ones where none are given) and return them."""

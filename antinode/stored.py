@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from antinode.results import KIND, KINDS, Result
+from antinode.sweeps import TABLE, SweepTable, read_table
 from pipeline.errors import InputError
 
 MARKS = {
@@ -23,14 +24,19 @@ MARKS = {
 }
 
 
-def open(path: str | Path) -> Result:
-    """Read a result that `save` or `--json` wrote. Raises InputError for a file that holds none.
+def open(path: str | Path) -> Result | SweepTable:
+    """Read a result that `save` or `--json` wrote, or the table of a study or a sweep by its folder or its CSV file.
+
+    Raises InputError for a file that holds none.
 
     >>> import antinode, tempfile
     >>> file = Path(tempfile.mkdtemp()) / "sizes.json"
     >>> antinode.open(antinode.load("studies/three-rows.toml").predesign().save(file)).zone_hz > 33e3
     True
     """
+    file = Path(path) / TABLE if Path(path).is_dir() else Path(path)
+    if file.suffix == ".csv":
+        return read_table(file)
     try:
         document = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

@@ -8,21 +8,25 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
-from math import prod
+from collections.abc import Iterator, Mapping, Sequence
+from math import nan, prod
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 from antinode.plate import Plate, is_watched, key_of
-from antinode.tables import plain
+from antinode.tables import Frozen, plain
 from pipeline.cli.main import DONE, INTERRUPTED, NOT_TRUSTED
 from pipeline.errors import CheckFailed, InputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 NUMBERS = (int, float)
 STUDY, TABLE = "study.toml", "table.csv"
 
 
-class SweepTable(Sequence[dict[str, Any]]):
+class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
     """One row a case: swept keys and measures by their columns of table.csv; None where a measure has no meaning.
 
     `folder` holds every case's record, run.mess and arrays, the table as table.csv, and the study as study.toml. Units
@@ -35,16 +39,27 @@ class SweepTable(Sequence[dict[str, Any]]):
     """
 
     def __init__(self, rows: Sequence[dict[str, Any]], folder: Path, swept: Sequence[str] = ()) -> None:
-        self._rows, self.folder, self.swept = tuple(rows), folder, tuple(swept)
+        self._rows, self._folder, self._swept = tuple(rows), folder, tuple(swept)
+
+    @property
+    def folder(self) -> Path:
+        """Where every case's record lies."""
+        return self._folder
+
+    @property
+    def swept(self) -> tuple[str, ...]:
+        """The keys that were swept, such as array.rows."""
+        return self._swept
 
     def __getitem__(self, index: Any) -> Any:
-        return self._rows[index]
+        chosen = self._rows[index]
+        return tuple(map(MappingProxyType, chosen)) if isinstance(index, slice) else MappingProxyType(chosen)
 
     def __len__(self) -> int:
         return len(self._rows)
 
-    def __iter__(self) -> Iterator[dict[str, Any]]:
-        return iter(self._rows)
+    def __iter__(self) -> Iterator[Mapping[str, Any]]:
+        return map(MappingProxyType, self._rows)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -70,6 +85,47 @@ class SweepTable(Sequence[dict[str, Any]]):
     def to_dict(self) -> dict[str, list[Any]]:
         """Columns as lists."""
         return {name: [row[name] for row in self._rows] for name in self.columns}
+
+    def save(self, path: str | Path) -> Path:
+        """Write the table as CSV with the columns of table.csv, whole or not at all."""
+        from pipeline.records.outputs import csv_bytes, write_file
+
+        write_file(Path(path), csv_bytes(self.columns, [[*row.values()] for row in self._rows]))
+        return Path(path)
+
+    def plot(self, ax: Axes | None = None, *, column: str = "confinement_db", over: str | None = None) -> Axes:
+        """Draw a column over a swept key (default: the first), a line for each value of the others; return the axes.
+
+        Raises InputError for a column that the table has not.
+        """
+        from pipeline.plots import style
+
+        over = over or (self.swept or ("case",))[0]
+        if missing := {column, over} - set(self.columns):
+            raise InputError(f"{', '.join(sorted(missing))}: no such column; there are {', '.join(self.columns)}")
+        lines: dict[str, list[tuple[Any, Any]]] = {}
+        for row in self._rows:
+            name = ", ".join(f"{key.partition('.')[2]} {row[key]}" for key in self.swept if key != over)
+            lines.setdefault(name, []).append((row[over], nan if row[column] is None else row[column]))
+        with style.style():
+            drawn: Axes = style.panels(3.6)[1] if ax is None else ax
+            for name, points in lines.items():
+                drawn.plot(*zip(*points, strict=True), "o-", label=name)
+            drawn.set(xlabel=over, ylabel=column)
+            if len(lines) > 1:
+                drawn.legend()
+        return drawn
+
+    def _repr_html_(self) -> str:
+        """The swept keys and the columns that answer first, for a notebook; every column is in `columns`."""
+        from html import escape
+
+        from antinode.frames import html_table
+        from pipeline.report.text import MAIN
+
+        shown = [name for name in self.columns if name in MAIN or name in self.swept] or self.columns
+        rows = [[row[name] for name in shown] for row in self._rows]
+        return f"<p>{escape(repr(self))}</p>{html_table(shown, rows)}"
 
     def __repr__(self) -> str:
         return f"<antinode.SweepTable: {len(self)} cases, {len(self.columns)} columns, {self.folder}>"
@@ -111,8 +167,7 @@ def sweep(
     failed = _computed(place, jobs, quiet)
     if failed:
         raise CheckFailed(failed)
-    rows = [*_read((place / TABLE).read_text(encoding="utf-8"))]
-    return SweepTable(rows, place, [key_of(name, plate.to_dict()) for name in values])
+    return read_table(place / TABLE, [key_of(name, plate.to_dict()) for name in values])
 
 
 def _computed(place: Path, jobs: int | None, quiet: bool) -> list[str]:
@@ -184,9 +239,17 @@ def case_text(plate: Plate) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _read(text: str) -> Iterator[dict[str, Any]]:
-    for row in csv.DictReader(io.StringIO(text)):
-        yield {name: _value(cell) for name, cell in row.items()}
+def read_table(file: Path, swept: Sequence[str] | None = None) -> SweepTable:
+    """The table of a study; swept: its keys (default: columns named TABLE.KEY). Raises InputError where there is none."""
+    try:
+        lines = csv.DictReader(io.StringIO(file.read_text(encoding="utf-8")))
+        rows = [{name: cell if name == "case" else _value(cell) for name, cell in line.items()} for line in lines]
+    except (OSError, ValueError, csv.Error) as error:
+        raise InputError(f"{file}: cannot be read: {error}") from error
+    names = list(rows[0]) if rows else []
+    if "case" not in names:
+        raise InputError(f"{file}: holds no table of a study: it has no column `case`")
+    return SweepTable(rows, file.parent, [name for name in names if "." in name] if swept is None else swept)
 
 
 def _value(cell: str | None) -> Any:

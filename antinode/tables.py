@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import FrozenInstanceError
 from typing import Any
+
+
+class Frozen:
+    """What never changes once it is made: no public attribute can be set or removed."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not name.startswith("_"):
+            raise FrozenInstanceError(f"cannot assign to {name!r}: a {type(self).__name__} never changes")
+        object.__setattr__(self, name, value)
+
+    def __delattr__(self, name: str) -> None:
+        raise FrozenInstanceError(f"cannot delete {name!r}: a {type(self).__name__} never changes")
 
 
 class Table(dict[str, Any]):

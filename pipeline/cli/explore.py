@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pipeline.case.model import Case
     from pipeline.explore.answer import Explorer
     from pipeline.logs import Log
 
@@ -40,31 +41,42 @@ def run(arguments: Namespace) -> int:
     """Make the model of the case's cell, or take it from the cache, and serve its page until interrupted."""
     from pipeline.case.model import case_from_dict
     from pipeline.case.overrides import read_toml
+    from pipeline.logs import TerminalLog
+    from pipeline.records import outputs
 
     path = Path(arguments.case)
     raw = read_toml(path)
     case = case_from_dict(raw, path, arguments.set)
-    case.require_plate("explore")
-    case.require("pillar", "zone", command="explore")
-    from pipeline.explore.answer import Explorer, Scene
-    from pipeline.logs import TerminalLog
-    from pipeline.models.parametric import cell_model
-    from pipeline.records import outputs
-
     if arguments.export:
         outputs.check_files("--export", [arguments.export])
     log = TerminalLog(arguments.quiet)
-    explorer = Explorer(Scene(case, raw, tuple(arguments.set)), cell_model(case, log))
+    explorer = explorer_of(case, raw, tuple(arguments.set), log)
     if arguments.export:
-        return _exported(explorer, Path(arguments.export), log)
+        export(explorer, Path(arguments.export), log)
+        return 0
     from pipeline.explore.server import Server, serve
 
-    server = Server(explorer)
-    serve(server, arguments.port, lambda address: _opened(address, arguments))
+    serve(Server(explorer), arguments.port, lambda address: opened(address, _browses(arguments), arguments.quiet))
     return 0
 
 
-def _exported(explorer: Explorer, path: Path, log: Log) -> int:
+def _browses(arguments: Namespace) -> bool:
+    """Whether a person sits at a desktop."""
+    return not arguments.no_browser and sys.stdout.isatty()
+
+
+def explorer_of(case: Case, raw: dict[str, Any], overrides: tuple[str, ...], log: Log) -> Explorer:
+    """What answers a page: the case's scene and the model of its cell. Raises InputError for a case that it cannot follow."""
+    case.require_plate("explore")
+    case.require("pillar", "zone", command="explore")
+    from pipeline.explore.answer import Explorer, Scene
+    from pipeline.models.parametric import cell_model
+
+    return Explorer(Scene(case, raw, overrides), cell_model(case, log))
+
+
+def export(explorer: Explorer, path: Path, log: Log) -> None:
+    """Write the page as one file that answers in the browser alone."""
     from pipeline.explore.offline import page
     from pipeline.records import outputs
 
@@ -72,15 +84,14 @@ def _exported(explorer: Explorer, path: Path, log: Log) -> int:
         html = page(explorer)
         with outputs.delivered(path) as place:
             place.write_text(html, encoding="utf-8")
-    return 0
 
 
-def _opened(address: str, arguments: Namespace) -> None:
-    """Say the address on standard output; open it where a person sits at a desktop."""
+def opened(address: str, browser: bool, quiet: bool = False) -> None:
+    """Say the address on standard output; open it in a browser where one is wanted."""
     print(address, flush=True)
-    if not arguments.quiet:
+    if not quiet:
         print("press Ctrl-C to end; the address answers on this machine only", file=sys.stderr)
-    if not arguments.no_browser and sys.stdout.isatty():
+    if browser:
         import webbrowser
 
         webbrowser.open(address)

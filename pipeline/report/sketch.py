@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 MARGIN = 14.0  # mm of paper on each side, for dimensions
 WIDE = 150.0  # mm of plate that are drawn 1:1; others are scaled, so that letters stay readable
 
+PLATE = 'fill="#f3f6f8" stroke="#55606b" stroke-width=".4"'  # where no style sheet says otherwise
+ZONE, PILLARS = 'fill="#009e73" fill-opacity=".22"', 'fill="#0072b2"'
+
 
 def sketch(design: DesignRecord) -> Markup:
     """Plate, zone and pillars with their dimensions in mm."""
@@ -32,9 +35,9 @@ def sketch(design: DesignRecord) -> Markup:
     words = f"{length:g} × {breadth:g} × {design.thickness_m / MM:g} mm"
     return Markup(
         f'<svg class="sketch" viewBox="{box}" role="img" aria-label="Sketch of the plate: {words}">'
-        f'<rect class="plate" x="{x0:.2f}" y="{y0:.2f}" width="{length:.2f}" height="{breadth:.2f}"/>'
-        f'<rect class="zone" x="{x0:.2f}" y="{-zone / 2:.2f}" width="{length:.2f}" height="{zone:.2f}"/>'
-        f'<path class="pillars" d="{pillars}"/>'
+        f'<rect class="plate" {PLATE} x="{x0:.2f}" y="{y0:.2f}" width="{length:.2f}" height="{breadth:.2f}"/>'
+        f'<rect class="zone" {ZONE} x="{x0:.2f}" y="{-zone / 2:.2f}" width="{length:.2f}" height="{zone:.2f}"/>'
+        f'<path class="pillars" {PILLARS} d="{pillars}"/>'
         f'<g font-size="{letters:.2f}" text-anchor="middle"><text y="{letters / 3:.2f}">active zone, {zone:g} mm wide</text>'
         f'<text y="{breadth / 2 + 1.6 * letters:.2f}">{words}</text></g></svg>'
     )

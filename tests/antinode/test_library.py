@@ -5,15 +5,19 @@ from __future__ import annotations
 import doctest
 import inspect
 import json
+import re
 import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 import antinode
+from pipeline.cli import explore
 from pipeline.cli.main import main
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
@@ -63,6 +67,13 @@ def test_every_public_name_has_an_example_that_is_run() -> None:
     for name in set(NAMES) - {"__version__"}:
         thing = getattr(antinode, name)
         assert ">>> " in (inspect.getdoc(thing) or "") and thing.__module__ in HOMES, name
+
+
+def test_every_computation_of_a_plate_has_an_example_that_is_run_and_names_its_units() -> None:
+    for name, method in vars(antinode.Plate).items():
+        if inspect.isfunction(method) and not name.startswith("_"):
+            text = inspect.getdoc(method) or ""
+            assert ">>> " in text and re.search(r"Hz|dB|mm|units|keys", text), name
 
 
 def test_every_public_object_says_what_it_is() -> None:
@@ -188,6 +199,67 @@ def test_a_search_that_cannot_be_is_refused_in_words(plate: antinode.Plate, aske
         plate.search(**asked)
 
 
+def test_what_was_made_never_changes(plate: antinode.Plate) -> None:
+    sizes = plate.predesign()
+    row = antinode.SweepTable([{"case": "a", "level_db": 1.0}], Path())
+    driven = antinode.Response({"wanted_peak": {"frequency_hz": 34e3, "quality": 300.0}})
+    for frozen, name in ((plate, "name"), (plate, "colour"), (sizes, "zone_hz"), (sizes, "kind"), (row, "swept"),
+                         (driven, "frequency_hz"), (antinode.Wanted("none", *[None] * 5, ()), "mac")):  # fmt: skip
+        with pytest.raises(AttributeError):
+            setattr(frozen, name, 1.0)
+    with pytest.raises(TypeError):
+        row[0]["level_db"] = 2.0
+    peak = driven.wanted_peak
+    assert peak is not None and peak.frequency_hz == 34e3
+    with pytest.raises(ValidationError):
+        peak.frequency_hz = 1.0
+    sizes.to_dict()["zone"]["frequency_hz"] = 0.0
+    assert sizes.zone_hz > 30e3
+
+
+def test_a_notebook_sees_the_plate_its_modes_and_its_table(plate: antinode.Plate) -> None:
+    assert "<svg" in plate._repr_html_() and "56 × " in plate._repr_html_()
+    assert "<svg" not in antinode.Plate(pillar=antinode.Pillar(side_mm=2.0, height_mm=6.0))._repr_html_()
+    modes = [
+        {"frequency_hz": hz, "symmetry": "SS", "mac": 0.9, "zone_share": 0.5, "confinement_db": level, "strength": 0.2}
+        for hz, level in ((30e3, 2.0), (34e3, None))
+    ]
+    wanted = {"status": "single", "frequency_hz": 34e3, "confinement_db": 11.0}
+    page = antinode.Modes({"modes": modes, "wanted": wanted})._rows_html()
+    assert "<td><b>34.000 *</b></td>" in page and "<td>30.000</td>" in page and "(kHz)" in page
+
+
+def test_a_sweeps_table_is_drawn_kept_and_read_again(tmp_path: Path) -> None:
+    rows = [
+        {"case": f"{r}{h}", "array.rows": r, "pillar.height_mm": h, "confinement_db": level}
+        for r, h, level in ((1, 6.0, 3.5), (1, 6.3, None), (2, 6.0, 8.0), (2, 6.3, 11.0))
+    ]
+    table = antinode.SweepTable(rows, tmp_path, ("array.rows", "pillar.height_mm"))
+    axes = table.plot(over="pillar.height_mm")
+    assert [line.get_label() for line in axes.lines] == ["rows 1", "rows 2"]
+    assert axes.lines[1].get_ydata().tolist() == [8.0, 11.0] and np.isnan(axes.lines[0].get_ydata()[1])
+    assert table.plot(axes, column="confinement_db") is axes
+    with pytest.raises(antinode.InputError, match="loudness: no such column"):
+        table.plot(column="loudness")
+    assert "<td>11.0</td>" in table._repr_html_()
+    assert table.save(tmp_path / "table.csv") == tmp_path / "table.csv"
+    for place in (tmp_path, tmp_path / "table.csv"):
+        again = antinode.open(place)
+        assert isinstance(again, antinode.SweepTable) and again.swept == table.swept and list(again) == list(table)
+    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(antinode.InputError, match="holds no table of a study"):
+        antinode.open(tmp_path / "other.csv")
+
+
+def test_the_explorer_is_asked_for_from_python(plate: antinode.Plate, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Any] = []
+    monkeypatch.setattr(explore, "explorer_of", lambda case, raw, overrides, log: made.append((case, raw)) or "model")
+    monkeypatch.setattr(explore, "export", lambda explorer, path, log: made.append((explorer, path)))
+    plate.with_(rows=2).explore("page.html")
+    (case, raw), written = made
+    assert case.design.rows == 2 and raw["array"]["rows"] == 2 and written == ("model", Path("page.html"))
+
+
 def test_a_whole_table_is_put_in_or_left_out(plate: antinode.Plate) -> None:
     with_patches = plate.with_(patches=antinode.Patches(material="pz26", size_mm=(8.0, 3.0, 0.3)), patches__drive_V=2.0)
     assert with_patches.case.patches is not None and with_patches.to_dict()["patches"]["drive_V"] == 2.0
@@ -217,6 +289,7 @@ def test_a_modes_surface_is_closed_and_has_the_bodys_volume(plate: antinode.Plat
     pillars = len(design.pillar_centres()) * 2e-3 * 2e-3 * 6.3e-3
     plain = design.length_m * 2.0 * design.half_span_m * design.thickness_m
     assert surface.is_manifold and surface.n_open_edges == 0
+    assert modes.to_pyvista(0) == surface == modes.to_pyvista(modes[0])
     assert surface.volume == pytest.approx(plain + pillars, rel=1e-6)
     assert np.abs(surface["displacement"]).max() > 0.0
     pillar = plate.modes(part="pillar", count=1)[0].to_pyvista()
