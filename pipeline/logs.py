@@ -39,7 +39,12 @@ class Log(Protocol):
 
 
 class TerminalLog:
-    """Lines on standard error with the time since the start; none when quiet. `seconds` keeps each step's time."""
+    """Lines on standard error with the time since the start; none when quiet. `seconds` keeps each step's time.
+
+    verbose: of every log of a command; what a scene does not need is said, too.
+    """
+
+    verbose = False
 
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet
@@ -62,7 +67,8 @@ class TerminalLog:
 
     def left_out(self, what: str, why: str) -> None:
         """Something that the scene does not need."""
-        self._say(f"left out {what}: {why}")
+        if self.verbose:
+            self._say(f"left out {what}: {why}")
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:

@@ -30,6 +30,7 @@ TAKES = {
     "shaping": ("frequency",),
     "dq": ("frequency", "quality", "delay", "settling-time", "table", "sweep"),
 }
+COMPARED = ("quantity", "thesis", "ours", "agreement")
 MASON_HIGHEST = 100  # of the mode to confine: the wavelength of 5/3 cells is 2 mm, the bar's thickness, for the default
 GAIN_N_M = (1e-3, 1e12)  # from a millionth of any strip's own stiffness to beyond that of solid blocks of metal
 
@@ -44,6 +45,9 @@ def run(arguments: Namespace) -> int:
         answer = _models()[arguments.model](arguments, case, log)
     except SolverError as error:  # these models have no meshes and no iterations: what stops them is what was asked
         raise InputError(f"active {arguments.model}: {' '.join(str(error).split())}") from error
+    if not answer.head:
+        compared_rows = [[*entry.values()] for entry in answer.document["comparison"]]
+        answer = replace(answer, head=COMPARED, rows=compared_rows)
     return emit(arguments, f"active_{arguments.model}", answer)
 
 
@@ -193,7 +197,7 @@ def _beam(arguments: Namespace, case: Case | None, log: Log) -> Answer:
         outputs.table(head, rows),
         *compared(document["comparison"]),
     ]
-    return Answer(document, lines, pictures=lambda: plots.beam(study))
+    return Answer(document, lines, head, rows, pictures=lambda: plots.beam(study))
 
 
 def _shaping(arguments: Namespace, case: Case | None, log: Log) -> Answer:

@@ -24,6 +24,8 @@ from pipeline.records.record import (
     PredictionRecord,
     WaveRecord,
 )
+from pipeline.units import KHZ
+from solvers.analytic.predesign import predesign
 from solvers.measures.levels import CONFINED_DB
 from solvers.threads import one_thread
 from solvers.waves.brillouin import path_through
@@ -135,6 +137,20 @@ def prediction(attenuation: AttenuationRecord, frequency_hz: float, extension_db
         zone_to_extension_db=extension_db,
         rows_needed=math.ceil(CONFINED_DB / per_row) if per_row else None,
     )
+
+
+def at_the_zone(case: Case, solved: AttenuationRecord) -> list[str]:
+    """A sentence on what the rows do where thin-plate theory puts the wanted mode; none outside the band."""
+    zone = predesign(case.design).zone
+    answer = prediction(solved, zone.frequency_hz, None) if zone else None
+    if answer is None or answer.db_per_row is None:
+        return []
+    khz = f"at {answer.frequency_hz / KHZ:.2f} kHz, where thin-plate theory puts the wanted mode"
+    passed = "" if answer.through_db is None else f"; they take {answer.through_db:.1f} dB from a flexural wave's power"
+    if not answer.db_per_row:
+        return [f"{khz}, a flexural wave passes endless rows undamped{passed}"]
+    total = f"{solved.rows} rows {answer.rows_db:.1f} dB, {answer.rows_needed} rows make {CONFINED_DB:g} dB"
+    return [f"{khz}: {answer.db_per_row:.2f} dB a row of endless rows, {total}{passed}"]
 
 
 def _log_summary(points: tuple[AttenuationPoint, ...], kx: float, log: Log) -> None:

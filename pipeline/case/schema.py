@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
+from pydantic.json_schema import models_json_schema
 
 from geometry.fingertips import FINGERTIPS
 from geometry.pillar_shapes.registry import SHAPES, in_words
@@ -229,6 +230,21 @@ TABLES: dict[str, type[Table]] = {
 MATERIAL_OWNERS = ("", "pillar", "tip")  # the tables that may hold a material; "" is the top of the file
 MATERIAL_ALLOWED = "the name of a material or a table with young_GPa, density_kg_m3 and poisson"
 NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"
+
+
+def json_schema() -> dict[str, Any]:
+    """The case file as a JSON Schema (draft 2020-12), by which editors complete keys and check values."""
+    models: list[type[BaseModel]] = [*TABLES.values(), MaterialTable]
+    references, root = models_json_schema([(model, "validation") for model in models])
+    of = {model: references[model, "validation"] for model in models}
+    material = {"anyOf": [{"type": "string"}, of[MaterialTable]], "description": MATERIAL_ALLOWED}
+    tables: dict[str, Any] = {name: of[model] for name, model in TABLES.items()}
+    tables["zone"] = {"anyOf": [tables["zone"], {"type": "array", "items": {"type": "object"}}]}
+    for owner in filter(None, MATERIAL_OWNERS):
+        root["$defs"][TABLES[owner].__name__]["properties"]["material"] = material
+    top = {"name": {"type": "string", "description": NAME_ALLOWED}, "material": material}
+    dialect = "https://json-schema.org/draft/2020-12/schema"
+    return {"$schema": dialect, "type": "object", "properties": top | tables, "additionalProperties": False, **root}
 
 
 def known_keys() -> list[str]:

@@ -143,6 +143,8 @@ def bands(arguments: Namespace) -> int:
     ]
     if not record.gaps:
         lines.append("No complete gap along the path")
+    if case.design.pillar and (bending := record.bending_at_m_hz):
+        lines.append(f"bending of the pillars at M: {' and '.join(f'{hz / KHZ:.2f} kHz' for hz in bending)}")
     if record.expected_error is not None:
         lines.append(f"expected error of a frequency: {record.expected_error:.2%} by the mesh")
     return emit(arguments, "bands", Answer(record.to_dict(), lines, head, rows), log)
@@ -153,7 +155,7 @@ def attenuation(arguments: Namespace) -> int:
     case, log, band = _read(arguments)
     if arguments.explain:
         return _explained(arguments, "of_attenuation", case, band, arguments.kx, arguments.points, bool(arguments.out))
-    from pipeline.analysis.attenuation import solve
+    from pipeline.analysis.attenuation import at_the_zone, solve
     from pipeline.plots.attenuation import complex_bands
 
     solved = solve(case, log, band, arguments.kx, arguments.points)
@@ -167,7 +169,7 @@ def attenuation(arguments: Namespace) -> int:
         f"{solved.model}, kx = {solved.kx_per_m:.1f} rad/m; decay of the least attenuated flexural wave, and shares of an "
         f"incoming flexural wave's power after {solved.rows} rows"
     )
-    lines = [about, reading_table(head, rows[:: max(1, len(rows) // 20)])]
+    lines = [about, reading_table(head, rows[:: max(1, len(rows) // 20)]), *at_the_zone(case, solved)]
     answer = Answer(solved.to_dict(), lines, head, rows, lambda: [complex_bands(solved)])
     return emit(arguments, "attenuation", answer, log)
 

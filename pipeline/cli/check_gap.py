@@ -12,9 +12,11 @@ from pipeline.case.model import load_case
 from pipeline.errors import CheckFailed
 from pipeline.logs import TerminalLog
 from pipeline.paths import REFERENCE, STUDIES
+from pipeline.plots.style import ReportFigure
 from pipeline.records import outputs
 from pipeline.records.record import BandsRecord
 from pipeline.units import KHZ
+from pipeline.views import figures
 from pipeline.views.answer import Answer, emit, of_case
 
 FILE = REFERENCE / "band_gap.csv"
@@ -77,16 +79,24 @@ def read_reference() -> dict[str, tuple[float, float]]:
         raise CheckFailed(f"{FILE.name}: {error}: the committed band-gap reference cannot be read") from error
 
 
+def _figure(record: BandsRecord) -> ReportFigure:
+    """The bands whose edges are checked."""
+    figure = figures.draw("bands", record.to_dict()).figure
+    return ReportFigure("check-gap", "The checked bands", "Bands of the checked cell", figure, vector=True)
+
+
 def check_gap(arguments: Namespace) -> int:
     """Compare every committed edge with what is found now. Raises CheckFailed with a line for each that moved too far."""
     place = arguments.case or str(STUDIES / "three-rows.toml")
     case, log = of_case(arguments, load_case(place, arguments.set)), TerminalLog(arguments.quiet)
-    found = edges_of(solve_bands(case, log, every_gap=False).record)
+    record = solve_bands(case, log, every_gap=False).record
+    found = edges_of(record)
     edges = [Edge(name, hz, found.get(name), allowed) for name, (hz, allowed) in read_reference().items()]
     head = ("edge", "reference_hz", "found_hz", "change", "allowed", "holds")
     rows = [[e.name, e.reference_hz, e.found_hz, e.change_text, f"{100 * e.allowed:.1f} %", e.holds] for e in edges]
     document = {"holds": all(e.holds for e in edges), "edges": [e.to_dict() for e in edges]}
-    emit(arguments, "check-gap", Answer(document, [outputs.table(head, rows)]))
+    answer = Answer(document, [outputs.table(head, rows)], head, rows, lambda: [_figure(record)])
+    emit(arguments, "check-gap", answer)
     if not document["holds"]:
         raise CheckFailed(e.words for e in edges if not e.holds)
     return 0

@@ -4,12 +4,26 @@ from __future__ import annotations
 
 import json
 from argparse import Namespace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pipeline.case.model import Case
+    from pipeline.logs import TerminalLog
+    from pipeline.plots.style import ReportFigure
 
 Flat = dict[str, Any]
 SHOWN_DIGITS = 6
 NOT_COMPARED = ("seconds", "proof", "plan", "meshes", "times")
+
+
+@dataclass(frozen=True)
+class Design:
+    """Quantities of a design by their dotted names, and its bands as a document where they are known."""
+
+    quantities: Flat
+    bands: dict[str, Any] | None = None
 
 
 def run(arguments: Namespace) -> int:
@@ -18,16 +32,30 @@ def run(arguments: Namespace) -> int:
     from pipeline.views.answer import Answer, emit
 
     one, two = (read(Path(place), arguments.solve, arguments.quiet) for place in (arguments.a, arguments.b))
-    rows = [row for row in lined_up(one, two) if arguments.all or row["a"] != row["b"]]
+    rows = [row for row in lined_up(one.quantities, two.quantities) if arguments.all or row["a"] != row["b"]]
     head = ("quantity", "a", "b", "difference")
     cells = [[row[key] for key in head] for row in rows]
     document = {"a": arguments.a, "b": arguments.b, "rows": rows}
     words = outputs.table(head, cells) if cells else "nothing differs"
-    return emit(arguments, "compare", Answer(document, [words], head, cells))
+    pictures = lambda: [_figure(arguments, one, two, rows)]  # noqa: E731
+    return emit(arguments, "compare", Answer(document, [words], head, cells, pictures))
 
 
-def read(place: Path, solve: bool, quiet: bool) -> Flat:
-    """Quantities by their dotted names. InputError for what is neither a case nor a result."""
+def _figure(arguments: Namespace, one: Design, two: Design, rows: list[dict[str, Any]]) -> ReportFigure:
+    """Both bands over one path where both have them, else relative differences as bars."""
+    from pipeline.plots import style
+    from pipeline.views import figures
+
+    figure, axes = style.panels(3.6)
+    if one.bands and two.bands:
+        figures.overlaid(axes, {f"A: {arguments.a}": one.bands, f"B: {arguments.b}": two.bands})
+    else:
+        figures.differences(axes, rows)
+    return style.ReportFigure("compare", "Two designs side by side", f"{arguments.a} and {arguments.b}", figure, True)
+
+
+def read(place: Path, solve: bool, quiet: bool) -> Design:
+    """What is known of a design. InputError for what is neither a case nor a result."""
     from pipeline.errors import InputError
 
     if place.suffix == ".toml":
@@ -39,10 +67,11 @@ def read(place: Path, solve: bool, quiet: bool) -> Flat:
         raise InputError(f"{file}: cannot be read as a case (.toml), a record or a JSON result: {error}") from error
     if not isinstance(document, dict):
         raise InputError(f"{file}: holds no record and no JSON result")
-    return flat({key: value for key, value in document.items() if key not in NOT_COMPARED})
+    bands = document if {"points", "gaps"} <= document.keys() else document.get("bands")
+    return Design(flat({key: value for key, value in document.items() if key not in NOT_COMPARED}), bands)
 
 
-def _of_case(place: Path, solve: bool, quiet: bool) -> Flat:
+def _of_case(place: Path, solve: bool, quiet: bool) -> Design:
     from pipeline.analysis import predesign
     from pipeline.case.model import load_case
     from pipeline.logs import TerminalLog
@@ -53,20 +82,26 @@ def _of_case(place: Path, solve: bool, quiet: bool) -> Flat:
     design |= {f"row_{number}": pillar for number, pillar in enumerate(design.pop("graded", ()), start=1)}
     if {"plate", "zone"} <= case.given:
         quantities["predesign"] = {key: value for key, value in predesign.run(case)[0].items() if key != "limits"}
-    if solve:
-        from pipeline.analysis.bands import solve_bands
-        from pipeline.analysis.modes import solve_modes
-        from pipeline.planning.request import of_case
+    if not solve:
+        return Design(flat(quantities))
+    case.require_plate(command="compare --solve")
+    solved, bands = _solved(case, TerminalLog(quiet))
+    return Design(flat(quantities | solved), bands)
 
-        log = TerminalLog(quiet)
-        case.require_plate(command="compare --solve")
-        wanted = solve_modes(case, of_case(case), log).record.to_dict()["wanted"] or {}
-        quantities["wanted"] = {key: value for key, value in wanted.items() if not isinstance(value, list)}
-        if "array.pitch_mm" in case.given and not case.design.is_graded:
-            quantities["gaps"] = {
-                f"{gap.lower_band}-{gap.upper_band}": vars(gap) for gap in solve_bands(case, log, every_gap=False).gaps
-            }
-    return flat(quantities)
+
+def _solved(case: Case, log: TerminalLog) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """The wanted mode and the gaps of a case, and its bands where it has one cell."""
+    from pipeline.analysis.bands import solve_bands
+    from pipeline.analysis.modes import solve_modes
+    from pipeline.planning.request import of_case
+
+    wanted = solve_modes(case, of_case(case), log).record.to_dict()["wanted"] or {}
+    quantities = {"wanted": {key: value for key, value in wanted.items() if not isinstance(value, list)}}
+    if "array.pitch_mm" not in case.given or case.design.is_graded:
+        return quantities, None
+    bands = solve_bands(case, log, every_gap=False)
+    gaps = {f"{gap.lower_band}-{gap.upper_band}": vars(gap) for gap in bands.gaps}
+    return quantities | {"gaps": gaps}, bands.record.to_dict()
 
 
 def flat(value: Any, name: str = "") -> Flat:

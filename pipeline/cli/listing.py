@@ -1,7 +1,8 @@
-"""`antinode list`, `materials` and `glossary`: what is stored, what is known, what a word means."""
+"""`antinode list`, `materials`, `glossary` and `schema`: what is stored, what is known, what a word or a key means."""
 
 from __future__ import annotations
 
+import re
 from argparse import Namespace
 from collections import Counter
 from collections.abc import Sequence
@@ -50,6 +51,16 @@ def materials(arguments: Namespace) -> int:
     return _listed(arguments, "materials", head, rows)
 
 
+def schema(arguments: Namespace) -> int:
+    """Print the case file's JSON Schema."""
+    import json
+
+    from pipeline.case.schema import json_schema
+
+    print(json.dumps(json_schema(), indent=1))
+    return 0
+
+
 def glossary(arguments: Namespace) -> int:
     """Print the meaning of a word of docs/glossary.md, or of all."""
     from pipeline.case.diagnostics import nearest
@@ -60,7 +71,7 @@ def glossary(arguments: Namespace) -> int:
     for line in (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split(" | ")]
         if line.startswith("| ") and len(cells) == 2 and cells[0] != "word":
-            entries[cells[0]] = cells[1]
+            entries[cells[0]] = re.sub(r" ?\[[^]]*\]\([^)]*\)\.?", "", cells[1])  # links lead nowhere in a terminal
     names = {words: [name.strip() for name in words.split(",")] for words in entries}
     wanted = arguments.word and arguments.word.lower()
     chosen = {

@@ -100,9 +100,11 @@ def _read(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Nam
 
 def _run(arguments: argparse.Namespace) -> int:
     from geometry.files import inputs_kept, read_by_command
+    from pipeline.logs import TerminalLog
     from pipeline.views import answer
 
     lend_cache_folders()
+    TerminalLog.verbose = arguments.verbose
     module, _, function = arguments.handler.partition(":")
     with inputs_kept():
         read_by_command(*(place for name in READ if isinstance(place := getattr(arguments, name, None), str)))
@@ -170,7 +172,8 @@ def _command(commands: Any, name: str, text: str, example: str, handler: str) ->
         name, help=text, description=text, epilog=f"example: antinode {example}", **look
     )
     sub.set_defaults(handler=handler)
-    sub.add_argument("--quiet", action="store_true", help="no progress and no log on standard error")
+    sub.add_argument("-q", "--quiet", action="store_true", help="no progress and no log on standard error")
+    sub.add_argument("-v", "--verbose", action="store_true", help="also log what is left out, and why")
     sub.add_argument("--debug", action="store_true", help="show where an error came from")
     return sub
 

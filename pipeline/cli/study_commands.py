@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
+import webbrowser
 from argparse import Namespace
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -114,6 +115,8 @@ def report(arguments: Namespace) -> int:
 
     kind, study, folder = _stored(arguments)
     _log_summary(kind.conclude(study, folder), arguments.quiet)
+    if arguments.open:
+        webbrowser.open((folder / "report.html").resolve().as_uri())
     for case in read_study(folder).cases:
         if case.read_error:
             print(

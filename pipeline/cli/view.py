@@ -20,8 +20,9 @@ import numpy as np
 
 from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
+from pipeline.plots import rendering
 from pipeline.plots.plate import FloatArray, IntArray, skin_faces
-from pipeline.records import store
+from pipeline.records import outputs, store
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase, read_study
 from pipeline.units import KHZ, MM
@@ -29,6 +30,8 @@ from pipeline.units import KHZ, MM
 MAX_SHAPES = 7  # of a plate: the wanted mode and its neighbours
 DRAWN = 0.4  # of the pillars' height (of the thickness without any): the largest displacement as first drawn
 PERIOD_MS, FRAME_MS = 1600, 40
+KEYS = "space plays and pauses, n takes the next shape, up and down the amplitude"
+PICTURES, SIZE, STEPS = (".png", ".gif"), (960, 600), 24  # endings, pixels, and pictures of a period
 INSTEAD = "`antinode report STUDY` writes a page whose shapes turn and move in a browser"
 
 
@@ -45,16 +48,23 @@ class Scene:
 
 def view(arguments: Namespace) -> int:
     """Show a case, a VTU file or the best confined plate of a study. Raises NotAvailable without a display."""
-    kind = _kind(arguments.target)
-    if missing := display_fault():
-        raise NotAvailable(f"view: {missing}; without a window, {INSTEAD}")
+    kind, place = _kind(arguments.target), arguments.off_screen
+    if place and Path(place).suffix.lower() not in PICTURES:
+        raise InputError(f"--off-screen = {place}: must end in {' or '.join(PICTURES)}")
+    if place:
+        outputs.check_files("--off-screen", [place])
+    elif missing := display_fault():
+        raise NotAvailable(f"view: {missing}; without a window, --off-screen FILE.png draws one, and {INSTEAD}")
     if kind == "file":
         scene = of_vtu(Path(arguments.target))
     elif kind == "case":
         scene = of_case(arguments)
     else:
         scene = of_study(arguments.target, arguments.case_id, arguments.results)
-    show(scene)
+    if place:
+        draw(scene, Path(place))
+    else:
+        show(scene)
     return 0
 
 
@@ -221,46 +231,99 @@ def _hushed() -> Iterator[None]:
 
 def show(scene: Scene) -> None:
     """Open the window and stay until it is closed."""
+    plotter, motion = _staged(scene)
+    if motion:
+        motion.start()
+    plotter.show()
+
+
+def draw(scene: Scene, place: Path) -> None:
+    """Draw a scene into a file without a window. Raises NotAvailable where this machine's graphics library cannot."""
+    with tempfile.TemporaryDirectory(prefix="antinode-view-") as name:
+        folder, kind = Path(name), place.suffix.lower()
+        shapes = [shape for _, shape in scene.shapes[:1]]
+        names = [title for title, _ in scene.shapes[:1]]
+        about: dict[str, Any] = {
+            "points": scene.points,
+            "facets": scene.facets,
+            "shapes": np.array(shapes),
+            "names": np.array(names),
+        }
+        np.savez(folder / "scene.npz", title=scene.title, reach=scene.reach, kind=kind, **about)
+        fault = rendering.run_child("pipeline.cli.view", folder)
+        made = folder / f"scene{kind}"
+        if fault := fault or rendering.image_fault(rendering.read_image(made)):
+            raise NotAvailable(f"--off-screen: {fault}; {INSTEAD}")
+        with outputs.delivered(place) as temporary:
+            temporary.write_bytes(made.read_bytes())
+
+
+def _draw_in(folder: Path) -> None:
+    """The child's part of `draw`: one picture at the largest motion, or those of a period."""
+    from PIL import Image
+
+    with np.load(folder / "scene.npz") as file:
+        shapes = list(zip(file["names"].tolist(), file["shapes"], strict=True))
+        scene = Scene(str(file["title"]), file["points"], file["facets"], shapes, float(file["reach"]))
+        kind = str(file["kind"])
+    plotter, motion = _staged(scene, off_screen=True, window_size=list(SIZE))
+    frames = []
+    for step in range(STEPS if motion and kind == ".gif" else 1):
+        if motion:
+            motion.at(step / STEPS * PERIOD_MS)
+        frames.append(Image.fromarray(plotter.screenshot(None, return_img=True)))
+    more: dict[str, Any] = {"save_all": True, "append_images": frames[1:], "duration": PERIOD_MS // STEPS, "loop": 0}
+    frames[0].save(folder / f"scene{kind}", **(more if len(frames) > 1 else {}))
+
+
+def _staged(scene: Scene, **window: Any) -> tuple[Any, _Motion | None]:
+    """A plotter with the scene and a camera on it, and what moves it; None for a body without shapes."""
     import pyvista as pv
 
     mesh = pv.PolyData.from_regular_faces(scene.points, scene.facets.astype(int))  # type: ignore[arg-type]
-    plotter = pv.Plotter(title=f"antinode view: {scene.title}")
+    plotter = pv.Plotter(title=f"antinode view: {scene.title}", **window)
+    plotter.set_background("white")  # type: ignore[arg-type]
+    motion = None
     if scene.shapes:
         mesh["u_z"] = scene.shapes[0][1][:, 2]
         plotter.add_mesh(
             mesh, scalars="u_z", cmap="RdBu_r", clim=(-1.0, 1.0), scalar_bar_args={"title": "u_z / largest"}
         )
-        _Motion(plotter, mesh, scene).start()
+        motion = _Motion(plotter, mesh, scene, "" if window else f"\n{KEYS}")
     else:
         plotter.add_mesh(mesh, color="#AEB8C2", show_edges=False)
     plotter.add_axes()  # type: ignore[call-arg]
     plotter.view_vector((1.0, -1.6, 1.3), viewup=(0, 0, 1))  # type: ignore[arg-type]
-    plotter.show()
+    return plotter, motion
 
 
 class _Motion:
     """Moves a window's mesh: space plays and pauses, n takes the next shape, up and down the amplitude."""
 
-    def __init__(self, plotter: Any, mesh: Any, scene: Scene) -> None:
-        self.plotter, self.mesh, self.scene = plotter, mesh, scene
+    def __init__(self, plotter: Any, mesh: Any, scene: Scene, keys: str) -> None:
+        self.plotter, self.mesh, self.scene, self.keys = plotter, mesh, scene, keys
         self.playing, self.number, self.reach, self.time_ms = True, 0, scene.reach, 0.0
+        self._take(0)
 
     def start(self) -> None:
-        """Show the first shape and let keys and a timer move it."""
-        self._take(0)
+        """Let keys and a timer move the shape."""
         self.plotter.add_key_event("space", self._toggle)
         self.plotter.add_key_event("n", lambda: self._take(self.number + 1))
         self.plotter.add_key_event("Up", lambda: self._scale(1.25))
         self.plotter.add_key_event("Down", lambda: self._scale(0.8))
         self.plotter.add_timer_event(max_steps=10**9, duration=FRAME_MS, callback=self._step)
 
+    def at(self, time_ms: float) -> None:
+        """Show the shape as it is at a time."""
+        self.time_ms = time_ms
+        self._draw()
+
     def _take(self, number: int) -> None:
         self.number = number % len(self.scene.shapes)
         name, shape = self.scene.shapes[self.number]
         self.shape = shape / max(float(np.abs(shape).max()), 1e-300)
         self.level = self.shape[:, 2] / max(float(np.abs(self.shape[:, 2]).max()), 1e-300)
-        text = f"{self.scene.title}: {name}\nspace plays and pauses, n takes the next shape, up and down the amplitude"
-        self.plotter.add_text(text, font_size=9, name="told")
+        self.plotter.add_text(f"{self.scene.title}: {name}{self.keys}", font_size=9, color="black", name="told")
         self._draw()
 
     def _toggle(self) -> None:
@@ -280,3 +343,7 @@ class _Motion:
         self.mesh.points = self.scene.points + now * self.reach * self.shape
         self.mesh["u_z"] = now * self.level
         self.plotter.render()
+
+
+if __name__ == "__main__":
+    _draw_in(Path(sys.argv[1]))

@@ -61,7 +61,7 @@ def _by_pyvista(surfaces: Sequence[Surface]) -> tuple[list[NDArray[np.uint8]], s
         folder = Path(name)
         for index, surface in enumerate(surfaces):
             _write(surface, folder / f"{index}.npz")
-        fault = _run_child(folder)
+        fault = run_child("pipeline.plots.rendering", folder)
         images = [] if fault else [read_image(folder / f"{index}.png") for index in range(len(surfaces))]
     fault = fault or next((problem for image in images if (problem := image_fault(image))), "")
     return ([], fault) if fault else ([image for image in images if image is not None], "")
@@ -73,12 +73,12 @@ def _write(surface: Surface, path: Path) -> None:
     np.savez(path, points=surface.points, faces=surface.faces, values=values, look=np.array(json.dumps(look)))
 
 
-def _run_child(folder: Path) -> str:
-    """'' or what went wrong."""
+def run_child(module: str, folder: Path) -> str:
+    """Let a module draw what a folder asks for, in a process of its own; '' or what went wrong."""
     env = dict(os.environ)
     if not env.get("DISPLAY"):
         env.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
-    command = [sys.executable, "-m", "pipeline.plots.rendering", str(folder)]
+    command = [sys.executable, "-m", module, str(folder)]
     house = Path(__file__).resolve().parents[2]
     try:
         done = subprocess.run(command, env=env, cwd=house, capture_output=True, timeout=TIMEOUT_S, check=False)

@@ -70,8 +70,19 @@ def emit(arguments: Namespace, name: str, answer: Answer, log: TerminalLog | Non
     if answer.head and getattr(arguments, "plot", None):  # a plan has neither rows nor a figure
         from pipeline.views import figures
 
-        figures.write(name, document, Path(arguments.plot))
+        figures.save(_figure(name, answer, document), Path(arguments.plot))
     return 0
+
+
+def _figure(name: str, answer: Answer, document: dict[str, Any]) -> Any:
+    """The figure of a document of this kind, else the first picture of the answer."""
+    from pipeline.plots import style
+    from pipeline.views import figures
+
+    if name in figures.FIGURES:
+        return figures.draw(name, document).figure
+    with style.style():
+        return answer.pictures()[0].figure
 
 
 def _files(arguments: Namespace, name: str, answer: Answer, encoded: bytes) -> dict[Path, bytes]:

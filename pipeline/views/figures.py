@@ -50,8 +50,12 @@ def draw(kind: str, document: Document, ax: Any = None) -> Any:
 
 
 def write(kind: str, document: Document, place: Path) -> None:
-    """The figure as a file, whole or not at all, in the format of its ending (png, pdf or svg)."""
-    figure = draw(kind, document).figure
+    """The figure of a document as a file."""
+    save(draw(kind, document).figure, place)
+
+
+def save(figure: Any, place: Path) -> None:
+    """A figure as a file, whole or not at all, in the format of its ending (png, pdf or svg)."""
     with style.style(), written_whole(place) as temporary:
         figure.savefig(temporary, format=place.suffix.lstrip(".").lower() or "png", dpi=150, bbox_inches="tight")
 
@@ -134,13 +138,30 @@ def crosstalk(ax: Any, document: Document) -> None:
     of_response.draw_crosstalk(ax, _read(CrosstalkRecord, document))
 
 
-def compare(ax: Any, document: Document) -> None:
+def differences(ax: Any, rows: list[Document]) -> None:
     """Relative differences of two designs as bars, the largest last and so on top."""
-    known = sorted((row for row in document["rows"] if row["difference"]), key=lambda row: abs(row["difference"]))
+    known = sorted((row for row in rows if row["difference"]), key=lambda row: abs(row["difference"]))
     ax.figure.set_size_inches(style.WIDTH_IN, 1.2 + 0.28 * max(1, len(known)))
     ax.barh([row["quantity"] for row in known], [100.0 * row["difference"] for row in known], color=style.BLUE)
     ax.axvline(0.0, color=style.GREY, lw=0.8)
     ax.set(xlabel="B over A, %")
+
+
+def overlaid(ax: Any, named: dict[str, Document]) -> None:
+    """Bands of several cells over one path, its corners at the same places whatever their pitch; gaps shaded."""
+    for (name, document), colour in zip(named.items(), style.CYCLE, strict=False):
+        record = _read(BandsRecord, document)
+        corners = [place for place, point in enumerate(record.points) if point.label]
+        along = np.interp(np.arange(len(record.points)), corners, np.arange(len(corners)))
+        values = np.array([point.frequencies_hz for point in record.points]) / KHZ
+        ax.plot(along, values, color=colour, lw=1.0)[0].set_label(name)
+        for gap in record.gaps:
+            ax.axhspan(gap.lower_hz / KHZ, gap.upper_hz / KHZ, color=colour, alpha=0.15, lw=0)
+        labels = [of_bands.NAMES.get(label, label) for point in record.points if (label := point.label)]
+        ax.set_xticks(range(len(labels)), labels)
+    ax.grid(True, axis="x")
+    ax.set(xlabel="wavevector along the path", ylabel="frequency (kHz)", ylim=(0.0, None))
+    ax.legend(fontsize=7)
 
 
 FIGURES: dict[str, Callable[[Any, Document], None]] = {
@@ -157,6 +178,5 @@ FIGURES: dict[str, Callable[[Any, Document], None]] = {
         hybrid,
         travel,
         crosstalk,
-        compare,
     )
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import replace
 from math import inf, nan, pi
@@ -57,9 +58,13 @@ def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: 
         assert_labelled_with_data(name, figure)
 
 
-def test_json_on_standard_output_is_alone(capsys) -> None:
-    assert run("dq", "--json", "-") == 0
-    assert json.loads(capsys.readouterr().out)["schema"] == 1
+def test_json_on_standard_output_is_alone_beside_a_table_and_a_picture(tmp_path: Path, capsys) -> None:
+    places = ["--csv", str(tmp_path / "dq.csv"), "--plot", str(tmp_path / "dq.png")]
+    assert run("dq", "--json", "-", *places) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == 1 and (tmp_path / "dq.png").read_bytes().startswith(b"\x89PNG")
+    with (tmp_path / "dq.csv").open() as file:
+        assert [row["ours"] for row in csv.DictReader(file)] == [each["ours"] for each in document["comparison"]]
 
 
 def test_options_reach_the_model(capsys) -> None:

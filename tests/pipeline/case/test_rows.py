@@ -106,7 +106,7 @@ def test_a_comparison_tells_the_rows_apart(tmp_path: Path) -> None:
     for name, last in (("a", 5.7), ("b", 5.6)):
         text = (STUDIES / "three-rows.toml").read_text().replace("height_mm = 6.3\n", "")
         (tmp_path / f"{name}.toml").write_text(text.replace("rows = 3", f"heights_mm = [6.3, 6.0, {last}]"))
-    one, two = (_of_case(tmp_path / f"{name}.toml", False, True) for name in "ab")
+    one, two = (_of_case(tmp_path / f"{name}.toml", False, True).quantities for name in "ab")
     apart = [row["quantity"] for row in lined_up(one, two) if row["difference"]]
     assert apart == ["case.design.row_3.height_m"]
 

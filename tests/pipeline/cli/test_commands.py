@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import sys
+import webbrowser
 from pathlib import Path
 
 import pytest
@@ -197,6 +198,9 @@ def test_a_report_names_the_cases_that_it_does_not_believe(
     store.seal(tmp_path / "rows/a", {"schema": store.SCHEMA, "case_id": "a", "status": "OK"})
     store.write_json(tmp_path / "rows/cases.json", {"about": {}, "cases": [{"case_id": "a"}]})
     assert run("report", "rows") == 0 and capsys.readouterr().err == ""
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    assert run("report", "rows", "--open") == 0 and opened == [(tmp_path / "rows" / "report.html").as_uri()]
     record = tmp_path / "rows/a/record.json"
     record.write_text(record.read_text().replace("OK", "WARNING"))
     assert run("report", "rows") == 0

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import argparse
 import csv
 import json
+import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from geometry.materials import MATERIALS
 from pipeline import paths
 from pipeline.case.model import load_case
-from pipeline.cli.main import main
+from pipeline.case.schema import TABLES, known_keys
+from pipeline.cli.main import _parser, main
+from pipeline.views import figures
 from solvers.analytic.plates import levy_hz
 from solvers.analytic.predesign import pillar_frequencies_hz, strip_of
 from tests.helpers import synthetic
@@ -74,6 +79,79 @@ def test_two_cases_differ_where_they_differ(tmp_path: Path, capsys: pytest.Captu
     assert main(["compare", SMALL, str(tmp_path / "none.json"), "--quiet"]) == 2
 
 
+def test_two_results_with_bands_are_drawn_over_one_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Corners of the path fall on each other though the second lattice is twice as wide."""
+    drawn: list[Any] = []
+    monkeypatch.setattr(figures, "save", lambda figure, place: drawn.append(figure))
+    for name, scale in (("a", 1.0), ("b", 0.5)):
+        points = [{"label": label, "kx_per_m": scale * k, "ky_per_m": 0.0, "frequencies_hz": [1e4 * scale * (k + 1.0)]}
+                  for k, label in enumerate(("G", None, "X"))]  # fmt: skip
+        document = {"model": "lattice", "dof": 3, "points": points, "gaps": []}
+        (tmp_path / f"{name}.json").write_text(json.dumps(document))
+    places = [str(tmp_path / f"{name}.json") for name in "ab"]
+    assert main(["compare", *places, "--quiet", "--plot", str(tmp_path / "c.svg")]) == 0
+    a, b = drawn[0].axes[0].lines
+    assert a.get_xdata() == pytest.approx([0.0, 0.5, 1.0]) and b.get_xdata() == pytest.approx([0.0, 0.5, 1.0])
+    assert a.get_ydata() == pytest.approx([10.0, 20.0, 30.0]) and b.get_ydata() == pytest.approx([5.0, 10.0, 15.0])
+    assert [text.get_text() for text in drawn[0].axes[0].get_legend().get_texts()] == [
+        f"{mark}: {place}" for mark, place in zip("AB", places, strict=True)
+    ]
+
+
+def test_editors_get_every_key_of_a_case_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    tables = {name: schema["$defs"][model.__name__]["properties"] for name, model in TABLES.items()}
+    keys = {f"{table}.{key}" for table, properties in tables.items() for key in properties}
+    known = {
+        key for key in known_keys() if key.count(".") < 2 and key not in TABLES and not key.startswith("material.")
+    }
+    assert keys | set(schema["properties"]) - set(TABLES) == known
+    assert tables["plate"]["thickness_mm"]["type"] == "number" and tables["solve"]["mesh"]["enum"] == [
+        "auto",
+        "hex",
+        "tet",
+    ]
+    for file in (ROOT / "examples").glob("*.toml"):
+        case = tomllib.loads(file.read_text())
+        if "study" not in case:
+            assert set(case) <= set(schema["properties"]), file.name
+
+
+NOT_COMPUTING = {
+    "schema",
+    "new",
+    "run",
+    "report",
+    "view",
+    "explore",
+    "export",
+    "doctor",
+    "show",
+    "list",
+    "materials",
+    "glossary",
+}
+
+
+def test_every_computing_command_takes_a_picture_and_a_table() -> None:
+    subs = next(each for each in _parser()._actions if isinstance(each, argparse._SubParsersAction)).choices
+    for name, sub in subs.items():
+        options = {flag for action in sub._actions for flag in action.option_strings}
+        assert ({"--plot", "--csv"} <= options) == (name not in NOT_COMPUTING | {"completion"}), name
+
+
+def test_what_is_left_out_is_logged_when_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["modes", SMALL, "--part", "pillar", "--count", "1", "--set", "solve.accuracy=0.1"]
+    assert main(words) == 0
+    assert "left out" not in (brief := capsys.readouterr().err) and "foreseen" in brief
+    assert main([*words, "-v"]) == 0
+    assert "left out" in capsys.readouterr().err
+    assert main([*words, "-q"]) == 0 and not capsys.readouterr().err
+
+
 def test_the_lists_name_what_there_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -83,6 +161,7 @@ def test_the_lists_name_what_there_is(
     assert main(["materials", "--json", "-"]) == 0
     assert {row["name"] for row in json.loads(capsys.readouterr().out)["materials"]} == set(MATERIALS)
     assert main(["glossary", "confinement"]) == 0 and "20 log10" in capsys.readouterr().out
+    assert main(["glossary", "strength"]) == 0 and "](" not in capsys.readouterr().out
     assert main(["glossary", "confinment"]) == 2 and "did you mean confinement" in capsys.readouterr().err
 
 

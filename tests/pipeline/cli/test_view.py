@@ -18,6 +18,7 @@ import pytest
 from pipeline import paths
 from pipeline.cli import main, view
 from pipeline.errors import InputError
+from pipeline.plots import rendering
 from tests.helpers import synthetic
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -102,6 +103,32 @@ def test_a_vtu_file_shows_its_surface_and_its_vectors(tmp_path: Path, capfd: pyt
     with pytest.raises(InputError, match=r"bad.vtu"):
         view.of_vtu(tmp_path / "bad.vtu")
     assert capfd.readouterr().err == ""  # nothing of VTK's own complaints
+
+
+def test_a_moving_shape_is_drawn_into_a_file_without_a_window(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, no_display: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two pictures of a period: up and down differ; nothing half-written where the graphics library cannot."""
+    from PIL import Image
+
+    synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,))
+    monkeypatch.setattr(paths, "RESULTS", tmp_path)
+    assert told(capsys, "rows", "--off-screen", str(tmp_path / "a.jpg")) == (
+        2, [f"antinode: --off-screen = {tmp_path / 'a.jpg'}: must end in .png or .gif"])  # fmt: skip
+    with monkeypatch.context() as broken:
+        broken.setattr(rendering, "run_child", lambda module, folder: "no graphics library")
+        code, lines = told(capsys, "rows", "--off-screen", str(tmp_path / "a.gif"))
+        assert code == 5 and "no graphics library" in lines[0] and not (tmp_path / "a.gif").exists()
+    code, lines = told(capsys, "rows", "--off-screen", str(tmp_path / "a.gif"))
+    if code == 5:
+        pytest.skip(f"this machine draws nothing off-screen: {lines[0]}")
+    with Image.open(tmp_path / "a.gif") as film:
+        assert (code, film.n_frames, film.size) == (0, view.STEPS, view.SIZE)
+        frames = []
+        for number in (0, view.STEPS // 2):
+            film.seek(number)
+            frames.append(np.asarray(film.convert("RGB"), dtype=float))
+    assert np.abs(frames[1] - frames[0]).mean() > 1.0
 
 
 def test_a_case_shows_its_solid() -> None:

@@ -39,13 +39,13 @@ def test_a_child_that_dies_of_a_segmentation_fault_is_survived(monkeypatch: pyte
 
 
 def test_an_empty_image_is_not_believed(monkeypatch: pytest.MonkeyPatch):
-    def blank(folder: Path) -> str:
+    def blank(module: str, folder: Path) -> str:
         from PIL import Image
 
         Image.new("RGB", (100, 80), "white").save(folder / "0.png")
         return ""
 
-    monkeypatch.setattr(rendering, "_run_child", blank)
+    monkeypatch.setattr(rendering, "run_child", blank)
     images, fault = rendering.render([PLAIN])
     assert "empty" in fault and rendering.image_fault(images[0]) == ""
 

@@ -5,6 +5,7 @@ faults told.
 from __future__ import annotations
 
 import json
+import tomllib
 from dataclasses import replace
 from math import isnan
 from pathlib import Path
@@ -15,7 +16,7 @@ from geometry.layout import Pillar
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
 from pipeline.errors import InputError
-from pipeline.paths import STUDIES
+from pipeline.paths import ROOT, STUDIES
 from pipeline.search import fidelity, optimiser
 from pipeline.search.designs import Evaluation, Settings, front
 from pipeline.search.fidelity import COLUMN, PLATE, STRIP, EvaluationCache, FidelityResult, by_strip, evaluate, worst
@@ -269,6 +270,7 @@ def searched(coarsest_cells: None, tmp_path_factory: pytest.TempPathFactory) -> 
         patch.setattr(fidelity.EvaluationCache.__init__, "__defaults__", (folder / "shelf",))
         for name in ("first", "second"):
             arguments = [CASE, *VARY, *small(), "--quiet", "--evaluations", "2", "--mac", "0.5"]
+            arguments += ["--csv", str(folder / f"{name}.csv"), "--plot", str(folder / f"{name}.pdf")]
             assert run(*arguments, "--out", str(folder / name), "--json", str(folder / f"{name}.json")) == 0
             documents.append(json.loads((folder / f"{name}.json").read_text()))
             patch.setattr(fidelity, "_solved", lambda *_: pytest.fail("solved again"))
@@ -284,6 +286,10 @@ def test_a_search_ends_with_the_best_of_what_it_solved(searched: tuple[dict, dic
     assert {fidelity["name"]: fidelity["designs"] for fidelity in document["fidelities"]}[PLATE] == 2
     names = {path.name for path in (folder / "first").iterdir()}
     assert {"search.json", "search.csv", "search.svg", "search.png"} <= names
+    assert (folder / "first.pdf").read_bytes().startswith(b"%PDF")
+    assert (folder / "first.csv").read_bytes() == (folder / "first" / "search.csv").read_bytes()
+    documents = tomllib.loads((ROOT / "docs" / "site" / "fields.toml").read_text())["documents"]
+    assert set(document) - set(documents["every"]) == set(documents["search"]) - {"solid"}
 
 
 def test_a_search_repeats_from_what_it_kept(searched: tuple[dict, dict, Path], monkeypatch: pytest.MonkeyPatch) -> None:
