@@ -76,6 +76,7 @@ class StoredFigure:
     shown: str
     width: int
     height: int
+    lines: bool = False  # on white: a dark page turns it round
 
 
 @contextmanager
@@ -147,9 +148,9 @@ def save(report_figure: ReportFigure, folder: Path) -> StoredFigure:
     small = report_figure.vector and (folder / files["svg"]).stat().st_size <= SVG_BYTES
     file = files["svg"] if small else _compressed(folder, files["png"])
     scale = POINTS_PER_IN if small else DPI
-    size = (round(scale * edge) for edge in report_figure.figure.get_size_inches())
+    width, height = (round(scale * edge) for edge in report_figure.figure.get_size_inches())
     about = (report_figure.name, report_figure.title, report_figure.alt)
-    return StoredFigure(*about, files["svg"], files["png"], file, *size)
+    return StoredFigure(*about, files["svg"], files["png"], file, width, height, report_figure.vector)
 
 
 def _compressed(folder: Path, png: str) -> str:

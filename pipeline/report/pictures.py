@@ -24,6 +24,7 @@ class EmbeddedFigure:
     png: str
     title: str
     alt: str
+    lines: bool
 
 
 class Embedder:
@@ -39,7 +40,8 @@ class Embedder:
             return None
         self.left -= len(source)
         links = (link(folder, picture.svg), link(folder, picture.png))
-        return EmbeddedFigure(picture.name, source, picture.width, picture.height, *links, picture.title, picture.alt)
+        about = {"title": picture.title, "alt": picture.alt}
+        return EmbeddedFigure(picture.name, source, picture.width, picture.height, *links, **about, lines=picture.lines)
 
     def show_all(self, folder: str, pictures: list[style.StoredFigure]) -> list[EmbeddedFigure]:
         """Those of a folder's pictures that fit."""

@@ -97,6 +97,7 @@
       this.buttons.play.addEventListener("click", () => this.play(!this.playing));
       for (const [name, view] of Object.entries(VIEWS)) this.buttons[name].addEventListener("click", () => this.look(view));
       this.buttons.save.addEventListener("click", () => this.save());
+      this.buttons.film.addEventListener("click", () => this.film());
       const keys = {
         ArrowLeft: () => this.turn(-0.12, 0), ArrowRight: () => this.turn(0.12, 0), ArrowUp: () => this.turn(0, -0.12),
         ArrowDown: () => this.turn(0, 0.12), "+": () => this.closer(0.87), "=": () => this.closer(0.87), "-": () => this.closer(1.15),
@@ -255,8 +256,27 @@
     save() {
       if (!this.materials) return;
       this.renderer.render(this.scene, this.camera); // the picture is gone from the canvas once it is on the screen
-      const name = `${this.data.shapes[this.number].about.replace(/[^\p{L}\p{N}.]+/gu, "-")}.png`;
-      Object.assign(document.createElement("a"), { href: this.canvas.toDataURL("image/png"), download: name }).click();
+      this.keep(this.canvas.toDataURL("image/png"), "png");
+    }
+
+    film() { // one period, by the browser's own encoder
+      if (!this.materials || !window.MediaRecorder || !this.canvas.captureStream) return;
+      const recorder = new MediaRecorder(this.canvas.captureStream(30)), parts = [];
+      recorder.addEventListener("dataavailable", (event) => parts.push(event.data));
+      recorder.addEventListener("stop", () => {
+        const kind = recorder.mimeType.includes("mp4") ? "mp4" : "webm";
+        this.keep(URL.createObjectURL(new Blob(parts, { type: recorder.mimeType })), kind);
+        this.buttons.film.disabled = false;
+      });
+      this.buttons.film.disabled = true;
+      this.play(true);
+      recorder.start();
+      setTimeout(() => recorder.stop(), PERIOD);
+    }
+
+    keep(href, kind) {
+      const name = `${this.data.shapes[this.number].about.replace(/[^\p{L}\p{N}.]+/gu, "-")}.${kind}`;
+      Object.assign(document.createElement("a"), { href, download: name }).click();
     }
 
     turn(around, down) {
