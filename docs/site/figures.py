@@ -1,4 +1,4 @@
-"""Figures of the explanations: `python docs/site/figures.py NAME` writes NAME.svg into this folder."""
+"""Figures of the explanations: `python docs/site/figures.py NAME [ENDING]` writes NAME.svg or NAME.ENDING into this folder."""
 
 from __future__ import annotations
 
@@ -107,6 +107,29 @@ def confinement(figure: Any) -> None:
     axes.legend()
 
 
+def before_and_after(figure: Any) -> None:
+    """The same plate without rows and with three: the touch face in the mode that carries most of the wanted shape."""
+    plate = antinode.load("studies/three-rows.toml", accuracy=0.03)
+    design = plate.case.design
+    bare = plate.with_(rows=0, extension_mm=1e3 * (design.half_span_m - design.width_m / 2.0))
+    sides = figure.subplots(1, 2, sharey=True)
+    for axes, each, words in zip(sides, (bare, plate), ("no pillars", "three rows of pillars a side"), strict=True):
+        modes = each.modes(symmetry=plate.case.symmetry_wanted)
+        number = max(range(len(modes)), key=lambda i: modes[i].strength or 0.0)
+        surface = modes.to_pyvista(number)
+        face = np.abs(surface.points[:, 2]) < 1e-9
+        motion = surface["displacement"][face, 2]
+        x, y, _ = 1e3 * surface.points[face].T
+        axes.tricontourf(x, y, motion / np.abs(motion).max(), np.linspace(-1.0, 1.0, 41), cmap=style.SIGNED)
+        for px, py in 1e3 * each.case.design.pillar_centres():
+            axes.add_patch(Rectangle((px - 1.0, py - 1.0), 2.0, 2.0, fill=False, lw=0.5))
+        for border in (-500.0 * design.width_m, 500.0 * design.width_m):
+            axes.axhline(border, color="black", lw=0.9, ls="--")
+        title = f"{words}: {modes[number].confinement_db:.1f} dB at {modes[number].frequency_hz / 1e3:.1f} kHz"
+        axes.set(aspect="equal", xlabel="x (mm)", title=title)
+    sides[0].set_ylabel("y (mm), the zone between dashes")
+
+
 def _across(surface: Any) -> tuple[Any, Any]:
     """Middles of bins over y (mm) and the rms of u_z on the touch face in each, dB below the largest."""
     face = np.abs(surface.points[:, 2]) < 1e-9
@@ -120,14 +143,14 @@ def _across(surface: Any) -> tuple[Any, Any]:
     return middles[known], 20.0 * np.log10(rms[known] / np.nanmax(rms))
 
 
-def main(name: str) -> None:
-    """Draw a figure into a file."""
+def main(name: str, ending: str = "svg") -> None:
+    """Draw a figure into NAME.svg, or a file of another ending."""
     warnings.simplefilter("ignore", antinode.Caution)
     with style.style():
         figure = style.new_figure(style.WIDTH_IN, 2.6 if name == "superelement" else 3.6)
         globals()[name.replace("-", "_")](figure)
-        figure.savefig(f"{name}.svg", bbox_inches="tight")
+        figure.savefig(f"{name}.{ending}", bbox_inches="tight", dpi=150)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(*sys.argv[1:])

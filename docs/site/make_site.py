@@ -51,7 +51,9 @@ def build(source: Path, target: Path) -> list[str]:
         inventory = InventoryFile.load(file, "", lambda base, name: name)
     known = {name for kind, entries in inventory.items() if kind.startswith("py:") for name in entries}
     faults += [f"{name}: public, and not on the library's page" for name in sorted(reference.public_names() - known)]
-    return faults + [f"{key}: no meaning in docs/site/keys.toml, or no such key" for key in reference.unexplained()]
+    return faults + [
+        f"{key}: no meaning in keys.toml or fields.toml of docs/site, or no such key" for key in reference.unexplained()
+    ]
 
 
 def main(words: Sequence[str]) -> int:

@@ -6,6 +6,7 @@ import argparse
 import inspect
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +30,44 @@ def meanings() -> dict[str, dict[str, str]]:
     return tomllib.loads((SITE / "keys.toml").read_text(encoding="utf-8"))
 
 
+@cache
+def field_meanings() -> dict[str, dict[str, Any]]:
+    """What every field of a JSON document means, by class; `any`: in all of them; `documents`, `columns`: beside classes."""
+    return tomllib.loads((SITE / "fields.toml").read_text(encoding="utf-8"))
+
+
+def parts() -> dict[str, type[record.Part]]:
+    """The classes of records that have fields."""
+    listed = {name: part for name, part in vars(record).items() if inspect.isclass(part)}
+    return {name: part for name, part in listed.items() if issubclass(part, record.Part) and part.model_fields}
+
+
+def meaning(part: type[BaseModel], name: str) -> str:
+    """What a field means: as its class says it, or one that it stems from, else as everywhere; '' where nothing does."""
+    known = field_meanings()
+    owners = [*(base.__name__ for base in inspect.getmro(part)), "any"]
+    return next((known[owner][name] for owner in owners if name in known.get(owner, {})), "")
+
+
 def unexplained() -> list[str]:
-    """Keys of the schema without a meaning, and meanings without a key."""
+    """Keys and fields without a meaning, and meanings without a key or a field."""
+    return [*_unexplained_keys(), *_unexplained_fields()]
+
+
+def _unexplained_fields() -> list[str]:
+    known, classes = field_meanings(), parts()
+    nameless = [f"{part}.{name}" for part, of in classes.items() for name in of.model_fields if not meaning(of, name)]
+    there = {part: set(of.model_fields) for part, of in classes.items()}
+    there |= {"any": set().union(*there.values()), "columns": column_names()}
+    idle = [
+        f"{owner}.{name}"
+        for owner in known.keys() - {"documents"}
+        for name in known[owner].keys() - there.get(owner, set())
+    ]
+    return sorted(nameless + idle)
+
+
+def _unexplained_keys() -> list[str]:
     known, schema = meanings(), {table: {"", *model.model_fields} for table, model in TABLES.items()}
     return sorted(
         f"{table}.{key}"
@@ -74,24 +111,42 @@ def columns() -> Iterator[str]:
     for measure in MEASURES:
         if measure.columns:
             yield f"\n## {measure.name}\n\n{head('column', 'what it is', 'unit')}"
-            yield "\n".join(row(f"`{each.name}`", each.heading, each.unit or "-") for each in measure.columns)
+            yield "\n".join(_column(each.name, each.heading, each.unit) for each in measure.columns)
     yield f"\n## Along a sweep\n\n{head('column', 'what it is', 'unit')}"
-    yield "\n".join(row(f"`{name}`", heading, unit or "-") for name, heading, _, _, unit in tables.TRACKED)
+    yield "\n".join(_column(name, heading, unit) for name, heading, _, _, unit in tables.TRACKED)
+
+
+def _column(name: str, heading: str, unit: str) -> str:
+    return row(f"`{name}`", field_meanings()["columns"].get(name, heading), unit or "-")
+
+
+def column_names() -> set[str]:
+    """Every column that a measure may fill."""
+    return {each.name for measure in MEASURES for each in measure.columns} | {name for name, *_ in tables.TRACKED}
 
 
 def json_fields() -> Iterator[str]:
-    """Every field of records and of the commands' documents, by its typed part."""
-    for name, part in vars(record).items():
-        if inspect.isclass(part) and issubclass(part, record.Part) and part.model_fields:
-            yield f"\n## {name}\n\n{inspect.cleandoc(part.__doc__ or '')}\n\n{head('field', 'type', 'unit')}"
-            yield "\n".join(_fields(part))
+    """Every field of the commands' documents, then of the typed parts that they and records hold."""
+    yield "\n## Documents of the commands"
+    for command, fields in field_meanings()["documents"].items():
+        title = "Every document" if command == "every" else f"`antinode {command} --json FILE`"
+        of, own = fields.get("of"), {key: text for key, text in fields.items() if key != "of"}
+        yield f"\n### {title}\n"
+        if of:
+            yield f"The fields of [{of}](#{of.lower()}){', and' if own else '.'}\n"
+        if own:
+            yield "\n".join([head("field", "what it is"), *(row(f"`{key}`", text) for key, text in own.items())])
+    yield "\n## Parts"
+    for name, part in parts().items():
+        yield f"\n### {name}\n\n{inspect.cleandoc(part.__doc__ or '')}\n\n{head('field', 'what it is', 'type', 'unit')}"
+        yield "\n".join(_fields(part))
 
 
 def _fields(part: type[BaseModel]) -> Iterator[str]:
     for name, field in part.model_fields.items():
         kind = field.annotation.__name__ if inspect.isclass(field.annotation) else str(field.annotation)
         words = kind.replace("pipeline.records.record.", "").replace("typing.", "")
-        yield row(f"`{name}`", f"`{words}`", unit_of(name) or "-")
+        yield row(f"`{name}`", meaning(part, name), f"`{words}`", unit_of(name) or "-")
 
 
 def commands() -> Iterator[str]:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import sys
 from collections.abc import Iterator
+from copy import deepcopy
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-from pipeline.cli.main import _parser
+from pipeline import paths
+from pipeline.cli.main import _parser, main
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -85,17 +88,61 @@ def test_every_key_of_a_case_file_has_a_meaning(site: dict[str, ModuleType], mon
     assert reference.unexplained() == ["array.rows", "zone.colour"]
 
 
+def test_every_field_of_a_json_document_has_a_meaning(
+    site: dict[str, ModuleType], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reference = site["reference"]
+    assert reference.meaning(reference.record.WantedMode, "rivals").startswith(
+        "The other modes"
+    )  # of the class above it
+    known = deepcopy(reference.field_meanings())
+    del known["any"]["dof"], known["TipRecord"]["side_m"]
+    monkeypatch.setattr(reference, "field_meanings", lambda: known | {"WaveRecord": {"colour": "Its paint."}})
+    left = reference.unexplained()
+    assert {"ModesRecord.dof", "TipRecord.side_m", "WaveRecord.colour", "WaveRecord.ky_re_per_m"} <= set(left)
+
+
+def test_documents_hold_what_their_page_says(
+    site: dict[str, ModuleType], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reference = site["reference"]
+    known = reference.field_meanings()["documents"]
+    small = str(ROOT / "examples" / "small.toml")
+    monkeypatch.setattr(paths, "RESULTS", tmp_path)
+    for words in (["predesign", small], ["compare", small, small], ["list"], ["materials"]):
+        assert main([*words, "--quiet", "--json", str(tmp_path / "d.json")]) == 0
+        told = known[words[0]]
+        of = set(reference.parts()[told["of"]].model_fields) if "of" in told else set()
+        found = set(json.loads((tmp_path / "d.json").read_text())) - set(known["every"])
+        assert found == of | set(told) - {"of"}, words[0]
+
+
 def test_generated_pages_hold_what_they_are_made_from(site: dict[str, ModuleType]) -> None:
     text = {name: "\n".join(lines()) for name, lines in site["reference"].PAGES.items()}
     assert "| `pitch_mm` |" in text["reference/case-file.md"] and "aluminium" not in text["reference/columns.md"]
     assert "| `confinement_db` |" in text["reference/columns.md"] and "| `tracked_hz` |" in text["reference/columns.md"]
     assert (
-        "## ModeRecord" in text["reference/json.md"]
-        and "| `frequency_hz` | `float` | Hz |" in text["reference/json.md"]
+        "### ModeRecord" in text["reference/json.md"]
+        and "| `strength` | Share of the wanted shape" in text["reference/json.md"]
+        and "### `antinode search --json FILE`" in text["reference/json.md"]
     )
     assert "## attenuation" in text["reference/commands.md"] and "--kx" in text["reference/commands.md"]
     assert "antinode.sweep" in text["reference/library.md"] and "@software{antinode" in text["cite.md"]
     assert all("PosixPath" not in page and str(ROOT) not in page for page in text.values())
+
+
+def test_the_site_has_no_dead_link_and_no_public_name_without_its_words(
+    site: dict[str, ModuleType], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Built whole as `make docs` does, with empty files where that makes pictures."""
+    build, pictures = site["build"], site["pictures"]
+    monkeypatch.setattr(build, "WORK", tmp_path)
+    build.pages(tmp_path / "source", with_pictures=False)
+    gallery = tmp_path / "source" / "pictures" / "gallery"
+    gallery.mkdir(parents=True)
+    for each in [*pictures.examples(), *pictures.figure_examples()]:
+        (gallery / each.file).touch()
+    assert build.build(tmp_path / "source", tmp_path / "site") == []
 
 
 def test_a_dead_link_and_a_missing_name_are_faults(
