@@ -113,7 +113,7 @@ def before_and_after(figure: Any) -> None:
     design = plate.case.design
     bare = plate.with_(rows=0, extension_mm=1e3 * (design.half_span_m - design.width_m / 2.0))
     sides = figure.subplots(1, 2, sharey=True)
-    for axes, each, words in zip(sides, (bare, plate), ("no pillars", "three rows of pillars a side"), strict=True):
+    for axes, each, words in zip(sides, (bare, plate), ("no pillars", "three rows a side"), strict=True):
         modes = each.modes(symmetry=plate.case.symmetry_wanted)
         number = max(range(len(modes)), key=lambda i: modes[i].strength or 0.0)
         surface = modes.to_pyvista(number)

@@ -34,6 +34,13 @@ def folder_of(name: str, source: Path, given: str | None = None) -> Path:
     return source.resolve().parent / "results" / name
 
 
+def stored_folder(name: str, source: Path, given: str | None = None) -> Path:
+    """The folder of a study's results to read: where they would be written, else where they were put before."""
+    place, before = folder_of(name, source, given), known().get(name)
+    elsewhere = not given and not place.exists() and before and before.source == source.resolve()
+    return before.folder if before and elsewhere else place
+
+
 def _is_ours(source: Path) -> bool:
     return (paths.IS_CHECKOUT and source.resolve().is_relative_to(paths.ROOT)) or source.parent == paths.STUDIES
 

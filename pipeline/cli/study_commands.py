@@ -103,7 +103,7 @@ def _executor(address: str | None) -> Executor | None:
 def _stored(arguments: Namespace) -> tuple[Any, Any, Path]:
     """A study's kind, the study and the folder of its results. Raises InputError when nothing is stored."""
     kind, study = _study(arguments.study)
-    folder = known.folder_of(study.name, study.source, arguments.results)
+    folder = known.stored_folder(study.name, study.source, arguments.results)
     if not (folder / "cases.json").exists():
         raise InputError(f"{arguments.study}: no results under {folder}; run it first: antinode run {arguments.study}")
     return kind, study, folder

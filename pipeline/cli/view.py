@@ -128,7 +128,7 @@ def of_study(target: str, case_id: str | None = None, results: str | None = None
         )
     found = load_study(target)
     try:
-        study = read_study(known.folder_of(found.name, found.source, results))
+        study = read_study(known.stored_folder(found.name, found.source, results))
     except store.BadRecord as error:
         raise InputError(f"{target}: nothing is stored yet; run it first: antinode run {target}") from error
     names = [case.case_id for case in study.cases]

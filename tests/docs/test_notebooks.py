@@ -12,13 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
 
 
-QUICK = "wanted-mode"
-
-
-@pytest.mark.parametrize(
-    "place",
-    [pytest.param(place, id=place.stem, marks=[] if place.stem == QUICK else pytest.mark.slow) for place in NOTEBOOKS],
-)
+@pytest.mark.parametrize("place", NOTEBOOKS, ids=lambda place: place.stem)
 def test_a_notebook_runs(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import nbformat
     from nbclient import NotebookClient

@@ -38,7 +38,7 @@ def test_the_checkouts_studies_keep_to_the_checkout_and_others_to_their_own_fold
     assert known.folder_of("mine", state / "mine.toml") == state / "said" / "mine"
 
 
-def test_a_study_is_remembered_while_file_and_results_are_there(state: Path) -> None:
+def test_a_study_is_remembered_while_file_and_results_are_there(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source, folder = state / "mine.toml", state / "far" / "mine"
     folder.mkdir(parents=True)
     source.write_text(STUDY)
@@ -48,6 +48,12 @@ def test_a_study_is_remembered_while_file_and_results_are_there(state: Path) -> 
     assert (
         known.folder_of("mine", state / "other" / "mine.toml") == state / "other" / "results" / "mine"
     )  # another of that name
+    with monkeypatch.context() as elsewhere:  # where new results would go is not where these lie
+        elsewhere.setenv("ANTINODE_RESULTS", str(state / "said"))
+        elsewhere.setattr(paths, "RESULTS", state / "said")
+        assert known.stored_folder("mine", source) == folder
+        (state / "said" / "mine").mkdir(parents=True)
+        assert known.stored_folder("mine", source) == state / "said" / "mine"
     shutil.rmtree(folder)
     assert known.known() == {}
 
