@@ -233,10 +233,10 @@ class Plate(Frozen):
 
         points are spread evenly, with more about each peak. Raises InputError without [patches].
 
-        >>> load("examples/small.toml").response()
+        >>> load("examples/small.toml").response()  # doctest: +ELLIPSIS
         Traceback (most recent call last):
         ...
-        pipeline.errors.InputError: examples/small.toml: [patches]: missing, response needs it
+        pipeline.errors.InputError: examples/small.toml: [patches]: missing, response needs it, such as ...
         """
         from antinode.results import Response
         from pipeline.analysis import response
@@ -249,10 +249,10 @@ class Plate(Frozen):
 
         Raises InputError where [tolerance] has no deviation.
 
-        >>> load("examples/small.toml").tolerance()
+        >>> load("examples/small.toml").tolerance()  # doctest: +ELLIPSIS
         Traceback (most recent call last):
         ...
-        pipeline.errors.InputError: examples/small.toml: [tolerance]: missing, tolerance needs it
+        pipeline.errors.InputError: examples/small.toml: [tolerance]: missing, tolerance needs it, such as ...
         """
         from antinode.results import Tolerance
         from pipeline.analysis import tolerance
@@ -265,11 +265,11 @@ class Plate(Frozen):
 
         band_kHz: (low, high) in kHz. Raises InputError without [patches] and [touch].
 
-        >>> load("examples/small.toml").touch()
+        >>> load("examples/small.toml").touch()  # doctest: +ELLIPSIS
         Traceback (most recent call last):
         ...
-        pipeline.errors.InputError: examples/small.toml: [patches]: missing, touch needs it
-        examples/small.toml: [touch]: missing, touch needs it
+        pipeline.errors.InputError: examples/small.toml: [patches]: missing, touch needs it, such as ...
+        examples/small.toml: [touch]: missing, touch needs it, such as ...
         """
         from antinode.results import Touch
         from pipeline.analysis import touch
@@ -284,10 +284,10 @@ class Plate(Frozen):
 
         band_kHz: (low, high) in kHz; lists of a way are (points,). Raises InputError without patches in and behind the zone.
 
-        >>> load("examples/small.toml").hybrid()
+        >>> load("examples/small.toml").hybrid()  # doctest: +ELLIPSIS
         Traceback (most recent call last):
         ...
-        pipeline.errors.InputError: examples/small.toml: [patches]: missing, hybrid needs it
+        pipeline.errors.InputError: examples/small.toml: [patches]: missing, hybrid needs it, such as ...
         """
         from antinode.results import Hybrid
         from pipeline.driven import hybrid
@@ -300,10 +300,10 @@ class Plate(Frozen):
         band_kHz: (low, high) in kHz, with both modes in it; the wave's arrays are (points,), in m. Raises InputError
         without patches.
 
-        >>> load("examples/small.toml").travel()
+        >>> load("examples/small.toml").travel()  # doctest: +ELLIPSIS
         Traceback (most recent call last):
         ...
-        pipeline.errors.InputError: examples/small.toml: [patches]: missing, travel needs it
+        pipeline.errors.InputError: examples/small.toml: [patches]: missing, travel needs it, such as ...
         """
         from antinode.results import Travel
         from pipeline.driven import travelling
@@ -316,10 +316,10 @@ class Plate(Frozen):
 
         band_kHz: (low, high) in kHz. Raises InputError for a plate of one zone.
 
-        >>> load("examples/small.toml").crosstalk()
+        >>> load("examples/small.toml").crosstalk()  # doctest: +ELLIPSIS
         Traceback (most recent call last):
         ...
-        pipeline.errors.InputError: examples/small.toml: [patches]: missing, crosstalk needs it
+        pipeline.errors.InputError: examples/small.toml: [patches]: missing, crosstalk needs it, such as ...
         """
         from antinode.results import Crosstalk
         from pipeline.driven import crosstalk

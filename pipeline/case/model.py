@@ -26,6 +26,12 @@ from solvers.measures.confinement import wanted_symmetry
 
 Override = str | tuple[str, Any]
 
+SUCH_AS = {  # a table that few cases have: one to begin with
+    "patches": ", such as --set \"patches={material='pz26', size_mm=[12.0, 3.0, 0.3]}\"",
+    "tolerance": ', such as --set "tolerance={height_mm=0.05}"',
+    "touch": ', such as --set "touch={radius_mm=5.0}"',
+}
+
 
 @dataclass(frozen=True)
 class SolveSettings:
@@ -117,8 +123,10 @@ class Case:
         lacking = [key for key in keys if key not in self.given]
         where = self.source if self.source is not None else self.name
         if lacking:
-            visible = (key if "." in key else f"[{key}]" for key in lacking)
-            raise InputError(f"{where}: {name}: missing, {command} needs it" for name in visible)
+            visible = [
+                (key if "." in key else f"[{key}]", f"{command} needs it{SUCH_AS.get(key, '')}") for key in lacking
+            ]
+            raise InputError(f"{where}: {name}: missing, {why}" for name, why in visible)
 
     def require_plate(self, command: str = "this command", several: bool = False) -> None:
         """InputError unless a finite plate is described: [plate], [zone] and, with pillars, array.rows; one zone unless

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -118,6 +119,16 @@ def test_editors_get_every_key_of_a_case_file(capsys: pytest.CaptureFixture[str]
         case = tomllib.loads(file.read_text())
         if "study" not in case:
             assert set(case) <= set(schema["properties"]), file.name
+
+
+def test_a_missing_table_is_named_with_one_that_would_do(capsys: pytest.CaptureFixture[str]) -> None:
+    """What the line proposes is a table that the case takes: nothing but the solve is left to do."""
+    for command, table in (("response", "patches"), ("touch", "touch")):
+        more = [] if table == "patches" else ["--set", "patches={material='pz26', size_mm=[8.0,3.0,0.3]}"]
+        assert main([command, SMALL, *more]) == 2
+        (words,) = re.findall(r'such as --set "(.*)"', capsys.readouterr().err)
+        assert main([command, SMALL, *more, "--set", words, "--explain"]) == 0, words
+        capsys.readouterr()
 
 
 NOT_COMPUTING = {
