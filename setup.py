@@ -18,7 +18,7 @@ MODULE_STRING = re.compile(rf"(?<=[\"'])({NAMES})\.(?=[a-z_{{])")
 
 
 def nested(source: str) -> str:
-    """A module's source with imports and names of modules in strings below `antinode._lib`."""
+    """A source with imports and names of modules in strings below `antinode._lib`; so are handlers in commands.toml."""
     return MODULE_STRING.sub(rf"{PREFIX}\1.", IMPORT.sub(rf"\1{PREFIX}\2", source))
 
 
@@ -39,7 +39,7 @@ def _copied(source: Path, target: Path) -> None:
                 _copied(entry, target / entry.name)
         return
     target.parent.mkdir(parents=True, exist_ok=True)
-    if source.suffix == ".py":
+    if source.suffix in (".py", ".toml"):
         target.write_text(nested(source.read_text(encoding="utf-8")), encoding="utf-8")
     else:
         shutil.copyfile(source, target)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
 import runpy
 import shutil
 import subprocess
 import sys
 import sysconfig
+import tomllib
 import venv
 from pathlib import Path
 
@@ -73,6 +75,21 @@ def test_nothing_in_a_build_asks_for_a_generic_name(built: Path) -> None:
     assert set(generic_names(planted)) == {"geometry", "studies.", "pipeline.cli.main:main"}
     left = {str(file.relative_to(built)): generic_names(file.read_text(encoding="utf-8")) for file in files}
     assert not {name: found for name, found in left.items() if found}
+
+
+def test_every_command_of_a_build_is_found_and_one_answers(built: Path, tmp_path: Path) -> None:
+    """From the build alone, as a wheel installs it: handlers are named in a TOML file."""
+    commands = tomllib.loads((built / "antinode/_lib/pipeline/cli/commands.toml").read_text())["commands"]
+    for about in commands.values():
+        module, _, function = about["run"].partition(":")
+        file = built / f"{module.replace('.', '/')}.py"
+        assert f"\ndef {function}(" in file.read_text(), about["run"]
+    shutil.copy(ROOT / "examples" / "small.toml", tmp_path)
+    words = [sys.executable, "-m", "antinode", "predesign", "small.toml"]
+    done = subprocess.run(
+        words, cwd=tmp_path, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(built)}
+    )
+    assert done.returncode == 0 and "33.494" in done.stdout, done.stderr
 
 
 def run(*words: str, folder: Path) -> str:
