@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from geometry.decimate import with_sides
 from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
 from pipeline.plots import rendering
@@ -150,15 +151,17 @@ def _stored(case: StoredCase) -> Scene:
 
 def of_arrays(title: str, arrays: dict[str, Any], design: DesignRecord | None) -> Scene:
     """The moving surface as a study stores it."""
-    facets = skin_faces(arrays, "surface")
+    facets, points = skin_faces(arrays, "surface"), np.asarray(arrays["surface_points"], dtype=float)
     assert facets is not None
+    if design is not None:
+        facets = with_sides(points, facets, design.thickness_m)
     tones = arrays.get("surface_frequency_hz", np.zeros(len(arrays["surface_u"])))
     shapes = [
         (f"{tone / KHZ:.2f} kHz{', wanted' if number == 0 else ''}", np.asarray(shape, dtype=float))
         for number, (tone, shape) in enumerate(zip(tones, arrays["surface_u"], strict=True))
     ]
     tall = MM if design is None else design.pillar.top_m if design.pillar else design.thickness_m
-    return Scene(title, np.asarray(arrays["surface_points"]) / MM, facets, shapes, DRAWN * tall / MM)
+    return Scene(title, points / MM, facets, shapes, DRAWN * tall / MM)
 
 
 def of_case(arguments: Namespace) -> Scene:
