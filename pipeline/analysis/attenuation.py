@@ -146,10 +146,14 @@ def at_the_zone(case: Case, solved: AttenuationRecord) -> list[str]:
     if answer is None or answer.db_per_row is None:
         return []
     khz = f"at {answer.frequency_hz / KHZ:.2f} kHz, where thin-plate theory puts the wanted mode"
-    passed = "" if answer.through_db is None else f"; they take {answer.through_db:.1f} dB from a flexural wave's power"
+    passed = (
+        ""
+        if answer.through_db is None
+        else f"; the case's take {answer.through_db:.1f} dB from a flexural wave's power"
+    )
     if not answer.db_per_row:
         return [f"{khz}, a flexural wave passes endless rows undamped{passed}"]
-    total = f"{solved.rows} rows {answer.rows_db:.1f} dB, {answer.rows_needed} rows make {CONFINED_DB:g} dB"
+    total = f"{answer.rows_db:.1f} dB in {solved.rows}, {CONFINED_DB:g} dB in {answer.rows_needed}"
     return [f"{khz}: {answer.db_per_row:.2f} dB a row of endless rows, {total}{passed}"]
 
 

@@ -96,7 +96,7 @@ def test_a_sentence_says_what_the_rows_do_where_the_zone_is_to_vibrate() -> None
     case = load_case(CASE)
     zone_khz = levy_hz(strip_of(case.design), 8) / 1e3
     passed = ThroughRows(reflected=0.99, flexural=0.01, shear=0.0, longitudinal=0.0)
-    for decay, said in ((5.0, "5.00 dB a row of endless rows, 3 rows 15.0 dB, 2 rows make 10 dB"), (0.0, "undamped")):
+    for decay, said in ((5.0, "5.00 dB a row of endless rows, 15.0 dB in 3, 10 dB in 2"), (0.0, "undamped")):
         points = [
             AttenuationPoint(frequency_hz=f, waves=(), db_per_row=decay, through_rows=passed) for f in (30e3, 40e3)
         ]
