@@ -37,7 +37,7 @@ class Zone(Table):
 
 
 class Pillar(Table):
-    """One pillar: its shape with the sizes in mm that this shape takes, height_mm, fillet_mm, a material of its own.
+    """One pillar: its shape with the sizes in mm that this shape takes, height_mm, fillet_mm, faces, a material of its own.
 
     >>> Pillar(shape="round", diameter_mm=2.0, height_mm=6.3)
     Pillar(shape='round', diameter_mm=2.0, height_mm=6.3)

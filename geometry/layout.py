@@ -53,7 +53,7 @@ class Tip:
 class Pillar:
     """One pillar: its shape by name, widths of foot and tip, height, foot fillet, further sizes of the shape. Lengths in m.
 
-    A heavy tip stands on its top, beyond its height.
+    A heavy tip stands on its top, beyond its height. `faces`: 1, on the back alone; 2, with its mirror image on the touch face.
     """
 
     shape: str
@@ -65,6 +65,7 @@ class Pillar:
     file: str | None = None
     more_m: tuple[tuple[str, float], ...] = ()
     tip: Tip | None = None
+    faces: int = 1
 
     @property
     def form(self) -> PillarShape:
@@ -261,6 +262,13 @@ class Design:
         )
         rows_m = float(self._row_offsets()[-1]) + (first + last) / 2.0 if self.rows else 0.0
         return self.outer_border_m + rows_m + self.extension_m
+
+    @property
+    def bare_touch_m(self) -> float:
+        """y up to which the touch face carries no pillar, m: where the first row begins, or the plate ends."""
+        if not (self.row_pillars and self.row_pillars[0].faces == 2):
+            return self.half_span_m
+        return self.outer_border_m - max(self.row_pillars[0].reach_m[1] - self.row_pillars[0].footprint_m, 0.0) / 2.0
 
     @property
     def is_mirrored(self) -> bool:

@@ -33,10 +33,10 @@ class Box:
 class Body:
     """A CAD shape in mm and what a mesher must know about it, in m.
 
-    Plate below z = `thickness_m`, pillars above; the lone pillar has thickness 0. `mirrors` names the symmetry planes
-    it was cut by: "", "x", "y" or "xy" (x = 0, y = 0). `bonds` names the parts ("pillar", "tip", "patch") of another
-    material: `shape` is one cadquery solid without any, else solids that share their contact faces. `tips` are the heavy
-    tips whose material is not their pillar's.
+    Plate from 0 to z = `thickness_m`, pillars above, or on both sides; the lone pillar has thickness 0. `mirrors` names the
+    symmetry planes it was cut by: "", "x", "y" or "xy" (x = 0, y = 0). `bonds` names the parts ("pillar", "tip", "patch") of
+    another material: `shape` is one cadquery solid without any, else solids that share their contact faces. `tips` are the
+    heavy tips whose material is not their pillar's.
     """
 
     shape: Any
@@ -58,7 +58,8 @@ class Body:
 
     def region_of(self, points: NDArray[np.float64]) -> NDArray[np.str_]:
         """Name of the region ("plate", "pillar", "tip", "patch") that holds each point (n, 3) of the body, m."""
-        names = np.where(points[:, 2] > self.thickness_m, "pillar", "plate")
+        height = points[:, 2]
+        names = np.where((height > self.thickness_m) | (height < 0.0), "pillar", "plate")
         for region, boxes in (("tip", self.tips), ("patch", self.patches)):
             for box in boxes:
                 names[((points > np.array(box.low)) & (points < np.array(box.high))).all(axis=1)] = region
@@ -163,18 +164,20 @@ def _tips(stand: Stand, thickness_m: float, mirrors: str) -> tuple[Box, ...]:
             continue
         low = [0.0 if cut and at < near else float(at) - half for at, cut in zip(centre, kept, strict=True)]
         x1, y1 = (float(at) + half for at in centre)
-        boxes.append(Box((low[0], low[1], bottom), (x1, y1, bottom + tip.height_m)))
+        spans = [(bottom, bottom + tip.height_m), (thickness_m - bottom - tip.height_m, thickness_m - bottom)]
+        boxes += [Box((low[0], low[1], z0), (x1, y1, z1)) for z0, z1 in spans[: pillar.faces]]
     return tuple(boxes)
 
 
 def _standing(stand: Stand, thickness_m: float, mirrors: str) -> list[Any]:
-    """Pillars moved to their places, those on a mirror cut by it, those beyond it left out."""
+    """Pillars moved to their places on one face or both, those on a mirror cut by it, those beyond it left out."""
     import cadquery as cq
 
     if not len(stand.centres):
         return []
     shape, near = _pillar_shape(stand.pillar), 0.25 * stand.pillar.base_m
     halves: dict[str, Any] = {"": shape}
+    below: dict[str, Any] = {}
     placed = []
     for x, y in stand.centres:
         at = {"x": x, "y": y}
@@ -184,6 +187,9 @@ def _standing(stand: Stand, thickness_m: float, mirrors: str) -> list[Any]:
         if cut not in halves:
             halves[cut] = _half(shape, cut)
         placed.append(halves[cut].moved(cq.Location(cq.Vector(MM * x, MM * y, MM * thickness_m))))
+        if stand.pillar.faces == 2:
+            below[cut] = below[cut] if cut in below else halves[cut].mirror("XY")
+            placed.append(below[cut].moved(cq.Location(cq.Vector(MM * x, MM * y, 0.0))))
     return placed
 
 

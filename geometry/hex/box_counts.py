@@ -69,8 +69,9 @@ def box_counts(scene: Scene, order: int) -> BoxCounts:
         for foot in scene.feet:
             span = {z: graded for z, graded in scene.above.items() if foot.bottom_m <= z <= foot.top_m}
             up, alone = interval_count(span, scene.along), foot.below is None
-            blocks += [_block(scene, foot.centres, part, up, alone, sign) for sign, part in _union(foot.rectangles)]
-            blocks += [_block(scene, foot.centres, part, 0, False, -sign) for sign, part in _shared(foot)]
+            own = [_block(scene, foot.centres, part, up, alone, sign) for sign, part in _union(foot.rectangles)]
+            own += [_block(scene, foot.centres, part, 0, False, -sign) for sign, part in _shared(foot)]
+            blocks += own * scene.faces
     return BoxCounts(order, tuple(blocks))
 
 

@@ -33,7 +33,7 @@ class Boxes:
 def hex_mesh(boxes: Boxes, order: int) -> Mesh:
     """Mesh of every solid box, with the faces touch, back, x-, x+, y-, y+ of the lowest body.
 
-    `touch` is the plane z = z[0]; `back` the solid's faces at the plate's top are not named, since pillars stand there.
+    `touch` is the lowest body's underside where nothing hangs; `back`, its top, is not named, since pillars stand there.
     """
     solid, full = _solid_elements(boxes, order)
     lines = [nodal_line(axis, order) for axis in (boxes.x, boxes.y, boxes.z)]
@@ -73,15 +73,17 @@ def nodal_line(lines: FloatArray, order: int) -> FloatArray:
 
 
 def _outer_faces(mesh: Mesh, boxes: Boxes, solid: IntArray) -> dict[str, IntArray]:
-    """The faces on the six sides of the grid's bounding box."""
+    """The faces on the sides of the grid's bounding box, and below the lowest body where nothing hangs."""
     (local,) = mesh.element.facets
+    floor = int(np.flatnonzero((boxes.region == 0).any(axis=(0, 1)))[0])
+    hung = boxes.region[solid[:, 0], solid[:, 1], floor - 1] != VOID if floor else np.zeros(len(solid), dtype=bool)
     last = [len(boxes.x) - 2, len(boxes.y) - 2, len(boxes.z) - 2]
     sides = {
         "x-": (0, solid[:, 0] == 0),
         "x+": (1, solid[:, 0] == last[0]),
         "y-": (2, solid[:, 1] == 0),
         "y+": (3, solid[:, 1] == last[1]),
-        "touch": (4, solid[:, 2] == 0),
+        "touch": (4, (solid[:, 2] == floor) & ~hung),
         "top": (5, solid[:, 2] == last[2]),
     }
     return {name: mesh.cells[on][:, local[face]] for name, (face, on) in sides.items() if on.any()}
@@ -148,7 +150,8 @@ class Scene:
     """Where the lines of a scene of boxes pass, before any is drawn: breakpoints in m, True at singular edges.
 
     x, y and z span the lowest body (region `name`), above the pillars that stand on it (None without), `feet` of each kind.
-    The lowest body fills the rectangles `body` (r, 4) only, where that is given.
+    The lowest body fills the rectangles `body` (r, 4) only, where that is given. With two `faces` the mirror images of the
+    pillars hang below it.
     """
 
     x: dict[float, bool]
@@ -161,6 +164,7 @@ class Scene:
     along: Grading | None = None
     feet: tuple[Foot, ...] = ()
     body: FloatArray | None = None
+    faces: int = 1
 
 
 def zone_scene(design: Design, settings: HexSettings, quarter: bool = True) -> Scene:
@@ -299,11 +303,12 @@ def _plate_with_pillars(
                 for edge, inner in _edges(each.pillar)[column].items():
                     if low < centre + edge < high:
                         breaks[centre + edge] = inner or breaks.get(centre + edge, False)
-    z, through = {0.0: False, thickness_m: True}, settings.through_grading(thickness_m)
+    (faces,) = {each.pillar.faces for each in stands}
+    z, through = {0.0: faces == 2, thickness_m: True}, settings.through_grading(thickness_m)
     feet = tuple(foot for each in stands for foot in _prisms(each.pillar, each.centres, thickness_m))
     junctions = {foot.bottom_m for foot in feet}
     above = {height: height in junctions for foot in feet for height in (foot.bottom_m, foot.top_m)}
-    return Scene(x, y, z, settings.grading, through, "plate", above, settings.pillar_grading, feet)
+    return Scene(x, y, z, settings.grading, through, "plate", above, settings.pillar_grading, feet, faces=faces)
 
 
 def _edges(pillar: Pillar) -> tuple[dict[float, bool], dict[float, bool]]:
@@ -349,6 +354,9 @@ def boxes_of(scene: Scene) -> Boxes:
         first, last = np.searchsorted(middles, (foot.bottom_m, foot.top_m))
         for centre in foot.centres:
             region[_inside(lines_x, lines_y, foot.rectangles, centre), first:last] = REGIONS.index(foot.region)
+    if scene.faces == 2:
+        z = np.concatenate([max(scene.z) - z[:layers:-1], z])
+        region = np.concatenate([region[:, :, : layers - 1 : -1], region], axis=2)
     return Boxes(lines_x, lines_y, z, region, (scene.name, *REGIONS[1:]))
 
 

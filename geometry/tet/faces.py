@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from geometry.cad.solids import Body
+from geometry.cad.solids import Body, Box
 from geometry.cad.surface import CadSurface
-from geometry.elements import IntArray
+from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.mesh import Mesh
 from geometry.tet.snapping import Boundary
 
@@ -22,25 +22,28 @@ def named_faces(
 ) -> dict[str, IntArray]:
     """Face nodes (m, 3 or 6) by name: sides of the box, touch, back, foot, top, both faces of each patch, and `extra`.
 
-    `back` ends where pillars and patches stand; `touch` goes on under patches. A face between bonded parts is listed
-    once, outward of the plate.
+    `back` ends where pillars and patches stand; `touch` goes on under patches, not where pillars hang. A face between bonded
+    parts is listed once, outward of the plate.
     """
     nodes = mesh.cells[boundary.cell[:, None], mesh.element.facets[0][boundary.local]]
     planes = _planes(body, surface) | {name: (axis, MM * at) for name, (axis, at) in extra.items()}
     centres = mesh.nodes[nodes[:, :3]].mean(axis=1)
-    faces = {}
+    faces, over = {}, [_over(box, centres) for box in body.patches]
+    seen = {"back": ~boundary.inner, "touch": ~boundary.inner | np.any(over, axis=0)}
     for name, plane in planes.items():
-        on = _on(plane, boundary, surface)
-        if name == "back":
-            on &= ~boundary.inner
+        on = _on(plane, boundary, surface) & seen.get(name, True)
         if on.any():
             faces[name] = nodes[on]
-    for box in body.patches:
-        low, high = np.array(box.low), np.array(box.high)
-        over = ((centres[:, :2] > low[:2]) & (centres[:, :2] < high[:2])).all(axis=1)
-        for sign, z in (("-", low[2]), ("+", high[2])):
-            faces[f"patch{box.number}{sign}"] = nodes[_on((2, MM * z), boundary, surface) & over]
+    for box, there in zip(body.patches, over, strict=True):
+        for sign, z in (("-", box.low[2]), ("+", box.high[2])):
+            faces[f"patch{box.number}{sign}"] = nodes[_on((2, MM * z), boundary, surface) & there]
     return faces
+
+
+def _over(box: Box, centres: FloatArray) -> BoolArray:
+    """Which places (n, 3), m, lie in a box's outline."""
+    inside = (centres[:, :2] > np.array(box.low[:2])) & (centres[:, :2] < np.array(box.high[:2]))
+    return np.asarray(inside.all(axis=1))
 
 
 def _planes(body: Body, surface: CadSurface) -> dict[str, Plane]:

@@ -61,7 +61,7 @@ def tet_cell(design: Design, edge_m: float, quarter_then_mirror: bool = True, op
     Mirrored from its quarter, opposite faces pair node for node: equal to the last bit but for the sign of x or y.
     Raises GeometryError when the pillar is not symmetric in x = 0 and y = 0.
     """
-    rim = rims(design.pillar, design.thickness_m) if design.pillar else []
+    rim = foot_rims(design.pillar, design.thickness_m) if design.pillar else []
     body = solids.cell_solid(design, "xy" if quarter_then_mirror else "")
     mesh = tet_mesh(body, edge_m, options=graded(options, rim, edge_m))
     return _whole(mesh) if quarter_then_mirror else mesh
@@ -73,7 +73,7 @@ def tet_panel(design: Design, panel: Panel, edge_m: float, options: TetOptions =
     pillar = panel.pillar or design.pillar
     if pillar and panel.foot:
         x, y = np.array(panel.foot) - np.array(panel.middle)
-        rim = [[(a + x, b + y, c) for a, b, c in line] for line in rims(pillar, design.thickness_m)]
+        rim = [[(a + x, b + y, c) for a, b, c in line] for line in foot_rims(pillar, design.thickness_m)]
     return tet_mesh(solids.panel_solid(design, panel), edge_m, options=graded(options, rim, edge_m))
 
 
@@ -90,6 +90,13 @@ def graded(options: TetOptions, lines: Lines, edge_m: float) -> TetOptions:
         return options
     fine = FINE * edge_m
     return replace(options, size=NearSegments(np.array(lines), fine, edge_m, GROWTH), min_edge_m=fine)
+
+
+def foot_rims(pillar: Pillar, thickness_m: float) -> Lines:
+    """The rims of a pillar at the origin of a plate, on every face that it stands on, as segments, m."""
+    lines = rims(pillar, thickness_m)
+    images = [[(x, y, thickness_m - z) for x, y, z in line] for line in lines]
+    return lines + images * (pillar.faces - 1)
 
 
 def rims(pillar: Pillar, z: float) -> Lines:

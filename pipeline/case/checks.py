@@ -314,12 +314,12 @@ def check_tolerance(good: Values, form: PillarShape | None) -> Iterator[Diagnost
         yield "tolerance.height_mm", height, "nothing varies: height_mm, side_mm or position_mm must be above 0"
     if good.get("array.stagger"):
         yield "tolerance.height_mm", height, "must be left out beside array.stagger = true"
-    plain = good.get("pillar.fillet_mm") == 0.0 and not good.get("tip.height_mm")
+    plain = good.get("pillar.fillet_mm") == 0.0 and not good.get("tip.height_mm") and good.get("pillar.faces") != "both"
     if form is not None and not (form.is_square_prism and plain):
         yield (
             "tolerance.height_mm",
             height,
-            "only square pillars without fillet can be varied, and none with a heavy tip",
+            "only square pillars without fillet can be varied, and none with a heavy tip or on both faces",
         )
         return
     if "pillar" not in good or good.get("array.rows") == 0:

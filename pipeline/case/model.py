@@ -175,8 +175,9 @@ class Case:
                 del shape[key]
         for each in (shape["pillar"], *shape.get("graded", ())) if pillar else ():
             each |= dict(each.pop("more_m"))
-            if not each["tip"]:
-                del each["tip"]
+            for key, usual in (("tip", None), ("faces", 1)):
+                if each[key] == usual:
+                    del each[key]
         if pillar and pillar.file:
             plain["design"]["pillar"]["file"] = Path(pillar.file).name
             plain["design"]["pillar"]["file_sha256"] = hashlib.sha256(Path(pillar.file).read_bytes()).hexdigest()
@@ -268,9 +269,9 @@ def _pillar(values: Values, good: dict[str, Any], form: PillarShape | None) -> P
         return None
     material = values.materials.get("pillar", values.materials[""])
     height, fillet = form.height_m(MM * (good["pillar.height_mm"] or nan)), MM * good["pillar.fillet_mm"]
-    return Pillar(
-        form.name, form.width_m, form.tip_m, height, material, fillet, form.file, form.more_m, _tip(values, material)
-    )
+    more: dict[str, Any] = {"file": form.file, "more_m": form.more_m, "tip": _tip(values, material)}
+    more["faces"] = 2 if values.good.get("pillar.faces") == "both" else 1
+    return Pillar(form.name, form.width_m, form.tip_m, height, material, fillet, **more)
 
 
 def _tip(values: Values, pillar: Material) -> Tip | None:

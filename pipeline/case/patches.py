@@ -94,7 +94,7 @@ def _check_places(patches: Patches, design: Design, good: dict[str, object], dia
         )
     for i, j in _first_overlaps(boxes, slack):
         diagnostics.add(key, value, f"patches {i} and {j} overlap")
-    if patches.face == "back":
+    if patches.face == "back" or good.get("pillar.faces") == "both":
         _check_pillars(patches, design, key, value, diagnostics, slack)
     if min(patches.lengths_m, default=inf) <= 0.0:
         diagnostics.add(key, value, "no room for the end patches: must be shorter along x")
@@ -110,7 +110,7 @@ def _check_pillars(
         x, y = (np.unique(places) for places in stand.centres.T)
         hit |= _holds(x, x0 - half + slack, x1 + half - slack) & _holds(y, y0 - half + slack, y1 + half - slack)
     if hit.any():
-        diagnostics.add(key, value, f"patch {np.flatnonzero(hit)[0]} on the back overlaps a pillar's foot")
+        diagnostics.add(key, value, f"patch {np.flatnonzero(hit)[0]} on the {patches.face} overlaps a pillar's foot")
 
 
 def _holds(ascending: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:

@@ -101,6 +101,10 @@ def _pillar_table() -> type[Table]:
     for key in SIZE_KEYS:
         keys[key] = (float | None, optional(LENGTH_MM)) if key.endswith("_mm") else (str | None, file)
     keys |= {"height_mm": (float | None, optional(LENGTH_MM)), "fillet_mm": (Length, 0.0)}
+    faces = Field(
+        default="back", description="back, or both: the touch face beside the zone carries their mirror images"
+    )
+    keys |= {"faces": (Literal["back", "both"], faces)}
     return create_model("PillarTable", __base__=Table, **keys)
 
 

@@ -48,6 +48,11 @@ def read_touch(values: CaseValues, design: Design) -> Touch | None:
         diagnostics.add(
             f"touch.{key}", at or good["touch.radius_mm"], f"the contact reaches beyond the plate, which is {size}"
         )
+    elif "zone" in good and abs(place[1]) + radius > design.bare_touch_m:
+        room = (
+            f"the contact reaches the pillars on the touch face, which begin at |y| = {design.bare_touch_m / MM:g} mm"
+        )
+        diagnostics.add("touch.at_mm", at or list(place), room)
     return Touch(
         tip=_fingertip(values),
         at_m=place,

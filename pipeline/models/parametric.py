@@ -62,10 +62,9 @@ class CellModel:
 def require_square(case: Case) -> None:
     """InputError, a line each, for a case whose cell the model cannot follow."""
     design, said = case.design, []
-    if design.pillar is None or not design.pillar.is_square_prism:
-        said.append(
-            f"{case.name}: pillar.shape must be square, without fillet and heavy tip, for explore: its bases are made of boxes"
-        )
+    if design.pillar is None or not design.pillar.is_square_prism or design.pillar.faces == 2:
+        known = "pillar.shape must be square, without fillet and heavy tip and on the back alone, for explore"
+        said.append(f"{case.name}: {known}: its bases are made of boxes")
     if design.pillar is not None and design.pitch_x_m != design.pitch_y_m:
         said.append(f"{case.name}: array.pitch_x_mm and pitch_y_mm must be equal for explore")
     if said:

@@ -224,6 +224,6 @@ def tet_cell(design: Design, edge_m: float, log: Log) -> tuple[Mesh, tuple[int, 
     with log.step("mesh the cell by tetrahedra"):
         if not {"x", "y"} <= {*design.cell_mirrors}:
             return scenes.tet_cell(design, edge_m, quarter_then_mirror=False), ()
-        rim = scenes.rims(design.pillar, design.thickness_m) if design.pillar else []
+        rim = scenes.foot_rims(design.pillar, design.thickness_m) if design.pillar else []
         options = scenes.graded(TetOptions(), rim, edge_m)
         return tet_mesh(solids.cell_solid(design, "xy"), edge_m, options=options), (0, 1)

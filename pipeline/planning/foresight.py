@@ -155,7 +155,10 @@ def part_modes(design: Design, part: str, frequency_hz: float) -> float:
     shared = design.shared_rows * (design.zones - 1) / 2.0  # a row stands for two, one on each side
     if design.pillar and shared:
         own[design.pillar] += shared  # type: ignore[assignment]
-    return plate + sum(_per_row(design) * rows * pillar_modes(frequency_hz, pillar) for pillar, rows in own.items())
+    pillars = (
+        _per_row(design) * rows * pillar.faces * pillar_modes(frequency_hz, pillar) for pillar, rows in own.items()
+    )
+    return plate + sum(pillars)
 
 
 def pillar_count(design: Design) -> int:
@@ -204,12 +207,14 @@ def _volume_m3(design: Design, part: str) -> float:
     if part == "pillar":
         return one
     if part == "cell":
-        return design.pitch_x_m * design.pitch_y_m * design.thickness_m + one
+        return design.pitch_x_m * design.pitch_y_m * design.thickness_m + (one * pillar.faces if pillar else 0.0)
     if part == "zone":
         return design.length_m * design.width_m * design.thickness_m
     plate = design.length_m * 2.0 * design.half_span_m * design.thickness_m
     return plate + (
-        _per_row(design) * sum(each.volume_m3 for each in design.row_pillars) if pillar_count(design) else 0.0
+        _per_row(design) * sum(each.faces * each.volume_m3 for each in design.row_pillars)
+        if pillar_count(design)
+        else 0.0
     )
 
 
@@ -317,7 +322,7 @@ def fixed_modes(
     rim = 2.0 * sum(size_m)
     count = plate_modes(reduction.top_hz, *size_m, design.thickness_m, design.material, rim)
     if foot and design.pillar:
-        count += pillar_modes(reduction.top_hz, design.pillar)
+        count += design.pillar.faces * pillar_modes(reduction.top_hz, design.pillar)
     return min(count, 0.8 * mesh.dofs)
 
 

@@ -174,7 +174,7 @@ def side_view(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     tallest = design.pillar.top_m if pillars and design.pillar else design.thickness_m
     factor = nice_below(DRAWN_SHARE * tallest / max(1e-30, float(np.max(np.abs(u)))))
     x0, y0 = _cuts(arrays, design, pillars)
-    tall = design.thickness_m + 1.3 * tallest
+    tall = design.thickness_m + 1.3 * tallest * (design.pillar.faces if pillars and design.pillar else 1)
     heights = [7.0 * tall / (2 * half) for half in (design.half_span_m, design.length_m / 2)]
     figure, panels = style.panels(sum(heights) + 2.0, 2, 1, height_ratios=heights)
     cuts = ((1, x0, f"Across the zone, at x = {x0 / MM:.1f} mm"), (0, y0, f"Along the zone, at y = {y0 / MM:.1f} mm"))
@@ -249,7 +249,7 @@ def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> ReportFigur
     if not design or not {"tet_points", "tet_triangles", "tet_u", "touch_uz"} <= arrays.keys():
         return None
     points, faces, uz = arrays["tet_points"], arrays["tet_triangles"], arrays["tet_u"][:, 2]
-    faces = faces[np.all(points[faces][:, :, 2] < 1e-3 * design.thickness_m, axis=1)]
+    faces = faces[np.all(np.abs(points[faces][:, :, 2]) < 1e-3 * design.thickness_m, axis=1)]
     if not faces.size:
         return None
     box = np.array([points[faces].min(axis=(0, 1))[:2], points[faces].max(axis=(0, 1))[:2]]) / MM

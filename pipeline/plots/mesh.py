@@ -116,6 +116,8 @@ def _dimensions(design: DesignRecord, geometry: GeometryRecord | None) -> str:
             f"{', '.join(f'{each.height_m / MM:g}' for each in design.pillars)} mm high, {pitch_m / MM:g} mm apart"
             f"{', every other row shifted by half of that' if design.staggered else ''}"
         )
+        if pillar.faces == 2:
+            words.append("on both faces")
         if tip := pillar.heavy_tip:
             words.append(f"on each a tip {tip.side_m / MM:g} mm wide and {tip.height_m / MM:g} mm high")
     if geometry:

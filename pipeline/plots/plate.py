@@ -91,7 +91,7 @@ class Pillars:
 
 
 def find_pillars(arrays: dict[str, Any], design: DesignRecord) -> Pillars | None:
-    """Pillars of the skin by position: above the plate, the nearest centre."""
+    """Pillars of the skin by position: above or below the plate, the nearest centre; tips of those above."""
     from scipy.spatial import cKDTree
 
     faces, centres = skin_faces(arrays, "surface"), np.reshape(design.pillar_centres_m, (-1, 2))
@@ -101,11 +101,11 @@ def find_pillars(arrays: dict[str, Any], design: DesignRecord) -> Pillars | None
     top, tree = design.thickness_m, cKDTree(centres)
     heights = np.array([pillar.top_m for pillar in design.standing])
     middles = points[faces].mean(axis=1)
-    above = np.flatnonzero(middles[:, 2] > top + 1e-3 * heights.min())
+    beside = np.flatnonzero(np.abs(middles[:, 2] - top / 2.0) > top / 2.0 + 1e-3 * heights.min())
     high = np.flatnonzero(points[:, 2] > top + 1e-3 * heights.min())
     owner = tree.query(points[high, :2])[1]
     tip = points[high, 2] > top + 0.98 * heights[owner]
-    return Pillars(centres, above, tree.query(middles[above, :2])[1], high[tip], owner[tip])
+    return Pillars(centres, beside, tree.query(middles[beside, :2])[1], high[tip], owner[tip])
 
 
 def nice_below(value: float) -> float:

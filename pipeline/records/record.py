@@ -76,6 +76,7 @@ class PillarRecord(Open):
     height_m: float
     fillet_m: float
     heavy_tip: TipRecord | None = None
+    faces: int = 1
 
     @classmethod
     def of_pillar(cls, pillar: Pillar) -> PillarRecord:
@@ -529,6 +530,30 @@ class PlayedPattern(Part):
     error: float
 
 
+class ShearRecord(Part):
+    """A finger at rest on a travelling wave, at 1 um rms in the free zone, over its places x_m and y_m, row by row along x.
+
+    touched_m: amplitude under it; crest_m_s: speed of the face along x at the crests; shear_low, shear_high: net shear over the
+    friction at rest, positive towards +x, None where the relations do not hold.
+    """
+
+    fingertip: str
+    radius_m: float
+    force_N: float | None
+    x_m: list[float]
+    y_m: list[float]
+    touched_m: list[list[float]]
+    crest_m_s: list[list[float]]
+    shear_low: list[list[float | None]] | None
+    shear_high: list[list[float | None]] | None
+    not_told: list[str]
+
+    @property
+    def fastest_m_s(self) -> float:
+        """The largest crest speed, signed."""
+        return max((speed for row in self.crest_m_s for speed in row), key=abs, default=0.0)
+
+
 class TravelRecord(Part):
     """Two modes held a quarter period apart. Amplitudes are peaks, figures of power and field for 1 um rms in the zone.
 
@@ -558,6 +583,7 @@ class TravelRecord(Part):
     flow_x_m: list[float]
     flow_W: list[float]
     standing_flow_W: list[float]
+    shear: ShearRecord | None = None
     board: list[PlayedPattern] | BoardFault | None = None
     tables: list[str] = []
 

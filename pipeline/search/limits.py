@@ -32,6 +32,11 @@ class Limits:
                 (f"{name} {size / MM:.2f} mm, at least {self.feature_m / MM:g}", 1.0 - size / self.feature_m)
             )
         lean = max((overhang_deg(pillar) for pillar in design.kinds), default=0.0)
+        first = design.pillar
+        if first and design.rows and first.faces == 2 and first.material == design.material:
+            violations.append(
+                ("pillars on both faces cannot be printed with the plate: its underside is a ceiling", 1.0)
+            )
         if lean > SUPPORT_DEG:
             violations.append(
                 (f"pillars lean out by {lean:.0f} degrees, at most {SUPPORT_DEG:g}", lean / SUPPORT_DEG - 1.0)
@@ -63,7 +68,4 @@ def overhang_deg(pillar: Pillar) -> float:
 def mass_kg(design: Design) -> float:
     """Plate and pillars, fillets left out, kg."""
     plate = design.length_m * 2.0 * design.half_span_m * design.thickness_m * design.material.density_kg_m3
-    if not design.row_pillars:
-        return plate
-    rows = (len(design.column_centres(row)) * pillar.mass_kg for row, pillar in enumerate(design.row_pillars))
-    return plate + 2.0 * sum(rows)
+    return plate + sum(len(each.centres) * each.pillar.faces * each.pillar.mass_kg for each in design.standing())

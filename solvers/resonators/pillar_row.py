@@ -109,7 +109,8 @@ def pillar_filter(
         decay_db=decay,
         clamped_hz=clamped / (2.0 * pi),
         stopped_hz=stopped / (2.0 * pi),
-        oscillator_stopped_hz=oscillator_total_reflection_rad_s(host_beam, pillar.mass_kg, clamped) / (2.0 * pi),
+        oscillator_stopped_hz=oscillator_total_reflection_rad_s(host_beam, pillar.faces * pillar.mass_kg, clamped)
+        / (2.0 * pi),
         bands_hz=tuple(half_power_band(one, frequencies_hz) for one in transmitted),
         stop_hz=half_power_band(np.where(stopping, 0.0, 1.0), frequencies_hz),
     )
@@ -122,8 +123,11 @@ def _ends(band: tuple[float, float] | None) -> list[float] | None:
 def design_feet(
     pillar: Pillar, omega: FloatArray, loss: float = 0.0, lever_m: float = 0.0, euler: bool = False
 ) -> ComplexArray:
-    """Foot stiffness of a design's pillar, shape (n, 2, 2); euler leaves shear and rotary inertia out."""
+    """Foot stiffness of a design's pillar, or of both on opposite faces, shape (n, 2, 2): diagonal, so that the mirror image
+    adds the same; euler leaves shear and rotary inertia out.
+    """
     beam = pillar_beam(pillar, about_x=True)
     if euler:
         beam = replace(beam, shear_n=inf, rotary_kg_m=0.0)
-    return pillar_foot(beam, omega, pillar.material.young_pa * pillar.form.section.area_m2, loss, lever_m)
+    axial = pillar.material.young_pa * pillar.form.section.area_m2
+    return pillar.faces * pillar_foot(beam, omega, axial, loss, lever_m)

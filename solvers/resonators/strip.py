@@ -137,7 +137,7 @@ def _with_rows(
         for pillar in design.kinds
     }
     for row, (y, pillar) in enumerate(zip(design.row_centres(), design.row_pillars, strict=True)):
-        density = len(design.column_centres(row)) / design.length_m
+        density = pillar.faces * len(design.column_centres(row)) / design.length_m
         turning, lifting = bodies[pillar]
         node = int(np.argmin(np.abs(nodes - y)))
         for body, dof, factor in (

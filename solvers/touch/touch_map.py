@@ -26,6 +26,7 @@ class TouchMap:
     """Over a grid of places x_m (nx,), y_m (ny,): rms of u_z over the contact, m per volt of drive, free and touched, (nx, ny).
 
     field: the free plate's u_z at the places, complex; sensor_v: what each listening patch gives per volt, (nx, ny, sensors).
+    under: the touched plate's mean u_z over the contact, slope_change: what the finger adds to its slope along x, complex.
     """
 
     frequency_hz: float
@@ -35,6 +36,8 @@ class TouchMap:
     free_m: FloatArray
     touched_m: FloatArray
     sensor_v: ComplexArray
+    under: ComplexArray
+    slope_change: ComplexArray
 
 
 @dataclass(frozen=True)
@@ -57,9 +60,9 @@ class Lattice:
 
 
 def lattice(design: Design, touched: TouchedPlate) -> Lattice:
-    """The points of all contacts that lie on the plate."""
+    """The points of all contacts that lie on the plate, clear of pillars on its touch face."""
     finger = touched.finger
-    ends = (design.length_m / 2.0 - finger.radius_m, design.half_span_m - finger.radius_m)
+    ends = (design.length_m / 2.0 - finger.radius_m, design.bare_touch_m - finger.radius_m)
     counts = [int(max(end, 0.0) / finger.spacing_m) + 2 for end in ends]
     along, across = (np.arange(-count, count + 1) for count in counts)
     return Lattice(finger.spacing_m, along, across)
@@ -84,16 +87,20 @@ def touch_map(touched: TouchedPlate, points: Lattice, frequency_hz: float) -> To
     nx, ny = len(points.along) - 4, len(points.across) - 4
     moved, before = np.zeros((nx, ny)), np.zeros((nx, ny))
     heard = np.zeros((nx, ny, len(touched.sensors)), dtype=complex)
+    under, change = np.zeros((nx, ny), dtype=complex), np.zeros((nx, ny), dtype=complex)
+    along = STEPS[:, 0] / (points.spacing_m * (STEPS[:, 0] ** 2).sum())
     for i, j in np.ndindex(nx, ny):
         contact = points.contact(i + 2, j + 2)
         chosen = np.concatenate([np.arange(count), count + contact])
         block = receptance[np.ix_(chosen, chosen)]
         loads = touched.loads_of(block, stiffness)
-        before[i, j], moved[i, j] = rms(field[contact]), rms(block[count:] @ loads)
+        motion = block[count:] @ loads
+        before[i, j], moved[i, j] = rms(field[contact]), rms(motion)
+        under[i, j], change[i, j] = motion.mean(), along @ (motion - field[contact])
         heard[i, j] = loads[touched.sensors]
     inner = field.reshape(nx + 4, ny + 4)[2:-2, 2:-2]
     x_m, y_m = points.spacing_m * points.along[2:-2], points.spacing_m * points.across[2:-2]
-    return TouchMap(frequency_hz, np.asarray(x_m), np.asarray(y_m), inner, before, moved, heard)
+    return TouchMap(frequency_hz, np.asarray(x_m), np.asarray(y_m), inner, before, moved, heard, under, change)
 
 
 def lattice_receptance(touched: TouchedPlate, points_m: FloatArray, frequency_hz: float) -> ComplexArray:

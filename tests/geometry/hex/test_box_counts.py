@@ -25,6 +25,7 @@ UNLIKE = replace(
 WIDE = replace(PILLAR, tip=Tip(3e-3, 1e-3, ALUMINIUM))
 CROSS = replace(WIDE, shape="cross", more_m=(("arm_m", 1e-3),), tip=Tip(1.5e-3, 1e-3, ALUMINIUM))
 HEAVY = replace(UNLIKE, graded=(WIDE, replace(CROSS, height_m=3e-3)))
+BOTH = replace(HEAVY, pillar=replace(PILLAR, faces=2), graded=tuple(replace(each, faces=2) for each in HEAVY.graded))
 COARSE, GRADED = HexSettings(2, 4e-3, 0), HexSettings(2, 2.5e-3, 1, 0.2, 2e-3, 2)
 SCENES = {
     "zone": zone_scene(DESIGN, GRADED),
@@ -39,6 +40,7 @@ SCENES = {
     "heavy tip of one side": cell_scene(replace(DESIGN, pillar=replace(WIDE, tip=Tip(2e-3, 1e-3, ALUMINIUM))), GRADED),
     "tip within a cross": pillar_scene(CROSS, GRADED),
     "heavy tips that differ": plate_scene(HEAVY, GRADED),
+    "heavy tips on both faces": plate_scene(BOTH, GRADED),
 }
 
 

@@ -1,0 +1,133 @@
+"""Pillars on both faces: the mirror image below, what one face leaves alone, tetrahedra, and the whole solid plate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from geometry.cad.files import write_stl
+from geometry.cad.printability import check_print
+from geometry.cad.solids import cell_solid, plate_solid
+from geometry.hex.boxes import HexSettings, boxes_of, hex_mesh, plate_scene
+from geometry.mesh import cell_volumes, check_mesh
+from pipeline.analysis.modes import solve_modes
+from pipeline.case.model import Case, case_from_dict
+from pipeline.errors import InputError
+from pipeline.logs import TerminalLog
+from pipeline.planning.request import Request
+from pipeline.records.record import DesignRecord
+from pipeline.search.limits import Limits, mass_kg
+from solvers.fem.surface import face_quadrature
+from solvers.resonators.pillar_row import design_feet
+from solvers.superelement.build import Reductions, ReductionSettings, lattice_panel
+from solvers.superelement.interface import Interface
+from solvers.superelement.lattice import Lattice
+from tests.helpers.scenes import STEEL_PILLARS
+from tests.helpers.whole_solid import check_within_both_bars
+
+RAW: dict[str, Any] = {
+    **STEEL_PILLARS,
+    "zone": {"length_mm": 12.0, "width_mm": 8.0, "nodal_lines": 2},
+    "pillar": {"side_mm": 2.0, "height_mm": 5.0, "faces": "both"},
+    "array": {"pitch_mm": 4.0, "rows": 1, "extension_mm": 3.0},
+    "solve": {"accuracy": 0.01},
+}
+"""Half the length times half the span is 6 x (4 + 2 + 3) mm; one pillar and a half stand on the quarter's faces."""
+COARSE = HexSettings(2, 4e-3, 0)
+
+
+def case_of(*settings: str, **more: Any) -> Case:
+    return case_from_dict({**RAW, **more}, None, settings)
+
+
+def test_the_quarter_holds_each_pillar_twice_and_its_touch_face_the_rest() -> None:
+    mesh = hex_mesh(boxes_of(plate_scene(case_of().design, COARSE)), 2)
+    assert check_mesh(mesh).volume_m3 == pytest.approx(1e-9 * (6.0 * 9.0 * 2.0 + 2.0 * 1.5 * 4.0 * 5.0), rel=1e-12)
+    assert cell_volumes(mesh)[mesh.regions["pillar"]].sum() == pytest.approx(1e-9 * 60.0, rel=1e-12)
+    assert np.abs(mesh.nodes[mesh.nodes_of("touch"), 2]).max() == 0.0
+    assert face_quadrature(mesh, "touch").weights.sum() == pytest.approx(1e-6 * (54.0 - 1.5 * 4.0), rel=1e-12)
+    turned = mesh.nodes * [1.0, 1.0, -1.0] + [0.0, 0.0, 2e-3]
+    places = [{tuple(node) for node in np.round(1e9 * nodes).tolist()} for nodes in (mesh.nodes, turned)]
+    assert places[0] == places[1], "the mesh is its own mirror image"
+
+
+def test_one_face_is_the_case_as_it_was() -> None:
+    bare = {**RAW, "pillar": {key: value for key, value in RAW["pillar"].items() if key != "faces"}}
+    ours, theirs = case_of("pillar.faces=back"), case_from_dict(bare)
+    assert ours.design == theirs.design and ours.to_dict() == theirs.to_dict()
+    assert "faces" not in ours.to_dict()["design"]["pillar"] and case_of().to_dict()["design"]["pillar"]["faces"] == 2
+
+
+def test_masses_records_beams_and_printers_count_both() -> None:
+    one, both = case_of("pillar.faces=back").design, case_of().design
+    assert mass_kg(both) - mass_kg(one) == pytest.approx(2 * 3 * 20e-9 * 2700.0)
+    record = DesignRecord.of_design(both).pillar
+    assert record and record.faces == 2 and both.pillar and one.pillar
+    omega = np.array([1e5, 2e5])
+    assert design_feet(both.pillar, omega) == pytest.approx(2.0 * design_feet(one.pillar, omega))
+    told = [text for text, _ in Limits().of_design(both)]
+    assert any("cannot be printed with the plate" in text for text in told)
+    glued = case_of("pillar.material=steel").design
+    assert not any("cannot be printed" in text for text, _ in Limits().of_design(glued))
+
+
+def test_the_cad_solid_and_its_print_file_hold_both(tmp_path: Path) -> None:
+    design = case_of().design
+    body = plate_solid(design)
+    assert body.volume_m3 == pytest.approx(1e-9 * (4.0 * 108.0 + 12 * 20.0))
+    write_stl(body, tmp_path / "plate.stl")
+    report = check_print(tmp_path / "plate.stl", body, design)
+    assert not report.faults and report.overhang_deg == pytest.approx(90.0)
+    assert report.extent_m[2] == pytest.approx(12e-3)
+    glued = cell_solid(case_of("pillar.material=steel").design, "xy")
+    assert glued.part_volumes_m3() == pytest.approx({"plate": 8e-9, "pillar": 10e-9})
+
+
+def test_waves_of_the_cell_are_even_or_odd_through_the_thickness() -> None:
+    """Flexural and in-plane waves part: u_z at the touch face is that at the back, or its opposite."""
+    design = case_of().design
+    reduction = ReductionSettings(Interface(2, 2), 2e5, COARSE)
+    cell = Reductions(design.thickness_m, design.material, design.pillar, reduction).cell(lattice_panel(design))
+    waves = Lattice(cell).waves(np.array([300.0, 170.0]), 8)
+    half = design.pitch_x_m / 2.0
+    corners = np.flatnonzero((np.abs(np.abs(cell.skin.points[:, :2]) - half) < 1e-9).all(axis=1))
+    for wave in waves.dofs.T:
+        moved = cell.skin.matrix[corners] @ wave
+        low, high = (moved[np.abs(cell.skin.points[corners, 2] - z) < 1e-9, 2] for z in (0.0, design.thickness_m))
+        sign = np.sign((low[0] / high[0]).real)
+        assert np.abs(low - sign * high).max() < 1e-6 * np.abs(high).max()
+
+
+@pytest.mark.parametrize(
+    ("more", "line"),
+    [
+        ({"tolerance": {"height_mm": 0.1}}, "none with a heavy tip or on both faces"),
+        ({"patches": {"size_mm": [2.0, 2.0, 0.3], "centres_mm": [[0.0, 5.0]], "face": "touch"}}, "overlaps a pillar's"),
+        ({"touch": {"radius_mm": 1.0, "at_mm": [0.0, 5.0]}}, "pillars on the touch face, which begin at |y| = 4 mm"),
+        ({"pillar": {**RAW["pillar"], "faces": "touch"}}, "must be back, or both"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(more: dict[str, Any], line: str) -> None:
+    with pytest.raises(InputError) as caught:
+        case_of(**more)
+    assert len(caught.value.lines) == 1 and line in caught.value.lines[0]
+
+
+@pytest.mark.slow
+def test_cells_with_pillars_on_both_faces_have_the_modes_of_the_whole_solid_within_both_bars() -> None:
+    check_within_both_bars(RAW, (15e3, 45e3))
+
+
+@pytest.mark.slow
+def test_tetrahedra_of_the_cad_solid_agree() -> None:
+    """The bar is what quadratic tetrahedra of this accuracy were calibrated to miss by."""
+    query = Request("plate", band_hz=(15e3, 45e3), symmetry="SS", search=False)
+    ours, theirs = (
+        solve_modes(case_of(f"solve.mesh={mesh}"), query, TerminalLog(True)).rows for mesh in ("hex", "tet")
+    )
+    assert len(ours) == len(theirs) > 2
+    for one, other in zip(ours, theirs, strict=True):
+        assert one.frequency_hz == pytest.approx(other.frequency_hz, rel=0.02)
