@@ -301,12 +301,18 @@ def travel(arguments: Namespace) -> int:
         return _explained(arguments, "of_travel", case, band, bool(arguments.out))
     from pipeline.driven import played, travelling
     from pipeline.plots.response import travelling_wave
+    from pipeline.plots.touch import shear_map
 
     record, held = travelling.solve(case, log, band, arguments.others)
     place = outputs.folder(arguments.out) if arguments.out else None
     record = record.model_copy(update=played.told(held, log, place, arguments.board))
     lines = [*travelling.lines(record), *played.lines(record)]
-    return _ran(arguments, "travel", record, lines, lambda: [travelling_wave(record)], log)
+
+    def drawn() -> list[Any]:
+        more = [shear_map(record.shear, case.design.width_m)] if record.shear else []
+        return [travelling_wave(record), *more]
+
+    return _ran(arguments, "travel", record, lines, drawn, log)
 
 
 def crosstalk(arguments: Namespace) -> int:

@@ -10,10 +10,11 @@ import numpy as np
 from geometry.elements import BoolArray, ComplexArray, FloatArray
 from geometry.layout import Design
 from pipeline.case.model import Case
+from pipeline.driven import shear
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
-from pipeline.records.record import HeldMode, MeshRecord, TravelRecord
+from pipeline.records.record import HeldMode, MeshRecord, ShearRecord, TravelRecord
 from pipeline.units import KHZ, MM, UM
 from solvers.driven.plate_table import motion_at, plate_table
 from solvers.driven.power_flow import power_flow
@@ -81,6 +82,9 @@ def solve(
     with log.step("two modes a quarter period apart"):
         held = hold(forced, case.design, others)
         record = _record(held, case.design, others)
+    volts = held.all_volts(held.drives["pair+"]) * record.drive_V_at_1um
+    found = shear.solve(case, forced, volts, record.frequency_hz, record.wavenumber_per_m, log)
+    record = record.model_copy(update={"shear": found}) if found else record
     for line in lines(record):
         log.info(line)
     return record, held
@@ -233,4 +237,17 @@ def lines(record: TravelRecord) -> list[str]:
         f"{pi / abs(record.wavenumber_per_m) / MM:.2f} mm{level}",
         f"{record.drive_V_at_1um:.3g} V for 1 um rms in the zone; then {1e3 * largest:.3g} mW flow through "
         f"x = {where / MM:.1f} mm, {1e3 * record.lost_W:.3g} mW are lost in the plate",
+        *([_of_shear(record.shear)] if record.shear else []),
     ]
+
+
+def _of_shear(record: ShearRecord) -> str:
+    """The finger on the wave in words."""
+    ends = [
+        max((abs(each) for row in field for each in row if each is not None), default=None)
+        for field in (record.shear_low, record.shear_high)
+        if field
+    ]
+    told = [f"{each:.2g}" for each in ends if each is not None]
+    drag = f"; it drags by {' to '.join(told)} of the friction at rest at most" if told else "; its drag is not told"
+    return f"a finger ({record.fingertip}) at rest meets crests of {1e3 * record.fastest_m_s:.3g} mm/s along x{drag}"

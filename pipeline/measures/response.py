@@ -116,7 +116,7 @@ TRAVEL = Measure(
             "travel_mw", "power along the zone for 1 um", _travel(lambda t: 1e3 * max(t.flow_W, key=abs)), ".4g", "mW"
         ),
     ),
-    pictures=("response.travelling",),
+    pictures=("response.travelling", "touch.sheared"),
 )
 
 

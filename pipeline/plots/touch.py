@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
-from pipeline.records.record import TouchMapRecord, TouchRecord
+from pipeline.records.record import ShearRecord, TouchMapRecord, TouchRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import KHZ, MM, UM
 
@@ -36,10 +36,34 @@ def tactile_map(record: TouchRecord, width_m: float | None = None) -> ReportFigu
         title = "Drive that holds the sensor's amplitude"
         _field(next(rows), places, places.needed_V, "drive (V)", title)
     for axes in panels[:, 0]:
-        if width_m is not None:
-            for side in (-0.5, 0.5):
-                axes.axhline(side * width_m / MM, color="black", lw=0.6, ls="--")
+        _borders(axes, width_m)
     return ReportFigure("tactile", "Tactile map", _alt(record, places), figure)
+
+
+def sheared(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
+    """What the travelling wave of a case's record drags a finger by."""
+    found, design = case.record.travel and case.record.travel.shear, case.record.design
+    return shear_map(found, design.width_m if design else None) if found else None
+
+
+def shear_map(record: ShearRecord, width_m: float | None = None) -> ReportFigure:
+    """Speed of the crests under a finger over its place, and the net shear at least and at most."""
+    fields: dict[str, Any] = {"crests along x (mm/s)": 1e3 * np.array(record.crest_m_s)}
+    for name, field in (("at least", record.shear_low), ("at most", record.shear_high)):
+        if field is not None:
+            fields[f"net shear over friction at rest, {name}"] = np.array(field, dtype=float)
+    figure, panels = style.panels(2.4 * len(fields) + 0.4, len(fields), 1, squeeze=False)
+    for axes, (label, values) in zip(panels[:, 0], fields.items(), strict=True):
+        _field(axes, record, values, label.partition(",")[0], label.capitalize())
+        _borders(axes, width_m)
+    alt = f"Crests under {record.fingertip} on the travelling wave: at most {1e3 * record.fastest_m_s:.3g} mm/s along x"
+    return ReportFigure("shear", "A finger on the travelling wave", alt, figure)
+
+
+def _borders(axes: Any, width_m: float | None) -> None:
+    if width_m is not None:
+        for side in (-0.5, 0.5):
+            axes.axhline(side * width_m / MM, color="black", lw=0.6, ls="--")
 
 
 def draw(axes: Any, record: TouchRecord) -> None:
@@ -62,7 +86,7 @@ def _amplitude(axes: Any, record: TouchRecord, places: TouchMapRecord) -> None:
     axes.plot(record.at_m[0] / MM, record.at_m[1] / MM, "+", color=style.VERMILION, ms=9)
 
 
-def _field(axes: Any, places: TouchMapRecord, values: Any, label: str, title: str) -> None:
+def _field(axes: Any, places: TouchMapRecord | ShearRecord, values: Any, label: str, title: str) -> None:
     field = np.ma.masked_invalid(np.array(values, dtype=float).T)
     x, y = (np.array(ticks) / MM for ticks in (places.x_m, places.y_m))
     image = axes.pcolormesh(x, y, field, cmap=style.QUALITY, **LOOK)

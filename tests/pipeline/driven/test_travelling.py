@@ -8,18 +8,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import RegularGridInterpolator
 
 from firmware.emulate.beam import BeamSimulation, Structure
 from pipeline.board.table_file import from_bytes, to_bytes
 from pipeline.case.model import Case, case_from_dict
-from pipeline.driven import played, travelling
+from pipeline.driven import played, shear, travelling
 from pipeline.driven.travelling import Travelling
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.plots.response import travelling_wave
-from pipeline.records.record import TravelRecord
+from pipeline.plots.touch import shear_map
+from pipeline.records.record import ShearRecord, TravelRecord
 from pipeline.views import figures
 from solvers.errors import SolverError
+from solvers.touch.shear import crest_motion
 
 QUIET = TerminalLog(quiet=True)
 X_MM = (-46.0, -28.0, -10.0, 10.0, 28.0, 46.0, -55.0, -37.0, -19.0, 19.0, 37.0, 55.0)
@@ -154,6 +157,85 @@ def test_pictures_come_from_the_record_alone(solved: tuple[TravelRecord, Travell
     assert "mW flow along the zone" in travelling_wave(record).alt
     figures.write("travel", record.to_dict(), tmp_path / "travel.svg")
     assert (tmp_path / "travel.svg").stat().st_size > 1000
+
+
+def fingered(record: TravelRecord, held: Travelling, drive: str = "pair+", **touch: Any) -> ShearRecord:
+    given = {"impedance": {}, "radius_mm": 2.5, "force_N": 1.0, "gap_um": [2.5, 4.0], **touch}
+    case = case_from_dict({**STRIP, "touch": {key: value for key, value in given.items() if value is not None}})
+    volts = held.forced.signs.astype(complex) if drive == "standing" else held.all_volts(held.drives[drive])
+    wave = record.drive_V_at_1um * volts
+    found = shear.solve(case, held.forced, wave, record.frequency_hz, record.wavenumber_per_m, QUIET)
+    assert found is not None
+    return found
+
+
+@pytest.fixture(scope="module")
+def free(solved: tuple[TravelRecord, Travelling]) -> ShearRecord:
+    """The finger of nothing."""
+    return fingered(*solved)
+
+
+def test_crests_run_as_the_outer_skin_of_the_plate_moves(
+    solved: tuple[TravelRecord, Travelling], free: ShearRecord
+) -> None:
+    """u_x and u_z of the skin that pictures draw, summed over the classes; (h/2) dw/dx alone misses what patches shift."""
+    record, held = solved
+    tone, forced = record.frequency_hz, held.forced.driven_by(held.all_volts(held.drives["pair+"]))
+    eigenvalue = forced.plate.scale.eigenvalue(tone)
+    skins = [
+        (
+            plate.skin(part[:, None].real).unfolded(plate.symmetry),
+            plate.skin(part[:, None].imag).unfolded(plate.symmetry),
+        )
+        for basis in forced.modes
+        for moved in [basis.columns @ basis.amplitudes(eigenvalue, forced.loss, forced.volts(eigenvalue))]
+        for plate, part in zip(basis.group.plates, basis.group.split(moved), strict=True)
+    ]
+    points = skins[0][0].points
+    motion = np.sum([real.displacement[0] + 1j * imaginary.displacement[0] for real, imaginary in skins], axis=0)
+    face = (np.abs(points[:, 2]) < 1e-9) & (np.abs(points[:, 0]) < record.window_m[1]) & (np.abs(points[:, 1]) < 1e-9)
+    exact = crest_motion(*record.drive_V_at_1um * motion[face][:, [0, 2]].T, tone).crest_m_s
+    ours = RegularGridInterpolator((free.x_m, free.y_m), np.array(free.crest_m_s))(points[face, :2])
+    assert face.sum() > 10 and np.abs(exact).max() > 1e-3
+    assert ours == pytest.approx(exact, abs=0.03 * np.abs(exact).max())  # means over the contact: (k R)^2/8
+
+
+def test_the_drag_is_against_the_wave_and_none_of_a_standing_one(
+    solved: tuple[TravelRecord, Travelling], free: ShearRecord
+) -> None:
+    record, held = solved
+    inside = np.abs(np.array(free.x_m)) < record.window_m[1]
+    forth, back, standing = (
+        np.array(each.crest_m_s)[inside]
+        for each in (free, fingered(record, held, "pair-"), fingered(record, held, "standing"))
+    )
+    assert np.median(forth) < 0.0 < np.median(back) and np.median(back) == pytest.approx(-np.median(forth), rel=0.1)
+    assert np.abs(np.median(standing)) < 0.1 * np.abs(np.median(forth))
+
+
+def test_soft_and_hard_fingers_bound_the_net_shear(solved: tuple[TravelRecord, Travelling], free: ShearRecord) -> None:
+    """No finger is dragged by nothing; one that nothing moves meets no crest; the low end is never above the high one."""
+    record, held = solved
+    assert free.shear_low is not None and free.shear_high is not None
+    assert all(each in (None, 0.0) for row in (*free.shear_low, *free.shear_high) for each in row)
+    soft = fingered(record, held, impedance={"stiffness_N_m": 1e3, "damping_N_s_m": 0.01})
+    low, high = (np.array(each, dtype=float) for each in (soft.shear_low, soft.shear_high))
+    known = np.isfinite(low) & np.isfinite(high)
+    assert known.any() and (np.abs(low) <= np.abs(high) + 1e-12)[known].all() and np.nanmax(np.abs(high)) <= 1.0
+    assert (np.sign(high[known]) == np.sign(np.array(soft.crest_m_s)[known])).all()
+    rigid = fingered(record, held, impedance={"stiffness_N_m": 1e9})
+    assert np.median(rigid.touched_m) < 1e-2 * np.median(free.touched_m)
+    assert "mm/s along x" in shear_map(soft, 8e-3).alt
+
+
+def test_shear_that_cannot_be_told_says_why(solved: tuple[TravelRecord, Travelling]) -> None:
+    record, held = solved
+    silent = fingered(record, held, force_N=None, gap_um=None)
+    assert silent.shear_low is None and silent.not_told == ["net shear: touch.gap_um and touch.force_N are not given"]
+    wide = fingered(record.model_copy(update={"wavenumber_per_m": 1.1e3}), held)
+    assert wide.shear_high is None and "5 mm wide, more than half a wave of 2.86 mm" in wide.not_told[0]
+    afloat = fingered(record, held, gap_um=[0.8, 3.0])
+    assert any("net shear: at some places" in reason for reason in afloat.not_told)
 
 
 def test_what_cannot_be_is_one_line(solved: tuple[TravelRecord, Travelling]) -> None:
