@@ -355,7 +355,7 @@ class Plate(Frozen):
         from pipeline.search.optimiser import search
         from pipeline.search.space import space_of
 
-        texts = [f"{key_of(name, self._raw)}={low:g}:{high:g}" for name, (low, high) in ranges.items()]
+        texts = [f"{key_of(name, self._raw)}={_end(low)}:{_end(high)}" for name, (low, high) in ranges.items()]
         space = space_of(self._raw, self._source or Path(f"{self.name}.toml"), (), texts)
         if goal not in GOALS:
             raise InputError(f"goal = {goal!r}: must be one of {', '.join(GOALS)}")
@@ -460,6 +460,11 @@ def key_of(name: str, tables: Iterable[str] = ()) -> str:
         raise InputError(f"{name}: stands in several tables; write one of {listed}")
     known = sorted({field for schema in TABLES.values() for field in schema.model_fields})
     raise InputError(f"{name}: no such key{nearest(name, known)}")
+
+
+def _end(value: float | str | bool) -> str:
+    """An end of a range as a search reads it."""
+    return str(value).lower() if isinstance(value, str | bool) else f"{value:g}"
 
 
 def _hz(band_kHz: Pair | None) -> Pair | None:

@@ -580,8 +580,8 @@ class Search(Result):
         self._start = start
 
     @property
-    def best_values(self) -> dict[str, float]:
-        """Values of the varied keys in the best design, in the file's units."""
+    def best_values(self) -> dict[str, float | str]:
+        """Values of the varied keys in the best design, in the file's units, or words."""
         return dict(self._document["best"]["set"])
 
     @property
@@ -589,11 +589,15 @@ class Search(Result):
         """The best design as a Plate. Raises ValueError for a search that was read from a file."""
         if self._start is None:
             raise ValueError("this search was read from a file: apply best_values to its plate with with_")
-        return self._start.with_(**{key.replace(".", "__"): value for key, value in self.best_values.items()})
+        from pipeline.case.overrides import apply_overrides, parse_override
+
+        varied = {name.partition("[")[0] for name in self.best_values}
+        settings = [parse_override(text) for text in self._document["repeat"] if text.partition("=")[0] in varied]
+        return self._start._of(apply_overrides(self._start.to_dict(), settings), self._start.source)
 
     @property
     def gain_db(self) -> float | None:
-        """What the goal gained over the first design, dB; None where one of them has no wanted mode."""
+        """What the goal gained over the first design, dB; None where one has no wanted mode, or the goal is no level."""
         return self._document["gain_db"]
 
     @property

@@ -28,6 +28,11 @@ def one_table(raw: dict[str, Any], source: str) -> dict[str, Any]:
         for table in tables
         if "count" in table
     ]
+    if any("centre_x_mm" in table for table in tables):
+        said.append(
+            "[[zone]]: centre_x_mm: must be left out, zones lie side by side along y and are as long as the plate"
+        )
+        tables = [{key: value for key, value in table.items() if key != "centre_x_mm"} for table in tables]
     for number, table in enumerate(tables[1:], start=2):
         for key, value in table.items():
             if key not in (CENTRE, "shared_rows") and first.get(key) != value:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pipeline.search.designs import Evaluation, Outcome
 
 SHOWN = 8
-MEASURES = ("frequency_hz", "confinement_db", "extension_db", "mac", "worst_db")
+MEASURES = ("frequency_hz", "confinement_db", "extension_db", "mac", "worst_db", "band_khz")
 ERRORS = ("frequency_error", "confinement_error_db")
 
 
@@ -82,7 +82,7 @@ def to_dict(outcome: Outcome) -> dict[str, Any]:
         result = each.result
         return {
             "fidelity": result.fidelity,
-            "set": {v.name: value for v, value in zip(outcome.space.variables, each.values, strict=False)},
+            "set": {v.name: v.written(value) for v, value in zip(outcome.space.variables, each.values, strict=False)},
             **{name: getattr(result, name) for name in (*MEASURES, *ERRORS)},
             "mass_kg": each.mass_kg,
             "violations": list(each.violations),
@@ -91,7 +91,11 @@ def to_dict(outcome: Outcome) -> dict[str, Any]:
 
     return {
         "goal": outcome.settings.goal,
-        "vary": [{"key": v.name, "low": v.low, "high": v.high, "step": v.step} for v in outcome.space.variables],
+        "vary": [
+            {"key": v.name, "low": v.low, "high": v.high, "step": v.step}
+            | ({"words": list(v.words)} if v.words else {})
+            for v in outcome.space.variables
+        ],
         "limits": vars(outcome.settings.limits),
         "fidelities": [
             {
@@ -106,7 +110,8 @@ def to_dict(outcome: Outcome) -> dict[str, Any]:
         "repeat": outcome.repeat,
         "base": design(outcome.base),
         "best": design(outcome.best),
-        "gain_db": outcome.gain_db,
+        "gain_db": outcome.gain_db if outcome.best.unit == "dB" else None,
+        "gain_khz": outcome.gain_db if outcome.best.unit == "kHz" else None,
         "gain_error_db": outcome.gain_error_db,
         "tradeoff": [design(each) for each in outcome.tradeoff],
         "evaluations": [design(each) for listed in outcome.by_fidelity.values() for each in listed],
@@ -120,10 +125,14 @@ def _lines(outcome: Outcome, document: dict[str, Any]) -> list[str]:
 
     plates = sorted((e for e in outcome.by_fidelity[PLATE] if e.keeps), key=lambda e: -e.objective)[:SHOWN]
     rows = [
-        [*e.values, *(getattr(e.result, name) for name in MEASURES), None if e.mass_kg is None else e.mass_kg / GRAM]
+        [
+            *outcome.space.written(e.values),
+            *(getattr(e.result, name) for name in MEASURES),
+            None if e.mass_kg is None else e.mass_kg / GRAM,
+        ]
         for e in plates
     ]
-    gain = "" if outcome.gain_db is None else f", {outcome.gain_db:+.2f} dB"
+    gain = "" if outcome.gain_db is None else f", {outcome.gain_db:+.2f} {outcome.best.unit}"
     counts = ", ".join(f"{len(each)} by {fidelity}" for fidelity, each in outcome.by_fidelity.items())
     return [
         f"{counts}; the best assembled plates:",

@@ -36,7 +36,7 @@ def broadband(
 
     InputError for a case without zone, pillar or rows, and for a model or mesh other than reduced hexahedra.
     """
-    design = _checked(case)
+    design = checked(case)
     low, high = driven_band_hz(case, band_hz)
     column, bare, order = _model(design, accuracy or case.solve.accuracy, high, case.kx_wanted_per_m, log)
     tones = np.linspace(low, high, points)
@@ -64,7 +64,8 @@ def broadband(
     )
 
 
-def _checked(case: Case) -> Design:
+def checked(case: Case) -> Design:
+    """The design of a case whose rows stop a band. InputError as broadband."""
     case.require("plate", "zone", "pillar", "array.pitch_mm", "array.rows", command="broadband")
     case.require_plate(command="broadband")
     design = case.design

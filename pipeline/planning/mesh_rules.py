@@ -12,6 +12,7 @@ from geometry.hex.boxes import HexSettings
 from geometry.layout import Design
 from pipeline.planning import calibration
 from pipeline.planning.calibration import MeshLevel
+from solvers.analytic.beams import roots
 from solvers.analytic.plates import Strip, levy_hz, thin_plate_hz
 from solvers.analytic.predesign import pillar_frequencies_hz, strip_of
 from solvers.analytic.ritz_plates import MAX_LINES, mindlin_mode
@@ -228,8 +229,10 @@ def wanted_window_hz(design: Design) -> tuple[float, float]:
 
 @lru_cache(maxsize=64)
 def _clamped_hz(strip: Strip, lines: int) -> float:
-    """The same of the zone between clamped sides, with shear; 0 where its shape is not known."""
-    return mindlin_mode(strip, lines, "clamped").frequency_hz if 2 <= lines <= MAX_LINES else 0.0
+    """The same of the zone between clamped sides, with shear unless it is rigid along x; 0 where its shape is not known."""
+    if lines < 2:  # cylindrical bending of a clamped beam across the zone
+        return thin_plate_hz(strip, roots("clamped", "clamped", 1)[0] / strip.width_m)
+    return mindlin_mode(strip, lines, "clamped").frequency_hz if lines <= MAX_LINES else 0.0
 
 
 def _wanted_hz(design: Design) -> float:

@@ -14,7 +14,8 @@ from pipeline.search.limits import Limits, mass_kg
 from pipeline.search.space import Space
 from pipeline.units import KHZ
 
-GOALS = {"confinement": "confinement_db", "extension": "extension_db", "worst": "worst_db"}
+GOALS = {"confinement": "confinement_db", "extension": "extension_db", "worst": "worst_db", "widest": "band_khz"}
+UNITS = {"widest": "kHz"}  # of a goal; dB of any other
 EVALUATIONS = 16  # assembled plates
 BROKEN = 1000.0  # dB below any design that keeps the limits
 STEEP = 1000.0  # dB for breaking a limit by its own size: a slope that the local search follows, not a cliff that it sticks to
@@ -34,7 +35,8 @@ class Settings:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A design as one fidelity evaluated it: the goal in dB (None: nothing to evaluate), the limits it breaks, its objective.
+    """A design as one fidelity evaluated it: the goal in dB or in `unit` (None: nothing to evaluate), the limits it breaks, its
+    objective.
 
     `penalised_objective` ranks designs for the next fidelity, and a local search raises it: the goal, less what a broken limit
     costs the more it is broken, without the slack that a cheap fidelity has before a limit counts as broken.
@@ -47,6 +49,7 @@ class Evaluation:
     violations: tuple[str, ...]
     objective: float
     penalised_objective: float
+    unit: str = "dB"
 
     @property
     def keeps(self) -> bool:
@@ -56,7 +59,8 @@ class Evaluation:
     @property
     def goal_error_db(self) -> float | None:
         """Error bar of the goal, dB, where it is the confinement."""
-        return self.result.confinement_error_db if self.goal_db == self.result.confinement_db else None
+        told = self.unit == "dB" and self.goal_db == self.result.confinement_db
+        return self.result.confinement_error_db if told else None
 
 
 @dataclass(frozen=True)
@@ -123,7 +127,8 @@ def rate(values: Values, result: FidelityResult, settings: Settings, design: Des
     strict = settings.limits.of_design(design) + settings.limits.of_mode(result.frequency_hz, result.mac)
     penalised_objective = goal - STEEP * sum(amount for _, amount in strict) - float(bool(strict))
     texts = tuple(text for text, _ in broken)
-    return Evaluation(values, result, goal, mass if mass == mass else None, texts, objective, penalised_objective)
+    unit = UNITS.get(settings.goal, "dB")
+    return Evaluation(values, result, goal, mass if mass == mass else None, texts, objective, penalised_objective, unit)
 
 
 def summary(each: Evaluation) -> str:
@@ -132,4 +137,4 @@ def summary(each: Evaluation) -> str:
         return f"not evaluated: {each.result.why_not}"
     broken = f"; breaks: {'; '.join(each.violations)}" if each.violations else ""
     bar = "" if each.goal_error_db is None else f" +-{each.goal_error_db:.2f}"
-    return f"{each.goal_db:.2f}{bar} dB at {each.result.frequency_hz / KHZ:.2f} kHz, MAC {each.result.mac:.2f}{broken}"
+    return f"{each.goal_db:.2f}{bar} {each.unit} at {each.result.frequency_hz / KHZ:.2f} kHz, MAC {each.result.mac:.2f}{broken}"

@@ -31,6 +31,7 @@ COLUMN_ACCURACY = 0.01  # a coarser mesh than this ranks designs no faster
 AROUND = 0.07  # of the column's frequency: where the plate's wanted mode is looked for
 SOLID_ACCURACY = 0.04  # a finer whole plate does not fit into the memory of a desktop
 NEAREST = 30  # modes of the solid about it
+BAND_POINTS = 101  # frequencies over the wanted mode's window that tell a band's ends
 GRID_HZ = 2500.0  # windows begin and end on it, so that neighbours in the search share their bare cells
 
 
@@ -52,6 +53,7 @@ class FidelityResult:
     confinement_error_db: float | None = None
     warnings: tuple[tuple[str, str], ...] = ()
     worst_db: float | None = None
+    band_khz: float | None = None
 
 
 def worst(case: Case, height_m: float, evaluated: Callable[[Case], FidelityResult]) -> FidelityResult:
@@ -89,19 +91,36 @@ def by_strip(case: Case, softness: float) -> FidelityResult:
 
 
 def evaluate(
-    case: Case, fidelity: str, near_hz: float | None = None, cache: EvaluationCache | None = None
+    case: Case, fidelity: str, near_hz: float | None = None, cache: EvaluationCache | None = None, banded: bool = False
 ) -> FidelityResult:
-    """Compute the wanted mode at a fidelity, near a frequency where one is known, or take it from the cache."""
+    """Compute the wanted mode at a fidelity, near a frequency where one is known, or take it from the cache.
+
+    banded: with the band about it in which the rows take 10 dB or more from a wave, 0 where it lies in none.
+    """
     question: dict[str, Any] = {"case": case.to_dict(), "fidelity": fidelity, "near_hz": near_hz}
+    if banded:
+        question["banded"] = True
     if fidelity == COLUMN and kept_cell(case):
         question["cell"] = "parametric"
     stored = cache.get(question) if cache else None
     if stored is not None:
         return stored
     solved = _solved(case, fidelity, near_hz)
+    if banded and solved.frequency_hz is not None:
+        solved = replace(solved, band_khz=_stopped_khz(case, fidelity, solved.frequency_hz))
     if cache:
         cache.put(question, solved)
     return solved
+
+
+def _stopped_khz(case: Case, fidelity: str, frequency_hz: float) -> float:
+    """Width of the band about a frequency in which the rows take 10 dB or more from a flexural wave, kHz."""
+    from pipeline.models.broadband import broadband
+
+    accuracy = max(COLUMN_ACCURACY, case.solve.accuracy) if fidelity == COLUMN else case.solve.accuracy
+    window = mesh_rules.wanted_window_hz(case.design)
+    found = broadband(case, WarningLog(), window, BAND_POINTS, accuracy)
+    return sum(high - low for low, high in found.stopped if low <= frequency_hz <= high) / KHZ
 
 
 def kept_cell(case: Case) -> Any:

@@ -15,6 +15,7 @@ from geometry.elements import FloatArray
 from pipeline.case.model import Case
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
+from pipeline.models.broadband import checked
 from pipeline.search.designs import UNBUILT, Evaluation, Outcome, Settings, Values, rate, summary
 from pipeline.search.fidelity import (
     COLUMN,
@@ -54,6 +55,10 @@ def _check(space: Space, settings: Settings) -> None:
     varied = {variable.key for variable in space.variables}
     if not case.design.rows and "array.rows" not in varied:
         raise InputError(f"{space.path}: array.rows = 0: must be 1 or more, a bare plate confines nothing")
+    if settings.goal == "widest":
+        checked(case)
+        if "array.stagger" in varied:
+            raise InputError("--goal widest: array.stagger must be left alone, a band is told of rows in line")
     if settings.goal == "worst" and not (case.tolerance and case.tolerance.height_m):
         raise InputError(f"{space.path}: tolerance.height_mm: missing, --goal worst needs how far heights may be off")
     if settings.goal == "extension" and not case.design.extension_m and "array.extension_mm" not in varied:
@@ -74,21 +79,27 @@ class _Search:
         self.budget = {COLUMN: COLUMNS_A_PLATE * plates, PLATE: plates}
         self.softness = SOFTNESS
         design = space.case().design
-        self.boxes = bool(design.pillar and design.pillar.is_made_of_boxes and not design.is_staggered)
+        shifted = design.is_staggered or "array.stagger" in {variable.key for variable in space.variables}
+        self.boxes = bool(design.pillar and design.pillar.is_made_of_boxes and not shifted)
+        self.asked = {"banded": True} if settings.goal == "widest" else {}
 
     def go(self) -> Outcome:
-        if self.boxes:
-            self._calibrate()
-        self._screen()
+        if not self.asked:
+            if self.boxes:
+                self._calibrate()
+            self._screen()
+        else:
+            self.log.left_out("strips over the whole box", "they say nothing of how wide a band the rows stop")
         source = STRIP
         if self.boxes:
             first = max(2, self.budget[COLUMN] // 2)
-            self._at_fidelity(COLUMN, source, first - first // 3, even_points(self.space, first // 3))
+            even = first if self.asked else first // 3
+            self._at_fidelity(COLUMN, source, first - even, even_points(self.space, even))
             source = COLUMN
         else:
             self.log.left_out("columns of reduced cells", "they take rows in line of pillars made of boxes")
         self._at_fidelity(PLATE, source, max(2, self.budget[PLATE] // 3))
-        own = evaluate(self.space.case(), COLUMN, None, self.cache).frequency_hz if self.boxes else None
+        own = evaluate(self.space.case(), COLUMN, None, self.cache, **self.asked).frequency_hz if self.boxes else None
         base = self._confirmed((), own)
         best = self._best()
         window = window_around(self.space.case(best.values), best.result.frequency_hz)
@@ -197,7 +208,9 @@ class _Search:
             return Evaluation(values, nothing, None, None, (), UNBUILT, UNBUILT)
 
         def evaluated(each: Case) -> FidelityResult:
-            return by_strip(each, self.softness) if fidelity == STRIP else evaluate(each, fidelity, near_hz, self.cache)
+            if fidelity == STRIP:
+                return by_strip(each, self.softness)
+            return evaluate(each, fidelity, near_hz, self.cache, **self.asked)
 
         spread_m = case.tolerance.height_m if case.tolerance and self.settings.goal == "worst" else 0.0
         results = worst(case, spread_m, evaluated) if spread_m else evaluated(case)

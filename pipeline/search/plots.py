@@ -15,11 +15,13 @@ GOALS = {
     "confinement": ("confinement_db", "confinement (dB)"),
     "extension": ("extension_db", "zone to extension (dB)"),
     "worst": ("worst_db", "least confinement, heights off (dB)"),
+    "widest": ("band_khz", "band in which rows take 10 dB (kHz)"),
 }
 
 
 def landscape(document: dict[str, Any]) -> ReportFigure:
     """Draw the goal over one or two keys, and the goal against frequency and mass, from a search's document."""
+    document = _numbered(document)
     figure, (left, right) = style.panels(3.9, 1, 2, width_ratios=[1.15, 1.0])
     key, label = GOALS[document["goal"]]
     over_keys(left, document)
@@ -27,8 +29,20 @@ def landscape(document: dict[str, Any]) -> ReportFigure:
     return ReportFigure("search", "Where the wanted mode is confined best", _alt(document, key), figure, vector=True)
 
 
+def _numbered(document: dict[str, Any]) -> dict[str, Any]:
+    """The document with words of keys that have two as 0 and 1."""
+    words = {each["key"]: each["words"] for each in document["vary"] if "words" in each}
+
+    def numbered(design: dict[str, Any]) -> dict[str, Any]:
+        return design | {"set": {k: words[k].index(v) if isinstance(v, str) else v for k, v in design["set"].items()}}
+
+    lists = {name: [numbered(each) for each in document[name]] for name in ("evaluations", "tradeoff")}
+    return document | lists | {name: numbered(document[name]) for name in ("base", "best")} if words else document
+
+
 def over_keys(axes: Any, document: dict[str, Any]) -> None:
     """Draw the goal over one or two keys into axes."""
+    document = _numbered(document)
     key, label = GOALS[document["goal"]]
     keys = shown_keys(document)
     if len(keys) == 1:
@@ -38,14 +52,17 @@ def over_keys(axes: Any, document: dict[str, Any]) -> None:
 
 
 def shown_keys(document: dict[str, Any]) -> list[str]:
-    """The one or two keys of the landscape: of several, those that the strips' goal follows most (rank correlation)."""
+    """The one or two keys of the landscape: of several, those that the cheapest fidelity's goal follows most (rank
+    correlation).
+    """
     keys = [each["key"] for each in document["vary"]]
     if len(keys) <= 2:
         return keys
     from scipy.stats import spearmanr
 
     key = GOALS[document["goal"]][0]
-    screened = [each for each in _of(document, STRIP) if each[key] is not None]
+    known = ([e for e in _of(document, name) if e[key] is not None] for name in (STRIP, COLUMN, PLATE))
+    screened = next((listed for listed in known if listed), [])
     goal = [each[key] for each in screened]
     strength = {k: abs(spearmanr([e["set"][k] for e in screened], goal).statistic) for k in keys}
     return sorted(keys, key=lambda k: -np.nan_to_num(strength[k]))[:2]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
 
 import numpy as np
 
@@ -28,7 +28,7 @@ EXAMPLE = "such as pillar.height_mm=5:8"
 class Variable:
     """One key between two ends, in the file's unit; `step` is the grid that its values are snapped to.
 
-    Of a key with one value a row, `row` (from 1 at the zone) tells whose.
+    Of a key with one value a row, `row` (from 1 at the zone) tells whose; of a key with two words, 0 and 1 stand for `words`.
     """
 
     key: str
@@ -37,6 +37,7 @@ class Variable:
     step: float
     whole: bool
     row: int | None = None
+    words: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -48,6 +49,10 @@ class Variable:
         value = self.low + min(max(share, 0.0), 1.0) * (self.high - self.low)
         value = min(max(self.low + self.step * round((value - self.low) / self.step), self.low), self.high)
         return round(value) if self.whole else round(value, 9)
+
+    def written(self, value: float) -> float | str:
+        """A value as it is told: the word where the key has words."""
+        return self.words[round(value)] if self.words else value
 
     def share(self, value: float) -> float:
         """Where a value lies between the ends, 0 to 1."""
@@ -75,6 +80,10 @@ class Space:
         """The --set texts that make a design."""
         return _overrides(self.variables, values)
 
+    def written(self, values: Sequence[float | int]) -> list[float | str]:
+        """Values as they are told, words where a key has them."""
+        return [variable.written(value) for variable, value in zip(self.variables, values, strict=True)]
+
     def case(self, values: Sequence[float | int] = (), more: Sequence[str] = ()) -> Case:
         """The scene with these values (none: as the file has it) and more overrides. InputError for what cannot be built."""
         return case_from_dict(self.raw, self.path, [*self.fixed, *(self.overrides(values) if values else ()), *more])
@@ -86,6 +95,9 @@ class Space:
         for variable in self.variables:
             table, _, name = variable.key.partition(".")
             value = raw.get(table, {}).get(name) if variable.row is None else self._of_row(variable.key, variable.row)
+            if variable.words:
+                default = TABLES[table].model_fields[name].default
+                value = variable.words.index(_word(default if value is None else value))
             if not isinstance(value, int | float) or not 0.0 <= variable.share(value) <= 1.0:
                 return None
             shares.append(variable.share(value))
@@ -102,7 +114,8 @@ def _overrides(variables: Sequence[Variable], values: Sequence[float | int]) -> 
     """KEY=VALUE of each key, KEY=[...] of one with a value a row."""
     texts: dict[str, list[str]] = {}
     for variable, value in zip(variables, values, strict=True):
-        texts.setdefault(variable.key, []).append(f"{value:g}")
+        told = variable.written(value)
+        texts.setdefault(variable.key, []).append(told if isinstance(told, str) else f"{told:g}")
     listed = {variable.key for variable in variables if variable.row}
     return [f"{key}=[{','.join(each)}]" if key in listed else f"{key}={each[0]}" for key, each in texts.items()]
 
@@ -144,9 +157,14 @@ def parse_vary(text: str) -> Variable:
     parts = ends.split(":")
     if not equals or len(parts) != 2:
         raise InputError(f"--vary {text}: must be KEY=LOW:HIGH, {EXAMPLE}")
-    known = searchable_keys()
+    known, worded = searchable_keys(), word_keys()
+    if key in worded:
+        if sorted(part.strip() for part in parts) != sorted(worded[key]):
+            raise InputError(f"--vary {text}: must be {key}={':'.join(worded[key])}")
+        return Variable(key, 0.0, 1.0, 1.0, True, None, worded[key])
     if key not in known:
-        raise InputError(f"--vary {text}: {key} is no number that shapes the plate{nearest(key, sorted(known))}")
+        everything = sorted({*known, *worded})
+        raise InputError(f"--vary {text}: {key} is no number that shapes the plate{nearest(key, everything)}")
     whole = known[key]
     numbers = [parse_value(part) for part in parts]
     if not all(isinstance(n, int | float) and not isinstance(n, bool) and isfinite(n) for n in numbers):
@@ -168,6 +186,23 @@ def searchable_keys() -> dict[str, bool]:
             if not any(word in kind for word in ("Literal", "str", "bool")):
                 keys[f"{table}.{name}"] = "int" in kind
     return keys
+
+
+def word_keys() -> dict[str, tuple[str, ...]]:
+    """Keys of the tables that shape the plate whose value is one of two words, and the two."""
+    words: dict[str, tuple[str, ...]] = {}
+    for table in VARIED:
+        for name, field in TABLES[table].model_fields.items():
+            kind = field.annotation
+            options = (False, True) if kind is bool else get_args(kind) if get_origin(kind) is Literal else ()
+            if len(options) == 2:
+                words[f"{table}.{name}"] = tuple(map(_word, options))
+    return words
+
+
+def _word(value: Any) -> str:
+    """A word as an override has it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _rows(raw: dict[str, Any], file: Path, fixed: Sequence[str], variable: Variable, text: str) -> list[Variable]:

@@ -415,3 +415,11 @@ def test_the_wanted_window_reaches_to_the_zone_between_clamped_sides() -> None:
         zone = predesign(design).zone
         assert zone and zone.clamped_hz and low < zone.frequency_hz < zone.clamped_hz <= high
     assert high > mesh_rules.WINDOW[1] * zone.frequency_hz
+
+
+def test_the_window_of_a_rigid_shape_reaches_to_the_clamped_beam_across() -> None:
+    """Cylindrical bending: (4.7300/pi)^2 = 2.2669 times the frequency between pinned sides."""
+    for lines in (0, 1):
+        design = load_case(STUDIES / "three-rows.toml", [f"zone.nodal_lines={lines}", "patches.sensors=[]"]).design
+        low, high = mesh_rules.wanted_window_hz(design)
+        assert high / low * mesh_rules.WINDOW[0] == pytest.approx(2.2669, rel=1e-4)

@@ -15,13 +15,16 @@ import pytest
 from geometry.layout import Pillar
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
+from pipeline.cli.search import to_dict
 from pipeline.errors import InputError
 from pipeline.paths import ROOT, STUDIES
 from pipeline.search import fidelity, optimiser
 from pipeline.search.designs import Evaluation, Settings, front
 from pipeline.search.fidelity import COLUMN, PLATE, STRIP, EvaluationCache, FidelityResult, by_strip, evaluate, worst
 from pipeline.search.limits import Limits, mass_kg
+from pipeline.search.plots import landscape
 from pipeline.search.space import parse_vary, read_space, searchable_keys
+from tests.helpers.recording_log import RecordingLog
 
 CASE = str(STUDIES / "three-rows.toml")
 SMALL = (
@@ -76,6 +79,8 @@ def put(monkeypatch: pytest.MonkeyPatch, result) -> None:
         (("--vary", "pillar.height_mm=5:8", "--evaluations", "0"), "1 or more"),
         (("--vary", "pillar.height_mm=5:8", "--goal", "worst"), "tolerance.height_mm"),
         (("--vary", "array.heights_mm=5:0.001"), "below the high end"),
+        (("--vary", "array.stagger=0:1"), "must be array.stagger=false:true"),
+        (("--vary", "array.stagger=false:true", "--goal", "widest"), "array.stagger must be left alone"),
         (("--vary", "array.pitches_y_mm=1:1.5", "--set", "array.pitch_x_mm=4"), "overlap"),
     ],
 )
@@ -113,6 +118,34 @@ def test_a_key_with_a_value_a_row_varies_row_by_row() -> None:
     assert heights == pytest.approx([6.6e-3, 6.2e-3, 5.8e-3])
     with pytest.raises(InputError, match="must be left alone"):
         read_space(CASE, [], ["array.heights_mm=5:7", "array.rows=1:3"])
+
+
+def test_a_key_of_two_words_is_chosen() -> None:
+    space = read_space(CASE, [], ["array.stagger=false:true", "pillar.faces=both:back", "pillar.height_mm=5:8"])
+    assert space.own_values() == (0, 0, 6.3) and space.written((1, 0, 6.3)) == ["true", "back", 6.3]
+    assert space.overrides((1, 1, 6.0)) == ["array.stagger=true", "pillar.faces=both", "pillar.height_mm=6"]
+    assert {space.values((share, share, 0.0))[:2] for share in (0.0, 0.2, 0.7, 1.0)} == {(0, 0), (1, 1)}
+    with pytest.raises(InputError, match=r"must be pillar\.faces=back:both"):
+        parse_vary("pillar.faces=back:touch")
+
+
+def test_the_widest_band_ranks_columns_and_plates(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two rows tuned apart: bands add up to 0.6 mm of difference and part beyond; no strip is asked, and kHz are told."""
+
+    def banded(case, fidelity: str, near_hz=None, cache=None, banded: bool = False) -> FidelityResult:
+        assert banded and fidelity != STRIP
+        one, other = (1e3 * pillar.height_m for pillar in case.design.row_pillars)
+        width = 4.0 + (abs(one - other) if abs(one - other) < 0.6 else -1.0)
+        return FidelityResult(fidelity, 30e3, 12.0, 11.0, 0.95, band_khz=width)
+
+    put(monkeypatch, banded)
+    space = read_space(CASE, ["array.heights_mm=[6.0,6.0]", "array.rows=2"], ["array.heights_mm=5.6:6.6"])
+    outcome = optimiser.search(space, Settings("widest"), RecordingLog())
+    assert not outcome.by_fidelity[STRIP] and outcome.best.unit == "kHz"
+    assert outcome.gain_db is not None and 0.4 < outcome.gain_db < 0.6 and outcome.gain_error_db is None
+    document = to_dict(outcome)
+    assert document["gain_db"] is None and document["gain_khz"] == outcome.gain_db
+    assert document["best"]["band_khz"] == outcome.best.goal_db and landscape(document).alt
 
 
 def test_the_worst_case_is_the_least_of_three_plates_with_all_heights_off() -> None:
