@@ -2,7 +2,8 @@
 
 Plates and cells come from stored studies (`antinode run NAME` for each of STUDIES), the lone pillars and chapters 1 and 3 are
 computed here. A study that was not run is named in the page instead of its figures. The outlook stands on studies of its own
-(OUTLOOK); its picture is drawn beside the page.
+(OUTLOOK); its picture is drawn beside the page. `--only NAME ...` writes the outlook's sections of these studies anew, and
+leaves the rest of the page as it is.
 """
 
 from __future__ import annotations
@@ -298,6 +299,17 @@ class Wish:
         return f"\n![{self.title}]({picture})\n"
 
 
+def _of_faces(record: Record) -> tuple[str, ...] | None:
+    design = record.design
+    if design is None or design.pillar is None:
+        return None
+    _, *mode = _of_glass(record)[-3:]  # type: ignore[index]
+    stopped = record.broadband and record.broadband.stopped_hz
+    low, high = (end / 1e3 for end in stopped) if stopped else (0.0, 0.0)
+    band = f"{low:.1f} to {high:.1f} kHz, {high - low:.1f} kHz wide" if stopped else "none"
+    return f"{design.rows}", "both" if design.pillar.faces == 2 else "back alone", band, *mode
+
+
 def _of_hybrid(record: Record) -> tuple[str, ...] | None:
     found = record.hybrid
     if found is None or found.wanted_hz is None:
@@ -319,11 +331,13 @@ def _of_travel(record: Record) -> tuple[str, ...] | None:
         return None
     level = "none" if found.confinement_db is None else f"{found.confinement_db:.1f} dB"
     watts = max(map(abs, found.flow_W)), max(map(abs, found.standing_flow_W))
+    crests = "none" if found.shear is None else f"{1e3 * abs(found.shear.fastest_m_s):.3g} mm/s"
     ratios = (f"{found.twr:.2f}", f"{found.best_twr:.2f}", level)
     rows = f"{record.design.rows if record.design else '?'}"
     return (
         *(rows, f"{found.frequency_hz / 1e3:.2f} kHz", *ratios, f"{found.drive_V_at_1um:.3g} V"),
         *(f"{1e3 * each:.3g} mW" for each in watts),
+        crests,
     )
 
 
@@ -375,8 +389,9 @@ WISHES = (
         "travelling",
         "a wave that travels inside the zone",
         "Two modes held a quarter period apart by six patches, for 1 um rms in the zone. The ratio is that of the pair, and "
-        "of any voltages; the power is the largest through a section, as held and with all patches in phase",
-        ("rows", "at", "ratio", "any voltages", "confinement", "drive", "power along the zone", "in phase"),
+        "of any voltages; the power is the largest through a section, as held and with all patches in phase; crests meet a "
+        "resting finger at most with the speed told last, along the plate and against the wave",
+        ("rows", "at", "ratio", "any voltages", "confinement", "drive", "power along the zone", "in phase", "crests"),
         _of_travel,
         lambda records: travelling_wave(records[-1].travel).figure,  # type: ignore[arg-type]
     ),
@@ -387,6 +402,15 @@ WISHES = (
         ("shared rows", "gap", "at", "the other zone", "passive face"),
         _of_zones,
         _by_gap,
+    ),
+    Wish(
+        "faces",
+        "pillars on both faces",
+        "More places for mass: every pillar of the thesis' plate with its mirror image on the touch face beside the zone, "
+        "25 mm of plate beyond, heights as before. What a wave loses is that of the rows alone; the confinement is the whole "
+        "plate's, with the wanted mode where it then lies. A level stands with its own bar",
+        ("rows", "pillars on", "10 dB taken from a wave about the wanted mode", "wanted mode", "confinement"),
+        _of_faces,
     ),
 )
 
@@ -411,13 +435,45 @@ def text(folder: Path) -> str:
     return page + outlook(folder) + finger(folder) + wishes
 
 
+def renewed(page: str, sections: list[str]) -> str:
+    """A page with some of its sections, each with its heading, in place of those of the same heading, or at its end."""
+    parts = page.split("\n## ")
+    for section in sections:
+        own = f"{section.strip().removeprefix('## ')}\n"
+        headings = [part.partition("\n")[0] for part in parts]
+        heading = own.partition("\n")[0]
+        if heading in headings:
+            parts[headings.index(heading)] = own
+        else:
+            parts.append(own)
+    return "\n## ".join(parts)
+
+
+def _only(names: list[str], folder: Path) -> list[str]:
+    """The sections of the outlook that stand on these studies. SystemExit for a study without one, or that is not stored."""
+    known: dict[str, Callable[[Path], str]] = {wish.study: wish.text for wish in WISHES}
+    known["touch"] = finger
+    sections = {}
+    for name in names:
+        sections[name] = known[name](folder) if name in known else ""
+        if not sections[name]:
+            raise SystemExit(f"--only {name}: must be a stored study of {', '.join(known)}")
+    return list(dict.fromkeys(sections.values()))
+
+
 def main() -> int:
     """Write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--results", type=Path, default=RESULTS, metavar="DIR")
-    folder = parser.parse_args().results
-    draw_outlook(folder)
-    write_atomic(PAGE, text(folder).encode())
+    parser.add_argument("--only", nargs="+", default=[], metavar="NAME")
+    arguments = parser.parse_args()
+    folder = arguments.results
+    if arguments.only:
+        page = renewed(PAGE.read_text(), _only(arguments.only, folder))
+    else:
+        draw_outlook(folder)
+        page = text(folder)
+    write_atomic(PAGE, page.encode())
     print(f"reproduction {PAGE}")
     return 0
 

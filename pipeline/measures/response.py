@@ -115,6 +115,13 @@ TRAVEL = Measure(
         Column(
             "travel_mw", "power along the zone for 1 um", _travel(lambda t: 1e3 * max(t.flow_W, key=abs)), ".4g", "mW"
         ),
+        Column(
+            "travel_crest_mm_s",
+            "crests under the finger",
+            _travel(lambda t: t.shear and 1e3 * t.shear.fastest_m_s),
+            ".4g",
+            "mm/s",
+        ),
     ),
     pictures=("response.travelling", "touch.sheared"),
 )

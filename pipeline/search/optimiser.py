@@ -53,6 +53,8 @@ def _check(space: Space, settings: Settings) -> None:
     case.require_plate(command="search")
     case.require("pillar", "array.pitch_mm", command="search")
     varied = {variable.key for variable in space.variables}
+    if "zone.count" in varied:
+        raise InputError("--vary zone.count: search is of one zone alone, must be left alone; a study sweeps it")
     if not case.design.rows and "array.rows" not in varied:
         raise InputError(f"{space.path}: array.rows = 0: must be 1 or more, a bare plate confines nothing")
     if settings.goal == "widest":

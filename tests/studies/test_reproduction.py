@@ -117,6 +117,31 @@ def test_the_cover_glass_appears_once_its_study_is_stored(tmp_path: Path, monkey
     assert "| 0 | none | none | 20 mm | none | none |" in page
 
 
+def test_one_section_is_written_anew_and_the_rest_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = "# Page\n\nwords\n\n## One\n\nold\n\n## Two\n\nkept\n"
+    assert reproduction.renewed(page, ["\n## One\n\nnew\n"]) == page.replace("old", "new")
+    assert reproduction.renewed(page, ["\n## Three\n\nlast\n"]) == f"{page}\n## Three\n\nlast\n"
+    assert reproduction.renewed(page, []) == page
+    for name in ("faces", "nothing"):
+        monkeypatch.setattr("sys.argv", ["reproduction", "--results", str(tmp_path), "--only", name])
+        with pytest.raises(SystemExit, match=f"--only {name}: must be a stored study of glass, hybrid"):
+            reproduction.main()
+
+
+def test_pillars_on_both_faces_stand_beside_those_on_one() -> None:
+    plate = design(2, 4e-3, 0.01)
+    assert plate.pillar
+    both = plate.model_copy(update={"pillar": plate.pillar.model_copy(update={"faces": 2})})
+    bands = None, SimpleNamespace(stopped_hz=(28e3, 36.5e3))
+    records = [
+        SimpleNamespace(design=each, wanted=None, confinement_db=12.0, broadband=band)
+        for each, band in zip((plate, both), bands, strict=True)
+    ]
+    rows = [reproduction._of_faces(record) for record in records]  # type: ignore[arg-type]
+    assert rows[0] == ("2", "back alone", "none", "none", "12.0 dB")
+    assert rows[1] == ("2", "both", "28.0 to 36.5 kHz, 8.5 kHz wide", "none", "12.0 dB")
+
+
 def test_a_wish_stands_on_the_page_once_its_study_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rows come from the records; a record without the figure leaves its row out, and no row leaves the section out."""
     monkeypatch.setattr(reproduction, "PAGE", tmp_path / "page.md")
