@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 Flat = dict[str, Any]
 SHOWN_DIGITS = 6
+NAMED = ("state", "way")  # what a part of a list is called by: states under a finger, ways of confining
 NOT_COMPARED = ("seconds", "proof", "plan", "meshes", "times")
 
 
@@ -105,11 +106,16 @@ def _solved(case: Case, log: TerminalLog) -> tuple[dict[str, Any], dict[str, Any
 
 
 def flat(value: Any, name: str = "") -> Flat:
-    """Numbers, words and short lists by their dotted names; tables of points are left out."""
+    """Numbers, words and short lists by their dotted names, parts with a name of their own by it; tables of points are left
+    out.
+    """
     if isinstance(value, dict):
         inside = (flat(item, f"{name}.{key}" if name else str(key)) for key, item in value.items())
         return {key: item for part in inside for key, item in part.items()}
     if isinstance(value, list):
+        for own in NAMED:
+            if value and all(isinstance(item, dict) and own in item for item in value):
+                return flat({str(item[own]): {k: v for k, v in item.items() if k != own} for item in value}, name)
         return {name: value} if len(value) <= 3 and not any(isinstance(item, (dict, list)) for item in value) else {}
     return {name: value}
 

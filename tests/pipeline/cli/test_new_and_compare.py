@@ -242,3 +242,17 @@ def test_a_stored_study_is_shown_with_its_answer_and_its_table(
     assert [case["case"] for case in document["cases"]][:2] == ["pitch_mm=4,rows=1", "pitch_mm=4,rows=2"]
     assert main(["show", "rows", "--results", str(tmp_path / "none")]) == 2
     assert "run it first: antinode run rows" in capsys.readouterr().err
+
+
+def test_states_under_a_finger_are_compared_one_by_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What a battery sees: power at 1 um of each state, beside the other design's; curves of a way are left out."""
+    places = []
+    for name, watts in (("a", 40.0), ("b", 10.0)):
+        states = [{"state": "free", "drawn_mW_at_1um": 1.0}, {"state": "shaped", "drawn_mW_at_1um": watts}]
+        document = {"states": states, "ways": [{"way": "rows", "confinement_db": [1.0, watts, 2.0, 3.0]}]}
+        places.append(tmp_path / f"{name}.json")
+        places[-1].write_text(json.dumps(document))
+    assert main(["compare", *map(str, places), "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["rows"] == [
+        {"quantity": "states.shaped.drawn_mW_at_1um", "a": 40.0, "b": 10.0, "difference": -0.75}
+    ]
