@@ -13,4 +13,5 @@ from pipeline.plots import style
 def coarse() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(style, "DPI", 40)
+        patch.setattr(style, "SHOWN_PX", 240)
         yield
