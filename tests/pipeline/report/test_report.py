@@ -308,7 +308,8 @@ def test_a_list_of_cases_of_another_version_is_one_clear_line(tmp_path: Path, st
 
 def test_other_studies_of_the_same_folder_are_told_beside(folder: Path, tmp_path: Path):
     copy = Path(shutil.copytree(folder, tmp_path / "rows"))
-    assert "Error against run time" not in Page(report_page.build(copy, max_figures=0).read_text()).text  # nothing to show, no heading
+    # nothing to show, no heading
+    assert "Error against run time" not in Page(report_page.build(copy, max_figures=0).read_text()).text
     script = Script([Section("Cheapest", ["words of it"], [Table("cheap", ["what", "seconds"], [["cell", 1.5]])])])
     (tmp_path / "accuracy").mkdir()
     write_page(tmp_path / "accuracy", "accuracy", "Error against run time", "Its lead.", script)
