@@ -14,7 +14,6 @@ import numpy as np
 from pipeline.batch import runner
 from pipeline.batch.lock import StudyBusy
 from pipeline.batch.progress import Progress
-from pipeline.measures import registry
 from pipeline.process import terminable
 from pipeline.records import store
 from solvers.errors import SolverError
@@ -74,6 +73,8 @@ def jobs(count, seconds=0.02, fates=None):
 
 def main() -> int:
     """Run as `antinode run` would."""
+    from pipeline.measures import registry  # its measures load scipy, which no worker here needs
+
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
     parser.add_argument("--cases", type=int, default=8)

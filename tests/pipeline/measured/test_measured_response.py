@@ -13,6 +13,7 @@ import pytest
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.measured.files import read_field, read_sweep
+from tests.helpers.coarse_cells import mesh_coarsest
 
 ROOT = Path(__file__).resolve().parents[3]
 FOLDER = ROOT / "examples" / "measured"
@@ -27,12 +28,22 @@ def made_by(path: Path) -> list[str]:
     return shlex.split(first.partition("made by antinode ")[2])
 
 
-@pytest.fixture(scope="module")
-def compared(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("compared")
+def compare(out: Path) -> Path:
     files = ["--measured", str(FOLDER / "sweep.csv"), "--map", str(FOLDER / "field.csv")]
     assert main(["response", str(CASE), "--quiet", *files, "--out", str(out)]) == 0
     return out
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return compare(tmp_path_factory.mktemp("compared"))
+
+
+@pytest.fixture(scope="module")
+def compared_coarsely(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    with pytest.MonkeyPatch.context() as patch:
+        mesh_coarsest(patch)
+        return compare(tmp_path_factory.mktemp("coarsely"))
 
 
 @pytest.fixture(scope="module")
@@ -102,28 +113,31 @@ def test_the_map_is_held_as_the_specimen_was(compared: Path, specimen: Path) -> 
     assert abs(result["mac"] - result["computed"]["mac"]) < 0.05
 
 
-def test_a_case_may_name_its_measurements(compared: Path, tmp_path: Path) -> None:
+def test_a_case_may_name_its_measurements(
+    compared_coarsely: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """As the command line does; a study's record then holds them, and a file's hash is part of what was understood."""
+    mesh_coarsest(monkeypatch)
     named = ["--set", 'measured.sweep="sweep.csv"', "--set", "measured.at_mm=[19.86, 0.16]"]
     out = tmp_path / "named.json"
     assert main(["response", str(CASE), "--quiet", *named, "--json", str(out)]) == 0
     result = json.loads(out.read_text())["measured"]
     assert result["map"] is None
-    given = document(compared)["measured"]["sweep"]
+    given = document(compared_coarsely)["measured"]["sweep"]
     assert result["sweep"]["frequency_hz"] == given["frequency_hz"]
     assert result["sweep"]["computed"]["point_mm"] == pytest.approx([19.86, 0.16])
     with_defaults = load_case(CASE, [named[1], named[3]]).to_dict()["measured"]
     assert len(with_defaults["sweep_sha256"]) == 64 and "map" not in with_defaults
 
 
-def test_the_figure_is_written_in_both_forms_and_not_empty(compared: Path) -> None:
+def test_the_figure_is_written_in_both_forms_and_not_empty(compared_coarsely: Path) -> None:
     """Ink of more than one colour in the raster; the axes' titles and the peak's colour-independent labels in the vector."""
     from matplotlib.image import imread
 
-    pixels = imread(compared / "measured.png")[..., :3].reshape(-1, 3)
+    pixels = imread(compared_coarsely / "measured.png")[..., :3].reshape(-1, 3)
     inked = pixels[(pixels < 0.98).any(axis=1)]
     assert 0.01 < len(inked) / len(pixels) < 0.9 and len(np.unique(inked.round(1), axis=0)) > 10
-    assert ElementTree.parse(compared / "measured.svg").getroot().tag.endswith("svg")
+    assert ElementTree.parse(compared_coarsely / "measured.svg").getroot().tag.endswith("svg")
 
 
 @pytest.mark.parametrize(
