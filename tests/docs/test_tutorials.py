@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -36,8 +37,11 @@ def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(line, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
 
 
-# a minute each
-SLOW = {"finger", "how-many-rows", "own-pillar", "first-plate", "table-to-board", "own-measurement", "other-programs"}
+# half a minute to two minutes each
+SLOW = {
+    *("finger", "how-many-rows", "own-pillar", "first-plate", "table-to-board", "own-measurement", "other-programs"),
+    *("shaped-patches", "start"),
+}
 PAGES = [
     pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in SLOW else [])
     for page in [*TUTORIALS, *OTHERS]
@@ -71,6 +75,27 @@ def test_every_command_of_a_tutorial_is_one_that_there_is(page: Path) -> None:
             assert words[:2] in (["python", "-c"], ["python", "-m"])
 
 
+def test_the_first_page_answers_on_coarse_plates(
+    coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its commands in this process, one after the other in one folder; `make test-all` runs every page as a reader does."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    for words in map(shlex.split, commands(ROOT / "docs" / "start.md")):
+        assert main.main(words[1:]) == 0, words
+    assert {path.name for path in tmp_path.glob("*.svg")} == {"bands.svg", "modes.svg"}
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_an_example_answers_on_a_coarse_plate(
+    script: Path, coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(script), run_name="__main__")
+    assert capsys.readouterr().out.strip()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_an_example_runs(script: Path, tmp_path: Path) -> None:
     ended = shell(f'"{sys.executable}" "{script}"', tmp_path)
