@@ -104,22 +104,28 @@ class PatchedPlate:
 
     def _pencil(self, plates: list[AssembledPlate], motions: list[sp.csr_array]) -> PlainPencil:
         """K and M of the classes with the patches, which move with their bonded faces, (3 b, dof) each."""
-        pencils, places, stiff, heavy = [plate.pencil() for plate in plates], [], [], []
-        for bond, motion in zip(self.bonds, motions, strict=True):
-            used = np.unique(motion.indices)
-            dense = motion[:, used].toarray()
-            places.append(np.stack([np.repeat(used, len(used)), np.tile(used, len(used))]))
-            stiff.append((dense.T @ bond.stiffness @ dense).ravel())
-            heavy.append((dense.T @ bond.mass @ dense / self.scale.mass_kg).ravel())
-        where = np.concatenate(places, axis=1)
+        pencils = [plate.pencil() for plate in plates]
 
         def joined(bare: list[sp.csc_array], bonded: list[FloatArray]) -> sp.csc_array:
             whole = bare[0] if len(bare) == 1 else sp.block_diag(bare, format="csc")
-            return sp.csc_array(whole + sp.coo_array((np.concatenate(bonded), tuple(where)), shape=whole.shape).tocsc())
+            return sp.csc_array(sum((_felt(b, m) for b, m in zip(bonded, motions, strict=True)), start=whole))
 
+        stiff = [bond.stiffness for bond in self.bonds]
+        heavy = [bond.mass / self.scale.mass_kg for bond in self.bonds]
         rigid = sum(RIGID_OF_CLASS[plate.symmetry] for plate in plates)
         bare = [p.stiffness for p in pencils], [p.mass for p in pencils]
         return PlainPencil(joined(bare[0], stiff), joined(bare[1], heavy), self.scale, rigid)
+
+
+def _felt(matrix: FloatArray, motion: sp.csr_array) -> sp.csc_array:
+    """motion' matrix motion, dense where the motion (3 b, dof) has entries: its columns are written as they are stored."""
+    used = np.unique(motion.indices)
+    dense = motion[:, used].toarray()
+    starts = np.zeros(motion.shape[1] + 1, dtype=used.dtype)
+    starts[used + 1] = len(used)
+    block = dense.T @ matrix @ dense
+    where = (block.ravel(order="F"), np.tile(used, len(used)), np.cumsum(starts, dtype=used.dtype))
+    return sp.csc_array(where, shape=(motion.shape[1],) * 2)
 
 
 @dataclass(frozen=True)
