@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -14,6 +11,7 @@ import pytest
 from pipeline import paths
 from pipeline.batch import known
 from pipeline.batch.study_file import find_study
+from pipeline.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[3]
 SWEPT = '[sweep]\n"solve.accuracy" = [0.1]\n"bands.points" = [1]\n'
@@ -65,7 +63,9 @@ def test_a_broken_note_is_no_note(text: str, state: Path) -> None:
     assert known.known() == {}
 
 
-def test_a_study_of_ones_own_is_run_here_and_asked_for_from_elsewhere(state: Path) -> None:
+def test_a_study_of_ones_own_is_run_here_and_asked_for_from_elsewhere(
+    state: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     here, elsewhere = state / "here", state / "elsewhere"
     here.mkdir()
     elsewhere.mkdir()
@@ -73,12 +73,9 @@ def test_a_study_of_ones_own_is_run_here_and_asked_for_from_elsewhere(state: Pat
     (here / "mine.toml").write_text(STUDY)
 
     def antinode(folder: Path, *words: str) -> str:
-        command = [sys.executable, "-m", "antinode", *words]
-        done = subprocess.run(
-            command, cwd=folder, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)}
-        )
-        assert done.returncode == 0, done.stderr[-1500:]
-        return done.stdout
+        monkeypatch.chdir(folder)
+        assert main([*words]) == 0
+        return capsys.readouterr().out
 
     antinode(here, "run", "mine.toml", "--jobs", "1", "--quiet")
     page = here / "results" / "mine" / "report.html"
