@@ -453,8 +453,11 @@ class CellBuilder:
         for signs in product((1, -1), repeat=len(self.halved)):
             own = dict(zip(self.halved, signs, strict=True))
             pencil = constrain(self.system, self._inside(own))
-            load = sp.eye_array(self.system.mesh.dof, format="csc")[np.flatnonzero(pencil.free)][:, dofs].toarray()
-            answer = load.T @ _static(pencil)[1].solve(load) / self.copies
+            free = np.flatnonzero(pencil.free)
+            _, inside, held = np.intersect1d(free, dofs, assume_unique=True, return_indices=True)
+            load, answer = np.zeros((len(free), len(inside))), np.zeros((len(dofs),) * 2)
+            load[inside, np.arange(len(inside))] = 1.0
+            answer[np.ix_(held, held)] = _static(pencil)[1].solve(load)[inside] / self.copies
             turns = np.concatenate(
                 [
                     np.prod([sign for axis, sign in own.items() if image[axis] < 0.0]) * np.tile(image, len(nodes))
