@@ -12,6 +12,13 @@ import pytest
 
 from pipeline.workers import limit_threads
 
+LONGEST = """
+    test_six test_library test_report test_active test_emulated_board test_tetmesh test_interfaces test_runner test_search
+    test_wanted_mode test_plan test_scipy_alone test_piezo_beam test_line test_forced test_bands test_step_response
+    test_travelling test_refinement_steps test_crosstalk test_hybrid test_solids test_varied test_plots test_nested
+    test_staggered_plate test_cold_start
+""".split()  # ten seconds and more
+
 if "PYTEST_XDIST_WORKER" in os.environ:  # a worker a core: their libraries' own threads would wait for each other
     limit_threads(1)
 
@@ -20,6 +27,11 @@ def pytest_configure() -> None:
     """Ctrl-C is heard: a shell's background job starts with it ignored, and so would every process started here."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files first: whoever gets one last would work alone at the end."""
+    items.sort(key=lambda item: LONGEST.index(item.path.stem) if item.path.stem in LONGEST else len(LONGEST))
 
 
 @pytest.fixture(scope="module")
