@@ -17,7 +17,7 @@ LONGEST = """
     test_wanted_mode test_plan test_scipy_alone test_piezo_beam test_line test_forced test_bands test_step_response
     test_travelling test_refinement_steps test_crosstalk test_hybrid test_solids test_varied test_plots test_nested
     test_staggered_plate test_cold_start
-""".split()  # ten seconds and more
+""".split()  # noqa: SIM905 ten seconds and more, not a line each
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # a worker a core: their libraries' own threads would wait for each other
     limit_threads(1)
