@@ -55,7 +55,8 @@ HOMES = [*(f"antinode.{name}" for name in ("plate", "tables", "results", "stored
          "pipeline.errors", "solvers.errors"]  # fmt: skip
 
 
-@pytest.mark.parametrize("module", HOMES)
+# the sweep of the example is that of test_a_sweep_is_a_table_and_stands_when_asked_again
+@pytest.mark.parametrize("module", [pytest.param(m, marks=[pytest.mark.slow] * m.endswith(".sweeps")) for m in HOMES])
 @pytest.mark.filterwarnings("ignore::antinode.Caution")
 def test_the_examples_in_docstrings_hold(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)

@@ -57,6 +57,7 @@ def test_a_degree_too_low_is_raised_and_every_mode_comes_down() -> None:
     assert high.reduction_error < low.reduction_error / 2.0
 
 
+@pytest.mark.slow
 def test_what_is_good_enough_stays_on_its_rung() -> None:
     _, log = solved(0.01)
     assert not [line for line in log.facts if "too high" in line]
