@@ -42,7 +42,8 @@ def test_every_state_is_told_and_its_power_balances(record: TouchRecord) -> None
     assert [state.state for state in record.states] == ["free", "touched", "retuned", "held", "shaped"]
     for state in record.states:
         assert state.patches_W == pytest.approx(state.plate_W + state.finger_W, rel=1e-9)
-        assert state.dielectric_W and state.drawn_W == state.patches_W + state.dielectric_W
+        assert state.dielectric_W
+        assert state.drawn_W == pytest.approx(state.patches_W + state.dielectric_W, rel=1e-12)
         assert state.drawn_mW_at_1um == pytest.approx(1e3 * state.drawn_W * (1e-6 / state.finger_m) ** 2, rel=1e-12)
         assert state.finger_m * (state.drive_V_at_1um or 0.0) == pytest.approx(1e-6 * state.drive_V, rel=1e-12)
     free, touched = record.state("free"), record.state("touched")

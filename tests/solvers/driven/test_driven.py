@@ -68,7 +68,7 @@ def test_voltages_that_move_little_are_left_alone_where_it_is_asked_for() -> Non
     levels = [level(plate, volts, 13e3) for volts in shaped if volts is not None]
     curves = [(plate.driven_by(volts).curve(np.array([13e3])), volts) for volts in shaped if volts is not None]
     moved = [curve.zone_rms_m_per_v[0] / np.linalg.norm(volts) for curve, volts in curves]
-    assert sorted(levels, reverse=True) == levels and sorted(moved) == moved
+    assert np.diff(levels).max() < 1e-9 * levels[0] and np.diff(moved).min() > -1e-9 * moved[0]  # but for rounding
     assert levels[0] > 1.001 * levels[2] and moved[2] > 1.001 * moved[0]
 
 
