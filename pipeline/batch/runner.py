@@ -81,6 +81,7 @@ def run_study(
     if options.dry_run:
         return StudyOutcome(folder, plan(jobs, folder, options.force))
     with lock.study_lock(folder):
+        store.sweep_leftovers(folder)
         planned = plan(jobs, folder, options.force)
         listed = [{"case_id": job.case_id, "sweep": job.sweep} for job in jobs]
         store.write_json(folder / CASES, {"schema": 1, "about": about or {}, "cases": listed})

@@ -89,8 +89,11 @@ def test_again_computes_only_what_is_missing_changed_torn_or_forced(tmp_path: Pa
 
 def test_a_failed_case_is_tried_again_the_next_time(tmp_path: Path):
     run(tmp_path, fake_study.jobs(2, fates={1: "raise"}), jobs=1)
+    leftover = tmp_path / f".cases{store.TEMPORARY}"
+    leftover.touch()  # by a run that was killed as it wrote the list of cases
     again = run(tmp_path, fake_study.jobs(2, fates={1: "raise"}), jobs=1)
     assert [(end.case_id, end.status) for end in again.ended] == [("value=1", "FAILED")]
+    assert not leftover.exists()
 
 
 def test_fail_fast_stops_and_says_what_is_undone(tmp_path: Path):
