@@ -236,6 +236,24 @@ def panel_boxes(panel: Panel, thickness_m: float, pillar: Pillar | None, setting
     return boxes_of(panel_scene(panel, thickness_m, pillar, settings))
 
 
+def bonded_boxes(
+    span_m: FloatArray,
+    thickness_m: float,
+    stands: tuple[Stand, ...],
+    box_m: FloatArray,
+    back: bool,
+    settings: HexSettings,
+) -> Boxes:
+    """A rectangle span_m = (x0, x1, y0, y1) of plate with its pillars and a body bonded to the rectangle box_m of its back or
+    touch face: graded towards that one's edges too, where the forces between both gather.
+    """
+    lines: list[dict[float, bool]] = [{}, {}]
+    for breaks, ends, edges in zip(lines, span_m.reshape(2, 2), box_m.reshape(2, 2), strict=True):
+        breaks |= dict.fromkeys(ends.tolist(), False) | {e: True for e in edges.tolist() if ends[0] < e < ends[1]}
+    scene = _plate_with_pillars(thickness_m, settings, stands, lines[0], lines[1])
+    return boxes_of(replace(scene, z={0.0: not back, thickness_m: back or bool(stands)}))
+
+
 def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> Scene:
     """The unit cell pitch_x x pitch_y x thickness centred at the origin, its pillar in its middle.
 

@@ -18,14 +18,11 @@ from pipeline.planning.request import response_high_hz
 from pipeline.records.record import MeshRecord, PeakRecord, ResponseRecord
 from solvers.piezo.circuit import CircuitShift, circuit_shift
 from solvers.piezo.forced import Curve, ForcedPlate
+from solvers.piezo.height import height_error
 from solvers.piezo.peaks import Peak, curve_about, highest_hz, near_hz, peak_of
 
 POINTS = 401
 GRID = 160
-NO_BAR = (
-    "a height has no error bar and comes out some per cent high, since the model is too stiff beneath a patch "
-    "(docs/decisions/0009-bonded-patches.md)"
-)
 
 
 @dataclass(frozen=True)
@@ -79,13 +76,14 @@ class Response:
             polarisation_signs=self.signs,
             circuit={"drivers": self.forced.circuit, **circuit},
             wanted_status=self.forced.verdict.status,
-            wanted_peak=_peak(self.wanted) if self.wanted else None,
-            highest_peak=_peak(self.highest),
+            wanted_peak=_peak(self.wanted, self.forced) if self.wanted else None,
+            highest_peak=_peak(self.highest, self.forced),
         )
 
 
-def _peak(peak: Peak) -> PeakRecord:
-    return PeakRecord.of(peak, zone_rms_m_per_V=peak.zone_rms, passive_rms_m_per_V=peak.passive_rms)
+def _peak(peak: Peak, forced: ForcedPlate) -> PeakRecord:
+    error = height_error(forced, peak.frequency_hz)
+    return PeakRecord.of(peak, zone_rms_m_per_V=peak.zone_rms, passive_rms_m_per_V=peak.passive_rms, height_error=error)
 
 
 def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, points: int = POINTS) -> Response:
@@ -200,15 +198,17 @@ def _warn_of_wanted(forced_response: Response, log: Log) -> None:
 
 def lines(forced_response: Response) -> list[str]:
     """Describe the response in words: the wanted mode's peak, and the highest peak where it is another."""
-    said = [_summary("wanted mode's peak", forced_response.wanted)] if forced_response.wanted else []
-    said += [] if forced_response.same else [_summary("highest peak", forced_response.highest)]
-    return [*said, NO_BAR]
+    forced = forced_response.forced
+    said = [_summary("wanted mode's peak", forced_response.wanted, forced)] if forced_response.wanted else []
+    return said if forced_response.same else [*said, _summary("highest peak", forced_response.highest, forced)]
 
 
-def _summary(name: str, peak: Peak) -> str:
+def _summary(name: str, peak: Peak, forced: ForcedPlate) -> str:
     confinement_text = "" if peak.confinement_db is None else f", {peak.confinement_db:.1f} dB above the passive face"
     quality = "none" if peak.quality is None else f"{peak.quality:.0f}"
+    error = height_error(forced, peak.frequency_hz)
+    bar = "its error is not known" if error is None else f"\u00b1 {error:.1%} by the mesh, the damping given"
     return (
-        f"{name} at {peak.frequency_hz:.1f} Hz: {1e9 * peak.zone_rms:.2f} nm/V rms on the zone{confinement_text}; "
+        f"{name} at {peak.frequency_hz:.1f} Hz: {1e9 * peak.zone_rms:.2f} nm/V rms on the zone ({bar}){confinement_text}; "
         f"quality factor from the curve: {quality}"
     )

@@ -10,6 +10,7 @@ from pipeline.planning import foresight
 from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import driven_band_hz, response_high_hz
 from pipeline.records.record import MeshRecord
+from solvers.piezo.beneath import Beneath
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import PatchedPlate
@@ -40,7 +41,8 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
     with log.step("bond the patches"):
         bonded = [bonded_patch(patches.material, box, patches.size_m[2], back) for box in patches.boxes_m()]
         plates = {plate.symmetry: plate for plate in map(model.assembled, model.symmetries)}
-        plate = PatchedPlate(plates, bonded, back, model.name, model.residual_flexibility)
+        middle_hz = (band_hz[0] + band_hz[1]) / 2.0
+        plate = PatchedPlate(plates, bonded, back, model.name, Beneath(model.reductions), middle_hz)
     if plate.undriven:
         log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")
     with log.step("modes of the patched plate"):

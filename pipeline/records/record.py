@@ -431,13 +431,17 @@ class PredictionRecord(Part):
 
 
 class PeakRecord(Part):
-    """The response at one frequency, and the quality factor read from the curve."""
+    """The response at one frequency, and the quality factor read from the curve.
+
+    height_error: half-width of the bar of both rms, relative, the damping given; None where it is not known.
+    """
 
     frequency_hz: float
     zone_rms_m_per_V: float
     passive_rms_m_per_V: float | None
     confinement_db: float | None
     quality: float | None
+    height_error: float | None = None
 
     @property
     def zone_nm_per_V(self) -> float:

@@ -105,7 +105,10 @@ def _on_patches(forced: ForcedPlate, motions: list[list[Any]]) -> FloatArray:
     assert isinstance(plate, PatchedPlate)
     energies = np.zeros(len(plate.bonds))
     for number, bond in enumerate(plate.bonds):
-        parts = zip(forced.modes, motions, strict=True)
-        moved = np.sum([plate.motions[b.group.symmetries[0]][number] @ np.concatenate(m) for b, m in parts], axis=0)
-        energies[number] = (np.conj(moved) @ bond.stiffness @ moved).real
+        for place, part in enumerate(bond.parts):
+            pairs = zip(forced.modes, motions, strict=True)
+            moved = np.sum(
+                [plate.motions[b.group.symmetries[0]][number][place] @ np.concatenate(m) for b, m in pairs], axis=0
+            )
+            energies[number] += part.share * (np.conj(moved) @ part.stiffness @ moved).real
     return energies

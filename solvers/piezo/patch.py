@@ -1,25 +1,27 @@
 """One piezo patch as a bonded solid: stiffness, mass, actuation and charge, condensed to its bonded face.
 
 K_E u - theta V = f,  Q = theta' u + C V, with theta = int B' e' (grad V) dV for a field V/t across the thickness
-(ieee176, allik1970). The patch's own resonances lie far above, so its inner nodes follow statically (guyan1965).
+(ieee176, allik1970). The patch's own resonances lie far above, so its inner nodes follow statically (guyan1965). What they
+weigh while a volt swells them adds omega^2 M_i K_ii^-1 theta_i to the load.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import ceil
 
 import numpy as np
+import scipy.sparse as sp
 
 from geometry.elements import FloatArray, IntArray
-from geometry.hex.boxes import Boxes, hex_mesh
+from geometry.hex.boxes import Boxes, HexSettings, hex_mesh
+from geometry.hex.grading import grid_lines
 from geometry.mesh import Mesh
 from geometry.piezo_materials import PiezoMaterial
+from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.surface import face_quadrature
 
-ORDER = 2
-ELEMENT_M = 2e-3  # along the patch: an eighth of a half-wavelength of 15 mm
+MESH = HexSettings(3, 2e-3, 1, 0.15)  # along the patch an eighth of a half-wavelength of 15 mm, shorter at its edges
 VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
@@ -29,65 +31,73 @@ class BondedPatch:
 
     points (q, 2) in m on that face, projection (b, q): the nodes' displacements are those of its field nearest to u at the
     points in the mean square, so that forces pass through the whole face and not at nodes. stiffness and mass (3b, 3b) in N/m
-    and kg at constant voltage; theta (3b,) in N/V = C/m; capacitance_f with the bonded face clamped.
+    and kg at constant voltage; theta (3b,) in N/V = C/m; swell (3b,) in kg m/V, force per volt and squared angular frequency;
+    capacitance_f with the bonded face clamped. box_m: the footprint x0, x1, y0, y1; mesh: elements, shorter at its edges.
     """
+
+    material: PiezoMaterial
+    box_m: FloatArray
+    thickness_m: float
+    mesh: HexSettings
 
     points: FloatArray
     projection: FloatArray
     stiffness: FloatArray
     mass: FloatArray
     theta: FloatArray
+    swell: FloatArray
     capacitance_f: float
 
 
 def bonded_patch(
-    material: PiezoMaterial, box_m: FloatArray, thickness_m: float, above: bool, element_m: float = ELEMENT_M
+    material: PiezoMaterial, box_m: FloatArray, thickness_m: float, above: bool, mesh: HexSettings | None = None
 ) -> BondedPatch:
-    """A patch with footprint box_m = (x0, x1, y0, y1), bonded below (on the plate's back) or above (on its touch face)."""
+    """A patch with footprint box_m = (x0, x1, y0, y1), bonded below (on the plate's back) or above (on its touch face).
+
+    Meshed by MESH where nothing else is given.
+    """
     x0, x1, y0, y1 = (float(end) for end in box_m)
-    patch = _alike(material, round(x1 - x0, 12), round(y1 - y0, 12), thickness_m, above, element_m)
-    return replace(patch, points=patch.points + np.array([x0, y0]))
+    patch = _alike(material, round(x1 - x0, 12), round(y1 - y0, 12), thickness_m, above, mesh or MESH)
+    return replace(patch, points=patch.points + np.array([x0, y0]), box_m=np.array([x0, x1, y0, y1]))
 
 
 @lru_cache(maxsize=8)
 def _alike(
-    material: PiezoMaterial, x_m: float, y_m: float, thickness_m: float, above: bool, element_m: float
+    material: PiezoMaterial, x_m: float, y_m: float, thickness_m: float, above: bool, settings: HexSettings
 ) -> BondedPatch:
     """The patch with its first corner at the origin: patches of one size are one."""
-    mesh = _mesh(np.array([0.0, x_m, 0.0, y_m]), thickness_m, element_m)
+    box = np.array([0.0, x_m, 0.0, y_m])
+    mesh = _mesh(box, thickness_m, settings, above)
     stiffness, mass, theta, capacitance = _matrices(mesh, material, thickness_m)
     bond = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (0.0 if above else thickness_m)) < 1e-9 * thickness_m + 1e-15)
     b = (3 * bond[:, None] + np.arange(3)).ravel()
     i = np.setdiff1d(np.arange(3 * len(mesh.nodes)), b)
-    inner = stiffness[np.ix_(i, i)]
-    follow = -np.linalg.solve(inner, stiffness[np.ix_(i, b)])
-    swell = np.linalg.solve(inner, theta[i])
+    inner = Factoriser()(sp.csc_array(stiffness[i][:, i]))
+    follow = -inner.solve(stiffness[i][:, b].toarray())
+    swell = inner.solve(theta[i][:, None])[:, 0]
     map_to = np.zeros((3 * len(mesh.nodes), len(b)))
     map_to[b, np.arange(len(b))] = 1.0
     map_to[i] = follow
-    condensed = map_to.T @ stiffness @ map_to
+    condensed = map_to.T @ (stiffness @ map_to)
     return BondedPatch(
+        material,
+        box,
+        thickness_m,
+        settings,
         *_projection(mesh, "touch" if above else "top", bond),
         (condensed + condensed.T) / 2.0,
-        map_to.T @ mass @ map_to,
+        map_to.T @ (mass @ map_to),
         map_to.T @ theta,
+        map_to.T @ (mass[:, i] @ swell),
         float(capacitance + theta[i] @ swell),
     )
 
 
-def _mesh(box_m: FloatArray, thickness_m: float, element_m: float) -> Mesh:
-    x0, x1, y0, y1 = box_m
-    x, y = (_graded(low, high, element_m, thickness_m) for low, high in ((x0, x1), (y0, y1)))
-    region = np.zeros((len(x) - 1, len(y) - 1, 1), dtype=np.int64)
-    return hex_mesh(Boxes(x, y, np.array([0.0, thickness_m]), region, ("patch",)), ORDER)
-
-
-def _graded(low: float, high: float, element_m: float, edge_m: float) -> FloatArray:
-    """Lines of elements from low to high: even ones, and one as long as the patch is thick at each end, where the forces
-    between patch and plate gather.
-    """
-    edge = min(edge_m, (high - low) / 4.0)
-    return np.array([low, *np.linspace(low + edge, high - edge, ceil((high - low - 2.0 * edge) / element_m) + 1), high])
+def _mesh(box_m: FloatArray, thickness_m: float, settings: HexSettings, above: bool) -> Mesh:
+    x, y = (grid_lines({float(low): True, float(high): True}, settings.grading) for low, high in box_m.reshape(2, 2))
+    z = grid_lines({0.0: above, thickness_m: not above}, settings.grading)
+    region = np.zeros((len(x) - 1, len(y) - 1, len(z) - 1), dtype=np.int64)
+    return hex_mesh(Boxes(x, y, z, region, ("patch",)), settings.order)
 
 
 def _projection(mesh: Mesh, face: str, nodes: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -100,21 +110,28 @@ def _projection(mesh: Mesh, face: str, nodes: IntArray) -> tuple[FloatArray, Flo
 
 def _matrices(
     mesh: Mesh, material: PiezoMaterial, thickness_m: float
-) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+) -> tuple[sp.csr_array, sp.csr_array, FloatArray, float]:
     """K_E and M (3n, 3n), theta (3n,), C: boxes, one of each size integrated."""
     assert mesh.spans is not None
     size = 3 * len(mesh.nodes)
-    stiffness, mass, theta = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
+    theta = np.zeros(size)
     kinds, which = np.unique(np.round(mesh.spans, 12), axis=0, return_inverse=True)
     alike = [_element(mesh, span / 2.0, material, thickness_m) for span in kinds]
-    for cell, kind in zip(mesh.cells, which.ravel(), strict=True):
-        place = (3 * cell[:, None] + np.arange(3)).ravel()
-        one, heavy, load = alike[kind]
-        stiffness[np.ix_(place, place)] += one
-        mass[np.ix_(place, place)] += heavy
-        theta[place] += load
+    places = (3 * mesh.cells[:, :, None] + np.arange(3)).reshape(len(mesh.cells), -1)
+    for place, kind in zip(places, which.ravel(), strict=True):
+        theta[place] += alike[kind][2]
+    rows = np.repeat(places, places.shape[1], axis=1).ravel()
+    columns = np.tile(places, places.shape[1]).ravel()
+    stiffness, mass = (
+        sp.csr_array(
+            sp.coo_array(
+                (np.concatenate([alike[k][part].ravel() for k in which.ravel()]), (rows, columns)), (size, size)
+            )
+        )
+        for part in (0, 1)
+    )
     area = float(np.ptp(mesh.nodes[:, 0]) * np.ptp(mesh.nodes[:, 1]))
-    return stiffness, mass, theta, float(material.permittivity_clamped_f_m[2, 2]) * area / thickness_m
+    return stiffness.tocsr(), mass.tocsr(), theta, float(material.permittivity_clamped_f_m[2, 2]) * area / thickness_m
 
 
 def _element(

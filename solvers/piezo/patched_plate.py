@@ -1,12 +1,14 @@
 """An assembled plate with bonded patches: symmetry classes that the patches couple are solved together.
 
-u = sum over classes E_c q_c at the bonded faces; K = diag(K_c) + sum over patches E' K_E E, M alike, loads E' theta.
+u = sum over classes E_c q_c at the bonded faces; K = diag(K_c) + sum over patches E' K_E E, M alike, loads E' theta. Beneath
+each patch the plate gives way by F; patch and F are meshed twice, and the share of the mesh's error that the edges leave is
+taken from all three (solvers/piezo/beneath.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -18,12 +20,13 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
 from solvers.measures.confinement import TouchField
-from solvers.piezo.patch import BondedPatch
-from solvers.superelement.bond import Contact, displacement_at, flexibility_at
-from solvers.superelement.cell import Cell
+from solvers.piezo.beneath import Beneath
+from solvers.piezo.patch import BondedPatch, bonded_patch
+from solvers.superelement.bond import Contact, displacement_at
 from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
 
 CLASSES = ("SS", "SA", "AS", "AA")
+NEAR_M = 1e-9  # a patch whose middle lies so near to a mirror line lies on it
 UNDRIVEN = 1e-9  # of the largest load: a class below it is not driven
 
 
@@ -31,11 +34,18 @@ UNDRIVEN = 1e-9  # of the largest load: a class below it is not driven
 class Group:
     """Symmetry classes solved together: the load of one volt on each patch, (dof, patches), scaled, and K and M as `join` makes
     them, once they are asked for.
+
+    Alike: by_mesh, what the mesh beneath the patches may make wrong in the loads (None where it is not known); by_modes, what
+    the modes left out of the panels bring to them at rest; inertia, what goes with the eigenvalue, at that one.
     """
 
     plates: tuple[AssembledPlate, ...]
     join: Callable[[], PlainPencil]
     loads: FloatArray
+    by_mesh: FloatArray | None = None
+    by_modes: FloatArray | None = None
+    inertia: FloatArray | None = None
+    eigenvalue: float = 0.0
 
     @cached_property
     def pencil(self) -> PlainPencil:
@@ -59,7 +69,8 @@ class Group:
 class PatchedPlate:
     """Patches on the bare face of a plate; lengths in m, forces and charges in SI after `unscaled`.
 
-    `plates`: the plate by symmetry class, or the whole one alone under WHOLE.
+    `plates`: the plate by symmetry class, or the whole one alone under WHOLE. at_hz: at which the loads are told, whose part by
+    the patches' inertia goes with the square of the frequency; at rest without it.
     """
 
     def __init__(
@@ -68,20 +79,38 @@ class PatchedPlate:
         patches: Sequence[BondedPatch],
         back: bool,
         name: str = "superelement",
-        flexibility: Callable[[Cell], FloatArray] | None = None,
+        beneath: Beneath | None = None,
+        at_hz: float = 0.0,
     ) -> None:
         if not patches:
             raise SolverError("no patches: nothing drives the plate")
         self.patches, self.back, self.name = tuple(patches), back, name
         some = next(iter(plates.values()))
         self.scale: Scale = some.placed_cells[0].cell.scale
-        self.bonds = [_bond(patch, some, back, self.stiffness_unit, flexibility) for patch in self.patches]
+        self.eigenvalue = self.scale.eigenvalue(at_hz)
+        known: dict[str, _Bond] = {}
+        self.bonds = [self._bond_of(patch, some, beneath, known) for patch in self.patches]
         classes = [[WHOLE]] if WHOLE in plates else coupled_classes(self.patches)
-        self.motions: dict[str, list[sp.csr_array]] = {}  # of the bonded faces, by a group's first class
+        self.motions: dict[str, list[list[sp.csr_array]]] = {}  # of the bonded faces, mesh by mesh
         self.everything = [self._group([plates[p] for p in symmetries]) for symmetries in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
         self.groups = [group for group in self.everything if np.abs(group.loads).max() > UNDRIVEN * loudest]
         self.undriven = [p for group in self.everything if group not in self.groups for p in group.symmetries]
+
+    def _bond_of(
+        self, patch: BondedPatch, plate: AssembledPlate, beneath: Beneath | None, known: dict[str, _Bond]
+    ) -> _Bond:
+        """A patch's bond; on a plate that is its own mirror image that of its image where x, y > 0, computed once."""
+        ends = patch.box_m.reshape(2, 2)
+        flip = np.where(plate.tiling.mirrored & (ends.sum(axis=1) < -NEAR_M), -1.0, 1.0)
+        box = np.sort(ends * flip[:, None], axis=1).ravel()
+        key = repr((patch.material.name, patch.thickness_m, patch.mesh, np.round(box, 9).tolist()))
+        if key not in known:
+            own = patch
+            if (flip < 0.0).any():
+                own = bonded_patch(patch.material, box, patch.thickness_m, self.back, patch.mesh)
+            known[key] = _bond(own, plate, self.back, self.scale, self.eigenvalue, beneath)
+        return known[key].mirrored(flip)
 
     @cached_property
     def stiffness_unit(self) -> float:
@@ -94,24 +123,42 @@ class PatchedPlate:
         return np.array([bond.capacitance_f for bond in self.bonds])
 
     def _group(self, plates: list[AssembledPlate]) -> Group:
-        motions = [
-            sp.csr_array(sp.hstack([displacement_at(plate, bond.contact) for plate in plates], format="csr"))
-            for bond in self.bonds
-        ]
+        motions = [[_motion(plates, part.contact) for part in bond.parts] for bond in self.bonds]
         self.motions[plates[0].symmetry] = motions
-        loads = np.column_stack([motion.T @ bond.load for motion, bond in zip(motions, self.bonds, strict=True)])
-        return Group(tuple(plates), partial(self._pencil, plates, motions), loads)
+        loads, by_mesh, by_modes, inertia = (np.zeros((motions[0][0].shape[1], len(self.bonds))) for _ in range(4))
+        for number, (bond, moved) in enumerate(zip(self.bonds, motions, strict=True)):
+            pairs = list(zip(bond.parts, moved, strict=True))
+            own = [motion.T @ part.load for part, motion in pairs]
+            loads[:, number] = sum(part.share * load for part, load in zip(bond.parts, own, strict=True))
+            inertia[:, number] = sum(part.share * (motion.T @ part.inertia) for part, motion in pairs)
+            by_mesh[:, number] = bond.spread * (own[-1] - own[0])
+            by_modes[:, number] = moved[0].T @ bond.parts[0].softened
+        known = all(len(bond.parts) > 1 for bond in self.bonds)
+        return Group(
+            tuple(plates),
+            partial(self._pencil, plates, motions),
+            loads,
+            by_mesh if known else None,
+            by_modes,
+            inertia if self.eigenvalue else None,
+            self.eigenvalue,
+        )
 
-    def _pencil(self, plates: list[AssembledPlate], motions: list[sp.csr_array]) -> PlainPencil:
+    def _pencil(self, plates: list[AssembledPlate], motions: list[list[sp.csr_array]]) -> PlainPencil:
         """K and M of the classes with the patches, which move with their bonded faces, (3 b, dof) each."""
         pencils = [plate.pencil() for plate in plates]
+        parts = [
+            pair
+            for bond, moved in zip(self.bonds, motions, strict=True)
+            for pair in zip(bond.parts, moved, strict=True)
+        ]
 
         def joined(bare: list[sp.csc_array], bonded: list[FloatArray]) -> sp.csc_array:
             whole = bare[0] if len(bare) == 1 else sp.block_diag(bare, format="csc")
-            return sp.csc_array(sum((_felt(b, m) for b, m in zip(bonded, motions, strict=True)), start=whole))
+            return sp.csc_array(sum((_felt(b, m) for b, (_, m) in zip(bonded, parts, strict=True)), start=whole))
 
-        stiff = [bond.stiffness for bond in self.bonds]
-        heavy = [bond.mass / self.scale.mass_kg for bond in self.bonds]
+        stiff = [part.share * part.stiffness for part, _ in parts]
+        heavy = [part.share * part.mass / self.scale.mass_kg for part, _ in parts]
         rigid = sum(RIGID_OF_CLASS[plate.symmetry] for plate in plates)
         bare = [p.stiffness for p in pencils], [p.mass for p in pencils]
         return PlainPencil(joined(bare[0], stiff), joined(bare[1], heavy), self.scale, rigid)
@@ -129,33 +176,107 @@ def _felt(matrix: FloatArray, motion: sp.csr_array) -> sp.csc_array:
 
 
 @dataclass(frozen=True)
-class _Bond:
-    """A patch as the plate's own degrees of freedom feel it: where, stiffness (3b, 3b) and load of a volt (3b,), scaled, mass
-    (3b, 3b) in kg, and the capacitance in F with that face held.
+class _Part:
+    """A patch of one mesh as the plate's own degrees of freedom feel it, and its share of the bond.
+
+    Where; stiffness (3b, 3b), load of a volt (3b,) and its part by inertia, scaled; mass (3b, 3b) in kg; capacitance in F with
+    that face held. softened (3b,): what F brings to the load.
     """
 
+    share: float
     contact: Contact
     stiffness: FloatArray
     mass: FloatArray
     load: FloatArray
+    inertia: FloatArray
+    softened: FloatArray
     capacitance_f: float
+
+    def mirrored(self, flip: FloatArray) -> _Part:
+        """The same at its mirror image: -1 along the axes (2,) that are turned round."""
+        turn = np.tile([*flip, 1.0], len(self.load) // 3)
+        return replace(
+            self,
+            contact=replace(self.contact, points=self.contact.points * flip),
+            stiffness=turn[:, None] * self.stiffness * turn,
+            mass=turn[:, None] * self.mass * turn,
+            load=turn * self.load,
+            inertia=turn * self.inertia,
+            softened=turn * self.softened,
+        )
+
+
+@dataclass(frozen=True)
+class _Bond:
+    """A patch by its meshes, the finest first; of the difference to the coarser one `spread` is uncertain."""
+
+    parts: tuple[_Part, ...]
+    spread: float = 0.0
+
+    def mirrored(self, flip: FloatArray) -> _Bond:
+        """The same at its mirror image."""
+        if (flip > 0.0).all():
+            return self
+        return replace(self, parts=tuple(part.mirrored(flip) for part in self.parts))
+
+    @property
+    def capacitance_f(self) -> float:
+        """With the bonded face held, F."""
+        return sum(part.share * part.capacitance_f for part in self.parts)
 
 
 def _bond(
-    patch: BondedPatch, plate: AssembledPlate, back: bool, unit: float, flexibility: Callable[[Cell], FloatArray] | None
+    patch: BondedPatch, plate: AssembledPlate, back: bool, scale: Scale, eigenvalue: float, beneath: Beneath | None
 ) -> _Bond:
-    """The patch on a plate that also gives way by F, the flexibility that its own degrees of freedom q lack.
+    """The patch on a plate that gives way beneath it, with most of the mesh's error taken away; as meshed without `beneath`."""
+    if beneath is None or not patch.mesh.layers:
+        return _Bond((_part(1.0, patch, plate, back, scale, eigenvalue, beneath),))
+    shares = beneath.shares(patch)
+    thickness_m = patch.thickness_m
+    coarse = bonded_patch(patch.material, patch.box_m, thickness_m, back, patch.mesh.coarser)
+    parts = ((1.0 + shares.taken, patch), (-shares.taken, coarse))
+    return _Bond(
+        tuple(_part(share, each, plate, back, scale, eigenvalue, beneath) for share, each in parts),
+        shares.spread,
+    )
+
+
+def _part(
+    share: float,
+    patch: BondedPatch,
+    plate: AssembledPlate,
+    back: bool,
+    scale: Scale,
+    eigenvalue: float,
+    beneath: Beneath | None,
+) -> _Part:
+    """The patch of one mesh on a plate that also gives way by F, the flexibility that its degrees of freedom q lack.
 
     w = E q - F (K_E w - theta V): with T = (I + F K_E)^-1 the plate feels K_E T, T'M_E T, the load T'theta, and the patch holds
-    theta'T F theta V more charge. What two patches on one panel do to each other by F is left out.
+    theta'T F theta V more charge. What moves in and beneath it weighs: l T'(m + M_E F T'theta) more load at an eigenvalue l.
+    What two patches on one panel do to each other by F is left out.
     """
-    contact = Contact(patch.points, patch.projection, back)
+    unit = scale.young_pa * scale.length_m
     stiffness, load = patch.stiffness / unit, patch.theta / unit
-    gives = flexibility_at(plate, contact, flexibility) if flexibility else np.zeros_like(stiffness)
+    gives = beneath.flexibility(plate, patch, back) if beneath else np.zeros_like(stiffness)
     turn = np.linalg.inv(np.eye(len(load)) + gives @ stiffness)
-    felt = stiffness @ turn
-    more = float(patch.theta @ turn @ gives @ load)
-    return _Bond(contact, (felt + felt.T) / 2.0, turn.T @ patch.mass @ turn, turn.T @ load, patch.capacitance_f + more)
+    felt, held = stiffness @ turn, turn.T @ load
+    inertia = eigenvalue * turn.T @ (patch.swell + patch.mass @ (gives @ held)) / scale.mass_kg
+    return _Part(
+        share,
+        Contact(patch.points, patch.projection, back),
+        (felt + felt.T) / 2.0,
+        turn.T @ patch.mass @ turn,
+        held + inertia,
+        inertia,
+        held - load,
+        patch.capacitance_f + float(patch.theta @ turn @ gives @ load),
+    )
+
+
+def _motion(plates: list[AssembledPlate], contact: Contact) -> sp.csr_array:
+    """The means of u that a contact feels per degree of freedom of the classes one after another, (3 b, dof)."""
+    return sp.csr_array(sp.hstack([displacement_at(plate, contact) for plate in plates], format="csr"))
 
 
 def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:

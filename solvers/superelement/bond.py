@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
@@ -46,21 +46,6 @@ def displacement_at(plate: AssembledPlate, contact: Contact) -> sp.csr_array:
     return sp.csr_array(sum(parts[1:], start=parts[0]))
 
 
-def flexibility_at(plate: AssembledPlate, contact: Contact, of_cell: Callable[[Cell], FloatArray]) -> FloatArray:
-    """Displacements (3 b, 3 b) per force of a contact that the cells' own degrees of freedom lack.
-
-    of_cell: the same between the points of a cell's `bare`; cells do not pass it on, since their boundary is clamped.
-    """
-    total = np.zeros((len(contact.means), 3) * 2)
-    for held in _held(plate, contact):
-        on, count = (3 * held.nodes[:, None] + np.arange(3)).ravel(), len(held.nodes)
-        turn = np.tile([*held.flip, 1.0], count)
-        own = turn[:, None] * of_cell(held.placed_cell.cell)[np.ix_(on, on)] * turn
-        once = np.tensordot(held.weights, own.reshape(count, 3, count, 3), axes=1)
-        total += np.moveaxis(np.tensordot(once, held.weights, axes=(2, 1)), 3, 2)
-    return total.reshape(3 * len(contact.means), -1)
-
-
 @dataclass(frozen=True)
 class _Held:
     """What of a contact lies on one panel of the whole plate: the mirrors (2,) that carry it to the cell assembled, which
@@ -89,7 +74,7 @@ def _held(plate: AssembledPlate, contact: Contact) -> Iterator[_Held]:
             inside = left & (np.abs(local) <= half + SAME_M).all(axis=1)
             if inside.any():
                 left &= ~inside
-                nodes, weights = _on_face(placed_cell.cell, local[inside], contact.back)
+                nodes, weights = on_face(placed_cell.cell, local[inside], contact.back)
                 yield _Held(placed_cell, flip, nodes, contact.means[:, inside] @ weights)
     if left.any():
         raise SolverError(f"the point {1e3 * contact.points[left][0]} mm lies outside the plate")
@@ -105,17 +90,25 @@ def _mirror_signs(symmetry: str, flip: FloatArray) -> FloatArray:
     return signs
 
 
-def _on_face(cell: Cell, local_m: FloatArray, back: bool) -> tuple[IntArray, FloatArray]:
-    """Which points of `bare` lie on a face, (n,), and their weights (p, n) at places (p, 2) by the elements' polynomials."""
+def on_face(cell: Cell, local_m: FloatArray, back: bool) -> tuple[IntArray, FloatArray]:
+    """Which points of `Cell.bare` lie on a face, (n,), and their weights (p, n) at places (p, 2) by the elements' polynomials.
+
+    Raises SolverError where the face carries a pillar or is no tensor grid.
+    """
     level, bare = cell.size_m[2] if back else 0.0, cell.bare
     if bare is None or bare.order is None:
         raise SolverError("the faces of a panel of tetrahedra are no tensor grid: nothing can be bonded to it")
     on = np.flatnonzero(np.abs(bare.points[:, 2] - level) < SAME_M)
     if not len(on):
         raise SolverError("a patch lies on a panel of plate that carries a pillar: move the patch or the rows")
-    (x, i), (y, j) = (_lines(bare.points[on, axis]) for axis in range(2))
-    along, across = (_weights(nodes, bare.order, local_m[:, axis]) for axis, nodes in enumerate((x, y)))
-    return on, along[:, i] * across[:, j]
+    return on, grid_weights(bare.points[on, :2], bare.order, local_m)
+
+
+def grid_weights(nodes_m: FloatArray, order: int, at_m: FloatArray) -> FloatArray:
+    """Weights (p, n) of the nodes (n, 2) of a tensor grid of elements at places (p, 2), by the elements' polynomials."""
+    (x, i), (y, j) = (_lines(nodes_m[:, axis]) for axis in range(2))
+    along, across = (_weights(nodes, order, at_m[:, axis]) for axis, nodes in enumerate((x, y)))
+    return np.asarray(along[:, i] * across[:, j])
 
 
 def _lines(places_m: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -9,8 +9,6 @@ from functools import cached_property
 from math import ceil
 from typing import Protocol
 
-import numpy as np
-
 from geometry.elements import FloatArray
 from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, panel_boxes
 from geometry.hex.nesting import interpolation
@@ -102,11 +100,6 @@ class Reductions:
             mesh, coarser = self._mesh(panel, self.settings(panel)), self.coarser(panel)
         return reduce_cell(self.system(mesh), reduction.interface, reduction.top_hz, panel.halved, panel.free, coarser)
 
-    def flexibility(self, panel: Panel) -> FloatArray:
-        """Static displacements per force at the nodes of a panel's bare faces, its boundary clamped, (3 p, 3 p), scaled."""
-        system = self.system(self._mesh(panel, self.settings(panel)))
-        return CellBuilder(system, self.reduction.interface, panel.halved, panel.free).flexibility()
-
     def settings(self, panel: Panel) -> HexSettings:
         """The hexahedra of a panel."""
         return self.reduction.hexahedra if panel.foot else self._bare(panel)
@@ -186,7 +179,6 @@ class PlateModel:
     def __init__(self, design: Design, reductions: Reductions, bytes_each: float = 0.0) -> None:
         self.tiling = tile(design, reductions.reduction.max_edge_m)
         self.reductions = reductions
-        self._residuals: dict[int, FloatArray] = {}
         mirrored = self.tiling.mirrored
         self._panels: dict[Signature, Panel] = {}
         for place in self.tiling.representatives(not mirrored):
@@ -215,18 +207,6 @@ class PlateModel:
     def pencil(self, symmetry: str | None) -> PlainPencil:
         """K and M of one symmetry class."""
         return self.assembled(symmetry).pencil()
-
-    def residual_flexibility(self, cell: Cell) -> FloatArray:
-        """What a cell's own degrees of freedom lack of the static displacements per force at the points of its `bare`,
-        (3 p, 3 p), scaled: the flexibility of the fixed-interface modes left out (macneal1971).
-        """
-        if id(cell) not in self._residuals:
-            panel = next(self._panels[name] for name, each in self.cells.items() if each is cell)
-            assert cell.bare is not None
-            modes = cell.bare.matrix.reshape(-1, cell.dof)[:, cell.interface.count :]
-            kept = (modes / np.diag(cell.stiffness)[cell.interface.count :]) @ modes.T
-            self._residuals[id(cell)] = self.reductions.flexibility(panel) - kept
-        return self._residuals[id(cell)]
 
     def mode_errors(self, symmetry: str | None, pencil: SymmetricPencil, vectors: FloatArray) -> ModeErrors:
         """How far the reduction may put each of these modes of the class's pencil too high."""

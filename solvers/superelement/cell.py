@@ -443,32 +443,6 @@ class CellBuilder:
         """Points in one order, each once though a mirror holds it twice."""
         return np.asarray(np.unique(np.round(points / (SAME * self.thickness)), axis=0, return_index=True)[1])
 
-    def flexibility(self) -> FloatArray:
-        """Static displacements at the points of `Cell.bare` per force there, the boundary clamped, (3 p, 3 p), scaled."""
-        nodes = self._bare_nodes()
-        dofs = (3 * nodes[:, None] + np.arange(3)).ravel()
-        images = [np.array([*image, 1.0]) for image in product((1.0, -1.0), repeat=2)]
-        images = [image for image in images if all(image[axis] > 0.0 or axis in self.halved for axis in range(2))]
-        total = np.zeros((len(images) * len(dofs),) * 2)
-        for signs in product((1, -1), repeat=len(self.halved)):
-            own = dict(zip(self.halved, signs, strict=True))
-            pencil = constrain(self.system, self._inside(own))
-            free = np.flatnonzero(pencil.free)
-            _, inside, held = np.intersect1d(free, dofs, assume_unique=True, return_indices=True)
-            load, answer = np.zeros((len(free), len(inside))), np.zeros((len(dofs),) * 2)
-            load[inside, np.arange(len(inside))] = 1.0
-            answer[np.ix_(held, held)] = _static(pencil)[1].solve(load)[inside] / self.copies
-            turns = np.concatenate(
-                [
-                    np.prod([sign for axis, sign in own.items() if image[axis] < 0.0]) * np.tile(image, len(nodes))
-                    for image in images
-                ]
-            )
-            total += turns[:, None] * np.tile(answer, (len(images), len(images))) * turns
-        first = self._once(np.concatenate([self.system.mesh.nodes[nodes] * image for image in images]))
-        kept = (3 * first[:, None] + np.arange(3)).ravel()
-        return np.asarray(total[np.ix_(kept, kept)])
-
     def _at_nodes(
         self, nodes: IntArray, parts: list[SymmetryClass], places: list[FloatArray]
     ) -> tuple[FloatArray, FloatArray]:

@@ -69,6 +69,11 @@ class AssembledPlate:
         copies = self.grid.copies(i, j)
         return PlacedCell(self.grid.cell(i, j), panel.middle, number[dofs], sign[dofs], copies)
 
+    @property
+    def cells(self) -> list[Cell]:
+        """The different cells."""
+        return list({id(placed_cell.cell): placed_cell.cell for placed_cell in self.placed_cells}.values())
+
     def pencil(self) -> PlainPencil:
         """K and M of the class, per whole plate."""
         stiffness, mass = self.of_cells(lambda cell: cell.stiffness), self.of_cells(lambda cell: cell.mass)
@@ -81,7 +86,7 @@ class AssembledPlate:
 
     def of_cells(self, matrix: Callable[[Cell], FloatArray]) -> sp.csc_array:
         """The cells' matrices (cell dof, cell dof) summed over the plate, (dof, dof), without entries of rounding alone."""
-        known = {id(cell): _entries(matrix(cell)) for cell in {id(p.cell): p.cell for p in self.placed_cells}.values()}
+        known = {id(cell): _entries(matrix(cell)) for cell in self.cells}
         rows, columns, values = [], [], []
         for placed_cell in self.placed_cells:
             row, column, value = known[id(placed_cell.cell)]
@@ -166,9 +171,10 @@ class Grid:
 
     def cell(self, i: int, j: int) -> Cell:
         """The reduction of panel (i, j); that of its mirror image for panels on the negative sides of a mirrored plate."""
-        return self.cells[signature(self.tiling.panel(*self._positive(i, j)))]
+        return self.cells[signature(self.tiling.panel(*self.positive(i, j)))]
 
-    def _positive(self, i: int, j: int) -> tuple[int, int]:
+    def positive(self, i: int, j: int) -> tuple[int, int]:
+        """The panel whose reduction serves (i, j): its image where x, y > 0, itself on a plate without mirrors."""
         if self.whole:
             return i, j
         return max(i, self.nx - 1 - i), max(j, self.ny - 1 - j)

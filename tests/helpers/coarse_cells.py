@@ -7,9 +7,11 @@ import pytest
 from geometry.hex.boxes import HexSettings
 from pipeline.models import unit_cell
 from pipeline.planning import mesh_rules
+from solvers.piezo import patch as piezo_patch
 
 COARSE = HexSettings(order=3, size_m=4e-3, layers=1, factor=0.15, pillar_size_m=6.3e-3)
 COARSEST = HexSettings(order=3, size_m=4e-3, layers=0, factor=0.15, pillar_size_m=6.3e-3)  # tells no error of its own
+COARSEST_PATCH = HexSettings(order=2, size_m=4e-3, layers=1, factor=0.15)
 
 
 class NoCache:
@@ -23,8 +25,9 @@ class NoCache:
 
 
 def mesh_coarsest(patch: pytest.MonkeyPatch) -> None:
-    """Every panel of every plate on the fewest elements, and kept like any other."""
+    """Every panel and patch of every plate on the fewest elements, and panels kept like any other."""
     patch.setattr(mesh_rules, "cell_mesh", lambda design, level: COARSEST)
+    patch.setattr(piezo_patch, "MESH", COARSEST_PATCH)
 
 
 def put_in(patch: pytest.MonkeyPatch, mesh: HexSettings = COARSE) -> None:

@@ -22,7 +22,7 @@ from solvers.control.resonance import half_power_quality
 from solvers.fem.assembly import assemble
 from solvers.piezo.circuit import circuit_shift, open_modes
 from solvers.piezo.forced import Drive, ForcedPlate
-from solvers.piezo.patch import _mesh, bonded_patch
+from solvers.piezo.patch import MESH, _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
@@ -47,7 +47,7 @@ THICK_M = 0.2e-3
 def cantilever(material: PiezoMaterial) -> tuple[float, float]:
     """First frequency in Hz, short and open, of metal and ceramic as solids that share their nodes, all of one end held."""
     box = np.array([0.0, LENGTH_M, 0.0, NARROW_M])
-    above = _mesh(box, CERAMIC_M, ELEMENT_M)
+    above = _mesh(box, CERAMIC_M, HexSettings(2, ELEMENT_M, 0), True)
     x, y = (np.unique(np.round(above.nodes[:, axis], 12))[::2] for axis in (0, 1))
     region = np.zeros((len(x) - 1, len(y) - 1, 1), dtype=np.int64)
     below = hex_mesh(Boxes(x, y, np.array([0.0, METAL_M]), region, ("metal",)), 2)
@@ -111,7 +111,9 @@ def joined(metal: Material) -> dict:
 def covered(pair: Pair, back: bool = True, circuit: str = "short") -> ForcedPlate:
     """A free strip with one patch over a whole face."""
     box = np.array([-FREE.length_m / 2, FREE.length_m / 2, -FREE.width_m / 2, FREE.width_m / 2])
-    plate = PatchedPlate(joined(pair.metal), [bonded_patch(pair.ceramic, box, THICK_M, back, 5e-3)], back)
+    plate = PatchedPlate(
+        joined(pair.metal), [bonded_patch(pair.ceramic, box, THICK_M, back, replace(MESH, size_m=5e-3))], back
+    )
     hz = free_even_hz(section(pair), FREE.length_m, 1, False)
     return ForcedPlate(plate, FREE, Drive((0,), (), (0.8 * hz, 1.25 * hz), 500.0, circuit))
 

@@ -16,9 +16,10 @@ from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
 from solvers.errors import SolverError
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
+from solvers.piezo.beneath import Beneath
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import _matrices, _mesh, bonded_patch
-from solvers.piezo.patched_plate import CLASSES, PatchedPlate, coupled_classes
+from solvers.piezo.patched_plate import CLASSES, PatchedPlate, _bond, coupled_classes
 from solvers.superelement.bond import Contact, displacement_at
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
@@ -43,6 +44,9 @@ def model() -> PlateModel:
     return PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, None, reduction))
 
 
+COARSE = HexSettings(2, 4e-3, 1, 0.15)  # of a patch
+
+
 def joined() -> dict:
     return {symmetry: model().assembled(symmetry) for symmetry in CLASSES}
 
@@ -64,9 +68,9 @@ def conforming(box: np.ndarray) -> np.ndarray:
 
 
 def test_a_free_patch_strains_by_d31_and_has_the_free_capacitance() -> None:
-    mesh = _mesh(np.array([0.0, 12e-3, 0.0, 3e-3]), 0.3e-3, 2e-3)
+    mesh = _mesh(np.array([0.0, 12e-3, 0.0, 3e-3]), 0.3e-3, HexSettings(2, 2e-3, 0), True)
     stiffness, mass, theta, clamped = _matrices(mesh, PZ26, 0.3e-3)
-    u = np.linalg.lstsq(stiffness, theta, rcond=1e-12)[0]
+    u = np.linalg.lstsq(stiffness.toarray(), theta, rcond=1e-12)[0]
     moved = u.reshape(-1, 3)
     assert np.ptp(moved[:, 0]) / 12e-3 == pytest.approx(-PZ26.d31 / 0.3e-3, rel=1e-9)
     assert np.ptp(moved[:, 2]) / 0.3e-3 == pytest.approx(PZ26.d33 / 0.3e-3, rel=1e-9)
@@ -245,20 +249,46 @@ def test_a_patched_plate_has_the_same_modes_by_classes_and_as_a_whole() -> None:
     every = []
     for plates in ({symmetry: made.assembled(symmetry) for symmetry in CLASSES}, {WHOLE: made.assembled(None)}):
         patch = bonded_patch(PZ26, MIDDLE[0], THICK_M, True)
-        plate = PatchedPlate(plates, [patch], True, flexibility=made.residual_flexibility)
+        plate = PatchedPlate(plates, [patch], True, beneath=Beneath(made.reductions))
         modes = [modes_in_band(group.pencil, *BAND_HZ).frequency_hz for group in plate.everything]
         every.append(np.sort(np.concatenate(modes)))
     assert len(every[0]) == len(every[1]) > 2
     assert np.abs(every[0] / every[1] - 1.0).max() < 1e-8
 
 
+def test_a_patchs_image_is_felt_as_if_it_were_bonded_there() -> None:
+    """The image's loads and stiffness are turned round; here both are bonded by themselves, the panels seen in mirrors."""
+    made, beneath = across_the_mirror(), Beneath(across_the_mirror().reductions)
+    plates = {symmetry: made.assembled(symmetry) for symmetry in CLASSES}
+    patch = bonded_patch(PZ26, np.array([-9e-3, -3.5e-3, -5e-3, -1.5e-3]), THICK_M, True, COARSE)
+    plate = PatchedPlate(plates, [patch], True, beneath=beneath, at_hz=30e3)
+    alone = _bond(patch, plates["SS"], True, plate.scale, plate.eigenvalue, beneath)
+    for part, own in zip(plate.bonds[0].parts, alone.parts, strict=True):
+        for symmetry in CLASSES:
+            image, there = (displacement_at(plates[symmetry], each.contact).T for each in (part, own))
+            assert np.allclose(image @ part.load, there @ own.load, atol=1e-9 * np.abs(there @ own.load).max())
+            stiff = there @ own.stiffness @ there.T
+            assert np.abs(image @ part.stiffness @ image.T - stiff).max() < 1e-9 * np.abs(stiff).max()
+
+
+def test_what_panels_lack_beneath_a_patch_is_less_with_more_modes() -> None:
+    """And positive, on finer elements than the panels' own as on coarser ones, which lack more than the panels do."""
+    few, many = (plate_of(top_hz, 4e-3) for top_hz in (300e3, 900e3))
+    for mesh in (HexSettings(3, 2e-3, 1, 0.15), COARSE):
+        patch = bonded_patch(PZ26, np.array([-2e-3, 2e-3, -1e-3, 1e-3]), THICK_M, True, mesh)
+        lacking = [Beneath(each.reductions).flexibility(each.assembled("SS"), patch, True) for each in (few, many)]
+        most = [np.linalg.eigvalsh(each) for each in lacking]
+        assert all(values[0] > -1e-12 * values[-1] for values in most)
+        assert most[1][-1] < most[0][-1]
+
+
 def test_a_bonded_patch_is_held_as_softly_as_by_the_whole_solid() -> None:
     """The solid's coarse mesh lies 0.2 to 0.4 % above a finer one; without the panels' own flexibility ours does so, too."""
     box, made = MIDDLE[0], plate_of(300e3, 4e-3)
     solid, errors = conforming(box), []
-    for flexibility in (made.residual_flexibility, None):
+    for beneath in (Beneath(made.reductions), None):
         plates = {symmetry: made.assembled(symmetry) for symmetry in CLASSES}
-        plate = PatchedPlate(plates, [bonded_patch(PLAIN, box, THICK_M, True)], True, flexibility=flexibility)
+        plate = PatchedPlate(plates, [bonded_patch(PLAIN, box, THICK_M, True)], True, beneath=beneath)
         mine = [modes_in_band(group.pencil, *BAND_HZ).frequency_hz for group in plate.everything]
         errors.append(np.sort(np.concatenate(mine)) / solid - 1.0)
     soft, stiff = errors

@@ -1,0 +1,217 @@
+"""How a plate of reduced panels gives way beneath a patch more than its own degrees of freedom tell.
+
+F = N K^-1 N' - E K_r^-1 E': static displacements per force of the bonded face on a fine mesh of all panels beneath the patch,
+graded towards its edges, less the same of those panels' reduced matrices, both with the border around these panels clamped
+(macneal1971). What the patch does to them beyond that border the reduced plate itself tells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import cho_factor, cho_solve, eigh
+
+from geometry.elements import FloatArray, IntArray
+from geometry.hex.boxes import bonded_boxes, hex_mesh
+from geometry.layout import Pillar, Stand
+from geometry.materials import Material
+from solvers.fem.coarser import Shares, rim_shares
+from solvers.fem.constraints import constrain, free_mask
+from solvers.fem.factor.factoriser import Factoriser
+from solvers.piezo.patch import BondedPatch
+from solvers.superelement.bond import SAME_M, grid_weights, on_face
+from solvers.superelement.build import Reductions
+from solvers.superelement.interface import SIDES, VERTICES
+from solvers.superelement.plate import AssembledPlate, Grid
+
+COLUMNS = 240  # of forces solved for at once
+ROUGH = 0.35  # of the share: one radial function stands for both bodies at all edges and corners of a patch
+
+
+@dataclass
+class Beneath:
+    """Flexibility beneath the patches of one plate; places alike are computed once."""
+
+    reductions: Reductions
+    _known: dict[str, FloatArray] = field(default_factory=dict)
+
+    def flexibility(self, plate: AssembledPlate, patch: BondedPatch, back: bool) -> FloatArray:
+        """F at the nodes of a patch's bonded face, (3 b, 3 b), in the plate's scale. Raises SolverError for a panel that
+        carries a pillar there.
+        """
+        panels = _Panels.beneath(plate.grid, patch.box_m, self.reductions.thickness_m)
+        lacking = self._fine(panels, patch, back) - _reduced(panels, patch, back)
+        values, vectors = eigh((lacking + lacking.T) / 2.0)
+        more = values > 0.0  # panels meshed finer than their patch lack nothing of it
+        return np.asarray((vectors[:, more] * values[more]) @ vectors[:, more].T)
+
+    def shares(self, patch: BondedPatch) -> Shares:
+        """What of the mesh's error beneath a patch the mesh without its innermost layer tells."""
+        ceramic = patch.material
+        alike = Material(ceramic.name, 1.0 / ceramic.s11, ceramic.density_kg_m3, -ceramic.s12 / ceramic.s11)
+        shares = rim_shares(self.reductions.material, alike, patch.mesh)
+        return replace(shares, spread=shares.spread + ROUGH * shares.taken)
+
+    def _fine(self, panels: _Panels, patch: BondedPatch, back: bool) -> FloatArray:
+        span, middle = panels.span_m, panels.middle_m
+        stands = panels.stands(self.reductions.pillar)
+        place = [np.round(each, 9).tolist() for each in (span, patch.box_m - np.repeat(middle, 2))]
+        key = repr((place, [(each.pillar, each.centres.round(9).tolist()) for each in stands], back, patch.mesh))
+        if key not in self._known:
+            self._known[key] = self._static(panels, stands, patch, back)
+        return self._known[key]
+
+    def _static(self, panels: _Panels, stands: tuple[Stand, ...], patch: BondedPatch, back: bool) -> FloatArray:
+        mesh_of, middle, thickness = patch.mesh, panels.middle_m, self.reductions.thickness_m
+        box = patch.box_m - np.repeat(middle, 2)
+        mesh = hex_mesh(bonded_boxes(panels.span_m, thickness, stands, box, back, mesh_of), mesh_of.order)
+        system = self.reductions.system(mesh)
+        pencil = constrain(system, free_mask(mesh, panels.clamped))
+        on = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (thickness if back else 0.0)) < SAME_M)
+        means = patch.projection @ grid_weights(mesh.nodes[on, :2], mesh_of.order, patch.points - middle)
+        forces = np.zeros((3 * len(mesh.nodes), 3 * len(means)))
+        for axis in range(3):
+            forces[3 * on[:, None] + axis, 3 * np.arange(len(means)) + axis] = means.T
+        loads = sp.csr_array(forces[np.flatnonzero(pencil.free)])
+        factor = Factoriser()(sp.csc_array(pencil.stiffness))
+        parts = np.array_split(np.arange(loads.shape[1]), -(-loads.shape[1] // COLUMNS))
+        return np.hstack([loads.T @ factor.solve(loads[:, part].toarray()) for part in parts])
+
+
+@dataclass(frozen=True)
+class _Panels:
+    """A rectangle of the whole plate's panels: columns and rows (first, last), both included."""
+
+    grid: Grid
+    columns: tuple[int, int]
+    rows: tuple[int, int]
+
+    @classmethod
+    def beneath(cls, grid: Grid, box_m: FloatArray, reach_m: float) -> _Panels:
+        """The panels that a box touches, and bare ones within a reach around it, where it is still felt."""
+        feet = grid.tiling.feet
+        sides = zip((grid.tiling.x, grid.tiling.y), box_m.reshape(2, 2), strict=True)
+        (left, right), (low, high) = (_between(lines, ends, 0.0) for lines, ends in sides)
+        sides = zip((grid.tiling.x, grid.tiling.y), box_m.reshape(2, 2), strict=True)
+        (far_left, far_right), (far_low, far_high) = (_between(lines, ends, reach_m) for lines, ends in sides)
+        while left > far_left and not any((left - 1, j) in feet for j in range(low, high + 1)):
+            left -= 1
+        while right < far_right and not any((right + 1, j) in feet for j in range(low, high + 1)):
+            right += 1
+        while low > far_low and not any((i, low - 1) in feet for i in range(left, right + 1)):
+            low -= 1
+        while high < far_high and not any((i, high + 1) in feet for i in range(left, right + 1)):
+            high += 1
+        return cls(grid, (left, right), (low, high))
+
+    @property
+    def places(self) -> list[tuple[int, int]]:
+        """Their numbers along x and y."""
+        columns, rows = (range(first, last + 1) for first, last in (self.columns, self.rows))
+        return list(product(columns, rows))
+
+    @property
+    def _ends(self) -> FloatArray:
+        tiling = self.grid.tiling
+        pairs = zip((tiling.x, tiling.y), (self.columns, self.rows), strict=True)
+        return np.array([end for lines, (first, last) in pairs for end in (lines[first], lines[last + 1])])
+
+    @property
+    def middle_m(self) -> FloatArray:
+        """The middle of all of them, (2,)."""
+        return np.asarray(self._ends.reshape(2, 2).mean(axis=1))
+
+    @property
+    def span_m(self) -> FloatArray:
+        """x0, x1, y0, y1 from that middle."""
+        return np.asarray(self._ends - np.repeat(self.middle_m, 2))
+
+    @property
+    def clamped(self) -> tuple[str, ...]:
+        """Sides held: those where panels go on; all of them where the whole plate is meant, which nothing would hold."""
+        last = (self.grid.nx - 1, self.grid.ny - 1)
+        inner = [
+            side
+            for side, own, end in zip(SIDES, (*self.columns, *self.rows), (0, last[0], 0, last[1]), strict=True)
+            if own != end
+        ]
+        return tuple(inner) or SIDES
+
+    def stands(self, pillar: Pillar | None) -> tuple[Stand, ...]:
+        """The pillars on them, from their middle."""
+        feet = self.grid.tiling.feet
+        carrying = [place for place in self.places if place in feet]
+        kinds: dict[Pillar | None, list[tuple[float, float]]] = {}
+        for place in carrying:
+            kinds.setdefault(self.grid.tiling.panel(*place).pillar or pillar, []).append(feet[place])
+        return tuple(Stand(kind, np.array(centres) - self.middle_m) for kind, centres in kinds.items() if kind)
+
+    def held(self, i: int, j: int) -> IntArray:
+        """Boundary degrees of freedom of panel (i, j), in its own order, on the sides that are held."""
+        at = dict(
+            zip(SIDES, (i == self.columns[0], i == self.columns[1], j == self.rows[0], j == self.rows[1]), strict=True)
+        )
+        sides = {side for side in self.clamped if at[side]}
+        face = self.grid.interface
+        found = [face.side(SIDES.index(side)) for side in sides]
+        for index, (x, y) in enumerate(VERTICES):
+            if sides & {"x+" if x > 0 else "x-", "y+" if y > 0 else "y-"}:
+                found.append(face.vertex(index))
+        return np.concatenate(found) if found else np.empty(0, dtype=np.int64)
+
+
+def _between(lines: FloatArray, ends: FloatArray, reach_m: float) -> tuple[int, int]:
+    """First and last interval that a span widened by a reach overlaps."""
+    first = int(np.searchsorted(lines, ends[0] - reach_m + SAME_M, side="right")) - 1
+    last = int(np.searchsorted(lines, ends[1] + reach_m - SAME_M, side="left")) - 1
+    return max(first, 0), min(last, len(lines) - 2)
+
+
+def _reduced(panels: _Panels, patch: BondedPatch, back: bool) -> FloatArray:
+    """E K_r^-1 E' of the panels' reduced matrices, (3 b, 3 b)."""
+    grid = panels.grid
+    dofs = [grid.dofs(i, j) for i, j in panels.places]
+    known, place = np.unique(np.concatenate(dofs), return_inverse=True)
+    places = np.split(place, np.cumsum([len(each) for each in dofs])[:-1])
+    stiffness, moved = np.zeros((len(known),) * 2), np.zeros((3 * len(patch.projection), len(known)))
+    free, left = np.ones(len(known), dtype=bool), np.ones(len(patch.points), dtype=bool)
+    for (i, j), own in zip(panels.places, places, strict=True):
+        cell, mirrors = grid.cell(i, j), _mirrors(grid, i, j)
+        turn = _turned(grid, i, j, mirrors)
+        stiffness[np.ix_(own, own)] += turn.T @ cell.stiffness @ turn
+        free[own[panels.held(i, j)]] = False
+        flip = np.where(mirrors, -1.0, 1.0)
+        local = (patch.points - np.array(grid.tiling.panel(i, j).middle)) * flip
+        inside = left & (np.abs(local) <= np.array(cell.size_m[:2]) / 2.0 + SAME_M).all(axis=1)
+        left &= ~inside
+        if inside.any():
+            nodes, weights = on_face(cell, local[inside], back)
+            assert cell.bare is not None
+            field = np.tensordot(patch.projection[:, inside] @ weights, cell.bare.matrix[nodes], axes=1)
+            field *= np.array([*flip, 1.0])[:, None]
+            moved[:, own] += field.reshape(len(moved), -1) @ turn
+    free &= np.diag(stiffness) > 0.0  # functions of free sides carry nothing
+    own_k, own_e = stiffness[np.ix_(free, free)], moved[:, free]
+    return np.asarray(own_e @ cho_solve(cho_factor((own_k + own_k.T) / 2.0), own_e.T))
+
+
+def _mirrors(grid: Grid, i: int, j: int) -> tuple[bool, bool]:
+    """Along which axes panel (i, j) is the image of the one that was reduced."""
+    image = grid.positive(i, j)
+    return image[0] != i, image[1] != j
+
+
+def _turned(grid: Grid, i: int, j: int, mirrors: tuple[bool, bool]) -> FloatArray:
+    """From the degrees of freedom of panel (i, j) to those of its image that was reduced, (dof, dof)."""
+    cell, face = grid.cell(i, j), grid.interface
+    turn = np.eye(cell.dof)
+    for axis in np.flatnonzero(mirrors):
+        where, sign = face.mirror(int(axis))
+        one = np.eye(cell.dof)
+        one[: face.count, : face.count] = 0.0
+        one[where, np.arange(face.count)] = sign
+        turn = one @ turn
+    return turn
