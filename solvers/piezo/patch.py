@@ -21,7 +21,7 @@ from geometry.piezo_materials import PiezoMaterial
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.surface import face_quadrature
 
-MESH = HexSettings(3, 2e-3, 1, 0.15)  # along the patch an eighth of a half-wavelength of 15 mm, shorter at its edges
+MESH = HexSettings(3, 4e-3, 1, 0.15)  # along the patch a quarter of a half-wavelength of 15 mm, shorter at its edges
 VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
