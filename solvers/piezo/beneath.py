@@ -59,7 +59,8 @@ class Beneath:
         span, middle = panels.span_m, panels.middle_m
         stands = panels.stands(self.reductions.pillar)
         place = [np.round(each, 9).tolist() for each in (span, patch.box_m - np.repeat(middle, 2))]
-        key = repr((place, [(each.pillar, each.centres.round(9).tolist()) for each in stands], back, patch.mesh))
+        feet = [(each.pillar, each.centres.round(9).tolist()) for each in stands]
+        key = repr((place, feet, panels.clamped, back, patch.mesh))
         if key not in self._known:
             self._known[key] = self._static(panels, stands, patch, back)
         return self._known[key]

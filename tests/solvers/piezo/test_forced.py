@@ -282,6 +282,25 @@ def test_what_panels_lack_beneath_a_patch_is_less_with_more_modes() -> None:
         assert most[1][-1] < most[0][-1]
 
 
+def test_what_is_told_of_a_patch_at_the_plates_free_end_does_not_stand_for_one_inside() -> None:
+    """Panels alike, the patch at the same place on them; asked one after another, and each by itself."""
+    made = plate_of(300e3, 4e-3)
+    plate, lines, beneath = made.assembled("SS"), made.tiling.x, Beneath(made.reductions)
+    width, half = lines[-1] - lines[-2], THICK_M
+    boxes = [
+        np.array([middle - half, middle + half, -1e-3, 1e-3]) for middle in (lines[-1] - width, lines[-1] - 2.0 * width)
+    ]
+    ours = [beneath.flexibility(plate, bonded_patch(PZ26, box, THICK_M, True, COARSE), True) for box in boxes]
+    alone = [
+        Beneath(made.reductions).flexibility(plate, bonded_patch(PZ26, box, THICK_M, True, COARSE), True)
+        for box in boxes
+    ]
+    assert all(
+        np.allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
+        for one, other in zip(ours, alone, strict=True)
+    )
+
+
 def test_a_bonded_patch_is_held_as_softly_as_by_the_whole_solid() -> None:
     """The solid's coarse mesh lies 0.2 to 0.4 % above a finer one; without the panels' own flexibility ours does so, too."""
     box, made = MIDDLE[0], plate_of(300e3, 4e-3)
