@@ -198,17 +198,17 @@ def _warn_of_wanted(forced_response: Response, log: Log) -> None:
 
 def lines(forced_response: Response) -> list[str]:
     """Describe the response in words: the wanted mode's peak, and the highest peak where it is another."""
-    forced = forced_response.forced
-    said = [_summary("wanted mode's peak", forced_response.wanted, forced)] if forced_response.wanted else []
-    return said if forced_response.same else [*said, _summary("highest peak", forced_response.highest, forced)]
+    record = forced_response.record
+    said = [_summary("wanted mode's peak", record.wanted_peak)] if record.wanted_peak else []
+    return said if forced_response.same else [*said, _summary("highest peak", record.highest_peak)]
 
 
-def _summary(name: str, peak: Peak, forced: ForcedPlate) -> str:
+def _summary(name: str, peak: PeakRecord) -> str:
     confinement_text = "" if peak.confinement_db is None else f", {peak.confinement_db:.1f} dB above the passive face"
     quality = "none" if peak.quality is None else f"{peak.quality:.0f}"
-    error = height_error(forced, peak.frequency_hz)
+    error = peak.height_error
     bar = "its error is not known" if error is None else f"\u00b1 {error:.1%} by the mesh, the damping given"
     return (
-        f"{name} at {peak.frequency_hz:.1f} Hz: {1e9 * peak.zone_rms:.2f} nm/V rms on the zone ({bar}){confinement_text}; "
+        f"{name} at {peak.frequency_hz:.1f} Hz: {peak.zone_nm_per_V:.2f} nm/V rms on the zone ({bar}){confinement_text}; "
         f"quality factor from the curve: {quality}"
     )

@@ -22,7 +22,7 @@ from solvers.fem.coarser import Shares, rim_shares
 from solvers.fem.constraints import constrain, free_mask
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.piezo.patch import BondedPatch
-from solvers.superelement.bond import SAME_M, grid_weights, on_face
+from solvers.superelement.bond import SAME_M, Contact, grid_weights, held_panels
 from solvers.superelement.build import Reductions
 from solvers.superelement.interface import SIDES, VERTICES
 from solvers.superelement.plate import AssembledPlate, Grid
@@ -43,7 +43,7 @@ class Beneath:
         carries a pillar there.
         """
         panels = _Panels.beneath(plate.grid, patch.box_m, self.reductions.thickness_m)
-        lacking = self._fine(panels, patch, back) - _reduced(panels, patch, back)
+        lacking = self._fine(panels, patch, back) - _reduced(panels, plate, patch, back)
         values, vectors = eigh((lacking + lacking.T) / 2.0)
         more = values > 0.0  # panels meshed finer than their patch lack nothing of it
         return np.asarray((vectors[:, more] * values[more]) @ vectors[:, more].T)
@@ -93,18 +93,22 @@ class _Panels:
     @classmethod
     def beneath(cls, grid: Grid, box_m: FloatArray, reach_m: float) -> _Panels:
         """The panels that a box touches, and bare ones within a reach around it, where it is still felt."""
-        feet = grid.tiling.feet
-        sides = zip((grid.tiling.x, grid.tiling.y), box_m.reshape(2, 2), strict=True)
-        (left, right), (low, high) = (_between(lines, ends, 0.0) for lines, ends in sides)
-        sides = zip((grid.tiling.x, grid.tiling.y), box_m.reshape(2, 2), strict=True)
-        (far_left, far_right), (far_low, far_high) = (_between(lines, ends, reach_m) for lines, ends in sides)
-        while left > far_left and not any((left - 1, j) in feet for j in range(low, high + 1)):
+
+        def spans(reach: float) -> list[tuple[int, int]]:
+            sides = zip((grid.tiling.x, grid.tiling.y), box_m.reshape(2, 2), strict=True)
+            return [_between(lines, ends, reach) for lines, ends in sides]
+
+        def bare(columns: tuple[int, int], rows: tuple[int, int]) -> bool:
+            return not any(place in grid.tiling.feet for place in cls(grid, columns, rows).places)
+
+        ((left, right), (low, high)), ((first, last), (lowest, highest)) = spans(0.0), spans(reach_m)
+        while left > first and bare((left - 1, left - 1), (low, high)):
             left -= 1
-        while right < far_right and not any((right + 1, j) in feet for j in range(low, high + 1)):
+        while right < last and bare((right + 1, right + 1), (low, high)):
             right += 1
-        while low > far_low and not any((i, low - 1) in feet for i in range(left, right + 1)):
+        while low > lowest and bare((left, right), (low - 1, low - 1)):
             low -= 1
-        while high < far_high and not any((i, high + 1) in feet for i in range(left, right + 1)):
+        while high < highest and bare((left, right), (high + 1, high + 1)):
             high += 1
         return cls(grid, (left, right), (low, high))
 
@@ -171,48 +175,42 @@ def _between(lines: FloatArray, ends: FloatArray, reach_m: float) -> tuple[int, 
     return max(first, 0), min(last, len(lines) - 2)
 
 
-def _reduced(panels: _Panels, patch: BondedPatch, back: bool) -> FloatArray:
+def _reduced(panels: _Panels, plate: AssembledPlate, patch: BondedPatch, back: bool) -> FloatArray:
     """E K_r^-1 E' of the panels' reduced matrices, (3 b, 3 b)."""
     grid = panels.grid
     dofs = [grid.dofs(i, j) for i, j in panels.places]
-    known, place = np.unique(np.concatenate(dofs), return_inverse=True)
-    places = np.split(place, np.cumsum([len(each) for each in dofs])[:-1])
+    known, number = np.unique(np.concatenate(dofs), return_inverse=True)
+    places = np.split(number, np.cumsum([len(each) for each in dofs])[:-1])
+    turned = {place: _turned(grid, *place) for place in panels.places}
     stiffness, moved = np.zeros((len(known),) * 2), np.zeros((3 * len(patch.projection), len(known)))
-    free, left = np.ones(len(known), dtype=bool), np.ones(len(patch.points), dtype=bool)
-    for (i, j), own in zip(panels.places, places, strict=True):
-        cell, mirrors = grid.cell(i, j), _mirrors(grid, i, j)
-        turn = _turned(grid, i, j, mirrors)
-        stiffness[np.ix_(own, own)] += turn.T @ cell.stiffness @ turn
-        free[own[panels.held(i, j)]] = False
-        flip = np.where(mirrors, -1.0, 1.0)
-        local = (patch.points - np.array(grid.tiling.panel(i, j).middle)) * flip
-        inside = left & (np.abs(local) <= np.array(cell.size_m[:2]) / 2.0 + SAME_M).all(axis=1)
-        left &= ~inside
-        if inside.any():
-            nodes, weights = on_face(cell, local[inside], back)
-            assert cell.bare is not None
-            field = np.tensordot(patch.projection[:, inside] @ weights, cell.bare.matrix[nodes], axes=1)
-            field *= np.array([*flip, 1.0])[:, None]
-            moved[:, own] += field.reshape(len(moved), -1) @ turn
+    free, own = np.ones(len(known), dtype=bool), dict(zip(panels.places, places, strict=True))
+    for place, turn in turned.items():
+        stiffness[np.ix_(own[place], own[place])] += turn.T @ grid.cell(*place).stiffness @ turn
+        free[own[place][panels.held(*place)]] = False
+    for held in held_panels(plate, Contact(patch.points, patch.projection, back)):
+        place = _place(grid, np.array(held.placed_cell.middle) * held.flip)
+        motion = np.tensordot(held.weights, held.matrix(), axes=1) * np.array([*held.flip, 1.0])[:, None]
+        moved[:, own[place]] += motion.reshape(len(moved), -1) @ turned[place]
     free &= np.diag(stiffness) > 0.0  # functions of free sides carry nothing
     own_k, own_e = stiffness[np.ix_(free, free)], moved[:, free]
     return np.asarray(own_e @ cho_solve(cho_factor((own_k + own_k.T) / 2.0), own_e.T))
 
 
-def _mirrors(grid: Grid, i: int, j: int) -> tuple[bool, bool]:
-    """Along which axes panel (i, j) is the image of the one that was reduced."""
-    image = grid.positive(i, j)
-    return image[0] != i, image[1] != j
+def _place(grid: Grid, at_m: FloatArray) -> tuple[int, int]:
+    """The panel that a point lies on."""
+    i, j = (int(np.searchsorted(lines, at)) - 1 for lines, at in zip((grid.tiling.x, grid.tiling.y), at_m, strict=True))
+    return i, j
 
 
-def _turned(grid: Grid, i: int, j: int, mirrors: tuple[bool, bool]) -> FloatArray:
-    """From the degrees of freedom of panel (i, j) to those of its image that was reduced, (dof, dof)."""
+def _turned(grid: Grid, i: int, j: int) -> FloatArray:
+    """From the degrees of freedom of panel (i, j) to those of the one that was reduced, its image or itself, (dof, dof)."""
     cell, face = grid.cell(i, j), grid.interface
     turn = np.eye(cell.dof)
-    for axis in np.flatnonzero(mirrors):
-        where, sign = face.mirror(int(axis))
-        one = np.eye(cell.dof)
-        one[: face.count, : face.count] = 0.0
-        one[where, np.arange(face.count)] = sign
-        turn = one @ turn
+    for axis, (own, image) in enumerate(zip((i, j), grid.positive(i, j), strict=True)):
+        if own != image:
+            where, sign = face.mirror(axis)
+            one = np.eye(cell.dof)
+            one[: face.count, : face.count] = 0.0
+            one[where, np.arange(face.count)] = sign
+            turn = one @ turn
     return turn

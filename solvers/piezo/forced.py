@@ -196,9 +196,8 @@ class ForcedPlate:
         bars = []
         for basis in self.modes:
             inside = (basis.frequency_hz >= low_hz) & (basis.frequency_hz <= high_hz)
-            vectors, plates = basis.columns[:, : len(inside)][:, inside], basis.group.plates
-            parts = np.split(vectors, np.cumsum([plate.dof for plate in plates])[:-1])
-            pairs = zip(plates, parts, strict=True)
+            parts = basis.group.split(basis.columns[:, : len(inside)][:, inside])
+            pairs = zip(basis.group.plates, parts, strict=True)
             bars.append(sum(by_mesh(plate, basis.eigenvalue[inside], part)[1] for plate, part in pairs))
         return largest(np.concatenate(bars)) if bars else None
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from solvers.piezo.forced import ForcedPlate, GroupModes
-from solvers.superelement.plate_error import by_mesh
 
 
 def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
@@ -27,10 +26,9 @@ def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
     if group.inertia is not None:
         lost += abs(value / group.eigenvalue - 1.0) * abs(phi @ group.inertia @ volts)
     given = abs(basis.gain[index] @ volts)
-    plates = np.split(phi[:, None], np.cumsum([plate.dof for plate in group.plates])[:-1])
-    own = np.array([value])
-    mesh = sum(float(by_mesh(plate, own, part)[1][0]) for plate, part in zip(group.plates, plates, strict=True))
-    error = float(lost / given) + 2.0 * mesh if given else float("nan")
+    hz = float(basis.frequency_hz[index])
+    mesh = forced.mesh_error(hz, hz)
+    error = float(lost / given) + 2.0 * mesh if given and mesh is not None else float("nan")
     return error if np.isfinite(error) else None
 
 

@@ -232,8 +232,7 @@ def _bond(
     if beneath is None or not patch.mesh.layers:
         return _Bond((_part(1.0, patch, plate, back, scale, eigenvalue, beneath),))
     shares = beneath.shares(patch)
-    thickness_m = patch.thickness_m
-    coarse = bonded_patch(patch.material, patch.box_m, thickness_m, back, patch.mesh.coarser)
+    coarse = bonded_patch(patch.material, patch.box_m, patch.thickness_m, back, patch.mesh.coarser)
     parts = ((1.0 + shares.taken, patch), (-shares.taken, coarse))
     return _Bond(
         tuple(_part(share, each, plate, back, scale, eigenvalue, beneath) for share, each in parts),

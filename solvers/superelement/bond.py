@@ -35,7 +35,7 @@ def displacement_at(plate: AssembledPlate, contact: Contact) -> sp.csr_array:
     or on a panel that carries a pillar.
     """
     parts = []
-    for held in _held(plate, contact):
+    for held in held_panels(plate, contact):
         placed_cell = held.placed_cell
         signs = _mirror_signs(plate.symmetry, held.flip)[:, None]
         field = signs * np.tensordot(held.weights, held.matrix(), axes=1) * placed_cell.coefficient
@@ -47,7 +47,7 @@ def displacement_at(plate: AssembledPlate, contact: Contact) -> sp.csr_array:
 
 
 @dataclass(frozen=True)
-class _Held:
+class Held:
     """What of a contact lies on one panel of the whole plate: the mirrors (2,) that carry it to the cell assembled, which
     nodes (n,) of its `bare` lie on that face and their weights (b, n) in each mean.
     """
@@ -63,7 +63,7 @@ class _Held:
         return self.placed_cell.cell.bare.matrix[self.nodes]
 
 
-def _held(plate: AssembledPlate, contact: Contact) -> Iterator[_Held]:
+def held_panels(plate: AssembledPlate, contact: Contact) -> Iterator[Held]:
     """A contact panel by panel. A panel on a mirror line is its own image and holds its points as they are."""
     left = np.ones(len(contact.points), dtype=bool)
     for placed_cell in plate.placed_cells:
@@ -74,8 +74,8 @@ def _held(plate: AssembledPlate, contact: Contact) -> Iterator[_Held]:
             inside = left & (np.abs(local) <= half + SAME_M).all(axis=1)
             if inside.any():
                 left &= ~inside
-                nodes, weights = on_face(placed_cell.cell, local[inside], contact.back)
-                yield _Held(placed_cell, flip, nodes, contact.means[:, inside] @ weights)
+                nodes, weights = _on_face(placed_cell.cell, local[inside], contact.back)
+                yield Held(placed_cell, flip, nodes, contact.means[:, inside] @ weights)
     if left.any():
         raise SolverError(f"the point {1e3 * contact.points[left][0]} mm lies outside the plate")
 
@@ -90,7 +90,7 @@ def _mirror_signs(symmetry: str, flip: FloatArray) -> FloatArray:
     return signs
 
 
-def on_face(cell: Cell, local_m: FloatArray, back: bool) -> tuple[IntArray, FloatArray]:
+def _on_face(cell: Cell, local_m: FloatArray, back: bool) -> tuple[IntArray, FloatArray]:
     """Which points of `Cell.bare` lie on a face, (n,), and their weights (p, n) at places (p, 2) by the elements' polynomials.
 
     Raises SolverError where the face carries a pillar or is no tensor grid.
