@@ -248,17 +248,25 @@ def _touched_row(design: str, touch: TouchRecord) -> tuple[str, ...]:
 
 
 def _of_glass(record: Record) -> tuple[str, ...] | None:
-    design, wanted = record.design, record.wanted
+    design = record.design
     if design is None:
         return None
     pillar = design.pillar if design.rows else None
     tip = pillar.heavy_tip if pillar else None
-    bar = f" +- {wanted.confinement_error_db:.1f}" if wanted and wanted.confinement_error_db is not None else ""
     return (
         str(design.rows),
         f"{1e3 * pillar.base_m:g} mm wide, {1e3 * pillar.height_m:g} mm high" if pillar else "none",
         f"{1e3 * tip.side_m:g} mm wide, {1e3 * tip.height_m:g} mm high" if tip else "none",
         f"{1e3 * design.width_m:g} mm",
+        *_mode(record),
+    )
+
+
+def _mode(record: Record) -> tuple[str, str]:
+    """The wanted mode's frequency and how it stands, and its confinement with its bar."""
+    wanted = record.wanted
+    bar = f" +- {wanted.confinement_error_db:.1f}" if wanted and wanted.confinement_error_db is not None else ""
+    return (
         f"{wanted.frequency_hz / 1e3:.2f} kHz, {wanted.status}" if wanted else "none",
         "none" if record.confinement_db is None else f"{record.confinement_db:.1f}{bar} dB",
     )
@@ -303,11 +311,10 @@ def _of_faces(record: Record) -> tuple[str, ...] | None:
     design = record.design
     if design is None or design.pillar is None:
         return None
-    _, *mode = _of_glass(record)[-3:]  # type: ignore[index]
     stopped = record.broadband and record.broadband.stopped_hz
     low, high = (end / 1e3 for end in stopped) if stopped else (0.0, 0.0)
     band = f"{low:.1f} to {high:.1f} kHz, {high - low:.1f} kHz wide" if stopped else "none"
-    return f"{design.rows}", "both" if design.pillar.faces == 2 else "back alone", band, *mode
+    return f"{design.rows}", "both" if design.pillar.faces == 2 else "back alone", band, *_mode(record)
 
 
 def _of_hybrid(record: Record) -> tuple[str, ...] | None:

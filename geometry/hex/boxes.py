@@ -251,7 +251,7 @@ def bonded_boxes(
     for breaks, ends, edges in zip(lines, span_m.reshape(2, 2), box_m.reshape(2, 2), strict=True):
         breaks |= dict.fromkeys(ends.tolist(), False) | {e: True for e in edges.tolist() if ends[0] < e < ends[1]}
     scene = _plate_with_pillars(thickness_m, settings, stands, lines[0], lines[1])
-    return boxes_of(replace(scene, z={0.0: not back, thickness_m: back or bool(stands)}))
+    return boxes_of(replace(scene, z=scene.z | {thickness_m if back else 0.0: True}))
 
 
 def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> Scene:

@@ -13,7 +13,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from solvers.errors import SolverError
 from solvers.piezo.forced import ForcedPlate
-from solvers.piezo.point import normal_motion
+from solvers.piezo.point import face_motion
 from solvers.shaping.modal_table import ModalTable
 
 
@@ -54,7 +54,7 @@ def plate_table(
 
 def motion_at(forced: ForcedPlate, points_m: FloatArray) -> list[FloatArray]:
     """u_z at points (p, 2) of the touch face per unit of each column, group by group."""
-    return [np.asarray(normal_motion(basis.group, points_m) @ basis.columns) for basis in forced.modes]
+    return [np.asarray(face_motion(basis.group, points_m) @ basis.columns) for basis in forced.modes]
 
 
 def _motion(forced: ForcedPlate, known: list[FloatArray], eigenvalue: float) -> tuple[FloatArray, FloatArray]:

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import acos, cos, pi, sin
-from typing import Any
 
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
 from solvers.piezo.forced import ForcedPlate
-from solvers.superelement.bond import Contact, displacement_at
+from solvers.piezo.point import face_motion
 
 MAX_WAVE_SHARE = 0.5  # of a wave, the widest contact that crests and troughs do not share
 
@@ -44,14 +43,13 @@ def crest_motion(along_m: ComplexArray, normal_m: ComplexArray, frequency_hz: fl
 
 def motion_along(forced: ForcedPlate, points_m: FloatArray, frequency_hz: float) -> ComplexArray:
     """u_x per volt of drive of a plate at points (p, 2) in m of its touch face, (p,)."""
-    contact = Contact(points_m, np.eye(len(points_m)), back=False)
     eigenvalue = forced.plate.scale.eigenvalue(frequency_hz)
-    total = np.zeros(len(points_m), dtype=complex)
-    for basis in forced.modes:
-        moved: Any = basis.columns @ basis.amplitudes(eigenvalue, forced.loss, forced.volts(eigenvalue))
-        for plate, part in zip(basis.group.plates, basis.group.split(moved), strict=True):
-            total += displacement_at(plate, contact)[0::3] @ part
-    return total
+    volts = forced.volts(eigenvalue)
+    moved = [
+        face_motion(basis.group, points_m, 0) @ (basis.columns @ basis.amplitudes(eigenvalue, forced.loss, volts))
+        for basis in forced.modes
+    ]
+    return np.asarray(np.sum(moved, axis=0), dtype=complex)
 
 
 def contact_half_angle(load: float) -> float:

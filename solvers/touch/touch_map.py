@@ -14,7 +14,7 @@ import scipy.linalg
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from solvers.piezo.patched_plate import Group
-from solvers.piezo.point import normal_motion
+from solvers.piezo.point import face_motion
 from solvers.superelement.plate import WHOLE
 from solvers.touch.touched_plate import STEPS, TouchedPlate, rms, with_loads
 
@@ -119,9 +119,9 @@ def lattice_receptance(touched: TouchedPlate, points_m: FloatArray, frequency_hz
 def _folded(group: Group, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Unit forces at the distinct mirror images in x, y >= 0, class by class, (dof, k); each point as a sum of them, (q, k)."""
     if group.symmetries == (WHOLE,):
-        return normal_motion(group, points_m).T.toarray(), np.eye(len(points_m))
+        return face_motion(group, points_m).T.toarray(), np.eye(len(points_m))
     distinct, which = _distinct(points_m)
-    loads = [normal_motion(Group((plate,), group.join, group.loads), distinct).T.toarray() for plate in group.plates]
+    loads = [face_motion(Group((plate,), group.join, group.loads), distinct).T.toarray() for plate in group.plates]
     chosen = np.eye(len(distinct))[which]
     signs = [_mirror_sign(symmetry, points_m)[:, None] * chosen for symmetry in group.symmetries]
     return scipy.linalg.block_diag(*loads), np.hstack(signs)

@@ -18,7 +18,7 @@ from solvers.errors import SolverError
 from solvers.fem.eigen import factor_near
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.piezo.forced import ForcedPlate, GroupModes, residual_vectors
-from solvers.piezo.point import normal_motion
+from solvers.piezo.point import face_motion
 
 STEPS = np.array([(i, j) for i in range(-2, 3) for j in range(-2, 3) if i * i + j * j <= 4])
 STEP = sqrt(len(STEPS) / (2.0 * float((STEPS**2).sum())))  # of the radius: 13 points with the second moment of the disk
@@ -72,7 +72,7 @@ class TouchedPlate(ForcedPlate):
         self.margin, self.signs = forced.margin, forced.signs
         self.modes = forced.modes
         if not finger.tip.is_nothing:
-            loads = [normal_motion(basis.group, finger.points_m).T.toarray() for basis in forced.all_modes]
+            loads = [face_motion(basis.group, finger.points_m).T.toarray() for basis in forced.all_modes]
             unit = self.plate.stiffness_unit
             self.modes = [with_loads(basis, load / unit) for basis, load in zip(forced.all_modes, loads, strict=True)]
 
@@ -113,7 +113,7 @@ def contact_motion(plate: ForcedPlate, finger: Finger, frequency_hz: float) -> C
     eigenvalue = plate.plate.scale.eigenvalue(frequency_hz)
     loads = plate.volts(eigenvalue)
     moved = [
-        normal_motion(basis.group, finger.points_m) @ (basis.columns @ basis.amplitudes(eigenvalue, plate.loss, loads))
+        face_motion(basis.group, finger.points_m) @ (basis.columns @ basis.amplitudes(eigenvalue, plate.loss, loads))
         for basis in plate.modes
     ]
     return np.asarray(np.sum(moved, axis=0))

@@ -17,7 +17,7 @@ from solvers.driven.power_flow import power_flow
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.piezo.point import normal_motion
+from solvers.piezo.point import face_motion
 from solvers.shaping.modal_table import field_matrix, sensor_matrix
 from solvers.shaping.travelling_wave import two_wave_fit
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
@@ -82,7 +82,7 @@ def test_the_modal_table_is_the_forced_plate(tone: float) -> None:
         exact = plate.driven_by(np.eye(3)[driver]).volts(eigenvalue)
         assert own == pytest.approx(exact, rel=1e-9, abs=1e-12)
     moved = sum(
-        normal_motion(basis.group, points)
+        face_motion(basis.group, points)
         @ basis.columns
         @ np.column_stack([basis.amplitudes(eigenvalue, plate.loss, own) for own in volts.T])
         for basis in plate.modes
@@ -130,7 +130,7 @@ def plate_table_free(forced: ForcedPlate, points: np.ndarray) -> np.ndarray:
     eigenvalue = forced.plate.scale.eigenvalue(TONE)
     volts = unit_volts(forced, eigenvalue)
     moved = [
-        normal_motion(basis.group, points)
+        face_motion(basis.group, points)
         @ basis.columns
         @ np.column_stack([basis.amplitudes(eigenvalue, forced.loss, own) for own in volts.T])
         for basis in forced.modes

@@ -18,7 +18,7 @@ from geometry.piezo_materials import PIEZO_MATERIALS
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.piezo.point import normal_motion
+from solvers.piezo.point import face_motion
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.touch.energy import power
@@ -58,7 +58,7 @@ def whole(
 ) -> tuple[sp.csc_array, sp.csc_array, np.ndarray, sp.csr_array]:
     """K, M, patch loads and the contact's rows of all classes at once, scaled."""
     groups = plate.plate.everything
-    rows = sp.hstack([normal_motion(group, Finger(NOTHING, PLACE_M, radius_m).points_m) for group in groups]).tocsr()
+    rows = sp.hstack([face_motion(group, Finger(NOTHING, PLACE_M, radius_m).points_m) for group in groups]).tocsr()
     stiffness, mass = (
         sp.block_diag([getattr(group.pencil, name) for group in groups], format="csc") for name in ("stiffness", "mass")
     )
