@@ -189,8 +189,9 @@ def _reduced(panels: _Panels, plate: AssembledPlate, patch: BondedPatch, back: b
         free[own[place][panels.held(*place)]] = False
     for held in held_panels(plate, Contact(patch.points, patch.projection, back)):
         place = _place(grid, np.array(held.placed_cell.middle) * held.flip)
-        motion = np.tensordot(held.weights, held.matrix(), axes=1) * np.array([*held.flip, 1.0])[:, None]
-        moved[:, own[place]] += motion.reshape(len(moved), -1) @ turned[place]
+        motion = held.field * np.array([*held.flip, 1.0])[:, None]
+        rows = (3 * held.rows[:, None] + np.arange(3)).ravel()
+        moved[np.ix_(rows, own[place])] += motion.reshape(len(rows), -1) @ turned[place]
     free &= np.diag(stiffness) > 0.0  # functions of free sides carry nothing
     own_k, own_e = stiffness[np.ix_(free, free)], moved[:, free]
     return np.asarray(own_e @ cho_solve(cho_factor((own_k + own_k.T) / 2.0), own_e.T))

@@ -75,10 +75,8 @@ def _alike(
     inner = Factoriser()(sp.csc_array(stiffness[i][:, i]))
     follow = -inner.solve(stiffness[i][:, b].toarray())
     swell = inner.solve(theta[i][:, None])[:, 0]
-    map_to = np.zeros((3 * len(mesh.nodes), len(b)))
-    map_to[b, np.arange(len(b))] = 1.0
-    map_to[i] = follow
-    condensed = map_to.T @ (stiffness @ map_to)
+    condensed = stiffness[b][:, b] + stiffness[b][:, i] @ follow
+    pulled = mass[i][:, b] + mass[i][:, i] @ follow
     return BondedPatch(
         material,
         box,
@@ -86,9 +84,9 @@ def _alike(
         settings,
         *_projection(mesh, "touch" if above else "top", bond),
         (condensed + condensed.T) / 2.0,
-        map_to.T @ (mass @ map_to),
-        map_to.T @ theta,
-        map_to.T @ (mass[:, i] @ swell),
+        mass[b][:, b] + mass[b][:, i] @ follow + follow.T @ pulled,
+        theta[b] + follow.T @ theta[i],
+        mass[b][:, i] @ swell + follow.T @ (mass[i][:, i] @ swell),
         float(capacitance + theta[i] @ swell),
     )
 
@@ -130,8 +128,9 @@ def _matrices(
         )
         for part in (0, 1)
     )
+    mass.eliminate_zeros()  # one direction's inertia knows nothing of another's
     area = float(np.ptp(mesh.nodes[:, 0]) * np.ptp(mesh.nodes[:, 1]))
-    return stiffness.tocsr(), mass.tocsr(), theta, float(material.permittivity_clamped_f_m[2, 2]) * area / thickness_m
+    return stiffness, mass, theta, float(material.permittivity_clamped_f_m[2, 2]) * area / thickness_m
 
 
 def _element(

@@ -16,17 +16,19 @@ import scipy.sparse as sp
 
 from geometry.elements import FloatArray
 from geometry.patches import mirrored_axes
-from solvers.errors import SolverError
+from solvers.errors import SingularShift, SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
+from solvers.fem.factor.factoriser import Factoriser
 from solvers.measures.confinement import TouchField
 from solvers.piezo.beneath import Beneath
 from solvers.piezo.patch import BondedPatch, bonded_patch
-from solvers.superelement.bond import Contact, displacement_at
+from solvers.superelement.bond import Contact, Held, displacement_on, held_panels
 from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
 
 CLASSES = ("SS", "SA", "AS", "AA")
 NEAR_M = 1e-9  # a patch whose middle lies so near to a mirror line lies on it
+HARDLY = 1e-9  # of the mean eigenvalue: beside it rigid motions have some
 UNDRIVEN = 1e-9  # of the largest load: a class below it is not driven
 
 
@@ -90,7 +92,16 @@ class PatchedPlate:
         self.eigenvalue = self.scale.eigenvalue(at_hz)
         known: dict[str, _Bond] = {}
         self.bonds = [self._bond_of(patch, some, beneath, known) for patch in self.patches]
+        self._join(plates)
+        if any(len(bond.parts) > 1 for bond in self.bonds) and not all(_positive(g.pencil) for g in self.groups):
+            self.bonds = [bond.finest for bond in self.bonds]
+            self._join(plates)
+
+    def _join(self, plates: Mapping[str, AssembledPlate]) -> None:
+        """The groups of classes that the patches couple, and which of them they drive."""
+        some = next(iter(plates.values()))
         classes = [[WHOLE]] if WHOLE in plates else coupled_classes(self.patches)
+        self.held = [[tuple(held_panels(some, part.contact)) for part in bond.parts] for bond in self.bonds]
         self.motions: dict[str, list[list[sp.csr_array]]] = {}  # of the bonded faces, mesh by mesh
         self.everything = [self._group([plates[p] for p in symmetries]) for symmetries in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
@@ -123,7 +134,10 @@ class PatchedPlate:
         return np.array([bond.capacitance_f for bond in self.bonds])
 
     def _group(self, plates: list[AssembledPlate]) -> Group:
-        motions = [[_motion(plates, part.contact) for part in bond.parts] for bond in self.bonds]
+        motions = [
+            [_motion(plates, panels, part.contact) for panels, part in zip(held, bond.parts, strict=True)]
+            for held, bond in zip(self.held, self.bonds, strict=True)
+        ]
         self.motions[plates[0].symmetry] = motions
         loads, by_mesh, by_modes, inertia = (np.zeros((motions[0][0].shape[1], len(self.bonds))) for _ in range(4))
         for number, (bond, moved) in enumerate(zip(self.bonds, motions, strict=True)):
@@ -145,23 +159,28 @@ class PatchedPlate:
         )
 
     def _pencil(self, plates: list[AssembledPlate], motions: list[list[sp.csr_array]]) -> PlainPencil:
-        """K and M of the classes with the patches, which move with their bonded faces, (3 b, dof) each."""
+        """K and M of the classes with the patches, which move with their bonded faces, (3 b, dof) each.
+
+        K is extrapolated; M, of which the edges leave little, is that of each patch's finest mesh, and so stays positive.
+        """
         pencils = [plate.pencil() for plate in plates]
-        parts = [
-            pair
-            for bond, moved in zip(self.bonds, motions, strict=True)
-            for pair in zip(bond.parts, moved, strict=True)
-        ]
-
-        def joined(bare: list[sp.csc_array], bonded: list[FloatArray]) -> sp.csc_array:
-            whole = bare[0] if len(bare) == 1 else sp.block_diag(bare, format="csc")
-            return sp.csc_array(sum((_felt(b, m) for b, (_, m) in zip(bonded, parts, strict=True)), start=whole))
-
-        stiff = [part.share * part.stiffness for part, _ in parts]
-        heavy = [part.share * part.mass / self.scale.mass_kg for part, _ in parts]
+        stiffness, mass = ([getattr(p, name) for p in pencils] for name in ("stiffness", "mass"))
+        whole, heavy = (each[0] if len(each) == 1 else sp.block_diag(each, format="csc") for each in (stiffness, mass))
+        for bond, moved in zip(self.bonds, motions, strict=True):
+            for part, motion in zip(bond.parts, moved, strict=True):
+                whole = whole + _felt(part.share * part.stiffness, motion)
+            heavy = heavy + _felt(bond.parts[0].mass / self.scale.mass_kg, moved[0])
         rigid = sum(RIGID_OF_CLASS[plate.symmetry] for plate in plates)
-        bare = [p.stiffness for p in pencils], [p.mass for p in pencils]
-        return PlainPencil(joined(bare[0], stiff), joined(bare[1], heavy), self.scale, rigid)
+        return PlainPencil(sp.csc_array(whole), sp.csc_array(heavy), self.scale, rigid)
+
+
+def _positive(pencil: PlainPencil) -> bool:
+    """Whether K is positive but for rigid motions: the two meshes of a patch take no more away than is there."""
+    least = HARDLY * pencil.stiffness.trace() / pencil.mass.trace()
+    try:
+        return Factoriser()(sp.csc_array(pencil.stiffness + least * pencil.mass)).negative == 0
+    except SingularShift:
+        return False
 
 
 def _felt(matrix: FloatArray, motion: sp.csr_array) -> sp.csc_array:
@@ -220,6 +239,11 @@ class _Bond:
         return replace(self, parts=tuple(part.mirrored(flip) for part in self.parts))
 
     @property
+    def finest(self) -> _Bond:
+        """The finer mesh alone, where the difference to the coarser one is more than what it is taken from."""
+        return _Bond((replace(self.parts[0], share=1.0),))
+
+    @property
     def capacitance_f(self) -> float:
         """With the bonded face held, F."""
         return sum(part.share * part.capacitance_f for part in self.parts)
@@ -273,9 +297,11 @@ def _part(
     )
 
 
-def _motion(plates: list[AssembledPlate], contact: Contact) -> sp.csr_array:
+def _motion(plates: list[AssembledPlate], panels: Sequence[Held], contact: Contact) -> sp.csr_array:
     """The means of u that a contact feels per degree of freedom of the classes one after another, (3 b, dof)."""
-    return sp.csr_array(sp.hstack([displacement_at(plate, contact) for plate in plates], format="csr"))
+    return sp.csr_array(
+        sp.hstack([displacement_on(plate, panels, len(contact.means)) for plate in plates], format="csr")
+    )
 
 
 def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:

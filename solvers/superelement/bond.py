@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
 
-from geometry.elements import FloatArray, IntArray, lagrange
+from geometry.elements import FloatArray, IntArray, gauss_lobatto, lagrange
 from solvers.errors import SolverError
 from solvers.superelement.cell import Cell
 from solvers.superelement.plate import WHOLE, AssembledPlate, PlacedCell
@@ -34,39 +34,41 @@ def displacement_at(plate: AssembledPlate, contact: Contact) -> sp.csr_array:
     In a symmetry class points on the negative sides follow from the mirrors. Raises SolverError for a point outside the plate
     or on a panel that carries a pillar.
     """
+    return displacement_on(plate, list(held_panels(plate, contact)), len(contact.means))
+
+
+def displacement_on(plate: AssembledPlate, panels: Sequence[Held], count: int) -> sp.csr_array:
+    """The same where the panels that a contact of b means (count) lies on are known, of this or another class of the plate."""
     parts = []
-    for held in held_panels(plate, contact):
-        placed_cell = held.placed_cell
+    for held in panels:
+        placed_cell = plate.placed_cells[held.number]
         signs = _mirror_signs(plate.symmetry, held.flip)[:, None]
-        field = signs * np.tensordot(held.weights, held.matrix(), axes=1) * placed_cell.coefficient
         live = placed_cell.coefficient != 0.0
-        block = sp.coo_array(field.reshape(-1, len(live))[:, live])
-        places = (block.row, placed_cell.unknown[live][block.col])
-        parts.append(sp.csr_array((block.data, places), shape=(3 * len(contact.means), plate.dof)))
+        field = signs * (held.field[:, :, live] * placed_cell.coefficient[live])
+        block = sp.coo_array(field.reshape(3 * len(held.rows), -1))
+        places = ((3 * held.rows[:, None] + np.arange(3)).ravel()[block.row], placed_cell.unknown[live][block.col])
+        parts.append(sp.csr_array((block.data, places), shape=(3 * count, plate.dof)))
     return sp.csr_array(sum(parts[1:], start=parts[0]))
 
 
 @dataclass(frozen=True)
 class Held:
-    """What of a contact lies on one panel of the whole plate: the mirrors (2,) that carry it to the cell assembled, which
-    nodes (n,) of its `bare` lie on that face and their weights (b, n) in each mean.
+    """What of a contact lies on one panel of the whole plate: the number and place of the cell that stands for it, the mirrors
+    (2,) that carry it there, and the contact's means of u that feel it (rows, (b,)) from that cell's degrees of freedom,
+    (b, 3, dof).
     """
 
+    number: int
     placed_cell: PlacedCell
     flip: FloatArray
-    nodes: IntArray
-    weights: FloatArray
-
-    def matrix(self) -> FloatArray:
-        """u at those nodes from the cell's degrees of freedom, (n, 3, dof)."""
-        assert self.placed_cell.cell.bare is not None
-        return self.placed_cell.cell.bare.matrix[self.nodes]
+    rows: IntArray
+    field: FloatArray
 
 
 def held_panels(plate: AssembledPlate, contact: Contact) -> Iterator[Held]:
     """A contact panel by panel. A panel on a mirror line is its own image and holds its points as they are."""
     left = np.ones(len(contact.points), dtype=bool)
-    for placed_cell in plate.placed_cells:
+    for number, placed_cell in enumerate(plate.placed_cells):
         middle, half = np.array(placed_cell.middle), np.array(placed_cell.cell.size_m[:2]) / 2.0
         alone = (plate.symmetry == WHOLE) | (middle < half / 2.0)
         for flip in map(np.array, product(*((1.0,) if own else (1.0, -1.0) for own in alone))):
@@ -74,8 +76,11 @@ def held_panels(plate: AssembledPlate, contact: Contact) -> Iterator[Held]:
             inside = left & (np.abs(local) <= half + SAME_M).all(axis=1)
             if inside.any():
                 left &= ~inside
-                nodes, weights = _on_face(placed_cell.cell, local[inside], contact.back)
-                yield Held(placed_cell, flip, nodes, contact.means[:, inside] @ weights)
+                rows = np.flatnonzero(contact.means[:, inside].any(axis=1))
+                means = contact.means[np.ix_(rows, inside)]
+                yield Held(
+                    number, placed_cell, flip, rows, _field(placed_cell.cell, local[inside], means, contact.back)
+                )
     if left.any():
         raise SolverError(f"the point {1e3 * contact.points[left][0]} mm lies outside the plate")
 
@@ -90,8 +95,8 @@ def _mirror_signs(symmetry: str, flip: FloatArray) -> FloatArray:
     return signs
 
 
-def _on_face(cell: Cell, local_m: FloatArray, back: bool) -> tuple[IntArray, FloatArray]:
-    """Which points of `Cell.bare` lie on a face, (n,), and their weights (p, n) at places (p, 2) by the elements' polynomials.
+def _field(cell: Cell, local_m: FloatArray, means: FloatArray, back: bool) -> FloatArray:
+    """Means (b, p) of u at places (p, 2) of a face from the cell's degrees of freedom, (b, 3, dof).
 
     Raises SolverError where the face carries a pillar or is no tensor grid.
     """
@@ -101,7 +106,8 @@ def _on_face(cell: Cell, local_m: FloatArray, back: bool) -> tuple[IntArray, Flo
     on = np.flatnonzero(np.abs(bare.points[:, 2] - level) < SAME_M)
     if not len(on):
         raise SolverError("a patch lies on a panel of plate that carries a pillar: move the patch or the rows")
-    return on, grid_weights(bare.points[on, :2], bare.order, local_m)
+    weights = means @ grid_weights(bare.points[on, :2], bare.order, local_m)
+    return np.tensordot(weights, bare.matrix[on], axes=1)
 
 
 def grid_weights(nodes_m: FloatArray, order: int, at_m: FloatArray) -> FloatArray:
@@ -122,10 +128,8 @@ def _weights(nodes: FloatArray, order: int, at: FloatArray) -> FloatArray:
     at = np.clip(at, nodes[0], nodes[-1])
     ends = nodes[::order]
     element = np.clip(np.searchsorted(ends, at, side="right") - 1, 0, len(ends) - 2)
+    local = (2.0 * at - ends[element] - ends[element + 1]) / np.diff(ends)[element]
     out = np.zeros((len(at), len(nodes)))
-    for each in np.unique(element):
-        own, start = np.flatnonzero(element == each), each * order
-        middle, half = (ends[each] + ends[each + 1]) / 2.0, (ends[each + 1] - ends[each]) / 2.0
-        places = slice(start, start + order + 1)
-        out[own, places] = lagrange((nodes[places] - middle) / half, (at[own] - middle) / half)[0]
+    places = element[:, None] * order + np.arange(order + 1)
+    np.put_along_axis(out, places, lagrange(gauss_lobatto(order), local)[0], axis=1)
     return out

@@ -22,7 +22,7 @@ from solvers.control.resonance import half_power_quality
 from solvers.fem.assembly import assemble
 from solvers.piezo.circuit import circuit_shift, open_modes
 from solvers.piezo.forced import Drive, ForcedPlate
-from solvers.piezo.patch import MESH, _mesh, bonded_patch
+from solvers.piezo.patch import _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
@@ -42,6 +42,7 @@ ALUMINIUM, PZT = MATERIALS["aluminium"], PIEZO_MATERIALS["pzt-5h"]
 NARROW_M, ELEMENT_M = 2e-3, 5e-3  # of the cantilever: with Poisson's ratio 0 its width does not matter
 FREE = Design(60e-3, 5e-3, 0.5e-3, 2, ALUMINIUM, None, float("nan"), float("nan"), 0, 0.0)
 THICK_M = 0.2e-3
+PATCH_MESH = HexSettings(2, 5e-3, 1, 0.15)  # a fifteenth of a wavelength, shorter at the ends
 
 
 def cantilever(material: PiezoMaterial) -> tuple[float, float]:
@@ -111,9 +112,7 @@ def joined(metal: Material) -> dict:
 def covered(pair: Pair, back: bool = True, circuit: str = "short") -> ForcedPlate:
     """A free strip with one patch over a whole face."""
     box = np.array([-FREE.length_m / 2, FREE.length_m / 2, -FREE.width_m / 2, FREE.width_m / 2])
-    plate = PatchedPlate(
-        joined(pair.metal), [bonded_patch(pair.ceramic, box, THICK_M, back, replace(MESH, size_m=5e-3))], back
-    )
+    plate = PatchedPlate(joined(pair.metal), [bonded_patch(pair.ceramic, box, THICK_M, back, PATCH_MESH)], back)
     hz = free_even_hz(section(pair), FREE.length_m, 1, False)
     return ForcedPlate(plate, FREE, Drive((0,), (), (0.8 * hz, 1.25 * hz), 500.0, circuit))
 

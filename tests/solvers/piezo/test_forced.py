@@ -256,6 +256,21 @@ def test_a_patched_plate_has_the_same_modes_by_classes_and_as_a_whole() -> None:
     assert np.abs(every[0] / every[1] - 1.0).max() < 1e-8
 
 
+@pytest.mark.parametrize(("thick_m", "size_m"), [(1e-3, 4e-3), (3e-3, 8e-3)], ids=["thick", "thick on few elements"])
+def test_a_thick_patch_leaves_stiffness_and_inertia_positive(thick_m: float, size_m: float) -> None:
+    """Two meshes that differ by more than the plate itself holds are not extrapolated: counts by inertia would be wrong."""
+    made, box = across_the_mirror(), np.array([-8e-3, 8e-3, -3e-3, 3e-3])
+    plates = {symmetry: made.assembled(symmetry) for symmetry in CLASSES}
+    patch = bonded_patch(PZ26, box, thick_m, True, replace(COARSE, size_m=size_m))
+    plate = PatchedPlate(plates, [patch], True, beneath=Beneath(made.reductions), at_hz=30e3)
+    (pencil,) = (group.pencil for group in plate.groups if "SS" in group.symmetries)
+    stiffness = np.linalg.eigvalsh(pencil.stiffness.toarray())
+    assert np.linalg.eigvalsh(pencil.mass.toarray())[0] > 0.0
+    assert stiffness[0] > -1e-9 * stiffness[-1]
+    told = {group.by_mesh is not None for group in plate.groups}
+    assert told == {size_m < 8e-3}  # a mesh alone does not know its error
+
+
 def test_a_patchs_image_is_felt_as_if_it_were_bonded_there() -> None:
     """The image's loads and stiffness are turned round; here both are bonded by themselves, the panels seen in mirrors."""
     made, beneath = across_the_mirror(), Beneath(across_the_mirror().reductions)
