@@ -216,7 +216,7 @@ def response(arguments: Namespace) -> int:
     from pipeline.analysis import response as forced
     from pipeline.measured import comparison, synthetic
 
-    measured = comparison.read(case, arguments.measured, arguments.map, arguments.at)
+    measured = comparison.read(case, arguments.measured, arguments.map, arguments.at, band)
     solved = forced.solve(case, log, band, arguments.points)
     beside = comparison.compare(case, solved, measured, log) if measured else None
     made = synthetic.write(arguments, case, solved) if arguments.synthetic_data else []

@@ -14,6 +14,7 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.measured import files, universal
 from pipeline.measured.files import Complex, FloatArray, MeasuredField, MeasuredSweep
+from pipeline.planning.request import driven_band_hz
 from pipeline.records.record import MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord
 from pipeline.units import MM
 from solvers.control.identification import Sensor, Sweep
@@ -45,8 +46,12 @@ class Comparison:
     lines: list[str]
 
 
-def read(case: Case, sweep: str | None, field: str | None, at: str | None) -> Measurements | None:
-    """The files of a command line, or else of the case; None when neither names one. InputError for what does not fit."""
+def read(
+    case: Case, sweep: str | None, field: str | None, at: str | None, band_hz: tuple[float, float] | None = None
+) -> Measurements | None:
+    """The files of a command line, or else of the case; None when neither names one. InputError for what does not fit the
+    case or its response over a band.
+    """
     if sweep is None and field is None and at is None and case.measured:
         given = case.measured
         sweep, field = (None if path is None else str(path) for path in (given.sweep, given.map))
@@ -60,12 +65,21 @@ def read(case: Case, sweep: str | None, field: str | None, at: str | None) -> Me
     measured = _reader(sweep).read_sweep(sweep) if sweep is not None else None
     if measured and measured.quantity == "sensor" and not (case.patches and case.patches.sensors):
         raise InputError(f"{sweep}: a sensor's voltage, but the case has no patches.sensors: must name one")
+    if measured:
+        _refuse_elsewhere(measured, driven_band_hz(case, band_hz))
     mapped = _reader(field).read_field(field, case.design) if field is not None else None
     try:
         weights = weigh(mapped.points_m, case.design) if mapped else None
     except SolverError as error:
         raise InputError(f"{field}: {error}") from error
     return Measurements(measured, _place(at, case), mapped, weights)
+
+
+def _refuse_elsewhere(measured: MeasuredSweep, band_hz: tuple[float, float]) -> None:
+    low, high = measured.sweep.frequencies_hz[0], measured.sweep.frequencies_hz[-1]
+    if high <= band_hz[0] or low >= band_hz[1]:
+        band = f"must overlap the response, {band_hz[0]:g} to {band_hz[1]:g} Hz (--band)"
+        raise InputError(f"{measured.file}: {low:g} to {high:g} Hz: {band}")
 
 
 def _reader(path: str) -> Any:
@@ -88,7 +102,7 @@ def _place(at: str | None, case: Case) -> tuple[float, float] | None:
 
 
 def compare(case: Case, response: Response, measured: Measurements, log: Log) -> Comparison:
-    """Compare both files with the computed response. Raises InputError when sweep and response share no frequency."""
+    """Compare both files with the computed response."""
     sweep, field = None, None
     arrays: dict[str, Any] = {}
     lines: list[str] = []
@@ -109,9 +123,6 @@ def _sweep(
 ) -> tuple[MeasuredSweepRecord, dict[str, Any], str]:
     given, tone = measured.sweep, response.curve.frequency_hz
     low, high = given.frequencies_hz[0], given.frequencies_hz[-1]
-    if high <= tone[0] or low >= tone[-1]:
-        band = f"must overlap the response, {tone[0]:g} to {tone[-1]:g} Hz (--band)"
-        raise InputError(f"{measured.file}: {low:g} to {high:g} Hz: {band}")
     sensor: Sensor = "velocity" if measured.quantity == "velocity" else "displacement"
     place, curve = _computed(case, response, measured, at_m)
     near = np.abs(tone - (low + high) / 2.0) <= 1.5 * (high - low)  # a peak further off is another mode's

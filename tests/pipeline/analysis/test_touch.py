@@ -29,7 +29,7 @@ def case_of(**more: Any) -> Case:
 
 
 @pytest.fixture(scope="module")
-def forced() -> ForcedPlate:
+def forced(coarsest_cells: None) -> ForcedPlate:
     return forced_plate(case_of(), QUIET)
 
 

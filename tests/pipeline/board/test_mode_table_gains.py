@@ -33,7 +33,7 @@ def case(file: Path) -> Case:
 
 
 @pytest.fixture(scope="module")
-def forced(case: Case) -> ForcedPlate:
+def forced(case: Case, coarsest_cells: None) -> ForcedPlate:
     return forced_plate(case, TerminalLog(quiet=True))
 
 
