@@ -7,7 +7,9 @@ graded towards its edges, less the same of those panels' reduced matrices, both 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -20,7 +22,7 @@ from geometry.layout import Pillar, Stand
 from geometry.materials import Material
 from solvers.fem.coarser import Shares, rim_shares
 from solvers.fem.constraints import constrain, free_mask
-from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.factor.factoriser import Factoriser, side_by_side
 from solvers.piezo.patch import BondedPatch
 from solvers.superelement.bond import SAME_M, Contact, grid_weights, held_panels
 from solvers.superelement.build import Reductions
@@ -42,8 +44,8 @@ class Beneath:
         """F at the nodes of a patch's bonded face, (3 b, 3 b), in the plate's scale. Raises SolverError for a panel that
         carries a pillar there.
         """
-        panels = _Panels.beneath(plate.grid, patch.box_m, self.reductions.thickness_m)
-        lacking = self._fine(panels, patch, back) - _reduced(panels, plate, patch, back)
+        place = _Place.of(plate, patch, self.reductions, back)
+        lacking = self._fine(place) - _reduced(place.panels, plate, patch, back)
         values, vectors = eigh((lacking + lacking.T) / 2.0)
         more = values > 0.0  # panels meshed finer than their patch lack nothing of it
         return np.asarray((vectors[:, more] * values[more]) @ vectors[:, more].T)
@@ -55,28 +57,28 @@ class Beneath:
         shares = rim_shares(self.reductions.material, alike, patch.mesh)
         return replace(shares, spread=shares.spread + ROUGH * shares.taken)
 
-    def _fine(self, panels: _Panels, patch: BondedPatch, back: bool) -> FloatArray:
-        span, middle = panels.span_m, panels.middle_m
-        stands = panels.stands(self.reductions.pillar)
-        place = [np.round(each, 9).tolist() for each in (span, patch.box_m - np.repeat(middle, 2))]
-        feet = [(each.pillar, each.centres.round(9).tolist()) for each in stands]
-        key = repr((place, feet, panels.clamped, back, patch.mesh))
-        if key not in self._known:
-            self._known[key] = self._static(panels, stands, patch, back)
-        return self._known[key]
+    def prepare(self, plate: AssembledPlate, patches: Iterable[BondedPatch], back: bool) -> None:
+        """Compute what `flexibility` will ask for, distinct places side by side."""
+        places = [_Place.of(plate, patch, self.reductions, back) for patch in patches]
+        needed = {place.key: place for place in places if place.key not in self._known}
+        self._known.update(zip(needed, side_by_side(self._static, needed.values()), strict=True))
 
-    def _static(self, panels: _Panels, stands: tuple[Stand, ...], patch: BondedPatch, back: bool) -> FloatArray:
-        mesh_of, middle, thickness = patch.mesh, panels.middle_m, self.reductions.thickness_m
-        box = patch.box_m - np.repeat(middle, 2)
-        mesh = hex_mesh(bonded_boxes(panels.span_m, thickness, stands, box, back, mesh_of), mesh_of.order)
+    def _fine(self, place: _Place) -> FloatArray:
+        if place.key not in self._known:
+            self._known[place.key] = self._static(place)
+        return self._known[place.key]
+
+    def _static(self, place: _Place) -> FloatArray:
+        mesh_of, box, thickness = place.patch.mesh, place.box_m, self.reductions.thickness_m
+        boxes = bonded_boxes(place.panels.span_m, thickness, place.stands, box, place.back, mesh_of)
+        mesh = hex_mesh(boxes, mesh_of.order)
         system = self.reductions.system(mesh)
-        pencil = constrain(system, free_mask(mesh, panels.clamped))
-        on = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (thickness if back else 0.0)) < SAME_M)
-        means = patch.projection @ grid_weights(mesh.nodes[on, :2], mesh_of.order, patch.points - middle)
-        forces = np.zeros((3 * len(mesh.nodes), 3 * len(means)))
-        for axis in range(3):
-            forces[3 * on[:, None] + axis, 3 * np.arange(len(means)) + axis] = means.T
-        loads = sp.csr_array(forces[np.flatnonzero(pencil.free)])
+        pencil = constrain(system, free_mask(mesh, place.panels.clamped))
+        on = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (thickness if place.back else 0.0)) < SAME_M)
+        points = place.patch.points - place.panels.middle_m
+        felt = sp.coo_array(place.patch.projection @ grid_weights(mesh.nodes[on, :2], mesh_of.order, points))
+        means = sp.csr_array((felt.data, (felt.row, on[felt.col])), shape=(felt.shape[0], len(mesh.nodes)))
+        loads = sp.csc_array(sp.kron(means, sp.eye_array(3)))[:, np.flatnonzero(pencil.free)].T
         factor = Factoriser()(sp.csc_array(pencil.stiffness))
         parts = np.array_split(np.arange(loads.shape[1]), -(-loads.shape[1] // COLUMNS))
         return np.hstack([loads.T @ factor.solve(loads[:, part].toarray()) for part in parts])
@@ -166,6 +168,34 @@ class _Panels:
             if sides & {"x+" if x > 0 else "x-", "y+" if y > 0 else "y-"}:
                 found.append(face.vertex(index))
         return np.concatenate(found) if found else np.empty(0, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A patch on the panels beneath it, with their pillars."""
+
+    panels: _Panels
+    stands: tuple[Stand, ...]
+    patch: BondedPatch
+    back: bool
+
+    @classmethod
+    def of(cls, plate: AssembledPlate, patch: BondedPatch, reductions: Reductions, back: bool) -> _Place:
+        """Where a patch is bonded to a plate of such panels."""
+        panels = _Panels.beneath(plate.grid, patch.box_m, reductions.thickness_m)
+        return cls(panels, panels.stands(reductions.pillar), patch, back)
+
+    @property
+    def box_m(self) -> FloatArray:
+        """The patch from the middle of the panels."""
+        return np.asarray(self.patch.box_m - np.repeat(self.panels.middle_m, 2))
+
+    @cached_property
+    def key(self) -> str:
+        """Alike for places alike."""
+        place = [np.round(each, 9).tolist() for each in (self.panels.span_m, self.box_m)]
+        feet = [(each.pillar, each.centres.round(9).tolist()) for each in self.stands]
+        return repr((place, feet, self.panels.clamped, self.back, self.patch.mesh))
 
 
 def _between(lines: FloatArray, ends: FloatArray, reach_m: float) -> tuple[int, int]:

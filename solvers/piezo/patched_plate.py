@@ -90,8 +90,10 @@ class PatchedPlate:
         some = next(iter(plates.values()))
         self.scale: Scale = some.placed_cells[0].cell.scale
         self.eigenvalue = self.scale.eigenvalue(at_hz)
-        known: dict[str, _Bond] = {}
-        self.bonds = [self._bond_of(patch, some, beneath, known) for patch in self.patches]
+        own = [self._folded(patch, some) for patch in self.patches]
+        distinct = {key: patch for key, patch, _ in own}
+        known = _bonds(distinct, some, back, self.eigenvalue, beneath)
+        self.bonds = [known[key].mirrored(flip) for key, _, flip in own]
         self._join(plates)
         if any(len(bond.parts) > 1 for bond in self.bonds) and not all(_positive(g.pencil) for g in self.groups):
             self.bonds = [bond.finest for bond in self.bonds]
@@ -108,20 +110,16 @@ class PatchedPlate:
         self.groups = [group for group in self.everything if np.abs(group.loads).max() > UNDRIVEN * loudest]
         self.undriven = [p for group in self.everything if group not in self.groups for p in group.symmetries]
 
-    def _bond_of(
-        self, patch: BondedPatch, plate: AssembledPlate, beneath: Beneath | None, known: dict[str, _Bond]
-    ) -> _Bond:
-        """A patch's bond; on a plate that is its own mirror image that of its image where x, y > 0, computed once."""
+    def _folded(self, patch: BondedPatch, plate: AssembledPlate) -> tuple[str, BondedPatch, FloatArray]:
+        """A patch, or its image where x, y > 0 on a plate that is its own mirror image: what tells it from others, itself, and
+        the axes (2,) along which it was turned round, -1.
+        """
         ends = patch.box_m.reshape(2, 2)
         flip = np.where(plate.tiling.mirrored & (ends.sum(axis=1) < -NEAR_M), -1.0, 1.0)
         box = np.sort(ends * flip[:, None], axis=1).ravel()
-        key = repr((patch.material.name, patch.thickness_m, patch.mesh, np.round(box, 9).tolist()))
-        if key not in known:
-            own = patch
-            if (flip < 0.0).any():
-                own = bonded_patch(patch.material, box, patch.thickness_m, self.back, patch.mesh)
-            known[key] = _bond(own, plate, self.back, self.scale, self.eigenvalue, beneath)
-        return known[key].mirrored(flip)
+        if (flip < 0.0).any():
+            patch = bonded_patch(patch.material, box, patch.thickness_m, self.back, patch.mesh)
+        return repr((patch.material.name, patch.thickness_m, patch.mesh, np.round(box, 9).tolist())), patch, flip
 
     @cached_property
     def stiffness_unit(self) -> float:
@@ -249,29 +247,32 @@ class _Bond:
         return sum(part.share * part.capacitance_f for part in self.parts)
 
 
-def _bond(
-    patch: BondedPatch, plate: AssembledPlate, back: bool, scale: Scale, eigenvalue: float, beneath: Beneath | None
-) -> _Bond:
-    """The patch on a plate that gives way beneath it, with most of the mesh's error taken away; as meshed without `beneath`."""
+def _bonds(
+    patches: Mapping[str, BondedPatch], plate: AssembledPlate, back: bool, eigenvalue: float, beneath: Beneath | None
+) -> dict[str, _Bond]:
+    """Patches on a plate that gives way beneath them, with most of the mesh's error taken away; as meshed without `beneath`."""
+    meshed = {key: _meshes(patch, back, beneath) for key, patch in patches.items()}
+    if beneath:
+        beneath.prepare(plate, [patch for parts, _ in meshed.values() for _, patch in parts], back)
+    return {
+        key: _Bond(tuple(_part(share, patch, plate, back, eigenvalue, beneath) for share, patch in parts), spread)
+        for key, (parts, spread) in meshed.items()
+    }
+
+
+def _meshes(
+    patch: BondedPatch, back: bool, beneath: Beneath | None
+) -> tuple[tuple[tuple[float, BondedPatch], ...], float]:
+    """A patch by its meshes with their shares, the finest first, and what of their difference is uncertain."""
     if beneath is None or not patch.mesh.layers:
-        return _Bond((_part(1.0, patch, plate, back, scale, eigenvalue, beneath),))
+        return ((1.0, patch),), 0.0
     shares = beneath.shares(patch)
     coarse = bonded_patch(patch.material, patch.box_m, patch.thickness_m, back, patch.mesh.coarser)
-    parts = ((1.0 + shares.taken, patch), (-shares.taken, coarse))
-    return _Bond(
-        tuple(_part(share, each, plate, back, scale, eigenvalue, beneath) for share, each in parts),
-        shares.spread,
-    )
+    return ((1.0 + shares.taken, patch), (-shares.taken, coarse)), shares.spread
 
 
 def _part(
-    share: float,
-    patch: BondedPatch,
-    plate: AssembledPlate,
-    back: bool,
-    scale: Scale,
-    eigenvalue: float,
-    beneath: Beneath | None,
+    share: float, patch: BondedPatch, plate: AssembledPlate, back: bool, eigenvalue: float, beneath: Beneath | None
 ) -> _Part:
     """The patch of one mesh on a plate that also gives way by F, the flexibility that its degrees of freedom q lack.
 
@@ -279,6 +280,7 @@ def _part(
     theta'T F theta V more charge. What moves in and beneath it weighs: l T'(m + M_E F T'theta) more load at an eigenvalue l.
     What two patches on one panel do to each other by F is left out.
     """
+    scale: Scale = plate.placed_cells[0].cell.scale
     unit = scale.young_pa * scale.length_m
     stiffness, load = patch.stiffness / unit, patch.theta / unit
     gives = beneath.flexibility(plate, patch, back) if beneath else np.zeros_like(stiffness)

@@ -19,7 +19,7 @@ from solvers.fem.solid import SolidModel
 from solvers.piezo.beneath import Beneath
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import _matrices, _mesh, bonded_patch
-from solvers.piezo.patched_plate import CLASSES, PatchedPlate, _bond, coupled_classes
+from solvers.piezo.patched_plate import CLASSES, PatchedPlate, _bonds, coupled_classes
 from solvers.superelement.bond import Contact, displacement_at
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
@@ -277,7 +277,7 @@ def test_a_patchs_image_is_felt_as_if_it_were_bonded_there() -> None:
     plates = {symmetry: made.assembled(symmetry) for symmetry in CLASSES}
     patch = bonded_patch(PZ26, np.array([-9e-3, -3.5e-3, -5e-3, -1.5e-3]), THICK_M, True, COARSE)
     plate = PatchedPlate(plates, [patch], True, beneath=beneath, at_hz=30e3)
-    alone = _bond(patch, plates["SS"], True, plate.scale, plate.eigenvalue, beneath)
+    alone = _bonds({"": patch}, plates["SS"], True, plate.eigenvalue, beneath)[""]
     for part, own in zip(plate.bonds[0].parts, alone.parts, strict=True):
         for symmetry in CLASSES:
             image, there = (displacement_at(plates[symmetry], each.contact).T for each in (part, own))
