@@ -8,6 +8,7 @@ from geometry.hex.boxes import HexSettings
 from pipeline.models import unit_cell
 from pipeline.planning import mesh_rules
 from solvers.piezo import patch as piezo_patch
+from solvers.superelement.interface import Interface
 
 COARSE = HexSettings(order=3, size_m=4e-3, layers=1, factor=0.15, pillar_size_m=6.3e-3)
 COARSEST = HexSettings(order=3, size_m=4e-3, layers=0, factor=0.15, pillar_size_m=6.3e-3)  # tells no error of its own
@@ -27,6 +28,7 @@ class NoCache:
 def mesh_coarsest(patch: pytest.MonkeyPatch) -> None:
     """Every panel and patch of every plate on the fewest elements, and panels kept like any other."""
     patch.setattr(mesh_rules, "cell_mesh", lambda design, level: COARSEST)
+    patch.setattr(mesh_rules, "Interface", lambda along, through: Interface(along, 2))
     patch.setattr(piezo_patch, "MESH", COARSEST_PATCH)
 
 

@@ -35,8 +35,10 @@ def skewed(panel: Panel) -> Mesh:
     return hex_mesh(panel_boxes(replace(panel, foot=foot), DESIGN.thickness_m, BOX, MESH), MESH.order)
 
 
-def joined(design: Design, mesher: object = None) -> PlateModel:
-    reduction = ReductionSettings(Interface(5, 3), 700e3, MESH, 4e-3)
+FINE, COARSE = (ReductionSettings(face, hz, MESH, 4e-3) for face, hz in ((Interface(5, 3), 7e5), (Interface(3, 2), 3e5)))
+
+
+def joined(design: Design, mesher: object = None, reduction: ReductionSettings = FINE) -> PlateModel:
     return PlateModel(design, Reductions(design.thickness_m, ALUMINIUM, design.pillar, reduction, None, mesher))
 
 
@@ -86,7 +88,7 @@ def test_a_skewed_plate_is_the_solid_of_its_meshes() -> None:
 
 def test_the_whole_plate_has_the_modes_of_all_mirror_classes() -> None:
     design = replace(DESIGN, pillar=BOX)
-    model = joined(design)
+    model = joined(design, reduction=COARSE)
     whole = AssembledPlate(model.tiling, every_piece(model), WHOLE)
     apart = np.sort(np.concatenate([modes_in_band(model.pencil(p), *BAND_HZ).frequency_hz for p in CLASSES]))
     together = modes_in_band(whole.pencil(), *BAND_HZ)
@@ -96,13 +98,12 @@ def test_the_whole_plate_has_the_modes_of_all_mirror_classes() -> None:
 
 def every_piece(model: PlateModel) -> dict:
     """The cells of the negative sides too, each reduced for itself."""
-    reduction = ReductionSettings(Interface(5, 3), 700e3, MESH, 4e-3)
-    reductions = Reductions(DESIGN.thickness_m, ALUMINIUM, BOX, reduction)
+    reductions = Reductions(DESIGN.thickness_m, ALUMINIUM, BOX, COARSE)
     panels = [model.tiling.panel(i, j) for i in range(len(model.tiling.x) - 1) for j in range(len(model.tiling.y) - 1)]
     return {signature(panel): reductions.cell(panel) for panel in {signature(p): p for p in panels}.values()}
 
 
 def test_mirror_classes_of_a_skewed_plate_are_refused() -> None:
-    model = joined(DESIGN, skewed)
+    model = joined(DESIGN, skewed, COARSE)
     with pytest.raises(SolverError, match="not its own mirror image"):
         model.assembled("SS")

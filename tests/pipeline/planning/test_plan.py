@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("coarsest_cells")
 ROOT = Path(__file__).resolve().parents[3]
 CASE = str(STUDIES / "three-rows.toml")
 SMALL = [
-    "zone.length_mm=30", "zone.nodal_lines=3", "zone.width_mm=16", "array.rows=1", "array.extension_mm=6",
+    "zone.length_mm=28", "zone.nodal_lines=2", "zone.width_mm=18", "array.rows=1", "array.extension_mm=5",
     "solve.accuracy=0.05", "patches.centres_mm=[[-6.0,0.0],[6.0,0.0]]", "patches.sensors=[1]",
     "patches.size_mm=[4.0,3.0,0.3]", "solve.band_kHz=[25.0,45.0]",
 ]  # fmt: skip

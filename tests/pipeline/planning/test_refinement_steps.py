@@ -15,6 +15,7 @@ from pipeline.planning.request import Request
 from solvers.errors import SolverError
 from tests.helpers.recording_log import RecordingLog
 
+pytestmark = pytest.mark.usefixtures("coarsest_cells")
 BAND_HZ = (25e3, 45e3)
 
 
@@ -24,9 +25,9 @@ def case(accuracy: float) -> Case:
             "name": "small",
             "material": "aluminium",
             "plate": {"thickness_mm": 2.0},
-            "zone": {"length_mm": 30.0, "width_mm": 20.0, "nodal_lines": 2},
+            "zone": {"length_mm": 28.0, "width_mm": 18.0, "nodal_lines": 2},
             "pillar": {"shape": "square", "side_mm": 2.0, "height_mm": 6.3},
-            "array": {"pitch_mm": 4.0, "rows": 1, "extension_mm": 3.0},
+            "array": {"pitch_mm": 4.0, "rows": 1, "extension_mm": 5.0},
             "solve": {"accuracy": accuracy},
         }
     )

@@ -28,7 +28,7 @@ from tests.helpers.recording_log import RecordingLog
 
 CASE = str(STUDIES / "three-rows.toml")
 SMALL = (
-    "zone.length_mm=38.5", "zone.nodal_lines=3", "array.rows=1", "array.extension_mm=8", "solve.accuracy=0.1",
+    "zone.length_mm=40", "zone.nodal_lines=3", "zone.width_mm=18", "array.rows=1", "array.extension_mm=5", "solve.accuracy=0.1",
     "patches.centres_mm=[[0.0,0.0]]", "patches.sensors=[]", "patches.size_mm=[4.0,3.0,0.3]",
 )  # fmt: skip
 VARY = ("--vary", "pillar.height_mm=5.6:6.6")

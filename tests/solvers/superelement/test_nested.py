@@ -125,9 +125,9 @@ def test_almost_massless_combinations_keep_their_mass() -> None:
 
 
 def plate(order: int) -> PlateModel:
-    design = replace(scene(*PAIRS[0]), length_m=12e-3, width_m=12e-3, extension_m=2e-3)
-    mesh = HexSettings(order, 4e-3, 1, 0.15, 1.6e-3)
-    settings = ReductionSettings(Interface(4, 3), 4e5, mesh, 6e-3, 4e-3)
+    design = replace(scene(*PAIRS[0]), length_m=12e-3, width_m=10e-3, extension_m=5e-3)
+    mesh = HexSettings(order, 4e-3, 1, 0.15, 3.2e-3)
+    settings = ReductionSettings(Interface(4, 2), 4e5, mesh, 6e-3, 4e-3)
     return PlateModel(design, Reductions(design.thickness_m, design.material, design.pillar, settings))
 
 

@@ -17,9 +17,9 @@ from solvers.superelement.interface import Interface
 
 STEEL = MATERIALS["steel"]
 PILLAR = Pillar("square", 1.8e-3, 1.8e-3, 5e-3, STEEL)
-DESIGN = Design(16e-3, 8e-3, 1.5e-3, 2, STEEL, PILLAR, 4e-3, 4e-3, 1, 3e-3)
+DESIGN = Design(16e-3, 8e-3, 1.5e-3, 2, STEEL, PILLAR, 4e-3, 4e-3, 1, 4e-3)
 BARE = Design(16e-3, 8e-3, 1.5e-3, 2, STEEL, None, 4e-3, 4e-3, 0, 8e-3)
-MESH = HexSettings(order=3, size_m=2e-3, layers=0, pillar_size_m=2.5e-3)
+MESH = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=2.5e-3)
 FINE_HZ = 3e6
 
 

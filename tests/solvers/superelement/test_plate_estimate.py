@@ -17,8 +17,8 @@ from solvers.superelement.plate_error import mode_errors
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
-DESIGN = Design(16e-3, 8e-3, 2e-3, 2, ALUMINIUM, PILLAR, 4e-3, 5e-3, 1, 3e-3)
-MESH = HexSettings(order=3, size_m=2e-3, layers=0, pillar_size_m=3.15e-3)
+DESIGN = Design(16e-3, 8e-3, 2e-3, 2, ALUMINIUM, PILLAR, 4e-3, 5e-3, 1, 4e-3)
+MESH = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=3.15e-3)
 COUNT = 12
 
 
