@@ -140,17 +140,29 @@ def save(report_figure: ReportFigure, folder: Path) -> StoredFigure:
             left, low, width, height = (round(edge, 9) for edge in axes.get_position(original=True).bounds)
             axes.set_position((left, low, width, height))
     for kind, notes in (("svg", {**words, "Date": None}), ("png", {**words, "Software": None})):
-        buffer = io.BytesIO()
-        with style():
-            report_figure.figure.savefig(buffer, format=kind, dpi=DPI, metadata=notes)
         files[kind] = f"{report_figure.name}.{kind}"
-        store.write_atomic(folder / files[kind], buffer.getvalue())
+        store.write_atomic(folder / files[kind], _drawn(report_figure.figure, kind, notes))
     small = report_figure.vector and (folder / files["svg"]).stat().st_size <= SVG_BYTES
     file = files["svg"] if small else _compressed(folder, files["png"])
     scale = POINTS_PER_IN if small else DPI
     width, height = (round(scale * edge) for edge in report_figure.figure.get_size_inches())
     about = (report_figure.name, report_figure.title, report_figure.alt)
     return StoredFigure(*about, files["svg"], files["png"], file, width, height, report_figure.vector)
+
+
+def _drawn(figure: Figure, kind: str, notes: dict[str, str | None]) -> bytes:
+    """The file's bytes, drawn once: `savefig` draws twice, to lay out what is laid out already."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    buffer = io.BytesIO()
+    figure.set_dpi(DPI)
+    with style():
+        if kind == "svg":
+            FigureCanvasSVG(figure).print_svg(buffer, metadata=notes)
+        else:
+            FigureCanvasAgg(figure).print_png(buffer, metadata=notes)
+    return buffer.getvalue()
 
 
 def _compressed(folder: Path, png: str) -> str:

@@ -58,7 +58,8 @@ def emit(arguments: Namespace, name: str, answer: Answer, log: TerminalLog | Non
     about = {"case": case and case.name, "with_defaults": case and case.to_dict(), "version": version("antinode")}
     seconds = {"seconds": log.seconds | {"total": log.elapsed}} if log else {}
     document = {"schema": 1, **about, **answer.document, **seconds}
-    encoded = (json.dumps(document, indent=1, allow_nan=False) + "\n").encode()
+    asked = arguments.json or getattr(arguments, "out", None)
+    encoded = (json.dumps(document, indent=1, allow_nan=False) + "\n").encode() if asked else b""
     if is_standard_output(arguments.json):
         sys.stdout.write(encoded.decode())
     elif not is_standard_output(getattr(arguments, "output", None)):

@@ -140,6 +140,7 @@ def free_free_mode(nodes: int) -> BeamMode:
     return beam_mode("free", "free", nodes - 1)
 
 
+@lru_cache(maxsize=512)
 def antinodes(mode: BeamMode) -> tuple[float, ...]:
     """Inner extrema of the shape, s in (0, 1), ascending: sign changes of the slope."""
     if mode.kappa == 0.0:

@@ -1,6 +1,8 @@
-"""Unit cells on the coarsest mesh and no cache, for tests of what does not depend on either."""
+"""Unit cells on the coarsest mesh, for tests of what does not depend on it."""
 
 from __future__ import annotations
+
+from typing import ClassVar
 
 import pytest
 
@@ -8,6 +10,7 @@ from geometry.hex.boxes import HexSettings
 from pipeline.models import unit_cell
 from pipeline.planning import mesh_rules
 from solvers.piezo import patch as piezo_patch
+from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
 
 COARSE = HexSettings(order=3, size_m=4e-3, layers=1, factor=0.15, pillar_size_m=6.3e-3)
@@ -15,14 +18,16 @@ COARSEST = HexSettings(order=3, size_m=4e-3, layers=0, factor=0.15, pillar_size_
 COARSEST_PATCH = HexSettings(order=2, size_m=4e-3, layers=1, factor=0.15)
 
 
-class NoCache:
-    """Nothing is kept between tests."""
+class CellsOfTheProcess:
+    """Cells kept in memory, for every test of the process and for no other."""
 
-    def get(self, key: str) -> None:
-        return None
+    kept: ClassVar[dict[str, Cell]] = {}
 
-    def put(self, key: str, cell: object) -> None:
-        return None
+    def get(self, key: str) -> Cell | None:
+        return self.kept.get(key)
+
+    def put(self, key: str, cell: Cell) -> None:
+        self.kept[key] = cell
 
 
 def mesh_coarsest(patch: pytest.MonkeyPatch) -> None:
@@ -33,7 +38,7 @@ def mesh_coarsest(patch: pytest.MonkeyPatch) -> None:
 
 
 def put_in(patch: pytest.MonkeyPatch, mesh: HexSettings = COARSE) -> None:
-    """Every cell coarse and reduced anew."""
+    """Every cell coarse, and none from the disk."""
     patch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: mesh)
     patch.setattr(mesh_rules, "cell_mesh", lambda design, level: mesh)
-    patch.setattr(unit_cell, "CellCache", NoCache)
+    patch.setattr(unit_cell, "CellCache", CellsOfTheProcess)

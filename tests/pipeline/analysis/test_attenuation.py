@@ -18,6 +18,7 @@ from solvers.analytic.plates import levy_hz
 from solvers.analytic.predesign import strip_of
 from tests.helpers import synthetic
 
+pytestmark = pytest.mark.usefixtures("coarsest_cells")
 CASE = str(STUDIES / "three-rows.toml")
 COARSE = ["--set", "solve.accuracy=0.03", "--quiet"]
 

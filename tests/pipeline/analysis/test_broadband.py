@@ -11,6 +11,7 @@ import pytest
 from pipeline.cli.main import main
 from pipeline.models.broadband import stretches
 
+pytestmark = pytest.mark.usefixtures("coarsest_cells")
 CASE = """name = "small"
 material = "aluminium"
 [plate]

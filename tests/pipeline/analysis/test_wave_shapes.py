@@ -18,7 +18,7 @@ CASE = Path(__file__).resolve().parents[3] / "studies" / "three-rows.toml"
 @pytest.fixture(scope="module")
 def result() -> Bands:
     with pytest.MonkeyPatch.context() as patch:
-        coarse_cells.put_in(patch)
+        coarse_cells.put_in(patch, coarse_cells.COARSEST)
         case = load_case(CASE, ["solve.accuracy=0.05", "bands.points=2", "bands.count=6"])
         return solve_bands(case, RecordingLog(), shapes=True)
 
@@ -58,6 +58,6 @@ def test_opposite_sides_move_alike_or_against_each_other(result: Bands) -> None:
 
 def test_shapes_are_made_only_when_asked_for() -> None:
     with pytest.MonkeyPatch.context() as patch:
-        coarse_cells.put_in(patch)
+        coarse_cells.put_in(patch, coarse_cells.COARSEST)
         case = load_case(CASE, ["solve.accuracy=0.05", "bands.points=1", "bands.count=4"])
         assert solve_bands(case, RecordingLog()).shapes == {}
