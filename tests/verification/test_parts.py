@@ -55,16 +55,17 @@ def test_zone_fine_settings_meet_all_fourteen_frequencies() -> None:
 def test_elements_graded_towards_the_free_ends_take_half_of_the_zones_error_away() -> None:
     """The field is singular where a free end meets a clamped side, and even elements along the zone do not follow it."""
     coarse, fine = mesh_rules.mesh_levels("zone")[0], mesh_rules.mesh_levels("zone")[-2]
+    half = replace(design(), length_m=57.75e-3, nodal_lines=4)
 
     def even(boxes: Boxes, row: mesh_rules.MeshLevel) -> Boxes:
-        lines = grid_lines({0.0: False, float(boxes.x[-1]): False}, mesh_rules.zone_mesh(design(), row).grading)
+        lines = grid_lines({0.0: False, float(boxes.x[-1]): False}, mesh_rules.zone_mesh(half, row).grading)
         return replace(boxes, x=lines, region=boxes.region[: len(lines) - 1])
 
     def mode_hz(row: mesh_rules.MeshLevel, graded: bool = True) -> float:
-        boxes = zone_boxes(design(), mesh_rules.zone_mesh(design(), row))
+        boxes = zone_boxes(half, mesh_rules.zone_mesh(half, row))
         mesh = hex_mesh(boxes if graded else even(boxes, row), row.order)
         model = SolidModel(mesh, {"plate": ALUMINIUM}, ("y+",), True)
-        return float(modes_in_band(model.pencil("SS"), 30e3, 36e3).frequency_hz[0])
+        return float(modes_in_band(model.pencil("SS"), 30e3, 40e3).frequency_hz[0])
 
     right = mode_hz(fine)
     assert 0.0 < mode_hz(coarse) / right - 1.0 < 0.5 * (mode_hz(coarse, graded=False) / right - 1.0)

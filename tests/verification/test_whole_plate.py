@@ -35,7 +35,9 @@ def skewed(panel: Panel) -> Mesh:
     return hex_mesh(panel_boxes(replace(panel, foot=foot), DESIGN.thickness_m, BOX, MESH), MESH.order)
 
 
-FINE, COARSE = (ReductionSettings(face, hz, MESH, 4e-3) for face, hz in ((Interface(5, 3), 7e5), (Interface(3, 2), 3e5)))
+FINE, COARSE = (
+    ReductionSettings(face, hz, MESH, 4e-3) for face, hz in ((Interface(5, 3), 7e5), (Interface(3, 2), 3e5))
+)
 
 
 def joined(design: Design, mesher: object = None, reduction: ReductionSettings = FINE) -> PlateModel:

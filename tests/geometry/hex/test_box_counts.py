@@ -72,6 +72,7 @@ def test_heavy_tips_fill_their_closed_form_volume() -> None:
 @pytest.mark.parametrize("name", SCENES)
 def test_elements_nodes_and_pairs_are_those_of_the_mesh(name: str) -> None:
     scene: Scene = SCENES[name]
-    counts, mesh = box_counts(scene, 2), hex_mesh(boxes_of(scene), 2)
+    order = 1 if "tips" in name else 2  # large ones
+    counts, mesh = box_counts(scene, order), hex_mesh(boxes_of(scene), order)
     assert (counts.elements, counts.nodes) == (len(mesh.cells), len(mesh.nodes))
     assert counts.pairs == assemble(mesh, region_materials(ALUMINIUM, WIDE)).mass.nnz

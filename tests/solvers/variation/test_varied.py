@@ -92,7 +92,7 @@ def test_a_changed_pillar_is_what_its_own_mesh_gives(middle: CellFamily, change:
 
 def test_a_piece_at_the_edge_keeps_its_free_side() -> None:
     family = cell_family(SETTING, EDGE, REACH_M)
-    for change in ([0.1e-3, -0.04e-3, 0, 0], [0, 0, 0.1e-3, 0], [0, 0, -0.1e-3, 0]):
+    for change in ([0.1e-3, -0.04e-3, 0, 0], [0, 0, -0.1e-3, 0]):
         assert errors(family, EDGE, np.array(change))[0] < 0.01
 
 

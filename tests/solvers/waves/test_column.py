@@ -25,8 +25,8 @@ DESIGN = Design(40e-3, 12e-3, 2e-3, 4, ALUMINIUM, Pillar("square", 2e-3, 2e-3, 6
 REDUCTION = ReductionSettings(Interface(4, 3), 250e3, HexSettings(3, 4e-3, 0, 0.25, 3.15e-3))
 
 
-def reductions(design: Design) -> Reductions:
-    return Reductions(design.thickness_m, design.material, design.pillar, REDUCTION)
+def reductions(design: Design, reduction: ReductionSettings = REDUCTION) -> Reductions:
+    return Reductions(design.thickness_m, design.material, design.pillar, reduction)
 
 
 @pytest.mark.parametrize("extension_m", [0.0, 1e-3, 6e-3])
@@ -91,8 +91,9 @@ def test_rows_that_differ_stand_in_the_column_as_in_the_plate() -> None:
     """Equal rows listed one by one are equal rows to the last bit; another height in the second row alone is not."""
     assert DESIGN.pillar
     two, other = replace(DESIGN, rows=2), replace(DESIGN.pillar, height_m=5e-3)
+    rough = replace(REDUCTION, interface=Interface(2, 2))
     pencils = {
-        name: Column(replace(two, graded=graded), reductions(two), 250.0).pencil()[0]
+        name: Column(replace(two, graded=graded), reductions(two, rough), 250.0).pencil()[0]
         for name, graded in (("equal", ()), ("listed", (DESIGN.pillar,) * 2), ("graded", (DESIGN.pillar, other)))
     }
     assert (pencils["equal"] == pencils["listed"]).all()
