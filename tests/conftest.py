@@ -13,10 +13,9 @@ import pytest
 from pipeline.workers import limit_threads
 
 LONGEST = """
-    test_six test_library test_report test_active test_emulated_board test_tetmesh test_interfaces test_runner test_search
-    test_wanted_mode test_plan test_scipy_alone test_piezo_beam test_line test_forced test_bands test_step_response
-    test_travelling test_refinement_steps test_crosstalk test_hybrid test_solids test_varied test_plots test_nested
-    test_staggered_plate test_cold_start
+    test_piezo_beam test_travelling test_six test_emulated_board test_forced test_library test_tetmesh test_notebooks
+    test_report test_interfaces test_active test_client_replies test_scipy_alone test_measured_response test_line
+    test_runner test_step_response test_mode_table_gains test_hybrid test_crosstalk test_bands
 """.split()  # noqa: SIM905 ten seconds and more, not a line each
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # a worker a core: their libraries' own threads would wait for each other

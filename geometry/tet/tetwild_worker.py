@@ -6,6 +6,7 @@ Its C++ cannot be interrupted, may print or crash, and writes files; here none o
 from __future__ import annotations
 
 import ctypes
+import importlib
 import io
 import os
 import signal
@@ -13,6 +14,8 @@ import sys
 import tempfile
 from contextlib import suppress
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -27,8 +30,7 @@ def main() -> None:
     os.dup2(2, 1)
     with np.load(io.BytesIO(sys.stdin.buffer.read())) as request:
         given = {name: request[name] for name in request.files}
-    import pytetwild
-
+    pytetwild = _mesher()
     background = {name: given[name] for name in ("bg_vertices", "bg_tets", "bg_values") if name in given}
     vertices, cells = pytetwild.tetrahedralize(
         given["vertices"],
@@ -42,6 +44,16 @@ def main() -> None:
     )
     np.savez(answer, vertices=vertices, cells=np.asarray(cells, dtype=np.int64))
     answer.close()
+
+
+def _mesher() -> Any:
+    """pytetwild without pyvista, which takes most of its import and is there only to add a method to pyvista's meshes."""
+    sys.modules["pyvista"] = ModuleType("pyvista")
+    try:
+        return importlib.import_module("pytetwild")
+    except (AttributeError, ImportError):  # a version that does need it
+        del sys.modules["pyvista"]
+        return importlib.import_module("pytetwild")
 
 
 def _leave_no_file() -> None:
