@@ -59,7 +59,7 @@ def cell() -> Mesh:
 @pytest.fixture(scope="module")
 def bonded() -> Mesh:
     pads = Patches(PIEZO_MATERIALS["pz26"], (3e-3, 2e-3, 0.5e-3), "back", "centres", ((0.0, 0.0),), (3e-3,), (), 1.0)
-    return tet_plate(design(material=BRASS), 1.2e-3, True, pads)
+    return tet_plate(design(material=BRASS), 1.5e-3, True, pads)
 
 
 def test_cell_of_planes_is_exact(cell):
