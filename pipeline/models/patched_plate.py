@@ -10,11 +10,13 @@ from pipeline.planning import foresight
 from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import driven_band_hz, response_high_hz
 from pipeline.records.record import MeshRecord
-from solvers.piezo.beneath import Beneath
+from pipeline.units import MM
+from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import PatchedPlate
 from solvers.superelement.build import PlateModel
+from solvers.superelement.tiling import tile
 
 
 def forced_plate(
@@ -25,6 +27,7 @@ def forced_plate(
 
     InputError for a model that cannot carry patches; raises what its solvers raise.
     """
+    _refuse_over_pillars(case)
     band = driven_band_hz(case, band_hz)
     foresight.announce("the forced response", _demand(case, band), log)
     model = parts.build(case, "plate", response_high_hz(case, band), log, [] if meshes is None else meshes)
@@ -39,7 +42,10 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
     assert patches is not None
     back = patches.face == "back"
     with log.step("bond the patches"):
-        bonded = [bonded_patch(patches.material, box, patches.size_m[2], back) for box in patches.boxes_m()]
+        bonded = [
+            bonded_patch(patches.material, box, patches.size_m[2], back, patch_mesh(case.design, box))
+            for box in patches.boxes_m()
+        ]
         plates = {plate.symmetry: plate for plate in map(model.assembled, model.symmetries)}
         middle_hz = (band_hz[0] + band_hz[1]) / 2.0
         plate = PatchedPlate(plates, bonded, back, model.name, Beneath(model.reductions), middle_hz)
@@ -48,6 +54,23 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
     with log.step("modes of the patched plate"):
         drive = Drive(patches.drivers, patches.sensors, band_hz, case.quality, patches.circuit)
         return ForcedPlate(plate, case.design, drive, bytes_each=_demand(case, band_hz).cost.peak.bytes)
+
+
+def _refuse_over_pillars(case: Case) -> None:
+    """InputError where a patch shares a face with a pillar whose panel it reaches over: that face is not kept there."""
+    patches, design = case.patches, case.design
+    assert patches is not None
+    if patches.face == "touch" and not any(pillar.faces == 2 for pillar in design.kinds):
+        return
+    tiling = tile(design, design.length_m)
+    for number, box in enumerate(patches.boxes_m()):
+        for _, j in pillars_beneath(design, box):
+            low, high = (end / MM for end in tiling.y[j : j + 2])
+            y0, y1 = (end / MM for end in box[2:])
+            raise InputError(
+                f"{case.source or case.name}: patches: patch {number} reaches from y = {y0:g} to {y1:g} mm: must stay clear of "
+                f"the strip from {low:g} to {high:g} mm, where pillars stand on its face"
+            )
 
 
 def _demand(case: Case, band_hz: tuple[float, float]) -> foresight.Demand:

@@ -11,24 +11,29 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
+from math import inf
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from geometry.elements import FloatArray, IntArray
-from geometry.hex.boxes import bonded_boxes, hex_mesh
-from geometry.layout import Pillar, Stand
+from geometry.hex.boxes import HexSettings, bonded_boxes, hex_mesh
+from geometry.layout import Design, Pillar, Stand
 from geometry.materials import Material
+from solvers.errors import TooLarge
 from solvers.fem.coarser import Shares, rim_shares
 from solvers.fem.constraints import constrain, free_mask
 from solvers.fem.factor.factoriser import Factoriser, side_by_side
+from solvers.piezo import patch as piezo_patch
 from solvers.piezo.patch import BondedPatch
 from solvers.superelement.bond import SAME_M, Contact, grid_weights, held_panels
 from solvers.superelement.build import Reductions
 from solvers.superelement.interface import SIDES, VERTICES
 from solvers.superelement.plate import AssembledPlate, Grid
+from solvers.superelement.tiling import tile
 
+FOOT = 0.5  # of foot and thickness, the longest element of a patch over pillars: its plate bends between their feet
 COLUMNS = 240  # of forces solved for at once
 ROUGH = 0.35  # of the share: one radial function stands for both bodies at all edges and corners of a patch
 
@@ -79,9 +84,28 @@ class Beneath:
         felt = sp.coo_array(place.patch.projection @ grid_weights(mesh.nodes[on, :2], mesh_of.order, points))
         means = sp.csr_array((felt.data, (felt.row, on[felt.col])), shape=(felt.shape[0], len(mesh.nodes)))
         loads = sp.csc_array(sp.kron(means, sp.eye_array(3)))[:, np.flatnonzero(pencil.free)].T
-        factor = Factoriser()(sp.csc_array(pencil.stiffness))
+        try:
+            factor = Factoriser()(sp.csc_array(pencil.stiffness))
+        except TooLarge as fault:
+            size = " x ".join(f"{1e3 * each:g}" for each in np.diff(place.box_m)[::2])
+            pillars = sum(len(each.centres) for each in place.stands)
+            raise TooLarge(f"a patch of {size} mm over {pillars} pillars: {fault}; take shorter patches") from fault
         parts = np.array_split(np.arange(loads.shape[1]), -(-loads.shape[1] // COLUMNS))
         return np.hstack([loads.T @ factor.solve(loads[:, part].toarray()) for part in parts])
+
+
+def patch_mesh(design: Design, box_m: FloatArray) -> HexSettings:
+    """Elements of a patch on the rectangle box_m: over pillars as short as their feet and the plate between them ask for."""
+    carrying = bool(pillars_beneath(design, box_m))
+    longest = FOOT * min([design.thickness_m, *(pillar.footprint_m for pillar in design.kinds)]) if carrying else inf
+    return replace(piezo_patch.MESH, size_m=min(piezo_patch.MESH.size_m, longest))
+
+
+def pillars_beneath(design: Design, box_m: FloatArray) -> list[tuple[int, int]]:
+    """Panels (i, j) with a pillar, on either side of the plate, that a rectangle x0, x1, y0, y1 in m overlaps."""
+    tiling = tile(design, design.length_m)
+    x, y = (_between(lines, ends, 0.0) for lines, ends in zip((tiling.x, tiling.y), box_m.reshape(2, 2), strict=True))
+    return [(i, j) for i, j in tiling.feet if x[0] <= i <= x[1] and y[0] <= j <= y[1]]
 
 
 @dataclass(frozen=True)

@@ -109,6 +109,18 @@ def test_the_quality_of_a_lorentzian_is_read_back() -> None:
         (CASE, ["--set", 'solve.model="solid"'], "must be auto or superelement"),
         (CASE, ["--band", "30kHz"], "--band"),
         (CASE, ["--set", "patches.sensors=[9]"], "no such patch"),
+        (
+            CASE,
+            [
+                "--set",
+                "patches.size_mm=[8, 9, 0.3]",
+                "--set",
+                "patches.centres_mm=[[0, 0]]",
+                "--set",
+                "patches.sensors=[]",
+            ],
+            "clear of the strip",
+        ),
         (CASE, ["--set", 'patches.circuit="opened"'], "short (a voltage drives the patches) or open"),
     ],
 )
