@@ -367,9 +367,8 @@ class Response(Result):
     """Forced response to the patches, per volt: arrays (points,), in Hz and m/V; more points about each peak.
 
     >>> import antinode
-    >>> plate = antinode.load("examples/small.toml", accuracy=0.1)
-    >>> plate = plate.with_(patches=antinode.Patches(material="pz26", size_mm=(8.0, 3.0, 0.3)))
-    >>> driven = plate.response((33.0, 36.0), points=5)
+    >>> patch = antinode.Patches(material="pz26", size_mm=(8.0, 3.0, 0.3), centres_mm=[(0.0, 0.0)])
+    >>> driven = antinode.load("examples/small.toml", accuracy=0.1, patches=patch).response((33.0, 36.0), points=5)
     >>> driven.zone_rms_m_per_V.shape == driven.frequency_hz.shape, 33e3 < driven.wanted_peak.frequency_hz < 36e3
     (True, True)
     """

@@ -149,8 +149,10 @@ def sweep(
 
     >>> import antinode, tempfile
     >>> plate = antinode.load("examples/small.toml", accuracy=0.1, bands__points=2, bands__count=4)
-    >>> table = sweep(plate, measure=["bands"], folder=tempfile.mkdtemp(), jobs=1, pillar__height_mm=[6.0, 6.3])
-    >>> [row["pillar.height_mm"] for row in table]
+    >>> table = antinode.sweep(  # doctest: +SLOW
+    ...     plate, measure=["bands"], folder=tempfile.mkdtemp(), jobs=1, pillar__height_mm=[6.0, 6.3]
+    ... )
+    >>> [row["pillar.height_mm"] for row in table]  # doctest: +SLOW
     [6, 6.3]
     """
     from pipeline import paths

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import doctest
 import inspect
 import json
-import re
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +16,7 @@ from pydantic import ValidationError
 import antinode
 from pipeline.cli import explore
 from pipeline.cli.main import main
+from tests.helpers.coarse_cells import sweep_here
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
 ROOT = Path(__file__).resolve().parents[2]
@@ -49,32 +47,6 @@ def test_importing_it_loads_nothing_heavy() -> None:
     code = f"import antinode, sys; print(*[m for m in '{HEAVY}'.split() if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
-
-
-HOMES = [*(f"antinode.{name}" for name in ("plate", "tables", "results", "stored", "sweeps", "frames")),
-         "pipeline.errors", "solvers.errors"]  # fmt: skip
-
-
-# the sweep of the example is that of test_a_sweep_is_a_table_and_stands_when_asked_again
-@pytest.mark.parametrize("module", [pytest.param(m, marks=[pytest.mark.slow] * m.endswith(".sweeps")) for m in HOMES])
-@pytest.mark.filterwarnings("ignore::antinode.Caution")
-def test_the_examples_in_docstrings_hold(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(ROOT)
-    found = doctest.testmod(import_module(module))
-    assert found.attempted and not found.failed
-
-
-def test_every_public_name_has_an_example_that_is_run() -> None:
-    for name in set(NAMES) - {"__version__"}:
-        thing = getattr(antinode, name)
-        assert ">>> " in (inspect.getdoc(thing) or "") and thing.__module__ in HOMES, name
-
-
-def test_every_computation_of_a_plate_has_an_example_that_is_run_and_names_its_units() -> None:
-    for name, method in vars(antinode.Plate).items():
-        if inspect.isfunction(method) and not name.startswith("_"):
-            text = inspect.getdoc(method) or ""
-            assert ">>> " in text and re.search(r"Hz|dB|mm|units|keys", text), name
 
 
 def test_every_public_object_says_what_it_is() -> None:
@@ -297,7 +269,10 @@ def test_a_modes_surface_is_closed_and_has_the_bodys_volume(plate: antinode.Plat
     assert pillar.n_open_edges == 0 and pillar.volume == pytest.approx(2e-3 * 2e-3 * 6.3e-3, rel=1e-6)
 
 
-def test_a_sweep_is_a_table_and_stands_when_asked_again(plate: antinode.Plate, tmp_path: Path) -> None:
+def test_a_sweep_is_a_table_and_stands_when_asked_again(
+    plate: antinode.Plate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sweep_here(monkeypatch)
     coarse = plate.with_(accuracy=0.1, bands__points=2, bands__count=4)
     table = antinode.sweep(coarse, measure=["bands"], folder=tmp_path / "s", jobs=1, pillar__height_mm=[6.0, 6.3])
     assert len(table) == 2 and [row["pillar.height_mm"] for row in table] == [6, 6.3]

@@ -1,31 +1,59 @@
-"""The notebooks of examples/notebooks, run as Jupyter would, in folders of their own."""
+"""The notebooks of examples/notebooks: their cells here on coarse plates, and as Jupyter runs them, in folders of their own."""
 
 from __future__ import annotations
 
+import ast
 import json
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import matplotlib.pyplot as plt
 import pytest
+
+from tests.helpers.coarse_cells import sweep_here
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
-COARSELY = "import pytest; from tests.helpers.coarse_cells import mesh_coarsest; mesh_coarsest(pytest.MonkeyPatch())"
+
+
+def cells(place: Path) -> list[dict[str, Any]]:
+    """A notebook's cells of code."""
+    return [cell for cell in json.loads(place.read_text())["cells"] if cell["cell_type"] == "code"]
+
+
+def shown(sources: list[str]) -> Iterator[Any]:
+    """Run cells one after the other; the value of each one that ends in an expression, as a notebook shows it."""
+    names: dict[str, Any] = {"__name__": "__main__"}
+    for source in sources:
+        lines = ast.parse(source).body
+        last = lines.pop() if isinstance(lines[-1], ast.Expr) else None
+        exec(compile(ast.Module(lines, []), "cell", "exec"), names)
+        if last is not None:
+            yield eval(compile(ast.Expression(last.value), "cell", "eval"), names)
 
 
 @pytest.mark.parametrize("place", NOTEBOOKS, ids=lambda place: place.stem)
-def test_a_notebook_answers_on_coarse_plates(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert_it_runs(place, tmp_path, monkeypatch, COARSELY)
+@pytest.mark.filterwarnings("ignore::antinode.Caution")
+def test_a_notebook_answers_on_coarse_plates(
+    place: Path, coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copy(ROOT / "examples" / "small.toml", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    sweep_here(monkeypatch)
+    try:
+        pages = [value._repr_html_() for value in shown(["".join(cell["source"]) for cell in cells(place)])
+                 if hasattr(value, "_repr_html_")]  # fmt: skip
+        assert pages and plt.get_fignums()
+    finally:
+        plt.close("all")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("place", NOTEBOOKS, ids=lambda place: place.stem)
 def test_a_notebook_runs(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert_it_runs(place, tmp_path, monkeypatch)
-
-
-def assert_it_runs(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, first: str = "") -> None:
-    """And shows a picture; `first`: what its kernel does before."""
+    """And shows a picture."""
     import nbformat
     from nbclient import NotebookClient
 
@@ -33,8 +61,6 @@ def assert_it_runs(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     monkeypatch.setenv("ANTINODE_RESULTS", str(tmp_path / "results"))
     book = nbformat.read(place, as_version=4)
-    if first:
-        book.cells.insert(0, nbformat.v4.new_code_cell(first))
     NotebookClient(book, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
     outputs = [output for cell in book.cells if cell.cell_type == "code" for output in cell.outputs]
     assert any("image/png" in output.get("data", {}) for output in outputs)
@@ -43,5 +69,4 @@ def assert_it_runs(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 def test_notebooks_are_stored_without_results() -> None:
     assert len(NOTEBOOKS) == 3
     for place in NOTEBOOKS:
-        cells = [cell for cell in json.loads(place.read_text())["cells"] if cell["cell_type"] == "code"]
-        assert not any(cell["outputs"] or cell["execution_count"] for cell in cells), place.name
+        assert not any(cell["outputs"] or cell["execution_count"] for cell in cells(place)), place.name

@@ -1,0 +1,92 @@
+"""Examples in the docstrings of `import antinode`: run, and there for every public name and computation with its result."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+import re
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import antinode
+from pipeline.models import parametric
+from pipeline.models.parametric import CellModel
+from tests.helpers.exploring import small_explorer
+
+ROOT = Path(__file__).resolve().parents[2]
+HOMES = [*(f"antinode.{name}" for name in ("plate", "tables", "results", "stored", "sweeps", "frames")),
+         "pipeline.errors", "solvers.errors"]  # fmt: skip
+NAMES = sorted(set(antinode.__all__) - {"__version__"})
+COMPUTATIONS = [name for name, each in vars(antinode.Plate).items() if inspect.isfunction(each) and name[0] != "_"]
+SLOW = doctest.register_optionflag("SLOW")  # a second and more, run by `make test-all`
+
+
+def outcome(module: str, slow: bool) -> doctest.TestResults:
+    """How many of a module's examples ran and failed; without `slow` those marked so are left out."""
+    runner = doctest.DocTestRunner(verbose=False)
+    for test in doctest.DocTestFinder().find(import_module(module)):
+        test.examples = [each for each in test.examples if slow or not each.options.get(SLOW)]
+        runner.run(test)
+    return runner.summarize(verbose=False)
+
+
+def has_a_result(thing: object) -> bool:
+    """Whether an example of its docstring shows what comes out, other than a refusal."""
+    examples = doctest.DocTestParser().get_examples(inspect.getdoc(thing) or "")
+    return any(each.want and each.exc_msg is None for each in examples)
+
+
+@pytest.fixture(scope="module")
+def small_model(tmp_path_factory: pytest.TempPathFactory) -> CellModel:
+    return small_explorer(tmp_path_factory.mktemp("model")).model
+
+
+@pytest.mark.parametrize("module", HOMES)
+@pytest.mark.filterwarnings("ignore::antinode.Caution")
+def test_quick_examples_hold_on_coarse_plates(
+    module: str, coarsest_cells: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    done = outcome(module, slow=False)
+    assert done.attempted and not done.failed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("module", HOMES)
+@pytest.mark.filterwarnings("ignore::antinode.Caution")
+def test_every_example_holds_as_its_reader_runs_it(
+    module: str, small_model: CellModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """But for the explorer's model, which takes minutes: a small one stands in."""
+    monkeypatch.setattr(parametric, "cell_model", lambda case, log: small_model)
+    monkeypatch.chdir(ROOT)
+    done = outcome(module, slow=True)
+    assert done.attempted and not done.failed
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_public_name_has_an_example_with_its_result(name: str) -> None:
+    thing = getattr(antinode, name)
+    assert thing.__module__ in HOMES and has_a_result(thing)
+
+
+@pytest.mark.parametrize("name", COMPUTATIONS)
+def test_every_computation_of_a_plate_has_an_example_with_its_result_and_names_its_units(name: str) -> None:
+    method = getattr(antinode.Plate, name)
+    assert has_a_result(method) and re.search(r"Hz|dB|mm|units|keys", inspect.getdoc(method) or "")
+
+
+def test_a_refusal_or_a_lone_call_is_no_result() -> None:
+    def refused() -> None:
+        """Refuse.
+
+        >>> one = 1
+        >>> one / 0
+        Traceback (most recent call last):
+        ...
+        ZeroDivisionError: division by zero
+        """
+
+    assert not has_a_result(refused)
