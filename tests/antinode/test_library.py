@@ -16,7 +16,7 @@ from pydantic import ValidationError
 import antinode
 from pipeline.cli import explore
 from pipeline.cli.main import main
-from tests.helpers.coarse_cells import sweep_here
+from tests.helpers.at_once import sweep_here
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
 ROOT = Path(__file__).resolve().parents[2]

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable
-from concurrent.futures import Executor, Future
-from contextlib import redirect_stdout
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import pytest
 
-from antinode import sweeps
 from geometry.hex.boxes import HexSettings
-from pipeline.batch import runner
 from pipeline.models import unit_cell
 from pipeline.planning import mesh_rules
 from solvers.piezo import patch as piezo_patch
@@ -49,24 +42,3 @@ def put_in(patch: pytest.MonkeyPatch, mesh: HexSettings = COARSE) -> None:
     patch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: mesh)
     patch.setattr(mesh_rules, "cell_mesh", lambda design, level: mesh)
     patch.setattr(unit_cell, "CellCache", CellsOfTheProcess)
-
-
-class AtOnce(Executor):
-    """Runs what it is given before it answers."""
-
-    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        done: Future[Any] = Future()
-        done.set_result(function(*args, **kwargs))
-        return done
-
-
-def sweep_here(patch: pytest.MonkeyPatch) -> None:
-    """Sweeps of `import antinode` in this process and on its meshes; without this they start processes of their own."""
-
-    def computed(place: Path, jobs: int | None, quiet: bool) -> list[str]:
-        with redirect_stdout(io.StringIO()) as said:
-            sweeps.main([str(place), str(jobs or 0), "--quiet"])
-        return said.getvalue().splitlines()
-
-    patch.setattr(runner, "_local", lambda count: AtOnce())
-    patch.setattr(sweeps, "_computed", computed)

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,31 +40,6 @@ def labels(figure) -> str:
             *(text.get_text() for text in axes.texts),
         ]
     return "\n".join(texts)
-
-
-def test_every_picture_is_drawn_named_and_kept(case: StoredCase, by_hand):
-    drawn = gallery.draw_case(case)
-    pictures = drawn.pictures
-    assert drawn.troubles == []
-    assert [picture.name for picture in pictures] == [
-        *("geometry", "touch_face", "side_view", "pillars_in_plane", "neighbours", "dispersion", "attenuation"),
-        *("response", "board", "plate_meshes", "cell_meshes", "mode_on_both_meshes"),
-    ]  # no measured one, no tolerance in this record: test_measured_response and test_tolerance draw them
-    folder = case.folder / style.PICTURES
-    for picture in pictures:
-        assert len(picture.alt) > 60 and picture.title
-        assert rendering.image_fault(rendering.read_image(folder / picture.png)) == ""
-        root = ET.parse(folder / picture.svg).getroot()
-        assert root.tag.endswith("svg") and picture.title in (folder / picture.svg).read_text()
-    stamp = {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}
-    assert gallery.draw_case(case).pictures == pictures
-    assert {path.name: path.stat().st_mtime_ns for path in folder.iterdir()} == stamp
-    (folder / "touch_face.png").rename(folder / "lost")
-    assert gallery.kept_pictures(case) is None  # a lost file, and:
-    (folder / "lost").rename(folder / "touch_face.png")
-    modes = case.record.modes.model_copy(update={"wanted": synthetic.wanted(3.0)})
-    changed = replace(case, record=case.record.model_copy(update={"modes": modes}))
-    assert gallery.kept_pictures(case) is not None and gallery.kept_pictures(changed) is None
 
 
 def test_units_on_every_axis(case: StoredCase):

@@ -1,31 +1,21 @@
-"""Pages are built in the tests' own process: others would prove nothing of a page."""
+"""Pages are built in the tests' own process, solids projected there: others would prove nothing of a page."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
-from typing import Any
+from collections.abc import Iterator
 
 import pytest
 
-
-class Here(Executor):
-    """Does in this process at once what it is given; `antinode run` draws in processes of their own in tests of the runner."""
-
-    def __init__(self, count: int, threads: int) -> None:
-        assert count >= 1 and threads == 1
-
-    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        try:
-            future.set_result(function(*args, **kwargs))
-        except Exception as error:
-            future.set_exception(error)
-        return future
+from tests.helpers.at_once import AtOnce
 
 
 @pytest.fixture(autouse=True, scope="module")
 def drawn_here() -> Iterator[None]:
+    def workers(count: int, threads: int) -> AtOnce:
+        assert count >= 1 and threads == 1
+        return AtOnce()
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pipeline.workers.LocalWorkers", Here)
+        patch.setattr("pipeline.workers.LocalWorkers", workers)
+        patch.setattr("pipeline.plots.rendering._broken", ["not wanted in this test"])
         yield

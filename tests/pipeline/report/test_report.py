@@ -4,6 +4,7 @@ import hashlib
 import json
 import re
 import shutil
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -13,9 +14,10 @@ import numpy as np
 import pytest
 
 from pipeline.measures import registry
+from pipeline.plots import rendering, style
 from pipeline.records import store, tables
 from pipeline.records.study import StoredStudy, read_study
-from pipeline.report import html, pictures, text
+from pipeline.report import gallery, html, pictures, text
 from pipeline.report import page as report_page
 from pipeline.report.script_page import Page as Script
 from pipeline.report.script_page import Section, Table, write_page
@@ -65,6 +67,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = synthetic.put_study(tmp_path_factory.mktemp("report") / "rows", pitches=(0.004, 0.006), rows=(1,))
     synthetic.change(folder / "pitch_mm=4,rows=1", warnings=["a thin element", "faces <clamped>"])
     (folder / "pitch_mm=6,rows=1/arrays.npz").unlink()  # nothing but its bands can be drawn
+    synthetic.change(folder / "pitch_mm=6,rows=1")  # and kept: it has none, none is missed
     registry.write_table(folder)
     report_page.build(folder)
     return folder
@@ -99,6 +102,33 @@ def test_every_picture_has_words_and_every_table_headings(page: Page):
         image["loading"] == "lazy" and int(image["width"]) > int(image["height"]) / 3 > 15 for image in page.all("img")
     )
     assert all(heading.get("scope") in {"col", "row"} for heading in page.all("th"))
+
+
+def test_every_picture_is_drawn_named_and_kept(folder: Path):
+    """As the page left them: nothing is drawn again while nothing has changed."""
+    case = read_study(folder).cases[0]
+    drawn = gallery.draw_case(case)
+    pictures = drawn.pictures
+    assert drawn.troubles == []
+    assert [picture.name for picture in pictures] == [
+        *("geometry", "touch_face", "side_view", "pillars_in_plane", "neighbours", "dispersion", "attenuation"),
+        *("response", "board", "plate_meshes", "cell_meshes", "mode_on_both_meshes"),
+    ]  # no measured one, no tolerance in this record: test_measured_response and test_tolerance draw them
+    place = case.folder / style.PICTURES
+    for picture in pictures:
+        assert len(picture.alt) > 60 and picture.title
+        assert rendering.image_fault(rendering.read_image(place / picture.png)) == ""
+        root = ET.parse(place / picture.svg).getroot()
+        assert root.tag.endswith("svg") and picture.title in (place / picture.svg).read_text()
+    stamp = {path.name: path.stat().st_mtime_ns for path in place.iterdir()}
+    assert gallery.draw_case(case).pictures == pictures
+    assert {path.name: path.stat().st_mtime_ns for path in place.iterdir()} == stamp
+    (place / "touch_face.png").rename(place / "lost")
+    assert gallery.kept_pictures(case) is None  # a lost file, and:
+    (place / "lost").rename(place / "touch_face.png")
+    modes = case.record.modes.model_copy(update={"wanted": synthetic.wanted(3.0)})
+    changed = replace(case, record=case.record.model_copy(update={"modes": modes}))
+    assert gallery.kept_pictures(case) is not None and gallery.kept_pictures(changed) is None
 
 
 def test_it_says_what_matters(page: Page):
