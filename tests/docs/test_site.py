@@ -15,6 +15,7 @@ import pytest
 
 from pipeline import paths
 from pipeline.cli.main import _parser, main
+from tests.helpers import site_fields
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -105,15 +106,15 @@ def test_every_field_of_a_json_document_has_a_meaning(
 def test_documents_hold_what_their_page_says(
     site: dict[str, ModuleType], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Those of `active` are held in test_active, where they are made."""
     reference = site["reference"]
-    known = reference.field_meanings()["documents"]
     small = str(ROOT / "examples" / "small.toml")
     monkeypatch.setattr(paths, "RESULTS", tmp_path)
-    for words in (["predesign", small], ["compare", small, small], ["list"], ["materials"]):
+    for words in (["predesign", small], ["compare", small, small], ["list"], ["materials"], ["doctor"]):
         assert main([*words, "--quiet", "--json", str(tmp_path / "d.json")]) == 0
-        told = known[words[0]]
+        told = site_fields.documents()[words[0]]
         of = set(reference.parts()[told["of"]].model_fields) if "of" in told else set()
-        found = set(json.loads((tmp_path / "d.json").read_text())) - set(known["every"])
+        found = set(json.loads((tmp_path / "d.json").read_text())) - site_fields.EVERY
         assert found == of | set(told) - {"of"}, words[0]
 
 
@@ -125,6 +126,7 @@ def test_generated_pages_hold_what_they_are_made_from(site: dict[str, ModuleType
         "### ModeRecord" in text["reference/json.md"]
         and "| `strength` | Share of the wanted shape" in text["reference/json.md"]
         and "### `antinode search --json FILE`" in text["reference/json.md"]
+        and "### `antinode active dq --json FILE`" in text["reference/json.md"]
     )
     assert "## attenuation" in text["reference/commands.md"] and "--kx" in text["reference/commands.md"]
     assert "antinode.sweep" in text["reference/library.md"] and "@software{antinode" in text["cite.md"]

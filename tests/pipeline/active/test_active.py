@@ -21,6 +21,7 @@ from solvers.active_beam.study import ActiveBeamData
 from solvers.control.baseband import ModePlant
 from solvers.control.identification import noisy, sweep_of
 from solvers.resonators.mason_study import MasonData
+from tests.helpers import site_fields
 from tests.helpers.figures import assert_labelled_with_data, collected
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -47,7 +48,7 @@ def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: 
     assert run(model, "--out", str(tmp_path), "--quiet") == 0
     text = capsys.readouterr().out
     document = json.loads((tmp_path / f"active_{model}.json").read_text())
-    assert document["schema"] == 1
+    assert document["schema"] == 1 and site_fields.differing(f"active {model}", document) == []
     for entry in document["comparison"]:
         assert set(entry) == {"quantity", "thesis", "ours", "agreement"}
         assert entry["ours"] in text and entry["agreement"] in text
@@ -139,6 +140,7 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
     assert run("pillar", "--cell", "--band", "25kHz:45kHz", "--quiet", "--out", str(tmp_path)) == 0
     document = json.loads((tmp_path / "active_pillar.json").read_text())
     assert query == {"band": (25e3, 45e3), "kx": 0.0} and document["cell"]["model"] == "stub"
+    assert site_fields.differing("active pillar", document) == []
     assert document["comparison"][-1]["ours"] == "30.50-35.50 kHz"
     assert "edge lies" in document["comparison"][-1]["agreement"]
     capsys.readouterr()
@@ -326,7 +328,10 @@ def test_a_measured_sweep_becomes_the_tables_mode(displacement: bool, tmp_path: 
     assert table_file.to_header(new) == header
     document = json.loads((out / "active_dq.json").read_text())
     assert document["plant"]["frequency_hz"] == pytest.approx(31_437.3, abs=0.1)
+    assert site_fields.differing("active dq", document) == []
     assert document["measured"]["tau_s"] == pytest.approx(mode.tau_s, rel=1e-6)
+    assert main.main(["doctor", "table", str(out / "mode_table.bin"), "--json", str(out / "table.json")]) == 0
+    assert site_fields.differing("doctor table", json.loads((out / "table.json").read_text())) == []
     capsys.readouterr()
 
 
