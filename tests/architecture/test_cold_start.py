@@ -15,11 +15,13 @@ CASE = "studies/three-rows.toml"
 RUN = """
 import json, sys
 import pipeline.cli.main
-try:
-    code = pipeline.cli.main.main(json.loads(sys.argv[1]))
-except SystemExit as end:
-    code = end.code
-print(json.dumps({"code": code, "loaded": sorted(sys.modules)}), file=sys.stderr)
+codes = []
+for arguments in json.loads(sys.argv[1]):
+    try:
+        codes.append(pipeline.cli.main.main(arguments))
+    except SystemExit as end:
+        codes.append(end.code)
+print(json.dumps({"codes": codes, "loaded": sorted(sys.modules)}), file=sys.stderr)
 """
 CAD = {"cadquery", "OCP"}
 MESHERS = {"pytetwild", "meshio", "trimesh", "gmsh"}
@@ -32,13 +34,13 @@ OURS = {"geometry", "solvers"}
 LATE_HERE = ("solvers.piezo", "solvers.control", "solvers.active_beam", "solvers.shaping", "pipeline.plots")
 
 
-def loaded_by(*arguments: str, code: int = 0, results: Path | None = None) -> set[str]:
-    """Modules in a fresh process after a command that ended with a code."""
+def loaded_by(*commands: tuple[str, ...], code: int = 0, results: Path | None = None) -> set[str]:
+    """Modules in a fresh process after commands that each ended with a code."""
     environment = os.environ | ({"ANTINODE_RESULTS": str(results)} if results else {})
-    command = [sys.executable, "-c", RUN, json.dumps(arguments)]
+    command = [sys.executable, "-c", RUN, json.dumps(commands)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=environment)
     text = json.loads(done.stderr.splitlines()[-1])
-    assert text["code"] == code, done.stderr
+    assert text["codes"] == [code] * len(commands), done.stderr
     return set(text["loaded"])
 
 
@@ -46,14 +48,13 @@ def packages(modules: set[str]) -> set[str]:
     return {name.partition(".")[0] for name in modules}
 
 
-@pytest.mark.parametrize("arguments", [("--help",), ("modes", "--help"), ("search", "--help"), ("run", "--help")])
-def test_help_loads_the_standard_library_alone(arguments: tuple[str, ...]) -> None:
-    result = packages(loaded_by(*arguments))
+def test_help_loads_the_standard_library_alone() -> None:
+    result = packages(loaded_by(("--help",), ("modes", "--help"), ("search", "--help"), ("run", "--help")))
     assert not result & (ALWAYS_LATE | NUMBERS | OURS | {"pydantic", "rich", "jinja2", "psutil"})
 
 
 def test_predesign_loads_numpy_and_no_scipy() -> None:
-    result = packages(loaded_by("predesign", CASE, "--json", "-"))
+    result = packages(loaded_by(("predesign", CASE, "--json", "-")))
     assert "numpy" in result
     assert not result & (ALWAYS_LATE | {"scipy", "rich", "jinja2", "psutil"})
 
@@ -61,39 +62,23 @@ def test_predesign_loads_numpy_and_no_scipy() -> None:
 def test_a_tapered_pillar_asks_for_what_it_needs() -> None:
     """The exact shapes of a uniform pillar need no scipy; the series of a tapered one does, and then gets it."""
     tapered = ("--set", "pillar.shape=tapered", "--set", "pillar.base_mm=2", "--set", "pillar.tip_mm=1")
-    assert "scipy" in packages(loaded_by("predesign", CASE, *tapered, "--json", "-"))
+    assert "scipy" in packages(loaded_by(("predesign", CASE, *tapered, "--json", "-")))
 
 
 def test_faults_of_the_input_are_told_before_anything_heavy_is_loaded() -> None:
-    for arguments in (
-        ("modes", "nothing.toml"),
-        ("search", CASE, "--vary", "pillar.height_mm=8:5"),
-        ("run", "nothing"),
-    ):
-        result = packages(loaded_by(*arguments, code=2))
-        assert not result & (ALWAYS_LATE | {"scipy"}), arguments
+    wrong = (("modes", "nothing.toml"), ("search", CASE, "--vary", "pillar.height_mm=8:5"), ("run", "nothing"))
+    assert not packages(loaded_by(*wrong, code=2)) & (ALWAYS_LATE | {"scipy"})
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ("modes", CASE, "--explain"),
-        ("bands", CASE, "--explain"),
-        ("response", CASE, "--explain"),
-        ("run", "rows", "--dry-run"),
-    ],
-)
-def test_a_plan_loads_no_cad_mesher_or_renderer(arguments: tuple[str, ...]) -> None:
-    assert not packages(loaded_by(*arguments)) & ALWAYS_LATE
-
-
-def test_doctor_asks_for_versions_without_importing() -> None:
-    assert not packages(loaded_by("doctor")) & ALWAYS_LATE
+def test_plans_and_a_look_at_the_machine_load_no_cad_mesher_or_renderer() -> None:
+    """Versions are asked for without importing."""
+    plans = [(command, CASE, "--explain") for command in ("modes", "bands", "response")]
+    assert not packages(loaded_by(*plans, ("run", "rows", "--dry-run"), ("doctor",))) & ALWAYS_LATE
 
 
 def test_a_solve_of_boxes_loads_no_cad_mesher_or_renderer(tmp_path: Path) -> None:
     coarse = ("--set", "solve.accuracy=0.1", "--count", "1", "--quiet", "--json", str(tmp_path / "m.json"))
-    result = loaded_by("modes", CASE, "--part", "pillar", *coarse)
+    result = loaded_by(("modes", CASE, "--part", "pillar", *coarse))
     assert "scipy" in packages(result) and not packages(result) & ALWAYS_LATE
     assert not {name for name in result if name.startswith(LATE_HERE)}
 
@@ -109,5 +94,5 @@ def test_a_report_whose_pictures_stand_draws_nothing(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    result = packages(loaded_by("report", "rows", results=tmp_path))
+    result = packages(loaded_by(("report", "rows"), results=tmp_path))
     assert not result & (CAD | MESHERS | {"vtk", "vtkmodules", "pyvista"})
