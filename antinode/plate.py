@@ -233,6 +233,7 @@ class Plate(Frozen):
 
         points are spread evenly, with more about each peak. Raises InputError without [patches].
 
+        >>> from antinode import Patches, load
         >>> plate = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
         >>> peak = plate.response((33.0, 36.0), points=5).wanted_peak  # doctest: +SLOW
         >>> round(peak.frequency_hz, -3), round(peak.confinement_db)  # doctest: +SLOW
@@ -249,6 +250,7 @@ class Plate(Frozen):
 
         Raises InputError where [tolerance] has no deviation.
 
+        >>> from antinode import Scatter, load
         >>> plate = load("examples/small.toml", accuracy=0.1, tolerance=Scatter(height_mm=0.05, samples=2))
         >>> spread = plate.tolerance((33.5, 35.5))  # doctest: +SLOW
         >>> [round(sample.confinement_db) for sample in spread.samples]  # doctest: +SLOW
@@ -265,6 +267,7 @@ class Plate(Frozen):
 
         band_kHz: (low, high) in kHz. Raises InputError without [patches] and [touch].
 
+        >>> from antinode import Finger, Patches, load
         >>> plate = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
         >>> touched = plate.with_(touch=Finger(radius_mm=5.0)).touch((33.0, 36.0), mapped=False)  # doctest: +SLOW
         >>> round(touched.mode.shift_hz, -2), round(touched.mode.quality)  # doctest: +SLOW
@@ -283,6 +286,7 @@ class Plate(Frozen):
 
         band_kHz: (low, high) in kHz; lists of a way are (points,). InputError without two driving patches, one in the zone.
 
+        >>> from antinode import Patches, load
         >>> two = Patches(size_mm=(8.0, 3.0, 0.3), centres_mm=[(-14.0, 0.0), (14.0, 0.0)])
         >>> ways = load("examples/small.toml", accuracy=0.1, patches=two).hybrid((33.0, 36.0), points=3).ways  # doctest: +SLOW
         >>> {name: round(ways[name].confinement_db[0]) for name in ("rows", "both")}  # doctest: +SLOW
@@ -299,6 +303,7 @@ class Plate(Frozen):
         band_kHz: (low, high) in kHz, with both modes in it; the wave's arrays are (points,), in m. Raises InputError
         without patches.
 
+        >>> from antinode import Patches, load
         >>> patches = Patches(size_mm=(8.0, 3.0, 0.3), sensors=(2,))
         >>> wave = load("examples/small.toml", accuracy=0.1, patches=patches).travel((28.0, 36.0))  # doctest: +SLOW
         >>> round(wave.twr, 1), sorted(mode["nodal_lines"] for mode in wave.to_dict()["modes"])  # doctest: +SLOW
@@ -315,6 +320,7 @@ class Plate(Frozen):
 
         band_kHz: (low, high) in kHz. Raises InputError for a plate of one zone.
 
+        >>> from antinode import Patches, load
         >>> one = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
         >>> plate = one.with_(zone=[one.to_dict()["zone"], {"shared_rows": 3}])
         >>> bool(plate.crosstalk((33.0, 36.0), points=5).level_db[0, 1] < -3.0)  # doctest: +SLOW
@@ -343,6 +349,7 @@ class Plate(Frozen):
         plates, three columns of cells to each; minutes. Raises InputError for a
         range that cannot be searched, CheckFailed where no design keeps the limits.
 
+        >>> from antinode import load
         >>> plate = load("examples/small.toml", accuracy=0.1)
         >>> best = plate.search(height_mm=(6.0, 6.6), evaluations=2, mac=0.3)
         >>> best.best_values, round(best.gain_db)
@@ -378,6 +385,7 @@ class Plate(Frozen):
         port: on this machine's loopback address (0: a free one). The page's model takes a minute to make and is kept.
         Raises InputError without a square pillar, plate and zone.
 
+        >>> from antinode import load
         >>> from tempfile import mkdtemp
         >>> page = Path(mkdtemp()) / "page.html"
         >>> load("examples/small.toml").explore(page)  # doctest: +SLOW
