@@ -50,6 +50,7 @@ FAST = (
     "an_capture",
 )
 SPEED, SIZE = "-O2", "-Os"
+TABLE = BOARD / "table.c"  # compiled alone: with another table, or in another folder, all else stays (zig keeps it)
 SECTIONS = ("-ffunction-sections", "-fdata-sections", "-fno-unwind-tables", "-fno-asynchronous-unwind-tables")
 WARNINGS = (
     "-Wall",
@@ -115,12 +116,13 @@ def build(header: str, folder: Path = BUILD, variant: str = "single") -> Image:
     (own / "mode_table.h").write_text(header)
     elf = folder / f"{VARIANTS[variant]}.elf"
     parts = (CORE, CORE / variant, BOARD, BOARD / variant)
-    places = [*(f"-I{part}" for part in parts), f"-I{own}", *mapped(folder.resolve())]
-    objects = []
-    for level in (SPEED, SIZE):
-        sources = [str(path) for part in parts for path in sorted(part.glob("*.c")) if optimised(path) == level]
-        objects.append(str(own / f"{level[1:]}.o"))
-        run([*command, level, *LANGUAGE, *SECTIONS, *WARNINGS, *places, *sources, "-nostdlib", "-r", "-o", objects[-1]])
+    places = [*(f"-I{part}" for part in parts), *mapped()]
+    code = [path for part in parts for path in sorted(part.glob("*.c")) if path != TABLE]
+    pieces = [[level, *places, *(str(path) for path in code if optimised(path) == level)] for level in (SPEED, SIZE)]
+    pieces.append([SIZE, *places, f"-I{own}", f"-ffile-prefix-map={folder.resolve()}=build", str(TABLE)])
+    objects = [str(own / f"{index}.o") for index in range(len(pieces))]
+    for piece, target in zip(pieces, objects, strict=True):
+        run([*command, *LANGUAGE, *SECTIONS, *WARNINGS, *piece, "-nostdlib", "-r", "-o", target])
     run([*command, *LINK, f"-Wl,-T,{BOARD / 'memory.ld'}", *objects, "-o", str(elf.resolve())])
     return _with_its_files(elf, name)
 
@@ -134,13 +136,13 @@ def _with_its_files(elf: Path, compiler: str) -> Image:
     return Image(elf, binary, listing, registers, *sizes(linked), compiler)
 
 
-def mapped(folder: Path) -> list[str]:
+def mapped() -> list[str]:
     """Options that keep this machine's paths out of the debug information; the compiler has to run in the root.
 
     A compiler that lies in the root's own environment names its headers from the root.
     """
     headers = _own_headers()
-    places = {ROOT: ".", folder: "build", headers: "compiler"}
+    places = {ROOT: ".", headers: "compiler"}
     if headers.is_relative_to(ROOT):
         places[headers.relative_to(ROOT)] = "compiler"
     return [f"-ffile-prefix-map={place}={name}" for place, name in places.items()]

@@ -4,7 +4,8 @@ Unicorn executes the Cortex-M4 code, start-up included. It raises no interrupts 
 the hardware would: the fast one at every sample, PendSV when the image asked for it, SysTick by its own reload value, and
 after each of them the main loop goes on, for any interrupt ends its wait. Main loop passes take no time. Peripherals are
 memory that both sides see; clock and flash controller answer through callbacks. Line speed, sample rate and SysTick follow
-from the clock that the image has set up.
+from the clock that the image has set up. Whatever is executed ends by waiting for an interrupt: an address to stop at would
+be translated anew each time.
 """
 
 from __future__ import annotations
@@ -128,8 +129,8 @@ class EmulatedBoard(Supervised):
         self.main_stuck = False
         self.uc.reg_write(UC_ARM_REG_FPEXC, 0x40000000)
         self.uc.reg_write(UC_ARM_REG_SP, int.from_bytes(self._flash_bytes(0, 4), "little"))
-        self._run(self.elf.symbols["Reset_Handler"].address, self.idle, BOOT_INSTRUCTIONS)
-        if self.uc.reg_read(UC_ARM_REG_PC) & ~1 != self.idle:
+        self.uc.emu_start(self.symbol("Reset_Handler") | 1, 0, count=BOOT_INSTRUCTIONS)
+        if self.uc.reg_read(UC_ARM_REG_PC) & ~1 != self.idle + len(WAIT_FOR_INTERRUPT):
             raise RuntimeError("the image never reached its main loop")
         self.ring_bytes = self.word(RECEIVE + 4).value
         systick = self.word(SYSTICK_CONTROL).value & 3 == 3
@@ -167,7 +168,7 @@ class EmulatedBoard(Supervised):
     def interrupt(self, handler: int) -> None:
         """Enters a handler, then PendSV if it was asked for, then lets the main loop go on until it waits again."""
         self.handler.value = handler | 1
-        self.uc.emu_start(STUBS | 1, self.idle)
+        self.uc.emu_start(STUBS | 1, 0)
 
     def interrupt_unexpectedly(self) -> None:
         """An exception that no handler expects, a clock that dies among them, on the main loop's stack; it never returns."""
@@ -195,7 +196,7 @@ class EmulatedBoard(Supervised):
 
     @main_stuck.setter
     def main_stuck(self, stuck: bool) -> None:
-        self.back.value = (self.idle if stuck else self.idle + 2) | 1
+        self.back.value = (self.idle if stuck else self.idle + len(WAIT_FOR_INTERRUPT)) | 1
 
     def is_enabled(self, line: int) -> bool:
         """True when the image let an interrupt through."""
@@ -241,7 +242,7 @@ class EmulatedBoard(Supervised):
         for register, packed in zip(_FRACTIONS, fractions, strict=False):
             self.uc.reg_write(register, int.from_bytes(packed, "little"))
         self.uc.reg_write(UC_ARM_REG_LR, RETURN | 1)
-        self._run(self.symbol(name), RETURN)
+        self.uc.emu_start(self.symbol(name) | 1, 0)
         result = self.uc.reg_read(UC_ARM_REG_R0)
         self.uc.context_restore(context)
         return int(result)
@@ -296,15 +297,13 @@ class EmulatedBoard(Supervised):
         self.fast_handler = self.symbol(self.FAST_HANDLER)
         self.poke(STUBS, ENTRY)
         self.poke(STUBS + NOTHING, b"\x70\x47")
+        self.poke(RETURN, WAIT_FOR_INTERRUPT)
         places = (HANDLER, WINDOWS, SLOW, BACK)
         self.handler, count, self.slow, self.back = (self.word(STUBS + at) for at in places)
         self.word(STUBS + PENDING).value = ICSR
         self.windows = self.word(STUBS + WINDOWS_COUNT)
         count.value = STUBS + WINDOWS_COUNT
         self.slow_stuck = self.main_stuck = False
-
-    def _run(self, start: int, end: int, limit: int = 0) -> None:
-        self.uc.emu_start(start | 1, end, count=limit)
 
     def _serve_systick(self) -> None:
         while self.time_s - self.ticked_s >= self.systick_s - TIME_ERROR_S and not self.hung:
@@ -392,10 +391,11 @@ class EmulatedBoard(Supervised):
         self.flash.program(offset, size, value)
 
 
+# RAM first: mapped behind the code, a store to it discards translations of the code at the same offset.
 _SHARED = (
+    (RAM, RAM_BYTES),
     (STUBS, 0x1000),
     (FLASH, FLASH_BYTES),
-    (RAM, RAM_BYTES),
     (APB1, APB1_BYTES),
     (APB2, APB2_BYTES),
     (AHB1, AHB1_BYTES),

@@ -201,6 +201,14 @@ def test_instructions_a_tick(make_single) -> None:
     assert min(fast) > 50 and min(slow) > 100
 
 
+def test_no_code_is_translated_twice(make_single) -> None:
+    """Translating takes five times as long as running: a loop in its steady state needs none."""
+    from tests.helpers.board_probes import count_translations
+
+    board = running(make_single)
+    assert count_translations(board, 5e-3) == 0
+
+
 @pytest.mark.parametrize("detuning_hz", [0.0, 300.0])
 def test_host_and_cortex_m4_agree_bit_for_bit(make_single, core, detuning_hz: float) -> None:
     """Identification begun, loop closed, steps up and down: every DAC code and every byte of the state."""

@@ -548,6 +548,14 @@ def test_instructions_a_tick_and_host_and_cortex_m4_alike(make_six, hosted, core
     assert bytes(core.ffi.buffer(board.app, alike)) == bytes(core.ffi.buffer(twin.app, alike))
 
 
+def test_no_code_is_translated_twice(make_six) -> None:
+    from tests.helpers.board_probes import count_translations
+
+    board = driving(make_six)
+    board.run(30e-3)
+    assert count_translations(board, 5e-3) == 0
+
+
 def test_tones_too_low_for_the_watchdog_are_refused(hosted) -> None:
     """A window of two periods must end well before a watchdog at its fastest, 97 cycles of 4 at 47 kHz."""
     low = hosted(table(349.0), BEAM)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from unicorn import UC_HOOK_CODE, Uc
+from unicorn import UC_HOOK_CODE, UC_HOOK_EDGE_GENERATED, Uc
 from unicorn.arm_const import UC_ARM_REG_LR, UC_ARM_REG_SP
 
 from firmware import build as builder
@@ -96,6 +96,20 @@ def count_instructions(board: EmulatedBoard, run: Callable[[], Any], *routines: 
         board.uc.hook_del(hook)
         board.uc.ctl_flush_tb()  # type: ignore[attr-defined]
     return counts
+
+
+def count_translations(board: EmulatedBoard, seconds: float) -> int:
+    """How many pieces of code the emulator translates while a board runs."""
+    count = 0
+
+    def each(*_: Any) -> None:
+        nonlocal count
+        count += 1
+
+    hook = board.uc.hook_add(UC_HOOK_EDGE_GENERATED, each)
+    board.run(seconds)
+    board.uc.hook_del(hook)
+    return count
 
 
 def routines_of_the_board(header: str, variant: str) -> set[str]:
