@@ -157,6 +157,8 @@ def _clamped_roots(count: int) -> Floats:
 class BeamSimulation:
     """A Beam or Structure in time: one call a sample, drives held between samples, solved exactly."""
 
+    ROWS = 64  # of noise, drawn at once
+
     def __init__(self, beam: Beam | Structure, seed: int = 1) -> None:
         self.beam = beam.structure if isinstance(beam, Beam) else beam
         pole = self.beam.poles
@@ -167,11 +169,16 @@ class BeamSimulation:
         self.state = np.zeros(len(pole), complex)
         self.at_once = np.zeros(CHANNELS)
         self.random = np.random.default_rng(seed)
+        self.noise: list[Floats] = []
 
     def sense(self) -> Floats:
         """The six sensors' levels at this sample, in full scales."""
-        levels = (self.pull @ self.state).imag + self.at_once
-        return levels + self.random.normal(0.0, self.beam.noise, CHANNELS) if self.beam.noise else levels
+        levels = self.pull @ self.state.imag + self.at_once
+        if not self.beam.noise:
+            return levels
+        if not self.noise:
+            self.noise = list(self.random.normal(0.0, self.beam.noise, (self.ROWS, CHANNELS)))
+        return levels + self.noise.pop()
 
     def drive(self, levels: Floats) -> None:
         """Holds six drives from now to the next sample."""
@@ -182,4 +189,7 @@ class BeamSimulation:
 
 def adc_codes(levels: Floats) -> list[int]:
     """12-bit codes of levels in full scales, clipped at the ends."""
-    return [min(max(int(code), 0), 4095) for code in (levels * 2048.0 + 2048.5).tolist()]
+    codes = [int(code) for code in (levels * 2048.0 + 2048.5).tolist()]
+    if min(codes) < 0 or max(codes) > 4095:
+        codes = [min(max(code, 0), 4095) for code in codes]
+    return codes

@@ -105,6 +105,8 @@ class EmulatedBoard(Supervised):
         self.uc.ctl_set_cpu_model(UC_CPU_ARM_CORTEX_M4)
         self.words: dict[int, ctypes.c_uint32] = {}
         self.memory = {start: self._shared(start, size) for start, size in _SHARED}
+        self.watchdog = [self.word(IWDG + at) for at in (0, 4, 8)]
+        self.systick, self.sending = self.word(SYSTICK_CONTROL), self.word(SEND)
         self.uc.mmio_map(CONTROL, CONTROL_BYTES, self._control_read, None, self._control_write, None)
         self.sector = bytearray(b"\xff" * SECTOR_BYTES)
         self.uc.mmio_map(SECTOR, SECTOR_BYTES, self._read_from(self.sector), None, self._sector_write, None)
@@ -133,7 +135,7 @@ class EmulatedBoard(Supervised):
         if self.uc.reg_read(UC_ARM_REG_PC) & ~1 != self.idle + len(WAIT_FOR_INTERRUPT):
             raise RuntimeError("the image never reached its main loop")
         self.ring_bytes = self.word(RECEIVE + 4).value
-        systick = self.word(SYSTICK_CONTROL).value & 3 == 3
+        systick = self.systick.value & 3 == 3
         self.systick_s = (self.word(SYSTICK_RELOAD).value + 1) / self.clock.core_hz if systick else math.inf
         self.seen_windows = self.windows.value
 
@@ -308,7 +310,7 @@ class EmulatedBoard(Supervised):
     def _serve_systick(self) -> None:
         while self.time_s - self.ticked_s >= self.systick_s - TIME_ERROR_S and not self.hung:
             self.ticked_s += self.systick_s
-            if self.word(SYSTICK_CONTROL).value & 3 == 3:
+            if self.systick.value & 3 == 3:
                 self.interrupt(self.symbol("SysTick_Handler"))
 
     def _serve_watchdog(self) -> None:
@@ -319,11 +321,11 @@ class EmulatedBoard(Supervised):
 
     def _watch(self) -> None:
         """Fed since it was looked at last, or too late."""
-        if self.word(IWDG).value == 0xAAAA:
-            self.word(IWDG).value = 0
+        key, prescaler, reload = self.watchdog
+        if key.value == 0xAAAA:
+            key.value = 0
             self.fed_s = self.time_s
-        prescaler, reload = self.word(IWDG + 4).value, self.word(IWDG + 8).value
-        self.bitten |= self.time_s - self.fed_s > (reload + 1) * (4 << prescaler) / self.chip.lsi_hz
+        self.bitten |= self.time_s - self.fed_s > (reload.value + 1) * (4 << prescaler.value) / self.chip.lsi_hz
 
     def _stall(self, seconds: float) -> None:
         """The chip does nothing else while its flash memory is busy."""
@@ -343,7 +345,7 @@ class EmulatedBoard(Supervised):
         return data if off <= BAUD_TOLERANCE else bytes(byte * 7 + 3 & 0xFF for byte in data)
 
     def _serve_uart(self) -> None:
-        control = self.word(SEND)
+        control = self.sending
         sending = control.value & 1
         if not sending and not self.incoming:
             self.sent_s = self.delivered_s = self.time_s

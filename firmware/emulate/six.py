@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +62,8 @@ class EmulatedSix(SixView, EmulatedBoard):
         self.app = ffi.cast("an_six *", self.pointer("app"))
         self.compare = [self.word(timer + CCR1 + 4 * i) for timer in (TIM1, TIM8) for i in range(3)]
         self.gates = [self.word(timer + BDTR) for timer in (TIM1, TIM8)]
+        self.timer, self.top = self.word(TIM1 + CR1), self.word(TIM1 + ARR)
+        self.stream = [self.word(at) for at in (SCAN_LEFT, DMA_FLAGS, DMA_CLEAR, SCAN_MEMORY)]
         self.samples = [2048] * CHANNELS  # of the last scan
 
     @property
@@ -102,19 +104,20 @@ class EmulatedSix(SixView, EmulatedBoard):
 
     def tick(self) -> None:
         super().tick()
-        self._serve_breaks()
-        self.pulled = {timer: max(left - 1, 0) for timer, left in self.pulled.items()}
+        if any(self.pulled.values()):
+            self._serve_breaks()
+            self.pulled = {timer: max(left - 1, 0) for timer, left in self.pulled.items()}
 
     def _stall(self, seconds: float) -> None:
         self.stalls.append(self.driving)
         super()._stall(seconds)
 
     def _exchange(self) -> bool:
-        if not self.word(TIM1 + CR1).value & 1:
+        if not self.timer.value & 1:
             raise RuntimeError("the image never started its timers: nothing will ever wake it")
         sensed = self.sense()
         duties = [word.value for word in self.compare]
-        middle = self.word(TIM1 + ARR).value / 2.0
+        middle = self.top.value / 2.0
         levels = (np.array(duties) - middle) / (SWING * middle) if self.driving else np.zeros(CHANNELS)
         self.beam.drive(levels)
         if self.history is not None:
@@ -123,12 +126,11 @@ class EmulatedSix(SixView, EmulatedBoard):
 
     def _scan(self, codes: list[int]) -> bool:
         """The next half of the stream's buffer, unless ADC and DMA stand still."""
-        left, flags, clear = self.word(SCAN_LEFT), self.word(DMA_FLAGS), self.word(DMA_CLEAR)
+        left, flags, clear, memory = self.stream
         if left.value not in (CHANNELS, 2 * CHANNELS):
             return False
         first = left.value == 2 * CHANNELS
-        place = self._address(self.word(SCAN_MEMORY).value) + (0 if first else 2 * CHANNELS)
-        (ctypes.c_uint16 * CHANNELS).from_address(place)[:] = codes  # type: ignore[assignment]
+        self.poke(memory.value + (0 if first else 2 * CHANNELS), struct.pack("<6H", *codes))
         self.samples = codes
         left.value = CHANNELS if first else 2 * CHANNELS
         flags.value = flags.value & ~clear.value | (HALF_WAY if first else COMPLETE)

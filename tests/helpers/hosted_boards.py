@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ class Orders(Supervised):
     lib: Any
     build: Any
 
-    @property
+    @cached_property
     def base(self) -> Any:
         """What both builds have, for calls."""
         return self.ffi.addressof(self.app, "base")
