@@ -54,6 +54,7 @@ SIX_WORDS = [
     *SHARED,
     "slow.limited",
     "slow.mismatched",
+    "slow.ringing",
     "fast.acting",
     "fast.growing",
     "fast.end",
@@ -287,12 +288,11 @@ def _flip(board: Any, bit: int) -> None:
 
 
 def _rests_when_stopped(board: Any) -> bool:
-    """True when the job that runs can be ended, if only in the fault of a plate that rings beyond the converter's ends."""
+    """True when the job that runs can be ended."""
     ran = board.state == RUN
     board.app.base.supervisor.stopping = True
     board.run(STOPPED_S)
-    ended = board.state == IDLE or board.app.base.supervisor.first == Fault.SENSOR_CLIPPED
-    return bool(ran and ended and board.at_rest)
+    return bool(ran and board.state == IDLE and board.at_rest)
 
 
 def _late(board: Any) -> int | None:

@@ -48,6 +48,12 @@ static an_six_job *new_job(an_six *app, uint32_t kind)
     return job;
 }
 
+static uint32_t patience_of(const an_six *app)
+{
+    return (uint32_t)(AN_PATIENCE * app->shape.tau_s / period_s(app)) + 10u;
+}
+
+/* Drives that held each other's slow modes down end at once: the plate may ring on, further than it was held. */
 static bool post_rest(an_application *base, bool clear)
 {
     an_six *app = (an_six *)base;
@@ -57,6 +63,9 @@ static bool post_rest(an_application *base, bool clear)
         return false;
     }
     job->clear = clear ? 1u : 0u;
+    if (app->slow.jobs[app->slow.hand.active & 1u].kind != AN_JOB_REST) {
+        app->slow.ringing = patience_of(app);
+    }
     an_handover_post(&app->slow.hand);
     return true;
 }
@@ -110,7 +119,7 @@ static bool post_track(an_six *app)
     read_targets(app, job->target);
     job->soft = x / (AN_SOFT + x);
     job->integral = AN_SIX_INTEGRAL * x / (1.0f + x);
-    job->patience = (uint32_t)(AN_PATIENCE / x) + 10u;
+    job->patience = patience_of(app);
     an_handover_post(&app->slow.hand);
     return true;
 }
@@ -305,6 +314,9 @@ static void identify(an_application *base)
 
 void an_six_window_end(an_six *app)
 {
+    if (an_supervisor_drives(&app->base.supervisor)) {
+        app->slow.ringing = 0u;
+    }
     an_six_slow_step(&app->slow, &app->fast);
     app->slow.envelope = an_texture_step(&app->base.texture);
 }
@@ -339,10 +351,16 @@ static uint32_t check_indices(an_six *app)
            check_index(&app->slow.jobs[1].channels, AN_SIX);
 }
 
+static uint32_t check_sensors(const an_six *app)
+{
+    const bool rings_on = app->slow.ringing != 0u && !an_supervisor_drives(&app->base.supervisor);
+    const uint32_t clipped = app->fast.clipped + app->fast.window.clipped;
+    return clipped > AN_SIX_CLIPPED_MAX && !rings_on ? (uint32_t)AN_FAULT_SENSOR_CLIPPED : 0u;
+}
+
 uint32_t an_six_check(an_six *app)
 {
-    const uint32_t clipped = app->fast.clipped + app->fast.window.clipped;
-    return check_ticks(app) | check_indices(app) | (clipped > AN_SIX_CLIPPED_MAX ? (uint32_t)AN_FAULT_SENSOR_CLIPPED : 0u);
+    return check_ticks(app) | check_indices(app) | check_sensors(app);
 }
 
 /* Open gates drive nothing, also before the slow step knows of it. */

@@ -80,15 +80,18 @@ static void measure(an_six_slow *slow, an_six_fast *fast, const an_six_job *job)
 {
     const an_six_window *window = &fast->window;
     an_sums *sums = fast->sums[window->bank];
+    uint32_t trips = window->clipped > AN_SIX_CLIPPED_MAX ? (uint32_t)AN_FAULT_SENSOR_CLIPPED : 0u;
     for (uint32_t i = 0u; i < job->channels; i++) {
         const an_phasor phasor = an_demod_fit(&job->demod, &sums[i], window->last_phase);
         slow->measured[i] = phasor.tone;
         slow->offset[i] += AN_OFFSET_SHARE * (phasor.offset - slow->offset[i]);
-        slow->hand.trips |= check_sensor(phasor.tone, slow->offset[i]);
+        trips |= check_sensor(phasor.tone, slow->offset[i]);
     }
     an_clear(sums, sizeof fast->sums[0]);
-    if (window->clipped > AN_SIX_CLIPPED_MAX) {
-        slow->hand.trips |= AN_FAULT_SENSOR_CLIPPED;
+    if (slow->ringing == 0u) {
+        slow->hand.trips |= trips;
+    } else {
+        slow->ringing--;
     }
 }
 

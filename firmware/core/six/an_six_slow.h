@@ -49,6 +49,7 @@ typedef struct {
     uint32_t finished;
     uint32_t limited; /* nonzero: the last command had to be scaled down */
     uint32_t mismatched;
+    uint32_t ringing; /* windows more that a plate may ring on beyond the sensors' ends: nothing drives it any longer */
 } an_six_slow;
 
 /* At rest at a phase step. False when the step cannot be demodulated in such a window. */
