@@ -1,5 +1,7 @@
 #include "an_handover.h"
 
+#include "an_assert.h"
+
 #include <stdatomic.h>
 
 bool an_handover_vacant(const an_handover *hand)
@@ -12,6 +14,7 @@ bool an_handover_vacant(const an_handover *hand)
 
 void an_handover_post(an_handover *hand)
 {
+    AN_ASSERT(hand->active == hand->posted); /* else the job at work would be written over */
     atomic_signal_fence(memory_order_release);
     hand->posted ^= 1u;
 }

@@ -6,8 +6,11 @@
 
 static const uint32_t lasting = AN_FAULT_TABLE | AN_FAULT_CLOCK;
 
+/* A measurement begins at rest alone, and a fault leads to nothing else than rest. */
 void an_supervisor_enter(an_supervisor *supervisor, an_state state)
 {
+    AN_ASSERT(!an_supervisor_is_sound(supervisor) || state == AN_STATE_IDLE || state == AN_STATE_FAULT ||
+              supervisor->state == AN_STATE_IDLE || (state == AN_STATE_RUN && supervisor->state != AN_STATE_FAULT));
     supervisor->state = state;
     supervisor->inverse = ~(uint32_t)state;
 }

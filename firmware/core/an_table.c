@@ -1,5 +1,6 @@
 #include "an_table.h"
 
+#include "an_assert.h"
 #include "an_bytes.h"
 #include "an_crc.h"
 
@@ -199,6 +200,7 @@ uint32_t an_table_open(an_table *table, const uint8_t *data, uint32_t length)
 
 uint32_t an_table_mode(const an_table *table, uint32_t index, an_mode *mode)
 {
+    AN_ASSERT(index < table->mode_count);
     const uint8_t *at = mode_at(table, index);
     mode->frequency_hz = an_get_float(at + MODE_FREQUENCY);
     mode->tau_s = an_get_float(at + MODE_TAU);
@@ -211,6 +213,7 @@ uint32_t an_table_mode(const an_table *table, uint32_t index, an_mode *mode)
 
 void an_table_shape(const an_table *table, uint32_t index, an_shape_head *head)
 {
+    AN_ASSERT(index < table->shape_count);
     const uint8_t *at = shape_at(table, index);
     head->frequency_hz = an_get_float(at + SHAPE_FREQUENCY);
     head->tau_s = an_get_float(at + SHAPE_TAU);

@@ -2,6 +2,7 @@
 
 #include <stdatomic.h>
 
+#include "an_assert.h"
 #include "an_clear.h"
 #include "an_dds.h"
 #include "an_sine.h"
@@ -91,5 +92,6 @@ float an_texture_step(an_texture *texture)
         texture->factor = 1.0f;
         break;
     }
+    AN_ASSERT(texture->factor >= 0.0f && texture->factor <= 1.0f);
     return texture->factor;
 }

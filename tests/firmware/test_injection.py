@@ -14,7 +14,7 @@ from firmware import injection
 from firmware.control_table import held_plate
 from firmware.emulate.beam import Beam, measured_table
 from firmware.injection import SIX_WORDS, WORDS
-from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
+from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN
 from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 from tests.helpers.hosted_boards import HostedSix, Rig, restore, save
 

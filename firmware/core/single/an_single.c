@@ -2,6 +2,7 @@
 
 #include <stdatomic.h>
 
+#include "an_assert.h"
 #include "an_bytes.h"
 #include "an_complex.h"
 #include "an_dds.h"
@@ -61,6 +62,7 @@ static bool post_dwell(an_single *app)
     if (job == NULL) {
         return false;
     }
+    AN_ASSERT(probe.level > 0.0f && probe.level <= app->mode.drive_limit);
     job->drive = an_scale(an_turn(probe.step), probe.level);
     job->settle = (uint32_t)(probe.settle_s / period_s(app)) + 2u;
     job->average = probe.average;

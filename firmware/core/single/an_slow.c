@@ -2,6 +2,7 @@
 
 #include <stdatomic.h>
 
+#include "an_assert.h"
 #include "an_clear.h"
 #include "an_complex.h"
 #include "an_faults.h"
@@ -105,6 +106,7 @@ static an_complex track(an_slow *slow, const an_job *job, an_complex measured)
         return an_cplx(0.0f, 0.0f);
     }
     note(slow, measured);
+    AN_ASSERT(slow->reference >= 0.0f && slow->reference <= 1.0f);
     return an_mul(an_pi_step(&slow->pi, &job->gains, measured, slow->reference * slow->envelope), job->gains.lead);
 }
 

@@ -1,5 +1,6 @@
 #include "an_track.h"
 
+#include "an_assert.h"
 #include "an_clear.h"
 #include "an_complex.h"
 
@@ -102,6 +103,7 @@ void an_track_disturb(an_track *track)
 
 static bool judge(an_track *track)
 {
+    AN_ASSERT(track->block.count == (uint32_t)AN_TRACK_WINDOWS);
     const an_balance *block = &track->block;
     const bool steady = track->unsteady == 0u;
     const bool moving = moves(track, block);

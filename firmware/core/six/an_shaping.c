@@ -1,5 +1,6 @@
 #include "an_shaping.h"
 
+#include "an_assert.h"
 #include "an_clear.h"
 #include "an_complex.h"
 #include "an_linear.h"
@@ -14,6 +15,7 @@ void an_shaping_init(an_shaping *shaping, uint32_t channels)
 
 void an_shaping_set(an_shaping *shaping, uint32_t actuator, const an_complex *responses, float scale)
 {
+    AN_ASSERT(actuator < shaping->channels && shaping->channels <= AN_SHAPING_MAX);
     for (uint32_t i = 0u; i < shaping->channels; i++) {
         shaping->matrix[i * AN_SHAPING_MAX + actuator] = an_scale(responses[i], scale);
     }

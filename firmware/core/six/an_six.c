@@ -1,5 +1,6 @@
 #include "an_six.h"
 
+#include "an_assert.h"
 #include "an_bytes.h"
 #include "an_clear.h"
 #include "an_complex.h"
@@ -76,6 +77,7 @@ static bool post_dwell(an_six *app)
     if (job == NULL) {
         return false;
     }
+    AN_ASSERT(app->probe < app->channels && app->probe_level <= app->shape.drive_limit);
     job->drive[app->probe] = an_scale(an_turn(app->step), app->probe_level);
     job->settle = (uint32_t)(AN_SETTLE * app->shape.tau_s / period_s(app)) + 2u;
     job->average = PROBE_AVERAGE;

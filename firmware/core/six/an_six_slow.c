@@ -2,6 +2,7 @@
 
 #include <stdatomic.h>
 
+#include "an_assert.h"
 #include "an_clear.h"
 #include "an_complex.h"
 #include "an_faults.h"
@@ -180,6 +181,7 @@ static void invert(an_six_slow *slow, const an_six_job *job)
 
 static void track(an_six_slow *slow, const an_six_job *job)
 {
+    AN_ASSERT(slow->reference >= 0.0f && slow->reference <= 1.0f);
     const float reference = slow->reference * slow->envelope;
     check_model(slow, job);
     for (uint32_t i = 0u; i < job->channels; i++) {
