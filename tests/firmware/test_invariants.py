@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import math
 import os
 import resource
@@ -24,6 +25,7 @@ def ends_by(call: Callable[[], Any]) -> int:
     """The signal that ends a copy of this process which calls something; 0 when none does."""
     child = os.fork()
     if child == 0:
+        faulthandler.disable()
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         call()
         os._exit(0)

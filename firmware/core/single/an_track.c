@@ -11,7 +11,7 @@
 #define AN_DAMPED_LEAST 0.06f
 #define AN_DRIVE_LEAST 0.25f  /* of the limit: a drive that ought to do something */
 #define AN_MOTION_LEAST 0.004f /* of full scale: eight codes */
-#define AN_PUSHED_MOST -1.0f  /* times the identified damping: no neighbour that rings gives so much back */
+#define AN_PUSHED_MOST (-1.0f) /* times the identified damping: no neighbour that rings gives so much back */
 #define AN_ODD_SHARE 0.08f    /* of the energy that no damping and no detuning explains */
 #define AN_ODD_LEAST 3e-4f    /* of the motion's square: what a sensor's noise in proportion to its signal may do */
 #define AN_ODD_TAU 3.0f       /* time constants that neighbours may ring out, beside ODD_MOST */
