@@ -16,7 +16,17 @@ void an_handover_post(an_handover *hand)
 {
     AN_ASSERT(hand->active == hand->posted); /* else the job at work would be written over */
     atomic_signal_fence(memory_order_release);
-    hand->posted ^= 1u;
+    hand->posted = ~hand->posted;
+}
+
+static bool is_one_of_two(uint32_t job)
+{
+    return job == 0u || job == UINT32_MAX;
+}
+
+bool an_handover_is_sound(const an_handover *hand)
+{
+    return is_one_of_two(hand->active) && is_one_of_two(hand->posted);
 }
 
 /* An interrupt in between makes the exclusive store fail, and it is tried again. */

@@ -10,8 +10,8 @@
 typedef enum { AN_JOB_REST, AN_JOB_DWELL, AN_JOB_TRACK } an_job_kind;
 
 typedef struct {
-    uint32_t active; /* job at work: written by the slow step */
-    uint32_t posted; /* job to be at work: written by the main loop */
+    uint32_t active; /* job at work, all bits of it 0 or all 1: written by the slow step */
+    uint32_t posted; /* job to be at work, likewise: written by the main loop */
     uint32_t trips;  /* faults that the slow step latched */
 } an_handover;
 
@@ -20,6 +20,9 @@ bool an_handover_vacant(const an_handover *hand);
 
 /* Hands the prepared job to the slow step. */
 void an_handover_post(an_handover *hand);
+
+/* True while neither word was damaged. */
+bool an_handover_is_sound(const an_handover *hand);
 
 /* From the main loop: adds faults to a word that interrupts add to as well. The fast tick rests its output from its next
  * sample on. */

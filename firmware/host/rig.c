@@ -150,18 +150,14 @@ static bool is_held(rig_single *rig, float reference)
 static void follow(rig_single *rig, const rig_trial *trial, float reference, rig_outcome *outcome)
 {
     uint32_t since = 0u;
-    uint32_t found = 0u;
     for (uint32_t i = 0u; i - since < trial->latched && since <= trial->most; i++) {
-        found = is_in_fault(rig) || rig->app.fast.faults != 0u ? found : i + 1u;
         since = is_safe(rig) ? since : i + 1u;
         rig_tick(rig);
     }
     if (since <= trial->most && is_in_fault(rig)) {
-        const uint32_t late = since > found ? since - found : 0u;
         outcome->latched++;
         outcome->soon += since <= (uint32_t)RIG_SOON;
         outcome->longest = since > outcome->longest ? since : outcome->longest;
-        outcome->longest_found = late > outcome->longest_found ? late : outcome->longest_found;
     } else if (trial->kind == RIG_FLIP && is_held(rig, reference)) {
         outcome->held++;
     } else {
@@ -171,7 +167,7 @@ static void follow(rig_single *rig, const rig_trial *trial, float reference, rig
 
 rig_outcome rig_inject(rig_single *rig, const rig_trial *trial)
 {
-    rig_outcome outcome = {0u, 0u, 0u, 0u, 0u, 0u};
+    rig_outcome outcome = {0u, 0u, 0u, 0u, 0u};
     for (uint32_t i = 0u; i < trial->ticks; i++) {
         if (i % trial->stride == 0u) {
             rig_single copy = *rig;

@@ -63,7 +63,6 @@ typedef struct {
     uint32_t unsafe;  /* neither */
     uint32_t soon;    /* of those that latched, within RIG_SOON ticks */
     uint32_t longest; /* ticks until the last unsafe one, of those that latched */
-    uint32_t longest_found; /* the same from the moment that a fault was found */
 } rig_outcome;
 
 typedef struct {

@@ -314,9 +314,21 @@ static bool sensor_failed(an_single *app)
     return an_watch_look(&app->watch, &job->watch, &app->fast, app->slow.quiet);
 }
 
+/* What acts in a window is what the slow step commanded for the job at work. */
+static bool acts_as_commanded(const an_single *app)
+{
+    const an_fast *fast = &app->fast;
+    const an_job *job = &app->slow.jobs[app->slow.hand.active & 1u];
+    return fast->tick < AN_GAP || (fast->step == job->step && fast->drive.re == fast->command.drive.re &&
+                                   fast->drive.im == fast->command.drive.im);
+}
+
 uint32_t an_single_check(an_single *app)
 {
     uint32_t found = app->fast.clipped > AN_CLIPPED_MAX ? (uint32_t)AN_FAULT_SENSOR_CLIPPED : 0u;
+    if (!an_handover_is_sound(&app->slow.hand) || !acts_as_commanded(app)) {
+        found |= AN_FAULT_MEMORY;
+    }
     if (app->fast.tick > AN_PERIOD) {
         app->fast.tick = 0u;
         found |= AN_FAULT_MEMORY;

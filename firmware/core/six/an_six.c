@@ -353,6 +353,17 @@ static uint32_t check_indices(an_six *app)
            check_index(&app->slow.jobs[1].channels, AN_SIX);
 }
 
+/* What acts in a window is what the slow step commanded for the job at work, and no count has run away. */
+static uint32_t check_job(const an_six *app)
+{
+    const an_six_fast *fast = &app->fast;
+    const an_six_job *job = &app->slow.jobs[app->slow.hand.active & 1u];
+    const bool acts = fast->tick < AN_SIX_GAP || (fast->step == job->step && fast->end == AN_SIX_GAP + job->window &&
+                                                  fast->acting == fast->command.bank);
+    const bool counts = job->kind != AN_JOB_TRACK || app->slow.mismatched <= job->patience + 1u;
+    return acts && counts && an_handover_is_sound(&app->slow.hand) ? 0u : (uint32_t)AN_FAULT_MEMORY;
+}
+
 static uint32_t check_sensors(const an_six *app)
 {
     const bool rings_on = app->slow.ringing != 0u && !an_supervisor_drives(&app->base.supervisor);
@@ -362,7 +373,7 @@ static uint32_t check_sensors(const an_six *app)
 
 uint32_t an_six_check(an_six *app)
 {
-    return check_ticks(app) | check_indices(app) | check_sensors(app);
+    return check_ticks(app) | check_indices(app) | check_job(app) | check_sensors(app);
 }
 
 /* Open gates drive nothing, also before the slow step knows of it. */
@@ -373,15 +384,24 @@ static bool is_tracking(const an_six *app)
            hand->trips == 0u;
 }
 
+static uint32_t check_phase(an_six *app)
+{
+    const bool follows = app->fast.phase - app->fast.step == app->phase;
+    app->phase = app->fast.phase;
+    return follows ? 0u : (uint32_t)AN_FAULT_MEMORY;
+}
+
 /* At the converter's ends it is another fault. */
 uint32_t an_six_look(an_six *app, const uint16_t *adc)
 {
     const uint32_t clipped = app->fast.clipped + app->fast.window.clipped;
+    const uint32_t found = check_phase(app);
     if (!is_tracking(app) || clipped != 0u) {
         an_six_watch_forget(&app->watch);
-        return 0u;
+        return found;
     }
-    return an_six_watch_look(&app->watch, &app->slow, &app->fast, adc, app->channels) ? (uint32_t)AN_FAULT_MISMATCH : 0u;
+    const bool failed = an_six_watch_look(&app->watch, &app->slow, &app->fast, adc, app->channels);
+    return failed ? found | AN_FAULT_MISMATCH : found;
 }
 
 /* The loop's integrals look after themselves. */

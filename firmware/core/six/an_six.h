@@ -14,6 +14,7 @@ typedef struct {
     an_six_fast fast;
     an_six_slow slow;
     an_six_watch watch; /* the looks' own */
+    uint32_t phase;     /* of the carrier at the last look */
     an_shape_head shape;
     uint32_t pattern;
     uint32_t channels;
