@@ -3,7 +3,7 @@
 On the rig of firmware.host.rig, at every tick of a second: faults that interrupts find, broken sensors (also while the level
 swings between nothing and full), and at each tick one flipped bit of the words of the state, drawn by the tick's number. On
 the emulated board, with the unmodified images of both builds, the interrupts themselves, the sensors and the flipped bits, at
-every 303rd tick of a second (six channels: every 51st): numbers without a common divisor with the ticks of a window and of a
+every 61st tick of a second (six channels: every 11th): numbers without a common divisor with the ticks of a window and of a
 look of the guard, so that each of their phases is met. --stride and --image-stride change that; --write puts the table into
 docs/bring-up.md. It takes some ten minutes of one processor.
 """
@@ -27,7 +27,8 @@ from firmware.table_format import header_text
 
 TRIPS = (Fault.CLOCK, Fault.FAST_LATE, Fault.BREAK, Fault.SUPPLY)
 SENSORS = ("clipped", "dead", "stuck", "reversed")
-SOON, LATER, LATCHED, HORIZON = 25, 6250, 200, 10000  # ticks of 4 us: 100 us (RIG_SOON), 25 ms
+SOON, LATCHED, HORIZON = 25, 200, 10000  # ticks of 4 us: 100 us (RIG_SOON)
+LATER = {"dead": 1250, "stuck": 1250, "reversed": 6250}  # while the level swings: 5 ms, 25 ms
 SWING_HZ, SWING = 100.0, "level swings"
 SAFE_S, FOLLOWED_S, STOPPED_S = 100e-6, 5e-3, 3e-3
 WATCHED = 100  # ticks, two windows and more of either build
@@ -129,8 +130,8 @@ def rig_rows(seconds: float, stride: int) -> Iterator[Row]:
     kinds = [(fault_names(fault)[0], lib.RIG_TRIP, int(fault), SOON) for fault in TRIPS]
     for name in SENSORS:
         kinds.append((f"sensor {name}", lib.RIG_SENSOR, getattr(lib, f"RIG_{name.upper()}"), SOON))
-    for name, kind, detail, _ in kinds[-3:]:
-        kinds.append((f"{name}, {SWING}", kind, detail, LATER))
+    for how, most in LATER.items():
+        kinds.append((f"sensor {how}, {SWING}", lib.RIG_SENSOR, getattr(lib, f"RIG_{how.upper()}"), most))
     for name, kind, detail, most in kinds:
         rig = held(SWING in name)
         result = inject(rig, kind, [detail], seconds, stride, most)
@@ -339,7 +340,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seconds", type=float, default=1.0, help="length of the run")
     parser.add_argument("--stride", type=int, default=1, help="ticks between two moments on the rig")
     parser.add_argument(
-        "--image-stride", type=int, nargs=2, default=(303, 51), metavar=("ONE", "SIX"), help="on the images"
+        "--image-stride", type=int, nargs=2, default=(61, 11), metavar=("ONE", "SIX"), help="on the images"
     )
     parser.add_argument("--image-seconds", type=float, default=1.0, help="length of the run on the images")
     parser.add_argument("--write", action="store_true", help="put the table into docs/bring-up.md")

@@ -166,6 +166,34 @@ def test_textures_are_no_limit_cycles(make, quality: float, rate_hz: float, touc
     assert rig.state == RUN, hex(rig.faults)
 
 
+@pytest.mark.parametrize("quality", [100.0, 600.0, 2000.0])
+@pytest.mark.parametrize("share", [0.05, 0.5])
+def test_a_plate_that_is_braked_is_no_lost_sensor(make, quality: float, share: float) -> None:
+    """The drive has pushed hard, and nothing moves any more: that is what it was for."""
+    rig = make(quality, noise=1e-4)
+    reference = share * 0.8 * DROOP
+    assert rig.start(reference)
+    for level in (reference, 0.02 * reference, reference, 0.0):
+        rig.set_reference(level)
+        rig.run(0.1)
+        assert rig.state == RUN, (level, hex(rig.faults))
+
+
+@pytest.mark.parametrize("sensor", ["RIG_DEAD", "RIG_STUCK"])
+def test_a_drive_that_moves_nothing_is_noticed_within_four_milliseconds(make, sensor: str) -> None:
+    """At any moment of a level that swings to nothing and back: while it is low, a sound sensor shows as little."""
+    rig = make()
+    assert rig.start(0.15)
+    assert rig.lib.an_texture_sine(rig.ffi.addressof(rig.app.base, "texture"), 100.0, 1.0, 5000.0)
+    rig.run(50e-3)
+    for _ in range(50):
+        rig.run(0.2e-3)
+        saved = save(rig)
+        rig.rig.plate.sensor = getattr(rig.lib, sensor)
+        assert rig.run_while(RUN, 4e-3) < 4e-3 and rig.faults == MISMATCH
+        restore(rig, saved)
+
+
 @pytest.mark.parametrize("noise", [0.0, 1e-2, 3e-2])
 def test_noise_is_no_fault(make, noise: float) -> None:
     rig = make(1000.0, noise=noise)

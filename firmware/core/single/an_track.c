@@ -11,13 +11,15 @@
 #define AN_DAMPED_LEAST 0.06f
 #define AN_DRIVE_LEAST 0.25f  /* of the limit: a drive that ought to do something */
 #define AN_MOTION_LEAST 0.004f /* of full scale: eight codes */
+#define AN_HIDDEN_LEAST 0.0015f /* of full scale: three codes, of a whole window */
+#define AN_HIDDEN2 0.25f      /* squared: half of what the most damped plate would show */
 #define AN_PUSHED_MOST (-1.0f) /* times the identified damping: no neighbour that rings gives so much back */
 #define AN_ODD_SHARE 0.08f    /* of the energy that no damping and no detuning explains */
 #define AN_ODD_LEAST 3e-4f    /* of the motion's square: what a sensor's noise in proportion to its signal may do */
 #define AN_ODD_TAU 3.0f       /* time constants that neighbours may ring out, beside ODD_MOST */
 #define AN_NOISE_MARGIN 12.0f
 
-enum { IDLE_MOST = 2, UNDRIVEN_MOST = 3, ODD_MOST = 32, UNSTEADY = 2 };
+enum { HIDDEN_MOST = 6, IDLE_MOST = 2, UNDRIVEN_MOST = 3, ODD_MOST = 32, UNSTEADY = 2 };
 
 void an_track_forget(an_track *track)
 {
@@ -42,6 +44,9 @@ void an_track_begin(an_track *track, const an_mode *mode, const an_pi_wish *wish
     track->odd_most = ODD_MOST + (uint32_t)(AN_ODD_TAU * mode->tau_s / (wish->period_s * (float)AN_TRACK_WINDOWS));
     track->unsteady = UNSTEADY;
     track->limited = 0u;
+    track->least = an_cplx(0.0f, 0.0f);
+    track->hidden = 0u;
+    track->hidden_most = HIDDEN_MOST + (uint32_t)(1.0f / (AN_DAMPED_MOST * track->rate * wish->period_s));
     an_clear(&track->block, sizeof track->block);
 }
 
@@ -66,11 +71,23 @@ static bool exceeds(uint32_t *counter, bool is_so, uint32_t most)
     return *counter >= most;
 }
 
+/* The strongest damping and detuning that are taken for a plate's, times a window. */
+static float most_of(const an_track *track)
+{
+    const float detuning = track->detuning < 0.0f ? -track->detuning : track->detuning;
+    return track->period_s * (AN_DAMPED_MOST * track->rate + 2.0f * detuning);
+}
+
+/* What a drive that ought to do something adds in a window. */
+static float ought_of(const an_track *track)
+{
+    return AN_DRIVE_LEAST * track->push * track->drive_limit;
+}
+
 static bool drive_does_nothing(const an_track *track, const an_balance *block)
 {
-    const float ought = AN_DRIVE_LEAST * track->push * track->drive_limit;
-    const float detuning = track->detuning < 0.0f ? -track->detuning : track->detuning;
-    const float most = 0.5f * track->period_s * (AN_DAMPED_MOST * track->rate + 2.0f * detuning);
+    const float ought = ought_of(track);
+    const float most = 0.5f * most_of(track);
     return block->given > ought * ought * (float)block->count && block->supply > most * most * block->motion;
 }
 
@@ -121,12 +138,26 @@ static bool judge(an_track *track)
     return idle || undriven || odd;
 }
 
+/* Drives are counted from where the plate stood still last, or seemed to: one that was brought to rest has moved before. */
+static void look_for_motion(an_track *track, an_complex given, an_complex measured)
+{
+    const float least2 = larger(AN_HIDDEN_LEAST * AN_HIDDEN_LEAST, AN_NOISE_MARGIN * track->noise2);
+    track->least = an_scale(an_add(track->least, given), 1.0f / (1.0f + most_of(track)));
+    const float shown2 = AN_HIDDEN2 * an_abs2(track->least);
+    if (an_abs2(measured) >= larger(shown2, least2)) {
+        track->least = an_cplx(0.0f, 0.0f);
+    }
+    const bool drives = an_abs2(given) > ought_of(track) * ought_of(track);
+    track->hidden = drives && an_abs2(measured) < shown2 && shown2 > least2 ? track->hidden + 1u : 0u;
+}
+
 /* From the middle of a window to that of the next: the old drive until the gap has passed, the new one after that. */
 static void add(an_track *track, const an_track_note *before, const an_track_note *now)
 {
     an_balance *block = &track->block;
     const an_complex drive = an_add(an_scale(now->drive, track->share), an_scale(before->drive, 1.0f - track->share));
     const an_complex given = an_scale(drive, track->push);
+    look_for_motion(track, given, now->measured);
     const an_complex y = an_sub(given, an_sub(now->measured, before->measured));
     const an_complex twice = an_add(now->measured, before->measured);
     block->given += an_abs2(given);
@@ -148,6 +179,9 @@ an_track_result an_track_read(an_track *track, const an_track_note *notes, uint3
         const uint32_t at = track->read % AN_TRACK_ROOM;
         add(track, &notes[(at + AN_TRACK_ROOM - 1u) % AN_TRACK_ROOM], &notes[at]);
         track->read++;
+    }
+    if (track->hidden >= track->hidden_most) {
+        return AN_TRACK_LOST;
     }
     if (track->block.count < AN_TRACK_WINDOWS) {
         return AN_TRACK_WAITS;

@@ -6,7 +6,8 @@
  *     y = b T V - (U' - U) = a T (U + U') / 2.
  *
  * The slow step only notes U and V. The main loop sums energies over AN_TRACK_WINDOWS windows, makes the least-squares a
- * of them, lets frequency and time constant follow it slowly, and judges: a drive that moves next to nothing, a motion that needs no
+ * of them, lets frequency and time constant follow it slowly, and judges. Window by window, what the drives must have
+ * moved even the most damped plate is compared with what the sensor shows. In the end: a drive that moves next to nothing, a motion that needs no
  * drive, and a y that no a explains are faults; damping and detuning are not. While the reference moves, the plate's other
  * modes move too: then only what no neighbour can do is a fault.
  */
@@ -55,6 +56,9 @@ typedef struct {
     uint32_t odd_most;
     uint32_t unsteady; /* blocks until a change of the reference has passed */
     uint32_t limited;  /* nonzero: the drive was at its limit for most of the last block */
+    an_complex least;  /* U of the most damped plate there may be, from the drives since it showed anything */
+    uint32_t hidden;   /* windows in a row that show less than half of it */
+    uint32_t hidden_most;
 } an_track;
 
 /* Begins with a mode; detuning_hz as asked for; noise2 as seen at rest. What was followed before is kept when it is the
