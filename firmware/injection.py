@@ -3,7 +3,7 @@
 On the rig of firmware.host.rig, at every tick of a second: faults that interrupts find, broken sensors (also while the level
 swings between nothing and full), and at each tick one flipped bit of the words of the state, drawn by the tick's number. On
 the emulated board, with the unmodified images of both builds, the interrupts themselves, the sensors and the flipped bits, at
-every 61st tick of a second (six channels: every 11th): numbers without a common divisor with the ticks of a window and of a
+every 101st tick of a second (six channels: every 17th): numbers without a common divisor with the ticks of a window and of a
 look of the guard, so that each of their phases is met. --stride and --image-stride change that; --write puts the table into
 docs/bring-up.md. It takes some ten minutes of one processor.
 """
@@ -340,7 +340,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seconds", type=float, default=1.0, help="length of the run")
     parser.add_argument("--stride", type=int, default=1, help="ticks between two moments on the rig")
     parser.add_argument(
-        "--image-stride", type=int, nargs=2, default=(61, 11), metavar=("ONE", "SIX"), help="on the images"
+        "--image-stride", type=int, nargs=2, default=(101, 17), metavar=("ONE", "SIX"), help="on the images"
     )
     parser.add_argument("--image-seconds", type=float, default=1.0, help="length of the run on the images")
     parser.add_argument("--write", action="store_true", help="put the table into docs/bring-up.md")

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from firmware import injection
+from firmware.build import BuildError
 from firmware.control_table import held_plate
 from firmware.emulate.beam import Beam, measured_table
 from firmware.injection import SIX_WORDS, WORDS
@@ -40,6 +41,18 @@ def test_whatever_breaks_at_whatever_moment_ends_at_rest(core) -> None:
 @pytest.mark.slow
 def test_whatever_breaks_at_every_tick_ends_at_rest(core) -> None:
     check(1.0, 1)
+
+
+@pytest.mark.slow
+def test_whatever_breaks_on_the_images_ends_at_rest(core) -> None:
+    pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
+    try:
+        rows = list(injection.board_rows(0.2, 101, 17))
+    except BuildError as missing:
+        pytest.skip(str(missing))
+    assert len(rows) == 2 * (len(injection.BOARD_KINDS) + len(injection.SENSORS) + 1) + 1  # the break line too
+    for row in rows:
+        assert row.is_sound, row.text
 
 
 def test_an_output_that_passes_its_middle_is_not_taken_for_rest(core, rig) -> None:

@@ -731,3 +731,29 @@ def test_an_index_that_was_damaged_leads_nowhere(hosted) -> None:
         assert name != "acting" or list(board.duties) == [board.middle] * 6
         assert board.lib.an_six_check(board.app) == Fault.MEMORY, name
         assert getattr(where, name) <= 6 and board.lib.an_six_check(board.app) == 0, name
+
+
+DAMAGED = ("fast.end", "fast.phase", "fast.step", "slow.hand.active", "slow.hand.posted", "slow.mismatched")
+
+
+@pytest.mark.parametrize("word", DAMAGED)
+def test_what_acts_is_compared_with_what_was_commanded(hosted, word: str) -> None:
+    """Whichever bit was flipped, the next sample's look finds it."""
+    board = running(hosted)
+    while board.fast.tick < 10:
+        board.tick()
+    saved = bytes(board.ffi.buffer(board.app))
+    *path, name = word.split(".")
+    where = board.app
+    for part in path:
+        where = getattr(where, part)
+
+    def found() -> int:
+        board.lib.an_six_tick(board.fast, board.samples, board.duties)
+        return board.lib.an_six_check(board.app) | board.lib.an_six_look(board.app, board.samples)
+
+    assert found() == 0
+    for bit in range(5 if word == "fast.end" else 10, 32):
+        board.ffi.buffer(board.app)[:] = saved
+        setattr(where, name, getattr(where, name) ^ 1 << bit)
+        assert found() & Fault.MEMORY, bit

@@ -163,6 +163,7 @@ void an_single_boot(an_single *app, const uint8_t *table, uint32_t length, float
         app->centre = an_dds_step(app->mode.frequency_hz, sample_rate_hz);
         app->neighbour = strongest_neighbour(&app->table);
     }
+    app->acting = app->centre;
     const bool ready = an_slow_init(&app->slow, &app->fast, app->centre) && accepted;
     an_application_boot(&app->base, sample_rate_hz, ready ? faults : faults | AN_FAULT_TABLE);
 }
@@ -314,13 +315,16 @@ static bool sensor_failed(an_single *app)
     return an_watch_look(&app->watch, &job->watch, &app->fast, app->slow.quiet);
 }
 
-/* What acts in a window is what the slow step commanded for the job at work. */
-static bool acts_as_commanded(const an_single *app)
+/* What acts in a window is what the slow step commanded for the job at work, and goes on in the gap behind it. */
+static bool acts_as_commanded(an_single *app)
 {
     const an_fast *fast = &app->fast;
-    const an_job *job = &app->slow.jobs[app->slow.hand.active & 1u];
-    return fast->tick < AN_GAP || (fast->step == job->step && fast->drive.re == fast->command.drive.re &&
-                                   fast->drive.im == fast->command.drive.im);
+    if (fast->tick >= AN_GAP) {
+        app->acting = app->slow.jobs[app->slow.hand.active & 1u].step;
+        return fast->step == app->acting && fast->drive.re == fast->command.drive.re &&
+               fast->drive.im == fast->command.drive.im;
+    }
+    return fast->step == app->acting;
 }
 
 uint32_t an_single_check(an_single *app)

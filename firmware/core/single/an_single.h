@@ -19,6 +19,7 @@ typedef struct {
     an_mode mode; /* as the table holds it or identification found it */
     an_track track;
     an_watch watch; /* the looks' own */
+    uint32_t acting; /* the phase step at the last look in a window */
     an_mode now;  /* as it is followed */
     an_ident ident;
     uint32_t mode_flags;
