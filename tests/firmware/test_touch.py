@@ -179,6 +179,20 @@ def test_a_plate_that_is_braked_is_no_lost_sensor(make, quality: float, share: f
         assert rig.state == RUN, (level, hex(rig.faults))
 
 
+def test_a_heavy_finger_that_lets_go_beside_a_neighbour_that_rings_is_no_lost_sensor(make) -> None:
+    """The drive holds the sum of two modes at next to nothing, and has pushed before it was there."""
+    others = (Resonance(TRUE + 200.0, tau_of(600.0), 0.16),)
+    rig = make(600.0, resonances=(Resonance(TRUE, tau_of(600.0), 0.8), *others), noise=1e-4)
+    first = rig.plate
+    assert rig.start(0.64)
+    assert rig.lib.an_texture_sine(rig.ffi.addressof(rig.app.base, "texture"), 50.0, 1.0, 5000.0)
+    rig.run(50e-3)
+    for i in (*range(1, 11), *[10] * 15, *range(9, -1, -1), *[0] * 10):
+        rig.touch(1.0 / (1.0 + 1.1 * i), -3.0 * i, first)
+        rig.run(5e-3)
+        assert rig.state == RUN, (i, hex(rig.faults))
+
+
 @pytest.mark.parametrize("sensor", ["RIG_DEAD", "RIG_STUCK"])
 def test_a_drive_that_moves_nothing_is_noticed_within_four_milliseconds(make, sensor: str) -> None:
     """At any moment of a level that swings to nothing and back: while it is low, a sound sensor shows as little."""
