@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections import Counter
@@ -13,10 +14,10 @@ import pytest
 from pipeline.workers import limit_threads
 
 LONGEST = """
-    test_piezo_beam test_travelling test_six test_emulated_board test_forced test_library test_tetmesh test_notebooks
-    test_report test_interfaces test_active test_client_replies test_scipy_alone test_measured_response test_line
-    test_runner test_step_response test_mode_table_gains test_hybrid test_crosstalk test_bands
-""".split()  # noqa: SIM905 ten seconds and more, not a line each
+    test_forced test_runner test_active test_tetmesh test_six test_piezo_beam test_report test_library test_wanted_mode
+    test_bands test_plan test_interfaces test_lattice test_static test_hybrid test_travelling test_emulated_board
+    test_scipy_alone test_varied test_search test_nested test_parts test_docstrings
+""".split()  # noqa: SIM905 eight seconds and more, not a line each
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # a worker a core: their libraries' own threads would wait for each other
     limit_threads(1)
@@ -31,6 +32,12 @@ def pytest_configure() -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The longest files first: whoever gets one last would work alone at the end."""
     items.sort(key=lambda item: LONGEST.index(item.path.stem) if item.path.stem in LONGEST else len(LONGEST))
+
+
+def pytest_collection_finish() -> None:
+    """What was imported stays: the search for garbage leaves it out, and comes less often."""
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
 
 
 @pytest.fixture(scope="module")

@@ -47,6 +47,7 @@ def test_a_rigid_block_on_a_beam_bends_as_the_solid(heavy: tuple[ModeRow, ...]) 
     assert heavy[0].frequency_hz == pytest.approx(heavy[1].frequency_hz, rel=1e-9), "it bends alike along x and y"
 
 
+@pytest.mark.slow
 def test_tetrahedra_of_the_bonded_cad_solid_agree(heavy: tuple[ModeRow, ...]) -> None:
     """The bar is what quadratic tetrahedra of this accuracy were calibrated to miss by."""
     theirs = hz(lone("solve.mesh=tet"))

@@ -52,6 +52,7 @@ def test_zone_fine_settings_meet_all_fourteen_frequencies() -> None:
     assert np.abs(zone(0.002)[:14] / ZONE_HZ - 1.0).max() < 0.005
 
 
+@pytest.mark.slow
 def test_elements_graded_towards_the_free_ends_take_half_of_the_zones_error_away() -> None:
     """The field is singular where a free end meets a clamped side, and even elements along the zone do not follow it."""
     coarse, fine = mesh_rules.mesh_levels("zone")[0], mesh_rules.mesh_levels("zone")[-2]
