@@ -235,7 +235,8 @@ def finger(folder: Path) -> str:
 
 
 def _touched_design(record: Record) -> str:
-    return f"{record.sweep.get('array.rows')} rows, {record.sweep.get('touch.impedance')}"
+    rows = record.sweep.get("array.rows")
+    return f"{rows} {'row' if rows == 1 else 'rows'}, {record.sweep.get('touch.impedance')}"
 
 
 def _touched_row(design: str, touch: TouchRecord) -> tuple[str, ...]:
@@ -243,8 +244,13 @@ def _touched_row(design: str, touch: TouchRecord) -> tuple[str, ...]:
     shift = "not told" if touch.mode is None else f"{touch.mode.shift_hz:+.0f} Hz"
     amplitudes = ["none" if s is None else f"{s.finger_m / UM:.3g} um" for s in states[:2]]
     levels = ["none" if s is None or s.confinement_db is None else f"{s.confinement_db:.1f} dB" for s in states]
-    watts = ["none" if s is None or s.drawn_mW_at_1um is None else f"{s.drawn_mW_at_1um:.3g} mW" for s in states[1:]]
-    return design, shift, *amplitudes, *levels, *watts
+    return design, shift, *amplitudes, *levels, *(_watts(None if s is None else s.drawn_mW_at_1um) for s in states[1:])
+
+
+def _watts(power_mw: float | None) -> str:
+    if power_mw is None:
+        return "none"
+    return f"{power_mw:.3g} mW" if power_mw < 1e3 else f"{float(f'{power_mw / 1e3:.3g}'):g} W"
 
 
 def _of_glass(record: Record) -> tuple[str, ...] | None:
