@@ -119,7 +119,7 @@ def power_by_design(records: Sequence[tuple[str, TouchRecord]], place: Any) -> N
             known = [(i, s.drawn_mW_at_1um) for i, s in enumerate(states) if s and s.drawn_mW_at_1um is not None]
             colour = style.BLUE if name == "touched" else style.VERMILION
             axes.bar([i + offset for i, _ in known], [watts for _, watts in known], 0.38, color=colour, label=label)
-        axes.set_xticks(range(len(records)), [design for design, _ in records])
+        axes.set_xticks(range(len(records)), [design.replace(", ", ",\n") for design, _ in records])
         axes.set(ylabel="power at 1 µm (mW)", yscale="log")
         axes.legend()
         figure.savefig(place, format="svg", bbox_inches="tight", metadata={"Date": None})
