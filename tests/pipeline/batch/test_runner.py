@@ -140,16 +140,17 @@ def test_two_cases_of_one_name_are_refused(tmp_path: Path):
 
 def test_progress_says_counts_and_time_left_and_can_be_silent(tmp_path: Path, here: ThreadPoolExecutor):
     stream = io.StringIO()
-    options = runner.Options(executor=here)
-    runner.run_study(fake_study.jobs(3), fake_study.compute, tmp_path, options, Progress(stream=stream))
+    options, jobs = runner.Options(executor=here), fake_study.jobs(3)
+    jobs[0].payload["seconds"] = 0.3  # the first takes longest, so that something is left when it ends
+    runner.run_study(jobs, fake_study.compute, tmp_path, options, Progress(stream=stream))
     said = stream.getvalue()
     assert "3 cases, 3 to compute" in said and "[3/3] value=2: OK" in said and " left" in said
     (tmp_path / "journal.jsonl").open("a").write('{"torn')
     stream = io.StringIO()
-    runner.run_study(fake_study.jobs(3), fake_study.compute, tmp_path, options, Progress(stream=stream))
+    runner.run_study(jobs, fake_study.compute, tmp_path, options, Progress(stream=stream))
     assert "3 already computed, 0 to compute" in stream.getvalue() and "torn" in stream.getvalue()
     stream = io.StringIO()
-    runner.run_study(fake_study.jobs(3), fake_study.compute, tmp_path, options, Progress(quiet=True, stream=stream))
+    runner.run_study(jobs, fake_study.compute, tmp_path, options, Progress(quiet=True, stream=stream))
     assert stream.getvalue() == ""
 
 
