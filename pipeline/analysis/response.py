@@ -209,6 +209,6 @@ def _summary(name: str, peak: PeakRecord) -> str:
     error = peak.height_error
     bar = "its error is not known" if error is None else f"\u00b1 {error:.1%} by the mesh, the damping given"
     return (
-        f"{name} at {peak.frequency_hz:.1f} Hz: {peak.zone_nm_per_V:.2f} nm/V rms on the zone ({bar}){confinement_text}; "
+        f"{name} at {peak.frequency_hz:.1f} Hz: {peak.zone_nm_per_V:.4g} nm/V rms on the zone ({bar}){confinement_text}; "
         f"quality factor from the curve: {quality}"
     )

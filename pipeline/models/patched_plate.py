@@ -10,13 +10,17 @@ from pipeline.planning import foresight
 from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import driven_band_hz, response_high_hz
 from pipeline.records.record import MeshRecord
-from pipeline.units import MM
+from pipeline.units import KHZ, MM
 from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import PatchedPlate
 from solvers.superelement.build import PlateModel
 from solvers.superelement.tiling import tile
+
+FOLLOWS = (
+    0.2  # of its own lowest resonance: below it the motion inside a patch adds at most 4 % to what follows statically
+)
 
 
 def forced_plate(
@@ -46,6 +50,7 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
             bonded_patch(patches.material, box, patches.size_m[2], back, patch_mesh(case.design, box))
             for box in patches.boxes_m()
         ]
+        _refuse_ringing(case, min(patch.own_hz for patch in bonded), band_hz[1])
         plates = {plate.symmetry: plate for plate in map(model.assembled, model.symmetries)}
         middle_hz = (band_hz[0] + band_hz[1]) / 2.0
         plate = PatchedPlate(plates, bonded, back, model.name, Beneath(model.reductions), middle_hz)
@@ -71,6 +76,17 @@ def _refuse_over_pillars(case: Case) -> None:
                 f"{case.source or case.name}: patches: patch {number} reaches from y = {y0:g} to {y1:g} mm: must stay clear of "
                 f"the strip from {low:g} to {high:g} mm, where pillars stand on its face"
             )
+
+
+def _refuse_ringing(case: Case, own_hz: float, high_hz: float) -> None:
+    """InputError where a patch would ring by itself on the plate, which it follows statically."""
+    if high_hz > FOLLOWS * own_hz:
+        assert case.patches is not None
+        size = " x ".join(f"{each / MM:g}" for each in case.patches.size_m)
+        raise InputError(
+            f"{case.source or case.name}: patches.size_mm: a patch of {size} mm rings by itself at {own_hz / KHZ:.4g} kHz: the "
+            f"band must end below a fifth of that, {FOLLOWS * own_hz / KHZ:.4g} kHz, or the patch be flatter"
+        )
 
 
 def _demand(case: Case, band_hz: tuple[float, float]) -> foresight.Demand:

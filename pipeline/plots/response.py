@@ -82,7 +82,7 @@ def _alt(record: ResponseRecord) -> str:
     quality = "" if peak.quality is None else f", quality factor {peak.quality:.0f} read from the curve"
     return (
         f"Displacement per volt over frequency: {whose} at {peak.frequency_hz / KHZ:.2f} kHz with "
-        f"{peak.zone_nm_per_V:.2f} nm/V rms{level_text}{quality}"
+        f"{peak.zone_nm_per_V:.4g} nm/V rms{level_text}{quality}"
     )
 
 

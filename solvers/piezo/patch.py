@@ -9,16 +9,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import pi
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
 from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import Boxes, HexSettings, hex_mesh
 from geometry.hex.grading import grid_lines
 from geometry.mesh import Mesh
 from geometry.piezo_materials import PiezoMaterial
-from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.factor.factoriser import Factor, Factoriser
 from solvers.fem.surface import face_quadrature
 
 MESH = HexSettings(3, 4e-3, 1, 0.15)  # along the patch a quarter of a half-wavelength of 15 mm, shorter at its edges
@@ -33,6 +35,7 @@ class BondedPatch:
     points in the mean square, so that forces pass through the whole face and not at nodes. stiffness and mass (3b, 3b) in N/m
     and kg at constant voltage; theta (3b,) in N/V = C/m; swell (3b,) in kg m/V, force per volt and squared angular frequency;
     capacitance_f with the bonded face clamped. box_m: the footprint x0, x1, y0, y1; mesh: elements, shorter at its edges.
+    own_hz: its lowest resonance on a bonded face that is held; far below it alone the patch follows statically.
     """
 
     material: PiezoMaterial
@@ -47,6 +50,7 @@ class BondedPatch:
     theta: FloatArray
     swell: FloatArray
     capacitance_f: float
+    own_hz: float
 
 
 def bonded_patch(
@@ -88,7 +92,16 @@ def _alike(
         theta[b] + follow.T @ theta[i],
         mass[b][:, i] @ swell + follow.T @ (mass[i][:, i] @ swell),
         float(capacitance + theta[i] @ swell),
+        _lowest_hz(stiffness[i][:, i], mass[i][:, i], inner),
     )
+
+
+def _lowest_hz(stiffness: sp.csr_array, mass: sp.csr_array, factor: Factor) -> float:
+    """Lowest natural frequency of K and M with the factor of K."""
+    inverse = spla.LinearOperator(stiffness.shape, matvec=factor.solve, dtype=float)
+    start = np.ones(stiffness.shape[0])
+    value = spla.eigsh(stiffness, 1, mass, sigma=0.0, OPinv=inverse, v0=start, return_eigenvectors=False)
+    return float(np.sqrt(value[0]) / (2.0 * pi))
 
 
 def _mesh(box_m: FloatArray, thickness_m: float, settings: HexSettings, above: bool) -> Mesh:

@@ -111,6 +111,11 @@ def test_the_quality_of_a_lorentzian_is_read_back() -> None:
         (CASE, ["--set", "patches.sensors=[9]"], "no such patch"),
         (
             CASE,
+            ["--set", "patches.size_mm=[2, 2, 10]", "--set", "patches.centres_mm=[[-5, 0], [5, 0]]"],
+            "rings by itself",
+        ),
+        (
+            CASE,
             [
                 "--set",
                 "patches.size_mm=[8, 9, 0.3]",

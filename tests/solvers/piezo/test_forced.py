@@ -13,6 +13,7 @@ from geometry.hex.boxes import Boxes, HexSettings, hex_mesh
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
+from solvers.analytic.beams import frequency_hz, roots
 from solvers.errors import SolverError
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
@@ -273,6 +274,17 @@ def test_a_thick_patch_leaves_stiffness_and_inertia_positive(thick_m: float, siz
     assert stiffness[0] > -1e-9 * stiffness[-1]
     told = {group.by_mesh is not None for group in plate.groups}
     assert told == {size_m < 8e-3}  # a mesh alone does not know its error
+
+
+def test_a_high_patch_rings_as_a_clamped_bar() -> None:
+    """Euler's bar, stressed along the poling at constant field; a held foot cannot narrow, as if it were up to a fifth of its
+    side shorter.
+    """
+    side, high = 1e-3, 20e-3
+    patch = bonded_patch(PZ26, np.array([0.0, side, 0.0, side]), high, True, HexSettings(3, 2.5e-3, 0))
+    young, root = 1.0 / float(PZ26.compliance_pa[2, 2]), roots("clamped", "free", 1)[0]
+    exact = frequency_hz(root, high, young * side**4 / 12.0, PZ26.density_kg_m3 * side**2)
+    assert exact < patch.own_hz < exact * (1.0 - 0.2 * side / high) ** -2
 
 
 def test_a_patch_over_pillars_is_meshed_as_finely_as_their_feet() -> None:
