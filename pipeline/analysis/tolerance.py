@@ -150,6 +150,8 @@ def _sampled(
 def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -> VariedPlate:
     design, choice = case.design, model_choice_of(case, "plate", response_high_hz(case, band))
     assert design.pillar
+    if case.patches:
+        patched_plate.refuse_over_pillars(case)
     if choice.model != SUPERELEMENT or choice.kind != HEX or choice.reduction is None:
         raise InputError(
             f"{case.name}: [tolerance]: pillars are varied in assembled cells of hexahedra: solve.model must be auto or "

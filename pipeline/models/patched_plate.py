@@ -31,7 +31,7 @@ def forced_plate(
 
     InputError for a model that cannot carry patches; raises what its solvers raise.
     """
-    _refuse_over_pillars(case)
+    refuse_over_pillars(case)
     band = driven_band_hz(case, band_hz)
     foresight.announce("the forced response", _demand(case, band), log)
     model = parts.build(case, "plate", response_high_hz(case, band), log, [] if meshes is None else meshes)
@@ -54,6 +54,10 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
         plates = {plate.symmetry: plate for plate in map(model.assembled, model.symmetries)}
         middle_hz = (band_hz[0] + band_hz[1]) / 2.0
         plate = PatchedPlate(plates, bonded, back, model.name, Beneath(model.reductions), middle_hz)
+    if plate.differs_too_much:
+        log.left_out(
+            "the error by the mesh beneath the patches", "two meshes differ by more than the plate holds: one stands"
+        )
     if plate.undriven:
         log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")
     with log.step("modes of the patched plate"):
@@ -61,7 +65,7 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
         return ForcedPlate(plate, case.design, drive, bytes_each=_demand(case, band_hz).cost.peak.bytes)
 
 
-def _refuse_over_pillars(case: Case) -> None:
+def refuse_over_pillars(case: Case) -> None:
     """InputError where a patch shares a face with a pillar whose panel it reaches over: that face is not kept there."""
     patches, design = case.patches, case.design
     assert patches is not None

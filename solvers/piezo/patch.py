@@ -20,10 +20,13 @@ from geometry.hex.boxes import Boxes, HexSettings, hex_mesh
 from geometry.hex.grading import grid_lines
 from geometry.mesh import Mesh
 from geometry.piezo_materials import PiezoMaterial
+from solvers.errors import TooLarge
 from solvers.fem.factor.factoriser import Factor, Factoriser
+from solvers.fem.factor.memory import room_bytes
 from solvers.fem.surface import face_quadrature
 
 MESH = HexSettings(3, 4e-3, 1, 0.15)  # along the patch a quarter of a half-wavelength of 15 mm, shorter at its edges
+COPIES, SQUARES = 3, 6  # of the nodes' motions inside per bonded one, and of matrices of the bonded face, held at once
 VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
@@ -72,6 +75,7 @@ def _alike(
     """The patch with its first corner at the origin: patches of one size are one."""
     box = np.array([0.0, x_m, 0.0, y_m])
     mesh = _mesh(box, thickness_m, settings, above)
+    _check_room(mesh, box)
     stiffness, mass, theta, capacitance = _matrices(mesh, material, thickness_m)
     bond = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (0.0 if above else thickness_m)) < 1e-9 * thickness_m + 1e-15)
     b = (3 * bond[:, None] + np.arange(3)).ravel()
@@ -94,6 +98,19 @@ def _alike(
         float(capacitance + theta[i] @ swell),
         _lowest_hz(stiffness[i][:, i], mass[i][:, i], inner),
     )
+
+
+def _check_room(mesh: Mesh, box_m: FloatArray) -> None:
+    """TooLarge where the dense matrices of the condensation would not fit into memory."""
+    layers = len(np.unique(np.round(mesh.nodes[:, 2], 12)))
+    bond = 3.0 * len(mesh.nodes) / layers
+    needed, room = 8.0 * bond**2 * (COPIES * (layers - 1) + SQUARES), room_bytes()
+    if needed > room:
+        size = " x ".join(f"{1e3 * each:g}" for each in np.diff(box_m)[::2])
+        raise TooLarge(
+            f"a patch of {size} mm in elements as short as it needs takes about {needed / 2**30:.1f} GiB, "
+            f"{room / 2**30:.1f} GiB are free: take shorter patches"
+        )
 
 
 def _lowest_hz(stiffness: sp.csr_array, mass: sp.csr_array, factor: Factor) -> float:

@@ -95,7 +95,9 @@ class PatchedPlate:
         known = _bonds(distinct, some, back, self.eigenvalue, beneath)
         self.bonds = [known[key].mirrored(flip) for key, _, flip in own]
         self._join(plates)
-        if any(len(bond.parts) > 1 for bond in self.bonds) and not all(_positive(g.pencil) for g in self.groups):
+        twice = any(len(bond.parts) > 1 for bond in self.bonds)
+        self.differs_too_much = twice and not all(_positive(group.pencil) for group in self.groups)
+        if self.differs_too_much:
             self.bonds = [bond.finest for bond in self.bonds]
             self._join(plates)
 
@@ -109,6 +111,10 @@ class PatchedPlate:
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
         self.groups = [group for group in self.everything if np.abs(group.loads).max() > UNDRIVEN * loudest]
         self.undriven = [p for group in self.everything if group not in self.groups for p in group.symmetries]
+        self.everything = [
+            group if group in self.groups else replace(group, join=partial(self._positive_pencil, group))
+            for group in self.everything
+        ]
 
     def _folded(self, patch: BondedPatch, plate: AssembledPlate) -> tuple[str, BondedPatch, FloatArray]:
         """A patch, or its image where x, y > 0 on a plate that is its own mirror image: what tells it from others, itself, and
@@ -156,7 +162,17 @@ class PatchedPlate:
             self.eigenvalue,
         )
 
-    def _pencil(self, plates: list[AssembledPlate], motions: list[list[sp.csr_array]]) -> PlainPencil:
+    def _positive_pencil(self, group: Group) -> PlainPencil:
+        """That of a class that nothing drives, whose patches stand on their finer mesh alone where two take too much away."""
+        pencil = group.join()
+        if all(len(bond.parts) == 1 for bond in self.bonds) or _positive(pencil):
+            return pencil
+        own = [bond.finest for bond in self.bonds]
+        return self._pencil(list(group.plates), self.motions[group.symmetries[0]], own)
+
+    def _pencil(
+        self, plates: list[AssembledPlate], motions: list[list[sp.csr_array]], bonds: list[_Bond] | None = None
+    ) -> PlainPencil:
         """K and M of the classes with the patches, which move with their bonded faces, (3 b, dof) each.
 
         K is extrapolated; M, of which the edges leave little, is that of each patch's finest mesh, and so stays positive.
@@ -164,8 +180,8 @@ class PatchedPlate:
         pencils = [plate.pencil() for plate in plates]
         stiffness, mass = ([getattr(p, name) for p in pencils] for name in ("stiffness", "mass"))
         whole, heavy = (each[0] if len(each) == 1 else sp.block_diag(each, format="csc") for each in (stiffness, mass))
-        for bond, moved in zip(self.bonds, motions, strict=True):
-            for part, motion in zip(bond.parts, moved, strict=True):
+        for bond, moved in zip(bonds or self.bonds, motions, strict=True):
+            for part, motion in zip(bond.parts, moved[: len(bond.parts)], strict=True):
                 whole = whole + _felt(part.share * part.stiffness, motion)
             heavy = heavy + _felt(bond.parts[0].mass / self.scale.mass_kg, moved[0])
         rigid = sum(RIGID_OF_CLASS[plate.symmetry] for plate in plates)

@@ -7,6 +7,7 @@ import math
 import os
 import resource
 import signal
+import sys
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -27,9 +28,13 @@ def ends_by(call: Callable[[], Any]) -> int:
     if child == 0:
         faulthandler.disable()
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        call()
-        os._exit(0)
-    return os.WTERMSIG(os.waitpid(child, 0)[1])
+        try:
+            call()
+        finally:  # whatever else goes wrong, the copy never returns into the tests
+            os._exit(sys.exc_info()[0] is not None)
+    status = os.waitpid(child, 0)[1]
+    assert os.WIFSIGNALED(status) or os.WEXITSTATUS(status) == 0, "the call failed in Python"
+    return os.WTERMSIG(status)
 
 
 class Broken(NamedTuple):

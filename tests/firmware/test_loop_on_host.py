@@ -233,6 +233,7 @@ def test_a_slow_step_that_does_not_end_in_its_gap_trips(settled) -> None:
     assert board.fast.faults == Fault.SLOW_LATE
     assert codes[-1] == 2048
     board.lib.an_single_slow(board.app)
+    assert board.lib.an_single_check(board.app) == 0  # late is not damaged
     board.poll()
     assert board.faults == Fault.SLOW_LATE
 

@@ -315,10 +315,15 @@ static bool sensor_failed(an_single *app)
     return an_watch_look(&app->watch, &job->watch, &app->fast, app->slow.quiet);
 }
 
-/* What acts in a window is what the slow step commanded for the job at work, and goes on in the gap behind it. */
+/* What acts in a window is what the slow step commanded for the job at work, and goes on in the gap behind it. A tick that
+ * has found a fault rests, and heeds no command of a step that ends late. */
 static bool acts_as_commanded(an_single *app)
 {
     const an_fast *fast = &app->fast;
+    if (fast->faults != 0u) {
+        app->acting = fast->step;
+        return true;
+    }
     if (fast->tick >= AN_GAP) {
         app->acting = app->slow.jobs[app->slow.hand.active & 1u].step;
         return fast->step == app->acting && fast->drive.re == fast->command.drive.re &&

@@ -138,7 +138,7 @@ static bool judge(an_track *track)
     return idle || undriven || odd;
 }
 
-/* Drives are counted from where the plate stood still last, or seemed to: one that was brought to rest has moved before. */
+/* Counting starts anew whenever the sensor shows enough: a plate that is braked is driven hard, and ends at rest. */
 static void look_for_motion(an_track *track, an_complex given, an_complex measured)
 {
     const float least2 = larger(AN_HIDDEN_LEAST * AN_HIDDEN_LEAST, AN_NOISE_MARGIN * track->noise2);

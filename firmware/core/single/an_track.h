@@ -7,9 +7,9 @@
  *
  * The slow step only notes U and V. The main loop sums energies over AN_TRACK_WINDOWS windows, makes the least-squares a
  * of them, lets frequency and time constant follow it slowly, and judges. Window by window, what the drives must have
- * moved even the most damped plate is compared with what the sensor shows. In the end: a drive that moves next to nothing, a motion that needs no
- * drive, and a y that no a explains are faults; damping and detuning are not. While the reference moves, the plate's other
- * modes move too: then only what no neighbour can do is a fault.
+ * moved even the most damped plate is compared with what the sensor shows. At the end of each block a drive that moves
+ * next to nothing, a motion that needs no drive, and a y that no a explains are faults; damping and detuning are not.
+ * While the reference moves, the plate's other modes move too: then only what no neighbour can do is a fault.
  */
 #ifndef AN_TRACK_H
 #define AN_TRACK_H

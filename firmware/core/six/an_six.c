@@ -353,14 +353,15 @@ static uint32_t check_indices(an_six *app)
            check_index(&app->slow.jobs[1].channels, AN_SIX);
 }
 
-/* What acts in a window is what the slow step commanded for the job at work, and no count has run away. */
+/* What acts in a window is what the slow step commanded for the job at work, and no count has run away. A tick that has found
+ * a fault rests, and heeds no command of a step that ends late. */
 static uint32_t check_job(const an_six *app)
 {
     const an_six_fast *fast = &app->fast;
     const an_six_job *job = &app->slow.jobs[app->slow.hand.active & 1u];
-    const bool acts = fast->tick < AN_SIX_GAP || (fast->step == job->step && fast->end == AN_SIX_GAP + job->window &&
+    const bool acts = fast->faults != 0u || fast->tick < AN_SIX_GAP || (fast->step == job->step && fast->end == AN_SIX_GAP + job->window &&
                                                   fast->acting == fast->command.bank);
-    const bool counts = job->kind != AN_JOB_TRACK || app->slow.mismatched <= job->patience + 1u;
+    const bool counts = fast->faults != 0u || job->kind != AN_JOB_TRACK || app->slow.mismatched <= job->patience + 1u;
     return acts && counts && an_handover_is_sound(&app->slow.hand) ? 0u : (uint32_t)AN_FAULT_MEMORY;
 }
 

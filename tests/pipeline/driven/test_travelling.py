@@ -175,11 +175,13 @@ def fingered(record: TravelRecord, held: Travelling, drive: str = "pair+", **tou
 @pytest.fixture(scope="module")
 def free(solved: tuple[TravelRecord, Travelling]) -> Iterator[ShearRecord]:
     """The finger of nothing; what points of the free plate answer to forces knows of no finger, and is told once."""
-    known: list[np.ndarray] = []
+    known: dict[bytes, np.ndarray] = {}
 
-    def once(*given: Any) -> np.ndarray:
-        known.extend([] if known else [lattice_receptance(*given)])
-        return known[0]
+    def once(touched: Any, points_m: np.ndarray, frequency_hz: float) -> np.ndarray:
+        key = points_m.tobytes() + np.float64(frequency_hz).tobytes()
+        if key not in known:
+            known[key] = lattice_receptance(touched, points_m, frequency_hz)
+        return known[key]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(touch_map, "lattice_receptance", once)

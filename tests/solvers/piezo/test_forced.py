@@ -14,10 +14,11 @@ from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
 from solvers.analytic.beams import frequency_hz, roots
-from solvers.errors import SolverError
+from solvers.errors import SolverError, TooLarge
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
 from solvers.piezo import beneath as beneath_patches
+from solvers.piezo import patch as piezo_patch
 from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.height import height_error
@@ -261,19 +262,32 @@ def test_a_patched_plate_has_the_same_modes_by_classes_and_as_a_whole() -> None:
     assert np.abs(every[0] / every[1] - 1.0).max() < 1e-8
 
 
-@pytest.mark.parametrize(("thick_m", "size_m"), [(1e-3, 4e-3), (3e-3, 8e-3)], ids=["thick", "thick on few elements"])
+@pytest.mark.parametrize(
+    ("thick_m", "size_m"),
+    [(1e-3, 4e-3), (1.5e-3, 8e-3), (3e-3, 8e-3)],
+    ids=["thick", "thick in classes not driven", "thick on few elements"],
+)
 def test_a_thick_patch_leaves_stiffness_and_inertia_positive(thick_m: float, size_m: float) -> None:
     """Two meshes that differ by more than the plate itself holds are not extrapolated: counts by inertia would be wrong."""
     made, box = across_the_mirror(), np.array([-8e-3, 8e-3, -3e-3, 3e-3])
     plates = {symmetry: made.assembled(symmetry) for symmetry in CLASSES}
     patch = bonded_patch(PZ26, box, thick_m, True, replace(COARSE, size_m=size_m))
     plate = PatchedPlate(plates, [patch], True, beneath=Beneath(made.reductions), at_hz=30e3)
-    (pencil,) = (group.pencil for group in plate.groups if "SS" in group.symmetries)
-    stiffness = np.linalg.eigvalsh(pencil.stiffness.toarray())
-    assert np.linalg.eigvalsh(pencil.mass.toarray())[0] > 0.0
-    assert stiffness[0] > -1e-9 * stiffness[-1]
+    for group in plate.everything:
+        stiffness = np.linalg.eigvalsh(group.pencil.stiffness.toarray())
+        assert np.linalg.eigvalsh(group.pencil.mass.toarray())[0] > 0.0
+        assert stiffness[0] > -1e-9 * stiffness[-1]
     told = {group.by_mesh is not None for group in plate.groups}
-    assert told == {size_m < 8e-3}  # a mesh alone does not know its error
+    assert told == {not plate.differs_too_much}  # a mesh alone does not know its error
+    assert plate.differs_too_much == (thick_m > 2e-3)
+
+
+def test_a_patch_whose_matrices_no_memory_holds_is_refused_before_they_are_made(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(piezo_patch, "room_bytes", lambda: 1e6)
+    with pytest.raises(TooLarge, match=r"a patch of 8 x 4 mm .* take shorter patches"):
+        bonded_patch(PZ26, MIDDLE[0], 0.123e-3, True)
 
 
 def test_a_high_patch_rings_as_a_clamped_bar() -> None:
