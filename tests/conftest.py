@@ -40,6 +40,14 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(20_000, 20, 20)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_study_is_remembered(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Names of studies that tests run are not left in the user's own state folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
 @pytest.fixture(scope="module")
 def coarsest_cells() -> Iterator[None]:
     """Plates and cells on the fewest elements, for modules whose assertions hold on any mesh."""

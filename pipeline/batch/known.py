@@ -59,7 +59,7 @@ def remember(name: str, source: Path, folder: Path) -> None:
     """Note a study whose results lie elsewhere; a state folder that cannot be written to is no reason to stop."""
     from pipeline.records.store import write_atomic
 
-    if folder.parent == paths.RESULTS:
+    if folder.parent == paths.RESULTS and _is_ours(source):
         return
     entries = known() | {name: Place(source.resolve(), folder.resolve())}
     text = json.dumps({key: [str(part) for part in place] for key, place in sorted(entries.items())}, indent=1)

@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
 Flat = dict[str, Any]
 SHOWN_DIGITS = 6
-NAMED = ("state", "way")  # what a part of a list is called by: states under a finger, ways of confining
-NOT_COMPARED = ("seconds", "proof", "plan", "meshes", "times")
+# what a part of a list is called by: states under a finger, ways of confining, complete gaps
+NAMED = (("state",), ("way",), ("lower_band", "upper_band"))
+NOT_COMPARED = ("seconds", "proof", "plan", "meshes", "times", "directional_gaps")
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,8 @@ def read(place: Path, solve: bool, quiet: bool) -> Design:
     try:
         document = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(f"{file}: cannot be read as a case (.toml), a record or a JSON result: {error}") from error
+        why = getattr(error, "strerror", None) or error
+        raise InputError(f"{file}: cannot be read as a case (.toml), a record or a JSON result: {why}") from error
     if not isinstance(document, dict):
         raise InputError(f"{file}: holds no record and no JSON result")
     bands = document if {"points", "gaps"} <= document.keys() else document.get("bands")
@@ -101,8 +103,7 @@ def _solved(case: Case, log: TerminalLog) -> tuple[dict[str, Any], dict[str, Any
     if "array.pitch_mm" not in case.given or case.design.is_graded:
         return quantities, None
     bands = solve_bands(case, log, every_gap=False)
-    gaps = {f"{gap.lower_band}-{gap.upper_band}": vars(gap) for gap in bands.gaps}
-    return quantities | {"gaps": gaps}, bands.record.to_dict()
+    return quantities | {"gaps": [vars(gap) for gap in bands.gaps]}, bands.record.to_dict()
 
 
 def flat(value: Any, name: str = "") -> Flat:
@@ -114,8 +115,10 @@ def flat(value: Any, name: str = "") -> Flat:
         return {key: item for part in inside for key, item in part.items()}
     if isinstance(value, list):
         for own in NAMED:
-            if value and all(isinstance(item, dict) and own in item for item in value):
-                return flat({str(item[own]): {k: v for k, v in item.items() if k != own} for item in value}, name)
+            if value and all(isinstance(item, dict) and item.keys() >= set(own) for item in value):
+                names = ["-".join(str(item[key]) for key in own) for item in value]
+                parts = [{key: item[key] for key in item if key not in own} for item in value]
+                return flat(dict(zip(names, parts, strict=True)), name)
         return {name: value} if len(value) <= 3 and not any(isinstance(item, (dict, list)) for item in value) else {}
     return {name: value}
 

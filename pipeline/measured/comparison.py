@@ -144,7 +144,7 @@ def _sweep(
     )
     arrays = {"measured_hz": given.frequencies_hz, "measured_response": given.response}
     arrays |= {"measured_computed_hz": tone, "measured_computed": curve}
-    return record, arrays, _sweep_summary(measured, theirs, ours)
+    return record, arrays, _sweep_summary(measured, theirs, ours, response.expected_error)
 
 
 def _source(measured: MeasuredSweep | MeasuredField) -> dict[str, Any]:
@@ -175,12 +175,13 @@ def _identified(identified: Resonance) -> dict[str, Any]:
     }
 
 
-def _sweep_summary(measured: MeasuredSweep, theirs: Resonance, ours: Resonance) -> str:
+def _sweep_summary(measured: MeasuredSweep, theirs: Resonance, ours: Resonance, error: float | None) -> str:
     shift = theirs.frequency_hz - ours.frequency_hz
     losses = " against ".join("none" if q is None else f"{q:.0f}" for q in (theirs.quality, ours.quality))
+    bar = "the model's error is not known" if error is None else f"the model may be off by {100.0 * error:.2f} %"
     return (
         f"{Path(measured.file).name}{_marked(measured.synthetic)}: resonance at {theirs.frequency_hz:.1f} Hz, computed "
-        f"{ours.frequency_hz:.1f} Hz: shift {shift:+.1f} Hz ({100.0 * shift / ours.frequency_hz:+.2f} %); "
+        f"{ours.frequency_hz:.1f} Hz: shift {shift:+z.1f} Hz ({100.0 * shift / ours.frequency_hz:+z.2f} %), {bar}; "
         f"quality factor {losses} computed"
     )
 

@@ -64,7 +64,7 @@ def bands(ax: Any, document: Document) -> None:
     """Dispersion diagram, gaps shaded."""
     of_bands.draw_bands(ax, _read(BandsRecord, document))
     if len(ax.get_legend_handles_labels()[1]) > 1:
-        ax.legend(fontsize=7)
+        ax.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=of_bands.MAX_COLUMNS)
 
 
 def modes(ax: Any, document: Document) -> None:

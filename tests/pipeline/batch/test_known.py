@@ -56,6 +56,18 @@ def test_a_study_is_remembered_while_file_and_results_are_there(state: Path, mon
     assert known.known() == {}
 
 
+def test_a_study_of_ones_own_is_remembered_wherever_results_go_by_default(
+    state: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As under ANTINODE_RESULTS, and of a wheel in the folder where it is called: the checkout's own need no note there."""
+    monkeypatch.setattr(paths, "RESULTS", state / "said")
+    (state / "said" / "mine").mkdir(parents=True)
+    (state / "mine.toml").write_text(STUDY)
+    known.remember("mine", state / "mine.toml", state / "said" / "mine")
+    known.remember("rows", ROOT / "studies" / "rows.toml", state / "said" / "rows")
+    assert find_study("mine") == state / "mine.toml" and set(known.known()) == {"mine"}
+
+
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"mine": 3}', '{"mine": ["a"]}'])
 def test_a_broken_note_is_no_note(text: str, state: Path) -> None:
     (state / "state" / "antinode").mkdir(parents=True)

@@ -54,7 +54,7 @@ def lines(text: str) -> list[str]:
         (("modes", CASE, "--set", "solve.model=analytic"), "solve.model"),
         (("bands", CASE, "--set", "solve.mesh=hex", "--set", "pillar.fillet_mm=0.2"), "solve.mesh"),
         (("run", "rowz"), "rows"),
-        (("doctor", "table", "nothing.bin"), "nothing.bin"),
+        (("doctor", "table", "nothing.bin"), ": nothing.bin: No such file or directory"),
         (("frobnicate",), "frobnicate"),
     ],
 )

@@ -78,6 +78,7 @@ def test_two_cases_differ_where_they_differ(tmp_path: Path, capsys: pytest.Captu
     assert main(["compare", SMALL, SMALL, "--quiet"]) == 0
     assert "nothing differs" in capsys.readouterr().out
     assert main(["compare", SMALL, str(tmp_path / "none.json"), "--quiet"]) == 2
+    assert capsys.readouterr().err.endswith("JSON result: No such file or directory\n")
 
 
 def test_two_results_with_bands_are_drawn_over_one_path(
@@ -244,15 +245,19 @@ def test_a_stored_study_is_shown_with_its_answer_and_its_table(
     assert "run it first: antinode run rows" in capsys.readouterr().err
 
 
-def test_states_under_a_finger_are_compared_one_by_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What a battery sees: power at 1 um of each state, beside the other design's; curves of a way are left out."""
+def test_states_and_gaps_are_compared_one_by_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What a battery sees: power at 1 um of each state, beside the other design's; curves of a way are left out, a gap's
+    edges are not.
+    """
     places = []
     for name, watts in (("a", 40.0), ("b", 10.0)):
         states = [{"state": "free", "drawn_mW_at_1um": 1.0}, {"state": "shaped", "drawn_mW_at_1um": watts}]
         document = {"states": states, "ways": [{"way": "rows", "confinement_db": [1.0, watts, 2.0, 3.0]}]}
+        document["gaps"] = [{"lower_band": 6, "upper_band": 7, "lower_hz": 2.0 * watts, "upper_hz": 90.0}]
         places.append(tmp_path / f"{name}.json")
         places[-1].write_text(json.dumps(document))
     assert main(["compare", *map(str, places), "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["rows"] == [
-        {"quantity": "states.shaped.drawn_mW_at_1um", "a": 40.0, "b": 10.0, "difference": -0.75}
+        {"quantity": "states.shaped.drawn_mW_at_1um", "a": 40.0, "b": 10.0, "difference": -0.75},
+        {"quantity": "gaps.6-7.lower_hz", "a": 80.0, "b": 20.0, "difference": -0.75},
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,7 +13,9 @@ import pytest
 
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
+from pipeline.measured.comparison import _sweep_summary
 from pipeline.measured.files import read_field, read_sweep
+from solvers.control.resonance import Resonance
 from tests.helpers.coarse_cells import mesh_coarsest
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -128,6 +131,14 @@ def test_a_case_may_name_its_measurements(
     assert result["sweep"]["computed"]["point_mm"] == pytest.approx([19.86, 0.16])
     with_defaults = load_case(CASE, [named[1], named[3]]).to_dict()["measured"]
     assert len(with_defaults["sweep_sha256"]) == 64 and "map" not in with_defaults
+
+
+@pytest.mark.parametrize(("error", "bar"), [(8e-4, "the model may be off by 0.08 %"), (None, "error is not known")])
+def test_beside_the_shift_stands_what_the_model_may_be_off_by(error: float | None, bar: str) -> None:
+    ours = Resonance(3e4, 3e4, 300.0, 300.0, None, 2.9e4, 3.1e4, None)
+    theirs, measured = replace(ours, frequency_hz=3e4 - 0.01), read_sweep(FOLDER / "sweep.csv")
+    said = _sweep_summary(measured, theirs, ours, error)
+    assert "shift +0.0 Hz (+0.00 %), " in said and bar in said
 
 
 def test_the_figure_is_written_in_both_forms_and_not_empty(compared_coarsely: Path) -> None:

@@ -42,6 +42,16 @@ def test_bands_go_over_the_path_to_scale_with_their_gaps_shaded() -> None:
     assert [tick.get_text() for tick in axes.get_xticklabels()] == ["Γ", "X", "M", "Γ"]
 
 
+def test_the_kinds_of_waves_are_told_beneath_the_bands_and_hide_none() -> None:
+    kinds = ["flexural", "shear", "longitudinal", *["pillar"] * 7]
+    marked = {"plate_polarisation": ["flexural"] * 10, "polarisation": kinds}
+    points = [point.model_copy(update=marked) for point in BANDS.points]
+    axes = figures.draw("bands", BANDS.model_copy(update={"points": points}).to_dict())
+    axes.figure.draw_without_rendering()
+    legend, ticks = axes.get_legend(), axes.xaxis.get_tightbbox()
+    assert len(legend.get_texts()) > 1 and legend.get_window_extent().y1 <= ticks.y0
+
+
 def test_attenuation_shows_the_least_attenuated_flexural_wave() -> None:
     axes = figures.draw("attenuation", ROWS.to_dict())
     (line,) = axes.lines
