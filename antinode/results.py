@@ -299,7 +299,8 @@ class Bands(Result):
 
     def __repr__(self) -> str:
         points, bands = self.frequencies_hz.shape
-        return f"<antinode.Bands: {bands} bands at {points} wavevectors, {len(self.gaps)} complete gaps>"
+        gaps = f"{len(self.gaps)} complete gap{'s' * (len(self.gaps) != 1)}"
+        return f"<antinode.Bands: {bands} bands at {points} wavevectors, {gaps}>"
 
 
 def _over(result: Result, f: FloatArray) -> str:

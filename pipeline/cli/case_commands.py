@@ -64,7 +64,7 @@ def modes(arguments: Namespace) -> int:
         solved = solve_modes(case, query, log)
     head = ("frequency_hz", "symmetry", "zone_share", "confinement_db", "mac", "strength", "residual")
     rows = [[getattr(row, key) for key in head] for row in solved.rows]
-    plural = "" if solved.rigid_count == 1 else "s"
+    plural = "s" * (solved.rigid_count != 1)
     about = f"{solved.model.name}, {solved.dof} degrees of freedom, {solved.rigid_count} rigid-body mode{plural}"
     document = solved.record.to_dict()
     lines = [about, _modes_table(head, rows, document), *wanted_text.lines(solved, case.design)]
@@ -167,7 +167,7 @@ def attenuation(arguments: Namespace) -> int:
     ]
     about = (
         f"{solved.model}, kx = {solved.kx_per_m:.1f} rad/m; decay of the least attenuated flexural wave, and shares of an "
-        f"incoming flexural wave's power after {solved.rows} rows"
+        f"incoming flexural wave's power after {solved.rows} row{'s' * (solved.rows != 1)}"
     )
     lines = [about, reading_table(head, rows[:: max(1, len(rows) // 20)]), *at_the_zone(case, solved)]
     answer = Answer(solved.to_dict(), lines, head, rows, lambda: [complex_bands(solved)])

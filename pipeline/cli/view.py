@@ -64,6 +64,7 @@ def view(arguments: Namespace) -> int:
         scene = of_study(arguments.target, arguments.case_id, arguments.results)
     if place:
         draw(scene, Path(place))
+        print(f"wrote {place}")
     else:
         show(scene)
     return 0

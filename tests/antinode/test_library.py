@@ -252,6 +252,8 @@ def test_bands_have_wavevectors_labels_and_errors(plate: antinode.Plate, tmp_pat
     axes = bands.plot()
     assert len(axes.lines) >= 4 and axes.get_ylabel() == "frequency (kHz)" and bands.plot(axes) is axes
     assert "<img" in bands._repr_html_()
+    count = len(bands.gaps)
+    assert repr(bands).endswith(f", {count} complete gap>" if count == 1 else f", {count} complete gaps>")
 
 
 def test_a_modes_surface_is_closed_and_has_the_bodys_volume(plate: antinode.Plate) -> None:
