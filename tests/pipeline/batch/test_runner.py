@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import psutil
 import pytest
@@ -138,13 +139,21 @@ def test_two_cases_of_one_name_are_refused(tmp_path: Path):
         run(tmp_path, fake_study.jobs(1) * 2)
 
 
-def test_progress_says_counts_and_time_left_and_can_be_silent(tmp_path: Path, here: ThreadPoolExecutor):
+def test_time_left_is_what_earlier_runs_took(tmp_path: Path):
+    progress = Progress(stream=io.StringIO())
+    planned = [SimpleNamespace(case_id=f"value={i}", why="new") for i in range(3)]
+    progress.begin(tmp_path, planned, {f"value={i}": 20.0 for i in range(3)})
+    assert progress.time_left() == "about 60 s left"
+    progress.begin(tmp_path, planned, {})
+    assert progress.time_left() == "time left not known yet"
+
+
+def test_progress_says_counts_and_can_be_silent(tmp_path: Path, here: ThreadPoolExecutor):
     stream = io.StringIO()
     options, jobs = runner.Options(executor=here), fake_study.jobs(3)
-    jobs[0].payload["seconds"] = 0.3  # the first takes longest, so that something is left when it ends
     runner.run_study(jobs, fake_study.compute, tmp_path, options, Progress(stream=stream))
     said = stream.getvalue()
-    assert "3 cases, 3 to compute" in said and "[3/3] value=2: OK" in said and " left" in said
+    assert "3 cases, 3 to compute" in said and "[3/3] value=2: OK" in said
     (tmp_path / "journal.jsonl").open("a").write('{"torn')
     stream = io.StringIO()
     runner.run_study(jobs, fake_study.compute, tmp_path, options, Progress(stream=stream))
