@@ -18,6 +18,11 @@ def _printable(letter: str) -> str:
     return letter if letter.isprintable() else letter.encode("unicode_escape", "backslashreplace").decode()
 
 
+def reason(fault: Exception) -> str:
+    """Why a file cannot be read, without the system's number and the file's name over again."""
+    return getattr(fault, "strerror", None) or str(fault)
+
+
 class CommandError(Exception):
     """A refusal or failure, said to the user in one line per reason without a traceback."""
 

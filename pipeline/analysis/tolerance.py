@@ -151,7 +151,7 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
     design, choice = case.design, model_choice_of(case, "plate", response_high_hz(case, band))
     assert design.pillar
     if case.patches:
-        patched_plate.refuse_over_pillars(case)
+        patched_plate.refuse_patches(case, band)
     if choice.model != SUPERELEMENT or choice.kind != HEX or choice.reduction is None:
         raise InputError(
             f"{case.name}: [tolerance]: pillars are varied in assembled cells of hexahedra: solve.model must be auto or "

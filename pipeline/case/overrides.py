@@ -14,7 +14,7 @@ from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import SHAPES
 from pipeline.case.diagnostics import quoted
 from pipeline.case.rows import INSTEAD, PITCHES
-from pipeline.errors import InputError
+from pipeline.errors import InputError, reason
 from pipeline.units import GPA
 
 # keys that stand for one another: setting one drops the others that the file gave
@@ -52,7 +52,7 @@ def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text at byte {error.start}, must be a TOML file in UTF-8") from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        raise InputError(f"{path}: cannot be read: {reason(error)}") from None
     if len(content) > max_bytes:
         raise InputError(f"{path}: more than {max_bytes} bytes: must be a TOML file of at most so many")
     if LONG_KEY.search(text):

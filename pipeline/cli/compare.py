@@ -58,7 +58,7 @@ def _figure(arguments: Namespace, one: Design, two: Design, rows: list[dict[str,
 
 def read(place: Path, solve: bool, quiet: bool) -> Design:
     """What is known of a design. InputError for what is neither a case nor a result."""
-    from pipeline.errors import InputError
+    from pipeline.errors import InputError, reason
 
     if place.suffix == ".toml":
         return _of_case(place, solve, quiet)
@@ -66,8 +66,8 @@ def read(place: Path, solve: bool, quiet: bool) -> Design:
     try:
         document = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise InputError(f"{file}: cannot be read as a case (.toml), a record or a JSON result: {why}") from error
+        why = f"cannot be read as a case (.toml), a record or a JSON result: {reason(error)}"
+        raise InputError(f"{file}: {why}") from error
     if not isinstance(document, dict):
         raise InputError(f"{file}: holds no record and no JSON result")
     bands = document if {"points", "gaps"} <= document.keys() else document.get("bands")

@@ -12,7 +12,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, reason
 from pipeline.units import GIB
 from pipeline.views.answer import Answer, emit
 
@@ -87,7 +87,7 @@ def _table(arguments: Namespace) -> int:
     try:
         table = from_bytes(Path(arguments.file).read_bytes())
     except (OSError, TableError) as error:
-        raise InputError(f"{arguments.file}: {getattr(error, 'strerror', None) or error}") from error
+        raise InputError(f"{arguments.file}: {reason(error)}") from error
     document: dict[str, Any] = {"version": table.version, "modes": len(table.modes), "wanted": table.wanted}
     document["frequencies_hz"] = [mode.frequency_hz for mode in table.modes]
     return emit(arguments, "table", Answer(document, [describe(table)]))

@@ -13,14 +13,12 @@ from pipeline.records.record import MeshRecord
 from pipeline.units import KHZ, MM
 from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
 from solvers.piezo.forced import Drive, ForcedPlate
-from solvers.piezo.patch import bonded_patch
+from solvers.piezo.patch import BondedPatch, bonded_patch
 from solvers.piezo.patched_plate import PatchedPlate
 from solvers.superelement.build import PlateModel
-from solvers.superelement.tiling import tile
+from solvers.superelement.tiling import Tiling, tile
 
-FOLLOWS = (
-    0.2  # of its own lowest resonance: below it the motion inside a patch adds at most 4 % to what follows statically
-)
+FOLLOWS = 0.2  # of its own lowest resonance: below it motion inside a patch adds at most 4 % to what follows statically
 
 
 def forced_plate(
@@ -31,8 +29,8 @@ def forced_plate(
 
     InputError for a model that cannot carry patches; raises what its solvers raise.
     """
-    refuse_over_pillars(case)
     band = driven_band_hz(case, band_hz)
+    refuse_patches(case, band)
     foresight.announce("the forced response", _demand(case, band), log)
     model = parts.build(case, "plate", response_high_hz(case, band), log, [] if meshes is None else meshes)
     if not isinstance(model, PlateModel):
@@ -44,16 +42,11 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
     """Build an assembled plate with the case's patches and solve its modes about the band."""
     patches = case.patches
     assert patches is not None
-    back = patches.face == "back"
     with log.step("bond the patches"):
-        bonded = [
-            bonded_patch(patches.material, box, patches.size_m[2], back, patch_mesh(case.design, box))
-            for box in patches.boxes_m()
-        ]
-        _refuse_ringing(case, min(patch.own_hz for patch in bonded), band_hz[1])
         plates = {plate.symmetry: plate for plate in map(model.assembled, model.symmetries)}
         middle_hz = (band_hz[0] + band_hz[1]) / 2.0
-        plate = PatchedPlate(plates, bonded, back, model.name, Beneath(model.reductions), middle_hz)
+        bonded = _bonded(case, model.tiling)
+        plate = PatchedPlate(plates, bonded, patches.face == "back", model.name, Beneath(model.reductions), middle_hz)
     if plate.differs_too_much:
         log.left_out(
             "the error by the mesh beneath the patches", "two meshes differ by more than the plate holds: one stands"
@@ -65,15 +58,31 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
         return ForcedPlate(plate, case.design, drive, bytes_each=_demand(case, band_hz).cost.peak.bytes)
 
 
-def refuse_over_pillars(case: Case) -> None:
-    """InputError where a patch shares a face with a pillar whose panel it reaches over: that face is not kept there."""
-    patches, design = case.patches, case.design
+def refuse_patches(case: Case, band_hz: tuple[float, float]) -> None:
+    """InputError for patches that no assembled plate can carry in this band, before anything of the plate is computed."""
+    tiling = tile(case.design, case.design.length_m)
+    _refuse_over_pillars(case, tiling)
+    _refuse_ringing(case, min(patch.own_hz for patch in _bonded(case, tiling)), band_hz[1])
+
+
+def _bonded(case: Case, tiling: Tiling) -> list[BondedPatch]:
+    """The case's patches; those of one size are one, and kept."""
+    patches = case.patches
     assert patches is not None
-    if patches.face == "touch" and not any(pillar.faces == 2 for pillar in design.kinds):
+    material, thickness, back = patches.material, patches.size_m[2], patches.face == "back"
+    return [
+        bonded_patch(material, box, thickness, back, patch_mesh(case.design, tiling, box)) for box in patches.boxes_m()
+    ]
+
+
+def _refuse_over_pillars(case: Case, tiling: Tiling) -> None:
+    """InputError where a patch shares a face with a pillar whose panel it reaches over: that face is not kept there."""
+    patches = case.patches
+    assert patches is not None
+    if patches.face == "touch" and not any(pillar.faces == 2 for pillar in case.design.kinds):
         return
-    tiling = tile(design, design.length_m)
     for number, box in enumerate(patches.boxes_m()):
-        for _, j in pillars_beneath(design, box):
+        for _, j in pillars_beneath(tiling, box):
             low, high = (end / MM for end in tiling.y[j : j + 2])
             y0, y1 = (end / MM for end in box[2:])
             raise InputError(

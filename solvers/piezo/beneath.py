@@ -11,7 +11,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
-from math import inf
 
 import numpy as np
 import scipy.sparse as sp
@@ -31,7 +30,7 @@ from solvers.superelement.bond import SAME_M, Contact, grid_weights, held_panels
 from solvers.superelement.build import Reductions
 from solvers.superelement.interface import SIDES, VERTICES
 from solvers.superelement.plate import AssembledPlate, Grid
-from solvers.superelement.tiling import tile
+from solvers.superelement.tiling import Tiling
 
 FOOT = 0.5  # of foot and thickness, the longest element of a patch over pillars: its plate bends between their feet
 COLUMNS = 240  # of forces solved for at once
@@ -94,16 +93,16 @@ class Beneath:
         return np.hstack([loads.T @ factor.solve(loads[:, part].toarray()) for part in parts])
 
 
-def patch_mesh(design: Design, box_m: FloatArray) -> HexSettings:
+def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings:
     """Elements of a patch on the rectangle box_m: over pillars as short as their feet and the plate between them ask for."""
-    carrying = bool(pillars_beneath(design, box_m))
-    longest = FOOT * min([design.thickness_m, *(pillar.footprint_m for pillar in design.kinds)]) if carrying else inf
-    return replace(piezo_patch.MESH, size_m=min(piezo_patch.MESH.size_m, longest))
+    if not pillars_beneath(tiling, box_m):
+        return piezo_patch.MESH
+    finest = min([design.thickness_m, *(pillar.footprint_m for pillar in design.kinds)])
+    return replace(piezo_patch.MESH, size_m=min(piezo_patch.MESH.size_m, FOOT * finest))
 
 
-def pillars_beneath(design: Design, box_m: FloatArray) -> list[tuple[int, int]]:
+def pillars_beneath(tiling: Tiling, box_m: FloatArray) -> list[tuple[int, int]]:
     """Panels (i, j) with a pillar, on either side of the plate, that a rectangle x0, x1, y0, y1 in m overlaps."""
-    tiling = tile(design, design.length_m)
     x, y = (_between(lines, ends, 0.0) for lines, ends in zip((tiling.x, tiling.y), box_m.reshape(2, 2), strict=True))
     return [(i, j) for i, j in tiling.feet if x[0] <= i <= x[1] and y[0] <= j <= y[1]]
 

@@ -20,9 +20,8 @@ from geometry.hex.boxes import Boxes, HexSettings, hex_mesh
 from geometry.hex.grading import grid_lines
 from geometry.mesh import Mesh
 from geometry.piezo_materials import PiezoMaterial
-from solvers.errors import TooLarge
 from solvers.fem.factor.factoriser import Factor, Factoriser
-from solvers.fem.factor.memory import room_bytes
+from solvers.fem.factor.memory import check_room
 from solvers.fem.surface import face_quadrature
 
 MESH = HexSettings(3, 4e-3, 1, 0.15)  # along the patch a quarter of a half-wavelength of 15 mm, shorter at its edges
@@ -80,11 +79,12 @@ def _alike(
     bond = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (0.0 if above else thickness_m)) < 1e-9 * thickness_m + 1e-15)
     b = (3 * bond[:, None] + np.arange(3)).ravel()
     i = np.setdiff1d(np.arange(3 * len(mesh.nodes)), b)
-    inner = Factoriser()(sp.csc_array(stiffness[i][:, i]))
-    follow = -inner.solve(stiffness[i][:, b].toarray())
+    (k_b, k_i), (m_b, m_i) = ((matrix[b], matrix[i]) for matrix in (stiffness, mass))
+    k_ii, m_ii, k_bi, m_bi = k_i[:, i], m_i[:, i], k_b[:, i], m_b[:, i]
+    inner = Factoriser()(sp.csc_array(k_ii))
+    follow = -inner.solve(k_i[:, b].toarray())
     swell = inner.solve(theta[i][:, None])[:, 0]
-    condensed = stiffness[b][:, b] + stiffness[b][:, i] @ follow
-    pulled = mass[i][:, b] + mass[i][:, i] @ follow
+    condensed = k_b[:, b] + k_bi @ follow
     return BondedPatch(
         material,
         box,
@@ -92,11 +92,11 @@ def _alike(
         settings,
         *_projection(mesh, "touch" if above else "top", bond),
         (condensed + condensed.T) / 2.0,
-        mass[b][:, b] + mass[b][:, i] @ follow + follow.T @ pulled,
+        m_b[:, b] + m_bi @ follow + follow.T @ (m_i[:, b] + m_ii @ follow),
         theta[b] + follow.T @ theta[i],
-        mass[b][:, i] @ swell + follow.T @ (mass[i][:, i] @ swell),
+        m_bi @ swell + follow.T @ (m_ii @ swell),
         float(capacitance + theta[i] @ swell),
-        _lowest_hz(stiffness[i][:, i], mass[i][:, i], inner),
+        _lowest_hz(k_ii, m_ii, inner),
     )
 
 
@@ -104,13 +104,9 @@ def _check_room(mesh: Mesh, box_m: FloatArray) -> None:
     """TooLarge where the dense matrices of the condensation would not fit into memory."""
     layers = len(np.unique(np.round(mesh.nodes[:, 2], 12)))
     bond = 3.0 * len(mesh.nodes) / layers
-    needed, room = 8.0 * bond**2 * (COPIES * (layers - 1) + SQUARES), room_bytes()
-    if needed > room:
-        size = " x ".join(f"{1e3 * each:g}" for each in np.diff(box_m)[::2])
-        raise TooLarge(
-            f"a patch of {size} mm in elements as short as it needs takes about {needed / 2**30:.1f} GiB, "
-            f"{room / 2**30:.1f} GiB are free: take shorter patches"
-        )
+    size = " x ".join(f"{1e3 * each:g}" for each in np.diff(box_m)[::2])
+    what = f"a patch of {size} mm in elements as short as it needs takes"
+    check_room(8.0 * bond**2 * (COPIES * (layers - 1) + SQUARES), what, "take shorter patches")
 
 
 def _lowest_hz(stiffness: sp.csr_array, mass: sp.csr_array, factor: Factor) -> float:

@@ -2,7 +2,7 @@
 
 u = sum over classes E_c q_c at the bonded faces; K = diag(K_c) + sum over patches E' K_E E, M alike, loads E' theta. Beneath
 each patch the plate gives way by F; patch and F are meshed twice, and the share of the mesh's error that the edges leave is
-taken from all three (solvers/piezo/beneath.py).
+taken from stiffness, loads and charges (solvers/piezo/beneath.py).
 """
 
 from __future__ import annotations

@@ -85,11 +85,13 @@ def memory_text(fault: MemoryError, doing: str = "") -> str:
 
 def foresee(needed_bytes: float, dofs: int) -> int:
     """The estimate itself, B; TooLarge, with the estimate and what to do, for what would not fit into memory."""
+    instead = "ask for a coarser mesh, a lower order, or model = superelement"
+    check_room(needed_bytes, f"factorising {dofs} degrees of freedom needs", instead)
+    return int(needed_bytes)
+
+
+def check_room(needed_bytes: float, what: str, instead: str) -> None:
+    """TooLarge, with the estimate and what to do instead, for what would not fit into memory."""
     room = room_bytes()
     if needed_bytes > room:
-        raise TooLarge(
-            f"factorising {dofs} degrees of freedom needs about {needed_bytes / 2**30:.1f} GiB, "
-            f"{room / 2**30:.1f} GiB are free: "
-            "ask for a coarser mesh, a lower order, or model = superelement"
-        )
-    return int(needed_bytes)
+        raise TooLarge(f"{what} about {needed_bytes / 2**30:.1f} GiB, {room / 2**30:.1f} GiB are free: {instead}")

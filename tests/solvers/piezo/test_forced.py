@@ -16,9 +16,9 @@ from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
 from solvers.analytic.beams import frequency_hz, roots
 from solvers.errors import SolverError, TooLarge
 from solvers.fem.eigen import modes_in_band
+from solvers.fem.factor import memory
 from solvers.fem.solid import SolidModel
 from solvers.piezo import beneath as beneath_patches
-from solvers.piezo import patch as piezo_patch
 from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.height import height_error
@@ -285,7 +285,7 @@ def test_a_thick_patch_leaves_stiffness_and_inertia_positive(thick_m: float, siz
 def test_a_patch_whose_matrices_no_memory_holds_is_refused_before_they_are_made(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(piezo_patch, "room_bytes", lambda: 1e6)
+    monkeypatch.setattr(memory, "room_bytes", lambda: 1e6)
     with pytest.raises(TooLarge, match=r"a patch of 8 x 4 mm .* take shorter patches"):
         bonded_patch(PZ26, MIDDLE[0], 0.123e-3, True)
 
@@ -305,13 +305,14 @@ def test_a_patch_over_pillars_is_meshed_as_finely_as_their_feet() -> None:
     """And as the plate between them; one that ends at their panels' border is not over them."""
     pillar = Pillar("square", 1e-3, 1e-3, 3e-3, ALUMINIUM)
     design = replace(DESIGN, pillar=pillar, pitch_x_m=4e-3, pitch_y_m=4e-3, rows=1)
-    edge = tile(design, design.length_m).y
+    tiling = tile(design, design.length_m)
+    edge = tiling.y
     strip = edge[np.searchsorted(edge, design.row_places()[0]) - 1 :][:2]
     over, beside = (np.array([-4e-3, 4e-3, strip[1] - reach, strip[1] + 1e-3]) for reach in (1e-4, 0.0))
-    assert pillars_beneath(design, over) and not pillars_beneath(design, beside)
-    assert patch_mesh(design, over).size_m < pillar.base_m
-    assert patch_mesh(replace(design, thickness_m=0.5e-3), over).size_m < 0.5e-3
-    assert patch_mesh(design, beside) == MESH
+    assert pillars_beneath(tiling, over) and not pillars_beneath(tiling, beside)
+    assert patch_mesh(design, tiling, over).size_m < pillar.base_m
+    assert patch_mesh(replace(design, thickness_m=0.5e-3), tiling, over).size_m < 0.5e-3
+    assert patch_mesh(design, tiling, beside) == MESH
 
 
 @pytest.mark.slow
@@ -324,7 +325,7 @@ def test_over_pillars_shorter_elements_change_a_height_within_its_bar(monkeypatc
     told = []
     for share in (beneath_patches.FOOT, beneath_patches.FOOT / 1.4):
         monkeypatch.setattr(beneath_patches, "FOOT", share)
-        patch = bonded_patch(PZ26, box, 0.3e-3, False, patch_mesh(design, box))
+        patch = bonded_patch(PZ26, box, 0.3e-3, False, patch_mesh(design, model.tiling, box))
         plates = {symmetry: model.assembled(symmetry) for symmetry in CLASSES}
         plate = PatchedPlate(plates, [patch], False, beneath=Beneath(model.reductions), at_hz=32e3)
         forced = ForcedPlate(plate, design, Drive((0,), (), (25e3, 40e3), 300.0))
