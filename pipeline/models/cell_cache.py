@@ -1,4 +1,4 @@
-"""Reduced cells and families of cells kept on disk."""
+"""Reduced cells, families of cells and what plates give way beneath patches, kept on disk."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ import tempfile
 import zipfile
 from dataclasses import fields
 from functools import lru_cache
+from math import isqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from geometry.elements import FloatArray
 from pipeline.paths import RESULTS
 from pipeline.records import fingerprint
 from solvers.fem.assembly import Scale
@@ -106,6 +108,24 @@ def _unpacked(flat: dict[str, Any]) -> Cell:
     plain["mesh_dof"] = int(plain["mesh_dof"])
     plain["dropped_hz"] = float(plain["dropped_hz"])
     return Cell(**plain)
+
+
+class MatrixCache(CellCache):
+    """A folder of .npz files, one a symmetric matrix, beside those of cells; a torn or foreign file counts as absent."""
+
+    def get(self, key: str) -> FloatArray | None:  # type: ignore[override]
+        """Return the matrix kept under this key by the same code, or None."""
+        with contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            upper = self.load(key)["upper"]
+            size = isqrt(2 * len(upper))
+            matrix = np.zeros((size, size))
+            matrix[np.triu_indices(size)] = upper
+            return matrix + np.triu(matrix, 1).T
+        return None
+
+    def put(self, key: str, matrix: FloatArray) -> None:  # type: ignore[override]
+        """Keep a matrix; where the disk is full it is recomputed in the next run, and this run keeps its result."""
+        self.keep(key, {"upper": matrix[np.triu_indices(len(matrix))]})
 
 
 class ParametricCellCache(CellCache):

@@ -6,6 +6,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
+from pipeline.models.cell_cache import MatrixCache
 from pipeline.planning import foresight
 from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import driven_band_hz, response_high_hz
@@ -46,7 +47,8 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
         plates = {plate.symmetry: plate for plate in map(model.assembled, model.symmetries)}
         middle_hz = (band_hz[0] + band_hz[1]) / 2.0
         bonded = _bonded(case, model.tiling)
-        plate = PatchedPlate(plates, bonded, patches.face == "back", model.name, Beneath(model.reductions), middle_hz)
+        beneath = Beneath(model.reductions, MatrixCache())
+        plate = PatchedPlate(plates, bonded, patches.face == "back", model.name, beneath, middle_hz)
     if plate.differs_too_much:
         log.left_out(
             "the error by the mesh beneath the patches", "two meshes differ by more than the plate holds: one stands"

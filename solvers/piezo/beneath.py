@@ -7,10 +7,12 @@ graded towards its edges, less the same of those panels' reduced matrices, both 
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -37,11 +39,24 @@ COLUMNS = 240  # of forces solved for at once
 ROUGH = 0.35  # of the share: one radial function stands for both bodies at all edges and corners of a patch
 
 
+class Cache(Protocol):
+    """Where flexibilities are kept between runs."""
+
+    def get(self, key: str) -> FloatArray | None:
+        """A symmetric matrix kept under this key, or None."""
+        ...
+
+    def put(self, key: str, matrix: FloatArray) -> None:
+        """Keep a symmetric matrix."""
+        ...
+
+
 @dataclass
 class Beneath:
-    """Flexibility beneath the patches of one plate; places alike are computed once."""
+    """Flexibility beneath the patches of one plate; places alike are computed once, and none that the cache has."""
 
     reductions: Reductions
+    cache: Cache | None = None
     _known: dict[str, FloatArray] = field(default_factory=dict)
 
     def flexibility(self, plate: AssembledPlate, patch: BondedPatch, back: bool) -> FloatArray:
@@ -65,12 +80,24 @@ class Beneath:
         """Compute what `flexibility` will ask for, distinct places side by side."""
         places = [_Place.of(plate, patch, self.reductions, back) for patch in patches]
         needed = {place.key: place for place in places if place.key not in self._known}
-        self._known.update(zip(needed, side_by_side(self._static, needed.values()), strict=True))
+        self._known.update(zip(needed, side_by_side(self._kept, needed.values()), strict=True))
 
     def _fine(self, place: _Place) -> FloatArray:
         if place.key not in self._known:
-            self._known[place.key] = self._static(place)
+            self._known[place.key] = self._kept(place)
         return self._known[place.key]
+
+    def _kept(self, place: _Place) -> FloatArray:
+        own = self.reductions
+        name = repr(("beneath", place.key, own.thickness_m, own.material, own.pillar))
+        key = hashlib.sha256(name.encode()).hexdigest()
+        kept = self.cache.get(key) if self.cache is not None else None
+        if kept is not None:
+            return kept
+        matrix = self._static(place)
+        if self.cache is not None:
+            self.cache.put(key, matrix)
+        return matrix
 
     def _static(self, place: _Place) -> FloatArray:
         mesh_of, box, thickness = place.patch.mesh, place.box_m, self.reductions.thickness_m
@@ -90,7 +117,8 @@ class Beneath:
             pillars = sum(len(each.centres) for each in place.stands)
             raise TooLarge(f"a patch of {size} mm over {pillars} pillars: {fault}; take shorter patches") from fault
         parts = np.array_split(np.arange(loads.shape[1]), -(-loads.shape[1] // COLUMNS))
-        return np.hstack([loads.T @ factor.solve(loads[:, part].toarray()) for part in parts])
+        given = np.hstack([loads.T @ factor.solve(loads[:, part].toarray()) for part in parts])
+        return np.asarray((given + given.T) / 2.0)
 
 
 def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings:

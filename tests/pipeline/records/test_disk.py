@@ -13,7 +13,7 @@ from pipeline.batch import case_study
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.logs import TerminalLog
-from pipeline.models.cell_cache import CellCache
+from pipeline.models.cell_cache import CellCache, MatrixCache
 from pipeline.paths import STUDIES
 from pipeline.planning.request import Request
 from pipeline.records import record, store
@@ -172,3 +172,14 @@ def test_the_shelf_forgets_what_was_not_used_for_longest(tmp_path: Path) -> None
     tight = CellCache(tmp_path, max_bytes=1)
     tight.put("fifth", cell)
     assert tight.get("fifth") is not None and len(list(tmp_path.glob("*.npz"))) == 1
+
+
+def test_a_matrix_is_kept_to_the_last_digit_and_a_torn_file_counts_as_absent(tmp_path: Path) -> None:
+    matrix = np.random.default_rng(2).normal(size=(7, 7))
+    cache = MatrixCache(tmp_path)
+    cache.put("own", matrix + matrix.T)
+    kept = cache.get("own")
+    assert kept is not None and np.array_equal(kept, matrix + matrix.T)
+    (path,) = tmp_path.glob("*.npz")
+    path.write_bytes(path.read_bytes()[:-40])
+    assert cache.get("own") is None and cache.get("none") is None

@@ -363,6 +363,31 @@ def test_what_panels_lack_beneath_a_patch_is_less_with_more_modes(mesh: HexSetti
     assert most[1][-1] < most[0][-1]
 
 
+class Kept(dict[str, np.ndarray]):
+    """A cache in memory."""
+
+    put = dict.__setitem__
+
+
+def test_what_a_plate_gives_way_is_kept_between_runs_and_belongs_to_that_plate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second run computes nothing and has the same digits; another thickness or material is not taken for this one."""
+    made, kept = plate_of(300e3, 4e-3), Kept()
+    plate, patch = made.assembled("SS"), bonded_patch(PZ26, MIDDLE[0], THICK_M, True, COARSE)
+    first = Beneath(made.reductions, kept).flexibility(plate, patch, True)
+    others = [
+        {"thickness_m": 2.5e-3},
+        {"material": MATERIALS["steel"]},
+        {"pillar": Pillar("square", 1e-3, 1e-3, 2e-3, ALUMINIUM)},
+    ]
+    for other in others:
+        Beneath(replace(made.reductions, **other), kept)._fine(
+            beneath_patches._Place.of(plate, patch, made.reductions, True)
+        )
+    assert len(kept) == 1 + len(others)
+    monkeypatch.setattr(Beneath, "_static", lambda self, place: pytest.fail("computed again"))
+    assert np.array_equal(Beneath(made.reductions, kept).flexibility(plate, patch, True), first)
+
+
 def test_what_is_told_of_a_patch_at_the_plates_free_end_does_not_stand_for_one_inside() -> None:
     """Panels alike, the patch at the same place on them; asked one after another, and each by itself."""
     made = plate_of(300e3, 4e-3)
