@@ -320,7 +320,51 @@ def _of_faces(record: Record) -> tuple[str, ...] | None:
     stopped = record.broadband and record.broadband.stopped_hz
     low, high = (end / 1e3 for end in stopped) if stopped else (0.0, 0.0)
     band = f"{low:.1f} to {high:.1f} kHz, {high - low:.1f} kHz wide" if stopped else "none"
-    return f"{design.rows}", "both" if design.pillar.faces == 2 else "back alone", band, *_mode(record)
+    return f"{design.rows}", _faces(record), band, *_mode(record)
+
+
+def _of_staggered(record: Record) -> tuple[str, ...] | None:
+    design, bands = record.design, record.bands
+    if design is None or bands is None:
+        return None
+    gap = next(iter(bands.gaps), None)
+    none = f"none up to {bands.known_to_hz / 1e3:.1f} kHz"
+    edges = f"{gap.lower_hz / 1e3:.1f} to {gap.upper_hz / 1e3:.1f} kHz" if gap else none
+    return f"{design.rows}", _stand(record), edges, *_mode(record)
+
+
+def _stand(record: Record) -> str:
+    return "shifted" if record.design and record.design.staggered else "in line"
+
+
+def _carried(record: Record) -> str:
+    pillar = record.design.pillar if record.design and record.design.rows else None
+    return "no pillars" if pillar is None else "heavy tips" if pillar.heavy_tip else "plain pillars"
+
+
+def _faces(record: Record) -> str:
+    pillar = record.design.pillar if record.design else None
+    return "both" if pillar and pillar.faces == 2 else "back alone"
+
+
+def _by_rows(title: str, kind: Callable[[Record], str]) -> Callable[[list[Record]], Figure]:
+    """Draws the wanted mode's confinement over the rows, with its bars, kind by kind."""
+
+    def draw(records: list[Record]) -> Figure:
+        figure, axes = style.panels(3.0)
+        known = [record for record in records if record.confinement_db is not None and record.design and record.wanted]
+        for number, (name, marker) in enumerate(zip(dict.fromkeys(map(kind, known)), "os^", strict=False)):
+            own = [record for record in known if kind(record) == name]
+            bars = [(record.wanted and record.wanted.confinement_error_db) or 0.0 for record in own]
+            rows = [(record.design.rows if record.design else 0) + 0.04 * number for record in own]
+            levels = [record.confinement_db for record in own]
+            axes.errorbar(rows, levels, bars, fmt=marker, capsize=3, color=style.CYCLE[number], label=name)
+        axes.set(xlabel="rows on either side of the zone", ylabel="confinement (dB)")
+        axes.xaxis.get_major_locator().set_params(integer=True)
+        axes.legend(title=title)
+        return figure
+
+    return draw
 
 
 def _of_hybrid(record: Record) -> tuple[str, ...] | None:
@@ -384,6 +428,7 @@ WISHES = (
         '"split" is a shape that several modes share',
         ("rows", "pillars", "heavy tips", "zone's width", "wanted mode", "confinement"),
         _of_glass,
+        _by_rows("rows of", _carried),
     ),
     Wish(
         "hybrid",
@@ -424,6 +469,17 @@ WISHES = (
         "plate's, with the wanted mode where it then lies. A level stands with its own bar",
         ("rows", "pillars on", "10 dB taken from a wave about the wanted mode", "wanted mode", "confinement"),
         _of_faces,
+        _by_rows("pillars on", _faces),
+    ),
+    Wish(
+        "staggered",
+        "rows shifted by half a pitch",
+        "Every other row stands half a pitch further along the zone, at a pitch of 5 mm and 25 mm of plate beyond. The gap is "
+        "the first complete one of the lattice, whose cell is the rectangle of two rows where they are shifted. A level stands "
+        'with its own bar; "split" is a shape that several modes share',
+        ("rows", "stand", "gap", "wanted mode", "confinement"),
+        _of_staggered,
+        _by_rows("rows stand", _stand),
     ),
 )
 

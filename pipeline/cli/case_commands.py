@@ -142,7 +142,7 @@ def bands(arguments: Namespace) -> int:
         ),
     ]
     if not record.gaps:
-        lines.append("No complete gap along the path")
+        lines.append(f"No complete gap {record.where_gaps_are_known}; bands.count asks for more")
     if case.design.pillar and (bending := record.bending_at_m_hz):
         lines.append(f"bending of the pillars at M: {' and '.join(f'{hz / KHZ:.2f} kHz' for hz in bending)}")
     if record.expected_error is not None:

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.plate import FloatArray
 from pipeline.plots.style import ReportFigure
-from pipeline.records.record import BandPoint, BandsRecord, GapRecord
+from pipeline.records.record import BandPoint, BandsRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import KHZ
 from solvers.waves.brillouin import Path
@@ -59,7 +59,7 @@ def dispersion(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
         draw_bands(axes, bands, "structured hexahedra" if case.record.tet_bands else "bands")
         _tetrahedra(axes, case, bands)
     _normalised_axis(panels[0], case)
-    panels[0].set_title(_gap_title(bands.widest_gap))
+    panels[0].set_title(_gap_title(bands))
     if bending:
         _bending(panels[1], case, bands, bending)
     _legend(figure, panels[0])
@@ -112,9 +112,10 @@ def _tetrahedra(axes: Axes, case: StoredCase, bands: BandsRecord) -> None:
             label = ""
 
 
-def _gap_title(gap: GapRecord | None) -> str:
+def _gap_title(bands: BandsRecord) -> str:
+    gap = bands.widest_gap
     if not gap:
-        return "No complete gap along the path"
+        return f"No complete gap {bands.where_gaps_are_known}"
     return f"Gap: bands {gap.lower_band} to {gap.upper_band}, {gap.relative_width:.1%} wide"
 
 
@@ -159,7 +160,7 @@ def _alt(case: StoredCase, bands: BandsRecord) -> str:
         f"the widest complete gap, shaded, lies between {gap.lower_hz / KHZ:.2f} and {gap.upper_hz / KHZ:.2f} kHz "
         f"(bands {gap.lower_band} and {gap.upper_band})"
         if gap
-        else "no complete gap opens along the path"
+        else f"no complete gap opens {bands.where_gaps_are_known}"
     )
     kinds = {name for point in bands.points for name in point.plate_polarisation or ()}
     names_text = ", ".join(name for name in POLARISATIONS if name in kinds)

@@ -21,7 +21,7 @@ from geometry.layout import Design, Pillar
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import stored_shape
 from pipeline.records import store
-from pipeline.units import NM
+from pipeline.units import KHZ, NM
 from solvers.measures.levels import CONFINED_DB
 
 STATUSES = ("OK", "WARNING")  # of cases that gave an answer
@@ -309,6 +309,17 @@ class BandsRecord(Open):
     def widest_gap(self) -> GapRecord | None:
         """The widest complete gap."""
         return max(self.gaps, key=lambda gap: gap.upper_hz - gap.lower_hz, default=None)
+
+    @property
+    def known_to_hz(self) -> float:
+        """Up to it every band is among those computed, and so would be a gap: the lowest frequency of the last of them."""
+        return min(point.frequencies_hz[-1] for point in self.points)
+
+    @property
+    def where_gaps_are_known(self) -> str:
+        """Where a complete gap would have been found."""
+        count = len(self.points[0].frequencies_hz)
+        return f"along the path up to {self.known_to_hz / KHZ:.2f} kHz, where the lowest {count} bands end"
 
     @property
     def bending_at_m_hz(self) -> list[float]:

@@ -49,15 +49,17 @@ class MeshErrors:
 def reduction_error(lattice: Lattice, wavevectors: FloatArray, count: int) -> ReductionError:
     """Estimate for the `count` lowest bands at wavevectors (n, 2) in rad/m: the worst of them."""
     modes = 0.0 if len(lattice.cell.fixed_hz) else _without_modes(lattice, wavevectors, count)
+    ours = [lattice.frequencies(k, count) for k in wavevectors]
     for share in SHARES if len(lattice.cell.fixed_hz) else ():
-        rise = _rise(lattice, lattice.truncated(0, share), wavevectors, count)
+        rise = _rise(ours, lattice.truncated(0, share), wavevectors)
         modes = max(modes, rise / ((1.0 - share) ** -RATE - 1.0))
-    return ReductionError(modes, _rise(lattice, lattice.truncated(1, 0.0), wavevectors, count))
+    return ReductionError(modes, _rise(ours, lattice.truncated(1, 0.0), wavevectors))
 
 
 def last_degree_through(lattice: Lattice, wavevectors: FloatArray, count: int) -> float:
     """Largest relative rise of the `count` lowest bands without the highest functions through the thickness."""
-    return _rise(lattice, lattice.truncated(0, 0.0, 1), wavevectors, count)
+    ours = [lattice.frequencies(k, count) for k in wavevectors]
+    return _rise(ours, lattice.truncated(0, 0.0, 1), wavevectors)
 
 
 def _without_modes(lattice: Lattice, wavevectors: FloatArray, count: int) -> float:
@@ -72,13 +74,14 @@ def _without_modes(lattice: Lattice, wavevectors: FloatArray, count: int) -> flo
     return worst
 
 
-def _rise(lattice: Lattice, small: Lattice, wavevectors: FloatArray, count: int) -> float:
-    """Largest relative rise of the lowest frequencies from a lattice to a truncated one."""
-    worst, count = 0.0, min(count, small.dof)
-    for k in wavevectors:
-        ours, theirs = lattice.frequencies(k, count), small.frequencies(k, count)
-        moving = ours > STILL * ours[-1]
-        worst = max(worst, float((theirs[moving] / ours[moving] - 1.0).max(initial=0.0)))
+def _rise(ours: list[FloatArray], small: Lattice, wavevectors: FloatArray) -> float:
+    """Largest relative rise of the lowest frequencies at wavevectors, a row each, to those of a truncated lattice."""
+    worst = 0.0
+    for k, known in zip(wavevectors, ours, strict=True):
+        theirs = small.frequencies(k, len(known))
+        known = known[: len(theirs)]
+        moving = known > STILL * known[-1]
+        worst = max(worst, float((theirs[moving] / known[moving] - 1.0).max(initial=0.0)))
     return worst
 
 

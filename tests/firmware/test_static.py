@@ -101,6 +101,7 @@ def test_clang_s_analyzer_finds_nothing(variant: str, tmp_path: Path, monkeypatc
     run([sys.executable, "-m", "ziglang", "clang", *TARGET, *ANALYZER, *headers, *places, *sources])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", builder.VARIANTS)
 def test_clang_tidy_finds_nothing(variant: str, tmp_path: Path) -> None:
     if not shutil.which("clang-tidy"):

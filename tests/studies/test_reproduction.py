@@ -111,7 +111,11 @@ def test_the_cover_glass_appears_once_its_study_is_stored(tmp_path: Path, monkey
     bare = SimpleNamespace(design=design(0, 4e-3, 0.01), wanted=None, confinement_db=None)
     cases = [SimpleNamespace(record=record) for record in (known, bare)]
     monkeypatch.setattr(reproduction, "read_study", lambda folder: SimpleNamespace(cases=cases))
+    monkeypatch.setattr(reproduction, "PAGE", tmp_path / "page.md")
+    (tmp_path / "pictures").mkdir()
     page = glass.text(tmp_path)
+    drawn = (tmp_path / "pictures" / "glass.svg").read_text()
+    assert "heavy tips" in drawn and "no pillars" not in drawn  # a plate without a level has no mark
     tips = "1 mm wide, 2 mm high | 1.5 mm wide, 0.9 mm high"
     assert f"| 3 | {tips} | 20 mm | 30.00 kHz, single | 15.5 +- 0.2 dB |" in page
     assert "| 0 | none | none | 20 mm | none | none |" in page
@@ -140,6 +144,21 @@ def test_pillars_on_both_faces_stand_beside_those_on_one() -> None:
     rows = [reproduction._of_faces(record) for record in records]  # type: ignore[arg-type]
     assert rows[0] == ("2", "back alone", "none", "none", "12.0 dB")
     assert rows[1] == ("2", "both", "28.0 to 36.5 kHz, 8.5 kHz wide", "none", "12.0 dB")
+
+
+def test_shifted_rows_stand_beside_rows_in_line_with_the_gap_of_their_own_lattice() -> None:
+    plate = design(3, 5e-3, 0.025)
+    shifted = plate.model_copy(update={"staggered": True})
+    gaps = [SimpleNamespace(lower_hz=158.4e3, upper_hz=170.2e3)], []
+    records = [
+        SimpleNamespace(
+            design=each, wanted=None, confinement_db=None, bands=SimpleNamespace(gaps=own, known_to_hz=110e3)
+        )
+        for each, own in zip((plate, shifted), gaps, strict=True)
+    ]
+    rows = [reproduction._of_staggered(record) for record in records]  # type: ignore[arg-type]
+    assert rows[0] == ("3", "in line", "158.4 to 170.2 kHz", "none", "none")
+    assert rows[1] == ("3", "shifted", "none up to 110.0 kHz", "none", "none")
 
 
 def test_a_wish_stands_on_the_page_once_its_study_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
