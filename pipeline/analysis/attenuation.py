@@ -15,7 +15,7 @@ from pipeline.logs import Log
 from pipeline.models.broadband import passed_shares, wavevectors
 from pipeline.models.unit_cell import LatticeModel, bare_cell, lattice_model
 from pipeline.planning import error_bar, foresight, simplifications
-from pipeline.planning.model_choice import SOLID, cell_model_choice
+from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice
 from pipeline.planning.request import driven_band_hz
 from pipeline.records.record import (
     AttenuationPoint,
@@ -62,15 +62,15 @@ def solve(
     case.require_lattice("decay per row is")
     if kx_per_m is None:
         case.require("zone", command="attenuation without --kx")
-    choice = cell_model_choice(case)
+    low, high = driven_band_hz(case, band_hz)
+    choice = cell_model_choice(case, high)
     if case.solve.model == SOLID:
         raise InputError(f"{case.name}: solve.model = 'solid': must be auto or superelement for attenuation")
     simplifications.log_all((*choice.left_out, simplifications.waves_downwards(case.design)), log)
     kx = _checked_kx(case, case.kx_wanted_per_m if kx_per_m is None else kx_per_m)
-    low, high = driven_band_hz(case, band_hz)
     foresight.announce("attenuation across the rows", foresight.of_attenuation(case, choice, points), log)
     meshes: list[MeshRecord] = []
-    if model is None:
+    if model is None or _keeps_less(model, choice):
         path = path_through(case.bands.path, 1, case.design.pitch_x_m, case.design.pitch_y_m)
         model = lattice_model(case, choice, path.wavevectors[[segment.last for segment in path.segments]], log, meshes)
     cell = model.lattice.cell  # the one that the bands use: reduced once for both
@@ -90,6 +90,11 @@ def solve(
         points=samples,
         meshes=meshes,
     )
+
+
+def _keeps_less(model: LatticeModel, choice: ModelChoice) -> bool:
+    """Whether the bands' cell leaves out modes that waves of this band need: those of slow pillars."""
+    return choice.reduction is not None and model.lattice.cell.dropped_hz < choice.reduction.top_hz * (1.0 - 1e-9)
 
 
 def _checked_kx(case: Case, kx: float) -> float:

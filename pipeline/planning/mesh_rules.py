@@ -6,10 +6,10 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from math import sqrt
+from math import inf, sqrt
 
 from geometry.hex.boxes import HexSettings
-from geometry.layout import Design
+from geometry.layout import Design, Pillar
 from pipeline.planning import calibration
 from pipeline.planning.calibration import MeshLevel
 from solvers.analytic.beams import roots
@@ -171,12 +171,23 @@ def _shear_speed(design: Design) -> float:
     return sqrt(design.material.shear_pa / design.material.density_kg_m3)
 
 
-def lattice_reduction(design: Design, accuracy: float) -> ReductionSettings:
+def bands_end_hz(pillar: Pillar, count: int) -> float:
+    """Frequency, Hz, below which a lattice of such pillars has at least `count` bands: each of a pillar's own modes brings one,
+    and its bending modes come at least two for every one about its weaker axis and its stiffer one.
+    """
+    number = -(-count // 2)
+    return max(float(pillar_frequencies_hz(pillar, "timoshenko", number, about_x=axis)[-1]) for axis in (False, True))
+
+
+def lattice_reduction(design: Design, accuracy: float, most_hz: float = inf) -> ReductionSettings:
     """Reduction settings of the unit cell for its lowest bands, from which a coarse cell is refined to the
     accuracy.
+
+    most_hz: no fixed-interface mode above it to begin with, where slow pillars have many that no band asked for needs.
     """
     longest = max(design.pitch_x_m, design.pitch_y_m)
     top = 1.5 * shear_cutoff_hz(design) * 2.0 * design.thickness_m / max(2.0 * design.thickness_m, longest)
+    top = min(top, most_hz)
     top *= (0.01 / min(accuracy, 0.01)) ** FINER
     along = 4 if longest <= 2.5 * design.thickness_m else 6
     return ReductionSettings(Interface(along, 3), top, cell_mesh(design, cell_level(accuracy)))

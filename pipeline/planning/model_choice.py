@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 from geometry.hex.boxes import HexSettings
 from pipeline.case.limits import MIN_GAP
@@ -14,6 +15,8 @@ from pipeline.planning.mesh_rules import MeshLevel
 from pipeline.planning.simplifications import CLASSES, Simplification
 from solvers.superelement.build import ReductionSettings
 
+BEYOND = 4.0  # the highest band asked for: a cell begins with fixed-interface modes below; a coarse cell tells how many more
+BY_BEAMS = 60  # bands: of more the pillar's thirtieth bending mode tells nothing
 SUPERELEMENT, SOLID = "superelement", "solid"
 
 
@@ -140,8 +143,10 @@ def _check_stagger(case: Case) -> None:
         raise InputError(f"{case.source or case.name}: array.stagger = true: cells of half a pitch need {need}")
 
 
-def cell_model_choice(case: Case) -> ModelChoice:
+def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
     """How the unit cell is modelled: reduced, or as meshed when the case asks for the solid and boxes allow it.
+
+    high_hz: waves up to there are asked for, too, beside the lowest bands.
 
     Raises InputError for a model that cannot serve.
     """
@@ -158,10 +163,18 @@ def cell_model_choice(case: Case) -> ModelChoice:
         return _choice(case, "cell", SOLID, level, settings, None, taken, why="the case asks for it")
     if design.stagger:
         _check_stagger(case)
-    reduction = mesh_rules.lattice_reduction(design, accuracy)
+    reduction = mesh_rules.lattice_reduction(design, accuracy, _modes_end_hz(case, high_hz))
     edge = None if no_cad else mesh_rules.tet_cell_edge_m(design, accuracy)
     why, level = "one reduced pair serves every wavevector", mesh_rules.cell_level(accuracy)
     return _choice(case, "cell", SUPERELEMENT, level, reduction.hexahedra, edge, taken, reduction, why)
+
+
+def _modes_end_hz(case: Case, high_hz: float) -> float:
+    """No fixed-interface mode above it is worth its place; infinity where no beam tells which bands are asked for."""
+    pillar = case.design.pillar
+    if pillar is None or pillar.file or case.bands.count > BY_BEAMS:
+        return inf
+    return max(BEYOND * mesh_rules.bands_end_hz(pillar, case.bands.count), mesh_rules.REACH * high_hz)
 
 
 def _choice(

@@ -218,8 +218,8 @@ def bands_step(case: Case) -> Step:
 def attenuation_step(case: Case, band_hz: tuple[float, float] | None, kx_per_m: float | None, points: int) -> Step:
     """Plan the complex bands of a row."""
     case.require("plate", "array.pitch_mm", "pillar", command="attenuation")
-    choice = cell_model_choice(case)
     low, high = driven_band_hz(case, band_hz)
+    choice = cell_model_choice(case, high)
     kx = case.kx_wanted_per_m if kx_per_m is None else kx_per_m
     looks = f"{points} frequencies from {khz(low)} to {khz(high)} at kx = {kx:.1f} rad/m"
     numbers = {"band_hz": [low, high], "frequencies": points, "kx_per_m": kx}

@@ -19,6 +19,7 @@ from pipeline.measures.bands import BANDS
 from pipeline.measures.measure import Work
 from pipeline.models import unit_cell
 from pipeline.planning import mesh_rules
+from pipeline.planning.model_choice import cell_model_choice
 from pipeline.plots import bands as plots_bands
 from pipeline.plots import style
 from pipeline.records.record import BandsRecord
@@ -140,7 +141,7 @@ def poor(accuracy: float) -> ReductionSettings:
 
 
 def test_a_reduction_too_poor_for_the_accuracy_is_raised_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mesh_rules, "lattice_reduction", lambda design, accuracy: poor(accuracy))
+    monkeypatch.setattr(mesh_rules, "lattice_reduction", lambda design, accuracy, most_hz: poor(accuracy))
     result, log = solved("bands.points=1", "bands.count=8")
     assert result.detail and result.detail.reduction_error < 0.02 and "REDUCTION" not in log.warnings
     assert any("degree" in fact and "instead of 2" in fact and "MHz" in fact for fact in log.facts)
@@ -150,11 +151,26 @@ def test_a_reduction_too_poor_for_the_accuracy_is_raised_and_said(monkeypatch: p
 
 
 def test_a_reduction_that_cannot_be_raised_enough_is_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mesh_rules, "lattice_reduction", lambda design, accuracy: poor(accuracy))
+    monkeypatch.setattr(mesh_rules, "lattice_reduction", lambda design, accuracy, most_hz: poor(accuracy))
     monkeypatch.setattr(unit_cell, "MAX_DOF", 10)
     result, log = solved("bands.points=1", "bands.count=8")
     assert result.detail and result.detail.reduction_error > 0.02
     assert "lower bands.count (8), raise solve.accuracy, or take solve.model = 'solid'" in log.warnings["REDUCTION"]
+
+
+SOFT = "pillar.material={young_GPa=0.7,density_kg_m3=1000.0,poisson=0.4}"
+
+
+def test_slow_pillars_keep_the_modes_that_the_bands_asked_for_need() -> None:
+    """The plate's shear waves would keep those up to 1.2 MHz, hundreds of them; a decay at higher frequencies keeps more."""
+    result, log = solved(SOFT, "bands.points=1", "bands.count=8")
+    assert result.detail and result.dof < 260 and "MANY_FUNCTIONS" not in log.warnings
+    whole, _ = solved(SOFT, "solve.model=solid", "bands.points=1", "bands.count=8")
+    moving = whole.frequencies_hz > 10.0
+    rise = (result.computed_hz[moving] / whole.frequencies_hz[moving] - 1.0).max()
+    assert rise <= result.detail.reduction_error < 0.02
+    tops = [cell_model_choice(case(SOFT), high).reduction.top_hz for high in (0.0, 1e5)]  # type: ignore[union-attr]
+    assert tops[1] == 9e5 > tops[0] and cell_model_choice(case()).reduction.top_hz > tops[1]  # type: ignore[union-attr]
 
 
 @cache
