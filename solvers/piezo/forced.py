@@ -186,7 +186,7 @@ class ForcedPlate:
             strength += measure(own, self.design, symmetry or None).strength if count else 0.0
         per_area = self.design.material.density_kg_m3 * self.design.thickness_m / self.plate.scale.mass_kg
         whole = np.maximum(inside + outside, 1e-300)
-        share = inside / whole if rms(inside, outside, self.design)[1] is not None else np.full(count, np.nan)
+        share = inside / whole if self.areas_m2[1] is not None else np.full(count, np.nan)
         return strength, share, strength / np.maximum(per_area * inside, 1e-300)
 
     def mesh_error(self, low_hz: float, high_hz: float) -> float | None:
@@ -264,6 +264,14 @@ class ForcedPlate:
         """Integrals of u_z^2 over the active and the passive touch face, per pair of columns."""
         return [touch_grams(fields, self.design) for fields in self._fields]
 
+    @cached_property
+    def areas_m2(self) -> tuple[float, float | None]:
+        """Areas of the active and of the passive touch face, as far as nothing hangs from them; None without a passive one."""
+        field = self._fields[0][0]
+        active = np.abs(field.points[:, 1]) < self.design.width_m / 2.0
+        inside, outside = float(field.weights[active].sum()), float(field.weights[~active].sum())
+        return inside, outside if outside > 1e-9 * inside else None
+
     def curve(self, frequency_hz: FloatArray) -> Curve:
         """Response at frequencies in Hz."""
         zone, passive = np.zeros(len(frequency_hz)), np.zeros(len(frequency_hz))
@@ -276,7 +284,7 @@ class ForcedPlate:
                 a = basis.amplitudes(eigenvalue, self.loss, volts)
                 zone[row] += float((a.conj() @ inside @ a).real)
                 passive[row] += float((a.conj() @ outside @ a).real)
-        return Curve(np.asarray(frequency_hz), *rms(zone, passive, self.design), sensors)
+        return Curve(np.asarray(frequency_hz), *rms(zone, passive, self.areas_m2), sensors)
 
     def shape(self, frequency_hz: float) -> tuple[FloatArray, ComplexArray]:
         """Operating shape on the whole touch face: points (q, 2) in m and complex u_z (q,) per volt, m/V."""
@@ -297,11 +305,12 @@ def in_phase_signs(gain: FloatArray, drivers: list[int]) -> FloatArray:
     return np.where(turn * gain < 0.0, -1.0, 1.0)
 
 
-def rms(zone_m4: FloatArray, passive_m4: FloatArray, design: Design) -> tuple[FloatArray, FloatArray | None]:
+def rms(
+    zone_m4: FloatArray, passive_m4: FloatArray, areas_m2: tuple[float, float | None]
+) -> tuple[FloatArray, FloatArray | None]:
     """rms |u_z| from the integrals of |u_z|^2 over the active and the passive touch face; None without a passive face."""
-    active = design.length_m * design.width_m
-    passive = design.length_m * (2.0 * design.half_span_m - design.width_m)
-    return np.sqrt(zone_m4 / active), np.sqrt(passive_m4 / passive) if passive > 1e-9 * active else None
+    active, passive = areas_m2
+    return np.sqrt(zone_m4 / active), None if passive is None else np.sqrt(passive_m4 / passive)
 
 
 def touch_grams(fields: list[TouchField], design: Design) -> tuple[FloatArray, FloatArray]:

@@ -115,7 +115,7 @@ class ChangedPlate:
             sensors[row] = volts[forced.sensors]
             amplitudes[:, row] = (self.gain @ volts) / denominator
         energies = [_quadratic(gram, amplitudes) for gram in (self.inside, self.outside)]
-        return Curve(np.asarray(frequency_hz), *rms(energies[0], energies[1], forced.design), sensors)
+        return Curve(np.asarray(frequency_hz), *rms(energies[0], energies[1], forced.areas_m2), sensors)
 
     def _charge(self, denominator: ComplexArray) -> ComplexArray:
         return np.asarray(self.gain.T @ (self.gain / denominator[:, None]) * self.forced.plate.stiffness_unit)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from geometry.cad.printability import check_print
 from geometry.cad.solids import cell_solid, plate_solid
 from geometry.hex.boxes import HexSettings, boxes_of, hex_mesh, plate_scene
 from geometry.mesh import cell_volumes, check_mesh
+from geometry.piezo_materials import PIEZO_MATERIALS
 from pipeline.analysis.modes import solve_modes
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
@@ -21,8 +23,13 @@ from pipeline.planning.request import Request
 from pipeline.records.record import DesignRecord
 from pipeline.search.limits import Limits, mass_kg
 from solvers.fem.surface import face_quadrature
+from solvers.measures.confinement import measure
+from solvers.measures.levels import ratio_db
+from solvers.piezo.forced import Drive, ForcedPlate
+from solvers.piezo.patch import bonded_patch
+from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.resonators.pillar_row import design_feet
-from solvers.superelement.build import Reductions, ReductionSettings, lattice_panel
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings, lattice_panel
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
 from tests.helpers.scenes import STEEL_PILLARS
@@ -37,6 +44,7 @@ RAW: dict[str, Any] = {
 }
 """Half the length times half the span is 6 x (4 + 2 + 3) mm; one pillar and a half stand on the quarter's faces."""
 COARSE = HexSettings(2, 4e-3, 0)
+REDUCTION = ReductionSettings(Interface(2, 2), 2e5, COARSE)
 
 
 def case_of(*settings: str, **more: Any) -> Case:
@@ -89,8 +97,7 @@ def test_the_cad_solid_and_its_print_file_hold_both(tmp_path: Path) -> None:
 def test_waves_of_the_cell_are_even_or_odd_through_the_thickness() -> None:
     """Flexural and in-plane waves part: u_z at the touch face is that at the back, or its opposite."""
     design = case_of().design
-    reduction = ReductionSettings(Interface(2, 2), 2e5, COARSE)
-    cell = Reductions(design.thickness_m, design.material, design.pillar, reduction).cell(lattice_panel(design))
+    cell = Reductions(design.thickness_m, design.material, design.pillar, REDUCTION).cell(lattice_panel(design))
     waves = Lattice(cell).waves(np.array([300.0, 170.0]), 8)
     half = design.pitch_x_m / 2.0
     corners = np.flatnonzero((np.abs(np.abs(cell.skin.points[:, :2]) - half) < 1e-9).all(axis=1))
@@ -99,6 +106,22 @@ def test_waves_of_the_cell_are_even_or_odd_through_the_thickness() -> None:
         low, high = (moved[np.abs(cell.skin.points[corners, 2] - z) < 1e-9, 2] for z in (0.0, design.thickness_m))
         sign = np.sign((low[0] / high[0]).real)
         assert np.abs(low - sign * high).max() < 1e-6 * np.abs(high).max()
+
+
+def test_a_driven_plate_is_confined_by_the_definition_of_its_modes() -> None:
+    """The touch face ends where pillars hang from it: its area is what is left, for the motion of patches as for modes."""
+    design, tone = case_of().design, 30e3
+    model = PlateModel(design, Reductions(design.thickness_m, design.material, design.pillar, REDUCTION))
+    patch = bonded_patch(PIEZO_MATERIALS["pz26"], np.array([-2e-3, 2e-3, -1e-3, 1e-3]), 0.3e-3, True)
+    plate = PatchedPlate({each: model.assembled(each) for each in CLASSES}, [patch], True)
+    forced = ForcedPlate(plate, design, Drive((0,), (), (20e3, 40e3), 300.0))
+    (group,), ((field,),) = forced.modes, forced._fields
+    eigenvalue = plate.scale.eigenvalue(tone)
+    moved = field.values @ group.amplitudes(eigenvalue, forced.loss, forced.volts(eigenvalue))
+    curve = forced.curve(np.array([tone]))
+    assert curve.passive_rms_m_per_v is not None
+    level = ratio_db(curve.zone_rms_m_per_v, curve.passive_rms_m_per_v)
+    assert level == pytest.approx(measure(replace(field, values=moved[:, None]), design, "SS").confinement_db, abs=1e-9)
 
 
 @pytest.mark.parametrize(
