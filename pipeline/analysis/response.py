@@ -16,10 +16,10 @@ from pipeline.planning import error_bar
 from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import response_high_hz
 from pipeline.records.record import MeshRecord, PeakRecord, ResponseRecord
-from solvers.piezo.circuit import CircuitShift, circuit_shift
+from solvers.piezo.circuit import CircuitShift, circuit_shift, resonances_hz, unheld
 from solvers.piezo.forced import Curve, ForcedPlate
 from solvers.piezo.height import height_error
-from solvers.piezo.peaks import Peak, curve_about, highest_hz, near_hz, peak_of
+from solvers.piezo.peaks import Peak, curve_about, highest_hz, own_or, peak_of
 
 POINTS = 401
 GRID = 160
@@ -98,8 +98,8 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
     forced = forced_plate(case, log, band_hz, meshes)
     plate, (low, high) = forced.plate, forced.band_hz
     with log.step("sum the modes"):
-        tone, highest = driven_hz(forced), highest_hz(forced, low, high, points, forced.resonances_hz)
-        peaks_hz = [near_hz(forced, tone), highest] if tone and low <= tone <= high else [highest]
+        tone, highest = driven_hz(forced), highest_hz(forced, low, high, points, resonances_hz(forced))
+        peaks_hz = [own_or(forced, tone, highest), highest] if tone and low <= tone <= high else [highest]
         curve = curve_about(forced, low, high, points, peaks_hz)
         wanted = peak_of(curve, peaks_hz[0]) if len(peaks_hz) > 1 else None
         shape_points, shape = _gridded(*forced.shape(peaks_hz[0]))
@@ -132,8 +132,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
 
 def driven_hz(forced: ForcedPlate) -> float | None:
     """The wanted mode's frequency with the patches' circuits as wired: sensors open, drivers as they are fed."""
-    opened = forced.sensors if forced.circuit == "short" else [*forced.drivers, *forced.sensors]
-    shift = circuit_shift(forced, opened) if opened else None
+    shift = circuit_shift(forced, opened) if (opened := unheld(forced)) else None
     return shift.open_hz if shift else forced.wanted_hz()
 
 

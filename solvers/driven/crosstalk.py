@@ -14,6 +14,7 @@ import numpy as np
 from geometry.elements import BoolArray, FloatArray
 from geometry.layout import Design
 from solvers.measures.confinement import wanted_shape
+from solvers.piezo.circuit import resonances_hz
 from solvers.piezo.forced import ForcedPlate
 from solvers.superelement.plate import WHOLE
 
@@ -44,8 +45,7 @@ class Zones:
     def peak_hz(self, volts: FloatArray, zone: int) -> float:
         """Where the zone moves most within the band, Hz: at the resonances, then finer about the largest."""
         low, high = self.forced.band_hz
-        tones = self.forced.resonances_hz
-        tones = np.concatenate([tones[(tones >= low) & (tones <= high)], [low, high]])
+        tones = np.concatenate([resonances_hz(self.forced), [low, high]])
         for _ in range(2):
             top = float(tones[int(np.argmax(self.rms(volts, tones)[:, zone]))])
             reach = top * self.forced.loss

@@ -65,6 +65,18 @@ def circuit_shift(forced: ForcedPlate, opened: Sequence[int] | None = None) -> C
     return CircuitShift(short, float(frequency[best]), float(shares[best, place] ** 2))
 
 
+def unheld(forced: ForcedPlate) -> list[int]:
+    """Patches that no voltage holds: those that listen, and where a charge drives those that drive."""
+    return forced.sensors if forced.circuit == "short" else [*forced.drivers, *forced.sensors]
+
+
+def resonances_hz(forced: ForcedPlate) -> FloatArray:
+    """Frequencies within the band at which the plate resonates with its patches as they are wired, ascending."""
+    low, high = forced.band_hz
+    frequency = open_modes(forced, opened)[0] if (opened := unheld(forced)) else np.sort(forced.resonances_hz)
+    return frequency[(frequency > low) & (frequency < high)]
+
+
 def _projected(forced: ForcedPlate) -> tuple[FloatArray, FloatArray, FloatArray]:
     """K, M (c, c) and the loads (c, patches) in the columns of all groups, scaled."""
     stiffness, mass, loads = [], [], []

@@ -56,11 +56,10 @@ class Peak:
 def highest_hz(driven: Driven, low: float, high: float, points: int, resonances_hz: FloatArray | None = None) -> float:
     """Where the zone's response is largest, Hz: on a grid and at the resonances, finer about its top, then between points.
 
-    A resonance between two points of the grid may be narrower than they are apart: each one in the band is looked at.
+    A resonance between two points of the grid may be narrower than they are apart: each one of the plate with its patches as
+    they are wired has to be among `resonances_hz`, within the band.
     """
-    even = np.linspace(low, high, points)
-    if resonances_hz is not None:
-        even = np.union1d(even, resonances_hz[(resonances_hz > low) & (resonances_hz < high)])
+    even = np.union1d(np.linspace(low, high, points), [] if resonances_hz is None else resonances_hz)
     top = float(even[int(np.argmax(driven.curve(even).zone_rms_m_per_v))])
     for reach in (2.0 * (high - low) / points, 2.0 * top * driven.loss):
         top = _top_of(driven, max(low, top - reach), min(high, top + reach), top)
@@ -76,6 +75,12 @@ def near_hz(driven: Driven, mode_hz: float) -> float:
     top = _top_of(driven, mode_hz - reach, mode_hz + reach, mode_hz)
     inside = abs(top - mode_hz) < reach * (1.0 - 1.0 / (2.0 * PER_WIDTH))
     return _between(driven, top, mode_hz - reach, mode_hz + reach) if inside else mode_hz
+
+
+def own_or(driven: Driven, mode_hz: float, highest_hz: float) -> float:
+    """The peak of a mode, Hz, as near_hz; the highest one's own frequency where both are one, each as finely as it is found."""
+    own = near_hz(driven, mode_hz)
+    return highest_hz if abs(own - highest_hz) <= 2.0 * SHARP * highest_hz * driven.loss else own
 
 
 def _top_of(driven: Driven, low: float, high: float, known_hz: float) -> float:

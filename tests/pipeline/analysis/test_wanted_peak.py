@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.cli.main import main
 from solvers.piezo.forced import Curve
-from solvers.piezo.peaks import Peak, curve_about, highest_hz, near_hz, peak_of
+from solvers.piezo.peaks import Peak, curve_about, highest_hz, near_hz, own_or, peak_of
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
 ROOT = Path(__file__).resolve().parents[3]
@@ -53,6 +53,18 @@ def test_a_curve_that_rises_to_the_end_of_its_band_has_no_peak() -> None:
     assert top == 45e3 and peak_of(curve_about(plate, 30e3, 45e3, 51, [top]), top).quality is None
 
 
+@pytest.mark.parametrize("quality", [20.0, 300.0])
+def test_a_peak_found_twice_is_one_peak_with_its_quality_factor(quality: float) -> None:
+    """Each search ends somewhere else within its own precision: two points beside each other are not both a top."""
+    plate = Two((34e3, 1.0), (38e3, 0.2), quality=quality)
+    highest = highest_hz(plate, 30e3, 40e3, 401)
+    own = own_or(plate, 34e3, highest)
+    curve = curve_about(plate, 30e3, 40e3, 401, [own, highest])
+    assert peak_of(curve, own) == peak_of(curve, highest)
+    assert peak_of(curve, own).quality == pytest.approx(quality, rel=0.05)
+    assert own_or(plate, 38e3, highest) == near_hz(plate, 38e3)
+
+
 def test_two_peaks_are_one_within_a_half_power_width() -> None:
     peak = Peak(34e3, 1.0, None, None)
     assert peak.is_at(34.1e3, 1.0 / 300.0) and not peak.is_at(34.2e3, 1.0 / 300.0)
@@ -75,6 +87,19 @@ def test_a_plate_whose_highest_peak_is_another_modes_tells_both(document: dict) 
     assert highest["frequency_hz"] < 0.8 * wanted["frequency_hz"]
     assert wanted["confinement_db"] > highest["confinement_db"] + 6.0
     assert wanted["quality"] == pytest.approx(document["quality_given"], rel=0.05)
+
+
+def test_no_peak_is_higher_than_the_highest_however_narrow(tmp_path: Path) -> None:
+    """A patch that listens is open and stiffens its mode by more than the half-power width: the peak is not at the short one."""
+    file = tmp_path / "r.json"
+    patches = "patches={size_mm=[6.0,3.0,0.3],centres_mm=[[0.0,0.0],[14.0,0.0],[-14.0,0.0]],sensors=[1]}"
+    sets = ["--set", patches, "--set", "damping.quality=1e6", "--set", "solve.accuracy=0.05"]
+    command = ["response", str(ROOT / "examples" / "small.toml"), "--quiet", "--json", str(file), *sets]
+    assert main([*command, "--band", "30kHz:40kHz"]) == 0
+    told = json.loads(file.read_text())
+    peaks = told["highest_peak"], told["wanted_peak"]
+    assert peaks[0]["zone_rms_m_per_V"] == max(told["zone_rms_m_per_V"]) >= peaks[1]["zone_rms_m_per_V"]
+    assert [peak["quality"] for peak in peaks] == pytest.approx([1e6] * 2, rel=0.05)
 
 
 def test_it_is_said_and_so_is_a_band_without_the_wanted_mode(capsys: pytest.CaptureFixture[str]) -> None:
