@@ -41,11 +41,11 @@ class PlateSpace:
         cut = np.ix_(within, within)
         values, vectors = scipy.linalg.eigh((stiffness + stiffness.T)[cut] / 2.0, (mass + mass.T)[cut] / 2.0)
         grams = tuple(vectors.T @ gram[cut] @ vectors for gram in (self.inside, self.outside))
-        alike = self.inside[self.wanted, within] @ vectors if self.wanted is not None else np.zeros(len(values))
-        own = float(self.inside[self.wanted, self.wanted]) if self.wanted is not None else 1.0
-        return ChangedPlate(
-            self.forced, values, vectors.T @ self.loads[within], grams[0], grams[1], np.asarray(alike**2 / own)
-        )
+        alike, share = np.zeros(len(values)), np.zeros(len(values))
+        if self.wanted is not None:
+            alike = (self.inside[self.wanted, within] @ vectors) ** 2 / self.inside[self.wanted, self.wanted]
+            share = (vectors[within == self.wanted] ** 2).sum(axis=0) / (vectors**2).sum(axis=0)
+        return ChangedPlate(self.forced, values, vectors.T @ self.loads[within], grams[0], grams[1], alike, share)
 
 
 def _stiffness(basis: GroupModes) -> FloatArray:
@@ -75,7 +75,8 @@ def orthonormal(basis: GroupModes) -> GroupModes:
 class ChangedPlate:
     """A plate's modes in that space: eigenvalues (n,), gains (n, patches), touch-face integrals (n, n) per pair.
 
-    alike (n,): <u, w>^2 / <w, w> over the active touch face, w the nominal plate's wanted mode; zero where it has none.
+    w the nominal plate's wanted mode, alike (n,): <u, w>^2 / <w, w> over the active touch face; held (n,): w's share in the
+    mode, of 1, by the nominal plate's mass. Both zero where it has none.
     """
 
     forced: ForcedPlate
@@ -84,6 +85,7 @@ class ChangedPlate:
     inside: FloatArray
     outside: FloatArray
     alike: FloatArray
+    held: FloatArray
 
     @property
     def loss(self) -> float:
@@ -92,10 +94,12 @@ class ChangedPlate:
 
     @property
     def tracked(self) -> Verdict:
-        """Which mode the nominal plate's wanted one has become, by its shape (`solvers.measures.wanted_mode`)."""
+        """Which mode the nominal plate's wanted one has become (`solvers.measures.wanted_mode`): that which holds most of it,
+        among those of its shape in the zone. Others of that shape, and what the answers to the loads add, hold none of it.
+        """
         inside, outside = np.diag(self.inside), np.diag(self.outside)
         share = inside / np.maximum(inside + outside, 1e-300)
-        return verdict(self.alike, share, self.alike / np.maximum(inside, 1e-300))
+        return verdict(self.held, share, self.alike / np.maximum(inside, 1e-300))
 
     @property
     def tracked_hz(self) -> float | None:

@@ -90,7 +90,7 @@ def test_a_plate_whose_highest_peak_is_another_modes_tells_both(document: dict) 
 
 
 def test_no_peak_is_higher_than_the_highest_however_narrow(tmp_path: Path) -> None:
-    """A patch that listens is open and stiffens its mode by more than the half-power width: the peak is not at the short one."""
+    """A patch that listens is open and stiffens its mode by more than the half-power width: the short one's is no peak."""
     file = tmp_path / "r.json"
     patches = "patches={size_mm=[6.0,3.0,0.3],centres_mm=[[0.0,0.0],[14.0,0.0],[-14.0,0.0]],sensors=[1]}"
     sets = ["--set", patches, "--set", "damping.quality=1e6", "--set", "solve.accuracy=0.05"]
