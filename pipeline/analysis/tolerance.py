@@ -233,12 +233,12 @@ def lines(tolerance_study: ToleranceStudy) -> list[str]:
     out, count = [_summary("nominal", tolerance_study.nominal)], len(tolerance_study.peaks_hz)
     if peak and shift:
         out.append(
-            f"{count} plates: peak {peak.mean:.1f} Hz, spread {peak.deviation:.1f} Hz, "
+            f"{count} plates: peak {peak.mean:.1f} Hz, spread {peak.spread(1, 'Hz')}, "
             f"{peak.lowest:.1f} to {peak.highest:.1f} Hz; moved by {shift.mean:+.1f} Hz on average"
         )
     if level:
         out.append(
-            f"confinement {level.mean:.1f} dB, spread {level.deviation:.1f} dB, worst {level.lowest:.1f} dB; "
+            f"confinement {level.mean:.1f} dB, spread {level.spread(1, 'dB')}, worst {level.lowest:.1f} dB; "
             f"{summary.confined} of {count} confined"
         )
     if summary.lost:
@@ -257,7 +257,11 @@ def _log_summary(tolerance_study: ToleranceStudy, forced: ForcedPlate, band: tup
     if len(peaks) < len(tolerance_study.samples):
         log.warning("LOST", lines(tolerance_study)[-1])
     change = tolerance_study.space_change_hz
-    if change is not None and nominal and change > max(MOVED * spread(peaks).deviation, 0.1 * nominal * forced.loss):
+    if (
+        change is not None
+        and nominal
+        and change > max(MOVED * (spread(peaks).deviation or 0.0), 0.1 * nominal * forced.loss)
+    ):
         log.warning(
             "SPACE_TOO_SMALL", f"a narrower space of modes moves a sample's peak by {change:.1f} Hz: widen the band"
         )

@@ -111,7 +111,7 @@ def _curves(axes: Any, record: ToleranceRecord, arrays: dict[str, Any]) -> None:
     peak, count = record.peak_hz, len(record.samples) - record.lost
     title = "No plate kept the wanted mode"
     if peak:
-        title = f"Wanted mode's peak {peak.mean / KHZ:.2f} kHz, spread {peak.deviation:.0f} Hz over {count} plates"
+        title = f"Wanted mode's peak {peak.mean / KHZ:.2f} kHz, spread {peak.spread(0, 'Hz')} over {count} plates"
     axes.set(xlabel=FREQUENCY, ylabel=f"zone rms u_z (n{record.rms_unit})", title=title)
     axes.grid(True)
     axes.legend(fontsize=8, frameon=True, framealpha=0.9, edgecolor="none")
@@ -126,8 +126,9 @@ def draw_peaks(axes: Any, record: ToleranceRecord) -> None:
     axes.axhline(CONFINED_DB, color=style.GREY, ls="--", lw=0.9, label=f"confined from {CONFINED_DB:.0f} dB")
     axes.set(xlabel="peak (kHz)", ylabel="confinement at the peak (dB)")
     if level := record.confinement_db:
-        axes.axhspan(level.mean - level.deviation, level.mean + level.deviation, color=style.SKY, alpha=0.25, lw=0)
-        axes.set_title(f"Confinement {level.mean:.1f} dB, spread {level.deviation:.1f}, worst {level.lowest:.1f} dB")
+        own = level.deviation or 0.0
+        axes.axhspan(level.mean - own, level.mean + own, color=style.SKY, alpha=0.25, lw=0)
+        axes.set_title(f"Confinement {level.mean:.1f} dB, spread {level.spread(1)}, worst {level.lowest:.1f} dB")
     axes.grid(True)
     axes.legend(fontsize=8, frameon=True, framealpha=0.9, edgecolor="none")
 
@@ -140,13 +141,11 @@ def _spread_alt(record: ToleranceRecord) -> str:
     spread = (
         ""
         if not level
-        else (
-            f"; confinement {level.mean:.1f} dB with a spread of {level.deviation:.1f} dB, at worst {level.lowest:.1f} dB"
-        )
+        else (f"; confinement {level.mean:.1f} dB (spread {level.spread(1, 'dB')}), at worst {level.lowest:.1f} dB")
     )
     return (
         f"Response of {len(record.samples)} plates whose pillars differ: the peak lies at {peak.mean / KHZ:.2f} kHz "
-        f"with a spread of {peak.deviation:.0f} Hz{nominal}{spread}"
+        f"(spread {peak.spread(0, 'Hz')}){nominal}{spread}"
     )
 
 

@@ -780,12 +780,16 @@ class MeasuredRecord(Part):
 
 
 class SpreadRecord(Part):
-    """Mean, standard deviation and extremes over samples."""
+    """Mean, standard deviation (None of one sample) and extremes over samples."""
 
     mean: float
-    deviation: float
+    deviation: float | None
     lowest: float
     highest: float
+
+    def spread(self, digits: int, unit: str = "") -> str:
+        """The standard deviation in words."""
+        return "unknown" if self.deviation is None else f"{self.deviation:.{digits}f}{unit and ' ' + unit}"
 
 
 class SampleRecord(Part):

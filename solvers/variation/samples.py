@@ -161,14 +161,14 @@ class Spread:
     """Mean, standard deviation (of a sample) and extremes of a figure over the samples."""
 
     mean: float
-    deviation: float
+    deviation: float | None
     lowest: float
     highest: float
 
 
 def spread(values: FloatArray) -> Spread:
-    """Statistics of at least one value; the deviation of one is 0."""
-    deviation = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+    """Statistics of at least one value; one alone tells no deviation."""
+    deviation = float(np.std(values, ddof=1)) if len(values) > 1 else None
     return Spread(float(np.mean(values)), deviation, float(np.min(values)), float(np.max(values)))
 
 

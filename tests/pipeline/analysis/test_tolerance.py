@@ -78,7 +78,9 @@ def test_the_document_holds_samples_and_their_statistics(document: dict) -> None
 
 
 def test_the_same_seed_draws_the_same_plates_and_more_samples_go_on(case: Path, document: dict) -> None:
-    more = run(case, "--samples", "4")
+    more, one = run(case, "--samples", "4"), run(case, "--samples", "1")
+    assert one["peak_hz"]["mean"] == pytest.approx(document["samples"][0]["peak_hz"], rel=1e-9)
+    assert one["peak_hz"]["deviation"] is None and one["confinement_db"]["deviation"] is None, "one tells no spread"
     for one, other in zip(document["samples"], more["samples"][:3], strict=True):
         assert one["peak_hz"] == pytest.approx(other["peak_hz"], rel=1e-9)
     other_seed = run(case, "--seed", "2")
@@ -92,7 +94,7 @@ def test_with_patches_they_drive(case: Path, tmp_path: Path) -> None:
     path.write_text(CASE + PATCHES)
     result = run(path, "--samples", "1", "--set", "tolerance.position_mm=0.01")
     assert result["drive"] == "patches" and result["rms_unit"] == "m/V"
-    assert result["peak_hz"]["deviation"] == 0.0
+    assert result["peak_hz"]["deviation"] is None
 
 
 @pytest.mark.parametrize(

@@ -245,7 +245,7 @@ def test_statistics_of_few_values() -> None:
     result = spread(np.array([1.0, 2.0, 6.0]))
     assert (result.mean, result.lowest, result.highest) == (3.0, 1.0, 6.0)
     assert result.deviation == pytest.approx(np.sqrt(7.0))
-    assert spread(np.array([4.0])).deviation == 0.0
+    assert spread(np.array([4.0])).deviation is None
 
 
 def test_deviations_of_the_wrong_shape_are_refused() -> None:
