@@ -45,7 +45,7 @@ class Tiling:
         centred = [
             foot is None or (self.mirrored and abs(foot[axis] - whole.middle[axis]) < 10.0**-DIGITS) for axis in (0, 1)
         ]
-        even = [not {f"{axis}-", f"{axis}+"} & set(free) for axis in "xy"]
+        even = [(f"{axis}-" in free) == (f"{axis}+" in free) for axis in "xy"]
         halved = tuple(axis for axis in (0, 1) if centred[axis] and even[axis])
         return Panel(low, high, foot, halved, free, self.pillars.get(j) if foot else None)
 

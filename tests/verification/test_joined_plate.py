@@ -100,6 +100,14 @@ def test_rows_that_differ_have_the_modes_of_the_whole_mesh() -> None:
     compare(ORDER_3, ("SS",), 3, GRADED)
 
 
+ONE_COLUMN = replace(DESIGN, length_m=4e-3, width_m=8e-3, extension_m=1e-3)
+
+
+def test_a_single_column_has_the_modes_of_the_whole_mesh() -> None:
+    """Its panels are their own images with both ends free: a fixed-interface mode belongs to one class, not to two."""
+    compare(ORDER_3, ("SS", "AA"), 3, ONE_COLUMN)
+
+
 def test_equal_rows_given_one_by_one_are_equal_rows_to_the_last_bit() -> None:
     equal = replace(GRADED, graded=(), graded_pitches_m=())
     listed = replace(equal, graded=(PILLAR, PILLAR), graded_pitches_m=(4e-3, 4e-3))
