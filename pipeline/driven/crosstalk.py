@@ -13,6 +13,7 @@ from pipeline.records.record import CrosstalkRecord, DrivenZone, MeshRecord
 from pipeline.units import KHZ, MM
 from solvers.driven.crosstalk import zone_volts, zones_of
 from solvers.measures.levels import ratio_db
+from solvers.measures.wanted_mode import SIMILAR
 
 
 def solve(
@@ -30,6 +31,7 @@ def solve(
         driven = []
         for zone, fed in enumerate(volts):
             peak = zones.peak_hz(fed, zone)
+            _warn_of_shape(zone, peak, zones.mac(fed, peak, zone), log)
             (at,) = zones.rms(fed, np.array([peak]))
             over = zones.rms(fed, tones)
             driven.append(
@@ -54,6 +56,15 @@ def solve(
     for line in lines(record):
         log.info(line)
     return record
+
+
+def _warn_of_shape(zone: int, peak_hz: float, mac: float, log: Log) -> None:
+    if mac < SIMILAR:
+        log.warning(
+            "OTHER_PEAK",
+            f"zone {zone + 1} moves most at {peak_hz:.1f} Hz, but not in the wanted shape (MAC {mac:.2f}): the levels are "
+            "another mode's; give a --band about the wanted one",
+        )
 
 
 def _check(case: Case) -> None:

@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from geometry.elements import BoolArray, FloatArray
+from geometry.elements import BoolArray, ComplexArray, FloatArray
 from geometry.layout import Design
 from solvers.measures.confinement import wanted_shape
 from solvers.piezo.circuit import resonances_hz
@@ -25,21 +25,34 @@ FINE = 6  # points over a half-power width
 class Zones:
     """A driven plate's zones: rms of u_z over each and over the passive face, from Gram matrices over all columns, per m2.
 
-    grams (zones + 1, columns, columns): the last is the passive face's; its area may be 0, and its mean then NaN.
+    grams (zones + 1, columns, columns): the last is the passive face's; its area may be 0, and its mean then NaN. shapes
+    (zones, columns): rms of what of each column moves as the wanted shape of a zone.
     """
 
     forced: ForcedPlate
     grams: FloatArray
+    shapes: FloatArray
 
     def rms(self, volts: FloatArray, frequency_hz: FloatArray) -> FloatArray:
         """rms of |u_z|, (n, zones + 1), m per volt, of patches fed with volts (patches,)."""
+        moved = self._amplitudes(volts, frequency_hz)
+        return np.array(
+            [np.sqrt(np.maximum(np.einsum("i,zij,j->z", a.conj(), self.grams, a).real, 0.0)) for a in moved]
+        )
+
+    def mac(self, volts: FloatArray, frequency_hz: float, zone: int) -> float:
+        """Modal assurance criterion of a zone's motion with its wanted shape."""
+        (a,) = self._amplitudes(volts, np.array([frequency_hz]))
+        return float(abs(self.shapes[zone] @ a) ** 2 / (a.conj() @ self.grams[zone] @ a).real)
+
+    def _amplitudes(self, volts: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
+        """Coefficients of all columns, (n, columns)."""
         plate = self.forced.driven_by(np.asarray(volts, dtype=complex))
         out = []
         for frequency in frequency_hz:
             eigenvalue = plate.plate.scale.eigenvalue(float(frequency))
             fed = plate.volts(eigenvalue)
-            a = np.concatenate([basis.amplitudes(eigenvalue, plate.loss, fed) for basis in plate.modes])
-            out.append(np.sqrt(np.maximum(np.einsum("i,zij,j->z", a.conj(), self.grams, a).real, 0.0)))
+            out.append(np.concatenate([basis.amplitudes(eigenvalue, plate.loss, fed) for basis in plate.modes]))
         return np.array(out)
 
     def peak_hz(self, volts: FloatArray, zone: int) -> float:
@@ -61,17 +74,24 @@ def zones_of(forced: ForcedPlate) -> Zones:
     flips = [(1.0, 1.0)] if whole else list(product((1.0, -1.0), repeat=2))
     count = sum(basis.columns.shape[1] for basis in forced.modes)
     grams, areas = np.zeros((design.zones + 1, count, count)), np.zeros(design.zones + 1)
+    shapes, norms = np.zeros((design.zones, count)), np.zeros(design.zones)
     for flip in flips:
         values = np.hstack(
             [_added(basis.group.symmetries, own, flip) for basis, own in zip(forced.modes, fields, strict=True)]
         )
         weights = first.weights / len(flips)
-        for place, part in enumerate(_parts(design, first.points[:, 1] * flip[1])):
+        points = first.points * flip
+        for place, part in enumerate(_parts(design, points[:, 1])):
             grams[place] += values[part].T @ (weights[part, None] * values[part])
             areas[place] += weights[part].sum()
+            if place < design.zones:
+                shape = wanted_shape(design, points[part] - [0.0, design.zone_centres_m[place]])
+                shapes[place] += (weights[part] * shape) @ values[part]
+                norms[place] += weights[part] @ shape**2
     known = areas > 1e-9 * areas.max()
     with np.errstate(divide="ignore", invalid="ignore"):
-        return Zones(forced, np.where(known[:, None, None], grams / areas[:, None, None], np.nan))
+        means = np.where(known[:, None, None], grams / areas[:, None, None], np.nan)
+    return Zones(forced, means, shapes / np.sqrt(norms * areas[:-1])[:, None])
 
 
 def _added(symmetries: tuple[str, ...], fields: list, flip: tuple[float, ...]) -> FloatArray:

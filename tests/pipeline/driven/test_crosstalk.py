@@ -23,10 +23,13 @@ from pipeline.plots.mesh import _dimensions
 from pipeline.plots.plate import draw_outlines
 from pipeline.plots.response import crosstalk_figure
 from pipeline.records.record import CrosstalkRecord, DesignRecord
-from solvers.driven.crosstalk import zone_volts, zones_of
+from solvers.driven.crosstalk import Zones, zone_volts, zones_of
 from solvers.driven.power_flow import power_flow
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
+from solvers.measures.confinement import wanted_shape
+from solvers.measures.wanted_mode import SIMILAR
+from solvers.piezo.circuit import resonances_hz
 from solvers.piezo.forced import ForcedPlate
 from solvers.superelement.build import PlateModel
 from tests.helpers.coarse_cells import mesh_coarsest
@@ -158,6 +161,9 @@ def test_a_zone_s_motion_is_that_of_the_whole_face(forced: ForcedPlate) -> None:
         part = part & (np.abs(points[:, 1]) < 11e-3)
         rms = np.sqrt((weights[part] @ np.abs(values[part]) ** 2) / weights[part].sum())
         assert ours[place] == pytest.approx(rms, rel=1e-9)
+        own = wanted_shape(forced.design, points[part] - [0.0, forced.design.zone_centres_m[place]])
+        alike = abs((weights[part] * own) @ values[part]) ** 2 / (weights[part] @ own**2) / weights[part].sum() / rms**2
+        assert zones.mac(volts[0], tone, place) == pytest.approx(alike, rel=1e-9)
     assert ours[0] != pytest.approx(ours[1], rel=0.05)
     flow = power_flow(forced.driven_by(volts[0].astype(complex)), tone)
     assert flow.patches_w.sum() == pytest.approx(flow.lost_w, rel=1e-9) and flow.lost_w > 0.0
@@ -176,6 +182,23 @@ def test_what_one_zone_does_to_the_other_is_what_the_other_does_to_it(forced: Fo
     assert record.worst_db == max(first.level_db[1], second.level_db[0])
     assert CrosstalkRecord.model_validate(record.to_dict()) == record
     assert f"{record.worst_db:.1f} dB" in crosstalk_figure(record).alt
+
+
+def test_a_zone_whose_peak_is_not_its_wanted_mode_is_told(
+    forced: ForcedPlate, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At one of the plate's resonances the zone moves in its wanted shape, at another in another: only the latter is told."""
+    volts = zone_volts(forced, np.array([[-5e-3, -6e-3], [5e-3, 6e-3], [0.0, 6e-3]]))[0]
+    zones = zones_of(forced)
+    tones = resonances_hz(forced)
+    macs = np.array([zones.mac(volts, float(tone), 0) for tone in tones])
+    assert ((macs >= 0.0) & (macs <= 1.0)).all() and macs.max() > SIMILAR > macs.min()
+    case = case_of(patches=PATCHES)
+    monkeypatch.setattr(crosstalk, "forced_plate", lambda *_: forced)
+    for tone, said in ((tones[macs.argmax()], False), (tones[macs.argmin()], True)):
+        monkeypatch.setattr(Zones, "peak_hz", lambda *_, tone=float(tone): tone)
+        crosstalk.solve(case, TerminalLog(quiet=False), points=2)
+        assert ("zone 1 moves most at" in capsys.readouterr().err) == said
 
 
 def test_patches_of_the_antinodes_stand_in_every_zone() -> None:
