@@ -340,12 +340,14 @@ class Plate(Frozen):
         max_half_wavelength_mm: float = 20.0,
         min_feature_mm: float = 0.4,
         mac: float = 0.8,
+        min_isolation_dB: float | None = None,
         progress: bool | None = None,
         **ranges: Pair,
     ) -> Search:
         """Search the design that confines the wanted mode best between (low, high) of keys as in `with_`, in their units.
 
-        goal: confinement, extension or worst, raised in dB; mac: the least, 0 to 1. Spends up to `evaluations` assembled
+        goal: confinement, extension, worst, widest; of several zones confinement, worst, isolation, closest; mac: the least, 0
+        to 1; min_isolation_dB: of a driven zone over the others. Spends up to `evaluations` assembled
         plates, three columns of cells to each; minutes. Raises InputError for a
         range that cannot be searched, CheckFailed where no design keeps the limits.
 
@@ -371,6 +373,7 @@ class Plate(Frozen):
                 max_half_wavelength=max_half_wavelength_mm,
                 min_feature=min_feature_mm,
                 mac=mac,
+                min_isolation=min_isolation_dB,
             )
         )
         outcome = search(space, Settings(goal, limits, evaluations), _logged(progress))

@@ -192,6 +192,11 @@ class Design:
         """y of the middle of every zone, ascending, (zones,), m."""
         return np.asarray((np.arange(self.zones) - (self.zones - 1) / 2.0) * (self.width_m + self.zone_gap_m))
 
+    def from_zone_m(self, y: FloatArray) -> FloatArray:
+        """Places y (q,) from the middle of the nearest zone, (q,), m."""
+        middles = self.zone_centres_m
+        return np.asarray(y - middles[np.argmin(np.abs(np.subtract.outer(y, middles)), axis=1)])
+
     @property
     def outer_border_m(self) -> float:
         """y of the outer border of the last zone, m."""

@@ -54,6 +54,6 @@ def _keys(prefix: str, **_: Any) -> Iterator[str]:
 
 def _varied(prefix: str, **_: Any) -> list[str]:
     """Keys that a search may vary."""
-    from pipeline.search.space import searchable_keys
+    from pipeline.search.space import searchable_keys, word_keys
 
-    return [f"{key}=" for key in searchable_keys()]
+    return [f"{key}=" for key in (*searchable_keys(), *word_keys())]

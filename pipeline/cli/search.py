@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pipeline.search.designs import Evaluation, Outcome
 
 SHOWN = 8
-MEASURES = ("frequency_hz", "confinement_db", "extension_db", "mac", "worst_db", "band_khz")
+MEASURES = ("frequency_hz", "confinement_db", "extension_db", "mac", "worst_db", "band_khz", "isolation_db", "gap_mm")
 ERRORS = ("frequency_error", "confinement_error_db")
 
 
@@ -27,7 +27,12 @@ def search(arguments: Namespace) -> int:
     """Search the design that confines the wanted mode best."""
     limits = limits_of(arguments)
     space = read_space(arguments.case, arguments.set, arguments.vary)
-    of_case(arguments, load_case(arguments.case, arguments.set))
+    case = load_case(arguments.case, arguments.set)
+    if case.design.zones > 1 and arguments.verify_with == "solid":
+        raise InputError(
+            f"--verify-with solid: zone.count = {case.design.zones}, must be plate: no solid carries patches"
+        )
+    of_case(arguments, case)
     from pipeline.search.designs import Settings
     from pipeline.search.optimiser import search as find
     from pipeline.search.plots import landscape
@@ -50,12 +55,15 @@ def limits_of(arguments: Namespace) -> Limits:
     faults = [
         f"{name} = {value:g}: must be a length in mm above 0" for name, value in sizes.items() if not 0.0 < value < 1e6
     ]
+    if arguments.min_isolation is not None and not 0.0 < arguments.min_isolation < 1e3:
+        faults.append(f"--min-isolation = {arguments.min_isolation:g}: must be a number of dB above 0")
     if not 0.0 <= arguments.mac <= 1.0:
         faults.append(f"--mac = {arguments.mac:g}: must be a number from 0 to 1")
     if faults:
         raise InputError(faults)
     lowest = parse_frequency(arguments.min_frequency, "--min-frequency")
-    return Limits(lowest, MM * arguments.max_half_wavelength, MM * arguments.min_feature, arguments.mac)
+    lengths = MM * arguments.max_half_wavelength, MM * arguments.min_feature
+    return Limits(lowest, *lengths, arguments.mac, arguments.min_isolation)
 
 
 def _proof(outcome: Outcome, arguments: Namespace, log: TerminalLog) -> dict[str, Any]:
@@ -112,6 +120,7 @@ def to_dict(outcome: Outcome) -> dict[str, Any]:
         "best": design(outcome.best),
         "gain_db": outcome.gain_db if outcome.best.unit == "dB" else None,
         "gain_khz": outcome.gain_db if outcome.best.unit == "kHz" else None,
+        "gain_mm": outcome.gain_db if outcome.best.unit == "mm" else None,
         "gain_error_db": outcome.gain_error_db,
         "tradeoff": [design(each) for each in outcome.tradeoff],
         "evaluations": [design(each) for listed in outcome.by_fidelity.values() for each in listed],
@@ -133,6 +142,7 @@ def _lines(outcome: Outcome, document: dict[str, Any]) -> list[str]:
         for e in plates
     ]
     gain = "" if outcome.gain_db is None else f", {outcome.gain_db:+.2f} {outcome.best.unit}"
+    command = "modes" if outcome.best.result.isolation_db is None else "crosstalk"
     counts = ", ".join(f"{len(each)} by {fidelity}" for fidelity, each in outcome.by_fidelity.items())
     return [
         f"{counts}; the best assembled plates:",
@@ -143,5 +153,5 @@ def _lines(outcome: Outcome, document: dict[str, Any]) -> list[str]:
             f"solid mesh, {name}: {values['confinement_db']:.2f} dB at {values['frequency_hz']:.1f} Hz"
             for name, values in document.get("solid", {}).items()
         ),
-        f"repeat it: antinode modes {outcome.space.path} " + " ".join(f"--set {part}" for part in outcome.repeat),
+        f"repeat it: antinode {command} {outcome.space.path} " + " ".join(f"--set {part}" for part in outcome.repeat),
     ]

@@ -21,7 +21,7 @@ def solve(
     meshes: list[MeshRecord] | None = None,
 ) -> CrosstalkRecord:  # fmt: skip
     """Drive one zone at its own peak and measure every zone. InputError for a case without patches that drive each zone."""
-    _check(case)
+    check(case)
     forced = forced_plate(case, log, band_hz, [] if meshes is None else meshes)
     patches, design = case.patches, case.design
     assert patches is not None
@@ -31,7 +31,8 @@ def solve(
         driven = []
         for zone, fed in enumerate(volts):
             peak = zones.peak_hz(fed, zone)
-            _warn_of_shape(zone, peak, zones.mac(fed, peak, zone), log)
+            mac = zones.mac(fed, peak, zone)
+            _warn_of_shape(zone, peak, mac, log)
             (at,) = zones.rms(fed, np.array([peak]))
             over = zones.rms(fed, tones)
             driven.append(
@@ -42,6 +43,7 @@ def solve(
                     rms_m_per_V=at[:-1].tolist(),
                     level_db=ratio_db(at[:-1], at[zone]).tolist(),
                     passive_db=None if np.isnan(at[-1]) else float(ratio_db(at[-1], at[zone])),
+                    mac=mac,
                     over_rms_m_per_V=over[:, :-1].T.tolist(),
                 )
             )
@@ -67,7 +69,8 @@ def _warn_of_shape(zone: int, peak_hz: float, mac: float, log: Log) -> None:
         )
 
 
-def _check(case: Case) -> None:
+def check(case: Case) -> None:
+    """InputError for a case without patches that drive each of its zones at rest on 0 V."""
     case.require_plate(command="crosstalk", several=True)
     case.require("patches", command="crosstalk")
     patches, design = case.patches, case.design

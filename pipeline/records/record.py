@@ -606,7 +606,8 @@ class TravelRecord(Part):
 class DrivenZone(Part):
     """One zone driven at its own peak: rms of u_z of every zone, and their levels over the driven zone's, dB.
 
-    passive_db: the same of the passive face, None without one; over_rms_m_per_V: (zones, n) over the record's frequencies.
+    passive_db: the same of the passive face, None without one; mac: of the driven zone with the wanted shape;
+    over_rms_m_per_V: (zones, n) over the record's frequencies.
     """
 
     centre_m: float
@@ -616,6 +617,7 @@ class DrivenZone(Part):
     level_db: list[float]
     passive_db: float | None
     over_rms_m_per_V: list[list[float]]
+    mac: float | None = None
 
 
 class CrosstalkRecord(Part):

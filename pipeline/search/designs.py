@@ -14,8 +14,16 @@ from pipeline.search.limits import Limits, mass_kg
 from pipeline.search.space import Space
 from pipeline.units import KHZ
 
-GOALS = {"confinement": "confinement_db", "extension": "extension_db", "worst": "worst_db", "widest": "band_khz"}
-UNITS = {"widest": "kHz"}  # of a goal; dB of any other
+GOALS = {
+    "confinement": "confinement_db",
+    "extension": "extension_db",
+    "worst": "worst_db",
+    "widest": "band_khz",
+    "isolation": "isolation_db",
+    "closest": "gap_mm",
+}
+UNITS = {"widest": "kHz", "closest": "mm"}  # of a goal; dB of any other
+LESS = ("mm",)  # of units: the less the better, so that a goal counts below 0
 EVALUATIONS = 16  # assembled plates
 BROKEN = 1000.0  # dB below any design that keeps the limits
 STEEP = 1000.0  # dB for breaking a limit by its own size: a slope that the local search follows, not a cliff that it sticks to
@@ -35,8 +43,8 @@ class Settings:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A design as one fidelity evaluated it: the goal in dB or in `unit` (None: nothing to evaluate), the limits it breaks, its
-    objective.
+    """A design as one fidelity evaluated it: the goal in dB or in `unit` (None: nothing to evaluate; less than 0 where the less
+    is the better), the limits it breaks, its objective.
 
     `penalised_objective` ranks designs for the next fidelity, and a local search raises it: the goal, less what a broken limit
     costs the more it is broken, without the slack that a cheap fidelity has before a limit counts as broken.
@@ -119,15 +127,19 @@ def rate(values: Values, result: FidelityResult, settings: Settings, design: Des
     goal: float | None = getattr(result, GOALS[settings.goal])
     if goal is None or result.frequency_hz is None or result.mac is None:
         return Evaluation(values, result, None, None, (), UNBUILT, UNBUILT)
-    slack = SLACK[result.fidelity]
-    broken = settings.limits.of_design(design) + settings.limits.of_mode(result.frequency_hz, result.mac, slack)
+    unit = UNITS.get(settings.goal, "dB")
+    goal = -goal if unit in LESS else goal
+    broken, strict = (
+        settings.limits.of_design(design)
+        + settings.limits.of_mode(result.frequency_hz, result.mac, slack)
+        + settings.limits.of_zones(result.isolation_db, slack)
+        for slack in (SLACK[result.fidelity], 0.0)
+    )
     excess = sum(amount for _, amount in broken)
     mass = mass_kg(design)
     objective = goal if not broken else -BROKEN * (1.0 + excess)
-    strict = settings.limits.of_design(design) + settings.limits.of_mode(result.frequency_hz, result.mac)
     penalised_objective = goal - STEEP * sum(amount for _, amount in strict) - float(bool(strict))
     texts = tuple(text for text, _ in broken)
-    unit = UNITS.get(settings.goal, "dB")
     return Evaluation(values, result, goal, mass if mass == mass else None, texts, objective, penalised_objective, unit)
 
 
@@ -137,4 +149,5 @@ def summary(each: Evaluation) -> str:
         return f"not evaluated: {each.result.why_not}"
     broken = f"; breaks: {'; '.join(each.violations)}" if each.violations else ""
     bar = "" if each.goal_error_db is None else f" +-{each.goal_error_db:.2f}"
-    return f"{each.goal_db:.2f}{bar} {each.unit} at {each.result.frequency_hz / KHZ:.2f} kHz, MAC {each.result.mac:.2f}{broken}"
+    goal = -each.goal_db if each.unit in LESS else each.goal_db
+    return f"{goal:.2f}{bar} {each.unit} at {each.result.frequency_hz / KHZ:.2f} kHz, MAC {each.result.mac:.2f}{broken}"

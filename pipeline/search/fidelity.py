@@ -8,8 +8,9 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from math import ceil, floor
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
@@ -17,7 +18,10 @@ from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.planning.request import Request, of_case, with_defaults
 from pipeline.records import fingerprint, store
-from pipeline.units import KHZ
+from pipeline.units import KHZ, MM
+
+if TYPE_CHECKING:
+    from solvers.measures.driven_zones import DrivenZones
 
 STRIP, COLUMN, PLATE, SOLID = "strip", "column", "plate", "solid"
 MODELS = {
@@ -31,6 +35,7 @@ COLUMN_ACCURACY = 0.01  # a coarser mesh than this ranks designs no faster
 AROUND = 0.07  # of the column's frequency: where the plate's wanted mode is looked for
 SOLID_ACCURACY = 0.04  # a finer whole plate does not fit into the memory of a desktop
 NEAREST = 30  # modes of the solid about it
+PEAKS = 2  # frequencies over a band of zones: their peaks are found without
 BAND_POINTS = 101  # frequencies over the wanted mode's window that tell a band's ends
 GRID_HZ = 2500.0  # windows begin and end on it, so that neighbours in the search share their bare cells
 
@@ -38,6 +43,8 @@ GRID_HZ = 2500.0  # windows begin and end on it, so that neighbours in the searc
 @dataclass(frozen=True)
 class FidelityResult:
     """The wanted mode of one design at one fidelity; None where it has none, and then the reason.
+
+    With several zones each is driven in turn: the lowest peak, and the least MAC, confinement and level over another zone.
 
     frequency_error (relative) and confinement_error_db are what plates are expected to be off by; `warnings` holds (id, text)
     of its solve.
@@ -54,6 +61,8 @@ class FidelityResult:
     warnings: tuple[tuple[str, str], ...] = ()
     worst_db: float | None = None
     band_khz: float | None = None
+    isolation_db: float | None = None
+    gap_mm: float | None = None
 
 
 def worst(case: Case, height_m: float, evaluated: Callable[[Case], FidelityResult]) -> FidelityResult:
@@ -81,13 +90,17 @@ def _taller(case: Case, change_m: float) -> Case:
 def by_strip(case: Case, softness: float) -> FidelityResult:
     """Estimate the wanted mode by a strip whose pillars' feet have `softness` times a half-space's compliance."""
     from solvers.errors import SolverError
-    from solvers.resonators.strip import strip_modes
+    from solvers.resonators.strip import strip_modes, strip_zones
 
+    design = case.design
     try:
-        solved = strip_modes(case.design, *mesh_rules.wanted_window_hz(case.design), softness)
+        solved = strip_modes(design.one_zone, *mesh_rules.wanted_window_hz(design), softness)
+        alone = _of_profile(STRIP, solved.frequency_hz, solved.confinement)
+        if design.zones == 1 or alone.frequency_hz is None:
+            return alone
+        return _of_zones(alone, strip_zones(design, *_about(alone.frequency_hz), case.quality, softness), design)
     except SolverError as error:
         return FidelityResult(STRIP, None, None, None, None, str(error))
-    return _of_profile(STRIP, solved.frequency_hz, solved.confinement)
 
 
 def evaluate(
@@ -127,7 +140,7 @@ def kept_cell(case: Case) -> Any:
     """The parametric cell where an explorer has made it; imported when asked for."""
     from pipeline.models import parametric
 
-    return parametric.kept_cell(case)
+    return parametric.kept_cell(case) if case.design.zones == 1 else None
 
 
 def _solved(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
@@ -135,6 +148,8 @@ def _solved(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
     from solvers.errors import SolverError
 
     solve = {COLUMN: _by_column, PLATE: _by_plate, SOLID: _by_plate}[fidelity]
+    if fidelity == PLATE and case.design.zones > 1:
+        solve = _by_zones
     try:
         return solve(case, fidelity, near_hz)
     except (SolverError, MeshError, GeometryError, InputError) as error:
@@ -156,8 +171,45 @@ def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResu
         return _of_profile(fidelity, frequency_hz, measure_profile(profile, design))
     reduction = mesh_rules.plate_reduction(design, max(COLUMN_ACCURACY, case.solve.accuracy), _outwards(low, high)[1])
     reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
-    solved = Column(design, reductions, case.kx_wanted_per_m).modes(low, high)
-    return _of_profile(fidelity, solved.frequency_hz, solved.confinement)
+    solved = Column(design.one_zone, reductions, case.kx_wanted_per_m).modes(low, high)
+    alone = _of_profile(fidelity, solved.frequency_hz, solved.confinement)
+    if design.zones == 1 or alone.frequency_hz is None:
+        return alone
+    both = Column(design, reductions, case.kx_wanted_per_m)
+    return _of_zones(alone, both.zones(*_about(alone.frequency_hz), case.quality), design)
+
+
+def _of_zones(alone: FidelityResult, driven: DrivenZones, design: Design) -> FidelityResult:
+    """What zones driven in turn about the frequency of one that is alone make of its result."""
+    return replace(
+        alone,
+        frequency_hz=float(driven.peak_hz.min()),
+        confinement_db=driven.confinement_db,
+        extension_db=None,
+        mac=float(driven.mac.min()),
+        isolation_db=driven.isolation_db,
+        gap_mm=design.zone_gap_m / MM,
+    )
+
+
+def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
+    """Drive every zone of the assembled plate; without a frequency to look near, in the case's own window."""
+    from pipeline.driven import crosstalk
+
+    log = WarningLog()
+    record = crosstalk.solve(case, log, around(case, near_hz).band_hz, PEAKS)
+    zones = record.zones
+    confined = [-zone.passive_db for zone in zones if zone.passive_db is not None]
+    return FidelityResult(
+        fidelity,
+        min(zone.peak_hz for zone in zones),
+        min(confined, default=None),
+        None,
+        min((zone.mac for zone in zones if zone.mac is not None), default=None),
+        warnings=tuple(log.warnings),
+        isolation_db=None if record.worst_db is None else -record.worst_db,
+        gap_mm=record.gap_m / MM,
+    )
 
 
 def _of_profile(fidelity: str, frequency_hz: Any, level: Any) -> FidelityResult:
@@ -198,7 +250,7 @@ def around(case: Case, near_hz: float | None) -> Request:
     """Request for the plate's modes about a frequency; without one, in the case's own window."""
     if near_hz is None:
         return of_case(case)
-    band = _outwards(near_hz * (1.0 - AROUND), near_hz * (1.0 + AROUND))
+    band = _outwards(*_about(near_hz))
     return Request("plate", band_hz=band, symmetry=case.symmetry_wanted, search=False)
 
 
@@ -207,10 +259,14 @@ def window_around(case: Case, near_hz: float | None) -> tuple[str, ...]:
     query = with_defaults(case, of_case(case))
     if near_hz is None or (query.band_hz and query.band_hz[0] <= near_hz * 0.97 and near_hz * 1.03 <= query.band_hz[1]):
         return ()
-    low, high = _outwards(near_hz * (1.0 - AROUND), near_hz * (1.0 + AROUND))
+    low, high = _outwards(*_about(near_hz))
     if query.band_hz:
         low, high = min(low, query.band_hz[0]), max(high, query.band_hz[1])
     return (f"solve.band_kHz=[{low / KHZ!r},{high / KHZ!r}]",)
+
+
+def _about(near_hz: float) -> tuple[float, float]:
+    return near_hz * (1.0 - AROUND), near_hz * (1.0 + AROUND)
 
 
 def _outwards(low: float, high: float) -> tuple[float, float]:

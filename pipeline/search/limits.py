@@ -12,12 +12,15 @@ from pipeline.units import KHZ, MM
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits on the wanted mode's frequency (Hz), modal assurance and half-wavelength, and on the smallest feature (m)."""
+    """Limits on the wanted mode's frequency (Hz), modal assurance and half-wavelength, on the smallest feature (m), and on a
+    driven zone's level over the others.
+    """
 
     lowest_hz: float = 25 * KHZ
     half_wavelength_m: float = 20 * MM
     feature_m: float = 0.4 * MM
     mac: float = 0.8
+    isolation_db: float | None = None
 
     def of_design(self, design: Design) -> list[tuple[str, float]]:
         """Limits that the geometry alone violates: in words, and by how much (relative)."""
@@ -52,6 +55,13 @@ class Limits:
         if mac < self.mac * (1.0 - slack):
             violations.append((f"MAC {mac:.2f} to the wanted shape, at least {self.mac:g}", 1.0 - mac / self.mac))
         return violations
+
+    def of_zones(self, isolation_db: float | None, slack: float = 0.0) -> list[tuple[str, float]]:
+        """The limit on a driven zone's level over the others, in the same way."""
+        least = self.isolation_db
+        if least is None or isolation_db is None or isolation_db >= least * (1.0 - slack):
+            return []
+        return [(f"zones {isolation_db:.2f} dB apart, at least {least:g}", 1.0 - isolation_db / least)]
 
 
 def overhang_deg(pillar: Pillar) -> float:

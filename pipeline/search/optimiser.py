@@ -1,18 +1,21 @@
 """The design that confines the wanted mode best: cheap models look everywhere, expensive ones only where it pays.
 
 A strip evaluates a whole grid of designs in seconds; the best of it, well apart, go to a column of computed cells; the best of
-those to assembled plates. Each computed fidelity ends with a Nelder-Mead descent from its best design (scipy). The winner and
+those to assembled plates. Each computed fidelity ends with a Nelder-Mead descent from its best design (scipy), and with steps
+by one of what is counted or chosen. The winner and
 the design as it was are solved once more as `antinode modes` would, so that what is claimed is what the user gets.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 
 import numpy as np
 
 from geometry.elements import FloatArray
 from pipeline.case.model import Case
+from pipeline.driven import crosstalk
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
 from pipeline.models.broadband import checked
@@ -32,6 +35,8 @@ from pipeline.search.fidelity import (
 from pipeline.search.space import Space
 
 COLUMNS_A_PLATE = 3
+OF_ZONES = ("confinement", "worst", "isolation", "closest")  # goals of several zones; the last two of these alone
+UNLIKE = {"array.stagger", "pillar.shape", "pillar.fillet_mm"}  # keys that may leave no column of cells made of boxes
 SOFTNESS = 0.5  # of a half-space's, around a pillar's foot, until a column tells
 SOFTEST = 2.0
 GRID = {1: 121, 2: 25}  # strips along each axis; beyond two axes Sobol's points
@@ -50,11 +55,10 @@ def search(space: Space, settings: Settings, log: Log, cache: EvaluationCache | 
 
 def _check(space: Space, settings: Settings) -> None:
     case = space.case()
-    case.require_plate(command="search")
+    case.require_plate(command="search", several=True)
     case.require("pillar", "array.pitch_mm", command="search")
     varied = {variable.key for variable in space.variables}
-    if "zone.count" in varied:
-        raise InputError("--vary zone.count: search is of one zone alone, must be left alone; a study sweeps it")
+    _check_zones(case, varied, settings)
     if not case.design.rows and "array.rows" not in varied:
         raise InputError(f"{space.path}: array.rows = 0: must be 1 or more, a bare plate confines nothing")
     if settings.goal == "widest":
@@ -65,6 +69,20 @@ def _check(space: Space, settings: Settings) -> None:
         raise InputError(f"{space.path}: tolerance.height_mm: missing, --goal worst needs how far heights may be off")
     if settings.goal == "extension" and not case.design.extension_m and "array.extension_mm" not in varied:
         raise InputError(f"{space.path}: array.extension_mm = 0: must be above 0 for --goal extension")
+
+
+def _check_zones(case: Case, varied: set[str], settings: Settings) -> None:
+    if "zone.count" in varied:
+        what = "one zone has no other, must be left alone: search --set zone.count=2, or a study that sweeps it"
+        raise InputError(f"--vary zone.count: {what}")
+    if case.design.zones > 1:
+        if settings.goal not in OF_ZONES:
+            what = f"of one zone alone, must be {', '.join(OF_ZONES[:-1])} or {OF_ZONES[-1]} with several"
+            raise InputError(f"--goal {settings.goal}: {what}")
+        crosstalk.check(case)
+    elif settings.goal in OF_ZONES[2:] or settings.limits.isolation_db is not None:
+        name = f"--goal {settings.goal}" if settings.goal in OF_ZONES[2:] else "--min-isolation"
+        raise InputError(f"{name}: one zone has no other, needs zone.count of 2 or more")
 
 
 class _Spent(Exception):
@@ -81,7 +99,7 @@ class _Search:
         self.budget = {COLUMN: COLUMNS_A_PLATE * plates, PLATE: plates}
         self.softness = SOFTNESS
         design = space.case().design
-        shifted = design.is_staggered or "array.stagger" in {variable.key for variable in space.variables}
+        shifted = design.is_staggered or bool(UNLIKE & {variable.key for variable in space.variables})
         self.boxes = bool(design.pillar and design.pillar.is_made_of_boxes and not shifted)
         self.asked = {"banded": True} if settings.goal == "widest" else {}
 
@@ -151,7 +169,20 @@ class _Search:
         for start in sorted(with_goal, key=lambda each: -each.penalised_objective)[:2]:
             if not self._descend(fidelity, start):
                 self.log.info(f"the {fidelity} fidelity's budget of {self.budget[fidelity]} designs is used up")
-                break
+                return
+        with suppress(_Spent):
+            self._step(fidelity)
+
+    def _step(self, fidelity: str) -> None:
+        """Change the best design's counts and choices by one while that betters it."""
+        while True:
+            best = max(self.known[fidelity].values(), key=lambda each: each.penalised_objective)
+            for place, variable in enumerate(self.space.variables):
+                for value in (best.values[place] - 1, best.values[place] + 1):
+                    if variable.whole and variable.low <= value <= variable.high:
+                        self._tried((*best.values[:place], value, *best.values[place + 1 :]), fidelity)
+            if best == max(self.known[fidelity].values(), key=lambda each: each.penalised_objective):
+                return
 
     def _descend(self, fidelity: str, start: Evaluation) -> bool:
         """Search locally by Nelder-Mead over the keys that are no counts; False when the budget ended it."""
@@ -268,11 +299,13 @@ def even_points(space: Space, count: int) -> list[Values]:
 def spread(evaluations: Iterable[Evaluation], count: int, space: Space) -> list[Evaluation]:
     """The best `count` designs that lie apart in the box; fewer where there are no more."""
     picked: list[Evaluation] = []
+    steps = [variable.share(variable.low + 1.0) if variable.whole else 1.0 for variable in space.variables]
+    apart = np.minimum(APART, 0.99 * np.array(steps))  # the next whole number is another design
     for each in sorted(evaluations, key=lambda each: -each.penalised_objective):
         if len(picked) == count or each.penalised_objective <= UNBUILT:
             break
         here = space.shares(each.values)
-        if all(np.abs(here - space.shares(other.values)).max() >= APART for other in picked):
+        if all((np.abs(here - space.shares(other.values)) >= apart).any() for other in picked):
             picked.append(each)
     return picked
 

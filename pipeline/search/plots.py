@@ -16,6 +16,8 @@ GOALS = {
     "extension": ("extension_db", "zone to extension (dB)"),
     "worst": ("worst_db", "least confinement, heights off (dB)"),
     "widest": ("band_khz", "band in which rows take 10 dB (kHz)"),
+    "isolation": ("isolation_db", "driven zone over the others (dB)"),
+    "closest": ("gap_mm", "gap between zones (mm)"),
 }
 
 
@@ -26,7 +28,9 @@ def landscape(document: dict[str, Any]) -> ReportFigure:
     key, label = GOALS[document["goal"]]
     over_keys(left, document)
     _tradeoff(right, document, key, label)
-    return ReportFigure("search", "Where the wanted mode is confined best", _alt(document, key), figure, vector=True)
+    return ReportFigure(
+        "search", "Where the wanted mode is confined best", _alt(document, key, label), figure, vector=True
+    )
 
 
 def _numbered(document: dict[str, Any]) -> dict[str, Any]:
@@ -143,12 +147,12 @@ def axis_words(key: str) -> str:
     return f"{key.partition('.')[0]} {name.replace('_', ' ')} ({unit})" if unit == "mm" else key
 
 
-def _alt(document: dict[str, Any], value: str) -> str:
+def _alt(document: dict[str, Any], value: str, label: str) -> str:
     best, base = document["best"], document["base"]
     where = ", ".join(f"{key} = {each:g}" for key, each in best["set"].items())
-    was = "" if base[value] is None else f"; as it was, {base[value]:.1f} dB"
+    was = "" if base[value] is None else f"; as it was, {base[value]:.1f}"
     counts = ", ".join(f"{fidelity['designs']} by {fidelity['name']}" for fidelity in document["fidelities"])
     return (
-        f"Goal over what was varied ({counts}) and against frequency: best {best[value]:.1f} dB at "
+        f"Goal over what was varied ({counts}) and against frequency: best {best[value]:.1f} {label} at "
         f"{best['frequency_hz'] / KHZ:.2f} kHz with {where}{was}"
     )

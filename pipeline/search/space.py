@@ -11,11 +11,14 @@ from typing import Any, Literal, get_args, get_origin
 import numpy as np
 
 from geometry.elements import FloatArray
+from geometry.layout import Design
+from geometry.materials import MATERIALS
 from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, parse_override, parse_value, read_toml
 from pipeline.case.rows import HEIGHTS, INSTEAD, SIDES
-from pipeline.case.schema import TABLES
+from pipeline.case.schema import MATERIAL_OWNERS, TABLES, known_keys
+from pipeline.case.zones import one_table
 from pipeline.errors import InputError
 from pipeline.units import MM
 
@@ -90,24 +93,39 @@ class Space:
 
     def own_values(self) -> tuple[float | int, ...] | None:
         """The values that the file itself has, snapped; None where it lacks one or has it outside the ends."""
-        raw = apply_overrides(self.raw, [parse_override(text) for text in self.fixed])
-        shares = []
-        for variable in self.variables:
-            table, _, name = variable.key.partition(".")
-            value = raw.get(table, {}).get(name) if variable.row is None else self._of_row(variable.key, variable.row)
-            if variable.words:
-                default = TABLES[table].model_fields[name].default
-                value = variable.words.index(_word(default if value is None else value))
-            if not isinstance(value, int | float) or not 0.0 <= variable.share(value) <= 1.0:
-                return None
-            shares.append(variable.share(value))
-        return self.values(shares)
+        values = [self._own(variable) for variable in self.variables]
+        shares = [v.share(value) for v, value in zip(self.variables, values, strict=True) if value is not None]
+        inside = len(shares) == len(values) and all(0.0 <= share <= 1.0 for share in shares)
+        return self.values(shares) if inside else None
 
-    def _of_row(self, key: str, row: int) -> float:
-        """The value that the file's own design has in a row, mm."""
+    def _own(self, variable: Variable) -> float | None:
+        """The file's own value of a key, of one with words its number; None where it has none."""
+        table, _, name = variable.key.rpartition(".")
+        raw = apply_overrides(self.raw, [parse_override(text) for text in self.fixed])
+        value = (raw.get(table, {}) if table else raw).get(name)
         design = self.case().design
+        if variable.row is not None:
+            return self._of_row(design, variable.key, variable.row)
+        if variable.key == "zone.gap_mm" and design.zones > 1:
+            return round(design.zone_gap_m / MM, 9)
+        if variable.words:
+            if name == "material":
+                value = _material(design, table)
+            word = _word(TABLES[table].model_fields[name].default if value is None else value)
+            return float(variable.words.index(word)) if word in variable.words else None
+        return value if isinstance(value, int | float) else None
+
+    @staticmethod
+    def _of_row(design: Design, key: str, row: int) -> float:
+        """The value that a design has in a row, mm."""
         own = {HEIGHTS: design.row_pillars[row - 1].height_m, SIDES: design.row_pillars[row - 1].base_m}
         return round(own.get(key, float(design.row_pitches_m[row - 1])) / MM, 9)
+
+
+def _material(design: Design, owner: str) -> str:
+    """Name of the material of a table, "" for the top of the file."""
+    pillar = design.pillar if owner else None
+    return (pillar.tip if pillar and pillar.tip and owner == "tip" else pillar or design).material.name
 
 
 def _overrides(variables: Sequence[Variable], values: Sequence[float | int]) -> list[str]:
@@ -130,16 +148,21 @@ def read_space(path: str, fixed: Sequence[str], texts: Sequence[str]) -> Space:
 
 def space_of(raw: dict[str, Any], file: Path, fixed: Sequence[str], texts: Sequence[str]) -> Space:
     """The search space of a parsed case. InputError as read_space."""
+    raw = one_table(raw, str(file))
     faults: list[str] = []
-    variables: list[Variable] = []
+    parsed: dict[str, tuple[str, list[Variable]]] = {}
     for text in texts:
         try:
             variable = parse_vary(text)
-            if variable.key in {known.key for known in variables}:
+            if variable.key in parsed:
                 raise InputError(f"--vary {text}: {variable.key} is varied already")
-            rows = _rows(raw, file, fixed, variable, text)
-            _check_ends(raw, file, fixed, rows, text)
-            variables += rows
+            parsed[variable.key] = text, _rows(raw, file, fixed, variable, text)
+        except InputError as error:
+            faults += error.lines
+    variables = [variable for _, rows in parsed.values() for variable in rows]
+    for text, rows in parsed.values():
+        try:
+            _check_ends(raw, file, fixed, rows, [each for each in variables if each not in rows], text)
         except InputError as error:
             faults += error.lines
     if not texts:
@@ -159,12 +182,17 @@ def parse_vary(text: str) -> Variable:
         raise InputError(f"--vary {text}: must be KEY=LOW:HIGH, {EXAMPLE}")
     known, worded = searchable_keys(), word_keys()
     if key in worded:
-        if sorted(part.strip() for part in parts) != sorted(worded[key]):
-            raise InputError(f"--vary {text}: must be {key}={':'.join(worded[key])}")
-        return Variable(key, 0.0, 1.0, 1.0, True, None, worded[key])
+        words = tuple(word for word in worded[key] if word in {part.strip() for part in parts})
+        if len(words) != 2:
+            others = "" if len(worded[key]) == 2 else f", two of {', '.join(worded[key])}"
+            raise InputError(f"--vary {text}: must be {key}={':'.join(worded[key][:2])}{others}")
+        return Variable(key, 0.0, 1.0, 1.0, True, None, words)
     if key not in known:
-        everything = sorted({*known, *worded})
-        raise InputError(f"--vary {text}: {key} is no number that shapes the plate{nearest(key, everything)}")
+        guess = "" if key in known_keys() else nearest(key, sorted({*known, *worded}))
+        tables = ", ".join(f"[{table}]" for table in VARIED)
+        raise InputError(
+            f"--vary {text}: {key} is no number that shapes the plate{guess}, must be a number or a choice in one of {tables}"
+        )
     whole = known[key]
     numbers = [parse_value(part) for part in parts]
     if not all(isinstance(n, int | float) and not isinstance(n, bool) and isfinite(n) for n in numbers):
@@ -189,13 +217,13 @@ def searchable_keys() -> dict[str, bool]:
 
 
 def word_keys() -> dict[str, tuple[str, ...]]:
-    """Keys of the tables that shape the plate whose value is one of two words, and the two."""
-    words: dict[str, tuple[str, ...]] = {}
+    """Keys of the tables that shape the plate whose value is one of some words, and these."""
+    words: dict[str, tuple[str, ...]] = {f"{owner}.material".lstrip("."): tuple(MATERIALS) for owner in MATERIAL_OWNERS}
     for table in VARIED:
         for name, field in TABLES[table].model_fields.items():
             kind = field.annotation
             options = (False, True) if kind is bool else get_args(kind) if get_origin(kind) is Literal else ()
-            if len(options) == 2:
+            if len(options) > 1:
                 words[f"{table}.{name}"] = tuple(map(_word, options))
     return words
 
@@ -215,15 +243,26 @@ def _rows(raw: dict[str, Any], file: Path, fixed: Sequence[str], variable: Varia
     return [replace(variable, row=row) for row in range(1, rows + 1)]
 
 
-def _check_ends(raw: dict[str, Any], file: Path, fixed: Sequence[str], variables: list[Variable], text: str) -> None:
-    """InputError when an end is no value that the key may have, or neither end can be built."""
+def _check_ends(
+    raw: dict[str, Any], file: Path, fixed: Sequence[str], variables: list[Variable], others: list[Variable], text: str
+) -> None:
+    """InputError when an end is no value that the key may have, or neither end can be built: with the others as the file has
+    them, nor with all of them at an end.
+    """
     lines: list[list[str]] = []
+    settings = [_overrides(others, ends) for ends in ([v.low for v in others], [v.high for v in others])]
     for end in (variables[0].low, variables[0].high):
-        try:
-            case_from_dict(raw, file, [*fixed, *_overrides(variables, [end] * len(variables))])
-        except InputError as error:
-            lines.append(error.lines)
-            if any("must be a " in line for line in error.lines):  # the schema's words: wrong by itself
+        told = None
+        for more in ([], *settings):
+            try:
+                case_from_dict(raw, file, [*fixed, *more, *_overrides(variables, [end] * len(variables))])
+                break
+            except InputError as error:
+                told = told or error.lines
+        else:
+            assert told is not None
+            lines.append(told)
+            if variables[0].words or any("must be a " in line for line in told):  # the schema's words: wrong by itself
                 break
     else:
         if len(lines) < 2:

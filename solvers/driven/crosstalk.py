@@ -11,14 +11,12 @@ from itertools import product
 
 import numpy as np
 
-from geometry.elements import BoolArray, ComplexArray, FloatArray
-from geometry.layout import Design
+from geometry.elements import ComplexArray, FloatArray
 from solvers.measures.confinement import wanted_shape
+from solvers.measures.driven_zones import peak_hz, zone_parts
 from solvers.piezo.circuit import resonances_hz
 from solvers.piezo.forced import ForcedPlate
 from solvers.superelement.plate import WHOLE
-
-FINE = 6  # points over a half-power width
 
 
 @dataclass(frozen=True)
@@ -26,7 +24,7 @@ class Zones:
     """A driven plate's zones: rms of u_z over each and over the passive face, from Gram matrices over all columns, per m2.
 
     grams (zones + 1, columns, columns): the last is the passive face's; its area may be 0, and its mean then NaN. shapes
-    (zones, columns): rms of what of each column moves as the wanted shape of a zone.
+    (zones, columns): means of u_z times the wanted shape of root mean square 1.
     """
 
     forced: ForcedPlate
@@ -35,35 +33,28 @@ class Zones:
 
     def rms(self, volts: FloatArray, frequency_hz: FloatArray) -> FloatArray:
         """rms of |u_z|, (n, zones + 1), m per volt, of patches fed with volts (patches,)."""
-        moved = self._amplitudes(volts, frequency_hz)
-        return np.array(
-            [np.sqrt(np.maximum(np.einsum("i,zij,j->z", a.conj(), self.grams, a).real, 0.0)) for a in moved]
-        )
+        a = self._amplitudes(volts, frequency_hz)
+        return np.sqrt(np.maximum(np.einsum("it,zit->tz", a.conj(), self.grams @ a).real, 0.0))
 
     def mac(self, volts: FloatArray, frequency_hz: float, zone: int) -> float:
-        """Modal assurance criterion of a zone's motion with its wanted shape."""
-        (a,) = self._amplitudes(volts, np.array([frequency_hz]))
+        """MAC of a zone's motion with the wanted shape."""
+        a = self._amplitudes(volts, np.array([frequency_hz]))[:, 0]
         return float(abs(self.shapes[zone] @ a) ** 2 / (a.conj() @ self.grams[zone] @ a).real)
 
     def _amplitudes(self, volts: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
-        """Coefficients of all columns, (n, columns)."""
+        """Coefficients of the columns at every frequency, (columns, n)."""
         plate = self.forced.driven_by(np.asarray(volts, dtype=complex))
         out = []
         for frequency in frequency_hz:
             eigenvalue = plate.plate.scale.eigenvalue(float(frequency))
             fed = plate.volts(eigenvalue)
             out.append(np.concatenate([basis.amplitudes(eigenvalue, plate.loss, fed) for basis in plate.modes]))
-        return np.array(out)
+        return np.array(out).T
 
     def peak_hz(self, volts: FloatArray, zone: int) -> float:
-        """Where the zone moves most within the band, Hz: at the resonances, then finer about the largest."""
-        low, high = self.forced.band_hz
-        tones = np.concatenate([resonances_hz(self.forced), [low, high]])
-        for _ in range(2):
-            top = float(tones[int(np.argmax(self.rms(volts, tones)[:, zone]))])
-            reach = top * self.forced.loss
-            tones = np.clip(np.linspace(top - reach, top + reach, 4 * FINE + 1), low, high)
-        return float(tones[int(np.argmax(self.rms(volts, tones)[:, zone]))])
+        """Where the zone moves most within the band, Hz."""
+        forced = self.forced
+        return peak_hz(lambda tones: self.rms(volts, tones)[:, zone], resonances_hz(forced), forced.band_hz, forced.loss)
 
 
 def zones_of(forced: ForcedPlate) -> Zones:
@@ -81,13 +72,13 @@ def zones_of(forced: ForcedPlate) -> Zones:
         )
         weights = first.weights / len(flips)
         points = first.points * flip
-        for place, part in enumerate(_parts(design, points[:, 1])):
+        wanted = wanted_shape(design, np.column_stack([points[:, 0], design.from_zone_m(points[:, 1])]))
+        for place, part in enumerate(zone_parts(design, points[:, 1])):
             grams[place] += values[part].T @ (weights[part, None] * values[part])
             areas[place] += weights[part].sum()
             if place < design.zones:
-                shape = wanted_shape(design, points[part] - [0.0, design.zone_centres_m[place]])
-                shapes[place] += (weights[part] * shape) @ values[part]
-                norms[place] += weights[part] @ shape**2
+                shapes[place] += (weights[part] * wanted[part]) @ values[part]
+                norms[place] += weights[part] @ wanted[part] ** 2
     known = areas > 1e-9 * areas.max()
     with np.errstate(divide="ignore", invalid="ignore"):
         means = np.where(known[:, None, None], grams / areas[:, None, None], np.nan)
@@ -101,12 +92,6 @@ def _added(symmetries: tuple[str, ...], fields: list, flip: tuple[float, ...]) -
         for symmetry in symmetries
     ]
     return np.sum([sign * field.values for sign, field in zip(signs, fields, strict=True)], axis=0)
-
-
-def _parts(design: Design, y: FloatArray) -> list[BoolArray]:
-    """Which places lie in each zone, and which in none."""
-    inside = [np.abs(y - middle) < design.width_m / 2.0 for middle in design.zone_centres_m]
-    return [*inside, ~np.logical_or.reduce(inside)]
 
 
 def zone_volts(forced: ForcedPlate, centres_m: FloatArray) -> FloatArray:

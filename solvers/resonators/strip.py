@@ -23,6 +23,7 @@ from solvers.analytic.plates import Strip, mindlin_wave_hz, thin_plate_hz
 from solvers.analytic.predesign import strip_of
 from solvers.errors import SolverError
 from solvers.measures.confinement import Confinement, Profile, measure_profile
+from solvers.measures.driven_zones import BESIDE, DrivenZones, drive_zones
 from solvers.resonators.standing_pillar import (
     EffectiveMass,
     bending_effective_mass,
@@ -53,6 +54,20 @@ def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float =
 
     `softness` scales how far the pillars' feet give way beyond what the strip bends there: 1 is a half-space's compliance.
     """
+    frequency_hz, profile = _solved(design, (low_hz, high_hz), softness)
+    return StripModes(frequency_hz, measure_profile(profile, design))
+
+
+def strip_zones(design: Design, low_hz: float, high_hz: float, quality: float, softness: float = 0.5) -> DrivenZones:
+    """Zones of a plate driven in turn at their peaks within a window, by its modes and those somewhat beyond. SolverError as
+    strip_modes, and where no mode lies there.
+    """
+    frequency_hz, profile = _solved(design, (BESIDE[0] * low_hz, BESIDE[1] * high_hz), softness)
+    return drive_zones(design, frequency_hz, profile, (low_hz, high_hz), quality)
+
+
+def _solved(design: Design, window_hz: tuple[float, float], softness: float) -> tuple[FloatArray, Profile]:
+    """Frequencies (k,) in Hz within a window and their motion: of half the plate about one zone, of all of it with several."""
     strip = strip_of(design)
     if strip is None:
         raise SolverError("a strip across the plate needs a zone and a thickness")
@@ -61,20 +76,34 @@ def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float =
     stiffness, mass = _plate(nodes, strip, kx, _rigidity(strip, kx))
     if design.pillar and design.rows:
         stiffness, mass = _with_rows(stiffness, mass, nodes, design, kx, softness)
-    free = np.delete(np.arange(len(stiffness)), 1)  # no slope on the plate's middle line
+    free = np.arange(len(stiffness))
+    if design.zones == 1:
+        free = np.delete(free, 1)  # no slope on the plate's middle line
     square = np.ix_(free, free)
-    window = [(2.0 * pi * low_hz) ** 2, (2.0 * pi * high_hz) ** 2]
+    window = [(2.0 * pi * end) ** 2 for end in window_hz]
     values, vectors = eigh(stiffness[square], mass[square], subset_by_value=window)
     full = np.zeros((len(stiffness), len(values)))
     full[free] = vectors
-    return StripModes(np.sqrt(values) / (2.0 * pi), measure_profile(_profile(nodes, full, design), design))
+    return np.sqrt(values) / (2.0 * pi), _profile(nodes, full, design)
+
+
+def _rows(design: Design) -> list[tuple[int, float]]:
+    """Number and y of the rows on the strip: on one side of one zone, all of them with several."""
+    if not design.rows:
+        return []
+    if design.zones == 1:
+        return list(enumerate(design.row_centres()))
+    return list(zip(design.row_numbers, design.row_places(), strict=True))
 
 
 def _nodes(design: Design) -> FloatArray:
-    """Nodes from the middle line to the plate's edge, one on every row and on the zone's side."""
-    half = design.half_span_m
-    rows = design.row_centres() if design.rows else np.empty(0)
-    fixed = np.unique(np.round([0.0, design.width_m / 2.0, *rows, half], 9))
+    """Nodes from the middle line (with several zones from the other edge) to the plate's edge, one on every row and border."""
+    half, borders = (
+        design.half_span_m,
+        np.add.outer(design.zone_centres_m, [-design.width_m / 2.0, design.width_m / 2.0]),
+    )
+    ends = [0.0, design.width_m / 2.0, half] if design.zones == 1 else [-half, *borders.ravel(), half]
+    fixed = np.unique(np.round([*ends, *(y for _, y in _rows(design))], 9))
     longest = design.width_m / PER_WIDTH
     panels = [np.linspace(a, b, ceil((b - a) / longest) + 1)[1:] for a, b in pairwise(fixed)]
     return np.concatenate([fixed[:1], *panels])
@@ -136,7 +165,8 @@ def _with_rows(
         )
         for pillar in design.kinds
     }
-    for row, (y, pillar) in enumerate(zip(design.row_centres(), design.row_pillars, strict=True)):
+    for row, y in _rows(design):
+        pillar = design.row_pillars[row]
         density = pillar.faces * len(design.column_centres(row)) / design.length_m
         turning, lifting = bodies[pillar]
         node = int(np.argmin(np.abs(nodes - y)))
@@ -171,5 +201,5 @@ def _profile(nodes: FloatArray, vectors: FloatArray, design: Design) -> Profile:
     dofs = 2 * np.arange(len(nodes) - 1)[:, None] + np.arange(4)
     moved = np.einsum("eqi,eik->eqk", value, vectors[dofs])
     y = (nodes[:-1, None] + np.diff(nodes)[:, None] * (_GAUSS[0] + 1.0) / 2.0).ravel()
-    shape = np.cos(pi * y / design.width_m)
+    shape = np.cos(pi * design.from_zone_m(y) / design.width_m)
     return Profile(y, weight.ravel(), moved.reshape(len(y), -1), shape, 1.0)

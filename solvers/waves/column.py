@@ -1,7 +1,8 @@
 """One column of reduced cells across the plate, repeated along x with a phase: the plate as the wanted wave sees it.
 
 K(k) and M(k) of the column are the cells' own, their sides x-, x+ tied by exp(i k p_x), their edges shared along y; the
-mirror y = 0 halves it. What it leaves out is the plate's two ends; it costs one column instead of all.
+mirror y = 0 halves it where the plate has one zone. What it leaves out is the plate's two ends; it costs one column instead of
+all.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from geometry.hex.boxes import Panel
 from geometry.layout import Design
 from solvers.errors import SolverError
 from solvers.measures.confinement import Confinement, Profile, measure_profile
+from solvers.measures.driven_zones import BESIDE, DrivenZones, drive_zones
 from solvers.superelement.build import Reductions
 from solvers.superelement.tiling import DIGITS, tile
 from solvers.threads import one_thread
@@ -50,7 +52,9 @@ class _PlacedCell:
 
 
 class Column:
-    """The panels of one pitch along x, y >= 0, assembled at a wavenumber along x in rad/m."""
+    """The panels of one pitch along x, assembled at a wavenumber along x in rad/m: with y >= 0 of a plate of one zone, all with
+    several.
+    """
 
     def __init__(self, design: Design, reductions: Reductions, kx_per_m: float) -> None:
         self.design, self.kx = design, kx_per_m
@@ -65,7 +69,10 @@ class Column:
         """Numbers of [lower edge, upper edge, inner] of every panel; edges are shared."""
         edge, placed = self.rows[0].edge, []
         lower = np.arange(edge)
-        lower[1::3] = -1  # u_y vanishes on the mirror
+        if self.design.zones == 1:
+            lower[1::3] = -1  # u_y vanishes on the mirror
+        if "y-" in self.panels[0].free:
+            lower[self.rows[0].cell.interface.vertex_block :] = -1
         lower[lower >= 0] = np.arange(np.count_nonzero(lower >= 0))
         start = int(np.count_nonzero(lower >= 0))
         for panel, row in zip(self.panels, self.rows, strict=True):
@@ -93,6 +100,13 @@ class Column:
         """Every mode with low <= f <= high, Hz, and how well it is confined. Errors as solve."""
         frequency_hz, vectors = self.solve(low_hz, high_hz)
         return ColumnModes(frequency_hz, measure_profile(self.profile(vectors), self.design))
+
+    def zones(self, low_hz: float, high_hz: float, quality: float) -> DrivenZones:
+        """Zones of a plate of several driven in turn at their peaks within a window, by its modes and those somewhat beyond.
+        Errors as solve and drive_zones.
+        """
+        frequency_hz, vectors = self.solve(BESIDE[0] * low_hz, BESIDE[1] * high_hz)
+        return drive_zones(self.design, frequency_hz, self.profile(vectors), (low_hz, high_hz), quality)
 
     def driven(self, frequencies_hz: FloatArray, quality: float) -> Driven:
         """Motion forced by a pressure of the wanted shape on the zone: (K (1 + i/Q) - omega^2 M) u = f, by all modes.
@@ -127,7 +141,7 @@ class Column:
         return self.scale.frequency(values), np.asarray(vectors)
 
     def profile(self, vectors: ComplexArray) -> Profile:
-        """u_z of every mode on the touch face of the column, and exp(i k x) cos(pi y / W) there."""
+        """u_z of every mode on the touch face of the column, and exp(i k x) cos(pi y / W) there, y from the nearest zone."""
         places, weights, values, shapes = [], [], [], []
         for place in self.placed_cells:
             touch = place.row.cell.touch
@@ -137,24 +151,28 @@ class Column:
             y = touch.points[:, 1] + place.middle
             places.append(y)
             weights.append(touch.weights)
-            shapes.append(np.exp(1j * self.kx * touch.points[:, 0]) * np.cos(pi * y / self.design.width_m))
+            across = np.cos(pi * self.design.from_zone_m(y) / self.design.width_m)
+            shapes.append(np.exp(1j * self.kx * touch.points[:, 0]) * across)
         y_m, area_m2, moved, wanted = (np.concatenate(part) for part in (places, weights, values, shapes))
         return Profile(y_m, area_m2, moved, wanted, self.scale.mass_kg)
 
 
 def column_panels(design: Design, max_edge_m: float) -> list[Panel]:
-    """The panels of one column with y >= 0, from the zone's middle outwards. SolverError unless they part at y = 0."""
+    """The panels of one column along y, of one zone from its middle outwards. SolverError unless these part at y = 0."""
     width = max_edge_m if isnan(design.pitch_x_m) or not design.rows else design.pitch_x_m
-    lines = [float(y) for y in tile(design, max_edge_m).y if y > -(10.0**-DIGITS)]
-    if lines[0] > 10.0**-DIGITS:
+    lines, one = tile(design, max_edge_m).y.tolist(), design.zones == 1
+    if one:
+        lines = [y for y in lines if y > -(10.0**-DIGITS)]
+    if one and lines[0] > 10.0**-DIGITS:
         raise SolverError("the plate's panels do not part at its middle line: a column cannot be halved there")
-    feet = design.row_centres() if design.rows else np.empty(0)
+    feet = (design.row_centres() if one else design.row_places()) if design.rows else np.empty(0)
     own = dict(zip(feet.tolist(), design.graded, strict=False))
     panels = []
     for low, high in pairwise(lines):
         inside = feet[(feet > low) & (feet < high)]
         foot = (0.0, float(inside[0])) if len(inside) else None
-        free = ("y+",) if foot and high == lines[-1] else ()
+        ends = {"y-": not one and low == lines[0], "y+": high == lines[-1]}
+        free = tuple(side for side, at_end in ends.items() if foot and at_end)
         even = foot is None or (abs(foot[1] - (low + high) / 2.0) < 10.0**-DIGITS and not free)
         sides = (-width / 2.0, low), (width / 2.0, high)
         panels.append(Panel(*sides, foot, (0, 1) if even else (0,), free, own.get(foot[1]) if foot else None))

@@ -165,6 +165,11 @@ def test_a_zone_s_motion_is_that_of_the_whole_face(forced: ForcedPlate) -> None:
         alike = abs((weights[part] * own) @ values[part]) ** 2 / (weights[part] @ own**2) / weights[part].sum() / rms**2
         assert zones.mac(volts[0], tone, place) == pytest.approx(alike, rel=1e-9)
     assert ours[0] != pytest.approx(ours[1], rel=0.05)
+    lower = np.abs(points[:, 1] + 6e-3) < 5e-3
+    wanted = wanted_shape(case_of(ZONE).design, points[lower] + [0.0, 6e-3])
+    norms = weights[lower] @ wanted**2, weights[lower] @ np.abs(values[lower]) ** 2
+    mac = abs((weights[lower] * wanted) @ values[lower]) ** 2 / np.prod(norms)
+    assert zones.mac(volts[0], tone, 0) == pytest.approx(mac, rel=1e-9)
     flow = power_flow(forced.driven_by(volts[0].astype(complex)), tone)
     assert flow.patches_w.sum() == pytest.approx(flow.lost_w, rel=1e-9) and flow.lost_w > 0.0
 

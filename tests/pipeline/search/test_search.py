@@ -5,6 +5,7 @@ faults told.
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from dataclasses import replace
 from math import isnan
@@ -14,6 +15,7 @@ import pytest
 
 from geometry.layout import Pillar
 from pipeline.case.model import Case, load_case
+from pipeline.case.schema import known_keys
 from pipeline.cli.main import main
 from pipeline.cli.search import to_dict
 from pipeline.errors import InputError
@@ -23,7 +25,7 @@ from pipeline.search.designs import Evaluation, Settings, front
 from pipeline.search.fidelity import COLUMN, PLATE, STRIP, EvaluationCache, FidelityResult, by_strip, evaluate, worst
 from pipeline.search.limits import Limits, mass_kg
 from pipeline.search.plots import landscape
-from pipeline.search.space import parse_vary, read_space, searchable_keys
+from pipeline.search.space import parse_vary, read_space, searchable_keys, word_keys
 from tests.helpers.recording_log import RecordingLog
 
 CASE = str(STUDIES / "three-rows.toml")
@@ -79,7 +81,7 @@ def put(monkeypatch: pytest.MonkeyPatch, result) -> None:
         (("--vary", "pillar.height_mm=5:8", "--evaluations", "0"), "1 or more"),
         (("--vary", "pillar.height_mm=5:8", "--goal", "worst"), "tolerance.height_mm"),
         (("--vary", "array.heights_mm=5:0.001"), "below the high end"),
-        (("--vary", "zone.count=1:2"), "search is of one zone alone"),
+        (("--vary", "zone.count=1:2"), "zone.count: one zone has no other, must be left alone"),
         (("--vary", "array.stagger=0:1"), "must be array.stagger=false:true"),
         (("--vary", "array.stagger=false:true", "--goal", "widest"), "array.stagger must be left alone"),
         (("--vary", "array.pitches_y_mm=1:1.5", "--set", "array.pitch_x_mm=4"), "overlap"),
@@ -128,6 +130,77 @@ def test_a_key_of_two_words_is_chosen() -> None:
     assert {space.values((share, share, 0.0))[:2] for share in (0.0, 0.2, 0.7, 1.0)} == {(0, 0), (1, 1)}
     with pytest.raises(InputError, match=r"must be pillar\.faces=back:both"):
         parse_vary("pillar.faces=back:touch")
+
+
+TIP = "tip={side_mm=3.0, height_mm=1.0}"
+CHANGES = {  # every key of rows, tips, faces and zones: what the file has beside, what is varied
+    "array.heights_mm": ((), "5:7"),
+    "array.sides_mm": ((), "1.5:2.5"),
+    "array.pitches_y_mm": (("array.pitch_x_mm=4",), "4:6"),
+    "array.stagger": (("pillar.side_mm=1.5",), "false:true"),
+    "pillar.faces": ((), "back:both"),
+    "pillar.shape": ((), "square:hexagonal"),
+    "pillar.material": ((), "steel:brass"),
+    "tip.side_mm": ((TIP,), "2:3"),
+    "tip.height_mm": ((TIP,), "0:2"),
+    "tip.material": ((TIP,), "steel:titanium"),
+    "zone.shared_rows": (("zone.count=2",), "1:4"),
+    "zone.gap_mm": (("zone.count=2", "zone.shared_rows=2"), "8:20"),
+}
+REFUSED = {  # keys of what stands on a plate, or how it is held against it: what a search says of each
+    "touch.radius_mm": "3:6", "touch.impedance": "finger:pen", "touch.at_mm": "0:5", "touch.force_N": "0.1:1",
+    "touch.gap_um": "1:2", "touch.limit_V": "1:9", "touch.impedance.mass_g": "1:2", "patches.behind_mm": "3:8",
+    "patches.size_mm": "1:3", "patches.centres_mm": "0:3", "patches.drive_V": "1:9", "pillar.file": "a:b",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("key", CHANGES)
+def test_a_key_beyond_the_thesis_varies_the_design(key: str) -> None:
+    """Both ends are designs of their own, and the file's value where it has one lies between them."""
+    fixed, ends = CHANGES[key]
+    raw = CASE if not fixed or not fixed[0].startswith("zone") else str(ROOT / "examples" / "two-zones.toml")
+    fixed = (*fixed, "patches.centres_mm=[[0.0,0.0]]", "patches.sensors=[]") if raw == CASE else fixed
+    space = read_space(raw, fixed, [f"{key}={ends}"])
+    low, high = (space.values([share] * len(space.variables)) for share in (0.0, 1.0))
+    assert space.case(low).design != space.case(high).design
+    told = "".join(space.overrides(high))
+    assert told.startswith(f"{key}=") and ends.split(":")[1] in told
+
+
+@pytest.mark.parametrize("key", REFUSED)
+def test_a_key_that_shapes_no_plate_is_refused_by_one_line(key: str) -> None:
+    with pytest.raises(InputError) as refused:
+        read_space(CASE, [], [f"{key}={REFUSED[key]}"])
+    (line,) = refused.value.lines
+    assert f"{key} is no number that shapes the plate" in line
+    assert line.endswith("must be a number or a choice in one of [plate], [zone], [pillar], [tip], [array]")
+
+
+def test_every_key_of_a_case_file_varies_or_is_told_why_not() -> None:
+    varied = {*searchable_keys(), *word_keys()}
+    assert CHANGES.keys() <= varied and not REFUSED.keys() & varied
+    for key in {*known_keys()} - varied:
+        with pytest.raises(InputError, match=rf"--vary {re.escape(key)}=1:2: .* must be "):
+            parse_vary(f"{key}=1:2")
+
+
+def test_materials_and_shapes_are_chosen_by_name() -> None:
+    space = read_space(CASE, [], ["material=steel:aluminium", "pillar.shape=hexagonal:square"])
+    assert [variable.words for variable in space.variables] == [("aluminium", "steel"), ("square", "hexagonal")]
+    assert space.own_values() == (0, 0) and space.overrides((1, 1)) == ["material=steel", "pillar.shape=hexagonal"]
+    assert read_space(CASE, ["material=pmma"], ["material=steel:aluminium"]).own_values() is None
+    with pytest.raises(InputError, match=r"material=aluminium:AlSi7Mg0\.6, two of aluminium, "):
+        parse_vary("pillar.material=gold:steel")
+    with pytest.raises(InputError, match=r"pillar\.diameter_mm"):
+        read_space(CASE, [], ["pillar.shape=square:round"])
+
+
+def test_a_table_that_the_file_lacks_is_varied_key_by_key() -> None:
+    """A tip needs a side and a height: neither alone is one, both together are."""
+    with pytest.raises(InputError, match=r"tip\.height_mm"):
+        read_space(CASE, [], ["tip.side_mm=2.2:3"])
+    space = read_space(CASE, [], ["tip.side_mm=2.2:3", "tip.height_mm=0.5:2"])
+    assert space.own_values() is None and space.case((3.0, 2.0)).design.pillar.tip.side_m == pytest.approx(3e-3)
 
 
 def test_the_widest_band_ranks_columns_and_plates(monkeypatch: pytest.MonkeyPatch) -> None:

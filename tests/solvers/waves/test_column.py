@@ -126,3 +126,34 @@ def test_a_column_finds_the_plates_wanted_mode_and_ranks_its_heights() -> None:
         assert column.confinement.mac[at] > 0.95
         levels.append((column.confinement.confinement_db[at], plate.confinement_db[best]))
     assert levels[0][0] > levels[1][0] and levels[0][1] > levels[1][1]
+
+
+def test_a_bare_column_of_two_zones_is_the_column_of_one_as_wide() -> None:
+    """Borders that nothing marks: every even mode of the halved column is one of the whole column's, which has odd ones too;
+    both are polynomials of a bare plate, whose cuts lie elsewhere.
+    """
+    one = replace(DESIGN, pillar=None, rows=0, extension_m=14e-3)
+    two = replace(one, zones=2, zone_gap_m=4e-3, extension_m=6e-3)
+    assert one.half_span_m == pytest.approx(two.half_span_m)
+    kx = 3.5 * pi / one.length_m
+    half, whole = (Column(each, reductions(each), kx).solve(20e3, 60e3)[0] for each in (one, two))
+    apart = np.abs(whole[:, None] / half - 1.0).min(axis=0)
+    assert len(half) < len(whole) and apart.max() < 2e-3
+
+
+def test_zones_of_a_column_mirror_each_other_up_to_the_edges() -> None:
+    """Feet flush with both edges of the plate: what ends at one edge ends at the other."""
+    two = replace(DESIGN, zones=2, shared_rows=1, zone_gap_m=2e-3, extension_m=0.0)
+    column = Column(two, reductions(two), 3.5 * pi / two.length_m)
+    assert [panel.free for panel in column.panels if panel.free] == [("y-",), ("y+",)]
+    driven = column.zones(45e3, 75e3, 100.0)
+    assert driven.peak_hz[0] == pytest.approx(driven.peak_hz[1], rel=1e-6)
+    assert driven.level_db[0] == pytest.approx(driven.level_db[1][[1, 0, 2]], abs=1e-3)
+
+
+def test_a_zone_driven_alone_is_the_column_driven() -> None:
+    """One zone by modes about its peak and by all of them: what the others add is of order 1/Q."""
+    column = Column(DESIGN, reductions(DESIGN), 3.5 * pi / DESIGN.length_m)
+    driven = column.zones(45e3, 75e3, 300.0)
+    (level,) = column.driven(driven.peak_hz, 300.0).confinement_db
+    assert driven.confinement_db == pytest.approx(level, abs=20.0 * np.log10(1.0 + 2.0 / 300.0) * 10 ** (level / 20.0))
