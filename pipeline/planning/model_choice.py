@@ -15,7 +15,9 @@ from pipeline.planning.mesh_rules import MeshLevel
 from pipeline.planning.simplifications import CLASSES, Simplification
 from solvers.superelement.build import ReductionSettings
 
-BEYOND = 4.0  # the highest band asked for: a cell begins with fixed-interface modes below; a coarse cell tells how many more
+BEYOND = (
+    4.0  # the highest band asked for: a cell begins with fixed-interface modes below; a coarse cell tells how many more
+)
 BY_BEAMS = 60  # bands: of more the pillar's thirtieth bending mode tells nothing
 SUPERELEMENT, SOLID = "superelement", "solid"
 

@@ -54,7 +54,9 @@ class Zones:
     def peak_hz(self, volts: FloatArray, zone: int) -> float:
         """Where the zone moves most within the band, Hz."""
         forced = self.forced
-        return peak_hz(lambda tones: self.rms(volts, tones)[:, zone], resonances_hz(forced), forced.band_hz, forced.loss)
+        return peak_hz(
+            lambda tones: self.rms(volts, tones)[:, zone], resonances_hz(forced), forced.band_hz, forced.loss
+        )
 
 
 def zones_of(forced: ForcedPlate) -> Zones:
