@@ -2,9 +2,10 @@
 
 Where displacements go as r^a at an edge, the finer mesh still errs by a share of what the innermost layer brought that
 follows from a, the order and the layers (babuska1981); away from the edge the last order brought more than any further one
-will. Of a body meshed whole no coarser modes are searched: the energy projection v of a mode u of the finer mesh solves
-(K_c + s M_c) v = P' (K + s M) u, P what carries the coarser mesh's fields to the finer one; Rayleigh's quotients on the span
-of all v are the coarser eigenvalues to second order in u - v, paired with the modes by their overlap (boffi2010).
+will. Of a body meshed whole no coarser modes are searched: one inverse iteration about an s amid the modes u of the finer mesh
+solves (K_c - s M_c) v = P' M u, P what carries the coarser mesh's fields to the finer one, and leaves little of modes that lie
+further off than they; Rayleigh's quotients on the span of all v are the coarser eigenvalues to second order in what is left,
+paired with the modes by their overlap (boffi2010).
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ from solvers.fem.constraints import Pencil
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.solid import SolidModel
 
-SHIFT = 0.1  # of the lowest eigenvalue: rigid-body modes are no obstacle then
+BELOW, APART = 0.97, 0.01  # a shift: of the lowest eigenvalue, and how far from any, relative
+STILL = 1e-9  # of the highest eigenvalue: rigid-body modes lie below
 SMOOTH, CLAMPED_SMOOTH = (
     0.04,
     0.02,
@@ -139,15 +141,23 @@ def coarser_eigenvalues(
     from scipy.optimize import linear_sum_assignment  # slow to import
 
     unit = (fine.scale.angular / coarse.scale.angular) ** 2
-    shift = SHIFT * float(np.abs(values).min())
     restricted = sp.csr_array(sp.kron(transfer, sp.eye_array(3), format="csr"))[np.flatnonzero(fine.free)][
         :, np.flatnonzero(coarse.free)
     ]
-    loads = restricted.T @ (fine.stiffness @ vectors + shift * (fine.mass @ vectors))
-    matrix = sp.csc_array(coarse.stiffness + (shift * unit) * coarse.mass)
-    moved = np.asarray(Factoriser()(matrix).solve(np.ascontiguousarray(loads)))
+    matrix = sp.csc_array(coarse.stiffness - (_amid(values) * unit) * coarse.mass)
+    loads = np.ascontiguousarray(restricted.T @ (fine.mass @ vectors))
+    moved, _ = np.linalg.qr(Factoriser()(matrix).solve(loads))
     stiffness, mass = (moved.T @ (part @ moved) for part in (coarse.stiffness, coarse.mass))
     found, turn = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
     overlap = vectors.T @ (fine.mass @ (restricted @ (moved @ turn)))
     _, partner = linear_sum_assignment(-np.abs(overlap))
     return np.asarray(found[partner] / unit)
+
+
+def _amid(values: FloatArray) -> float:
+    """A shift between eigenvalues, or below them, next to their middle and clear of each; a coarser mesh's lie above."""
+    known = np.sort(values[values > STILL * values.max()])
+    between = np.concatenate([BELOW * known[:1], (known[1:] + known[:-1]) / 2.0])
+    clear = np.abs(between[:, None] / known - 1.0).min(axis=1)
+    chosen = between[clear >= min(APART, float(clear.max()))]
+    return float(chosen[np.argmin(np.abs(chosen - (known[0] + known[-1]) / 2.0))])

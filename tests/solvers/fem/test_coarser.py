@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from geometry.hex.boxes import HexSettings, hex_mesh, pillar_boxes
 from geometry.hex.nesting import interpolation
@@ -53,6 +55,28 @@ def test_modes_of_the_finer_mesh_tell_the_coarser_eigenvalues(coarse: HexSetting
     change = searched / modes.frequency_hz - 1.0
     assert len(told) and (change > -1e-9).all() and change.max() > 1e-5
     assert np.abs(told / searched - 1.0).max() < 5.0 * (change**2).max()  # to second order
+
+
+@pytest.mark.parametrize("first", [40, 50])
+def test_modes_that_stand_above_many_others_tell_the_coarser_eigenvalues_too(first: int) -> None:
+    """A stiffer pencil over the same unknowns, among its modes some that are not asked for and change as much."""
+    draw, dofs = np.random.default_rng(3), 120
+    turn, _ = np.linalg.qr(draw.normal(size=(dofs, dofs)))
+    values = np.geomspace(1.0, 1e4, dofs)
+    added = turn @ (np.sqrt(values)[:, None] * draw.normal(size=(dofs, 6)))
+    fine, coarse = (
+        SimpleNamespace(
+            stiffness=sp.csr_array((turn * values) @ turn.T + share * added @ added.T), mass=sp.eye_array(dofs, format="csr"),
+            scale=SimpleNamespace(angular=1.0), free=np.ones(dofs, dtype=bool),
+        )
+        for share in (0.0, 0.003)
+    )  # fmt: skip
+    window = slice(first, 60)
+    transfer = sp.eye_array(dofs // 3, format="csr")
+    told = coarser_eigenvalues(fine, coarse, transfer, turn[:, window], values[window])  # type: ignore[arg-type]
+    exact = np.linalg.eigvalsh(coarse.stiffness.toarray())[window]
+    change = (exact / values[window] - 1.0).mean()
+    assert change > 0.01 and np.abs(np.sort(told) / exact - 1.0).max() < 0.25 * change
 
 
 def test_the_bar_of_a_part_holds_the_finer_computation() -> None:
