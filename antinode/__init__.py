@@ -1,7 +1,7 @@
 """Touch plates that hold their vibration, from one case to modes, bands, confinement and response.
 
     import antinode
-    plate = antinode.load("studies/three-rows.toml")
+    plate = antinode.load("examples/small.toml")
     bands = plate.bands()
     bands.plot()
 

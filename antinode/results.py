@@ -166,7 +166,7 @@ class Modes(Result, Sequence[Mode]):
     """Modes in ascending order, proven complete by a count; a sequence of Mode, arrays of shape (modes,).
 
     >>> import antinode
-    >>> pillar = antinode.load("studies/three-rows.toml", accuracy=0.02).modes(part="pillar", count=2)
+    >>> pillar = antinode.load("examples/small.toml", accuracy=0.02).modes(part="pillar", count=2)
     >>> len(pillar), round(pillar[0].frequency_hz, -2)
     (2, 39100.0)
     """
@@ -253,7 +253,7 @@ class Bands(Result):
     """Bloch bands along a path: frequencies (points, bands) in Hz, wavevectors (points, 2) in rad/m.
 
     >>> import antinode
-    >>> bands = antinode.load("studies/three-rows.toml", accuracy=0.02, bands__points=2, bands__count=4).bands()
+    >>> bands = antinode.load("examples/small.toml", accuracy=0.02, bands__points=2, bands__count=4).bands()
     >>> bands.frequencies_hz.shape, bands.labels[0]
     ((7, 4), 'G')
     """

@@ -30,8 +30,8 @@ def open(path: str | Path) -> Result | SweepTable:
     Raises InputError for a file that holds none.
 
     >>> import antinode, tempfile
-    >>> file = Path(tempfile.mkdtemp()) / "sizes.json"
-    >>> antinode.open(antinode.load("studies/three-rows.toml").predesign().save(file)).zone_hz > 33e3
+    >>> file = f"{tempfile.mkdtemp()}/sizes.json"
+    >>> antinode.open(antinode.load("examples/small.toml").predesign().save(file)).zone_hz > 33e3
     True
     """
     file = Path(path) / TABLE if Path(path).is_dir() else Path(path)

@@ -31,6 +31,7 @@ class Table(dict[str, Any]):
 class Zone(Table):
     """The active zone: a strip length_mm along x and width_mm across; the wanted mode has nodal_lines nodes along x.
 
+    >>> from antinode import Zone
     >>> Zone(length_mm=115.5, width_mm=20.0, nodal_lines=8)["width_mm"]
     20.0
     """
@@ -39,6 +40,7 @@ class Zone(Table):
 class Pillar(Table):
     """One pillar: its shape with the sizes in mm that this shape takes, height_mm, fillet_mm, faces, a material of its own.
 
+    >>> from antinode import Pillar
     >>> Pillar(shape="round", diameter_mm=2.0, height_mm=6.3)
     Pillar(shape='round', diameter_mm=2.0, height_mm=6.3)
     """
@@ -47,6 +49,7 @@ class Pillar(Table):
 class Tip(Table):
     """A heavy tip on every pillar: a square prism of side_mm and height_mm, of a material of its own where that is given.
 
+    >>> from antinode import Tip
     >>> Tip(side_mm=2.0, height_mm=1.0, material="brass")
     Tip(side_mm=2.0, height_mm=1.0, material='brass')
     """
@@ -58,6 +61,7 @@ class Array(Table):
     Rows that differ have a list each, from the zone outwards: heights_mm, sides_mm, pitches_y_mm. stagger shifts every other
     row by half a pitch.
 
+    >>> from antinode import Array
     >>> Array(pitch_mm=4.0, rows=3, extension_mm=25.0)["rows"]
     3
     """
@@ -66,6 +70,7 @@ class Array(Table):
 class Solve(Table):
     """What to look for and how exactly: band_kHz or near_kHz with count, accuracy (relative), model, mesh.
 
+    >>> from antinode import Solve
     >>> Solve(band_kHz=(30.0, 34.0), accuracy=0.003)["band_kHz"]
     [30.0, 34.0]
     """
@@ -74,6 +79,7 @@ class Solve(Table):
 class BandPath(Table):
     """The table [bands]: path through the irreducible Brillouin zone, points (intervals per segment), count of bands.
 
+    >>> from antinode import BandPath
     >>> BandPath(path="GXMG", points=25, count=10)["path"]
     'GXMG'
     """
@@ -82,6 +88,7 @@ class BandPath(Table):
 class Damping(Table):
     """Losses of the whole plate by its quality factor.
 
+    >>> from antinode import Damping
     >>> Damping(quality=300.0)["quality"]
     300.0
     """
@@ -90,6 +97,7 @@ class Damping(Table):
 class Patches(Table):
     """Piezoelectric patches: material, size_mm along x, y and z, face, at or centres_mm, sensors, drive_V, circuit.
 
+    >>> from antinode import Patches
     >>> Patches(material="pz26", size_mm=(12.0, 3.0, 0.3), at="antinodes", sensors=(7,))["sensors"]
     [7]
     """
@@ -98,6 +106,7 @@ class Patches(Table):
 class Scatter(Table):
     """The table [tolerance]: standard deviations height_mm, side_mm, position_mm of single pillars, samples, seed.
 
+    >>> from antinode import Scatter
     >>> Scatter(height_mm=0.05, samples=20)["samples"]
     20
     """
@@ -106,6 +115,7 @@ class Scatter(Table):
 class Finger(Table):
     """The table [touch]: impedance (a name or a dictionary), at_mm, radius_mm, force_N with gap_um, the amplifier's limit_V.
 
+    >>> from antinode import Finger
     >>> Finger(radius_mm=5.0, at_mm=(0.0, 0.0))["at_mm"]
     [0.0, 0.0]
     """

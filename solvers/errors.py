@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 class SolverError(Exception):
     """A computation that could not be trusted; the message says what, by how much, and what to try.
 
+    >>> from antinode import SolverError
     >>> try:
     ...     raise SolverError("residual 1e-3 of mode 4, must be below 1e-6: ask for a smaller accuracy")
     ... except SolverError as fault:

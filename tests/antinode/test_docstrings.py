@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 import inspect
 import re
+import shutil
 from importlib import import_module
 from pathlib import Path
 
@@ -20,16 +21,27 @@ HOMES = [*(f"antinode.{name}" for name in ("plate", "tables", "results", "stored
          "pipeline.errors", "solvers.errors"]  # fmt: skip
 NAMES = sorted(set(antinode.__all__) - {"__version__"})
 COMPUTATIONS = [name for name, each in vars(antinode.Plate).items() if inspect.isfunction(each) and name[0] != "_"]
-SLOW = doctest.register_optionflag("SLOW")  # a second and more, run by `make test-all`
+SLOW = {  # a second and more, run by `make test-all`
+    "antinode.sweeps.sweep",
+    *(f"antinode.plate.Plate.{name}"
+      for name in ("response", "tolerance", "touch", "hybrid", "travel", "crosstalk", "explore")),
+}  # fmt: skip
 
 
 def outcome(module: str, slow: bool) -> doctest.TestResults:
-    """How many of a module's examples ran and failed; without `slow` those marked so are left out."""
+    """How many of a module's examples ran and failed, each with nothing but what it imports; without `slow` the quick ones."""
     runner = doctest.DocTestRunner(verbose=False)
-    for test in doctest.DocTestFinder().find(import_module(module)):
-        test.examples = [each for each in test.examples if slow or not each.options.get(SLOW)]
-        runner.run(test)
+    for test in doctest.DocTestFinder().find(import_module(module), globs={}):
+        if slow or test.name not in SLOW:
+            runner.run(test)
     return runner.summarize(verbose=False)
+
+
+@pytest.fixture
+def examples_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder with nothing but `examples/`, as the tutorials begin with."""
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    monkeypatch.chdir(tmp_path)
 
 
 def has_a_result(thing: object) -> bool:
@@ -45,10 +57,7 @@ def small_model(tmp_path_factory: pytest.TempPathFactory) -> CellModel:
 
 @pytest.mark.parametrize("module", HOMES)
 @pytest.mark.filterwarnings("ignore::antinode.Caution")
-def test_quick_examples_hold_on_coarse_plates(
-    module: str, coarsest_cells: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(ROOT)
+def test_quick_examples_hold_on_coarse_plates(module: str, coarsest_cells: None, examples_alone: None) -> None:
     done = outcome(module, slow=False)
     assert done.attempted and not done.failed
 
@@ -57,11 +66,10 @@ def test_quick_examples_hold_on_coarse_plates(
 @pytest.mark.parametrize("module", HOMES)
 @pytest.mark.filterwarnings("ignore::antinode.Caution")
 def test_every_example_holds_as_its_reader_runs_it(
-    module: str, small_model: CellModel, monkeypatch: pytest.MonkeyPatch
+    module: str, small_model: CellModel, examples_alone: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """But for the explorer's model, which takes minutes: a small one stands in."""
     monkeypatch.setattr(parametric, "cell_model", lambda case, log: small_model)
-    monkeypatch.chdir(ROOT)
     done = outcome(module, slow=True)
     assert done.attempted and not done.failed
 
@@ -76,6 +84,17 @@ def test_every_public_name_has_an_example_with_its_result(name: str) -> None:
 def test_every_computation_of_a_plate_has_an_example_with_its_result_and_names_its_units(name: str) -> None:
     method = getattr(antinode.Plate, name)
     assert has_a_result(method) and re.search(r"Hz|dB|mm|units|keys", inspect.getdoc(method) or "")
+
+
+@pytest.mark.parametrize("module", HOMES)
+def test_help_shows_examples_without_the_tests_own_marks(module: str) -> None:
+    tests = doctest.DocTestFinder().find(import_module(module))
+    assert not [test.name for test in tests if "doctest:" in (test.docstring or "")]
+
+
+def test_every_slow_example_is_there() -> None:
+    tests = [test for module in HOMES for test in doctest.DocTestFinder().find(import_module(module))]
+    assert {test.name for test in tests if test.examples} >= SLOW
 
 
 def test_a_refusal_or_a_lone_call_is_no_result() -> None:
