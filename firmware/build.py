@@ -179,17 +179,20 @@ def sizes(elf: Elf) -> tuple[int, int]:
 
 def choose_header(table: Path | None, header: Path | None) -> str:
     """The C header to build with: the one named, one made from the table named, or the last one exported."""
+    place = table or header or GENERATED / "mode_table.h"
+    named = f"--table {table}" if table else f"--header {header}" if header else f"{os.path.relpath(place)}"
     try:
         if table is not None:
             data = table.read_bytes()
             table_format.verify(data)
             return table_format.header_text(data)
-        text = (header or GENERATED / "mode_table.h").read_text()
+        text = place.read_text(errors="replace")
         table_format.verify(table_format.header_bytes(text))
         return text
     except (OSError, ValueError) as error:
-        hint = "write one by `antinode export table CASE -o firmware/generated/mode_table.h`, or name one by --table"
-        raise BuildError(f"no mode table to build with ({error}): {hint}", 2) from None
+        why = getattr(error, "strerror", None) or str(error)
+        hint = "`antinode export table CASE -o plate.bin` writes a table, --table plate.bin builds with it"
+        raise BuildError(f"{named}: no mode table to build with ({why}): {hint}", 2) from None
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -169,6 +169,9 @@ ANTINODE_TABLE_PLACE const uint8_t antinode_mode_table[{len(data)}] = {{
 def header_bytes(text: str) -> bytes:
     """The table inside a C header written by header_text. Raises ValueError when there is none."""
     start, end = text.find("{"), text.find("}")
-    if start < 0 or end < start:
-        raise ValueError("no array of bytes between braces")
-    return bytes(int(item, 16) for item in text[start + 1 : end].split(","))
+    try:
+        if start < 0 or end < start:
+            raise ValueError
+        return bytes(int(item, 16) for item in text[start + 1 : end].split(","))
+    except ValueError:
+        raise ValueError("no array of bytes between braces") from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from pipeline.batch.job import Planned
 
 HEARTBEAT_S = 30.0
+LOOK_S = 1.0  # between two looks at which cases have begun
 MAX_NAMED = 4
 MAX_REASONS = 8
 EXPECTED = {"new", "not finished before", "forced"}
@@ -28,7 +30,9 @@ class Progress:
         self.stream = stream or sys.stderr
         self._live: Any = None
         self._task: Any = None
-        self._running: dict[str, float] = {}
+        self._running: dict[str, int | None] = {}  # handed out, with the time of the log that an earlier run left
+        self._begun: dict[str, float] = {}  # when their own log appeared: a case may wait for a worker before
+        self._looked = 0.0
         self._known: dict[str, float] = {}
         self._left: set[str] = set()
         self._folder = Path()
@@ -76,16 +80,18 @@ class Progress:
 
     def case_started(self, case_id: str) -> None:
         """A case went to a worker."""
-        self._running[case_id] = time.monotonic()
+        self._running[case_id] = self._log_time(case_id)
         if not self._live:
             self.say(f"{case_id}: started")
 
     def case_ended(self, case_id: str, status: str, diagnosis: str, seconds: float) -> None:
         """A case ended."""
         self._running.pop(case_id, None)
+        self._begun.pop(case_id, None)
         self._left.discard(case_id)
         self._done += 1
-        self._spent.append(seconds)
+        if status != "FAILED":
+            self._spent.append(seconds)
         left = f"; {self.time_left()}" if self._left else ""
         self.say(f"[{self._done}/{self._total}] {case_id}: {status}, {seconds:.1f} s, {diagnosis}{left}")
         if self._live:
@@ -95,6 +101,7 @@ class Progress:
         """Called a few times a second."""
         if self.quiet or not self._running:
             return
+        self._look()
         if self._live:
             self._live.update(self._task, description=self._now())
         elif time.monotonic() - self._spoke > HEARTBEAT_S:
@@ -107,24 +114,40 @@ class Progress:
             self._live = None
 
     def _now(self) -> str:
-        first = list(self._running)[:MAX_NAMED]
-        steps = {case_id: current_step(self._folder / case_id / RUN_LOG) for case_id in first}
+        first = sorted(self._running, key=lambda case_id: case_id not in self._begun)[:MAX_NAMED]
+        logs = {case_id: self._folder / case_id / RUN_LOG for case_id in first}
+        steps = {case_id: current_step(logs[case_id]) if case_id in self._begun else "" for case_id in first}
         at_work = [f"{case_id} ({step or 'starting'})" for case_id, step in steps.items()]
         if len(self._running) > len(first):
             at_work.append(f"and {len(self._running) - len(first)} more")
         return f"{', '.join(at_work)}; {self.time_left()}"
 
+    def _log_time(self, case_id: str) -> int | None:
+        with suppress(OSError):
+            return (self._folder / case_id / RUN_LOG).stat().st_mtime_ns
+        return None
+
+    def _look(self) -> None:
+        """See which cases have begun by now."""
+        now = time.monotonic()
+        if now - self._looked < LOOK_S:
+            return
+        self._looked = now
+        for case_id, earlier in self._running.items():
+            if case_id not in self._begun and self._log_time(case_id) != earlier:
+                self._begun[case_id] = now
+
     def time_left(self) -> str:
-        """Rough remaining time: earlier durations where known, else the mean of this run's cases."""
+        """Rough remaining time: earlier durations where known, else the mean of this run's cases, less what was computed."""
         mean = sum(self._spent) / len(self._spent) if self._spent else None
         guesses = [self._known.get(case_id, mean) for case_id in self._left]
         if not guesses or any(guess is None for guess in guesses):
             return "time left not known yet"
-        spent = {case_id: time.monotonic() - start for case_id, start in self._running.items()}
+        spent = {case_id: time.monotonic() - start for case_id, start in self._begun.items()}
         rest = sum(max(0.0, self._known.get(case_id, mean or 0.0) - spent.get(case_id, 0.0)) for case_id in self._left)
         if rest <= 0.0:
             return "taking longer than the cases before"
-        return f"about {_duration(rest / max(1, len(self._running)))} left"
+        return f"about {_duration(rest / max(1, len(self._begun)))} left"
 
 
 def _duration(seconds: float) -> str:

@@ -31,6 +31,8 @@ GAP_UM: Range = (0.7, 100.0)
 
 MAX_WAVENUMBER = 3e6
 """rad/m: pi over the shortest length of a case."""
+MAX_NODAL_LINES = 1000
+"""Of the wanted mode along its zone."""
 MAX_ZONES = 20
 """Each is a plate more to assemble."""
 MAX_PATCHES = 2000

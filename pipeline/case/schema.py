@@ -87,7 +87,7 @@ class PlateTable(Table):
 class ZoneTable(Table):
     length_mm: float = positive(LENGTH_MM)
     width_mm: float = positive(LENGTH_MM)
-    nodal_lines: int = whole(0, 1000)
+    nodal_lines: int = whole(0, limits.MAX_NODAL_LINES)
     count: int = whole(1, limits.MAX_ZONES, default=1)
     shared_rows: int = whole(0, 1000, default=0)
     gap_mm: float | None = optional(LENGTH_MM)

@@ -18,6 +18,14 @@ WISHES = {
     "rows": (3, "rows of pillars on each side of the zone"),
     "extension": (25.0, "plate beyond the last row, mm"),
 }
+OPTIONS = {  # by the keys that take them as they are
+    "plate.thickness_mm": "--thickness",
+    "zone.length_mm": "--length",
+    "pillar.side_mm": "--side",
+    "array.pitch_mm": "--pitch",
+    "array.rows": "--rows",
+    "array.extension_mm": "--extension",
+}
 TEMPLATE = Path(__file__).with_name("new_case.toml.template")
 
 
@@ -29,7 +37,7 @@ def add(commands: Any, command: Any) -> None:
     for name, (default, words) in WISHES.items():
         kind = type(default)
         new.add_argument(
-            f"--{name.replace('_', '-')}",
+            option(name),
             type=kind,
             metavar=kind.__name__.upper(),
             help=f"{words} (default: {default})",
@@ -52,7 +60,7 @@ def run(arguments: Namespace) -> int:
         raise InputError(f"--material = {wishes['material']}: must be one of {', '.join(MATERIALS)}")
     frequency_hz = parse_frequency(str(wishes["frequency"]), "--frequency")
     text = case_text(place.stem, wishes, frequency_hz)
-    check(text, place)
+    check(text, place, wishes)
     write_file(place, text.encode())
     print(f"wrote {place}; next: antinode predesign {place}, antinode bands {place}, antinode modes {place}")
     return 0
@@ -62,20 +70,23 @@ def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
     """The case whose zone and pillars are sized for a frequency. Raises InputError where no zone can be."""
     from geometry.layout import Pillar
     from geometry.materials import MATERIALS
+    from pipeline.case.limits import MAX_NODAL_LINES
     from pipeline.errors import InputError
     from pipeline.units import KHZ, MM
     from solvers.analytic.plates import Strip
     from solvers.analytic.predesign import min_nodal_lines, pillar_height_m, zone_width_m
     from solvers.errors import SolverError
 
+    _check_lengths(wishes)
     material = MATERIALS[wishes["material"]]
-    length, thickness, side = (MM * float(wishes[key]) for key in ("length", "thickness", "side"))
-    if min(length, thickness, side, float(wishes["half_wavelength"])) <= 0.0:
-        raise InputError("--length, --thickness, --side and --half-wavelength: must be above 0")
+    length, thickness, side = (MM * wishes[key] for key in ("length", "thickness", "side"))
+    strip = Strip(length, length / 5.0, thickness, material.young_pa, material.density_kg_m3, material.poisson)
+    lines = min_nodal_lines(strip, MM * wishes["half_wavelength"])
+    if lines > MAX_NODAL_LINES:
+        least = wishes["length"] / (MAX_NODAL_LINES - 0.5)
+        raise InputError(f"--half-wavelength = {wishes['half_wavelength']:g}: must be at least {least:.4g} mm")
     try:
-        constants = material.young_pa, material.density_kg_m3, material.poisson
-        strip = Strip(length, length / 5.0, thickness, *constants)
-        lines = min_nodal_lines(strip, MM * float(wishes["half_wavelength"]))
+        _check_frequency(wishes, frequency_hz, strip, lines)
         width = zone_width_m(strip, lines, frequency_hz)
         pillar = Pillar("square", side, side, 3.0 * side, material)
         height = pillar_height_m(pillar, frequency_hz, "timoshenko")
@@ -85,13 +96,60 @@ def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
     return TEMPLATE.read_text(encoding="utf-8").format(name=name, **{**wishes, **sizes})
 
 
-def check(text: str, place: Path) -> None:
-    """InputError with a line for every fault that the case would have."""
+def _check_lengths(wishes: dict[str, Any]) -> None:
+    """InputError with a line for every length that no case file takes either."""
+    from pipeline.case.limits import LENGTH_MM, span
+    from pipeline.errors import InputError
+
+    names = ("length", "thickness", "side", "half_wavelength")
+    wrong = [name for name in names if not LENGTH_MM[0] <= wishes[name] <= LENGTH_MM[1]]
+    if wrong:
+        raise InputError(f"{option(name)} = {wishes[name]:g}: must be {span(LENGTH_MM)} mm" for name in wrong)
+
+
+def _check_frequency(wishes: dict[str, Any], frequency_hz: float, strip: Any, lines: int) -> None:
+    """InputError with the frequencies between which the zone is neither infinitely wide nor narrower than it may be."""
+    from dataclasses import replace
+
+    from pipeline.errors import InputError
+    from pipeline.units import KHZ, MM
+    from solvers.analytic.plates import levy_hz
+
+    narrowest, widest = max(2.0 * wishes["side"], wishes["thickness"]), 1000.0 * wishes["length"]
+    low, high = (levy_hz(replace(strip, width_m=MM * width), lines) / KHZ for width in (widest, narrowest))
+    if not low < frequency_hz / KHZ <= high:
+        raise InputError(
+            f"--frequency = {wishes['frequency']}: must be from {low:.4g}kHz to {high:.4g}kHz for a zone of "
+            f"{wishes['length']:g} mm with {lines} nodal lines, no narrower than {narrowest:g} mm (two pillar sides, and the "
+            "plate's thickness)"
+        )
+
+
+def option(name: str) -> str:
+    """A wish as an option of the command."""
+    return f"--{name.replace('_', '-')}"
+
+
+def check(text: str, place: Path, wishes: dict[str, Any]) -> None:
+    """InputError with a line for every fault that the case would have, by the option that the key stems from."""
     import tomllib
 
     from pipeline.case.model import case_from_dict
+    from pipeline.errors import InputError
 
-    case_from_dict(tomllib.loads(text), place)
+    try:
+        case_from_dict(tomllib.loads(text), place)
+    except InputError as error:
+        raise InputError(_by_option(line.removeprefix(f"{place}: "), wishes) for line in error.lines) from None
+
+
+def _by_option(fault: str, wishes: dict[str, Any]) -> str:
+    """A fault of a key told of the option whose value it takes, or by which it was sized."""
+    for key, given in OPTIONS.items():
+        if fault.startswith(key):
+            return fault.replace(key, given, 1)
+    name = "half_wavelength" if fault.startswith("zone.nodal_lines") else "frequency"
+    return f"{option(name)} = {wishes[name]}: gives {fault}"
 
 
 def _wishes(arguments: Namespace) -> dict[str, Any]:

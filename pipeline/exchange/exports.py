@@ -16,14 +16,22 @@ from pipeline.units import GRAM, MM
 
 CAD = ("stl", "step", "3mf")
 SOLVER_FILES = ("aster", "calculix")
-ONE_FILE = {
-    "phonopy": ".yaml",
-    "paraview": ".vtkhdf",
-    "xdmf": ".xdmf",
-    "uff": ".uff",
-    "impedance": ".s1p",
-}  # a module here each
-SUFFIX = {"stl": ".stl", "step": ".step", "3mf": ".3mf", "vtu": ".vtu", "table": ".bin"} | ONE_FILE
+ONE_FILE = ("phonopy", "paraview", "xdmf", "uff", "impedance")  # a module here each
+ENDINGS = {  # that a file's name may have, the first one where no name is given; "": what several files' names begin with
+    "stl": (".stl",),
+    "step": (".step", ".stp"),
+    "3mf": (".3mf",),
+    "aster": ("", ".med", ".comm", ".export"),
+    "calculix": ("", ".inp"),
+    "vtu": (".vtu",),
+    "paraview": (".vtkhdf", ".hdf"),
+    "xdmf": (".xdmf", ".xmf"),
+    "phonopy": (".yaml", ".yml"),
+    "uff": (".uff", ".unv"),
+    "impedance": (".s1p", ".csv"),
+    "table": (".bin", ".h", ""),
+}
+WORDS = {".s1p": ".s1p (Touchstone)"}
 
 
 def write(case: Case, form: str, output: str | None, log: Log, part: str = "plate", force: bool = False) -> list[Path]:
@@ -33,8 +41,10 @@ def write(case: Case, form: str, output: str | None, log: Log, part: str = "plat
     """
     if form not in SOLVER_FILES and part != "plate":
         raise InputError(f"export {form} --part {part}: must be plate; {' and '.join(SOLVER_FILES)} take any part")
-    path = Path(f"{case.name}{SUFFIX.get(form, '')}" if output is None else output)
+    path = Path(f"{case.name}{ENDINGS[form][0]}" if output is None else output)
     outputs.check_files("-o", places(form, output if output == "" else path))
+    if output is not None:
+        _check_ending(form, path)
     if form in SOLVER_FILES:
         return _solver_files(case, form, part, path, log)
     if form in ONE_FILE:
@@ -42,6 +52,17 @@ def write(case: Case, form: str, output: str | None, log: Log, part: str = "plat
     if form in CAD:
         return [_cad(case, form, path, log)]
     return _vtu(case, path, log) if form == "vtu" else _table(case, path, log, force)
+
+
+def _check_ending(form: str, path: Path) -> None:
+    """InputError for a file whose name says that it is something else than will be in it."""
+    if outputs.is_standard_output(path) or (path.exists() and not path.is_file()):
+        return
+    allowed = ENDINGS[form]
+    if path.suffix.lower() not in allowed:
+        *others, last = (WORDS.get(each, each) for each in allowed if each)
+        listed = f"{', '.join(others)} or {last}" if others else last
+        raise InputError(f"-o {path}: must end in {listed}{', or have no ending' * ('' in allowed)}")
 
 
 def places(form: str, output: str | Path) -> list[str | Path]:

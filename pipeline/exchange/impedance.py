@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from pipeline.case.model import Case
-from pipeline.errors import InputError
 from pipeline.logs import Log
 
 REFERENCE_OHM = 50.0
@@ -21,13 +20,11 @@ def write(case: Case, path: Path, log: Log) -> Path:
     from pipeline.records import outputs
     from solvers.piezo.circuit import admittance
 
-    if path.suffix not in (".s1p", ".csv"):
-        raise InputError(f"-o {path}: must end in .s1p (Touchstone) or .csv")
     case.require("patches", command="export impedance")
     forced = forced_plate(case, log, None, [])
     frequency = np.linspace(*forced.band_hz, POINTS)
     impedance = 1.0 / admittance(forced, frequency)
-    outputs.write_file(path, (touchstone if path.suffix == ".s1p" else table)(frequency, impedance).encode())
+    outputs.write_file(path, (touchstone if path.suffix.lower() == ".s1p" else table)(frequency, impedance).encode())
     return path
 
 

@@ -28,7 +28,8 @@ from solvers.fem.eigen import Modes, modes_in_band, modes_near
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import Confinement, measure
 
-LARGE_M = 5.0
+FAR = 10.0  # beyond the lengths of the case: another body than the case's, or another unit
+USUAL_M = (1e-4, 5.0)  # lengths of bodies, where the case has none
 
 
 def solve(
@@ -49,6 +50,7 @@ def solve(
         _known(name, mesh, file, "--support")
     materials = _materials(case, mesh)
     _log_summary(mesh, materials, file, log)
+    _warn_of_unit(case, mesh, file, unit, log)
     warn_of_locking(case.design, mesh, log)
     model = SolidModel(_with_touch(mesh), materials, (*clamps, *held), False)
     request = _request(case, query)
@@ -99,8 +101,25 @@ def _log_summary(mesh: AnyMesh, materials: dict[str, Material], file: str, log: 
         f"{size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g} mm; faces {', '.join(sorted(mesh.faces)) or 'none'}; "
         + ", ".join(f"{name}: {material.name}" for name, material in materials.items())
     )
-    if size.max() * MM > LARGE_M:
-        log.warning("UNIT", f"{file}: {size.max() * MM:.3g} m long; if the file is in millimetres, add --unit mm")
+
+
+def _warn_of_unit(case: Case, mesh: AnyMesh, file: str, unit: str, log: Log) -> None:
+    """Warn of a body whose longest edge is far from the case's lengths: its frequencies would be off by as much."""
+    long = float(np.ptp(mesh.nodes, axis=0).max())
+    design = case.design
+    own = [design.length_m, design.width_m, design.thickness_m, design.pillar.height_m if design.pillar else 0.0]
+    known = [each for each in own if each > 0.0]
+    low, high = (min(known) / FAR, FAR * max(known)) if known else USUAL_M
+    if not low <= long <= high:
+        other, factor = ("mm", MM) if unit == "m" else ("m", 1.0 / MM)
+        beside = (
+            f"the case's lengths run from {min(known) / MM:.4g} to {max(known) / MM:.4g} mm" if known else "few are"
+        )
+        log.warning(
+            "UNIT",
+            f"{file}: the body is {long / MM:.4g} mm long as read in {unit}, {beside}: with --unit {other} it would be "
+            f"{factor * long / MM:.4g} mm",
+        )
 
 
 def _support(text: str) -> tuple[str, str]:

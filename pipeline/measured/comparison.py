@@ -52,8 +52,10 @@ def read(
     """The files of a command line, or else of the case; None when neither names one. InputError for what does not fit the
     case or its response over a band.
     """
-    if sweep is None and field is None and at is None and case.measured:
+    of_case = sweep is None and field is None and at is None and case.measured is not None
+    if of_case:
         given = case.measured
+        assert given is not None
         sweep, field = (None if path is None else str(path) for path in (given.sweep, given.map))
         at = None if given.at_m is None else f"{given.at_m[0] / MM!r},{given.at_m[1] / MM!r}"
     if sweep is None and field is None:
@@ -66,20 +68,24 @@ def read(
     if measured and measured.quantity == "sensor" and not (case.patches and case.patches.sensors):
         raise InputError(f"{sweep}: a sensor's voltage, but the case has no patches.sensors: must name one")
     if measured:
-        _refuse_elsewhere(measured, driven_band_hz(case, band_hz))
+        key = "--band" if band_hz else "solve.band_kHz"
+        what = f"{case.source or case.name}: measured.sweep = {measured.file}" if of_case else measured.file
+        _refuse_elsewhere(measured, driven_band_hz(case, band_hz), str(what), key)
     mapped = _reader(field).read_field(field, case.design) if field is not None else None
     try:
         weights = weigh(mapped.points_m, case.design) if mapped else None
     except SolverError as error:
         raise InputError(f"{field}: {error}") from error
-    return Measurements(measured, _place(at, case), mapped, weights)
+    place = _place(at, case, f"{case.source or case.name}: measured.at_mm" if of_case else "--at")
+    return Measurements(measured, place, mapped, weights)
 
 
-def _refuse_elsewhere(measured: MeasuredSweep, band_hz: tuple[float, float]) -> None:
+def _refuse_elsewhere(measured: MeasuredSweep, band_hz: tuple[float, float], what: str, key: str) -> None:
     low, high = measured.sweep.frequencies_hz[0], measured.sweep.frequencies_hz[-1]
     if high <= band_hz[0] or low >= band_hz[1]:
-        band = f"must overlap the response, {band_hz[0]:g} to {band_hz[1]:g} Hz (--band)"
-        raise InputError(f"{measured.file}: {low:g} to {high:g} Hz: {band}")
+        raise InputError(
+            f"{what}: {low:g} to {high:g} Hz: must overlap the response, {band_hz[0]:g} to {band_hz[1]:g} Hz ({key})"
+        )
 
 
 def _reader(path: str) -> Any:
@@ -87,7 +93,7 @@ def _reader(path: str) -> Any:
     return universal if universal.is_universal(path) else files
 
 
-def _place(at: str | None, case: Case) -> tuple[float, float] | None:
+def _place(at: str | None, case: Case, what: str) -> tuple[float, float] | None:
     if at is None:
         return None
     half = (case.design.length_m / 2.0, case.design.half_span_m)
@@ -95,9 +101,9 @@ def _place(at: str | None, case: Case) -> tuple[float, float] | None:
     try:
         x, y = (MM * float(part) for part in at.split(","))
     except ValueError as error:
-        raise InputError(f"--at = {at!r}: {allowed}") from error
+        raise InputError(f"{what} = {at!r}: {allowed}") from error
     if not (abs(x) <= half[0] and abs(y) <= half[1]):
-        raise InputError(f"--at = {at!r}: {allowed}")
+        raise InputError(f"{what} = {at!r}: {allowed}")
     return x, y
 
 

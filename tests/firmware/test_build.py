@@ -141,6 +141,14 @@ def test_a_damaged_table_is_refused_in_one_line(tmp_path: Path, capsys, content:
     assert words in error and error.count("\n") == 1
 
 
+@pytest.mark.parametrize("option", ["--table", "--header"])
+def test_a_table_that_is_not_there_is_named_with_the_option(tmp_path: Path, capsys, option: str) -> None:
+    assert builder.main([option, str(tmp_path / "none"), "--out", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert f"{option} {tmp_path / 'none'}: " in error and "No such file or directory)" in error and "Errno" not in error
+    assert error.count("\n") == 1
+
+
 def test_no_table_is_said_with_the_way_to_get_one(tmp_path: Path, capsys) -> None:
     assert builder.main(["--header", str(tmp_path / "none.h"), "--out", str(tmp_path)]) == 2
     assert "antinode export table" in capsys.readouterr().err

@@ -148,6 +148,43 @@ def test_time_left_is_what_earlier_runs_took(tmp_path: Path):
     assert progress.time_left() == "time left not known yet"
 
 
+def test_time_that_a_case_waits_for_a_worker_is_none_of_its_duration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    clock = SimpleNamespace(now=100.0)
+    monkeypatch.setattr("pipeline.batch.progress.time", SimpleNamespace(monotonic=lambda: clock.now))
+    progress = Progress(stream=io.StringIO())
+    log = tmp_path / "value=0" / store.RUN_LOG
+    log.parent.mkdir()
+    log.write_text("of an earlier run")
+    os.utime(log, ns=(1, 1))
+    planned = [SimpleNamespace(case_id=f"value={i}", why="new") for i in range(2)]
+    progress.begin(tmp_path, planned, {"value=0": 20.0, "value=1": 20.0})
+    for item in planned:
+        progress.case_started(item.case_id)
+
+    def later(seconds: float) -> str:
+        clock.now += seconds
+        progress.tick()
+        return progress.time_left()
+
+    assert later(90.0) == "about 40 s left"  # none has begun
+    log.write_text("of this run")
+    assert later(2.0) == "about 40 s left"
+    assert later(5.0) == "about 35 s left"  # one at work, the other waits: not half of it
+    progress.case_ended("value=0", "OK", "done", 20.0)
+    (tmp_path / "value=1").mkdir()
+    (tmp_path / "value=1" / store.RUN_LOG).write_text("")
+    assert later(2.0) == "about 20 s left" and later(25.0) == "taking longer than the cases before"
+
+
+def test_a_case_that_failed_at_once_is_no_measure_of_time(tmp_path: Path):
+    progress = Progress(stream=io.StringIO())
+    progress.begin(tmp_path, [SimpleNamespace(case_id=f"value={i}", why="new") for i in range(3)], {})
+    progress.case_ended("value=0", "FAILED", "lost", 0.0)
+    assert progress.time_left() == "time left not known yet"
+    progress.case_ended("value=1", "OK", "done", 50.0)
+    assert progress.time_left() == "about 50 s left"
+
+
 def test_progress_says_counts_and_can_be_silent(tmp_path: Path, here: ThreadPoolExecutor):
     stream = io.StringIO()
     options, jobs = runner.Options(executor=here), fake_study.jobs(3)

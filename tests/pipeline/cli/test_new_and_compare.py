@@ -41,8 +41,13 @@ def test_a_new_case_has_its_zone_and_its_pillars_at_the_frequency(material: str,
     [
         (["--material", "cheese"], "must be one of"),
         (["--frequency", "30"], "--frequency"),
-        (["--frequency", "1Hz"], "no width gives"),
-        (["--thickness", "-1"], "above 0"),
+        (["--frequency", "1Hz"], "--frequency = 1Hz: must be from 26."),
+        (["--frequency", "32MHz"], "--frequency = 32MHz: must be from 26."),
+        (["--half-wavelength", "0.01"], "--half-wavelength = 0.01: must be at least"),
+        (["--half-wavelength", "1", "--frequency", "5MHz"], "--half-wavelength = 1.0: gives zone.nodal_lines"),
+        (["--thickness", "-1"], "--thickness = -1: must be from"),
+        (["--length", "1e9"], "--length = 1e+09: must be from"),  # whose shapes no memory holds
+        (["--pitch", "1"], "--pitch = 1: pillars overlap: must exceed"),
     ],
 )
 def test_a_wish_that_cannot_be_is_one_line_and_leaves_nothing(

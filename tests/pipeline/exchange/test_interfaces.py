@@ -240,3 +240,30 @@ def test_an_impedance_without_patches_or_format_is_refused(tmp_path: Path, capsy
     assert "[patches]" in capsys.readouterr().err
     assert main(["export", "impedance", SMALL, "--set", PATCH, "-o", str(tmp_path / "z.txt"), "--quiet"]) == 2
     assert ".s1p (Touchstone) or .csv" in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("form", "name", "allowed"),
+    [
+        ("stl", "x.txt", ".stl"),
+        ("step", "x", ".step or .stp"),
+        ("phonopy", "x.csv", ".yaml or .yml"),
+        ("aster", "x.inp", ".med, .comm or .export, or have no ending"),
+        ("table", "x-1.5mm", ".bin or .h, or have no ending"),
+    ],
+)
+def test_a_name_that_says_something_else_is_refused_before_anything_is_computed(
+    form: str, name: str, allowed: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["export", form, SMALL, "-o", str(tmp_path / name), "--quiet"]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [f"antinode: -o {tmp_path / name}: must end in {allowed}"] and not list(tmp_path.iterdir())
+
+
+def test_every_format_has_its_endings() -> None:
+    from pipeline.cli.main import _parser
+    from pipeline.exchange.exports import ENDINGS
+
+    (commands,) = (each.choices for each in _parser()._actions if each.dest == "command")
+    (forms,) = (each.choices for each in commands["export"]._actions if each.dest == "format")
+    assert sorted(forms) == sorted(ENDINGS)

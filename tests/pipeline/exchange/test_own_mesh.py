@@ -124,6 +124,26 @@ def test_gmsh_files_in_millimetres_give_the_frequencies_of_our_mesh(
     assert computed == pytest.approx(frequencies(mesh, ("touch",))[:5], rel=SAME)
 
 
+@pytest.mark.parametrize(
+    ("scale", "unit", "said"),
+    [
+        (1e3, "m", "6000 mm long as read in m, the case's lengths run from 2 to 20 mm: with --unit mm it"),
+        (1.0, "mm", "0.006 mm long as read in mm, the case's lengths run from 2 to 20 mm: with --unit m it"),
+        (1.0, "m", None),
+    ],
+)
+def test_a_unit_that_makes_a_body_a_thousand_times_the_case_s_is_doubted(
+    scale: float, unit: str, said: str | None, case_file: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    meshio.write(tmp_path / "bar.msh", as_meshio(bar(1), scale), file_format="gmsh22")
+    found(
+        [case_file, "--mesh-file", str(tmp_path / "bar.msh"), "--unit", unit, "--clamp", "FIXED", "--count", "1"],
+        tmp_path,
+    )
+    lines = [line for line in capsys.readouterr().err.splitlines() if "UNIT" in line]
+    assert len(lines) == (said is not None) and (said is None or said in lines[0])
+
+
 def gmsh41(mesh: Mesh) -> str:
     """Quadratic tetrahedra and their clamped face as gmsh 4.1 writes them: physical names belong to entities."""
     tets, count = mesh.cells[:, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]] + 1, len(mesh.nodes)  # gmsh ends with edges 32, 31

@@ -11,9 +11,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from pipeline.case.model import load_case
+from pipeline.case.model import MeasuredFiles, load_case
 from pipeline.cli.main import main
-from pipeline.measured.comparison import _sweep_summary
+from pipeline.errors import InputError
+from pipeline.measured.comparison import _sweep_summary, read
 from pipeline.measured.files import read_field, read_sweep
 from solvers.control.resonance import Resonance
 from tests.helpers.coarse_cells import mesh_coarsest
@@ -183,3 +184,17 @@ def test_a_sweep_elsewhere_is_refused(tmp_path: Path, capsys: pytest.CaptureFixt
     far.write_text("frequency_kHz,real,imag\n" + "".join(f"{10 + i},1,0.{i}\n" for i in range(9)))
     assert main(["response", str(CASE), "--quiet", "--points", "5", "--measured", str(far)]) == 2
     assert "must overlap the response" in capsys.readouterr().err
+
+
+def test_a_sweep_of_the_case_s_own_is_told_by_its_keys(tmp_path: Path) -> None:
+    """A study has no --band, and no --at."""
+    far = tmp_path / "far.csv"
+    far.write_text("frequency_kHz,real,imag\n" + "".join(f"{10 + i},1,0.{i}\n" for i in range(9)))
+    case = replace(load_case(CASE), measured=MeasuredFiles(far, None, None))
+    with pytest.raises(
+        InputError, match=r"plate.toml: measured.sweep = .*far.csv: .* 29000 to 36000 Hz \(solve.band_kHz\)"
+    ):
+        read(case, None, None, None)
+    aside = replace(case, measured=MeasuredFiles(FOLDER / "sweep.csv", None, (0.3, 0.0)))
+    with pytest.raises(InputError, match=r"plate.toml: measured.at_mm = '300.0,0.0': must be"):
+        read(aside, None, None, None)
