@@ -235,11 +235,12 @@ class Modes(Result, Sequence[Mode]):
 
     def _rows_html(self) -> str:
         from antinode.frames import html_table
+        from pipeline.records.reading import filled
 
-        shown = ("frequency_hz", "symmetry", "zone_share", "confinement_db", "mac", "strength")
+        names = ("frequency_hz", "symmetry", "zone_share", "confinement_db", "mac", "strength")
         wanted = self.wanted.frequency_hz if self.wanted else None
-        return html_table(shown, [[getattr(mode, name) for name in shown] for mode in self],
-                          [i for i, mode in enumerate(self) if mode.frequency_hz == wanted])  # fmt: skip
+        shown = filled(names, [[getattr(mode, name) for name in names] for mode in self])
+        return html_table(*shown, [i for i, mode in enumerate(self) if mode.frequency_hz == wanted])
 
     def _surface(self, mode: Mode) -> Any:
         if self._solved is None or self._case is None:

@@ -73,6 +73,7 @@ def run(command: str, folder: Path) -> float:
     paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
     environment = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
     environment |= {"PYTHONPATH": paths, "ANTINODE_RESULTS": str(folder / "results"), "MPLBACKEND": "Agg"}
+    environment |= {"XDG_STATE_HOME": str(folder / "state")}  # a study's name is not remembered beyond
     before = sum(os.times()[2:4])  # of ended children: what else the machine does is not counted
     done = subprocess.run(command, shell=True, cwd=folder, env=environment, capture_output=True, text=True)
     if done.returncode:

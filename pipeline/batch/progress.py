@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 HEARTBEAT_S = 30.0
 LOOK_S = 1.0  # between two looks at which cases have begun
+LONGER = 1.2  # times what it took before: less is as usual
 MAX_NAMED = 4
 MAX_REASONS = 8
 EXPECTED = {"new", "not finished before", "forced"}
@@ -144,9 +145,11 @@ class Progress:
         if not guesses or any(guess is None for guess in guesses):
             return "time left not known yet"
         spent = {case_id: time.monotonic() - start for case_id, start in self._begun.items()}
-        rest = sum(max(0.0, self._known.get(case_id, mean or 0.0) - spent.get(case_id, 0.0)) for case_id in self._left)
+        usual = {case_id: self._known.get(case_id, mean or 0.0) for case_id in self._left}
+        rest = sum(max(0.0, usual[case_id] - spent.get(case_id, 0.0)) for case_id in usual)
         if rest <= 0.0:
-            return "taking longer than the cases before"
+            late = any(seconds > LONGER * usual.get(case_id, 0.0) for case_id, seconds in spent.items())
+            return "taking longer than the cases before" if late else "about to end"
         return f"about {_duration(rest / max(1, len(self._begun)))} left"
 
 

@@ -10,7 +10,7 @@ from pipeline.case.quantities import parse_band, parse_frequency
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.records import outputs
-from pipeline.records.reading import reading_table
+from pipeline.records.reading import filled, reading_table
 from pipeline.units import KHZ
 from pipeline.views.answer import Answer, emit, of_case
 from pipeline.views.rows import ROWS
@@ -79,7 +79,7 @@ def _modes_table(head: tuple[str, ...], rows: list[list[Any]], document: dict[st
     wanted = (document.get("wanted") or {}).get("frequency_hz")
     marked = [number for number, row in enumerate(rows) if wanted is not None and row[0] == wanted]
     last = head.index("residual")
-    return reading_table(head[:last], [row[:last] for row in rows], marked)
+    return reading_table(*filled(head[:last], [row[:last] for row in rows]), marked)
 
 
 def _refuse_options_without_effect(arguments: Namespace) -> None:
@@ -228,7 +228,7 @@ def response(arguments: Namespace) -> int:
     lines = [
         f"{solved.model}, {solved.dof} degrees of freedom; around the peak of "
         f"the {'wanted mode' if solved.wanted else 'zone'}, per volt of drive:",
-        reading_table(head, sorted(near)),
+        reading_table(*filled(head, sorted(near))),
         *forced.lines(solved),
         *(beside.lines if beside else []),
         *(f"wrote {path}" for path in made),
@@ -271,7 +271,7 @@ def touch(arguments: Namespace) -> int:
     """Put a finger on the driven plate."""
     case, log, band = _read(arguments)
     if arguments.explain:
-        return _explained(arguments, "of_touch", case, band, bool(arguments.out))
+        return _explained(arguments, "of_touch", case, band, not arguments.no_map, bool(arguments.out))
     from pipeline.analysis import touch as touched
     from pipeline.plots.touch import tactile_map
 

@@ -14,7 +14,8 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
-from pipeline.planning.plan import HYBRID_POINTS
+from pipeline.planning.foresight import announce
+from pipeline.planning.plan import HYBRID_POINTS, hybrid_step
 from pipeline.records.record import HybridRecord, HybridWay, MeshRecord
 from pipeline.units import KHZ, UM
 from solvers.driven.contrast import contrast_volts
@@ -55,6 +56,9 @@ def solve(
     """
     inner = _checked(case)
     kept: list[MeshRecord] = [] if meshes is None else meshes
+    step = hybrid_step(case, band_hz, points, 3 if forced else 4)
+    assert step.demand
+    announce(step.name, step.demand, log)
     plates = _plates(case, log, band_hz, forced, kept)
     tone, (low, high) = driven_hz(plates.rows), plates.rows.band_hz
     wanted = near_hz(plates.rows, tone) if tone and low <= tone <= high else None
@@ -110,9 +114,13 @@ def _plates(
     design = case.design
     outside = design.half_span_m - design.width_m / 2.0
     bare = replace(design, rows=0, extension_m=outside, graded=(), graded_pitches_m=())
-    others = [bare, *(_retuned(design, 1.0 + sign * DETUNING) for sign in (-1.0, 1.0))]
-    first = forced or forced_plate(case, log, band_hz, meshes)
-    solved = [forced_plate(replace(case, design=each), log, first.band_hz, meshes) for each in others]
+    others = {"without rows": bare}
+    others |= {f"with pillars off by {d:+.0%}": _retuned(design, 1.0 + d) for d in (-DETUNING, DETUNING)}
+    first = forced or forced_plate(case, log, band_hz, meshes, is_announced=True)
+    solved = []
+    for number, (name, each) in enumerate(others.items(), start=2):
+        log.info(f"plate {number} of {1 + len(others)}: {name}")
+        solved.append(forced_plate(replace(case, design=each), log, first.band_hz, meshes, is_announced=True))
     return Plates(first, solved[0], tuple(solved[1:]))
 
 

@@ -23,16 +23,18 @@ FOLLOWS = 0.2  # of its own lowest resonance: below it motion inside a patch add
 
 
 def forced_plate(
-    case: Case, log: Log, band_hz: tuple[float, float] | None = None, meshes: list[MeshRecord] | None = None
-) -> ForcedPlate:
+    case: Case, log: Log, band_hz: tuple[float, float] | None = None, meshes: list[MeshRecord] | None = None,
+    is_announced: bool = False,
+) -> ForcedPlate:  # fmt: skip
     """Bond the patches and prepare the forced response over a band (default: the case's); meshes are added to
-    `meshes`.
+    `meshes`. is_announced: the plate is one of several, whose demand was told as a whole.
 
     InputError for a model that cannot carry patches; raises what its solvers raise.
     """
     band = driven_band_hz(case, band_hz)
     refuse_patches(case, band)
-    foresight.announce("the forced response", _demand(case, band), log)
+    if not is_announced:
+        foresight.announce("the forced response", _demand(case, band), log)
     model = parts.build(case, "plate", response_high_hz(case, band), log, [] if meshes is None else meshes)
     if not isinstance(model, PlateModel):
         raise InputError(f"{case.name}: solve.model: patches are bonded to plates cells, must be auto or superelement")

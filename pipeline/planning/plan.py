@@ -156,9 +156,9 @@ def of_response(case: Case, band_hz: tuple[float, float] | None, points: int, dr
     return _plan(case, [response_step(case, band_hz, points)], [simplifications.no_figures(drawn)])
 
 
-def of_touch(case: Case, band_hz: tuple[float, float] | None, drawn: bool) -> Plan:
+def of_touch(case: Case, band_hz: tuple[float, float] | None, mapped: bool, drawn: bool) -> Plan:
     """Plan of `antinode touch`. Raises InputError for a case without patches or finger."""
-    return _plan(case, [touch_step(case, band_hz)], [simplifications.no_figures(drawn)])
+    return _plan(case, [touch_step(case, band_hz, mapped)], [simplifications.no_figures(drawn)])
 
 
 def of_hybrid(case: Case, band_hz: tuple[float, float] | None, points: int, drawn: bool) -> Plan:
@@ -254,27 +254,33 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, 
     return Step(**{**vars(step), "why": (*step.why, coupled)})
 
 
-def touch_step(case: Case, band_hz: tuple[float, float] | None = None) -> Step:
+def touch_step(case: Case, band_hz: tuple[float, float] | None = None, mapped: bool = True) -> Step:
     """Plan a finger on the driven plate: it moves every symmetry class."""
     case.require("touch", command="touch")
     step = response_step(case, band_hz, 1)
     touch = case.touch
     assert touch is not None and case.patches is not None
     left_out = tuple(each for each in step.left_out if each.rule != "undriven_classes")
-    looks = f"the wanted mode under {touch.tip.name} and free; {case.patches.count} patches"
+    places = ", and at every place of a map" * mapped
+    looks = f"the wanted mode under {touch.tip.name} and free{places}; {case.patches.count} patches"
     classes = step.classes if step.classes == ("whole",) else simplifications.CLASSES
     return replace(
         step, measure="touch", name="a finger on the plate", classes=classes, looks_for=looks, left_out=left_out
     )
 
 
-def hybrid_step(case: Case, band_hz: tuple[float, float] | None = None, points: int = HYBRID_POINTS) -> Step:
-    """Plan rows and patches together: the plate, the same without rows, and with the pillars off by 2 % both ways."""
+def hybrid_step(
+    case: Case, band_hz: tuple[float, float] | None = None, points: int = HYBRID_POINTS, plates: int = 4
+) -> Step:
+    """Plan rows and patches together: the plate, the same without rows, and with the pillars off by 2 % both ways.
+
+    plates: how many of them are still to be computed.
+    """
     step = response_step(case, band_hz, points)
     assert case.patches is not None and step.demand
     looks = f"{points} frequencies, {case.patches.count} patches; four plates: as it is, without rows, pillars detuned twice"
     demand = step.demand
-    for _ in range(3):
+    for _ in range(plates - 1):
         demand = demand.then(step.demand)
     return replace(step, measure="hybrid", name="rows and patches together", looks_for=looks, demand=demand)
 
@@ -284,6 +290,7 @@ def travel_step(case: Case, band_hz: tuple[float, float] | None = None) -> Step:
     step = response_step(case, band_hz, 1)
     lines = case.design.nodal_lines
     looks = f"the modes (0, {lines}) and (0, {lines - 1}) or (0, {lines + 1}), held at a frequency between theirs"
+    looks += ", and a finger at places along the wave" if case.touch else ""
     return replace(step, measure="travel", name="a wave that travels in the zone", looks_for=looks)
 
 

@@ -44,6 +44,12 @@ def shown(value: Any, form: Form) -> str | None:
     return f"{form.factor * value:{form.digits}}" if isinstance(value, float) else value
 
 
+def filled(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str], list[list[Any]]]:
+    """Head and rows without the columns that have no meaning here: nothing in any row."""
+    kept = [at for at in range(len(head)) if not rows or any(row[at] is not None for row in rows)]
+    return [head[at] for at in kept], [[row[at] for at in kept] for row in rows]
+
+
 def reading_table(head: Sequence[str], rows: Iterable[Sequence[Any]], marked: Collection[int] = ()) -> str:
     """Aligned columns under words with units; the rows whose numbers are `marked` begin with a star."""
     known = [named(name) for name in head]

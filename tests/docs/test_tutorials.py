@@ -21,6 +21,11 @@ OTHERS = [ROOT / "docs" / "start.md", *sorted((ROOT / "docs" / "how-to").glob("*
 SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
 BLOCK = re.compile(r"```sh\n(.*?)```", re.DOTALL)
 PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
+SHOWN = re.compile(
+    r"```sh\n([^`]*\n)?([^`\n]+)\n```\n\n```text\n(.*?)```", re.DOTALL
+)  # the last command and what it prints
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+CLOSE = {"rel": 0.01, "abs": 0.1}  # what another machine's rounding, libraries and choices of mesh leave the same
 NEEDS_A_CLUSTER = "cluster"  # its Python starts jobs under Slurm
 
 
@@ -35,6 +40,26 @@ def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
     environment = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT)}
     environment |= {"ANTINODE_RESULTS": str(folder / "results"), "OMP_NUM_THREADS": "1"}
     return subprocess.run(line, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+
+
+def shows(shown: str, printed: str) -> bool:
+    """Whether a page's lines are among those printed, in their order: words alike, numbers close; `...` leaves lines out."""
+    lines = iter(printed.splitlines())
+    return all(any(alike(line, each) for each in lines) for line in shown.splitlines() if line != "...")
+
+
+def alike(one: str, other: str) -> bool:
+    """Whether two lines differ in blanks and in the last digits of their numbers alone."""
+    words = [NUMBER.sub("#", line).split() for line in (one, other)]
+    numbers = [[float(each) for each in NUMBER.findall(line)] for line in (one, other)]
+    return words[0] == words[1] and numbers[0] == pytest.approx(numbers[1], **CLOSE)
+
+
+def test_what_a_page_shows_is_compared_by_words_and_numbers() -> None:
+    printed = "a table\n* 34.493  SS  0.9537\n  40.405  SS  -\nend"
+    assert shows("*  34.49 SS 0.954\n...\nend", printed) and shows("", "")
+    for wrong in ("* 35.5 SS 0.954", "34.493 SS 0.9537", "end\na table", "* 34.493 AS 0.9537", "new"):
+        assert not shows(wrong, printed)
 
 
 # half a minute to two minutes each
@@ -53,9 +78,11 @@ PAGES = [
 def test_a_tutorial_runs(page: Path, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     before = set(ROOT.glob("*")) | set((ROOT / "examples").glob("*"))
+    told = {line: text for _, line, text in SHOWN.findall(page.read_text())}
     for line in commands(page):
         ended = shell(line, tmp_path)
         assert ended.returncode == 0, f"{line}\n{ended.stdout[-800:]}\n{ended.stderr[-1500:]}"
+        assert shows(told.get(line, ""), ended.stdout), f"{line}\n{ended.stdout}"
     for number, block in enumerate(PYTHON.findall(page.read_text()) if page.stem != NEEDS_A_CLUSTER else []):
         script = tmp_path / f"block{number}.py"
         script.write_text(block)

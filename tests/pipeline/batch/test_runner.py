@@ -173,7 +173,8 @@ def test_time_that_a_case_waits_for_a_worker_is_none_of_its_duration(tmp_path: P
     progress.case_ended("value=0", "OK", "done", 20.0)
     (tmp_path / "value=1").mkdir()
     (tmp_path / "value=1" / store.RUN_LOG).write_text("")
-    assert later(2.0) == "about 20 s left" and later(25.0) == "taking longer than the cases before"
+    assert later(2.0) == "about 20 s left" and later(21.0) == "about to end"
+    assert later(4.0) == "taking longer than the cases before"
 
 
 def test_a_case_that_failed_at_once_is_no_measure_of_time(tmp_path: Path):

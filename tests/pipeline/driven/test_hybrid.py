@@ -15,11 +15,13 @@ from pipeline.driven import hybrid
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.models.patched_plate import forced_plate
+from pipeline.planning.plan import hybrid_step, response_step
 from pipeline.plots.response import hybrid_levels
 from pipeline.records.record import HybridRecord
 from pipeline.views import figures
 from pipeline.views.rows import ROWS
 from tests.helpers.coarse_cells import mesh_coarsest
+from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import STEEL_PILLARS
 
 QUIET = TerminalLog(quiet=True)
@@ -44,8 +46,22 @@ def coarse() -> Iterator[pytest.MonkeyPatch]:
 
 
 @pytest.fixture(scope="module")
-def record(coarse: pytest.MonkeyPatch) -> HybridRecord:
-    return hybrid.solve(case_of(), QUIET, points=4, alpha=0.0)
+def told() -> RecordingLog:
+    return RecordingLog()
+
+
+@pytest.fixture(scope="module")
+def record(coarse: pytest.MonkeyPatch, told: RecordingLog) -> HybridRecord:
+    return hybrid.solve(case_of(), told, points=4, alpha=0.0)
+
+
+def test_four_plates_are_foreseen_at_once_and_named_as_they_come(record: HybridRecord, told: RecordingLog) -> None:
+    whole, one = hybrid_step(case_of(), None, 4).demand, response_step(case_of(), None, 4).demand
+    assert whole and one and whole.cost.operations == pytest.approx(4.0 * one.cost.operations)
+    assert [fact for fact in told.facts if fact.startswith("foreseen")] == [whole.text()]
+    assert [fact for fact in told.facts if fact.startswith("plate ")] == [
+        "plate 2 of 4: without rows", "plate 3 of 4: with pillars off by -2%", "plate 4 of 4: with pillars off by +2%"
+    ]  # fmt: skip
 
 
 def test_each_way_is_what_the_response_says(record: HybridRecord, coarse: pytest.MonkeyPatch) -> None:

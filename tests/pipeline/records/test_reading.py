@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.records.reading import reading_table
+from pipeline.records.reading import filled, reading_table
 
 
 def test_frequencies_are_in_khz_with_units_in_the_head_and_the_answer_is_starred() -> None:
@@ -20,3 +20,9 @@ def test_without_an_answer_there_is_no_column_of_stars() -> None:
         "label  band 1 (kHz)  decay per row (dB)",
         "    G         0.000                5.50",
     ]
+
+
+def test_columns_that_mean_nothing_here_are_left_out() -> None:
+    head, rows = filled(("frequency_hz", "mac", "confinement_db"), [[1.0, None, 2.0], [3.0, None, None]])
+    assert head == ["frequency_hz", "confinement_db"] and rows == [[1.0, 2.0], [3.0, None]]
+    assert filled(("frequency_hz",), []) == (["frequency_hz"], [])
