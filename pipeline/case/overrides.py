@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 import re
 import tomllib
 from collections.abc import Iterable
@@ -12,6 +13,7 @@ from typing import Any
 from geometry.files import read_by_command
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import SHAPES
+from pipeline import paths
 from pipeline.case.diagnostics import quoted
 from pipeline.case.rows import INSTEAD, PITCHES
 from pipeline.errors import InputError, reason
@@ -46,7 +48,8 @@ def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
             content = file.read(max_bytes + 1)
         text = content.decode("utf-8-sig")
     except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
+        ours = paths.ROOT / path
+        raise InputError(f"{path}: no such file" + f" in this folder; there is {ours}" * os.path.isfile(ours)) from None
     except IsADirectoryError:
         raise InputError(f"{path}: is a directory, must be a TOML file") from None
     except UnicodeDecodeError as error:

@@ -256,6 +256,14 @@ def test_missing_file(tmp_path):
         load_case(tmp_path / "nothing.toml")
 
 
+def test_a_file_of_the_checkout_is_pointed_at_from_elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(
+        InputError, match="examples/small.toml: no such file in this folder; there is /.*/examples/small.toml"
+    ):
+        load_case("examples/small.toml")
+
+
 def test_byte_order_mark_is_harmless(tmp_path):
     (tmp_path / "case.toml").write_bytes(b"\xef\xbb\xbf" + CASE.read_bytes())
     assert load_case(tmp_path / "case.toml").design.rows == 3
