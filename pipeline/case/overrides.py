@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import copy
-import os
 import re
 import tomllib
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,14 @@ TOO_DEEP = f"tables or lists nested deeper than {DEEPEST}, which nothing in it m
 LONG_KEY = re.compile(r"""(?<![\w"'-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){50}""")
 
 
+def _elsewhere(path: Path) -> str:
+    """Where a file of this name is among the program's own, which help and pages name from the checkout's folder."""
+    with suppress(OSError):
+        if (ours := paths.ROOT / path).is_file():
+            return f" in this folder; there is {ours}"
+    return ""
+
+
 def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
     """The file as a dictionary; InputError for what cannot be read or parsed, with the line number where known.
 
@@ -48,8 +56,7 @@ def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
             content = file.read(max_bytes + 1)
         text = content.decode("utf-8-sig")
     except FileNotFoundError:
-        ours = paths.ROOT / path
-        raise InputError(f"{path}: no such file" + f" in this folder; there is {ours}" * os.path.isfile(ours)) from None
+        raise InputError(f"{path}: no such file{_elsewhere(path)}") from None
     except IsADirectoryError:
         raise InputError(f"{path}: is a directory, must be a TOML file") from None
     except UnicodeDecodeError as error:

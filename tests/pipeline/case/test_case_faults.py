@@ -259,7 +259,7 @@ def test_missing_file(tmp_path):
 def test_a_file_of_the_checkout_is_pointed_at_from_elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(
-        InputError, match="examples/small.toml: no such file in this folder; there is /.*/examples/small.toml"
+        InputError, match=r"examples/small.toml: no such file in this folder; there is /.*/examples/small.toml"
     ):
         load_case("examples/small.toml")
 
