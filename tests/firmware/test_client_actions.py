@@ -289,6 +289,7 @@ def test_a_port_may_be_named_in_front_or_by_its_option() -> None:
     assert command_line.with_port(["start", "0.1", "--port", "/dev/x"]) == ["/dev/x", "start", "0.1"]
     assert command_line.with_port(["start", "0.1"]) == ["auto", "start", "0.1"]
     assert command_line.with_port(["--help"]) == ["--help"] and command_line.with_port([]) == []
+    assert command_line.with_port(["stat"]) == ["auto", "stat"] and command_line.with_port(["/dev/x"]) == ["/dev/x"]
 
 
 class Clock:
