@@ -394,7 +394,7 @@ class Plate(Frozen):
         """Open a page on which the design is dragged, in mm, and answers at once: serve it until interrupted, or write it.
 
         path: one file that answers in the browser alone; None: serve the page.
-        port: on this machine's loopback address (0: a free one). The page's model takes a minute to make and is kept.
+        port: on this machine's loopback address (0: a free one). The page's model takes some minutes to make and is kept.
         Raises InputError without a square pillar, plate and zone.
 
         >>> from pathlib import Path

@@ -219,7 +219,10 @@ def with_port(arguments: list[str]) -> list[str]:
     named, rest = parser.parse_known_args(arguments)
     if named.port is not None:
         return [named.port, *rest]
-    is_word = len(rest) == 1 and rest[0][:1] not in ("-", "/")  # one alone was meant to be an action, if none that there is
+    is_word = len(rest) == 1 and rest[0][:1] not in (
+        "-",
+        "/",
+    )  # one alone was meant to be an action, if none that there is
     return ["auto", *rest] if rest and (rest[0] in ACTIONS or is_word) else rest
 
 

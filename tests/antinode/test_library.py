@@ -44,7 +44,9 @@ def test_the_public_names_are_these() -> None:
 
 def test_importing_it_loads_nothing_heavy() -> None:
     """Nothing but the standard library, so that it takes the milliseconds of a few small files, far below 0.3 s."""
-    code = "import sys; old = {*sys.modules}; import antinode; print(*{m.partition('.')[0] for m in {*sys.modules} - old})"
+    code = (
+        "import sys; old = {*sys.modules}; import antinode; print(*{m.partition('.')[0] for m in {*sys.modules} - old})"
+    )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert set(done.stdout.split()) - set(sys.stdlib_module_names) == {"antinode"}
 
