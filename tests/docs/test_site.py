@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 import shlex
@@ -160,3 +161,16 @@ def test_a_dead_link_and_a_missing_name_are_faults(
     assert not [fault for fault in faults if "antinode.load:" in fault or "warnings" in fault]
     (source / "index.md").write_text(f"# Site\n\n[there](nowhere.md)\n\n{library}\n")
     assert any("1 warnings" in fault for fault in site["build"].build(source, tmp_path / "two"))
+
+
+def test_every_warning_is_explained() -> None:
+    page, codes = (DOCS / "how-to" / "warnings.md").read_text(), set()
+    for folder in ("antinode", "pipeline", "solvers", "studies"):
+        for path in (ROOT / folder).rglob("*.py"):
+            calls = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call) and node.args]
+            warned = [call.args[0] for call in calls if getattr(call.func, "attr", "") == "warning"]
+            codes |= {each.value for word in warned for each in ast.walk(word) if isinstance(each, ast.Constant)}
+    explained = {
+        line.split("|")[1].strip() for line in page.splitlines() if line.startswith("| ") and line[2].isupper()
+    }
+    assert explained == {code for code in codes if str(code).isupper()} and len(explained) > 20
