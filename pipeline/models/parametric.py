@@ -33,9 +33,7 @@ from solvers.waves.brillouin import path_through
 PATH, INTERVALS, BANDS = "GXMG", 25, 10
 MAX_BYTES = 400_000_000  # of all models: some pairs of materials
 UNSEEN = 4  # designs that tell what the bases miss
-MESH_ERROR = (
-    0.0015  # of a frequency: about twice what the calibration measured for such a mesh; the benchmark checks it
-)
+MESH_ERROR = 0.0035  # of a frequency, in the corners of the box of designs; in its middle a tenth of a per cent
 
 
 @dataclass(frozen=True)

@@ -99,7 +99,7 @@ def test_every_command_of_a_tutorial_is_one_that_there_is(page: Path) -> None:
             assert main._parser().parse_args(words[1:]).command == words[1]
             assert all((ROOT / word).is_file() for word in words if word.startswith("examples/"))
         else:
-            assert words[:2] in (["python", "-c"], ["python", "-m"])
+            assert words[:2] in (["python", "-c"], ["python", "-m"], ["jupyter", "execute"])
 
 
 def test_the_first_page_answers_on_coarse_plates(
@@ -135,4 +135,5 @@ def test_every_tutorial_is_listed_and_every_link_leads_somewhere() -> None:
     for page in TUTORIALS:
         assert page.name == "README.md" or f"({page.name})" in index
         for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text()):
-            assert (page.parent / link).exists(), f"{page.name}: {link}"
+            made = "pictures/gallery" in link  # by the site's build, whose own test knows what it makes
+            assert made or (page.parent / link).exists(), f"{page.name}: {link}"
