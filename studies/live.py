@@ -1,6 +1,7 @@
 """How far the parametric cell's bands lie from plain reductions of random designs, and the ratio of times.
 
-    python -m studies.live [DESIGNS] [CASE]
+    python -m studies.live [DESIGNS] [CASE]    so many random designs
+    python -m studies.live corners [CASE]      those of the corners of the box
     python -m studies.live picture [CASE]      docs/pictures/explore.gif: bands and shape while the pillars grow
 
 Each design is solved once from the bases and once as `antinode bands` would at accuracy 0.001, in one process, one after
@@ -159,9 +160,5 @@ if __name__ == "__main__":
     if words[:1] == ["picture"]:
         picture(words[1] if len(words) > 1 else str(STUDIES / "three-rows.toml"))
         raise SystemExit
-    raise SystemExit(
-        main(
-            None if words[:1] == ["corners"] else int(words[0]) if words else 100,
-            words[1] if len(words) > 1 else str(STUDIES / "three-rows.toml"),
-        )
-    )
+    designs = None if words[:1] == ["corners"] else int(words[0]) if words else 100
+    raise SystemExit(main(designs, words[1] if len(words) > 1 else str(STUDIES / "three-rows.toml")))

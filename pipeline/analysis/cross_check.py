@@ -82,7 +82,7 @@ def _by_tetrahedra(case: Case, structured: mode_rows.ModeRow, bar: float, log: L
     coarse = replace(case, solve=replace(case.solve, mesh="tet", model="solid", accuracy=accuracy))
     request = modes.Request(
         "plate",
-        band_hz=(tone * (1.0 - bar - BELOW), tone * (1.0 + excess(PLATE_TETRAHEDRA) / 2.0)),
+        band_hz=(tone * (1.0 - bar - BELOW), tone * (1.0 + excess(PLATE_TETRAHEDRA))),
         symmetry=case.symmetry_wanted,
         search=False,
         expected=modes.Expected(tone, structured.strength or 0.0),
