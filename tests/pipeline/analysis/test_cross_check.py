@@ -71,9 +71,11 @@ def test_a_superelement_broken_on_purpose_is_found_out(monkeypatch: pytest.Monke
 
     def found(log: RecordingLog) -> Any:
         ours = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), log)
-        return cross_check._plate(case, ours, log)[2]["tet_modes"]
+        assert ours.wanted and ours.bar and ours.bar.frequency
+        return cross_check._plate(case, ours.wanted.row, ours.bar.frequency, log)[2].get("tet_modes")
 
-    assert found(RecordingLog()).agrees
+    same = found(RecordingLog())
+    assert same and same.agrees
 
     def broken(self: AssembledPlate) -> PlainPencil:
         pencil = right(self)
@@ -81,4 +83,5 @@ def test_a_superelement_broken_on_purpose_is_found_out(monkeypatch: pytest.Monke
 
     monkeypatch.setattr(AssembledPlate, "pencil", broken)
     log = RecordingLog()
-    assert not found(log).agrees and "CROSS_CHECK" in log.warnings
+    other = found(log)
+    assert ("CROSS_CHECK" in log.warnings and not other.agrees) if other else "NO_MODE" in log.warnings
