@@ -172,9 +172,11 @@ def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
 
 
 def _modes_end_hz(case: Case, high_hz: float) -> float:
-    """No fixed-interface mode above it is worth its place; infinity where no beam tells which bands are asked for."""
+    """No fixed-interface mode above it is worth its place; infinity where no beam tells which bands are asked for, and for
+    staggered rows, whose cell tells nothing of what it leaves out.
+    """
     pillar = case.design.pillar
-    if pillar is None or pillar.file or case.bands.count > BY_BEAMS:
+    if pillar is None or pillar.file or case.design.stagger or case.bands.count > BY_BEAMS:
         return inf
     return max(BEYOND * mesh_rules.bands_end_hz(pillar, case.bands.count), mesh_rules.REACH * high_hz)
 

@@ -170,6 +170,8 @@ def test_slow_pillars_keep_the_modes_that_the_bands_asked_for_need() -> None:
     rise = (result.computed_hz[moving] / whole.frequencies_hz[moving] - 1.0).max()
     assert rise <= result.detail.reduction_error < 0.02
     tops = [cell_model_choice(case(SOFT), high).reduction.top_hz for high in (0.0, 1e5)]  # type: ignore[union-attr]
+    wide = [cell_model_choice(case(SOFT, "array.pitch_mm=6", *more)) for more in ([], ["array.stagger=true"])]
+    assert wide[1].reduction.top_hz > 1.2 * wide[0].reduction.top_hz  # type: ignore[union-attr]  # nothing would tell what it lacks
     assert tops[1] == 9e5 > tops[0] and cell_model_choice(case()).reduction.top_hz > tops[1]  # type: ignore[union-attr]
 
 
