@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from math import inf, sqrt
+from math import ceil, inf, sqrt
 
 from geometry.hex.boxes import HexSettings
 from geometry.layout import Design, Pillar
@@ -172,10 +172,10 @@ def _shear_speed(design: Design) -> float:
 
 
 def bands_end_hz(pillar: Pillar, count: int) -> float:
-    """Frequency, Hz, below which a lattice of such pillars has at least `count` bands: each of a pillar's own modes brings one,
-    and its bending modes come at least two for every one about its weaker axis and its stiffer one.
+    """Frequency, Hz, up to which a lattice of such pillars has at least `count` bands: one for every bending mode of a pillar,
+    half of them about either axis.
     """
-    number = -(-count // 2)
+    number = ceil(count / 2)
     return max(float(pillar_frequencies_hz(pillar, "timoshenko", number, about_x=axis)[-1]) for axis in (False, True))
 
 

@@ -27,11 +27,11 @@ from solvers.analytic.edge_singularity import (
     rim_wedges,
 )
 from solvers.fem.constraints import Pencil
+from solvers.fem.eigen import factor_near
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.solid import SolidModel
 
 BELOW, APART = 0.97, 0.01  # a shift: of the lowest eigenvalue, and how far from any, relative
-STILL = 1e-9  # of the highest eigenvalue: rigid-body modes lie below
 SMOOTH, CLAMPED_SMOOTH = (
     0.04,
     0.02,
@@ -144,9 +144,8 @@ def coarser_eigenvalues(
     restricted = sp.csr_array(sp.kron(transfer, sp.eye_array(3), format="csr"))[np.flatnonzero(fine.free)][
         :, np.flatnonzero(coarse.free)
     ]
-    matrix = sp.csc_array(coarse.stiffness - (_amid(values) * unit) * coarse.mass)
-    loads = np.ascontiguousarray(restricted.T @ (fine.mass @ vectors))
-    moved, _ = np.linalg.qr(Factoriser()(matrix).solve(loads))
+    factor, _ = factor_near(coarse, _amid(values) * unit, Factoriser())
+    moved, _ = np.linalg.qr(factor.solve(np.ascontiguousarray(restricted.T @ (fine.mass @ vectors))))
     stiffness, mass = (moved.T @ (part @ moved) for part in (coarse.stiffness, coarse.mass))
     found, turn = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
     overlap = vectors.T @ (fine.mass @ (restricted @ (moved @ turn)))
@@ -155,8 +154,8 @@ def coarser_eigenvalues(
 
 
 def _amid(values: FloatArray) -> float:
-    """A shift between eigenvalues, or below them, next to their middle and clear of each; a coarser mesh's lie above."""
-    known = np.sort(values[values > STILL * values.max()])
+    """A shift between eigenvalues above 0, or below them, next to their middle and clear of each."""
+    known = np.sort(values)
     between = np.concatenate([BELOW * known[:1], (known[1:] + known[:-1]) / 2.0])
     clear = np.abs(between[:, None] / known - 1.0).min(axis=1)
     chosen = between[clear >= min(APART, float(clear.max()))]
