@@ -15,7 +15,7 @@ from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, parse_override
 from pipeline.errors import InputError
 from pipeline.models.live_column import LiveCell, live_modes
-from pipeline.models.parametric import MESH_ERROR, CellModel
+from pipeline.models.parametric import CellModel, mesh_error
 from pipeline.planning import mesh_rules
 from pipeline.search.fidelity import COLUMN, SLACK
 from pipeline.search.limits import mass_kg
@@ -189,18 +189,18 @@ class Explorer:
     def _bands(self, sizes: Sizes) -> Document:
         bases = self.model.bases
         found = bands(self.model.cell, bases, sizes)
-        error = found.error
+        error, by_mesh = found.error, mesh_error(self.scene.case)
         gaps = [
             {
                 "lower_hz": gap.lower_hz, "upper_hz": gap.upper_hz, "lower_band": gap.lower_band, "upper_band": gap.upper_band,
-                "error": float(max(error[gap.lower_band - 1], error[gap.upper_band - 1]) + MESH_ERROR),
+                "error": None if by_mesh is None else float(max(error[gap.lower_band - 1 : gap.upper_band]) + by_mesh),
             }
             for gap in complete_gaps(found.frequency_hz)
         ]  # fmt: skip
         return {
             "frequency_hz": np.round(found.frequency_hz, 1).tolist(),
             "error": error.tolist(),
-            "mesh_error": MESH_ERROR,
+            "mesh_error": by_mesh,
             "labels": list(bases.labels),
             "gaps": gaps,
         }

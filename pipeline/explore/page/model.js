@@ -315,7 +315,7 @@ function gapsOf(table, error, meshError) {
   for (let band = 0; band + 1 < table[0].length; band++) {
     const top = Math.max(...table.map((row) => row[band])), bottom = Math.min(...table.map((row) => row[band + 1]));
     if (bottom - top > 1e-3 * bottom)
-      out.push({ lower_hz: top, upper_hz: bottom, lower_band: band + 1, upper_band: band + 2, error: Math.max(error[band], error[band + 1]) + meshError });
+      out.push({ lower_hz: top, upper_hz: bottom, lower_band: band + 1, upper_band: band + 2, error: meshError === null ? null : Math.max(error[band], error[band + 1]) + meshError });
   }
   return out;
 }

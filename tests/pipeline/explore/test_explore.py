@@ -16,13 +16,14 @@ import numpy as np
 import pytest
 
 from geometry.hex.boxes import Panel, hex_mesh
+from geometry.materials import MATERIALS
 from pipeline.case.model import load_case
 from pipeline.errors import InputError
 from pipeline.explore import server as served_module
 from pipeline.explore.answer import Explorer, read_design
 from pipeline.explore.server import Server
 from pipeline.models.live_column import FACE, INNER, LiveCell, LiveReductions
-from pipeline.models.parametric import CellModelCache, require_square
+from pipeline.models.parametric import CellModelCache, mesh_error, require_square
 from pipeline.planning import mesh_rules
 from solvers.fem.assembly import Scale, assemble
 from solvers.parametric.affine import AffineCell
@@ -86,6 +87,18 @@ def test_bands_and_gaps_are_those_of_the_design(explorer: Explorer) -> None:
     gaps = complete_gaps(np.array(found["frequency_hz"]))
     assert [gap["lower_band"] for gap in found["gaps"]] == [gap.lower_band for gap in gaps]
     assert all(gap["error"] > 0.0 for gap in found["gaps"])
+
+
+def test_no_figure_of_the_mesh_is_told_for_pillars_of_another_material(explorer: Explorer) -> None:
+    case = load_case(SMALL)
+    assert case.design.pillar is not None
+    own = explorer.answer(OWN)["bands"]
+    assert own["mesh_error"] > 0.0
+    steel = replace(case.design.pillar, material=MATERIALS["steel"])
+    other = replace(case, design=replace(case.design, pillar=steel))
+    assert mesh_error(other) is None
+    bands_of_both = Explorer(replace(explorer.scene, case=other), explorer.model).document(other, OWN)["bands"]
+    assert bands_of_both["mesh_error"] is None and {gap["error"] for gap in bands_of_both["gaps"]} <= {None}
 
 
 class OwnMesh(LiveReductions):
