@@ -33,10 +33,13 @@ def basis_size(size: int, count: int) -> int:
     return min(size, int(MAX_COUNT * count) + 24 * BLOCK)
 
 
-def block_lanczos(inverse: Operator, mass: Operator, size: int, count: int) -> tuple[FloatArray, FloatArray] | None:
+def block_lanczos(
+    inverse: Operator, mass: Operator, size: int, count: int, tolerance: float = TOLERANCE
+) -> tuple[FloatArray, FloatArray] | None:
     """`count` eigenpairs of (K - sigma M)^-1 M, largest in size first, with M-orthonormal vectors (size, count).
 
-    `inverse` and `mass` apply (K - sigma M)^-1 and M to blocks (size, k). None when the basis would grow too large.
+    `inverse` and `mass` apply (K - sigma M)^-1 and M to blocks (size, k). `tolerance`: residual over the
+    inverse's eigenvalue. None when the basis would grow too large.
     """
     most = basis_size(size, count)
     basis = _Basis(size, most, mass)
@@ -50,7 +53,7 @@ def block_lanczos(inverse: Operator, mass: Operator, size: int, count: int) -> t
         coupling = basis.append(images)
         full = basis.count == last
         if full or (last >= 1.5 * count and turn % EVERY == 0):
-            converged = _converged(projected[:last, :last], first, coupling, count)
+            converged = _converged(projected[:last, :last], first, coupling, count, tolerance)
             if converged is not None or full:
                 return converged and (converged[0], basis.vectors[:, :last] @ converged[1])
         first = last
@@ -64,14 +67,14 @@ def _start(size: int) -> FloatArray:
 
 
 def _converged(
-    projected: FloatArray, first: int, coupling: FloatArray, count: int
+    projected: FloatArray, first: int, coupling: FloatArray, count: int, tolerance: float
 ) -> tuple[FloatArray, FloatArray] | None:
     """The `count` largest Ritz values with their mixes of the basis, (m, count), if the residuals let them pass."""
     upper = np.triu(projected)
     values, mix = np.linalg.eigh(upper + np.triu(upper, 1).T)
     order = np.argsort(-np.abs(values), kind="stable")[:count]
     residual = np.linalg.norm(coupling @ mix[first:, order], axis=0)
-    if (residual > TOLERANCE * np.abs(values[order])).any():
+    if (residual > tolerance * np.abs(values[order])).any():
         return None
     return values[order], mix[:, order]
 

@@ -6,14 +6,17 @@ Classes: u_z even or odd under x -> -x and y -> -y, and where both are alike eve
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import add
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import LinearOperator, eigsh
 
 from geometry.elements import FloatArray, IntArray
+from solvers.errors import SolverError
+from solvers.fem.block_lanczos import block_lanczos
 from solvers.fem.constraints import free_mask, rigid_body_modes
 from solvers.fem.factor.factoriser import Factor, Factoriser
 from solvers.parametric.affine import PITCH, THICKNESS, AffineCell, Sizes
@@ -22,6 +25,7 @@ from solvers.superelement.interface import Interface
 
 CLASSES = ((1, 1, 1), (1, 1, -1), (-1, -1, 1), (-1, -1, -1), (1, -1, 0))  # under x -> -x, y -> -y, x <-> y
 BESIDE = 0.1  # scaled eigenvalue: about a tenth band
+ROUGH = 1e-3  # residual of a clamped mode: a basis does not ask for more
 FUNCTION = 1e-11  # of the largest singular value: smaller ones are rounding
 
 
@@ -48,6 +52,13 @@ class ClassForms:
         indices, indptr = getattr(self, f"{kind}_pattern")
         return sp.csc_array((weights @ getattr(self, kind), indices, indptr), shape=(self.dof,) * 2)
 
+    def each(self, kind: str) -> Iterator[sp.csc_array]:
+        """A_q after A_q, each without what only the others fill."""
+        for chosen in np.eye(len(getattr(self, kind))):
+            matrix = self.matrix(kind, chosen).copy()  # the pattern is everybody's
+            matrix.eliminate_zeros()
+            yield matrix
+
 
 def class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
     """The affine forms of one symmetry class."""
@@ -67,16 +78,19 @@ def class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
 
 
 def _folded(fold: sp.csr_array, matrices: list[sp.csr_array]) -> tuple[FloatArray, tuple[IntArray, IntArray]]:
-    """F'AF of matrices that share a pattern: values (q, nnz) and that pattern."""
-    products = [sp.csr_array(fold.T @ (matrix @ fold)).tocoo() for matrix in matrices]  # scipy drops the zeros of each
-    width = fold.shape[1]
-    keys = [product.row.astype(np.int64) * width + product.col for product in products]
-    union = np.unique(np.concatenate(keys))
-    values = np.zeros((len(matrices), len(union)))
-    for own, key, product in zip(values, keys, products, strict=True):
-        own[np.searchsorted(union, key)] = product.data
-    starts = np.concatenate([[0], np.cumsum(np.bincount(union // width, minlength=width))])
-    return values, ((union % width).astype(np.int32), starts.astype(np.int32))
+    """F'AF of matrices in the pattern that holds all of them: values (q, nnz) and that pattern."""
+    products = [sp.csr_array(fold.T @ (matrix @ fold)) for matrix in matrices]
+    for one in products:
+        one.eliminate_zeros()
+    pattern = reduce(add, (abs(one) for one in products))  # no sum of absolute values vanishes
+    pattern.sort_indices()
+    places = sp.csr_array((np.arange(1, pattern.nnz + 1), pattern.indices, pattern.indptr), shape=pattern.shape)
+    values = np.zeros((len(products), pattern.nnz))
+    for own, one in zip(values, products, strict=True):
+        one.sort_indices()
+        there = sp.csr_array((np.ones(one.nnz, dtype=np.int64), one.indices, one.indptr), shape=one.shape)
+        own[places.multiply(there).tocsr().data - 1] = one.data
+    return values, (pattern.indices, pattern.indptr)
 
 
 class Block:
@@ -144,28 +158,42 @@ class Block:
         """Shares one symbolic analysis among all designs."""
         return Factoriser()
 
+    @cached_property
+    def _places(self) -> dict[str, tuple[sp.csc_array, sp.csc_array]]:
+        """Where among the values of K and M the inside's rows stand: those among themselves, those beside the boundary."""
+        return {kind: self._place(kind) for kind in ("stiffness", "mass")}
+
+    def _place(self, kind: str) -> tuple[sp.csc_array, sp.csc_array]:
+        indices, indptr = getattr(self.forms, f"{kind}_pattern")
+        rows = sp.csc_array((np.arange(len(indices)), indices, indptr), shape=(self.forms.dof,) * 2)[self.inner]
+        return rows[:, self.inner], rows[:, self.on_boundary]
+
     def inner_shapes(self, sizes: FloatArray | Sizes, modes: int) -> tuple[FloatArray, FloatArray]:
         """What the inside answers to the boundary's polynomials, and the lowest clamped modes: (inner, columns) each.
 
         Modes have unit strain energy, answers unit strain energy and BESIDE times their mass, for rigid motions have none.
         """
         stiffness, mass = self.stretched(sizes)
-        inside = self.inner
-        clamped = sp.csc_array(stiffness[inside][:, inside])
+        inside, traces = self.inner, self.traces(sizes)
+        clamped, beside = (_at(places, stiffness.data) for places in self._places["stiffness"])
         factor = self.factorise(clamped)
-        traces = self.traces(sizes)
-        pull = stiffness[inside][:, self.on_boundary] @ traces
+        pull = beside @ traces
         static = -factor.solve(np.asarray(pull))
         motion = np.zeros((self.forms.dof, traces.shape[1]))
         motion[self.on_boundary], motion[inside] = traces, static
         energy = np.einsum("ij,ij->j", motion, stiffness @ motion + BESIDE * (mass @ motion))
-        fixed = _clamped_modes(clamped, sp.csc_array(mass[inside][:, inside]), factor, modes)
+        fixed = _clamped_modes(_at(self._places["mass"][0], mass.data), factor, modes)
         return static / np.sqrt(energy), fixed
 
 
-def _clamped_modes(stiffness: sp.csc_array, mass: sp.csc_array, factor: Factor, count: int) -> FloatArray:
-    """The lowest modes by inverse iteration, unit strain energy: functions for a basis, whose number nobody counts."""
-    inverse = LinearOperator(stiffness.shape, matvec=factor.solve, dtype=float)
-    start = np.sin(1.0 + np.arange(stiffness.shape[0]) * 1.618)
-    values, vectors = eigsh(stiffness, count, mass, sigma=0.0, OPinv=inverse, v0=start, tol=1e-6)
-    return np.asarray(vectors / np.sqrt(values))
+def _at(places: sp.csc_array, values: FloatArray) -> sp.csc_array:
+    return sp.csc_array((values[places.data], places.indices, places.indptr), shape=places.shape)
+
+
+def _clamped_modes(mass: sp.csc_array, factor: Factor, count: int) -> FloatArray:
+    """The lowest modes, unit strain energy: functions for a basis, whose number nobody counts."""
+    found = block_lanczos(factor.solve, lambda block: np.asarray(mass @ block), len(mass.indptr) - 1, count, ROUGH)
+    if found is None:
+        raise SolverError("the clamped modes of a cell's inside did not converge")
+    inverse, vectors = found
+    return np.asarray(vectors * np.sqrt(inverse))

@@ -15,12 +15,11 @@ from solvers.fem.assembly import Scale
 from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import PITCH, SIDE, THICKNESS, AffineCell, DesignBox, Sizes, theta
 from solvers.parametric.block import BESIDE, CLASSES, Block
-from solvers.parametric.reduced_block import ReducedBlock, reduced_block
+from solvers.parametric.reduced_block import ReducedBlock, block_alone, reduced_block
 from solvers.superelement.cell import Cell, Expansion, rigid_polynomials
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
 
-ALL = 1e-12  # of the energy: every function of a single design
 RIGID = 1e-9  # of the pitch: smaller rigid motions of a class are rounding
 
 
@@ -231,13 +230,14 @@ def parametric_cell(
     work = partial(_reduce, cell, interface, tuple(designs), tuple(unseen))
     reduced = list(apply(work, CLASSES[::-1]))[::-1]
     rule = face_quadrature(cell.mesh, "touch")
-    exponents = cell.stiffness.exponents, cell.mass.exponents, cell.pillar_mass.exponents
+    everywhere = cell.stiffness.exponents, cell.mass.exponents, cell.pillar_mass.exponents
+    alone = (np.zeros((1, 4), dtype=np.int64),) * 3
     return tuple(
         ParametricCell(
-            cell.box, cell.reference, cell.scale, interface, exponents[0], exponents[1], exponents[2], tuple(blocks),
+            cell.box, cell.reference, cell.scale, interface, *exponents, tuple(blocks),
             rule.points[:, :2], rule.weights, 4 * cell.mesh.dof,
         )
-        for blocks in zip(*reduced, strict=True)
+        for exponents, blocks in zip([everywhere, *(alone for _ in unseen)], zip(*reduced, strict=True), strict=True)
     )  # fmt: skip
 
 
@@ -250,4 +250,4 @@ def _reduce(
 ) -> tuple[ReducedBlock, ...]:
     with one_thread():
         block = Block(cell, interface, signs)
-        return (reduced_block(block, designs), *(reduced_block(block, [sizes], ALL) for sizes in unseen))
+        return (reduced_block(block, designs), *(block_alone(block, sizes) for sizes in unseen))

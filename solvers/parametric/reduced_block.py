@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,12 +12,17 @@ from scipy.linalg import eigh
 
 from geometry.elements import FloatArray, IntArray
 from solvers.fem.surface import face_quadrature
-from solvers.parametric.affine import AffineForm, Sizes
+from solvers.parametric.affine import Sizes
 from solvers.parametric.block import Block
 
 MODES = 12  # clamped modes of every sampled design
+NOVEL = 10.0  # times KEPT, beside a snapshot's unit energy: less than that a design does not add
 RIGID = 1e-12  # of the largest energy of a rigid motion's inside: less is rounding
+ALL = 1e-12  # of the energy: every function of a single design
 KEPT = 1e-5  # of the largest: share of the snapshots' energy that a function must bring
+
+
+Sparse: TypeAlias = sp.csr_array | sp.csc_array
 
 
 @dataclass(frozen=True)
@@ -49,18 +55,34 @@ class ReducedBlock:
 
 def reduced_block(block: Block, designs: Iterable[Sizes], kept: float = KEPT) -> ReducedBlock:
     """Gather what the inside does at every design, keep what brings `kept` of the energy, and project every matrix."""
-    inner = inner_basis(block, designs, kept)
+    matrices = block.forms.each("stiffness"), block.forms.each("mass"), block.cell.pillar_mass.matrices
+    return _block(block, inner_basis(block, designs, kept), matrices)
+
+
+def block_alone(block: Block, sizes: Sizes) -> ReducedBlock:
+    """The class at one design, all that its inside does there kept: one matrix of each kind, whose exponents are zero."""
+    stiffness, mass = block.stretched(sizes)
+    weights = block.cell.theta(block.cell.pillar_mass, sizes)
+    pillar = sum(weight * one for weight, one in zip(weights, block.cell.pillar_mass.matrices, strict=True))
+    return _block(block, inner_basis(block, [sizes], ALL), ((stiffness,), (mass,), (pillar,)))
+
+
+def _block(
+    block: Block, inner: FloatArray, matrices: tuple[Iterable[Sparse], Iterable[Sparse], Iterable[Sparse]]
+) -> ReducedBlock:
     whole = np.zeros((block.forms.dof, block.functions.shape[1] + inner.shape[1]))
     whole[block.on_boundary, : block.functions.shape[1]] = block.functions
     whole[block.inner, block.functions.shape[1] :] = inner
+    nodal = np.asarray(block.forms.fold @ whole)
+    stiffness, mass, pillar = matrices
     rule = face_quadrature(block.cell.mesh, "touch")
     return ReducedBlock(
         np.array(block.signs),
         block.functions.shape[1],
-        _projected(block, "stiffness", whole),
-        _projected(block, "mass", whole),
-        _pillar(block, block.cell.pillar_mass, whole),
-        np.asarray(rule.interpolation @ (block.forms.fold @ whole)[2::3]),
+        symmetric(np.array([whole.T @ (one @ whole) for one in stiffness])),
+        symmetric(np.array([whole.T @ (one @ whole) for one in mass])),
+        symmetric(np.array([_of_a_component(one, nodal) for one in pillar])),
+        np.asarray(rule.interpolation @ nodal[2::3]),
         block.shares,
         np.array([block.coordinates(block.of_share(share)) for share in block.shares]),
         block.parity,
@@ -70,35 +92,38 @@ def reduced_block(block: Block, designs: Iterable[Sizes], kept: float = KEPT) ->
 def inner_basis(block: Block, designs: Iterable[Sizes], kept: float) -> FloatArray:
     """Functions of the inside (inner, r), orthonormal in the strain energy of the reference design (a POD, sirovich1987).
 
-    The rigid motions of every design are among them, so that none meets a force.
+    The rigid motions of every design are among them, so that none meets a force. What a design's snapshots add to those of
+    the designs before widens the space; the decomposition is of all snapshots' coordinates in it.
     """
     designs = list(designs)
     stiffness, _ = block.stretched(block.cell.reference)
     energy = sp.csr_array(stiffness[block.inner][:, block.inner])
-    rigid = orthonormal(np.hstack([block.rigid(sizes) for sizes in designs]), energy, RIGID)
-    snapshots = np.hstack([part for sizes in designs for part in block.inner_shapes(sizes, MODES)])
-    snapshots -= rigid @ (rigid.T @ (energy @ snapshots))
-    return np.hstack([rigid, orthonormal(snapshots, energy, kept)])
+    space = orthonormal(np.hstack([block.rigid(sizes) for sizes in designs]), energy, RIGID)
+    rigid, known = space.shape[1], []
+    for sizes in designs:
+        snapshots = np.hstack(block.inner_shapes(sizes, MODES))
+        weighted = energy @ snapshots
+        new = orthonormal(snapshots - space @ (space.T @ weighted), energy, 0.0, NOVEL * kept)
+        space = np.hstack([space, new])
+        known.append(space.T @ weighted)
+    coordinates = np.zeros((space.shape[1] - rigid, sum(one.shape[1] for one in known)))
+    for one, column in zip(known, np.cumsum([0, *(one.shape[1] for one in known[:-1])]), strict=True):
+        coordinates[: len(one) - rigid, column : column + one.shape[1]] = one[rigid:]
+    size, turn = eigh(coordinates @ coordinates.T)
+    return np.hstack([space[:, :rigid], space[:, rigid:] @ turn[:, size > kept * size[-1]]])
 
 
-def orthonormal(functions: FloatArray, energy: sp.csr_array, kept: float) -> FloatArray:
-    """A basis of what has more than `kept` of the largest energy among functions (n, m), orthonormal in it."""
+def orthonormal(functions: FloatArray, energy: sp.csr_array, kept: float, least: float = 0.0) -> FloatArray:
+    """A basis of what has more than `kept` of the largest energy, and `least`, among functions (n, m), orthonormal in it."""
     size, turn = eigh(functions.T @ (energy @ functions), overwrite_a=True, check_finite=False)
-    chosen = size > kept * size[-1]
+    chosen = size > max(kept * size[-1], least)
     return np.asarray(functions @ (turn[:, chosen] / np.sqrt(size[chosen])))
 
 
-def _projected(block: Block, kind: str, whole: FloatArray) -> FloatArray:
-    forms = block.forms
-    count = len(getattr(forms, kind))
-    return symmetric(np.array([whole.T @ (forms.matrix(kind, row) @ whole) for row in np.eye(count)]))
-
-
-def _pillar(block: Block, form: AffineForm, whole: FloatArray) -> FloatArray:
-    nodal = np.asarray(block.forms.fold @ whole)
-    nodes = len(nodal) // 3
-    flat = nodal.reshape(nodes, -1)
-    return symmetric(np.array([nodal.T @ np.asarray(m @ flat).reshape(nodal.shape) for m in form.matrices]))
+def _of_a_component(matrix: Sparse, nodal: FloatArray) -> FloatArray:
+    """N'(A x 1)N of a scalar form A (n, n) among nodal motions N (3n, m)."""
+    flat = nodal.reshape(len(nodal) // 3, -1)
+    return np.asarray(nodal.T @ np.asarray(matrix @ flat).reshape(nodal.shape))
 
 
 def symmetric(matrices: FloatArray) -> FloatArray:
