@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.batch import known
-from pipeline.case.diagnostics import Diagnostics, check_table, nearest
+from pipeline.case.diagnostics import Diagnostics, check_table, nearest, nearest_file
 from pipeline.case.overrides import is_file, read_toml
 from pipeline.case.schema import known_keys
 from pipeline.errors import InputError
@@ -85,7 +85,7 @@ def load_study(path_or_name: str | Path) -> StudyFile:
     _check_counts(sweep, paired, diagnostics)
     case_path = path.parent / values.get("study.case", "")
     if "study.case" in values and not is_file(case_path):
-        diagnostics.add("study.case", values["study.case"], f"no such file {case_path}")
+        diagnostics.add("study.case", values["study.case"], f"no such file {case_path}{nearest_file(case_path)}")
     diagnostics.stop()
     name = values.get("study.name") or path.stem
     base = tuple(values.get("study.base_measure") or ())

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from contextlib import suppress
 from difflib import get_close_matches
 from itertools import islice
+from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -13,6 +15,7 @@ from pydantic.fields import FieldInfo
 from pipeline.errors import InputError
 
 MAX_LENGTH = 60  # characters of a value or key that are shown
+MOST_NAMES = 2000  # of a folder that a misspelled name is compared with
 MAX_LINES = 50  # faults told one by one; a file with more is no case file
 
 
@@ -54,6 +57,22 @@ def nearest(word: str, known: Collection[str]) -> str:
             leaves.setdefault(name.rpartition(".")[2], name)
         match = [leaves[leaf] for leaf in get_close_matches(word.rpartition(".")[2], leaves, n=1, cutoff=0.6)]
     return f" (did you mean {match[0]}?)" if match else ""
+
+
+def nearest_file(path: Path) -> str:
+    """' (did you mean X?)' with the file that is there under nearly this name, folder by folder, or nothing."""
+    there = Path(path.anchor)
+    with suppress(OSError, ValueError):
+        for part in path.relative_to(path.anchor).parts:
+            if not (there / part).exists():
+                names = sorted(each.name for each in islice(there.iterdir(), MOST_NAMES))
+                match = get_close_matches(part, names, n=1, cutoff=0.75)
+                if not match:
+                    return ""
+                part = match[0]
+            there /= part
+        return f" (did you mean {there}?)" if there.is_file() else ""
+    return ""
 
 
 class Diagnostics:

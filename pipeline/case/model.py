@@ -13,6 +13,7 @@ from geometry.layout import Design, Pillar, Tip
 from geometry.materials import Material
 from geometry.patches import Patches
 from geometry.pillar_shapes.base import PillarShape
+from pipeline.case.diagnostics import nearest_file
 from pipeline.case.overrides import apply_overrides, is_file, parse_override, read_toml
 from pipeline.case.patches import read_patches
 from pipeline.case.reader import CaseValues as Values
@@ -302,7 +303,7 @@ def _measured(values: Values, source: Path | None) -> MeasuredFiles | None:
         given = good.get(f"measured.{name}")
         paths[name] = path = None if given is None else (source.parent if source else Path()) / given
         if path is not None and not is_file(path):
-            values.diagnostics.add(f"measured.{name}", given, f"no such file {path}")
+            values.diagnostics.add(f"measured.{name}", given, f"no such file {path}{nearest_file(path)}")
     place = good.get("measured.at_mm")
     return MeasuredFiles(paths["sweep"], paths["map"], (MM * place[0], MM * place[1]) if place else None)
 

@@ -14,7 +14,7 @@ from geometry.files import read_by_command
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import SHAPES
 from pipeline import paths
-from pipeline.case.diagnostics import quoted
+from pipeline.case.diagnostics import nearest_file, quoted
 from pipeline.case.rows import INSTEAD, PITCHES
 from pipeline.errors import InputError, reason
 from pipeline.units import GPA
@@ -38,11 +38,13 @@ LONG_KEY = re.compile(r"""(?<![\w"'-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){50}"
 
 
 def _elsewhere(path: Path) -> str:
-    """Where a file of this name is among the program's own, which help and pages name from the checkout's folder."""
+    """Where a file of this name, or nearly so, is here or among the program's own, which help and pages name from the
+    checkout's folder.
+    """
     with suppress(OSError):
         if (ours := paths.ROOT / path).is_file():
             return f" in this folder; there is {ours}"
-    return ""
+    return nearest_file(path) or nearest_file(paths.ROOT / path)
 
 
 def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:

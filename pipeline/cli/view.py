@@ -73,11 +73,12 @@ def view(arguments: Namespace) -> int:
 def _kind(target: str) -> str:
     """Whether the target is a file, a case or a study. Raises InputError when it is none of them."""
     from pipeline.batch.study_file import find_study
+    from pipeline.case.diagnostics import nearest_file
     from pipeline.case.overrides import read_toml
 
     if Path(target).suffix == ".vtu":
         if not Path(target).is_file():
-            raise InputError(f"{target}: no such file")
+            raise InputError(f"{target}: no such file{nearest_file(Path(target))}")
         return "file"
     path = find_study(target)
     return "study" if "study" in read_toml(path) else "case"

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from geometry.files import read_by_command
 from geometry.layout import Design
-from pipeline.case.diagnostics import nearest, quoted
+from pipeline.case.diagnostics import nearest, nearest_file, quoted
 from pipeline.case.limits import FREQUENCY_KHZ, span
 from pipeline.errors import InputError
 from pipeline.units import KHZ, MM
@@ -257,5 +257,6 @@ def _text(path: Path) -> str:
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text at byte {error.start}: must be a CSV file in UTF-8") from error
     except OSError as error:
-        why = "no such file" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
+        missing = isinstance(error, FileNotFoundError)
+        why = f"no such file{nearest_file(path)}" if missing else f"cannot be read ({error.strerror})"
         raise InputError(f"{path}: {why}: must be a CSV file") from error

@@ -264,6 +264,24 @@ def test_a_file_of_the_checkout_is_pointed_at_from_elsewhere(tmp_path, monkeypat
         load_case("examples/small.toml")
 
 
+@pytest.mark.parametrize("misspelled", ["exampels/small.toml", "examples/smal.toml", "exmples/smll.toml"])
+def test_a_misspelled_file_is_told_with_the_nearest_one(tmp_path, monkeypatch, misspelled):
+    checkout = CASE.parents[1]
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=rf"no such file \(did you mean {checkout}/examples/small.toml\?\)$"):
+        load_case(misspelled)
+    (tmp_path / "examples").mkdir()
+    (tmp_path / "examples" / "small.toml").write_bytes(CASE.read_bytes())
+    with pytest.raises(InputError, match=r"no such file \(did you mean examples/small.toml\?\)$"):
+        load_case(misspelled)
+
+
+def test_a_file_named_like_none_is_told_without_a_guess(tmp_path):
+    (tmp_path / "plate.toml").write_bytes(CASE.read_bytes())
+    with pytest.raises(InputError, match="no such file$"):
+        load_case(tmp_path / "beam.toml")
+
+
 def test_byte_order_mark_is_harmless(tmp_path):
     (tmp_path / "case.toml").write_bytes(b"\xef\xbb\xbf" + CASE.read_bytes())
     assert load_case(tmp_path / "case.toml").design.rows == 3
