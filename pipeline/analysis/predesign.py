@@ -7,8 +7,7 @@ from typing import Any
 from geometry.layout import SHORT, Design
 from pipeline.case.model import Case
 from pipeline.planning import calibration
-from pipeline.records.outputs import table
-from pipeline.records.reading import named, shown
+from pipeline.records.reading import named, reading_table
 from pipeline.units import KHZ
 from solvers.analytic.predesign import predesign
 
@@ -16,6 +15,7 @@ THEORIES = {  # what the document and what the calibration call them
     "zone": {"thin_clamped_hz": "thin_clamped_hz", "clamped_hz": "clamped_hz"},
     "pillar": {"given_euler_hz": "euler", "given_timoshenko_hz": "timoshenko"},
 }
+MET = 0.005  # of the zone's frequency: a pillar no farther off needs no other height
 
 
 def run(case: Case) -> tuple[dict[str, Any], str]:
@@ -30,26 +30,23 @@ def run(case: Case) -> tuple[dict[str, Any], str]:
             expected = ", ".join(f"{named(name)[0]} {error:.1%}" for name, error in errors.items())
             lines.append(f"{part}, expected error beside a solid with clamped faces: {expected}")
         document[part] = document[part] | {"expected_error": errors}
-    return document, "\n".join([*_read(document), *lines, *(f"limit: {text}" for text in sizing.limits)])
+    return document, "\n".join([*_read(document), *lines, *(f"note: {text}" for text in sizing.limits)])
 
 
 def _read(document: dict[str, Any]) -> list[str]:
     """What is proposed and what is given, a line each, and how the given pillar stands to the zone."""
-    rows = []
-    for part in [each for each in THEORIES if document[each]]:
-        for name, value in document[part].items():
-            if name != "expected_error":
-                words, form = named(name)
-                rows.append([part, f"{words} ({form.unit})" if form.unit else words, shown(value, form)])
-    lines = [table(("part", "quantity", "value"), rows)]
+    parts = [each for each in THEORIES if document[each]]
+    rows = [[part, *each] for part in parts for each in document[part].items() if each[0] != "expected_error"]
+    lines = [reading_table(("part", "quantity", "value"), rows)]
     zone, pillar = document.get("zone") or {}, document.get("pillar") or {}
     target, given = zone.get("frequency_hz"), pillar.get("given_timoshenko_hz")
     if target and given:
-        side, height = "above" if given > target else "below", pillar.get("timoshenko_height_mm")
+        off, height = given / target - 1.0, pillar.get("timoshenko_height_mm")
+        beside = f"{abs(off):.0%} {'above' if off > 0.0 else 'below'} the zone's {target / KHZ:.2f} kHz"
         better = f"; {height:.2f} mm of height would meet it" if height else ""
         lines.append(
-            f"the pillar as given resonates at {given / KHZ:.2f} kHz, {abs(given / target - 1.0):.0%} {side} the zone's "
-            f"{target / KHZ:.2f} kHz{better}"
+            f"the pillar as given resonates at {given / KHZ:.2f} kHz, "
+            f"{beside + better if abs(off) >= MET else 'where the zone does'}"
         )
     return lines
 

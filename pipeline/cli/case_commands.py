@@ -78,8 +78,7 @@ def _modes_table(head: tuple[str, ...], rows: list[list[Any]], document: dict[st
     """Modes for reading: without residuals, the wanted one with a star."""
     wanted = (document.get("wanted") or {}).get("frequency_hz")
     marked = [number for number, row in enumerate(rows) if wanted is not None and row[0] == wanted]
-    last = head.index("residual")
-    return reading_table(*filled(head[:last], [row[:last] for row in rows]), marked)
+    return reading_table(*filled(head, rows), marked)
 
 
 def _refuse_options_without_effect(arguments: Namespace) -> None:

@@ -15,17 +15,19 @@ if TYPE_CHECKING:
 
 Flat = dict[str, Any]
 SHOWN_DIGITS = 6
+ROUNDING = 1e-9  # relative: what two computations of the same figure may differ by
 # what a part of a list is called by: states under a finger, ways of confining, complete gaps
 NAMED = (("state",), ("way",), ("lower_band", "upper_band"))
-NOT_COMPARED = ("seconds", "proof", "plan", "meshes", "times", "directional_gaps")
+NOT_COMPARED = ("schema", "seconds", "proof", "plan", "meshes", "times", "directional_gaps")
 
 
 @dataclass(frozen=True)
 class Design:
-    """Quantities of a design by their dotted names, and its bands as a document where they are known."""
+    """Quantities of a design by their dotted names, its bands as a document where they are known, and what it was read from."""
 
     quantities: Flat
     bands: dict[str, Any] | None = None
+    kind: str = "case"
 
 
 def run(arguments: Namespace) -> int:
@@ -34,13 +36,18 @@ def run(arguments: Namespace) -> int:
     from pipeline.views.answer import Answer, emit
 
     one, two = (read(Path(place), arguments.solve, arguments.quiet) for place in (arguments.a, arguments.b))
-    rows = [row for row in lined_up(one.quantities, two.quantities) if arguments.all or row["a"] != row["b"]]
+    known = lined_up(one.quantities, two.quantities)
+    # a case, a record and a result each know what the others do not: that is no difference of two designs
+    alike = [row for row in known if one.kind == two.kind or None not in (row["a"], row["b"])]
+    rows = [row for row in known if arguments.all] or [row for row in alike if _differs(row)]
     head = ("quantity", "a", "b", "difference")
     cells = [[row[key] for key in head] for row in rows]
     document = {"a": arguments.a, "b": arguments.b, "rows": rows}
-    words = outputs.table(head, cells) if cells else "nothing differs"
+    words = [outputs.table(head, cells) if cells else "nothing differs"]
+    if left := len(known) - len(alike) if not arguments.all else 0:
+        words.append(f"{left} quantities are known of one of the two alone: --all lists them")
     pictures = lambda: [_figure(arguments, one, two, rows)]  # noqa: E731
-    return emit(arguments, "compare", Answer(document, [words], head, cells, pictures))
+    return emit(arguments, "compare", Answer(document, words, head, cells, pictures))
 
 
 def _figure(arguments: Namespace, one: Design, two: Design, rows: list[dict[str, Any]]) -> ReportFigure:
@@ -58,6 +65,7 @@ def _figure(arguments: Namespace, one: Design, two: Design, rows: list[dict[str,
 
 def read(place: Path, solve: bool, quiet: bool) -> Design:
     """What is known of a design. InputError for what is neither a case nor a result."""
+    from pipeline.case.diagnostics import nearest_file
     from pipeline.errors import InputError, reason
 
     if place.suffix == ".toml":
@@ -66,12 +74,17 @@ def read(place: Path, solve: bool, quiet: bool) -> Design:
     try:
         document = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        why = f"cannot be read as a case (.toml), a record or a JSON result: {reason(error)}"
+        why = f"cannot be read as a case (.toml), a record or a JSON result: {reason(error)}{nearest_file(file)}"
         raise InputError(f"{file}: {why}") from error
     if not isinstance(document, dict):
         raise InputError(f"{file}: holds no record and no JSON result")
     bands = document if {"points", "gaps"} <= document.keys() else document.get("bands")
-    return Design(flat({key: value for key, value in document.items() if key not in NOT_COMPARED}), bands)
+    quantities = {key: value for key, value in document.items() if key not in NOT_COMPARED}
+    if "with_defaults" in quantities:
+        return Design(flat(quantities | {"case": quantities.pop("with_defaults")}), bands, "result")
+    if "design" in quantities:
+        quantities["case"] = {"design": quantities.pop("design")}
+    return Design(flat(quantities), bands, "record")
 
 
 def _of_case(place: Path, solve: bool, quiet: bool) -> Design:
@@ -127,6 +140,10 @@ def lined_up(one: Flat, two: Flat) -> list[dict[str, Any]]:
     """One row a quantity that either has; the difference relative to A where both are numbers."""
     both = ((name, one.get(name), two.get(name)) for name in dict.fromkeys((*one, *two)))
     return [{"quantity": name, "a": a, "b": b, "difference": _difference(a, b)} for name, a, b in both]
+
+
+def _differs(row: dict[str, Any]) -> bool:
+    return row["a"] != row["b"] and (row["difference"] is None or abs(row["difference"]) > ROUNDING)
 
 
 def _difference(a: Any, b: Any) -> float | None:

@@ -39,7 +39,7 @@ def _listed(
 ) -> int:
     """Rows as a table, and as objects under a name."""
     document = {name: [dict(zip(head, row, strict=True)) for row in rows]}
-    return emit(arguments, name, Answer(document, [table(head, rows) if rows else nothing]))
+    return emit(arguments, name, Answer(document, [table(head, rows) if rows else nothing], head, rows))
 
 
 def materials(arguments: Namespace) -> int:

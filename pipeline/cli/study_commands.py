@@ -55,7 +55,7 @@ def run(arguments: Namespace) -> int:
         raise InputError(str(error)) from error
     if arguments.dry_run:
         for planned, job in zip(outcome.plan, jobs, strict=True):
-            print(f"{planned.case_id}: {'would run, ' + planned.why if planned.why else 'stands'}")
+            print(f"{planned.case_id}: {'would run, ' + planned.why if planned.why else 'up to date'}")
             if text := kind.explain(study, job):
                 print("  " + text.replace("\n", "\n  "))
         return 0
@@ -149,4 +149,4 @@ def show(arguments: Namespace) -> int:
         "folder": str(folder),
         "cases": [dict(zip(head, row, strict=True)) for row in rows],
     }
-    return emit(arguments, "show", Answer(document, [*lead, table(head, rows)]))
+    return emit(arguments, "show", Answer(document, [*lead, table(head, rows)], head, rows))

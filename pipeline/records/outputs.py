@@ -19,6 +19,7 @@ from pipeline.errors import InputError
 from pipeline.records.store import StoreError, write_atomic
 
 STANDARD_OUTPUT = "-"
+DOCUMENTS = ("json", "csv", "markdown")  # what a command writes where an option says, or alone on standard output
 FORMULA = ("=", "+", "-", "@", "\t", "\n")  # what begins a formula in some spreadsheet
 
 
@@ -34,8 +35,13 @@ def check_places(arguments: Namespace) -> None:
         place = getattr(arguments, name, None)
         if place is not None and (reason := folder_obstacle(place)):
             lines.append(f"--{name.replace('_', '-')} = {place}: {reason}: must be a folder that can be written")
-    for name in ("json", "plot", "csv"):
-        lines += _faults(f"--{name}", [getattr(arguments, name, None)])
+    alone = {f"--{name}": place for name in DOCUMENTS if (place := getattr(arguments, name, None)) is not None}
+    for option, place in (alone | {"--plot": getattr(arguments, "plot", None)}).items():
+        lines += _faults(option, [place])
+    first, *others = [option for option, place in alone.items() if is_standard_output(place)] or [""]
+    lines += [
+        f"{option} = {alone[option]}: standard output takes one document, here that of {first}" for option in others
+    ]
     lines += _faults("--out", _known_files(arguments))
     if lines:
         raise InputError(lines)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
 from pipeline.records.outputs import check_places, csv_bytes, folder, is_standard_output, write_file
+from pipeline.records.reading import reading_markdown
 
 if TYPE_CHECKING:
     from pipeline.case.model import Case
@@ -60,14 +61,17 @@ def emit(arguments: Namespace, name: str, answer: Answer, log: TerminalLog | Non
     document = {"schema": 1, **about, **answer.document, **seconds}
     asked = arguments.json or getattr(arguments, "out", None)
     encoded = (json.dumps(document, indent=1, allow_nan=False) + "\n").encode() if asked else b""
-    if is_standard_output(arguments.json):
-        sys.stdout.write(encoded.decode())
+    written = _files(arguments, name, answer, encoded)
+    alone = [data for place, data in written.items() if is_standard_output(place)]
+    if alone:
+        sys.stdout.write(alone[0].decode())
     elif not is_standard_output(getattr(arguments, "output", None)):
         print("\n".join(answer.lines))
-    for place, data in _files(arguments, name, answer, encoded).items():
-        write_file(place, data)
+    for place, data in written.items():
+        if not is_standard_output(place):
+            write_file(place, data)
     if out := getattr(arguments, "out", None):
-        _draw(answer, folder(out))
+        _draw(name, answer, document, folder(out))
     if answer.head and getattr(arguments, "plot", None):  # a plan has neither rows nor a figure
         from pipeline.views import figures
 
@@ -87,21 +91,27 @@ def _figure(name: str, answer: Answer, document: dict[str, Any]) -> Any:
 
 
 def _files(arguments: Namespace, name: str, answer: Answer, encoded: bytes) -> dict[Path, bytes]:
-    """What is written, by its place."""
-    csv, out = getattr(arguments, "csv", None), getattr(arguments, "out", None)
+    """What is written, by its place; standard output is one of them."""
     rows = csv_bytes(answer.head, answer.rows) if answer.head else b""
-    written = {Path(csv): rows} if csv and rows else {}
-    if arguments.json and not is_standard_output(arguments.json):
-        written[Path(arguments.json)] = encoded
-    if out:
+    readable = reading_markdown(answer.head, answer.rows).encode() if answer.head else b""
+    known = {"json": encoded, "csv": rows, "markdown": readable}
+    asked = {place: data for key, data in known.items() if (place := getattr(arguments, key, None)) and data}
+    written = {Path(place): data for place, data in asked.items()}
+    if out := getattr(arguments, "out", None):
         named = {f"{name}.json": encoded, **({f"{name}.csv": rows} if rows else {}), **answer.files}
         written |= {folder(out) / file: data for file, data in named.items()}
     return written
 
 
-def _draw(answer: Answer, place: Path) -> None:
+def _draw(name: str, answer: Answer, document: dict[str, Any], place: Path) -> None:
+    """Every picture of an answer, or the one that --plot draws where it has none of its own."""
     from pipeline.plots import style
+    from pipeline.views import figures
 
     with style.style():
-        for picture in answer.pictures():
+        pictures = list(answer.pictures())
+        if not pictures and answer.head and name in figures.FIGURES:
+            words = f"{name} of {document['case']}"
+            pictures = [style.ReportFigure(name, words, words, figures.draw(name, document).figure, True)]
+        for picture in pictures:
             style.save(picture, place)

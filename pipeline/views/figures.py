@@ -15,6 +15,7 @@ from pipeline.plots import bands as of_bands
 from pipeline.plots import response as of_response
 from pipeline.plots import style
 from pipeline.plots import touch as of_touch
+from pipeline.records.reading import named
 from pipeline.records.record import (
     AttenuationRecord,
     BandsRecord,
@@ -104,7 +105,7 @@ def response(ax: Any, document: Document) -> None:
 def predesign(ax: Any, document: Document) -> None:
     """Frequencies of zone and pillar by each theory."""
     values = {
-        f"{part}: {name.removesuffix('_hz').replace('_', ' ')}": value / KHZ
+        f"{part}: {named(name)[0]}": value / KHZ
         for part in ("zone", "pillar")
         for name, value in (document.get(part) or {}).items()
         if name.endswith("_hz") and value is not None

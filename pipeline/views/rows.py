@@ -56,12 +56,13 @@ def response(document: Document) -> Rows:
 
 
 def predesign(document: Document) -> Rows:
-    """One row a quantity of zone and pillar."""
-    return [
-        {"part": part, "quantity": key, "value": value}
-        for part in ("zone", "pillar")
-        for key, value in (document.get(part) or {}).items()
-    ]
+    """One row a quantity of zone and pillar, then the expected error of each theory's frequency."""
+    rows = []
+    for part in ("zone", "pillar"):
+        sized = dict(document.get(part) or {})
+        sized |= {f"{name}_error": error for name, error in sized.pop("expected_error", {}).items()}
+        rows += [{"part": part, "quantity": key, "value": value} for key, value in sized.items()]
+    return rows
 
 
 def tolerance(document: Document) -> Rows:

@@ -278,7 +278,7 @@ def test_a_misspelled_file_is_told_with_the_nearest_one(tmp_path, monkeypatch, m
 
 def test_a_file_named_like_none_is_told_without_a_guess(tmp_path):
     (tmp_path / "plate.toml").write_bytes(CASE.read_bytes())
-    with pytest.raises(InputError, match="no such file$"):
+    with pytest.raises(InputError, match=r"no such file$"):
         load_case(tmp_path / "beam.toml")
 
 

@@ -16,6 +16,7 @@ from geometry.materials import MATERIALS
 from pipeline import paths
 from pipeline.case.model import load_case
 from pipeline.case.schema import TABLES, known_keys
+from pipeline.cli.compare import _differs, lined_up
 from pipeline.cli.main import _parser, main
 from pipeline.views import figures
 from solvers.analytic.plates import levy_hz
@@ -84,6 +85,29 @@ def test_two_cases_differ_where_they_differ(tmp_path: Path, capsys: pytest.Captu
     assert "nothing differs" in capsys.readouterr().out
     assert main(["compare", SMALL, str(tmp_path / "none.json"), "--quiet"]) == 2
     assert capsys.readouterr().err.endswith("JSON result: No such file or directory\n")
+
+
+def test_a_case_is_compared_with_a_result_by_the_design_that_both_tell(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What a result alone knows is no difference of two designs, and neither is rounding."""
+    other, result, record = (tmp_path / name for name in ("other.toml", "result.json", "record.json"))
+    other.write_text((ROOT / "examples" / "small.toml").read_text().replace("height_mm = 6.3", "height_mm = 7.0"))
+    assert main(["predesign", str(other), "--quiet", "--json", str(result)]) == 0
+    record.write_text(json.dumps({"design": json.loads(result.read_text())["with_defaults"]["design"], "schema": 2}))
+    for place in (result, record):
+        capsys.readouterr()
+        assert main(["compare", SMALL, str(place), "--quiet", "--json", "-"]) == 0
+        rows = json.loads(capsys.readouterr().out)["rows"]
+        assert [row["quantity"] for row in rows] == ["case.design.pillar.height_m"]
+    assert main(["compare", SMALL, str(result), "--quiet"]) == 0
+    assert "known of one of the two alone" in capsys.readouterr().out
+    assert main(["compare", SMALL, str(result), "--all", "--quiet"]) == 0
+    assert "case.design.length_m" in capsys.readouterr().out
+    assert main(["compare", SMALL, str(tmp_path / "resutl.json")]) == 2
+    assert f"(did you mean {result}?)" in capsys.readouterr().err
+    rounded = [dict(lined_up({"x": 1.0}, {"x": 1.0 + step})[0]) for step in (1e-12, 1e-6)]
+    assert [_differs(row) for row in rounded] == [False, True]
 
 
 def test_two_results_with_bands_are_drawn_over_one_path(
@@ -180,6 +204,31 @@ def test_the_lists_name_what_there_is(
     assert main(["glossary", "confinement"]) == 0 and "20 log10" in capsys.readouterr().out
     assert main(["glossary", "strength"]) == 0 and "](" not in capsys.readouterr().out
     assert main(["glossary", "confinment"]) == 2 and "did you mean confinement" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("place", ["-", "/dev/stdout"])
+def test_a_table_on_standard_output_is_alone(
+    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["predesign", SMALL, "--quiet", "--csv", place, "--markdown", "p.md"]) == 0
+    rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
+    assert rows[0] == {"part": "zone", "quantity": "nodal_lines", "value": "4"} and not Path("-").exists()
+    assert float(next(row["value"] for row in rows if row["quantity"] == "clamped_hz_error")) < 0.1
+    head, rule, first, second, *_ = Path("p.md").read_text().splitlines()
+    assert (head, rule) == ("| part | quantity | value |", "| --- | --- | --- |")
+    assert (first, second) == ("| zone | nodal lines | 4 |", "| zone | frequency (kHz) | 33.494 |")
+    assert main(["materials", "--markdown", place]) == 0
+    assert capsys.readouterr().out.splitlines()[2].startswith("| aluminium | 70 |")
+    assert main(["predesign", SMALL, "--csv", place, "--json", place]) == 2
+    assert "--csv" in (said := capsys.readouterr()).err and "one document" in said.err and not said.out
+
+
+def test_a_folder_of_results_holds_a_picture(tmp_path: Path) -> None:
+    assert main(["predesign", SMALL, "--quiet", "--out", str(tmp_path)]) == 0
+    assert {"predesign.json", "predesign.csv", "predesign.png", "predesign.svg"} <= {
+        each.name for each in tmp_path.iterdir()
+    }
 
 
 @pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
