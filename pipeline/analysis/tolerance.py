@@ -177,7 +177,7 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
     log.info(
         f"{len(reductions.families)} kinds of pillar cells, each interpolated between "
         f"{1 + max(len(family.nodes) for family in reductions.families.values())} reductions: "
-        f"{reductions.fresh} pieces reduced now, {reductions.reused} taken from the cache"
+        f"{reductions.fresh} panels reduced now, {reductions.reused} taken from the cache"
     )
     if case.patches:
         forced = patched_plate.driven(case, model, band, log)

@@ -18,6 +18,7 @@ WISHES = {
     "rows": (3, "rows of pillars on each side of the zone"),
     "extension": (25.0, "plate beyond the last row, mm"),
 }
+UNITS = {"material": "NAME", "frequency": "F", "rows": "N"}  # the others are lengths
 OPTIONS = {  # by the keys that take them as they are
     "plate.thickness_mm": "--thickness",
     "zone.length_mm": "--length",
@@ -35,12 +36,8 @@ def add(commands: Any, command: Any) -> None:
     new = command(commands, "new", text, "new plate.toml --frequency 32kHz --rows 3", "pipeline.cli.new:run")
     new.add_argument("place", metavar="FILE", help="where to write the case")
     for name, (default, words) in WISHES.items():
-        kind = type(default)
         new.add_argument(
-            option(name),
-            type=kind,
-            metavar=kind.__name__.upper(),
-            help=f"{words} (default: {default})",
+            option(name), type=type(default), metavar=UNITS.get(name, "MM"), help=f"{words} (default: {default})"
         )
     new.add_argument("--force", action="store_true", help="replace a file that is there")
 

@@ -147,8 +147,8 @@ def _lines(outcome: Outcome, document: dict[str, Any]) -> list[str]:
     return [
         f"{counts}; the best assembled plates:",
         outputs.table((*(v.name for v in outcome.space.variables), *MEASURES, "mass_g"), rows),
-        f"as it was: {summary(outcome.base)}",
-        f"best:      {summary(outcome.best)}{gain}",
+        f"as given: {summary(outcome.base)}",
+        f"best:     {summary(outcome.best)}{gain}",
         *(
             f"solid mesh, {name}: {values['confinement_db']:.2f} dB at {values['frequency_hz']:.1f} Hz"
             for name, values in document.get("solid", {}).items()

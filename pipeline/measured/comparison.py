@@ -218,7 +218,7 @@ def _map(
     beside = "" if seen.confinement_db is None else f" (computed {seen.confinement_db:.1f} dB at the same points)"
     line = (
         f"{Path(measured.file).name}{_marked(measured.synthetic)}: {len(measured.values)} points, {summary}{beside}, "
-        f"MAC {alike:.3f} to the operating shape at {tone:.1f} Hz, {level.mac:.3f} to the wanted one"
+        f"MAC {alike:.3f} to the operating deflection shape at {tone:.1f} Hz, {level.mac:.3f} to the wanted one"
     )
     return record, arrays, line
 

@@ -127,6 +127,6 @@ def _alt(record: MeasuredRecord) -> str:
     if field := record.map:
         said.append(
             f"The field measured at {field.points} points{_marked(field)}{_decibels(field.confinement_db)}; its "
-            f"correlation with the computed operating shape is {field.mac_operating:.3f}"
+            f"correlation with the computed operating deflection shape is {field.mac_operating:.3f}"
         )
     return ". ".join(said) + "."

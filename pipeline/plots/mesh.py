@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 CORNER_M = 0.022
 CAPTION = 100  # characters of a line
 PLATE_PREFIXES = ("mesh", "tet")
-MIXED = "pieces with a pillar in tetrahedra,\nbare ones in hexahedra"
+MIXED = "panels with a pillar in tetrahedra,\nbare ones in hexahedra"
 TITLES = {"plate": "Meshes of the plate, one corner", "cell": "Meshes of the unit cell"}
 
 

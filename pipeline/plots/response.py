@@ -23,7 +23,7 @@ def response(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
 
 
 def curves(record: ResponseRecord, points: Any = None, shape: Any = None) -> ReportFigure:
-    """Curves over frequency, and the operating shape at the peak when its field is there."""
+    """Curves over frequency, and the operating deflection shape at the peak when its field is there."""
     count = 1 + (record.sensor_V_per_V is not None) + (shape is not None)
     figure, panels = style.panels(2.3 * count + 0.6, count, 1, squeeze=False)
     draw_amplitudes(panels[0, 0], record)
@@ -71,7 +71,7 @@ def _shape(axes: Any, points: Any, shape: Any, record: ResponseRecord) -> None:
     look = {"cmap": style.SIGNED, "vmin": -limit, "vmax": limit, "shading": "gouraud", "rasterized": True}
     image = axes.pcolormesh(x / MM, y / MM, field, **look)
     style.mm_axes(axes)
-    axes.set_title(f"Operating shape at {record.peak.frequency_hz / KHZ:.2f} kHz")
+    axes.set_title(f"Operating deflection shape at {record.peak.frequency_hz / KHZ:.2f} kHz")
     axes.set_anchor("W")
     axes.figure.colorbar(image, cax=axes.inset_axes((1.05, 0.0, 0.05, 1.0)), label="u_z (nm/V)")
 

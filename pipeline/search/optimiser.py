@@ -251,7 +251,7 @@ class _Search:
 
     def _confirmed(self, values: Values, near_hz: float | None) -> Evaluation:
         """Evaluate a design (none: the file's) by the assembled plate in the case's own window, which must contain the mode."""
-        with self.log.step("solve the design as it was" if not values else "solve the best design again"):
+        with self.log.step("solve the design as given" if not values else "solve the best design again"):
             confirmed = self._evaluated(values, PLATE, None, window_around(self.space.case(values), near_hz))
         for id, text in confirmed.result.warnings:
             self.log.warning(id, text)

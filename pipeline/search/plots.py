@@ -133,7 +133,7 @@ def _tradeoff(axes: Any, document: dict[str, Any], value: str, label: str) -> No
     for name, marker, colour in (("base", "D", style.ORANGE), ("best", "*", style.VERMILION)):
         each = document[name]
         if each[value] is not None:
-            label_ = "as it was" if name == "base" else "best"
+            label_ = "as given" if name == "base" else "best"
             axes.plot(each["frequency_hz"] / KHZ, each[value], marker, color=colour, mec="white", ms=11, label=label_)
     axes.axvline(document["limits"]["lowest_hz"] / KHZ, color=style.GREY, lw=0.8, ls=":")
     axes.set(xlabel="frequency of the wanted mode (kHz)", ylabel=label, title="Trade-off")
@@ -150,7 +150,7 @@ def axis_words(key: str) -> str:
 def _alt(document: dict[str, Any], value: str, label: str) -> str:
     best, base = document["best"], document["base"]
     where = ", ".join(f"{key} = {each:g}" for key, each in best["set"].items())
-    was = "" if base[value] is None else f"; as it was, {base[value]:.1f}"
+    was = "" if base[value] is None else f"; as given, {base[value]:.1f}"
     counts = ", ".join(f"{fidelity['designs']} by {fidelity['name']}" for fidelity in document["fidelities"])
     return (
         f"Goal over what was varied ({counts}) and against frequency: best {best[value]:.1f} {label} at "
