@@ -17,7 +17,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.measured.files import LARGEST
-from pipeline.records import outputs
+from pipeline.records.reading import reading_table
 from pipeline.units import MS, US
 from pipeline.views.answer import Answer
 from solvers.control.baseband import ModePlant
@@ -184,7 +184,7 @@ def _lines(study: DqStudy, measured: Identified | None) -> list[str]:
         f"continuous PI: K_p = {study.pi.proportional:.4g}, K_i = {study.pi.integral_per_s:.5g} 1/s for tau_d = "
         f"{data.response_s / MS:.3f} ms; each {sampled['period_s'] / US:g} us: K_p = {sampled['proportional']:.4g}, "
         f"integral {sampled['integral']:.4g}",
-        f"margins: gain {study.margins.gain:.2f}, carrier's phase {study.margins.phase_deg:.1f} degrees, "
+        f"margins: gain {study.margins.gain:.2f}, phase of the carrier {study.margins.phase_deg:.1f} degrees, "
         f"sensitivity {study.margins.sensitivity:.2f}",
-        outputs.table(head, rows),
+        reading_table(head, rows),
     ]

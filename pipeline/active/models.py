@@ -15,7 +15,7 @@ from pipeline.case.quantities import parse_band
 from pipeline.errors import InputError
 from pipeline.logs import Log, TerminalLog
 from pipeline.paths import STUDIES
-from pipeline.records import outputs
+from pipeline.records.reading import reading_table
 from pipeline.units import KHZ, MM
 from pipeline.views.answer import Answer, emit, of_case
 from solvers.errors import SolverError
@@ -194,7 +194,7 @@ def _beam(arguments: Namespace, case: Case | None, log: Log) -> Answer:
     lines = [
         f"free-free {data.material.name} strip {size}, 1 N in the middle, loops {study.left_m / MM:.1f} mm from both ends; "
         f"strength = K'/(4 EI beta^3), ratio = rms between the loops over rms beyond",
-        outputs.table(head, rows),
+        reading_table(head, rows),
         *compared(document["comparison"]),
     ]
     return Answer(document, lines, head, rows, pictures=lambda: plots.beam(study))

@@ -153,7 +153,7 @@ def _log_summary(forced_response: Response, log: Log) -> None:
         shift = forced_response.circuit
         log.info(
             f"wanted mode at {shift.short_hz:.1f} Hz with all patches short, {shift.open_hz:.1f} Hz with all open: "
-            f"coupling factor squared {shift.coupling:.2e}"
+            f"effective coupling factor squared (k_eff^2) {shift.coupling:.2e}"
         )
     _warn_of_wanted(forced_response, log)
     if forced_response.highest.frequency_hz in (

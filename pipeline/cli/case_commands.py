@@ -259,7 +259,8 @@ def tolerance(arguments: Namespace) -> int:
     from pipeline.plots.response import report_figure
 
     solved = drawn.solve(case, log, band)
-    head = tuple(solved.nominal.to_dict())
+    per = "V" if case.patches else "N"
+    head = tuple(f"{name}_m_per_{per}" if name == "zone_rms" else name for name in solved.nominal.to_dict())
     rows = [list(one.to_dict().values()) for one in solved.samples]
     lines = [f"{solved.pillars} pillars, driven by {solved.drive}", reading_table(head, rows), *drawn.lines(solved)]
     pictures = lambda: [report_figure(solved.record, solved.arrays())]  # noqa: E731

@@ -13,7 +13,7 @@ from pipeline.errors import CheckFailed
 from pipeline.logs import TerminalLog
 from pipeline.paths import REFERENCE, STUDIES
 from pipeline.plots.style import ReportFigure
-from pipeline.records import outputs
+from pipeline.records.reading import reading_table
 from pipeline.records.record import BandsRecord
 from pipeline.units import KHZ
 from pipeline.views import figures
@@ -95,7 +95,7 @@ def check_gap(arguments: Namespace) -> int:
     head = ("edge", "reference_hz", "found_hz", "change", "allowed", "holds")
     rows = [[e.name, e.reference_hz, e.found_hz, e.change_text, f"{100 * e.allowed:.1f} %", e.holds] for e in edges]
     document = {"holds": all(e.holds for e in edges), "edges": [e.to_dict() for e in edges]}
-    answer = Answer(document, [outputs.table(head, rows)], head, rows, lambda: [_figure(record)])
+    answer = Answer(document, [reading_table(head, rows)], head, rows, lambda: [_figure(record)])
     emit(arguments, "check-gap", answer)
     if not document["holds"]:
         raise CheckFailed(e.words for e in edges if not e.holds)

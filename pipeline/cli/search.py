@@ -9,7 +9,7 @@ from pipeline.case.model import load_case
 from pipeline.case.quantities import parse_frequency
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
-from pipeline.records import outputs
+from pipeline.records.reading import filled, reading_table
 from pipeline.search.limits import Limits
 from pipeline.search.space import read_space
 from pipeline.units import GRAM, MM
@@ -146,7 +146,7 @@ def _lines(outcome: Outcome, document: dict[str, Any]) -> list[str]:
     counts = ", ".join(f"{len(each)} by {fidelity}" for fidelity, each in outcome.by_fidelity.items())
     return [
         f"{counts}; the best assembled plates:",
-        outputs.table((*(v.name for v in outcome.space.variables), *MEASURES, "mass_g"), rows),
+        reading_table(*filled((*(v.name for v in outcome.space.variables), *MEASURES, "mass_g"), rows)),
         f"as given: {summary(outcome.base)}",
         f"best:     {summary(outcome.best)}{gain}",
         *(

@@ -24,11 +24,12 @@ class Form(NamedTuple):
 ENDINGS = {
     "_hz": Form("kHz", 1e-3, ".3f"),
     "_rms_m_per_V": Form("nm/V", 1e9),
+    "_rms_m_per_N": Form("nm/N", 1e9),
     "_per_m": Form("rad/m", 1.0, ".1f"),
     "_db": Form("dB", 1.0, "z.1f"),
     "_mm": Form("mm", 1.0, ".3f"),
 }
-KHZ = ENDINGS["_hz"]
+KHZ, MS = ENDINGS["_hz"], Form("ms", 1e3, ".3f")
 NAMES = {
     "db_per_row": ("decay per row", Form("dB", 1.0, ".2f")),
     "formula_hz": ("beam formula", KHZ),
@@ -38,6 +39,13 @@ NAMES = {
     "timoshenko_height_mm": ("height (Timoshenko)", ENDINGS["_mm"]),
     "given_euler_hz": ("given (Euler)", KHZ),
     "given_timoshenko_hz": ("given (Timoshenko)", KHZ),
+    "gain_n_m": ("gain K'", Form("N/m")),
+    "largest_force_n": ("largest force", Form("N")),
+    "reached_95_s": ("95 % reached", MS),
+    "settled_5_s": ("settled within 5 %", MS),
+    "limited_periods": ("saturated periods", Form("")),
+    "mass_g": ("mass", Form("g")),
+    "band_khz": ("stop band", Form("kHz")),
     "given_second_hz": ("given, second bending", KHZ),
 }
 UNREAD = ("residual",)  # for whoever checks a solver: in files alone

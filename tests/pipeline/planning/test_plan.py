@@ -21,6 +21,7 @@ from pipeline.paths import STUDIES
 from pipeline.planning import mesh_rules, plan, simplifications
 from pipeline.planning.model_choice import cell_model_choice, model_choice_of
 from pipeline.planning.request import Request, driven_band_hz, model_high_hz, of_case, response_high_hz
+from pipeline.records import store
 from solvers.analytic.predesign import predesign
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import coupled_classes
@@ -312,6 +313,14 @@ def test_a_dry_run_tells_the_plan_of_each_case(capsys: pytest.CaptureFixture[str
     cases = 1 + len(load_study("rows").cases())  # the unswept one too
     assert text.count("modes of the plate: superelement hex3") == text.count("left out: ") == cases
     assert "the same plate and cell by tetrahedra" in text
+
+
+def test_a_dry_run_names_what_is_up_to_date(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(store, "why_recompute", lambda *about: None)
+    assert main(["run", "rows", "--dry-run"]) == 0
+    assert capsys.readouterr().out.count(": up to date\n") == 1 + len(load_study("rows").cases())
 
 
 # -- a scene that has nothing does nothing -----------------------------------------------------------------------------

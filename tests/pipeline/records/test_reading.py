@@ -45,3 +45,11 @@ def test_markdown_has_the_same_words_and_a_dash_for_nothing() -> None:
     assert reading_markdown(("confinement_db", "case"), [[11.62, "a|b"], [None, "c"]]) == (
         "| confinement (dB) | case |\n| --- | --- |\n| 11.6 | a\\|b |\n| - | c |\n"
     )
+
+
+def test_words_of_other_fields_have_their_units() -> None:
+    head = ("gain_n_m", "reached_95_s", "mass_g", "zone_rms_m_per_N", "band_khz")
+    assert reading_table(head, [[1e7, 1.98e-3, 12.1, 2.2e-8, 1.5]]).splitlines() == [
+        "gain K' (N/m)  95 % reached (ms)  mass (g)  zone (nm/N)  stop band (kHz)",
+        "        1e+07              1.980      12.1           22              1.5",
+    ]

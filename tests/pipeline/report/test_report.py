@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import get_args
 from urllib.parse import unquote
 
 import numpy as np
@@ -16,6 +17,7 @@ import pytest
 from pipeline.measures import registry
 from pipeline.plots import rendering, style
 from pipeline.records import store, tables
+from pipeline.records.record import Record
 from pipeline.records.study import StoredStudy, read_study
 from pipeline.report import gallery, html, pictures, text
 from pipeline.report import page as report_page
@@ -85,6 +87,11 @@ def test_it_is_one_sound_file_that_needs_nothing_else(folder: Path, page: Page):
     assert all(link["href"].startswith("data:") for link in page.all("link"))
     assert not re.search(r"(src|href)=\"(https?:)?//", (folder / report_page.REPORT).read_text())
     assert (folder / report_page.REPORT).stat().st_size < 4e6
+
+
+def test_every_status_of_a_case_has_its_colour():
+    css = (Path(report_page.__file__).parent / "templates" / "report.css").read_text()
+    assert all(f".status-{status}" in css for status in get_args(Record.model_fields["status"].annotation))
 
 
 def test_every_link_leads_somewhere(folder: Path, page: Page):
