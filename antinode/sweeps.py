@@ -23,11 +23,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 NUMBERS = (int, float)
+PERCENT = re.compile(r"-?[\d.]+%")  # as table.csv writes shares
+VERDICTS = {"yes": True, "no": False, "true": True, "false": False}
 STUDY, TABLE = "study.toml", "table.csv"
 
 
 class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
-    """One row a case: swept keys and measures by their columns of table.csv; None where a measure has no meaning.
+    """One row a case: swept keys and measures by their columns of table.csv; None where a measure has no meaning. Errors are
+    shares of 1, verdicts are True or False.
 
     `folder` holds every case's record, run.mess and arrays, the table as table.csv, and the study as study.toml. Units
     stand in the columns' names; the page of columns in the documentation says what each one is.
@@ -262,7 +265,9 @@ def _value(cell: str | None) -> Any:
             return kind(cell)
         except ValueError:
             continue
-    return cell
+    if PERCENT.fullmatch(cell):
+        return round(float(cell[:-1]) / 100.0, 12)
+    return VERDICTS.get(cell.lower(), cell)
 
 
 if __name__ == "__main__":

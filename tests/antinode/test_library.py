@@ -206,7 +206,7 @@ def test_a_notebook_sees_the_plate_its_modes_and_its_table(plate: antinode.Plate
 
 def test_a_sweeps_table_is_drawn_kept_and_read_again(tmp_path: Path) -> None:
     rows = [
-        {"case": f"{r}{h}", "array.rows": r, "pillar.height_mm": h, "confinement_db": level}
+        {"case": f"{r}{h}", "array.rows": r, "pillar.height_mm": h, "confinement_db": level, "confined": level == 11.0}
         for r, h, level in ((1, 6.0, 3.5), (1, 6.3, None), (2, 6.0, 8.0), (2, 6.3, 11.0))
     ]
     table = antinode.SweepTable(rows, tmp_path, ("array.rows", "pillar.height_mm"))
@@ -221,6 +221,10 @@ def test_a_sweeps_table_is_drawn_kept_and_read_again(tmp_path: Path) -> None:
     for place in (tmp_path, tmp_path / "table.csv"):
         again = antinode.open(place)
         assert isinstance(again, antinode.SweepTable) and again.swept == table.swept and list(again) == list(table)
+    (tmp_path / "said.csv").write_text("case,wanted_error,confined,array.stagger\na,0.21%,yes,false\nb,,no,true\n")
+    assert antinode.open(tmp_path / "said.csv").to_dict() == {
+        "case": ["a", "b"], "wanted_error": [0.0021, None], "confined": [True, False], "array.stagger": [False, True]
+    }  # fmt: skip
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
     with pytest.raises(antinode.InputError, match="holds no table of a study"):
         antinode.open(tmp_path / "other.csv")
