@@ -127,7 +127,8 @@ def bands(arguments: Namespace) -> int:
         return _explained(arguments, "of_bands", case)
     from pipeline.analysis.bands import solve_bands
 
-    record = solve_bands(case, log, every_gap=bool(arguments.json or arguments.out)).record
+    solved = solve_bands(case, log, every_gap=bool(arguments.json or arguments.out or arguments.verbose))
+    record = solved.record
     count = len(record.points[0].frequencies_hz)
     head = ("label", "kx_per_m", "ky_per_m", *(f"band_{n}_hz" for n in range(1, count + 1)))
     rows = [[point.label, point.kx_per_m, point.ky_per_m, *point.frequencies_hz] for point in record.points]
@@ -142,11 +143,20 @@ def bands(arguments: Namespace) -> int:
     ]
     if not record.gaps:
         lines.append(f"No complete gap {record.where_gaps_are_known}; bands.count asks for more")
+    if arguments.verbose and solved.detail:
+        lines += _partial_gaps(solved.detail)
     if case.design.pillar and (bending := record.bending_at_m_hz):
         lines.append(f"bending of the pillars at M: {' and '.join(f'{hz / KHZ:.2f} kHz' for hz in bending)}")
     if record.expected_error is not None:
         lines.append(f"expected error of a frequency: {record.expected_error:.2%} by the mesh")
     return emit(arguments, "bands", Answer(record.to_dict(), lines, head, rows), log)
+
+
+def _partial_gaps(detail: Any) -> list[str]:
+    """The gaps for waves of one polarisation, and for those along one segment of the path."""
+    named = [(f"for {gap.polarisation} waves", gap) for gap in detail.polarisation_gaps or ()]
+    named += [(f"from {gap.start} to {gap.end}", gap) for gap in detail.directional_gaps or ()]
+    return [f"gap {where} alone: {gap.lower_hz / KHZ:.2f} to {gap.upper_hz / KHZ:.2f} kHz" for where, gap in named]
 
 
 def attenuation(arguments: Namespace) -> int:

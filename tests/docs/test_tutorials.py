@@ -65,7 +65,7 @@ def test_what_a_page_shows_is_compared_by_words_and_numbers() -> None:
 # half a minute to two minutes each
 SLOW = {
     *("finger", "how-many-rows", "own-pillar", "first-plate", "table-to-board", "own-measurement", "other-programs"),
-    *("shaped-patches", "start", "notebooks"),
+    *("search-and-tolerance", "shaped-patches", "start", "notebooks"),
 }
 PAGES = [
     pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in SLOW else [])
