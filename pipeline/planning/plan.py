@@ -375,8 +375,8 @@ def _step(
     model, details = choice.name, dict(numbers)
     if choice.reduction:
         face = choice.reduction.interface
-        model += f", degrees {face.along} along and {face.through} through, "
-        model += f"modes of the panels to {khz(choice.reduction.top_hz)}"
+        model += f", interface polynomials of degree {face.along} in plane and {face.through} through the thickness, "
+        model += f"fixed-interface modes to {khz(choice.reduction.top_hz)}"
         details["degrees"] = [face.along, face.through]
     if choice.hexahedra and choice.kind == "hex":
         mesh = choice.hexahedra
