@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import secrets
 import struct
 import time
 from collections.abc import Iterator
@@ -65,7 +66,7 @@ class Client:
 
     def __init__(self, port: Port, attempts: int = 3, reads: int = 50) -> None:
         self.port, self.attempts, self.reads = port, attempts, reads
-        self.sequence = 0
+        self.sequence = secrets.randbelow(256)  # else its first request might be taken for a repeated one
         self.buffer = b""
         self.records: list[Record] = []
         self.drives = False

@@ -263,6 +263,5 @@ static an_result handle(an_application *app, const an_build *build, const an_mes
 an_result an_application_handle_request(an_application *app, const an_build *build, const an_message *request,
                                         const an_table *staged, an_message *reply)
 {
-    app->supervisor.heard = build->moment(app).window;
     return has_its_length(request) ? handle(app, build, request, staged, reply) : AN_BAD_VALUE;
 }

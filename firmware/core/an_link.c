@@ -140,9 +140,10 @@ static an_result answer(an_link *link, const an_message *request, an_message *re
     }
 }
 
-static bool changes_nothing(uint32_t kind)
+/* A stop that was heard before is one that did not help. */
+static bool is_done_each_time(uint32_t kind)
 {
-    return kind == AN_IDENTITY || kind == AN_STATUS || kind == AN_HEALTH || kind == AN_CAPTURED;
+    return kind == AN_IDENTITY || kind == AN_STATUS || kind == AN_HEALTH || kind == AN_CAPTURED || kind == AN_STOP;
 }
 
 static uint32_t digest_of(const an_message *request)
@@ -197,9 +198,10 @@ void an_link_feed(an_link *link, uint8_t byte)
     if (!an_frame_feed(&link->reader, byte, &request) || (request.kind & AN_REPLY) != 0u) {
         return;
     }
-    link->heard++;
+    link->app->supervisor.heard = link->build->moment(link->app).window;
     reply.length = 1u;
-    if (changes_nothing(request.kind)) {
+    link->last.known = link->last.known && link->last.sequence == request.sequence;
+    if (is_done_each_time(request.kind)) {
         const an_result result = answer(link, &request, &reply);
         send(link, &reply, request.kind, request.sequence, result);
         return;

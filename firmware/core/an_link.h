@@ -14,7 +14,8 @@
 #include "an_types.h"
 
 /* The last request that changed something, and its answer: a host that lost the answer asks again, with the same
- * sequence, and must neither be refused nor done twice. What changes nothing is answered anew each time. */
+ * sequence, and must neither be refused nor done twice. It is forgotten when another sequence is heard, for then the answer
+ * had come, or nobody waits for it. What changes nothing, and a stop, is done and answered anew each time. */
 typedef struct {
     bool known;
     uint8_t kind;
@@ -31,7 +32,6 @@ typedef struct {
     an_capture *capture;
     uint8_t out[AN_FRAME_BYTES];
     uint32_t out_length; /* bytes the board shall send next; it sets 0 when it took them */
-    uint32_t heard;      /* sound frames so far */
     uint8_t staged[AN_TABLE_MAX_BYTES];
     uint32_t staged_length;
     uint32_t staged_wanted;

@@ -185,6 +185,46 @@ def test_health_is_told_in_its_order_and_a_repeated_request_is_answered_alike(
 
 
 @pytest.mark.parametrize(("name", "table", "rate_hz", "other"), BUILDS)
+def test_what_another_session_asks_is_no_repetition(core, name, table, rate_hz, other) -> None:
+    """Each run of the client may begin with the numbers of the last one."""
+    linked = Linked(core, name, table, rate_hz)
+    supervisor = linked.app.base.supervisor
+    stop, clear, status = (
+        encode(Message(kind, 1 + (kind == Kind.STATUS))) for kind in (Kind.STOP, Kind.CLEAR, Kind.STATUS)
+    )
+    for _ in range(2):
+        linked.window()
+        assert core.lib.an_application_identify(linked.base, linked.build)
+        linked.window()
+        assert [reply.payload for reply in linked.ask(stop)] == [b"\0"]
+        linked.window()
+        assert supervisor.state == 0
+    for result in (b"\3", b"\0", b"\0"):
+        assert [reply.payload for reply in linked.ask(clear)] == [result]
+        linked.ask(status)
+        linked.window()
+        linked.app.fast.faults = Fault.BREAK
+        linked.window()
+        linked.window()
+        assert supervisor.state == 3
+
+
+@pytest.mark.parametrize(("name", "table", "rate_hz", "other"), BUILDS)
+@pytest.mark.parametrize("kind", [Kind.HEALTH, Kind.CAPTURED, Kind.UPLOAD_BEGIN])
+def test_a_host_that_asks_anything_is_not_silent(core, name, table, rate_hz, other, kind: Kind) -> None:
+    linked = Linked(core, name, table, rate_hz)
+    linked.window()
+    assert answer(linked, Kind.IDENTIFY) == b"\0"
+    for _ in range(3):
+        passed = round(0.4 * linked.build.moment(linked.base).window_hz)
+        linked.app.fast.window.count += passed
+        linked.app.fast.command.count += passed
+        answer(linked, kind)
+        linked.window()
+    assert linked.app.base.supervisor.state == 1
+
+
+@pytest.mark.parametrize(("name", "table", "rate_hz", "other"), BUILDS)
 @pytest.mark.parametrize("bit", [7, 12, 20, 31])
 def test_a_tick_that_can_never_come_is_found_and_mended(core, name, table, rate_hz, other, bit: int) -> None:
     linked = Linked(core, name, table, rate_hz)
