@@ -41,32 +41,36 @@ def health(client: Client, text: argparse.Namespace) -> None:
 def start(client: Client, text: argparse.Namespace) -> None:
     """Drives the wanted mode and holds it."""
     client.start(text.reference, text.detuning)
-    keep_running(client)
+    keep_running(client, "start")
 
 
 def pattern(client: Client, text: argparse.Namespace) -> None:
     """Holds a pattern of the present shape."""
     client.pattern(text.number, text.reference)
-    keep_running(client)
+    keep_running(client, "pattern")
 
 
 def identify(client: Client, text: argparse.Namespace) -> None:
-    """Measures the plate, then rests. Raises BoardError when the measurement ended in a fault."""
+    """Measures the plate, then rests."""
     client.identify()
-    last = keep_running(client)
-    if last.state == "fault":
-        raise BoardError(f"identify: ended in the fault {', '.join(last.faults)}")
+    keep_running(client, "identify")
 
 
-def keep_running(client: Client) -> SingleStatus | SixStatus:
-    """Prints a line ten times a second and thereby keeps the board from stopping, until it rests."""
+def without_fault(result: SingleStatus | SixStatus, action: str) -> None:
+    """Raises BoardError when the board is in a fault."""
+    if result.state == "fault":
+        raise BoardError(f"{action}: ended in the fault {', '.join(result.faults)}")
+
+
+def keep_running(client: Client, action: str) -> None:
+    """Prints a line ten times a second and thereby keeps the board from stopping, until it rests; as without_fault."""
     while True:
         result = client.status()
         measured = figure(abs(result.measured), ".4f")
         print(f"{result.state}  reference {figure(result.reference, '.4f')}  measured {measured}", flush=True)
         if result.state not in DRIVING:
             client.drives = False
-            return result
+            return without_fault(result, action)
         time.sleep(LOOK_S)
 
 
@@ -189,10 +193,12 @@ def _missing(last: Record | None, record: Record, every: int) -> int:
 def stream(client: Client, text: argparse.Namespace) -> None:
     """Plays a sound file as the amplitude's envelope, then stops."""
     client.start(text.reference)
-    while client.status().state == "identify":
+    while (before := client.status()).state == "identify":
         time.sleep(LOOK_S)
+    without_fault(before, "stream")
     client.stream(text.every)
     late = _give(client, text.factors, text.every / WINDOW_HZ)
+    without_fault(client.status(), "stream")
     client.stop()
     print(f"{len(text.factors)} samples at {WINDOW_HZ / text.every:g} Hz" + (f", {late} came late" if late else ""))
 

@@ -103,8 +103,13 @@ class Client:
 
     def pattern(self, number: int, reference: float = 0.0) -> None:
         """Six channels: holds a pattern of the present shape; 0 asks for half of what is reachable. Talk on as after start."""
-        if self.status().state == "run":
-            self.request(Kind.PATTERN, struct.pack("<II", self.shape(), number))
+        status = self.status()
+        if not isinstance(status, SixStatus):
+            raise Refused("pattern: this board's image is the one for one mode")
+        if status.state == "run":
+            if reference > 0.0:
+                self.reference(reference)
+            self.request(Kind.PATTERN, struct.pack("<II", status.shape, number))
         else:
             self._drive(Kind.START, struct.pack("<If", number, reference))
 

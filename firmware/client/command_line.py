@@ -20,7 +20,7 @@ from firmware.table_format import verify, with_drive_limit
 EPILOG = """examples: python -m firmware.client /dev/ttyACM0 start 0.1
           python -m firmware.client watch            (the only board that is plugged in)
 
-Exit codes: 0 done, 2 wrong input, 3 the board refused or did not answer, 4 a check failed,
+Exit codes: 0 done, 2 wrong input, 3 the board refused, did not answer or ended in a fault, 4 a check failed,
 5 no port or no pyserial, 130 interrupted."""
 
 

@@ -25,6 +25,7 @@ void an_application_fail(an_application *app, const an_build *build, an_fault fa
     an_supervisor_fail(&app->supervisor, fault);
     build->trip(app, fault);
     build->post_rest(app, false);
+    an_texture_end_stream(&app->texture);
 }
 
 bool an_application_identify(an_application *app, const an_build *build)
@@ -69,6 +70,7 @@ static void rest(an_application *app, const an_build *build)
         build->trip(app, app->supervisor.faults);
     }
     build->post_rest(app, false);
+    an_texture_end_stream(&app->texture);
 }
 
 void an_application_poll(an_application *app, const an_build *build)

@@ -46,6 +46,13 @@ bool an_texture_stream(an_texture *texture, uint32_t every)
     return true;
 }
 
+void an_texture_end_stream(an_texture *texture)
+{
+    if (texture->kind == AN_TEXTURE_STREAM) {
+        texture->kind = AN_TEXTURE_PLAIN;
+    }
+}
+
 bool an_texture_give(an_texture *texture, uint32_t sample)
 {
     if (texture->kind != AN_TEXTURE_STREAM || texture->given - texture->taken >= AN_TEXTURE_ROOM) {

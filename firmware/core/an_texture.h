@@ -29,6 +29,9 @@ bool an_texture_sine(an_texture *texture, float rate_hz, float depth, float wind
 /* Samples follow, each for so many windows (1 to 50000). */
 bool an_texture_stream(an_texture *texture, uint32_t every);
 
+/* The job that it was for is over: the next one begins with the whole amplitude. */
+void an_texture_end_stream(an_texture *texture);
+
 /* Adds one sample; false when there is no room. Main loop. */
 bool an_texture_give(an_texture *texture, uint32_t sample);
 

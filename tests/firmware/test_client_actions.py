@@ -110,10 +110,26 @@ def test_a_signal_on_a_real_port_stops_the_board(number: int) -> None:
     assert asked(board)[0] is Kind.START and asked(board)[-1] is Kind.STOP
 
 
-def test_identify_that_ends_in_a_fault_is_a_failure(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+@pytest.mark.parametrize("action", ["identify", "start", "stream"])
+def test_what_ends_in_a_fault_is_a_failure(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys, action: str
+) -> None:
+    write_sound(tmp_path / "a.wav", [0, 255], width=1)
     port = FakePort(status=single_status(FAULT, Fault.IDENTIFY))
-    assert run(monkeypatch, port, "identify") == 3
-    assert capsys.readouterr().err == "client: identify: ended in the fault identify\n"
+    assert run(monkeypatch, port, action, *([str(tmp_path / "a.wav")] if action == "stream" else [])) == 3
+    assert capsys.readouterr().err.startswith(f"client: {action}: ended in the fault identify")
+
+
+def test_a_pattern_is_no_start_of_one_mode_and_takes_its_reference_along(
+    monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    """To the single build the number of a pattern would be a level."""
+    port = FakePort()
+    assert run(monkeypatch, port, "pattern", "3", "0.1") == 3 and asked(port) == [Kind.STATUS]
+    assert capsys.readouterr().err == "client: pattern: this board's image is the one for one mode\n"
+    port = FakePort(status=bytes([RUN]) + SIX_STATUS[1:])
+    Client(port).pattern(1, 0.05)
+    assert asked(port) == [Kind.STATUS, Kind.REFERENCE, Kind.PATTERN]
 
 
 def test_watching_shows_bars_of_both_builds(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
@@ -408,4 +424,4 @@ def test_the_wiring_is_asked_for_on_a_terminal(monkeypatch: pytest.MonkeyPatch, 
 
 def test_a_lost_sensor_read_is_an_error_not_a_traceback() -> None:
     with pytest.raises(BoardError, match="no answer to status"):
-        actions.keep_running(Client(FakePort(lambda reply: b"")))
+        actions.keep_running(Client(FakePort(lambda reply: b"")), "start")

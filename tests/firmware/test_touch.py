@@ -151,6 +151,38 @@ def test_a_limit_cycle_is_a_fault(make, quality: float, late_us: float, neighbou
     assert rig.run_while(RUN, 0.3) < 0.3 and rig.faults == MISMATCH
 
 
+@pytest.mark.parametrize("texture", ["sine", "stream"])
+def test_a_texture_that_rests_hides_no_limit_cycle(make, texture: str) -> None:
+    """A sine of no depth, and a stream whose samples are at their end."""
+    rig = make(300.0, delay_s=13.3e-6)
+    own = rig.ffi.addressof(rig.app.base, "texture")
+    assert rig.start(0.2 * 0.8 * DROOP)
+    if texture == "sine":
+        assert rig.lib.an_texture_sine(own, 0.0, 0.0, 5000.0)
+    else:
+        assert rig.lib.an_texture_stream(own, 1) and rig.lib.an_texture_give(own, 65535)
+    assert rig.run_while(RUN, 1.0) < 1.0 and rig.faults == MISMATCH
+
+
+@pytest.mark.parametrize("end", ["stop", "fault"])
+def test_a_stream_ends_with_its_job(make, end: str) -> None:
+    """The next start is not held at the level of the last sample."""
+    rig = make()
+    own = rig.ffi.addressof(rig.app.base, "texture")
+    assert rig.start(0.1) and rig.lib.an_texture_stream(own, 2) and rig.lib.an_texture_give(own, 655)
+    rig.run(20e-3)
+    assert abs(rig.windows(10e-3)["measured"]).mean() < 0.01
+    if end == "fault":
+        rig.app.fast.faults |= Fault.BREAK
+        rig.run(1e-3)
+        assert rig.clear()
+    rig.stop()
+    rig.run(5e-3)
+    assert rig.state == IDLE and not rig.lib.an_texture_give(own, 1) and rig.start(0.1)
+    rig.run(20e-3)
+    assert abs(rig.windows(10e-3)["measured"]).mean() == pytest.approx(0.1, rel=0.01)
+
+
 @pytest.mark.parametrize("quality", [100.0, 1000.0])
 @pytest.mark.parametrize("rate_hz", [20.0, 250.0])
 @pytest.mark.parametrize("touched", [False, True])

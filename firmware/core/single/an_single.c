@@ -291,8 +291,9 @@ static void follow(an_application *base)
     const volatile uint32_t *noted = &app->slow.noted;
     const uint32_t written = *noted;
     atomic_signal_fence(memory_order_acquire);
-    if (app->base.texture.kind != AN_TEXTURE_PLAIN || app->slow.reference != app->followed_reference) {
-        app->followed_reference = app->slow.reference;
+    const float wanted = app->slow.reference * app->slow.envelope; /* a texture that has come to rest disturbs nothing */
+    if (wanted != app->followed_reference) {
+        app->followed_reference = wanted;
         an_track_disturb(&app->track);
     }
     const an_track_result found = an_track_read(&app->track, app->slow.notes, written);
