@@ -53,6 +53,21 @@ def test_timer_triggers_both_converters_every_four_microseconds(make_single) -> 
     assert board.clock.words[0x04] & 0x7FFF == 4 | 180 << 6 and board.clock.words[0x08] & 3 == 2
 
 
+def test_the_guard_looks_behind_the_fast_interrupt(make_single) -> None:
+    """Between the ADC's end of conversion, 216 cycles behind the trigger, with its interrupt, and the next trigger at 720."""
+    from tests.helpers.board_probes import record_writes
+
+    board = make_single()
+    timer, systick = 0x40000000, 0xE000E010
+    writes = record_writes(board, board.reset, (timer, timer + 4), (systick, systick + 12))
+    (begun, *_), *own = [write for write in writes if write[1] != timer or write[2] & 1][-5:]
+    enabled = next(count for count, address, _ in own if address == systick)
+    reloads = [(count, value) for count, address, value in own if address == systick + 4]
+    assert [count < enabled for count, _ in reloads] == [True, False] and reloads[1][1] == 10 * 720 - 1
+    first = reloads[0][1] + 1 + 2 * (enabled - begun)  # an instruction of code not yet cached takes some two cycles
+    assert 216 + 220 < first % 720 < 620
+
+
 def test_unidentified_mode_is_swept_and_then_held_at_the_lowest_useful_level(make_single, core) -> None:
     """And the whole sweep, its fits included, is on this machine what it is on the Cortex-M4, bit for bit."""
     from tests.helpers.hosted_boards import HostedSingle
@@ -170,7 +185,7 @@ def test_an_unexpected_interrupt_rests_the_outputs(make_single) -> None:
 
 def test_the_stack_is_large_enough(make_single) -> None:
     """The deepest use by the main loop leaves room for both interrupts, their frames of 104 bytes included."""
-    from tests.helpers.board_probes import peek, stack_pointer
+    from tests.helpers.board_probes import count_instructions, peek, stack_pointer
 
     board = make_single(UNKNOWN)
     top, size, frame = board.symbol("stack_top"), 2048, 104
@@ -179,7 +194,12 @@ def test_the_stack_is_large_enough(make_single) -> None:
     board.poke(top - size, paint)
     board.run(2e-3)
     assert board.start()
-    board.run_until(lambda: board.app.ident.stage == 2, 3.0)  # behind the fit, which is what goes deepest
+    board.run_until(lambda: board.app.ident.stage == 2 and board.app.ident.index == 32, 3.0)
+    counts = count_instructions(
+        board, lambda: board.run_until(lambda: board.app.ident.stage == 3, 0.05), "an_ident_answer"
+    )
+    assert board.app.ident.stage == 3  # behind the fit, which is what goes deepest, and takes the longest
+    assert 100_000 < max(counts["an_ident_answer"]) < 400_000  # the watchdog at its fastest allows 1 487 000 cycles
     board.send(bytes(range(1, 120)) + b"\0")
     board.run(5e-3)
     left = peek(board, top - size, len(paint))

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from unicorn import UC_HOOK_CODE, UC_HOOK_EDGE_GENERATED, Uc
+from unicorn import UC_HOOK_CODE, UC_HOOK_EDGE_GENERATED, UC_HOOK_MEM_WRITE, Uc
 from unicorn.arm_const import UC_ARM_REG_LR, UC_ARM_REG_SP
 
 from firmware import build as builder
@@ -96,6 +96,27 @@ def count_instructions(board: EmulatedBoard, run: Callable[[], Any], *routines: 
         board.uc.hook_del(hook)
         board.uc.ctl_flush_tb()  # type: ignore[attr-defined]
     return counts
+
+
+def record_writes(board: EmulatedBoard, run: Callable[[], Any], *ranges: tuple[int, int]) -> list[tuple[int, int, int]]:
+    """What the image writes into some ranges of addresses while something runs: (instructions so far, address, value)."""
+    writes: list[tuple[int, int, int]] = []
+    count = 0
+
+    def each(*_: Any) -> None:
+        nonlocal count
+        count += 1
+
+    def write(_: Uc, __: int, address: int, ___: int, value: int, ____: Any) -> None:
+        writes.append((count, address, value))
+
+    hooks = [board.uc.hook_add(UC_HOOK_MEM_WRITE, write, begin=low, end=high - 1) for low, high in ranges]
+    hooks.append(board.uc.hook_add(UC_HOOK_CODE, each))
+    board.uc.ctl_flush_tb()  # type: ignore[attr-defined]
+    run()
+    for hook in hooks:
+        board.uc.hook_del(hook)
+    return writes
 
 
 def count_translations(board: EmulatedBoard, seconds: float) -> int:

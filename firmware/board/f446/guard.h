@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-enum { GUARD_RATE_HZ = 25000 };
+enum { GUARD_RATE_HZ = 25000, GUARD_LATER = 400 /* cycles */ };
 
 /* Begins; sampling must be under way. */
 void guard_start(void);
