@@ -177,18 +177,24 @@ def sizes(elf: Elf) -> tuple[int, int]:
     return flash, ram
 
 
-def choose_header(table: Path | None, header: Path | None) -> str:
-    """The C header to build with: the one named, one made from the table named, or the last one exported."""
+def choose_header(table: Path | None, header: Path | None, variant: str = "single") -> str:
+    """The C header to build with: the one named, one made from the table named, or the last one exported.
+
+    Raises BuildError when there is none, or the build would not take it.
+    """
     place = table or header or GENERATED / "mode_table.h"
     named = f"--table {table}" if table else f"--header {header}" if header else f"{os.path.relpath(place)}"
     try:
         if table is not None:
-            data = table.read_bytes()
-            table_format.verify(data)
-            return table_format.header_text(data)
-        text = place.read_text(errors="replace")
-        table_format.verify(table_format.header_bytes(text))
-        return text
+            data, text = table.read_bytes(), None
+        else:
+            text = place.read_text(errors="replace")
+            data = table_format.header_bytes(text)
+        table_format.verify(data)
+        refusal = table_format.refusal(data, variant)
+        if refusal:
+            raise ValueError(refusal)
+        return text or table_format.header_text(data)
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
         hint = "`antinode export table CASE -o plate.bin` writes a table, --table plate.bin builds with it"
@@ -205,7 +211,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--variant", choices=VARIANTS, default="single", help="one mode by DAC, or six channels by PWM")
     chosen = parser.parse_args(arguments)
     try:
-        image = build(choose_header(chosen.table, chosen.header), chosen.out, chosen.variant)
+        image = build(choose_header(chosen.table, chosen.header, chosen.variant), chosen.out, chosen.variant)
     except BuildError as error:
         print(f"firmware: {error}", file=sys.stderr)
         return error.exit_code

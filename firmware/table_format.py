@@ -22,6 +22,8 @@ CHANNELS = 6
 PATTERNS = 8
 MAX_MODES = 16
 MAX_SHAPES = 2
+RATE_HZ = {"single": 250e3, "six": 40e3}  # of the builds
+MIN_MODE_HZ = 2000.0  # the single-mode board refuses lower ones: too little of a period is in a window
 MIN_SHAPE_HZ = 350.0  # the six-channel board refuses lower tones: two of their periods are too long for its watchdog
 
 HEADER = np.dtype(
@@ -131,6 +133,16 @@ def verify(data: bytes) -> None:
         raise ValueError(f"version {read_header(data)['version']} is refused, allowed {VERSION}")
     if seal(data[: -CRC.size]) != data:
         raise ValueError("damaged: the CRC-32 does not fit")
+
+
+def refusal(data: bytes, build: str) -> str:
+    """Why a build ("single" or "six") does not take a sound table; empty when it does."""
+    header, modes, shapes = parse(data)
+    played, what = (modes[header["wanted"] :][:1], "mode") if build == "single" else (shapes, "shape")
+    if not len(played) or header["sample_rate_hz"] != RATE_HZ[build]:
+        return f"no {what} at {RATE_HZ[build]:g} samples a second"
+    lowest, least = played["frequency_hz"].min(), MIN_MODE_HZ if build == "single" else MIN_SHAPE_HZ
+    return "" if lowest >= least else f"a {what} of {lowest:g} Hz, the {build} build takes {least:g} Hz and more"
 
 
 def with_drive_limit(data: bytes, limit: float) -> bytes:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from firmware.table_format import CHANNELS
+from firmware.table_format import CHANNELS, RATE_HZ
 from pipeline.analysis.modes import PartModes
 from pipeline.board import table_file
 from pipeline.board.table_file import Mode, ModeTable, TableError
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pipeline.board.gains import ModalGains
     from solvers.piezo.forced import ForcedPlate
 
-SAMPLE_RATE_HZ = 250e3
+SAMPLE_RATE_HZ = RATE_HZ["single"]
 HOLD_S = 0.5 / SAMPLE_RATE_HZ  # half a sample: all of the delay that is known before filters are chosen
 DRIVE_LIMIT = 0.85  # the DAC's buffer does not reach the rails
 NEIGHBOURS = 6
@@ -153,9 +153,12 @@ def write(table: ModeTable, folder: Path, stem: str) -> list[Path]:
     """Write a table as STEM.bin and STEM.h. Raises InputError for a plate whose modes the firmware cannot play."""
     files = places(folder, stem)
     try:
+        refusal = table_file.why_not_played(table)
         contents = table_file.to_bytes(table), table_file.to_header(table).encode()
     except TableError as error:
         raise InputError(f"mode table: {error}: the firmware plays no such mode") from error
+    if refusal:
+        raise InputError(f"mode table: {refusal}: the firmware plays no such mode")
     for file, content in zip(files, contents, strict=True):
         write_atomic(file, content)
     return files

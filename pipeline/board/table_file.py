@@ -245,6 +245,13 @@ def to_header(table: ModeTable) -> str:
     return layout.header_text(to_bytes(table))
 
 
+def why_not_played(table: ModeTable) -> str:
+    """Why neither build takes a table; empty when one does. Raises TableError."""
+    data = to_bytes(table)
+    reasons = [layout.refusal(data, build) for build in layout.RATE_HZ]
+    return "" if "" in reasons else ", ".join(reasons)
+
+
 def describe(table: ModeTable) -> str:
     """What a table holds, for a reader: one line for each mode, shape and pattern."""
     actuators, sensors = channel_counts(table)
@@ -253,6 +260,8 @@ def describe(table: ModeTable) -> str:
         f"sample rate {table.sample_rate_hz:.10g} Hz, {actuators} actuator(s), {sensors} sensor(s) that follow "
         + ("displacement" if table.senses_displacement else "velocity"),
     ]
+    refusal = why_not_played(table)
+    lines += [f"no board plays it: {refusal}"] if refusal else []
     for index, mode in enumerate(table.modes):
         lines.append(_describe_mode(index, mode, wanted=index == table.wanted))
     for index, shape in enumerate(table.shapes):

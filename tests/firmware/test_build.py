@@ -15,7 +15,7 @@ from firmware.host import PLACES
 from firmware.image.elf import Elf
 from firmware.image.svd import svd_text
 from firmware.table_format import MAX_SHAPES
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes, to_header
+from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, describe, from_bytes, to_bytes, to_header
 
 TABLE = ModeTable(250e3, bytes(range(16)), (Mode.from_quality(31404.5, 300.0, delay_s=2e-6),))
 SECTOR = 0x0800C000
@@ -128,6 +128,23 @@ def test_a_header_is_taken_as_it_is(tmp_path: Path) -> None:
     header = tmp_path / "mode_table.h"
     header.write_text(to_header(TABLE))
     assert builder.choose_header(None, header) == to_header(TABLE)
+
+
+@pytest.mark.parametrize(
+    ("variant", "frequency_hz", "words"),
+    [
+        ("six", 31e3, "no shape at 40000 samples"),
+        ("single", 1500.0, "a mode of 1500 Hz, the single build takes 2000 Hz"),
+    ],
+)
+def test_a_table_that_the_board_would_refuse_is_not_built_in(
+    tmp_path: Path, capsys, variant: str, frequency_hz: float, words: str
+) -> None:
+    table = to_bytes(ModeTable(250e3, bytes(16), (Mode(frequency_hz, 3e-3),)))
+    (tmp_path / "t.bin").write_bytes(table)
+    assert builder.main(["--table", str(tmp_path / "t.bin"), "--out", str(tmp_path), "--variant", variant]) == 2
+    assert words in capsys.readouterr().err
+    assert ("no board plays it" in describe(from_bytes(table))) == (frequency_hz < 2e3)
 
 
 @pytest.mark.parametrize(

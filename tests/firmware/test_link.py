@@ -133,6 +133,10 @@ def test_each_build_stores_its_own_tables_alone(core, name, table, rate_hz, othe
     assert upload(linked, table) == b"\0"
     assert upload(linked, other) == bytes([4, core.lib.AN_TABLE_OTHER_BUILD])
     assert upload(linked, table + bytes(8)) == bytes([4, core.lib.AN_TABLE_LENGTH])
+    slow = to_bytes(ModeTable(250e3, bytes(16), (Mode(1999.0, 3e-3), Mode(31e3, 3e-3))))
+    assert upload(linked, slow) == bytes(
+        [4, core.lib.AN_TABLE_RANGE if name == "single" else core.lib.AN_TABLE_OTHER_BUILD]
+    )
     low = to_bytes(ModeTable(40e3, bytes(16), (), shapes=(Shape(349.0, 5e-3, (Pattern("all", (1,) * 6),)),)))
     assert upload(linked, low) == bytes(
         [4, core.lib.AN_TABLE_RANGE if name == "six" else core.lib.AN_TABLE_OTHER_BUILD]

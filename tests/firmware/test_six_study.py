@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from firmware.emulate.beam import Beam, Structure
+from firmware.table_format import MIN_MODE_HZ
 from pipeline.board import shaping
 from pipeline.board.shaping import full_scale, shaping_table
 from pipeline.board.table_file import from_bytes, to_bytes
@@ -148,6 +149,7 @@ def test_the_command_writes_a_table_for_the_real_patches(tmp_path: Path, capsys)
 def test_tones_that_the_board_refuses_are_not_exported(tmp_path: Path, capsys, core) -> None:
     """The limit is the board's own, and what is chosen without being asked for keeps it."""
     assert shaping.MIN_SHAPE_HZ == core.lib.AN_SIX_FREQUENCY_MIN_HZ
+    assert MIN_MODE_HZ == core.lib.AN_SINGLE_FREQUENCY_MIN_HZ
     assert shaping.BAND_HZ[0] == shaping.MIN_SHAPE_HZ
     assert shaping.main([str(tmp_path / "low.bin"), "--points", "--frequency", "260Hz"]) == 2
     assert "350 Hz" in capsys.readouterr().err and not (tmp_path / "low.bin").exists()

@@ -145,8 +145,12 @@ static float strongest_neighbour(const an_table *table)
 
 static an_table_result accepts(const an_table *table, float sample_rate_hz)
 {
-    const bool fits = table->mode_count > 0u && table->sample_rate_hz == sample_rate_hz;
-    return fits ? AN_TABLE_OK : AN_TABLE_OTHER_BUILD;
+    an_mode mode;
+    if (table->mode_count == 0u || table->sample_rate_hz != sample_rate_hz) {
+        return AN_TABLE_OTHER_BUILD;
+    }
+    an_table_mode(table, table->wanted, &mode);
+    return mode.frequency_hz < (float)AN_SINGLE_FREQUENCY_MIN_HZ ? AN_TABLE_RANGE : AN_TABLE_OK;
 }
 
 void an_single_boot(an_single *app, const uint8_t *table, uint32_t length, float sample_rate_hz, uint32_t faults)

@@ -12,6 +12,9 @@
 #include "an_table.h"
 #include "an_types.h"
 
+/* Lower tones than this cannot be told from an offset in a window, nor searched to 4 % below. */
+enum { AN_SINGLE_FREQUENCY_MIN_HZ = 2000 };
+
 typedef struct {
     an_application base;
     an_fast fast;

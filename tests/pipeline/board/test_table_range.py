@@ -11,8 +11,11 @@ from pipeline.board.table_file import Mode, ModeTable
 from pipeline.errors import InputError
 
 
-def test_a_mode_beyond_the_firmware_is_one_line_and_writes_nothing(tmp_path: Path) -> None:
-    table = ModeTable(250e3, bytes(16), (Mode(120e3, 1e-3),))
-    with pytest.raises(InputError, match=r"mode table: .*120000") as refused:
+@pytest.mark.parametrize(("frequency_hz", "words"), [(120e3, "120000"), (1999.0, "a mode of 1999 Hz")])
+def test_a_mode_beyond_the_firmware_is_one_line_and_writes_nothing(
+    tmp_path: Path, frequency_hz: float, words: str
+) -> None:
+    table = ModeTable(250e3, bytes(16), (Mode(frequency_hz, 1e-3),))
+    with pytest.raises(InputError, match=f"mode table: .*{words}") as refused:
         export.write(table, tmp_path, "mode_table")
     assert len(refused.value.lines) == 1 and not list(tmp_path.iterdir())
