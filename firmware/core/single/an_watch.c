@@ -11,7 +11,8 @@
 #define AN_FORGET 0.06f         /* of the peak's square a look: half of it within half a millisecond */
 #define AN_OWN2 0.605f          /* of what was: damping and detuning of a touched plate, and what counts as gone */
 #define AN_LEAST2 67.0f         /* 0.004 of full scale in counts, squared */
-#define AN_QUIET 4200.0f        /* times the noise between windows at rest: 27 times that of a sample, which may not hide stillness */
+#define AN_QUIET 575.0f         /* times the noise between windows at rest: 10 times that of a sample */
+#define AN_STILL_QUIET 150.0f   /* times the same: what noise alone makes of the sum of squares, and four deviations more */
 #define AN_FULL_SCALE2 4194304.0f /* counts, squared */
 
 static void remove_mean(float *values, const float *of)
@@ -81,7 +82,7 @@ static an_complex envelope(const an_watch_plan *plan, const an_fast *fast)
 }
 
 /* Nothing is left of the tone at any sample: where two modes' beat passes through zero, it is on its way there or back. */
-static bool is_still(const an_fast *fast, float size2)
+static bool is_still(const an_fast *fast, float size2, float noise2)
 {
     const float first = recent(fast, 1u);
     float sum = 0.0f;
@@ -91,19 +92,19 @@ static bool is_still(const an_fast *fast, float size2)
         sum += x;
         squares += x * x;
     }
-    return squares - sum * sum * (1.0f / (float)AN_WATCH_TICKS) <= AN_STILL2 * size2;
+    return squares - sum * sum * (1.0f / (float)AN_WATCH_TICKS) <= AN_STILL2 * size2 + AN_STILL_QUIET * noise2;
 }
 
 /* True when the plate would have had to come from where it was expected to the middle, further than any does: by
  * |F| + 0.55 |U|, F what the drive does, from (|F| + 0.55 |U|)^2 <= 2 |F|^2 + 0.605 |U|^2. */
-static bool failed(const an_watch *watch, const an_fast *fast, an_complex now, an_complex given)
+static bool failed(const an_watch *watch, const an_fast *fast, an_complex now, an_complex given, float noise2)
 {
     const an_complex was = watch->seen[1];
     const float size2 = an_abs2(was);
     const float most2 = an_abs2(given) + an_abs2(watch->given[1]) + AN_OWN2 * size2;
     const an_complex expected = an_add(was, an_scale(an_add(given, watch->given[1]), 0.5f));
     if (an_abs2(now) <= AN_GONE2 * size2) {
-        return an_abs2(expected) > most2 && is_still(fast, size2);
+        return an_abs2(expected) > most2 && is_still(fast, size2, noise2);
     }
     return an_abs2(an_add(now, was)) <= AN_GONE2 * size2 && an_abs2(an_add(expected, was)) > most2;
 }
@@ -113,8 +114,9 @@ bool an_watch_look(an_watch *watch, const an_watch_plan *plan, const an_fast *fa
     const an_complex now = envelope(plan, fast);
     const an_complex given = an_mul(plan->push, fast->drive);
     const float size2 = an_abs2(watch->seen[1]);
-    const bool decided = size2 > AN_LEAST2 && size2 > AN_QUIET * AN_FULL_SCALE2 * quiet &&
-                         size2 > AN_PEAK_SHARE2 * watch->peak && failed(watch, fast, now, given);
+    const float noise2 = AN_FULL_SCALE2 * quiet;
+    const bool decided = size2 > AN_LEAST2 && size2 > AN_QUIET * noise2 && size2 > AN_PEAK_SHARE2 * watch->peak &&
+                         failed(watch, fast, now, given, noise2);
     const float left = (1.0f - AN_FORGET) * watch->peak;
     watch->peak = an_abs2(now) > left ? an_abs2(now) : left;
     watch->seen[1] = watch->seen[0];
