@@ -118,7 +118,8 @@ def test_a_sound_reaches_the_board_in_time(board, capsys, tmp_path: Path) -> Non
     assert command_line.main(["COM7", "stream", str(tmp_path / "a.wav"), "0.05"]) == 0
     out = capsys.readouterr().out
     assert "300 samples at 2500 Hz\n" in out
-    assert board.app.base.texture.kind == 2 and board.app.base.texture.factor == pytest.approx(64 / 255, abs=1e-4)
+    texture = board.app.base.texture
+    assert texture.kind == 0 and texture.given == 300 and set(texture.samples) == {round(64 / 255 * 65535)}
 
 
 def test_identity_and_health_are_told(board, capsys) -> None:
