@@ -107,9 +107,9 @@ class Client:
         if not isinstance(status, SixStatus):
             raise Refused("pattern: this board's image is the one for one mode")
         if status.state == "run":
+            self.request(Kind.PATTERN, struct.pack("<II", status.shape, number))
             if reference > 0.0:
                 self.reference(reference)
-            self.request(Kind.PATTERN, struct.pack("<II", status.shape, number))
         else:
             self._drive(Kind.START, struct.pack("<If", number, reference))
 

@@ -129,7 +129,7 @@ def test_a_pattern_is_no_start_of_one_mode_and_takes_its_reference_along(
     assert capsys.readouterr().err == "client: pattern: this board's image is the one for one mode\n"
     port = FakePort(status=bytes([RUN]) + SIX_STATUS[1:])
     Client(port).pattern(1, 0.05)
-    assert asked(port) == [Kind.STATUS, Kind.REFERENCE, Kind.PATTERN]
+    assert asked(port) == [Kind.STATUS, Kind.PATTERN, Kind.REFERENCE]
 
 
 def test_watching_shows_bars_of_both_builds(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
