@@ -3,7 +3,7 @@
 Unicorn executes the Cortex-M4 code, start-up included. It raises no interrupts by itself, so this board calls the handlers as
 the hardware would: the fast one at every sample, PendSV when the image asked for it, SysTick by its own reload value, and
 after each of them the main loop goes on, for any interrupt ends its wait. Main loop passes take no time. Peripherals are
-memory that both sides see; clock and flash controller answer through callbacks. Line speed, sample rate and SysTick follow
+memory that both sides see; clock and flash controller answer through callbacks. Line speed and SysTick follow
 from the clock that the image has set up. Whatever is executed ends by waiting for an interrupt: an address to stop at would
 be translated anew each time.
 """

@@ -279,6 +279,18 @@ def test_a_fault_of_the_clock_can_be_read(talk, dead: dict) -> None:
     assert client.status().faults == ("clock",)
 
 
+@pytest.mark.parametrize("dead", [{}, {"dead_pll": True}])
+def test_the_interrupts_leave_the_main_loop_its_time_by_any_clock(talk, dead: dict) -> None:
+    """Longest paths seen, in instructions a cycle; one takes some one and a half cycles, and entry and exit theirs."""
+    from tests.helpers.board_probes import count_instructions
+
+    board, _ = talk(**dead)
+    counts = count_instructions(board, lambda: board.run(2e-3), "ADC_IRQHandler", "SysTick_Handler")
+    fast, look = (max(counts[name]) for name in ("ADC_IRQHandler", "SysTick_Handler"))
+    sample_cycles = 360 if dead else 720  # of the core; the timer counts APB1's doubled clock unless that is undivided
+    assert fast / sample_cycles + look / (board.systick_s * board.clock.core_hz) < 0.45
+
+
 @pytest.mark.parametrize(("dead", "bits"), [({"dead_crystal": True}, 0), ({}, 1 << 2)], ids=["crystal", "supply"])
 def test_an_upload_clears_only_what_it_mends(talk, dead: dict, bits: int) -> None:
     board, client = talk(**dead)

@@ -15,14 +15,13 @@ void SysTick_Handler(void);
  * DAC with the next trigger: the first period is longer, so that this one's looks begin behind the fast interrupt. */
 void guard_start(void)
 {
-    const uint32_t period = clock_core_hz() / GUARD_RATE_HZ;
     samples = application_samples() - 1u;
     SCB->SHPR[SCB_SHPR_SYSTICK] = PRIORITY_FAST;
-    SYSTICK->LOAD = period - 1u + GUARD_LATER;
+    SYSTICK->LOAD = GUARD_CYCLES - 1u + GUARD_LATER;
     SYSTICK->VAL = 0u;
     SYSTICK->CTRL = SYSTICK_CTRL_ENABLE | SYSTICK_CTRL_TICKINT | SYSTICK_CTRL_CORE_CLOCK;
     __asm volatile("dsb\n isb" ::: "memory"); /* by now it has begun with the longer one */
-    SYSTICK->LOAD = period - 1u;
+    SYSTICK->LOAD = GUARD_CYCLES - 1u;
 }
 
 void guard_stop(void)
