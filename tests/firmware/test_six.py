@@ -99,6 +99,15 @@ def test_the_plate_is_probed_as_hard_as_it_needs(hosted, largest: float) -> None
     assert np.abs(matrix - seen_matrix(beam)).max() < 0.01 * np.abs(seen_matrix(beam)).max()
 
 
+def test_an_identification_that_would_take_more_than_a_minute_fails_at_once(hosted) -> None:
+    """A table may say any decay: with one of 9 s the dwells would take half an hour, at up to half the drive limit."""
+    board = hosted(table(tau_s=9.0), QUICK)
+    board.run(5e-3)
+    assert board.lib.an_six_start(board.app, 0, 0.1)
+    board.run(5e-3)
+    assert board.faults & Fault.IDENTIFY and board.state != IDENTIFY
+
+
 def field_of(board, at_m: np.ndarray) -> np.ndarray:
     return np.abs(BEAM.matrix(2400.0, at_m) @ board.drives)
 
@@ -545,7 +554,7 @@ def test_instructions_a_tick_and_host_and_cortex_m4_alike(make_six, hosted, core
     twin.run(10e-3)
     assert max(fast) <= 300, fast
     assert board.history[1:] == twin.history[: len(board.history) - 1]
-    alike = core.ffi.offsetof("an_six", "probing") + 4  # what follows holds a pointer
+    alike = core.ffi.offsetof("an_six", "probed_s") + 4  # what follows holds a pointer
     assert bytes(core.ffi.buffer(board.app, alike)) == bytes(core.ffi.buffer(twin.app, alike))
 
 

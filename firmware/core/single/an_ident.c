@@ -1,5 +1,6 @@
 #include "an_ident.h"
 
+#include "an_application.h"
 #include "an_clear.h"
 #include "an_complex.h"
 #include "an_dds.h"
@@ -23,7 +24,6 @@
 #define AN_RATIO_LEAST 0.4f     /* of a response raised to what it was, both by their drives */
 #define AN_RATIO_MOST 3.0f
 #define AN_TAU_RATIO 8.0f       /* found over guessed, or the other way round */
-#define AN_TIME_MAX_S 60.0f
 #define AN_COARSE_SETTLE 4.0f   /* time constants */
 #define AN_FINE_SETTLE 6.0f
 #define AN_SURVEY_SETTLE 3.0f
@@ -346,7 +346,7 @@ void an_ident_answer(an_ident *ident, an_complex measured, float noise2)
     an_probe probe;
     an_ident_probe(ident, &probe);
     ident->elapsed_s += probe.settle_s + (float)(probe.average * AN_PERIOD) / ident->sample_rate_hz;
-    if (!an_is_finite(an_abs2(measured)) || ident->elapsed_s > AN_TIME_MAX_S) {
+    if (!an_is_finite(an_abs2(measured)) || ident->elapsed_s > AN_IDENTIFY_MAX_S) {
         ident->stage = AN_IDENT_FAILED;
     } else if (ident->stage == AN_IDENT_COARSE) {
         answer_coarse(ident, measured, noise2);

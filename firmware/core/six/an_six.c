@@ -71,6 +71,16 @@ static bool post_rest(an_application *base, bool clear)
     return true;
 }
 
+static uint32_t settle_of(const an_six *app)
+{
+    return (uint32_t)(AN_SETTLE * app->shape.tau_s / period_s(app)) + 2u;
+}
+
+static float dwell_s(const an_six *app)
+{
+    return (float)(settle_of(app) + PROBE_AVERAGE) * period_s(app);
+}
+
 static bool post_dwell(an_six *app)
 {
     an_six_job *job = new_job(app, AN_JOB_DWELL);
@@ -79,8 +89,9 @@ static bool post_dwell(an_six *app)
     }
     AN_ASSERT(app->probe < app->channels && app->probe_level <= app->shape.drive_limit);
     job->drive[app->probe] = an_scale(an_turn(app->step), app->probe_level);
-    job->settle = (uint32_t)(AN_SETTLE * app->shape.tau_s / period_s(app)) + 2u;
+    job->settle = settle_of(app);
     job->average = PROBE_AVERAGE;
+    app->probed_s += dwell_s(app);
     an_handover_post(&app->slow.hand);
     return true;
 }
@@ -149,6 +160,7 @@ static void begin_identify(an_application *base)
 {
     an_six *app = (an_six *)base;
     app->probing = 0u;
+    app->probed_s = 0.0f;
     begin_column(app, 0u);
 }
 
@@ -309,6 +321,8 @@ static void identify(an_application *base)
     }
     if (app->probe == app->channels) {
         end_identify(app);
+    } else if (app->probed_s + dwell_s(app) > AN_IDENTIFY_MAX_S) {
+        fail(app, AN_FAULT_IDENTIFY);
     } else {
         app->probing = post_dwell(app) ? 1u : 0u;
     }

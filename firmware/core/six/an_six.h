@@ -28,6 +28,7 @@ typedef struct {
     float probe_level;
     uint32_t probe; /* the actuator being measured */
     uint32_t probing;
+    float probed_s; /* what the dwells of this identification take */
     an_table table; /* last: it holds the one pointer */
 } an_six;
 
