@@ -12,8 +12,6 @@
 #include "an_texture.h"
 #include "an_types.h"
 
-#define AN_IDENTIFY_MAX_S 60.0f /* all that an identification takes, whatever a table says of the decay */
-
 /* First member of each build's own state. */
 typedef struct {
     an_supervisor supervisor;

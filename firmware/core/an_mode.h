@@ -4,6 +4,8 @@
 
 #include "an_types.h"
 
+#define AN_IDENTIFY_MAX_S 60.0f /* all that an identification takes, whatever a table says of the decay */
+
 typedef struct {
     float frequency_hz;
     float tau_s;

@@ -39,12 +39,13 @@ def run(arguments: Namespace) -> int:
     known = lined_up(one.quantities, two.quantities)
     # a case, a record and a result each know what the others do not: that is no difference of two designs
     alike = [row for row in known if one.kind == two.kind or None not in (row["a"], row["b"])]
-    rows = [row for row in known if arguments.all] or [row for row in alike if _differs(row)]
+    rows = known if arguments.all else [row for row in alike if _differs(row)]
     head = ("quantity", "a", "b", "difference")
     cells = [[row[key] for key in head] for row in rows]
     document = {"a": arguments.a, "b": arguments.b, "rows": rows}
     words = [outputs.table(head, cells) if cells else "nothing differs"]
-    if left := len(known) - len(alike) if not arguments.all else 0:
+    left = 0 if arguments.all else len(known) - len(alike)
+    if left:
         words.append(f"{left} quantities are known of one of the two alone: --all lists them")
     pictures = lambda: [_figure(arguments, one, two, rows)]  # noqa: E731
     return emit(arguments, "compare", Answer(document, words, head, cells, pictures))

@@ -91,7 +91,7 @@ def kept_model(case: Case, offline: Offline | None = None) -> CellModel | None:
 
 
 def mesh_error(case: Case) -> float | None:
-    """What the mesh may put a band off by, relative; None for pillars of another material, of which no figure holds.
+    """What the mesh may put a band off by, relative; None for pillars of another material and for a hardly compressible one.
 
     Stiffness and density of one material only scale the frequencies; of two, their ratios move the error by their own measure.
     """

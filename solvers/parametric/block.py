@@ -192,7 +192,7 @@ def _at(places: sp.csc_array, values: FloatArray) -> sp.csc_array:
 
 def _clamped_modes(mass: sp.csc_array, factor: Factor, count: int) -> FloatArray:
     """The lowest modes, unit strain energy: functions for a basis, whose number nobody counts."""
-    found = block_lanczos(factor.solve, lambda block: np.asarray(mass @ block), len(mass.indptr) - 1, count, ROUGH)
+    found = block_lanczos(factor.solve, lambda block: np.asarray(mass @ block), mass.shape[0], count, ROUGH)
     if found is None:
         raise SolverError("the clamped modes of a cell's inside did not converge")
     inverse, vectors = found

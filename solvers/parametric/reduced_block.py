@@ -53,10 +53,10 @@ class ReducedBlock:
         return np.asarray(np.tensordot(weights, self.coordinates, axes=1))
 
 
-def reduced_block(block: Block, designs: Iterable[Sizes], kept: float = KEPT) -> ReducedBlock:
-    """Gather what the inside does at every design, keep what brings `kept` of the energy, and project every matrix."""
+def reduced_block(block: Block, designs: Iterable[Sizes]) -> ReducedBlock:
+    """Gather what the inside does at every design, keep what brings KEPT of the energy, and project every matrix."""
     matrices = block.forms.each("stiffness"), block.forms.each("mass"), block.cell.pillar_mass.matrices
-    return _block(block, inner_basis(block, designs, kept), matrices)
+    return _block(block, inner_basis(block, designs, KEPT), matrices)
 
 
 def block_alone(block: Block, sizes: Sizes) -> ReducedBlock:

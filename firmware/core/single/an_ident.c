@@ -1,6 +1,5 @@
 #include "an_ident.h"
 
-#include "an_application.h"
 #include "an_clear.h"
 #include "an_complex.h"
 #include "an_dds.h"
