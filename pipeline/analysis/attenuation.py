@@ -79,7 +79,7 @@ def solve(
     with log.step(f"{points} frequencies"), one_thread():
         samples = tuple(_point(row, bare, rows, float(f)) for f in np.linspace(low, high, points))
     _log_summary(samples, kx, log)
-    expected = error_bar.log_expected(choice, case, log, high, model.mesh_error)
+    expected = error_bar.log_mesh_error(choice, case, log, model.mesh_error)
     return Attenuation(
         model=model.name,
         kx_per_m=kx,

@@ -10,24 +10,23 @@ import numpy as np
 
 from geometry.decimate import coarse, with_sides
 from geometry.elements import FloatArray, IntArray
-from geometry.hex.boxes import cell_boxes, hex_mesh
-from geometry.layout import region_materials
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import mesh_record
 from pipeline.models.unit_cell import LatticeModel, lattice_model
+from pipeline.models.whole_cell import WholeCell
 from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.mesh_rules import FINEST
 from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice
+from pipeline.planning.refinement import MARGIN
 from pipeline.records.record import BandPoint, BandsRecord, GapRecord, MeshRecord
-from solvers.fem.assembly import assemble
 from solvers.fem.coarser import largest
 from solvers.superelement.build import Reductions
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.lattice_error import MeshErrors, mesh_error
-from solvers.waves.bloch import BlochCell
+from solvers.superelement.plate_error import ModeErrors
 from solvers.waves.branches import Branches, Solved, follow
 from solvers.waves.brillouin import Path, path_through, zone_grid
 from solvers.waves.gaps import (
@@ -46,7 +45,7 @@ from solvers.waves.polarisation_gaps import PolarisationGap, labels_along, polar
 from solvers.waves.supercell import Supercell, staggered_tiling
 from solvers.waves.symmetry import Mirrors
 
-Frequencies = Callable[[FloatArray, int], FloatArray]
+Solve = Callable[[FloatArray, int], tuple[FloatArray, ModeErrors]]
 MOVED = 1e-6  # relative: an edge of the zone's gap that lies off the path
 DIGITS = 7
 MAX_POINTS = 500
@@ -57,8 +56,7 @@ MAX_BANDS = 12
 class Detail:
     """What the reduced cell gives beside frequencies: one row a wavevector, one column a band.
 
-    labels and parity as lists of rows, branch (n, bands) from 1, velocity (n, bands, 2) in m/s (NaN for still waves);
-    by_mesh: what the mesh may put each frequency off by, (n, bands).
+    labels and parity as lists of rows, branch (n, bands) from 1, velocity (n, bands, 2) in m/s (NaN for still waves).
     """
 
     labels: list[list[Label]]
@@ -68,7 +66,6 @@ class Detail:
     directional_gaps: list[DirectionalGap] | None
     polarisation_gaps: list[PolarisationGap] | None
     reduction_error: float
-    by_mesh: MeshErrors
 
     def point(self, index: int) -> dict[str, Any]:
         """The fields of one wavevector."""
@@ -90,7 +87,11 @@ class Detail:
 
 @dataclass(frozen=True)
 class Bands:
-    """Frequencies (wavevectors, bands) in Hz along a path, complete gaps, and what computed them."""
+    """Frequencies (wavevectors, bands) in Hz along a path, complete gaps, and what computed them.
+
+    mesh_errors: what the mesh may put each frequency off by, (wavevectors, bands); truncated: how far truncation may put any of
+    them too high, relative.
+    """
 
     model: str
     dof: int
@@ -103,23 +104,24 @@ class Bands:
     shapes: dict[str, Any] = field(default_factory=dict)
     expected_error: float | None = None
     lattice: LatticeModel | None = None  # where the cell was reduced
+    mesh_errors: MeshErrors | None = None
+    truncated: float = 0.0
 
     @property
     def by_mesh(self) -> FloatArray:
         """Half-width of each frequency's bar by the mesh, relative, (wavevectors, bands); NaN where nothing tells it."""
-        own = self.detail.by_mesh.half_width if self.detail else np.full(self.frequencies_hz.shape, np.nan)
-        return np.where(np.isnan(own), np.nan if self.expected_error is None else self.expected_error, own)
+        return self.mesh_errors.half_width if self.mesh_errors else np.full(self.frequencies_hz.shape, np.nan)
 
     @property
     def error(self) -> list[list[float | None]]:
         """Half-width of each frequency's bar by mesh and truncation, relative; None where nothing tells it."""
-        bars = self.by_mesh + (self.detail.reduction_error if self.detail else 0.0)
+        bars = self.by_mesh + self.truncated
         return [[None if np.isnan(bar) else float(bar) for bar in row] for row in bars]
 
     @property
     def computed_hz(self) -> FloatArray:
         """Frequencies of the finest mesh itself, before the share that a coarser one tells was taken away, Hz."""
-        return self.frequencies_hz * (1.0 + self.detail.by_mesh.taken) if self.detail else self.frequencies_hz
+        return self.frequencies_hz * (1.0 + self.mesh_errors.taken) if self.mesh_errors else self.frequencies_hz
 
     @property
     def record(self) -> BandsRecord:
@@ -169,12 +171,7 @@ def solve_bands(case: Case, log: Log, shapes: bool = False, every_gap: bool = Tr
             f"{settings.path} does not bound this cell's irreducible Brillouin zone: a gap may close off the path; "
             "bands.grid = 20 looks there",
         )
-    return replace(
-        bands,
-        expected_error=error_bar.log_expected(
-            choice, case, log, float(bands.frequencies_hz.max()), largest(bands.by_mesh)
-        ),
-    )
+    return replace(bands, expected_error=error_bar.log_mesh_error(choice, case, log, largest(bands.by_mesh)))
 
 
 def _finer(case: Case) -> int:
@@ -191,13 +188,11 @@ def _check(case: Case) -> None:
 
 def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
     """Solve the cell as meshed."""
-    design, settings = case.design, choice.hexahedra
+    settings = choice.hexahedra
     assert settings
-    mesh = hex_mesh(cell_boxes(design, settings), settings.order)
-    with log.step("assemble the cell"):
-        system = assemble(mesh, region_materials(design.material, design.pillar))
-        cell = BlochCell(system, *design.cell_m)
-    return _sampled(case, f"solid hex{settings.order}", cell, path, [mesh_record("cell", mesh)], log)
+    with log.step("assemble the cell and two coarser ones"):
+        cell = WholeCell.of(case.design, settings)
+    return _sampled(case, f"solid hex{settings.order}", cell, path, [mesh_record("cell", cell.mesh)], log)
 
 
 def _staggered(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
@@ -211,31 +206,34 @@ def _staggered(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
 
 
 def _sampled(
-    case: Case, name: str, cell: BlochCell | Supercell, path: Path, meshes: list[MeshRecord], log: Log
+    case: Case, name: str, cell: WholeCell | Supercell, path: Path, meshes: list[MeshRecord], log: Log
 ) -> Bands:
     """Solve a cell that gives frequencies and sampled gaps only."""
     log.left_out("polarisation, branches and group velocity", "this cell gives frequencies only")
     with log.step(f"{len(path.wavevectors)} wavevectors"):
-        rows = _each_once(path.wavevectors, case.bands.count, cell.frequencies)
+        rows, told = _each_once(path.wavevectors, case.bands.count, cell.solve)
     gaps, zone = complete_gaps(rows), None
     if case.bands.grid:
         design = case.design
         grid = zone_grid(case.bands.grid, *design.cell_m, {"x", "y"} <= {*design.cell_mirrors}, False)
         with log.step(f"grid of {len(grid)} wavevectors"):
-            values = _each_once(grid, case.bands.count, cell.frequencies)
+            values, _ = _each_once(grid, case.bands.count, cell.solve)
         zone = sampled_zone_gaps(np.vstack([path.wavevectors, grid]), np.vstack([rows, values]), gaps)
         _log_zone(gaps, zone, log)
-    return Bands(name, cell.dof, path, rows, gaps, meshes, None, zone)
+    errors = MeshErrors(np.array([each.taken for each in told]), np.array([each.mesh for each in told]))
+    truncated = MARGIN * max(float(each.total.max()) for each in told)
+    return Bands(name, cell.dof, path, rows, gaps, meshes, None, zone, mesh_errors=errors, truncated=truncated)
 
 
-def _each_once(wavevectors: FloatArray, count: int, frequencies: Frequencies) -> FloatArray:
+def _each_once(wavevectors: FloatArray, count: int, solve: Solve) -> tuple[FloatArray, list[ModeErrors]]:
     """Solve each distinct wavevector once."""
-    known: dict[tuple[float, float], FloatArray] = {}
-    for k in wavevectors:
-        key = (float(k[0]), float(k[1]))
-        if key not in known:
-            known[key] = frequencies(k, count)
-    return np.array([known[float(k[0]), float(k[1])] for k in wavevectors])
+    known = {key: solve(np.array(key), count) for key in dict.fromkeys(map(_key, wavevectors))}
+    found = [known[_key(k)] for k in wavevectors]
+    return np.array([frequencies for frequencies, _ in found]), [errors for _, errors in found]
+
+
+def _key(wavevector: FloatArray) -> tuple[float, float]:
+    return float(wavevector[0]), float(wavevector[1])
 
 
 def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool, every_gap: bool) -> Bands:
@@ -260,7 +258,12 @@ def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool
     detail = _detail(model, branches, labels, factor, count, along_segments, polarised)
     zone = _over_the_zone(case, model, solved, gaps, log) if case.bands.grid else None
     moved = wave_shapes(model.lattice, path, count) if shapes else {}
-    return Bands(model.name, model.lattice.dof, path, rows, gaps, meshes, detail, zone, moved, lattice=model)
+    told = [mesh_error(model.lattice.cell, each) for each in branches.waves[::factor]]
+    errors = MeshErrors(*(np.array([getattr(e, name)[:count] for e in told]) for name in ("taken", "half_width")))
+    return Bands(
+        model.name, model.lattice.dof, path, rows, gaps, meshes, detail, zone, moved, lattice=model, mesh_errors=errors,
+        truncated=model.reduction_error,
+    )  # fmt: skip
 
 
 def _detail(
@@ -276,9 +279,7 @@ def _detail(
     velocity = np.array([model.lattice.group_velocity(each)[:count] for each in waves])
     number = branches.number[::factor, :count]
     visible = [row[:count] for row in labels[::factor]]
-    errors = [mesh_error(model.lattice.cell, each) for each in waves]
-    by_mesh = MeshErrors(*(np.array([getattr(e, name)[:count] for e in errors]) for name in ("taken", "half_width")))
-    return Detail(visible, parity, number, velocity, along_segments, polarised, model.reduction_error, by_mesh)
+    return Detail(visible, parity, number, velocity, along_segments, polarised, model.reduction_error)
 
 
 def _over_the_zone(

@@ -46,7 +46,7 @@ from solvers.fem.coarser import CoarserMeshes, largest
 from solvers.fem.constraints import Pencil
 from solvers.fem.eigen import Count, Modes, Shared, SymmetricPencil, modes_in_band, modes_near
 from solvers.fem.factor.factoriser import side_by_side
-from solvers.fem.solid import SolidModel
+from solvers.fem.recovery import StressRecovery
 from solvers.measures.confinement import Confinement, measure, wanted_symmetry
 from solvers.measures.mode_mixing import mixing_db
 from solvers.superelement.build import PlateModel
@@ -167,8 +167,8 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
         )
         warn(estimate.total, case, log)
     by_mesh = np.concatenate([np.empty(0), *(each.mesh for each in errors.values())])
-    expected = error_bar.log_expected(choice, case, log, part_modes.highest_hz, largest(by_mesh))
-    part_modes = replace(part_modes, rows=_with_errors(case, choice, part_modes, errors))
+    expected = error_bar.log_mesh_error(choice, case, log, largest(by_mesh))
+    part_modes = replace(part_modes, rows=_with_errors(choice, part_modes, errors))
     return replace(
         part_modes,
         reduction_error=estimate.worst if estimate else None,
@@ -196,12 +196,10 @@ def _by_mesh(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> Par
     return replace(part_modes, rows=tuple(sorted(map(with_both, part_modes.rows), key=_place)), wanted=wanted)
 
 
-def _mesh_error(case: Case, choice: ModelChoice, row: ModeRow, errors: dict[str | None, ModeErrors]) -> float | None:
-    """Half-width of a frequency's bar by the mesh: as coarser meshes tell, else as the calibration does; None for neither."""
+def _mesh_error(row: ModeRow, errors: dict[str | None, ModeErrors]) -> float | None:
+    """Half-width of a frequency's bar by the mesh; None where nothing tells it."""
     own = errors.get(row.symmetry)
-    if own is None or np.isnan(own.mesh[row.column]):
-        return error_bar.expected_error(choice, case.design, row.frequency_hz)
-    return float(own.mesh[row.column])
+    return None if own is None or np.isnan(own.mesh[row.column]) else float(own.mesh[row.column])
 
 
 def _truncation(choice: ModelChoice, row: ModeRow, errors: dict[str | None, ModeErrors]) -> float | None:
@@ -211,12 +209,12 @@ def _truncation(choice: ModelChoice, row: ModeRow, errors: dict[str | None, Mode
 
 
 def _with_errors(
-    case: Case, choice: ModelChoice, part_modes: PartModes, errors: dict[str | None, ModeErrors]
+    choice: ModelChoice, part_modes: PartModes, errors: dict[str | None, ModeErrors]
 ) -> tuple[ModeRow, ...]:
     """The rows with the half-width of each frequency's bar: the mesh's expected error and the estimated truncation."""
 
     def error(row: ModeRow) -> float | None:
-        mesh = _mesh_error(case, choice, row, errors)
+        mesh = _mesh_error(row, errors)
         return None if mesh is None else mesh + (_truncation(choice, row, errors) or 0.0)
 
     return tuple(row.model_copy(update={"error": error(row)}) for row in part_modes.rows)
@@ -253,7 +251,8 @@ def _solved(
     class.
     """
     meshes: list[MeshRecord] = []
-    model, coarser = parts.built(case, choice, log, meshes), parts.coarser(case, choice)
+    model = parts.built(case, choice, log, meshes)
+    told_by = parts.mesh_told_by(case, choice, model)
     demand = foresight.of_modes(case, choice, with_search(case, query))
 
     def solved(symmetry: str | None) -> _Class:
@@ -261,8 +260,8 @@ def _solved(
         one.ask(query)
         if symmetry in (None, wanted_symmetry(case.design.nodal_lines)):
             one.wanted = _wanted(case, query, one)
-        if coarser and isinstance(model, SolidModel):
-            one.errors = one.by_coarser_meshes(coarser)
+        if told_by:
+            one.errors = one.by_the_mesh(told_by)
         one.let_go()
         return one
 
@@ -319,15 +318,15 @@ class _Class:
                 self.nearest_hz = float(near.frequency_hz[0]) if len(near.frequency_hz) else None
         self.log.info(f"{name}: {self.dof} degrees of freedom, {len(self.rows)} modes")
 
-    def by_coarser_meshes(self, coarser: CoarserMeshes) -> ModeErrors:
+    def by_the_mesh(self, told_by: CoarserMeshes | StressRecovery) -> ModeErrors:
         """What the mesh may put each of the modes off by."""
         none = np.zeros(self.vectors.shape[1])
         assert isinstance(self.pencil, Pencil)
         if not len(none):
             return ModeErrors(none, none, none, none)
-        with self.log.step(f"error of the mesh by coarser ones, class {self.symmetry or 'whole'}"):
+        with self.log.step(f"error of the mesh, class {self.symmetry or 'whole'}"):
             values = np.array([self.pencil.scale.eigenvalue(tone) for tone in self.tones])
-            return ModeErrors(none, none, *coarser.errors(self.symmetry, self.pencil, self.vectors, values))
+            return ModeErrors(none, none, *told_by.errors(self.symmetry, self.pencil, self.vectors, values))
 
     def let_go(self) -> None:
         """Release the matrices of a mesh, which are not needed again; those of a reduced plate are small."""
@@ -417,7 +416,7 @@ def _bar(
     row = part_modes.wanted.row if part_modes.wanted else None
     if row is None or part_modes.wanted is None:
         return None
-    bar = ErrorBar(_mesh_error(case, choice, row, errors), _truncation(choice, row, errors))
+    bar = ErrorBar(_mesh_error(row, errors), _truncation(choice, row, errors))
     if bar.frequency is None or row.confinement_db is None:
         return bar
     siblings = list(part_modes.wanted.rows)

@@ -118,11 +118,10 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
         forced,
         circuit_shift(forced),
         meshes,
-        error_bar.log_expected(
+        error_bar.log_mesh_error(
             model_choice_of(case, "plate", response_high_hz(case, (low, high))),
             case,
             log,
-            high,
             forced.mesh_error(low, high),
         ),
     )

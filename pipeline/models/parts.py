@@ -19,8 +19,10 @@ from pipeline.planning import foresight, simplifications
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.records import fingerprint
 from pipeline.records.record import MeshRecord
-from solvers.fem.coarser import CoarserMeshes, NestedMesh, clamped_shares, rim_shares
+from solvers.fem.coarser import CoarserMeshes, NestedMesh, Shares, clamped_shares, rim_shares
 from solvers.fem.eigen import SymmetricPencil
+from solvers.fem.recovery import CLAMPED as CLAMPED_EDGE
+from solvers.fem.recovery import RIM, StressRecovery
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
@@ -110,27 +112,35 @@ def _of_hexahedra(case: Case, choice: ModelChoice, meshes: list[MeshRecord], log
     return _solid(case, choice.part, mesh, CLAMPED[choice.part], choice.quarter, meshes, log)
 
 
-def coarser(case: Case, choice: ModelChoice) -> CoarserMeshes | None:
-    """The two coarser meshes that tell the error of a part meshed whole; None for tetrahedra and without graded layers."""
+def mesh_told_by(case: Case, choice: ModelChoice, model: PartModel) -> CoarserMeshes | StressRecovery | None:
+    """What tells the error of a part meshed whole: two coarser meshes, or the stresses of its tetrahedra; None for what was
+    reduced, whose cells tell it.
+    """
     fine, design = choice.hexahedra, case.design
-    if choice.edge_m or choice.reduction or fine is None or fine.layers == 0:
+    materials = region_materials(design.material, design.pillar)
+    if not isinstance(model, SolidModel):
         return None
-    boxes = _boxes(design, choice.part, fine)
+    if choice.edge_m or fine is None:
+        return StressRecovery(model.mesh, materials, model.scale, CLAMPED_EDGE if CLAMPED[choice.part] else RIM)
+    boxes, layers = _boxes(design, choice.part, fine), fine.layers
 
     def nested(settings: HexSettings) -> NestedMesh:
         own = _boxes(design, choice.part, settings)
-        materials = region_materials(design.material, design.pillar)
         model = SolidModel(hex_mesh(own, settings.order), materials, CLAMPED[choice.part], choice.quarter)
         return NestedMesh(model, interpolation(own, boxes, fine.order, settings.order))
 
+    order = nested(replace(fine, order=fine.order - 1))
+    return CoarserMeshes(nested(fine.coarser) if layers else None, order, _shares(design, choice.part, fine))
+
+
+def _shares(design: Design, part: str, mesh: HexSettings) -> Shares:
+    """What coarser meshes tell at the singular edges of a part; a plate without pillars has none."""
     pillar = design.pillar
-    if choice.part == "plate" and pillar:
-        shares = rim_shares(design.material, pillar.material, fine, *pillar.joints)
-    elif choice.part == "pillar" and pillar:
-        shares = clamped_shares(pillar.material, fine, *pillar.joints)
-    else:
-        shares = clamped_shares(design.material, fine)
-    return CoarserMeshes(nested(fine.coarser), nested(replace(fine, order=fine.order - 1)), shares)
+    if part == "plate":
+        return rim_shares(design.material, pillar.material, mesh, *pillar.joints) if pillar else Shares()
+    if part == "pillar" and pillar:
+        return clamped_shares(pillar.material, mesh, *pillar.joints)
+    return clamped_shares(design.material, mesh)
 
 
 def _zone(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> SolidModel:

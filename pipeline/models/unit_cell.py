@@ -58,7 +58,10 @@ def lattice_model(
     edge = choice.edge_m
     reduce = _from_tetrahedra(case.design, edge, log, meshes) if edge else _from_hexahedra(case.design, log)
     reduction, lattice, error = _good_enough(reduce, reduction, corners, case, log)
-    reduction, lattice, by_mesh = _finer_mesh(reduce, reduction, lattice, error, corners, case, log)
+    if edge:
+        by_mesh = worst_by_the_mesh(lattice, corners, case.bands.count)
+    else:
+        reduction, lattice, by_mesh = _finer_mesh(reduce, reduction, lattice, error, corners, case, log)
     name = replace(choice, model=SUPERELEMENT, hexahedra=reduction.hexahedra).name
     return LatticeModel(name, lattice, error, by_mesh)
 

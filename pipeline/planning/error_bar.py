@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.planning import calibration, mesh_rules
-from pipeline.planning.calibration import TET_ORDER
-from pipeline.planning.model_choice import SUPERELEMENT, TET, ModelChoice
-from pipeline.planning.simplifications import khz
+from pipeline.planning.calibration import TET
+from pipeline.planning.model_choice import ModelChoice
 
 
 @dataclass(frozen=True)
@@ -43,55 +40,15 @@ class ErrorBar:
         return {"frequency": self.frequency, "confinement_db": self.confinement_db}
 
 
-def expected_error(choice: ModelChoice, design: Design, highest_hz: float = 0.0) -> float | None:
-    """Relative error that the chosen mesh is expected to make up to a frequency; None where none was measured, and for
-    reduced hexahedra, whose own coarser meshes tell it.
+def log_mesh_error(choice: ModelChoice, case: Case, log: Log, error: float | None) -> float | None:
+    """Log the largest half-width of the frequencies' bars by the mesh, and where the case asks for less; returns it.
 
-    Beyond what was measured it grows as `calibration.by_hexahedra` tells; of tetrahedra as (k h)^2p, k as the frequency's root.
+    None where nothing tells it.
     """
-    growth = max(1.0, highest_hz / choice.good_to_hz)
-    if choice.kind == TET:
-        # an assembled plate is as good as its panels with a pillar
-        measured = "cell" if choice.model == SUPERELEMENT else choice.part
-        error = calibration.by_tetrahedra(measured, _smallest_m(choice, design) / (choice.edge_m or 1.0))
-        return None if error is None else error * growth**TET_ORDER
-    if choice.reduction:
-        return None  # its own coarser meshes tell
-    assert choice.mesh_level
-    whole = choice.part == "plate" and choice.model != SUPERELEMENT
-    return mesh_rules.expected_error("whole" if whole else choice.part, choice.mesh_level, growth)
-
-
-def log_expected(
-    choice: ModelChoice, case: Case, log: Log, highest_hz: float = 0.0, estimated: float | None = None
-) -> float | None:
-    """Log the error to expect up to a frequency, and what to change where the case asks for less.
-
-    estimated: half-width that coarser meshes of the same piece tell; without it the calibration does.
-    """
-    if estimated is not None:
-        log.info(
-            f"error of a frequency by the mesh {estimated:.2%} or less, as coarser meshes tell{_short(estimated, case)}"
-        )
-        return estimated
-    error = expected_error(choice, case.design, highest_hz)
     if error is None:
-        log.info(f"no error was measured for {choice.name} of the {choice.part}: compare with a finer solve.accuracy")
+        log.info(f"nothing tells the error of {choice.name} of the {choice.part}: compare with a finer solve.accuracy")
         return None
-    beyond = f"; measured up to {khz(choice.good_to_hz)}, foreseen beyond" if highest_hz > choice.good_to_hz else ""
-    log.info(f"expected error of a frequency by the mesh {error:.2%} or less{_short(error, case)}{beyond}")
+    by = "its stresses" if choice.kind == TET else "coarser meshes"
+    short = f"; solve.accuracy asks for {case.solve.accuracy:.2%}" if error > case.solve.accuracy else ""
+    log.info(f"error of a frequency by the mesh {error:.2%} or less, as {by} tell{short}")
     return error
-
-
-def _short(error: float, case: Case) -> str:
-    return f"; solve.accuracy asks for {case.solve.accuracy:.2%}" if error > case.solve.accuracy else ""
-
-
-def _smallest_m(choice: ModelChoice, design: Design) -> float:
-    """Dimension across which a part's tetrahedra are counted, m: the thinner of plate and pillar, twice the thickness
-    for a zone.
-    """
-    if choice.part == "zone" or design.pillar is None:
-        return 2.0 * design.thickness_m
-    narrowest = min(pillar.smallest_m for pillar in design.kinds)
-    return narrowest if choice.part == "pillar" else min(design.thickness_m, narrowest)

@@ -48,8 +48,8 @@ MESH_LEVELS = {
         MeshLevel(4, 3, 0.15),
     ),
     "cell": (
-        MeshLevel(2, 1, 0.15, 0.45), MeshLevel(3, 1, 0.1), MeshLevel(3, 1, 0.12, 0.7, 2), MeshLevel(3, 2, 0.2),
-        MeshLevel(3, 2, 0.2, 0.7, 2), MeshLevel(4, 2, 0.15), MeshLevel(4, 3, 0.15),
+        MeshLevel(3, 1, 0.1), MeshLevel(3, 1, 0.12, 0.7, 2), MeshLevel(3, 2, 0.2), MeshLevel(3, 2, 0.2, 0.7, 2),
+        MeshLevel(4, 2, 0.15), MeshLevel(4, 3, 0.15),
     ),
     "whole": (MeshLevel(3, 0, 0.1), MeshLevel(4, 0, 0.1), MeshLevel(3, 1, 0.1), MeshLevel(3, 1, 0.12, 0.45)),
 }  # fmt: skip

@@ -12,8 +12,7 @@ from math import inf
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning import mesh_rules
-from pipeline.planning.error_bar import expected_error
-from pipeline.planning.model_choice import HEX, ModelChoice, model_choice_of
+from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.planning.simplifications import khz
 from solvers.errors import SolverError
 from solvers.superelement.build import ReductionSettings
@@ -100,9 +99,10 @@ def refine_mesh(choice: ModelChoice, highest_hz: float, case: Case, log: Log) ->
     """Refine a lone part's mesh for the highest mode computed, where its elements are expected to miss the accuracy;
     else None.
     """
-    error = expected_error(choice, case.design, highest_hz)
-    short = error is not None and error > case.solve.accuracy and highest_hz > choice.good_to_hz
-    if not short or choice.part == "plate" or choice.kind != HEX:
+    if choice.part == "plate" or choice.mesh_level is None or highest_hz <= choice.good_to_hz:
+        return None
+    error = mesh_rules.expected_error(choice.part, choice.mesh_level, highest_hz / choice.good_to_hz)
+    if error is None or error <= case.solve.accuracy:
         return None
     log.info(
         f"modes up to {khz(highest_hz)}: expected error {error:.2%} on elements for {khz(choice.good_to_hz)}, meshed again"

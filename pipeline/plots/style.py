@@ -29,7 +29,7 @@ BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, GREY = (
 )
 CYCLE = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, GREY)
 DASHES = ("-", "--", "-.", ":")
-MARKERS = "osD^vP*"
+MARKERS = "osD^vP*X<"
 LOOKS = [{"color": colour, "ls": dashes} for colour, dashes in zip(CYCLE, DASHES, strict=False)]
 SIGNED, QUALITY = "RdBu_r", "cividis"
 STYLE = {

@@ -88,16 +88,18 @@ def _rim_exponents(*rims: Rim) -> tuple[float, ...]:
 
 
 def _shares(exponents: tuple[float, ...], mesh: HexSettings, rough: float) -> Shares:
-    left, order = [], []
+    left, order, less = [], [], replace(mesh, order=mesh.order - 1)
     for exponent in exponents:
         own, coarse, lower = (
             rim_error(exponent, each.order, each.factor, each.layers - each.skipped)
-            for each in (mesh, mesh.coarser, replace(mesh, order=mesh.order - 1))
+            for each in (mesh, mesh.coarser if mesh.layers else less, less)
         )
         left.append(own / (coarse - own))
         order.append((lower - own) / (coarse - own))
     middle = sum(left) / len(left)
-    return Shares(middle, (max(left) - min(left)) / 2.0 + rough * middle, sum(order) / len(order))
+    spread = (max(left) - min(left)) / 2.0 + rough * middle
+    taken = middle if mesh.layers else 0.0  # without layers nothing tells what the edge's share of the change is
+    return Shares(taken, spread + middle - taken, sum(order) / len(order))
 
 
 @dataclass(frozen=True)
@@ -110,9 +112,12 @@ class NestedMesh:
 
 @dataclass(frozen=True)
 class CoarserMeshes:
-    """The mesh without the innermost layer, the mesh of one order less, and what their changes tell."""
+    """The mesh without the innermost layer, the mesh of one order less, and what their changes tell.
 
-    layer: NestedMesh
+    A mesh without layers has no `layer`: all that the order changes counts as the edge's.
+    """
+
+    layer: NestedMesh | None
     order: NestedMesh
     shares: Shares
 
@@ -125,7 +130,7 @@ class CoarserMeshes:
         layer, order = (
             (coarser_eigenvalues(pencil, each.model.pencil(symmetry), each.transfer, vectors, values) / values - 1.0)
             / 2.0
-            for each in (self.layer, self.order)
+            for each in (self.layer or self.order, self.order)
         )
         return self.shares.taken * layer, self.shares.half_width(layer, order)
 

@@ -19,12 +19,13 @@ from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.coarser import Shares, rim_shares
 from solvers.fem.eigen import PlainPencil, SymmetricPencil
 from solvers.fem.factor.factoriser import Factoriser, side_by_side
+from solvers.fem.recovery import StressRecovery
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
 from solvers.superelement.cell import Cell, CellBuilder, Coarser, SymmetryClass, reduce_cell
 from solvers.superelement.interface import Interface
-from solvers.superelement.nested import Nested, extrapolated
+from solvers.superelement.nested import Nested, extrapolated, recovered
 from solvers.superelement.plate import WHOLE, AssembledPlate, Grid
 from solvers.superelement.plate_error import ModeErrors, mode_errors, more_below
 from solvers.superelement.tiling import Signature, signature, tile
@@ -93,12 +94,19 @@ class Reductions:
         return cell
 
     def _reduce(self, panel: Panel) -> Cell:
-        reduction, coarser = self.reduction, None
+        reduction = self.reduction
+        better: Coarser | None
         if self.mesher and panel.foot:
-            mesh = self.mesher(panel)
+            mesh, better = self.mesher(panel), self._recovered
         else:
-            mesh, coarser = self._mesh(panel, self.settings(panel)), self.coarser(panel)
-        return reduce_cell(self.system(mesh), reduction.interface, reduction.top_hz, panel.halved, panel.free, coarser)
+            mesh, better = self._mesh(panel, self.settings(panel)), self.coarser(panel)
+        return reduce_cell(self.system(mesh), reduction.interface, reduction.top_hz, panel.halved, panel.free, better)
+
+    def _recovered(self, cell: Cell, builder: CellBuilder, parts: list[SymmetryClass]) -> Cell:
+        """The cell less what the stresses of its tetrahedra tell of its mesh."""
+        system = builder.system
+        recovery = StressRecovery(system.mesh, region_materials(self.material, self.pillar), system.scale)
+        return recovered(cell, builder, parts, recovery)
 
     def settings(self, panel: Panel) -> HexSettings:
         """The hexahedra of a panel."""

@@ -1,10 +1,12 @@
-"""A cell reduced on nested meshes: their differences tell the mesh's error, and most of it is taken away.
+"""A reduced cell's error by its mesh, told by nested meshes or by its own stresses, and most of it taken away.
 
 A coarser mesh lacks the innermost layer of elements at the foot's rim, where displacements go as r^a and the energy's error
 therefore as h^(2a): the finer mesh still errs by a share r of the difference that follows from a, the order and the layers
 (babuska1981). K = K_fine - r (K_coarse - K_fine), M likewise, over the same boundary functions; the fixed-interface modes of
 the coarser mesh are turned onto those of the finer one, Q = U V' from (M_fine P Phi_coarse)' Phi_fine = U S V'
 (schoenemann1966). A mesh of one order less tells what is left away from the rim.
+
+Tetrahedra have no coarser mesh nested in them: what continuous stresses lose of K_r (`StressRecovery`) stands for its error.
 """
 
 from __future__ import annotations
@@ -13,16 +15,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import eigvalsh
+from scipy.linalg import eigh, eigvalsh
 
 from geometry.elements import FloatArray
 from solvers.fem.coarser import Shares
+from solvers.fem.recovery import StressRecovery
 from solvers.superelement.cell import Cell, CellBuilder, MeshError, SymmetryClass, check_rigid
 from solvers.threads import one_thread
 
 WIDER = 1.15  # modes of the coarser mesh are sought so much higher: they lie above their partners
 MOST = 0.9  # of K or M in any direction that is taken away: they stay positive
 SLIGHT = 1e-9
+NOTHING = 1e-10  # of the mean stiffness or mass of a function: rounding
 ALIKE = 0.5  # singular value of the modal overlap from which a direction has its partner on the coarser mesh
 
 
@@ -52,8 +56,31 @@ def extrapolated(
     with one_thread():
         by_order = _change(builder, parts, lower, WIDER * top_hz, cell)
         by_layer = _change(builder, parts, layer, WIDER * top_hz, cell) if layer else none
-    limits = (MOST / _largest(change, metric) for change, metric in zip(by_layer, _metrics(cell), strict=True))
-    taken = min(shares.taken, *limits) if layer else 0.0
+    return _lowered(cell, builder, by_layer, by_order, shares)
+
+
+def recovered(cell: Cell, builder: CellBuilder, parts: list[SymmetryClass], recovery: StressRecovery) -> Cell:
+    """The cell of a mesh of tetrahedra less most of what continuous stresses lose of K_r."""
+    none, loss = np.zeros_like(cell.mass), np.zeros_like(cell.stiffness)
+    with one_thread():
+        for part, place in zip(parts, builder.places(parts, cell.dof), strict=True):
+            own = builder.projected(part)[0] - recovery.energy(part.shapes)
+            loss += builder.copies * place @ own @ place.T
+    return _lowered(cell, builder, ((loss + loss.T) / 2.0, none), (none, none), recovery.shares)
+
+
+def _lowered(
+    cell: Cell,
+    builder: CellBuilder,
+    by_layer: tuple[FloatArray, FloatArray],
+    by_order: tuple[FloatArray, FloatArray],
+    shares: Shares,
+) -> Cell:
+    """The cell less the share of its changes by the layer, as far as K and M stay positive; the rest counts as uncertain."""
+    limits = [
+        MOST / _largest(change, whole) for change, whole in zip(by_layer, _metrics(cell), strict=True) if change.any()
+    ]
+    taken = min([shares.taken, *limits])
     error = MeshError(*by_layer, *by_order, taken, shares.spread + shares.taken - taken, shares.edge)
     stiffness, mass = (
         whole - taken * change for whole, change in zip((cell.stiffness, cell.mass), by_layer, strict=True)
@@ -117,8 +144,12 @@ def _metrics(cell: Cell) -> tuple[FloatArray, FloatArray]:
 
 
 def _largest(change: FloatArray, metric: FloatArray) -> float:
-    """Largest eigenvalue of a change beside a positive matrix, at least MOST; functions of free sides carry nothing."""
+    """Largest eigenvalue of a change beside a metric, at least MOST; functions that carry nothing are left out, those of free
+    sides and those that a coarse mesh of tetrahedra cannot tell from others.
+    """
     carried = np.flatnonzero(np.diag(metric) > 0.0)
     square, unit = np.ix_(carried, carried), np.sqrt(np.diag(metric)[carried])
-    values = eigvalsh(change[square] / np.outer(unit, unit), metric[square] / np.outer(unit, unit))
-    return max(MOST, float(values[-1]))
+    values, turn = eigh(metric[square] / np.outer(unit, unit))
+    kept = values > NOTHING
+    turn = turn[:, kept] / np.sqrt(values[kept]) / unit[:, None]
+    return max(MOST, float(eigvalsh(turn.T @ change[square] @ turn)[-1]))

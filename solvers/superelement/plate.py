@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from geometry.elements import BoolArray, FloatArray, IntArray
+from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.surface import Skin, triangles
@@ -99,7 +99,7 @@ class AssembledPlate:
         where = (np.concatenate(rows), np.concatenate(columns))
         return sp.coo_array((np.concatenate(values), where), shape=(self.dof, self.dof)).tocsc()
 
-    def cell_vectors(self, placed_cell: PlacedCell, vectors: FloatArray) -> FloatArray:
+    def cell_vectors(self, placed_cell: PlacedCell, vectors: FloatArray | ComplexArray) -> FloatArray:
         """A cell's degrees of freedom (cell dof, k) from the plate's (dof, k)."""
         return np.asarray(placed_cell.coefficient[:, None] * vectors[np.maximum(placed_cell.unknown, 0)])
 

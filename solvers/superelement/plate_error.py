@@ -18,7 +18,7 @@ from functools import partial
 
 import numpy as np
 
-from geometry.elements import BoolArray, FloatArray, IntArray
+from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from solvers.fem.coarser import SMOOTH
 from solvers.fem.eigen import PlainPencil, SymmetricPencil, count_below
 from solvers.fem.factor.factoriser import Factoriser
@@ -45,19 +45,19 @@ class ModeErrors:
         return self.modes + self.degrees
 
 
-def mode_errors(plate: AssembledPlate, pencil: SymmetricPencil, vectors: FloatArray) -> ModeErrors:
-    """Estimate for M-orthonormal modes (dof, k) of a symmetry class and its pencil."""
+def mode_errors(plate: AssembledPlate, pencil: SymmetricPencil, vectors: FloatArray | ComplexArray) -> ModeErrors:
+    """Estimate for M-orthonormal modes (dof, k) of a symmetry class and its pencil, or for Bloch waves, which are complex."""
     stiff, heavy = pencil.stiffness @ vectors, pencil.mass @ vectors
-    value = np.einsum("ik,ik->k", vectors, stiff)
+    value = _energy(vectors, stiff)
 
     def rise(part: BoolArray) -> FloatArray:
         """By Rayleigh's quotient of u - d: K and M on the part alone tell what d itself holds."""
         where = np.flatnonzero(part)
         dropped = vectors[where]
         left = [
-            np.einsum("ik,ik->k", vectors, image)
-            - 2.0 * np.einsum("ik,ik->k", dropped, image[where])
-            + np.einsum("ik,ik->k", dropped, matrix[where][:, where] @ dropped)
+            _energy(vectors, image)
+            - 2.0 * _energy(dropped, image[where])
+            + _energy(dropped, matrix[where][:, where] @ dropped)
             for matrix, image in ((pencil.stiffness, stiff), (pencil.mass, heavy))
         ]
         return np.asarray(np.sqrt(np.maximum(left[0] / left[1] / value, 1.0)) - 1.0)
@@ -67,7 +67,14 @@ def mode_errors(plate: AssembledPlate, pencil: SymmetricPencil, vectors: FloatAr
     )
 
 
-def by_mesh(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArray) -> FloatArray:
+    """u^H v of each pair of columns, (k,)."""
+    return np.asarray(np.einsum("ik,ik->k", vectors.conj(), images).real)
+
+
+def by_mesh(
+    plate: AssembledPlate, value: FloatArray, vectors: FloatArray | ComplexArray
+) -> tuple[FloatArray, FloatArray]:
     """What was taken from the frequencies of M-orthonormal modes (dof, k) and their bars' half-width, relative, (k,) each.
 
     By Rayleigh's quotient at scaled eigenvalues (k,); a half-width is NaN where a cell has no coarser mesh.
@@ -85,13 +92,13 @@ def by_mesh(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> tu
     return taken, np.abs(rim) + SMOOTH * np.abs(order)
 
 
-def _by_modes(plate: AssembledPlate, value: FloatArray, vectors: FloatArray) -> FloatArray:
+def _by_modes(plate: AssembledPlate, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:
     """Half of l u' D u over the modes' l, D the residual flexibility of every cell, as large as it may be at l, (k,)."""
     total = np.zeros_like(value)
     for edge in sorted({placed_cell.cell.dropped_hz for placed_cell in plate.placed_cells}):
         alike = next(placed_cell.cell for placed_cell in plate.placed_cells if placed_cell.cell.dropped_hz == edge)
         lost = plate.of_cells(partial(_lost, edge))
-        total += 0.5 * value * alike.growth(value) * np.einsum("ik,ik->k", vectors, lost @ vectors)
+        total += 0.5 * value * alike.growth(value) * _energy(vectors, lost @ vectors)
     return total
 
 

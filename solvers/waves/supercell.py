@@ -10,7 +10,9 @@ from geometry.elements import FloatArray, IntArray
 from geometry.layout import Design
 from solvers.superelement.build import Reductions
 from solvers.superelement.lattice import ROUNDING
+from solvers.superelement.lattice_error import STILL
 from solvers.superelement.plate import WHOLE, AssembledPlate, Grid
+from solvers.superelement.plate_error import ModeErrors, mode_errors
 from solvers.superelement.tiling import Tiling, signature
 from solvers.threads import one_thread
 
@@ -29,8 +31,8 @@ class Supercell:
     def __init__(self, tiling: Tiling, reductions: Reductions) -> None:
         panels = [tiling.panel(*place) for place in tiling.representatives(True)]
         plate = AssembledPlate(tiling, {signature(panel): reductions.cell(panel) for panel in panels}, WHOLE)
-        pencil, follows = plate.pencil(), _followed(plate.grid)
-        self.scale, self.stiffness, self.mass = pencil.scale, pencil.stiffness, pencil.mass
+        self.plate, self.pencil, follows = plate, plate.pencil(), _followed(plate.grid)
+        self.scale = self.pencil.scale
         self.size_m = np.array([np.ptp(tiling.x), np.ptp(tiling.y)])
         self.offset = (follows != np.arange(len(follows))[:, None]).astype(float)
         root = follows[follows[:, 0], 1]
@@ -39,13 +41,25 @@ class Supercell:
 
     def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
         """The `count` lowest Bloch frequencies at a wavevector (2,) in rad/m, ascending, Hz (a dense solve misses none)."""
+        return self.solve(wavevector, count)[0]
+
+    def solve(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
+        """The same, and what truncation and the panels' meshes may put each of them off by."""
         phase = np.exp(1j * self.offset @ (np.asarray(wavevector) * self.size_m))
         turn = sp.csr_array((phase, (np.arange(len(phase)), self.column)), shape=(len(phase), self.dof))
-        stiffness, mass = ((turn.conj().T @ part @ turn).toarray() for part in (self.stiffness, self.mass))
+        stiffness, mass = (
+            (turn.conj().T @ part @ turn).toarray() for part in (self.pencil.stiffness, self.pencil.mass)
+        )
         with one_thread():
-            values = eigh(stiffness, mass, eigvals_only=True, subset_by_index=[0, min(count, self.dof) - 1])
+            values, waves = eigh(stiffness, mass, subset_by_index=[0, min(count, self.dof) - 1])
         rounding = ROUNDING * np.abs(stiffness).max() / np.abs(mass).max()
-        return self.scale.frequency(np.where(np.abs(values) < rounding, 0.0, values))
+        tones = self.scale.frequency(np.where(np.abs(values) < rounding, 0.0, values))
+        moving = np.flatnonzero(tones > STILL * tones[-1])
+        errors = ModeErrors(*np.zeros((4, len(tones))))
+        told = mode_errors(self.plate, self.pencil, turn @ waves[:, moving])
+        for name in ("modes", "degrees", "taken", "mesh"):
+            getattr(errors, name)[moving] = getattr(told, name)
+        return tones, errors
 
 
 def _followed(grid: Grid) -> IntArray:

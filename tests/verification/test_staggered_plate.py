@@ -105,12 +105,13 @@ def test_one_row_beside_the_other_is_no_part_of_it() -> None:
 
 @pytest.mark.slow
 def test_the_bands_of_two_rows_are_those_of_the_meshed_rectangle() -> None:
-    """Within the accuracy that both are asked for; a glide between the rows makes waves at X equal in pairs."""
+    """Within both bars; a glide between the rows makes waves at X equal in pairs."""
     ask = ("bands.count=8", "bands.points=1", "bands.path=GXM", "solve.accuracy=0.02")
     ours = solve_bands(case_of(*ask), TerminalLog(True))
     theirs = solve_bands(case_of(*ask, "solve.model=solid"), TerminalLog(True))
     assert ours.path.wavevectors == pytest.approx(np.pi / 4e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.5]]))
-    assert ours.frequencies_hz[1:] == pytest.approx(theirs.frequencies_hz[1:], rel=0.02)
+    bars = np.array(ours.error[1:], dtype=float) + np.array(theirs.error[1:], dtype=float)
+    assert bars.max() < 0.02 and (np.abs(ours.frequencies_hz[1:] / theirs.frequencies_hz[1:] - 1.0) <= bars).all()
     assert ours.frequencies_hz[1, ::2] == pytest.approx(ours.frequencies_hz[1, 1::2], rel=1e-6)
     assert ours.frequencies_hz[0, :3] == pytest.approx(0.0, abs=1e-3) and ours.frequencies_hz[0, 3] > 1e3
 

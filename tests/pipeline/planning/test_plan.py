@@ -283,7 +283,11 @@ def test_explain_computes_nothing(
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("something was computed")
 
-    for name in ("geometry.hex.boxes.hex_mesh", "pipeline.models.parts.hex_mesh", "pipeline.analysis.bands.hex_mesh"):
+    for name in (
+        "geometry.hex.boxes.hex_mesh",
+        "pipeline.models.parts.hex_mesh",
+        "pipeline.models.whole_cell.hex_mesh",
+    ):
         monkeypatch.setattr(name, refuse)
     monkeypatch.setattr("solvers.superelement.build.Reductions.cell", refuse)
     assert main([command, CASE, "--explain"]) == 0
