@@ -89,6 +89,25 @@ bool rig_tick(rig_single *rig)
     return ended;
 }
 
+static double motion(const rig_plate *plate)
+{
+    return hypot(plate->state[0][0], plate->state[0][1]) * hypot(plate->residue[0][0], plate->residue[0][1]);
+}
+
+/* Amplitude of the tone that the last sample belonged to; share of the table's limit. */
+static double driven(const rig_single *rig)
+{
+    const an_complex drive = rig->app.fast.drive;
+    const double limit = (double)AN_DAC_SWING * (double)rig->app.mode.drive_limit;
+    return rig->app.fast.faults != 0u ? 0.0 : hypot((double)drive.re, (double)drive.im) / limit;
+}
+
+static void extend(rig_extent *most, double drive, double moved)
+{
+    most->drive = fmax(most->drive, drive);
+    most->motion = fmax(most->motion, moved);
+}
+
 static void report(const rig_single *rig, rig_window *window)
 {
     const an_view view = an_single_view(&rig->app);
@@ -98,7 +117,7 @@ static void report(const rig_single *rig, rig_window *window)
     window->drive[0] = (double)view.drive.re;
     window->drive[1] = (double)view.drive.im;
     window->reference = (double)view.reference;
-    window->motion = hypot(plate->state[0][0], plate->state[0][1]) * hypot(plate->residue[0][0], plate->residue[0][1]);
+    window->motion = motion(plate);
     window->state = (uint32_t)rig->app.base.supervisor.state;
     window->limited = rig->app.slow.pi.limited;
 }
@@ -149,25 +168,39 @@ static bool is_held(rig_single *rig, float reference)
 
 static void follow(rig_single *rig, const rig_trial *trial, float reference, rig_outcome *outcome)
 {
+    rig_extent most = {0.0, 0.0};
     uint32_t since = 0u;
     for (uint32_t i = 0u; i - since < trial->latched && since <= trial->most; i++) {
         since = is_safe(rig) ? since : i + 1u;
         rig_tick(rig);
+        extend(&most, driven(rig), motion(&rig->plate));
     }
-    if (since <= trial->most && is_in_fault(rig)) {
+    extend(&outcome->broken, most.drive, most.motion);
+    const bool bounded = most.drive <= 1.0 + 1e-6 && most.motion <= trial->further * outcome->sound.motion;
+    if (bounded && since <= trial->most && is_in_fault(rig)) {
         outcome->latched++;
         outcome->soon += since <= (uint32_t)RIG_SOON;
         outcome->longest = since > outcome->longest ? since : outcome->longest;
-    } else if (trial->kind == RIG_FLIP && is_held(rig, reference)) {
+    } else if (bounded && trial->kind == RIG_FLIP && is_held(rig, reference)) {
         outcome->held++;
     } else {
         outcome->unsafe++;
     }
 }
 
+static rig_extent sound_run(rig_single rig, uint32_t ticks)
+{
+    rig_extent most = {0.0, 0.0};
+    for (uint32_t i = 0u; i < ticks; i++) {
+        rig_tick(&rig);
+        extend(&most, driven(&rig), motion(&rig.plate));
+    }
+    return most;
+}
+
 rig_outcome rig_inject(rig_single *rig, const rig_trial *trial)
 {
-    rig_outcome outcome = {0u, 0u, 0u, 0u, 0u};
+    rig_outcome outcome = {.sound = sound_run(*rig, trial->ticks)};
     for (uint32_t i = 0u; i < trial->ticks; i++) {
         if (i % trial->stride == 0u) {
             rig_single copy = *rig;

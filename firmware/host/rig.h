@@ -56,6 +56,12 @@ uint32_t rig_run(rig_single *rig, uint32_t ticks, rig_window *windows, uint32_t 
 /* What goes wrong: a sensor, a fault that an interrupt finds, a bit of the application's state. */
 typedef enum { RIG_SENSOR, RIG_TRIP, RIG_FLIP } rig_injection;
 
+/* The largest of a run. */
+typedef struct {
+    double drive;  /* amplitude, 1: the table's limit */
+    double motion; /* the first mode's true amplitude, as the sound sensor would show it */
+} rig_extent;
+
 /* How it ended, over all moments. */
 typedef struct {
     uint32_t latched; /* in the fault state, the output at rest for good */
@@ -63,6 +69,8 @@ typedef struct {
     uint32_t unsafe;  /* neither */
     uint32_t soon;    /* of those that latched, within RIG_SOON ticks */
     uint32_t longest; /* ticks until the last unsafe one, of those that latched */
+    rig_extent broken; /* of all moments, from what goes wrong until it has rested for as long as is looked */
+    rig_extent sound;  /* of the same run, nothing being wrong */
 } rig_outcome;
 
 typedef struct {
@@ -73,6 +81,7 @@ typedef struct {
     uint32_t stride;  /* each so-many-th tick is a moment */
     uint32_t most;    /* ticks that may pass until it is safe */
     uint32_t latched; /* ticks more that it has to stay safe */
+    double further;   /* the plate may move so many times as far as it does at most while nothing is wrong */
 } rig_trial;
 
 /* Runs, and at each moment lets go wrong on a copy what the trial says. */

@@ -27,7 +27,7 @@ def rig(core):
 
 def check(seconds: float, stride: int) -> None:
     rows = list(injection.rig_rows(seconds, stride))
-    flips, swinging = 1, len(injection.SENSORS) - 1
+    flips, swinging = 1, len(injection.LATER) * len(injection.SWINGS)
     assert len(rows) == len(injection.TRIPS) + len(injection.SENSORS) + swinging + flips
     for row in rows:
         assert row.moments == -(-round(seconds * 250e3) // stride) and row.is_sound, row.text
@@ -57,8 +57,19 @@ def test_whatever_breaks_on_the_images_ends_at_rest(core) -> None:
 
 def test_an_output_that_passes_its_middle_is_not_taken_for_rest(core, rig) -> None:
     """The rig's own judgement: what no guard stops is told as unsafe."""
-    result = injection.inject(rig, rig.lib.RIG_TRIP, [0], 0.01, 37, injection.SOON)
+    result = injection.inject(rig, rig.lib.RIG_TRIP, [0], 0.01, 37, injection.SOON, injection.FURTHER)
     assert result.latched == result.held == 0 and result.unsafe == 68
+
+
+def test_a_plate_that_moves_further_than_allowed_is_not_taken_for_safe(core) -> None:
+    """The rig's own judgement again, at every moment: less room than the sound run itself has."""
+    rig = injection.held(swings=True)
+    dead = [rig.lib.RIG_DEAD]
+    result = injection.inject(rig, rig.lib.RIG_SENSOR, dead, 0.02, 37, injection.LATER["dead"], 0.5)
+    assert result.unsafe and result.latched  # around the swing's top, and around its bottom
+    assert result.broken.motion / result.sound.motion == pytest.approx(1.0, abs=0.05)
+    assert result.sound.motion == pytest.approx(injection.LEVEL, rel=0.05)
+    assert result.sound.drive < result.broken.drive < 1.0
 
 
 def flip(app: Any, word: str, bit: int) -> None:

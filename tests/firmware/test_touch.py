@@ -250,8 +250,47 @@ def test_most_moments_of_a_swinging_level_are_decided_within_100_us(core) -> Non
     decay = np.exp(-1e-4 / tau_s * damping)
     reached = seen["measured"] * decay + 0.8 * DROOP * seen["drive"] * (1.0 - decay) / damping
     assert (np.abs(reached).min(axis=0) < 2e-3).mean() < 0.02
-    result = injection.inject(rig, rig.lib.RIG_SENSOR, [rig.lib.RIG_DEAD], 0.05, 7, injection.LATER["dead"])
+    dead, most = [rig.lib.RIG_DEAD], injection.LATER["dead"]
+    result = injection.inject(rig, rig.lib.RIG_SENSOR, dead, 0.05, 7, most, injection.FURTHER)
     assert result.unsafe == 0 and result.soon > 0.85 * result.latched
+
+
+@pytest.mark.parametrize("level", [0.02, 0.05, 0.15, 0.4])
+@pytest.mark.parametrize("quality", [100.0, 300.0, 1000.0])
+def test_a_sensor_that_turns_round_while_it_shows_nothing_never_doubles_the_motion(
+    make, quality: float, level: float
+) -> None:
+    """The loop drives away from what it takes for the plate: the energy shown is more than the drive's work, within 5 ms."""
+    rig = make(quality)
+    assert rig.start(level)
+    assert rig.lib.an_texture_sine(rig.ffi.addressof(rig.app.base, "texture"), 100.0, 1.0, 5000.0)
+    rig.run(60e-3)
+    result = injection.inject(rig, rig.lib.RIG_SENSOR, [rig.lib.RIG_REVERSED], 0.05, 37, 1250, 2.0)
+    assert result.unsafe == 0 and result.latched == 338
+
+
+@pytest.mark.parametrize("level", [0.05, 0.15])
+def test_a_drive_below_a_quarter_of_its_limit_that_moves_nothing_is_a_lost_sensor(make, level: float) -> None:
+    """Whatever noise leaves to see of a plate 24 times as damped: a plate that weighs little moves by little drive."""
+    rig = make(100.0)
+    assert rig.start(level)
+    assert rig.lib.an_texture_sine(rig.ffi.addressof(rig.app.base, "texture"), 100.0, 1.0, 5000.0)
+    rig.run(60e-3)
+    result = injection.inject(rig, rig.lib.RIG_SENSOR, [rig.lib.RIG_DEAD], 0.05, 37, 1250, 2.5)
+    assert result.unsafe == 0 and result.broken.drive < 0.36
+
+
+@pytest.mark.parametrize("quality", [100.0, 600.0, 2000.0])
+@pytest.mark.parametrize("sensitivity", [0.5, 1.0, 1.5])
+def test_a_plate_that_is_braked_and_pushed_does_no_work_of_its_own(make, quality: float, sensitivity: float) -> None:
+    """Where the sensor shows half of the motion, the drive takes out twice what is seen to go."""
+    rig = make(quality)
+    rig.rig.plate.sensitivity = sensitivity
+    assert rig.start(0.1)
+    for level in (0.1, 0.0, 0.1, 0.01) * 10:
+        rig.set_reference(level)
+        rig.run(7e-3)
+        assert rig.state == RUN, (level, hex(rig.faults))
 
 
 @pytest.mark.parametrize("away_hz", [400.0, 1500.0, -2500.0])

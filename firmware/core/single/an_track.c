@@ -14,6 +14,8 @@
 #define AN_HIDDEN_LEAST 0.0015f /* of full scale: three codes, of a whole window */
 #define AN_HIDDEN2 0.25f      /* squared: half of what the most damped plate would show */
 #define AN_PUSHED_MOST (-1.0f) /* times the identified damping: no neighbour that rings gives so much back */
+#define AN_UNPAID_MOST 1.3f   /* times |U|^2: braking makes 1 of it where the sensor shows half, a reversed sensor 1.85 */
+#define AN_LATELY 0.94f       /* of what was a window ago: half within 2.2 ms */
 #define AN_ODD_SHARE 0.08f    /* of the energy that no damping and no detuning explains */
 #define AN_ODD_LEAST 3e-4f    /* of the motion's square: what a sensor's noise in proportion to its signal may do */
 #define AN_ODD_TAU 3.0f       /* time constants that neighbours may ring out, beside ODD_MOST */
@@ -46,6 +48,8 @@ void an_track_begin(an_track *track, const an_mode *mode, const an_pi_wish *wish
     track->limited = 0u;
     track->least = an_cplx(0.0f, 0.0f);
     track->hidden = 0u;
+    track->unpaid = 0.0f;
+    track->shown = 0.0f;
     track->hidden_most = HIDDEN_MOST + (uint32_t)(1.0f / (AN_DAMPED_MOST * track->rate * wish->period_s));
     an_clear(&track->block, sizeof track->block);
 }
@@ -147,8 +151,22 @@ static void look_for_motion(an_track *track, an_complex given, an_complex measur
     if (an_abs2(measured) >= larger(shown2, least2)) {
         track->least = an_cplx(0.0f, 0.0f);
     }
-    const bool drives = an_abs2(given) > ought_of(track) * ought_of(track);
-    track->hidden = drives && an_abs2(measured) < shown2 && shown2 > least2 ? track->hidden + 1u : 0u;
+    track->hidden = an_abs2(measured) < shown2 && shown2 > least2 ? track->hidden + 1u : 0u;
+}
+
+/* Work that no drive did, as that of neighbours that give back. Work and motion are forgotten alike, so that noise which the
+ * loop feeds back does not add up. */
+static void look_for_work(an_track *track, an_complex twice, float spent, an_complex measured)
+{
+    const float given_back = -0.5f * AN_PUSHED_MOST * track->period_s * track->rate * an_abs2(twice);
+    track->unpaid = larger(AN_LATELY * track->unpaid - spent - given_back, 0.0f);
+    track->shown = larger(AN_LATELY * track->shown, an_abs2(measured));
+}
+
+static bool moves_unpaid(const an_track *track)
+{
+    const float least2 = 4.0f * larger(AN_MOTION_LEAST * AN_MOTION_LEAST, AN_NOISE_MARGIN * track->noise2);
+    return track->unpaid > AN_UNPAID_MOST * larger(track->shown, least2);
 }
 
 /* From the middle of a window to that of the next: the old drive until the gap has passed, the new one after that. */
@@ -163,7 +181,9 @@ static void add(an_track *track, const an_track_note *before, const an_track_not
     block->given += an_abs2(given);
     block->supply += an_abs2(y);
     block->motion += an_abs2(twice);
-    block->product = an_add(block->product, an_mul(y, an_conj(twice)));
+    const an_complex product = an_mul(y, an_conj(twice));
+    look_for_work(track, twice, product.re, now->measured);
+    block->product = an_add(block->product, product);
     block->limited += now->limited == AN_PI_LIMITED ? 1u : 0u;
     block->count++;
 }
@@ -180,7 +200,7 @@ an_track_result an_track_read(an_track *track, const an_track_note *notes, uint3
         add(track, &notes[(at + AN_TRACK_ROOM - 1u) % AN_TRACK_ROOM], &notes[at]);
         track->read++;
     }
-    if (track->hidden >= track->hidden_most) {
+    if (track->hidden >= track->hidden_most || moves_unpaid(track)) {
         return AN_TRACK_LOST;
     }
     if (track->block.count < AN_TRACK_WINDOWS) {

@@ -7,8 +7,10 @@
  *
  * The slow step only notes U and V. The main loop sums energies over AN_TRACK_WINDOWS windows, makes the least-squares a
  * of them, lets frequency and time constant follow it slowly, and judges. Window by window, what the drives must have
- * moved even the most damped plate is compared with what the sensor shows. At the end of each block a drive that moves
- * next to nothing, a motion that needs no drive, and a y that no a explains are faults; damping and detuning are not.
+ * moved even the most damped plate is compared with what the sensor shows, and the work done with the energy shown:
+ * d|U|^2/dt = 2 Re((b V - a U) U*), and Re a is negative for none but a sensor that shows the opposite. At the end of each
+ * block a drive that moves next to nothing, a motion that needs no drive, and a y that no a explains are faults; damping and
+ * detuning are not.
  * While the reference moves, the plate's other modes move too: then only what no neighbour can do is a fault.
  */
 #ifndef AN_TRACK_H
@@ -59,6 +61,8 @@ typedef struct {
     an_complex least;  /* U of the most damped plate there may be, from the drives since it showed anything */
     uint32_t hidden;   /* windows in a row that show less than half of it */
     uint32_t hidden_most;
+    float unpaid; /* of |U|^2: what grew lately without work of the drive */
+    float shown;  /* the largest |U|^2 lately */
 } an_track;
 
 /* Begins with a mode; detuning_hz as asked for; noise2 as seen at rest. What was followed before is kept when it is the
