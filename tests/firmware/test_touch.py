@@ -269,15 +269,19 @@ def test_a_sensor_that_turns_round_while_it_shows_nothing_never_doubles_the_moti
     assert result.unsafe == 0 and result.latched == 338
 
 
-@pytest.mark.parametrize("level", [0.05, 0.15])
-def test_a_drive_below_a_quarter_of_its_limit_that_moves_nothing_is_a_lost_sensor(make, level: float) -> None:
-    """Whatever noise leaves to see of a plate 24 times as damped: a plate that weighs little moves by little drive."""
-    rig = make(100.0)
+@pytest.mark.parametrize("rate_hz", [0.0, 20.0, 100.0, 300.0])
+@pytest.mark.parametrize("level", [0.002, 0.01, 0.05])
+@pytest.mark.parametrize("quality", [100.0, 300.0])
+def test_a_sensor_that_dies_at_a_low_level_is_told_before_the_plate_moves_far(
+    make, quality: float, level: float, rate_hz: float
+) -> None:
+    """As soon as noise would let be seen what the drive does to a plate 24 times as damped: at a tenth of its limit."""
+    rig = make(quality)
     assert rig.start(level)
-    assert rig.lib.an_texture_sine(rig.ffi.addressof(rig.app.base, "texture"), 100.0, 1.0, 5000.0)
+    assert rig.lib.an_texture_sine(rig.ffi.addressof(rig.app.base, "texture"), rate_hz, 1.0, 5000.0)
     rig.run(60e-3)
-    result = injection.inject(rig, rig.lib.RIG_SENSOR, [rig.lib.RIG_DEAD], 0.05, 37, 1250, 2.5)
-    assert result.unsafe == 0 and result.broken.drive < 0.36
+    result = injection.inject(rig, rig.lib.RIG_SENSOR, [rig.lib.RIG_DEAD], 0.05, 211, 25000, 100.0)
+    assert result.unsafe == 0 and result.broken.motion < 0.13
 
 
 @pytest.mark.parametrize("quality", [100.0, 600.0, 2000.0])
