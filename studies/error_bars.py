@@ -217,7 +217,8 @@ def page(results: list[Compared]) -> str:
         "0.5 to 5 mm, stubby and slender pillars. Each frequency is compared with a finer computation; the bar is the sum of",
         "both stated ones. A bar too wide is a fault, too: the last column tells how many times the true error it is. A whole",
         "cell is solved as meshed under Bloch's conditions, without symmetry or reduction: another path through the program.",
-        "Round and hexagonal pillars are meshed by tetrahedra, whose bar is the roughest; what else is called `by tetrahedra` is",
+        "Round and hexagonal pillars are meshed by tetrahedra, whose bar is the roughest; "
+        "what else is called `by tetrahedra` is",
         "compared with hexahedra.",
         "",
         "![Stated bar over true error of every frequency](pictures/error-bars.svg)",
