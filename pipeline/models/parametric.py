@@ -100,10 +100,14 @@ def mesh_error(case: Case) -> float | None:
 
 
 def kept_cell(case: Case) -> ParametricCell | None:
-    """The parametric cell of a case where the cache has it and the design lies in its box; None where it must be meshed."""
+    """The parametric cell of a case where the cache has it, the design lies in its box and its mesh's error is known; None
+    where it must be meshed.
+    """
     try:
         require_square(case)
     except InputError:
+        return None
+    if mesh_error(case) is None:
         return None
     cell, design, pillar = _loaded(_materials(case)), case.design, case.design.pillar
     assert pillar is not None

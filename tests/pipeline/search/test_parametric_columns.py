@@ -28,6 +28,9 @@ def test_a_kept_cell_answers_columns_within_their_slack(tmp_path: Path, monkeypa
     )  # its own, and as much of these bases' coarse mesh
     assert parametric.kept_cell(case) is cell
     assert parametric.kept_cell(load_case(SMALL, ("pillar.height_mm=8",))) is None
+    assert parametric.kept_cell(load_case(SMALL, ("pillar.material=steel",))) is None, (
+        "the error of its mesh is not known"
+    )
     raw = SMALL.read_text(encoding="utf-8").replace("side_mm", "diameter_mm").replace('"square"', '"round"')
     (tmp_path / "round.toml").write_text(raw, encoding="utf-8")
     assert parametric.kept_cell(load_case(tmp_path / "round.toml")) is None
