@@ -1,7 +1,6 @@
 """The unit cell as meshed, under Bloch's conditions, with two coarser meshes that tell the error of its own.
 
-An independent path beside the reduced cell: three solves a wavevector, each counted, paired in ascending order, which is how
-the frequencies of nested meshes follow each other (boffi2010).
+The independent path beside the reduced cell: no symmetry, no reduction, every wave counted by inertia.
 """
 
 from __future__ import annotations
@@ -9,37 +8,54 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings, cell_boxes, hex_mesh
+from geometry.hex.nesting import interpolation
 from geometry.layout import Design, region_materials
 from geometry.mesh import Mesh
 from solvers.fem.assembly import assemble
-from solvers.fem.coarser import Shares, rim_shares
+from solvers.fem.coarser import Shares, carried_eigenvalues, rim_shares
+from solvers.fem.eigen import PlainPencil, lowest_pairs
 from solvers.superelement.lattice_error import STILL
 from solvers.superelement.plate_error import ModeErrors
 from solvers.waves.bloch import BlochCell
 
+MORE = 4  # waves beside those asked for
+
+
+@dataclass(frozen=True)
+class NestedCell:
+    """The cell on a coarser mesh, and the matrix (fine nodes, coarse nodes) that carries its fields to the finer one."""
+
+    cell: BlochCell
+    transfer: sp.csr_array
+
 
 @dataclass(frozen=True)
 class WholeCell:
-    """A meshed cell, the same without the innermost layer (the same again where it has none) and of one order less."""
+    """A meshed cell, the same without the innermost layer (None where it has none) and of one order less."""
 
     mesh: Mesh
     own: BlochCell
-    layer: BlochCell
-    order: BlochCell
+    layer: NestedCell | None
+    order: NestedCell
     shares: Shares
 
     @classmethod
     def of(cls, design: Design, settings: HexSettings) -> WholeCell:
         """The meshes of a design's cell."""
-        pillar = design.pillar
+        pillar, boxes = design.pillar, cell_boxes(design, settings)
         shares = rim_shares(design.material, pillar.material, settings, *pillar.joints) if pillar else Shares()
-        mesh, less = _mesh(design, settings), replace(settings, order=settings.order - 1)
-        own, order = _bloch(design, mesh), _bloch(design, _mesh(design, less))
-        layer = _bloch(design, _mesh(design, settings.coarser)) if pillar and settings.layers else None
-        return cls(mesh, own, layer or (order if pillar else own), order, shares)
+
+        def nested(other: HexSettings) -> NestedCell:
+            transfer = interpolation(cell_boxes(design, other), boxes, settings.order, other.order)
+            return NestedCell(_bloch(design, _mesh(design, other)), transfer)
+
+        mesh = _mesh(design, settings)
+        layer = nested(settings.coarser) if pillar and settings.layers else None
+        return cls(mesh, _bloch(design, mesh), layer, nested(replace(settings, order=settings.order - 1)), shares)
 
     @property
     def dof(self) -> int:
@@ -47,13 +63,34 @@ class WholeCell:
         return self.own.dof
 
     def solve(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
-        """The `count` lowest frequencies at a wavevector (2,) in rad/m, Hz, less what coarser meshes tell; and their errors."""
-        own, layer, order = (cell.frequencies(wavevector, count) for cell in (self.own, self.layer, self.order))
-        moving = own > STILL * own[-1]
-        layer, order = (np.where(moving, each / np.where(moving, own, 1.0) - 1.0, 0.0) for each in (layer, order))
-        taken, none = self.shares.taken * layer, np.zeros_like(own)
-        errors = ModeErrors(none, none, taken, self.shares.half_width(layer, order))
-        return np.asarray(own / (1.0 + taken)), errors
+        """The `count` lowest frequencies at a wavevector (2,) in rad/m, Hz, less what coarser meshes tell; and their errors.
+
+        Waves that the mesh misses by more than those about them change places: some more are solved, and sorted.
+        """
+        pencil, copies = self.own.pencil(wavevector)
+        values, vectors = lowest_pairs(pencil, count + MORE, copies)
+        tones = self.own.scale.frequency(values)
+        moving = tones > STILL * tones[-1]
+
+        def change(nested: NestedCell) -> FloatArray:
+            risen = np.zeros(len(tones))
+            risen[moving] = self._risen(nested, wavevector, pencil, vectors[:, moving], values[moving])
+            return risen[::copies]
+
+        order = change(self.order)
+        layer = change(self.layer) if self.layer else order * bool(self.shares.edge)
+        none, taken = np.zeros(count), self.shares.taken * layer
+        best, half = tones[::copies] * (1.0 - taken), self.shares.half_width(layer, order)
+        lowest = np.argsort(best, kind="stable")[:count]
+        return best[lowest], ModeErrors(none, none, taken[lowest], half[lowest])
+
+    def _risen(
+        self, nested: NestedCell, wavevector: FloatArray, pencil: PlainPencil, vectors: FloatArray, values: FloatArray
+    ) -> FloatArray:
+        """Relative rise of the waves' frequencies on a coarser mesh, (k,)."""
+        coarse, _ = nested.cell.pencil(wavevector)
+        carried = self.own.carried(nested.cell, nested.transfer, wavevector)
+        return (carried_eigenvalues(pencil, coarse, carried, vectors, values) / values - 1.0) / 2.0
 
 
 def _mesh(design: Design, settings: HexSettings) -> Mesh:

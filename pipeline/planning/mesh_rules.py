@@ -148,7 +148,7 @@ def cell_mesh(design: Design, row: MeshLevel) -> HexSettings:
 
 def cell_settings(design: Design, accuracy: float) -> HexSettings:
     """Hexahedra of a cell solved as meshed, for an accuracy."""
-    return cell_mesh(design, mesh_level("cell", accuracy))
+    return cell_mesh(design, cell_level(accuracy))
 
 
 def _settings(row: MeshLevel, size_m: float, along_m: float | None = None) -> HexSettings:

@@ -161,7 +161,7 @@ def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
         raise InputError(f"{case.source or case.name}: array.stagger = true: {what}")
     taken = (simplifications.no_pillars(design, "cell"), no_cad)
     if case.solve.model == SOLID and no_cad:
-        level, settings = mesh_rules.mesh_level("cell", accuracy), mesh_rules.cell_settings(design, accuracy)
+        level, settings = mesh_rules.cell_level(accuracy), mesh_rules.cell_settings(design, accuracy)
         return _choice(case, "cell", SOLID, level, settings, None, taken, why="the case asks for it")
     if design.stagger:
         _check_stagger(case)
@@ -200,7 +200,8 @@ def _because(case: Case, part: str, hexahedra: HexSettings | None, level: MeshLe
     accuracy = f"accuracy {case.solve.accuracy:g}"
     if hexahedra:
         error = None if reduced else mesh_rules.expected_error(part, level)
-        reason = "not calibrated" if error is None else f"expected error {error:.2%} by the calibration"
+        known = "" if error is None else f"{error:.2%} were measured on the calibrated design, "
+        reason = f"{known}two coarser meshes tell its own error"
         reason = "two coarser meshes tell its error, and a finer one is taken where it misses" if reduced else reason
         return (f"{accuracy} asks for order {hexahedra.order} with {hexahedra.layers} graded layers: {reason}",)
     shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "the pillar is not made of boxes"

@@ -27,7 +27,7 @@ from solvers.analytic.edge_singularity import (
     rim_wedges,
 )
 from solvers.fem.constraints import Pencil
-from solvers.fem.eigen import factor_near
+from solvers.fem.eigen import SymmetricPencil, factor_near
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.solid import SolidModel
 
@@ -143,17 +143,22 @@ def coarser_eigenvalues(
 
     transfer (fine nodes, coarse nodes); both pencils have the same supports and mirrors.
     """
+    carried = sp.csr_array(sp.kron(transfer, sp.eye_array(3), format="csr"))[np.flatnonzero(fine.free)]
+    return carried_eigenvalues(fine, coarse, carried[:, np.flatnonzero(coarse.free)], vectors, values)
+
+
+def carried_eigenvalues(
+    fine: SymmetricPencil, coarse: SymmetricPencil, carried: sp.csr_array, vectors: FloatArray, values: FloatArray
+) -> FloatArray:
+    """The same by the matrix (fine dof, coarse dof) that carries the coarser pencil's motions to the finer one."""
     from scipy.optimize import linear_sum_assignment  # slow to import
 
     unit = (fine.scale.angular / coarse.scale.angular) ** 2
-    restricted = sp.csr_array(sp.kron(transfer, sp.eye_array(3), format="csr"))[np.flatnonzero(fine.free)][
-        :, np.flatnonzero(coarse.free)
-    ]
     factor, _ = factor_near(coarse, _amid(values) * unit, Factoriser())
-    moved, _ = np.linalg.qr(factor.solve(np.ascontiguousarray(restricted.T @ (fine.mass @ vectors))))
+    moved, _ = np.linalg.qr(factor.solve(np.ascontiguousarray(carried.T @ (fine.mass @ vectors))))
     stiffness, mass = (moved.T @ (part @ moved) for part in (coarse.stiffness, coarse.mass))
     found, turn = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
-    overlap = vectors.T @ (fine.mass @ (restricted @ (moved @ turn)))
+    overlap = vectors.T @ (fine.mass @ (carried @ (moved @ turn)))
     _, partner = linear_sum_assignment(-np.abs(overlap))
     return np.asarray(found[partner] / unit)
 

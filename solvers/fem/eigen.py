@@ -213,7 +213,15 @@ def _factors_near(
 def lowest_values(pencil: SymmetricPencil, count: int, multiplicity: int = 1) -> FloatArray:
     """The `count` lowest eigenvalues, rigid ones included, each `multiplicity` times over, closed by a count above them.
 
-    The shift lies below zero, where K - sigma M is positive definite. Raises CountMismatch.
+    Raises CountMismatch.
+    """
+    return lowest_pairs(pencil, count, multiplicity)[0][::multiplicity]
+
+
+def lowest_pairs(pencil: SymmetricPencil, count: int, multiplicity: int = 1) -> tuple[FloatArray, FloatArray]:
+    """The same, every copy, with their M-orthonormal vectors (dof, count multiplicity).
+
+    The shift lies below zero, where K - sigma M is positive definite.
     """
     solver = _Solver(pencil, None)
     size = count * multiplicity
@@ -230,7 +238,7 @@ def lowest_values(pencil: SymmetricPencil, count: int, multiplicity: int = 1) ->
     expected = solver.count_below(edge)
     if expected != gap:
         raise CountMismatch(f"{gap} eigenvalues found below {edge:.6g}, the inertia counts {expected}")
-    return np.asarray(values[:size:multiplicity])
+    return np.asarray(values[:size]), np.asarray(vectors[:, :size])
 
 
 def lowest_hz(pencil: SymmetricPencil, static: Factor) -> float:

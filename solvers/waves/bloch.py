@@ -52,18 +52,19 @@ class BlochCell:
         self.scale = system.scale
         self.pitch = np.array([pitch_x_m, pitch_y_m])
         pairs = periodic_nodes(system.mesh, pitch_x_m, pitch_y_m)
-        masters, compact = np.unique(pairs.master, return_inverse=True)
-        self.dof = 3 * len(masters)
+        self.masters, self._follows = np.unique(pairs.master, return_inverse=True)
+        self._offset, compact = pairs.offset, self._follows
+        self.dof = 3 * len(self.masters)
         unknown = (3 * compact[:, None] + np.arange(3)).ravel()
         offset = np.repeat(pairs.offset, 3, axis=0)
         self.stiffness = _by_phase(system.stiffness, unknown, offset, self.dof)
-        scalar = _by_phase(system.mass, compact, pairs.offset, len(masters))
+        scalar = _by_phase(system.mass, compact, pairs.offset, len(self.masters))
         self.mass = {d: sp.csr_array(sp.kron(m, sp.eye_array(3), format="csr")) for d, m in scalar.items()}
 
     def pencil(self, wavevector: FloatArray) -> tuple[PlainPencil, int]:
         """The real pencil at a wavevector (rad/m) and how often it counts each wave: 1 where phases are real, else 2."""
         parts = [_at_phase(matrices, wavevector * self.pitch) for matrices in (self.stiffness, self.mass)]
-        if all(abs(np.sin(phase)) < REAL_PHASE for phase in wavevector * self.pitch):
+        if _is_real(wavevector * self.pitch):
             (k, _), (m, _) = parts
             return PlainPencil(sp.csc_array(k), sp.csc_array(m), self.scale), 1
         k, m = (sp.csc_array(sp.block_array([[re, -im], [im, re]], format="csc")) for re, im in parts)
@@ -73,6 +74,21 @@ class BlochCell:
         """The `count` lowest Bloch frequencies at a wavevector (2,) in rad/m, ascending, Hz, every one counted."""
         pencil, multiplicity = self.pencil(np.asarray(wavevector, dtype=float))
         return self.scale.frequency(lowest_values(pencil, count, multiplicity))
+
+    def carried(self, coarser: BlochCell, transfer: sp.csr_array, wavevector: FloatArray) -> sp.csr_array:
+        """The matrix from a coarser cell's pencil at a wavevector to this one's, by that of the fields of their nodes."""
+        phase = np.asarray(wavevector) * self.pitch @ coarser._offset.T
+        nodes, shape = np.arange(len(phase)), (len(phase), len(coarser.masters))
+        wave = (sp.csr_array((part(phase), (nodes, coarser._follows)), shape=shape) for part in (np.cos, np.sin))
+        re, im = (sp.kron(transfer[self.masters] @ part, sp.eye_array(3), format="csr") for part in wave)
+        if _is_real(wavevector * self.pitch):
+            return sp.csr_array(re)
+        return sp.csr_array(sp.block_array([[re, -im], [im, re]], format="csr"))
+
+
+def _is_real(phase: FloatArray) -> bool:
+    """Whether waves of these phases across the cell are real."""
+    return bool((np.abs(np.sin(phase)) < REAL_PHASE).all())
 
 
 def _by_phase(
