@@ -31,6 +31,7 @@ from solvers.superelement.plate_error import ModeErrors, mode_errors, more_below
 from solvers.superelement.tiling import Signature, signature, tile
 
 HIGHEST = 4  # order of hexahedra
+TETRAHEDRA = "tet"
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,8 @@ class Reductions:
         reduction = self.reduction
         better: Coarser | None
         if self.mesher and panel.foot:
-            mesh, better = self.mesher(panel), self._recovered
+            mesh = self.mesher(panel)
+            better = self._recovered if mesh.kind == TETRAHEDRA else None
         else:
             mesh, better = self._mesh(panel, self.settings(panel)), self.coarser(panel)
         return reduce_cell(self.system(mesh), reduction.interface, reduction.top_hz, panel.halved, panel.free, better)
