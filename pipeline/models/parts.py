@@ -21,8 +21,7 @@ from pipeline.records import fingerprint
 from pipeline.records.record import MeshRecord
 from solvers.fem.coarser import CoarserMeshes, NestedMesh, Shares, clamped_shares, rim_shares
 from solvers.fem.eigen import SymmetricPencil
-from solvers.fem.recovery import CLAMPED as CLAMPED_EDGE
-from solvers.fem.recovery import RIM, StressRecovery
+from solvers.fem.recovery import StressRecovery
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
@@ -121,7 +120,7 @@ def mesh_told_by(case: Case, choice: ModelChoice, model: PartModel) -> CoarserMe
     if not isinstance(model, SolidModel):
         return None
     if choice.edge_m or fine is None:
-        return StressRecovery(model.mesh, materials, model.scale, CLAMPED_EDGE if CLAMPED[choice.part] else RIM)
+        return StressRecovery(model.mesh, materials, model.scale, bool(CLAMPED[choice.part]))
     boxes, layers = _boxes(design, choice.part, fine), fine.layers
 
     def nested(settings: HexSettings) -> NestedMesh:
