@@ -145,19 +145,19 @@ def of_tetrahedra(design: Design, shape: str) -> Compared:
     """Ten bands at G, X and M of a cell with a round or hexagonal pillar at two accuracies."""
     assert design.pillar
     design = replace(design, pillar=replace(design.pillar, shape=shape))
-    (rough, bar), (fine, own) = (_at_corners(design, accuracy) for accuracy in (0.03, 0.003))
-    moving = fine > SLOWEST * fine.max()
-    error = np.abs(rough[moving] / fine[moving] - 1.0)
-    return Compared(f"{shape} cell", described(design), error, (bar + own)[moving])
+    return _of_two(f"{shape} cell", design, (0.03, "auto"), (0.003, "auto"))
 
 
 def of_square_tetrahedra(design: Design) -> Compared:
     """Ten bands at G, X and M of a cell with a square pillar by tetrahedra at accuracy 0.01, and by hexahedra at 0.003."""
-    (rough, bar), (fine, own) = (_at_corners(design, *each) for each in ((0.01, "tet"), (0.003, "hex")))
+    return _of_two("square cell by tetrahedra", design, (0.01, "tet"), (0.003, "hex"))
+
+
+def _of_two(name: str, design: Design, *meshes: tuple[float, str]) -> Compared:
+    """Bands by a rougher and a finer accuracy and mesh."""
+    (rough, bar), (fine, own) = (_at_corners(design, *each) for each in meshes)
     moving = fine > SLOWEST * fine.max()
-    return Compared(
-        "square cell by tetrahedra", described(design), np.abs(rough[moving] / fine[moving] - 1.0), (bar + own)[moving]
-    )
+    return Compared(name, described(design), np.abs(rough[moving] / fine[moving] - 1.0), (bar + own)[moving])
 
 
 def _at_corners(design: Design, accuracy: float, mesh: str = "auto") -> tuple[FloatArray, FloatArray]:

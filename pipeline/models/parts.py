@@ -19,7 +19,7 @@ from pipeline.planning import foresight, simplifications
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.records import fingerprint
 from pipeline.records.record import MeshRecord
-from solvers.fem.coarser import CoarserMeshes, NestedMesh, Shares, clamped_shares, rim_shares
+from solvers.fem.coarser import CoarserMeshes, Nested, Shares, clamped_shares, rim_shares
 from solvers.fem.eigen import SymmetricPencil
 from solvers.fem.recovery import StressRecovery
 from solvers.fem.solid import SolidModel
@@ -123,23 +123,29 @@ def mesh_told_by(case: Case, choice: ModelChoice, model: PartModel) -> CoarserMe
         return StressRecovery(model.mesh, materials, model.scale, bool(CLAMPED[choice.part]))
     boxes, layers = _boxes(design, choice.part, fine), fine.layers
 
-    def nested(settings: HexSettings) -> NestedMesh:
+    def nested(settings: HexSettings) -> Nested[SolidModel]:
         own = _boxes(design, choice.part, settings)
         model = SolidModel(hex_mesh(own, settings.order), materials, CLAMPED[choice.part], choice.quarter)
-        return NestedMesh(model, interpolation(own, boxes, fine.order, settings.order))
+        return Nested(model, interpolation(own, boxes, fine.order, settings.order))
 
     order = nested(replace(fine, order=fine.order - 1))
     return CoarserMeshes(nested(fine.coarser) if layers else None, order, _shares(design, choice.part, fine))
 
 
 def _shares(design: Design, part: str, mesh: HexSettings) -> Shares:
-    """What coarser meshes tell at the singular edges of a part; a plate without pillars has none."""
+    """What coarser meshes tell at the singular edges of a part."""
     pillar = design.pillar
     if part == "plate":
-        return rim_shares(design.material, pillar.material, mesh, *pillar.joints) if pillar else Shares()
+        return foot_shares(design, mesh)
     if part == "pillar" and pillar:
         return clamped_shares(pillar.material, mesh, *pillar.joints)
     return clamped_shares(design.material, mesh)
+
+
+def foot_shares(design: Design, mesh: HexSettings) -> Shares:
+    """What coarser meshes tell at the rims of a plate's feet; one without pillars has nothing singular."""
+    pillar = design.pillar
+    return rim_shares(design.material, pillar.material, mesh, *pillar.joints) if pillar else Shares()
 
 
 def _zone(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> SolidModel:

@@ -8,15 +8,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings, cell_boxes, hex_mesh
 from geometry.hex.nesting import interpolation
 from geometry.layout import Design, region_materials
 from geometry.mesh import Mesh
+from pipeline.models.parts import foot_shares
 from solvers.fem.assembly import assemble
-from solvers.fem.coarser import Shares, carried_eigenvalues, rim_shares
+from solvers.fem.coarser import Nested, Shares, carried_eigenvalues
 from solvers.fem.eigen import PlainPencil, lowest_pairs
 from solvers.superelement.lattice_error import STILL
 from solvers.superelement.plate_error import ModeErrors
@@ -26,36 +26,27 @@ MORE = 4  # waves beside those asked for
 
 
 @dataclass(frozen=True)
-class NestedCell:
-    """The cell on a coarser mesh, and the matrix (fine nodes, coarse nodes) that carries its fields to the finer one."""
-
-    cell: BlochCell
-    transfer: sp.csr_array
-
-
-@dataclass(frozen=True)
 class WholeCell:
     """A meshed cell, the same without the innermost layer (None where it has none) and of one order less."""
 
     mesh: Mesh
     own: BlochCell
-    layer: NestedCell | None
-    order: NestedCell
+    layer: Nested[BlochCell] | None
+    order: Nested[BlochCell]
     shares: Shares
 
     @classmethod
     def of(cls, design: Design, settings: HexSettings) -> WholeCell:
         """The meshes of a design's cell."""
-        pillar, boxes = design.pillar, cell_boxes(design, settings)
-        shares = rim_shares(design.material, pillar.material, settings, *pillar.joints) if pillar else Shares()
+        boxes, mesh = cell_boxes(design, settings), _mesh(design, settings)
 
-        def nested(other: HexSettings) -> NestedCell:
+        def nested(other: HexSettings) -> Nested[BlochCell]:
             transfer = interpolation(cell_boxes(design, other), boxes, settings.order, other.order)
-            return NestedCell(_bloch(design, _mesh(design, other)), transfer)
+            return Nested(_bloch(design, _mesh(design, other)), transfer)
 
-        mesh = _mesh(design, settings)
-        layer = nested(settings.coarser) if pillar and settings.layers else None
-        return cls(mesh, _bloch(design, mesh), layer, nested(replace(settings, order=settings.order - 1)), shares)
+        layer = nested(settings.coarser) if design.pillar and settings.layers else None
+        order = nested(replace(settings, order=settings.order - 1))
+        return cls(mesh, _bloch(design, mesh), layer, order, foot_shares(design, settings))
 
     @property
     def dof(self) -> int:
@@ -72,24 +63,29 @@ class WholeCell:
         tones = self.own.scale.frequency(values)
         moving = tones > STILL * tones[-1]
 
-        def change(nested: NestedCell) -> FloatArray:
+        def change(nested: Nested[BlochCell]) -> FloatArray:
             risen = np.zeros(len(tones))
             risen[moving] = self._risen(nested, wavevector, pencil, vectors[:, moving], values[moving])
             return risen[::copies]
 
         order = change(self.order)
-        layer = change(self.layer) if self.layer else order * bool(self.shares.edge)
+        layer = change(self.layer) if self.layer else order  # all of it the edge's; a bare cell's shares count none
         none, taken = np.zeros(count), self.shares.taken * layer
         best, half = tones[::copies] * (1.0 - taken), self.shares.half_width(layer, order)
         lowest = np.argsort(best, kind="stable")[:count]
         return best[lowest], ModeErrors(none, none, taken[lowest], half[lowest])
 
     def _risen(
-        self, nested: NestedCell, wavevector: FloatArray, pencil: PlainPencil, vectors: FloatArray, values: FloatArray
+        self,
+        nested: Nested[BlochCell],
+        wavevector: FloatArray,
+        pencil: PlainPencil,
+        vectors: FloatArray,
+        values: FloatArray,
     ) -> FloatArray:
         """Relative rise of the waves' frequencies on a coarser mesh, (k,)."""
-        coarse, _ = nested.cell.pencil(wavevector)
-        carried = self.own.carried(nested.cell, nested.transfer, wavevector)
+        coarse, _ = nested.body.pencil(wavevector)
+        carried = self.own.carried(nested.body, nested.transfer, wavevector)
         return (carried_eigenvalues(pencil, coarse, carried, vectors, values) / values - 1.0) / 2.0
 
 

@@ -11,6 +11,7 @@ paired with the modes by their overlap (boffi2010).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -102,11 +103,14 @@ def _shares(exponents: tuple[float, ...], mesh: HexSettings, rough: float) -> Sh
     return Shares(taken, spread + middle - taken, sum(order) / len(order))
 
 
+Body = TypeVar("Body")
+
+
 @dataclass(frozen=True)
-class NestedMesh:
+class Nested(Generic[Body]):
     """A body on a coarser mesh, and the matrix (fine nodes, coarse nodes) that carries its fields to the finer one."""
 
-    model: SolidModel
+    body: Body
     transfer: sp.csr_array
 
 
@@ -117,8 +121,8 @@ class CoarserMeshes:
     A mesh without layers has no `layer`: all that the order changes counts as the edge's.
     """
 
-    layer: NestedMesh | None
-    order: NestedMesh
+    layer: Nested[SolidModel] | None
+    order: Nested[SolidModel]
     shares: Shares
 
     def errors(
@@ -128,7 +132,7 @@ class CoarserMeshes:
         frequencies are to be lowered, and the half-width of the bar that is left.
         """
         layer, order = (
-            (coarser_eigenvalues(pencil, each.model.pencil(symmetry), each.transfer, vectors, values) / values - 1.0)
+            (coarser_eigenvalues(pencil, each.body.pencil(symmetry), each.transfer, vectors, values) / values - 1.0)
             / 2.0
             for each in (self.layer or self.order, self.order)
         )

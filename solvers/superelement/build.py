@@ -16,7 +16,7 @@ from geometry.layout import Design, Pillar, region_materials
 from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
 from solvers.fem.assembly import Scale, System, assemble
-from solvers.fem.coarser import Shares, rim_shares
+from solvers.fem.coarser import Nested, Shares, rim_shares
 from solvers.fem.eigen import PlainPencil, SymmetricPencil
 from solvers.fem.factor.factoriser import Factoriser, side_by_side
 from solvers.fem.recovery import StressRecovery
@@ -25,7 +25,7 @@ from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
 from solvers.superelement.cell import Cell, CellBuilder, Coarser, SymmetryClass, reduce_cell
 from solvers.superelement.interface import Interface
-from solvers.superelement.nested import Nested, extrapolated, recovered
+from solvers.superelement.nested import extrapolated, recovered
 from solvers.superelement.plate import WHOLE, AssembledPlate, Grid
 from solvers.superelement.plate_error import ModeErrors, mode_errors, more_below
 from solvers.superelement.tiling import Signature, signature, tile
@@ -137,7 +137,7 @@ class Reductions:
         if panel.foot and not at_rim:
             return None
 
-        def nested(fine: Boxes, other: HexSettings) -> Nested:
+        def nested(fine: Boxes, other: HexSettings) -> Nested[CellBuilder]:
             boxes = panel_boxes(panel, self.thickness_m, self.pillar, other)
             system = self.system(hex_mesh(boxes, other.order))
             builder = CellBuilder(system, reduction.interface, panel.halved, panel.free)

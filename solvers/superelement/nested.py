@@ -11,14 +11,14 @@ Tetrahedra have no coarser mesh nested in them: what continuous stresses lose of
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh, eigvalsh
 
 from geometry.elements import FloatArray
-from solvers.fem.coarser import Shares
+from solvers.fem.coarser import Nested, Shares
 from solvers.fem.recovery import StressRecovery
 from solvers.superelement.cell import Cell, CellBuilder, MeshError, SymmetryClass, check_rigid
 from solvers.threads import one_thread
@@ -27,22 +27,15 @@ WIDER = 1.15  # modes of the coarser mesh are sought so much higher: they lie ab
 MOST = 0.9  # of K or M in any direction that is taken away: they stay positive
 SLIGHT = 1e-9
 NOTHING = 1e-10  # of the mean stiffness or mass of a function: rounding
+NestedBuilder = Nested[CellBuilder]
 ALIKE = 0.5  # singular value of the modal overlap from which a direction has its partner on the coarser mesh
-
-
-@dataclass(frozen=True)
-class Nested:
-    """The builder of a coarser mesh's cell and the matrix (fine nodes, coarse nodes) that carries its fields."""
-
-    builder: CellBuilder
-    transfer: sp.csr_array
 
 
 def extrapolated(
     cell: Cell,
     fine: tuple[CellBuilder, list[SymmetryClass]],
-    lower: Nested,
-    layer: Nested | None,
+    lower: NestedBuilder,
+    layer: NestedBuilder | None,
     shares: Shares,
     top_hz: float,
 ) -> Cell:
@@ -91,12 +84,12 @@ def _lowered(
 
 
 def _change(
-    fine: CellBuilder, parts: list[SymmetryClass], nested: Nested, top_hz: float, cell: Cell
+    fine: CellBuilder, parts: list[SymmetryClass], nested: NestedBuilder, top_hz: float, cell: Cell
 ) -> tuple[FloatArray, FloatArray]:
     """What a coarser mesh adds to K_r and M_r, (dof, dof) each."""
     stiffness, mass = np.zeros_like(cell.stiffness), np.zeros_like(cell.mass)
     known: dict[int, list[FloatArray]] = {}
-    others = nested.builder.classes(top_hz, bounded=False)
+    others = nested.body.classes(top_hz, bounded=False)
     for part, other, place in zip(parts, others, fine.places(parts, cell.dof), strict=True):
         key = id(part.turned or part)
         if key not in known:
@@ -106,10 +99,12 @@ def _change(
     return (stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0
 
 
-def _class_change(fine: CellBuilder, part: SymmetryClass, nested: Nested, other: SymmetryClass) -> list[FloatArray]:
+def _class_change(
+    fine: CellBuilder, part: SymmetryClass, nested: NestedBuilder, other: SymmetryClass
+) -> list[FloatArray]:
     """The same of one symmetry class in its own degrees of freedom: nothing where a mode has no partner."""
     theirs, ours = _alignment(part, other, fine, nested.transfer)
-    pairs = zip(nested.builder.projected(other)[:2], fine.projected(part)[:2], strict=True)
+    pairs = zip(nested.body.projected(other)[:2], fine.projected(part)[:2], strict=True)
     return [ours @ (theirs.T @ coarser @ theirs - ours.T @ finer @ ours) @ ours.T for coarser, finer in pairs]
 
 

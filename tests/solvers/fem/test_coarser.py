@@ -16,7 +16,7 @@ from geometry.materials import Material
 from solvers.fem.coarser import (
     SMOOTH,
     CoarserMeshes,
-    NestedMesh,
+    Nested,
     Shares,
     clamped_shares,
     coarser_eigenvalues,
@@ -39,15 +39,15 @@ def model(settings: HexSettings, clamped: tuple[str, ...] = ("touch",)) -> Solid
     return SolidModel(hex_mesh(boxes(settings), settings.order), {"pillar": STEEL}, clamped, True)
 
 
-def nested(settings: HexSettings, clamped: tuple[str, ...] = ("touch",)) -> NestedMesh:
-    return NestedMesh(model(settings, clamped), interpolation(boxes(settings), boxes(MESH), MESH.order, settings.order))
+def nested(settings: HexSettings, clamped: tuple[str, ...] = ("touch",)) -> Nested[SolidModel]:
+    return Nested(model(settings, clamped), interpolation(boxes(settings), boxes(MESH), MESH.order, settings.order))
 
 
 @pytest.mark.parametrize("clamped", [("touch",), ()])
 @pytest.mark.parametrize("coarse", [MESH.coarser, replace(MESH, order=2)])
 def test_modes_of_the_finer_mesh_tell_the_coarser_eigenvalues(coarse: HexSettings, clamped: tuple[str, ...]) -> None:
     fine, other = model(MESH, clamped), nested(coarse, clamped)
-    pencil, pencil_below = fine.pencil("SA"), other.model.pencil("SA")
+    pencil, pencil_below = fine.pencil("SA"), other.body.pencil("SA")
     modes = modes_in_band(pencil, *BAND)
     values = np.array([pencil.scale.eigenvalue(tone) for tone in modes.frequency_hz])
     told = pencil.scale.frequency(coarser_eigenvalues(pencil, pencil_below, other.transfer, modes.vectors, values))
