@@ -71,7 +71,7 @@ class WholeCell:
         order = change(self.order)
         layer = change(self.layer) if self.layer else order  # all of it the edge's; a bare cell's shares count none
         none, taken = np.zeros(count), self.shares.taken * layer
-        best, half = tones[::copies] * (1.0 - taken), self.shares.half_width(layer, order)
+        best, half = tones[::copies] / (1.0 + taken), self.shares.half_width(layer, order)
         lowest = np.argsort(best, kind="stable")[:count]
         return best[lowest], ModeErrors(none, none, taken[lowest], half[lowest])
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geometry.hex.boxes import HexSettings
 from pipeline.analysis import attenuation, bands
 from pipeline.analysis.bands import Bands, solve_bands
 from pipeline.case.model import Case, load_case
@@ -18,6 +19,7 @@ from pipeline.measures.attenuation import ATTENUATION
 from pipeline.measures.bands import BANDS
 from pipeline.measures.measure import Work
 from pipeline.models import unit_cell
+from pipeline.models.whole_cell import WholeCell
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import cell_model_choice
 from pipeline.plots import bands as plots_bands
@@ -109,6 +111,17 @@ def test_the_full_cell_gives_frequencies_only_and_says_so() -> None:
     assert "reduction_error" not in document and "polarisation, branches and group velocity" in log.omitted
     reduced, _ = solved("bands.points=1", "bands.count=7")
     assert document["zone_gaps"][0]["lower_hz"] == pytest.approx(reduced.gaps[0].lower_hz, rel=0.01)
+
+
+def test_the_full_cell_keeps_what_its_mesh_said_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the lowest bands: those that change places with bands not asked for may be others."""
+    settings = HexSettings(2, 4e-3, 1, 0.15)
+    monkeypatch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: settings)
+    result, _ = solved("solve.model=solid", "bands.points=1", "bands.count=6", "bands.path=GM")
+    design, at_m = case().design, result.path.wavevectors[1]
+    whole = WholeCell.of(design, settings).own.frequencies(at_m, 6)
+    assert np.sort(result.computed_hz[1])[:3] == pytest.approx(whole[:3], rel=1e-9)
+    assert (result.frequencies_hz[1, :3] < (1.0 - 1e-4) * whole[:3]).all()
 
 
 def test_a_grid_checks_the_gaps_over_the_zone() -> None:
