@@ -12,6 +12,7 @@ import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -185,10 +186,24 @@ def _modes(part: str, design: Design, accuracy: float, mesh: str) -> tuple[Float
     )
 
 
-def compare(counts: dict[str, int]) -> list[Compared]:
-    """Every scene of every part, so many of each, a progress bar meanwhile."""
-    wanted = [(part, design) for part, count in counts.items() for design in designs(count)]
-    return [PARTS[part](design) for part, design in track(wanted, description="scenes")]
+def compare(counts: dict[str, int], folder: Path | None = None) -> list[Compared]:
+    """Every scene of every part, so many of each, a progress bar meanwhile; those in `folder` are taken from there."""
+    wanted = [(part, i, design) for part, count in counts.items() for i, design in enumerate(designs(count))]
+    return [_kept(part, design, folder and folder / f"{part}-{i}.npz") for part, i, design in track(wanted, "scenes")]
+
+
+def _kept(part: str, design: Design, file: Path | None) -> Compared:
+    """A scene computed now, or by an earlier run that was given the same folder."""
+    if file and file.exists():
+        with np.load(file) as kept:
+            return Compared(str(kept["part"]), str(kept["scene"]), kept["error"], kept["bar"])
+    found = PARTS[part](design)
+    if file:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        content = BytesIO()
+        np.savez(content, **vars(found))
+        write_atomic(file, content.getvalue())
+    return found
 
 
 PARTS: dict[str, Callable[[Design], Compared]] = {
@@ -261,7 +276,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name, count in COUNTS.items():
         parser.add_argument(f"--{name}", type=int, default=count, help=f"scenes of {name} (default {count})")
-    results = compare(vars(parser.parse_args()))
+    parser.add_argument(
+        "--kept", type=Path, help="folder of scenes of an earlier run of this version; new ones are added"
+    )
+    given = vars(parser.parse_args())
+    folder = given.pop("kept")
+    results = compare(given, folder)
     text = page(results)
     write_atomic(PAGE, text.encode())
     draw(results, PICTURE)

@@ -32,6 +32,7 @@ ROUNDS = 8
 MARGIN = 0.7  # of the accuracy: the rest is the mesh's, and what coarse and fine mesh differ by
 THICK = 0.3  # of the pitch: no thinner plate was found to need a fourth degree through its thickness
 MAX_THROUGH = 6
+AMPLE = 1.3  # times the cut-off that is asked for: what a coarse cell is reduced for, so that raising it costs nothing
 MAX_DOF = 400  # at a wavevector: beyond, a dense solve costs more than the accuracy is worth
 Reduce = Callable[[ReductionSettings], Cell]
 
@@ -130,20 +131,54 @@ def _from_tetrahedra(design: Design, edge_m: float, log: Log, meshes: list[MeshR
     return reduce
 
 
-def _piloted(
-    design: Design, reduction: ReductionSettings, corners: FloatArray, count: int, wanted: float, log: Log
-) -> ReductionSettings:
-    """Choose degrees and number of modes on a coarse mesh of the cell, its pillar replaced by a box.
+class _Pilot:
+    """Lattices of a coarse cell, its pillar replaced by a box: a fraction of a second, and the reduction's error hardly depends
+    on the mesh.
 
-    The reduction's error hardly depends on the mesh, and a coarse one is reduced in a fraction of a second.
+    It is reduced for somewhat more than is asked for, and less is taken from its matrices.
     """
+
+    def __init__(self, design: Design) -> None:
+        self.design = design
+        self.is_thick = design.thickness_m >= THICK * max(design.pitch_x_m, design.pitch_y_m)
+        self._whole: Lattice | None = None
+        self._top_hz = 0.0
+
+    def lattice(self, reduction: ReductionSettings) -> Lattice:
+        """The coarse cell reduced with these settings."""
+        if self._whole is None or not self._holds(self._whole.cell.interface, reduction):
+            face = reduction.interface
+            ample = Interface(face.along + 1, face.through + self.is_thick)
+            self._top_hz = AMPLE * reduction.top_hz
+            self._whole = self._reduced(replace(reduction, interface=ample, top_hz=self._top_hz))
+        return self._whole.up_to(reduction.interface, reduction.top_hz)
+
+    def _holds(self, face: Interface, reduction: ReductionSettings) -> bool:
+        asked = reduction.interface
+        return asked.along <= face.along and asked.through <= face.through and reduction.top_hz <= self._top_hz
+
+    def _reduced(self, reduction: ReductionSettings) -> Lattice:
+        design, material = self.design, self.design.material
+        box = _of_boxes(design.pillar) if design.pillar else None
+        through = 2 if self.is_thick else 1
+        coarse = HexSettings(
+            3, 2.0 * design.thickness_m, 0, pillar_size_m=box.height_m if box else None, through=through
+        )
+        reductions = Reductions(design.thickness_m, material, box, replace(reduction, hexahedra=coarse), CellCache())
+        return Lattice(reductions.cell(lattice_panel(replace(design, pillar=box))))
+
+
+def _piloted(
+    pilot: _Pilot, reduction: ReductionSettings, corners: FloatArray, count: int, wanted: float, log: Log
+) -> ReductionSettings:
+    """Choose degrees and number of modes on a coarse mesh of the cell."""
     level = reduction
     with (
         log.step("choose degrees and modes on a coarse cell"),
         suppress(SolverError),
     ):  # more than the coarse mesh can hold
         for _ in range(ROUNDS):
-            lattice = _coarse_lattice(design, reduction)
+            lattice = pilot.lattice(reduction)
             error = reduction_error(lattice, corners, count)
             level, reduction = (
                 reduction,
@@ -155,20 +190,20 @@ def _piloted(
 
 
 def _thick_enough(
-    design: Design, reduction: ReductionSettings, corners: FloatArray, count: int, wanted: float, log: Log
+    pilot: _Pilot, reduction: ReductionSettings, corners: FloatArray, count: int, wanted: float, log: Log
 ) -> tuple[ReductionSettings, float]:
     """Raise the degree through the thickness where the next one would bring more than `wanted` on a coarse cell; with what it
     would bring.
 
     The last degree falls exponentially; a plate thin beside its pitch moves almost linearly through its thickness.
     """
-    if design.thickness_m < THICK * max(design.pitch_x_m, design.pitch_y_m):
+    if not pilot.is_thick:
         return reduction, 0.0
     error, face = 0.0, reduction.interface
     with log.step("choose the degree through the thickness on a coarse cell"):
         for through in range(face.through, MAX_THROUGH + 1):
             trial = replace(reduction, interface=Interface(face.along, through + 1))
-            error = last_degree_through(_coarse_lattice(design, trial, through=2), corners, count)
+            error = last_degree_through(pilot.lattice(trial), corners, count)
             if error <= wanted or through == MAX_THROUGH:
                 break
     if through == face.through:
@@ -176,14 +211,6 @@ def _thick_enough(
     log.info(f"degree {through} through the thickness instead of {face.through}: {error:.2%} left beyond it")
     mesh = replace(reduction.hexahedra, through=2)  # the mesh without its layers needs a node for each degree, too
     return replace(reduction, interface=Interface(face.along, through), hexahedra=mesh), error
-
-
-def _coarse_lattice(design: Design, reduction: ReductionSettings, through: int = 1) -> Lattice:
-    """The lattice of a coarse cell, its pillar replaced by a box, with so many elements through the plate."""
-    box = _of_boxes(design.pillar) if design.pillar else None
-    coarse = HexSettings(3, 2.0 * design.thickness_m, 0, pillar_size_m=box.height_m if box else None, through=through)
-    reductions = Reductions(design.thickness_m, design.material, box, replace(reduction, hexahedra=coarse), CellCache())
-    return Lattice(reductions.cell(lattice_panel(replace(design, pillar=box))))
 
 
 def _of_boxes(pillar: Pillar) -> Pillar:
@@ -197,10 +224,11 @@ def _good_enough(
 ) -> tuple[ReductionSettings, Lattice, float]:
     """Reduce with the settings advised by the coarse cell, and once more where the estimate exceeds the accuracy."""
     count, accuracy = case.bands.count, case.solve.accuracy
-    advised = _piloted(case.design, reduction, corners, count, MARGIN * accuracy, log)
+    pilot = _Pilot(case.design)
+    advised = _piloted(pilot, reduction, corners, count, MARGIN * accuracy, log)
     if advised != reduction:
         log.info(f"for {count} bands within {accuracy:.2%}: {describe_change(reduction, advised)}")
-    advised, beyond = _thick_enough(case.design, advised, corners, count, MARGIN * accuracy / 2.0, log)
+    advised, beyond = _thick_enough(pilot, advised, corners, count, MARGIN * accuracy / 2.0, log)
     lattice = Lattice(reduce(advised))
     error = reduction_error(lattice, corners, count)
     finer = advised if error.total <= accuracy else _raised(advised, lattice, error, MARGIN * accuracy)

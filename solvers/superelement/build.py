@@ -145,11 +145,12 @@ class Reductions:
 
         def extrapolate(cell: Cell, fine: CellBuilder, parts: list[SymmetryClass]) -> Cell:
             boxes = panel_boxes(panel, self.thickness_m, self.pillar, settings)
-            lower = nested(boxes, replace(settings, order=settings.order - 1))
+            meshes = [replace(settings, order=settings.order - 1), *([settings.coarser] if at_rim else [])]
+            lower, *layer = side_by_side(lambda other: nested(boxes, other), meshes)
             if not at_rim or self.pillar is None:
                 return extrapolated(cell, (fine, parts), lower, None, Shares(), reduction.top_hz)
             shares = rim_shares(self.material, self.pillar.material, settings, *self.pillar.joints)
-            return extrapolated(cell, (fine, parts), lower, nested(boxes, settings.coarser), shares, reduction.top_hz)
+            return extrapolated(cell, (fine, parts), lower, layer[0], shares, reduction.top_hz)
 
         return extrapolate
 

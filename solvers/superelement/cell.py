@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,9 +21,9 @@ from geometry.mesh import AnyMesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System
 from solvers.fem.coarser import Shares
-from solvers.fem.constraints import Pencil, constrain, free_mask, rigid_body_modes
+from solvers.fem.constraints import constrain, free_mask, rigid_body_modes
 from solvers.fem.eigen import Modes, Shared, SymmetricPencil, lowest_hz, modes_in_band
-from solvers.fem.factor.factoriser import Factor, Factoriser
+from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
 from solvers.fem.surface import face_quadrature, skin_faces
 from solvers.superelement.diagonal import DiagonalSector, diagonal_mirror
 from solvers.superelement.interface import SIDES, VERTICES, Interface
@@ -188,16 +189,46 @@ class SymmetryClass:
     turned: SymmetryClass | None = None  # the class that this one is, turned over: its matrices are the same
 
 
+class Sector(Protocol):
+    """Fields of one symmetry: K and M of their unknowns, and what takes unknowns to fields and back."""
+
+    @property
+    def pencil(self) -> SymmetricPencil:
+        """K and M of the unknowns."""
+        ...
+
+    def spread(self, vectors: FloatArray) -> FloatArray:
+        """Fields at every node, (3n, k), of unknowns (m, k)."""
+        ...
+
+    def gathered(self, field: FloatArray) -> FloatArray:
+        """Loads on the unknowns, (m, k), of loads at every node (3n, k) that have this symmetry."""
+        ...
+
+
+class ClassSector:
+    """All fields of one symmetry class whose free degrees of freedom are `inside` (n, 3)."""
+
+    def __init__(self, system: System, inside: BoolArray) -> None:
+        self.keep = np.flatnonzero(inside.ravel())
+        self.pencil = constrain(system, inside)
+
+    def spread(self, vectors: FloatArray) -> FloatArray:
+        """Fields at every node, (3n, k)."""
+        return self.pencil.expand(vectors).reshape(self.pencil.free.size, -1)
+
+    def gathered(self, field: FloatArray) -> FloatArray:
+        """What of a load (3n, k) acts on the unknowns."""
+        return np.asarray(field[self.keep])
+
+
 @dataclass(frozen=True)
 class ClampedBoundaryClass:
-    """One symmetry class with its boundary clamped: its basis, constraint shapes (3n, m), free degrees of freedom,
-    pencil and K_II^-1.
-    """
+    """One symmetry class, or half of it, with its boundary clamped: boundary basis, constraint shapes (3n, m), K_II^-1."""
 
     basis: FloatArray
     shapes: FloatArray
-    keep: IntArray
-    pencil: Pencil
+    sector: Sector
     factorise: Factoriser
     factor: Factor
 
@@ -256,9 +287,20 @@ class CellBuilder:
         """
         classes = list(product((1, -1), repeat=len(self.halved)))
         turned = {(-1, 1)} if self.diagonal is not None else set()
-        wanted = [signs for signs in classes if signs not in turned]
-        parts = {signs: self.reduce(dict(zip(self.halved, signs, strict=True)), top_hz, bounded) for signs in wanted}
+        tasks = [(signs, half) for signs in classes if signs not in turned for half in self._halves(signs)]
+        found = side_by_side(lambda task: self.reduce(self._by_axis(task[0]), task[1], top_hz, bounded), tasks)
+        parts = {
+            signs: _together([part for task, part in zip(tasks, found, strict=True) if task[0] == signs])
+            for signs, _ in tasks
+        }
         return [parts[signs] if signs in parts else self.swapped(parts[signs[::-1]]) for signs in classes]
+
+    def _by_axis(self, signs: tuple[int, ...]) -> dict[int, int]:
+        return dict(zip(self.halved, signs, strict=True))
+
+    def _halves(self, signs: tuple[int, ...]) -> tuple[int, ...]:
+        """What the mirror x <-> y leaves alone (1) and what it turns over (-1), where x and y are alike in a class; else 0."""
+        return (1, -1) if self.diagonal is not None and signs[0] == signs[1] else (0,)
 
     def _inside(self, signs: dict[int, int]) -> BoolArray:
         """Free degrees of freedom (n, 3) of one symmetry class."""
@@ -277,64 +319,44 @@ class CellBuilder:
         moved = np.flatnonzero(shapes.any(axis=1))
         return np.asarray(self.system.stiffness[moved].T @ shapes[moved])
 
-    def hold(self, signs: dict[int, int]) -> ClampedBoundaryClass:
-        """The constraint shapes of one symmetry class: K_II Psi = -K_IB P."""
-        inside, basis = self._inside(signs), self.interface.parity_basis(signs)
-        shapes = self._at_boundary(basis)
-        keep = np.flatnonzero(inside.ravel())
-        pencil = constrain(self.system, inside)
-        factorise, factor = _static(pencil)
-        shapes[keep] = -factor.solve(self._pull(shapes)[keep])
-        return ClampedBoundaryClass(basis, shapes, keep, pencil, factorise, factor)
+    def hold(self, signs: dict[int, int], half: int = 0) -> ClampedBoundaryClass:
+        """The constraint shapes of one symmetry class, or of what the mirror x <-> y does to it: K_II Psi = -K_IB P."""
+        sector, basis = self._sector(signs, half), self.interface.parity_basis(signs, half)
+        boundary = self._at_boundary(basis)
+        factorise, factor = _static(sector.pencil)
+        shapes = boundary - sector.spread(factor.solve(sector.gathered(self._pull(boundary))))
+        return ClampedBoundaryClass(basis, shapes, sector, factorise, factor)
 
-    def reduce(self, signs: dict[int, int], top_hz: float, bounded: bool = True) -> SymmetryClass:
-        """Constraint shapes and fixed-interface modes of one symmetry class, by halves where x and y are alike in it."""
-        if self.diagonal is not None and signs[0] == signs[1]:
-            return self._by_halves(signs, top_hz, bounded)
-        clamped = self.hold(signs)
-        modes = modes_in_band(clamped.pencil, 0.0, top_hz, Shared(clamped.factorise, clamped.factor))
-        fixed = clamped.pencil.expand(modes.vectors).reshape(len(clamped.shapes), -1)
+    def _sector(self, signs: dict[int, int], half: int) -> Sector:
+        inside = self._inside(signs)
+        if not half:
+            return ClassSector(self.system, inside)
+        assert self.diagonal is not None
+        return DiagonalSector(self.system, self.diagonal, inside, half)
+
+    def reduce(self, signs: dict[int, int], half: int, top_hz: float, bounded: bool = True) -> SymmetryClass:
+        """Constraint shapes and fixed-interface modes of one symmetry class, or of half of it."""
+        clamped = self.hold(signs, half)
+        pencil, factor = clamped.sector.pencil, clamped.factor
+        modes = modes_in_band(pencil, 0.0, top_hz, Shared(clamped.factorise, factor))
         dropped, flexible = top_hz, np.zeros((clamped.basis.shape[1],) * 2)
         if bounded:
-            dropped = _dropped_hz(clamped.pencil, modes, top_hz, clamped.factor)
-            flexible = _flexibility(self._pushed(clamped.shapes)[clamped.keep], clamped.factor)
-        return SymmetryClass(
-            signs, clamped.basis, np.hstack([clamped.shapes, fixed]), modes.frequency_hz, dropped, flexible
-        )
+            dropped = _dropped_hz(pencil, modes, top_hz, factor)
+            flexible = _flexibility(clamped.sector.gathered(self._pushed(clamped.shapes)), factor)
+        shapes = np.hstack([clamped.shapes, clamped.sector.spread(modes.vectors)])
+        return SymmetryClass(signs, clamped.basis, shapes, modes.frequency_hz, dropped, flexible)
 
     def _pushed(self, shapes: FloatArray) -> FloatArray:
         """M Psi at every node, (3n, m)."""
         nodes = len(self.system.mesh.nodes)
         return np.asarray(self.system.mass @ shapes.reshape(nodes, -1)).reshape(shapes.shape)
 
-    def _by_halves(self, signs: dict[int, int], top_hz: float, bounded: bool) -> SymmetryClass:
-        """The same from what the mirror x <-> y leaves alone and what it turns over, each of half the size."""
-        assert self.diagonal is not None
-        inside, bases, shapes, fixed, fixed_hz, dropped = self._inside(signs), [], [], [], [], []
-        flexible: list[FloatArray] = []
-        for sign in (1, -1):
-            half = DiagonalSector(self.system, self.diagonal, inside, sign)
-            bases.append(self.interface.parity_basis(signs, sign))
-            boundary = self._at_boundary(bases[-1])
-            factorise, factor = _static(half.pencil)
-            shapes.append(boundary - half.spread(factor.solve(half.gathered(self._pull(boundary)))))
-            modes = modes_in_band(half.pencil, 0.0, top_hz, Shared(factorise, factor))
-            fixed.append(half.spread(modes.vectors))
-            fixed_hz.append(modes.frequency_hz)
-            dropped.append(_dropped_hz(half.pencil, modes, top_hz, factor) if bounded else top_hz)
-            pushed = half.gathered(self._pushed(shapes[-1])) if bounded else np.zeros((half.pencil.dof, 0))
-            flexible.append(_flexibility(pushed, factor) if bounded else np.zeros((bases[-1].shape[1],) * 2))
-        order = np.argsort(np.concatenate(fixed_hz), kind="stable")
-        whole = np.hstack([*shapes, np.hstack(fixed)[:, order]])
-        return SymmetryClass(
-            signs, np.hstack(bases), whole, np.concatenate(fixed_hz)[order], min(dropped), block_diag(*flexible)
-        )
-
     def join(self, parts: list[SymmetryClass]) -> Cell:
         """One cell from its symmetry classes: block-diagonal in the classes, then in the sides' own degrees of freedom."""
         system, interface = self.system, self.interface
         fixed = np.concatenate([part.fixed_hz for part in parts])
         places = self.places(parts, interface.count + len(fixed))
+        side_by_side(self.projected, [part for part in parts if not part.turned])
         stiffness, mass, pillar = (np.zeros((places[0].shape[0],) * 2) for _ in range(3))
         for part, place in zip(parts, places, strict=True):
             for whole, own in zip((stiffness, mass, pillar), self.projected(part), strict=True):
@@ -398,18 +420,16 @@ class CellBuilder:
         self, points: FloatArray, rows: list[FloatArray], parts: list[SymmetryClass], places: list[FloatArray]
     ) -> tuple[FloatArray, FloatArray]:
         """Points and matrices on every mirror image; rows[c] (p, 3 or 1, m) is the class's field at the points."""
-        all_points, all_rows = [], []
-        for images in product((1, -1), repeat=len(self.halved)):
-            flip = np.ones(3)
-            flip[list(self.halved)] = images
-            total = np.zeros((len(points), rows[0].shape[1], places[0].shape[0]))
-            for row, part, place in zip(rows, parts, places, strict=True):
-                sign = np.prod([part.signs[axis] for axis, image in zip(self.halved, images, strict=True) if image < 0])
-                components = flip if row.shape[1] == 3 else np.ones(1)
-                total += float(sign) * components[None, :, None] * (row @ place.T)
-            all_points.append(points * flip)
-            all_rows.append(total)
-        return np.concatenate(all_points), np.concatenate(all_rows)
+        moved = [row @ place.T for row, place in zip(rows, places, strict=True)]
+        matrix = np.zeros((self.copies, *moved[0].shape))
+        flips = np.ones((self.copies, 3))
+        flips[:, list(self.halved)] = list(product((1, -1), repeat=len(self.halved)))
+        for total, flip in zip(matrix, flips, strict=True):
+            for field, part in zip(moved, parts, strict=True):
+                total += np.prod([part.signs[axis] for axis in self.halved if flip[axis] < 0]) * field
+            if matrix.shape[2] == 3:
+                total *= flip[:, None]
+        return (points * flips[:, None]).reshape(-1, 3), matrix.reshape(-1, *matrix.shape[2:])
 
     def _touch(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion:
         rule = face_quadrature(self.system.mesh, "touch")
@@ -452,6 +472,25 @@ class CellBuilder:
         """Points and matrices of nodes of the mesh and their mirror images."""
         rows = [part.shapes.reshape(len(self.system.mesh.nodes), 3, -1)[nodes] for part in parts]
         return self._mirrored(self.system.mesh.nodes[nodes], rows, parts, places)
+
+
+def _together(halves: list[SymmetryClass]) -> SymmetryClass:
+    """One symmetry class from its halves, the fixed-interface modes in ascending order."""
+    if len(halves) == 1:
+        return halves[0]
+    fixed_hz = np.concatenate([half.fixed_hz for half in halves])
+    order = np.argsort(fixed_hz, kind="stable")
+    widths = [half.basis.shape[1] for half in halves]
+    held = [half.shapes[:, :width] for half, width in zip(halves, widths, strict=True)]
+    fixed = np.hstack([half.shapes[:, width:] for half, width in zip(halves, widths, strict=True)])
+    return SymmetryClass(
+        halves[0].signs,
+        np.hstack([half.basis for half in halves]),
+        np.hstack([*held, fixed[:, order]]),
+        fixed_hz[order],
+        min(half.dropped_hz for half in halves),
+        block_diag(*[half.flexibility for half in halves]),
+    )
 
 
 def _static(pencil: SymmetricPencil) -> tuple[Factoriser, Factor]:

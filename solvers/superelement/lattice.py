@@ -165,7 +165,26 @@ class Lattice:
         face = Interface(max(cell.interface.along - degrees, 1), max(cell.interface.through - through, 1))
         order = np.argsort(cell.fixed_hz, kind="stable")
         kept = np.sort(order[: len(order) - int(np.ceil(modes * len(order)))])
-        keep = np.concatenate([cell.interface.within(face), cell.interface.count + kept])
+        return self._subspace(face, kept, 0.0, cell.dropped)
+
+    def up_to(self, face: Interface, top_hz: float) -> Lattice:
+        """The lattice of the same mesh reduced to boundary functions of lower degrees and fixed-interface modes up to top_hz.
+
+        Constraint shapes are made one by one, so a part of the matrices is what such a reduction would give.
+        """
+        cell = self.cell
+        within = cell.fixed_hz <= top_hz
+        left = cell.interface.count + np.flatnonzero(~within)
+        pushed = cell.mass[: cell.interface.count, left]
+        dropped = cell.dropped + (pushed / np.diag(cell.stiffness)[left]) @ pushed.T
+        own = cell.interface.within(face)
+        lowest = float(cell.fixed_hz[~within].min(initial=cell.dropped_hz))
+        return self._subspace(face, np.flatnonzero(within), lowest, dropped[np.ix_(own, own)])
+
+    def _subspace(self, face: Interface, modes: IntArray, dropped_hz: float, dropped: FloatArray) -> Lattice:
+        """The cell with boundary functions of lower degrees and some fixed-interface modes only."""
+        cell = self.cell
+        keep = np.concatenate([cell.interface.within(face), cell.interface.count + modes])
         square = np.ix_(keep, keep)
         small = {name: getattr(cell, name)[square] for name in ("stiffness", "mass", "pillar_mass")}
         return Lattice(
@@ -173,9 +192,10 @@ class Lattice:
                 cell,
                 **small,
                 interface=face,
-                fixed_hz=cell.fixed_hz[kept],
-                fixed_parity=cell.fixed_parity[kept],
-                dropped_hz=0.0,
+                fixed_hz=cell.fixed_hz[modes],
+                fixed_parity=cell.fixed_parity[modes],
+                dropped_hz=dropped_hz,
+                dropped=dropped,
                 touch=_kept(cell.touch, keep),
                 skin=_kept(cell.skin, keep),
                 mesh_error=None,

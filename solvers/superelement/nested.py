@@ -19,6 +19,7 @@ from scipy.linalg import eigh, eigvalsh
 
 from geometry.elements import FloatArray
 from solvers.fem.coarser import Nested, Shares
+from solvers.fem.factor.factoriser import side_by_side
 from solvers.fem.recovery import StressRecovery
 from solvers.superelement.cell import Cell, CellBuilder, MeshError, SymmetryClass, check_rigid
 from solvers.threads import one_thread
@@ -45,11 +46,11 @@ def extrapolated(
     than leaves K and M positive; what is not taken counts as uncertain.
     """
     builder, parts = fine
-    none = np.zeros_like(cell.stiffness), np.zeros_like(cell.mass)
+    meshes = [lower, layer] if layer else [lower]
     with one_thread():
-        by_order = _change(builder, parts, lower, WIDER * top_hz, cell)
-        by_layer = _change(builder, parts, layer, WIDER * top_hz, cell) if layer else none
-    return _lowered(cell, builder, by_layer, by_order, shares)
+        changes = side_by_side(lambda mesh: _change(builder, parts, mesh, WIDER * top_hz, cell), meshes)
+    none = np.zeros_like(cell.stiffness), np.zeros_like(cell.mass)
+    return _lowered(cell, builder, changes[1] if layer else none, changes[0], shares)
 
 
 def recovered(cell: Cell, builder: CellBuilder, parts: list[SymmetryClass], recovery: StressRecovery) -> Cell:

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, panel_boxes
@@ -177,6 +176,8 @@ class _Sampler:
 
     def _fixed(self, still: Mesh, opened: list[int], signs: dict[int, int]) -> tuple[FloatArray, FloatArray]:
         """The nominal modes of a symmetry class, numbers and nodal shapes (3n, m), on the mesh unfolded about `opened`."""
+        from scipy.spatial import cKDTree  # slow to import, and a family from the cache needs none
+
         folded = still.nodes.copy()
         folded[:, opened] = np.abs(folded[:, opened])
         distance, source = cKDTree(self.nodes).query(folded)
@@ -204,9 +205,7 @@ def _carried_over(
     """K_II^-1 M_II Phi_0 Lambda_0 at every node, (3n, m)."""
     nodes = len(build.system.mesh.nodes)
     heavy = (build.system.mass @ (fixed * eigenvalue).reshape(nodes, -1)).reshape(fixed.shape)
-    own = np.zeros_like(fixed)
-    own[clamped.keep] = clamped.factor.solve(heavy[clamped.keep])
-    return own
+    return clamped.sector.spread(clamped.factor.solve(clamped.sector.gathered(heavy)))
 
 
 def unfolded(boxes: Boxes, axis: int) -> Boxes:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import cKDTree
 
 from geometry.elements import FloatArray, IntArray
 from geometry.errors import MeshError
@@ -32,6 +31,8 @@ class PeriodicNodes:
 
 def periodic_nodes(mesh: AnyMesh, pitch_x_m: float, pitch_y_m: float) -> PeriodicNodes:
     """Pair the nodes on x+ with x-, y+ with y-. Raises MeshError when opposite faces do not match node for node."""
+    from scipy.spatial import cKDTree  # slow to import, and reduced cells need none
+
     low = mesh.nodes.min(axis=0)
     offset = np.zeros((len(mesh.nodes), 2), dtype=np.int64)
     for axis, face in enumerate(("x+", "y+")):

@@ -193,6 +193,22 @@ def test_truncated_is_a_subspace_and_lies_above() -> None:
     assert np.allclose(same.frequencies(GENERIC, 8), one.frequencies(GENERIC, 8), rtol=1e-12)
 
 
+@pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3)])
+@pytest.mark.parametrize("top_hz", [0.9e6, 1e3])
+def test_a_cell_reduced_for_more_holds_what_less_would_give(pitch: tuple[float, float], top_hz: float) -> None:
+    """Matrices, modes and what they leave out, with fixed-interface modes and without any, beside a reduction of its own."""
+    ample, less = lattice(pitch, face=Interface(5, 3)), lattice(pitch, top_hz=top_hz)
+    found = ample.up_to(less.cell.interface, top_hz)
+    assert np.allclose(found.cell.fixed_hz, less.cell.fixed_hz, rtol=1e-8)
+    assert len(found.cell.fixed_hz) < len(ample.cell.fixed_hz)
+    assert np.allclose(found.frequencies(GENERIC, 8), less.frequencies(GENERIC, 8), rtol=1e-8)
+    assert np.allclose(found.cell.dropped, less.cell.dropped, atol=1e-7 * np.abs(less.cell.dropped).max())
+    assert found.cell.dropped_hz >= less.cell.dropped_hz * (1.0 - 1e-8)
+    assert np.isclose(
+        reduction_error(found, corners(pitch), 6).total, reduction_error(less, corners(pitch), 6).total, rtol=1e-4
+    )
+
+
 @pytest.mark.parametrize("count", [6, 10])
 @pytest.mark.parametrize("top_hz", [1.17e6, 1.5e6])
 @pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3), pytest.param((8e-3, 8e-3), marks=pytest.mark.slow)])
