@@ -124,7 +124,7 @@ def of_whole_cell(design: Design) -> Compared:
     What the whole cell's own mesh is off by is told by the reduced cell of the same mesh: what nested meshes take from it.
     """
     assert design.pillar
-    fine = list(mesh_rules.CELL_LEVELS.values())[1]
+    fine = mesh_rules.cell_level(0.001)
     boxes = cell_boxes(design, mesh_rules.cell_mesh(design, fine))
     scale = Scale(design.thickness_m, design.material.young_pa, design.material.density_kg_m3)
     system = assemble(hex_mesh(boxes, fine.order), region_materials(design.material, design.pillar), scale)

@@ -37,13 +37,24 @@ def diagonal_mirror(system: System) -> IntArray | None:
 
 def diagonal_image(mesh: AnyMesh) -> IntArray | None:
     """Image of every node under (x, y, z) -> (y, x, z), shape (n,), or None where nodes do not fall on nodes."""
-    from scipy.spatial import cKDTree  # slow to import, and a cell from the cache needs none
+    nodes, turned = mesh.nodes, mesh.nodes[:, [1, 0, 2]]
+    allowed = SAME * np.abs(nodes).max()
+    image = _in_order(nodes, turned, allowed)
+    if np.abs(nodes[image] - turned).max() > allowed:  # coordinates that round to either side, or no mirror image
+        from scipy.spatial import cKDTree  # slow to import
 
-    nodes = mesh.nodes
-    distance, image = cKDTree(nodes).query(nodes[:, [1, 0, 2]])
-    if distance.max() > SAME * np.abs(nodes).max() or len(np.unique(image)) != len(image):
-        return None
+        distance, image = cKDTree(nodes).query(turned)
+        if distance.max() > allowed or len(np.unique(image)) != len(image):
+            return None
     return np.asarray(image, dtype=np.int64)
+
+
+def _in_order(nodes: FloatArray, others: FloatArray, step: float) -> IntArray:
+    """For each of the others, (n,), the node that has its place when both are sorted by coordinates rounded to a step."""
+    first, second = (np.lexsort(np.round(points / step).T) for points in (nodes, others))
+    image = np.empty(len(nodes), dtype=np.int64)
+    image[second] = first
+    return image
 
 
 def _turned(field: FloatArray, image: IntArray) -> FloatArray:

@@ -1,0 +1,101 @@
+"""Cold `antinode bands` at several accuracies: wall time, peak memory, and true errors at G, X and M beside the stated bar.
+
+`python -m studies.benchmarks.bands` compares with the finest accuracy, computed in the same run, and with the frequencies that
+another program's converged meshes gave, printed to five digits. Each command is a process of its own, without kept cells.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from pipeline.paths import ROOT
+
+CASE = "studies/three-rows.toml"
+FINEST, ACCURACIES = 0.0005, (0.01, 0.003, 0.002)
+SLOWEST = 1e-3  # of the highest frequency: slower waves are rigid-body modes
+OTHERS_HIGH = 2e-4  # the other program's own error, from above
+OTHERS_HZ = {("G", 4): 39.67e3, ("G", 6): 108.45e3, ("G", 7): 175.83e3, ("G", 9): 233.28e3,
+             ("M", 1): 32.54e3, ("M", 3): 108.13e3, ("M", 4): 158.80e3, ("M", 6): 163.09e3}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Run:
+    """A command's wall time, s, and peak memory, bytes, and by corner its frequencies, Hz, and half-widths of their bars."""
+
+    seconds: float
+    peak_bytes: int
+    frequencies_hz: dict[str, FloatArray]
+    bars: dict[str, FloatArray]
+
+
+def run(accuracy: float) -> Run:
+    """A fresh process from an empty folder of results, measured; one more, with the cell it kept, tells its figures."""
+    command = [sys.executable, "-m", "antinode", "bands", CASE, "--quiet", "--set", f"solve.accuracy={accuracy}"]
+    with tempfile.TemporaryDirectory(prefix="antinode-results-") as results:
+        own = os.environ | {"ANTINODE_RESULTS": results}
+        start = time.perf_counter()
+        with subprocess.Popen(command, cwd=ROOT, env=own, stdout=subprocess.DEVNULL) as process:
+            _, process.returncode, used = os.wait4(process.pid, 0)
+        seconds = time.perf_counter() - start
+        told = subprocess.run([*command, "--json", "-"], cwd=ROOT, env=own, capture_output=True, text=True, check=True)
+    corners = {point["label"]: point for point in json.loads(told.stdout)["points"] if point["label"]}
+    frequencies, bars = (
+        {label: np.array(point[name], dtype=float) for label, point in corners.items()}
+        for name in ("frequencies_hz", "error")
+    )
+    return Run(seconds, _bytes(used), frequencies, bars)
+
+
+def _bytes(used: resource.struct_rusage) -> int:
+    return used.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+
+def errors(found: Run, finest: Run) -> tuple[float, float, float]:
+    """Largest relative differences from the finest run and from the other program, and the largest bar."""
+    ours, theirs, bars = (
+        np.concatenate(list(of.values())) for of in (found.frequencies_hz, finest.frequencies_hz, found.bars)
+    )
+    moving = theirs > SLOWEST * theirs.max()
+    others = [
+        found.frequencies_hz[label][band - 1] / (known * (1.0 - OTHERS_HIGH)) - 1.0
+        for (label, band), known in OTHERS_HZ.items()
+    ]
+    return (
+        float(np.abs(ours[moving] / theirs[moving] - 1.0).max()),
+        float(np.abs(others).max()),
+        float(bars[moving].max()),
+    )
+
+
+def main() -> None:
+    """A row of a Markdown table an accuracy."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("accuracies", nargs="*", type=float, default=ACCURACIES)
+    given = parser.parse_args()
+    finest = run(FINEST)
+    columns = ("accuracy", "wall time, s", "over the finest", "peak, MB", "largest difference from the finest")
+    print(f"| {' | '.join((*columns, 'from another program', 'largest bar'))} |")
+    print(f"|{'---|' * 7}", flush=True)
+    for accuracy in (*given.accuracies, FINEST):
+        found = finest if accuracy == FINEST else run(accuracy)
+        own, others, bar = errors(found, finest)
+        print(
+            f"| {accuracy} | {found.seconds:.1f} | {found.seconds / finest.seconds:.3f} | {found.peak_bytes / 1e6:.0f} "
+            f"| {own:.3%} | {others:.3%} | {bar:.3%} |",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
