@@ -25,7 +25,7 @@ from pipeline.records.record import BandPoint, BandsRecord, GapRecord, MeshRecor
 from solvers.fem.coarser import largest
 from solvers.superelement.build import Reductions
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.lattice_error import MeshErrors, mesh_error
+from solvers.superelement.lattice_error import MeshErrors, mesh_error, truncation_bars
 from solvers.superelement.plate_error import ModeErrors
 from solvers.waves.branches import Branches, Solved, follow
 from solvers.waves.brillouin import Path, path_through, zone_grid
@@ -89,8 +89,8 @@ class Detail:
 class Bands:
     """Frequencies (wavevectors, bands) in Hz along a path, complete gaps, and what computed them.
 
-    mesh_errors: what the mesh may put each frequency off by, (wavevectors, bands); truncated: how far truncation may put any of
-    them too high, relative.
+    mesh_errors: what the mesh may put each frequency off by, (wavevectors, bands); truncated: how far truncation may put it too
+    high, relative, of the same shape; 0 for a cell that is not reduced.
     """
 
     model: str
@@ -105,7 +105,7 @@ class Bands:
     expected_error: float | None = None
     lattice: LatticeModel | None = None  # where the cell was reduced
     mesh_errors: MeshErrors | None = None
-    truncated: float = 0.0
+    truncated: FloatArray | float = 0.0
 
     @property
     def by_mesh(self) -> FloatArray:
@@ -221,7 +221,7 @@ def _sampled(
         zone = sampled_zone_gaps(np.vstack([path.wavevectors, grid]), np.vstack([rows, values]), gaps)
         _log_zone(gaps, zone, log)
     errors = MeshErrors(np.array([each.taken for each in told]), np.array([each.mesh for each in told]))
-    truncated = MARGIN * max(float(each.total.max()) for each in told)
+    truncated = MARGIN * truncation_bars(np.array([each.total for each in told]))
     return Bands(name, cell.dof, path, rows, gaps, meshes, None, zone, mesh_errors=errors, truncated=truncated)
 
 
@@ -255,20 +255,21 @@ def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool
         along_segments = directional_gaps(fine, lines) if every_gap else None
         polarised = polarisation_gaps(solved, branches, labels) if every_gap else None
     rows = np.array([waves.frequency_hz[:count] for waves in branches.waves])[::factor]
-    detail = _detail(model, branches, labels, factor, count, along_segments, polarised)
+    truncated = model.truncation(branches.waves[::factor], count)
+    detail = _detail(model, branches, labels, factor, count, along_segments, polarised, float(truncated.max()))
     zone = _over_the_zone(case, model, solved, gaps, log) if case.bands.grid else None
     moved = wave_shapes(model.lattice, path, count) if shapes else {}
     told = [mesh_error(model.lattice.cell, each) for each in branches.waves[::factor]]
     errors = MeshErrors(*(np.array([getattr(e, name)[:count] for e in told]) for name in ("taken", "half_width")))
     return Bands(
         model.name, model.lattice.dof, path, rows, gaps, meshes, detail, zone, moved, lattice=model, mesh_errors=errors,
-        truncated=model.reduction_error,
+        truncated=truncated,
     )  # fmt: skip
 
 
 def _detail(
     model: LatticeModel, branches: Branches, labels: list[list[Label]], factor: int, count: int,
-    along_segments: list[DirectionalGap] | None, polarised: list[PolarisationGap] | None,
+    along_segments: list[DirectionalGap] | None, polarised: list[PolarisationGap] | None, reduction_error: float,
 ) -> Detail:  # fmt: skip
     """Labels, parity, branches and group velocities at the wavevectors asked for."""
     mirrors, waves = Mirrors(model.lattice.cell), branches.waves[::factor]
@@ -279,7 +280,7 @@ def _detail(
     velocity = np.array([model.lattice.group_velocity(each)[:count] for each in waves])
     number = branches.number[::factor, :count]
     visible = [row[:count] for row in labels[::factor]]
-    return Detail(visible, parity, number, velocity, along_segments, polarised, model.reduction_error)
+    return Detail(visible, parity, number, velocity, along_segments, polarised, reduction_error)
 
 
 def _over_the_zone(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -25,8 +25,15 @@ from solvers.fem.coarser import largest
 from solvers.superelement.build import Reductions, ReductionSettings, lattice_panel
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
-from solvers.superelement.lattice import Lattice
-from solvers.superelement.lattice_error import ReductionError, last_degree_through, mesh_error, reduction_error
+from solvers.superelement.lattice import Lattice, Waves
+from solvers.superelement.lattice_error import (
+    ReductionError,
+    last_degree_through,
+    mesh_error,
+    reduction_error,
+    truncation,
+    truncation_bars,
+)
 
 ROUNDS = 8
 MARGIN = 0.7  # of the accuracy: the rest is the mesh's, and what coarse and fine mesh differ by
@@ -39,14 +46,21 @@ Reduce = Callable[[ReductionSettings], Cell]
 
 @dataclass(frozen=True)
 class LatticeModel:
-    """A lattice, the name of its model, the relative overestimate of its bands by truncation, and the half-width of their bar
-    by the mesh at the path's corners; None where no coarser mesh tells it.
+    """A lattice, the name of its model, the relative overestimate of its bands by truncation, what of it lies beyond the degree
+    through the thickness, and the half-width of their bar by the mesh at the path's corners; None where no coarser mesh tells
+    it.
     """
 
     name: str
     lattice: Lattice
     reduction_error: float
+    beyond: float
     mesh_error: float | None
+
+    def truncation(self, waves: Sequence[Waves], count: int) -> FloatArray:
+        """Half-widths of the bars by truncation of the lowest bands, relative, (wavevectors, bands)."""
+        rises = np.array([np.sum(truncation(self.lattice, each), axis=0)[:count] for each in waves])
+        return truncation_bars(rises) + self.beyond
 
 
 def lattice_model(
@@ -58,13 +72,13 @@ def lattice_model(
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
     edge = choice.edge_m
     reduce = _from_tetrahedra(case.design, edge, log, meshes) if edge else _from_hexahedra(case.design, log)
-    reduction, lattice, error = _good_enough(reduce, reduction, corners, case, log)
+    reduction, lattice, error, beyond = _good_enough(reduce, reduction, corners, case, log)
     if edge:
         by_mesh = worst_by_the_mesh(lattice, corners, case.bands.count)
     else:
         reduction, lattice, by_mesh = _finer_mesh(reduce, reduction, lattice, error, corners, case, log)
     name = replace(choice, model=SUPERELEMENT, hexahedra=reduction.hexahedra).name
-    return LatticeModel(name, lattice, error, by_mesh)
+    return LatticeModel(name, lattice, error, beyond, by_mesh)
 
 
 def _finer_mesh(
@@ -221,8 +235,10 @@ def _of_boxes(pillar: Pillar) -> Pillar:
 
 def _good_enough(
     reduce: Reduce, reduction: ReductionSettings, corners: FloatArray, case: Case, log: Log
-) -> tuple[ReductionSettings, Lattice, float]:
-    """Reduce with the settings advised by the coarse cell, and once more where the estimate exceeds the accuracy."""
+) -> tuple[ReductionSettings, Lattice, float, float]:
+    """Reduce with the settings advised by the coarse cell, and once more where the estimate exceeds the accuracy; with the
+    estimate, and what of it lies beyond the degree through the thickness.
+    """
     count, accuracy = case.bands.count, case.solve.accuracy
     pilot = _Pilot(case.design)
     advised = _piloted(pilot, reduction, corners, count, MARGIN * accuracy, log)
@@ -248,7 +264,7 @@ def _good_enough(
             f"the reduction may put a band {total:.2%} too high, solve.accuracy asks for {accuracy:.2%}: "
             f"lower bands.count ({count}), raise solve.accuracy, or take solve.model = 'solid'",
         )
-    return advised, lattice, total
+    return advised, lattice, total, beyond
 
 
 def _raised(reduction: ReductionSettings, lattice: Lattice, error: ReductionError, wanted: float) -> ReductionSettings:

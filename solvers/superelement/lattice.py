@@ -155,18 +155,6 @@ class Lattice:
         transform[np.arange(self.cell.dof), self.column] = self._phases(np.asarray(wavevector, dtype=float))
         return transform
 
-    def truncated(self, degrees: int = 1, modes: float = 1 / 3, through: int = 0) -> Lattice:
-        """The same cell without its highest bubbles, the upper share of its fixed-interface modes, and its highest functions
-        through the thickness.
-
-        A subspace of the same matrices (Galerkin): its frequencies lie above ours. How much it leaves out is not known.
-        """
-        cell = self.cell
-        face = Interface(max(cell.interface.along - degrees, 1), max(cell.interface.through - through, 1))
-        order = np.argsort(cell.fixed_hz, kind="stable")
-        kept = np.sort(order[: len(order) - int(np.ceil(modes * len(order)))])
-        return self._subspace(face, kept, 0.0, cell.dropped)
-
     def up_to(self, face: Interface, top_hz: float) -> Lattice:
         """The lattice of the same mesh reduced to boundary functions of lower degrees and fixed-interface modes up to top_hz.
 
@@ -178,13 +166,7 @@ class Lattice:
         pushed = cell.mass[: cell.interface.count, left]
         dropped = cell.dropped + (pushed / np.diag(cell.stiffness)[left]) @ pushed.T
         own = cell.interface.within(face)
-        lowest = float(cell.fixed_hz[~within].min(initial=cell.dropped_hz))
-        return self._subspace(face, np.flatnonzero(within), lowest, dropped[np.ix_(own, own)])
-
-    def _subspace(self, face: Interface, modes: IntArray, dropped_hz: float, dropped: FloatArray) -> Lattice:
-        """The cell with boundary functions of lower degrees and some fixed-interface modes only."""
-        cell = self.cell
-        keep = np.concatenate([cell.interface.within(face), cell.interface.count + modes])
+        keep = np.concatenate([own, cell.interface.count + np.flatnonzero(within)])
         square = np.ix_(keep, keep)
         small = {name: getattr(cell, name)[square] for name in ("stiffness", "mass", "pillar_mass")}
         return Lattice(
@@ -192,10 +174,10 @@ class Lattice:
                 cell,
                 **small,
                 interface=face,
-                fixed_hz=cell.fixed_hz[modes],
-                fixed_parity=cell.fixed_parity[modes],
-                dropped_hz=dropped_hz,
-                dropped=dropped,
+                fixed_hz=cell.fixed_hz[within],
+                fixed_parity=cell.fixed_parity[within],
+                dropped_hz=float(cell.fixed_hz[~within].min(initial=cell.dropped_hz)),
+                dropped=dropped[np.ix_(own, own)],
                 touch=_kept(cell.touch, keep),
                 skin=_kept(cell.skin, keep),
                 mesh_error=None,

@@ -72,8 +72,10 @@ def test_points_tell_polarisation_parity_branch_and_group_velocity(monkeypatch: 
     assert all(mark in ("yS", "yA") for mark in document["points"][3]["parity"])
     assert "zone_gaps" not in document and "wavevectors off the path" in log.omitted
     assert document["reduction_error"] < 0.02 and "REDUCTION" not in log.warnings
-    bars = np.array([point["error"] for point in document["points"]]) - document["reduction_error"]
-    assert bars.max() == pytest.approx(document["expected_error"]) and (bars >= -1e-15).all() and np.ptp(bars) > 0.0
+    bars = np.array([point["error"] for point in document["points"]])
+    assert result.by_mesh.max() == pytest.approx(document["expected_error"]) and np.ptp(result.by_mesh) > 0.0
+    assert np.allclose(bars, result.by_mesh + result.truncated) and bars.min() >= 0.0
+    assert np.max(result.truncated) == document["reduction_error"] > 3.0 * np.median(result.truncated)
     best, computed = (
         np.array([point[key] for point in document["points"]]) for key in ("frequencies_hz", "computed_hz")
     )

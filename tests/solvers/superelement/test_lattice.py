@@ -18,7 +18,7 @@ from solvers.fem.assembly import assemble
 from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice, Waves
-from solvers.superelement.lattice_error import reduction_error
+from solvers.superelement.lattice_error import _rise, reduction_error, truncation_bars
 from solvers.waves.bloch import BlochCell
 from solvers.waves.branches import one_sided
 
@@ -181,16 +181,24 @@ def test_group_velocity_of_the_bare_plate_is_that_of_the_exact_waves() -> None:
     assert np.allclose(velocity, exact[:, None] * direction, rtol=1e-3, atol=1e-3 * exact[0])
 
 
-def test_truncated_is_a_subspace_and_lies_above() -> None:
+@pytest.mark.parametrize("face, top_hz", [(Interface(3, 3), 1.2e6), (Interface(4, 2), 1.2e6), (Interface(4, 3), 0.8e6)])
+def test_a_part_of_the_cell_lies_above_it_by_what_the_functions_left_out_tell(face: Interface, top_hz: float) -> None:
+    """Galerkin's subspace against the estimate to first order, degree by degree and without the upper modes."""
     one = lattice()
-    small = one.truncated(1, 0.5)
-    assert small.cell.interface == Interface(3, 3)
-    assert len(small.cell.fixed_hz) == len(one.cell.fixed_hz) // 2
-    assert small.cell.fixed_hz.max() <= np.median(one.cell.fixed_hz)
-    assert small.cell.touch.matrix.shape[-1] == small.cell.dof == small.cell.skin.matrix.shape[-1]
-    assert (small.frequencies(GENERIC, 8) >= one.frequencies(GENERIC, 8) * (1.0 - 1e-10)).all()
-    same = one.truncated(0, 0.0)
-    assert np.allclose(same.frequencies(GENERIC, 8), one.frequencies(GENERIC, 8), rtol=1e-12)
+    waves = one.waves(GENERIC, 8)
+    risen = one.up_to(face, top_hz).frequencies(GENERIC, 8) / waves.frequency_hz - 1.0
+    assert (risen > -1e-10).all() and risen.max() > 1e-4
+    left = np.setdiff1d(np.arange(one.cell.interface.count), one.cell.interface.within(face))
+    modes = one.cell.interface.count + np.flatnonzero(one.cell.fixed_hz > top_hz)
+    told = _rise(one.cell, waves, np.concatenate([left, modes]))
+    assert (np.abs(told - risen) <= 0.3 * risen + 2.0 * risen.max() ** 2 + 1e-6).all()
+
+
+def test_the_bar_of_a_wave_knows_what_others_of_its_band_show() -> None:
+    rises = np.array([[1e-3, 1e-6, 1e-5], [1e-6, 1e-6, 5e-3]])
+    bars = truncation_bars(rises)
+    assert (bars >= rises).all() and bars[1, 0] > 1e-4 and bars[0, 1] > 1e-4
+    assert bars.max() == pytest.approx(5e-3) and bars[0, 0] < 2e-3
 
 
 @pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3)])
