@@ -5,15 +5,14 @@
     python -m studies.live picture [CASE]      docs/pictures/explore.gif: bands and shape while the pillars grow
 
 Each design is solved once from the bases and once as `antinode bands` would at accuracy 0.001, in one process, one after
-the other. The bar counted is that of the bases and the mesh's together; of pillars of another material that of
-the bases alone, for nothing tells the other.
+the other. The bar counted is that of the bases and the mesh's together.
 """
 
 from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,8 @@ from pipeline.case.model import Case, load_case
 from pipeline.case.overrides import read_toml
 from pipeline.explore.answer import BATCH, Explorer, Scene
 from pipeline.logs import TerminalLog
-from pipeline.models.parametric import BANDS, CellModel, cell_model, mesh_error
+from pipeline.models.parametric import BANDS, CellModel, cell_model
+from pipeline.models.parametric_mesh import with_sizes
 from pipeline.models.unit_cell import lattice_model
 from pipeline.paths import ROOT, STUDIES
 from pipeline.planning.model_choice import cell_model_choice
@@ -48,17 +48,6 @@ class Compared:
     plain_s: float
 
 
-def at(case: Case, sizes: Sizes) -> Case:
-    """The case with another cell, its bands to be had within ACCURACY."""
-    design, (t, h, a, p) = case.design, sizes
-    assert design.pillar is not None
-    pillar = replace(design.pillar, base_m=a, tip_m=a, height_m=h)
-    design = replace(design, thickness_m=t, pillar=pillar, pitch_x_m=p, pitch_y_m=p)
-    return replace(
-        case, design=design, solve=replace(case.solve, accuracy=ACCURACY), bands=replace(case.bands, count=BANDS)
-    )
-
-
 def compare(case: Case, model: CellModel, sizes: Sizes) -> Compared:
     """Both models of one design."""
     begin = time.perf_counter()
@@ -66,14 +55,15 @@ def compare(case: Case, model: CellModel, sizes: Sizes) -> Compared:
     live_s = time.perf_counter() - begin
     chosen = model.bases.fractions[::EVERY] * np.pi / sizes[3]
     begin = time.perf_counter()
-    varied = at(case, sizes)
+    varied = with_sizes(case, sizes, ACCURACY, BANDS)
     lattice = lattice_model(varied, cell_model_choice(varied), chosen[[0, 5, 10]], WarningLog(), []).lattice
     reduced_s = time.perf_counter() - begin
     wanted = np.array([lattice.frequencies(k, BANDS) for k in chosen])
     plain_s = reduced_s + EVERY * (time.perf_counter() - begin - reduced_s)
     moving = wanted > FLAT * wanted.max()
     difference = np.where(moving, found.frequency_hz[::EVERY] / np.where(moving, wanted, 1.0) - 1.0, 0.0)
-    return Compared(sizes, difference, found.error + (mesh_error(case) or 0.0), live_s, plain_s)
+    by_mesh = model.by_mesh(sizes)
+    return Compared(sizes, difference, found.error + (0.0 if by_mesh is None else by_mesh), live_s, plain_s)
 
 
 def main(count: int | None, path: str) -> int:

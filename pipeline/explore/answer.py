@@ -15,7 +15,7 @@ from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, parse_override
 from pipeline.errors import InputError
 from pipeline.models.live_column import LiveCell, live_modes
-from pipeline.models.parametric import CellModel, mesh_error
+from pipeline.models.parametric import CellModel
 from pipeline.planning import mesh_rules
 from pipeline.search.fidelity import COLUMN, SLACK
 from pipeline.search.limits import mass_kg
@@ -139,6 +139,8 @@ class Explorer:
         document["rows"] = self._decay(case, sizes, window)
         try:
             document["plate"] = self._column(case, window)
+            if "frequency_error" in document["plate"]:
+                document["plate"]["frequency_error"] += _mesh_at(document["bands"], document["plate"]["frequency_hz"])
         except (SolverError, InputError) as fault:
             document["plate"] = {"why_not": " ".join(str(fault).split())}
         return document
@@ -189,18 +191,18 @@ class Explorer:
     def _bands(self, sizes: Sizes) -> Document:
         bases = self.model.bases
         found = bands(self.model.cell, bases, sizes)
-        error, by_mesh = found.error, mesh_error(self.scene.case)
+        error, by_mesh = found.error, self.model.by_mesh(sizes)
         gaps = [
             {
                 "lower_hz": gap.lower_hz, "upper_hz": gap.upper_hz, "lower_band": gap.lower_band, "upper_band": gap.upper_band,
-                "error": None if by_mesh is None else float(max(error[gap.lower_band - 1 : gap.upper_band]) + by_mesh),
+                "error": None if by_mesh is None else float(max((error + by_mesh)[gap.lower_band - 1 : gap.upper_band])),
             }
             for gap in complete_gaps(found.frequency_hz)
         ]  # fmt: skip
         return {
             "frequency_hz": np.round(found.frequency_hz, 1).tolist(),
             "error": error.tolist(),
-            "mesh_error": by_mesh,
+            "mesh_error": None if by_mesh is None else by_mesh.tolist(),
             "labels": list(bases.labels),
             "gaps": gaps,
         }
@@ -237,6 +239,14 @@ class Explorer:
             "half_width_mm": 5e2 * design.width_m,
             "half_span_mm": 1e3 * design.half_span_m,
         }
+
+
+def _mesh_at(found: Document, frequency_hz: float) -> float:
+    """The largest half-width by the mesh of the bands that reach down to a frequency; 0 where it is not known."""
+    if found["mesh_error"] is None:
+        return 0.0
+    low = np.min(found["frequency_hz"], axis=0) <= frequency_hz
+    return float(np.max(np.array(found["mesh_error"])[low], initial=0.0))
 
 
 def _flexural_db(row: Row, frequency_hz: float) -> float | None:

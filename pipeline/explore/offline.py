@@ -14,7 +14,7 @@ from numpy.polynomial import legendre
 from geometry.elements import FloatArray
 from pipeline.explore.answer import BATCH, POINTS, PROFILE, Explorer
 from pipeline.models.live_column import FACE, INNER, PANEL
-from pipeline.models.parametric import CellModel, mesh_error
+from pipeline.models.parametric import CellModel
 from pipeline.planning import mesh_rules
 from pipeline.search.fidelity import COLUMN, SLACK
 from solvers.parametric import bands, bare, chain
@@ -112,7 +112,7 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "slack": SLACK[COLUMN],
         "profile": PROFILE,
         "decay_points": POINTS,
-        "mesh_error": mesh_error(case),
+        "mesh": {"corners": np.log(model.mesh.corners).tolist(), "margin": model.mesh.margin} if model.mesh else None,
     } | _bands(model, numbers)  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import zipfile
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from pathlib import Path
@@ -18,6 +19,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
+from pipeline.models.parametric_mesh import MeshTable, mesh_table
 from pipeline.paths import RESULTS
 from pipeline.workers import LocalWorkers
 from solvers.fem.assembly import Scale
@@ -33,8 +35,9 @@ from solvers.waves.brillouin import path_through
 PATH, INTERVALS, BANDS = "GXMG", 25, 10
 MAX_BYTES = 400_000_000  # of all models: some pairs of materials
 UNSEEN = 4  # designs that tell what the bases miss
-MESH_ERROR = 0.013  # of a frequency, the worst of ten bands in the corners of the box; a tenth of it in the middle
-HARDLY_COMPRESSIBLE = 0.4  # Poisson's number: beyond, elements are stiffer than they were measured to be
+FINE_ENOUGH = (
+    0.015  # of a frequency by the mesh: what a search's columns may carry beside what they are off by themselves
+)
 
 
 @dataclass(frozen=True)
@@ -48,14 +51,20 @@ class Offline:
     waves: int = 32
     intervals: int = INTERVALS
     workers: int = 2
+    judged: bool = True  # whether the mesh's error is measured
 
 
 @dataclass(frozen=True)
 class CellModel:
-    """The cell as a function of its sizes, and its bands along the path."""
+    """The cell as a function of its sizes, its bands along the path, and the error of its mesh where it was measured."""
 
     cell: ParametricCell
     bases: BandBases
+    mesh: MeshTable | None = None
+
+    def by_mesh(self, sizes: Sizes) -> FloatArray | None:
+        """Half-widths of the bands' bars by the mesh, relative, (bands,); None where nothing tells them."""
+        return self.mesh.at(sizes) if self.mesh else None
 
 
 def require_square(case: Case) -> None:
@@ -78,7 +87,7 @@ def cell_model(case: Case, log: Log, offline: Offline | None = None) -> CellMode
     if kept is not None:
         log.info("parametric cell taken from the cache")
         return kept
-    model = _made(_materials(case), offline, log)
+    model = _made(case, offline, log)
     CellModelCache().put_model(_key(_materials(case), offline), model)
     return model
 
@@ -90,36 +99,27 @@ def kept_model(case: Case, offline: Offline | None = None) -> CellModel | None:
     return CellModelCache().get_model(_key(_materials(case), offline), offline)
 
 
-def mesh_error(case: Case) -> float | None:
-    """What the mesh may put a band off by, relative; None for pillars of another material and for a hardly compressible one.
-
-    Stiffness and density of one material only scale the frequencies; of two, their ratios move the error by their own measure.
-    """
-    plate, pillar = _materials(case)
-    return MESH_ERROR if plate == pillar and plate.poisson <= HARDLY_COMPRESSIBLE else None
-
-
 def kept_cell(case: Case) -> ParametricCell | None:
-    """The parametric cell of a case where the cache has it, the design lies in its box and its mesh's error is known; None
+    """The parametric cell of a case where the cache has it, the design lies in its box and its mesh is fine enough there; None
     where it must be meshed.
     """
     try:
         require_square(case)
     except InputError:
         return None
-    if mesh_error(case) is None:
-        return None
-    cell, design, pillar = _loaded(_materials(case)), case.design, case.design.pillar
+    model, design, pillar = _loaded(_materials(case)), case.design, case.design.pillar
     assert pillar is not None
     sizes = (design.thickness_m, pillar.height_m, pillar.base_m, design.pitch_x_m)
-    return cell if cell is not None and not cell.box.faults(sizes) else None
+    if model is None or model.cell.box.faults(sizes):
+        return None
+    by_mesh = model.by_mesh(sizes)
+    return model.cell if by_mesh is not None and by_mesh.max() <= FINE_ENOUGH else None
 
 
 @lru_cache(maxsize=2)
-def _loaded(materials: tuple[Material, Material]) -> ParametricCell | None:
+def _loaded(materials: tuple[Material, Material]) -> CellModel | None:
     offline = Offline()
-    model = CellModelCache().get_model(_key(materials, offline), offline)
-    return model.cell if model else None
+    return CellModelCache().get_model(_key(materials, offline), offline)
 
 
 def _materials(case: Case) -> tuple[Material, Material]:
@@ -131,11 +131,11 @@ def _key(materials: tuple[Material, Material], offline: Offline) -> str:
     return hashlib.sha256(repr(("parametric", offline, materials)).encode()).hexdigest()
 
 
-def _made(materials: tuple[Material, Material], offline: Offline, log: Log) -> CellModel:
+def _made(case: Case, offline: Offline, log: Log) -> CellModel:
     box = offline.box
     unseen = as_sizes(box.sample(between(UNSEEN, seed=3)))
     with log.step("mesh the reference cell"):
-        affine = AffineCell(box, offline.mesh, *materials)
+        affine = AffineCell(box, offline.mesh, *_materials(case))
     with log.step("reduce the cell over the box of designs"):
         cell, *alone = _reduced(affine, offline, unseen)
     path = path_through(PATH, offline.intervals, 1.0, 1.0)
@@ -146,16 +146,30 @@ def _made(materials: tuple[Material, Material], offline: Offline, log: Log) -> C
         floor = own_error(cell, alone, unseen, BANDS)
         bases = band_bases(cell, fractions, labels, BANDS, designs, floor)
     log.info(f"bases miss at most {floor:.3%} of a frequency on {len(unseen)} designs that they were not made from")
-    return CellModel(cell, bases)
+    if not offline.judged:
+        return CellModel(cell, bases)
+    with log.step("compare the box's corners with meshes of their own"), _mapped(offline) as apply:
+        mesh = mesh_table(case, cell, bases, unseen, apply)
+    if mesh:
+        worst, middle = mesh.margin * mesh.corners.max(), mesh.at(box.middle).max()
+        log.info(f"the mesh puts a band off by {worst:.2%} in the worst corner and {middle:.2%} in the middle, at most")
+    return CellModel(cell, bases, mesh)
 
 
 def _reduced(affine: AffineCell, offline: Offline, unseen: list[Sizes]) -> tuple[ParametricCell, ...]:
     """Symmetry classes side by side, in processes of their own."""
-    designs = offline.box.spread(offline.designs)
+    with _mapped(offline) as apply:
+        return parametric_cell(affine, offline.interface, offline.box.spread(offline.designs), unseen, apply)
+
+
+@contextlib.contextmanager
+def _mapped(offline: Offline) -> Iterator[Callable[..., Iterable[Any]]]:
+    """A map over so many processes as were asked for."""
     if offline.workers < 2:
-        return parametric_cell(affine, offline.interface, designs, unseen)
+        yield map
+        return
     with LocalWorkers(offline.workers, 1) as workers:
-        return parametric_cell(affine, offline.interface, designs, unseen, workers.map)
+        yield workers.map
 
 
 class CellModelCache(CellCache):
@@ -187,6 +201,8 @@ def _packed(model: CellModel) -> dict[str, Any]:
         whole = {field.name: getattr(block, field.name) for field in fields(block)}
         flat |= {f"block{number}.{name}": _half(value) if name in SYMMETRIC else value for name, value in whole.items()}
     flat |= {name: getattr(bases, name) for name in ("fractions", "labels", "count", "floor")}
+    if model.mesh:
+        flat |= {"mesh.corners": model.mesh.corners, "mesh.margin": model.mesh.margin}
     for name in ("sectors", "rich"):
         for number, sector in enumerate(getattr(bases, name)):
             flat |= {f"{name}{number}.{field.name}": getattr(sector, field.name) for field in fields(sector)}
@@ -225,7 +241,9 @@ def _unpacked(flat: dict[str, Any], offline: Offline) -> CellModel:
     )  # fmt: skip
     few, rich = _sectors(flat, "sectors"), _sectors(flat, "rich")
     labels = tuple(str(label) for label in flat["labels"])
-    return CellModel(cell, BandBases(flat["fractions"], labels, int(flat["count"]), few, rich, float(flat["floor"])))
+    bases = BandBases(flat["fractions"], labels, int(flat["count"]), few, rich, float(flat["floor"]))
+    own = _group(flat, "mesh")
+    return CellModel(cell, bases, MeshTable(cell.box, own["corners"], float(own["margin"])) if own else None)
 
 
 def _sectors(flat: dict[str, Any], name: str) -> tuple[Sector, ...]:

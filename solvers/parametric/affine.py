@@ -68,6 +68,15 @@ class DesignBox:
         sizes[:, PITCH] = side + least * ((self.high[PITCH] - side) / least) ** unit[:, PITCH]
         return np.asarray(sizes)
 
+    def unit(self, sizes: Sizes) -> FloatArray:
+        """The point (4,) of the unit cube that `sample` takes to a design of the box."""
+        low, high = np.log(self.low), np.log(self.high)
+        unit = (np.log(sizes) - low) / (high - low)
+        side = sizes[SIDE]
+        least = max(self.low[PITCH] - side, self.clearance_m)
+        unit[PITCH] = np.log((sizes[PITCH] - side) / least) / np.log((self.high[PITCH] - side) / least)
+        return np.asarray(np.clip(unit, 0.0, 1.0))
+
     def spread(self, count: int, seed: int = 1) -> list[Sizes]:
         """The box's sixteen corners and `count` designs between them, the same at every call."""
         corners = np.array(list(product((0.0, 1.0), repeat=4)))

@@ -5,8 +5,10 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pipeline.case.model import case_from_dict
@@ -15,6 +17,7 @@ from pipeline.explore.answer import Explorer, Scene
 from pipeline.explore.server import Server, serve
 from pipeline.models import parametric as cell_model
 from pipeline.models.parametric import CellModelCache, Offline
+from pipeline.models.parametric_mesh import MeshTable
 from pipeline.paths import ROOT
 from pipeline.search.fidelity import WarningLog
 from solvers.parametric.affine import DesignBox, FixedMesh
@@ -22,7 +25,10 @@ from solvers.superelement.interface import Interface
 
 SMALL = ROOT / "examples" / "small.toml"
 BOX = DesignBox((1.8e-3, 6e-3, 1.8e-3, 3.5e-3), (2.2e-3, 7e-3, 2.2e-3, 4.5e-3))
-OFFLINE = Offline(BOX, FixedMesh(2, along=3, layers=0), Interface(3, 2), designs=2, waves=2, intervals=4, workers=1)
+OFFLINE = Offline(
+    BOX, FixedMesh(2, along=3, layers=0), Interface(3, 2), designs=2, waves=2, intervals=4, workers=1, judged=False
+)
+MESH = MeshTable(BOX, np.linspace(1e-3, 4e-3, 160).reshape(16, 10), 1.25)  # as if it had been measured
 
 
 def small_explorer(folder: Path) -> Explorer:
@@ -32,7 +38,7 @@ def small_explorer(folder: Path) -> Explorer:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cell_model, "CellModelCache", lambda: CellModelCache(folder))
         model = cell_model.cell_model(case, WarningLog(), OFFLINE)
-    return Explorer(Scene(case, raw, ()), model)
+    return Explorer(Scene(case, raw, ()), replace(model, mesh=MESH))
 
 
 @contextmanager

@@ -308,14 +308,33 @@ function bandsOf(data, ready, sizes) {
   });
   const error = Array.from(excess, (v, i) => SAFETY * Math.max(v, excess[i + 1] || 0, excess[i - 1] || 0) + data.floor);
   const frequency = ours.map((row) => row.map((v) => Math.sqrt(Math.max(v, 0)) * data.angular / (2 * Math.PI)));
-  return { frequency_hz: frequency, error, mesh_error: data.mesh_error, labels: data.labels, gaps: gapsOf(frequency, error, data.mesh_error) };
+  const mesh = meshError(data, sizes);
+  return { frequency_hz: frequency, error, mesh_error: mesh, labels: data.labels, gaps: gapsOf(frequency, error, mesh) };
 }
-function gapsOf(table, error, meshError) {
+function unitOf(box, sizes) { // solvers/parametric/affine.py
+  const unit = sizes.map((v, i) => Math.log(v / box.low[i]) / Math.log(box.high[i] / box.low[i])), side = sizes[2], least = Math.max(box.low[3] - side, box.clearance);
+  unit[3] = Math.log((sizes[3] - side) / least) / Math.log((box.high[3] - side) / least);
+  return unit.map((u) => Math.min(Math.max(u, 0), 1));
+}
+function meshError(data, sizes) { // pipeline/models/parametric_mesh.py
+  if (!data.mesh) return null;
+  const unit = unitOf(data.box, sizes), total = zeros(data.mesh.corners[0].length);
+  data.mesh.corners.forEach((row, corner) => {
+    const weight = unit.reduce((w, u, i) => w * (corner >> 3 - i & 1 ? u : 1 - u), 1);
+    row.forEach((log, band) => { total[band] += weight * log; });
+  });
+  return Array.from(total, (log) => data.mesh.margin * Math.exp(log));
+}
+function meshAt(found, hz) { // of the bands that reach down to a frequency
+  if (!found.mesh_error) return 0;
+  return Math.max(0, ...found.mesh_error.filter((_, band) => Math.min(...found.frequency_hz.map((row) => row[band])) <= hz));
+}
+function gapsOf(table, error, mesh) {
   const out = [];
   for (let band = 0; band + 1 < table[0].length; band++) {
     const top = Math.max(...table.map((row) => row[band])), bottom = Math.min(...table.map((row) => row[band + 1]));
     if (bottom - top > 1e-3 * bottom)
-      out.push({ lower_hz: top, upper_hz: bottom, lower_band: band + 1, upper_band: band + 2, error: meshError === null ? null : Math.max(error[band], error[band + 1]) + meshError });
+      out.push({ lower_hz: top, upper_hz: bottom, lower_band: band + 1, upper_band: band + 2, error: mesh === null ? null : Math.max(error[band] + mesh[band], error[band + 1] + mesh[band + 1]) });
   }
   return out;
 }
@@ -650,6 +669,6 @@ function answerOf(data, given) {
   let kept = null;
   const pillarRow = () => kept = kept || realRow(data, joinedCell(data, ready, sizes), data.kx);
   const out = { design: given, warnings: warningsOf(data, design), bands: bandsOf(data, ready, sizes), rows: decayOf(data, pillarRow(), design, window) };
-  try { out.plate = plateOf(data, pillarRow, design, window); } catch (fault) { out.plate = { why_not: fault.message }; }
+  try { out.plate = plateOf(data, pillarRow, design, window); if (out.plate.frequency_hz) out.plate.frequency_error += meshAt(out.bands, out.plate.frequency_hz); } catch (fault) { out.plate = { why_not: fault.message }; }
   return out;
 }

@@ -16,17 +16,18 @@ import numpy as np
 import pytest
 
 from geometry.hex.boxes import Panel, hex_mesh
-from geometry.materials import MATERIALS
 from pipeline.case.model import load_case
 from pipeline.errors import InputError
 from pipeline.explore import server as served_module
 from pipeline.explore.answer import Explorer, read_design
 from pipeline.explore.server import Server
+from pipeline.models import parametric_mesh
 from pipeline.models.live_column import FACE, INNER, LiveCell, LiveReductions
-from pipeline.models.parametric import CellModelCache, mesh_error, require_square
+from pipeline.models.parametric import CellModelCache, require_square
+from pipeline.models.parametric_mesh import MeshTable, corner_weights
 from pipeline.planning import mesh_rules
 from solvers.fem.assembly import Scale, assemble
-from solvers.parametric.affine import AffineCell
+from solvers.parametric.affine import AffineCell, DesignBox
 from solvers.parametric.bands import bands
 from solvers.superelement.cell import Cell, reduce_cell
 from solvers.superelement.lattice import Lattice
@@ -89,16 +90,61 @@ def test_bands_and_gaps_are_those_of_the_design(explorer: Explorer) -> None:
     assert all(gap["error"] > 0.0 for gap in found["gaps"])
 
 
-def test_no_figure_of_the_mesh_is_told_for_pillars_of_another_material(explorer: Explorer) -> None:
-    case = load_case(SMALL)
-    assert case.design.pillar is not None
-    own = explorer.answer(OWN)["bands"]
-    assert own["mesh_error"] > 0.0
-    steel = replace(case.design.pillar, material=MATERIALS["steel"])
-    other = replace(case, design=replace(case.design, pillar=steel))
-    assert mesh_error(other) is None
-    bands_of_both = Explorer(replace(explorer.scene, case=other), explorer.model).document(other, OWN)["bands"]
-    assert bands_of_both["mesh_error"] is None and {gap["error"] for gap in bands_of_both["gaps"]} <= {None}
+def test_no_figure_of_the_mesh_is_told_where_none_was_measured(explorer: Explorer) -> None:
+    found = explorer.answer(OWN)
+    assert all(bar > 0.0 for bar in found["bands"]["mesh_error"])
+    told = max(bar + own for bar, own in zip(found["bands"]["mesh_error"], found["bands"]["error"], strict=True))
+    assert all(0.0 < gap["error"] <= told for gap in found["bands"]["gaps"])
+    unknown = Explorer(explorer.scene, replace(explorer.model, mesh=None)).answer(OWN)
+    assert unknown["bands"]["mesh_error"] is None and {gap["error"] for gap in unknown["bands"]["gaps"]} <= {None}
+    assert found["plate"]["frequency_error"] > unknown["plate"]["frequency_error"] > 0.0
+
+
+def test_between_the_corners_the_error_is_a_product_of_powers_of_the_sizes() -> None:
+    """A table of such a product gives it back everywhere, and every corner its own."""
+
+    def error(t: float, h: float, a: float, p: float) -> float:
+        least = max(box.low[3] - a, box.clearance_m)
+        return float(1e-9 * t**-0.7 * h**0.3 * a**-0.2 * ((p - a) / least) ** 0.4)
+
+    box = DesignBox((1e-3, 4e-3, 1e-3, 3e-3), (3e-3, 9e-3, 1.2e-3, 8e-3))
+    table = MeshTable(box, np.array([[error(*sizes)] for sizes in box.spread(0)]), 1.5)
+    for sizes in (*box.spread(0)[::5], (1.7e-3, 6e-3, 1e-3, 5e-3), (2.5e-3, 8e-3, 1.2e-3, 3.3e-3)):
+        assert np.argmax(corner_weights(box, sizes)) >= 0 and corner_weights(box, sizes).sum() == pytest.approx(1.0)
+        assert box.sample(box.unit(sizes))[0] == pytest.approx(sizes)
+        assert table.at(sizes)[0] == pytest.approx(1.5 * error(*sizes), rel=1e-9)
+
+
+def test_the_table_holds_what_plain_reductions_are_apart_and_more_between(
+    explorer: Explorer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plain reduction that is known: the margin is what the designs between the corners need."""
+    cell, bases = explorer.model.cell, explorer.model.bases
+    middle = cell.box.middle
+
+    def apart(task: Any) -> np.ndarray:
+        design = task[0].design
+        return np.full(10, 6e-3 if design.thickness_m == pytest.approx(middle[0]) else 2e-3)
+
+    monkeypatch.setattr(parametric_mesh, "off_by", apart)
+    table = parametric_mesh.mesh_table(explorer.scene.case, cell, bases, [middle], map)
+    assert table is not None and (table.corners == 2e-3).all() and table.margin == pytest.approx(3.0)
+    assert table.at(middle) == pytest.approx(np.full(10, 6e-3))
+    monkeypatch.setattr(parametric_mesh, "off_by", lambda task: np.full(10, np.nan))
+    assert parametric_mesh.mesh_table(explorer.scene.case, cell, bases, [middle], map) is None
+
+
+def test_the_mesh_of_the_small_model_is_off_by_what_its_table_says(explorer: Explorer) -> None:
+    """One corner against a plain reduction, whose own bar is part of what is told."""
+    cell, bases = explorer.model.cell, explorer.model.bases
+    sizes = cell.box.spread(0)[5]
+    at = [number for number, label in enumerate(bases.labels) if label][:3]
+    found = bands(cell, bases, sizes).frequency_hz[at]
+    case = parametric_mesh.with_sizes(explorer.scene.case, sizes, 0.03, 10)
+    off = parametric_mesh.off_by((case, bases.fractions[at] * np.pi / sizes[3], found))
+    assert off.shape == (10,) and (off > 1e-4).all() and off.max() < 0.05
+    worse = parametric_mesh.off_by((case, bases.fractions[at] * np.pi / sizes[3], 1.05 * found))
+    assert (worse > off).all() and worse.max() == pytest.approx(off.max() + 0.05, abs=0.02)
 
 
 class OwnMesh(LiveReductions):

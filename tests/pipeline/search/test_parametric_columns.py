@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,28 +10,29 @@ import pytest
 from pipeline.case.model import load_case
 from pipeline.models import parametric
 from pipeline.search.fidelity import COLUMN, SLACK, EvaluationCache, evaluate
-from tests.helpers.exploring import SMALL, small_explorer
+from tests.helpers.exploring import MESH, SMALL, small_explorer
 
 
 @pytest.mark.usefixtures("coarsest_cells")
 def test_a_kept_cell_answers_columns_within_their_slack(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same design by both cells; the evaluations are kept apart, and a design outside the box is meshed."""
     case, cache = load_case(SMALL), EvaluationCache(tmp_path / "search")
-    cell = small_explorer(tmp_path).model.cell
+    model = small_explorer(tmp_path).model
     monkeypatch.setattr(parametric, "_loaded", lambda materials: None)
     meshed = evaluate(case, COLUMN, None, cache)
-    monkeypatch.setattr(parametric, "_loaded", lambda materials: cell)
+    monkeypatch.setattr(parametric, "_loaded", lambda materials: model)
     live = evaluate(case, COLUMN, None, cache)
     assert cache.reused == 0 and live != meshed
     assert meshed.frequency_hz is not None
     assert live.frequency_hz == pytest.approx(
         meshed.frequency_hz, rel=2.0 * SLACK[COLUMN]
     )  # its own, and as much of these bases' coarse mesh
-    assert parametric.kept_cell(case) is cell
+    assert parametric.kept_cell(case) is model.cell
     assert parametric.kept_cell(load_case(SMALL, ("pillar.height_mm=8",))) is None
-    assert parametric.kept_cell(load_case(SMALL, ("pillar.material=steel",))) is None, (
-        "the error of its mesh is not known"
-    )
+    for mesh in (None, replace(MESH, margin=10.0)):  # not known, or too rough
+        monkeypatch.setattr(parametric, "_loaded", lambda materials, mesh=mesh: replace(model, mesh=mesh))
+        assert parametric.kept_cell(case) is None
+    monkeypatch.setattr(parametric, "_loaded", lambda materials: model)
     raw = SMALL.read_text(encoding="utf-8").replace("side_mm", "diameter_mm").replace('"square"', '"round"')
     (tmp_path / "round.toml").write_text(raw, encoding="utf-8")
     assert parametric.kept_cell(load_case(tmp_path / "round.toml")) is None
