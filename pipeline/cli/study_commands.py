@@ -61,6 +61,7 @@ def run(arguments: Namespace) -> int:
         return 0
     known.remember(study.name, study.source, folder)
     _log_summary(kind.conclude(study, folder), arguments.quiet)
+    _tell_without_effect(folder)
     if outcome.given_up:
         print(f"antinode: {_lost(arguments.scheduler, outcome)}", file=sys.stderr)
     for end in outcome.failed:
@@ -81,6 +82,17 @@ def _log_summary(paths: Sequence[Path], quiet: bool) -> None:
     if not quiet:
         for path in paths:
             print(f"{'report' if path.suffix == '.html' else 'table '} {path}")
+
+
+def _tell_without_effect(folder: Path) -> None:
+    """A line for each key that was varied for nothing."""
+    from pipeline.measures import registry
+    from pipeline.records.study import read_study
+    from pipeline.records.tables import without_effect
+
+    study = read_study(folder)
+    for key in without_effect(study, registry.columns_of(study)):
+        print(f"antinode: {key} changes no figure of this study: none of its measures depends on it", file=sys.stderr)
 
 
 def _executor(address: str | None) -> Executor | None:

@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from typing import Any, TypeVar
 
 from pipeline.records import tracking
 from pipeline.records.outputs import csv_bytes
-from pipeline.records.record import Record
+from pipeline.records.record import STATUSES, Record
 from pipeline.records.study import StoredStudy
 
 TABLE = "table.csv"
@@ -73,6 +74,24 @@ def _tracked(study: StoredStudy) -> tuple[Column, ...]:
         return lambda record: getattr(peak.get(record.case_id), key, None)
 
     return tuple(Column(name, heading, figure(key), form, unit) for name, heading, key, form, unit in TRACKED)
+
+
+def without_effect(study: StoredStudy, columns: Sequence[Column]) -> list[str]:
+    """Swept keys that no measured column depends on: wherever cases differ in one alone, all their figures are the same."""
+    plain = {"case", "status", "diagnosis", *study.swept}
+    measured = [column for column in columns if column.name not in plain]
+    answered = [case.record for case in study.cases if case.record.status in STATUSES]
+    figures = {id(record): [column.text(record) for column in measured] for record in answered}
+    found = []
+    for key in study.swept:
+        alike: dict[str, list[Record]] = {}
+        for record in answered:
+            others = repr([record.sweep.get(other) for other in study.swept if other != key])
+            alike.setdefault(others, []).append(record)
+        pairs = [(one, other) for group in alike.values() for one, other in pairwise(group)]
+        if measured and pairs and all(figures[id(one)] == figures[id(other)] for one, other in pairs):
+            found.append(key)
+    return found
 
 
 def table_bytes(study: StoredStudy, columns: Sequence[Column]) -> bytes:

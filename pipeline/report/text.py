@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
 
+from pipeline.measures import registry
 from pipeline.paths import RESULTS, ROOT, STUDIES
 from pipeline.records.record import DesignRecord, Record
 from pipeline.records.study import StoredCase, StoredStudy
-from pipeline.records.tables import Column
+from pipeline.records.tables import Column, without_effect
 from pipeline.report.thesis import compare
 from pipeline.units import KHZ, MM
 from solvers.measures.levels import CONFINED_DB
@@ -198,6 +199,10 @@ def facts_of(study: StoredStudy) -> list[str]:
     found.append(
         f"{len(study.cases)} case{'s' if len(study.cases) != 1 else ''}" + (f" of {measured}" if measured else "")
     )
+    found += [
+        f"{key} changes no figure of this study: none of its measures depends on it"
+        for key in without_effect(study, registry.columns_of(study))
+    ]
     if day := computed_on(study):
         found.append(f"computed {day}")
     return [*found, f"Antinode {metadata.version('antinode')}"]

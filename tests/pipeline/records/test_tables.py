@@ -1,12 +1,14 @@
 import csv
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from pipeline.measures import registry
-from pipeline.records import outputs, store
+from pipeline.records import outputs, store, tables
 from pipeline.records.record import BandPoint, BandsRecord, GapRecord
+from pipeline.records.study import read_study
 from tests.helpers import synthetic
 
 
@@ -43,6 +45,25 @@ def study(tmp_path: Path) -> Path:
     ]
     store.write_json(tmp_path / "cases.json", {"schema": 1, "about": {}, "cases": listed})
     return tmp_path
+
+
+def test_a_key_that_changes_no_figure_is_told(tmp_path: Path) -> None:
+    """Rows change the level, the quality factor changes nothing; a case that failed says nothing of either."""
+
+    def written(name: str, shift: float) -> list[str]:
+        listed = []
+        for number, (rows, quality) in enumerate(product((1, 2), (100.0, 300.0))):
+            modes = synthetic.modes(synthetic.wanted(10.0 + rows + shift * quality, 31e3, mac=0.9, rivals=[]))
+            listed.append(
+                put(tmp_path / name, f"c{number}", {"array.rows": rows, "damping.quality": quality}, modes=modes)
+            )
+        listed.append(put(tmp_path / name, "f", {"array.rows": 1, "damping.quality": 9.0}, status="FAILED"))
+        store.write_json(tmp_path / name / "cases.json", {"schema": 1, "about": {}, "cases": listed})
+        study = read_study(tmp_path / name)
+        return tables.without_effect(study, registry.columns_of(study))
+
+    assert written("same", 0.0) == ["damping.quality"]
+    assert written("moves", 1e-3) == []
 
 
 def test_a_row_per_case_in_the_study_s_order(study: Path):
