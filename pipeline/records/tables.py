@@ -78,7 +78,7 @@ def _tracked(study: StoredStudy) -> tuple[Column, ...]:
 
 def without_effect(study: StoredStudy, columns: Sequence[Column]) -> list[str]:
     """Swept keys that no measured column depends on: wherever cases differ in one alone, all their figures are the same."""
-    plain = {"case", "status", "diagnosis", *study.swept}
+    plain = {"case", "status", "diagnosis", *study.swept, *(name for name, *_ in TRACKED)}
     measured = [column for column in columns if column.name not in plain]
     answered = [case.record for case in study.cases if case.record.status in STATUSES]
     figures = {id(record): [column.text(record) for column in measured] for record in answered}
