@@ -18,12 +18,13 @@ from pipeline.case.model import Case
 from pipeline.logs import TerminalLog
 from pipeline.models.unit_cell import lattice_model
 from pipeline.planning.model_choice import cell_model_choice
+from solvers.errors import SolverError
 from solvers.parametric.affine import DesignBox, Sizes
 from solvers.parametric.bands import FLAT, BandBases, bands
 from solvers.parametric.cell import ParametricCell
 from solvers.superelement.lattice_error import mesh_error
 
-ACCURACY = 0.003  # of the plain reductions; what their own meshes may be off by is added
+ACCURACY = 0.005  # of the plain reductions; what they may be off by is added
 LEAST = 1e-5
 Map = Callable[[Callable[[Any], FloatArray], Iterable[Any]], Iterable[FloatArray]]
 
@@ -62,7 +63,7 @@ def mesh_table(
 ) -> MeshTable | None:
     """Compare the bands of corner designs, and of some between them, with plain reductions on meshes of their own.
 
-    None where nothing tells what one of those is off by.
+    None where one of those cannot be had, or nothing tells what it is off by.
     """
     at = [number for number, label in enumerate(bases.labels) if label][:3]
     tasks = [
@@ -79,14 +80,21 @@ def mesh_table(
 
 
 def off_by(task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
-    """Largest relative differences of bands at wavevectors (k, 2) from plain reductions and their bars, (bands,)."""
+    """Largest relative differences of bands at wavevectors (k, 2) from plain reductions and the bars of these, (bands,).
+
+    NaN where there is no such reduction.
+    """
     case, wavevectors, found_hz = task
-    lattice = lattice_model(case, cell_model_choice(case), wavevectors, TerminalLog(True), []).lattice
-    worst = np.full(found_hz.shape[1], LEAST)
-    for k, found in zip(wavevectors, found_hz, strict=True):
-        waves = lattice.waves(k, len(found))
+    try:
+        model = lattice_model(case, cell_model_choice(case), wavevectors, TerminalLog(True), [])
+    except SolverError:
+        return np.full(found_hz.shape[1], np.nan)
+    lattice, count = model.lattice, found_hz.shape[1]
+    solved = [lattice.waves(k, count) for k in wavevectors]
+    worst = np.full(count, LEAST)
+    for waves, found, truncated in zip(solved, found_hz, model.truncation(solved, count), strict=True):
         moving = waves.frequency_hz > FLAT * waves.frequency_hz[-1]
-        bar = mesh_error(lattice.cell, waves).half_width
+        bar = mesh_error(lattice.cell, waves).half_width + truncated
         difference = np.abs(found / np.where(moving, waves.frequency_hz, 1.0) - 1.0) + bar
         worst = np.maximum(worst, np.where(moving, difference, LEAST))
     return worst

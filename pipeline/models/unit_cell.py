@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from math import ceil
 
 import numpy as np
 
@@ -39,6 +40,7 @@ ROUNDS = 8
 MARGIN = 0.7  # of the accuracy: the rest is the mesh's, and what coarse and fine mesh differ by
 THICK = 0.3  # of the pitch: no thinner plate was found to need a fourth degree through its thickness
 MAX_THROUGH = 6
+COARSE = 3  # order of the coarse cell's elements
 AMPLE = 1.3  # times the cut-off that is asked for: what a coarse cell is reduced for, so that raising it costs nothing
 MAX_DOF = 400  # at a wavevector: beyond, a dense solve costs more than the accuracy is worth
 Reduce = Callable[[ReductionSettings], Cell]
@@ -174,10 +176,9 @@ class _Pilot:
     def _reduced(self, reduction: ReductionSettings) -> Lattice:
         design, material = self.design, self.design.material
         box = _of_boxes(design.pillar) if design.pillar else None
-        through = 2 if self.is_thick else 1
-        coarse = HexSettings(
-            3, 2.0 * design.thickness_m, 0, pillar_size_m=box.height_m if box else None, through=through
-        )
+        through = ceil(reduction.interface.through / COARSE)  # a node more through the plate than the degree
+        along = box.height_m if box else None
+        coarse = HexSettings(COARSE, 2.0 * design.thickness_m, 0, pillar_size_m=along, through=through)
         reductions = Reductions(design.thickness_m, material, box, replace(reduction, hexahedra=coarse), CellCache())
         return Lattice(reductions.cell(lattice_panel(replace(design, pillar=box))))
 
