@@ -1,0 +1,173 @@
+"""Zone, lone pillar, bands and a plate by Antinode, scikit-fem, NGSolve and CalculiX: error against processor seconds.
+
+    python -m studies.benchmarks.peers [--ngsolve PYTHON] [--kept FOLDER] [--only PART ...] [--write]
+
+Each row is a process of its own with one thread; its processor seconds hold meshing and all solves, and leave out, alike for
+all, what the interpreter and the libraries take to load. What is not installed is left out, and named.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from pipeline.paths import ROOT
+from pipeline.records.store import write_atomic
+from studies.benchmarks.peers import judged
+from studies.benchmarks.peers.judged import Found
+from studies.benchmarks.peers.scene import PARTS, task
+
+PAGE, PICTURE = ROOT / "docs" / "peers.md", ROOT / "docs" / "pictures" / "peers.svg"
+FOLDER = Path(__file__).parent
+OURS, SUPERLU, SCIKIT, NGSOLVE, CALCULIX = "Antinode", "Antinode, SuperLU", "scikit-fem", "NGSolve", "CalculiX"
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "ANTINODE_THREADS"), "1")
+FINEST = 0.0005
+ACCURACIES = {
+    "zone": (0.01, 0.003),
+    "pillar": (0.003, 0.001),
+    "cell": (0.01, 0.003, 0.001),
+    "plate": (0.01, 0.003, 0.001),
+}
+TETRAHEDRA = {  # order, size in mm, levels of elements shrunk towards singular edges
+    "zone": ((3, 8.0, 1), (3, 4.0, 1), (4, 4.0, 2)),
+    "pillar": ((3, 2.0, 1), (4, 2.0, 2), (5, 2.0, 3)),
+    "cell": ((3, 2.0, 1), (3, 2.0, 2), (4, 2.0, 2)),
+    "plate": ((3, 4.0, 0), (3, 2.0, 1), (4, 4.0, 1)),
+}
+HEXAHEDRA = {  # size in the plate and along a pillar in mm, layers shrunk towards singular edges
+    "zone": ((4.0, 4.0, 1), (2.0, 2.0, 2), (1.5, 1.5, 3)),
+    "pillar": ((1.0, 1.0, 1), (0.5, 0.7, 2), (0.5, 0.5, 3)),
+    "cell": ((1.0, 1.0, 0), (2.0, 1.6, 1), (1.0, 1.0, 1)),
+    "plate": ((4.0, 3.15, 0), (2.0, 1.6, 0), (4.0, 1.6, 1)),
+}
+ELEMENT, LOWEST = {"plate": "C3D20"}, {"plate": 70}  # one layer of C3D20R moves without strain
+
+
+@dataclass(frozen=True)
+class Row:
+    """One process: a program, a part, and how it is meshed."""
+
+    part: str
+    program: str
+    told: str
+    settings: dict[str, Any]
+    environment: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """A file name."""
+        return "".join(c if c.isalnum() else "-" for c in f"{self.part} {self.program} {self.told}")
+
+
+def listed() -> Iterator[Row]:
+    """Every row, part by part; the first of a part is its reference."""
+    for part in PARTS:
+        yield Row(part, OURS, f"accuracy {FINEST}", {"accuracy": FINEST})
+        for accuracy in ACCURACIES[part]:
+            yield Row(part, OURS, f"accuracy {accuracy}", {"accuracy": accuracy})
+            yield Row(part, SUPERLU, f"accuracy {accuracy}", {"accuracy": accuracy}, {"ANTINODE_FACTOR": "superlu"})
+        for order, size, levels in TETRAHEDRA[part]:
+            told = f"tetrahedra of order {order}, {size:g} mm, {levels} levels"
+            yield Row(part, NGSOLVE, told, {"order": order, "size_mm": size, "levels": levels})
+        for size, along, layers in HEXAHEDRA[part]:
+            sizes = f"{size:g} x {along:g} mm, {layers} layers"
+            own = {"size_mm": size, "along_mm": along, "layers": layers}
+            yield Row(part, SCIKIT, f"27 nodes, {sizes}", own)
+            if part != "cell":
+                element = ELEMENT.get(part, "C3D20R")
+                yield Row(part, CALCULIX, f"{element}, {sizes}", own | {"element": element, "lowest": LOWEST.get(part)})
+
+
+def left_out(interpreter: str) -> dict[str, str]:
+    """Programs that are not on this machine, and why not."""
+    missing = {}
+    if not find_spec("skfem"):
+        missing[SCIKIT] = "not installed: pip install scikit-fem"
+    if not shutil.which("ccx"):
+        missing[CALCULIX] = "no `ccx` on this machine"
+    if (
+        not shutil.which(interpreter)
+        or subprocess.run([interpreter, "-c", "import ngsolve, scipy"], capture_output=True).returncode
+    ):
+        missing[NGSOLVE] = f"{interpreter} cannot import ngsolve and scipy: --ngsolve names one that can"
+    return missing
+
+
+def solve(row: Row, interpreter: str) -> Found:
+    """A row in a process of its own. RuntimeError with its last words."""
+    module = "studies.benchmarks.peers"
+    command = {
+        SCIKIT: [sys.executable, "-m", f"{module}.hexahedra", "scikit-fem"],
+        CALCULIX: [sys.executable, "-m", f"{module}.hexahedra", "calculix"],
+        NGSOLVE: [interpreter, str(FOLDER / "tetrahedra.py")],
+    }.get(row.program, [sys.executable, "-m", f"{module}.ours"])
+    with tempfile.TemporaryDirectory(prefix="antinode-results-") as results:
+        own = os.environ | ONE_THREAD | row.environment | {"ANTINODE_RESULTS": results}
+        given = [*command, json.dumps(task(row.part, row.settings))]
+        done = subprocess.run(given, cwd=ROOT, env=own, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"{row.name}: {' '.join(done.stderr.split()[-30:])}")
+    return Found(row.part, row.program, row.told, **json.loads(done.stdout.splitlines()[-1]))
+
+
+def kept(row: Row, interpreter: str, folder: Path | None) -> Found:
+    """A row computed now, or by an earlier run that was given the same folder."""
+    file = folder and folder / f"{row.name}.json"
+    if file and file.exists():
+        return Found(**json.loads(file.read_text()))
+    found = solve(row, interpreter)
+    if file:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(file, json.dumps(vars(found)).encode())
+    return found
+
+
+def page(results: list[Found], references: dict[str, Found], missing: dict[str, str]) -> str:
+    """The page: how it was measured, the least seconds within an error, every row, what was left out."""
+    lines = [(FOLDER / "page.md").read_text().rstrip(), "", *judged.cheapest(results, references), ""]
+    lines += ["## Every row", "", *judged.rows(results, references), ""]
+    lines += [f"{program} is left out: {why}." for program, why in missing.items()]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def main() -> int:
+    """Compute what is not kept, print, and write if asked to."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "--ngsolve", default=sys.executable, metavar="PYTHON", help="an interpreter with ngsolve and scipy"
+    )
+    parser.add_argument("--kept", type=Path, help="folder of an earlier run of this version; new rows are added")
+    parser.add_argument("--only", nargs="*", choices=PARTS, default=list(PARTS), help="parts")
+    parser.add_argument("--write", action="store_true", help="write docs/peers.md and its picture")
+    given = parser.parse_args()
+    missing = left_out(given.ngsolve)
+    for program, why in missing.items():
+        print(f"{program} is left out: {why}", flush=True)
+    results = []
+    for row in listed():
+        if row.part in given.only and row.program not in missing:
+            results.append(kept(row, given.ngsolve, given.kept))
+            print(f"{row.part}, {row.program}, {row.told}: {results[-1].seconds:.2f} s", file=sys.stderr, flush=True)
+    references: dict[str, Found] = {}
+    for one in results:
+        references.setdefault(one.part, one)
+    text = page(results, references, missing)
+    print(text)
+    if given.write:
+        write_atomic(PAGE, text.encode())
+        judged.draw(results, references, PICTURE)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

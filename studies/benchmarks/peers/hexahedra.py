@@ -1,0 +1,224 @@
+"""scikit-fem with scipy, and CalculiX, on hexahedra: `python -m studies.benchmarks.peers.hexahedra PROGRAM TASK` prints JSON.
+
+Both have the same boxes, graded towards singular edges as their users may grade them.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+import skfem
+from scipy.sparse.linalg import LinearOperator, eigsh, splu
+from skfem.helpers import ddot, dot, eye, sym_grad, trace
+
+from geometry.elements import FloatArray, IntArray
+from geometry.hex.boxes import HexSettings, hex_mesh
+from geometry.mesh import Mesh
+from solvers.measures.confinement import wanted_shape
+from studies import ladder
+from studies.benchmarks.peers.scene import boxes, seconds
+
+BELOW_HZ = -20e3  # a shift below all eigenvalues: rigid-body waves have none of it
+CORNERS = [0, 4, 2, 1, 6, 5, 3, 7]  # ours, x fastest, in scikit-fem's order
+SERENDIPITY = [
+    0,
+    2,
+    8,
+    6,
+    18,
+    20,
+    26,
+    24,
+    1,
+    5,
+    7,
+    3,
+    19,
+    23,
+    25,
+    21,
+    9,
+    11,
+    17,
+    15,
+]  # of 27 nodes, in CalculiX's order
+
+
+def mesh_of(task: dict[str, Any], order: int) -> Mesh:
+    """The boxes of a part with the element sizes asked for."""
+    own = task["settings"]
+    settings = HexSettings(2, 1e-3 * own["size_mm"], own["layers"], 0.15, 1e-3 * own["along_mm"])
+    return hex_mesh(boxes(task["part"], settings), order)
+
+
+def scikit(task: dict[str, Any]) -> dict[str, Any]:
+    """Quadratic hexahedra; K - sigma M by SuperLU with minimum degree on its symmetric pattern, modes by ARPACK."""
+    start = seconds()
+    mesh = mesh_of(task, 1)
+    grid = skfem.MeshHex(np.ascontiguousarray(mesh.nodes.T), np.ascontiguousarray(mesh.cells[:, CORNERS].T))
+    basis = skfem.Basis(grid, skfem.ElementVector(skfem.ElementHex2()), intorder=5)
+    stiffness, mass = _assembled(basis, task)
+    if task["part"] == "cell":
+        return _bands(basis, stiffness, mass, task, start)
+    found, strengths, dofs = [], [], 0
+    for held in task["classes"]:
+        fixed = [
+            basis.get_dofs(nodes=None, facets=_facets(grid, mesh, face)).all([f"u^{axis + 1}" for axis in axes])
+            for face, axes in held.items()
+        ]
+        free = np.setdiff1d(np.arange(basis.N), np.concatenate(fixed))
+        near_hz = task["near_hz"] or BELOW_HZ
+        hz, vectors = nearest(stiffness[free][:, free], mass[free][:, free], task["count"], near_hz)
+        found.append(hz)
+        dofs += len(free)
+        if task["probe"]:
+            full = np.zeros((basis.N, len(hz)))
+            full[free] = vectors
+            strengths = _strengths(basis, full, task["probe"])
+    return {"frequencies_hz": found, "dofs": dofs, "strengths": strengths, "seconds": seconds() - start}
+
+
+def _assembled(basis: skfem.Basis, task: dict[str, Any]) -> tuple[sp.csc_matrix, sp.csc_matrix]:
+    young, ratio = task["young_pa"], task["poisson"]
+    shear, lame = young / 2.0 / (1.0 + ratio), young * ratio / ((1.0 + ratio) * (1.0 - 2.0 * ratio))
+
+    @skfem.BilinearForm
+    def stiffness(u, v, w):  # type: ignore[no-untyped-def]
+        strain = sym_grad(u)
+        return ddot(2.0 * shear * strain + lame * eye(trace(strain), 3), sym_grad(v))
+
+    @skfem.BilinearForm
+    def mass(u, v, w):  # type: ignore[no-untyped-def]
+        return task["density_kg_m3"] * dot(u, v)
+
+    return stiffness.assemble(basis).tocsc(), mass.assemble(basis).tocsc()
+
+
+def _facets(grid: skfem.MeshHex, mesh: Mesh, face: str) -> IntArray:
+    """Facets of one side: of all corners on it."""
+    on = np.zeros(grid.p.shape[1], dtype=bool)
+    on[mesh.nodes_of(face)] = True
+    boundary = grid.boundary_facets()
+    return np.asarray(boundary[on[grid.facets[:, boundary]].all(axis=0)])
+
+
+def nearest(stiffness: Any, mass: Any, count: int, near_hz: float) -> tuple[list[float], Any]:
+    """Frequencies nearest to one and their modes of modal mass 1."""
+    sigma = np.copysign((2.0 * np.pi * near_hz) ** 2, near_hz)
+    factor = splu(
+        sp.csc_matrix(stiffness - sigma * mass), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )  # fmt: skip
+    inverse = LinearOperator(stiffness.shape, matvec=factor.solve, dtype=stiffness.dtype)
+    values, vectors = eigsh(stiffness, count, mass, sigma=sigma, OPinv=inverse, tol=1e-9)
+    return (np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)).tolist(), vectors
+
+
+def _strengths(basis: skfem.Basis, modes: FloatArray, probe: dict[str, Any]) -> list[float]:
+    """Squares of the product of each mode and the wanted shape on the touch face."""
+    points = np.array(probe["points"])
+    at = basis.probes(np.vstack([points.T, np.full(len(points), 1e-9)])) @ modes
+    across = at.reshape(3, len(points), -1)[2]
+    return ((np.array(probe["shape"]) @ across) ** 2).tolist()
+
+
+def _bands(basis: Any, stiffness: Any, mass: Any, task: dict[str, Any], start: float) -> dict[str, Any]:
+    """Bloch's conditions by joining the degrees of freedom of opposite sides, a phase between them."""
+    component = np.empty(basis.N, dtype=int)
+    for axis in range(3):
+        component[basis.get_dofs(elements=True).all([f"u^{axis + 1}"])] = axis
+    pitch, places = task["pitch_m"], basis.doflocs.T.copy()
+    far = places[:, :2] > pitch / 2.0 - 1e-9
+    places[:, :2] -= pitch * far
+    key = np.column_stack([np.round(places / 1e-9).astype(int), component])
+    _, master = np.unique(key, axis=0, return_inverse=True)
+
+    def at(k: tuple[float, float]) -> list[float]:
+        phase = np.exp(2j * np.pi * (far @ np.array(k)))
+        phase = phase.real if np.abs(phase.imag).max() < 1e-9 else phase
+        joined = sp.csr_matrix((phase, (np.arange(basis.N), master.ravel())))
+        k_r, m_r = ((joined.conj().T @ matrix @ joined).tocsc() for matrix in (stiffness, mass))
+        return sorted(nearest(k_r, m_r, task["count"], BELOW_HZ)[0])
+
+    ready = seconds() - start
+    found = [at(k) for k in task["corners"]]
+    before = seconds()
+    at(task["between"])
+    each = seconds() - before
+    return {
+        "frequencies_hz": found,
+        "dofs": int(master.max()) + 1,
+        "seconds": ready + task["wavevectors"] * each,
+    }
+
+
+def calculix(task: dict[str, Any]) -> dict[str, Any]:
+    """Elements of 20 nodes, C3D20R, as `ccx` solves them: SPOOLES and ARPACK, from the lowest mode up."""
+    start = seconds()
+    mesh = mesh_of(task, 2)
+    used, cells = np.unique(mesh.cells[:, SERENDIPITY], return_inverse=True)
+    number = np.zeros(len(mesh.nodes), dtype=int)
+    number[used] = np.arange(1, len(used) + 1)
+    touch = [n for n in used if abs(mesh.nodes[n, 2]) < 1e-9 and mesh.nodes[n, 1] < 0.01] if task["probe"] else []
+    found, strengths, dofs = [], [], 0
+    for held in task["classes"]:
+        lines = ["*NODE, NSET=NALL"]
+        lines += [f"{i + 1}, {x:.12e}, {y:.12e}, {z:.12e}" for i, (x, y, z) in enumerate(mesh.nodes[used])]
+        lines += [f"*ELEMENT, TYPE={task['settings']['element']}, ELSET=EALL"]
+        for i, cell in enumerate(cells.reshape(-1, 20) + 1, start=1):
+            lines += [f"{i}, " + ", ".join(map(str, cell[:15])) + ",", ", ".join(map(str, cell[15:]))]
+        lines += ["*MATERIAL, NAME=BODY", "*ELASTIC", f"{task['young_pa']:.12g}, {task['poisson']:.12g}"]
+        lines += ["*DENSITY", f"{task['density_kg_m3']:.12g}", "*SOLID SECTION, ELSET=EALL, MATERIAL=BODY"]
+        stopped = {(number[n], axis) for face, axes in held.items() for n in mesh.nodes_of(face) for axis in axes}
+        stopped = {(n, axis) for n, axis in stopped if n}
+        lines += ["*BOUNDARY", *(f"{n}, {axis + 1}" for n, axis in sorted(stopped))]
+        lines += ["*NSET, NSET=PROBED", *(f"{number[n]}," for n in touch)] if touch else []
+        lines += ["*STEP", "*FREQUENCY", str(task["settings"]["lowest"] or task["count"])]
+        lines += ["*NODE PRINT, NSET=PROBED", "U"] if touch else []
+        hz, motions = _ccx("\n".join([*lines, "*END STEP", ""]))
+        found.append(hz)
+        dofs += 3 * len(used) - len(stopped)
+        if touch:
+            points = mesh.nodes[touch]
+            weights = _weights(points) * wanted_shape(ladder.plate_design(), points)
+            strengths = ((motions @ weights) ** 2).tolist()
+    return {"frequencies_hz": found, "dofs": dofs, "strengths": strengths, "seconds": seconds() - start}
+
+
+def _weights(points: FloatArray) -> FloatArray:
+    """Areas that nodes stand for: half the way to their neighbours among the lines of nodes."""
+    weights = np.ones(len(points))
+    for axis in (0, 1):
+        lines, place = np.unique(np.round(points[:, axis], 9), return_inverse=True)
+        weights *= np.gradient(lines)[place]
+    return weights
+
+
+def _ccx(deck: str) -> tuple[list[float], FloatArray]:
+    """Frequencies, Hz, and u_z of the nodes printed, a row a mode. RuntimeError with CalculiX's last words."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "part.inp").write_text(deck)
+        done = subprocess.run(["ccx", "part"], cwd=folder, capture_output=True, text=True)
+        told = Path(folder, "part.dat")
+        if done.returncode or not told.exists():
+            raise RuntimeError(f"ccx: {' '.join(done.stdout.split()[-20:])}")
+        text = told.read_text()
+    head, *printed = text.split("displacements (vx,vy,vz)")
+    values = head.partition("E I G E N V A L U E   O U T P U T")[2].partition("P A R T I C I P A T I O N")[0]
+    rows = [line.split() for line in values.splitlines()]
+    hz = [float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()]
+    motions = [[float(r.split()[3]) for r in one.splitlines()[1:] if len(r.split()) == 4] for one in printed]
+    return hz, np.array(motions)
+
+
+PROGRAMS = {"scikit-fem": scikit, "calculix": calculix}
+
+if __name__ == "__main__":
+    print(json.dumps(PROGRAMS[sys.argv[1]](json.loads(sys.argv[2]))))

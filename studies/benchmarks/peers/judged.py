@@ -1,0 +1,108 @@
+"""What each program found beside the reference: errors, the page's tables and its picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.plots import style
+from studies.benchmarks.peers.scene import KEPT, PARTS, merged
+
+SLOWEST = 1e-3  # of the highest frequency: slower waves are rigid-body modes
+TARGETS = (0.01, 0.003, 0.001)
+LEAST = 1e-6  # errors below are drawn here
+ZONE_MODE = 8  # the mode (0, 8) among the zone's: each has one line more than the one below it
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a program gave of a part: frequencies by symmetry class or wavevector, strengths of modes in the wanted shape."""
+
+    part: str
+    program: str
+    settings: str
+    frequencies_hz: list[list[float]]
+    dofs: int
+    seconds: float
+    strengths: list[float] = field(default_factory=list)
+
+    @property
+    def compared_hz(self) -> np.ndarray:
+        """The frequencies that are compared, in an order that all programs share."""
+        if self.part == "cell":
+            return np.sort(np.array(self.frequencies_hz), axis=1).ravel()
+        if self.strengths:
+            return np.array([self.frequencies_hz[0][int(np.argmax(self.strengths))]])
+        return np.array(merged(self.frequencies_hz, KEPT.get(self.part)))
+
+
+def error(found: Found, reference: Found) -> float:
+    """The relative error of largest size, with its sign; waves that are rigid-body modes are left out."""
+    errors = _errors(found, reference)
+    return float(errors[np.argmax(np.abs(errors))])
+
+
+def _errors(found: Found, reference: Found) -> np.ndarray:
+    known = reference.compared_hz
+    moving = known > SLOWEST * known.max()
+    return np.asarray(found.compared_hz[moving] / known[moving] - 1.0)
+
+
+def wanted_error(found: Found, reference: Found) -> float | None:
+    """The same of the zone's mode (0, 8) alone; None of other parts."""
+    return float(_errors(found, reference)[ZONE_MODE]) if found.part == "zone" else None
+
+
+def rows(results: Sequence[Found], references: dict[str, Found]) -> list[str]:
+    """The Markdown table, a line a result, the reference among them without an error."""
+    lines = [
+        "| part | program | settings | degrees of freedom | CPU s | largest error | mode (0, 8) |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for one in results:
+        known = references[one.part]
+        of_mode = wanted_error(one, known)
+        told = (
+            ("reference", "")
+            if one == known
+            else (f"{error(one, known):+.4%}", "" if of_mode is None else f"{of_mode:+.4%}")
+        )
+        figures = (one.part, one.program, one.settings, str(one.dofs), f"{one.seconds:.2f}", *told)
+        lines.append(f"| {' | '.join(figures)} |")
+    return lines
+
+
+def cheapest(results: Sequence[Found], references: dict[str, Found]) -> list[str]:
+    """The least processor seconds of each program within each error, as a Markdown table."""
+    programs = list(dict.fromkeys(one.program for one in results))
+    lines = [f"| part | within | {' | '.join(programs)} |", f"|{'---|' * (2 + len(programs))}"]
+    judged = [(one, abs(error(one, references[one.part]))) for one in results if one != references[one.part]]
+    for part in references:
+        for target in TARGETS:
+            good = [one for one, off in judged if one.part == part and off <= target]
+            least = [
+                min((f"{s:.1f}" for s in sorted(o.seconds for o in good if o.program == p)[:1]), default="–")
+                for p in programs
+            ]
+            lines.append(f"| {part} | {target:.1%} | {' | '.join(least)} |")
+    return lines
+
+
+def draw(results: Sequence[Found], references: dict[str, Found], path: Path) -> None:
+    """Error against processor seconds: a panel a part, a line a program."""
+    programs = list(dict.fromkeys(one.program for one in results))
+    with style.style():
+        figure = style.new_figure(style.WIDTH_IN, 5.6)
+        for axes, part in zip(np.ravel(figure.subplots(2, 2)), references, strict=False):
+            for program, colour, mark in zip(programs, style.CYCLE, style.MARKERS, strict=False):
+                own = sorted((o for o in results if (o.part, o.program) == (part, program)), key=lambda o: o.seconds)
+                off = [max(abs(error(o, references[part])), LEAST) for o in own if o != references[part]]
+                seconds = [o.seconds for o in own if o != references[part]]
+                axes.loglog(seconds, off, f"{mark}-", color=colour, markersize=4, label=program)
+            axes.set(title=PARTS[part].title, xlabel="CPU seconds", ylabel="largest relative error")
+            axes.grid(True)
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=len(programs))
+        figure.savefig(path, metadata={"Date": None})

@@ -1,0 +1,129 @@
+"""The four parts as every program takes them: bodies, faces held in a symmetry class, what is looked for."""
+
+from __future__ import annotations
+
+import resource
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from geometry.hex.boxes import (
+    Boxes,
+    HexSettings,
+    Scene,
+    boxes_of,
+    cell_scene,
+    pillar_scene,
+    plate_scene,
+    zone_scene,
+)
+from solvers.measures.confinement import wanted_shape
+from studies import ladder
+
+AXES = "xyz"
+WAVEVECTORS = 76  # of a path G-X-M-G with 25 points a segment
+CORNERS = ((0.0, 0.0), (0.5, 0.0), (0.5, 0.5))  # G, X and M, in periods a pitch
+BETWEEN = (0.3, 0.2)  # a wavevector without symmetry, whose time stands for all
+
+
+@dataclass(frozen=True)
+class Part:
+    """What is looked for: symmetry classes, modes of each, about which frequency, and faces that are clamped."""
+
+    title: str
+    classes: tuple[str, ...]
+    count: int
+    near_hz: float
+    clamped: tuple[str, ...] = ()
+
+
+PARTS = {
+    "zone": Part("Zone between clamped sides, first 14 modes", ("SS", "SA", "AS", "AA"), 8, 0.0, ("y+",)),
+    "pillar": Part("Lone pillar, first three bending modes", ("AS",), 3, 0.0, ("touch",)),
+    "cell": Part("Unit cell, ten bands at G, X and M", ("",), 10, 0.0),
+    "plate": Part("Plate of one row and 5 mm, wanted mode", ("SS",), 12, 34.6e3),
+}
+KEPT = {"zone": 14, "pillar": 3}  # frequencies compared of all classes together
+
+
+def scene(part: str, settings: HexSettings) -> Scene:
+    """The quarter x, y >= 0 of a part; the whole cell."""
+    d = ladder.plate_design() if part == "plate" else ladder.design()
+    if part == "pillar":
+        assert d.pillar
+        return pillar_scene(d.pillar, settings)
+    return {"zone": zone_scene, "cell": cell_scene, "plate": plate_scene}[part](d, settings)
+
+
+def boxes(part: str, settings: HexSettings) -> Boxes:
+    """A part's boxes, meshed."""
+    return boxes_of(scene(part, settings))
+
+
+@cache
+def bodies(part: str) -> list[list[float]]:
+    """The boxes a part is made of, each x0, x1, y0, y1, z0, z1 in m, the lowest body first."""
+    drawn = scene(part, HexSettings())
+    x, y = (min(drawn.x), max(drawn.x)), (min(drawn.y), max(drawn.y))
+    found = [[*x, *y, min(drawn.z), max(drawn.z)]]
+    for foot in drawn.feet:
+        for cx, cy in foot.centres.tolist():
+            for x0, x1, y0, y1 in foot.rectangles.tolist():
+                across = [max(cx + x0, x[0]), min(cx + x1, x[1]), max(cy + y0, y[0]), min(cy + y1, y[1])]
+                found.append([*across, foot.bottom_m, foot.top_m])
+    return found
+
+
+def held(part: str, symmetry: str) -> dict[str, list[int]]:
+    """Components that vanish, by face: of a class S the normal one on its mirror, of A both others."""
+    mirrors = {
+        f"{axis}-": [i for i in range(3) if (i == AXES.index(axis)) == (sign == "S")]
+        for axis, sign in zip(AXES, symmetry, strict=False)
+    }
+    return mirrors | {face: [0, 1, 2] for face in PARTS[part].clamped}
+
+
+def task(part: str, settings: dict[str, Any]) -> dict[str, Any]:
+    """All that a program needs to know of a part, as JSON has it."""
+    given, material = PARTS[part], ladder.design().material
+    return {
+        "part": part,
+        "settings": settings,
+        "bodies": bodies(part),
+        "classes": [held(part, symmetry) for symmetry in given.classes],
+        "count": given.count,
+        "near_hz": given.near_hz,
+        "probe": probe() if part == "plate" else None,
+        "young_pa": material.young_pa,
+        "poisson": material.poisson,
+        "density_kg_m3": material.density_kg_m3,
+        "pitch_m": ladder.design().pitch_x_m,
+        "corners": CORNERS,
+        "between": BETWEEN,
+        "wavevectors": WAVEVECTORS,
+    }
+
+
+def probe() -> dict[str, list[Any]]:
+    """Points of the touch face's active quarter, m, and the wanted shape there."""
+    d = ladder.plate_design()
+    middles = [(np.arange(count) + 0.5) / count * half for count, half in ((48, d.length_m / 2), (8, d.width_m / 2))]
+    points: FloatArray = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 2)
+    return {"points": points.tolist(), "shape": wanted_shape(d, points).tolist()}
+
+
+def seconds() -> float:
+    """Processor time of this process and of those it waited for, s."""
+    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(each.ru_utime + each.ru_stime for each in used)
+
+
+def merged(classes: list[list[float]], kept: int | None) -> list[float]:
+    """The lowest frequencies of all classes, or what one class gave. RuntimeError where a class gave too few to tell."""
+    together = sorted(frequency for found in classes for frequency in found)[:kept]
+    if len(classes) > 1 and together[-1] >= min(max(found) for found in classes):
+        raise RuntimeError("a symmetry class was asked for too few modes")
+    return together
