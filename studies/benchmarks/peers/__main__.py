@@ -33,22 +33,25 @@ OURS, SUPERLU, SCIKIT, NGSOLVE, CALCULIX = "Antinode", "Antinode, SuperLU", "sci
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "ANTINODE_THREADS"), "1")
 FINEST = 0.0005
 ACCURACIES = {
-    "zone": (0.01, 0.003),
+    "zone": (0.01, 0.003, FINEST),
     "pillar": (0.003, 0.001),
     "cell": (0.01, 0.003, 0.001),
     "plate": (0.01, 0.003, 0.001),
 }
+LONG = (("zone", 0.003), ("zone", FINEST), ("plate", 0.001))  # minutes by SuperLU: not repeated with it
+MESHED = {"zone": (7.0, 7.0, 2), "pillar": (1.0, 0.8, 3)}  # references: order 4, mm, mm along a pillar, layers
 TETRAHEDRA = {  # order, size in mm, levels of elements shrunk towards singular edges
     "zone": ((3, 8.0, 1), (3, 4.0, 1), (4, 4.0, 2)),
     "pillar": ((3, 2.0, 1), (4, 2.0, 2), (5, 2.0, 3)),
     "cell": ((3, 2.0, 1), (3, 2.0, 2), (4, 2.0, 2)),
-    "plate": ((3, 4.0, 0), (3, 2.0, 1), (4, 4.0, 1)),
+    "plate": ((3, 4.0, 0), (3, 4.0, 1), (3, 2.0, 1)),
 }
+LEAST = {"plate": 2}  # elements across a pillar: with one its bending lies so high that it mixes with the wanted mode
 HEXAHEDRA = {  # size in the plate and along a pillar in mm, layers shrunk towards singular edges
-    "zone": ((4.0, 4.0, 1), (2.0, 2.0, 2), (1.5, 1.5, 3)),
+    "zone": ((4.0, 4.0, 0), (4.0, 4.0, 1), (2.0, 2.0, 1)),
     "pillar": ((1.0, 1.0, 1), (0.5, 0.7, 2), (0.5, 0.5, 3)),
     "cell": ((1.0, 1.0, 0), (2.0, 1.6, 1), (1.0, 1.0, 1)),
-    "plate": ((4.0, 3.15, 0), (2.0, 1.6, 0), (4.0, 1.6, 1)),
+    "plate": ((4.0, 2.1, 0), (2.0, 2.1, 0)),
 }
 ELEMENT, LOWEST = {"plate": "C3D20"}, {"plate": 70}  # one layer of C3D20R moves without strain
 
@@ -72,20 +75,31 @@ class Row:
 def listed() -> Iterator[Row]:
     """Every row, part by part; the first of a part is its reference."""
     for part in PARTS:
-        yield Row(part, OURS, f"accuracy {FINEST}", {"accuracy": FINEST})
+        yield _reference(part)
         for accuracy in ACCURACIES[part]:
             yield Row(part, OURS, f"accuracy {accuracy}", {"accuracy": accuracy})
-            yield Row(part, SUPERLU, f"accuracy {accuracy}", {"accuracy": accuracy}, {"ANTINODE_FACTOR": "superlu"})
+            if (part, accuracy) not in LONG:
+                yield Row(part, SUPERLU, f"accuracy {accuracy}", {"accuracy": accuracy}, {"ANTINODE_FACTOR": "superlu"})
         for order, size, levels in TETRAHEDRA[part]:
             told = f"tetrahedra of order {order}, {size:g} mm, {levels} levels"
             yield Row(part, NGSOLVE, told, {"order": order, "size_mm": size, "levels": levels})
+        least = LEAST.get(part, 1)
         for size, along, layers in HEXAHEDRA[part]:
-            sizes = f"{size:g} x {along:g} mm, {layers} layers"
-            own = {"size_mm": size, "along_mm": along, "layers": layers}
+            sizes = f"{size:g} x {along:g} mm, {layers} layers" + (f", {least} across a pillar" if least > 1 else "")
+            own = {"size_mm": size, "along_mm": along, "layers": layers, "least": least}
             yield Row(part, SCIKIT, f"27 nodes, {sizes}", own)
             if part != "cell":
                 element = ELEMENT.get(part, "C3D20R")
                 yield Row(part, CALCULIX, f"{element}, {sizes}", own | {"element": element, "lowest": LOWEST.get(part)})
+
+
+def _reference(part: str) -> Row:
+    """Order 4 on one fine mesh, without any reduction, where that is cheap; else the finest accuracy."""
+    if part not in MESHED:
+        return Row(part, OURS, f"accuracy {FINEST}", {"accuracy": FINEST})
+    size, along, layers = MESHED[part]
+    own = {"size_mm": size, "along_mm": along, "layers": layers}
+    return Row(part, OURS, f"order 4, {size:g} x {along:g} mm, {layers} layers", own)
 
 
 def left_out(interpreter: str) -> dict[str, str]:

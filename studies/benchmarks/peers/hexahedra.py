@@ -26,6 +26,7 @@ from studies import ladder
 from studies.benchmarks.peers.scene import boxes, seconds
 
 BELOW_HZ = -20e3  # a shift below all eigenvalues: rigid-body waves have none of it
+SPARE = 4  # waves asked for beyond those compared: ARPACK may miss one of two with the same frequency
 CORNERS = [0, 4, 2, 1, 6, 5, 3, 7]  # ours, x fastest, in scikit-fem's order
 SERENDIPITY = [
     0,
@@ -54,7 +55,7 @@ SERENDIPITY = [
 def mesh_of(task: dict[str, Any], order: int) -> Mesh:
     """The boxes of a part with the element sizes asked for."""
     own = task["settings"]
-    settings = HexSettings(2, 1e-3 * own["size_mm"], own["layers"], 0.15, 1e-3 * own["along_mm"])
+    settings = HexSettings(2, 1e-3 * own["size_mm"], own["layers"], 0.15, 1e-3 * own["along_mm"], least=own["least"])
     return hex_mesh(boxes(task["part"], settings), order)
 
 
@@ -117,7 +118,7 @@ def nearest(stiffness: Any, mass: Any, count: int, near_hz: float) -> tuple[list
         options={"SymmetricMode": True},
     )  # fmt: skip
     inverse = LinearOperator(stiffness.shape, matvec=factor.solve, dtype=stiffness.dtype)
-    values, vectors = eigsh(stiffness, count, mass, sigma=sigma, OPinv=inverse, tol=1e-9)
+    values, vectors = eigsh(stiffness, count, mass, sigma=sigma, OPinv=inverse)
     return (np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)).tolist(), vectors
 
 
@@ -145,7 +146,7 @@ def _bands(basis: Any, stiffness: Any, mass: Any, task: dict[str, Any], start: f
         phase = phase.real if np.abs(phase.imag).max() < 1e-9 else phase
         joined = sp.csr_matrix((phase, (np.arange(basis.N), master.ravel())))
         k_r, m_r = ((joined.conj().T @ matrix @ joined).tocsc() for matrix in (stiffness, mass))
-        return sorted(nearest(k_r, m_r, task["count"], BELOW_HZ)[0])
+        return sorted(nearest(k_r, m_r, task["count"] + SPARE, BELOW_HZ)[0])[: task["count"]]
 
     ready = seconds() - start
     found = [at(k) for k in task["corners"]]
@@ -166,23 +167,15 @@ def calculix(task: dict[str, Any]) -> dict[str, Any]:
     used, cells = np.unique(mesh.cells[:, SERENDIPITY], return_inverse=True)
     number = np.zeros(len(mesh.nodes), dtype=int)
     number[used] = np.arange(1, len(used) + 1)
-    touch = [n for n in used if abs(mesh.nodes[n, 2]) < 1e-9 and mesh.nodes[n, 1] < 0.01] if task["probe"] else []
+    corners = np.unique(mesh.cells[:, SERENDIPITY[:8]])
+    on_zone = (np.abs(mesh.nodes[corners, 2]) < 1e-9) & (mesh.nodes[corners, 1] < ladder.design().width_m / 2.0 + 1e-9)
+    touch = corners[on_zone].tolist() if task["probe"] else []
     found, strengths, dofs = [], [], 0
     for held in task["classes"]:
-        lines = ["*NODE, NSET=NALL"]
-        lines += [f"{i + 1}, {x:.12e}, {y:.12e}, {z:.12e}" for i, (x, y, z) in enumerate(mesh.nodes[used])]
-        lines += [f"*ELEMENT, TYPE={task['settings']['element']}, ELSET=EALL"]
-        for i, cell in enumerate(cells.reshape(-1, 20) + 1, start=1):
-            lines += [f"{i}, " + ", ".join(map(str, cell[:15])) + ",", ", ".join(map(str, cell[15:]))]
-        lines += ["*MATERIAL, NAME=BODY", "*ELASTIC", f"{task['young_pa']:.12g}, {task['poisson']:.12g}"]
-        lines += ["*DENSITY", f"{task['density_kg_m3']:.12g}", "*SOLID SECTION, ELSET=EALL, MATERIAL=BODY"]
         stopped = {(number[n], axis) for face, axes in held.items() for n in mesh.nodes_of(face) for axis in axes}
         stopped = {(n, axis) for n, axis in stopped if n}
-        lines += ["*BOUNDARY", *(f"{n}, {axis + 1}" for n, axis in sorted(stopped))]
-        lines += ["*NSET, NSET=PROBED", *(f"{number[n]}," for n in touch)] if touch else []
-        lines += ["*STEP", "*FREQUENCY", str(task["settings"]["lowest"] or task["count"])]
-        lines += ["*NODE PRINT, NSET=PROBED", "U"] if touch else []
-        hz, motions = _ccx("\n".join([*lines, "*END STEP", ""]))
+        deck = _deck(task, mesh.nodes[used], cells.reshape(-1, 20) + 1, sorted(stopped), number[touch].tolist())
+        hz, motions = _ccx(deck)
         found.append(hz)
         dofs += 3 * len(used) - len(stopped)
         if touch:
@@ -192,12 +185,32 @@ def calculix(task: dict[str, Any]) -> dict[str, Any]:
     return {"frequencies_hz": found, "dofs": dofs, "strengths": strengths, "seconds": seconds() - start}
 
 
+def _deck(
+    task: dict[str, Any], nodes: FloatArray, cells: IntArray, stopped: list[tuple[int, int]], probed: list[int]
+) -> str:
+    """The input file: mesh, material, what is held, one frequency step, the motions of the nodes probed."""
+    own = task["settings"]
+    lines = ["*NODE, NSET=NALL"]
+    lines += [f"{i}, {x:.12e}, {y:.12e}, {z:.12e}" for i, (x, y, z) in enumerate(nodes, start=1)]
+    lines += [f"*ELEMENT, TYPE={own['element']}, ELSET=EALL"]
+    for i, cell in enumerate(cells, start=1):
+        lines += [f"{i}, " + ", ".join(map(str, cell[:15])) + ",", ", ".join(map(str, cell[15:]))]
+    lines += ["*MATERIAL, NAME=BODY", "*ELASTIC", f"{task['young_pa']:.12g}, {task['poisson']:.12g}"]
+    lines += ["*DENSITY", f"{task['density_kg_m3']:.12g}", "*SOLID SECTION, ELSET=EALL, MATERIAL=BODY"]
+    lines += ["*BOUNDARY", *(f"{n}, {axis + 1}" for n, axis in stopped)]
+    lines += ["*NSET, NSET=PROBED", *(f"{n}," for n in probed)] if probed else []
+    lines += ["*STEP", "*FREQUENCY", str(own["lowest"] or task["count"])]
+    lines += ["*NODE PRINT, NSET=PROBED", "U"] if probed else []
+    return "\n".join([*lines, "*END STEP", ""])
+
+
 def _weights(points: FloatArray) -> FloatArray:
-    """Areas that nodes stand for: half the way to their neighbours among the lines of nodes."""
+    """Areas that the nodes of a grid stand for, by the trapezoidal rule."""
     weights = np.ones(len(points))
     for axis in (0, 1):
         lines, place = np.unique(np.round(points[:, axis], 9), return_inverse=True)
-        weights *= np.gradient(lines)[place]
+        spans = np.diff(lines)
+        weights *= ((np.append(spans, 0.0) + np.append(0.0, spans)) / 2.0)[place]
     return weights
 
 

@@ -13,6 +13,7 @@ from studies.benchmarks.peers.scene import KEPT, PARTS, merged
 
 SLOWEST = 1e-3  # of the highest frequency: slower waves are rigid-body modes
 TARGETS = (0.01, 0.003, 0.001)
+WINDOW = 0.1  # about the reference, relative: where a plate's wanted mode is looked for
 LEAST = 1e-6  # errors below are drawn here
 ZONE_MODE = 8  # the mode (0, 8) among the zone's: each has one line more than the one below it
 
@@ -34,8 +35,6 @@ class Found:
         """The frequencies that are compared, in an order that all programs share."""
         if self.part == "cell":
             return np.sort(np.array(self.frequencies_hz), axis=1).ravel()
-        if self.strengths:
-            return np.array([self.frequencies_hz[0][int(np.argmax(self.strengths))]])
         return np.array(merged(self.frequencies_hz, KEPT.get(self.part)))
 
 
@@ -47,8 +46,17 @@ def error(found: Found, reference: Found) -> float:
 
 def _errors(found: Found, reference: Found) -> np.ndarray:
     known = reference.compared_hz
+    if found.strengths:
+        return np.array([_strongest(found, float(known[0])) / known[0] - 1.0])
     moving = known > SLOWEST * known.max()
     return np.asarray(found.compared_hz[moving] / known[moving] - 1.0)
+
+
+def _strongest(found: Found, near_hz: float) -> float:
+    """The frequency of the mode of largest strength in the wanted shape, of those about the reference."""
+    hz = np.array(found.frequencies_hz[0])
+    about = np.abs(hz / near_hz - 1.0) < WINDOW
+    return float(hz[int(np.argmax(np.where(about, found.strengths, -1.0)))])
 
 
 def wanted_error(found: Found, reference: Found) -> float | None:
