@@ -44,7 +44,7 @@ TETRAHEDRA = {  # order, size in mm, levels of elements shrunk towards singular 
     "zone": ((3, 8.0, 1), (3, 4.0, 1), (4, 4.0, 2)),
     "pillar": ((3, 2.0, 1), (4, 2.0, 2), (5, 2.0, 3)),
     "cell": ((3, 2.0, 1), (3, 2.0, 2), (4, 2.0, 2)),
-    "plate": ((3, 4.0, 0), (3, 4.0, 1), (3, 2.0, 1)),
+    "plate": ((3, 4.0, 0), (3, 4.0, 1), (3, 2.0, 1), (4, 4.0, 2)),
 }
 LEAST = {"plate": 2}  # elements across a pillar: with one its bending lies so high that it mixes with the wanted mode
 HEXAHEDRA = {  # size in the plate and along a pillar in mm, layers shrunk towards singular edges
