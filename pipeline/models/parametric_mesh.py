@@ -86,7 +86,7 @@ def off_by(task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
     """
     case, wavevectors, found_hz = task
     try:
-        model = lattice_model(case, cell_model_choice(case), wavevectors, TerminalLog(True), [])
+        model = lattice_model(case, cell_model_choice(case), wavevectors, TerminalLog(True), [], finer=False)
     except SolverError:
         return np.full(found_hz.shape[1], np.nan)
     lattice, count = model.lattice, found_hz.shape[1]

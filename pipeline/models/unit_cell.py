@@ -66,16 +66,17 @@ class LatticeModel:
 
 
 def lattice_model(
-    case: Case, choice: ModelChoice, corners: FloatArray, log: Log, meshes: list[MeshRecord]
+    case: Case, choice: ModelChoice, corners: FloatArray, log: Log, meshes: list[MeshRecord], finer: bool = True
 ) -> LatticeModel:
-    """Reduce the cell so that its bands at the corners (n, 2) of the path meet the accuracy; warn where they do
-    not.
+    """Reduce the cell so that its bands at the corners (n, 2) of the path meet the accuracy; warn where they do not.
+
+    finer: on finer meshes, too, where the first one's error exceeds what is asked for.
     """
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
     edge = choice.edge_m
     reduce = _from_tetrahedra(case.design, edge, log, meshes) if edge else _from_hexahedra(case.design, log)
     reduction, lattice, error, beyond = _good_enough(reduce, reduction, corners, case, log)
-    if edge:
+    if edge or not finer:
         by_mesh = worst_by_the_mesh(lattice, corners, case.bands.count)
     else:
         reduction, lattice, by_mesh = _finer_mesh(reduce, reduction, lattice, error, corners, case, log)
