@@ -80,10 +80,9 @@ class PartModes:
     more_in_mesh: int | None = None
     nearest_hz: float | None = None  # to a band that holds no mode
 
-    @property
-    def highest_hz(self) -> float:
-        """The highest frequency computed, the search for the wanted mode included; 0 without modes."""
-        return max((row.frequency_hz for row in (*self.rows, *(self.wanted.rows if self.wanted else ()))), default=0.0)
+    def told(self, searched: bool) -> tuple[ModeRow, ...]:
+        """The rows, and those that a search for the wanted mode went through: other modes that were solved are nobody's."""
+        return (*self.rows, *(self.wanted.rows if self.wanted and searched else ()))
 
     @property
     def whole_window(self) -> PartModes:
@@ -166,8 +165,8 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
             f"any mode {estimate.worst:.2%} at most"
         )
         warn(estimate.total, case, log)
-    by_mesh = np.concatenate([np.empty(0), *(each.mesh for each in errors.values())])
-    expected = error_bar.log_mesh_error(choice, case, log, largest(by_mesh))
+    by_mesh = [_mesh_error(row, errors) for row in part_modes.told(query.search)]
+    expected = error_bar.log_mesh_error(choice, case, log, largest(np.array(by_mesh, dtype=float)))
     part_modes = replace(part_modes, rows=_with_errors(choice, part_modes, errors))
     return replace(
         part_modes,
@@ -236,7 +235,7 @@ def _within_reach(
     """Solve the modes, and mesh or reduce anew until the model is made for frequencies as high as the modes found."""
     solved = _solved(case, query, choice, log)
     for _ in range(PASSES):
-        highest = solved[0].highest_hz
+        highest = max((row.frequency_hz for row in solved[0].told(query.search)), default=0.0)
         higher = refine_mesh(choice, highest, case, log) or raise_cutoff(choice, highest, log)
         if higher is None:
             break

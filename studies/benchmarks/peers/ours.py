@@ -19,6 +19,7 @@ from studies.ladder import materials
 
 PLATE = ("array.rows=1", "array.extension_mm=5")
 WINDOW_HZ = (34e3, 35.2e3)
+LOWEST_HZ = 1e3  # below all modes: those nearest to it are the lowest
 QUIET = TerminalLog(True)
 
 
@@ -38,7 +39,7 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
         request = Request(part, band_hz=WINDOW_HZ, symmetry="SS")
     else:
         symmetry = given.classes[0] if len(given.classes) == 1 else None
-        request = Request(part, near_hz=0.0, count=KEPT[part], symmetry=symmetry, search=False)
+        request = Request(part, near_hz=LOWEST_HZ, count=KEPT[part], symmetry=symmetry, search=False)
     modes = solve_modes(case, request, QUIET)
     row = modes.wanted.row if modes.wanted else None
     found = [row.frequency_hz] if part == "plate" and row else [each.frequency_hz for each in modes.rows]

@@ -77,3 +77,12 @@ def test_a_rung_that_cannot_be_solved_leaves_what_was_found(monkeypatch: pytest.
     result, log = solved(0.01)
     assert result.rows and "no mesh level higher: the mesh holds no more" in log.facts
     assert "REDUCTION" in log.warnings
+
+
+def test_modes_that_nobody_is_told_ask_for_no_finer_mesh() -> None:
+    """Every class solves as many as are wanted of all together: the highest of them are left out, and their errors, too."""
+    log = RecordingLog()
+    result = modes.solve_modes(case(0.01), Request("zone", near_hz=1e3, count=3, search=False), log)
+    assert len(result.rows) == 3 and not any("meshed again" in fact for fact in log.facts)
+    assert result.wanted and max(row.frequency_hz for row in result.wanted.rows) > 1.5 * result.rows[-1].frequency_hz
+    assert result.expected_error == max(row.error for row in result.rows if row.error is not None)
