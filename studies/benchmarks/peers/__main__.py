@@ -38,7 +38,7 @@ ACCURACIES = {
     "cell": (0.01, 0.003, 0.001),
     "plate": (0.01, 0.003, 0.001),
 }
-LONG = (("plate", 0.001),)  # minutes by SuperLU: not repeated with it
+LONG = (("zone", FINEST), ("plate", 0.001))  # minutes by SuperLU: not repeated with it
 MESHED = {"zone": (7.0, 7.0, 2), "pillar": (1.0, 0.8, 3)}  # references: order 4, mm, mm along a pillar, layers
 TETRAHEDRA = {  # order, size in mm, levels of elements shrunk towards singular edges
     "zone": ((3, 8.0, 1), (3, 4.0, 1), (4, 4.0, 2)),
