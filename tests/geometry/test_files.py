@@ -19,22 +19,20 @@ def write(path: Path | str, data: bytes = b"new") -> None:
 
 
 @pytest.fixture
-def reader(tmp_path: Path) -> Iterator[tuple[Path, list[bytes]]]:
+def reader(tmp_path: Path) -> Iterator[tuple[Path, list[bytes], threading.Thread]]:
     """A FIFO, and what is read from it until its writer closes it."""
     fifo, read = tmp_path / "fifo", []
     os.mkfifo(fifo)
     thread = threading.Thread(target=lambda: read.append(fifo.read_bytes()), daemon=True)
     thread.start()
-    yield fifo, read
+    yield fifo, read, thread
     thread.join(timeout=20)
 
 
-def test_a_fifo_is_written_through(reader: tuple[Path, list[bytes]]) -> None:
-    fifo, read = reader
+def test_a_fifo_is_written_through(reader: tuple[Path, list[bytes], threading.Thread]) -> None:
+    fifo, read, thread = reader
     write(fifo)
-    for thread in threading.enumerate():
-        if thread.daemon and thread is not threading.current_thread():
-            thread.join(timeout=20)
+    thread.join(timeout=20)
     assert read == [b"new"] and stat.S_ISFIFO(fifo.stat().st_mode)
     assert [path.name for path in fifo.parent.iterdir()] == ["fifo"]
 

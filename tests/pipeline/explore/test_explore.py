@@ -142,7 +142,7 @@ def test_the_mesh_of_the_small_model_is_off_by_what_its_table_says(explorer: Exp
     found = bands(cell, bases, sizes).frequency_hz[at]
     case = parametric_mesh.with_sizes(explorer.scene.case, sizes, 0.03, 10)
     off = parametric_mesh.off_by((case, bases.fractions[at] * np.pi / sizes[3], found))
-    assert off.shape == (10,) and (off > 1e-4).all() and off.max() < 0.05
+    assert off.shape == (10,) and (off > 1e-4).all() and off.max() < 0.1
     worse = parametric_mesh.off_by((case, bases.fractions[at] * np.pi / sizes[3], 1.05 * found))
     assert (worse > off).all() and worse.max() == pytest.approx(off.max() + 0.05, abs=0.02)
 
