@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 
 import numpy as np
 
 from geometry.elements import FloatArray
 from pipeline.analysis import wanted_search
+from pipeline.analysis.coarse_modes import CoarseModes, coarse_modes
 from pipeline.analysis.mode_rows import ModeRow, mode_rows
 from pipeline.analysis.predesign import short_wave
 from pipeline.analysis.wanted_search import Wanted
@@ -233,30 +235,32 @@ def _within_reach(
     case: Case, query: Request, choice: ModelChoice, log: Log
 ) -> tuple[tuple[PartModes, dict[str | None, ModeErrors]], ModelChoice]:
     """Solve the modes, and mesh or reduce anew until the model is made for frequencies as high as the modes found."""
-    solved = _solved(case, query, choice, log)
+    coarse = coarse_modes(case, query, choice)
+    choice = (coarse and refine_mesh(choice, coarse.highest_hz, case, log)) or choice
+    solved = _solved(case, query, choice, log, coarse)
     for _ in range(PASSES):
         highest = max((row.frequency_hz for row in solved[0].told(query.search)), default=0.0)
         higher = refine_mesh(choice, highest, case, log) or raise_cutoff(choice, highest, log)
         if higher is None:
             break
-        solved, choice = _solved(case, query, higher, log), higher
+        solved, choice = _solved(case, query, higher, log, coarse), higher
     return solved, choice
 
 
 def _solved(
-    case: Case, query: Request, choice: ModelChoice, log: Log
+    case: Case, query: Request, choice: ModelChoice, log: Log, coarse: CoarseModes | None = None
 ) -> tuple[PartModes, dict[str | None, ModeErrors]]:
     """Solve the modes by one model choice, with the wanted one among them and the reduction's errors class by
-    class.
+    class. What a coarse mesh told of them saves modes that another class's nearer ones put out.
     """
     meshes: list[MeshRecord] = []
     model = parts.built(case, choice, log, meshes)
     told_by = parts.mesh_told_by(case, choice, model)
     demand = foresight.of_modes(case, choice, with_search(case, query))
 
-    def solved(symmetry: str | None) -> _Class:
+    def solved(symmetry: str | None, count: int | None = query.count) -> _Class:
         one = _Class(case, query.part, model, symmetry, log)
-        one.ask(query)
+        one.ask(replace(query, count=count))
         if symmetry in (None, wanted_symmetry(case.design.nodal_lines)):
             one.wanted = _wanted(case, query, one)
         if told_by:
@@ -264,7 +268,13 @@ def _solved(
         one.let_go()
         return one
 
-    each = side_by_side(solved, _classes(model, query.symmetry), demand.cost.peak.bytes)
+    def few(symmetry: str | None) -> _Class:
+        return solved(symmetry, coarse.counts[symmetry] if coarse else query.count)
+
+    each = side_by_side(few, _classes(model, query.symmetry), demand.cost.peak.bytes)
+    if coarse:
+        farthest = _farthest(query, each)
+        each = [one if _reach(query.near_hz, one.count) > farthest else solved(one.symmetry) for one in each]
     classes = {one.symmetry: one for one in each}
     errors = {one.symmetry: one.errors for one in each if one.errors}
     rows, count = _merged(query, classes)
@@ -449,10 +459,24 @@ def _merged(query: Request, classes: dict[str | None, _Class]) -> tuple[list[Mod
     return _nearest(rows, query, count) if query.count is not None and not query.band_hz else (rows, count)
 
 
+def _farthest(query: Request, classes: list[_Class]) -> float:
+    """How far the last of the `count` modes nearest to a frequency lies from it, Hz; infinite where there are fewer."""
+    assert query.near_hz is not None and query.count is not None
+    away = sorted(abs(row.frequency_hz - query.near_hz) for one in classes for row in one.rows)
+    return away[query.count - 1] if len(away) >= query.count else inf
+
+
+def _reach(near_hz: float | None, count: Count) -> float:
+    """How far from a frequency all modes are known, Hz."""
+    assert near_hz is not None
+    above = count.high_hz - near_hz
+    return min(above, near_hz - count.low_hz) if count.low_hz > 0.0 else above
+
+
 def _nearest(rows: list[ModeRow], query: Request, count: Count) -> tuple[list[ModeRow], Count]:
     """Keep the `count` modes nearest to the frequency over all classes, and degenerate partners of the last one.
 
-    Every class is complete in its own, wider interval, so the common one is complete too.
+    Every class is complete in its own interval, so the common one, of which no more is told, is complete too.
     """
     assert query.near_hz is not None and query.count is not None
     near = query.near_hz
@@ -463,7 +487,8 @@ def _nearest(rows: list[ModeRow], query: Request, count: Count) -> tuple[list[Mo
     kept = ordered[:size]
     inner = abs(kept[-1].frequency_hz - near) if kept else 0.0
     outer = abs(ordered[size].frequency_hz - near) if size < len(ordered) else None
-    reach = (inner + outer) / 2.0 if outer is not None else count.high_hz - near
+    known = _reach(near, count)
+    reach = min((inner + outer) / 2.0, known) if outer is not None else known
     low, high = max(near - reach, 0.0), near + reach
     missing = count.expected - count.found
     return sorted(kept, key=_place), Count(low, high, size + missing, size)

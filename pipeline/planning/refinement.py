@@ -105,7 +105,7 @@ def refine_mesh(choice: ModelChoice, highest_hz: float, case: Case, log: Log) ->
     if error is None or error <= case.solve.accuracy:
         return None
     log.info(
-        f"modes up to {khz(highest_hz)}: expected error {error:.2%} on elements for {khz(choice.good_to_hz)}, meshed again"
+        f"modes up to {khz(highest_hz)}: expected error {error:.2%} on elements for {khz(choice.good_to_hz)}: finer ones"
     )
     return model_choice_of(case, choice.part, highest_hz)
 

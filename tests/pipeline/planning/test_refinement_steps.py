@@ -83,6 +83,6 @@ def test_modes_that_nobody_is_told_ask_for_no_finer_mesh() -> None:
     """Every class solves as many as are wanted of all together: the highest of them are left out, and their errors, too."""
     log = RecordingLog()
     result = modes.solve_modes(case(0.01), Request("zone", near_hz=1e3, count=3, search=False), log)
-    assert len(result.rows) == 3 and not any("meshed again" in fact for fact in log.facts)
+    assert len(result.rows) == 3 and not any("finer ones" in fact for fact in log.facts)
     assert result.wanted and max(row.frequency_hz for row in result.wanted.rows) > 1.5 * result.rows[-1].frequency_hz
     assert result.expected_error == max(row.error for row in result.rows if row.error is not None)
