@@ -96,3 +96,15 @@ class TerminalLog:
     def _say(self, text: str) -> None:
         if not self.quiet:
             print(f"[{self.elapsed:7.2f} s] {text}", file=sys.stderr)
+
+
+class WarningLog(TerminalLog):
+    """A log that keeps warnings and discards progress, where many solves stand behind one answer."""
+
+    def __init__(self) -> None:
+        super().__init__(quiet=True)
+        self.warnings: list[tuple[str, str]] = []
+
+    def warning(self, id: str, text: str) -> None:
+        """Kept for who asks."""
+        self.warnings.append((id, text))

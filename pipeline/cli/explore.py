@@ -17,7 +17,9 @@ def add(commands: Any, command: Any) -> None:
     """The options of the command; `command` makes a sub-parser with the options that all have."""
     text = "a page on which a design is dragged: bands, gap, decay and confinement follow at once"
     explore = command(commands, "explore", text, "explore studies/three-rows.toml", "pipeline.cli.explore:run")
-    explore.add_argument("case", metavar="CASE", help="case file (TOML) with a square pillar")
+    explore.add_argument(
+        "case", metavar="CASE", help="case file (TOML) with square, round, tapered or cross-shaped pillars"
+    )
     explore.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="override a key for every design"
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +16,7 @@ from pipeline.case.overrides import apply_overrides, parse_override
 from pipeline.errors import InputError
 from pipeline.models.live_column import LiveCell, live_modes
 from pipeline.models.parametric import CellModel
+from pipeline.models.parametric_mesh import sizes_of
 from pipeline.planning import mesh_rules
 from pipeline.search.fidelity import COLUMN, SLACK
 from pipeline.search.limits import mass_kg
@@ -32,14 +33,29 @@ from solvers.waves.polarisation import label_of
 POINTS = 25  # frequencies of the decay per row
 STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve the wave
 PROFILE = 121  # places across the plate
-LIMITS: dict[str, tuple[str, str, float, float, float]] = {
-    "height": ("pillar.height_mm", "mm", 4.0, 9.0, 0.05),
-    "side": ("pillar.side_mm", "mm", 1.0, 3.0, 0.05),
-    "pitch": ("array.pitch_mm", "mm", 3.0, 8.0, 0.05),
-    "thickness": ("plate.thickness_mm", "mm", 1.0, 3.0, 0.05),
-    "rows": ("array.rows", "", 0.0, 8.0, 1.0),
-    "extension": ("array.extension_mm", "mm", 0.0, 40.0, 0.5),
-}  # a slider each: key of the case file, unit, ends, step
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A slider: key of the case file, what it is called, unit, ends and step."""
+
+    key: str
+    word: str
+    unit: str
+    low: float
+    high: float
+    step: float
+
+
+LIMITS = {
+    "height": Limit("pillar.height_mm", "Pillar height", "mm", 4.0, 9.0, 0.05),
+    "side": Limit("pillar.side_mm", "Pillar side", "mm", 1.0, 3.0, 0.05),
+    "pitch": Limit("array.pitch_mm", "Pitch", "mm", 3.0, 8.0, 0.05),
+    "thickness": Limit("plate.thickness_mm", "Plate thickness", "mm", 1.0, 3.0, 0.05),
+    "rows": Limit("array.rows", "Rows a side", "", 0.0, 8.0, 1.0),
+    "extension": Limit("array.extension_mm", "Extension", "mm", 0.0, 40.0, 0.5),
+}
+WIDTHS = {"round": "Pillar diameter", "tapered": "Pillar side at the foot", "cross": "Pillar width"}
 CLOUD = 2000  # designs of the Pareto picture
 BATCH = 6  # of them a question: a drag waits no longer
 Document = dict[str, Any]
@@ -53,10 +69,28 @@ class Scene:
     raw: dict[str, Any]
     fixed: tuple[str, ...]
 
+    @property
+    def limits(self) -> dict[str, Limit]:
+        """The sliders of the scene's shape of pillars."""
+        pillar = self.case.design.pillar
+        assert pillar is not None
+        side = replace(LIMITS["side"], key=f"pillar.{pillar.form.keys[0]}")
+        return LIMITS | {"side": replace(side, word=WIDTHS.get(pillar.shape, side.word))}
+
+    @property
+    def following(self) -> dict[str, float]:
+        """Further keys of the pillar's shape, each so many times its width."""
+        pillar = self.case.design.pillar
+        assert pillar is not None
+        lengths = {"pillar.tip_mm": pillar.tip_m} | {f"pillar.{name}m": size for name, size in pillar.more_m}
+        named = {key: f"pillar.{key}" for key in pillar.form.keys[1:]}
+        return {key: lengths[key] / pillar.base_m for key in named.values()}
+
     def overrides(self, design: dict[str, float]) -> list[tuple[str, Any]]:
         """The keys and values that make a design of the page."""
         values = {name: int(value) if name == "rows" else value for name, value in design.items()}
-        return [(LIMITS[name][0], value) for name, value in values.items()]
+        own = [(self.limits[name].key, value) for name, value in values.items()]
+        return own + [(key, float(f"{ratio * design['side']:.12g}")) for key, ratio in self.following.items()]
 
     def at(self, design: dict[str, float]) -> Case:
         """The case of a design. InputError, a line a fault."""
@@ -74,15 +108,13 @@ class Scene:
         """The case file with "@NAME@" in the place of each number of a design."""
         import tomli_w
 
-        places = [(LIMITS[name][0], f"@{name}@") for name in LIMITS]
+        places = [(limit.key, f"@{name}@") for name, limit in self.limits.items()]
+        places += [(key, f"@{key}@") for key in self.following]
         return tomli_w.dumps(apply_overrides(self.raw, [*(parse_override(text) for text in self.fixed), *places]))
 
     def document(self) -> Document:
         """What the page starts with: the case's name, the sliders, the file's own design."""
-        limits = {
-            name: {"key": key, "unit": unit, "low": low, "high": high, "step": step}
-            for name, (key, unit, low, high, step) in LIMITS.items()
-        }
+        limits = {name: asdict(limit) for name, limit in self.limits.items()}
         return {"name": self.case.name, "limits": limits, "design": self.own()}
 
     def own(self) -> dict[str, float]:
@@ -95,13 +127,13 @@ class Scene:
         return {name: own[name] for name in LIMITS}
 
 
-def read_design(given: Any) -> dict[str, float]:
-    """A design as the page sends it: a number for every name of LIMITS. InputError, a line a fault, for anything else."""
-    if not isinstance(given, dict) or set(given) != set(LIMITS):
-        raise InputError(f"a design has the numbers {', '.join(LIMITS)} and nothing else")
+def read_design(given: Any, limits: dict[str, Limit] = LIMITS) -> dict[str, float]:
+    """A design as the page sends it: a number for every slider. InputError, a line a fault, for anything else."""
+    if not isinstance(given, dict) or set(given) != set(limits):
+        raise InputError(f"a design has the numbers {', '.join(limits)} and nothing else")
     said = []
     for name, value in given.items():
-        key, unit, low, high, _ = LIMITS[name]
+        key, unit, low, high = limits[name].key, limits[name].unit, limits[name].low, limits[name].high
         good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
         if not good:
             said.append(f"{key} must be a number")
@@ -111,7 +143,7 @@ def read_design(given: Any) -> dict[str, float]:
             said.append(f"{key} = {value:g}: must be a whole number")
     if said:
         raise InputError(said)
-    return {name: float(given[name]) for name in LIMITS}
+    return {name: float(given[name]) for name in limits}
 
 
 class Explorer:
@@ -130,7 +162,7 @@ class Explorer:
         """The same of a case; `given` is what the page called it."""
         design = case.design
         assert design.pillar is not None
-        sizes = (design.thickness_m, design.pillar.height_m, design.pillar.base_m, design.pitch_x_m)
+        sizes = sizes_of(design)
         faults = self.model.cell.box.faults(sizes)
         if faults:
             raise InputError(faults)
@@ -155,7 +187,7 @@ class Explorer:
         for number, (one, other) in enumerate(unit):
             values = {name: 1e3 * own[number] for name, own in sizes.items()}
             values |= {"rows": 1.0 + np.floor(5.0 * one), "extension": 5.0 + 30.0 * other}
-            stepped = {name: round(round(values[name] / LIMITS[name][4]) * LIMITS[name][4], 6) for name in LIMITS}
+            stepped = {name: round(round(values[name] / limit.step) * limit.step, 6) for name, limit in LIMITS.items()}
             if not box.faults((MM * stepped["thickness"], *(MM * stepped[name] for name in NAMES[1:]))):
                 designs.append(stepped)
         return designs

@@ -89,6 +89,8 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "pillar_density": design.pillar.material.density_kg_m3 if design.pillar else 0.0,
         "reference": cell.reference,
         "angular": cell.scale.angular,
+        "following": scene.following,
+        "foot": {"reach": box.foot.reach, "widest": box.foot.widest, "volume": box.foot.volume},
         "box": {"names": NAMES, "low": box.low, "high": box.high, "clearance": box.clearance_m},
         "stiffness_exponents": cell.stiffness_exponents.tolist(),
         "mass_exponents": cell.mass_exponents.tolist(),

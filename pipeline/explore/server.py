@@ -117,7 +117,7 @@ class Server:
         return web.json_response(self.explorer.scene.document())
 
     async def _answer(self, request: web.Request) -> web.StreamResponse:
-        design = read_design(await _json(request))
+        design = read_design(await _json(request), self.explorer.scene.limits)
         found = await asyncio.get_running_loop().run_in_executor(self._live, self.explorer.answer, design)
         return web.json_response(found, dumps=_dumps)
 
@@ -131,12 +131,14 @@ class Server:
         return web.json_response(found, dumps=_dumps)
 
     async def _case(self, request: web.Request) -> web.StreamResponse:
-        return web.Response(text=self.explorer.scene.toml(read_design(await _json(request))))
+        return web.Response(
+            text=self.explorer.scene.toml(read_design(await _json(request), self.explorer.scene.limits))
+        )
 
     async def _start(self, request: web.Request) -> web.StreamResponse:
         given = await _json(request)
         near = given.pop("near_hz", None) if isinstance(given, dict) else None
-        design = read_design(given)
+        design = read_design(given, self.explorer.scene.limits)
         if near is not None and not (isinstance(near, int | float) and 0.0 < near < 1e9):
             raise InputError("near_hz must be a frequency in Hz")
         if self._progress and self._progress.running:

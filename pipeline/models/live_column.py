@@ -6,6 +6,7 @@ from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings, Panel
 from geometry.layout import Design
 from pipeline.case.model import Case
+from solvers.errors import SolverError
 from solvers.measures.confinement import Profile
 from solvers.parametric.affine import Sizes
 from solvers.parametric.bare import bare_cell
@@ -55,9 +56,11 @@ class LiveReductions(Reductions):
         width, depth = (high - low for low, high in zip(panel.low, panel.high, strict=True))
         if panel.foot is None:
             return bare_cell((width, depth, self.thickness_m), self.material, FACE)
-        if panel.free or abs(width - depth) > 1e-9 or panel.halved != (0, 1):
-            return super().cell(panel)
         assert self.pillar is not None
+        if panel.free or abs(width - depth) > 1e-9 or panel.halved != (0, 1):
+            if not self.pillar.is_made_of_boxes:
+                raise SolverError(f"a row's cell is cut: no live answer for {self.pillar.shape} pillars there")
+            return super().cell(panel)
         return self.live.at((self.thickness_m, self.pillar.height_m, self.pillar.base_m, width))
 
 

@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import zipfile
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -19,14 +19,15 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
-from pipeline.models.parametric_mesh import MeshTable, mesh_table
+from pipeline.models.parametric_mesh import MeshTable, mesh_table, sizes_of
 from pipeline.paths import RESULTS
 from pipeline.workers import LocalWorkers
 from solvers.fem.assembly import Scale
-from solvers.parametric.affine import AffineCell, DesignBox, FixedMesh, Sizes, as_sizes, between
+from solvers.parametric.affine import AffineCell, DesignBox, Sizes, as_sizes, between
 from solvers.parametric.bands import BandBases, band_bases, own_error, rich_sectors
 from solvers.parametric.cell import ParametricCell, parametric_cell
 from solvers.parametric.compressed import compressed
+from solvers.parametric.foot import FixedMesh, Foot, foot_of
 from solvers.parametric.reduced_block import ReducedBlock
 from solvers.parametric.sectors import Sector
 from solvers.superelement.interface import Interface
@@ -67,22 +68,32 @@ class CellModel:
         return self.mesh.at(sizes) if self.mesh else None
 
 
-def require_square(case: Case) -> None:
-    """InputError, a line each, for a case whose cell the model cannot follow."""
+def require_foot(case: Case) -> Foot:
+    """The pillar's section. InputError, a line each, for a case whose cell the model cannot follow."""
     design, said = case.design, []
-    if design.pillar is None or not design.pillar.is_square_prism or design.pillar.faces == 2:
-        known = "pillar.shape must be square, without fillet and heavy tip and on the back alone, for explore"
-        said.append(f"{case.name}: {known}: its bases are made of boxes")
+    foot = foot_of(design.pillar) if design.pillar else None
+    if foot is None:
+        known = "square, round, tapered or cross, without fillet and heavy tip and on the back alone"
+        said.append(
+            f"{case.name}: pillar.shape must be {known}, for explore: one mesh is stretched along x and y alike"
+        )
     if design.pillar is not None and design.pitch_x_m != design.pitch_y_m:
         said.append(f"{case.name}: array.pitch_x_mm and pitch_y_mm must be equal for explore")
-    if said:
+    if foot is None or said:
         raise InputError(said)
     case.require_lattice("explore is")
+    return foot
+
+
+def _for_foot(offline: Offline, foot: Foot) -> Offline:
+    """The same for another section: a cross has edges enough for one layer each."""
+    mesh = replace(offline.mesh, layers=min(offline.mesh.layers, 1)) if foot.arm < 1.0 else offline.mesh
+    return replace(offline, box=replace(offline.box, foot=foot), mesh=mesh)
 
 
 def cell_model(case: Case, log: Log, offline: Offline | None = None) -> CellModel:
     """The model of a case's materials: taken from the cache, or made now. InputError for a cell that it cannot follow."""
-    offline = offline or Offline()
+    offline = _for_foot(offline or Offline(), require_foot(case))
     kept = kept_model(case, offline)
     if kept is not None:
         log.info("parametric cell taken from the cache")
@@ -94,8 +105,7 @@ def cell_model(case: Case, log: Log, offline: Offline | None = None) -> CellMode
 
 def kept_model(case: Case, offline: Offline | None = None) -> CellModel | None:
     """The model of a case's materials where the cache has it. InputError for a cell that it cannot follow."""
-    require_square(case)
-    offline = offline or Offline()
+    offline = _for_foot(offline or Offline(), require_foot(case))
     return CellModelCache().get_model(_key(_materials(case), offline), offline)
 
 
@@ -104,12 +114,10 @@ def kept_cell(case: Case) -> ParametricCell | None:
     where it must be meshed.
     """
     try:
-        require_square(case)
+        foot = require_foot(case)
     except InputError:
         return None
-    model, design, pillar = _loaded(_materials(case)), case.design, case.design.pillar
-    assert pillar is not None
-    sizes = (design.thickness_m, pillar.height_m, pillar.base_m, design.pitch_x_m)
+    model, sizes = _loaded(_materials(case), foot), sizes_of(case.design)
     if model is None or model.cell.box.faults(sizes):
         return None
     by_mesh = model.by_mesh(sizes)
@@ -117,8 +125,8 @@ def kept_cell(case: Case) -> ParametricCell | None:
 
 
 @lru_cache(maxsize=2)
-def _loaded(materials: tuple[Material, Material]) -> CellModel | None:
-    offline = Offline()
+def _loaded(materials: tuple[Material, Material], foot: Foot) -> CellModel | None:
+    offline = _for_foot(Offline(), foot)
     return CellModelCache().get_model(_key(materials, offline), offline)
 
 
@@ -149,7 +157,7 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
     if not offline.judged:
         return CellModel(cell, bases)
     with log.step("compare the box's corners with meshes of their own"), _mapped(offline) as apply:
-        mesh = mesh_table(case, cell, bases, unseen, apply)
+        mesh = mesh_table(case, cell, bases, unseen, offline.mesh, apply)
     if mesh:
         worst, middle = mesh.margin * mesh.corners.max(), mesh.at(box.middle).max()
         log.info(f"the mesh puts a band off by {worst:.2%} in the worst corner and {middle:.2%} in the middle, at most")

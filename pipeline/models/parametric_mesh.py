@@ -8,20 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from typing import Any
 
 import numpy as np
 
 from geometry.elements import FloatArray
+from geometry.hex.boxes import HexSettings
+from geometry.layout import Design
 from pipeline.case.model import Case
-from pipeline.logs import TerminalLog
-from pipeline.models.unit_cell import lattice_model
+from pipeline.logs import WarningLog
+from pipeline.models.unit_cell import LatticeModel, lattice_model, lattice_of_mesh
 from pipeline.planning.model_choice import cell_model_choice
 from solvers.errors import SolverError
+from solvers.fem.coarser import rim_shares
 from solvers.parametric.affine import DesignBox, Sizes
 from solvers.parametric.bands import FLAT, BandBases, bands
 from solvers.parametric.cell import ParametricCell
+from solvers.parametric.foot import FixedMesh, foot_of, quarter_mesh
 from solvers.superelement.lattice_error import mesh_error
 
 ACCURACY = 0.005  # of the plain reductions; what they may be off by is added
@@ -52,14 +57,16 @@ def with_sizes(case: Case, sizes: Sizes, accuracy: float, count: int) -> Case:
     """The case with another cell, so many of its bands to be had within an accuracy."""
     design, (t, h, a, p) = case.design, sizes
     assert design.pillar is not None
-    pillar = replace(design.pillar, base_m=a, tip_m=a, height_m=h)
+    grown = a / design.pillar.base_m
+    more = tuple((name, grown * size) for name, size in design.pillar.more_m)
+    pillar = replace(design.pillar, base_m=a, tip_m=grown * design.pillar.tip_m, height_m=h, more_m=more)
     design = replace(design, thickness_m=t, pillar=pillar, pitch_x_m=p, pitch_y_m=p)
     solve = replace(case.solve, accuracy=accuracy, model="auto", mesh="auto")
     return replace(case, design=design, solve=solve, bands=replace(case.bands, count=count))
 
 
 def mesh_table(
-    case: Case, cell: ParametricCell, bases: BandBases, between: list[Sizes], apply: Map
+    case: Case, cell: ParametricCell, bases: BandBases, between: list[Sizes], mesh: FixedMesh, apply: Map
 ) -> MeshTable | None:
     """Compare the bands of corner designs, and of some between them, with plain reductions on meshes of their own.
 
@@ -71,7 +78,9 @@ def mesh_table(
         for sizes in (*cell.box.spread(0), *between)
         for found in [bands(cell, bases, sizes).frequency_hz[at]]
     ]
-    off = np.maximum(np.array(list(apply(off_by, tasks))), LEAST)
+    boxes = case.design.pillar is not None and case.design.pillar.is_made_of_boxes
+    compare = off_by if boxes else partial(off_finer, mesh)
+    off = np.maximum(np.array(list(apply(compare, tasks))), LEAST)
     if np.isnan(off).any():
         return None
     table = MeshTable(cell.box, off[: 2**4], 1.0)
@@ -86,7 +95,7 @@ def off_by(task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
     """
     case, wavevectors, found_hz = task
     try:
-        model = lattice_model(case, cell_model_choice(case), wavevectors, TerminalLog(True), [], finer=False)
+        model = lattice_model(case, cell_model_choice(case), wavevectors, WarningLog(), [], finer=False)
     except SolverError:
         return np.full(found_hz.shape[1], np.nan)
     lattice, count = model.lattice, found_hz.shape[1]
@@ -98,3 +107,50 @@ def off_by(task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
         difference = np.abs(found / np.where(moving, waves.frequency_hz, 1.0) - 1.0) + bar
         worst = np.maximum(worst, np.where(moving, difference, LEAST))
     return worst
+
+
+def off_finer(mesh: FixedMesh, task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
+    """The same where no mesh of boxes follows the pillar: from the topology with a layer and an element beside it more.
+
+    What that one misses in turn is told by the bands themselves, which lack the layer, and by a mesh of an order less.
+    """
+    case, wavevectors, found_hz = task
+    pillar, fine = case.design.pillar, replace(mesh, layers=mesh.layers + 1, beside=mesh.beside + 1)
+    assert pillar is not None
+    try:
+        (hz, truncated), (lower, _) = (
+            _frequencies(case, own, wavevectors, found_hz.shape[1])
+            for own in (fine, replace(fine, order=fine.order - 1))
+        )
+    except SolverError:
+        return np.full(found_hz.shape[1], np.nan)
+    moving = hz > FLAT * hz[:, -1:]
+    layer, order = (np.where(moving, other / np.where(moving, hz, 1.0) - 1.0, 0.0) for other in (found_hz, lower))
+    settings = HexSettings(fine.order, layers=fine.layers, factor=fine.factor)
+    shares = rim_shares(case.design.material, pillar.material, settings)
+    left = (1.0 + shares.taken) * np.abs(layer) + shares.half_width(layer, order)
+    return np.asarray(np.where(moving, left + truncated, LEAST).max(axis=0))
+
+
+def _frequencies(case: Case, mesh: FixedMesh, wavevectors: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Bands of a design meshed for itself at wavevectors (k, 2), Hz, and the half-widths of their bars by truncation."""
+    model = meshed_alone(case, mesh, wavevectors)
+    solved = [model.lattice.waves(k, count) for k in wavevectors]
+    return np.array([waves.frequency_hz for waves in solved]), model.truncation(solved, count)
+
+
+def meshed_alone(case: Case, mesh: FixedMesh, wavevectors: FloatArray) -> LatticeModel:
+    """A design's cell on a topology of the parametric cell, reduced for itself so that waves at wavevectors (k, 2) meet the
+    accuracy by truncation.
+    """
+    pillar = case.design.pillar
+    foot = foot_of(pillar) if pillar else None
+    assert foot is not None
+    own, _ = quarter_mesh(foot, sizes_of(case.design), mesh)
+    return lattice_of_mesh(case, own, (0, 1), wavevectors, WarningLog())
+
+
+def sizes_of(design: Design) -> Sizes:
+    """Thickness, height, width of the foot and pitch of a design with a pillar, m."""
+    assert design.pillar is not None
+    return design.thickness_m, design.pillar.height_m, design.pillar.base_m, design.pitch_x_m

@@ -12,6 +12,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings
 from geometry.layout import Design, Pillar
+from geometry.mesh import Mesh
 from geometry.pillar_shapes.square import Square
 from pipeline.case.model import Case
 from pipeline.logs import Log
@@ -84,6 +85,16 @@ def lattice_model(
     return LatticeModel(name, lattice, error, beyond, by_mesh)
 
 
+def lattice_of_mesh(case: Case, mesh: Mesh, halved: tuple[int, ...], corners: FloatArray, log: Log) -> LatticeModel:
+    """Reduce a mesh of the cell so that its bands at the corners (n, 2) meet the accuracy by truncation; nothing tells of the
+    mesh. `halved` lists the axes meshed on their positive side only.
+    """
+    design = case.design
+    reduction = mesh_rules.lattice_reduction(design, case.solve.accuracy)
+    _, lattice, error, beyond = _good_enough(_from_mesh(design, mesh, halved, log), reduction, corners, case, log)
+    return LatticeModel(f"{SUPERELEMENT} {mesh.kind}{mesh.order}", lattice, error, beyond, None)
+
+
 def _finer_mesh(
     reduce: Reduce,
     reduction: ReductionSettings,
@@ -134,7 +145,10 @@ def _from_hexahedra(design: Design, log: Log) -> Reduce:
 def _from_tetrahedra(design: Design, edge_m: float, log: Log, meshes: list[MeshRecord]) -> Reduce:
     mesh, halved = tet_cell(design, edge_m, log)
     meshes.append(mesh_record("cell", mesh))
+    return _from_mesh(design, mesh, halved, log)
 
+
+def _from_mesh(design: Design, mesh: Mesh, halved: tuple[int, ...], log: Log) -> Reduce:
     def reduce(reduction: ReductionSettings) -> Cell:
         reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, None, lambda panel: mesh)
         with log.step("reduce the cell"):

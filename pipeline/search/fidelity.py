@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.errors import InputError
-from pipeline.logs import TerminalLog
+from pipeline.logs import WarningLog
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.planning.request import Request, of_case, with_defaults
@@ -271,18 +271,6 @@ def _about(near_hz: float) -> tuple[float, float]:
 
 def _outwards(low: float, high: float) -> tuple[float, float]:
     return GRID_HZ * floor(low / GRID_HZ), GRID_HZ * ceil(high / GRID_HZ)
-
-
-class WarningLog(TerminalLog):
-    """A log that keeps warnings and discards progress: a search reports designs, not how each was solved."""
-
-    def __init__(self) -> None:
-        super().__init__(quiet=True)
-        self.warnings: list[tuple[str, str]] = []
-
-    def warning(self, id: str, text: str) -> None:
-        """Kept: warnings of the best design are reported at the end."""
-        self.warnings.append((id, text))
 
 
 class EvaluationCache:

@@ -161,12 +161,13 @@ class _Geometry:
     def stiffness(self, tensor: FloatArray, i: int, j: int) -> FloatArray:
         """The (i, j) components of every element's stiffness, shape (e, k k)."""
         coupling = tensor[..., i, :, j, :]
-        out = np.empty((len(self.mesh.cells), self.count**2))
+        out = np.zeros((len(self.mesh.cells), self.count**2))
         local = coupling[self.affine] if coupling.ndim == 3 else coupling
         metric = self._metric(local)
         out[self.affine] = metric.reshape(len(self.affine), 9) @ self.reference_stiffness
-        if len(self.curved):
-            out[self.curved] = self._curved_stiffness(coupling)
+        curved = self.curved[coupling[self.curved].any(axis=(1, 2))] if coupling.ndim == 3 else self.curved
+        if len(curved):
+            out[curved] = self._curved_stiffness(coupling, curved)
         return out
 
     def _metric(self, coupling: FloatArray) -> FloatArray:
@@ -174,11 +175,11 @@ class _Geometry:
         left = self.inverse @ coupling
         return np.asarray((left @ self.inverse.transpose(0, 2, 1)) * self.volume[:, None, None])
 
-    def _curved_stiffness(self, coupling: FloatArray) -> FloatArray:
+    def _curved_stiffness(self, coupling: FloatArray, curved: IntArray) -> FloatArray:
         rule = self.mesh.element.quadrature
         _, gradient = self.mesh.element.shape(rule.points)
         parts = []
-        for cells in _chunks(self.curved, self.count**2):
+        for cells in _chunks(curved, self.count**2):
             jacobian = jacobians(self.mesh, cells, rule.points) / self.length
             slope = np.linalg.solve(
                 jacobian, np.broadcast_to(gradient.transpose(0, 2, 1), (len(cells), *gradient.transpose(0, 2, 1).shape))
@@ -191,7 +192,7 @@ class _Geometry:
             parts.append(
                 slope.reshape(len(cells), points, -1).transpose(0, 2, 1) @ flux.reshape(len(cells), points, -1)
             )
-        return np.concatenate(parts).reshape(len(self.curved), -1)
+        return np.concatenate(parts).reshape(len(curved), -1)
 
     def mass(self, density: FloatArray) -> FloatArray:
         """Every element's scalar mass matrix, shape (e, k k)."""

@@ -1,7 +1,7 @@
-"""A square cell with a square pillar as an exactly affine function of its four sizes.
+"""A square cell with one pillar as an exactly affine function of its four sizes.
 
-The mesh keeps its topology; plate under the pillar, plate beside it and pillar are stretched each as a whole. A stretch
-(s_x, s_y, s_z) turns int C_ikjl u_i,k v_j,l into s_x s_y s_z / (s_k s_l) times what it was, so that
+The mesh keeps its topology; the plate's block under the pillar, the plate beside it and the pillar are stretched each as a
+whole. A stretch (s_x, s_y, s_z) turns int C_ikjl u_i,k v_j,l into s_x s_y s_z / (s_k s_l) times what it was, so that
 K(mu) = sum_q theta_q(mu) K_q and M(mu) likewise, theta_q products of powers of side, clearance, thickness and height
 (rozza2008). Nothing is interpolated.
 """
@@ -16,15 +16,14 @@ import scipy.sparse as sp
 from scipy.stats import qmc
 
 from geometry.elements import FloatArray, IntArray
-from geometry.hex.boxes import Boxes, hex_mesh
-from geometry.hex.grading import Grading, grid_lines
 from geometry.materials import Material
-from geometry.mesh import Mesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import Forms, Scale, elasticity
+from solvers.parametric.foot import SQUARE, FixedMesh, Foot, quarter_mesh
 
 THICKNESS, HEIGHT, SIDE, PITCH = range(4)
 NAMES = ("thickness", "height", "side", "pitch")
+SAME = 1e-9
 CLEARANCE_M = 0.5e-3  # between neighbouring pillars: a narrower slit is not printed, and its elements degenerate
 
 Sizes = tuple[float, float, float, float]
@@ -32,11 +31,12 @@ Sizes = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class DesignBox:
-    """Lowest and highest thickness, height, side and pitch, m; pillars stand at least `clearance_m` apart."""
+    """Lowest and highest thickness, height, side (the foot's width) and pitch, m; pillars stand `clearance_m` apart or more."""
 
     low: Sizes = (1e-3, 4e-3, 1e-3, 3e-3)
     high: Sizes = (3e-3, 9e-3, 3e-3, 8e-3)
     clearance_m: float = CLEARANCE_M
+    foot: Foot = SQUARE
 
     def faults(self, sizes: FloatArray | Sizes) -> list[str]:
         """What keeps a cell out of the box, one sentence each, by name; empty for one inside."""
@@ -44,7 +44,7 @@ class DesignBox:
         for name, value, low, high in zip(NAMES, sizes, self.low, self.high, strict=True):
             if not low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9):
                 said.append(f"{name} = {1e3 * value:g} mm: must lie between {1e3 * low:g} and {1e3 * high:g} mm")
-        gap = sizes[PITCH] - sizes[SIDE]
+        gap = sizes[PITCH] - self.foot.widest * sizes[SIDE]
         if not gap >= self.clearance_m * (1.0 - 1e-9):
             said.append(
                 f"side = {1e3 * sizes[SIDE]:g} mm does not fit pitch = {1e3 * sizes[PITCH]:g} mm: at least "
@@ -63,7 +63,7 @@ class DesignBox:
         unit = np.atleast_2d(unit)
         low, high = np.log(self.low), np.log(self.high)
         sizes = np.exp(low + unit * (high - low))
-        side = sizes[:, SIDE]
+        side = self.foot.widest * sizes[:, SIDE]
         least = np.maximum(self.low[PITCH] - side, self.clearance_m)
         sizes[:, PITCH] = side + least * ((self.high[PITCH] - side) / least) ** unit[:, PITCH]
         return np.asarray(sizes)
@@ -72,7 +72,7 @@ class DesignBox:
         """The point (4,) of the unit cube that `sample` takes to a design of the box."""
         low, high = np.log(self.low), np.log(self.high)
         unit = (np.log(sizes) - low) / (high - low)
-        side = sizes[SIDE]
+        side = self.foot.widest * sizes[SIDE]
         least = max(self.low[PITCH] - side, self.clearance_m)
         unit[PITCH] = np.log((sizes[PITCH] - side) / least) / np.log((self.high[PITCH] - side) / least)
         return np.asarray(np.clip(unit, 0.0, 1.0))
@@ -86,7 +86,7 @@ class DesignBox:
     def middle(self) -> Sizes:
         """Geometric mean of the limits, m: where the reference mesh stands."""
         t, h, a, p = np.sqrt(np.array(self.low) * np.array(self.high))
-        return float(t), float(h), float(a), float(max(p, a + self.clearance_m))
+        return float(t), float(h), float(a), float(max(p, self.foot.widest * a + self.clearance_m))
 
 
 def between(count: int, seed: int) -> FloatArray:
@@ -99,26 +99,13 @@ def as_sizes(designs: FloatArray) -> list[Sizes]:
     return [(float(t), float(h), float(a), float(p)) for t, h, a, p in designs]
 
 
-@dataclass(frozen=True)
-class FixedMesh:
-    """Order and elements of the one topology: even intervals of each part, layers graded towards the pillar's foot."""
-
-    order: int = 3
-    under: int = 1
-    beside: int = 1
-    through: int = 1
-    along: int = 4
-    layers: int = 2
-    factor: float = 0.2
-
-
 Exponents = tuple[int, int, int, int]  # of thickness, height, side, clearance
 
 
-def stretches(sizes: FloatArray | Sizes) -> FloatArray:
-    """Thickness, height, side and clearance of a design: what the parts of the mesh are stretched by."""
+def stretches(sizes: FloatArray | Sizes, foot: Foot) -> FloatArray:
+    """Thickness, height, side and what lies between the blocks: what the parts of the mesh are stretched by."""
     t, h, a, p = sizes
-    return np.array([t, h, a, p - a])
+    return np.array([t, h, a, p - foot.reach * a])
 
 
 @dataclass(frozen=True)
@@ -129,9 +116,9 @@ class AffineForm:
     matrices: tuple[sp.csr_array, ...]
 
 
-def theta(exponents: IntArray, sizes: FloatArray | Sizes, reference: Sizes) -> FloatArray:
+def theta(exponents: IntArray, sizes: FloatArray | Sizes, reference: Sizes, foot: Foot) -> FloatArray:
     """theta_q of designs: (q,) for sizes (4,)."""
-    ratio = stretches(sizes) / stretches(reference)
+    ratio = stretches(sizes, foot) / stretches(reference, foot)
     return np.asarray(np.prod(ratio ** np.asarray(exponents), axis=1))
 
 
@@ -144,9 +131,7 @@ class AffineCell:
     def __init__(self, box: DesignBox, mesh: FixedMesh, plate: Material, pillar: Material) -> None:
         self.box, self.reference = box, box.middle
         self.scale = Scale(self.reference[THICKNESS], plate.young_pa, plate.density_kg_m3)
-        self.boxes = _boxes(self.reference, mesh)
-        self.mesh = hex_mesh(self.boxes, mesh.order)
-        self.parts = _parts(self.mesh, self.reference)
+        self.mesh, self.parts = quarter_mesh(box.foot, self.reference, mesh)
         materials = {"plate": plate, "pillar": pillar}
         forms = Forms(self.mesh, self.scale.length_m)
         self.stiffness = self._stiffness(forms, materials)
@@ -179,37 +164,21 @@ class AffineCell:
 
     def theta(self, form: AffineForm, sizes: FloatArray | Sizes) -> FloatArray:
         """The form's factors for one design, (q,)."""
-        return theta(form.exponents, sizes, self.reference)
+        return theta(form.exponents, sizes, self.reference, self.box.foot)
 
     def plan(self, nodes: FloatArray, sizes: FloatArray | Sizes) -> FloatArray:
         """Places of reference points (n, 3) in the stretched cell, m."""
-        t0, h0, a0, p0 = self.reference
-        t, h, a, p = sizes
-        flat = [np.interp(nodes[:, axis], [0.0, a0 / 2.0, p0 / 2.0], [0.0, a / 2.0, p / 2.0]) for axis in (0, 1)]
-        return np.column_stack([*flat, np.interp(nodes[:, 2], [0.0, t0, t0 + h0], [0.0, t, t + h])])
+        t0, h0, a0, _ = self.reference
+        t, h, a, _ = sizes
+        flat = across(nodes[:, :2], self.reference, sizes, self.box.foot)
+        flat = np.where(nodes[:, 2:] > t0 * (1.0 + SAME), nodes[:, :2] * (a / a0), flat)
+        return np.column_stack([flat, np.interp(nodes[:, 2], [0.0, t0, t0 + h0], [0.0, t, t + h])])
 
 
-def _boxes(sizes: Sizes, mesh: FixedMesh) -> Boxes:
-    """The quarter's grid at the reference design; z = 0 is the touch face."""
-    t, h, a, p = sizes
-
-    def part(low: float, high: float, count: int, ends: tuple[bool, bool]) -> FloatArray:
-        return grid_lines({low: ends[0], high: ends[1]}, Grading((high - low) / count, mesh.layers, mesh.factor))
-
-    under, beside = part(0.0, a / 2.0, mesh.under, (False, True)), part(a / 2.0, p / 2.0, mesh.beside, (True, False))
-    plate, pillar = part(0.0, t, mesh.through, (False, True)), part(t, t + h, mesh.along, (True, False))
-    x, z = np.concatenate([under, beside[1:]]), np.concatenate([plate, pillar[1:]])
-    region = np.full((len(x) - 1, len(x) - 1, len(z) - 1), -1, dtype=np.int64)
-    region[:, :, : len(plate) - 1] = 0
-    region[: len(under) - 1, : len(under) - 1, len(plate) - 1 :] = 1
-    return Boxes(x, x, z, region, ("plate", "pillar"))
-
-
-def _parts(mesh: Mesh, sizes: Sizes) -> IntArray:
-    """For each element which stretch acts along x, y and z, (e, 3), by its number in `stretches`."""
-    t, _, a, _ = sizes
-    middle = mesh.nodes[mesh.cells].mean(axis=1)
-    return np.column_stack([*(np.where(middle[:, axis] < a / 2.0, 2, 3) for axis in (0, 1)), (middle[:, 2] > t) * 1])
+def across(points: FloatArray, reference: Sizes, sizes: FloatArray | Sizes, foot: Foot) -> FloatArray:
+    """Places in the stretched plate of reference coordinates along x or y, m."""
+    was, now = (([0.0, foot.reach * a / 2.0, p / 2.0]) for _, _, a, p in (reference, sizes))
+    return np.asarray(np.interp(points, was, now))
 
 
 def _exponents(part: IntArray, derived: tuple[int, ...]) -> Exponents:

@@ -117,7 +117,7 @@ class Block:
         return np.asarray(self.forms.fold[rows][:, self.on_boundary].T @ motion)
 
     def _functions(self) -> FloatArray:
-        """Orthonormal functions that hold the polynomials of every ratio of side to pitch, (b, f).
+        """Orthonormal functions that hold the polynomials of every ratio of the block's width to the pitch, (b, f).
 
         The polynomials are polynomials of that ratio too, of at most their degree + 1: so many samples span them all.
         """
@@ -127,14 +127,14 @@ class Block:
 
     @property
     def shares(self) -> FloatArray:
-        """Ratios of side to pitch that determine the polynomials at any other, Chebyshev points between 0 and 1."""
+        """Ratios of the block's width to the pitch that determine the polynomials at any other: Chebyshev points."""
         count = self.interface.along + 2
         return np.asarray(0.5 - 0.5 * np.cos(np.pi * (np.arange(count) + 0.5) / count))
 
     def of_share(self, share: float) -> Sizes:
-        """The reference design with another side."""
+        """The reference design with a block of another share of the pitch."""
         t, h, _, p = self.cell.reference
-        return t, h, float(share) * p, p
+        return t, h, float(share) * p / self.cell.box.foot.reach, p
 
     def coordinates(self, sizes: FloatArray | Sizes) -> FloatArray:
         """The polynomials of a design among the functions, (f, m)."""

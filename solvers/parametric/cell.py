@@ -13,7 +13,7 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 from geometry.elements import FloatArray, IntArray
 from solvers.fem.assembly import Scale
 from solvers.fem.surface import face_quadrature
-from solvers.parametric.affine import PITCH, SIDE, THICKNESS, AffineCell, DesignBox, Sizes, theta
+from solvers.parametric.affine import PITCH, SIDE, THICKNESS, AffineCell, DesignBox, Sizes, across, theta
 from solvers.parametric.block import BESIDE, CLASSES, Block
 from solvers.parametric.reduced_block import ReducedBlock, block_alone, reduced_block
 from solvers.superelement.cell import Cell, Expansion, rigid_polynomials
@@ -72,14 +72,14 @@ class ParametricCell:
     def weights(self, sizes: FloatArray | Sizes) -> tuple[FloatArray, FloatArray]:
         """theta of K and of M, (q,) and (r,)."""
         return (
-            theta(self.stiffness_exponents, sizes, self.reference),
-            theta(self.mass_exponents, sizes, self.reference),
+            theta(self.stiffness_exponents, sizes, self.reference, self.box.foot),
+            theta(self.mass_exponents, sizes, self.reference, self.box.foot),
         )
 
     def _part(self, block: ReducedBlock, sizes: FloatArray | Sizes, inner: Inner, face: Interface) -> ClassAtDesign:
         theta_k, theta_m = self.weights(sizes)
         parity, kept = lower(block.parity, self.interface, face)
-        boundary = block.boundary(sizes[SIDE] / sizes[PITCH])[:, kept]
+        boundary = block.boundary(self.box.foot.reach * sizes[SIDE] / sizes[PITCH])[:, kept]
         f, width = block.functions, boundary.shape[1]
         stiffness, mass = np.tensordot(theta_k, block.stiffness, axes=1), np.tensordot(theta_m, block.mass, axes=1)
         factor = cho_factor(stiffness[f:, f:])
@@ -95,7 +95,9 @@ class ParametricCell:
         more_values, turn = eigh(more.T @ stiffness[f:, f:] @ more, more.T @ mass[f:, f:] @ more)
         inside = np.hstack([modes, more @ turn])
         shapes = np.hstack([shapes, np.vstack([np.zeros((f, inside.shape[1])), inside])])
-        pillar = np.tensordot(theta(self.pillar_exponents, sizes, self.reference), block.pillar_mass, axes=1)
+        pillar = np.tensordot(
+            theta(self.pillar_exponents, sizes, self.reference, self.box.foot), block.pillar_mass, axes=1
+        )
         own = tuple(shapes.T @ matrix @ shapes for matrix in (stiffness, mass, pillar))
         own[0][:width, :width] = _flexible(own[0][:width, :width], rigid_span(parity, face, sizes))
         dropped_hz = float(self.scale.frequency(values[-1:])[0])
@@ -198,9 +200,10 @@ def _touch(
     cell: ParametricCell, parts: list[ClassAtDesign], places: list[FloatArray], sizes: FloatArray | Sizes
 ) -> Expansion:
     """u_z on the touch face of the whole cell, from its quarter's points."""
-    a0, p0 = cell.reference[SIDE] / 2.0, cell.reference[PITCH] / 2.0
-    a, p = sizes[SIDE] / 2.0, sizes[PITCH] / 2.0
-    points = np.column_stack([*np.interp(cell.touch_m, [0.0, a0, p0], [0.0, a, p]).T, np.zeros(len(cell.touch_m))])
+    foot = cell.box.foot
+    a0, p0 = foot.reach * cell.reference[SIDE] / 2.0, cell.reference[PITCH] / 2.0
+    a, p = foot.reach * sizes[SIDE] / 2.0, sizes[PITCH] / 2.0
+    points = np.column_stack([across(cell.touch_m, cell.reference, sizes, foot), np.zeros(len(cell.touch_m))])
     stretch = np.where(cell.touch_m < a0, a / a0, (p - a) / (p0 - a0)).prod(axis=1)
     everywhere, rows = [], []
     for images in product((1, -1), repeat=2):

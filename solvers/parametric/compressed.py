@@ -49,7 +49,7 @@ def compressed(cell: ParametricCell, of: Sequence[Sector], count: int, designs: 
 
 def _fewer_points(cell: ParametricCell) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Gauss points (p, 2) and weights (p,) of each part of the touch face; u_z there from the old points', (p, old)."""
-    lines = [0.0, cell.reference[SIDE] / 2.0, cell.reference[PITCH] / 2.0]
+    lines = [0.0, cell.box.foot.reach * cell.reference[SIDE] / 2.0, cell.reference[PITCH] / 2.0]
     s, w = legendre.leggauss(TOUCH + 1)
     gauss, area = np.stack(np.meshgrid(s, s, indexing="ij"), axis=-1).reshape(-1, 2), np.outer(w, w).ravel()
     points, weights, rows = [], [], []
@@ -93,10 +93,10 @@ def _inside(
 def _block(
     cell: ParametricCell, block: ReducedBlock, rigid: list[FloatArray], moving: list[FloatArray], touch: FloatArray
 ) -> ReducedBlock:
-    f = block.functions
+    f, foot = block.functions, cell.box.foot
     low, high = (np.array(edge) for edge in (cell.box.low, cell.box.high))
-    most = high[SIDE] / (high[SIDE] + cell.box.clearance_m)
-    shares = np.linspace(low[SIDE] / high[PITCH], most, SHARES)
+    most = high[SIDE] / (foot.widest * high[SIDE] + cell.box.clearance_m)
+    shares = foot.reach * np.linspace(low[SIDE] / high[PITCH], most, SHARES)
     left, size, _ = np.linalg.svd(np.hstack([block.boundary(share) for share in shares]), full_matrices=False)
     boundary = left[:, size > FUNCTION * size[0]]
     energy = np.tensordot(np.ones(len(block.stiffness)), block.stiffness, axes=1)[f:, f:]

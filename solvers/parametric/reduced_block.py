@@ -30,7 +30,8 @@ class ReducedBlock:
     """One class: signs under x -> -x, y -> -y, x <-> y; the first `functions` of n basis functions live on the boundary.
 
     stiffness (q, n, n), mass (r, n, n), pillar_mass (s, n, n): the affine matrices; touch (p, n): u_z at points of the
-    touch face; shares (k,), coordinates (k, f, m): the boundary polynomials at ratios of side to pitch, themselves
+    touch face; shares (k,), coordinates (k, f, m): the boundary polynomials at ratios of the block's width to the pitch,
+    themselves
     polynomials of that ratio of degree below k; parity (boundary, m): the polynomials among the cell's own.
     """
 
@@ -45,7 +46,7 @@ class ReducedBlock:
     parity: FloatArray
 
     def boundary(self, share: float) -> FloatArray:
-        """The boundary polynomials at a ratio of side to pitch among the boundary functions, (f, m)."""
+        """The boundary polynomials at a ratio of the block's width to the pitch among the boundary functions, (f, m)."""
         apart = share - self.shares
         others = ~np.eye(len(apart), dtype=bool)
         steps = self.shares[:, None] - self.shares

@@ -165,6 +165,22 @@ def exported(explorer: Explorer, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 def test_the_exported_page_has_pythons_numbers(browser: Any, exported: Path, explorer: Explorer) -> None:
     """Bands, decay, column and shape of random designs, to 1e-4 of each; nothing asked of any network."""
+    _compare(browser, exported, explorer, 3)
+
+
+def test_the_exported_page_of_round_pillars_has_pythons_numbers(browser: Any, tmp_path: Path) -> None:
+    """A block wider than the pillar grows with it; the case that is saved has the shape's own key."""
+    round_ones = small_explorer(tmp_path, "pillar.shape=round", "pillar.diameter_mm=2")
+    path = tmp_path / "explorer.html"
+    path.write_text(offline.page(round_ones), encoding="utf-8")
+    saved = _compare(browser, path, round_ones, 1)
+    (tmp_path / "saved.toml").write_text(saved)
+    pillar = load_case(tmp_path / "saved.toml").design.pillar
+    assert pillar is not None and pillar.shape == "round" and pillar.base_m == pytest.approx(2e-3)
+
+
+def _compare(browser: Any, exported: Path, explorer: Explorer, designs: int) -> str:
+    """The page's answers of random designs beside Python's; the case file that it saves of its own design."""
     page = browser.new_page()
     asked: list[str] = []
     page.on("request", lambda request: asked.append(request.url) if not request.url.startswith("blob:") else None)
@@ -172,7 +188,7 @@ def test_the_exported_page_has_pythons_numbers(browser: Any, exported: Path, exp
     page.goto(exported.as_uri())
     until(page, READY)
     own = explorer.scene.own()
-    sizes = as_sizes(explorer.model.cell.box.sample(np.random.default_rng(11).random((3, 4))))
+    sizes = as_sizes(explorer.model.cell.box.sample(np.random.default_rng(11).random((designs, 4))))
     for number, (thickness, height, side, pitch) in enumerate(sizes):
         lengths = {"thickness": thickness, "height": height, "side": side, "pitch": pitch}
         design = (
@@ -201,8 +217,10 @@ def test_the_exported_page_has_pythons_numbers(browser: Any, exported: Path, exp
         }
         for one in explorer.cloud(3, 4)
     ]
+    saved = page.evaluate("(design) => ask('case', design)", own)
     assert asked == [exported.as_uri()]
     page.close()
+    return str(saved)
 
 
 def test_the_exported_page_is_dragged_refuses_and_saves(browser: Any, exported: Path, tmp_path: Path) -> None:

@@ -15,12 +15,13 @@ from pipeline.case.model import case_from_dict
 from pipeline.case.overrides import read_toml
 from pipeline.explore.answer import Explorer, Scene
 from pipeline.explore.server import Server, serve
+from pipeline.logs import WarningLog
 from pipeline.models import parametric as cell_model
 from pipeline.models.parametric import CellModelCache, Offline
 from pipeline.models.parametric_mesh import MeshTable
 from pipeline.paths import ROOT
-from pipeline.search.fidelity import WarningLog
-from solvers.parametric.affine import DesignBox, FixedMesh
+from solvers.parametric.affine import DesignBox
+from solvers.parametric.foot import FixedMesh
 from solvers.superelement.interface import Interface
 
 SMALL = ROOT / "examples" / "small.toml"
@@ -31,14 +32,14 @@ OFFLINE = Offline(
 MESH = MeshTable(BOX, np.linspace(1e-3, 4e-3, 160).reshape(16, 10), 1.25)  # as if it had been measured
 
 
-def small_explorer(folder: Path) -> Explorer:
-    """The explorer of examples/small.toml, its bases kept in a folder."""
+def small_explorer(folder: Path, *settings: str) -> Explorer:
+    """The explorer of examples/small.toml with --set words, its bases kept in a folder."""
     raw = read_toml(SMALL)
-    case = case_from_dict(raw, SMALL)
+    case = case_from_dict(raw, SMALL, list(settings))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cell_model, "CellModelCache", lambda: CellModelCache(folder))
         model = cell_model.cell_model(case, WarningLog(), OFFLINE)
-    return Explorer(Scene(case, raw, ()), replace(model, mesh=MESH))
+    return Explorer(Scene(case, raw, settings), replace(model, mesh=replace(MESH, box=model.cell.box)))
 
 
 @contextmanager

@@ -1,5 +1,4 @@
 "use strict";
-const WORDS = { height: "Pillar height", side: "Pillar side", pitch: "Pitch", thickness: "Plate thickness", rows: "Rows a side", extension: "Extension" };
 const MOST_PINS = 4;
 const $ = (id) => document.getElementById(id);
 const state = { limits: {}, design: {}, shown: null, before: null, undo: [], pins: [], asking: false, again: false };
@@ -66,12 +65,12 @@ function buildForm() {
   for (const [name, limit] of Object.entries(state.limits)) {
     const label = document.createElement("label");
     const title = document.createElement("span");
-    title.textContent = `${WORDS[name]}${limit.unit ? ` (${limit.unit})` : ""}, ${limit.low} to ${limit.high}`;
+    title.textContent = `${limit.word}${limit.unit ? ` (${limit.unit})` : ""}, ${limit.low} to ${limit.high}`;
     label.append(title);
     for (const kind of ["range", "number"]) {
       const input = document.createElement("input");
       Object.assign(input, { type: kind, id: `${name}-${kind}`, min: limit.low, max: limit.high, step: kind === "range" ? limit.step : "any" });
-      input.setAttribute("aria-label", `${WORDS[name]}, ${kind === "range" ? "slider" : "typed"}`);
+      input.setAttribute("aria-label", `${limit.word}, ${kind === "range" ? "slider" : "typed"}`);
       input.addEventListener("input", () => changed(name, input));
       if (kind === "range") input.addEventListener("change", () => { state.dragging = false; });
       label.append(input);
@@ -284,7 +283,7 @@ function drawCloud() {
 }
 
 function drawPins() {
-  const heads = ["", ...Object.keys(WORDS).map((name) => WORDS[name]), "Wanted (kHz)", "Confinement (dB)", "Widest gap (kHz)"];
+  const heads = ["", ...Object.values(state.limits).map((limit) => limit.word), "Wanted (kHz)", "Confinement (dB)", "Widest gap (kHz)"];
   const row = (tag, texts) => {
     const tr = document.createElement("tr");
     tr.append(...texts.map((text) => text instanceof Node ? text : Object.assign(document.createElement(tag), { textContent: text })));
@@ -299,7 +298,7 @@ function drawPins() {
       cell.append(button);
     }
     const plate = pin.plate, gap = pin.bands.gaps.map((g) => [g.upper_hz - g.lower_hz, g]).sort((a, b) => b[0] - a[0])[0];
-    return row("td", [cell, ...Object.keys(WORDS).map((name) => String(pin.design[name])),
+    return row("td", [cell, ...Object.keys(state.limits).map((name) => String(pin.design[name])),
       plate.why_not ? "none" : kilo(plate.frequency_hz), plate.why_not || plate.confinement_db === null ? "none" : plate.confinement_db.toFixed(2),
       gap ? `${kilo(gap[1].lower_hz)} to ${kilo(gap[1].upper_hz)}` : "none"]);
   }));

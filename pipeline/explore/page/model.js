@@ -174,8 +174,8 @@ function symmetricPencil(k, m, withVectors) {
 const firstColumns = (x, count) => block(x, 0, x.n, 0, count);
 
 // ---- the cell at a design: solvers/parametric/cell.py ----
-function theta(exponents, sizes, reference) {
-  const stretch = ([t, h, a, p]) => [t, h, a, p - a], now = stretch(sizes), then = stretch(reference);
+function theta(exponents, sizes, reference, reach) {
+  const stretch = ([t, h, a, p]) => [t, h, a, p - reach * a], now = stretch(sizes), then = stretch(reference);
   return exponents.map((row) => row.reduce((v, power, axis) => v * (now[axis] / then[axis]) ** power, 1));
 }
 function summed(triangles, weights, n) {
@@ -184,7 +184,7 @@ function summed(triangles, weights, n) {
   for (let i = 0, at = 0; i < n; i++) for (let j = i; j < n; j++, at++) out.a[i * n + j] = out.a[j * n + i] = line[at];
   return out;
 }
-function boundaryAt(own, share) { // Lagrange's polynomials of the ratio of side to pitch
+function boundaryAt(own, share) { // Lagrange's polynomials of the ratio of the block's width to the pitch
   const f = own.functions, m = own.parity_count, out = mat(f, m);
   own.shares.forEach((at, s) => {
     const w = own.shares.reduce((v, other, o) => o === s ? v : v * (share - other) / (at - other), 1);
@@ -206,12 +206,12 @@ function lowestModes(k, factor, m, count) { // inverse iteration of a few vector
   return { values: values.slice(0, count), modes: firstColumns(x, count) };
 }
 function prepared(data, sizes, modes = data.bands_inner.modes) { // what both uses of a design share: matrices of every class, its inside factorised
-  const [tk, tm] = [data.stiffness_exponents, data.mass_exponents].map((rows) => theta(rows, sizes, data.reference));
+  const [tk, tm] = [data.stiffness_exponents, data.mass_exponents].map((rows) => theta(rows, sizes, data.reference, data.foot.reach));
   return data.blocks.map((own) => {
     const n = own.size, f = own.functions, k = summed(own.stiffness, tk, n), m = summed(own.mass, tm, n);
     const inner = { k: block(k, f, n, f, n), m: block(m, f, n, f, n) }, factor = cholesky(inner.k);
     const lowest = lowestModes(inner.k, factor, inner.m, modes);
-    return { own, f, n, k, m, inner, factor, lowest, boundary: boundaryAt(own, sizes[2] / sizes[3]) };
+    return { own, f, n, k, m, inner, factor, lowest, boundary: boundaryAt(own, data.foot.reach * sizes[2] / sizes[3]) };
   });
 }
 function rigidSpan(rigid, ratio) { // orthonormal columns, by Gram and Schmidt
@@ -311,14 +311,14 @@ function bandsOf(data, ready, sizes) {
   const mesh = meshError(data, sizes);
   return { frequency_hz: frequency, error, mesh_error: mesh, labels: data.labels, gaps: gapsOf(frequency, error, mesh) };
 }
-function unitOf(box, sizes) { // solvers/parametric/affine.py
-  const unit = sizes.map((v, i) => Math.log(v / box.low[i]) / Math.log(box.high[i] / box.low[i])), side = sizes[2], least = Math.max(box.low[3] - side, box.clearance);
+function unitOf(data, sizes) { // solvers/parametric/affine.py
+  const box = data.box, unit = sizes.map((v, i) => Math.log(v / box.low[i]) / Math.log(box.high[i] / box.low[i])), side = data.foot.widest * sizes[2], least = Math.max(box.low[3] - side, box.clearance);
   unit[3] = Math.log((sizes[3] - side) / least) / Math.log((box.high[3] - side) / least);
   return unit.map((u) => Math.min(Math.max(u, 0), 1));
 }
 function meshError(data, sizes) { // pipeline/models/parametric_mesh.py
   if (!data.mesh) return null;
-  const unit = unitOf(data.box, sizes), total = zeros(data.mesh.corners[0].length);
+  const unit = unitOf(data, sizes), total = zeros(data.mesh.corners[0].length);
   data.mesh.corners.forEach((row, corner) => {
     const weight = unit.reduce((w, u, i) => w * (corner >> 3 - i & 1 ? u : 1 - u), 1);
     row.forEach((log, band) => { total[band] += weight * log; });
@@ -371,7 +371,7 @@ function joinedCell(data, ready, sizes) {
   return { k, m, odd, width: sizes[3], ...touchPlaces(data, sizes, images), touch };
 }
 function touchPlaces(data, sizes, images) {
-  const a0 = data.reference[2] / 2, p0 = data.reference[3] / 2, a = sizes[2] / 2, p = sizes[3] / 2;
+  const { reach } = data.foot, a0 = reach * data.reference[2] / 2, p0 = data.reference[3] / 2, a = reach * sizes[2] / 2, p = sizes[3] / 2;
   const moved = (v) => v < a0 ? v * a / a0 : a + (v - a0) * (p - a) / (p0 - a0), stretch = (v) => v < a0 ? a / a0 : (p - a) / (p0 - a0);
   const points = images.flatMap(([x, y]) => data.touch_m.map((at) => [x * moved(at[0]), y * moved(at[1])]));
   const own = data.touch_m.map((at, i) => data.touch_weights[i] * stretch(at[0]) * stretch(at[1]));
@@ -632,7 +632,7 @@ function faultsOf(data, given) {
     if (!out.length && !(value >= low * (1 - 1e-9) && value <= high * (1 + 1e-9))) out.push(`${name} = ${value} mm: must lie between ${+low.toFixed(6)} and ${+high.toFixed(6)} mm`);
   });
   const gap = 1e3 * data.box.clearance;
-  if (!out.length && !(given.pitch - given.side >= gap * (1 - 1e-9))) out.push(`side = ${given.side} mm does not fit pitch = ${given.pitch} mm: at least ${gap} mm must stay between two pillars`);
+  if (!out.length && !(given.pitch - data.foot.widest * given.side >= gap * (1 - 1e-9))) out.push(`side = ${given.side} mm does not fit pitch = ${given.pitch} mm: at least ${gap} mm must stay between two pillars`);
   if (!out.length && given.rows && data.zone_width < 2e-3 * given.side) out.push(`side = ${given.side} mm: the zone must be at least two pillar sides wide`);
   return out;
 }
@@ -647,7 +647,7 @@ const inMetres = (given) => Object.fromEntries(Object.entries(given).map(([name,
 function massOf(data, design) { // pipeline/search/limits.py, kg
   const { pitch, side, thickness, height, rows, extension } = design, span = data.zone_width / 2 + extension + (rows ? (rows - 1) * pitch + side : 0);
   const columns = Math.floor((data.zone_length - side) / pitch * (1 + 1e-9) + 1e-9) + 1;
-  return data.zone_length * 2 * span * thickness * data.plate_density + (rows ? 2 * columns * rows * side * side * height * data.pillar_density : 0);
+  return data.zone_length * 2 * span * thickness * data.plate_density + (rows ? 2 * columns * rows * data.foot.volume * side * side * height * data.pillar_density : 0);
 }
 function cloudOf(data, first) {
   return data.cloud.slice(first, first + data.batch).map((given) => {

@@ -20,7 +20,8 @@ function answered(path, body) {
   if (path === "cloud") return cloudOf(model, body.first);
   const faults = faultsOf(model, body);
   if (faults.length) throw new Error(faults.join("; "));
-  return Object.entries(body).reduce((text, [name, value]) => text.replace(`"@${name}@"`, name === "rows" ? value.toFixed(0) : String(value)), model.case_template);
+  const every = { ...body, ...Object.fromEntries(Object.entries(model.following).map(([name, ratio]) => [name, +(ratio * body.side).toPrecision(12)])) };
+  return Object.entries(every).reduce((text, [name, value]) => text.replace(`"@${name}@"`, name === "rows" ? value.toFixed(0) : String(value)), model.case_template);
 }
 if (typeof self !== "undefined") self.onmessage = async ({ data: { id, path, body, document, numbers } }) => {
   try {

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import Panel, hex_mesh
+from geometry.hex.boxes import Panel
 from pipeline.case.model import load_case
 from pipeline.errors import InputError
 from pipeline.explore import server as served_module
@@ -23,7 +23,7 @@ from pipeline.explore.answer import Explorer, read_design
 from pipeline.explore.server import Server
 from pipeline.models import parametric_mesh
 from pipeline.models.live_column import FACE, INNER, LiveCell, LiveReductions
-from pipeline.models.parametric import CellModelCache, require_square
+from pipeline.models.parametric import CellModelCache, require_foot
 from pipeline.models.parametric_mesh import MeshTable, corner_weights
 from pipeline.planning import mesh_rules
 from solvers.fem.assembly import Scale, assemble
@@ -127,11 +127,11 @@ def test_the_table_holds_what_plain_reductions_are_apart_and_more_between(
         return np.full(10, 6e-3 if design.thickness_m == pytest.approx(middle[0]) else 2e-3)
 
     monkeypatch.setattr(parametric_mesh, "off_by", apart)
-    table = parametric_mesh.mesh_table(explorer.scene.case, cell, bases, [middle], map)
+    table = parametric_mesh.mesh_table(explorer.scene.case, cell, bases, [middle], OFFLINE.mesh, map)
     assert table is not None and (table.corners == 2e-3).all() and table.margin == pytest.approx(3.0)
     assert table.at(middle) == pytest.approx(np.full(10, 6e-3))
     monkeypatch.setattr(parametric_mesh, "off_by", lambda task: np.full(10, np.nan))
-    assert parametric_mesh.mesh_table(explorer.scene.case, cell, bases, [middle], map) is None
+    assert parametric_mesh.mesh_table(explorer.scene.case, cell, bases, [middle], OFFLINE.mesh, map) is None
 
 
 def test_the_mesh_of_the_small_model_is_off_by_what_its_table_says(explorer: Explorer) -> None:
@@ -156,9 +156,7 @@ class OwnMesh(LiveReductions):
         assert self.pillar is not None
         sizes = (self.thickness_m, self.pillar.height_m, self.pillar.base_m, panel.high[0] - panel.low[0])
         affine = AffineCell(OFFLINE.box, OFFLINE.mesh, self.material, self.pillar.material)
-        lines = [affine.boxes.x, affine.boxes.y, affine.boxes.z]
-        x, y, z = (affine.plan(np.outer(line, np.eye(3)[axis]), sizes)[:, axis] for axis, line in enumerate(lines))
-        mesh = hex_mesh(replace(affine.boxes, x=x, y=y, z=z), OFFLINE.mesh.order)
+        mesh = replace(affine.mesh, nodes=affine.plan(affine.mesh.nodes, sizes), spans=None)
         materials = {"plate": self.material, "pillar": self.pillar.material}
         scale = Scale(self.thickness_m, self.material.young_pa, self.material.density_kg_m3)
         return reduce_cell(assemble(mesh, materials, scale), FACE, 3e6, (0, 1))
@@ -210,10 +208,10 @@ def test_sizes_beyond_the_bases_are_refused_by_name(explorer: Explorer) -> None:
 def test_other_pillars_are_refused() -> None:
     case = load_case(SMALL)
     assert case.design.pillar is not None
-    round_one = replace(case.design.pillar, shape="round")
-    design = replace(case.design, pillar=round_one, pitch_y_m=5e-3)
+    hexagon = replace(case.design.pillar, shape="hexagonal")
+    design = replace(case.design, pillar=hexagon, pitch_y_m=5e-3)
     with pytest.raises(InputError) as refused:
-        require_square(replace(case, design=design))
+        require_foot(replace(case, design=design))
     assert len(refused.value.lines) == 2
 
 

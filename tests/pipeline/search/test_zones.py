@@ -14,9 +14,10 @@ from pipeline.cli.main import main
 from pipeline.cli.search import to_dict
 from pipeline.driven import crosstalk
 from pipeline.errors import CheckFailed, InputError
+from pipeline.logs import WarningLog
 from pipeline.search import fidelity, optimiser
 from pipeline.search.designs import Settings
-from pipeline.search.fidelity import COLUMN, PLATE, STRIP, EvaluationCache, FidelityResult, WarningLog
+from pipeline.search.fidelity import COLUMN, PLATE, STRIP, EvaluationCache, FidelityResult
 from pipeline.search.limits import Limits
 from pipeline.search.plots import landscape
 from pipeline.search.space import Space, read_space, space_of

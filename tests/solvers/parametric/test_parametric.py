@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import hex_mesh
 from geometry.materials import Material
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System, assemble
-from solvers.parametric.affine import AffineCell, DesignBox, FixedMesh, Sizes, as_sizes, between
+from solvers.parametric.affine import AffineCell, DesignBox, Sizes, as_sizes, between
 from solvers.parametric.bands import BandBases, band_bases, bands, own_error
 from solvers.parametric.cell import Inner, ParametricCell, parametric_cell
+from solvers.parametric.foot import FixedMesh
 from solvers.superelement.cell import Cell, reduce_cell, rigid_boundary
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
@@ -49,13 +49,9 @@ def bases(cells: tuple[ParametricCell, ...]) -> BandBases:
 
 def stretched(affine: AffineCell, sizes: Sizes) -> System:
     """The same topology meshed and assembled for one design, as any plate's cell is."""
-    lines = [
-        affine.plan(np.outer(line, np.eye(3)[axis]), sizes)[:, axis]
-        for axis, line in enumerate((affine.boxes.x, affine.boxes.y, affine.boxes.z))
-    ]
-    boxes = replace(affine.boxes, x=lines[0], y=lines[1], z=lines[2])
+    mesh = replace(affine.mesh, nodes=affine.plan(affine.mesh.nodes, sizes), spans=None)
     scale = Scale(sizes[0], ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3)
-    return assemble(hex_mesh(boxes, MESH.order), {"plate": ALUMINIUM, "pillar": STEEL}, scale)
+    return assemble(mesh, {"plate": ALUMINIUM, "pillar": STEEL}, scale)
 
 
 @pytest.fixture(scope="module")
