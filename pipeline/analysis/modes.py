@@ -10,7 +10,6 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from pipeline.analysis import wanted_search
-from pipeline.analysis.coarse_modes import CoarseModes, coarse_modes
 from pipeline.analysis.mode_rows import ModeRow, mode_rows
 from pipeline.analysis.predesign import short_wave
 from pipeline.analysis.wanted_search import Wanted
@@ -18,6 +17,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
+from pipeline.models.coarse_modes import CoarseModes, coarse_modes
 from pipeline.models.parts import PartModel
 from pipeline.planning import calibration, error_bar, foresight, simplifications
 from pipeline.planning.error_bar import ErrorBar

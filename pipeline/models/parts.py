@@ -139,7 +139,7 @@ def _shares(design: Design, part: str, mesh: HexSettings) -> Shares:
         return foot_shares(design, mesh)
     if part == "pillar" and pillar:
         return clamped_shares(pillar.material, mesh, *pillar.joints)
-    return clamped_shares(design.material, mesh)
+    return clamped_shares(design.material, mesh, thickness_m=design.thickness_m)
 
 
 def foot_shares(design: Design, mesh: HexSettings) -> Shares:

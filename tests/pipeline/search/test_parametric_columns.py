@@ -18,9 +18,9 @@ def test_a_kept_cell_answers_columns_within_their_slack(tmp_path: Path, monkeypa
     """The same design by both cells; the evaluations are kept apart, and a design outside the box is meshed."""
     case, cache = load_case(SMALL), EvaluationCache(tmp_path / "search")
     model = small_explorer(tmp_path).model
-    monkeypatch.setattr(parametric, "_loaded", lambda materials: None)
+    monkeypatch.setattr(parametric, "_loaded", lambda materials, foot: None)
     meshed = evaluate(case, COLUMN, None, cache)
-    monkeypatch.setattr(parametric, "_loaded", lambda materials: model)
+    monkeypatch.setattr(parametric, "_loaded", lambda materials, foot: model)
     live = evaluate(case, COLUMN, None, cache)
     assert cache.reused == 0 and live != meshed
     assert meshed.frequency_hz is not None
@@ -30,9 +30,9 @@ def test_a_kept_cell_answers_columns_within_their_slack(tmp_path: Path, monkeypa
     assert parametric.kept_cell(case) is model.cell
     assert parametric.kept_cell(load_case(SMALL, ("pillar.height_mm=8",))) is None
     for mesh in (None, replace(MESH, margin=10.0)):  # not known, or too rough
-        monkeypatch.setattr(parametric, "_loaded", lambda materials, mesh=mesh: replace(model, mesh=mesh))
+        monkeypatch.setattr(parametric, "_loaded", lambda materials, foot, mesh=mesh: replace(model, mesh=mesh))
         assert parametric.kept_cell(case) is None
-    monkeypatch.setattr(parametric, "_loaded", lambda materials: model)
-    raw = SMALL.read_text(encoding="utf-8").replace("side_mm", "diameter_mm").replace('"square"', '"round"')
-    (tmp_path / "round.toml").write_text(raw, encoding="utf-8")
-    assert parametric.kept_cell(load_case(tmp_path / "round.toml")) is None
+    monkeypatch.setattr(parametric, "_loaded", lambda materials, foot: model)
+    raw = SMALL.read_text(encoding="utf-8").replace('"square"', '"hexagonal"')
+    (tmp_path / "hexagonal.toml").write_text(raw, encoding="utf-8")
+    assert parametric.kept_cell(load_case(tmp_path / "hexagonal.toml")) is None
