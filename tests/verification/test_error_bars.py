@@ -191,9 +191,9 @@ def test_stiff_pillars_on_a_soft_plate_lie_within_the_bars_of_every_mesh(mesh: s
 def test_a_zone_of_elements_longer_than_it_is_thick_lies_well_within_its_bar() -> None:
     """With the whole share of a singular edge taken away the frequencies lie three times as far off."""
     scene = [
-        "plate.thickness_mm=0.66",
-        "zone.width_mm=7",
-        "zone.length_mm=28",
+        "plate.thickness_mm=1.3",
+        "zone.width_mm=14",
+        "zone.length_mm=62",
         "zone.nodal_lines=3",
         "patches.sensors=[0]",
     ]
