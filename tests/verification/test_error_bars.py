@@ -165,7 +165,8 @@ STIFF_ON_SOFT = [
 ]
 
 
-@pytest.mark.parametrize("mesh", [pytest.param("solve.model=solid", marks=pytest.mark.slow), "solve.mesh=tet"])
+@pytest.mark.slow
+@pytest.mark.parametrize("mesh", ["solve.model=solid", "solve.mesh=tet"])
 def test_stiff_pillars_on_a_soft_plate_lie_within_the_bars_of_every_mesh(mesh: str) -> None:
     """What a mesh misses at the foot's rim grows with the contrast of the materials, of which no table knows."""
     asked = [

@@ -91,7 +91,9 @@ class Pair:
 
 
 UNIAXIAL, REAL = Pair(STEEL_LIKE, CERAMIC, 0.01), Pair(ALUMINIUM, PZT, 0.05)
-PAIRS = pytest.mark.parametrize("pair", [UNIAXIAL, REAL], ids=["uniaxial", "real"])
+PAIRS = pytest.mark.parametrize(
+    "pair", [UNIAXIAL, pytest.param(REAL, marks=pytest.mark.slow)], ids=["uniaxial", "real"]
+)
 
 
 def section(pair: Pair) -> Section:

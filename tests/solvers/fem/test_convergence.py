@@ -80,6 +80,6 @@ def check_rate(kind: str) -> None:
     assert rates.min() >= 2.0 * order - 0.2, rates
 
 
-@pytest.mark.parametrize("kind", sorted(MESHES))
+@pytest.mark.parametrize("kind", [*sorted(MESHES)[:-1], pytest.param("tet2", marks=pytest.mark.slow)])
 def test_eigenvalues_converge_at_twice_the_order(kind: str) -> None:
     check_rate(kind)

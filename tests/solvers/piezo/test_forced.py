@@ -350,9 +350,8 @@ def test_a_patchs_image_is_felt_as_if_it_were_bonded_there() -> None:
             assert np.abs(image @ part.stiffness @ image.T - stiff).max() < 1e-9 * np.abs(stiff).max()
 
 
-@pytest.mark.parametrize(
-    "mesh", [pytest.param(HexSettings(3, 2e-3, 1, 0.15), marks=pytest.mark.slow), COARSE], ids=["fine", "coarse"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("mesh", [HexSettings(3, 2e-3, 1, 0.15), COARSE], ids=["fine", "coarse"])
 def test_what_panels_lack_beneath_a_patch_is_less_with_more_modes(mesh: HexSettings) -> None:
     """And positive, on finer elements than the panels' own as on coarser ones, which lack more than the panels do."""
     few, many = (plate_of(top_hz, 4e-3) for top_hz in (300e3, 900e3))
