@@ -13,9 +13,9 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.broadband import passed_shares, wavevectors
-from pipeline.models.unit_cell import LatticeModel, bare_cell, lattice_model
+from pipeline.models.unit_cell import CLEAR, LatticeModel, bare_cell, lattice_model
 from pipeline.planning import error_bar, foresight, simplifications
-from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice
+from pipeline.planning.model_choice import SOLID, cell_model_choice
 from pipeline.planning.request import driven_band_hz
 from pipeline.records.record import (
     AttenuationPoint,
@@ -70,9 +70,10 @@ def solve(
     kx = _checked_kx(case, case.kx_wanted_per_m if kx_per_m is None else kx_per_m)
     foresight.announce("attenuation across the rows", foresight.of_attenuation(case, choice, points), log)
     meshes: list[MeshRecord] = []
-    if model is None or _keeps_less(model, choice):
+    if model is None or model.lattice.cell.dropped_hz < CLEAR * high:  # a cell of low bands alone leaves out too much
         path = path_through(case.bands.path, 1, case.design.pitch_x_m, case.design.pitch_y_m)
-        model = lattice_model(case, choice, path.wavevectors[[segment.last for segment in path.segments]], log, meshes)
+        corners = path.wavevectors[[segment.last for segment in path.segments]]
+        model = lattice_model(case, choice, corners, log, meshes, high_hz=high)
     cell = model.lattice.cell  # the one that the bands use: reduced once for both
     row, bare = Row(cell, kx), Row(bare_cell(case, cell.interface, log), kx)
     rows = case.design.rows
@@ -90,11 +91,6 @@ def solve(
         points=samples,
         meshes=meshes,
     )
-
-
-def _keeps_less(model: LatticeModel, choice: ModelChoice) -> bool:
-    """Whether the bands' cell leaves out modes that waves of this band need: those of slow pillars."""
-    return choice.reduction is not None and model.lattice.cell.dropped_hz < choice.reduction.top_hz * (1.0 - 1e-9)
 
 
 def _checked_kx(case: Case, kx: float) -> float:

@@ -30,6 +30,7 @@ from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice, Waves
 from solvers.superelement.lattice_error import (
     ReductionError,
+    cutoff_hz,
     last_degree_through,
     mesh_error,
     reduction_error,
@@ -42,16 +43,17 @@ MARGIN = 0.7  # of the accuracy: the rest is the mesh's, and what coarse and fin
 THICK = 0.3  # of the pitch: no thinner plate was found to need a fourth degree through its thickness
 MAX_THROUGH = 6
 COARSE = 3  # order of the coarse cell's elements
-AMPLE = 1.3  # times the cut-off that is asked for: what a coarse cell is reduced for, so that raising it costs nothing
+CLEAR = 3.0  # times the highest frequency: modes left out from there on are told by their residual flexibility to a sixteenth
+BY_MODES = 0.25  # of what truncation may bring: modes are cheaper than degrees
 MAX_DOF = 400  # at a wavevector: beyond, a dense solve costs more than the accuracy is worth
 Reduce = Callable[[ReductionSettings], Cell]
 
 
 @dataclass(frozen=True)
 class LatticeModel:
-    """A lattice, the name of its model, the relative overestimate of its bands by truncation, what of it lies beyond the degree
-    through the thickness, and the half-width of their bar by the mesh at the path's corners; None where no coarser mesh tells
-    it.
+    """A lattice, the name of its model, the largest half-width of its bands' bar by truncation, what of it lies beyond the
+    degree through the thickness, and the half-width of their bar by the mesh at the path's corners; None where no coarser
+    mesh tells it.
     """
 
     name: str
@@ -62,21 +64,29 @@ class LatticeModel:
 
     def truncation(self, waves: Sequence[Waves], count: int) -> FloatArray:
         """Half-widths of the bars by truncation of the lowest bands, relative, (wavevectors, bands)."""
-        rises = np.array([np.sum(truncation(self.lattice, each), axis=0)[:count] for each in waves])
-        return truncation_bars(rises) + self.beyond
+        told = [truncation(self.lattice, each) for each in waves]
+        modes, degrees = (np.array([each[:count] for each in kind]) for kind in zip(*told, strict=True))
+        return modes + truncation_bars(degrees) + self.beyond
 
 
 def lattice_model(
-    case: Case, choice: ModelChoice, corners: FloatArray, log: Log, meshes: list[MeshRecord], finer: bool = True
+    case: Case,
+    choice: ModelChoice,
+    corners: FloatArray,
+    log: Log,
+    meshes: list[MeshRecord],
+    finer: bool = True,
+    high_hz: float = 0.0,
 ) -> LatticeModel:
     """Reduce the cell so that its bands at the corners (n, 2) of the path meet the accuracy; warn where they do not.
 
-    finer: on finer meshes, too, where the first one's error exceeds what is asked for.
+    finer: on finer meshes, too, where the first one's error exceeds what is asked for. high_hz: what the cell serves to beside
+    its bands.
     """
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
     edge = choice.edge_m
     reduce = _from_tetrahedra(case.design, edge, log, meshes) if edge else _from_hexahedra(case.design, log)
-    reduction, lattice, error, beyond = _good_enough(reduce, reduction, corners, case, log)
+    reduction, lattice, error, beyond = _good_enough(reduce, reduction, corners, case, log, CLEAR * high_hz)
     if edge or not finer:
         by_mesh = worst_by_the_mesh(lattice, corners, case.bands.count)
     else:
@@ -91,7 +101,7 @@ def lattice_of_mesh(case: Case, mesh: Mesh, halved: tuple[int, ...], corners: Fl
     """
     design = case.design
     reduction = mesh_rules.lattice_reduction(design, case.solve.accuracy)
-    _, lattice, error, beyond = _good_enough(_from_mesh(design, mesh, halved, log), reduction, corners, case, log)
+    _, lattice, error, beyond = _good_enough(_from_mesh(design, mesh, halved, log), reduction, corners, case, log, 0.0)
     return LatticeModel(f"{SUPERELEMENT} {mesh.kind}{mesh.order}", lattice, error, beyond, None)
 
 
@@ -166,7 +176,7 @@ class _Pilot:
     """Lattices of a coarse cell, its pillar replaced by a box: a fraction of a second, and the reduction's error hardly depends
     on the mesh.
 
-    It is reduced for somewhat more than is asked for, and less is taken from its matrices.
+    It is reduced for more than is asked for, and less is taken from its matrices.
     """
 
     def __init__(self, design: Design) -> None:
@@ -180,8 +190,8 @@ class _Pilot:
         if self._whole is None or not self._holds(self._whole.cell.interface, reduction):
             face = reduction.interface
             ample = Interface(face.along + 1, face.through + self.is_thick)
-            self._top_hz = AMPLE * reduction.top_hz
-            self._whole = self._reduced(replace(reduction, interface=ample, top_hz=self._top_hz))
+            self._top_hz = reduction.top_hz
+            self._whole = self._reduced(replace(reduction, interface=ample))
         return self._whole.up_to(reduction.interface, reduction.top_hz)
 
     def _holds(self, face: Interface, reduction: ReductionSettings) -> bool:
@@ -199,9 +209,15 @@ class _Pilot:
 
 
 def _piloted(
-    pilot: _Pilot, reduction: ReductionSettings, corners: FloatArray, count: int, wanted: float, log: Log
+    pilot: _Pilot,
+    reduction: ReductionSettings,
+    corners: FloatArray,
+    count: int,
+    wanted: float,
+    log: Log,
+    least_hz: float,
 ) -> ReductionSettings:
-    """Choose degrees and number of modes on a coarse mesh of the cell."""
+    """Choose degrees and number of modes on a coarse mesh of the cell; no cut-off below least_hz."""
     level = reduction
     with (
         log.step("choose degrees and modes on a coarse cell"),
@@ -216,6 +232,8 @@ def _piloted(
             )
             if reduction == level:
                 break
+        fewer = cutoff_hz(pilot.lattice(level), corners, count, BY_MODES * wanted)
+        return replace(level, top_hz=max(min(level.top_hz, fewer), least_hz))
     return level
 
 
@@ -250,14 +268,14 @@ def _of_boxes(pillar: Pillar) -> Pillar:
 
 
 def _good_enough(
-    reduce: Reduce, reduction: ReductionSettings, corners: FloatArray, case: Case, log: Log
+    reduce: Reduce, reduction: ReductionSettings, corners: FloatArray, case: Case, log: Log, least_hz: float
 ) -> tuple[ReductionSettings, Lattice, float, float]:
     """Reduce with the settings advised by the coarse cell, and once more where the estimate exceeds the accuracy; with the
     estimate, and what of it lies beyond the degree through the thickness.
     """
     count, accuracy = case.bands.count, case.solve.accuracy
     pilot = _Pilot(case.design)
-    advised = _piloted(pilot, reduction, corners, count, MARGIN * accuracy, log)
+    advised = _piloted(pilot, reduction, corners, count, MARGIN * accuracy, log, least_hz)
     if advised != reduction:
         log.info(f"for {count} bands within {accuracy:.2%}: {describe_change(reduction, advised)}")
     advised, beyond = _thick_enough(pilot, advised, corners, count, MARGIN * accuracy / 2.0, log)
@@ -266,18 +284,17 @@ def _good_enough(
     finer = advised if error.total <= accuracy else _raised(advised, lattice, error, MARGIN * accuracy)
     if finer != advised:
         log.info(
-            f"bands up to {error.total:.2%} overestimated by truncation, {accuracy:.2%} wanted: "
-            f"{describe_change(advised, finer)}"
+            f"bands within {error.total:.2%} by truncation, {accuracy:.2%} wanted: {describe_change(advised, finer)}"
         )
         with suppress(SolverError):  # more than the mesh can hold
             trial = Lattice(reduce(finer))
             advised, lattice, error = finer, trial, reduction_error(trial, corners, count)
     total = error.total + beyond
-    log.info(f"bands at most {total:.2%} overestimated by truncation, as its own truncations tell")
+    log.info(f"bands within {total:.2%} by truncation, as residual flexibility and last degree tell")
     if total > accuracy:
         log.warning(
             "REDUCTION",
-            f"the reduction may put a band {total:.2%} too high, solve.accuracy asks for {accuracy:.2%}: "
+            f"the reduction may put a band {total:.2%} off, solve.accuracy asks for {accuracy:.2%}: "
             f"lower bands.count ({count}), raise solve.accuracy, or take solve.model = 'solid'",
         )
     return advised, lattice, total, beyond

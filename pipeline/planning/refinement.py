@@ -41,7 +41,7 @@ def higher_degree(reduction: ReductionSettings) -> ReductionSettings:
 def describe_change(reduction: ReductionSettings, finer: ReductionSettings) -> str:
     """Describe in words what finer reduction settings change."""
     words = []
-    if finer.top_hz > reduction.top_hz:
+    if finer.top_hz != reduction.top_hz:
         words.append(
             f"fixed-interface modes up to {finer.top_hz / 1e6:.2f} MHz instead of {reduction.top_hz / 1e6:.2f}"
         )

@@ -27,8 +27,8 @@ from solvers.fem.coarser import Shares, rim_shares
 from solvers.fem.constraints import constrain, free_mask
 from solvers.fem.factor.factoriser import Factoriser, side_by_side
 from solvers.piezo import patch as piezo_patch
+from solvers.piezo.bond import SAME_M, Contact, grid_weights, held_panels
 from solvers.piezo.patch import BondedPatch
-from solvers.superelement.bond import SAME_M, Contact, grid_weights, held_panels
 from solvers.superelement.build import Reductions
 from solvers.superelement.interface import SIDES, VERTICES
 from solvers.superelement.plate import AssembledPlate, Grid

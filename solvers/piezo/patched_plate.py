@@ -22,8 +22,8 @@ from solvers.fem.eigen import PlainPencil
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.measures.confinement import TouchField
 from solvers.piezo.beneath import Beneath
+from solvers.piezo.bond import Contact, Held, displacement_on, held_panels
 from solvers.piezo.patch import BondedPatch, bonded_patch
-from solvers.superelement.bond import Contact, Held, displacement_on, held_panels
 from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
 
 CLASSES = ("SS", "SA", "AS", "AA")

@@ -6,9 +6,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from geometry.elements import ComplexArray, FloatArray
+from solvers.piezo.bond import Contact, displacement_at
 from solvers.piezo.forced import ForcedPlate, GroupModes
 from solvers.piezo.patched_plate import Group
-from solvers.superelement.bond import Contact, displacement_at
 
 
 def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_hz: FloatArray) -> ComplexArray:

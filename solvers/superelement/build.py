@@ -155,18 +155,17 @@ class Reductions:
         return extrapolate
 
     def _bare(self, panel: Panel) -> HexSettings:
-        """Elements of a bare panel: as many along its shortest side as its boundary functions need, about as long in the other
-        one, but no shorter there than the plate is thick.
+        """Elements of a bare panel: as many along its sides as its boundary functions need, where the waves need no more.
 
-        A polynomial of a degree needs one node more along the side: with fewer, functions are one, and the mass is singular.
-        Elements of one order less have enough nodes, too, along the sides and through the plate.
+        A polynomial of a degree needs as many nodes and one more along the side: with fewer, functions are one, and the mass
+        is singular. Elements of one order less have enough nodes, too, along the sides and through the plate. Of a panel that
+        is halved along both axes half as many are meshed.
         """
         settings, face = self.reduction.hexahedra, self.reduction.interface
         order = min(max(settings.order, face.through + 1), HIGHEST)
-        least = ceil(max(face.along, face.through) / (order - 1))
-        shortest = min(high - low for low, high in zip(panel.low, panel.high, strict=True))
-        size = min(self.reduction.bare_size_m or settings.size_m, max(shortest / least, self.thickness_m))
-        return replace(settings, order=order, size_m=size, least=least)
+        along, through = ceil(face.along / (order - 1)), ceil(face.through / (order - 1))
+        least = max(ceil(along / 2) if panel.halved == (0, 1) else along, through)
+        return replace(settings, order=order, size_m=self.reduction.bare_size_m or settings.size_m, least=least)
 
     def _key(self, panel: Panel) -> str:
         pillar = self.pillar_of(panel) if panel.foot else None

@@ -27,6 +27,7 @@ from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
 from solvers.fem.surface import face_quadrature, skin_faces
 from solvers.superelement.diagonal import DiagonalSector, diagonal_mirror
 from solvers.superelement.interface import SIDES, VERTICES, Interface
+from solvers.superelement.residual import ResidualModes
 from solvers.threads import one_thread
 
 RIGID = 1e-8
@@ -95,9 +96,8 @@ class Cell:
     the outer skin; bare: all nodes on the plate's faces that carry nothing, where something may be bonded (None for
     tetrahedra); pillar_mass: the share of M_r that moves in the pillar.
 
-    No fixed-interface mode below dropped_hz was left out. What those left out take from the dynamic stiffness of the
-    boundary at an eigenvalue l lies between l^2 and l^2 L / (L - l) times `dropped` (boundary, boundary), L that of
-    dropped_hz: (M Psi)' K_II^-1 (M Psi) less the same of the modes kept (their residual flexibility, macneal1971).
+    No fixed-interface mode below dropped_hz was left out. `dropped` (boundary, boundary) is the residual flexibility of those
+    left out (`ResidualModes`): (M Psi)' K_II^-1 (M Psi) less the same of the modes kept.
     """
 
     stiffness: FloatArray
@@ -121,11 +121,10 @@ class Cell:
         """Degrees of freedom of the reduced cell."""
         return len(self.stiffness)
 
-    def growth(self, eigenvalue: FloatArray | float) -> FloatArray:
-        """L / (L - l) at eigenvalues l (k,), L that of dropped_hz; infinite from there on."""
-        edge, values = self.scale.eigenvalue(self.dropped_hz), np.asarray(eigenvalue, dtype=float)
-        below = values < edge
-        return np.where(below, edge / np.where(below, edge - values, 1.0), np.inf)
+    @property
+    def residual(self) -> ResidualModes:
+        """The fixed-interface modes left out."""
+        return ResidualModes(self.scale.eigenvalue(self.dropped_hz))
 
     def on_boundary(self, matrix: FloatArray) -> FloatArray:
         """A matrix (boundary, boundary) among all degrees of freedom, (dof, dof)."""

@@ -2,6 +2,9 @@
 
 K(k) = sum over d of K_d exp(i k.d), d in {-1, 0, 1}^2 pitches, with real K_d folded once from the reduced cell. It is
 Hermitian, and real symmetric in other degrees of freedom where a half turn leaves the cell as it is.
+
+The fixed-interface modes left out take h(l) D from the boundary's dynamic stiffness, D their residual flexibility, h(l) near
+l^2 (`ResidualModes`): the lowest waves U of the pencil are coupled once more, by diag(l) - h U^H D U.
 """
 
 from __future__ import annotations
@@ -21,19 +24,22 @@ from solvers.threads import one_thread
 
 ROUNDING = 1e-12  # of the pencil's norms: smaller eigenvalues are rigid-body modes
 OFFSETS = ((0, 0), (1, 0), (0, 1), (1, 1))
+SPARE = 4  # waves above those asked for, which what is left out couples them with
 
 
 @dataclass(frozen=True)
 class Waves:
     """The lowest waves at a wavevector (2,) in rad/m: scaled eigenvalues and frequencies in Hz, both (n,) ascending.
 
-    degrees of freedom (cell dof, n): the cell's, u^H M u = 1, orthogonal within a degenerate group.
+    degrees of freedom (cell dof, n): the cell's, u^H M u = 1, orthogonal but for what is left out of the cell; by_modes (n,):
+    half-width of a frequency's bar by the fixed-interface modes left out, relative, infinite where nothing is known.
     """
 
     wavevector: FloatArray
     eigenvalue: FloatArray
     frequency_hz: FloatArray
     dofs: ComplexArray
+    by_modes: FloatArray
 
 
 class Lattice:
@@ -89,33 +95,54 @@ class Lattice:
 
         Raises SolverError where the mass is not positive: more boundary functions than the mesh can tell apart.
         """
-        return self.cell.scale.frequency(self.eigenvalues(wavevector, count))
+        return self.waves(wavevector, count).frequency_hz
 
     def eigenvalues(self, wavevector: FloatArray, count: int) -> FloatArray:
         """The same in the cell's scale, (2 pi f / angular)^2."""
-        return self._solve(wavevector, count, False)[0]
+        return self.waves(wavevector, count).eigenvalue
 
     def waves(self, wavevector: FloatArray, count: int) -> Waves:
         """The `count` lowest waves at a wavevector (2,) in rad/m, every one counted. Errors as frequencies."""
         wavevector = np.asarray(wavevector, dtype=float)
-        values, vectors = self._solve(wavevector, count, True)
-        dofs = self._phases(wavevector)[:, None] * vectors[self.column]
-        return Waves(wavevector, values, self.cell.scale.frequency(values), dofs)
+        residual = self.cell.residual
+        alone, free = self._solve(wavevector, count + SPARE)
+        flexibility = self._flexibility(wavevector, free)
+        values, turn = residual.coupled(alone, flexibility)
+        values = np.where(np.abs(values) < self.rounding, 0.0, values)
+        energy, own = ((turn.conj() * (part @ turn)).real.sum(axis=0) for part in (np.diag(alone), flexibility))
+        by_modes = residual.bar(values, energy, own)
+        dofs = self._phases(wavevector)[:, None] * (free @ turn[:, :count])[self.column]
+        frequencies = self.cell.scale.frequency(values[:count])
+        return Waves(wavevector, values[:count], frequencies, dofs, by_modes[:count])
+
+    def _flexibility(self, wavevector: FloatArray, free: ComplexArray) -> ComplexArray:
+        """U^H D U of free unknowns (dof, n), D the residual flexibility of the modes left out."""
+        count = self.cell.interface.count
+        u = self._phases(wavevector)[:count, None] * free[self.column[:count]]
+        return np.asarray(u.conj().T @ _times(self.cell.dropped, u))
 
     def slopes(self, waves: Waves) -> ComplexArray:
-        """d lambda / d k between the waves: u_i^H (dK/dk - lambda dM/dk) u_j, Hermitian, (2, n, n), scaled over rad/m.
+        """d lambda / d k between the waves: u_i^H (dK/dk - lambda dM/dk - h dD/dk) u_j over the slope by lambda, Hermitian,
+        (2, n, n), scaled over rad/m.
 
         Its diagonal is Hellmann-Feynman's derivative; in a degenerate group the eigenvalues of the group's block along a
         direction are. dT/dk_x = i a o_x T with o_x the offsets of the cell's degrees of freedom.
         """
-        u = waves.dofs
-        stiff, heavy = _times(self.cell.stiffness, u), _times(self.cell.mass, u)
+        u, cell = waves.dofs, self.cell
+        count = cell.interface.count
+        stiff, heavy, lost = _times(cell.stiffness, u), _times(cell.mass, u), _times(cell.dropped, u[:count])
+        middle = (waves.eigenvalue[:, None] + waves.eigenvalue) / 2.0  # equal within a degenerate group
+        own = np.einsum("in,in->n", u[:count].conj(), lost).real
+        weight = 1.0 / np.sqrt(1.0 + cell.residual.slope(waves.eigenvalue) * own)
         out = []
         for axis in (0, 1):
-            turned = -1j * self.cell.size_m[axis] * (self.offset[:, axis, None] * u).conj().T
-            middle = (waves.eigenvalue[:, None] + waves.eigenvalue) / 2.0  # equal within a degenerate group
-            part = turned @ stiff - (turned @ heavy) * middle
-            out.append(part + part.conj().T)
+            turned = -1j * cell.size_m[axis] * (self.offset[:, axis, None] * u).conj().T
+            part = (
+                turned @ stiff
+                - (turned @ heavy) * middle
+                - (turned[:, :count] @ lost) * cell.residual.softening(middle)
+            )
+            out.append(weight[:, None] * (part + part.conj().T) * weight)
         return np.array(out)
 
     def group_velocity(self, waves: Waves) -> FloatArray:
@@ -129,22 +156,21 @@ class Lattice:
         """Scaled eigenvalues below it are rigid-body modes."""
         return float(ROUNDING * np.abs(self.cell.stiffness).max() / np.abs(self.cell.mass).max())
 
-    def _solve(self, wavevector: FloatArray, count: int, vectors: bool) -> tuple[FloatArray, ComplexArray]:
+    def _solve(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ComplexArray]:
+        """The lowest eigenvalues (n,) of the pencil and its vectors (dof, n) of the free unknowns."""
         turn, matrices = self.c2_symmetry, self.pencil(wavevector)
         stiffness, mass = (turn.turned(matrix, wavevector).real for matrix in matrices) if turn else matrices
-        subset = [0, min(count, self.dof) - 1]
         try:
             with one_thread():
-                pairs = eigh(stiffness, mass, eigvals_only=not vectors, subset_by_index=subset, driver="gvx")
+                values, free = eigh(stiffness, mass, subset_by_index=[0, min(count, self.dof) - 1], driver="gvx")
         except LinAlgError as fault:
             face = self.cell.interface
             degrees_text = f"boundary functions of degree {face.along} along and {face.through} through the thickness"
             raise SolverError(
                 f"{degrees_text} are more than the cell's mesh can hold: refine it or lower them"
             ) from fault
-        values, waves = pairs if vectors else (pairs, np.empty((self.dof, 0), dtype=complex))
-        waves = turn.diagonal(wavevector)[:, None] * waves if turn else waves
-        return np.where(np.abs(values) < self.rounding, 0.0, values), waves
+        free = turn.diagonal(wavevector)[:, None] * free if turn else free
+        return np.where(np.abs(values) < self.rounding, 0.0, values), free
 
     def _phases(self, wavevector: FloatArray) -> ComplexArray:
         return np.asarray(np.exp(1j * self.offset @ (wavevector * np.array(self.cell.size_m[:2]))))

@@ -1,10 +1,8 @@
-"""How far the bands of a reduced cell lie above those of its mesh, estimated from the reduced matrices alone.
+"""How far truncation and mesh may put the bands of a reduced cell off, from the reduced matrices alone.
 
-A subspace without the functions D raises an eigenvalue l of the wave u by u_D^H (K - l M)_DD u_D to first order. The error by N
-fixed-interface modes falls as N^-RATE, hence from a rise S without the upper share s of them E = S / ((1 - s)^-RATE - 1); of
-several shares the largest counts, since single modes couple more or less. A cell that keeps no mode gives nothing to
-extrapolate from: the residual flexibility of its modes tells (`Cell.dropped`). The degree's error falls exponentially: what the
-last degree brought bounds what the next ones would.
+What the fixed-interface modes left out take is told by their residual flexibility and has bounds (`Waves.by_modes`). A subspace
+without the functions D raises an eigenvalue l of the wave u by u_D^H (K - l M)_DD u_D to first order, and the degree's error
+falls exponentially: what the last degree along the sides brought bounds what the next ones would.
 """
 
 from __future__ import annotations
@@ -13,23 +11,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import BoolArray, FloatArray, IntArray
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice, Waves
+from solvers.superelement.residual import ResidualModes
 
-RATE = 1.5  # measured against full cells: square and oblong, 3 to 12 mm, bare, short and tall pillars
-SHARES = (1 / 3, 1 / 2, 2 / 3)
 HIDDEN, BEYOND = (
     0.3,
     0.02,
 )  # of the largest estimate of a band and those below it, of all: one wave may hide what others show
+LOWEST, TRIALS = 0.3, 40  # cut-offs tried, from this share of the lattice's own on
 STILL = 1e-4  # of the highest frequency asked for: slower waves are rigid-body modes but for rounding
 
 
 @dataclass(frozen=True)
 class ReductionError:
-    """Relative errors of frequencies, from above, by the modes left out and by the degrees along the sides left out."""
+    """Relative errors of frequencies: by the modes left out, to either side, and by the degrees along the sides left out."""
 
     modes: float
     degrees: float
@@ -58,11 +56,35 @@ def reduction_error(lattice: Lattice, wavevectors: FloatArray, count: int) -> Re
 
 
 def truncation(lattice: Lattice, waves: Waves) -> tuple[FloatArray, FloatArray]:
-    """Relative rise of each wave by the modes left out and by the degrees along the sides left out, (n,) each."""
-    cell = lattice.cell
-    modes = _by_modes(cell, waves) if len(cell.fixed_hz) else _without_modes(cell, waves)
-    face = cell.interface
+    """What modes and degrees along the sides left out may put each wave off by, relative, (n,) each; 0 for rigid-body waves."""
+    cell, face = lattice.cell, lattice.cell.interface
+    modes = np.where(_moving(waves), waves.by_modes, 0.0)
     return modes, _rise(cell, waves, _beyond(face, Interface(max(face.along - 1, 1), face.through)))
+
+
+def cutoff_hz(lattice: Lattice, wavevectors: FloatArray, count: int, wanted: float) -> float:
+    """The lowest cut-off of fixed-interface modes, Hz, that leaves the `count` lowest bands a half-width of at most `wanted`.
+
+    The lattice's own where none below it does. A mode's part in a wave tells what it would add to the residual flexibility.
+    """
+    cell, own = lattice.cell, lattice.cell.dropped_hz
+    first = cell.interface.count
+    stiff, heavy = (np.diag(matrix)[first:, None] for matrix in (cell.stiffness, cell.mass))
+    trials = own * np.geomspace(LOWEST, 1.0, TRIALS)
+    worst = np.zeros(TRIALS)
+    for k in wavevectors:
+        waves = lattice.waves(k, count)
+        value = np.where(_moving(waves), waves.eigenvalue, np.inf)
+        flexible = np.abs(waves.dofs[first:]) ** 2 * (stiff / value - heavy) ** 2 / stiff
+        left = np.einsum("in,in->n", waves.dofs[:first].conj(), cell.dropped @ waves.dofs[:first]).real
+        for index, top in enumerate(trials):
+            lost = left + flexible[cell.fixed_hz > top].sum(axis=0)
+            modes = ResidualModes(cell.scale.eigenvalue(top))
+            told = np.where(np.isinf(value), 0.0, value)
+            bars = modes.bar(told, told + modes.softening(told) * lost, lost)
+            worst[index] = max(worst[index], float(bars.max()))
+    enough = np.flatnonzero(worst <= wanted)
+    return float(trials[enough[0]]) if len(enough) else own
 
 
 def truncation_bars(rises: FloatArray) -> FloatArray:
@@ -88,19 +110,6 @@ def _beyond(face: Interface, lower: Interface) -> IntArray:
     return np.setdiff1d(np.arange(face.count), face.within(lower))
 
 
-def _by_modes(cell: Cell, waves: Waves) -> FloatArray:
-    """Of a cell that keeps fixed-interface modes, from what each of them takes part."""
-    first, order = cell.interface.count, np.argsort(-cell.fixed_hz, kind="stable")
-    stiff, heavy = (np.diag(matrix)[first:, None] for matrix in (cell.stiffness, cell.mass))
-    energy = (stiff - waves.eigenvalue * heavy) * np.abs(waves.dofs[first:]) ** 2
-    highest = np.cumsum(energy[order], axis=0)  # without the highest, the two highest ...
-    rises = [
-        _relative(highest[int(np.ceil(share * len(order))) - 1], waves) / ((1.0 - share) ** -RATE - 1.0)
-        for share in SHARES
-    ]
-    return np.asarray(np.max(rises, axis=0))
-
-
 def _rise(cell: Cell, waves: Waves, functions: IntArray) -> FloatArray:
     """Relative rise of each frequency without some of the cell's functions, (n,), to first order."""
     own, square = waves.dofs[functions], np.ix_(functions, functions)
@@ -112,15 +121,13 @@ def _rise(cell: Cell, waves: Waves, functions: IntArray) -> FloatArray:
 
 def _relative(raised: FloatArray, waves: Waves) -> FloatArray:
     """Half of what eigenvalues are raised by over themselves; 0 for rigid-body waves."""
-    moving = waves.frequency_hz > STILL * waves.frequency_hz[-1]
+    moving = _moving(waves)
     return np.where(moving, np.maximum(raised, 0.0) / (2.0 * np.where(moving, waves.eigenvalue, 1.0)), 0.0)
 
 
-def _without_modes(cell: Cell, waves: Waves) -> FloatArray:
-    """l u^H D u over the waves at l, D the residual flexibility of a cell that keeps no fixed-interface mode."""
-    lost = cell.on_boundary(cell.dropped)
-    energy = np.einsum("in,in->n", waves.dofs.conj(), lost @ waves.dofs).real
-    return _relative(waves.eigenvalue**2 * cell.growth(waves.eigenvalue) * energy, waves)
+def _moving(waves: Waves) -> BoolArray:
+    """Which are no rigid-body waves, (n,)."""
+    return np.asarray(waves.frequency_hz > STILL * waves.frequency_hz[-1])
 
 
 def mesh_error(cell: Cell, waves: Waves) -> MeshErrors:
@@ -131,7 +138,7 @@ def mesh_error(cell: Cell, waves: Waves) -> MeshErrors:
     error = cell.mesh_error
     if error is None:
         return MeshErrors(np.zeros(len(waves.eigenvalue)), np.full(len(waves.eigenvalue), np.nan))
-    moving = waves.frequency_hz > STILL * waves.frequency_hz[-1]
+    moving = _moving(waves)
     changes = error.changes(waves.dofs, np.where(moving, waves.eigenvalue, 1.0))
     layer, order = (np.where(moving, change, 0.0) for change in changes)
     return MeshErrors(error.taken * layer, error.shares.half_width(layer, order))

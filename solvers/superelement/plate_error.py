@@ -98,7 +98,7 @@ def _by_modes(plate: AssembledPlate, value: FloatArray, vectors: FloatArray | Co
     for edge in sorted({placed_cell.cell.dropped_hz for placed_cell in plate.placed_cells}):
         alike = next(placed_cell.cell for placed_cell in plate.placed_cells if placed_cell.cell.dropped_hz == edge)
         lost = plate.of_cells(partial(_lost, edge))
-        total += 0.5 * value * alike.growth(value) * _energy(vectors, lost @ vectors)
+        total += 0.5 * value * alike.residual.growth(value) * _energy(vectors, lost @ vectors)
     return total
 
 
@@ -136,11 +136,11 @@ def more_below(
     the symbolic analysis of the pencil's earlier solves.
     """
     value = pencil.scale.eigenvalue(edge_hz)
-    if not all(np.isfinite(placed_cell.cell.growth(value)) for placed_cell in plate.placed_cells):
+    if not all(np.isfinite(placed_cell.cell.residual.growth(value)) for placed_cell in plate.placed_cells):
         return None
 
     def lost(cell: Cell) -> FloatArray:
-        return cell.on_boundary(value**2 * float(cell.growth(value)) * cell.dropped)
+        return cell.on_boundary(value**2 * float(cell.residual.growth(value)) * cell.dropped)
 
     softer = PlainPencil(
         (pencil.stiffness - plate.of_cells(lost)).tocsc(), pencil.mass, pencil.scale, pencil.rigid_count

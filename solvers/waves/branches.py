@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.superelement.lattice import Lattice, Waves
@@ -121,9 +123,10 @@ def _aligned(lattice: Lattice, waves: ComplexArray, neighbour: ComplexArray) -> 
 
 def _partner(like: FloatArray) -> IntArray:
     """For each row the column assigned so that the sum of the likenesses is largest."""
-    from scipy.optimize import linear_sum_assignment  # slow to import
-
-    _, column = linear_sum_assignment(like, maximize=True)
+    every = sp.csr_array(
+        1.0 + like
+    )  # no entry is nought, or it would be no edge; scipy.optimize has the same, slow to import
+    _, column = min_weight_full_bipartite_matching(every, maximize=True)
     return np.asarray(column, dtype=np.int64)
 
 

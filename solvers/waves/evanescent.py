@@ -1,9 +1,10 @@
 """ComplexArray bands of rows of cells: all waves across the rows at a real frequency and a real wavenumber along them.
 
-One row's dynamic stiffness D = K - w^2 M is condensed to its lower and upper edge; u(y + p) = lambda u(y) asks that the
-edges' forces balance. A row that is its own mirror image splits into symmetric and antisymmetric motion, and the Cayley
-variable tau = (1 - lambda)/(1 + lambda) turns the problem into a linear pencil in tau^2 of half the size: waves come in
-exact pairs k, -k, and no transfer matrix is formed (mead1973, zhong1995).
+One row's dynamic stiffness D = K - w^2 M, less what the fixed-interface modes left out take (`ResidualModes`), is condensed
+to its lower and upper edge; u(y + p) = lambda u(y) asks that the edges' forces balance. A row that is its own mirror image
+splits into symmetric and antisymmetric motion, and the Cayley variable tau = (1 - lambda)/(1 + lambda) turns the problem into
+a linear pencil in tau^2 of half the size: waves come in exact pairs k, -k, and no transfer matrix is formed (mead1973,
+zhong1995).
 """
 
 from __future__ import annotations
@@ -81,6 +82,11 @@ class Row:
         """Hermitian M of the same."""
         return np.asarray(self.transform.conj().T @ (self.cell.mass @ self.transform))
 
+    @cached_property
+    def flexibility(self) -> ComplexArray:
+        """Hermitian residual flexibility of the fixed-interface modes left out, of the same."""
+        return np.asarray(self.transform.conj().T @ (self.cell.on_boundary(self.cell.dropped) @ self.transform))
+
     def _transform(self, phase: complex) -> ComplexArray:
         """Cell degrees of freedom from [lower edge, upper edge, inner]: an edge is a vertex line and a side, inner the rest."""
         face, out = self.cell.interface, np.zeros((self.cell.dof, 2 * self.edge + self.inner), dtype=complex)
@@ -107,7 +113,8 @@ class Row:
 
         Raises SolverError where the frequency falls on a resonance of the row with both edges clamped.
         """
-        dynamic = self.stiffness - self.cell.scale.eigenvalue(frequency_hz) * self.mass
+        value = self.cell.scale.eigenvalue(frequency_hz)
+        dynamic = self.stiffness - value * self.mass - float(self.cell.residual.softening(value)) * self.flexibility
         n = 2 * self.edge
         inner, coupling = dynamic[n:, n:], dynamic[n:, :n]
         factors = lu_factor(inner)

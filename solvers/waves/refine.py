@@ -51,19 +51,23 @@ class Line:
         ends, top = np.maximum(value[:-1], value[1:]), cubic_top(self.at, value, beyond, before)
         bound = np.maximum(2.0 * top - ends, tent_top(self.at, value, beyond, before))
         best, where = float(value.max()), float(self.at[value.argmax()])
+        for i in np.flatnonzero((top > ends) & (bound >= best)):
+            inside, at = self._inside(band, sign, self.at[i], self.at[i + 1])
+            if inside > best:
+                best, where = inside, at
+        return Extreme(_hz(self.solved.lattice, sign * best), self.start + where * self.along)
+
+    def _inside(self, band: int, sign: int, low: float, high: float) -> tuple[float, float]:
+        """The largest value of sign times a band's eigenvalue between two samples, and where it is."""
         from scipy.optimize import minimize_scalar  # slow to import
 
-        for i in np.flatnonzero((top > ends) & (bound >= best)):
-            low, high = self.at[i], self.at[i + 1]
-            minimum = minimize_scalar(
-                lambda s: -sign * self._eigenvalue(float(s), band),
-                bounds=(low, high),
-                method="bounded",
-                options={"xatol": CLOSE * (high - low)},
-            )
-            if -minimum.fun > best:
-                best, where = float(-minimum.fun), float(minimum.x)
-        return Extreme(_hz(self.solved.lattice, sign * best), self.start + where * self.along)
+        minimum = minimize_scalar(
+            lambda s: -sign * self._eigenvalue(float(s), band),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": CLOSE * (high - low)},
+        )
+        return float(-minimum.fun), float(minimum.x)
 
     def _eigenvalue(self, s: float, band: int) -> float:
         return float(self.solved(self.start + s * self.along).eigenvalue[band])

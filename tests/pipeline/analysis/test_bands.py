@@ -152,7 +152,7 @@ def test_a_grid_that_is_no_count_of_intervals_is_refused(value: str) -> None:
 
 def poor(accuracy: float) -> ReductionSettings:
     """Degrees and modes that are too few on purpose."""
-    return ReductionSettings(Interface(2, 3), 6e5, coarse_cells.COARSEST)
+    return ReductionSettings(Interface(2, 3), 3e5, coarse_cells.COARSEST)
 
 
 def test_a_coarse_cell_holds_every_degree_that_is_tried() -> None:

@@ -20,11 +20,11 @@ from solvers.fem.factor import memory
 from solvers.fem.solid import SolidModel
 from solvers.piezo import beneath as beneath_patches
 from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
+from solvers.piezo.bond import Contact, displacement_at
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.height import height_error
 from solvers.piezo.patch import MESH, _matrices, _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, _bonds, coupled_classes
-from solvers.superelement.bond import Contact, displacement_at
 from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.plate import WHOLE, AssembledPlate

@@ -18,7 +18,7 @@ from solvers.fem.assembly import assemble
 from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice, Waves
-from solvers.superelement.lattice_error import _rise, reduction_error, truncation_bars
+from solvers.superelement.lattice_error import _rise, cutoff_hz, reduction_error, truncation_bars
 from solvers.waves.bloch import BlochCell
 from solvers.waves.branches import one_sided
 
@@ -72,13 +72,23 @@ def test_the_folded_pencil_is_that_of_the_transformed_cell() -> None:
         assert np.abs(result - result.conj().T).max() < 1e-13 * np.abs(truth).max()
 
 
+def orthonormal(one: Lattice, u: np.ndarray) -> bool:
+    """Energy one each, and none together but what the modes left out make of it, the order of their rise."""
+    energy = u.conj().T @ one.cell.mass @ u
+    return bool(np.allclose(np.diag(energy), 1.0, atol=1e-10) and np.allclose(energy, np.eye(len(energy)), atol=1e-2))
+
+
 def test_waves_carry_the_phase_of_each_side_and_their_own_energy() -> None:
     one = lattice()
     waves, face = one.waves(GENERIC, 8), one.cell.interface
     assert np.allclose(waves.frequency_hz, one.frequencies(GENERIC, 8), rtol=1e-10)
     u = waves.dofs
-    assert np.allclose(u.conj().T @ one.cell.mass @ u, np.eye(8), atol=1e-10)
-    assert np.allclose(np.diag(u.conj().T @ one.cell.stiffness @ u), waves.eigenvalue, rtol=1e-9)
+    assert orthonormal(one, u)
+    flexible = one.cell.on_boundary(one.cell.dropped)
+    stiff, lost = (np.einsum("in,in->n", u.conj(), matrix @ u).real for matrix in (one.cell.stiffness, flexible))
+    softer = stiff - one.cell.residual.softening(waves.eigenvalue) * lost
+    assert np.abs(stiff / waves.eigenvalue - 1.0).max() > 1e-3  # what is left out does count
+    assert np.allclose(softer, waves.eigenvalue, rtol=1e-4)  # to the second order of a rise below 1 %
     turn = np.exp(1j * GENERIC * 4e-3)
     for axis, (near, far) in enumerate(((0, 1), (2, 3))):
         assert np.allclose(u[face.side(far)], turn[axis] * u[face.side(near)])
@@ -106,10 +116,11 @@ def test_half_a_turn_makes_the_waves_real_and_changes_none(pitch: tuple[float, f
         moving = truth.frequency_hz > 1.0
         assert np.allclose(real.frequency_hz[moving], truth.frequency_hz[moving], rtol=1e-10)
         u, stiffness, mass = real.dofs, one.cell.stiffness, one.cell.mass
-        assert np.allclose(u.conj().T @ mass @ u, np.eye(8), atol=1e-10)
+        assert orthonormal(one, u)
         transform = one.transform(wavevector)
-        defect = transform.conj().T @ (stiffness @ u - (mass @ u) * real.eigenvalue)
-        assert np.abs(defect).max() < 1e-10 * np.abs(stiffness).max() * np.abs(u).max()
+        values, free = one._solve(wavevector, 8)
+        defect = transform.conj().T @ (stiffness @ (transform @ free) - (mass @ (transform @ free)) * values)
+        assert np.abs(defect).max() < 1e-10 * np.abs(stiffness).max() * np.abs(free).max()
 
 
 def test_a_cell_of_unknown_or_broken_symmetry_keeps_its_hermitian_pencil() -> None:
@@ -127,7 +138,11 @@ def test_group_velocity_is_the_derivative_of_the_frequency() -> None:
     for axis in (0, 1):
         shift = step * np.eye(2)[axis]
         change = one.frequencies(GENERIC + shift, 8) - one.frequencies(GENERIC - shift, 8)
-        assert np.allclose(velocity[:, axis], 2.0 * np.pi * change / (2.0 * step), atol=1e-2, rtol=1e-5)
+        truth = 2.0 * np.pi * change / (2.0 * step)
+        assert np.allclose(velocity[:4, axis], truth[:4], atol=1e-2, rtol=1e-4)
+        assert np.allclose(
+            velocity[4:, axis], truth[4:], atol=3e-3 * abs(truth).max()
+        )  # raised by up to 0.7 %, by the waves above
 
 
 def test_degenerate_waves_have_the_slopes_of_the_bands_that_leave_the_point() -> None:
@@ -139,7 +154,7 @@ def test_degenerate_waves_have_the_slopes_of_the_bands_that_leave_the_point() ->
 
     cross = float(minimize_scalar(distance, bounds=(350.0, 700.0), method="bounded", options={"xatol": 1e-9}).x)
     here = one.waves(cross * direction, 4)
-    assert distance(cross) < 1e-8 * here.eigenvalue[2]  # they do cross
+    assert distance(cross) < 1e-7 * here.eigenvalue[2]  # they do cross
     beyond = (one.eigenvalues((cross + step) * direction, 4) - here.eigenvalue) / step
     before = (here.eigenvalue - one.eigenvalues((cross - step) * direction, 4)) / step
     assert abs(beyond[3] - beyond[2]) > 0.1 * abs(beyond).max()
@@ -181,17 +196,41 @@ def test_group_velocity_of_the_bare_plate_is_that_of_the_exact_waves() -> None:
     assert np.allclose(velocity, exact[:, None] * direction, rtol=1e-3, atol=1e-3 * exact[0])
 
 
-@pytest.mark.parametrize("face, top_hz", [(Interface(3, 3), 1.2e6), (Interface(4, 2), 1.2e6), (Interface(4, 3), 0.8e6)])
-def test_a_part_of_the_cell_lies_above_it_by_what_the_functions_left_out_tell(face: Interface, top_hz: float) -> None:
-    """Galerkin's subspace against the estimate to first order, degree by degree and without the upper modes."""
+@pytest.mark.parametrize("face", [Interface(3, 3), Interface(4, 2)])
+def test_a_part_of_the_cell_lies_above_it_by_what_the_functions_left_out_tell(face: Interface) -> None:
+    """Galerkin's subspace against the estimate to first order, degree by degree."""
     one = lattice()
     waves = one.waves(GENERIC, 8)
-    risen = one.up_to(face, top_hz).frequencies(GENERIC, 8) / waves.frequency_hz - 1.0
-    assert (risen > -1e-10).all() and risen.max() > 1e-4
-    left = np.setdiff1d(np.arange(one.cell.interface.count), one.cell.interface.within(face))
-    modes = one.cell.interface.count + np.flatnonzero(one.cell.fixed_hz > top_hz)
-    told = _rise(one.cell, waves, np.concatenate([left, modes]))
+    risen = one.up_to(face, 1.2e6).frequencies(GENERIC, 8) / waves.frequency_hz - 1.0
+    assert (risen > -1e-6).all() and risen.max() > 1e-4
+    told = _rise(one.cell, waves, np.setdiff1d(np.arange(one.cell.interface.count), one.cell.interface.within(face)))
     assert (np.abs(told - risen) <= 0.3 * risen + 2.0 * risen.max() ** 2 + 1e-6).all()
+
+
+@pytest.mark.parametrize("top_hz", [0.5e6, 0.7e6, 0.9e6, 1.2e6])
+@pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3)])
+def test_the_modes_left_out_are_told_by_their_residual_flexibility(pitch: tuple[float, float], top_hz: float) -> None:
+    """The same cell with modes up to 3 MHz lies within both bars, and the pencil alone further off."""
+    one, ample = lattice(pitch, True, top_hz), lattice(pitch, True, 3e6)
+    for k in (*corners(pitch), GENERIC):
+        waves, finer = one.waves(k, 8), ample.waves(k, 8)
+        moving = finer.frequency_hz > 1e-4 * finer.frequency_hz[-1]
+        error = np.abs(waves.frequency_hz[moving] / finer.frequency_hz[moving] - 1.0)
+        assert (error <= (waves.by_modes + finer.by_modes)[moving] + 1e-9).all()
+        alone = one.cell.scale.frequency(one._solve(k, 8)[0])[moving] / finer.frequency_hz[moving] - 1.0
+        assert alone.max() > 2.0 * error.max()
+
+
+@pytest.mark.parametrize("wanted", [2e-2, 5e-3, 1e-3])
+def test_the_cutoff_that_is_enough_is_found_without_solving_again(wanted: float) -> None:
+    """What the ample lattice foresees for a lower cut-off is what the lattice cut there tells."""
+    one = lattice(face=Interface(5, 3))
+    top_hz = cutoff_hz(one, corners((4e-3, 4e-3)), 8, wanted)
+    assert top_hz < 1.2e6
+    for share, meets in ((1.0, True), (0.75, False)):
+        told = reduction_error(one.up_to(one.cell.interface, share * top_hz), corners((4e-3, 4e-3)), 8).modes
+        assert (told <= 1.3 * wanted) == meets
+    assert cutoff_hz(one, corners((4e-3, 4e-3)), 6, 0.0) == one.cell.dropped_hz
 
 
 def test_the_bar_of_a_wave_knows_what_others_of_its_band_show() -> None:
@@ -209,11 +248,12 @@ def test_a_cell_reduced_for_more_holds_what_less_would_give(pitch: tuple[float, 
     found = ample.up_to(less.cell.interface, top_hz)
     assert np.allclose(found.cell.fixed_hz, less.cell.fixed_hz, rtol=1e-8)
     assert len(found.cell.fixed_hz) < len(ample.cell.fixed_hz)
-    assert np.allclose(found.frequencies(GENERIC, 8), less.frequencies(GENERIC, 8), rtol=1e-8)
+    alike = Lattice(replace(found.cell, dropped_hz=less.cell.dropped_hz))  # the ample cell knows the next mode itself
+    assert np.allclose(alike.frequencies(GENERIC, 8), less.frequencies(GENERIC, 8), rtol=1e-8)
     assert np.allclose(found.cell.dropped, less.cell.dropped, atol=1e-7 * np.abs(less.cell.dropped).max())
     assert found.cell.dropped_hz >= less.cell.dropped_hz * (1.0 - 1e-8)
     assert np.isclose(
-        reduction_error(found, corners(pitch), 6).total, reduction_error(less, corners(pitch), 6).total, rtol=1e-4
+        reduction_error(alike, corners(pitch), 6).total, reduction_error(less, corners(pitch), 6).total, rtol=1e-4
     )
 
 
@@ -227,7 +267,7 @@ def test_the_estimate_bounds_the_reductions_error(pitch: tuple[float, float], to
     for k in corners(pitch):
         ours, exact = one.frequencies(k, count), full(pitch, True).frequencies(k, count)
         moving = exact > 1e-4 * exact[-1]
-        truth = max(truth, float((ours[moving] / exact[moving] - 1.0).max()))
+        truth = max(truth, float(np.abs(ours[moving] / exact[moving] - 1.0).max()))
     result = reduction_error(one, corners(pitch), count)
     assert truth <= result.total <= 20.0 * truth
     assert result.total == result.modes + result.degrees

@@ -48,7 +48,7 @@ class MadeUp:
 
     def waves(self, k: np.ndarray, count: int) -> Waves:
         value = self.eigenvalues(k, count)
-        return Waves(k, value, ONE.frequency(value), np.eye(len(value), dtype=complex))
+        return Waves(k, value, ONE.frequency(value), np.eye(len(value), dtype=complex), np.zeros(len(value)))
 
     def slopes(self, waves: Waves) -> np.ndarray:
         k, h = waves.wavevector, 1e-6
