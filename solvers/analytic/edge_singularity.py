@@ -23,7 +23,6 @@ from geometry.materials import Material
 REAL = np.linspace(0.02, 0.98, 65)
 IMAGINARY = np.linspace(0.0, 0.6, 16)
 RESIDUAL = 1e-9  # smallest over largest singular value of the scaled matrix at an exponent
-SHARED = 0.6  # of an outer element's own error, as measured on cells: it is not alone in its field
 POINTS, STRETCH = 200, 8.0  # of the quadrature over r
 FREE, CLAMPED = "free", "clamped"
 Conditions = Callable[[ComplexArray], ComplexArray]
@@ -62,16 +61,16 @@ def antiplane_exponent(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE
     return _lowest(lambda a: _along_edge(a, wedges, faces))
 
 
-def rim_error(exponent: float, order: int, factor: float, layers: int) -> float:
+def rim_error(exponent: float, order: int, factor: float, layers: int, outer_share: float = 1.0) -> float:
     """Energy's error of elements of an order with layers of a factor towards the edge, for r^a on [0, 1].
 
     Each element has its own best polynomial (babuska1981): the innermost one the share f^(2aL) of the error of order p
-    without layers, the others what degree p - 1 leaves of the slope r^(a-1) on [f, 1].
+    without layers, the others what degree p - 1 leaves of the slope r^(a-1) on [f, 1], of which `outer_share` counts.
     """
     if layers < 0 or not 0.0 < factor < 1.0:
         raise ValueError(f"{layers} layers of factor {factor}: must be 0 or more, between 0 and 1")
     shrunk = factor ** (2.0 * exponent)
-    outer = SHARED * sum(shrunk**layer for layer in range(layers)) * _best_polynomial(exponent, order, factor)
+    outer = outer_share * sum(shrunk**layer for layer in range(layers)) * _best_polynomial(exponent, order, factor)
     return float(shrunk**layers * _best_polynomial(exponent, order, 0.0) + outer)
 
 

@@ -44,6 +44,7 @@ SHADE = (
 # of the share at a clamped face beside elements longer than it is thick: the layer brings the smooth boundary layer, too.
 # Ten zones of `python -m studies.error_bars`, elements 2 to 2.5 thicknesses long, have 0.42 to 0.75 of it left
 LONG = 0.6
+OUTER = 0.6  # of what the elements beside the innermost one miss by themselves: as measured at clamped faces
 RIM_ROUGH, CLAMPED_ROUGH = 0.1, 0.35  # of the share: one radial function stands for the whole of an edge
 
 
@@ -74,17 +75,17 @@ def largest(half_widths: FloatArray) -> float | None:
 Rim = tuple[Material, Material]  # the wider part's material, and that of the narrower one that stands on it
 
 
-def rim_shares(plate: Material, pillar: Material, mesh: HexSettings, *more: Rim) -> Shares:
+def rim_shares(plate: Material, pillar: Material, mesh: HexSettings, *more: Rim, outer_share: float = 1.0) -> Shares:
     """Shares at the rims of a foot and of `more` like it, between the exponents of displacements normal to them and along
-    them (williams1952).
+    them (williams1952); outer_share: of what the elements beside the innermost one miss by themselves.
     """
-    return _shares(_rim_exponents((plate, pillar), *more), mesh, RIM_ROUGH)
+    return _shares(_rim_exponents((plate, pillar), *more), mesh, RIM_ROUGH, outer_share)
 
 
 def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_m: float = inf) -> Shares:
     """Shares where a clamped face, so thick, meets free ones, and at the rims of `more` (williams1952)."""
     exponents = (clamped_edge_exponent(material), *_rim_exponents(*more))
-    shares = replace(_shares(exponents, mesh, CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
+    shares = replace(_shares(exponents, mesh, CLAMPED_ROUGH, OUTER), smooth=CLAMPED_SMOOTH)
     if not mesh.layers or mesh.size_m <= thickness_m:
         return shares
     return replace(shares, taken=LONG * shares.taken, spread=LONG * shares.spread)
@@ -95,11 +96,11 @@ def _rim_exponents(*rims: Rim) -> tuple[float, ...]:
     return tuple(exponent(each) for each in wedges for exponent in (edge_exponent, antiplane_exponent))
 
 
-def _shares(exponents: tuple[float, ...], mesh: HexSettings, rough: float) -> Shares:
+def _shares(exponents: tuple[float, ...], mesh: HexSettings, rough: float, outer_share: float) -> Shares:
     left, order, less = [], [], replace(mesh, order=mesh.order - 1)
     for exponent in exponents:
         own, coarse, lower = (
-            rim_error(exponent, each.order, each.factor, each.layers - each.skipped)
+            rim_error(exponent, each.order, each.factor, each.layers - each.skipped, outer_share)
             for each in (mesh, mesh.coarser if mesh.layers else less, less)
         )
         left.append(own / (coarse - own))

@@ -23,7 +23,7 @@ from geometry.hex.boxes import HexSettings, bonded_boxes, hex_mesh
 from geometry.layout import Design, Pillar, Stand
 from geometry.materials import Material
 from solvers.errors import TooLarge
-from solvers.fem.coarser import Shares, rim_shares
+from solvers.fem.coarser import OUTER, Shares, rim_shares
 from solvers.fem.constraints import constrain, free_mask
 from solvers.fem.factor.factoriser import Factoriser, side_by_side
 from solvers.piezo import patch as piezo_patch
@@ -73,7 +73,7 @@ class Beneath:
         """What of the mesh's error beneath a patch the mesh without its innermost layer tells."""
         ceramic = patch.material
         alike = Material(ceramic.name, 1.0 / ceramic.s11, ceramic.density_kg_m3, -ceramic.s12 / ceramic.s11)
-        shares = rim_shares(self.reductions.material, alike, patch.mesh)
+        shares = rim_shares(self.reductions.material, alike, patch.mesh, outer_share=OUTER)
         return replace(shares, spread=shares.spread + ROUGH * shares.taken)
 
     def prepare(self, plate: AssembledPlate, patches: Iterable[BondedPatch], back: bool) -> None:
