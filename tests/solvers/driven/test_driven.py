@@ -33,7 +33,7 @@ TONE = 8.3e3  # half a wave of the strip is 24 mm, 24 thicknesses
 
 @cache
 def patched(design: Design, boxes: tuple[tuple[float, ...], ...], edge_m: float) -> PatchedPlate:
-    reduction = ReductionSettings(Interface(4, 1), 200e3, HexSettings(2, 5e-3, 0, 0.2), edge_m)
+    reduction = ReductionSettings(Interface(4, 1), 200e3, HexSettings(2, 2e-3, 0, 0.2), edge_m)
     model = PlateModel(design, Reductions(design.thickness_m, ALUMINIUM, None, reduction))
     bonded = [bonded_patch(PIEZO_MATERIALS["pz26"], np.array(box), 0.5e-3, True) for box in boxes]
     return PatchedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, bonded, True)
