@@ -55,7 +55,12 @@ LIMITS = {
     "rows": Limit("array.rows", "Rows a side", "", 0.0, 8.0, 1.0),
     "extension": Limit("array.extension_mm", "Extension", "mm", 0.0, 40.0, 0.5),
 }
-WIDTHS = {"round": "Pillar diameter", "tapered": "Pillar side at the foot", "cross": "Pillar width"}
+WIDTHS = {
+    "round": "Pillar diameter",
+    "hexagonal": "Pillar width across flats",
+    "tapered": "Pillar side at the foot",
+    "cross": "Pillar width",
+}
 CLOUD = 2000  # designs of the Pareto picture
 BATCH = 6  # of them a question: a drag waits no longer
 Document = dict[str, Any]

@@ -33,7 +33,8 @@ from solvers.parametric.sectors import Sector
 from solvers.superelement.interface import Interface
 from solvers.waves.brillouin import path_through
 
-PATH, INTERVALS, BANDS = "GXMG", 25, 10
+PATHS = {True: "GXMG", False: "GXMYG"}  # around the irreducible Brillouin zone, by whether x and y may be exchanged
+INTERVALS, BANDS = 25, 10
 MAX_BYTES = 400_000_000  # of all models: some pairs of materials
 UNSEEN = 4  # designs that tell what the bases miss
 FINE_ENOUGH = (
@@ -43,12 +44,15 @@ FINE_ENOUGH = (
 
 @dataclass(frozen=True)
 class Offline:
-    """What the bases are made from: mesh, boundary degrees, designs besides the corners for the cell and for the bands."""
+    """What the bases are made from: mesh, boundary degrees, the coarser mesh on which designs are chosen (None: all are taken),
+    and how many there are besides the corners, for the cell and for the bands.
+    """
 
     box: DesignBox = field(default_factory=DesignBox)
     mesh: FixedMesh = field(default_factory=FixedMesh)
     interface: Interface = field(default_factory=lambda: Interface(5, 3))
-    designs: int = 24
+    coarse: FixedMesh | None = field(default_factory=lambda: FixedMesh(2, beside=1, along=3, layers=1))
+    designs: int = 48
     waves: int = 32
     intervals: int = INTERVALS
     workers: int = 2
@@ -73,10 +77,8 @@ def require_foot(case: Case) -> Foot:
     design, said = case.design, []
     foot = foot_of(design.pillar) if design.pillar else None
     if foot is None:
-        known = "square, round, tapered or cross, without fillet and heavy tip and on the back alone"
-        said.append(
-            f"{case.name}: pillar.shape must be {known}, for explore: one mesh is stretched along x and y alike"
-        )
+        known = "square, round, hexagonal, tapered or cross, without fillet and heavy tip and on the back alone"
+        said.append(f"{case.name}: pillar.shape must be {known}, for explore: the others do not grow with their width")
     if design.pillar is not None and design.pitch_x_m != design.pitch_y_m:
         said.append(f"{case.name}: array.pitch_x_mm and pitch_y_mm must be equal for explore")
     if foot is None or said:
@@ -143,10 +145,13 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
     box = offline.box
     unseen = as_sizes(box.sample(between(UNSEEN, seed=3)))
     with log.step("mesh the reference cell"):
-        affine = AffineCell(box, offline.mesh, *_materials(case))
+        affine, coarse = (
+            AffineCell(box, mesh, *_materials(case)) if mesh else None for mesh in (offline.mesh, offline.coarse)
+        )
+        assert affine is not None
     with log.step("reduce the cell over the box of designs"):
-        cell, *alone = _reduced(affine, offline, unseen)
-    path = path_through(PATH, offline.intervals, 1.0, 1.0)
+        cell, *alone = _reduced(affine, coarse, offline, unseen)
+    path = path_through(PATHS[box.foot.is_alike], offline.intervals, 1.0, 1.0)
     fractions, labels = path.wavevectors / np.pi, tuple(label or "" for label in path.labels)
     designs = box.spread(offline.waves, seed=2)
     with log.step("gather waves at every wavevector"):
@@ -164,10 +169,13 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
     return CellModel(cell, bases, mesh)
 
 
-def _reduced(affine: AffineCell, offline: Offline, unseen: list[Sizes]) -> tuple[ParametricCell, ...]:
+def _reduced(
+    affine: AffineCell, coarse: AffineCell | None, offline: Offline, unseen: list[Sizes]
+) -> tuple[ParametricCell, ...]:
     """Symmetry classes side by side, in processes of their own."""
     with _mapped(offline) as apply:
-        return parametric_cell(affine, offline.interface, offline.box.spread(offline.designs), unseen, apply)
+        designs = offline.box.spread(offline.designs)
+        return parametric_cell(affine, offline.interface, designs, unseen, apply, coarse)
 
 
 @contextlib.contextmanager

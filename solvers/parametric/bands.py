@@ -140,7 +140,7 @@ def band_bases(
     apply: Callable[..., Iterable[list[FloatArray]]] = map,
 ) -> BandBases:
     """Gather the boundary motions of the waves of given designs; `apply` maps over designs, several at once if it can."""
-    whole = sectors(cell.interface, fractions)
+    whole = sectors(cell.interface, fractions, cell.symmetry)
     waves = list(apply(partial(_boundary_waves, cell, whole, count), designs))
     middle = cell.parts(cell.reference, INNER, cell.interface)
     few = []
@@ -157,7 +157,7 @@ def band_bases(
 def rich_sectors(cell: ParametricCell, fractions: FloatArray, labels: tuple[str, ...]) -> tuple[Sector, ...]:
     """The sectors with all boundary motions at some of the wavevectors."""
     labelled = np.array([bool(label) for label in labels])
-    return tuple(_some(sector, labelled[sector.points]) for sector in sectors(cell.interface, fractions))
+    return tuple(_some(sector, labelled[sector.points]) for sector in sectors(cell.interface, fractions, cell.symmetry))
 
 
 def _some(sector: Sector, labelled: BoolArray) -> Sector:
@@ -168,12 +168,18 @@ def _some(sector: Sector, labelled: BoolArray) -> Sector:
 
 
 def own_error(cell: ParametricCell, alone: Sequence[ParametricCell], designs: Sequence[Sizes], count: int) -> float:
-    """Largest relative excess of the cell's frequencies over those of cells made for each design alone, at six wavevectors."""
-    of = sectors(cell.interface, ((0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0), (0.5, 0.5)))
-    worst = 0.0
+    """Largest relative excess of the cell's frequencies over those of cells made for each design alone, along its path."""
+    further = ((0.5, 0.5),) if cell.box.foot.is_alike else ((0.5, 1.0), (0.0, 1.0), (0.0, 0.5))
+    points = ((0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0), *further)
+    of, worst = sectors(cell.interface, points, cell.symmetry), 0.0
     for one, sizes in zip(alone, designs, strict=True):
         ours, theirs = (
-            _merged([_eigenvalues(each.parts(sizes, INNER, each.interface), sector) for sector in of], of, 6, count)
+            _merged(
+                [_eigenvalues(each.parts(sizes, INNER, each.interface), sector) for sector in of],
+                of,
+                len(points),
+                count,
+            )
             for each in (cell, one)
         )
         moving = theirs > FLAT**2 * theirs[:, -1:]

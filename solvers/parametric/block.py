@@ -1,7 +1,8 @@
 """One symmetry class of the affine cell: its degrees of freedom, boundary functions and the reduced basis of its inside.
 
-Classes: u_z even or odd under x -> -x and y -> -y, and where both are alike even or odd under x <-> y; (+, -) stands for
-(-, +) too. A basis function is either a boundary function, zero at every inner node, or zero on the boundary.
+Classes: u_z even or odd under x -> -x and y -> -y. Where the cell is its own image with x and y exchanged, classes alike in
+both are parted into even and odd under x <-> y, and (+, -) stands for (-, +) too. A basis function is either a boundary
+function, zero at every inner node, or zero on the boundary.
 """
 
 from __future__ import annotations
@@ -23,7 +24,6 @@ from solvers.parametric.affine import PITCH, THICKNESS, AffineCell, Sizes
 from solvers.superelement.diagonal import diagonal_folding, diagonal_image
 from solvers.superelement.interface import Interface
 
-CLASSES = ((1, 1, 1), (1, 1, -1), (-1, -1, 1), (-1, -1, -1), (1, -1, 0))  # under x -> -x, y -> -y, x <-> y
 BESIDE = 0.1  # scaled eigenvalue: about a tenth band
 ROUGH = 1e-3  # residual of a clamped mode: a basis does not ask for more
 FUNCTION = 1e-11  # of the largest singular value: smaller ones are rounding
@@ -64,9 +64,9 @@ def class_forms(cell: AffineCell, signs: tuple[int, int, int]) -> ClassForms:
     """The affine forms of one symmetry class."""
     mirrors = {face: "S" if sign > 0 else "A" for face, sign in zip(("x-", "y-"), signs, strict=False)}
     inside = free_mask(cell.mesh, (), mirrors)
-    image = diagonal_image(cell.mesh)
-    assert image is not None  # the quarter's lines are alike along x and y
     if signs[2]:
+        image = diagonal_image(cell.mesh)
+        assert image is not None  # the quarter's lines are alike along x and y
         fold = diagonal_folding(image, inside, signs[2])
     else:
         own = np.flatnonzero(inside.ravel())

@@ -14,8 +14,10 @@ from geometry.elements import FloatArray, IntArray
 from solvers.fem.assembly import Scale
 from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import PITCH, SIDE, THICKNESS, AffineCell, DesignBox, Sizes, across, theta
-from solvers.parametric.block import BESIDE, CLASSES, Block
-from solvers.parametric.reduced_block import ReducedBlock, block_alone, reduced_block
+from solvers.parametric.block import BESIDE, Block
+from solvers.parametric.greedy import chosen
+from solvers.parametric.reduced_block import KEPT, NOVEL, ReducedBlock, block_alone, reduced_block
+from solvers.parametric.sectors import Symmetry, symmetry_of
 from solvers.superelement.cell import Cell, Expansion, rigid_polynomials
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
@@ -63,11 +65,18 @@ class ParametricCell:
         return _joined(self, self.parts(sizes, inner, face), face, sizes)
 
     def parts(self, sizes: FloatArray | Sizes, inner: Inner, face: Interface) -> list[ClassAtDesign]:
-        """The symmetry classes of one design, that of (-, +) last. Errors as at."""
+        """The symmetry classes of one design; where x and y may be exchanged, that of (-, +) last. Errors as at."""
         self.box.require(sizes)
         with one_thread():
             parts = [self._part(block, sizes, inner, face) for block in self.blocks]
+        if not self.box.foot.is_alike:
+            return parts
         return parts + [part.swapped(face, self.turned) for part in parts if part.signs[2] == 0]
+
+    @property
+    def symmetry(self) -> Symmetry:
+        """Which classes there are, and how waves are made of them."""
+        return symmetry_of(self.box.foot.is_alike)
 
     def weights(self, sizes: FloatArray | Sizes) -> tuple[FloatArray, FloatArray]:
         """theta of K and of M, (q,) and (r,)."""
@@ -225,13 +234,15 @@ def parametric_cell(
     designs: Sequence[Sizes],
     unseen: Sequence[Sizes] = (),
     apply: Callable[..., Iterable[tuple[ReducedBlock, ...]]] = map,
+    coarse: AffineCell | None = None,
 ) -> tuple[ParametricCell, ...]:
     """The cell reduced over the box from the given designs, then for each unseen design one made for it alone.
 
-    `apply` maps over the classes, several at once if it can; the largest comes first.
+    With a coarser mesh of the same topology a class takes of the designs only those that tell it something new there. `apply`
+    maps over the classes, several at once if it can; the largest comes first.
     """
-    work = partial(_reduce, cell, interface, tuple(designs), tuple(unseen))
-    reduced = list(apply(work, CLASSES[::-1]))[::-1]
+    work = partial(_reduce, cell, coarse, interface, tuple(designs), tuple(unseen))
+    reduced = list(apply(work, symmetry_of(cell.box.foot.is_alike).classes[::-1]))[::-1]
     rule = face_quadrature(cell.mesh, "touch")
     everywhere = cell.stiffness.exponents, cell.mass.exponents, cell.pillar_mass.exponents
     alone = (np.zeros((1, 4), dtype=np.int64),) * 3
@@ -246,11 +257,14 @@ def parametric_cell(
 
 def _reduce(
     cell: AffineCell,
+    coarse: AffineCell | None,
     interface: Interface,
     designs: Sequence[Sizes],
     unseen: Sequence[Sizes],
     signs: tuple[int, int, int],
 ) -> tuple[ReducedBlock, ...]:
     with one_thread():
-        block = Block(cell, interface, signs)
-        return (reduced_block(block, designs), *(block_alone(block, sizes) for sizes in unseen))
+        block, taken = Block(cell, interface, signs), designs
+        if coarse:
+            taken = tuple(chosen(Block(coarse, interface, signs), designs, NOVEL * KEPT))
+        return (reduced_block(block, taken, designs), *(block_alone(block, sizes) for sizes in unseen))

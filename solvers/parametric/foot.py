@@ -1,7 +1,7 @@
 """What of a pillar stays alike while it grows: its section over its width, and the quarter cell's mesh around it.
 
-A round section stands in a square block of the plate that grows with it, so that beyond the block every stretch is along the
-axes, as it is for a section made of boxes (rozza2008).
+A round or hexagonal section stands in a square block of the plate that grows with it, so that beyond the block every stretch
+is along the axes, as it is for a section made of boxes (rozza2008).
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from geometry.hex.grading import Grading, grid_lines
 from geometry.layout import Pillar
 from geometry.mesh import Mesh
 
-BLOCK = 1.1  # width of a round pillar's block over its diameter
+BLOCK = 1.1  # width of a round or hexagonal pillar's block over the pillar's largest
+CORNERS = 2.0 / np.sqrt(3.0)  # width of a hexagon across corners over that across flats
 CORE = 0.5  # half-width of the middle of a disc over its radius
 NOTCH = 0.42  # of the radius: where the middle's corner lies along x and y
 UNDER, BESIDE = 2, 3  # numbers of the stretches of block and clearance: solvers/parametric/affine.py
@@ -32,7 +33,7 @@ class FixedMesh:
 
     order: int = 3
     under: int = 1
-    beside: int = 1
+    beside: int = 2
     through: int = 1
     along: int = 4
     layers: int = 2
@@ -41,25 +42,40 @@ class FixedMesh:
 
 @dataclass(frozen=True)
 class Foot:
-    """A section over its width: round, or a square or cross with arms so wide; the width of the tip over that of the foot."""
+    """A section over its width: round, hexagonal, or a square or cross with arms so wide; the width of the tip over that of the
+    foot.
+    """
 
     round: bool = False
     arm: float = 1.0
     taper: float = 1.0
+    hexagonal: bool = False
+
+    @property
+    def is_alike(self) -> bool:
+        """Whether the section is its own image with x and y exchanged."""
+        return not self.hexagonal
+
+    @property
+    def footprint(self) -> float:
+        """Largest extent of the foot over its width: a hexagon's is across corners, along x."""
+        return float(CORNERS) if self.hexagonal else 1.0
 
     @property
     def reach(self) -> float:
         """Width of the block that grows with the pillar, over the pillar's."""
-        return BLOCK if self.round else 1.0
+        return BLOCK * self.footprint if self.round or self.hexagonal else 1.0
 
     @property
     def widest(self) -> float:
-        """Largest width over that of the foot."""
-        return max(1.0, self.taper)
+        """Largest extent at any height over the width of the foot."""
+        return max(1.0, self.taper) * self.footprint
 
     @property
     def area(self) -> float:
         """Area of the foot over its width squared."""
+        if self.hexagonal:
+            return float(np.sqrt(0.75))
         return float(np.pi / 4.0) if self.round else 1.0 - (1.0 - self.arm) ** 2
 
     @property
@@ -72,7 +88,7 @@ SQUARE = Foot()
 
 
 def foot_of(pillar: Pillar) -> Foot | None:
-    """The section of a pillar that grows with its width; None for one that does not, or is not alike along x and y."""
+    """The section of a pillar that grows with its width; None for one that does not."""
     if pillar.fillet_m or pillar.tip or pillar.faces == 2:
         return None
     known = {
@@ -80,6 +96,7 @@ def foot_of(pillar: Pillar) -> Foot | None:
         "tapered": Foot(taper=pillar.form.taper),
         "cross": Foot(arm=pillar.form.size_m("arm_m") / pillar.base_m),
         "round": Foot(round=True),
+        "hexagonal": Foot(hexagonal=True),
     }
     return known.get(pillar.shape)
 
@@ -92,7 +109,7 @@ def quarter_mesh(foot: Foot, sizes: tuple[float, float, float, float], mesh: Fix
     z = np.concatenate(
         [_part(0.0, t, mesh.through, (False, True), mesh), _part(t, t + h, mesh.along, (True, False), mesh)[1:]]
     )
-    patches = list(_disc(sizes, mesh) if foot.round else _bars(foot, sizes, mesh))
+    patches = list(_plan(foot, sizes, mesh))
     return _tapered(_joined(patches, z, t, mesh.order), foot, t, h), _stretched(patches, z, t)
 
 
@@ -108,6 +125,12 @@ class _Patch:
     place: Map
     inside: FloatArray
     grows: tuple[int, int]
+
+
+def _plan(foot: Foot, sizes: tuple[float, float, float, float], mesh: FixedMesh) -> Iterator[_Patch]:
+    if foot.round:
+        return _disc(sizes, mesh)
+    return _hexagon(foot, sizes, mesh) if foot.hexagonal else _bars(foot, sizes, mesh)
 
 
 def _part(low: float, high: float, count: int, ends: tuple[bool, bool], mesh: FixedMesh, less: int = 0) -> FloatArray:
@@ -146,8 +169,7 @@ def _disc(sizes: tuple[float, float, float, float], mesh: FixedMesh) -> Iterator
     _, _, a, p = sizes
     radius, block = a / 2.0, BLOCK * a / 2.0
     turn = np.linspace(0.0, 1.0, mesh.under + 1)
-    ring, fill = _part(0.0, 1.0, 1, (False, True), mesh), _part(0.0, 1.0, 1, (True, False), mesh, less=1)
-    beside = _part(block, p / 2.0, mesh.beside, (True, False), mesh)
+    ring, fill = _part(0.0, 1.0, 1, (False, True), mesh), _filling(mesh)
 
     def middle(u: FloatArray, v: FloatArray) -> FloatArray:
         return radius * np.column_stack([CORE * u * (1.0 - v) + NOTCH * u * v, CORE * v * (1.0 - u) + NOTCH * v * u])
@@ -161,15 +183,48 @@ def _disc(sizes: tuple[float, float, float, float], mesh: FixedMesh) -> Iterator
     def beyond(u: FloatArray, v: FloatArray) -> FloatArray:
         return _between(arc(v), block * np.column_stack([np.ones_like(v), v]), u)
 
-    def empty(u: FloatArray, v: FloatArray) -> FloatArray:
-        return np.zeros((len(u) - 1, len(v) - 1))
-
-    yield _Patch(turn, turn, middle, 1.0 + empty(turn, turn), (UNDER, UNDER))
+    yield _Patch(turn, turn, middle, 1.0 + _empty(turn, turn), (UNDER, UNDER))
     for lines, place, stands in ((ring, around, 1.0), (fill, beyond, 0.0)):
-        yield _Patch(lines, turn, place, stands + empty(lines, turn), (UNDER, UNDER))
-        yield _Patch(turn, lines, _exchanged(place), stands + empty(turn, lines), (UNDER, UNDER))
-    for u, v, grows in [*_four(block * turn, beside)][1:]:
-        yield _Patch(u, v, _straight, empty(u, v), grows)
+        yield _Patch(lines, turn, place, stands + _empty(lines, turn), (UNDER, UNDER))
+        yield _Patch(turn, lines, _exchanged(place), stands + _empty(turn, lines), (UNDER, UNDER))
+    yield from _around(block * turn, block, p, mesh)
+
+
+def _hexagon(foot: Foot, sizes: tuple[float, float, float, float], mesh: FixedMesh) -> Iterator[_Patch]:
+    """A hexagonal foot, whose quarter has four corners; what fills the block, and the plate beside it."""
+    _, _, a, p = sizes
+    flat, corner, block = a / 2.0, CORNERS * a / 2.0, foot.reach * a / 2.0
+    inner, fill = _part(0.0, 1.0, mesh.under, (False, True), mesh), _filling(mesh)
+
+    def quarter(u: FloatArray, v: FloatArray) -> FloatArray:
+        return np.column_stack([corner * u * (1.0 - v / 2.0), flat * v])
+
+    def beyond(u: FloatArray, v: FloatArray) -> FloatArray:
+        return _between(quarter(np.ones_like(v), v), block * np.column_stack([np.ones_like(v), v]), u)
+
+    def above(u: FloatArray, v: FloatArray) -> FloatArray:
+        return _between(quarter(u, np.ones_like(u)), block * np.column_stack([u, np.ones_like(u)]), v)
+
+    yield _Patch(inner, inner, quarter, 1.0 + _empty(inner, inner), (UNDER, UNDER))
+    yield _Patch(fill, inner, beyond, _empty(fill, inner), (UNDER, UNDER))
+    yield _Patch(inner, fill, above, _empty(inner, fill), (UNDER, UNDER))
+    yield from _around(block * inner, block, p, mesh)
+
+
+def _filling(mesh: FixedMesh) -> FloatArray:
+    """Lines from a pillar's rim to the edge of its block."""
+    return _part(0.0, 1.0, 1, (True, False), mesh, less=1)
+
+
+def _around(under: FloatArray, block: float, pitch: float, mesh: FixedMesh) -> Iterator[_Patch]:
+    """The plate beside a block of so many lines."""
+    beside = _part(block, pitch / 2.0, mesh.beside, (True, False), mesh)
+    for u, v, grows in [*_four(under, beside)][1:]:
+        yield _Patch(u, v, _straight, _empty(u, v), grows)
+
+
+def _empty(u: FloatArray, v: FloatArray) -> FloatArray:
+    return np.zeros((len(u) - 1, len(v) - 1))
 
 
 def _between(start: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:

@@ -54,10 +54,13 @@ class ReducedBlock:
         return np.asarray(np.tensordot(weights, self.coordinates, axes=1))
 
 
-def reduced_block(block: Block, designs: Iterable[Sizes]) -> ReducedBlock:
-    """Gather what the inside does at every design, keep what brings KEPT of the energy, and project every matrix."""
+def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[Sizes] = ()) -> ReducedBlock:
+    """Gather what the inside does at given designs, keep what brings KEPT of the energy, and project every matrix.
+
+    The rigid motions of the designs `everywhere` are among the functions, too.
+    """
     matrices = block.forms.each("stiffness"), block.forms.each("mass"), block.cell.pillar_mass.matrices
-    return _block(block, inner_basis(block, designs, KEPT), matrices)
+    return _block(block, inner_basis(block, designs, KEPT, everywhere), matrices)
 
 
 def block_alone(block: Block, sizes: Sizes) -> ReducedBlock:
@@ -90,7 +93,7 @@ def _block(
     )
 
 
-def inner_basis(block: Block, designs: Iterable[Sizes], kept: float) -> FloatArray:
+def inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere: Iterable[Sizes] = ()) -> FloatArray:
     """Functions of the inside (inner, r), orthonormal in the strain energy of the reference design (a POD, sirovich1987).
 
     The rigid motions of every design are among them, so that none meets a force. What a design's snapshots add to those of
@@ -99,7 +102,7 @@ def inner_basis(block: Block, designs: Iterable[Sizes], kept: float) -> FloatArr
     designs = list(designs)
     stiffness, _ = block.stretched(block.cell.reference)
     energy = sp.csr_array(stiffness[block.inner][:, block.inner])
-    space = orthonormal(np.hstack([block.rigid(sizes) for sizes in designs]), energy, RIGID)
+    space = orthonormal(np.hstack([block.rigid(sizes) for sizes in (*designs, *everywhere)]), energy, RIGID)
     rigid, known = space.shape[1], []
     for sizes in designs:
         snapshots = np.hstack(block.inner_shapes(sizes, MODES))

@@ -15,39 +15,61 @@ import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
-from solvers.parametric.block import CLASSES
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import boundary_phases
 
 ROOT = float(np.sqrt(0.5))
 RANK = 1e-9  # of the largest singular value
-Member = tuple[int, float]  # a class of MEMBERS and its factor in a sector
-MEMBERS = (*CLASSES, (-1, 1, 0))
-SECTORS: dict[str, tuple[tuple[Member, ...], tuple[Member, ...]]] = {
-    "y": (((0, 1.0), (1, 1.0), (5, 1.0)), ((2, 1.0), (3, 1.0), (4, 1.0))),
-    "x": (((0, 1.0), (1, 1.0), (4, 1.0)), ((2, 1.0), (3, 1.0), (5, 1.0))),
-    "d": (((0, 1.0), (2, 1.0), (4, ROOT), (5, ROOT)), ((1, 1.0), (3, 1.0), (4, ROOT), (5, -ROOT))),
-}  # by the mirror that leaves the wavevector alone: even, odd
+Signs = tuple[int, int, int]  # under x -> -x, y -> -y, x <-> y; 0 where the last is no mirror of the class
+Member = tuple[int, float]  # a class among a symmetry's members and its factor in a sector
 
 
-def mirror_at(fraction: FloatArray) -> str:
-    """The mirror y -> -y, x -> -x or x <-> y that leaves a wavevector in units of pi / pitch alone.
+@dataclass(frozen=True)
+class Symmetry:
+    """Classes of a cell that are reduced, members (those and their images), and the even and odd sector of each line of the
+    zone: GX and YM under y -> -y, XM and GY under x -> -x, GM under x <-> y.
+    """
 
-    SolverError for a wavevector inside the irreducible triangle: paths run along its sides.
+    classes: tuple[Signs, ...]
+    members: tuple[Signs, ...]
+    sectors: dict[str, tuple[tuple[Member, ...], tuple[Member, ...]]]
+
+
+ALIKE = Symmetry(
+    ((1, 1, 1), (1, 1, -1), (-1, -1, 1), (-1, -1, -1), (1, -1, 0)),
+    ((1, 1, 1), (1, 1, -1), (-1, -1, 1), (-1, -1, -1), (1, -1, 0), (-1, 1, 0)),
+    {
+        "GX": (((0, 1.0), (1, 1.0), (5, 1.0)), ((2, 1.0), (3, 1.0), (4, 1.0))),
+        "XM": (((0, 1.0), (1, 1.0), (4, 1.0)), ((2, 1.0), (3, 1.0), (5, 1.0))),
+        "GM": (((0, 1.0), (2, 1.0), (4, ROOT), (5, ROOT)), ((1, 1.0), (3, 1.0), (4, ROOT), (5, -ROOT))),
+    },
+)  # x and y may be exchanged: (-, +) is (+, -) turned over
+QUARTERS: tuple[Signs, ...] = ((1, 1, 0), (1, -1, 0), (-1, 1, 0), (-1, -1, 0))
+EVEN_X, EVEN_Y = ((((0, 1.0), (1, 1.0)), ((2, 1.0), (3, 1.0))), (((0, 1.0), (2, 1.0)), ((1, 1.0), (3, 1.0))))
+UNLIKE = Symmetry(QUARTERS, QUARTERS, {"GX": EVEN_Y, "XM": EVEN_X, "YM": EVEN_Y, "GY": EVEN_X})
+
+
+def symmetry_of(is_alike: bool) -> Symmetry:
+    """The symmetry of a cell that is, or is not, its own image with x and y exchanged."""
+    return ALIKE if is_alike else UNLIKE
+
+
+def line_of(fraction: FloatArray) -> str:
+    """The line of the zone's border that a wavevector in units of pi / pitch lies on, by its ends.
+
+    SolverError for a wavevector inside the irreducible Brillouin zone: paths run along its sides.
     """
     x, y = np.round(fraction, 12)
-    if y == 0.0:
-        return "y"
-    if x == 1.0:
-        return "x"
-    if x == y:
-        return "d"
+    on = {"GX": y == 0.0, "XM": x == 1.0, "GM": x == y, "YM": y == 1.0, "GY": x == 0.0}
+    for name, is_on in on.items():
+        if is_on:
+            return name
     raise SolverError(f"wavevector {x:g}, {y:g} pi/pitch: no mirror leaves it alone")
 
 
 @dataclass(frozen=True)
 class Sector:
-    """Wavevectors that share a mirror, and the waves of one sign under it.
+    """Wavevectors of one line, and the waves of one sign under the mirror that leaves them alone.
 
     points (k,): their places in the path; classes: which reduced blocks take part; bases (k, rows, m): the classes'
     boundary polynomials, one below the other, from the sector's m free coordinates.
@@ -58,45 +80,54 @@ class Sector:
     bases: FloatArray
 
 
-def parities(face: Interface) -> tuple[FloatArray, ...]:
-    """Each class's polynomials among the cell's own, (boundary, m); that of (-, +) by exchanging x and y."""
-    own = [face.parity_basis({0: x, 1: y}, diagonal) for x, y, diagonal in CLASSES]
-    return (*own, own[-1][face.diagonal()])
+def parities(face: Interface, symmetry: Symmetry) -> tuple[FloatArray, ...]:
+    """Each member's polynomials among the cell's own, (boundary, m); the image of a class by exchanging x and y."""
+    own = [face.parity_basis({0: x, 1: y}, diagonal) for x, y, diagonal in symmetry.classes]
+    images = len(symmetry.members) - len(symmetry.classes)
+    return (*own, *(one[face.diagonal()] for one in own[len(own) - images :]))
 
 
-def sectors(face: Interface, fractions: Sequence[Sequence[float]] | FloatArray) -> tuple[Sector, ...]:
-    """Every sector of a path's wavevectors (k, 2) in units of pi / pitch."""
-    return _sectors(face, tuple((float(x), float(y)) for x, y in fractions))
+def sectors(
+    face: Interface, fractions: Sequence[Sequence[float]] | FloatArray, symmetry: Symmetry = ALIKE
+) -> tuple[Sector, ...]:
+    """Every sector of a path's wavevectors (k, 2) in units of pi / pitch.
+
+    SolverError for a wavevector that none of the cell's mirrors leaves alone.
+    """
+    return _sectors(face, tuple((float(x), float(y)) for x, y in fractions), symmetry is ALIKE)
 
 
 @lru_cache(maxsize=8)
-def _sectors(face: Interface, fractions: tuple[tuple[float, float], ...]) -> tuple[Sector, ...]:
-    mirrors = np.array([mirror_at(np.array(fraction)) for fraction in fractions])
-    classes, out = parities(face), []
-    for name, pair in SECTORS.items():
-        points = np.flatnonzero(mirrors == name)
+def _sectors(face: Interface, fractions: tuple[tuple[float, float], ...], is_alike: bool) -> tuple[Sector, ...]:
+    symmetry = symmetry_of(is_alike)
+    lines = np.array([line_of(np.array(fraction)) for fraction in fractions])
+    if not set(lines) <= set(symmetry.sectors):
+        raise SolverError("wavevectors along the diagonal: the cell is no image of itself with x and y exchanged")
+    classes, out = parities(face, symmetry), []
+    for name, pair in symmetry.sectors.items():
+        points = np.flatnonzero(lines == name)
         for members in pair:
-            bases = [_basis(face, classes, members, np.pi * np.array(fractions[point])) for point in points]
+            bases = [_basis(face, symmetry, classes, members, np.pi * np.array(fractions[point])) for point in points]
             if bases:
-                out.append(Sector(points, _stored(members), np.array(bases)))
+                out.append(Sector(points, _stored(members, symmetry), np.array(bases)))
     return tuple(out)
 
 
-def _stored(members: tuple[Member, ...]) -> tuple[int, ...]:
+def _stored(members: tuple[Member, ...], symmetry: Symmetry) -> tuple[int, ...]:
     """The reduced blocks behind a sector: (-, +) is (+, -) turned over, and both tied by the diagonal are one."""
-    numbers = [min(number, len(CLASSES) - 1) for number, _ in members]
+    numbers = [min(number, len(symmetry.classes) - 1) for number, _ in members]
     return tuple(dict.fromkeys(numbers))
 
 
 def _basis(
-    face: Interface, classes: tuple[FloatArray, ...], members: tuple[Member, ...], phase: FloatArray
+    face: Interface, symmetry: Symmetry, classes: tuple[FloatArray, ...], members: tuple[Member, ...], phase: FloatArray
 ) -> FloatArray:
     """An orthonormal real basis of the boundary motions that keep Bloch's condition in a sector, (rows, m)."""
     waves = boundary_phases(face, phase)
     pieces: dict[int, ComplexArray] = {}
     for number, factor in members:
-        turn = 1.0 if MEMBERS[number][0] == MEMBERS[number][1] else -1j
-        stored = min(number, len(CLASSES) - 1)
+        turn = 1.0 if symmetry.members[number][0] == symmetry.members[number][1] else -1j
+        stored = min(number, len(symmetry.classes) - 1)
         pieces[stored] = pieces.get(stored, 0.0) + factor * turn * (classes[number].T @ waves)
     whole = np.vstack(list(pieces.values()))
     left, size, _ = np.linalg.svd(np.hstack([whole.real, whole.imag]), full_matrices=False)

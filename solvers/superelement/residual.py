@@ -51,7 +51,7 @@ class ResidualModes:
         for _ in range(STEPS):
             guess = eigenvalue - self.softening(guess) * flexibility.diagonal().real
         told, apart = self.softening(guess), guess[:, None] - guess
-        alike = np.abs(apart) <= CHORD * np.maximum(guess[:, None], guess)
+        alike = np.abs(apart) <= CHORD * np.maximum(*np.abs(np.broadcast_arrays(guess[:, None], guess)))
         slope = np.where(
             alike,
             (self.slope(guess)[:, None] + self.slope(guess)) / 2.0,

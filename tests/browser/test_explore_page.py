@@ -179,6 +179,15 @@ def test_the_exported_page_of_round_pillars_has_pythons_numbers(browser: Any, tm
     assert pillar is not None and pillar.shape == "round" and pillar.base_m == pytest.approx(2e-3)
 
 
+def test_the_exported_page_of_hexagonal_pillars_has_pythons_numbers(browser: Any, tmp_path: Path) -> None:
+    """Four classes and a path around a quarter of the zone; across corners the pillar is wider than its width says."""
+    hexagons = small_explorer(tmp_path, "pillar.shape=hexagonal")
+    assert [label for label in hexagons.model.bases.labels if label] == ["G", "X", "M", "Y", "G"]
+    path = tmp_path / "explorer.html"
+    path.write_text(offline.page(hexagons), encoding="utf-8")
+    _compare(browser, path, hexagons, 3)
+
+
 def _compare(browser: Any, exported: Path, explorer: Explorer, designs: int) -> str:
     """The page's answers of random designs beside Python's; the case file that it saves of its own design."""
     page = browser.new_page()

@@ -27,7 +27,15 @@ from solvers.superelement.interface import Interface
 SMALL = ROOT / "examples" / "small.toml"
 BOX = DesignBox((1.8e-3, 6e-3, 1.8e-3, 3.5e-3), (2.2e-3, 7e-3, 2.2e-3, 4.5e-3))
 OFFLINE = Offline(
-    BOX, FixedMesh(2, along=3, layers=0), Interface(3, 2), designs=2, waves=2, intervals=4, workers=1, judged=False
+    BOX,
+    FixedMesh(2, beside=1, along=3, layers=0),
+    Interface(3, 2),
+    None,
+    designs=2,
+    waves=2,
+    intervals=4,
+    workers=1,
+    judged=False,
 )
 MESH = MeshTable(BOX, np.linspace(1e-3, 4e-3, 160).reshape(16, 10), 1.25)  # as if it had been measured
 

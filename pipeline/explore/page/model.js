@@ -291,7 +291,6 @@ function corrected(parts, basis, count) { // less what the inner functions left 
 }
 function bandsOf(data, ready, sizes) {
   const parts = ready.map((one, number) => classAt(one, sizes, data.blocks[number].whole, data.bands_inner, false)), points = data.fractions.length;
-  parts.push(parts[parts.length - 1]);
   const found = [], better = [];
   for (const sector of data.sectors) {
     const own = sector.classes.map((c) => parts[c]);
@@ -345,7 +344,7 @@ function joinedCell(data, ready, sizes) {
   const stored = ready.map((one, number) => classAt(one, sizes, data.blocks[number].low, counts, true));
   const parts = stored.map((part, number) => ({ ...part, parity: data.blocks[number].low.parity, signs: data.blocks[number].signs }));
   const last = parts[parts.length - 1];
-  parts.push({ ...last, signs: [last.signs[1], last.signs[0]], parity: picked(last.parity, face.diagonal, range(0, last.parity.m)),
+  if (data.foot.is_alike) parts.push({ ...last, signs: [last.signs[1], last.signs[0]], parity: picked(last.parity, face.diagonal, range(0, last.parity.m)),
     touch: picked(last.touch, data.turned, range(0, last.touch.m)) });
   const each = counts.modes + counts.residual, n = b + parts.length * each, k = mat(n, n), m = mat(n, n), ratio = data.reference[0] / sizes[0];
   const touch = mat(4 * data.touch_m.length, n), images = [[1, 1], [1, -1], [-1, 1], [-1, -1]];
@@ -443,7 +442,7 @@ function condense(k, m, kept, top, about) {
   return { still, modes, k: turned(k), m: turned(m), inside: beside(still, modes) };
 }
 function columnPanels(data, design) { // solvers/waves/column.py and solvers/superelement/tiling.py, in m
-  const { pitch, side, thickness, rows, extension } = design, half = data.zone_width / 2, longest = data.panel * thickness, lines = [0], feet = [];
+  const { pitch, thickness, rows, extension } = design, side = data.foot.footprint * design.side, half = data.zone_width / 2, longest = data.panel * thickness, lines = [0], feet = [];
   const bare = (to, even) => {
     const from = lines[lines.length - 1];
     let count = Math.max(1, Math.ceil((even ? 2 : 1) * (to - from) / longest - 1e-9));
@@ -645,8 +644,8 @@ function warningsOf(data, design) {
 }
 const inMetres = (given) => Object.fromEntries(Object.entries(given).map(([name, value]) => [name, name === "rows" ? value : value / 1e3]));
 function massOf(data, design) { // pipeline/search/limits.py, kg
-  const { pitch, side, thickness, height, rows, extension } = design, span = data.zone_width / 2 + extension + (rows ? (rows - 1) * pitch + side : 0);
-  const columns = Math.floor((data.zone_length - side) / pitch * (1 + 1e-9) + 1e-9) + 1;
+  const { pitch, side, thickness, height, rows, extension } = design, foot = data.foot.footprint * side;
+  const span = data.zone_width / 2 + extension + (rows ? (rows - 1) * pitch + foot : 0), columns = Math.floor((data.zone_length - foot) / pitch * (1 + 1e-9) + 1e-9) + 1;
   return data.zone_length * 2 * span * thickness * data.plate_density + (rows ? 2 * columns * rows * data.foot.volume * side * side * height * data.pillar_density : 0);
 }
 function cloudOf(data, first) {

@@ -16,8 +16,10 @@ from tests.helpers.exploring import SMALL, small_explorer
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--set", "pillar.shape=hexagonal"], "pillar.shape must be square, round, tapered or cross"),
-        (["--set", "pillar.fillet_mm=0.3"], "without fillet"),
+        (
+            ["--set", "pillar.fillet_mm=0.3"],
+            "pillar.shape must be square, round, hexagonal, tapered or cross, without fillet",
+        ),
         (["--set", "array.pitch_y_mm=5"], "pitch_x_mm and pitch_y_mm must be equal"),
         (["--set", "pillar.heigth_mm=6"], "heigth_mm"),
     ],

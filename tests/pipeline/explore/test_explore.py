@@ -208,8 +208,8 @@ def test_sizes_beyond_the_bases_are_refused_by_name(explorer: Explorer) -> None:
 def test_other_pillars_are_refused() -> None:
     case = load_case(SMALL)
     assert case.design.pillar is not None
-    hexagon = replace(case.design.pillar, shape="hexagonal")
-    design = replace(case.design, pillar=hexagon, pitch_y_m=5e-3)
+    filleted = replace(case.design.pillar, fillet_m=2e-4)
+    design = replace(case.design, pillar=filleted, pitch_y_m=5e-3)
     with pytest.raises(InputError) as refused:
         require_foot(replace(case, design=design))
     assert len(refused.value.lines) == 2

@@ -30,6 +30,7 @@ FEET = {
     "narrowing": Foot(taper=0.6),
     "widening": Foot(taper=1.3),
     "cross": Foot(arm=0.4),
+    "hexagonal": Foot(hexagonal=True),
 }
 SIZES = (1.2e-3, 4.4e-3, 1.7e-3, 3.1e-3)
 
@@ -39,11 +40,11 @@ def foot(request: pytest.FixtureRequest) -> Foot:
     return request.param
 
 
-def test_the_quarter_is_sound_and_alike_along_x_and_y(foot: Foot) -> None:
+def test_the_quarter_is_sound_and_as_alike_along_x_and_y_as_its_foot(foot: Foot) -> None:
     mesh, _ = quarter_mesh(foot, SIZES, FixedMesh(layers=1))
     t, h, a, p = SIZES
     check_mesh(mesh, t * p * p / 4.0 + foot.volume * a * a * h / 4.0, 2e-5)
-    assert diagonal_image(mesh) is not None
+    assert (diagonal_image(mesh) is not None) == foot.is_alike
     (local,) = mesh.element.facets
     shared = Counter(tuple(sorted(facet)) for face in local for facet in mesh.cells[:, face].tolist())
     assert max(shared.values()) == 2
@@ -51,6 +52,15 @@ def test_the_quarter_is_sound_and_alike_along_x_and_y(foot: Foot) -> None:
     assert all(shared[facet] == 1 for facet in named)
     flat = [face_quadrature(mesh, name).weights.sum() for name in ("touch", "top")]
     assert flat == pytest.approx([p * p / 4.0, foot.taper**2 * foot.area * a * a / 4.0], rel=2e-5)
+
+
+def test_a_foot_is_as_large_as_the_pillar_of_its_shape() -> None:
+    """Area, largest extent and volume, against the outline and the solid that are built."""
+    for shape, foot in (("square", Foot()), ("round", Foot(round=True)), ("hexagonal", Foot(hexagonal=True))):
+        pillar = Pillar(shape, 2e-3, 2e-3, 6e-3, STEEL)
+        assert foot.area * 4e-6 == pytest.approx(pillar.form.section.area_m2, rel=1e-9)
+        assert foot.footprint * 2e-3 == pytest.approx(pillar.footprint_m, rel=1e-12)
+        assert foot.widest * 2e-3 == pytest.approx(pillar.widest_m, rel=1e-12)
 
 
 def test_matrices_of_stretched_cells_are_sums_of_products(foot: Foot) -> None:
@@ -84,7 +94,7 @@ def test_a_cylinder_has_its_inertia() -> None:
         ({"shape": "round"}, Foot(round=True)),
         ({"shape": "tapered", "tip_m": 1e-3}, Foot(taper=0.5)),
         ({"shape": "cross", "more_m": (("arm_m", 0.8e-3),)}, Foot(arm=0.4)),
-        ({"shape": "hexagonal"}, None),
+        ({"shape": "hexagonal"}, Foot(hexagonal=True)),
         ({"fillet_m": 2e-4}, None),
         ({"faces": 2}, None),
     ],
@@ -94,7 +104,7 @@ def test_the_section_of_a_pillar(change: dict[str, object], wanted: Foot | None)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", ["round", "tapered", "cross"])
+@pytest.mark.parametrize("shape", ["round", "tapered", "cross", "hexagonal"])
 def test_bands_are_those_of_an_independent_mesh(shape: str) -> None:
     """Against tetrahedra, and a cross against structured hexahedra: within their bars and what the quarter's mesh may miss."""
     case = load_case(STUDIES / "three-rows.toml", ["solve.accuracy=0.005"])
@@ -105,7 +115,7 @@ def test_bands_are_those_of_an_independent_mesh(shape: str) -> None:
     case = replace(case, design=replace(design, pillar=pillar), bands=replace(case.bands, count=count))
     foot, pitch = foot_of(pillar), design.pitch_x_m
     assert foot is not None
-    corners = np.pi / pitch * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    corners = np.pi / pitch * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     sizes = (design.thickness_m, pillar.height_m, pillar.base_m, pitch)
     mesh, _ = quarter_mesh(foot, sizes, FixedMesh(layers=1 if shape == "cross" else 2))
     own = lattice_of_mesh(case, mesh, (0, 1), corners, WarningLog())

@@ -12,8 +12,11 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.parametric.affine import AffineCell, DesignBox, Sizes, as_sizes, between
 from solvers.parametric.bands import BandBases, band_bases, bands, own_error
+from solvers.parametric.block import Block
 from solvers.parametric.cell import Inner, ParametricCell, parametric_cell
-from solvers.parametric.foot import FixedMesh
+from solvers.parametric.foot import FixedMesh, Foot
+from solvers.parametric.greedy import chosen
+from solvers.parametric.reduced_block import KEPT, NOVEL
 from solvers.superelement.cell import Cell, reduce_cell, rigid_boundary
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
@@ -22,7 +25,7 @@ from solvers.waves.brillouin import path_through
 ALUMINIUM = Material("aluminium", 70e9, 2700.0, 0.34)
 STEEL = Material("steel", 200e9, 7800.0, 0.3)
 BOX = DesignBox((1.5e-3, 4e-3, 1.5e-3, 3e-3), (2.5e-3, 7e-3, 2.5e-3, 5e-3))
-MESH = FixedMesh(order=2, along=3, layers=0)
+MESH = FixedMesh(order=2, beside=1, along=3, layers=0)
 FACE = Interface(3, 2)
 COUNT = 10
 PATH = path_through("GXMG", 4, 1.0, 1.0)
@@ -149,3 +152,39 @@ def test_fewer_boundary_polynomials_lie_above(cells: tuple[ParametricCell, ...])
     few, many = (Lattice(cells[0].at(UNSEEN[0], Inner(5, 5), face)) for face in (Interface(2, 1), FACE))
     k = np.array([0.7, 0.3]) * np.pi / UNSEEN[0][3]
     assert (few.frequencies(k, COUNT) >= many.frequencies(k, COUNT) * (1.0 - 1e-9)).all()
+
+
+def test_sectors_of_a_cell_with_two_mirrors_have_every_wave_of_the_lattice() -> None:
+    """A hexagon is no image of itself with x and y exchanged: four classes, and a path around a quarter of the zone."""
+    from solvers.parametric.bands import INNER, _eigenvalues, _merged
+    from solvers.parametric.sectors import sectors
+
+    box = replace(BOX, foot=Foot(hexagonal=True))
+    sizes = as_sizes(box.sample(between(1, seed=5)))[0]
+    affine = AffineCell(box, MESH, ALUMINIUM, STEEL)
+    (cell,) = parametric_cell(affine, FACE, [sizes])
+    fractions = path_through("GXMYG", 2, 1.0, 1.0).wavevectors / np.pi
+    of = sectors(FACE, fractions, cell.symmetry)
+    values = _merged([_eigenvalues(cell.parts(sizes, INNER, FACE), s) for s in of], of, len(fractions), COUNT)
+    own = Lattice(cell.at(sizes, INNER))
+    mesh = replace(affine.mesh, nodes=affine.plan(affine.mesh.nodes, sizes), spans=None)
+    scale = Scale(sizes[0], ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3)
+    plain = Lattice(reduce_cell(assemble(mesh, {"plate": ALUMINIUM, "pillar": STEEL}, scale), FACE, 4e6, (0, 1)))
+    for fraction, found in zip(fractions, cell.scale.frequency(values), strict=True):
+        wanted, apart = (each.frequencies(fraction * np.pi / sizes[3], COUNT) for each in (own, plain))
+        assert found == pytest.approx(wanted, rel=1e-7, abs=1e-3 * wanted[-1])
+        assert found == pytest.approx(apart, rel=3e-3, abs=1e-3 * apart[-1])
+    with pytest.raises(SolverError, match="diagonal"):
+        sectors(FACE, ((0.5, 0.5),), cell.symmetry)
+
+
+def test_few_chosen_designs_tell_what_many_do(affine: AffineCell) -> None:
+    """The greedy choice on a coarser mesh: on unseen designs as near as all of the pool, with a part of it."""
+    pool, coarse = BOX.spread(16), AffineCell(BOX, FixedMesh(order=2, beside=1, along=2, layers=0), ALUMINIUM, STEEL)
+    few, *alone = parametric_cell(affine, FACE, pool, UNSEEN, coarse=coarse)
+    (many,) = parametric_cell(affine, FACE, pool)
+    (two,) = parametric_cell(affine, FACE, pool[:2])
+    taken = chosen(Block(coarse, FACE, (1, 1, 1)), pool, NOVEL * KEPT)
+    assert taken[0] == pool[0] and len(set(taken)) == len(taken) < len(pool) / 2
+    error, least, worse = (own_error(cell, alone, UNSEEN, COUNT) for cell in (few, many, two))
+    assert error < 1.5 * least < worse / 1.5

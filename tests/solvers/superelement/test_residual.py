@@ -56,6 +56,15 @@ def test_the_chord_is_right_for_each_of_two_waves(apart: float) -> None:
     assert RESIDUAL.coupled(alone, flexibility)[0] == pytest.approx(truth, rel=rise**3)
 
 
+def test_rigid_motions_that_rounding_leaves_below_zero_stay_there() -> None:
+    """At the zone's middle three eigenvalues vanish but for rounding, of either sign; the others are not disturbed."""
+    alone = np.array([-3e-9, -1e-9, 0.0, 0.1])
+    flexibility = np.diag([0.2, 0.3, 0.3, 0.4])
+    told, turn = RESIDUAL.coupled(alone, flexibility)
+    assert np.isfinite(turn).all() and np.abs(told[:3]).max() < 1e-8
+    assert told[3] == pytest.approx(RESIDUAL.coupled(alone[3:], flexibility[3:, 3:])[0][0], rel=1e-9)
+
+
 def test_beyond_half_the_lowest_eigenvalue_left_out_the_correction_grows_no_further() -> None:
     assert RESIDUAL.softening(0.25) == pytest.approx(0.25**2 * (1.0 + 4.0 / 3.0) / 2.0)
     assert RESIDUAL.softening(0.9) == RESIDUAL.softening(2.0) == pytest.approx(0.375)
