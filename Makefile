@@ -29,7 +29,7 @@ $(READY): pyproject.toml constraints.txt
 	@touch $@
 
 study: $(READY)  ## the main job, or STUDY=name; ends with where the report is
-	@$(BIN)/antinode run $(STUDY) $(if $(JOBS),--jobs $(JOBS))
+	@$(BIN)/antinode run $(STUDY) --explorer $(if $(JOBS),--jobs $(JOBS))
 
 test: $(READY)  ## every test not marked slow, firmware and the band-gap check included
 	@$(BIN)/ruff check .

@@ -11,6 +11,7 @@ from pipeline.batch.job import Job
 from pipeline.batch.study_file import StudyFile, toml_text
 from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError
+from pipeline.logs import Log
 from pipeline.measures import registry
 from pipeline.measures.measure import Work
 from pipeline.planning import resources, simplifications
@@ -67,6 +68,14 @@ def conclude(study: StudyFile, folder: Path) -> list[Path]:
 
     made = explorer.put(folder, study.case_path)
     return [registry.write_table(folder), *made, page.build(folder)]
+
+
+def explored(study: StudyFile, folder: Path, log: Log) -> list[Path]:
+    """The explorer's page, its bases made now, and the report that links it; nothing where there is one, or can be none."""
+    from pipeline.report import explorer, page
+
+    made = [] if explorer.link(folder) else explorer.put(folder, study.case_path, log)
+    return [*made, page.build(folder)] if made else []
 
 
 def computer(study: StudyFile) -> Any:

@@ -24,6 +24,7 @@ from pipeline import paths
 from pipeline.batch.job import Job
 from pipeline.case.diagnostics import Diagnostics
 from pipeline.case.overrides import read_toml
+from pipeline.logs import Log
 from pipeline.records import fingerprint, record, store
 from pipeline.records.record import Record
 from pipeline.records.run_log import RunLog
@@ -103,6 +104,11 @@ def compute(script: str, payload: Mapping[str, Any], folder: Path, log: RunLog) 
     result = dict(module.compute(payload["parameters"], folder, log))
     ended = {key: result.pop(key) for key in ("status", "diagnosis") if key in result}
     return {**ended, "other": result}
+
+
+def explored(study: ScriptStudy, folder: Path, log: Log) -> list[Path]:
+    """Nothing: a script has no one case to explore."""
+    return []
 
 
 def conclude(study: ScriptStudy, folder: Path) -> list[Path]:

@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING, Any
 from pipeline.batch import known
 from pipeline.batch.study_file import find_study, load_study
 from pipeline.errors import InputError, NotAvailable
+from pipeline.logs import TerminalLog
+
+WORDS = {"explorer.html": "explorer"}  # what a file is called when it is told, if not report or table
 
 if TYPE_CHECKING:
     from pipeline.batch.runner import StudyOutcome
@@ -62,6 +65,8 @@ def run(arguments: Namespace) -> int:
     known.remember(study.name, study.source, folder)
     _log_summary(kind.conclude(study, folder), arguments.quiet)
     _tell_without_effect(folder)
+    if arguments.explorer and not outcome.failed:
+        _log_summary(kind.explored(study, folder, TerminalLog(arguments.quiet)), arguments.quiet)
     if outcome.given_up:
         print(f"antinode: {_lost(arguments.scheduler, outcome)}", file=sys.stderr)
     for end in outcome.failed:
@@ -81,7 +86,8 @@ def _lost(address: str, outcome: StudyOutcome) -> str:
 def _log_summary(paths: Sequence[Path], quiet: bool) -> None:
     if not quiet:
         for path in paths:
-            print(f"{'report' if path.suffix == '.html' else 'table '} {path}")
+            word = WORDS.get(path.name, "report" if path.suffix == ".html" else "table")
+            print(f"{word:6} {path}")
 
 
 def _tell_without_effect(folder: Path) -> None:

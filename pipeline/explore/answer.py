@@ -62,7 +62,8 @@ WIDTHS = {
     "cross": "Pillar width",
 }
 CLOUD = 2000  # designs of the Pareto picture
-BATCH = 6  # of them a question: a drag waits no longer
+PLATES = 4  # of them with the same cell, one after another: other rows and extensions
+BATCH = 2 * PLATES  # designs a question: a drag waits no longer
 Document = dict[str, Any]
 
 
@@ -184,9 +185,12 @@ class Explorer:
 
     @cached_property
     def cloud_designs(self) -> list[dict[str, float]]:
-        """The designs of the Pareto picture: evenly spread over the box, on the sliders' steps, the same at every call."""
+        """The designs of the Pareto picture: cells evenly spread over the box, on the sliders' steps, PLATES of each one after
+        another; the same at every call.
+        """
         box = self.model.cell.box
-        sizes = dict(zip(NAMES, box.sample(between(CLOUD, seed=4)).T, strict=True))
+        cells = np.repeat(box.sample(between(CLOUD // PLATES, seed=4)), PLATES, axis=0)
+        sizes = dict(zip(NAMES, cells.T, strict=True))
         unit = qmc.Halton(2, seed=5).random(CLOUD)
         designs = []
         for number, (one, other) in enumerate(unit):

@@ -11,7 +11,7 @@ from solvers.measures.confinement import Profile
 from solvers.parametric.affine import Sizes
 from solvers.parametric.bare import bare_cell
 from solvers.parametric.cell import Inner, ParametricCell
-from solvers.parametric.chain import Chain
+from solvers.parametric.chain import Chain, Condensed
 from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
@@ -26,16 +26,20 @@ PANEL = 3.0  # thicknesses: longest bare panel
 
 
 class LiveCell:
-    """The cell of rows and column, the last one kept: both ask for the same design."""
+    """The cell of rows and column, the last one kept with its condensed rows: both ask for the same design, and so do plates
+    of a cloud.
+    """
 
     def __init__(self, model: ParametricCell) -> None:
         self.model = model
+        self.condensed: Condensed = {}
         self._last: tuple[Sizes, Cell] | None = None
 
     def at(self, sizes: Sizes) -> Cell:
         """The cell of a design. SolverError for one outside the box, by name."""
         if self._last is None or self._last[0] != sizes:
             self._last = sizes, self.model.at(sizes, INNER, FACE)
+            self.condensed.clear()
         return self._last[1]
 
 
@@ -88,5 +92,5 @@ def live_modes(
     """
     reductions = LiveReductions(live, case.design, known, window[1])
     column = Column(case.design, reductions, case.kx_wanted_per_m)
-    frequency_hz, vectors = Chain(column, *window).solve(*window)
+    frequency_hz, vectors = Chain(column, *window, live.condensed).solve(*window)
     return frequency_hz, column.profile(vectors)

@@ -79,7 +79,7 @@ def mesh_table(
         for found in [bands(cell, bases, sizes).frequency_hz[at]]
     ]
     boxes = case.design.pillar is not None and case.design.pillar.is_made_of_boxes
-    compare = off_by if boxes else partial(off_finer, mesh)
+    compare = off_by if boxes else partial(off_coarser, mesh)
     off = np.maximum(np.array(list(apply(compare, tasks))), LEAST)
     if np.isnan(off).any():
         return None
@@ -109,26 +109,27 @@ def off_by(task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
     return worst
 
 
-def off_finer(mesh: FixedMesh, task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
-    """The same where no mesh of boxes follows the pillar: from the topology with a layer and an element beside it more.
-
-    What that one misses in turn is told by the bands themselves, which lack the layer, and by a mesh of an order less.
+def off_coarser(mesh: FixedMesh, task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
+    """The same where no mesh of boxes follows the pillar: from the design's own mesh of this topology and the two nested in it,
+    one without the innermost layer, one of an order less.
     """
     case, wavevectors, found_hz = task
-    pillar, fine = case.design.pillar, replace(mesh, layers=mesh.layers + 1, beside=mesh.beside + 1)
-    assert pillar is not None
+    pillar, count = case.design.pillar, found_hz.shape[1]
+    assert pillar is not None and mesh.layers
+    nested = replace(mesh, layers=mesh.layers - 1), replace(mesh, order=mesh.order - 1)
     try:
-        (hz, truncated), (lower, _) = (
-            _frequencies(case, own, wavevectors, found_hz.shape[1])
-            for own in (fine, replace(fine, order=fine.order - 1))
-        )
+        (hz, truncated), *coarser = (_frequencies(case, each, wavevectors, count) for each in (mesh, *nested))
     except SolverError:
-        return np.full(found_hz.shape[1], np.nan)
+        return np.full(count, np.nan)
     moving = hz > FLAT * hz[:, -1:]
-    layer, order = (np.where(moving, other / np.where(moving, hz, 1.0) - 1.0, 0.0) for other in (found_hz, lower))
-    settings = HexSettings(fine.order, layers=fine.layers, factor=fine.factor)
-    shares = rim_shares(case.design.material, pillar.material, settings)
-    left = (1.0 + shares.taken) * np.abs(layer) + shares.half_width(layer, order)
+    own, layer, order = (
+        np.where(moving, np.abs(other / np.where(moving, hz, 1.0) - 1.0), 0.0)
+        for other in (found_hz, *(each for each, _ in coarser))
+    )
+    shares = rim_shares(
+        case.design.material, pillar.material, HexSettings(mesh.order, layers=mesh.layers, factor=mesh.factor)
+    )
+    left = own + shares.taken * layer + shares.half_width(layer, order)
     return np.asarray(np.where(moving, left + truncated, LEAST).max(axis=0))
 
 

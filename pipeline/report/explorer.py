@@ -7,22 +7,25 @@ from pathlib import Path
 from pipeline.case.model import case_from_dict
 from pipeline.case.overrides import read_toml
 from pipeline.errors import InputError
+from pipeline.logs import Log
 from pipeline.records import store
 
 NAME = "explorer.html"
 
 
-def put(folder: Path, case_path: Path) -> list[Path]:
-    """Write the explorer of the study's case where its bases are in the cache: making them takes longer than most studies."""
+def put(folder: Path, case_path: Path, log: Log | None = None) -> list[Path]:
+    """Write the explorer of the study's case where its bases are in the cache; with a log they are made, which takes longer
+    than most studies. Nothing is written for a cell that they cannot follow.
+    """
     from pipeline.explore import offline
     from pipeline.explore.answer import Explorer, Scene
-    from pipeline.models.parametric import kept_model
+    from pipeline.models.parametric import cell_model, kept_model
 
     try:
         raw = read_toml(case_path)
         case = case_from_dict(raw, case_path)
         case.require("pillar", "zone", command="explore")
-        model = kept_model(case)
+        model = cell_model(case, log) if log else kept_model(case)
         if model is None:
             return []
         html = offline.page(Explorer(Scene(case, raw, ()), model))

@@ -90,6 +90,7 @@ def bare_matrices(
     return stiffness.reshape(count, count), mass
 
 
+@lru_cache(maxsize=64)
 def bare_cell(size_m: tuple[float, float, float], material: Material, face: Interface) -> Cell:
     """The panel's cell; every mode of its inside is kept."""
     stiffness, mass = bare_matrices(size_m, material, face)

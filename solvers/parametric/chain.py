@@ -100,19 +100,31 @@ def real_row(row: Row) -> Pair:
     return out[0], out[1]
 
 
-class Chain:
-    """A column's rows condensed up to a frequency."""
+Condensed = dict[tuple[int, float, float, float], tuple[Cell, Step]]
 
-    def __init__(self, column: Column, low_hz: float, high_hz: float) -> None:
-        self.column = column
+
+class Chain:
+    """A column's rows condensed up to a frequency.
+
+    `known` keeps condensed rows by cell, wavenumber and frequencies, for the next column of the same cells.
+    """
+
+    def __init__(self, column: Column, low_hz: float, high_hz: float, known: Condensed | None = None) -> None:
+        self.column, self.known = column, {} if known is None else known
         self.top, self.about = (column.scale.eigenvalue(hz) for hz in (REACH * high_hz, (low_hz + high_hz) / 2.0))
         self.edge = column.rows[0].edge
         rows = {id(row): row for row in column.rows}
         with one_thread():
-            self.rows = {key: condense(real_row(row), 2 * self.edge, self.top, self.about) for key, row in rows.items()}
+            self.rows = {key: self._condensed(row) for key, row in rows.items()}
             self.steps: list[Step] = []
             for place in column.placed_cells:
                 self._add(self.rows[id(place.row)])
+
+    def _condensed(self, row: Row) -> Step:
+        key = id(row.cell), row.kx, self.top, self.about
+        if key not in self.known:
+            self.known[key] = row.cell, condense(real_row(row), 2 * self.edge, self.top, self.about)
+        return self.known[key][1]
 
     def _add(self, row: Step) -> None:
         """One row more: its upper edge stays, its lower edge and all behind it are condensed."""

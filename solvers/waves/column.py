@@ -147,7 +147,8 @@ class Column:
             touch = place.row.cell.touch
             assert touch.weights is not None
             local = np.where(place.unknown[:, None] >= 0, vectors[np.maximum(place.unknown, 0)], 0.0)
-            values.append(touch.matrix[:, 0] @ (place.row.transform @ local))
+            motion, normal = place.row.transform @ local, touch.matrix[:, 0]
+            values.append(normal @ motion.real + 1j * (normal @ motion.imag))
             y = touch.points[:, 1] + place.middle
             places.append(y)
             weights.append(touch.weights)

@@ -19,7 +19,7 @@ from geometry.hex.boxes import Panel
 from pipeline.case.model import load_case
 from pipeline.errors import InputError
 from pipeline.explore import server as served_module
-from pipeline.explore.answer import Explorer, read_design
+from pipeline.explore.answer import BATCH, PLATES, Explorer, read_design
 from pipeline.explore.server import Server
 from pipeline.models import parametric_mesh
 from pipeline.models.live_column import FACE, INNER, LiveCell, LiveReductions
@@ -338,3 +338,15 @@ def test_one_full_plate_at_a_time(server: Server, monkeypatch: pytest.MonkeyPatc
 def test_a_port_in_use_is_said(server: Server) -> None:
     with pytest.raises(InputError, match=f"--port {server.port}"):
         served_module.listening(server.port)
+
+
+def test_plates_of_the_cloud_that_share_a_cell_are_those_asked_alone(explorer: Explorer) -> None:
+    """Four plates have one cell: whatever is kept from one to the next, each is what it is by itself."""
+    points = explorer.cloud(0, BATCH)
+    cells = [tuple(point["design"][name] for name in ("thickness", "height", "side", "pitch")) for point in points]
+    assert len(points) == BATCH and len(set(cells)) == BATCH // PLATES and cells == sorted(cells, key=cells.index)
+    assert len({tuple(point["design"].values()) for point in points}) == BATCH
+    for point in points[::-1]:
+        alone = Explorer(explorer.scene, explorer.model).answer(point["design"])["plate"]
+        assert point["frequency_hz"] == alone.get("frequency_hz")
+        assert point["confinement_db"] == alone.get("confinement_db")

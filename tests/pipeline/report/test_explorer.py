@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.logs import WarningLog
 from pipeline.models import parametric as cell_model
 from pipeline.report import explorer, page
 from tests.helpers import synthetic
@@ -28,3 +29,19 @@ def test_a_study_of_a_cell_that_the_bases_cannot_follow_has_none(tmp_path: Path)
     case = tmp_path / "tall.toml"
     case.write_text(SMALL.read_text(encoding="utf-8").replace('shape = "square"', 'shape = "round"'), encoding="utf-8")
     assert explorer.put(tmp_path, case) == []
+
+
+def test_bases_are_made_where_they_are_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`antinode run --explorer` after the report, once: what is beside it already is not made again."""
+    from pipeline.batch import case_study
+    from pipeline.batch.study_file import StudyFile
+
+    model, asked = small_explorer(tmp_path).model, []
+    monkeypatch.setattr(cell_model, "kept_model", lambda case: None)
+    monkeypatch.setattr(cell_model, "cell_model", lambda case, log: asked.append(case) or model)
+    folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,))
+    study = StudyFile("rows", tmp_path / "rows.toml", SMALL, (), {}, False)
+    built = [folder / explorer.NAME, folder / "report.html"]
+    assert case_study.explored(study, folder, WarningLog()) == built and len(asked) == 1
+    assert f'href="{explorer.NAME}"' in built[1].read_text(encoding="utf-8")
+    assert case_study.explored(study, folder, WarningLog()) == [] and len(asked) == 1
