@@ -12,6 +12,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from geometry.elements import FloatArray
+from pipeline.errors import InputError
 from pipeline.explore.answer import BATCH, POINTS, PROFILE, Explorer
 from pipeline.models.live_column import FACE, INNER, PANEL
 from pipeline.models.parametric import CellModel
@@ -56,7 +57,7 @@ class _Numbers:
 
 
 def page(explorer: Explorer) -> str:
-    """The page's HTML, to be opened from a file. ValueError where it would be larger than MAX_BYTES."""
+    """The page's HTML, to be opened from a file. InputError where it would be larger than MAX_BYTES."""
     numbers = _Numbers()
     document = model_document(explorer, numbers)
     files = {path.name: path.read_text(encoding="utf-8") for path in PAGE.iterdir()}
@@ -72,7 +73,8 @@ def page(explorer: Explorer) -> str:
     style = f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n<style>{files["explore.css"]}</style>'
     html = html.replace('<link rel="stylesheet" href="explore.css">', style)
     if len(html.encode()) > MAX_BYTES:
-        raise ValueError(f"the page would have {len(html.encode())} bytes, at most {MAX_BYTES} are meant to travel")
+        size, most = len(html.encode()) / 1e6, MAX_BYTES / 1e6
+        raise InputError(f"the explorer's page would have {size:.1f} MB, at most {most:g} MB are meant to travel")
     return html
 
 

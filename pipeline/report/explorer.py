@@ -9,6 +9,7 @@ from pipeline.case.overrides import read_toml
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.records import store
+from solvers.errors import SolverError
 
 NAME = "explorer.html"
 
@@ -29,7 +30,9 @@ def put(folder: Path, case_path: Path, log: Log | None = None) -> list[Path]:
         if model is None:
             return []
         html = offline.page(Explorer(Scene(case, raw, ()), model))
-    except InputError:  # a cell that the bases cannot follow: the study has no explorer
+    except (InputError, SolverError) as fault:  # a cell that the bases cannot follow: the study has no explorer
+        if log:
+            log.warning("NO_EXPLORER", f"no explorer beside the report: {' '.join(str(fault).split())}")
         return []
     store.write_atomic(folder / NAME, html.encode())
     return [folder / NAME]

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.errors import InputError
+from pipeline.explore import offline
 from pipeline.logs import WarningLog
 from pipeline.models import parametric as cell_model
 from pipeline.report import explorer, page
@@ -29,6 +31,8 @@ def test_a_study_of_a_cell_that_the_bases_cannot_follow_has_none(tmp_path: Path)
     case = tmp_path / "tall.toml"
     case.write_text(SMALL.read_text(encoding="utf-8").replace('shape = "square"', 'shape = "round"'), encoding="utf-8")
     assert explorer.put(tmp_path, case) == []
+    log = WarningLog()
+    assert explorer.put(tmp_path, case, log) == [] and [each[0] for each in log.warnings] == ["NO_EXPLORER"]
 
 
 def test_bases_are_made_where_they_are_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -45,3 +49,11 @@ def test_bases_are_made_where_they_are_asked_for(tmp_path: Path, monkeypatch: py
     assert case_study.explored(study, folder, WarningLog()) == built and len(asked) == 1
     assert f'href="{explorer.NAME}"' in built[1].read_text(encoding="utf-8")
     assert case_study.explored(study, folder, WarningLog()) == [] and len(asked) == 1
+
+
+def test_a_page_that_is_too_large_to_travel_is_refused_by_its_size(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(offline, "MAX_BYTES", 10_000)
+    with pytest.raises(InputError, match=r"would have \d+\.\d MB, at most 0.01 MB"):
+        offline.page(small_explorer(tmp_path))
