@@ -186,6 +186,13 @@ def test_the_exported_page_of_hexagonal_pillars_has_pythons_numbers(browser: Any
     path = tmp_path / "explorer.html"
     path.write_text(offline.page(hexagons), encoding="utf-8")
     _compare(browser, path, hexagons, 3)
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    until(page, READY)
+    assert page.locator("#path").text_content() == "Γ–X–M–Y–Γ"
+    labels, places = page.evaluate("() => [state.shown.bands.labels, arc(state.shown.bands.labels)]")
+    assert [at for at, label in zip(places, labels, strict=True) if label] == pytest.approx([0.0, 1.0, 2.0, 3.0, 4.0])
+    page.close()
 
 
 def _compare(browser: Any, exported: Path, explorer: Explorer, designs: int) -> str:

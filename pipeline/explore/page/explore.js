@@ -199,16 +199,20 @@ function curve(svg, name, at, xs, ys) {
   if (path) put(svg, "path", { class: name, d: path });
 }
 // the path in units of pi over the pitch, so that designs of different pitch share the axis
-function arc(count) {
-  const third = (count - 1) / 3, lengths = [1, 1, Math.SQRT2];
-  return Array.from({ length: count }, (_, i) => {
-    const part = Math.min(Math.floor(i / third), 2);
-    return lengths.slice(0, part).reduce((a, b) => a + b, 0) + lengths[part] * (i - part * third) / third;
-  });
+const CORNERS = { G: [0, 0], X: [1, 0], M: [1, 1], Y: [0, 1] };
+function arc(labels) {
+  const at = labels.flatMap((text, i) => text ? [i] : []), xs = [0];
+  for (let s = 0; s + 1 < at.length; s++) {
+    const [from, to] = [CORNERS[labels[at[s]]], CORNERS[labels[at[s + 1]]]];
+    const step = Math.hypot(to[0] - from[0], to[1] - from[1]) / (at[s + 1] - at[s]);
+    for (let i = at[s]; i < at[s + 1]; i++) xs.push(xs[i] + step);
+  }
+  return xs;
 }
 const LETTERS = { G: "Γ" };
 function drawBands(found, before) {
-  const bands = found.bands, xs = arc(bands.frequency_hz.length), svg = $("bands");
+  const bands = found.bands, xs = arc(bands.labels), svg = $("bands");
+  $("path").textContent = bands.labels.filter(Boolean).map((text) => LETTERS[text] || text).join("–");
   const high = Math.max(...bands.frequency_hz.flat()) / 1000;
   const marks = bands.labels.map((text, i) => [xs[i], LETTERS[text] || text]).filter(([, text]) => text);
   const at = frame(svg, xs[xs.length - 1], high * 1.03, "wavevector", "frequency (kHz)", marks);
