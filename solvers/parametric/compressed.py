@@ -22,7 +22,8 @@ from solvers.parametric.reduced_block import RIGID, ReducedBlock, orthonormal, s
 from solvers.parametric.sectors import Sector
 from solvers.threads import one_thread
 
-KEPT = 1e-5  # of the largest energy of a direction: a tenth of it shows in no frequency
+# of the largest energy of a direction, by whether x and y may be exchanged: twice as large classes make too large a page
+KEPT = {True: 1e-6, False: 1e-5}
 INSIDE = Inner(8, 8)
 FUNCTION = 1e-6  # of the largest singular value, of the boundary functions
 SHARES = 9
@@ -103,7 +104,7 @@ def _block(
     still = (
         orthonormal(np.hstack(rigid), energy, RIGID) if any(part.size for part in rigid) else np.empty((len(energy), 0))
     )
-    inner = np.hstack([still, _leading(np.hstack(moving), still, energy)])
+    inner = np.hstack([still, _leading(np.hstack(moving), still, energy, KEPT[foot.is_alike])])
     whole = np.zeros((block.stiffness.shape[1], boundary.shape[1] + inner.shape[1]))
     whole[:f, : boundary.shape[1]], whole[f:, boundary.shape[1] :] = boundary, inner
 
@@ -117,12 +118,12 @@ def _block(
     )  # fmt: skip
 
 
-def _leading(waves: FloatArray, still: FloatArray, energy: FloatArray) -> FloatArray:
-    """The directions of many motions (n, k) that hold all but KEPT, orthonormal in the energy and to `still`."""
+def _leading(waves: FloatArray, still: FloatArray, energy: FloatArray, kept: float) -> FloatArray:
+    """The directions of many motions (n, k) that hold all but `kept`, orthonormal in the energy and to `still`."""
     root = np.linalg.cholesky(energy)
     turned = root.T @ (waves - still @ (still.T @ (energy @ waves)))
     size, directions = np.linalg.eigh(turned @ turned.T)
-    return np.asarray(np.linalg.solve(root.T, directions[:, size > KEPT * size[-1]]))
+    return np.asarray(np.linalg.solve(root.T, directions[:, size > kept * size[-1]]))
 
 
 def single(values: FloatArray) -> FloatArray:
