@@ -11,12 +11,15 @@ from geometry.hex.boxes import Panel
 from geometry.layout import Design, Pillar
 from geometry.mesh import Mesh, check_mesh
 from geometry.patches import Patches
+from geometry.tet.columns import Columns, tet_quarter
 from geometry.tet.mesher import DEFAULTS, TetOptions, tet_mesh
 from geometry.tet.mirror import mirror_mesh
 from geometry.tet.sizing import NearSegments
 
 FINE = 1.0 / 6.0  # edge length at a singular edge over that away from it, when the caller gives no sizing field
 GROWTH = 0.7  # of the edge length per distance from there
+FOOT = 0.6  # of a plate's edge length at its feet: away from them elements as long as the plate is thick follow its bending
+AWAY = 0.4  # growth of a plate's edge length per distance from its feet
 ROUNDING = 1e-12  # relative volume difference between a mesh and four times its quarter
 
 Lines = list[list[tuple[float, float, float]]]
@@ -44,13 +47,22 @@ def tet_plate(
     patches: Patches | None = None,
     options: TetOptions = DEFAULTS,
 ) -> Mesh:
-    """The plate with pillars and patches, evenly fine unless options.size says otherwise; the quarter x, y >= 0 or all.
+    """The plate with pillars and patches, the quarter x, y >= 0 or all.
 
-    A whole plate without patches is its quarter mirrored twice when its pillar is its own mirror image.
+    A whole plate without patches is its quarter mirrored twice when its pillar is its own mirror image. Where its columns are
+    alike, that quarter is half a column mirrored along the zone, finer near feet and as long as the plate is thick away from
+    them; else it is evenly fine unless options.size says otherwise.
     Raises GeometryError when a quarter cuts a pillar that is not.
     """
     if quarter or (patches is None and design.is_mirrored):
-        part = tet_mesh(solids.plate_solid(design, "xy", patches), edge_m, options=options)
+        columns = Columns.of(design) if patches is None and options.size is None else None
+        if columns:
+            longest = max(edge_m, design.thickness_m)
+            part = tet_quarter(
+                design, longest, columns, _finer_at_feet(columns.alone(design), edge_m, longest, options)
+            )
+        else:
+            part = tet_mesh(solids.plate_solid(design, "xy", patches), edge_m, options=options)
         return part if quarter else _whole(part)
     return tet_mesh(solids.plate_solid(design, "", patches), edge_m, options=options)
 
@@ -90,6 +102,21 @@ def graded(options: TetOptions, lines: Lines, edge_m: float) -> TetOptions:
         return options
     fine = FINE * edge_m
     return replace(options, size=NearSegments(np.array(lines), fine, edge_m, GROWTH), min_edge_m=fine)
+
+
+def _finer_at_feet(design: Design, edge_m: float, longest_m: float, options: TetOptions) -> TetOptions:
+    """Edges of FOOT edge_m at the rims of a design's feet at y >= 0, growing to longest_m away from them."""
+    rim = [
+        [(a + x, b + y, c) for a, b, c in line]
+        for stand in design.standing()
+        for x, y in stand.centres
+        if y >= 0.0
+        for line in foot_rims(stand.pillar, design.thickness_m)
+    ]
+    if not rim:
+        return replace(options, size=lambda at: np.full(len(at), edge_m), min_edge_m=edge_m)
+    fine = FOOT * edge_m
+    return replace(options, size=NearSegments(np.array(rim), fine, longest_m, AWAY), min_edge_m=fine)
 
 
 def foot_rims(pillar: Pillar, thickness_m: float) -> Lines:

@@ -32,7 +32,7 @@ def solve(case: Case, log: Log, structured: modes.PartModes | None = None) -> It
         log.warning("NO_MODE", "no mode has the wanted shape: nothing to compare tetrahedra with")
     else:
         try:
-            yield _plate(case, row, bar, log)
+            yield _plate(case, structured, row, bar, log)
         except TooLarge as fault:
             log.warning("TOO_LARGE", f"the whole plate by tetrahedra, a cross-check, is left out: {fault}")
     corners = replace(case, solve=replace(case.solve, mesh="tet"), bands=replace(case.bands, points=1))
@@ -45,7 +45,7 @@ def excess(across: float) -> float:
     return (calibration.by_tetrahedra("plate", 1.0) or 0.0) / across**2
 
 
-def _plate(case: Case, structured: mode_rows.ModeRow, bar: float, log: Log) -> Found:
+def _plate(case: Case, own: modes.PartModes, structured: mode_rows.ModeRow, bar: float, log: Log) -> Found:
     part_modes = _by_tetrahedra(case, structured, bar, log)
     row = part_modes.wanted.row if part_modes.wanted else None
     if row is None:
@@ -53,18 +53,27 @@ def _plate(case: Case, structured: mode_rows.ModeRow, bar: float, log: Log) -> F
             "NO_MODE", "the tetrahedral plate has no mode of the wanted shape near the structured one's frequency"
         )
         return part_modes.meshes, {}, {}
+    told = _own_bar(part_modes)
+    agrees = _agrees(row.frequency_hz, structured.frequency_hz, bar, told, log)
+    mixing = modes.confinement_bar_db(case, own, bar + told)
+    if mixing is not None and row.confinement_db is not None:
+        log.info(
+            f"its confinement by tetrahedra {row.confinement_db:.1f} dB, structured {structured.confinement_db:.1f} dB: "
+            f"neighbours that such an error of the frequency mixes into the mode may move it by {mixing:.1f} dB"
+        )
     record = TetModesRecord.of(
         row,
         dof=part_modes.dof,
         hex_frequency_hz=structured.frequency_hz,
         relative_difference=row.frequency_hz / structured.frequency_hz - 1.0,
-        agrees=_agrees(row.frequency_hz, structured.frequency_hz, bar, _own_bar(part_modes), log),
+        agrees=agrees,
         **{
             "model": part_modes.model.name,
             "mac": row.mac,
             "count_check": part_modes.whole_window.count_check.to_dict(),
         },
         **{"confinement_db": row.confinement_db, "hex_confinement_db": structured.confinement_db},
+        confinement_bar_db=mixing,
     )
     skin = part_modes.model.skin(row.symmetry, part_modes.vectors[row.symmetry][:, [row.column]]).unfolded(row.symmetry)
     surface = mode_fields.surface_arrays([skin])

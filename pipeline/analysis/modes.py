@@ -426,15 +426,25 @@ def _bar(
     if row is None or part_modes.wanted is None:
         return None
     bar = ErrorBar(_mesh_error(row, errors), _truncation(choice, row, errors))
-    if bar.frequency is None or row.confinement_db is None:
+    if bar.frequency is None:
         return bar
+    return replace(bar, confinement_db=confinement_bar_db(case, part_modes, bar.frequency))
+
+
+def confinement_bar_db(case: Case, part_modes: PartModes, error: float) -> float | None:
+    """What the wanted mode's confinement may be off by, dB, where frequencies may be by `error`, relative: an error mixes its
+    neighbours into it. None without a wanted mode or passive face.
+    """
+    row = part_modes.wanted.row if part_modes.wanted else None
+    if row is None or part_modes.wanted is None or row.confinement_db is None:
+        return None
     siblings = list(part_modes.wanted.rows)
     touch = part_modes.model.touch(
         row.symmetry, part_modes.vectors[row.symmetry][:, [each.column for each in siblings]]
     )
     tones = np.array([each.frequency_hz for each in siblings])
-    most, share = mixing_db(touch, tones, siblings.index(row), case.design, bar.frequency), calibration.mixing()
-    return replace(bar, confinement_db=None if most is None or share is None else share * most)
+    most, share = mixing_db(touch, tones, siblings.index(row), case.design, error), calibration.mixing()
+    return None if most is None or share is None else share * most
 
 
 def _classes(model: PartModel, symmetry: str | None) -> tuple[str | None, ...]:

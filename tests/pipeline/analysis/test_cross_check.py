@@ -78,7 +78,7 @@ def test_a_superelement_broken_on_purpose_is_found_out(monkeypatch: pytest.Monke
     def found(log: RecordingLog) -> Any:
         ours = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), log)
         assert ours.wanted and ours.bar and ours.bar.frequency
-        return cross_check._plate(case, ours.wanted.row, ours.bar.frequency, log)[2].get("tet_modes")
+        return cross_check._plate(case, ours, ours.wanted.row, ours.bar.frequency, log)[2].get("tet_modes")
 
     same = found(RecordingLog())
     assert same and same.agrees
