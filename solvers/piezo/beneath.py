@@ -8,7 +8,7 @@ graded towards its edges, less the same of those panels' reduced matrices, both 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
@@ -32,7 +32,7 @@ from solvers.piezo.patch import BondedPatch
 from solvers.superelement.build import Reductions
 from solvers.superelement.interface import SIDES, VERTICES
 from solvers.superelement.plate import AssembledPlate, Grid
-from solvers.superelement.tiling import Tiling
+from solvers.superelement.tiling import Tiling, signature
 
 FOOT = 0.5  # of foot and thickness, the longest element of a patch over pillars: its plate bends between their feet
 COLUMNS = 240  # of forces solved for at once
@@ -63,11 +63,7 @@ class Beneath:
         """F at the nodes of a patch's bonded face, (3 b, 3 b), in the plate's scale. Raises SolverError for a panel that
         carries a pillar there.
         """
-        place = _Place.of(plate, patch, self.reductions, back)
-        lacking = self._fine(place) - _reduced(place.panels, plate, patch, back)
-        values, vectors = eigh((lacking + lacking.T) / 2.0)
-        more = values > 0.0  # panels meshed finer than their patch lack nothing of it
-        return np.asarray((vectors[:, more] * values[more]) @ vectors[:, more].T)
+        return self._lacking(plate, _Place.of(plate, patch, self.reductions, back))
 
     def shares(self, patch: BondedPatch) -> Shares:
         """What of the mesh's error beneath a patch the mesh without its innermost layer tells."""
@@ -78,23 +74,34 @@ class Beneath:
 
     def prepare(self, plate: AssembledPlate, patches: Iterable[BondedPatch], back: bool) -> None:
         """Compute what `flexibility` will ask for, distinct places side by side."""
-        places = [_Place.of(plate, patch, self.reductions, back) for patch in patches]
-        needed = {place.key: place for place in places if place.key not in self._known}
-        self._known.update(zip(needed, side_by_side(self._kept, needed.values()), strict=True))
+        places = {place.key: place for place in (_Place.of(plate, each, self.reductions, back) for each in patches)}
+        side_by_side(lambda place: self._lacking(plate, place), places.values())
 
-    def _fine(self, place: _Place) -> FloatArray:
+    def _lacking(self, plate: AssembledPlate, place: _Place) -> FloatArray:
+        """What the reduced panels lack of the fine mesh's flexibility; the positive part of it is kept."""
         if place.key not in self._known:
-            self._known[place.key] = self._kept(place)
+            own, tiling = self.reductions, place.panels.grid.tiling
+            panels = [signature(tiling.panel(*each)) for each in place.panels.places]
+            name = ("lacking", type(own).__name__, own.reduction, own.mesher_name, panels)
+            self._known[place.key] = self._kept(place, name, lambda: self._more(plate, place))
         return self._known[place.key]
 
-    def _kept(self, place: _Place) -> FloatArray:
+    def _more(self, plate: AssembledPlate, place: _Place) -> FloatArray:
+        fine = self._kept(place, ("beneath",), lambda: self._static(place))
+        lacking = fine - _reduced(place.panels, plate, place.patch, place.back)
+        values, vectors = eigh((lacking + lacking.T) / 2.0)
+        more = values > 0.0  # panels meshed finer than their patch lack nothing of it
+        return np.asarray((vectors[:, more] * values[more]) @ vectors[:, more].T)
+
+    def _kept(self, place: _Place, what: tuple[object, ...], computed: Callable[[], FloatArray]) -> FloatArray:
+        """A symmetric matrix of a place from the cache, or computed and kept there."""
         own = self.reductions
-        name = repr(("beneath", place.key, own.thickness_m, own.material, own.pillar))
+        name = repr((what, place.key, own.thickness_m, own.material, own.pillar))
         key = hashlib.sha256(name.encode()).hexdigest()
         kept = self.cache.get(key) if self.cache is not None else None
         if kept is not None:
             return kept
-        matrix = self._static(place)
+        matrix = computed()
         if self.cache is not None:
             self.cache.put(key, matrix)
         return matrix

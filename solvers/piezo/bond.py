@@ -42,7 +42,7 @@ def displacement_on(plate: AssembledPlate, panels: Sequence[Held], count: int) -
     parts = []
     for held in panels:
         placed_cell = plate.placed_cells[held.number]
-        signs = _mirror_signs(plate.symmetry, held.flip)[:, None]
+        signs = mirror_signs(plate.symmetry, held.flip)[:, None]
         live = placed_cell.coefficient != 0.0
         field = signs * (held.field[:, :, live] * placed_cell.coefficient[live])
         block = sp.coo_array(field.reshape(3 * len(held.rows), -1))
@@ -85,7 +85,7 @@ def held_panels(plate: AssembledPlate, contact: Contact) -> Iterator[Held]:
         raise SolverError(f"the point {1e3 * contact.points[left][0]} mm lies outside the plate")
 
 
-def _mirror_signs(symmetry: str, flip: FloatArray) -> FloatArray:
+def mirror_signs(symmetry: str, flip: FloatArray) -> FloatArray:
     """Signs (3,) of u_x, u_y, u_z of a class's field from those at its image in x, y >= 0."""
     signs = np.ones(3)
     for axis, mark in enumerate(symmetry):

@@ -79,12 +79,8 @@ def resonances_hz(forced: ForcedPlate) -> FloatArray:
 
 def _projected(forced: ForcedPlate) -> tuple[FloatArray, FloatArray, FloatArray]:
     """K, M (c, c) and the loads (c, patches) in the columns of all groups, scaled."""
-    stiffness, mass, loads = [], [], []
-    for basis in forced.modes:
-        pencil, columns = basis.group.pencil, basis.columns
-        stiffness.append(columns.T @ (pencil.stiffness @ columns))
-        mass.append(columns.T @ pencil.apply_mass(columns))
-        loads.append(columns.T @ basis.group.loads)
+    stiffness, mass = zip(*(basis.projected for basis in forced.modes), strict=True)
+    loads = [basis.columns.T @ basis.group.loads for basis in forced.modes]
     return scipy.linalg.block_diag(*stiffness), scipy.linalg.block_diag(*mass), np.vstack(loads)
 
 

@@ -54,6 +54,20 @@ class GroupModes:
         modal = self.gain / (self.eigenvalue * (1.0 + 1j * loss) - eigenvalue)[:, None]
         return np.asarray(self.gain.T @ modal + self.residual(eigenvalue))
 
+    @cached_property
+    def projected(self) -> tuple[FloatArray, FloatArray]:
+        """K and M in the columns, (c, c) each: modes are orthogonal, so that only what the loads add is multiplied."""
+        own, pencil = len(self.eigenvalue), self.group.pencil
+        more = self.columns[:, own:]
+        parts = []
+        for diagonal, image in (
+            (self.eigenvalue, np.asarray(pencil.stiffness @ more)),
+            (np.ones(own), pencil.apply_mass(more)),
+        ):
+            beside, within = self.columns[:, :own].T @ image, more.T @ image
+            parts.append(np.block([[np.diag(diagonal), beside], [beside.T, (within + within.T) / 2.0]]))
+        return parts[0], parts[1]
+
     def residual(self, eigenvalue: float) -> FloatArray:
         """What the modes beyond the band add to the receptance, (patches, patches), scaled."""
         return self.residual_gain[0] + (eigenvalue - self.middle) * self.residual_gain[1]
@@ -274,16 +288,15 @@ class ForcedPlate:
 
     def curve(self, frequency_hz: FloatArray) -> Curve:
         """Response at frequencies in Hz."""
-        zone, passive = np.zeros(len(frequency_hz)), np.zeros(len(frequency_hz))
-        sensors = np.zeros((len(frequency_hz), len(self.sensors)), dtype=complex)
-        for row, frequency in enumerate(frequency_hz):
-            eigenvalue = self.plate.scale.eigenvalue(float(frequency))
-            volts = self.volts(eigenvalue)
-            sensors[row] = volts[self.sensors]
-            for basis, (inside, outside) in zip(self.modes, self.grams, strict=True):
-                a = basis.amplitudes(eigenvalue, self.loss, volts)
-                zone[row] += float((a.conj() @ inside @ a).real)
-                passive[row] += float((a.conj() @ outside @ a).real)
+        at = [self.plate.scale.eigenvalue(float(frequency)) for frequency in frequency_hz]
+        volts = [self.volts(eigenvalue) for eigenvalue in at]
+        sensors = np.array(volts)[:, self.sensors]
+        zone, passive = np.zeros(len(at)), np.zeros(len(at))
+        for basis, grams in zip(self.modes, self.grams, strict=True):
+            tones = zip(at, volts, strict=True)
+            amplitudes = np.stack([basis.amplitudes(each, self.loss, given) for each, given in tones], axis=1)
+            for total, gram in zip((zone, passive), grams, strict=True):
+                total += quadratic(gram, amplitudes)
         return Curve(np.asarray(frequency_hz), *rms(zone, passive, self.areas_m2), sensors)
 
     def shape(self, frequency_hz: float) -> tuple[FloatArray, ComplexArray]:
@@ -303,6 +316,12 @@ def in_phase_signs(gain: FloatArray, drivers: list[int]) -> FloatArray:
     strong = [index for index in drivers if abs(gain[index]) > COUNTS * np.abs(gain).max(initial=0.0)]
     turn = -1.0 if strong and gain[strong[0]] < 0.0 else 1.0
     return np.where(turn * gain < 0.0, -1.0, 1.0)
+
+
+def quadratic(gram: FloatArray, amplitudes: ComplexArray) -> FloatArray:
+    """a^H G a for each column (n, columns), (columns,); rounding below zero counts as zero."""
+    parts = [np.einsum("nf,nf->f", part, gram @ part) for part in (amplitudes.real, amplitudes.imag)]
+    return np.asarray(np.maximum(parts[0] + parts[1], 0.0))
 
 
 def rms(
@@ -336,7 +355,7 @@ def _unfolded(points: FloatArray, values: ComplexArray, symmetry: str) -> tuple[
 def group_modes(group: Group, band_hz: tuple[float, float], margin: tuple[float, float]) -> GroupModes:
     """Modes of a group within the band widened by the margin, and its residual vectors about the band's middle."""
     scale = group.pencil.scale
-    shared = Shared()
+    shared = Shared(group.factorise)
     modes = modes_in_band(group.pencil, margin[0] * band_hz[0], margin[1] * band_hz[1], shared)
     values = scale.eigenvalue(1.0) * modes.frequency_hz**2
     middle = scale.eigenvalue(0.5 * (band_hz[0] + band_hz[1]))

@@ -7,6 +7,7 @@ taken from stiffness, loads and charges (solvers/piezo/beneath.py).
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -22,7 +23,7 @@ from solvers.fem.eigen import PlainPencil
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.measures.confinement import TouchField
 from solvers.piezo.beneath import Beneath
-from solvers.piezo.bond import Contact, Held, displacement_on, held_panels
+from solvers.piezo.bond import Contact, Held, displacement_on, held_panels, mirror_signs
 from solvers.piezo.patch import BondedPatch, bonded_patch
 from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
 
@@ -53,6 +54,11 @@ class Group:
     def pencil(self) -> PlainPencil:
         """K and M."""
         return self.join()
+
+    @cached_property
+    def factorise(self) -> Factoriser:
+        """What factorises shifted K of the classes: one symbolic analysis serves all of them."""
+        return Factoriser()
 
     @property
     def symmetries(self) -> tuple[str, ...]:
@@ -93,10 +99,11 @@ class PatchedPlate:
         own = [self._folded(patch, some) for patch in self.patches]
         distinct = {key: patch for key, patch, _ in own}
         known = _bonds(distinct, some, back, self.eigenvalue, beneath)
+        self._images = _images([(key, flip) for key, _, flip in own])
         self.bonds = [known[key].mirrored(flip) for key, _, flip in own]
         self._join(plates)
         twice = any(len(bond.parts) > 1 for bond in self.bonds)
-        self.differs_too_much = twice and not all(_positive(group.pencil) for group in self.groups)
+        self.differs_too_much = twice and not all(_positive(group.pencil, group.factorise) for group in self.groups)
         if self.differs_too_much:
             self.bonds = [bond.finest for bond in self.bonds]
             self._join(plates)
@@ -105,7 +112,8 @@ class PatchedPlate:
         """The groups of classes that the patches couple, and which of them they drive."""
         some = next(iter(plates.values()))
         classes = [[WHOLE]] if WHOLE in plates else coupled_classes(self.patches)
-        self.held = [[tuple(held_panels(some, part.contact)) for part in bond.parts] for bond in self.bonds]
+        self._held: dict[int, list[tuple[Held, ...]]] = {}
+        self._whole = some
         self.motions: dict[str, list[list[sp.csr_array]]] = {}  # of the bonded faces, mesh by mesh
         self.everything = [self._group([plates[p] for p in symmetries]) for symmetries in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
@@ -138,10 +146,7 @@ class PatchedPlate:
         return np.array([bond.capacitance_f for bond in self.bonds])
 
     def _group(self, plates: list[AssembledPlate]) -> Group:
-        motions = [
-            [_motion(plates, panels, part.contact) for panels, part in zip(held, bond.parts, strict=True)]
-            for held, bond in zip(self.held, self.bonds, strict=True)
-        ]
+        motions = self._motions(plates)
         self.motions[plates[0].symmetry] = motions
         loads, by_mesh, by_modes, inertia = (np.zeros((motions[0][0].shape[1], len(self.bonds))) for _ in range(4))
         for number, (bond, moved) in enumerate(zip(self.bonds, motions, strict=True)):
@@ -162,10 +167,30 @@ class PatchedPlate:
             self.eigenvalue,
         )
 
+    def _motions(self, plates: list[AssembledPlate]) -> list[list[sp.csr_array]]:
+        """Of each patch the motions of its bonded face, mesh by mesh; in one class that of a patch tells its mirror image's."""
+        out: list[list[sp.csr_array]] = []
+        for number, bond in enumerate(self.bonds):
+            first, flip = self._own_or_image(number, plates)
+            if first < number:
+                signs = mirror_signs(plates[0].symmetry, flip)
+                out.append([_scaled(motion, np.tile(signs, motion.shape[0] // 3)) for motion in out[first]])
+                continue
+            if number not in self._held:
+                self._held[number] = [tuple(held_panels(self._whole, part.contact)) for part in bond.parts]
+            pairs = zip(self._held[number], bond.parts, strict=True)
+            out.append([_motion(plates, panels, part.contact) for panels, part in pairs])
+        return out
+
+    def _own_or_image(self, number: int, plates: Sequence[AssembledPlate]) -> tuple[int, FloatArray]:
+        """The first patch whose mirror image in one class a patch is, and the axes (2,) turned round; itself elsewhere."""
+        alone = len(plates) == 1 and plates[0].symmetry != WHOLE
+        return self._images[number] if alone else (number, np.ones(2))
+
     def _positive_pencil(self, group: Group) -> PlainPencil:
         """That of a class that nothing drives, whose patches stand on their finer mesh alone where two take too much away."""
         pencil = group.join()
-        if all(len(bond.parts) == 1 for bond in self.bonds) or _positive(pencil):
+        if all(len(bond.parts) == 1 for bond in self.bonds) or _positive(pencil, group.factorise):
             return pencil
         own = [bond.finest for bond in self.bonds]
         return self._pencil(list(group.plates), self.motions[group.symmetries[0]], own)
@@ -180,32 +205,52 @@ class PatchedPlate:
         pencils = [plate.pencil() for plate in plates]
         stiffness, mass = ([getattr(p, name) for p in pencils] for name in ("stiffness", "mass"))
         whole, heavy = (each[0] if len(each) == 1 else sp.block_diag(each, format="csc") for each in (stiffness, mass))
-        for bond, moved in zip(bonds or self.bonds, motions, strict=True):
-            for part, motion in zip(bond.parts, moved[: len(bond.parts)], strict=True):
-                whole = whole + _felt(part.share * part.stiffness, motion)
-            heavy = heavy + _felt(bond.parts[0].mass / self.scale.mass_kg, moved[0])
+        stiff, weights = [], []
+        alike = Counter(self._own_or_image(number, plates)[0] for number in range(len(self.bonds)))
+        for number, count in alike.items():
+            bond, moved = (bonds or self.bonds)[number], motions[number]
+            pairs = zip(bond.parts, moved[: len(bond.parts)], strict=True)
+            stiff += [(count * part.share * part.stiffness, motion) for part, motion in pairs]
+            weights.append((count * bond.parts[0].mass / self.scale.mass_kg, moved[0]))
         rigid = sum(RIGID_OF_CLASS[plate.symmetry] for plate in plates)
-        return PlainPencil(sp.csc_array(whole), sp.csc_array(heavy), self.scale, rigid)
+        return PlainPencil(_with(whole, stiff), _with(heavy, weights), self.scale, rigid)
 
 
-def _positive(pencil: PlainPencil) -> bool:
+def _positive(pencil: PlainPencil, factorise: Factoriser) -> bool:
     """Whether K is positive but for rigid motions: the two meshes of a patch take no more away than is there."""
     least = HARDLY * pencil.stiffness.trace() / pencil.mass.trace()
     try:
-        return Factoriser()(sp.csc_array(pencil.stiffness + least * pencil.mass)).negative == 0
+        return factorise(sp.csc_array(pencil.stiffness + least * pencil.mass)).negative == 0
     except SingularShift:
         return False
 
 
-def _felt(matrix: FloatArray, motion: sp.csr_array) -> sp.csc_array:
-    """motion' matrix motion, dense where the motion (3 b, dof) has entries: its columns are written as they are stored."""
-    used = np.unique(motion.indices)
-    dense = motion[:, used].toarray()
-    starts = np.zeros(motion.shape[1] + 1, dtype=used.dtype)
-    starts[used + 1] = len(used)
-    block = dense.T @ matrix @ dense
-    where = (block.ravel(order="F"), np.tile(used, len(used)), np.cumsum(starts, dtype=used.dtype))
-    return sp.csc_array(where, shape=(motion.shape[1],) * 2)
+def _images(folded: Sequence[tuple[str, FloatArray]]) -> list[tuple[int, FloatArray]]:
+    """Of each patch, told apart by its folded self and the axes (2,) it was turned about: the first with the same folded self,
+    and the axes that turn the one into the other.
+    """
+    first: dict[str, int] = {}
+    numbers = [first.setdefault(key, number) for number, (key, _) in enumerate(folded)]
+    return [(number, folded[number][1] * flip) for number, (_, flip) in zip(numbers, folded, strict=True)]
+
+
+def _scaled(matrix: sp.csr_array, rows: FloatArray) -> sp.csr_array:
+    """The matrix with each of its rows times a factor."""
+    factors = np.repeat(rows, np.diff(matrix.indptr))
+    return sp.csr_array((matrix.data * factors, matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
+def _with(matrix: sp.csc_array, bonds: Sequence[tuple[FloatArray, sp.csr_array]]) -> sp.csc_array:
+    """A matrix and motion' own motion of each of the bonds (own, motion), dense where their motions (3 b, dof) have entries."""
+    rows, columns, values = [], [], []
+    for own, motion in bonds:
+        used = np.unique(motion.indices)
+        dense = motion[:, used].toarray()
+        rows.append(np.repeat(used, len(used)))
+        columns.append(np.tile(used, len(used)))
+        values.append((dense.T @ own @ dense).ravel())
+    where = (np.concatenate(rows), np.concatenate(columns))
+    return sp.csc_array(matrix + sp.coo_array((np.concatenate(values), where), shape=matrix.shape).tocsc())
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import scipy.linalg
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.measures.wanted_mode import Verdict, verdict
-from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, rms, touch_grams
+from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, quadratic, rms, touch_grams
 
 SAME = 1e-10  # of the largest: directions that are combinations of the others
 
@@ -30,7 +30,7 @@ class PlateSpace:
         self.size = int(self.starts[-1])
         place = forced.wanted_place()
         self.wanted = None if place is None else int(self.starts[place[0]]) + place[1]
-        self.stiffness = scipy.linalg.block_diag(*map(_stiffness, self.bases))
+        self.stiffness = scipy.linalg.block_diag(*(basis.projected[0] for basis in self.bases))
         self.loads = np.vstack([basis.columns.T @ basis.group.loads for basis in self.bases])
         pairs = [touch_grams(basis.group.touch(basis.columns), forced.design) for basis in self.bases]
         self.inside, self.outside = (scipy.linalg.block_diag(*parts) for parts in zip(*pairs, strict=True))
@@ -46,12 +46,6 @@ class PlateSpace:
             alike = (self.inside[self.wanted, within] @ vectors) ** 2 / self.inside[self.wanted, self.wanted]
             share = (vectors[within == self.wanted] ** 2).sum(axis=0) / (vectors**2).sum(axis=0)
         return ChangedPlate(self.forced, values, vectors.T @ self.loads[within], grams[0], grams[1], alike, share)
-
-
-def _stiffness(basis: GroupModes) -> FloatArray:
-    """V'KV of a basis' columns V, (n, n)."""
-    projected = basis.columns.T @ (basis.group.pencil.stiffness @ basis.columns)
-    return np.asarray(projected + projected.T) / 2.0
 
 
 def orthonormal(basis: GroupModes) -> GroupModes:
@@ -118,14 +112,8 @@ class ChangedPlate:
             volts = forced.patch_volts(partial(self._charge, denominator))
             sensors[row] = volts[forced.sensors]
             amplitudes[:, row] = (self.gain @ volts) / denominator
-        energies = [_quadratic(gram, amplitudes) for gram in (self.inside, self.outside)]
+        energies = [quadratic(gram, amplitudes) for gram in (self.inside, self.outside)]
         return Curve(np.asarray(frequency_hz), *rms(energies[0], energies[1], forced.areas_m2), sensors)
 
     def _charge(self, denominator: ComplexArray) -> ComplexArray:
         return np.asarray(self.gain.T @ (self.gain / denominator[:, None]) * self.forced.plate.stiffness_unit)
-
-
-def _quadratic(gram: FloatArray, amplitudes: ComplexArray) -> FloatArray:
-    """a* G a for each column, (columns,); rounding below zero counts as zero."""
-    parts = [np.einsum("nf,nf->f", part, gram @ part) for part in (amplitudes.real, amplitudes.imag)]
-    return np.asarray(np.maximum(parts[0] + parts[1], 0.0))

@@ -379,10 +379,13 @@ def test_what_a_plate_gives_way_is_kept_between_runs_and_belongs_to_that_plate(m
         {"pillar": Pillar("square", 1e-3, 1e-3, 2e-3, ALUMINIUM)},
     ]
     for other in others:
-        Beneath(replace(made.reductions, **other), kept)._fine(
-            beneath_patches._Place.of(plate, patch, made.reductions, True)
-        )
-    assert len(kept) == 1 + len(others)
+        place = beneath_patches._Place.of(plate, patch, made.reductions, True)
+        Beneath(replace(made.reductions, **other), kept)._lacking(plate, place)
+    finer = replace(made.reductions.reduction, top_hz=350e3)
+    Beneath(replace(made.reductions, reduction=finer), kept)._lacking(plate, place)
+    assert len(kept) == 2 * (1 + len(others)) + 1, (
+        "fine mesh and what is lacking; the fine mesh is no matter of reduction"
+    )
     monkeypatch.setattr(Beneath, "_static", lambda self, place: pytest.fail("computed again"))
     assert np.array_equal(Beneath(made.reductions, kept).flexibility(plate, patch, True), first)
 
