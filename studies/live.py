@@ -29,7 +29,7 @@ from pipeline.paths import ROOT, STUDIES
 from pipeline.planning.model_choice import cell_model_choice
 from pipeline.units import KHZ
 from solvers.parametric.affine import Sizes, as_sizes
-from solvers.parametric.bands import FLAT, bands
+from solvers.parametric.bands import FLAT
 from solvers.parametric.foot import FixedMesh
 
 ACCURACY, GOAL = 0.001, 0.003
@@ -52,7 +52,7 @@ class Compared:
 def compare(case: Case, model: CellModel, sizes: Sizes) -> Compared:
     """Both models of one design."""
     begin = time.perf_counter()
-    found = bands(model.cell, model.bases, sizes)
+    found = model.bands(sizes)
     live_s = time.perf_counter() - begin
     chosen = model.bases.fractions[::EVERY] * np.pi / sizes[3]
     begin = time.perf_counter()

@@ -24,7 +24,6 @@ from pipeline.units import GRAM, MM
 from solvers.errors import SolverError
 from solvers.measures.confinement import measure_profile
 from solvers.parametric.affine import NAMES, Sizes, between
-from solvers.parametric.bands import bands
 from solvers.superelement.cell import Cell
 from solvers.waves.evanescent import Row
 from solvers.waves.gaps import complete_gaps
@@ -119,9 +118,9 @@ class Scene:
         return tomli_w.dumps(apply_overrides(self.raw, [*(parse_override(text) for text in self.fixed), *places]))
 
     def document(self) -> Document:
-        """What the page starts with: the case's name, the sliders, the file's own design."""
+        """What the page starts with: the case's name, the sliders, the file's own design, designs of the cloud a question."""
         limits = {name: asdict(limit) for name, limit in self.limits.items()}
-        return {"name": self.case.name, "limits": limits, "design": self.own()}
+        return {"name": self.case.name, "limits": limits, "design": self.own(), "batch": BATCH}
 
     def own(self) -> dict[str, float]:
         """The design of the file itself."""
@@ -178,7 +177,7 @@ class Explorer:
         try:
             document["plate"] = self._column(case, window)
             if "frequency_error" in document["plate"]:
-                document["plate"]["frequency_error"] += _mesh_at(document["bands"], document["plate"]["frequency_hz"])
+                document["plate"]["frequency_error"] += self._mesh_at(sizes, document)
         except (SolverError, InputError) as fault:
             document["plate"] = {"why_not": " ".join(str(fault).split())}
         return document
@@ -230,8 +229,7 @@ class Explorer:
         return said
 
     def _bands(self, sizes: Sizes) -> Document:
-        bases = self.model.bases
-        found = bands(self.model.cell, bases, sizes)
+        bases, found = self.model.bases, self.model.bands(sizes)
         error, by_mesh = found.error, self.model.by_mesh(sizes)
         gaps = [
             {
@@ -247,6 +245,14 @@ class Explorer:
             "labels": list(bases.labels),
             "gaps": gaps,
         }
+
+    def _mesh_at(self, sizes: Sizes, document: Document) -> float:
+        """The largest error by the mesh of the bands that reach down to the wanted frequency; 0 where it is not known. A column
+        stands as its cells are meshed.
+        """
+        by_mesh = self.model.as_meshed(sizes)
+        low = np.min(document["bands"]["frequency_hz"], axis=0) <= document["plate"]["frequency_hz"]
+        return 0.0 if by_mesh is None else float(np.max(by_mesh[low], initial=0.0))
 
     def _decay(self, case: Case, sizes: Sizes, window: tuple[float, float]) -> Document:
         """dB per row of the flexural wave that decays least at the wanted wavenumber, None where all are too steep."""
@@ -280,14 +286,6 @@ class Explorer:
             "half_width_mm": 5e2 * design.width_m,
             "half_span_mm": 1e3 * design.half_span_m,
         }
-
-
-def _mesh_at(found: Document, frequency_hz: float) -> float:
-    """The largest half-width by the mesh of the bands that reach down to a frequency; 0 where it is not known."""
-    if found["mesh_error"] is None:
-        return 0.0
-    low = np.min(found["frequency_hz"], axis=0) <= frequency_hz
-    return float(np.max(np.array(found["mesh_error"])[low], initial=0.0))
 
 
 def _flexural_db(row: Row, frequency_hz: float) -> float | None:

@@ -13,9 +13,10 @@ from numpy.polynomial import legendre
 
 from geometry.elements import FloatArray
 from pipeline.errors import InputError
-from pipeline.explore.answer import BATCH, POINTS, PROFILE, Explorer
+from pipeline.explore.answer import POINTS, PROFILE, Explorer
 from pipeline.models.live_column import FACE, INNER, PANEL
 from pipeline.models.parametric import CellModel
+from pipeline.models.parametric_mesh import MeshTable
 from pipeline.planning import mesh_rules
 from pipeline.search.fidelity import COLUMN, SLACK
 from solvers.parametric import bands, bare, chain
@@ -86,7 +87,6 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
     return scene.document() | {
         "case_template": scene.template(),
         "cloud": explorer.cloud_designs,
-        "batch": BATCH,
         "zone_length": design.length_m,
         "pillar_density": design.pillar.material.density_kg_m3 if design.pillar else 0.0,
         "reference": cell.reference,
@@ -116,8 +116,12 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "slack": SLACK[COLUMN],
         "profile": PROFILE,
         "decay_points": POINTS,
-        "mesh": {"corners": np.log(model.mesh.corners).tolist(), "margin": model.mesh.margin} if model.mesh else None,
+        "mesh": _mesh(model.mesh) if model.mesh else None,
     } | _bands(model, numbers)  # fmt: skip
+
+
+def _mesh(table: MeshTable) -> Plain:
+    return {"corners": np.log(table.corners).tolist(), "margin": table.margin, "high": np.log(table.high).tolist()}
 
 
 def _bands(model: CellModel, numbers: _Numbers) -> Plain:

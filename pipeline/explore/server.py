@@ -17,6 +17,7 @@ from aiohttp import web
 from geometry.errors import GeometryError, MeshError
 from pipeline.errors import InputError
 from pipeline.explore.answer import BATCH, Document, Explorer, compute, read_design
+from pipeline.explore.beside import Beside
 from solvers.errors import SolverError
 
 HOST = "127.0.0.1"
@@ -67,7 +68,9 @@ class Progress:
 
 
 class Server:
-    """Answers of one explorer under one token. Designs are solved one at a time, full plates beside them, one at a time too."""
+    """Answers of one explorer under one token. Designs are solved one at a time, full plates beside them, one at a time too;
+    every other part of the cloud in a process of its own.
+    """
 
     def __init__(self, explorer: Explorer, token: str | None = None) -> None:
         self.explorer = explorer
@@ -75,6 +78,7 @@ class Server:
         self.port = 0
         self._live = ThreadPoolExecutor(1, "live")
         self._full = ThreadPoolExecutor(1, "full")
+        self._beside, self._asks_beside = Beside(explorer), ThreadPoolExecutor(1, "beside")
         self._progress: Progress | None = None
 
     def application(self) -> web.Application:
@@ -127,8 +131,15 @@ class Server:
         if not isinstance(first, int) or isinstance(first, bool) or first < 0:
             raise InputError("a question for the cloud has the number of its first design")
         loop = asyncio.get_running_loop()
-        found = await loop.run_in_executor(self._live, self.explorer.cloud, first, BATCH)
+        if first // BATCH % 2:
+            found = await loop.run_in_executor(self._asks_beside, self._beside.cloud, first, BATCH)
+        else:
+            found = await loop.run_in_executor(self._live, self.explorer.cloud, first, BATCH)
         return web.json_response(found, dumps=_dumps)
+
+    def close(self) -> None:
+        """End the process beside."""
+        self._beside.close()
 
     async def _case(self, request: web.Request) -> web.StreamResponse:
         return web.Response(
@@ -221,4 +232,7 @@ def serve(server: Server, port: int, ready: Callable[[str], None]) -> None:
         finally:
             await runner.cleanup()
 
-    asyncio.run(run())
+    try:
+        asyncio.run(run())
+    finally:
+        server.close()

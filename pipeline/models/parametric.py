@@ -24,7 +24,7 @@ from pipeline.paths import RESULTS
 from pipeline.workers import LocalWorkers
 from solvers.fem.assembly import Scale
 from solvers.parametric.affine import AffineCell, DesignBox, Sizes, as_sizes, between
-from solvers.parametric.bands import BandBases, band_bases, own_error, rich_sectors
+from solvers.parametric.bands import BandBases, Bands, band_bases, bands, own_error, rich_sectors
 from solvers.parametric.cell import ParametricCell, parametric_cell
 from solvers.parametric.compressed import compressed
 from solvers.parametric.foot import FixedMesh, Foot, foot_of
@@ -66,6 +66,19 @@ class CellModel:
     cell: ParametricCell
     bases: BandBases
     mesh: MeshTable | None = None
+
+    def bands(self, sizes: Sizes) -> Bands:
+        """The bands of a design, less what its mesh puts them too high by where that was measured. SolverError for a design
+        outside the box.
+        """
+        found = bands(self.cell, self.bases, sizes)
+        if self.mesh is None:
+            return found
+        return replace(found, frequency_hz=np.sort(found.frequency_hz / (1.0 + self.mesh.too_high(sizes)), axis=1))
+
+    def as_meshed(self, sizes: Sizes) -> FloatArray | None:
+        """What the mesh may put frequencies off by of which nothing is taken away, relative, (bands,); None as `by_mesh`."""
+        return self.mesh.at(sizes) + self.mesh.too_high(sizes) if self.mesh else None
 
     def by_mesh(self, sizes: Sizes) -> FloatArray | None:
         """Half-widths of the bands' bars by the mesh, relative, (bands,); None where nothing tells them."""
@@ -122,7 +135,7 @@ def kept_cell(case: Case) -> ParametricCell | None:
     model, sizes = _loaded(_materials(case), foot), sizes_of(case.design)
     if model is None or model.cell.box.faults(sizes):
         return None
-    by_mesh = model.by_mesh(sizes)
+    by_mesh = model.as_meshed(sizes)
     return model.cell if by_mesh is not None and by_mesh.max() <= FINE_ENOUGH else None
 
 
@@ -165,7 +178,11 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
         mesh = mesh_table(case, cell, bases, unseen, offline.mesh, apply)
     if mesh:
         worst, middle = mesh.margin * mesh.corners.max(), mesh.at(box.middle).max()
-        log.info(f"the mesh puts a band off by {worst:.2%} in the worst corner and {middle:.2%} in the middle, at most")
+        high = mesh.high.max(), mesh.too_high(box.middle).max()
+        log.info(
+            f"the mesh puts a band too high by {high[0]:.2%} in the worst corner and {high[1]:.2%} in the middle, at most; "
+            f"that is taken away, and {worst:.2%} and {middle:.2%} may be left"
+        )
     return CellModel(cell, bases, mesh)
 
 
@@ -218,7 +235,7 @@ def _packed(model: CellModel) -> dict[str, Any]:
         flat |= {f"block{number}.{name}": _half(value) if name in SYMMETRIC else value for name, value in whole.items()}
     flat |= {name: getattr(bases, name) for name in ("fractions", "labels", "count", "floor")}
     if model.mesh:
-        flat |= {"mesh.corners": model.mesh.corners, "mesh.margin": model.mesh.margin}
+        flat |= {f"mesh.{name}": getattr(model.mesh, name) for name in ("corners", "margin", "high")}
     for name in ("sectors", "rich"):
         for number, sector in enumerate(getattr(bases, name)):
             flat |= {f"{name}{number}.{field.name}": getattr(sector, field.name) for field in fields(sector)}
@@ -259,7 +276,8 @@ def _unpacked(flat: dict[str, Any], offline: Offline) -> CellModel:
     labels = tuple(str(label) for label in flat["labels"])
     bases = BandBases(flat["fractions"], labels, int(flat["count"]), few, rich, float(flat["floor"]))
     own = _group(flat, "mesh")
-    return CellModel(cell, bases, MeshTable(cell.box, own["corners"], float(own["margin"])) if own else None)
+    mesh = MeshTable(cell.box, own["corners"], float(own["margin"]), own["high"]) if own else None
+    return CellModel(cell, bases, mesh)
 
 
 def _sectors(flat: dict[str, Any], name: str) -> tuple[Sector, ...]:

@@ -1,7 +1,8 @@
 """What the one mesh of a parametric cell puts its bands off by: measured in the corners of its box, told between them.
 
-The error goes as a product of powers of the sizes, nearly, so its logarithm is taken as multilinear in theirs. Designs that lie
-between the corners tell by how much more the bar must be.
+How far a band lies too high goes as a product of powers of the sizes, nearly, so its logarithm is taken as multilinear in
+theirs, and so much is taken away. What is left of it, and what the plain reductions may be off by themselves, is the bar.
+Designs that lie between the corners tell by how much more that must be.
 """
 
 from __future__ import annotations
@@ -36,15 +37,25 @@ Map = Callable[[Callable[[Any], FloatArray], Iterable[Any]], Iterable[FloatArray
 
 @dataclass(frozen=True)
 class MeshTable:
-    """Half-widths of the bands' bars by the mesh in the box's corners, (16, bands), and what they are taken times between."""
+    """Half-widths of the bands' bars by the mesh in the box's corners, (16, bands), and what they are taken times between;
+    `high` (16, bands): how far the bands lie too high there, relative.
+    """
 
     box: DesignBox
     corners: FloatArray
     margin: float
+    high: FloatArray
 
     def at(self, sizes: Sizes) -> FloatArray:
         """The half-widths of a design, relative, (bands,)."""
-        return np.asarray(self.margin * np.exp(corner_weights(self.box, sizes) @ np.log(self.corners)))
+        return self.margin * self._between(self.corners, sizes)
+
+    def too_high(self, sizes: Sizes) -> FloatArray:
+        """How far a design's bands lie too high, relative, (bands,)."""
+        return self._between(self.high, sizes)
+
+    def _between(self, corners: FloatArray, sizes: Sizes) -> FloatArray:
+        return np.asarray(np.exp(corner_weights(self.box, sizes) @ np.log(corners)))
 
 
 def corner_weights(box: DesignBox, sizes: Sizes) -> FloatArray:
@@ -80,33 +91,37 @@ def mesh_table(
     ]
     boxes = case.design.pillar is not None and case.design.pillar.is_made_of_boxes
     compare = off_by if boxes else partial(off_coarser, mesh)
-    off = np.maximum(np.array(list(apply(compare, tasks))), LEAST)
-    if np.isnan(off).any():
+    high, bar = np.moveaxis(np.array(list(apply(compare, tasks))), 1, 0)
+    if np.isnan(high).all(axis=1).any():
         return None
-    table = MeshTable(cell.box, off[: 2**4], 1.0)
-    more = [float((each / table.at(sizes)).max()) for each, sizes in zip(off[2**4 :], between, strict=True)]
+    table = MeshTable(cell.box, np.ones_like(high[: 2**4, 0]), 1.0, np.maximum(np.nanmean(high[: 2**4], axis=1), LEAST))
+    designs = [*cell.box.spread(0), *between]
+    told = np.array([table.too_high(sizes) for sizes in designs])[:, None]
+    left = np.nanmax(np.maximum(np.abs(high - told) + bar, LEAST), axis=1)
+    table = replace(table, corners=left[: 2**4])
+    more = [float((own / table.at(sizes)).max()) for own, sizes in zip(left, designs, strict=True)]
     return replace(table, margin=max([1.0, *more]))
 
 
 def off_by(task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
-    """Largest relative differences of bands at wavevectors (k, 2) from plain reductions and the bars of these, (bands,).
+    """How far bands at wavevectors (k, 2) lie above plain reductions, relative, and the bars of these, (2, k, bands).
 
-    NaN where there is no such reduction.
+    NaN at rest, and throughout where there is no such reduction.
     """
     case, wavevectors, found_hz = task
     try:
         model = lattice_model(case, cell_model_choice(case), wavevectors, WarningLog(), [], finer=False)
     except SolverError:
-        return np.full(found_hz.shape[1], np.nan)
+        return np.full((2, *found_hz.shape), np.nan)
     lattice, count = model.lattice, found_hz.shape[1]
     solved = [lattice.waves(k, count) for k in wavevectors]
-    worst = np.full(count, LEAST)
-    for waves, found, truncated in zip(solved, found_hz, model.truncation(solved, count), strict=True):
+    out = np.full((2, *found_hz.shape), np.nan)
+    for row, (waves, truncated) in enumerate(zip(solved, model.truncation(solved, count), strict=True)):
         moving = waves.frequency_hz > FLAT * waves.frequency_hz[-1]
         bar = mesh_error(lattice.cell, waves).half_width + truncated
-        difference = np.abs(found / np.where(moving, waves.frequency_hz, 1.0) - 1.0) + bar
-        worst = np.maximum(worst, np.where(moving, difference, LEAST))
-    return worst
+        out[0, row, moving] = (found_hz[row] / np.where(moving, waves.frequency_hz, 1.0) - 1.0)[moving]
+        out[1, row, moving] = bar[moving]
+    return out
 
 
 def off_coarser(mesh: FixedMesh, task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
@@ -120,17 +135,16 @@ def off_coarser(mesh: FixedMesh, task: tuple[Case, FloatArray, FloatArray]) -> F
     try:
         (hz, truncated), *coarser = (_frequencies(case, each, wavevectors, count) for each in (mesh, *nested))
     except SolverError:
-        return np.full(count, np.nan)
+        return np.full((2, *found_hz.shape), np.nan)
     moving = hz > FLAT * hz[:, -1:]
     own, layer, order = (
-        np.where(moving, np.abs(other / np.where(moving, hz, 1.0) - 1.0), 0.0)
-        for other in (found_hz, *(each for each, _ in coarser))
+        other / np.where(moving, hz, 1.0) - 1.0 for other in (found_hz, *(each for each, _ in coarser))
     )
     shares = rim_shares(
         case.design.material, pillar.material, HexSettings(mesh.order, layers=mesh.layers, factor=mesh.factor)
     )
-    left = own + shares.taken * layer + shares.half_width(layer, order)
-    return np.asarray(np.where(moving, left + truncated, LEAST).max(axis=0))
+    half = shares.half_width(np.abs(layer), np.abs(order)) + truncated
+    return np.where(moving, np.array([own + shares.taken * layer, half]), np.nan)
 
 
 def _frequencies(case: Case, mesh: FixedMesh, wavevectors: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:

@@ -37,7 +37,8 @@ OFFLINE = Offline(
     workers=1,
     judged=False,
 )
-MESH = MeshTable(BOX, np.linspace(1e-3, 4e-3, 160).reshape(16, 10), 1.25)  # as if it had been measured
+MEASURED = np.linspace(1e-3, 4e-3, 160).reshape(16, 10)
+MESH = MeshTable(BOX, MEASURED, 1.25, 0.5 * MEASURED[::-1])  # as if it had been measured
 
 
 def small_explorer(folder: Path, *settings: str) -> Explorer:

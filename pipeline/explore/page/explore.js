@@ -246,22 +246,30 @@ function drawProfile(found, before) {
   curve(svg, "line", at, plate.profile.y_mm, plate.profile.level);
 }
 
-// many designs, gathered a batch at a time between the answers to drags
-const cloud = { points: [], next: 0, running: false };
+// many designs, gathered a batch at a time between the answers to drags: two questions at once, one for each process
+const cloud = { points: [], next: 0, again: [], count: 0, running: false };
 async function gather() {
   cloud.running = !cloud.running;
-  $("gather").textContent = cloud.running ? "Stop" : "Go on";
-  while (cloud.running) {
-    let more;
-    try { more = await answer("cloud", { first: cloud.next }); } catch (fault) { $("gathered").textContent = fault.message; break; }
-    cloud.next += more.length;
-    cloud.points.push(...more.filter((point) => point.frequency_hz !== null && point.confinement_db !== null));
-    $("gathered").textContent = `${cloud.next} designs computed, ${cloud.points.length} have a wanted mode`;
-    drawCloud();
-    if (!more.length) { $("gather").disabled = true; break; }
-  }
+  if (!cloud.running) return;
+  $("gather").textContent = "Stop";
+  let fault = null, ended = false;
+  const lane = async () => {
+    while (cloud.running && !ended) {
+      const first = cloud.again.pop() ?? (cloud.next += cloud.batch) - cloud.batch;
+      let more;
+      try { more = await answer("cloud", { first }); } catch (why) { fault = why; cloud.again.push(first); cloud.running = false; return; }
+      cloud.count += more.length;
+      cloud.points.push(...more.filter((point) => point.frequency_hz !== null && point.confinement_db !== null));
+      $("gathered").textContent = `${cloud.count} designs computed, ${cloud.points.length} have a wanted mode`;
+      drawCloud();
+      ended ||= !more.length;
+    }
+  };
+  await Promise.all([lane(), lane()]);
   cloud.running = false;
-  $("gather").textContent = $("gather").disabled ? "Done" : "Go on";
+  if (fault) $("gathered").textContent = fault.message;
+  $("gather").disabled = ended;
+  $("gather").textContent = ended ? "Done" : "Go on";
 }
 function front(points) { // those that no other beats in all three
   const worth = (p) => [p.confinement_db, p.frequency_hz, -p.mass_g], kept = [];
@@ -366,6 +374,7 @@ async function start() {
     const scene = await answer("scene");
     $("name").textContent = scene.name;
     state.limits = scene.limits;
+    cloud.batch = scene.batch;
     state.design = fromAddress(scene.design);
   } catch (fault) { say(fault.message, true); return; }
   buildForm();

@@ -306,27 +306,27 @@ function bandsOf(data, ready, sizes) {
     row.forEach((v, band) => { if (v > FLAT ** 2 * row[row.length - 1]) excess[band] = Math.max(excess[band], 0.5 * Math.abs(ours[i][band] / v - 1)); });
   });
   const error = Array.from(excess, (v, i) => SAFETY * Math.max(v, excess[i + 1] || 0, excess[i - 1] || 0) + data.floor);
-  const frequency = ours.map((row) => row.map((v) => Math.sqrt(Math.max(v, 0)) * data.angular / (2 * Math.PI)));
-  const mesh = meshError(data, sizes);
-  return { frequency_hz: frequency, error, mesh_error: mesh, labels: data.labels, gaps: gapsOf(frequency, error, mesh) };
+  const high = data.mesh ? betweenCorners(data, data.mesh.high, sizes) : zeros(data.count);
+  const frequency = ours.map((row) => row.map((v, band) => Math.sqrt(Math.max(v, 0)) * data.angular / (2 * Math.PI) / (1 + high[band])).sort((a, b) => a - b));
+  const mesh = data.mesh ? betweenCorners(data, data.mesh.corners, sizes).map((v) => data.mesh.margin * v) : null;
+  return { frequency_hz: frequency, error, mesh_error: mesh, as_meshed: mesh && mesh.map((v, band) => v + high[band]), labels: data.labels, gaps: gapsOf(frequency, error, mesh) };
 }
 function unitOf(data, sizes) { // solvers/parametric/affine.py
   const box = data.box, unit = sizes.map((v, i) => Math.log(v / box.low[i]) / Math.log(box.high[i] / box.low[i])), side = data.foot.widest * sizes[2], least = Math.max(box.low[3] - side, box.clearance);
   unit[3] = Math.log((sizes[3] - side) / least) / Math.log((box.high[3] - side) / least);
   return unit.map((u) => Math.min(Math.max(u, 0), 1));
 }
-function meshError(data, sizes) { // pipeline/models/parametric_mesh.py
-  if (!data.mesh) return null;
-  const unit = unitOf(data, sizes), total = zeros(data.mesh.corners[0].length);
-  data.mesh.corners.forEach((row, corner) => {
+function betweenCorners(data, corners, sizes) { // pipeline/models/parametric_mesh.py: logarithms in the box's corners
+  const unit = unitOf(data, sizes), total = zeros(corners[0].length);
+  corners.forEach((row, corner) => {
     const weight = unit.reduce((w, u, i) => w * (corner >> 3 - i & 1 ? u : 1 - u), 1);
     row.forEach((log, band) => { total[band] += weight * log; });
   });
-  return Array.from(total, (log) => data.mesh.margin * Math.exp(log));
+  return Array.from(total, Math.exp);
 }
-function meshAt(found, hz) { // of the bands that reach down to a frequency
-  if (!found.mesh_error) return 0;
-  return Math.max(0, ...found.mesh_error.filter((_, band) => Math.min(...found.frequency_hz.map((row) => row[band])) <= hz));
+function meshAt(found, hz) { // of the bands that reach down to a frequency; a column stands as its cells are meshed
+  if (!found.as_meshed) return 0;
+  return Math.max(0, ...found.as_meshed.filter((_, band) => Math.min(...found.frequency_hz.map((row) => row[band])) <= hz));
 }
 function gapsOf(table, error, mesh) {
   const out = [];
