@@ -110,6 +110,13 @@ class Pillar:
         return self.form.rectangles is not None and self.fillet_m == 0.0
 
     @property
+    def takes_hexahedra(self) -> bool:
+        """True when hexahedra, straight or curved, can follow the pillar where its panel leaves them room."""
+        if self.is_made_of_boxes:
+            return True
+        return bool(self.form.plan) and self.fillet_m == 0.0 and self.tip is None and self.faces == 1
+
+    @property
     def is_square_prism(self) -> bool:
         """True when the pillar is a single box on a square foot: what varies from pillar to pillar, and what was calibrated."""
         return self.form.is_square_prism and self.fillet_m == 0.0 and self.tip is None

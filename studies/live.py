@@ -23,18 +23,16 @@ from pipeline.case.overrides import read_toml
 from pipeline.explore.answer import BATCH, Explorer, Scene
 from pipeline.logs import TerminalLog, WarningLog
 from pipeline.models.parametric import BANDS, CellModel, cell_model
-from pipeline.models.parametric_mesh import meshed_alone, with_sizes
-from pipeline.models.unit_cell import LatticeModel, lattice_model
+from pipeline.models.parametric_mesh import with_sizes
+from pipeline.models.unit_cell import lattice_model
 from pipeline.paths import ROOT, STUDIES
 from pipeline.planning.model_choice import cell_model_choice
 from pipeline.units import KHZ
 from solvers.parametric.affine import Sizes, as_sizes
 from solvers.parametric.bands import FLAT
-from solvers.parametric.foot import FixedMesh
 
 ACCURACY, GOAL = 0.001, 0.003
 FRAMES, PICTURE = 25, ROOT / "docs" / "pictures" / "explore.gif"
-FINER = FixedMesh(layers=4, beside=2, along=5)
 EVERY = 5  # wavevectors that the plain reduction solves
 
 
@@ -57,7 +55,7 @@ def compare(case: Case, model: CellModel, sizes: Sizes) -> Compared:
     chosen = model.bases.fractions[::EVERY] * np.pi / sizes[3]
     begin = time.perf_counter()
     varied = with_sizes(case, sizes, ACCURACY, BANDS)
-    lattice = _plain(varied, chosen[[0, 5, 10]]).lattice
+    lattice = lattice_model(varied, cell_model_choice(varied), chosen[[0, 5, 10]], WarningLog(), []).lattice
     reduced_s = time.perf_counter() - begin
     wanted = np.array([lattice.frequencies(k, BANDS) for k in chosen])
     plain_s = reduced_s + EVERY * (time.perf_counter() - begin - reduced_s)
@@ -65,13 +63,6 @@ def compare(case: Case, model: CellModel, sizes: Sizes) -> Compared:
     difference = np.where(moving, found.frequency_hz[::EVERY] / np.where(moving, wanted, 1.0) - 1.0, 0.0)
     by_mesh = model.by_mesh(sizes)
     return Compared(sizes, difference, found.error + (0.0 if by_mesh is None else by_mesh), live_s, plain_s)
-
-
-def _plain(case: Case, wavevectors: FloatArray) -> LatticeModel:
-    """The cell reduced for itself: as `antinode bands` does it, or on a finer mesh of hexahedra where that takes tetrahedra."""
-    if case.design.pillar and case.design.pillar.is_made_of_boxes:
-        return lattice_model(case, cell_model_choice(case), wavevectors, WarningLog(), [])
-    return meshed_alone(case, FINER, wavevectors)
 
 
 def main(count: int | None, path: str) -> int:

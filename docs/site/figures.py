@@ -12,9 +12,10 @@ from matplotlib.patches import Rectangle
 import antinode
 from geometry.hex.boxes import HexSettings
 from pipeline.plots import style
-from solvers.superelement.build import Reductions, ReductionSettings, lattice_panel
+from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
+from solvers.superelement.tiling import lattice_panel
 
 PLATE = "examples/small.toml"
 

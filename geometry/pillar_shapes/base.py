@@ -43,6 +43,7 @@ class PillarShape:
     has_height: ClassVar[bool] = True  # given by height_mm; otherwise the shape knows it
     can_have_fillet: ClassVar[bool] = True
     sizing_note: ClassVar[str] = ""  # what beam theory overlooks
+    plan: ClassVar[str] = ""  # how hexahedra follow a foot that boxes cannot: geometry/hex/panels.py
 
     @classmethod
     def from_case(cls, given: Mapping[str, Any], folder: Path) -> Self:

@@ -18,6 +18,7 @@ class Hexagonal(PillarShape):
 
     name = "hexagonal"
     keys = ("side_mm",)
+    plan = "hexagon"
 
     def outline(self, grow_m: float = 0.0) -> FloatArray:
         """Its six corners."""

@@ -17,6 +17,7 @@ class Round(PillarShape):
 
     name = "round"
     keys = ("diameter_mm",)
+    plan = "disc"
 
     def outline(self, grow_m: float = 0.0) -> FloatArray:
         """A polygon in the circle, with corners on both axes."""

@@ -15,6 +15,7 @@ class Tapered(Square):
 
     name = "tapered"
     keys = ("base_mm", "tip_mm")
+    plan = "rectangle"
 
     @classmethod
     def from_case(cls, given: Mapping[str, Any], folder: Path) -> Self:

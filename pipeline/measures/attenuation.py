@@ -6,7 +6,7 @@ from pipeline.case.model import Case
 from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan, simplifications
 from pipeline.planning.plan import Step
-from pipeline.planning.simplifications import Simplification
+from pipeline.planning.simplifications import Simplification, hexahedra
 from pipeline.records.tables import Column, figures_of
 
 
@@ -35,9 +35,8 @@ COLUMNS = (
 
 
 def _broadband_plan(case: Case) -> Step | Simplification:
-    boxes = case.design.rows and all(pillar.is_made_of_boxes for pillar in case.design.kinds)
-    if not boxes or case.design.stagger:
-        return Simplification("no_rows", "broadband", "it takes rows in line of pillars made of boxes")
+    if not case.design.rows or case.design.stagger or not hexahedra(case, "plate"):
+        return Simplification("no_rows", "broadband", "it takes rows in line of pillars that hexahedra follow")
     return plan.plain_step("broadband", "rows over frequency", "column of reduced cells at the wanted wavenumber")
 
 

@@ -15,6 +15,7 @@ from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.planning import mesh_rules
 from pipeline.planning.request import driven_band_hz
+from pipeline.planning.simplifications import hexahedra
 from pipeline.records.record import BroadbandPoint, BroadbandRecord, ThroughRows
 from solvers.measures.levels import CONFINED_DB
 from solvers.measures.wanted_mode import verdict
@@ -76,8 +77,10 @@ def checked(case: Case) -> Design:
         said.append("array.stagger = true: broadband takes a column of cells in line")
     if case.solve.model not in ("auto", "superelement"):
         said.append(f"solve.model = {case.solve.model!r}: must be auto or superelement for broadband")
-    if case.solve.mesh == "tet" or not all(pillar.is_made_of_boxes for pillar in design.kinds):
-        said.append("broadband takes hexahedra: pillars made of boxes, and solve.mesh auto or hex")
+    if not hexahedra(case, "plate"):
+        said.append(
+            "broadband takes pillars that hexahedra follow, with room about their feet, and solve.mesh auto or hex"
+        )
     if said:
         raise InputError(f"{case.source or case.name}: {text}" for text in said)
     return design

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings, Panel
+from geometry.hex.panels import has_room
 from geometry.layout import Design
 from pipeline.case.model import Case
 from solvers.errors import SolverError
@@ -62,8 +63,10 @@ class LiveReductions(Reductions):
             return bare_cell((width, depth, self.thickness_m), self.material, FACE)
         assert self.pillar is not None
         if panel.free or abs(width - depth) > 1e-9 or panel.halved != (0, 1):
-            if not self.pillar.is_made_of_boxes:
-                raise SolverError(f"a row's cell is cut: no live answer for {self.pillar.shape} pillars there")
+            if not has_room(panel, self.pillar):
+                raise SolverError(
+                    f"a row's cell is cut at the foot of a {self.pillar.shape} pillar: no live answer there"
+                )
             return super().cell(panel)
         return self.live.at((self.thickness_m, self.pillar.height_m, self.pillar.base_m, width))
 

@@ -175,7 +175,7 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
     if not offline.judged:
         return CellModel(cell, bases)
     with log.step("compare the box's corners with meshes of their own"), _mapped(offline) as apply:
-        mesh = mesh_table(case, cell, bases, unseen, offline.mesh, apply)
+        mesh = mesh_table(case, cell, bases, unseen, apply)
     if mesh:
         worst, middle = mesh.margin * mesh.corners.max(), mesh.at(box.middle).max()
         high = mesh.high.max(), mesh.too_high(box.middle).max()

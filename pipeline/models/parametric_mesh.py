@@ -9,25 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import product
 from typing import Any
 
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import HexSettings
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import WarningLog
-from pipeline.models.unit_cell import LatticeModel, lattice_model, lattice_of_mesh
+from pipeline.models.unit_cell import lattice_model
 from pipeline.planning.model_choice import cell_model_choice
 from solvers.errors import SolverError
-from solvers.fem.coarser import rim_shares
 from solvers.parametric.affine import DesignBox, Sizes
 from solvers.parametric.bands import FLAT, BandBases, bands
 from solvers.parametric.cell import ParametricCell
-from solvers.parametric.foot import FixedMesh, foot_of, quarter_mesh
 from solvers.superelement.lattice_error import mesh_error
 
 ACCURACY = 0.005  # of the plain reductions; what they may be off by is added
@@ -77,7 +73,7 @@ def with_sizes(case: Case, sizes: Sizes, accuracy: float, count: int) -> Case:
 
 
 def mesh_table(
-    case: Case, cell: ParametricCell, bases: BandBases, between: list[Sizes], mesh: FixedMesh, apply: Map
+    case: Case, cell: ParametricCell, bases: BandBases, between: list[Sizes], apply: Map
 ) -> MeshTable | None:
     """Compare the bands of corner designs, and of some between them, with plain reductions on meshes of their own.
 
@@ -89,9 +85,7 @@ def mesh_table(
         for sizes in (*cell.box.spread(0), *between)
         for found in [bands(cell, bases, sizes).frequency_hz[at]]
     ]
-    boxes = case.design.pillar is not None and case.design.pillar.is_made_of_boxes
-    compare = off_by if boxes else partial(off_coarser, mesh)
-    high, bar = np.moveaxis(np.array(list(apply(compare, tasks))), 1, 0)
+    high, bar = np.moveaxis(np.array(list(apply(off_by, tasks))), 1, 0)
     if np.isnan(high).all(axis=1).any():
         return None
     table = MeshTable(cell.box, np.ones_like(high[: 2**4, 0]), 1.0, np.maximum(np.nanmean(high[: 2**4], axis=1), LEAST))
@@ -122,47 +116,6 @@ def off_by(task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
         out[0, row, moving] = (found_hz[row] / np.where(moving, waves.frequency_hz, 1.0) - 1.0)[moving]
         out[1, row, moving] = bar[moving]
     return out
-
-
-def off_coarser(mesh: FixedMesh, task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
-    """The same where no mesh of boxes follows the pillar: from the design's own mesh of this topology and the two nested in it,
-    one without the innermost layer, one of an order less.
-    """
-    case, wavevectors, found_hz = task
-    pillar, count = case.design.pillar, found_hz.shape[1]
-    assert pillar is not None and mesh.layers
-    nested = replace(mesh, layers=mesh.layers - 1), replace(mesh, order=mesh.order - 1)
-    try:
-        (hz, truncated), *coarser = (_frequencies(case, each, wavevectors, count) for each in (mesh, *nested))
-    except SolverError:
-        return np.full((2, *found_hz.shape), np.nan)
-    moving = hz > FLAT * hz[:, -1:]
-    own, layer, order = (
-        other / np.where(moving, hz, 1.0) - 1.0 for other in (found_hz, *(each for each, _ in coarser))
-    )
-    shares = rim_shares(
-        case.design.material, pillar.material, HexSettings(mesh.order, layers=mesh.layers, factor=mesh.factor)
-    )
-    half = shares.half_width(np.abs(layer), np.abs(order)) + truncated
-    return np.where(moving, np.array([own + shares.taken * layer, half]), np.nan)
-
-
-def _frequencies(case: Case, mesh: FixedMesh, wavevectors: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Bands of a design meshed for itself at wavevectors (k, 2), Hz, and the half-widths of their bars by truncation."""
-    model = meshed_alone(case, mesh, wavevectors)
-    solved = [model.lattice.waves(k, count) for k in wavevectors]
-    return np.array([waves.frequency_hz for waves in solved]), model.truncation(solved, count)
-
-
-def meshed_alone(case: Case, mesh: FixedMesh, wavevectors: FloatArray) -> LatticeModel:
-    """A design's cell on a topology of the parametric cell, reduced for itself so that waves at wavevectors (k, 2) meet the
-    accuracy by truncation.
-    """
-    pillar = case.design.pillar
-    foot = foot_of(pillar) if pillar else None
-    assert foot is not None
-    own, _ = quarter_mesh(foot, sizes_of(case.design), mesh)
-    return lattice_of_mesh(case, own, (0, 1), wavevectors, WarningLog())
 
 
 def sizes_of(design: Design) -> Sizes:

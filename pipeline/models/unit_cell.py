@@ -11,9 +11,8 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings
-from geometry.layout import Design, Pillar
-from geometry.mesh import Mesh
-from geometry.pillar_shapes.square import Square
+from geometry.hex.panels import square_of
+from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
@@ -24,7 +23,7 @@ from pipeline.planning.refinement import describe_change, higher_degree, more_mo
 from pipeline.records.record import MeshRecord
 from solvers.errors import SolverError
 from solvers.fem.coarser import largest
-from solvers.superelement.build import Reductions, ReductionSettings, lattice_panel
+from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice, Waves
@@ -37,6 +36,7 @@ from solvers.superelement.lattice_error import (
     truncation,
     truncation_bars,
 )
+from solvers.superelement.tiling import lattice_panel
 
 ROUNDS = 8
 MARGIN = 0.7  # of the accuracy: the rest is the mesh's, and what coarse and fine mesh differ by
@@ -95,16 +95,6 @@ def lattice_model(
     return LatticeModel(name, lattice, error, beyond, by_mesh)
 
 
-def lattice_of_mesh(case: Case, mesh: Mesh, halved: tuple[int, ...], corners: FloatArray, log: Log) -> LatticeModel:
-    """Reduce a mesh of the cell so that its bands at the corners (n, 2) meet the accuracy by truncation; nothing tells of the
-    mesh. `halved` lists the axes meshed on their positive side only.
-    """
-    design = case.design
-    reduction = mesh_rules.lattice_reduction(design, case.solve.accuracy)
-    _, lattice, error, beyond = _good_enough(_from_mesh(design, mesh, halved, log), reduction, corners, case, log, 0.0)
-    return LatticeModel(f"{SUPERELEMENT} {mesh.kind}{mesh.order}", lattice, error, beyond, None)
-
-
 def _finer_mesh(
     reduce: Reduce,
     reduction: ReductionSettings,
@@ -155,10 +145,7 @@ def _from_hexahedra(design: Design, log: Log) -> Reduce:
 def _from_tetrahedra(design: Design, edge_m: float, log: Log, meshes: list[MeshRecord]) -> Reduce:
     mesh, halved = tet_cell(design, edge_m, log)
     meshes.append(mesh_record("cell", mesh))
-    return _from_mesh(design, mesh, halved, log)
 
-
-def _from_mesh(design: Design, mesh: Mesh, halved: tuple[int, ...], log: Log) -> Reduce:
     def reduce(reduction: ReductionSettings) -> Cell:
         reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, None, lambda panel: mesh)
         with log.step("reduce the cell"):
@@ -200,7 +187,7 @@ class _Pilot:
 
     def _reduced(self, reduction: ReductionSettings) -> Lattice:
         design, material = self.design, self.design.material
-        box = _of_boxes(design.pillar) if design.pillar else None
+        box = square_of(design.pillar) if design.pillar else None
         through = ceil(reduction.interface.through / COARSE)  # a node more through the plate than the degree
         along = box.height_m if box else None
         coarse = HexSettings(COARSE, 2.0 * design.thickness_m, 0, pillar_size_m=along, through=through)
@@ -259,12 +246,6 @@ def _thick_enough(
     log.info(f"degree {through} through the thickness instead of {face.through}: {error:.2%} left beyond it")
     mesh = replace(reduction.hexahedra, through=2)  # the mesh without its layers needs a node for each degree, too
     return replace(reduction, interface=Interface(face.along, through), hexahedra=mesh), error
-
-
-def _of_boxes(pillar: Pillar) -> Pillar:
-    if pillar.is_made_of_boxes:
-        return pillar
-    return replace(pillar, shape=Square.name, tip_m=pillar.base_m, fillet_m=0.0, file=None, more_m=())
 
 
 def _good_enough(

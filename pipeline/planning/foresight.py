@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
+from dataclasses import astuple, replace
 from math import ceil, floor
 
 from geometry.hex.box_counts import BoxCounts, box_counts
 from geometry.hex.boxes import HexSettings, Panel, Scene, cell_scene, panel_scene, pillar_scene, plate_scene, zone_scene
+from geometry.hex.panels import square_of
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
@@ -33,6 +34,7 @@ PANEL_OPERATIONS = 2e6  # worth of time to number a panel's degrees of freedom
 TETRAHEDRA = 10.0  # times volume over edge cubed, graded edges included
 NODES, PAIRS = 1.45, 28.0  # a quadratic tetrahedron's nodes; nodes that share an element with one
 TET_FILL = 4.0  # entries of the factor over n^(4/3)
+CURVED = 2.0  # times the elements of a square prism's panel: a disc's patches; a hexagon has as many as a square
 SKIN = 0.4  # of a panel's nodes that lie on its surface
 EMBEDDED = 2.2  # entries of the real embedding over those of the cell
 SPLIT_BYTES, SPLIT_KEPT = 70.0, 16.0  # an entry, while the cell is split by phases, and afterwards
@@ -308,11 +310,19 @@ def _pillar_panel(
         assert choice.edge_m
         mesh = of_tetrahedra(_volume_m3(design, "cell") / 2 ** len(halved), choice.edge_m)
     else:
-        panel = Panel(low, high, (0.0, 0.0) if design.pillar else None, halved)
-        mesh = of_boxes(
-            panel_scene(panel, design.thickness_m, design.pillar, reduction.hexahedra), reduction.hexahedra.order
-        )
+        mesh = _of_hexahedra(design, Panel(low, high, (0.0, 0.0) if design.pillar else None, halved), reduction)
     return mesh, fixed_modes(design, reduction, bool(design.pillar), pitch, mesh), 2 ** len(halved)
+
+
+def _of_hexahedra(design: Design, panel: Panel, reduction: ReductionSettings) -> MeshCounts:
+    """Counts of a panel with its pillar; about a curved foot those of a square one, and more."""
+    pillar, settings = design.pillar, reduction.hexahedra
+    alike = square_of(pillar) if pillar else None
+    mesh = of_boxes(panel_scene(panel, design.thickness_m, alike, settings), settings.order)
+    if pillar is None or pillar.form.plan != "disc":
+        return mesh
+    fill = Fill(*(CURVED ** (4.0 / 3.0) * part for part in astuple(mesh.fill)))
+    return MeshCounts(CURVED * mesh.elements, mesh.corners, CURVED * mesh.nodes, CURVED * mesh.pairs, fill)
 
 
 def fixed_modes(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 from geometry.hex.boxes import HexSettings
@@ -73,32 +73,34 @@ class ModelChoice:
 
 def model_choice_of(case: Case, part: str, high_hz: float) -> ModelChoice:
     """Choose model and mesh of a part for modes up to a frequency. Raises InputError for a model that cannot serve."""
-    check_model(case, boxes=part == "zone" or _boxes(case))
+    check_model(case, part == "zone" or _hexahedra(case, part))
     return {"plate": _plate, "zone": _zone, "pillar": _pillar}[part](case, high_hz)
 
 
-def _boxes(case: Case) -> bool:
-    return case.design.pillar is None or case.design.pillar.is_made_of_boxes
+def _hexahedra(case: Case, part: str) -> bool:
+    """Whether hexahedra could serve a part."""
+    open_minded = replace(case, solve=replace(case.solve, mesh="auto"))
+    return simplifications.hexahedra(open_minded, part) is not None
 
 
-def check_model(case: Case, boxes: bool) -> None:
-    """Refuse an analytic model for a computed question, and hexahedra for a shape that is no box."""
+def check_model(case: Case, hexahedra: bool) -> None:
+    """Refuse an analytic model for a computed question, and hexahedra for a shape that they cannot follow."""
     faults = []
     if case.solve.model == "analytic":
         faults.append(
             "solve.model = 'analytic': must be auto, superelement or solid here; `antinode predesign` is analytic"
         )
-    if case.solve.mesh == HEX and not boxes:
+    if case.solve.mesh == HEX and not hexahedra:
         pillar = case.design.pillar
         what = f"a {pillar.shape} pillar{' with a fillet' if pillar.fillet_m else ''}" if pillar else "the scene"
-        faults.append(f"solve.mesh = 'hex': must be auto or tet, {what} is not made of boxes")
+        faults.append(f"solve.mesh = 'hex': must be auto or tet, hexahedra do not follow {what} here")
     if faults:
         raise InputError(f"{case.source or case.name}: {fault}" for fault in faults)
 
 
 def _zone(case: Case, high_hz: float) -> ModelChoice:
     design, accuracy = case.design, case.solve.accuracy
-    no_cad, quarter = simplifications.boxes(case, "zone"), simplifications.mirror_images(design, "zone")
+    no_cad, quarter = simplifications.hexahedra(case, "zone"), simplifications.mirror_images(design, "zone")
     level, top_hz = mesh_rules.reaching("zone", design, accuracy, high_hz)
     hexahedra = mesh_rules.zone_mesh(design, level, top_hz) if no_cad else None
     edge = None if no_cad else mesh_rules.tet_edge_m(2.0 * design.thickness_m, accuracy)
@@ -109,7 +111,7 @@ def _pillar(case: Case, high_hz: float) -> ModelChoice:
     design, accuracy = case.design, case.solve.accuracy
     assert design.pillar
     case.require_one_kind("the lone pillar is")
-    no_cad = simplifications.boxes(case, "pillar")
+    no_cad = simplifications.hexahedra(case, "pillar")
     quarter = simplifications.mirror_images(design, "pillar") if no_cad else None  # tetrahedra mesh the whole pillar
     level, top_hz = mesh_rules.reaching("pillar", design, accuracy, high_hz)
     hexahedra = mesh_rules.pillar_mesh(design, level, top_hz) if no_cad else None
@@ -119,7 +121,7 @@ def _pillar(case: Case, high_hz: float) -> ModelChoice:
 
 def _plate(case: Case, high_hz: float) -> ModelChoice:
     design, accuracy = case.design, case.solve.accuracy
-    bare, no_cad = simplifications.no_pillars(design, "plate"), simplifications.boxes(case, "plate")
+    bare, no_cad = simplifications.no_pillars(design, "plate"), simplifications.hexahedra(case, "plate")
     taken: tuple[Simplification | None, ...] = (bare, no_cad, simplifications.mirror_images(design, "plate"))
     if case.solve.model == SOLID:
         level = mesh_rules.mesh_level("whole", accuracy)
@@ -153,9 +155,9 @@ def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
     Raises InputError for a model that cannot serve.
     """
     case.require_one_kind("the unit cell is")
-    check_model(case, _boxes(case))
+    check_model(case, _hexahedra(case, "cell"))
     design, accuracy = case.design, case.solve.accuracy
-    no_cad = simplifications.boxes(case, "cell")
+    no_cad = simplifications.hexahedra(case, "cell")
     if design.stagger and not no_cad:
         what = "its cell of two rows takes pillars made of boxes, and solve.mesh auto or hex"
         raise InputError(f"{case.source or case.name}: array.stagger = true: {what}")
@@ -204,7 +206,7 @@ def _because(case: Case, part: str, hexahedra: HexSettings | None, level: MeshLe
         reason = f"{known}two coarser meshes tell its own error"
         reason = "two coarser meshes tell its error, and a finer one is taken where it misses" if reduced else reason
         return (f"{accuracy} asks for order {hexahedra.order} with {hexahedra.layers} graded layers: {reason}",)
-    shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "the pillar is not made of boxes"
+    shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "hexahedra do not follow the pillar"
     return (shape, f"{accuracy} sets their edges")
 
 

@@ -10,14 +10,22 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from geometry.hex.panels import has_room
 from geometry.layout import Design
 from geometry.patches import SAME_M, Patches, mirrored_axes
+from solvers.superelement.tiling import lattice_panel, tightest_panels
 
 if TYPE_CHECKING:
     from pipeline.case.model import Case
     from pipeline.logs import Log
 
 CLASSES = ("SS", "SA", "AS", "AA")
+WHY_BOXES = {
+    "zone": "the zone is a box",
+    "pillar": "the pillar is made of boxes",
+    "cell": "the cell is made of boxes",
+    "plate": "the scene is made of boxes",
+}
 
 
 @dataclass(frozen=True)
@@ -58,21 +66,31 @@ def no_pillars(design: Design, part: str) -> Simplification | None:
     return None
 
 
-def boxes(case: Case, part: str) -> Simplification | None:
+def hexahedra(case: Case, part: str) -> Simplification | None:
     """Leave out CAD and tetrahedra where structured hexahedra follow every face and the case does not ask for
     tetrahedra.
     """
     design = case.design
-    shaped = {"zone": False, "pillar": True, "cell": True, "plate": bool(design.rows)}[part]
-    if case.solve.mesh == "tet" or (shaped and design.pillar is not None and not design.pillar.is_made_of_boxes):
+    if case.solve.mesh == "tet":
         return None
-    why = {
-        "zone": "the zone is a box",
-        "pillar": "the pillar is made of boxes",
-        "cell": "the cell is made of boxes",
-        "plate": "the scene is made of boxes",
-    }
-    return Simplification("boxes", "CAD and tetrahedra", why[part])
+    shaped = {"zone": False, "pillar": True, "cell": True, "plate": bool(design.rows)}[part]
+    if not shaped or all(pillar.is_made_of_boxes for pillar in design.kinds):
+        return Simplification("boxes", "CAD and tetrahedra", WHY_BOXES[part])
+    joined = part in ("cell", "plate") and case.solve.model != "solid"
+    if joined and all(pillar.takes_hexahedra for pillar in design.kinds) and _has_room(design, part):
+        return Simplification(
+            "curved", "CAD and tetrahedra", "hexahedra follow the pillars and the plate about their feet"
+        )
+    return None
+
+
+def _has_room(design: Design, part: str) -> bool:
+    """Whether hexahedra have room about every foot of the cell or the plate."""
+    pillar = design.pillar
+    if pillar is None:
+        return True
+    panels = [lattice_panel(design)] if part == "cell" else tightest_panels(design)
+    return all(has_room(panel, panel.pillar or pillar) for panel in panels)
 
 
 def mirror_images(design: Design, part: str, scattered: bool = False) -> Simplification | None:

@@ -100,26 +100,26 @@ class _Search:
         self.softness = SOFTNESS
         design = space.case().design
         shifted = design.is_staggered or bool(UNLIKE & {variable.key for variable in space.variables})
-        self.boxes = bool(design.pillar and design.pillar.is_made_of_boxes and not shifted)
+        self.columns = bool(design.pillar and design.pillar.takes_hexahedra and not shifted)
         self.asked = {"banded": True} if settings.goal == "widest" else {}
 
     def go(self) -> Outcome:
         if not self.asked:
-            if self.boxes:
+            if self.columns:
                 self._calibrate()
             self._screen()
         else:
             self.log.left_out("strips over the whole box", "they say nothing of how wide a band the rows stop")
         source = STRIP
-        if self.boxes:
+        if self.columns:
             first = max(2, self.budget[COLUMN] // 2)
             even = first if self.asked else first // 3
             self._at_fidelity(COLUMN, source, first - even, even_points(self.space, even))
             source = COLUMN
         else:
-            self.log.left_out("columns of reduced cells", "they take rows in line of pillars made of boxes")
+            self.log.left_out("columns of reduced cells", "they take rows in line of pillars that hexahedra follow")
         self._at_fidelity(PLATE, source, max(2, self.budget[PLATE] // 3))
-        own = evaluate(self.space.case(), COLUMN, None, self.cache, **self.asked).frequency_hz if self.boxes else None
+        own = evaluate(self.space.case(), COLUMN, None, self.cache, **self.asked).frequency_hz if self.columns else None
         base = self._confirmed((), own)
         best = self._best()
         window = window_around(self.space.case(best.values), best.result.frequency_hz)
@@ -199,7 +199,7 @@ class _Search:
             return -self._tried(self.space.values(point), fidelity).penalised_objective
 
         first = (
-            FIRST_STEP if fidelity == COLUMN or not self.boxes else FIRST_STEP / 2.0
+            FIRST_STEP if fidelity == COLUMN or not self.columns else FIRST_STEP / 2.0
         )  # a column has been there already
         options = {"initial_simplex": _simplex(origin[loose], first), "xatol": FINEST, "fatol": 1e-2, "maxfev": 500}
         try:
@@ -227,7 +227,7 @@ class _Search:
 
     def _near(self, values: Values) -> float | None:
         """Frequency about which the plate's wanted mode is searched: the column's."""
-        if not self.boxes:
+        if not self.columns:
             return None
         column = self.known[COLUMN].get(values) or self._evaluated(values, COLUMN, None)
         self.known[COLUMN][values] = column

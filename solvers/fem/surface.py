@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.polynomial import legendre
 
-from geometry.elements import TRIANGLES, FloatArray, IntArray, corner_ring, gauss_lobatto, lagrange
-from geometry.mesh import AnyMesh
+from geometry.elements import TRIANGLES, BoolArray, FloatArray, IntArray, corner_ring, gauss_lobatto, lagrange
+from geometry.mesh import AnyMesh, Mesh
 
 # Dunavant's rule of degree 4 on the unit triangle, from its two orbits (dunavant1985)
 _TRIANGLE = ((0.44594849091596489, 0.22338158967801147), (0.09157621350977073, 0.10995174365532187))
+
+BENT = 1e-3  # of an edge's length: how far its nodes lie off the chord
 
 
 @dataclass(frozen=True)
@@ -104,18 +107,47 @@ def triangles(facets: IntArray) -> IntArray:
 
 def skin_faces(mesh: AnyMesh) -> IntArray:
     """Corner nodes of every outer facet, shape (m, 4) for hexahedra (in ring order) or (m, 3) for tetrahedra; where both
-    shapes occur, triangles repeat their last corner.
+    shapes occur, triangles repeat their last corner. Facets of hexahedra are cut at every node of their curved edges.
     """
+    if isinstance(mesh, Mesh) and mesh.kind == "hex" and mesh.spans is None:
+        (local,) = mesh.element.facets
+        facets = mesh.cells[:, local].reshape(-1, local.shape[1])
+        return _cut(mesh.nodes, facets[_once(corner_ring(facets, mesh.order))], mesh.order)
     shapes: dict[int, list[IntArray]] = {3: [], 4: []}
     for block in mesh.blocks:
         for local in block.element.facets:
             ring = corner_ring(local, block.order)
             shapes[ring.shape[1]].append(block.cells[:, ring].reshape(-1, ring.shape[1]))
-    outer = [_outer(np.concatenate(each)) for each in shapes.values() if each]
+    outer = [corners[_once(corners)] for corners in (np.concatenate(each) for each in shapes.values() if each)]
     return outer[0] if len(outer) == 1 else np.concatenate([outer[0][:, [0, 1, 2, 2]], outer[1]])
 
 
-def _outer(facets: IntArray) -> IntArray:
-    """Those that stand once."""
+def _once(facets: IntArray) -> IntArray:
+    """Numbers of the facets that stand once."""
     _, index, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
-    return np.asarray(facets[np.sort(index[counts == 1])])
+    return np.sort(index[counts == 1])
+
+
+def _cut(nodes: FloatArray, facets: IntArray, order: int) -> IntArray:
+    """Corners (m, 4) of facets (f, nodes), u fastest, those with curved edges cut into `order` pieces along these."""
+    grid = facets.reshape(-1, order + 1, order + 1)  # v, u
+    along_u = _bent(nodes[grid[:, ::order]]).any(axis=1)
+    along_v = _bent(nodes[grid.swapaxes(1, 2)[:, ::order]]).any(axis=1)
+    pieces = []
+    for v_bent, u_bent in product((False, True), repeat=2):
+        own = grid[(along_v == v_bent) & (along_u == u_bent)]
+        lines = own[:, :: 1 if v_bent else order, :: 1 if u_bent else order]
+        pieces.append(
+            np.stack([lines[:, :-1, :-1], lines[:, :-1, 1:], lines[:, 1:, 1:], lines[:, 1:, :-1]], axis=-1).reshape(
+                -1, 4
+            )
+        )
+    return np.concatenate(pieces)
+
+
+def _bent(edges: FloatArray) -> BoolArray:
+    """Which edges, nodes (..., n, 3) in a row, leave the chord between their ends."""
+    start, chord = edges[..., :1, :], edges[..., -1:, :] - edges[..., :1, :]
+    length = np.linalg.norm(chord, axis=-1)
+    off = np.linalg.norm(np.cross(edges - start, np.broadcast_to(chord, edges.shape)), axis=-1)
+    return np.asarray((off > BENT * length**2).any(axis=-1))

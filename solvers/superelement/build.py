@@ -10,8 +10,9 @@ from math import ceil
 from typing import Protocol
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, panel_boxes
-from geometry.hex.nesting import interpolation
+from geometry.hex.boxes import HexSettings, Panel
+from geometry.hex.panels import panel_mesh, transfer
+from geometry.hex.plan import PatchedMesh
 from geometry.layout import Design, Pillar, region_materials
 from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
@@ -101,7 +102,7 @@ class Reductions:
             mesh = self.mesher(panel)
             better = self._recovered if mesh.kind == TETRAHEDRA else None
         else:
-            mesh, better = self._mesh(panel, self.settings(panel)), self.coarser(panel)
+            mesh, better = self._mesh(panel, self.settings(panel)).mesh, self.coarser(panel)
         return reduce_cell(self.system(mesh), reduction.interface, reduction.top_hz, panel.halved, panel.free, better)
 
     def _recovered(self, cell: Cell, builder: CellBuilder, parts: list[SymmetryClass]) -> Cell:
@@ -118,8 +119,8 @@ class Reductions:
         """The pillar that stands on a panel with a foot."""
         return panel.pillar or self.pillar
 
-    def _mesh(self, panel: Panel, settings: HexSettings) -> Mesh:
-        return hex_mesh(panel_boxes(panel, self.thickness_m, self.pillar, settings), settings.order)
+    def _mesh(self, panel: Panel, settings: HexSettings) -> PatchedMesh:
+        return panel_mesh(panel, self.thickness_m, self.pillar, settings)
 
     def system(self, mesh: Mesh) -> System:
         """The assembled matrices of a panel's mesh. Raises MeshError for one that is not sound."""
@@ -137,16 +138,15 @@ class Reductions:
         if panel.foot and not at_rim:
             return None
 
-        def nested(fine: Boxes, other: HexSettings) -> Nested[CellBuilder]:
-            boxes = panel_boxes(panel, self.thickness_m, self.pillar, other)
-            system = self.system(hex_mesh(boxes, other.order))
-            builder = CellBuilder(system, reduction.interface, panel.halved, panel.free)
-            return Nested(builder, interpolation(boxes, fine, settings.order, other.order))
+        def nested(fine: PatchedMesh, other: HexSettings) -> Nested[CellBuilder]:
+            coarse = self._mesh(panel, other)
+            builder = CellBuilder(self.system(coarse.mesh), reduction.interface, panel.halved, panel.free)
+            return Nested(builder, transfer(coarse, fine))
 
         def extrapolate(cell: Cell, fine: CellBuilder, parts: list[SymmetryClass]) -> Cell:
-            boxes = panel_boxes(panel, self.thickness_m, self.pillar, settings)
+            own = self._mesh(panel, settings)
             meshes = [replace(settings, order=settings.order - 1), *([settings.coarser] if at_rim else [])]
-            lower, *layer = side_by_side(lambda other: nested(boxes, other), meshes)
+            lower, *layer = side_by_side(lambda other: nested(own, other), meshes)
             if not at_rim or self.pillar is None:
                 return extrapolated(cell, (fine, parts), lower, None, Shares(), reduction.top_hz)
             shares = rim_shares(self.material, self.pillar.material, settings, *self.pillar.joints)
@@ -173,12 +173,6 @@ class Reductions:
         place = signature(replace(panel, pillar=None))
         text = repr((place, panel.halved, self.thickness_m, self.material, pillar, self.reduction, mesher))
         return hashlib.sha256(text.encode()).hexdigest()
-
-
-def lattice_panel(design: Design) -> Panel:
-    """The unit cell: pitch_x x pitch_y, its pillar in the middle (bare without one)."""
-    half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
-    return Panel((-half_x, -half_y), (half_x, half_y), (0.0, 0.0) if design.pillar else None, (0, 1))
 
 
 class PlateModel:

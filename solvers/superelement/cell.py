@@ -239,7 +239,7 @@ class CellBuilder:
         mesh = system.mesh
         self.system, self.interface, self.halved = system, interface, halved
         self.copies = 2 ** len(halved)
-        self.half = np.abs(mesh.nodes[:, :2]).max(axis=0)
+        self.half = np.abs(mesh.nodes[mesh.nodes_of("touch"), :2]).max(axis=0)  # a pillar's tip may overhang the plate
         self.planes = {axis: ("x-", "y-")[axis] for axis in halved}
         self.outer = [face for face in SIDES if face not in self.planes.values() and face not in free]
         self.boundary = np.unique(np.concatenate([mesh.nodes_of(face) for face in self.outer]))

@@ -63,6 +63,12 @@ class Tiling:
         return tuple(side for side, at_end in ends.items() if at_end)
 
 
+def lattice_panel(design: Design) -> Panel:
+    """The unit cell: pitch_x x pitch_y, its pillar in the middle (bare without one)."""
+    half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
+    return Panel((-half_x, -half_y), (half_x, half_y), (0.0, 0.0) if design.pillar else None, (0, 1))
+
+
 def signature(panel: Panel) -> Signature:
     """What a panel's reduction depends on: its edges, where in it which pillar stands, and its free sides."""
     size = (panel.high[0] - panel.low[0], panel.high[1] - panel.low[1])
@@ -82,6 +88,22 @@ def tile(design: Design, max_edge_m: float) -> Tiling:
     numbered = zip(feet_rows.tolist(), design.row_numbers, strict=True)
     centres = [(row, design.column_centres(number)) for row, number in numbered]
     return Tiling(x, y, _feet(x, y, centres), design.is_mirrored, pillars)
+
+
+def tightest_panels(design: Design) -> list[Panel]:
+    """The panel of every row whose foot comes nearest to a side: that of its last column."""
+    if not design.rows:
+        return []
+    x, y = grid(design, design.thickness_m)
+    pillars = (*design.graded[::-1], *design.graded) or (None,) * len(design.row_places())
+    panels = []
+    for row, number, pillar in zip(design.row_places().tolist(), design.row_numbers, pillars, strict=True):
+        column = float(design.column_centres(number)[-1])
+        i, j = int(np.searchsorted(x, column)) - 1, int(np.searchsorted(y, row)) - 1
+        panels.append(
+            Panel((float(x[i]), float(y[j])), (float(x[i + 1]), float(y[j + 1])), (column, row), pillar=pillar)
+        )
+    return panels
 
 
 def grid(design: Design, max_edge_m: float) -> tuple[FloatArray, FloatArray]:

@@ -19,9 +19,10 @@ from pipeline.planning import mesh_rules
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import Modes, modes_in_band
 from solvers.fem.solid import CLASSES, SolidModel
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings, lattice_panel
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
+from solvers.superelement.tiling import lattice_panel
 from solvers.waves.bloch import BlochCell
 from solvers.waves.brillouin import path_through
 from studies import ladder

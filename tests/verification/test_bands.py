@@ -13,9 +13,10 @@ from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from pipeline.planning import mesh_rules
 from solvers.fem.assembly import assemble
-from solvers.superelement.build import Reductions, ReductionSettings, lattice_panel
+from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
+from solvers.superelement.tiling import lattice_panel
 from solvers.waves.bloch import BlochCell
 from solvers.waves.brillouin import path_through
 from solvers.waves.gaps import complete_gaps

@@ -29,9 +29,10 @@ from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.resonators.pillar_row import design_feet
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings, lattice_panel
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
+from solvers.superelement.tiling import lattice_panel
 from tests.helpers.scenes import STEEL_PILLARS
 from tests.helpers.whole_solid import check_within_both_bars
 

@@ -14,17 +14,23 @@ from geometry.hex.split import split_hexahedra
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, check_mesh
+from pipeline.analysis.bands import solve_bands
+from pipeline.case.model import load_case
+from pipeline.logs import WarningLog
+from pipeline.paths import STUDIES
 from pipeline.planning import calibration, mesh_rules
 from solvers.analytic.predesign import pillar_frequencies_hz
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
-from solvers.superelement.build import Reductions, ReductionSettings, lattice_panel
+from solvers.superelement.build import Reductions, ReductionSettings
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
+from solvers.superelement.tiling import lattice_panel
 from solvers.waves.symmetry import Mirrors
 from tests.helpers import bodies
 
 ALUMINIUM = MATERIALS["aluminium"]
+CASE = STUDIES / "three-rows.toml"
 S = 2e-3  # m
 HEXAGON = Pillar("hexagonal", S, S, 6.3e-3, ALUMINIUM)
 CROSS = Pillar("cross", S, S, 6.3e-3, ALUMINIUM, more_m=(("arm_m", 0.8e-3),))
@@ -199,3 +205,34 @@ def test_the_bands_of_a_hexagon_do_not() -> None:
     square = lattice_of(replace(HEXAGON, height_m=3e-3), pitch, quarter_cell((half, 0.0), (half, half), pitch))
     assert Mirrors(hexagon.cell).names == ("x", "y") and Mirrors(square.cell).names == ("x", "y", "d")
     assert exchanged(square) < 1e-8 and exchanged(hexagon) > 1e-3
+
+
+OTHERS = {
+    "round": (),
+    "hexagonal": (),
+    "tapered": ("pillar.base_mm=2.2", "pillar.tip_mm=1.3"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", OTHERS)
+def test_bands_by_curved_hexahedra_are_those_by_tetrahedra(shape: str) -> None:
+    """Steel pillars on PMMA, unlike pitches: two meshes that share nothing but the bars that each tells of itself."""
+    own = ("pillar.shape=round", "pillar.diameter_mm=1.8") if shape == "round" else (f"pillar.shape={shape}",)
+    scene = ("material=pmma", "pillar.material=steel", *own, *OTHERS[shape], "pillar.height_mm=4", "plate.thickness_mm=1.3",
+             "array.pitch_x_mm=3.1", "array.pitch_y_mm=3.6", "bands.points=1", "bands.count=8")  # fmt: skip
+    (hexes, bar), (tets, other) = (
+        bands_and_bars(*scene, f"solve.mesh={mesh}", f"solve.accuracy={accuracy}")
+        for mesh, accuracy in (("hex", 0.003), ("tet", 0.01))
+    )
+    moving = hexes > 1e-3 * hexes.max()
+    difference = np.abs(tets[moving] / hexes[moving] - 1.0)
+    assert (difference <= (bar + other)[moving]).all()
+    assert np.median(bar[moving]) < np.median(other[moving]), "hexahedra are the finer mesh"
+
+
+def bands_and_bars(*overrides: str) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies and half-widths of their bars, (wavevectors, bands), as `antinode bands` gives them."""
+    case = load_case(CASE, overrides)
+    found = solve_bands(case, WarningLog(), every_gap=False)
+    return found.frequencies_hz, np.array(found.error, dtype=float)

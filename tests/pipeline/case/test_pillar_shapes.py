@@ -65,8 +65,8 @@ def test_another_shape_keeps_the_sizes_that_it_shares() -> None:
         ((*CROSS, "array.pitch_mm=2"), "pillars overlap: must exceed the pillar's footprint 2 mm"),
         ((*HEXAGON, "pillar.arm_mm=1"), "pillar.arm_mm = 1: does not belong to a hexagonal pillar, which takes side_mm and"),
         ((*HEXAGON, "array.pitch_mm=2.3"), "pillars overlap: must exceed the pillar's footprint 2.3094"),
-        ((*HEXAGON, "solve.mesh=hex"), "must be auto or tet, a hexagonal pillar is not made of boxes"),
-        ((*CROSS, "pillar.fillet_mm=0.2", "solve.mesh=hex"), "a cross pillar with a fillet is not made of boxes"),
+        ((*HEXAGON, "solve.mesh=hex", "solve.model=solid"), "must be auto or tet, hexahedra do not follow a hexagonal pillar"),
+        ((*CROSS, "pillar.fillet_mm=0.2", "solve.mesh=hex"), "hexahedra do not follow a cross pillar with a fillet here"),
         ((*HEXAGON, "tolerance.side_mm=0.01"), "only square pillars without fillet can be varied"),
         ((*CROSS, "tolerance.side_mm=0.01"), "only square pillars without fillet can be varied"),
     ],
@@ -78,15 +78,13 @@ def test_what_does_not_fit_is_refused_in_one_line(overrides: tuple[str, ...], ex
     assert len(fault.value.lines) == 1 and expected in fault.value.lines[0], fault.value.lines
 
 
-def test_boxes_only_where_the_solid_is_boxes() -> None:
+def test_hexahedra_only_where_they_follow_the_solid() -> None:
     for part in ("plate", "pillar", "cell"):
-        assert simplifications.boxes(case(*CROSS), part)
-        assert not simplifications.boxes(case(*HEXAGON), part)
-        assert not simplifications.boxes(case(*CROSS, "pillar.fillet_mm=0.2"), part)
-    assert (
-        model_choice_of(case(*CROSS), "plate", 50e3).kind == "hex"
-        and model_choice_of(case(*HEXAGON), "plate", 50e3).kind == "tet"
-    )
+        assert simplifications.hexahedra(case(*CROSS), part)
+        assert bool(simplifications.hexahedra(case(*HEXAGON), part)) == (part != "pillar")
+        assert not simplifications.hexahedra(case(*CROSS, "pillar.fillet_mm=0.2"), part)
+    kinds = [model_choice_of(case(*HEXAGON, *more), "plate", 50e3).kind for more in ((), ("solve.mesh=tet",))]
+    assert model_choice_of(case(*CROSS), "plate", 50e3).kind == "hex" and kinds == ["hex", "tet"]
     edge = model_choice_of(case(*CROSS, "solve.mesh=tet", "solve.accuracy=0.01"), "pillar", 50e3).edge_m
     assert edge == pytest.approx(0.8e-3 / 3.0)  # three edges across an arm
 

@@ -132,14 +132,14 @@ def test_the_table_holds_what_plain_reductions_are_apart_and_more_between(
         return np.array([np.full((3, 10), high) + spread, np.full((3, 10), 1e-3)])
 
     monkeypatch.setattr(parametric_mesh, "off_by", apart)
-    table = parametric_mesh.mesh_table(explorer.scene.case, cell, bases, [middle], OFFLINE.mesh, map)
+    table = parametric_mesh.mesh_table(explorer.scene.case, cell, bases, [middle], map)
     assert table is not None and table.high == pytest.approx(np.full((16, 10), 2e-3))
     assert table.corners == pytest.approx(np.full((16, 10), 2e-3)) and table.margin == pytest.approx(4.0)
     assert table.at(middle) == pytest.approx(np.full(10, 8e-3)), "0.8 + 0.1 + 0.1 less the 0.2 taken"
     told = replace(explorer.model, mesh=table).bands(middle).frequency_hz
     assert told == pytest.approx(bands(cell, bases, middle).frequency_hz / 1.002)
     monkeypatch.setattr(parametric_mesh, "off_by", lambda task: np.full((2, 3, 10), np.nan))
-    assert parametric_mesh.mesh_table(explorer.scene.case, cell, bases, [middle], OFFLINE.mesh, map) is None
+    assert parametric_mesh.mesh_table(explorer.scene.case, cell, bases, [middle], map) is None
 
 
 def test_the_mesh_of_the_small_model_is_off_by_what_its_table_says(explorer: Explorer) -> None:

@@ -51,8 +51,9 @@ def refuse_to_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
     def forbidden(*_: Any) -> None:
         raise AssertionError("meshed before it was foreseen")
 
-    for module in ("pipeline.models.parts", "pipeline.models.whole_cell", "solvers.superelement.build"):
+    for module in ("pipeline.models.parts", "pipeline.models.whole_cell"):
         monkeypatch.setattr(f"{module}.hex_mesh", forbidden)
+    monkeypatch.setattr("solvers.superelement.build.panel_mesh", forbidden)
     monkeypatch.setattr("solvers.superelement.build.tile", forbidden)
 
 

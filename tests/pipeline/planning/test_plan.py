@@ -72,17 +72,32 @@ def test_no_pillars_no_cells() -> None:
     assert not simplifications.no_pillars(bare.design, "cell")  # its unit cell still has the pillar
 
 
-def test_boxes_need_no_cad_and_other_pillars_do() -> None:
+def test_hexahedra_need_no_cad_and_what_they_cannot_follow_does() -> None:
     for part in ("plate", "zone", "pillar", "cell"):
-        assert simplifications.boxes(case(), part)
-        assert not simplifications.boxes(case("solve.mesh='tet'"), part)
+        assert simplifications.hexahedra(case(), part)
+        assert not simplifications.hexahedra(case("solve.mesh='tet'"), part)
     for shape in ("step", "round", "tapered"):
-        for part in ("plate", "pillar", "cell"):
-            assert not simplifications.boxes(with_pillar(shape), part)
-        assert simplifications.boxes(with_pillar(shape), "zone")
-    assert not simplifications.boxes(case("pillar.fillet_mm=0.2"), "plate")
+        for part in ("plate", "cell"):
+            assert bool(simplifications.hexahedra(with_pillar(shape), part)) == (shape != "step")
+        assert not simplifications.hexahedra(with_pillar(shape), "pillar")
+        assert simplifications.hexahedra(with_pillar(shape), "zone")
+    assert not simplifications.hexahedra(case("pillar.fillet_mm=0.2"), "plate")
     unused = with_pillar("step")
-    assert simplifications.boxes(replace(unused, design=replace(unused.design, rows=0)), "plate")
+    assert simplifications.hexahedra(replace(unused, design=replace(unused.design, rows=0)), "plate")
+
+
+def test_curved_hexahedra_are_for_reduced_panels_with_room_about_the_foot() -> None:
+    one_face = with_pillar("round")
+    solid = replace(one_face, solve=replace(one_face.solve, model="solid"))
+    for part in ("plate", "cell"):
+        assert not simplifications.hexahedra(solid, part)
+    flush = replace(one_face, design=replace(one_face.design, extension_m=0.0))
+    assert not simplifications.hexahedra(flush, "plate") and simplifications.hexahedra(flush, "cell")
+    tight = replace(one_face, design=replace(one_face.design, pitch_x_m=1.01 * one_face.design.footprint_m))
+    assert not simplifications.hexahedra(tight, "cell") and not simplifications.hexahedra(tight, "plate")
+    tapered = with_pillar("tapered")
+    flush = replace(tapered, design=replace(tapered.design, extension_m=0.0))
+    assert simplifications.hexahedra(flush, "plate"), "a square foot may stand at the plate's edge"
 
 
 def test_mirror_images_end_with_a_step_pillar_and_with_scatter() -> None:

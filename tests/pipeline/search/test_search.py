@@ -305,11 +305,16 @@ def test_counts_are_tried_and_not_descended(monkeypatch: pytest.MonkeyPatch, tmp
     assert result.best.values == (4,) and len(result.by_fidelity[STRIP]) == 4
 
 
-def test_pillars_that_are_no_boxes_go_from_strips_to_plates(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_pillars_that_hexahedra_do_not_follow_go_from_strips_to_plates(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     put(monkeypatch, fake)
     shape = ["pillar.shape=round", "pillar.diameter_mm=2"]
+    evenly = Settings(evaluations=6)
     space = read_space(CASE, shape, ["pillar.height_mm=6:7"])
-    result = optimiser.search(space, Settings(evaluations=6), fidelity.WarningLog(), EvaluationCache(tmp_path))
+    assert optimiser.search(space, evenly, fidelity.WarningLog(), EvaluationCache(tmp_path)).by_fidelity[COLUMN]
+    space = read_space(CASE, [*shape, "pillar.fillet_mm=0.5"], ["pillar.height_mm=6:7"])
+    result = optimiser.search(space, evenly, fidelity.WarningLog(), EvaluationCache(tmp_path))
     assert not result.by_fidelity[COLUMN] and len(result.by_fidelity[PLATE]) <= 6
     assert result.best.values[0] == pytest.approx(6.56, abs=0.1)
 

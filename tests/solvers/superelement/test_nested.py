@@ -15,11 +15,12 @@ from geometry.materials import Material
 from pipeline.case.model import load_case
 from solvers.fem.eigen import modes_in_band
 from solvers.superelement import build
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings, lattice_panel
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.lattice_error import mesh_error
+from solvers.superelement.tiling import lattice_panel
 
 DESIGN = load_case(Path(__file__).resolve().parents[3] / "examples" / "small.toml").design
 TOP_HZ, COUNT = 8e5, 10

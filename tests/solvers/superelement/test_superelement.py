@@ -12,11 +12,11 @@ from geometry.hex.boxes import HexSettings, Panel
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.errors import SolverError
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings, lattice_panel
+from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
 from solvers.superelement.cell import Cell, check_rigid, rigid_boundary
 from solvers.superelement.interface import Interface, bubble_functions
 from solvers.superelement.plate import AssembledPlate
-from solvers.superelement.tiling import signature, tile
+from solvers.superelement.tiling import lattice_panel, signature, tile
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
