@@ -143,7 +143,7 @@ def save(report_figure: ReportFigure, folder: Path) -> StoredFigure:
         files[kind] = f"{report_figure.name}.{kind}"
         store.write_atomic(folder / files[kind], _drawn(report_figure.figure, kind, notes))
     small = report_figure.vector and (folder / files["svg"]).stat().st_size <= SVG_BYTES
-    file = files["svg"] if small else _compressed(folder, files["png"])
+    file = files["svg"] if small else _compressed(folder, files["png"], report_figure.vector)
     scale = POINTS_PER_IN if small else DPI
     width, height = (round(scale * edge) for edge in report_figure.figure.get_size_inches())
     about = (report_figure.name, report_figure.title, report_figure.alt)
@@ -165,15 +165,15 @@ def _drawn(figure: Figure, kind: str, notes: dict[str, str | None]) -> bytes:
     return buffer.getvalue()
 
 
-def _compressed(folder: Path, png: str) -> str:
-    """A WebP beside the PNG, as wide as a page shows it: exact where that is smaller, as of lines on white; the PNG itself
+def _compressed(folder: Path, png: str, lines: bool) -> str:
+    """A WebP beside the PNG, as wide as a page shows it: of lines on white an exact one where that is smaller; the PNG itself
     where this Pillow cannot write WebP.
     """
     from PIL import Image, features
 
     if not features.check("webp"):
         return png
-    looks: tuple[dict[str, Any], ...] = ({"quality": WEBP_QUALITY}, {"lossless": True})
+    looks: tuple[dict[str, Any], ...] = ({"quality": WEBP_QUALITY}, *([{"lossless": True}] if lines else []))
     with Image.open(folder / png) as image:
         height = round(image.height * SHOWN_PX / image.width)
         shown = image.convert("RGB").resize((SHOWN_PX, height), Image.Resampling.LANCZOS)

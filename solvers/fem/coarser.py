@@ -50,12 +50,16 @@ RIM_ROUGH, CLAMPED_ROUGH = 0.1, 0.35  # of the share: one radial function stands
 
 @dataclass(frozen=True)
 class Shares:
-    """Share of the layer's change that is left, its uncertainty, and what the order changes at the edge beside the layer."""
+    """Share of the layer's change that is left, its uncertainty, and what the order changes at the edge beside the layer.
+
+    doubt: of the share of what the layer brings beyond what the order's change lets the edge have.
+    """
 
     taken: float = 0.0
     spread: float = 0.0
     edge: float = 0.0
     smooth: float = SMOOTH
+    doubt: float = 0.0
 
     @property
     def rim(self) -> float:
@@ -64,7 +68,10 @@ class Shares:
 
     def half_width(self, layer: FloatArray, order: FloatArray) -> FloatArray:
         """Half-width of a figure's error from what the mesh without the layer and that of one order less change it by."""
-        return np.asarray(self.rim * np.abs(layer) + self.smooth * np.abs(order - self.edge * layer))
+        half = self.rim * np.abs(layer) + self.smooth * np.abs(order - self.edge * layer)
+        if not self.doubt:
+            return np.asarray(half)
+        return np.asarray(half + self.doubt * self.taken * np.maximum(np.abs(layer) - np.abs(order) / self.edge, 0.0))
 
 
 def largest(half_widths: FloatArray) -> float | None:
@@ -79,7 +86,7 @@ def rim_shares(plate: Material, pillar: Material, mesh: HexSettings, *more: Rim,
     """Shares at the rims of a foot and of `more` like it, between the exponents of displacements normal to them and along
     them (williams1952); outer_share: of what the elements beside the innermost one miss by themselves.
     """
-    return _shares(_rim_exponents((plate, pillar), *more), mesh, RIM_ROUGH, outer_share)
+    return replace(_shares(_rim_exponents((plate, pillar), *more), mesh, RIM_ROUGH, outer_share), doubt=SHADE)
 
 
 def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_m: float = inf) -> Shares:

@@ -20,7 +20,7 @@ from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.mesh import AnyMesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System
-from solvers.fem.coarser import Shares
+from solvers.fem.coarser import SHADE, Shares
 from solvers.fem.constraints import constrain, free_mask, rigid_body_modes
 from solvers.fem.eigen import Modes, Shared, SymmetricPencil, lowest_hz, modes_in_band
 from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
@@ -72,7 +72,7 @@ class MeshError:
     @property
     def shares(self) -> Shares:
         """What the two changes tell."""
-        return Shares(self.taken, self.spread, self.edge)
+        return Shares(self.taken, self.spread, self.edge, doubt=SHADE if self.edge else 0.0)
 
     def changes(self, vectors: FloatArray | ComplexArray, eigenvalue: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Relative rise of frequencies, (k,) each, on the mesh without the layer and on that of one order less.

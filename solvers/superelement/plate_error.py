@@ -79,7 +79,7 @@ def by_mesh(
 
     By Rayleigh's quotient at scaled eigenvalues (k,); a half-width is NaN where a cell has no coarser mesh.
     """
-    taken, rim, order = (np.zeros_like(value) for _ in range(3))
+    taken, rim, order, beyond = (np.zeros_like(value) for _ in range(4))
     for placed_cell in plate.placed_cells:
         error = placed_cell.cell.mesh_error
         if error is None:
@@ -89,7 +89,9 @@ def by_mesh(
         taken += error.taken * by_layer
         rim += error.shares.rim * by_layer
         order += by_order - error.edge * by_layer
-    return taken, np.abs(rim) + SMOOTH * np.abs(order)
+        if shares := error.shares.doubt * error.taken:
+            beyond += shares * (by_layer - by_order / error.edge)
+    return taken, np.abs(rim) + SMOOTH * np.abs(order) + np.maximum(beyond, 0.0)
 
 
 def _by_modes(plate: AssembledPlate, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:

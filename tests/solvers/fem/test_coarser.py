@@ -108,3 +108,13 @@ def test_shares_are_between_the_exponents_and_grow_with_the_contrast() -> None:
 def test_nothing_singular_leaves_the_order_alone() -> None:
     layer, order = np.array([0.0, 0.0]), np.array([1e-3, -2e-3])
     assert Shares().half_width(layer, order) == pytest.approx(SMOOTH * np.abs(order))
+
+
+def test_what_the_layer_brings_beyond_the_edges_part_is_doubted() -> None:
+    """The order's change bounds what of the layer's belongs to the edge; half of the share of the rest counts, at a foot alone."""
+    foot = rim_shares(STEEL, STEEL, MESH)
+    layer, order = np.array([1e-2, 1e-2, 1e-2]), np.array([2.0, 1.0, 0.25]) * foot.edge * 1e-2
+    plain = replace(foot, doubt=0.0).half_width(layer, order)
+    assert foot.half_width(layer, order) - plain == pytest.approx(0.5 * foot.taken * np.array([0.0, 0.0, 0.75e-2]))
+    clamped = clamped_shares(STEEL, MESH)
+    assert clamped.half_width(layer, order) == pytest.approx(replace(clamped, doubt=0.0).half_width(layer, order))
