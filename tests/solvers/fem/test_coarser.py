@@ -111,7 +111,7 @@ def test_nothing_singular_leaves_the_order_alone() -> None:
 
 
 def test_what_the_layer_brings_beyond_the_edges_part_is_doubted() -> None:
-    """The order's change bounds what of the layer's belongs to the edge; half of the share of the rest counts, at a foot alone."""
+    """The order's change bounds what of the layer's is the edge's; half of the share of the rest counts, at a foot alone."""
     foot = rim_shares(STEEL, STEEL, MESH)
     layer, order = np.array([1e-2, 1e-2, 1e-2]), np.array([2.0, 1.0, 0.25]) * foot.edge * 1e-2
     plain = replace(foot, doubt=0.0).half_width(layer, order)
