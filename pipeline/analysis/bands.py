@@ -27,6 +27,7 @@ from solvers.superelement.build import Reductions
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.lattice_error import MeshErrors, mesh_error, truncation_bars
 from solvers.superelement.plate_error import ModeErrors
+from solvers.threads import one_thread
 from solvers.waves.branches import Branches, Solved, follow
 from solvers.waves.brillouin import Path, path_through, zone_grid
 from solvers.waves.gaps import (
@@ -164,7 +165,8 @@ def solve_bands(case: Case, log: Log, shapes: bool = False, every_gap: bool = Tr
     elif design.stagger:
         bands = _staggered(case, choice, path, log)
     else:
-        bands = _reduced(case, choice, path, log, shapes, every_gap)
+        with one_thread():
+            bands = _reduced(case, choice, path, log, shapes, every_gap)
     if bands.gaps and not (border or settings.grid):
         log.warning(
             "PATH",

@@ -25,6 +25,7 @@ from solvers.errors import SolverError
 from solvers.measures.confinement import measure_profile
 from solvers.parametric.affine import NAMES, Sizes, between
 from solvers.superelement.cell import Cell
+from solvers.threads import one_thread
 from solvers.waves.evanescent import Row
 from solvers.waves.gaps import complete_gaps
 from solvers.waves.polarisation import label_of
@@ -163,6 +164,7 @@ class Explorer:
         """Everything that the page shows of a design. InputError for one that cannot be built or lies outside the model."""
         return self.document(self.scene.at(given), given)
 
+    @one_thread()
     def document(self, case: Case, given: dict[str, float]) -> Document:
         """The same of a case; `given` is what the page called it."""
         design = case.design
@@ -200,6 +202,7 @@ class Explorer:
                 designs.append(stepped)
         return designs
 
+    @one_thread()
     def cloud(self, first: int, count: int) -> list[Document]:
         """Frequency, confinement and mass of some of those designs; None where one has no wanted mode in its window."""
         out = []

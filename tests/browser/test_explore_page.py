@@ -179,6 +179,7 @@ def test_the_exported_page_of_round_pillars_has_pythons_numbers(browser: Any, tm
     assert pillar is not None and pillar.shape == "round" and pillar.base_m == pytest.approx(2e-3)
 
 
+@pytest.mark.slow
 def test_the_exported_page_of_hexagonal_pillars_has_pythons_numbers(browser: Any, tmp_path: Path) -> None:
     """Four classes and a path around a quarter of the zone; across corners the pillar is wider than its width says."""
     hexagons = small_explorer(tmp_path, "pillar.shape=hexagonal")

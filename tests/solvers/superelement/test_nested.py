@@ -132,6 +132,7 @@ def plate(order: int) -> PlateModel:
     return PlateModel(design, Reductions(design.thickness_m, design.material, design.pillar, settings))
 
 
+@pytest.mark.slow
 def test_a_plates_modes_know_what_was_taken_from_their_cells() -> None:
     model = plate(3)
     pencil = model.pencil("SS")
