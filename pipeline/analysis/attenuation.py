@@ -46,6 +46,7 @@ class Attenuation(AttenuationRecord):
     meshes: list[MeshRecord] = Field([], exclude=True)
 
 
+@one_thread()
 def solve(
     case: Case,
     log: Log,
@@ -77,7 +78,7 @@ def solve(
     cell = model.lattice.cell  # the one that the bands use: reduced once for both
     row, bare = Row(cell, kx), Row(bare_cell(case, cell.interface, log), kx)
     rows = case.design.rows
-    with log.step(f"{points} frequencies"), one_thread():
+    with log.step(f"{points} frequencies"):
         samples = tuple(_point(row, bare, rows, float(f)) for f in np.linspace(low, high, points))
     _log_summary(samples, kx, log)
     expected = error_bar.log_mesh_error(choice, case, log, model.mesh_error)

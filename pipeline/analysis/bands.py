@@ -148,6 +148,7 @@ def _pair(pair: FloatArray) -> list[float] | None:
     return None if np.isnan(pair).any() else [float(f"{value:.{DIGITS}g}") for value in pair]
 
 
+@one_thread()
 def solve_bands(case: Case, log: Log, shapes: bool = False, every_gap: bool = True) -> Bands:
     """Compute all bands of the case at every wavevector of its path, and where asked the waves' shapes for a page.
 
@@ -165,8 +166,7 @@ def solve_bands(case: Case, log: Log, shapes: bool = False, every_gap: bool = Tr
     elif design.stagger:
         bands = _staggered(case, choice, path, log)
     else:
-        with one_thread():
-            bands = _reduced(case, choice, path, log, shapes, every_gap)
+        bands = _reduced(case, choice, path, log, shapes, every_gap)
     if bands.gaps and not (border or settings.grid):
         log.warning(
             "PATH",

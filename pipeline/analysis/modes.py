@@ -53,6 +53,7 @@ from solvers.measures.confinement import Confinement, measure, wanted_symmetry
 from solvers.measures.mode_mixing import mixing_db
 from solvers.superelement.build import PlateModel
 from solvers.superelement.plate_error import ModeErrors
+from solvers.threads import one_thread
 
 __all__ = ["DEFAULT_COUNT", "Expected", "PartModes", "Request", "solve_modes", "with_defaults"]
 PASSES = 4  # meshed or reduced anew for what was found, at most
@@ -141,6 +142,7 @@ class PartModes:
         )
 
 
+@one_thread()
 def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     """Solve a part's modes. Raises SolverError (not trusted), MeshError, InputError (a class the part does not have)."""
     query = with_defaults(case, request)

@@ -20,6 +20,7 @@ from solvers.piezo.circuit import CircuitShift, circuit_shift, resonances_hz, un
 from solvers.piezo.forced import Curve, ForcedPlate
 from solvers.piezo.height import height_error
 from solvers.piezo.peaks import Peak, curve_about, highest_hz, own_or, peak_of
+from solvers.threads import one_thread
 
 POINTS = 401
 GRID = 160
@@ -86,6 +87,7 @@ def _peak(peak: Peak, forced: ForcedPlate) -> PeakRecord:
     return PeakRecord.of(peak, zone_rms_m_per_V=peak.zone_rms, passive_rms_m_per_V=peak.passive_rms, height_error=error)
 
 
+@one_thread()
 def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, points: int = POINTS) -> Response:
     """Compute the response of the patched plate over a band. Raises InputError without patches or for a model that
     cannot carry them.

@@ -24,6 +24,7 @@ from solvers.piezo.patched_plate import CLASSES
 from solvers.piezo.peaks import curve_about, near_hz, peak_of
 from solvers.piezo.pressure_load import PressedPlate
 from solvers.superelement.build import PlateModel
+from solvers.threads import one_thread
 from solvers.variation.plate_space import ChangedPlate
 from solvers.variation.reductions import VariedReductions
 from solvers.variation.samples import CUT, Deviations, VariedPlate, spread
@@ -90,6 +91,7 @@ def _spread(values: FloatArray) -> SpreadRecord | None:
     return SpreadRecord.of(spread(values)) if len(values) else None
 
 
+@one_thread()
 def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> ToleranceStudy:
     """Compute the case's samples. Raises InputError without [tolerance] or for a model that cannot be varied."""
     case.require_plate(command="tolerance")

@@ -31,6 +31,7 @@ from solvers.fem.factor.memory import room_bytes
 from solvers.measures.levels import ratio_db
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.peaks import near_hz
+from solvers.threads import one_thread
 from solvers.touch.energy import Power, power
 from solvers.touch.loaded_mode import loaded_mode
 from solvers.touch.squeeze_film import OutOfValidity, SqueezeFilm
@@ -62,6 +63,7 @@ class Session:
         return self.case.patches.material.loss_tangent
 
 
+@one_thread()
 def solve(
     case: Case, log: Log, band_hz: tuple[float, float] | None = None, mapped: bool = True,
     forced: ForcedPlate | None = None, meshes: list[MeshRecord] | None = None,

@@ -14,8 +14,10 @@ from pipeline.units import KHZ, MM
 from solvers.driven.crosstalk import zone_volts, zones_of
 from solvers.measures.levels import ratio_db
 from solvers.measures.wanted_mode import SIMILAR
+from solvers.threads import one_thread
 
 
+@one_thread()
 def solve(
     case: Case, log: Log, band_hz: tuple[float, float] | None = None, points: int = RESPONSE_POINTS,
     meshes: list[MeshRecord] | None = None,

@@ -22,6 +22,7 @@ from solvers.driven.contrast import contrast_volts
 from solvers.measures.levels import ratio_db
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.peaks import near_hz
+from solvers.threads import one_thread
 
 DETUNING = 0.02
 ALPHA = 0.3  # on the thesis' plate a tenth of the voltage for 0.3 dB less than the most
@@ -46,6 +47,7 @@ class _Levels:
     rows_off_db: float | None
 
 
+@one_thread()
 def solve(
     case: Case, log: Log, band_hz: tuple[float, float] | None = None, points: int = HYBRID_POINTS, alpha: float = ALPHA,
     forced: ForcedPlate | None = None, meshes: list[MeshRecord] | None = None,

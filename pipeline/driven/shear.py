@@ -14,6 +14,7 @@ from pipeline.records.record import ShearRecord
 from pipeline.units import GIB, MM
 from solvers.fem.factor.memory import room_bytes
 from solvers.piezo.forced import ForcedPlate
+from solvers.threads import one_thread
 from solvers.touch.shear import MAX_WAVE_SHARE, CrestMotion, crest_motion, drive_share, motion_along
 from solvers.touch.squeeze_film import OutOfValidity, SqueezeFilm
 from solvers.touch.touch_map import TouchMap, lattice, needed_bytes, touch_map
@@ -22,6 +23,7 @@ from solvers.touch.touched_plate import Finger, TouchedPlate
 Field = list[list[float | None]]
 
 
+@one_thread()
 def solve(
     case: Case, forced: ForcedPlate, volts: ComplexArray, frequency_hz: float, wavenumber_per_m: float, log: Log
 ) -> ShearRecord | None:

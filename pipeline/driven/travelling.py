@@ -25,6 +25,7 @@ from solvers.piezo.forced import ForcedPlate
 from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
 from solvers.shaping.mode_pairs import ModePair, travelling_pair
 from solvers.shaping.travelling_wave import best_travelling_drive, inner_window, travelling_wave_ratio
+from solvers.threads import one_thread
 
 ALONG, ACROSS = 61, 5  # points over the zone: an odd number across has its centre line
 LEAST_SHARE = 0.1  # of a mode's mass that moves in the shape asked for
@@ -68,6 +69,7 @@ class Travelling:
         return every
 
 
+@one_thread()
 def solve(
     case: Case, log: Log, band_hz: tuple[float, float] | None = None, others: float = 0.0,
     meshes: list[MeshRecord] | None = None,

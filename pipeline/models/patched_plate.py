@@ -18,10 +18,12 @@ from solvers.piezo.patch import BondedPatch, bonded_patch
 from solvers.piezo.patched_plate import PatchedPlate
 from solvers.superelement.build import PlateModel
 from solvers.superelement.tiling import Tiling, tile
+from solvers.threads import one_thread
 
 FOLLOWS = 0.2  # of its own lowest resonance: below it motion inside a patch adds at most 4 % to what follows statically
 
 
+@one_thread()
 def forced_plate(
     case: Case, log: Log, band_hz: tuple[float, float] | None = None, meshes: list[MeshRecord] | None = None,
     is_announced: bool = False,
@@ -41,6 +43,7 @@ def forced_plate(
     return driven(case, model, band, log)
 
 
+@one_thread()
 def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log) -> ForcedPlate:
     """Build an assembled plate with the case's patches and solve its modes about the band."""
     patches = case.patches
