@@ -26,7 +26,7 @@ from solvers.parametric.bands import FLAT, BandBases, bands
 from solvers.parametric.cell import ParametricCell
 from solvers.superelement.lattice_error import mesh_error
 
-ACCURACY = 0.005  # of the plain reductions; what they may be off by is added
+ACCURACY = 0.002  # of the plain reductions; what they may be off by is added
 LEAST = 1e-5
 Map = Callable[[Callable[[Any], FloatArray], Iterable[Any]], Iterable[FloatArray]]
 
