@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import floor
+from math import atan2, floor
 
 import numpy as np
 
@@ -115,6 +115,11 @@ class Pillar:
         if self.is_made_of_boxes:
             return True
         return bool(self.form.plan) and self.fillet_m == 0.0 and self.tip is None and self.faces == 1
+
+    @property
+    def wall_angle(self) -> float:
+        """Angle that the pillar fills above the rim of its foot, rad: a right one unless its sides lean."""
+        return atan2(self.height_m, (self.base_m - self.tip_m) / 2.0)
 
     @property
     def is_square_prism(self) -> bool:

@@ -354,7 +354,10 @@ def _foot(pillar: Pillar) -> FloatArray:
     """The rectangles of a foot. MeshError where boxes cannot follow the pillar."""
     rectangles = pillar.form.rectangles
     if rectangles is None or pillar.fillet_m:
-        raise MeshError(f"a {pillar.shape} pillar with a fillet of {pillar.fillet_m:g} m is not made of boxes")
+        what = f"{pillar.shape} pillar{' with a fillet' if pillar.fillet_m else ''}"
+        raise MeshError(
+            f"a {what} is not made of boxes: hexahedra in straight lines cannot follow it, nor what is bonded over it"
+        )
     return rectangles
 
 

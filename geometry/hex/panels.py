@@ -93,14 +93,15 @@ def _frustum(panel: Panel, thickness_m: float, pillar: Pillar, settings: HexSett
 def _about_a_foot(panel: Panel, thickness_m: float, pillar: Pillar, settings: HexSettings) -> PatchedMesh:
     """Quadrants about the foot, as many as the panel is not halved along."""
     quadrant, rim = PLANS[pillar.form.plan]
-    half, origin, patches = pillar.base_m / 2.0, _foot(panel), []
+    half, origin, grading, patches = pillar.base_m / 2.0, _foot(panel), settings.grading, []
     x_ends, y_ends = _ends(panel)
-    for x_sign, x_end in x_ends.items():
-        for y_sign, y_end in y_ends.items():
-            ends = x_end, y_end
-            block = _block(half, rim, ends)
-            lines = _lines(half, rim, block, ends, settings)
-            patches += [reflected(patch, (x_sign, y_sign), origin) for patch in quadrant(half, block, lines)]
+    places = [((x, y), (x_end, y_end)) for x, x_end in x_ends.items() for y, y_end in y_ends.items()]
+    blocks = [_block(half, rim, ends) for _, ends in places]
+    shared = _lines(half, rim, blocks, grading)  # quadrants meet along the axes
+    for (signs, ends), block in zip(places, blocks, strict=True):
+        beside = _beyond(block[0], ends[0], grading), _beyond(block[1], ends[1], grading)
+        own = quadrant(half, block, replace(shared, beside=beside))
+        patches += [reflected(patch, signs, origin) for patch in own]
     through, along = settings.through_grading(thickness_m), settings.pillar_grading
     z = grid_lines({0.0: False, thickness_m: True}, through)
     height = grid_lines({thickness_m: True, thickness_m + pillar.height_m: False}, along)
@@ -130,20 +131,13 @@ def _block(half: float, rim: tuple[float, float], ends: tuple[float, float]) -> 
     return x, y
 
 
-def _lines(
-    half: float, rim: tuple[float, float], block: tuple[float, float], ends: tuple[float, float], settings: HexSettings
-) -> PlanLines:
-    """The lines of one quadrant, graded towards the rim from both sides."""
-    grading = settings.grading
+def _lines(half: float, rim: tuple[float, float], blocks: list[tuple[float, float]], grading: Grading) -> PlanLines:
+    """The lines that all quadrants share, graded towards the rim from both sides."""
     turns = int(np.ceil(np.pi / 4.0 * half / grading.size_m))  # around an eighth of a disc
     core = (1.0 - CORE) * half if rim[0] == rim[1] else half
-    fill = max(edge - wide * half for edge, wide in zip(block, rim, strict=True))
-    return PlanLines(
-        np.linspace(0.0, 1.0, turns + 1),
-        _unit(core, (False, True), grading),
-        _unit(fill, (True, False), grading),
-        (_beyond(block[0], ends[0], grading), _beyond(block[1], ends[1], grading)),
-    )
+    fill = max(edge - wide * half for block in blocks for edge, wide in zip(block, rim, strict=True))
+    inner, outer = _unit(core, (False, True), grading), _unit(fill, (True, False), grading)
+    return PlanLines(np.linspace(0.0, 1.0, turns + 1), inner, outer)
 
 
 def _unit(length: float, ends: tuple[bool, bool], grading: Grading) -> FloatArray:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geometry.elements import FloatArray, IntArray
+from geometry.errors import MeshError
 from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.mesh import Mesh
 
@@ -47,7 +48,7 @@ class PlanLines:
     turn: FloatArray
     inner: FloatArray
     fill: FloatArray
-    beside: tuple[FloatArray, FloatArray]
+    beside: tuple[FloatArray, FloatArray] = (np.empty(0), np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,10 @@ def reflected(patch: Patch, signs: tuple[int, int], origin: FloatArray) -> Patch
 
 
 def joined(patches: list[Patch], z: FloatArray, thickness: float, order: int) -> PatchedMesh:
-    """One mesh of all patches pulled up along z, nodes in the same place made one; above the thickness stands the pillar."""
+    """One mesh of all patches pulled up along z, nodes in the same place made one; above the thickness stands the pillar.
+
+    MeshError where two patches do not meet node for node.
+    """
     grids = tuple(boxes_of_patch(patch, z, thickness) for patch in patches)
     own = [hex_mesh(grid, order) for grid in grids]
     places = np.concatenate(
@@ -159,7 +163,9 @@ def joined(patches: list[Patch], z: FloatArray, thickness: float, order: int) ->
     spans = [mesh.spans for mesh in own if mesh.spans is not None]
     lengths = np.concatenate(spans) if all(patch.place is straight for patch in patches) else None
     mesh = Mesh(places[first], cells, "hex", order, regions, {}, lengths)
-    return PatchedMesh(replace(mesh, faces=_outer(mesh)), grids, numbers)
+    mesh = replace(mesh, faces=_outer(mesh))
+    _check_joints(mesh, thickness)
+    return PatchedMesh(mesh, grids, numbers)
 
 
 def boxes_of_patch(patch: Patch, z: FloatArray, thickness: float) -> Boxes:
@@ -167,6 +173,19 @@ def boxes_of_patch(patch: Patch, z: FloatArray, thickness: float) -> Boxes:
     high = (z[1:] + z[:-1]) / 2.0 > thickness
     region = np.where(high, np.where(patch.inside[:, :, None] > 0.0, 1, -1), 0)
     return Boxes(patch.u, patch.v, z, region, ("plate", "pillar"))
+
+
+def _check_joints(mesh: Mesh, thickness: float) -> None:
+    """MeshError where a facet of one element alone lies neither on a side, nor on the plate's back or above it."""
+    (local,) = mesh.element.facets
+    facets = np.sort(np.concatenate([mesh.cells[:, face] for face in local]), axis=1)
+    _, index, counts = np.unique(facets, axis=0, return_index=True, return_counts=True)
+    alone = facets[index[counts == 1]]
+    above = (mesh.nodes[alone, 2] >= thickness * (1.0 - 1e-9)).all(axis=1)
+    named = np.sort(np.concatenate(list(mesh.faces.values())), axis=1)
+    known = np.unique(np.concatenate([named, alone[~above]]), axis=0)
+    if len(known) != len(np.unique(named, axis=0)):
+        raise MeshError("elements about a foot do not meet node for node")
 
 
 def _outer(mesh: Mesh) -> dict[str, IntArray]:

@@ -479,10 +479,10 @@ def _farthest(query: Request, classes: list[_Class]) -> float:
 
 
 def _reach(near_hz: float | None, count: Count) -> float:
-    """How far from a frequency all modes are known, Hz."""
+    """How far from a frequency all modes are known, Hz. From below where the count begins there are rigid-body modes alone."""
     assert near_hz is not None
     above = count.high_hz - near_hz
-    return min(above, near_hz - count.low_hz) if count.low_hz > 0.0 else above
+    return min(above, near_hz - count.low_hz) if 0.0 < count.low_hz < near_hz else above
 
 
 def _nearest(rows: list[ModeRow], query: Request, count: Count) -> tuple[list[ModeRow], Count]:

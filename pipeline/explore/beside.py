@@ -28,7 +28,7 @@ class Beside:
         try:
             found: list[Document] = self._workers.submit(_cloud, self._file, first, count).result()
         except (WorkerLost, CancelledError):
-            return self.explorer.cloud(first, count)
+            return Explorer(self.explorer.scene, self.explorer.model).cloud(first, count)  # the page's own is at work
         return found
 
     def close(self) -> None:

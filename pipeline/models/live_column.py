@@ -38,10 +38,11 @@ class LiveCell:
 
     def at(self, sizes: Sizes) -> Cell:
         """The cell of a design. SolverError for one outside the box, by name."""
-        if self._last is None or self._last[0] != sizes:
-            self._last = sizes, self.model.at(sizes, INNER, FACE)
+        last = self._last
+        if last is None or last[0] != sizes:
+            last = self._last = sizes, self.model.at(sizes, INNER, FACE)
             self.condensed.clear()
-        return self._last[1]
+        return last[1]
 
 
 class LiveReductions(Reductions):

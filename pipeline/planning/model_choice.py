@@ -26,7 +26,7 @@ SUPERELEMENT, SOLID = "superelement", "solid"
 class ModelChoice:
     """Model and mesh of one part: the objects that the solvers then build from, not a description of them.
 
-    hexahedra: settings of a mesh of boxes; edge_m: edge length of tetrahedra where the part is meshed through CAD;
+    hexahedra: settings of a structured mesh; edge_m: edge length of tetrahedra where the part is meshed through CAD;
     reduction: settings of the superelement, None for a solid; quarter: symmetry classes are solved one by one on a quarter.
     The mesh of a part solved as meshed makes no larger error than its calibration tells up to good_to_hz; a reduced one
     tells its own. `left_out` are the simplifications, `why`
@@ -159,7 +159,9 @@ def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
     design, accuracy = case.design, case.solve.accuracy
     no_cad = simplifications.hexahedra(case, "cell")
     if design.stagger and not no_cad:
-        what = "its cell of two rows takes pillars made of boxes, and solve.mesh auto or hex"
+        what = (
+            "its cell of two rows takes pillars that hexahedra follow with room about them, and solve.mesh auto or hex"
+        )
         raise InputError(f"{case.source or case.name}: array.stagger = true: {what}")
     taken = (simplifications.no_pillars(design, "cell"), no_cad)
     if case.solve.model == SOLID and no_cad:

@@ -6,7 +6,7 @@ The functions that mesh and solve ask these rules; a plan lists what they said.
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -89,7 +89,8 @@ def _has_room(design: Design, part: str) -> bool:
     pillar = design.pillar
     if pillar is None:
         return True
-    panels = [lattice_panel(design)] if part == "cell" else tightest_panels(design)
+    narrow = replace(design, pitch_x_m=design.pitch_x_m / 2.0) if design.stagger else design
+    panels = [lattice_panel(narrow)] if part == "cell" else tightest_panels(design)
     return all(has_room(panel, panel.pillar or pillar) for panel in panels)
 
 

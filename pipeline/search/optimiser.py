@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from itertools import product
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from pipeline.driven import crosstalk
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
 from pipeline.models.broadband import checked
+from pipeline.planning import simplifications
 from pipeline.search.designs import UNBUILT, Evaluation, Outcome, Settings, Values, rate, summary
 from pipeline.search.fidelity import (
     COLUMN,
@@ -36,7 +38,8 @@ from pipeline.search.space import Space
 
 COLUMNS_A_PLATE = 3
 OF_ZONES = ("confinement", "worst", "isolation", "closest")  # goals of several zones; the last two of these alone
-UNLIKE = {"array.stagger", "pillar.shape", "pillar.fillet_mm"}  # keys that may leave no column of cells made of boxes
+UNLIKE = {"array.stagger", "pillar.shape", "pillar.fillet_mm"}  # keys that may leave no column of cells
+MAX_ENDS = 8  # variables whose ends are all looked at
 SOFTNESS = 0.5  # of a half-space's, around a pillar's foot, until a column tells
 SOFTEST = 2.0
 GRID = {1: 121, 2: 25}  # strips along each axis; beyond two axes Sobol's points
@@ -89,6 +92,22 @@ class _Spent(Exception):
     """The budget of a fidelity is used up."""
 
 
+def _have_columns(space: Space) -> bool:
+    """Whether hexahedra follow the pillars of every design, as columns of cells ask for.
+
+    Curved ones need room about each foot, which a design of other sizes may lack.
+    """
+    pillar, names = space.case().design.pillar, [variable.key for variable in space.variables if variable.words]
+    if pillar is None or pillar.is_made_of_boxes:
+        return pillar is not None
+    if len(space.variables) > MAX_ENDS or any(not name.endswith("material") for name in names):
+        return False
+    ends = product((0.0, 1.0), repeat=len(space.variables))
+    with suppress(InputError):
+        return all(simplifications.hexahedra(case, "plate") for case in (space.case(space.values(end)) for end in ends))
+    return False
+
+
 class _Search:
     """State of one search."""
 
@@ -100,7 +119,7 @@ class _Search:
         self.softness = SOFTNESS
         design = space.case().design
         shifted = design.is_staggered or bool(UNLIKE & {variable.key for variable in space.variables})
-        self.columns = bool(design.pillar and design.pillar.takes_hexahedra and not shifted)
+        self.columns = bool(design.pillar and not shifted and _have_columns(space))
         self.asked = {"banded": True} if settings.goal == "widest" else {}
 
     def go(self) -> Outcome:

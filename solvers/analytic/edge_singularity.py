@@ -45,9 +45,9 @@ def edge_exponent(wedges: tuple[Wedge, ...], faces: tuple[str, str] = (FREE, FRE
     return min(_lowest(lambda a: _in_plane(a, wedges, faces)), antiplane_exponent(wedges, faces))
 
 
-def rim_wedges(plate: Material, pillar: Material) -> tuple[Wedge, Wedge]:
-    """What meets at the rim of a foot: half a space of the plate, a quarter of the pillar on it."""
-    return Wedge(plate, pi), Wedge(pillar, pi / 2.0)
+def rim_wedges(plate: Material, pillar: Material, wall: float = pi / 2.0) -> tuple[Wedge, Wedge]:
+    """What meets at the rim of a foot: half a space of the plate, and of the pillar what its wall leaves at an angle in rad."""
+    return Wedge(plate, pi), Wedge(pillar, wall)
 
 
 def clamped_edge_exponent(material: Material) -> float:

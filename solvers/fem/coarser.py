@@ -11,7 +11,7 @@ paired with the modes by their overlap (boffi2010).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, pi
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -22,6 +22,7 @@ from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings
 from geometry.materials import Material
 from solvers.analytic.edge_singularity import (
+    Wedge,
     antiplane_exponent,
     clamped_edge_exponent,
     edge_exponent,
@@ -44,6 +45,7 @@ SHADE = (
 # of the share at a clamped face beside elements longer than it is thick: the layer brings the smooth boundary layer, too.
 # Ten zones of `python -m studies.error_bars`, elements 2 to 2.5 thicknesses long, have 0.42 to 0.75 of it left
 LONG = 0.6
+ALMOST_SMOOTH = 0.98  # an exponent: beyond, the layer brings next to nothing of an edge
 OUTER = 0.6  # of what the elements beside the innermost one miss by themselves: as measured at clamped faces
 RIM_ROUGH, CLAMPED_ROUGH = 0.1, 0.35  # of the share: one radial function stands for the whole of an edge
 
@@ -82,11 +84,15 @@ def largest(half_widths: FloatArray) -> float | None:
 Rim = tuple[Material, Material]  # the wider part's material, and that of the narrower one that stands on it
 
 
-def rim_shares(plate: Material, pillar: Material, mesh: HexSettings, *more: Rim, outer_share: float = 1.0) -> Shares:
+def rim_shares(
+    plate: Material, pillar: Material, mesh: HexSettings, *more: Rim, outer_share: float = 1.0, wall: float = pi / 2.0
+) -> Shares:
     """Shares at the rims of a foot and of `more` like it, between the exponents of displacements normal to them and along
-    them (williams1952); outer_share: of what the elements beside the innermost one miss by themselves.
+    them (williams1952); outer_share: of what the elements beside the innermost one miss by themselves; wall: the angle in rad
+    that the pillar fills above its foot.
     """
-    return replace(_shares(_rim_exponents((plate, pillar), *more), mesh, RIM_ROUGH, outer_share), doubt=SHADE)
+    exponents = (*_exponents(rim_wedges(plate, pillar, wall)), *_rim_exponents(*more))
+    return replace(_shares(exponents, mesh, RIM_ROUGH, outer_share), doubt=SHADE)
 
 
 def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_m: float = inf) -> Shares:
@@ -99,8 +105,12 @@ def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_
 
 
 def _rim_exponents(*rims: Rim) -> tuple[float, ...]:
-    wedges = [rim_wedges(*rim) for rim in rims]
-    return tuple(exponent(each) for each in wedges for exponent in (edge_exponent, antiplane_exponent))
+    return tuple(exponent for rim in rims for exponent in _exponents(rim_wedges(*rim)))
+
+
+def _exponents(wedges: tuple[Wedge, ...]) -> tuple[float, float]:
+    """In the plane across an edge and along it, both a little below the 1 of what is not singular."""
+    return min(edge_exponent(wedges), ALMOST_SMOOTH), min(antiplane_exponent(wedges), ALMOST_SMOOTH)
 
 
 def _shares(exponents: tuple[float, ...], mesh: HexSettings, rough: float, outer_share: float) -> Shares:

@@ -102,7 +102,8 @@ def _field(cell: Cell, local_m: FloatArray, means: FloatArray, back: bool) -> Fl
     """
     level, bare = cell.size_m[2] if back else 0.0, cell.bare
     if bare is None or bare.order is None:
-        raise SolverError("the faces of a panel of tetrahedra are no tensor grid: nothing can be bonded to it")
+        what = "about a round or hexagonal pillar, or of tetrahedra,"
+        raise SolverError(f"the faces of a panel {what} are no tensor grid: nothing can be bonded to it or felt on it")
     on = np.flatnonzero(np.abs(bare.points[:, 2] - level) < SAME_M)
     if not len(on):
         raise SolverError("a patch lies on a panel of plate that carries a pillar: move the patch or the rows")
@@ -113,6 +114,8 @@ def _field(cell: Cell, local_m: FloatArray, means: FloatArray, back: bool) -> Fl
 def grid_weights(nodes_m: FloatArray, order: int, at_m: FloatArray) -> FloatArray:
     """Weights (p, n) of the nodes (n, 2) of a tensor grid of elements at places (p, 2), by the elements' polynomials."""
     (x, i), (y, j) = (_lines(nodes_m[:, axis]) for axis in range(2))
+    if len(x) * len(y) != len(nodes_m):
+        raise SolverError("the nodes of a face are no tensor grid: nothing can be told between them")
     along, across = (_weights(nodes, order, at_m[:, axis]) for axis, nodes in enumerate((x, y)))
     return np.asarray(along[:, i] * across[:, j])
 

@@ -144,12 +144,13 @@ class Reductions:
             return Nested(builder, transfer(coarse, fine))
 
         def extrapolate(cell: Cell, fine: CellBuilder, parts: list[SymmetryClass]) -> Cell:
-            own = self._mesh(panel, settings)
+            mesh = self._mesh(panel, settings)
             meshes = [replace(settings, order=settings.order - 1), *([settings.coarser] if at_rim else [])]
-            lower, *layer = side_by_side(lambda other: nested(own, other), meshes)
+            lower, *layer = side_by_side(lambda other: nested(mesh, other), meshes)
             if not at_rim or self.pillar is None:
                 return extrapolated(cell, (fine, parts), lower, None, Shares(), reduction.top_hz)
-            shares = rim_shares(self.material, self.pillar.material, settings, *self.pillar.joints)
+            own = self.pillar_of(panel) or self.pillar
+            shares = rim_shares(self.material, own.material, settings, *own.joints, wall=own.wall_angle)
             return extrapolated(cell, (fine, parts), lower, layer[0], shares, reduction.top_hz)
 
         return extrapolate

@@ -93,8 +93,8 @@ class Cell:
 
     size_m: edges along x, y and the plate's thickness; fixed_hz: fixed-interface frequencies kept, with their symmetry
     (modes, 2) under the cell's mirrors (0 without); touch: u_z at quadrature points of the touch face; skin: corners of
-    the outer skin; bare: all nodes on the plate's faces that carry nothing, where something may be bonded (None for
-    tetrahedra); pillar_mass: the share of M_r that moves in the pillar.
+    the outer skin; bare: all nodes on the plate's faces that carry nothing, where something may be bonded (None where
+    these are no tensor grid); pillar_mass: the share of M_r that moves in the pillar.
 
     No fixed-interface mode below dropped_hz was left out. `dropped` (boundary, boundary) is the residual flexibility of those
     left out (`ResidualModes`): (M Psi)' K_II^-1 (M Psi) less the same of the modes kept.
@@ -448,10 +448,10 @@ class CellBuilder:
         )
 
     def _bare(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion | None:
-        mesh = self.system.mesh
-        if mesh.kind != "hex":
+        mesh, nodes = self.system.mesh, self._bare_nodes()
+        if mesh.kind != "hex" or not self._is_grid(mesh.nodes[nodes]):
             return None
-        points, matrix = self._at_nodes(self._bare_nodes(), parts, places)
+        points, matrix = self._at_nodes(nodes, parts, places)
         first = self._once(points)
         return Expansion(points[first], matrix[first], order=mesh.order)
 
@@ -460,6 +460,11 @@ class CellBuilder:
         height = self.system.mesh.nodes[:, 2]
         levels = [0.0] if height.max() > (1.0 + SAME) * self.thickness else [0.0, self.thickness]
         return np.flatnonzero(np.abs(height[:, None] - levels).min(axis=1) < SAME * self.thickness)
+
+    def _is_grid(self, points: FloatArray) -> bool:
+        """Whether points of the plate's faces are tensor grids, as about every foot that is a union of rectangles."""
+        x, y, z = (len(np.unique(np.round(points[:, axis] / (SAME * self.thickness)))) for axis in range(3))
+        return x * y * z == len(points)
 
     def _once(self, points: FloatArray) -> IntArray:
         """Points in one order, each once though a mirror holds it twice."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from geometry.errors import MeshError
-from geometry.hex import plan
+from geometry.hex import panels, plan
 from geometry.hex.boxes import HexSettings, Panel
 from geometry.hex.panels import panel_mesh, transfer
 from geometry.layout import Pillar
@@ -28,7 +28,7 @@ PILLARS = {
 SETTINGS = HexSettings(3, 2.0 * T, 1, 0.15, H / 4.0)
 OFF_CENTRE = Panel((0.0, 0.0), (4.1e-3, 3.3e-3), (2.3e-3, 1.4e-3))
 CENTRED = Panel((-2.0e-3, -1.8e-3), (2.0e-3, 1.8e-3), (0.0, 0.0))
-PANELS = {
+WHERE = {
     "whole": OFF_CENTRE,
     "half": replace(OFF_CENTRE, foot=(2.05e-3, 1.4e-3), halved=(0,)),
     "quarter": replace(CENTRED, halved=(0, 1)),
@@ -41,7 +41,7 @@ def pillar(request: pytest.FixtureRequest) -> Pillar:
     return request.param
 
 
-@pytest.fixture(params=PANELS.values(), ids=PANELS)
+@pytest.fixture(params=WHERE.values(), ids=WHERE)
 def panel(request: pytest.FixtureRequest) -> Panel:
     return request.param
 
@@ -122,3 +122,27 @@ def test_a_mirror_image_that_keeps_its_lines_is_turned_inside_out(monkeypatch: p
     monkeypatch.setattr("geometry.hex.panels.reflected", careless)
     with pytest.raises(MeshError):
         check_mesh(panel_mesh(OFF_CENTRE, T, PILLARS["round"], SETTINGS).mesh)
+
+
+@pytest.mark.parametrize("shape", ["round", "hexagonal"])
+def test_quadrants_of_unlike_room_meet_node_for_node(shape: str) -> None:
+    """A foot many thicknesses wide, tight on one side and free on others: every quadrant has the elements of the widest."""
+    wide = replace(SQUARE, shape=shape, base_m=8e-3, tip_m=8e-3)
+    panel = Panel((-5.0e-3, -4.2e-3), (9.0e-3, 7.0e-3), (0.0, 0.0))
+    settings = HexSettings(3, 2e-3, 1, 0.15, H / 4.0)
+    mesh = panel_mesh(panel, 1e-3, wide, settings).mesh
+    area = {"round": pi / 4.0, "hexagonal": np.sqrt(0.75)}[shape] * 64e-6
+    assert check_mesh(mesh).volume_m3 == pytest.approx(14.0e-3 * 11.2e-3 * 1e-3 + area * H, rel=1e-6)
+
+
+def test_patches_that_do_not_meet_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Planted: one quadrant has another number of elements between rim and block than its neighbours."""
+    counted = iter(range(100))
+
+    def uneven(half: float, block: tuple[float, float], lines: plan.PlanLines):
+        fill = np.linspace(0.0, 1.0, 2 + next(counted) % 2)
+        return plan.disc(half, block, replace(lines, fill=fill))
+
+    monkeypatch.setitem(panels.PLANS, "disc", (uneven, (1.0, 1.0)))
+    with pytest.raises(MeshError, match="do not meet node for node"):
+        panel_mesh(OFF_CENTRE, T, PILLARS["round"], SETTINGS)

@@ -129,3 +129,13 @@ def test_every_document_says_what_it_answers(command: tuple[str, ...], capsys: p
     text = document(command[0], str(SMALL), *command[1:], "--set", "array.rows=2", capsys=capsys)
     assert text["schema"] == 1 and text["case"] == "small" and text["version"]
     assert text["with_defaults"] == case("array.rows=2").to_dict()
+
+
+def test_the_interval_of_the_lowest_modes_holds_them(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside rigid-body modes the count begins above 0: it told an interval from 14 to -14 Hz."""
+    monkeypatch.setattr(mesh_rules, "cell_mesh", lambda design, level: coarse_cells.COARSE)
+    text = document("modes", str(SMALL), "--count", "4", "--symmetry", "SS", capsys=capsys)
+    check, tones = text["count_check"], [mode["frequency_hz"] for mode in text["modes"]]
+    assert len(tones) == check["expected"] == 4 and check["low_hz"] < tones[0] and tones[-1] < check["high_hz"]

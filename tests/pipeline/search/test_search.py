@@ -439,3 +439,17 @@ def test_the_thesis_design_is_beaten_at_equal_rows_by_plate_and_solid(tmp_path: 
     assert document["gain_db"] > 6.0  # twice as still beside the zone
     assert document["best"]["frequency_hz"] > 25e3 and document["best"]["mac"] >= 0.8
     assert document["solid"]["best"]["confinement_db"] > document["solid"]["base"]["confinement_db"] + 6.0
+
+
+def test_columns_are_for_spaces_whose_every_end_leaves_room_about_the_feet() -> None:
+    """Curved hexahedra need some plate beyond the foot: a flush last row, tetrahedra asked for, a wide foot at one end."""
+    shape = ["pillar.shape=round", "pillar.diameter_mm=2"]
+    heights, widths = ["pillar.height_mm=6:7"], ["pillar.diameter_mm=1.5:3.95"]
+    for fixed, varied, wanted in (
+        (shape, heights, True),
+        (shape, widths, False),
+        ([*shape, "array.extension_mm=0"], heights, False),
+        ([*shape, "solve.mesh=tet"], heights, False),
+        ([], ["pillar.side_mm=1.5:3.95"], True),
+    ):
+        assert optimiser._have_columns(read_space(CASE, fixed, varied)) == wanted, (fixed, varied)
