@@ -13,7 +13,7 @@ from geometry.errors import MeshError
 from geometry.hex.boxes import HexSettings, Panel, hex_mesh, panel_boxes
 from geometry.hex.grading import Grading, grid_lines
 from geometry.hex.nesting import interpolation
-from geometry.hex.plan import CORE, CORNERS, Patch, PatchedMesh, PlanLines, disc, hexagon, joined, reflected
+from geometry.hex.plan import CORE, CORNERS, Patch, PatchedMesh, PlanLines, disc, hexagon, joined, leaning, reflected
 from geometry.layout import Pillar
 from geometry.pillar_shapes.square import Square
 
@@ -83,11 +83,8 @@ def _frustum(panel: Panel, thickness_m: float, pillar: Pillar, settings: HexSett
     """The panel of the square prism, whose nodes above the plate move towards the axis or away from it."""
     alike = replace(panel, pillar=square_of(pillar))
     prism = _of_boxes(alike, thickness_m, None, settings)
-    above = np.maximum(prism.mesh.nodes[:, 2] - thickness_m, 0.0) / pillar.height_m
-    wide = 1.0 + (pillar.form.taper - 1.0) * above
-    foot = np.append(_foot(panel), 0.0)
-    nodes = foot + (prism.mesh.nodes - foot) * np.column_stack([wide, wide, np.ones_like(wide)])
-    return replace(prism, mesh=replace(prism.mesh, nodes=nodes, spans=None))
+    mesh = leaning(prism.mesh, _foot(panel), thickness_m, pillar.height_m, pillar.form.taper)
+    return replace(prism, mesh=mesh)
 
 
 def _about_a_foot(panel: Panel, thickness_m: float, pillar: Pillar, settings: HexSettings) -> PatchedMesh:

@@ -135,6 +135,15 @@ def reflected(patch: Patch, signs: tuple[int, int], origin: FloatArray) -> Patch
     return replace(patch, u=-patch.u[::-1], place=image, inside=patch.inside[::-1])
 
 
+def leaning(mesh: Mesh, centre: FloatArray, thickness: float, height: float, taper: float) -> Mesh:
+    """The mesh with the pillar about a centre (2,) narrowed or widened linearly, to `taper` times its width at its height."""
+    if taper == 1.0:
+        return mesh
+    above = np.maximum(mesh.nodes[:, 2] - thickness, 0.0) / height
+    plan = centre + (mesh.nodes[:, :2] - centre) * (1.0 + (taper - 1.0) * above)[:, None]
+    return replace(mesh, nodes=np.column_stack([plan, mesh.nodes[:, 2]]), spans=None)
+
+
 def joined(patches: list[Patch], z: FloatArray, thickness: float, order: int) -> PatchedMesh:
     """One mesh of all patches pulled up along z, nodes in the same place made one; above the thickness stands the pillar.
 

@@ -7,14 +7,25 @@ is along the axes, as it is for a section made of boxes (rozza2008).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from geometry.elements import FloatArray, IntArray
 from geometry.hex.grading import Grading, grid_lines
-from geometry.hex.plan import CORNERS, Patch, PlanLines, beside, boxes_of_patch, disc, hexagon, joined, straight
+from geometry.hex.plan import (
+    CORNERS,
+    Patch,
+    PlanLines,
+    beside,
+    boxes_of_patch,
+    disc,
+    hexagon,
+    joined,
+    leaning,
+    straight,
+)
 from geometry.layout import Pillar
 from geometry.mesh import Mesh
 
@@ -105,7 +116,8 @@ def quarter_mesh(foot: Foot, sizes: tuple[float, float, float, float], mesh: Fix
         [_part(0.0, t, mesh.through, (False, True), mesh), _part(t, t + h, mesh.along, (True, False), mesh)[1:]]
     )
     patches = list(_plan(foot, sizes, mesh))
-    return _tapered(joined(patches, z, t, mesh.order).mesh, foot, t, h), _stretched(patches, z, t)
+    own = leaning(joined(patches, z, t, mesh.order).mesh, np.zeros(2), t, h, foot.taper)
+    return own, _stretched(patches, z, t)
 
 
 def _plan(foot: Foot, sizes: tuple[float, float, float, float], mesh: FixedMesh) -> Iterator[Patch]:
@@ -135,15 +147,6 @@ def _bars(foot: Foot, sizes: tuple[float, float, float, float], mesh: FixedMesh)
     yield Patch(under, under, straight, (middle[:, None] | middle).astype(float))
     around = _part(a / 2.0, p / 2.0, mesh.beside, (True, False), mesh)
     yield from beside(under, under, (around, around))
-
-
-def _tapered(mesh: Mesh, foot: Foot, thickness: float, height: float) -> Mesh:
-    """The mesh with the pillar narrowed or widened linearly towards its tip."""
-    if foot.taper == 1.0:
-        return mesh
-    above = np.maximum(mesh.nodes[:, 2] - thickness, 0.0) / height
-    wide = 1.0 + (foot.taper - 1.0) * above
-    return replace(mesh, nodes=mesh.nodes * np.column_stack([wide, wide, np.ones_like(wide)]), spans=None)
 
 
 def _stretched(patches: list[Patch], z: FloatArray, thickness: float) -> IntArray:
