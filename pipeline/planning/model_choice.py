@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 
 from geometry.hex.boxes import HexSettings
@@ -78,9 +78,8 @@ def model_choice_of(case: Case, part: str, high_hz: float) -> ModelChoice:
 
 
 def _hexahedra(case: Case, part: str) -> bool:
-    """Whether hexahedra could serve a part."""
-    open_minded = replace(case, solve=replace(case.solve, mesh="auto"))
-    return simplifications.hexahedra(open_minded, part) is not None
+    """Whether hexahedra serve a part, where the case asks for them by name."""
+    return case.solve.mesh != HEX or simplifications.hexahedra(case, part) is not None
 
 
 def check_model(case: Case, hexahedra: bool) -> None:

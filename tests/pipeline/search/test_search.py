@@ -357,7 +357,9 @@ def test_what_cannot_be_solved_is_told_and_passed_over(fidelity: str, monkeypatc
         raise SolverError("too soft")
 
     monkeypatch.setattr("solvers.superelement.build.Reductions.cell", refuse)
-    monkeypatch.setattr("pipeline.search.fidelity.kept_cell", lambda case: None)  # an explorer's, where a study made one
+    monkeypatch.setattr(
+        "pipeline.search.fidelity.kept_cell", lambda case: None
+    )  # an explorer's, where a study made one
     result = evaluate(load_case(CASE), fidelity)
     assert result.why_not == "too soft" and result.frequency_hz is None
 
