@@ -43,7 +43,8 @@ def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
             payload["fields"] = True
         for measure in measures:
             payload |= measure.inputs()
-        jobs.append(Job(case_id, payload, dict(overrides), _memory(case, query)))
+        parts = repr((case.design.material, case.design.pillar, DesignRecord.of_design(case.design).cell))
+        jobs.append(Job(case_id, payload, dict(overrides), _memory(case, query), parts))
     if faults:
         raise InputError(faults)
     return jobs

@@ -119,6 +119,7 @@ class _Run:
     ended: list[CaseEnd] = field(default_factory=list)
     running: dict[Future[CaseEnd], Job] = field(default_factory=dict)
     given_up: list[Job] = field(default_factory=list)
+    made: set[str] = field(default_factory=set)  # parts of the cases that ended well
 
     def __post_init__(self) -> None:
         self.why = {item.case_id: item.why for item in self.planned}
@@ -173,11 +174,20 @@ class _Run:
         """The next case, unless all workers are busy or its memory is taken; one case alone always fits."""
         if not self.waiting or len(self.running) >= self.workers:
             return None
+        job = self._next_apart()
         granted = sum(job.memory_bytes for job in self.running.values())
-        wanted, free = granted + self.waiting[0].memory_bytes, granted + available_bytes()
+        wanted, free = granted + job.memory_bytes, granted + available_bytes()
         if self.running and not self.options.executor and wanted > MEMORY_SHARE * free:
             return None
-        return self.waiting.pop(0)
+        self.waiting.remove(job)
+        return job
+
+    def _next_apart(self) -> Job:
+        """The first of the waiting cases that computes none of what a running one is just making for it to find kept; the
+        first of all where there is no such case.
+        """
+        at_work = {job.parts for job in self.running.values()} - self.made - {""}
+        return next((job for job in self.waiting if job.parts not in at_work), self.waiting[0])
 
     def _submit(self, executor: Executor, job: Job) -> None:
         self.journal.write("started", case=job.case_id, why=self.why[job.case_id])
@@ -198,6 +208,8 @@ class _Run:
         except Exception as error:
             end = record_loss(job, self.folder, error)
         self.ended.append(end)
+        if end.status != "FAILED":
+            self.made.add(job.parts)
         event = "failed" if end.status == "FAILED" else "finished"
         self.journal.write(event, case=end.case_id, status=end.status, seconds=end.seconds, diagnosis=end.diagnosis)
         self.progress.case_ended(end.case_id, end.status, end.diagnosis, end.seconds)

@@ -1,7 +1,7 @@
 """Shaded images of surfaces by PyVista, off-screen, in a process of its own; without it, a plain projection by NumPy.
 
-A missing EGL library ends the process with a segmentation fault, which no exception handler sees: so the child draws, and
-the parent looks at the image before believing it.
+A missing EGL library ends the process with a segmentation fault, which no exception handler sees: so a child draws, and
+the parent looks at the image before believing it. The child is kept: loading VTK takes longer than a picture.
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import MutableMapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from numpy.typing import NDArray
 
 from pipeline.plots import style
 from pipeline.units import MM
+from pipeline.workers import LocalWorkers, WorkerLost
 
 TIMEOUT_S = 120.0
 SIZE = (1500, 940)
@@ -61,10 +64,46 @@ def _by_pyvista(surfaces: Sequence[Surface]) -> tuple[list[NDArray[np.uint8]], s
         folder = Path(name)
         for index, surface in enumerate(surfaces):
             _write(surface, folder / f"{index}.npz")
-        fault = run_child("pipeline.plots.rendering", folder)
+        fault = _drawn_apart(folder)
         images = [] if fault else [read_image(folder / f"{index}.png") for index in range(len(surfaces))]
     fault = fault or next((problem for image in images if (problem := image_fault(image))), "")
     return ([], fault) if fault else ([image for image in images if image is not None], "")
+
+
+def _drawn_apart(folder: Path) -> str:
+    """Draw what a folder asks for in the kept child; '' or what went wrong."""
+    try:
+        _child().submit(_draw_all, folder).result(TIMEOUT_S)
+    except TimeoutError:
+        _child().kill()
+        _child.cache_clear()
+        return f"rendering took longer than {TIMEOUT_S:g} s"
+    except WorkerLost as error:
+        return f"rendering failed: {error}"
+    except Exception as error:
+        return f"rendering failed ({type(error).__name__}: {str(error)[:120]})"
+    return ""
+
+
+@lru_cache(maxsize=1)
+def _child() -> LocalWorkers:
+    """The process that draws, which ends before this one does."""
+    workers = LocalWorkers(1, 1)
+    Finalize(None, workers.shutdown, exitpriority=1)
+    return workers
+
+
+def _draw_all(folder: Path) -> None:
+    """The child's part: an image beside each request."""
+    _prepare(os.environ)
+    for request in sorted(folder.glob("*.npz")):
+        _draw_with_pyvista(request)
+
+
+def _prepare(environment: MutableMapping[str, str]) -> None:
+    """Where there is no display, VTK draws by EGL."""
+    if not environment.get("DISPLAY"):
+        environment.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
 
 
 def _write(surface: Surface, path: Path) -> None:
@@ -76,8 +115,7 @@ def _write(surface: Surface, path: Path) -> None:
 def run_child(module: str, folder: Path) -> str:
     """Let a module draw what a folder asks for, in a process of its own; '' or what went wrong."""
     env = dict(os.environ)
-    if not env.get("DISPLAY"):
-        env.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+    _prepare(env)
     command = [sys.executable, "-m", module, str(folder)]
     house = Path(__file__).resolve().parents[2]
     try:
@@ -181,8 +219,3 @@ def _draw_with_pyvista(path: Path) -> None:
     plotter.enable_anti_aliasing("ssaa")
     plotter.screenshot(str(path.with_suffix(".png")))
     plotter.close()
-
-
-if __name__ == "__main__":
-    for request in sorted(Path(sys.argv[1]).glob("*.npz")):
-        _draw_with_pyvista(request)

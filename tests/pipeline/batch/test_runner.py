@@ -10,6 +10,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -132,6 +133,15 @@ def test_cases_that_would_not_fit_into_memory_wait(tmp_path: Path):
     assert run(tmp_path, jobs).exit_code == 0
     events = [(entry["event"], entry.get("case")) for entry in journal.read(tmp_path)[0] if "case" in entry]
     assert events == [(event, f"value={i}") for i in range(3) for event in ("started", "finished")]  # one at a time
+
+
+def test_cases_of_the_same_parts_are_not_begun_side_by_side(tmp_path: Path):
+    cases = fake_study.jobs(6, seconds=0.3)
+    run(tmp_path, [replace(case, parts="ab"[i // 3]) for i, case in enumerate(cases)])
+    entries = journal.read(tmp_path)[0]
+    begun = [entry["case"] for entry in entries if entry["event"] == "started"]
+    assert begun[:2] == ["value=0", "value=3"]  # the second of the first parts would have made them once more
+    assert sorted(begun) == [f"value={i}" for i in range(6)]
 
 
 def test_two_cases_of_one_name_are_refused(tmp_path: Path):

@@ -1,5 +1,5 @@
-import subprocess
-import sys
+import ctypes
+import time
 from pathlib import Path
 
 import numpy as np
@@ -27,33 +27,46 @@ def test_by_pyvista_or_with_the_reason_why_not():
     assert images[1].astype(int).std(axis=2).max() > 20  # colours, not greys
 
 
+def crash(folder: Path) -> None:
+    ctypes.string_at(0)
+
+
+def doze(folder: Path) -> None:
+    time.sleep(60.0)
+
+
 def test_a_child_that_dies_of_a_segmentation_fault_is_survived(monkeypatch: pytest.MonkeyPatch):
-    real = subprocess.run
-    crash = [sys.executable, "-c", "import ctypes; ctypes.string_at(0)"]
-    calls = []
-    monkeypatch.setattr(subprocess, "run", lambda command, **more: calls.append(1) or real(crash, **more))
+    monkeypatch.setattr(rendering, "_draw_all", crash)
     images, fault = rendering.render([PLAIN])
-    assert "ended with code -11" in fault and rendering.image_fault(images[0]) == ""
+    assert "SIGSEGV" in fault and rendering.image_fault(images[0]) == ""
+    monkeypatch.setattr(rendering, "_drawn_apart", None)
+    assert rendering.render([PLAIN])[1] == fault  # not tried again
+
+
+def test_pictures_are_drawn_by_one_kept_child():
     rendering.render([PLAIN])
-    assert len(calls) == 1  # not tried again
+    first = dict(rendering._child()._processes)
+    rendering.render([COLOURED])
+    assert first and rendering._child()._processes == first
 
 
 def test_an_empty_image_is_not_believed(monkeypatch: pytest.MonkeyPatch):
-    def blank(module: str, folder: Path) -> str:
+    def blank(folder: Path) -> str:
         from PIL import Image
 
         Image.new("RGB", (100, 80), "white").save(folder / "0.png")
         return ""
 
-    monkeypatch.setattr(rendering, "run_child", blank)
+    monkeypatch.setattr(rendering, "_drawn_apart", blank)
     images, fault = rendering.render([PLAIN])
     assert "empty" in fault and rendering.image_fault(images[0]) == ""
 
 
 def test_a_rendering_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(rendering, "TIMEOUT_S", 0.01)
+    monkeypatch.setattr(rendering, "_draw_all", doze)
     _, fault = rendering.render([PLAIN])
-    assert "longer than" in fault
+    assert "longer than 0.01 s" in fault
 
 
 def test_image_faults():
