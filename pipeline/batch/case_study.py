@@ -63,12 +63,12 @@ def explain(study: StudyFile, job: Job) -> str:
     return registry.plan_of(load_case(study.case_path, job.payload["overrides"]), job.payload["measure"]).short()
 
 
-def conclude(study: StudyFile, folder: Path) -> list[Path]:
-    """Table and page from the stored records."""
+def conclude(study: StudyFile, folder: Path, all_pictures: bool = False) -> list[Path]:
+    """Table and page from the stored records; all_pictures: of every case those that are drawn of the best one alone, too."""
     from pipeline.report import explorer, page
 
     made = explorer.put(folder, study.case_path)
-    return [registry.write_table(folder), *made, page.build(folder)]
+    return [registry.write_table(folder), *made, page.build(folder, all_pictures=all_pictures)]
 
 
 def explored(study: StudyFile, folder: Path, log: Log) -> list[Path]:

@@ -111,7 +111,7 @@ def explored(study: ScriptStudy, folder: Path, log: Log) -> list[Path]:
     return []
 
 
-def conclude(study: ScriptStudy, folder: Path) -> list[Path]:
+def conclude(study: ScriptStudy, folder: Path, all_pictures: bool = True) -> list[Path]:
     """Tables, pictures and page from the stored records, in the order of the cases."""
     records = []
     for case_id, parameters in study.module.cases():

@@ -132,7 +132,7 @@ def report(arguments: Namespace) -> int:
     from pipeline.records.study import read_study
 
     kind, study, folder = _stored(arguments)
-    _log_summary(kind.conclude(study, folder), arguments.quiet)
+    _log_summary(kind.conclude(study, folder, arguments.all_pictures), arguments.quiet)
     if arguments.open:
         webbrowser.open((folder / "report.html").resolve().as_uri())
     for case in read_study(folder).cases:

@@ -19,6 +19,7 @@ from pipeline.records.fingerprint import canonical_json, file_hash
 from pipeline.records.study import StoredCase, StoredStudy
 
 INDEX = "index.json"
+OF_THE_BEST = ("report_figures", "pillars_in_plane")  # drawn of a sweep's best case, unless those of all are asked for
 
 
 @dataclass(frozen=True)
@@ -29,25 +30,33 @@ class FigureSet:
     troubles: list[str] = field(default_factory=list)
 
 
-def draw_case(case: StoredCase) -> FigureSet:
-    """Draw every picture that a case's records allow, or take the stored ones when nothing they show has changed."""
+def draw_case(case: StoredCase, is_brief: bool = False) -> FigureSet:
+    """Draw every picture that a case's records allow, or take the stored ones when nothing they show has changed.
+
+    is_brief: geometry, meshes and the pillars' motion in the plane are left out.
+    """
     if not case.record.answered:
         return FigureSet([])
-    if (kept := kept_pictures(case)) is not None:
+    if (kept := kept_pictures(case, is_brief)) is not None:
         return FigureSet(kept)
     arrays, errors = case.read_arrays()
-    draws = [partial(draw, case, arrays) for measure in MEASURES for draw in measure.draws()]
-    return _draw(case.folder / PICTURES, _case_key(case), draws, errors)
+    functions = [draw for measure in MEASURES for draw in measure.draws()]
+    draws = [partial(draw, case, arrays) for draw in functions if not (is_brief and draw.__name__ in OF_THE_BEST)]
+    return _draw(case.folder / PICTURES, _case_key(case, is_brief), draws, errors)
 
 
-def kept_pictures(case: StoredCase) -> list[StoredFigure] | None:
+def kept_pictures(case: StoredCase, is_brief: bool = False) -> list[StoredFigure] | None:
     """The stored pictures of a case, None when they have to be drawn again."""
-    return _kept(case.folder / PICTURES, _case_key(case)) if case.record.answered else []
+    if not case.record.answered:
+        return []
+    whole = _kept(case.folder / PICTURES, _case_key(case))
+    return _kept(case.folder / PICTURES, _case_key(case, True)) if is_brief and whole is None else whole
 
 
-def _case_key(case: StoredCase) -> str:
+def _case_key(case: StoredCase, is_brief: bool = False) -> str:
     folders = (case.folder, *case.siblings)
-    return _key(case.record.to_dict(), [folder / name for folder in folders for name in (store.ARRAYS, store.INPUT)])
+    visible = [case.record.to_dict(), *(OF_THE_BEST if is_brief else ())]
+    return _key(visible, [folder / name for folder in folders for name in (store.ARRAYS, store.INPUT)])
 
 
 def draw_study(study: StoredStudy) -> FigureSet:

@@ -67,21 +67,25 @@ class Moving:
     troubles: list[str]
 
 
-def build(folder: Path, max_figures: int = MAX_FIGURES) -> Path:
+def build(folder: Path, max_figures: int = MAX_FIGURES, all_pictures: bool = False) -> Path:
     """Write report.html of a study, pictures of at most `max_figures` cases drawn anew or kept; returns its path.
 
-    Solves nothing. Raises store.BadRecord when the folder holds no study.
+    Solves nothing. all_pictures: of every case those that the page shows of the best one alone, too. Raises store.BadRecord
+    when the folder holds no study.
     """
     study = read_study(folder)
     visible = StoredStudy(folder, study.about, tuple(study.with_cross_checks(case) for case in study.cases))
-    figure_sets = draw_cases(chosen(visible, max_figures))
+    cases = chosen(visible, max_figures)
+    brief = set() if all_pictures else _of_sweep(visible, cases)
+    figure_sets = draw_cases(cases, brief)
     embedder = Embedder(folder)
     compared = _without_failing(partial(gallery.draw_study, study))
     pictures = embedder.show_all(style.PICTURES, compared.pictures)
     pages = _case_pages(visible, figure_sets, embedder)
     moving = _moving(visible, [page for page in pages if page.drawn])
     path = folder / REPORT
-    store.write_atomic(path, _page(study, pages, embedder, moving, (pictures, compared.troubles)).encode())
+    shown = _page(study, pages, embedder, moving, (pictures, compared.troubles), is_brief=bool(brief))
+    store.write_atomic(path, shown.encode())
     return path
 
 
@@ -91,8 +95,12 @@ def _page(
     embedder: Embedder,
     moving: Moving,
     compared: tuple[list[EmbeddedFigure], list[str]],
+    is_brief: bool,
 ) -> str:
-    """The page's HTML; `compared` holds the pictures over the study and what could not be drawn."""
+    """The page's HTML; `compared` holds the pictures over the study and what could not be drawn.
+
+    is_brief: some pictures were drawn of the best case alone.
+    """
     columns = [text.PageColumn(column) for column in registry.columns_of(study)]
     return render(
         "study.html.j2",
@@ -112,6 +120,7 @@ def _page(
         beside=beside(study.folder, embedder),
         explorer=explorer.link(study.folder),
         case_file=text.case_file(study),
+        brief_pictures=is_brief and f"antinode report {study.about.get('name', 'STUDY')} --all-pictures",
         undrawn=sum(page.case.record.answered and not page.drawn for page in pages),
         versions=next((case.record.versions for case in study.cases if case.record.versions), {}),
         left_out=text.left_out(study),
@@ -202,19 +211,23 @@ def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
     return [*twins, *(case for case in drawable if case.case_id in picked)]
 
 
-def draw_cases(cases: list[StoredCase]) -> dict[str, gallery.FigureSet]:
-    """Pictures of each case by its id, drawn in parallel."""
+def _of_sweep(study: StoredStudy, cases: list[StoredCase]) -> set[str]:
+    """Cases of a sweep beside its best one: the page has no room for all of their pictures."""
+    best = text.best_case(study)
+    return {case.case_id for case in cases if case.sweep and best and case.case_id != best.case_id}
+
+
+def draw_cases(cases: list[StoredCase], brief: set[str]) -> dict[str, gallery.FigureSet]:
+    """Pictures of each case by its id, drawn in parallel; of those in `brief` not all."""
     from pipeline.workers import LocalWorkers, default_jobs
 
-    stale = [case for case in cases if gallery.kept_pictures(case) is None]
+    draws = {case.case_id: partial(gallery.draw_case, case, case.case_id in brief) for case in cases}
+    stale = [case.case_id for case in cases if gallery.kept_pictures(case, case.case_id in brief) is None]
     if len(stale) < 2:
-        return {case.case_id: _without_failing(partial(gallery.draw_case, case)) for case in cases}
+        return {name: _without_failing(draw) for name, draw in draws.items()}
     with LocalWorkers(default_jobs(len(stale)), 1) as workers:
-        futures = {case.case_id: workers.submit(gallery.draw_case, case) for case in stale}
-        jobs = {case.case_id: partial(gallery.draw_case, case) for case in cases if case.case_id not in futures}
-        return {
-            case.case_id: _without_failing(jobs.get(case.case_id) or futures[case.case_id].result) for case in cases
-        }
+        futures = {name: workers.submit(draws[name]) for name in stale}
+        return {name: _without_failing(futures[name].result if name in futures else draws[name]) for name in draws}
 
 
 def _without_failing(draw: Callable[[], gallery.FigureSet]) -> gallery.FigureSet:

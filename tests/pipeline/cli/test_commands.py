@@ -193,7 +193,7 @@ def test_a_report_names_the_cases_that_it_does_not_believe(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(paths, "RESULTS", tmp_path)
-    monkeypatch.setattr(case_study, "conclude", lambda study, folder: [])
+    monkeypatch.setattr(case_study, "conclude", lambda study, folder, all_pictures: [])
     (tmp_path / "rows/a").mkdir(parents=True)
     store.seal(tmp_path / "rows/a", {"schema": store.SCHEMA, "case_id": "a", "status": "OK"})
     store.write_json(tmp_path / "rows/cases.json", {"about": {}, "cases": [{"case_id": "a"}]})

@@ -138,6 +138,19 @@ def test_every_picture_is_drawn_named_and_kept(folder: Path):
     assert gallery.kept_pictures(case) is not None and gallery.kept_pictures(changed) is None
 
 
+def test_what_the_page_has_no_room_for_is_drawn_of_a_sweeps_best_case_alone(tmp_path: Path):
+    folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004, 0.006), rows=(1,))
+    for all_pictures in (False, True, False):  # the last time all of them stand, and are kept
+        page = Page(report_page.build(folder, all_pictures=all_pictures).read_text())
+        assert ("antinode report rows --all-pictures" in page.text) is not all_pictures
+        first, second = (case for case in read_study(folder).cases if case.record.answered)
+        best, other = ({file.stem for file in (case.folder / "pictures").glob("*.svg")} for case in (first, second))
+        if not all_pictures and not other >= best:
+            assert best - other == {"geometry", "plate_meshes", "cell_meshes", "pillars_in_plane"}
+            assert gallery.kept_pictures(second) is None and gallery.kept_pictures(second, is_brief=True)
+    assert other == best and gallery.kept_pictures(second)
+
+
 def test_it_says_what_matters(page: Page):
     text = page.text
     assert "31.50\u202fkHz" in text and "confined, best of 2" in text and "163.1–175.8\u202fkHz" in text
