@@ -3,8 +3,9 @@
     python -m studies.benchmarks.before_after [--commit COMMIT] [--repeats N] [TASK ...]
 
 The commit's files are put into a temporary folder and run there, in alternation with this checkout, each run with a results
-folder of its own, so that nothing comes from a cache. `main job` is `antinode run rows` and takes minutes; the other tasks take
-seconds and are run unless tasks are named. Seconds are those of all processes a command starts, least of the repeats.
+folder of its own, so that nothing comes from a cache. `main job` is `antinode run rows`, `grid` the study of 54 plates: they
+take minutes, the other tasks seconds, which are run unless tasks are named. Seconds are those of all processes a command
+starts, least of the repeats; memory is that of the largest process.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ import argparse
 import io
 import os
 import pstats
-import resource
 import subprocess
 import sys
 import tarfile
@@ -21,6 +21,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.paths import ROOT
@@ -34,8 +35,9 @@ TASKS: dict[str, tuple[str, ...]] = {
     "bands": ("bands", CASE),
     "response": ("response", CASE),
     "main job": ("run", "rows", "--jobs", "2"),
+    "grid": ("run", "grid", "--jobs", "2"),
 }
-LONG = ("main job",)
+LONG = ("main job", "grid")
 # by the name of a function, or of its file
 SHARES = {
     "factorisation": ("method 'factor' of 'rslab", "analyze_ldlt", "lower_triangle", "splu", "gstrf"),
@@ -55,27 +57,32 @@ def checkout(commit: str) -> Iterator[Path]:
         yield Path(folder)
 
 
-def _run(root: Path, *arguments: str, **more: str) -> None:
-    """A command of the checkout at `root`, with an empty results folder. CalledProcessError with what it said."""
-    with tempfile.TemporaryDirectory(prefix="antinode-results-") as results:
+@dataclass(frozen=True)
+class Used:
+    """Processor time of a command and of every process that it waited for, s, and the memory of the largest of them, bytes."""
+
+    seconds: float = float("inf")
+    peak_bytes: int = 0
+
+
+def used_by(root: Path, *arguments: str, **more: str) -> Used:
+    """What a command of the checkout at `root` takes with an empty results folder. CalledProcessError with what it said."""
+    with tempfile.TemporaryDirectory(prefix="antinode-results-") as results, tempfile.TemporaryFile() as said:
         own = {"PYTHONPATH": str(root), "ANTINODE_RESULTS": results, **more}
-        subprocess.run(
-            [sys.executable, *arguments], cwd=root, env=os.environ | own, capture_output=True, text=True, check=True
-        )
-
-
-def processor_seconds(root: Path, command: tuple[str, ...]) -> float:
-    """Processor time of a command and of every process that it waited for, s."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    _run(root, "-m", "antinode", *command)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        command = [sys.executable, *arguments]
+        with subprocess.Popen(command, cwd=root, env=os.environ | own, stdout=said, stderr=said) as process:
+            _, status, usage = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+        if process.returncode:
+            said.seek(0)
+            raise subprocess.CalledProcessError(process.returncode, command, said.read())
+    return Used(usage.ru_utime + usage.ru_stime, usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024))
 
 
 def shares(root: Path, command: tuple[str, ...]) -> dict[str, float]:
     """Share of a command's time by what was done, in one thread under the profiler; `rest` is Python and all else."""
     with tempfile.NamedTemporaryFile(suffix=".prof") as profile:
-        _run(root, "-m", "cProfile", "-o", profile.name, "-m", "antinode", *command, ANTINODE_THREADS="1")
+        used_by(root, "-m", "cProfile", "-o", profile.name, "-m", "antinode", *command, ANTINODE_THREADS="1")
         entries = pstats.Stats(profile.name).stats.items()  # type: ignore[attr-defined]
     spent: Counter[str] = Counter()
     for (file, _, function), (_, _, own, *_) in entries:
@@ -97,16 +104,26 @@ def main(arguments: list[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     if unknown := set(given.tasks) - TASKS.keys():
         parser.error(f"unknown task {', '.join(sorted(unknown))}: must be of {', '.join(TASKS)}")
-    columns = ("task", "before, s", "after, s", "ratio", *(f"{name} after" for name in (*SHARES, "rest")))
+    columns = (
+        "task",
+        "before, s",
+        "after, s",
+        "ratio",
+        "peak after, MB",
+        *(f"{name} after" for name in (*SHARES, "rest")),
+    )
     print(f"| {' | '.join(columns)} |\n|{'---|' * len(columns)}", flush=True)
     with checkout(given.commit) as earlier:
         for name in given.tasks or [each for each in TASKS if each not in LONG]:
-            command, before, after = TASKS[name], float("inf"), float("inf")
+            before, after = Used(), Used()
             for _ in range(given.repeats):
-                before = min(before, processor_seconds(earlier, command))
-                after = min(after, processor_seconds(ROOT, command))
-            spent = [] if name in LONG else [f"{100.0 * part:.0f} %" for part in shares(ROOT, command).values()]
-            figures = (f"{before:.2f}", f"{after:.2f}", f"{after / before:.2f}", *spent)
+                before, after = (
+                    min(known, used_by(root, "-m", "antinode", *TASKS[name]), key=lambda used: used.seconds)
+                    for known, root in ((before, earlier), (after, ROOT))
+                )
+            spent = [] if name in LONG else [f"{100.0 * part:.0f} %" for part in shares(ROOT, TASKS[name]).values()]
+            ratio = f"{after.seconds / before.seconds:.2f}"
+            figures = (f"{before.seconds:.2f}", f"{after.seconds:.2f}", ratio, f"{after.peak_bytes / 1e6:.0f}", *spent)
             print(f"| {' | '.join((name, *figures))} |", flush=True)
 
 
