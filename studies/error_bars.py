@@ -32,8 +32,8 @@ from pipeline.planning import mesh_rules
 from pipeline.plots import style
 from pipeline.records.store import write_atomic
 from solvers.fem.assembly import Scale, assemble
-from solvers.superelement.build import Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.lattice_error import mesh_error
 from solvers.superelement.tiling import lattice_panel

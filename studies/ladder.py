@@ -36,8 +36,8 @@ from solvers.fem.eigen import modes_in_band, modes_near
 from solvers.fem.solid import CLASSES, SolidModel
 from solvers.measures.confinement import measure, wanted_symmetry
 from solvers.measures.mode_mixing import mixing_db
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.tiling import lattice_panel
 from solvers.waves.bloch import BlochCell

@@ -1,6 +1,7 @@
 """docs/verification.md from the stored studies: `python -m studies.verification` after `make bench`.
 
-Nothing here computes: the tables are those of results/extremes and results/accuracy, word for word.
+Nothing here computes: the tables are those of results/extremes and results/accuracy, word for word, and that of tasks before
+and after the work on speed, which `python -m studies.benchmarks.before_after --write` puts there.
 """
 
 from __future__ import annotations
@@ -23,6 +24,19 @@ planted on purpose, each of which a proof must see.
 """
 
 
+SPEED = "## Tasks before and after the work on speed"
+
+
+def with_speed(page: str, rows: dict[str, str], lead: str) -> str:
+    """The page with the table of tasks, rows by task as Markdown after its heading's two lines in `lead`; those given replace
+    those that stand there.
+    """
+    rest, _, section = page.partition(SPEED)
+    stood = {line.split("|")[1].strip(): line for line in section.splitlines() if line.startswith("| ")}
+    kept = {task: line for task, line in stood.items() if task != "task"}
+    return f"{rest.rstrip()}\n\n{SPEED}\n\n{lead}\n" + "\n".join((kept | rows).values()) + "\n"
+
+
 def text(names: tuple[str, ...] = ("accuracy", "extremes")) -> str:
     """The page. Raises FileNotFoundError for a study that was not run."""
     return INTRODUCTION + "".join("\n" + _lowered((RESULTS / name / "report.md").read_text()) for name in names)
@@ -37,7 +51,8 @@ def _lowered(page: str) -> str:
 def main() -> int:
     """Write the page, or say which study is missing."""
     try:
-        write_atomic(PAGE, text().encode())
+        _, speed, table = (PAGE.read_text() if PAGE.exists() else "").partition(SPEED)
+        write_atomic(PAGE, (text() + ("\n" if speed else "") + speed + table).encode())
     except FileNotFoundError as fault:
         print(f"{fault.filename}: not there; run `make bench` first", file=sys.stderr)
         return 2

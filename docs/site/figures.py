@@ -12,8 +12,8 @@ from matplotlib.patches import Rectangle
 import antinode
 from geometry.hex.boxes import HexSettings
 from pipeline.plots import style
-from solvers.superelement.build import Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.tiling import lattice_panel
 

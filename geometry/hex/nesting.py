@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import scipy.sparse as sp
 
 from geometry.elements import FloatArray, IntArray, gauss_lobatto
 from geometry.errors import MeshError
 from geometry.hex.boxes import Boxes, nodal_line, used_nodes
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
 SAME = 1e-9  # a weight below is zero: the point lies on a node or on a line of the coarse grid
 
 
-def interpolation(coarse: Boxes, fine: Boxes, order: int, coarse_order: int | None = None) -> sp.csr_array:
+def interpolation(coarse: Boxes, fine: Boxes, order: int, coarse_order: int | None = None) -> csr_array:
     """Matrix (fine nodes, coarse nodes) that carries a field exactly from a mesh of boxes to one of `order` nested in it.
 
     Raises MeshError where the coarse mesh does not cover a node of the fine one.
@@ -35,7 +39,9 @@ def interpolation(coarse: Boxes, fine: Boxes, order: int, coarse_order: int | No
     known = np.minimum(np.searchsorted(theirs, columns[row, entry]), len(theirs) - 1)
     if (theirs[known] != columns[row, entry]).any():
         raise MeshError("a mesh is not nested in the coarser one: a node lies where that has no element")
-    return sp.csr_array((weights[row, entry], (row, known)), shape=(len(own), len(theirs)))
+    from scipy.sparse import csr_array  # slow to import, and of no use to a plan
+
+    return csr_array((weights[row, entry], (row, known)), shape=(len(own), len(theirs)))
 
 
 def _along_a_line(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 
 from geometry.elements import FloatArray
 from geometry.errors import MeshError
@@ -16,6 +16,9 @@ from geometry.hex.nesting import interpolation
 from geometry.hex.plan import CORE, CORNERS, Patch, PatchedMesh, PlanLines, disc, hexagon, joined, leaning, reflected
 from geometry.layout import Pillar
 from geometry.pillar_shapes.square import Square
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 ROOM = 0.6  # of half a foot's width: plate beyond the rim that the block fills where the panel has so much
 SLIVER = 0.2  # of the same: a strip beyond the block that is narrower belongs to it
@@ -43,7 +46,7 @@ def panel_mesh(panel: Panel, thickness_m: float, pillar: Pillar | None, settings
     return _about_a_foot(panel, thickness_m, own, settings)
 
 
-def transfer(coarse: PatchedMesh, fine: PatchedMesh) -> sp.csr_array:
+def transfer(coarse: PatchedMesh, fine: PatchedMesh) -> csr_array:
     """Matrix (fine nodes, coarse nodes) that carries a field from a panel's mesh to a finer one nested in the same lines."""
     shape = len(fine.mesh.nodes), len(coarse.mesh.nodes)
     rows, columns, weights, known = [], [], [], np.zeros(shape[0], dtype=bool)
@@ -54,7 +57,9 @@ def transfer(coarse: PatchedMesh, fine: PatchedMesh) -> sp.csr_array:
         columns.append(theirs[part.col][fresh])
         weights.append(part.data[fresh])
         known[own] = True
-    return sp.csr_array((np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))), shape=shape)
+    from scipy.sparse import csr_array  # slow to import, and of no use to a plan
+
+    return csr_array((np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))), shape=shape)
 
 
 def has_room(panel: Panel, pillar: Pillar) -> bool:

@@ -56,7 +56,7 @@ def examine() -> dict[str, dict[str, str]]:
 
 
 def _machine() -> dict[str, str]:
-    from solvers.fem.factor.factoriser import available
+    from solvers.fem.factor.choice import available
 
     entries = {
         "python": sys.version.split()[0],

@@ -13,9 +13,9 @@ from solvers.parametric.affine import Sizes
 from solvers.parametric.bare import bare_cell
 from solvers.parametric.cell import Inner, ParametricCell
 from solvers.parametric.chain import Chain, Condensed
-from solvers.superelement.build import Reductions, ReductionSettings
+from solvers.superelement.build import Reductions
 from solvers.superelement.cell import Cell
-from solvers.superelement.interface import Interface
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.waves.column import Column
 
 FACE, INNER = (

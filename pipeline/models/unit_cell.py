@@ -23,9 +23,9 @@ from pipeline.planning.refinement import describe_change, higher_degree, more_mo
 from pipeline.records.record import MeshRecord
 from solvers.errors import SolverError
 from solvers.fem.coarser import largest
-from solvers.superelement.build import Reductions, ReductionSettings
+from solvers.superelement.build import Reductions
 from solvers.superelement.cell import Cell
-from solvers.superelement.interface import Interface
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice, Waves
 from solvers.superelement.lattice_error import (
     ReductionError,

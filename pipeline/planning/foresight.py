@@ -19,8 +19,7 @@ from pipeline.planning.resources import Demand, refuse
 from solvers.analytic.mode_density import highest_hz, pillar_modes, plate_modes
 from solvers.fem.dissection import Fill, grid_fill, nodal, panelled
 from solvers.fem.solve_cost import Cost, MeshCounts, Stage, assembly, modal_solve, solid_modes
-from solvers.superelement.build import ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.tiling import grid
 
 MAX_LINES = 2_000_000  # of a plate's grid: more are not even drawn to be counted

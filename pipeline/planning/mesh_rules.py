@@ -16,8 +16,7 @@ from solvers.analytic.beams import roots
 from solvers.analytic.plates import Strip, levy_hz, thin_plate_hz
 from solvers.analytic.predesign import pillar_frequencies_hz, strip_of
 from solvers.analytic.ritz_plates import MAX_LINES, mindlin_mode
-from solvers.superelement.build import ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.interface import Interface, ReductionSettings
 
 WINDOW = (0.72, 1.35)  # of the exact thin-plate frequency: where the wanted mode of plates with pillars was found
 ALONG = {

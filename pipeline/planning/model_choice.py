@@ -13,7 +13,7 @@ from pipeline.planning import mesh_rules, simplifications
 from pipeline.planning.calibration import HEX, TET, TET_ORDER
 from pipeline.planning.mesh_rules import MeshLevel
 from pipeline.planning.simplifications import CLASSES, Simplification
-from solvers.superelement.build import ReductionSettings
+from solvers.superelement.interface import ReductionSettings
 
 BEYOND = (
     4.0  # the highest band asked for: a cell begins with fixed-interface modes below; a coarse cell tells how many more

@@ -15,8 +15,7 @@ from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.planning.simplifications import khz
 from solvers.errors import SolverError
-from solvers.superelement.build import ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.interface import Interface, ReductionSettings
 
 MARGIN = 2.0  # an assembled plate's single modes may lie somewhat above their estimate, the worst of a class never did
 RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_hz^3

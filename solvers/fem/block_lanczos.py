@@ -13,6 +13,7 @@ import numpy as np
 from geometry.elements import FloatArray
 
 BLOCK = 8
+SLICE = 120  # eigenpairs a shift at most: the vectors and their orthogonalisation stay cheap
 MAX_COUNT = 6.0  # vectors of the basis over pairs wanted: beyond, restarts are the better way
 TOLERANCE = 1e-11  # residual over the inverse's eigenvalue; the errors of eigenvalues go with its square
 WIDE = 15  # degrees of freedom a pair at least: below, the basis would be most of the space

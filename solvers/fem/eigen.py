@@ -18,7 +18,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 from geometry.elements import BoolArray, FloatArray, IntArray
 from solvers.errors import CountMismatch, SingularShift, SolverError
 from solvers.fem.assembly import Scale
-from solvers.fem.block_lanczos import Operator, block_lanczos, fits
+from solvers.fem.block_lanczos import SLICE, Operator, block_lanczos, fits
 from solvers.fem.factor.factoriser import Factor, Factoriser
 
 RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not returned
@@ -33,7 +33,6 @@ EPSILON = float(np.finfo(float).eps)
 FEW = (
     6  # eigenpairs of a slice that cost less from the factor at its end, beside as many beyond it, than another factor
 )
-SLICE = 120  # eigenpairs a shift at most: Lanczos vectors and their orthogonalisation stay cheap
 # Relative moves of a shift at which a factorisation is refused: a count belongs to its frequency, a search may stand aside.
 COUNTED = (0.0, 3e-7, 1.8e-6, 8.1e-6, 3.2e-5, 1.2e-4)
 SEARCHED = (0.0, 1e-5, 1e-3, 1e-2)

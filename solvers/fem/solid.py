@@ -13,10 +13,10 @@ from geometry.materials import Material
 from geometry.mesh import AnyMesh
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.constraints import Pencil, Support, constrain, free_mask
+from solvers.fem.solve_cost import LARGE
 from solvers.fem.surface import FaceQuadrature, Skin, face_quadrature, skin_faces
 from solvers.measures.confinement import TouchField
 
-LARGE = 200_000  # degrees of freedom
 CLASSES = ("SS", "SA", "AS", "AA")
 
 

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from solvers.fem.block_lanczos import basis_size, fits
+from solvers.fem.block_lanczos import SLICE, basis_size, fits
 from solvers.fem.dissection import Fill
-from solvers.fem.eigen import SLICE
-from solvers.fem.factor.factoriser import preferred
-from solvers.fem.solid import LARGE
+from solvers.fem.factor.choice import preferred
 
+LARGE = 200_000  # degrees of freedom beyond which whole solids hold no second copy of their matrices
 ENTRY = 12  # bytes of a sparse matrix's entry: a number and a column
 STIFFNESS, MASS = 9 * ENTRY, 3 * ENTRY  # a pair of nodes, of K and of M with three components
 # bytes of an entry of the dissected factor: at the peak of the factorisation, and afterwards

@@ -25,7 +25,7 @@ from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
 from solvers.superelement.cell import Cell, CellBuilder, Coarser, SymmetryClass, reduce_cell
-from solvers.superelement.interface import Interface
+from solvers.superelement.interface import ReductionSettings
 from solvers.superelement.nested import extrapolated, recovered
 from solvers.superelement.plate import WHOLE, AssembledPlate, Grid
 from solvers.superelement.plate_error import ModeErrors, mode_errors, more_below
@@ -33,20 +33,6 @@ from solvers.superelement.tiling import Signature, signature, tile
 
 HIGHEST = 4  # order of hexahedra
 TETRAHEDRA = "tet"
-
-
-@dataclass(frozen=True)
-class ReductionSettings:
-    """How a panel is reduced: boundary degrees, fixed-interface modes up to top_hz, mesh, longest bare panel (m).
-
-    bare_size_m: elements of panels without a pillar, where they may be longer than those about a foot.
-    """
-
-    interface: Interface
-    top_hz: float
-    hexahedra: HexSettings
-    max_edge_m: float = 6e-3
-    bare_size_m: float | None = None
 
 
 class Cache(Protocol):

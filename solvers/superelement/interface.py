@@ -1,4 +1,4 @@
-"""Boundary functions of a rectangular cell: polynomials along each side and through the thickness.
+"""Boundary functions of a rectangular cell, polynomials along each side and through the thickness, and a reduction's settings.
 
 Vertex lines carry linear hats, sides carry bubbles (integrated Legendre polynomials, szabo1991); both are multiplied by
 Legendre polynomials through the thickness. Opposite sides carry the same functions, so cells join whatever their meshes.
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from geometry.elements import FloatArray, IntArray
+from geometry.hex.boxes import HexSettings
 
 VERTICES = ((-1, -1), (1, -1), (-1, 1), (1, 1))
 SIDES = ("x-", "x+", "y-", "y+")
@@ -130,3 +131,17 @@ def bubble_functions(s: FloatArray, degree: int) -> FloatArray:
         [(values[:, k] - values[:, k - 2]) / np.sqrt(2.0 * (2 * k - 1)) for k in range(2, degree + 1)]
         or [np.empty((len(s), 0))]
     )
+
+
+@dataclass(frozen=True)
+class ReductionSettings:
+    """How a panel is reduced: boundary degrees, fixed-interface modes up to top_hz, mesh, longest bare panel (m).
+
+    bare_size_m: elements of panels without a pillar, where they may be longer than those about a foot.
+    """
+
+    interface: Interface
+    top_hz: float
+    hexahedra: HexSettings
+    max_edge_m: float = 6e-3
+    bare_size_m: float | None = None

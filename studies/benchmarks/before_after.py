@@ -1,11 +1,11 @@
 """The commands a designer waits for, beside an earlier commit of this repository: processor seconds, and where they go.
 
-    python -m studies.benchmarks.before_after [--commit COMMIT] [--repeats N] [TASK ...]
+    python -m studies.benchmarks.before_after [--commit COMMIT] [--repeats N] [--write] [TASK ...]
 
 The commit's files are put into a temporary folder and run there, in alternation with this checkout, each run with a results
 folder of its own, so that nothing comes from a cache. `main job` is `antinode run rows`, `grid` the study of 54 plates: they
 take minutes, the other tasks seconds, which are run unless tasks are named. Seconds are those of all processes a command
-starts, least of the repeats; memory is that of the largest process.
+starts, least of the repeats; memory is that of the largest process. --write puts the rows into docs/verification.md.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.paths import ROOT
+from pipeline.records.store import write_atomic
+from studies import verification
 
 COMMIT = "73e5629"
 CASE = "studies/three-rows.toml"
@@ -38,6 +40,10 @@ TASKS: dict[str, tuple[str, ...]] = {
     "grid": ("run", "grid", "--jobs", "2"),
 }
 LONG = ("main job", "grid")
+LEAD = """\
+Written by `python -m studies.benchmarks.before_after --write`: processor seconds of whole commands without kept cells, beside
+those of commit {commit} in the same run, and the memory of the largest process; shares are of the time after, in one thread
+under the profiler."""
 # by the name of a function, or of its file
 SHARES = {
     "factorisation": ("method 'factor' of 'rslab", "analyze_ldlt", "lower_triangle", "splu", "gstrf"),
@@ -100,6 +106,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--commit", default=COMMIT)
     parser.add_argument("--repeats", type=int, default=2)
+    parser.add_argument("--write", action="store_true", help="put the rows into docs/verification.md")
     parser.add_argument("tasks", nargs="*", metavar="TASK", help=", ".join(TASKS))
     given = parser.parse_args(arguments)
     if unknown := set(given.tasks) - TASKS.keys():
@@ -112,7 +119,8 @@ def main(arguments: list[str] | None = None) -> None:
         "peak after, MB",
         *(f"{name} after" for name in (*SHARES, "rest")),
     )
-    print(f"| {' | '.join(columns)} |\n|{'---|' * len(columns)}", flush=True)
+    head, rows = f"| {' | '.join(columns)} |\n|{'---|' * len(columns)}", {}
+    print(head, flush=True)
     with checkout(given.commit) as earlier:
         for name in given.tasks or [each for each in TASKS if each not in LONG]:
             before, after = Used(), Used()
@@ -124,7 +132,11 @@ def main(arguments: list[str] | None = None) -> None:
             spent = [] if name in LONG else [f"{100.0 * part:.0f} %" for part in shares(ROOT, TASKS[name]).values()]
             ratio = f"{after.seconds / before.seconds:.2f}"
             figures = (f"{before.seconds:.2f}", f"{after.seconds:.2f}", ratio, f"{after.peak_bytes / 1e6:.0f}", *spent)
-            print(f"| {' | '.join((name, *figures))} |", flush=True)
+            rows[name] = f"| {' | '.join((name, *figures))} |"
+            print(rows[name], flush=True)
+    if given.write:
+        lead = f"{LEAD.format(commit=given.commit)}\n\n{head}"
+        write_atomic(verification.PAGE, verification.with_speed(verification.PAGE.read_text(), rows, lead).encode())
 
 
 if __name__ == "__main__":

@@ -20,7 +20,8 @@ from geometry.hex.boxes import HexSettings, hex_mesh, plate_boxes
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from pipeline.batch.peak_memory import peak_bytes, resident_bytes
-from solvers.fem.factor.factoriser import Factoriser, available
+from solvers.fem.factor.choice import available
+from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.solid import SolidModel
 from studies import scenes
 from studies.benchmarks import in_a_process, timed

@@ -19,8 +19,8 @@ from pipeline.planning import mesh_rules
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import Modes, modes_in_band
 from solvers.fem.solid import CLASSES, SolidModel
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.tiling import lattice_panel
 from solvers.waves.bloch import BlochCell

@@ -16,8 +16,8 @@ from pipeline.workers import LocalWorkers
 from solvers import threads
 from solvers.fem.eigen import Modes, modes_in_band
 from solvers.fem.factor import factoriser
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.threads import Abandoned, go_on, side_by_side
 
 STEEL = MATERIALS["steel"]

@@ -32,6 +32,26 @@ def test_a_study_that_was_not_run_is_named(
     assert not (tmp_path / "page.md").exists()
 
 
+def test_rows_of_tasks_replace_their_own_and_stay_when_the_page_is_written_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    head = "What it is.\n\n| task | before |\n|---|---|"
+    page = verification.with_speed("# Page\n", {"bands": "| bands | 2 |", "grid": "| grid | 9 |"}, head)
+    page = verification.with_speed(page, {"bands": "| bands | 1 |"}, head)
+    assert page.endswith(f"# Page\n\n{verification.SPEED}\n\n{head}\n| bands | 1 |\n| grid | 9 |\n")
+    for name in ("accuracy", "extremes"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "report.md").write_text(f"# {name}\n")
+    monkeypatch.setattr(verification, "RESULTS", tmp_path)
+    monkeypatch.setattr(verification, "PAGE", tmp_path / "page.md")
+    verification.PAGE.write_text(page)
+    assert verification.main() == 0
+    assert (
+        verification.PAGE.read_text().endswith("| bands | 1 |\n| grid | 9 |\n")
+        and "## extremes" in verification.PAGE.read_text()
+    )
+
+
 def test_the_committed_page_has_both_studies() -> None:
     page = verification.PAGE.read_text()
     assert "## Error against run time" in page

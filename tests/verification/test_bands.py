@@ -13,8 +13,8 @@ from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from pipeline.planning import mesh_rules
 from solvers.fem.assembly import assemble
-from solvers.superelement.build import Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.tiling import lattice_panel
 from solvers.waves.bloch import BlochCell

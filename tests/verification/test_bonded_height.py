@@ -22,8 +22,8 @@ from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.height import height_error
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from tests.helpers.bodies import bricks
 from tests.helpers.bonded_solid import SAME_M, bonded_solid
 

@@ -29,8 +29,8 @@ from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.resonators.pillar_row import design_feet
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.tiling import lattice_panel
 from tests.helpers.scenes import STEEL_PILLARS

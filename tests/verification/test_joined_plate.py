@@ -14,8 +14,8 @@ from geometry.materials import MATERIALS
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import measure
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)

@@ -24,8 +24,8 @@ from solvers.piezo.circuit import circuit_shift, open_modes
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from tests.helpers.bonded_solid import bonded_solid
 from tests.helpers.piezo_beam import (
     Section,

@@ -22,8 +22,8 @@ from pipeline.planning import calibration, mesh_rules
 from solvers.analytic.predesign import pillar_frequencies_hz
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
-from solvers.superelement.build import Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.tiling import lattice_panel
 from solvers.waves.symmetry import Mirrors

@@ -12,7 +12,7 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
 from solvers.fem.constraints import Pencil, constrain, free_mask
 from solvers.fem.eigen import modes_in_band, modes_near
-from solvers.fem.factor.factoriser import available
+from solvers.fem.factor.choice import available
 
 EDGE_M = 0.1
 PLATE = Material("plate", 70e9, 2700.0, 0.34)

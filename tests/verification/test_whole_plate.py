@@ -14,8 +14,8 @@ from geometry.mesh import Mesh
 from solvers.errors import SolverError
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import CLASSES, SolidModel
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import WHOLE, AssembledPlate
 from solvers.superelement.tiling import signature
 

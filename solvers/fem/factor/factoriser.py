@@ -6,10 +6,8 @@ scipy's SuperLU is always there; rslab and MKL PARDISO are taken when they are i
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import os
 from collections.abc import Callable, Iterable
-from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,16 +15,14 @@ import scipy.sparse as sp
 
 from geometry.elements import FloatArray
 from solvers.errors import SingularShift, SolverError
+from solvers.fem.factor import choice
 from solvers.fem.factor.memory import room_bytes
-from solvers.fem.factor.pardiso import Pardiso, load
+from solvers.fem.factor.pardiso import Pardiso
 from solvers.fem.factor.rslab import Rslab
 from solvers.fem.factor.superlu import SuperLU
 from solvers.threads import Item, Result, go_on
 from solvers.threads import side_by_side as in_threads
 
-SMALL = (
-    8000  # degrees of freedom up to which SuperLU is as fast as PARDISO: python -m studies.benchmarks.factorisations
-)
 # rslab 1.7 ended the process in runs where what one thread had made was used or freed by another; it has threads of its own
 THREADED = ("superlu",)
 BACKWARD_ERROR = 1e-10  # of one solve; rounding times growth stays far below, garbage far above
@@ -56,28 +52,9 @@ class Factor(Protocol):
         ...
 
 
-@lru_cache(maxsize=1)
-def available() -> tuple[str, ...]:
-    """Factorisations of this machine, the preferred one for large matrices first."""
-    names = ["rslab"] if importlib.util.find_spec("rslab") else []
-    if importlib.util.find_spec("pypardiso"):
-        try:
-            load()
-            names.append("pardiso")
-        except (ImportError, OSError):  # the wheel is there, MKL is not
-            pass
-    return (*names, "superlu")
-
-
-def preferred(dofs: int) -> str:
-    """The measured choice: rslab at every size; without it PARDISO, but SuperLU for what it does as fast."""
-    first = available()[0]
-    return "superlu" if first == "pardiso" and dofs <= SMALL else first
-
-
 def side_by_side(function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0) -> list[Result]:
     """The function of every item, each of which factorises: in threads where the factorisation bears it, as memory holds."""
-    if (os.environ.get("ANTINODE_FACTOR") or available()[0]) in THREADED:
+    if (os.environ.get("ANTINODE_FACTOR") or choice.available()[0]) in THREADED:
         return in_threads(function, items, bytes_each, room_bytes())
     return [function(item) for item in items]
 
@@ -91,8 +68,10 @@ class Factoriser:
 
     def __init__(self, backend: str | None = None) -> None:
         self.backend = backend or os.environ.get("ANTINODE_FACTOR") or None
-        if self.backend and self.backend not in available():
-            raise SolverError(f"factorisation '{self.backend}' is not installed; there is {', '.join(available())}")
+        if self.backend and self.backend not in choice.available():
+            raise SolverError(
+                f"factorisation '{self.backend}' is not installed; there is {', '.join(choice.available())}"
+            )
         self._symbolic: Any | None = None
         self._known = ("", b"")
 
@@ -104,7 +83,7 @@ class Factoriser:
         return factor
 
     def _factor(self, matrix: sp.csc_array) -> Factor:
-        backend = self.backend or preferred(matrix.shape[0])
+        backend = self.backend or choice.preferred(matrix.shape[0])
         if backend == "pardiso":
             return Pardiso(matrix)  # its analysis and its numbers live in one handle: nothing to share
         name = (backend, _pattern_of(matrix))

@@ -25,8 +25,7 @@ from pipeline.planning.model_choice import cell_model_choice
 from pipeline.plots import bands as plots_bands
 from pipeline.plots import style
 from pipeline.records.record import BandsRecord
-from solvers.superelement.build import ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.waves.gaps import BrillouinZoneGap, Gap
 from tests.helpers import coarse_cells, synthetic
 from tests.helpers.recording_log import RecordingLog

@@ -16,7 +16,7 @@ from pipeline.models.cell_cache import CellCache
 from pipeline.planning import mesh_rules
 from solvers.errors import TooLarge
 from solvers.fem import eigen
-from solvers.fem.factor import factoriser
+from solvers.fem.factor import choice, factoriser
 from tests.helpers import coarse_cells
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import three_patches
@@ -54,7 +54,7 @@ def scipy_alone(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("a factorisation that is not installed was asked for")
 
     monkeypatch.delenv("ANTINODE_FACTOR", raising=False)
-    monkeypatch.setattr(factoriser, "available", lambda: ("superlu",))
+    monkeypatch.setattr(choice, "available", lambda: ("superlu",))
     for name in ("Rslab", "Pardiso"):
         monkeypatch.setattr(factoriser, name, absent)
     monkeypatch.setattr(CellCache, "get", lambda self, key: REDUCED.get(key))

@@ -20,8 +20,8 @@ from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.piezo.point import face_motion
 from solvers.shaping.modal_table import field_matrix, sensor_matrix
 from solvers.shaping.travelling_wave import two_wave_fit
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 
 ALUMINIUM = MATERIALS["aluminium"]
 QUALITY = 200.0

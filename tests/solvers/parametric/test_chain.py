@@ -12,9 +12,9 @@ from geometry.materials import Material
 from solvers.measures.confinement import measure_profile
 from solvers.parametric.bare import bare_cell
 from solvers.parametric.chain import Chain, real_factors
-from solvers.superelement.build import Reductions, ReductionSettings
+from solvers.superelement.build import Reductions
 from solvers.superelement.cell import rigid_boundary
-from solvers.superelement.interface import Interface
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.waves.column import Column
 from solvers.waves.evanescent import Row
 

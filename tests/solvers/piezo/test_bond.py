@@ -10,8 +10,8 @@ from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.errors import SolverError
 from solvers.piezo.bond import _field, grid_weights
-from solvers.superelement.build import Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 
 ALUMINIUM = MATERIALS["aluminium"]
 PANEL = Panel((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))

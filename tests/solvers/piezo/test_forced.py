@@ -25,8 +25,8 @@ from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.height import height_error
 from solvers.piezo.patch import MESH, _matrices, _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, _bonds, coupled_classes
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import WHOLE, AssembledPlate
 from solvers.superelement.tiling import tile
 

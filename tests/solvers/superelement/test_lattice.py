@@ -15,8 +15,8 @@ from geometry.materials import MATERIALS
 from solvers.analytic.lamb import lamb_hz, shear_speed
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
-from solvers.superelement.build import Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice, Waves
 from solvers.superelement.lattice_error import _rise, cutoff_hz, reduction_error, truncation_bars
 from solvers.waves.bloch import BlochCell

@@ -15,9 +15,9 @@ from geometry.materials import Material
 from pipeline.case.model import load_case
 from solvers.fem.eigen import modes_in_band
 from solvers.superelement import build
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
+from solvers.superelement.build import PlateModel, Reductions
 from solvers.superelement.cell import Cell
-from solvers.superelement.interface import Interface
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.lattice_error import mesh_error
 from solvers.superelement.tiling import lattice_panel

@@ -12,8 +12,8 @@ from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.fem.eigen import modes_in_band
 from solvers.superelement import plate as plate_module
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 
 STEEL = MATERIALS["steel"]
 PILLAR = Pillar("square", 1.8e-3, 1.8e-3, 5e-3, STEEL)

@@ -11,8 +11,8 @@ from geometry.hex.boxes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.fem.eigen import modes_near
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate_error import mode_errors
 
 ALUMINIUM = MATERIALS["aluminium"]

@@ -12,9 +12,9 @@ from geometry.hex.boxes import HexSettings, Panel
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.errors import SolverError
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
+from solvers.superelement.build import PlateModel, Reductions
 from solvers.superelement.cell import Cell, check_rigid, rigid_boundary
-from solvers.superelement.interface import Interface, bubble_functions
+from solvers.superelement.interface import Interface, ReductionSettings, bubble_functions
 from solvers.superelement.plate import AssembledPlate
 from solvers.superelement.tiling import lattice_panel, signature, tile
 

@@ -19,8 +19,8 @@ from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.piezo.point import face_motion
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.touch.energy import power
 from solvers.touch.loaded_mode import loaded_mode
 from solvers.touch.touch_map import lattice, touch_map

@@ -18,8 +18,8 @@ from solvers.measures.confinement import wanted_shape
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patched_plate import CLASSES
 from solvers.piezo.pressure_load import PressedPlate
-from solvers.superelement.build import PlateModel, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.tiling import signature
 from solvers.variation.reductions import VariedReductions
 from solvers.variation.samples import Deviations, VariedPlate, spread

@@ -13,8 +13,8 @@ from geometry.hex.boxes import HexSettings, Panel
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.analytic.lamb import lamb_hz
-from solvers.superelement.build import Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.waves.branches import Solved, follow, groups, modal_overlap, turned
 from solvers.waves.brillouin import Path, path_through

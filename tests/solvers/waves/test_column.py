@@ -16,8 +16,8 @@ from solvers.fem.eigen import modes_in_band
 from solvers.measures.confinement import measure
 from solvers.measures.wanted_mode import verdict
 from solvers.resonators.strip import strip_modes
-from solvers.superelement.build import PlateModel, Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.waves.column import Column, column_panels
 
 ALUMINIUM = MATERIALS["aluminium"]

@@ -14,9 +14,9 @@ from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.analytic.lamb import lamb_hz
 from solvers.errors import SolverError
-from solvers.superelement.build import Reductions, ReductionSettings
+from solvers.superelement.build import Reductions
 from solvers.superelement.cell import Cell
-from solvers.superelement.interface import Interface
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.waves import evanescent
 from solvers.waves.evanescent import Row

@@ -13,8 +13,8 @@ from geometry.hex.boxes import HexSettings, Panel
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.fem.assembly import Scale
-from solvers.superelement.build import Reductions, ReductionSettings
-from solvers.superelement.interface import Interface
+from solvers.superelement.build import Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice, Waves
 from solvers.waves.branches import Solved, follow
 from solvers.waves.brillouin import path_through, zone_grid

@@ -11,9 +11,9 @@ from geometry.hex.boxes import HexSettings, Panel
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.analytic.lamb import lamb_hz
-from solvers.superelement.build import Reductions, ReductionSettings
+from solvers.superelement.build import Reductions
 from solvers.superelement.cell import Cell, rigid_boundary
-from solvers.superelement.interface import Interface
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.waves.polarisation import Label, label_of, pillar_share
 from tests.helpers.lattice_waves import shear_hz

@@ -14,8 +14,9 @@ from solvers.errors import SingularShift, SolverError, TooLarge
 from solvers.fem.assembly import assemble
 from solvers.fem.constraints import Pencil, constrain, free_mask
 from solvers.fem.eigen import modes_near
-from solvers.fem.factor import factoriser, memory, superlu
-from solvers.fem.factor.factoriser import Factoriser, available
+from solvers.fem.factor import choice, memory, pardiso, superlu
+from solvers.fem.factor.choice import available
+from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.factor.symbolic import alike, postordered, quotient
 from solvers.threads import threads
 from tests.helpers import small_meshes as small
@@ -155,24 +156,24 @@ def test_the_variable_names_the_factorisation(monkeypatch: pytest.MonkeyPatch) -
 def test_the_size_decides_when_nobody_does(
     installed: tuple[str, ...], small: str, large: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(factoriser, "available", lambda: installed)
-    assert (factoriser.preferred(1000), factoriser.preferred(100_000)) == (small, large)
+    monkeypatch.setattr(choice, "available", lambda: installed)
+    assert (choice.preferred(1000), choice.preferred(100_000)) == (small, large)
 
 
 def test_superlu_is_always_there_and_a_broken_mkl_is_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken() -> None:
         raise ImportError("Shared library mkl_rt not found.")
 
-    monkeypatch.setattr(factoriser.importlib.util, "find_spec", lambda name: name == "pypardiso")
-    monkeypatch.setattr(factoriser, "load", broken)
-    factoriser.available.cache_clear()
+    monkeypatch.setattr(choice.importlib.util, "find_spec", lambda name: name == "pypardiso")
+    monkeypatch.setattr(pardiso, "load", broken)
+    choice.available.cache_clear()
     try:
-        assert factoriser.available() == ("superlu",)
-        monkeypatch.setattr(factoriser, "load", lambda: None)
-        factoriser.available.cache_clear()
-        assert factoriser.available() == ("pardiso", "superlu")
+        assert choice.available() == ("superlu",)
+        monkeypatch.setattr(pardiso, "load", lambda: None)
+        choice.available.cache_clear()
+        assert choice.available() == ("pardiso", "superlu")
     finally:
-        factoriser.available.cache_clear()
+        choice.available.cache_clear()
 
 
 def test_threads_are_those_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
