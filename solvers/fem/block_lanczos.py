@@ -13,7 +13,7 @@ import numpy as np
 from geometry.elements import FloatArray
 
 BLOCK = 8
-SLICE = 120  # eigenpairs a shift at most: the vectors and their orthogonalisation stay cheap
+SLICE, MAX_SLICE = 120, 300  # eigenpairs a shift at most, where the whole basis is not kept and where it is
 MAX_COUNT = 6.0  # vectors of the basis over pairs wanted: beyond, restarts are the better way
 TOLERANCE = 1e-11  # residual over the inverse's eigenvalue; the errors of eigenvalues go with its square
 WIDE = 15  # degrees of freedom a pair at least: below, the basis would be most of the space
@@ -27,6 +27,14 @@ Operator = Callable[[FloatArray], FloatArray]
 def fits(size: int, count: int) -> bool:
     """Whether the whole basis for `count` pairs of `size` degrees of freedom may be kept."""
     return WIDE * count <= size and 16.0 * size * basis_size(size, count) <= BYTES
+
+
+def slice_of(size: int) -> int:
+    """Eigenpairs of `size` degrees of freedom that one shift is asked for at most: as many as a basis kept whole holds, each
+    further shift being three factorisations, as long as orthogonalisation is the smaller part.
+    """
+    held = (BYTES / (16.0 * size) - 24 * BLOCK) / MAX_COUNT
+    return int(min(max(held / 1.1 - 4, SLICE), MAX_SLICE))
 
 
 def basis_size(size: int, count: int) -> int:

@@ -18,7 +18,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 from geometry.elements import BoolArray, FloatArray, IntArray
 from solvers.errors import CountMismatch, SingularShift, SolverError
 from solvers.fem.assembly import Scale
-from solvers.fem.block_lanczos import SLICE, Operator, block_lanczos, fits
+from solvers.fem.block_lanczos import Operator, block_lanczos, fits, slice_of
 from solvers.fem.factor.factoriser import Factor, Factoriser
 
 RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not returned
@@ -441,7 +441,7 @@ class _Solver:
         expected = below_high - below_low
         if expected <= 0:
             return np.empty(0), np.empty((self.pencil.dof, 0))
-        if expected > SLICE:
+        if expected > slice_of(self.pencil.dof):
             return self._halves(low, high, below_low, below_high)
         # half-way in lambda: the pairs nearest to the shift are then those of the band, not of what lies below it
         shifts = self.factors(0.5 * (low + high), SEARCHED)

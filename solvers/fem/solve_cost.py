@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from solvers.fem.block_lanczos import SLICE, basis_size, fits
+from solvers.fem.block_lanczos import basis_size, fits, slice_of
 from solvers.fem.dissection import Fill
 from solvers.fem.factor.choice import preferred
 
@@ -95,13 +95,14 @@ def factorisation(dofs: float, entries: float, fill: Fill, times: float) -> Cost
 def modal_solve(dofs: float, entries: float, fill: Fill, modes: float, near: bool = False) -> Cost:
     """Eigenpairs of a pencil of so many entries; `near`: all in one go, not by slices of a band."""
     kept = FACTOR[preferred(round(dofs))][1] * fill.entries + COPY * entries
-    at_once = modes if near else min(modes, SLICE)
+    most = slice_of(max(round(dofs), 1))
+    at_once = modes if near else min(modes, most)
     if modes >= dofs - 1.0:
         return Cost((Stage("a dense eigen-solve", 6.0 * 8.0 * dofs**2),), 10.0 * dofs**3, round(dofs))
     size, count = round(dofs), max(1, round(1.1 * at_once) + 4)
     block = min(basis_size(size, count), BASIS * count + 64.0)
     basis = 16.0 * size * block if fits(size, count) else 8.0 * size * (3.0 * count + 32.0)
-    slices = max(1.0, modes / SLICE) if not near else 1.0
+    slices = max(1.0, modes / most) if not near else 1.0
     stages = (
         Stage("the Lanczos vectors", kept + basis + 16.0 * size * modes),
         Stage("the modes' vectors", ENTRY * entries + VECTORS * 8.0 * size * modes),

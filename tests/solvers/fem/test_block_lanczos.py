@@ -11,7 +11,7 @@ from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.materials import MATERIALS
 from solvers.fem import block_lanczos as module
 from solvers.fem.assembly import assemble
-from solvers.fem.block_lanczos import BLOCK, block_lanczos, fits
+from solvers.fem.block_lanczos import BLOCK, MAX_SLICE, SLICE, block_lanczos, fits, slice_of
 from solvers.fem.constraints import constrain, free_mask
 from solvers.fem.eigen import modes_in_band
 
@@ -93,3 +93,11 @@ def test_unknowns_without_mass_are_no_trouble() -> None:
     values, vectors = pairs(stiffness, mass, 0.0, 30)
     assert np.sort(values) == pytest.approx(exact, rel=1e-10)
     assert np.abs(vectors.T @ (mass @ vectors) - np.eye(30)).max() < 1e-12
+
+
+def test_a_slice_is_as_wide_as_its_basis_fits() -> None:
+    assert slice_of(1000) == MAX_SLICE and slice_of(10**6) == SLICE
+    for size in (12_000, 17_000, 24_000):
+        asked = round(1.1 * slice_of(size)) + 4
+        assert slice_of(size) > SLICE and fits(size, asked - 1)
+        assert slice_of(size) == MAX_SLICE or not fits(size, asked + 8)
