@@ -29,7 +29,7 @@ from solvers.analytic.predesign import predesign
 from solvers.measures.levels import CONFINED_DB
 from solvers.threads import one_thread
 from solvers.waves.brillouin import path_through
-from solvers.waves.evanescent import Row, RowWaves
+from solvers.waves.evanescent import KeptRow, Row, RowWaves
 from solvers.waves.polarisation import label_of
 from solvers.waves.scattering import stacked
 
@@ -76,7 +76,7 @@ def solve(
         corners = path.wavevectors[[segment.last for segment in path.segments]]
         model = lattice_model(case, choice, corners, log, meshes, high_hz=high)
     cell = model.lattice.cell  # the one that the bands use: reduced once for both
-    row, bare = Row(cell, kx), Row(bare_cell(case, cell.interface, log), kx)
+    row, bare = Row(cell, kx), _kept(KeptRow(bare_cell(case, cell.interface, log), kx))
     rows = case.design.rows
     with log.step(f"{points} frequencies"):
         samples = tuple(_point(row, bare, rows, float(f)) for f in np.linspace(low, high, points))
@@ -92,6 +92,16 @@ def solve(
         points=samples,
         meshes=meshes,
     )
+
+
+_last: list[KeptRow] = []
+
+
+def _kept(row: KeptRow) -> KeptRow:
+    """The last case's row where that is the same, with its waves: a study's cases of one pitch ask for the same ones."""
+    if not (_last and _last[0].same == row.same):
+        _last[:] = [row]
+    return _last[0]
 
 
 def _checked_kx(case: Case, kx: float) -> float:

@@ -83,6 +83,7 @@ def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerpr
     folder = store.case_folder(study, job.case_id)
     start = time.perf_counter()
     try:
+        peak_memory.give_back()
         peak_memory.restart()
         store.begin(folder, job.payload)
         with RunLog(folder / store.RUN_LOG) as log:

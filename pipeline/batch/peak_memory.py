@@ -1,7 +1,9 @@
-"""How much memory this process takes, and took at most since a moment."""
+"""How much memory this process takes, and took at most since a moment; giving back what a case no longer needs."""
 
 from __future__ import annotations
 
+import ctypes
+import gc
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -11,6 +13,17 @@ def restart() -> None:
     """Begin the high-water mark anew where the system allows it (Linux): a worker serves many cases."""
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
+
+
+def give_back() -> None:
+    """Free what only refers to itself, such as a plate and its factorisations, and return the heap's free pages to the system.
+
+    Python looks for such garbage by the number of objects, not by their size: thirteen plates in one worker held 4 GB.
+    """
+    gc.collect()
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):  # another C library has no such call
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def reported_peak_bytes() -> int | None:

@@ -20,6 +20,7 @@ from pipeline.records.study import StoredCase, StoredStudy
 
 INDEX = "index.json"
 OF_THE_BEST = ("report_figures", "pillars_in_plane")  # drawn of a sweep's best case, unless those of all are asked for
+OF_A_CELL = ("dispersion",)  # the same for all cases of one cell
 
 
 @dataclass(frozen=True)
@@ -30,32 +31,32 @@ class FigureSet:
     troubles: list[str] = field(default_factory=list)
 
 
-def draw_case(case: StoredCase, is_brief: bool = False) -> FigureSet:
+def draw_case(case: StoredCase, without: tuple[str, ...] = ()) -> FigureSet:
     """Draw every picture that a case's records allow, or take the stored ones when nothing they show has changed.
 
-    is_brief: geometry, meshes and the pillars' motion in the plane are left out.
+    without: names of the functions whose pictures are left out.
     """
     if not case.record.answered:
         return FigureSet([])
-    if (kept := kept_pictures(case, is_brief)) is not None:
+    if (kept := kept_pictures(case, without)) is not None:
         return FigureSet(kept)
     arrays, errors = case.read_arrays()
     functions = [draw for measure in MEASURES for draw in measure.draws()]
-    draws = [partial(draw, case, arrays) for draw in functions if not (is_brief and draw.__name__ in OF_THE_BEST)]
-    return _draw(case.folder / PICTURES, _case_key(case, is_brief), draws, errors)
+    draws = [partial(draw, case, arrays) for draw in functions if draw.__name__ not in without]
+    return _draw(case.folder / PICTURES, _case_key(case, without), draws, errors)
 
 
-def kept_pictures(case: StoredCase, is_brief: bool = False) -> list[StoredFigure] | None:
-    """The stored pictures of a case, None when they have to be drawn again."""
+def kept_pictures(case: StoredCase, without: tuple[str, ...] = ()) -> list[StoredFigure] | None:
+    """The stored pictures of a case, or all but some of them, None when they have to be drawn again."""
     if not case.record.answered:
         return []
     whole = _kept(case.folder / PICTURES, _case_key(case))
-    return _kept(case.folder / PICTURES, _case_key(case, True)) if is_brief and whole is None else whole
+    return _kept(case.folder / PICTURES, _case_key(case, without)) if without and whole is None else whole
 
 
-def _case_key(case: StoredCase, is_brief: bool = False) -> str:
+def _case_key(case: StoredCase, without: tuple[str, ...] = ()) -> str:
     folders = (case.folder, *case.siblings)
-    visible = [case.record.to_dict(), *(OF_THE_BEST if is_brief else ())]
+    visible = [case.record.to_dict(), *without]
     return _key(visible, [folder / name for folder in folders for name in (store.ARRAYS, store.INPUT)])
 
 

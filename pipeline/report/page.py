@@ -27,7 +27,6 @@ MAX_FIGURES = 12
 FILES = ("run.mess", "input.json", "record.json", "timing.json", "arrays.npz")
 # the pictures of a case, those first that tell most beside the moving shapes; the best case has all of them
 TELLING = ("touch_face", "response", "dispersion", "attenuation", "neighbours", "side_view")
-OF_A_CELL = ("dispersion",)  # the same for all cases of one cell
 STILLS = ("side_view", "touch_face", "geometry")  # what stands for a moving shape, the first that is drawn
 UNFIT = (KeyError, TypeError, ValueError, IndexError)  # arrays of another shape than the page draws
 OF_BEST = {"attenuation": "Attenuation", "response": "Response"}
@@ -76,7 +75,7 @@ def build(folder: Path, max_figures: int = MAX_FIGURES, all_pictures: bool = Fal
     study = read_study(folder)
     visible = StoredStudy(folder, study.about, tuple(study.with_cross_checks(case) for case in study.cases))
     cases = chosen(visible, max_figures)
-    brief = set() if all_pictures else _of_sweep(visible, cases)
+    brief = {} if all_pictures else _left_out(visible, cases)
     figure_sets = draw_cases(cases, brief)
     embedder = Embedder(folder)
     compared = _without_failing(partial(gallery.draw_study, study))
@@ -211,18 +210,27 @@ def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
     return [*twins, *(case for case in drawable if case.case_id in picked)]
 
 
-def _of_sweep(study: StoredStudy, cases: list[StoredCase]) -> set[str]:
-    """Cases of a sweep beside its best one: the page has no room for all of their pictures."""
+def _left_out(study: StoredStudy, cases: list[StoredCase]) -> dict[str, tuple[str, ...]]:
+    """What is not drawn of a sweep's cases beside its best one, by their ids: the page has no room for all of their pictures,
+    and shows those of a cell once.
+    """
     best = text.best_case(study)
-    return {case.case_id for case in cases if case.sweep and best and case.case_id != best.case_id}
+    found: dict[str, tuple[str, ...]] = {}
+    cells = [best.record.design.cell] if best and best.record.design else []
+    for case in cases:
+        if case.sweep and best and case.case_id != best.case_id and case.record.design:
+            again = case.record.design.cell in cells
+            found[case.case_id] = gallery.OF_THE_BEST + (gallery.OF_A_CELL if again else ())
+            cells.append(case.record.design.cell)
+    return found
 
 
-def draw_cases(cases: list[StoredCase], brief: set[str]) -> dict[str, gallery.FigureSet]:
-    """Pictures of each case by its id, drawn in parallel; of those in `brief` not all."""
+def draw_cases(cases: list[StoredCase], brief: dict[str, tuple[str, ...]]) -> dict[str, gallery.FigureSet]:
+    """Pictures of each case by its id, drawn in parallel; `brief` names those left out by the case's id."""
     from pipeline.workers import LocalWorkers, default_jobs
 
-    draws = {case.case_id: partial(gallery.draw_case, case, case.case_id in brief) for case in cases}
-    stale = [case.case_id for case in cases if gallery.kept_pictures(case, case.case_id in brief) is None]
+    draws = {case.case_id: partial(gallery.draw_case, case, brief.get(case.case_id, ())) for case in cases}
+    stale = [case.case_id for case in cases if gallery.kept_pictures(case, brief.get(case.case_id, ())) is None]
     if len(stale) < 2:
         return {name: _without_failing(draw) for name, draw in draws.items()}
     with LocalWorkers(default_jobs(len(stale)), 1) as workers:
@@ -273,7 +281,7 @@ def _shown(
     for case, name in asked:
         mark = (name, case.record.design.cell if case.record.design else case.case_id)
         picture = drawn.get(case.case_id, {}).get(name)
-        if picture is None or (name in OF_A_CELL and mark in cells):
+        if picture is None or (name in gallery.OF_A_CELL and mark in cells):
             continue
         if embedded := embedder.show(f"{case.case_id}/{style.PICTURES}", picture):
             found.setdefault(case.case_id, {})[name] = embedded

@@ -156,6 +156,27 @@ class Row:
         return bool(same < MIRROR * size)
 
 
+class KeptRow(Row):
+    """A row that keeps its waves by frequency: the plate beside the rows is the same whatever pillars stand on it."""
+
+    def __init__(self, cell: Cell, kx_per_m: float) -> None:
+        super().__init__(cell, kx_per_m)
+        self._known: dict[float, RowWaves] = {}
+
+    def waves(self, frequency_hz: float) -> RowWaves:
+        """As those of any row."""
+        if frequency_hz not in self._known:
+            self._known[frequency_hz] = super().waves(frequency_hz)
+        return self._known[frequency_hz]
+
+    @property
+    def same(self) -> tuple[object, ...]:
+        """What two rows with the same waves have in common."""
+        cell = self.cell
+        matrices = (each.tobytes() for each in (cell.stiffness, cell.mass, cell.dropped))
+        return self.kx, cell.size_m, cell.interface, cell.scale, cell.dropped_hz, *matrices
+
+
 def _paired(d: RowStiffness, sign: FloatArray) -> tuple[ComplexArray, ComplexArray]:
     """A row that is its own mirror image: eigenvalues tau^2 of a pencil of the edge's size, lambda = (1-tau)/(1+tau).
 

@@ -16,6 +16,7 @@ from pipeline.paths import STUDIES
 from pipeline.records.record import AttenuationPoint, ThroughRows
 from solvers.analytic.plates import levy_hz
 from solvers.analytic.predesign import strip_of
+from solvers.waves import evanescent
 from tests.helpers import synthetic
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
@@ -130,3 +131,14 @@ def test_a_case_without_pillars_is_refused(tmp_path: Path, capsys: pytest.Captur
     )
     assert main(["attenuation", str(bare), "--quiet"]) == 2
     assert "pillar" in capsys.readouterr().err
+
+
+def test_plates_of_one_pitch_share_the_waves_of_the_plate_beside_their_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain, solved = evanescent.Row.waves, []
+    monkeypatch.setattr(evanescent.Row, "waves", lambda row, tone: solved.append(type(row)) or plain(row, tone))
+    attenuation._last.clear()
+    case = load_case(CASE, ["solve.accuracy=0.03"])
+    other = load_case(CASE, ["solve.accuracy=0.03", "array.rows=1"])
+    through = [attenuation.solve(each, TerminalLog(True), points=5).points[2].through_rows for each in (case, other)]
+    assert solved.count(evanescent.KeptRow) == 5 and solved.count(evanescent.Row) == 10
+    assert through[0] and through[1] and through[0].flexural < through[1].flexural

@@ -147,7 +147,7 @@ def test_what_the_page_has_no_room_for_is_drawn_of_a_sweeps_best_case_alone(tmp_
         best, other = ({file.stem for file in (case.folder / "pictures").glob("*.svg")} for case in (first, second))
         if not all_pictures and not other >= best:
             assert best - other == {"geometry", "plate_meshes", "cell_meshes", "pillars_in_plane"}
-            assert gallery.kept_pictures(second) is None and gallery.kept_pictures(second, is_brief=True)
+            assert gallery.kept_pictures(second) is None and gallery.kept_pictures(second, gallery.OF_THE_BEST)
     assert other == best and gallery.kept_pictures(second)
 
 

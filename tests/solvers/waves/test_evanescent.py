@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from math import pi
 
@@ -131,6 +132,17 @@ def test_energy_is_neither_lost_nor_made(kx: float, count: int) -> None:
     for incoming in going:
         result = scatter(stacked(stiffness, count), half, bare.mirror_sign, int(incoming))
         assert result.reflected.sum() + result.transmitted.sum() == pytest.approx(1.0, abs=1e-10)
+
+
+def test_a_kept_row_solves_a_frequency_once_and_knows_what_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain, solved = evanescent.Row.waves, []
+    monkeypatch.setattr(evanescent.Row, "waves", lambda row, tone: solved.append(tone) or plain(row, tone))
+    one = evanescent.KeptRow(cell(), 100.0)
+    assert one.waves(3e4) is one.waves(3e4) and solved == [3e4]
+    assert np.array_equal(one.waves(3e4).factor, plain(one, 3e4).factor)
+    heavier = replace(cell(), mass=1.001 * cell().mass)
+    others = [evanescent.KeptRow(*each) for each in ((cell(), 100.0), (cell(), 101.0), (heavier, 100.0))]
+    assert [other.same == one.same for other in others] == [True, False, False]
 
 
 def test_rows_of_bare_plate_reflect_nothing() -> None:
