@@ -22,7 +22,7 @@ from solvers.superelement.cell import Cell, Expansion, MeshError
 from solvers.superelement.interface import Interface
 from solvers.variation.parametric_cell import CellFamily, nodes_of
 
-MAX_BYTES = 200_000_000  # of all cells: a long sweep must not fill the disk with cells that it never meets again
+MAX_BYTES = 1_000_000_000  # of all cells: a sweep of six pitches makes half of it, and would meet its own no more
 PARTS = {"scale": Scale, "interface": Interface, "mesh_error": MeshError}
 PARTS |= dict.fromkeys(("touch", "skin", "bare"), Expansion)
 OWN = ("reach_m", "stiffness_changes", "mass_changes")
