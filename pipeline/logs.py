@@ -11,7 +11,7 @@ from typing import Protocol
 
 
 @contextmanager
-def memory_told(doing: str = "") -> Iterator[None]:
+def memory_errors_named(doing: str = "") -> Iterator[None]:
     """Turn a MemoryError within the block into OutOfMemory, which says what was done, how much it asked, what to change."""
     try:
         yield
@@ -74,7 +74,7 @@ class TerminalLog:
     def step(self, name: str) -> Iterator[None]:
         """Say that a step begins and keep its time; a terminal shows that it is alive."""
         begin = time.perf_counter()
-        with self._spinner(name), memory_told(name):
+        with self._spinner(name), memory_errors_named(name):
             yield
         spent = time.perf_counter() - begin
         self.seconds[name] = self.seconds.get(name, 0.0) + spent

@@ -19,7 +19,7 @@ INTRODUCTION = """# Verification
 Written by `python -m studies.verification` from what `make bench` stored; times and memory are those of the machine
 that ran it (two cores). What is compared with exact solutions and published benchmarks is in `tests/verification/`,
 one file a proof: Navier's plate in three dimensions and its families, the rods, the cantilever against Timoshenko,
-Rayleigh-Lamb waves, NAFEMS FV32 and FV52, hexahedra against tetrahedra, joined against whole plates, and faults
+Rayleigh-Lamb waves, NAFEMS FV32 and FV52, hexahedra against tetrahedra, assembled against whole plates, and faults
 planted on purpose, each of which a proof must see.
 """
 

@@ -24,12 +24,12 @@ Exit codes: 0 done, 2 wrong input, 3 the board refused, did not answer or ended 
 5 no port or no pyserial, 130 interrupted."""
 
 
-MOST = 1e9  # no value that the board understands comes near; larger ones may not fit into its single precision
+MAX_VALUE = 1e9  # no value that the board understands comes near; larger ones may not fit into its single precision
 
 
 def finite(text: str) -> float:
     """A number of the command line that single precision can hold."""
-    return _number(text, -MOST, MOST)
+    return _number(text, -MAX_VALUE, MAX_VALUE)
 
 
 def share(text: str) -> float:

@@ -13,7 +13,7 @@ void an_frame_reader_init(an_frame_reader *reader)
 
 /* In place: each code byte tells where the next one stands and, but for the first, stands for a zero itself.
  * Returns the length of the content, 0 when the codes do not end where the bytes do. */
-static uint32_t unstuff(uint8_t *bytes, uint32_t length)
+static uint32_t cobs_decode(uint8_t *bytes, uint32_t length)
 {
     uint32_t from = 0u;
     uint32_t to = 0u;
@@ -35,7 +35,7 @@ static uint32_t unstuff(uint8_t *bytes, uint32_t length)
 
 static bool parse(an_frame_reader *reader, an_message *message)
 {
-    const uint32_t content = unstuff(reader->bytes, reader->used);
+    const uint32_t content = cobs_decode(reader->bytes, reader->used);
     if (content < HEAD + CRC || content > AN_FRAME_CONTENT) {
         return false;
     }
@@ -68,7 +68,7 @@ bool an_frame_feed(an_frame_reader *reader, uint8_t byte, an_message *message)
     return sound;
 }
 
-static uint32_t stuff(uint8_t *frame, const uint8_t *content, uint32_t length)
+static uint32_t cobs_encode(uint8_t *frame, const uint8_t *content, uint32_t length)
 {
     uint32_t code_at = 0u;
     uint32_t to = 1u;
@@ -98,5 +98,5 @@ uint32_t an_frame_write(uint8_t *frame, const an_message *message)
     }
     const uint32_t body = HEAD + message->length;
     an_put32(content + body, an_crc32(content, body));
-    return stuff(frame, content, body + CRC);
+    return cobs_encode(frame, content, body + CRC);
 }

@@ -83,7 +83,7 @@ class PartModes:
     more_in_mesh: int | None = None
     nearest_hz: float | None = None  # to a band that holds no mode
 
-    def told(self, searched: bool) -> tuple[ModeRow, ...]:
+    def all_rows(self, searched: bool) -> tuple[ModeRow, ...]:
         """The rows, and those that a search for the wanted mode went through: other modes that were solved are nobody's."""
         return (*self.rows, *(self.wanted.rows if self.wanted and searched else ()))
 
@@ -169,7 +169,7 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
             f"any mode {estimate.worst:.2%} at most"
         )
         warn(estimate.total, case, log)
-    by_mesh = [_mesh_error(row, errors) for row in part_modes.told(query.search)]
+    by_mesh = [_mesh_error(row, errors) for row in part_modes.all_rows(query.search)]
     expected = error_bar.log_mesh_error(choice, case, log, largest(np.array(by_mesh, dtype=float)))
     part_modes = replace(part_modes, rows=_with_errors(choice, part_modes, errors))
     return replace(
@@ -241,7 +241,7 @@ def _within_reach(
     choice = (coarse and refine_mesh(choice, coarse.highest_hz, case, log)) or choice
     solved = _solved(case, query, choice, log, coarse)
     for _ in range(PASSES):
-        highest = max((row.frequency_hz for row in solved[0].told(query.search)), default=0.0)
+        highest = max((row.frequency_hz for row in solved[0].all_rows(query.search)), default=0.0)
         higher = refine_mesh(choice, highest, case, log) or raise_cutoff(choice, highest, log)
         if higher is None:
             break
@@ -257,7 +257,7 @@ def _solved(
     """
     meshes: list[MeshRecord] = []
     model = parts.built(case, choice, log, meshes)
-    told_by = parts.mesh_told_by(case, choice, model)
+    coarser = parts.mesh_error_source(case, choice, model)
     demand = foresight.of_modes(case, choice, with_search(case, query))
 
     def solved(symmetry: str | None, count: int | None = query.count) -> _Class:
@@ -265,8 +265,8 @@ def _solved(
         one.ask(replace(query, count=count))
         if symmetry in (None, wanted_symmetry(case.design.nodal_lines)):
             one.wanted = _wanted(case, query, one)
-        if told_by:
-            one.errors = one.by_the_mesh(told_by)
+        if coarser:
+            one.errors = one.by_the_mesh(coarser)
         one.let_go()
         return one
 
@@ -329,7 +329,7 @@ class _Class:
                 self.nearest_hz = float(near.frequency_hz[0]) if len(near.frequency_hz) else None
         self.log.info(f"{name}: {self.dof} degrees of freedom, {len(self.rows)} modes")
 
-    def by_the_mesh(self, told_by: CoarserMeshes | StressRecovery) -> ModeErrors:
+    def by_the_mesh(self, coarser: CoarserMeshes | StressRecovery) -> ModeErrors:
         """What the mesh may put each of the modes off by."""
         none = np.zeros(self.vectors.shape[1])
         assert isinstance(self.pencil, Pencil)
@@ -337,7 +337,7 @@ class _Class:
             return ModeErrors(none, none, none, none)
         with self.log.step(f"error of the mesh, class {self.symmetry or 'whole'}"):
             values = np.array([self.pencil.scale.eigenvalue(tone) for tone in self.tones])
-            return ModeErrors(none, none, *told_by.errors(self.symmetry, self.pencil, self.vectors, values))
+            return ModeErrors(none, none, *coarser.errors(self.symmetry, self.pencil, self.vectors, values))
 
     def let_go(self) -> None:
         """Release the matrices of a mesh, which are not needed again; those of a reduced plate are small."""

@@ -23,7 +23,7 @@ Compute = Callable[[dict[str, Any], Path, RunLog], dict[str, Any]]
 
 @dataclass(frozen=True)
 class Job:
-    """One case: its id (folder name), its input as understood, its swept keys, the memory it is expected to take.
+    """One case: its id (folder name), its input with defaults, its swept keys, the memory it is expected to take.
 
     parts: names what it computes and keeps for other cases, such as its reduced cells; '' for nothing.
     """

@@ -41,7 +41,7 @@ class StudyTable(BaseModel):
 
 @dataclass(frozen=True)
 class StudyFile:
-    """A study as understood: sweep holds a tuple of values per dotted key; zip pairs them instead of a full grid.
+    """A study with defaults: sweep holds a tuple of values per dotted key; zip pairs them instead of a full grid.
 
     `measure` is taken in every case of the sweep, `base_measure` in one more case, the unswept "base".
     """

@@ -84,7 +84,7 @@ def _nearest(frequencies_hz: list[float], wanted: int) -> list[int]:
 
 
 def design_hash(case: Case) -> bytes:
-    """16 bytes that name a case as understood and the code that computed it."""
+    """16 bytes that name a case with its defaults and the code that computed it."""
     identity = canonical_json(case.to_dict()) + code_hash()
     return hashlib.sha256(identity.encode()).digest()[:16]
 

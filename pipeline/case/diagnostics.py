@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 from pipeline.errors import InputError
 
 MAX_LENGTH = 60  # characters of a value or key that are shown
-MOST_NAMES = 2000  # of a folder that a misspelled name is compared with
+MAX_NAMES = 2000  # of a folder that a misspelled name is compared with
 MAX_LINES = 50  # faults told one by one; a file with more is no case file
 
 
@@ -65,7 +65,7 @@ def nearest_file(path: Path) -> str:
     with suppress(OSError, ValueError):
         for part in path.relative_to(path.anchor).parts:
             if not (there / part).exists():
-                names = sorted(each.name for each in islice(there.iterdir(), MOST_NAMES))
+                names = sorted(each.name for each in islice(there.iterdir(), MAX_NAMES))
                 match = get_close_matches(part, names, n=1, cutoff=0.75)
                 if not match:
                     return ""
@@ -117,7 +117,7 @@ class Diagnostics:
     def stop(self) -> None:
         """InputError with every line, if there is any; beyond MAX_LINES of them with how many there are."""
         if self.lines:
-            more = [f"{self.file}: {self.untold} faults more"] if self.untold else []
+            more = [f"{self.file}: {self.untold} more errors"] if self.untold else []
             raise InputError([*self.lines, *more])
 
 

@@ -86,7 +86,7 @@ class MeasuredFiles:
 
 @dataclass(frozen=True)
 class Case:
-    """One scene in SI, as understood. Lengths of tables that the file does not have are NaN: ask `require` first."""
+    """One scene in SI, with defaults. Lengths of tables that the file does not have are NaN: ask `require` first."""
 
     name: str
     source: Path | None

@@ -58,7 +58,7 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
         _read_material(raw if owner == "" else raw.get(owner, {}), owner, materials, known, diagnostics)
     _check_contrast(materials, diagnostics)
     name = _read_name(raw, source, diagnostics)
-    _tell(chain(normalise_rows(good), normalise_pitch(good)), diagnostics)
+    _add_all(chain(normalise_rows(good), normalise_pitch(good)), diagnostics)
     rows = tuple((own, _read_shape(own, source, diagnostics)) for own in by_row(good))
     _check_across(rows, diagnostics)
     return CaseValues(name, good, materials, rows, _given(raw), diagnostics)
@@ -121,19 +121,19 @@ def _read_shape(good: dict[str, Any], source: Path | None, diagnostics: Diagnost
 
 def _check_across(rows: tuple[tuple[dict[str, Any], PillarShape | None], ...], diagnostics: Diagnostics) -> None:
     for number, (good, form) in enumerate(rows, start=1):
-        _tell(
+        _add_all(
             (_of_row(number, fault, good) for check in (*CHECKS, check_zones) for fault in check(good, form)),
             diagnostics,
         )
 
 
 def _of_row(number: int, fault: Diagnostic, good: dict[str, Any]) -> Diagnostic:
-    """A fault of a row's value, told by the list that holds it."""
+    """A fault of a row's value, at the list that holds it."""
     key, _, text = fault
     return (named(key), good[named(key)], f"row {number}: {text}") if key in lists_of(good) else fault
 
 
-def _tell(faults: Iterable[Diagnostic], diagnostics: Diagnostics) -> None:
+def _add_all(faults: Iterable[Diagnostic], diagnostics: Diagnostics) -> None:
     for key, value, text in faults:
         if value is None:
             diagnostics.missing(key, text)

@@ -193,13 +193,13 @@ def broadband(arguments: Namespace) -> int:
     document = solved.to_dict()
     rows = [list(row.values()) for row in ROWS["broadband"](document)]
     head = tuple(ROWS["broadband"](document)[0])
-    lines = [f"{solved.model}, kx = {solved.kx_per_m:.1f} rad/m, {solved.rows} rows", *_told(solved)]
+    lines = [f"{solved.model}, kx = {solved.kx_per_m:.1f} rad/m, {solved.rows} rows", *_summary(solved)]
     lines.insert(1, reading_table(head, rows[:: max(1, len(rows) // 20)]))
     answer = Answer(document, lines, head, rows, lambda: [rows_over_frequency(solved)])
     return emit(arguments, "broadband", answer, log)
 
 
-def _told(solved: Any) -> list[str]:
+def _summary(solved: Any) -> list[str]:
     """The wanted mode and the intervals, in words."""
     from solvers.measures.levels import CONFINED_DB
 
@@ -315,7 +315,7 @@ def travel(arguments: Namespace) -> int:
 
     record, held = travelling.solve(case, log, band, arguments.others)
     place = outputs.folder(arguments.out) if arguments.out else None
-    record = record.model_copy(update=played.told(held, log, place, arguments.board))
+    record = record.model_copy(update=played.board_outcome(held, log, place, arguments.board))
     lines = [*travelling.lines(record), *played.lines(record)]
 
     def drawn() -> list[Any]:

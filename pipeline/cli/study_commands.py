@@ -64,7 +64,7 @@ def run(arguments: Namespace) -> int:
         return 0
     known.remember(study.name, study.source, folder)
     _log_summary(kind.conclude(study, folder), arguments.quiet)
-    _tell_without_effect(folder)
+    _log_without_effect(folder)
     if arguments.explorer and not outcome.failed:
         _log_summary(kind.explored(study, folder, TerminalLog(arguments.quiet)), arguments.quiet)
     if outcome.given_up:
@@ -90,7 +90,7 @@ def _log_summary(paths: Sequence[Path], quiet: bool) -> None:
             print(f"{word:6} {path}")
 
 
-def _tell_without_effect(folder: Path) -> None:
+def _log_without_effect(folder: Path) -> None:
     """A line for each key that was varied for nothing."""
     from pipeline.measures import registry
     from pipeline.records.study import read_study

@@ -20,7 +20,7 @@ from pipeline.records.record import BoardFault, PlayedPattern, TravelRecord
 
 NOISE = 1e-3  # of full scale, at every sensor
 HELD_TAUS = 12.0  # decay times that each pattern is held
-LEAST_S = 0.3
+MIN_S = 0.3
 
 
 def table_of(held: Travelling) -> ModeTable:
@@ -61,7 +61,7 @@ def _padded(values: FloatArray) -> FloatArray:
     return np.pad(values, ((0, 0), (0, CHANNELS - values.shape[1])))
 
 
-def told(
+def board_outcome(
     held: Travelling, log: Log, folder: Path | None, played: bool
 ) -> dict[str, list[str] | list[PlayedPattern] | BoardFault]:
     """What a record keeps of the board: where the table went, and how the emulated board played each pattern.
@@ -87,7 +87,7 @@ def _played(held: Travelling, table: ModeTable, log: Log) -> list[PlayedPattern]
     from firmware.build import BuildError
     from firmware.emulate import EmulationError, six_run
 
-    seconds = max(LEAST_S, HELD_TAUS * _tau_s(held))
+    seconds = max(MIN_S, HELD_TAUS * _tau_s(held))
     try:
         with log.step("the six-channel image on the emulated board"):
             run = six_run(to_bytes(table), structure(held), len(held.drives), seconds)

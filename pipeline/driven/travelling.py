@@ -28,9 +28,9 @@ from solvers.shaping.travelling_wave import best_travelling_drive, inner_window,
 from solvers.threads import one_thread
 
 ALONG, ACROSS = 61, 5  # points over the zone: an odd number across has its centre line
-LEAST_SHARE = 0.1  # of a mode's mass that moves in the shape asked for
+MIN_SHARE = 0.1  # of a mode's mass that moves in the shape asked for
 NEAR_FIELD = 0.1  # what is left of the ends' near field, e^{-kx}, where the wave is judged
-MOST_WINDOW = 0.3  # of the length, at each end, that is left out at most
+MAX_WINDOW = 0.3  # of the length, at each end, that is left out at most
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def _points(design: Design) -> tuple[FloatArray, BoolArray]:
 def _window(design: Design) -> tuple[float, float]:
     """From where to where the wave is judged, m: free of the ends' near field."""
     k = pi / (design.half_wavelength_m or design.width_m)
-    margin = min(-log(NEAR_FIELD) / k, MOST_WINDOW * design.length_m)
+    margin = min(-log(NEAR_FIELD) / k, MAX_WINDOW * design.length_m)
     return margin - design.length_m / 2.0, design.length_m / 2.0 - margin
 
 
@@ -175,7 +175,7 @@ def share_of(table: ModalTable, design: Design, lines: int) -> FloatArray:
 def _mode(table: ModalTable, design: Design, lines: int) -> int | None:
     share = share_of(table, design, lines)
     best = int(np.argmax(share))
-    return best if share[best] >= LEAST_SHARE else None
+    return best if share[best] >= MIN_SHARE else None
 
 
 def _record(held: Travelling, design: Design, others: float) -> TravelRecord:

@@ -154,7 +154,7 @@ def _block(full: Interface, block: ReducedBlock, numbers: _Numbers) -> Plain:
 
 
 def _use(block: ReducedBlock, full: Interface, face: Interface) -> Plain:
-    """Which polynomials a use of the class has, their parity among the cell's, and its rigid motions there."""
+    """Which polynomials a use of the class has, their parity among the cell's, and its rigid-body modes there."""
     parity, kept = lower(block.parity, full, face)
     still = parity.T @ rigid_polynomials(face, (1.0, 1.0, 0.0))
     thick = parity.T @ rigid_polynomials(face, (1.0, 1.0, 1.0)) - still

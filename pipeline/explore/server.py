@@ -91,7 +91,7 @@ class Server:
         app.router.add_post(f"{base}/cloud", self._cloud)
         app.router.add_post(f"{base}/case", self._case)
         app.router.add_post(f"{base}/full", self._start)
-        app.router.add_get(f"{base}/full", self._tell)
+        app.router.add_get(f"{base}/full", self._report)
         return app
 
     @property
@@ -168,7 +168,7 @@ class Server:
         finally:
             progress.running = False
 
-    async def _tell(self, request: web.Request) -> web.StreamResponse:
+    async def _report(self, request: web.Request) -> web.StreamResponse:
         progress = self._progress
         if progress is None:
             return refusal("no full plate has been asked for", 404)

@@ -96,7 +96,7 @@ def _compute_travel(work: Work) -> None:
     from pipeline.driven import played, travelling
 
     record, held = travelling.solve(work.case, work.log, meshes=work.meshes)
-    work.keep(travel=record.model_copy(update=played.told(held, work.log, work.folder, played=False)))
+    work.keep(travel=record.model_copy(update=played.board_outcome(held, work.log, work.folder, played=False)))
 
 
 _travel = figures_of(lambda r: r.travel)

@@ -27,7 +27,7 @@ from solvers.parametric.cell import ParametricCell
 from solvers.superelement.lattice_error import mesh_error
 
 ACCURACY = 0.002  # of the plain reductions; what they may be off by is added
-LEAST = 1e-5
+MIN_ERROR = 1e-5
 Map = Callable[[Callable[[Any], FloatArray], Iterable[Any]], Iterable[FloatArray]]
 
 
@@ -88,10 +88,12 @@ def mesh_table(
     high, bar = np.moveaxis(np.array(list(apply(off_by, tasks))), 1, 0)
     if np.isnan(high).all(axis=1).any():
         return None
-    table = MeshTable(cell.box, np.ones_like(high[: 2**4, 0]), 1.0, np.maximum(np.nanmean(high[: 2**4], axis=1), LEAST))
+    table = MeshTable(
+        cell.box, np.ones_like(high[: 2**4, 0]), 1.0, np.maximum(np.nanmean(high[: 2**4], axis=1), MIN_ERROR)
+    )
     designs = [*cell.box.spread(0), *between]
     told = np.array([table.too_high(sizes) for sizes in designs])[:, None]
-    left = np.nanmax(np.maximum(np.abs(high - told) + bar, LEAST), axis=1)
+    left = np.nanmax(np.maximum(np.abs(high - told) + bar, MIN_ERROR), axis=1)
     table = replace(table, corners=left[: 2**4])
     more = [float((own / table.at(sizes)).max()) for own, sizes in zip(left, designs, strict=True)]
     return replace(table, margin=max([1.0, *more]))

@@ -111,7 +111,7 @@ def _of_hexahedra(case: Case, choice: ModelChoice, meshes: list[MeshRecord], log
     return _solid(case, choice.part, mesh, CLAMPED[choice.part], choice.quarter, meshes, log)
 
 
-def mesh_told_by(case: Case, choice: ModelChoice, model: PartModel) -> CoarserMeshes | StressRecovery | None:
+def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> CoarserMeshes | StressRecovery | None:
     """What tells the error of a part meshed whole: two coarser meshes, or the stresses of its tetrahedra; None for what was
     reduced, whose cells tell it.
     """

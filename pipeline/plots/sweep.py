@@ -65,7 +65,7 @@ def _draw_line(
 
 def _same_mode(line: list[StoredCase], tracked: dict[str, Tracked]) -> list[tuple[int, int]]:
     """Stretches of a line over which the wanted mode is one and the same, tracked by its shape: slices of two or more."""
-    same = [getattr(tracked.get(case.case_id), "identity", "") in ("start", "kept") for case in line]
+    same = [getattr(tracked.get(case.case_id), "tracking", "") in ("start", "kept") for case in line]
     edges = [i for i in range(len(line) + 1) if i in (0, len(line)) or same[i] != same[i - 1]]
     return [(a, b) for a, b in pairwise(edges) if same[a] and b - a > 1]
 

@@ -1,4 +1,4 @@
-"""What a result depends on: the input as understood, the sources that compute, the packages that compute."""
+"""What a result depends on: the input with defaults, the sources that compute, the packages that compute."""
 
 from __future__ import annotations
 

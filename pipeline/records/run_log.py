@@ -11,7 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, TextIO
 
-from pipeline.logs import memory_told
+from pipeline.logs import memory_errors_named
 
 RULE = "-" * 100
 DIAGNOSES = {
@@ -55,8 +55,8 @@ class RunLog:
         self._say("   " + ", ".join(f"{name} {version}" for name, version in versions.items()) + f"\n{RULE}")
 
     def echo(self, payload: dict[str, Any]) -> None:
-        """The input as understood, one key a line (SI)."""
-        self._say("INPUT, as understood (SI)")
+        """The input with defaults, one key a line (SI)."""
+        self._say("INPUT with defaults (SI)")
         for key, value in flat(payload):
             self._say(f"   {key} = {value}")
         self._say(RULE)
@@ -90,7 +90,7 @@ class RunLog:
         self._say(f"{STEP_MARK}{name}")
         begin = time.perf_counter()
         try:
-            with memory_told(name):
+            with memory_errors_named(name):
                 yield
         finally:
             elapsed = time.perf_counter() - begin

@@ -20,7 +20,7 @@ TABLE = "table.csv"
 TRACKED = (  # columns along a sweep: name, heading, field of a tracked mode, format, unit
     ("tracked_hz", "tracked mode", "frequency_hz", ".2f", "Hz"),
     ("tracked_mac", "MAC with the case before", "mac", ".4f", ""),
-    ("tracking", "tracking along the sweep", "identity", "", ""),
+    ("tracking", "tracking along the sweep", "tracking", "", ""),
 )
 P = TypeVar("P")
 

@@ -1,4 +1,4 @@
-"""The wanted mode tracked along a sweep, from stored records: where it went, and where its identity is lost."""
+"""The wanted mode tracked along a sweep, from stored records: where it went, and where it is lost."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Line = list[tuple[StoredCase, WantedMode, ShapesRecord]]
 class Tracked:
     """One case of a line: the tracked mode's frequency (None when lost), its MAC with the case before, and a word.
 
-    identity: "start" (where the wanted mode is plainest), "kept", "crossed" (kept, but another mode looks more like the
+    tracking: "start" (where the wanted mode is plainest), "kept", "crossed" (kept, but another mode looks more like the
     wanted one here), "lost".
     """
 
     frequency_hz: float | None
     mac: float | None
-    identity: str
+    tracking: str
 
 
 def along_sweep(study: StoredStudy) -> dict[str, Tracked]:
@@ -51,6 +51,6 @@ def _line(line: Line) -> dict[str, Tracked]:
             if step is None or step.row is None or not step.kept:
                 tracked[case.case_id] = Tracked(None, step.mac if step else None, "lost")
             else:
-                identity = "kept" if step.row == stored.wanted else "crossed"
-                tracked[case.case_id] = Tracked(stored.frequency_hz[step.row], step.mac, identity)
+                tracking = "kept" if step.row == stored.wanted else "crossed"
+                tracked[case.case_id] = Tracked(stored.frequency_hz[step.row], step.mac, tracking)
     return tracked

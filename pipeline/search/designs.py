@@ -25,7 +25,7 @@ GOALS = {
 UNITS = {"widest": "kHz", "closest": "mm"}  # of a goal; dB of any other
 LESS = ("mm",)  # of units: the less the better, so that a goal counts below 0
 EVALUATIONS = 16  # assembled plates
-BROKEN = 1000.0  # dB below any design that keeps the limits
+VIOLATION_DB = 1000.0  # dB below any design that keeps the limits
 STEEP = 1000.0  # dB for breaking a limit by its own size: a slope that the local search follows, not a cliff that it sticks to
 UNBUILT = -1e6  # objective of what cannot be built or evaluated
 
@@ -46,8 +46,8 @@ class Evaluation:
     """A design as one fidelity evaluated it: the goal in dB or in `unit` (None: nothing to evaluate; less than 0 where the less
     is the better), the limits it breaks, its objective.
 
-    `penalised_objective` ranks designs for the next fidelity, and a local search raises it: the goal, less what a broken limit
-    costs the more it is broken, without the slack that a cheap fidelity has before a limit counts as broken.
+    `penalised_objective` ranks designs for the next fidelity, and a local search raises it: the goal, less what a violated
+    limit costs the more it is violated, without the slack that a cheap fidelity has before a limit counts as violated.
     """
 
     values: Values
@@ -129,17 +129,17 @@ def rate(values: Values, result: FidelityResult, settings: Settings, design: Des
         return Evaluation(values, result, None, None, (), UNBUILT, UNBUILT)
     unit = UNITS.get(settings.goal, "dB")
     goal = -goal if unit in LESS else goal
-    broken, strict = (
+    violated, strict = (
         settings.limits.of_design(design)
         + settings.limits.of_mode(result.frequency_hz, result.mac, slack)
         + settings.limits.of_zones(result.isolation_db, slack)
         for slack in (SLACK[result.fidelity], 0.0)
     )
-    excess = sum(amount for _, amount in broken)
+    excess = sum(amount for _, amount in violated)
     mass = mass_kg(design)
-    objective = goal if not broken else -BROKEN * (1.0 + excess)
+    objective = goal if not violated else -VIOLATION_DB * (1.0 + excess)
     penalised_objective = goal - STEEP * sum(amount for _, amount in strict) - float(bool(strict))
-    texts = tuple(text for text, _ in broken)
+    texts = tuple(text for text, _ in violated)
     return Evaluation(values, result, goal, mass if mass == mass else None, texts, objective, penalised_objective, unit)
 
 
@@ -147,7 +147,7 @@ def summary(each: Evaluation) -> str:
     """Describe an evaluation in a few words."""
     if each.goal_db is None or each.result.frequency_hz is None:
         return f"not evaluated: {each.result.why_not}"
-    broken = f"; breaks: {'; '.join(each.violations)}" if each.violations else ""
+    breaks = f"; breaks: {'; '.join(each.violations)}" if each.violations else ""
     bar = "" if each.goal_error_db is None else f" +-{each.goal_error_db:.2f}"
     goal = -each.goal_db if each.unit in LESS else each.goal_db
-    return f"{goal:.2f}{bar} {each.unit} at {each.result.frequency_hz / KHZ:.2f} kHz, MAC {each.result.mac:.2f}{broken}"
+    return f"{goal:.2f}{bar} {each.unit} at {each.result.frequency_hz / KHZ:.2f} kHz, MAC {each.result.mac:.2f}{breaks}"

@@ -53,7 +53,7 @@ def check(arguments: Namespace) -> None:
 def emit(arguments: Namespace, name: str, answer: Answer, log: TerminalLog | None = None) -> int:
     """Text on standard output unless a document goes there; JSON, CSV, pictures and files to where they are asked for.
 
-    Every document also says which case it answers, as it was understood, and by which version; with a log its seconds.
+    Every document also says which case it answers, with defaults, and by which version; with a log its seconds.
     """
     case: Case | None = getattr(arguments, "answered", None)
     about = {"case": case and case.name, "with_defaults": case and case.to_dict(), "version": version("antinode")}

@@ -36,7 +36,7 @@ class Skin:
     displacement: FloatArray
 
     def unfolded(self, symmetry: str | None) -> Skin:
-        """The whole body from its quarter x, y >= 0 of a symmetry class (two signs of u_z), or itself."""
+        """The whole body from its quarter x, y >= 0 of a symmetry class (SS to AA, of u_z), or itself."""
         skin = self
         for axis, mark in enumerate(symmetry or ""):
             flip = np.ones(3)

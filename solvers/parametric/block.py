@@ -149,7 +149,7 @@ class Block:
         )
 
     def rigid(self, sizes: FloatArray | Sizes) -> FloatArray:
-        """The inside of a design's rigid motions as far as they belong to the class, (inner, 6)."""
+        """The inside of a design's rigid-body modes as far as they belong to the class, (inner, 6)."""
         motions = rigid_body_modes(self.cell.plan(self.cell.mesh.nodes, sizes)).reshape(-1, 6)
         return np.asarray((self.forms.fold.T @ motions)[self.inner])
 
@@ -171,7 +171,7 @@ class Block:
     def inner_shapes(self, sizes: FloatArray | Sizes, modes: int) -> tuple[FloatArray, FloatArray]:
         """What the inside answers to the boundary's polynomials, and the lowest clamped modes: (inner, columns) each.
 
-        Modes have unit strain energy, answers unit strain energy and BESIDE times their mass, for rigid motions have none.
+        Modes have unit strain energy, answers unit strain energy and BESIDE times their mass, for rigid-body modes have none.
         """
         stiffness, mass = self.stretched(sizes)
         inside, traces = self.inner, self.traces(sizes)

@@ -22,7 +22,7 @@ from solvers.superelement.cell import Cell, Expansion, rigid_polynomials
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
 
-RIGID = 1e-9  # of the pitch: smaller rigid motions of a class are rounding
+RIGID = 1e-9  # of the pitch: smaller rigid-body modes of a class are rounding
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def rigid_span(parity: FloatArray, face: Interface, sizes: FloatArray | Sizes) -
 
 
 def _flexible(stiffness: FloatArray, rigid: FloatArray) -> FloatArray:
-    """The stiffness without what rounding of the stored matrices makes rigid motions meet."""
+    """The stiffness without what rounding of the stored matrices makes rigid-body modes meet."""
     other = np.eye(len(stiffness)) - rigid @ rigid.T
     return np.asarray(other @ stiffness @ other)
 

@@ -2,7 +2,7 @@
 
 The mirror x -> -x followed by conjugation leaves waves of a real wavenumber alone: in the coordinates that it keeps, K and M of
 a row are real. Every step keeps the edge that the next row shares and the modes of what lies behind it, that edge fixed,
-up to REACH times the window's top, so that no eigenvalue problem is larger than some fifty unknowns.
+up to REACH times the window's top, so that no eigenvalue problem is larger than some fifty degrees of freedom.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Step:
 
 
 def condense(pair: Pair, kept: int, top: float, about: float) -> Step:
-    """Drop all but the first `kept` unknowns; modes of the rest up to the eigenvalue `top` stay.
+    """Drop all but the first `kept` degrees of freedom; modes of the rest up to the eigenvalue `top` stay.
 
     What the other modes answer is exact at the eigenvalue `about` (leung1978): errors grow with the square of the distance.
     """
@@ -67,7 +67,7 @@ def _is_stiffer(stiffness: FloatArray, mass: FloatArray, eigenvalue: float) -> b
 
 
 def real_factors(cell: Cell, kx_per_m: float) -> ComplexArray:
-    """Factors of a row's unknowns [lower edge, upper edge, inner] that make its matrices real, (row dof,)."""
+    """Factors of a row's degrees of freedom [lower edge, upper edge, inner] that make its matrices real, (row dof,)."""
     face = cell.interface
     half = np.exp(-0.5j * kx_per_m * cell.size_m[0])
     _, sign = face.mirror(0)
@@ -80,7 +80,7 @@ def real_factors(cell: Cell, kx_per_m: float) -> ComplexArray:
 
 
 def real_row(row: Row) -> Pair:
-    """K and M of a row among the unknowns that `real_factors` turn into its own.
+    """K and M of a row among the degrees of freedom that `real_factors` turn into its own.
 
     Of the inside only modes of like parity meet: their factors are alike, and drop out.
     """
@@ -169,8 +169,8 @@ class Chain:
             modes = len(row.mass) - 2 * e
             own = np.vstack([lower, upper, behind[len(free) : len(free) + modes]])
             whole = np.vstack([own[: 2 * e], row.dropped(own)])
-            live = np.flatnonzero(place.unknown >= 0)
+            live = np.flatnonzero(place.dofs >= 0)
             factors = real_factors(place.row.cell, place.row.kx)
-            out[place.unknown[live]] = factors[live, None] * whole[live]
+            out[place.dofs[live]] = factors[live, None] * whole[live]
             motion = np.vstack([lower, behind[len(free) + modes :]])
         return out

@@ -37,7 +37,7 @@ def chosen(block: Block, designs: Sequence[Sizes], missed: float) -> list[Sizes]
 
 def _motions(block: Block, designs: Sequence[Sizes]) -> list[FloatArray]:
     """What the inside does at each design, in coordinates in which the strain energy of the reference design is the length;
-    rigid motions, which every basis has, taken out.
+    rigid-body modes, which every basis has, taken out.
     """
     stiffness, _ = block.stretched(block.cell.reference)
     root = np.linalg.cholesky(stiffness[block.inner][:, block.inner].toarray()).T

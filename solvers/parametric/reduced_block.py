@@ -57,7 +57,7 @@ class ReducedBlock:
 def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[Sizes] = ()) -> ReducedBlock:
     """Gather what the inside does at given designs, keep what brings KEPT of the energy, and project every matrix.
 
-    The rigid motions of the designs `everywhere` are among the functions, too.
+    The rigid-body modes of the designs `everywhere` are among the functions, too.
     """
     matrices = block.forms.each("stiffness"), block.forms.each("mass"), block.cell.pillar_mass.matrices
     return _block(block, inner_basis(block, designs, KEPT, everywhere), matrices)
@@ -96,7 +96,7 @@ def _block(
 def inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere: Iterable[Sizes] = ()) -> FloatArray:
     """Functions of the inside (inner, r), orthonormal in the strain energy of the reference design (a POD, sirovich1987).
 
-    The rigid motions of every design are among them, so that none meets a force. What a design's snapshots add to those of
+    The rigid-body modes of every design are among them, so that none meets a force. What a design's snapshots add to those of
     the designs before widens the space; the decomposition is of all snapshots' coordinates in it.
     """
     designs = list(designs)

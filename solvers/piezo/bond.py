@@ -46,7 +46,7 @@ def displacement_on(plate: AssembledPlate, panels: Sequence[Held], count: int) -
         live = placed_cell.coefficient != 0.0
         field = signs * (held.field[:, :, live] * placed_cell.coefficient[live])
         block = sp.coo_array(field.reshape(3 * len(held.rows), -1))
-        places = ((3 * held.rows[:, None] + np.arange(3)).ravel()[block.row], placed_cell.unknown[live][block.col])
+        places = ((3 * held.rows[:, None] + np.arange(3)).ravel()[block.row], placed_cell.dofs[live][block.col])
         parts.append(sp.csr_array((block.data, places), shape=(3 * count, plate.dof)))
     return sp.csr_array(sum(parts[1:], start=parts[0]))
 

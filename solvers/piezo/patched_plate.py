@@ -7,6 +7,7 @@ taken from stiffness, loads and charges (solvers/piezo/beneath.py).
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +30,7 @@ from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
 
 CLASSES = ("SS", "SA", "AS", "AA")
 NEAR_M = 1e-9  # a patch whose middle lies so near to a mirror line lies on it
-HARDLY = 1e-9  # of the mean eigenvalue: beside it rigid motions have some
+HARDLY = 1e-9  # of the mean eigenvalue: beside it rigid-body modes have some
 UNDRIVEN = 1e-9  # of the largest load: a class below it is not driven
 
 
@@ -113,8 +114,9 @@ class PatchedPlate:
         some = next(iter(plates.values()))
         classes = [[WHOLE]] if WHOLE in plates else coupled_classes(self.patches)
         self._held: dict[int, list[tuple[Held, ...]]] = {}
+        self._felt = _Felt()
         self._whole = some
-        self.motions: dict[str, list[list[sp.csr_array]]] = {}  # of the bonded faces, mesh by mesh
+        self.motions: dict[str, list[list[sp.csr_array]]] = {}  # of the bonded faces, mesh by mesh, as far as asked for
         self.everything = [self._group([plates[p] for p in symmetries]) for symmetries in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
         self.groups = [group for group in self.everything if np.abs(group.loads).max() > UNDRIVEN * loudest]
@@ -146,10 +148,10 @@ class PatchedPlate:
         return np.array([bond.capacitance_f for bond in self.bonds])
 
     def _group(self, plates: list[AssembledPlate]) -> Group:
-        motions = self._motions(plates)
-        self.motions[plates[0].symmetry] = motions
-        loads, by_mesh, by_modes, inertia = (np.zeros((motions[0][0].shape[1], len(self.bonds))) for _ in range(4))
-        for number, (bond, moved) in enumerate(zip(self.bonds, motions, strict=True)):
+        dofs = sum(plate.dof for plate in plates)
+        loads, by_mesh, by_modes, inertia = (np.zeros((dofs, len(self.bonds))) for _ in range(4))
+        motions = [] if self._cannot_drive(plates) else self._moved(plates)
+        for number, (bond, moved) in enumerate(zip(self.bonds, motions, strict=bool(motions))):
             pairs = list(zip(bond.parts, moved, strict=True))
             own = [motion.T @ part.load for part, motion in pairs]
             loads[:, number] = sum(part.share * load for part, load in zip(bond.parts, own, strict=True))
@@ -159,13 +161,27 @@ class PatchedPlate:
         known = all(len(bond.parts) > 1 for bond in self.bonds)
         return Group(
             tuple(plates),
-            partial(self._pencil, plates, motions),
+            partial(self._pencil, plates),
             loads,
             by_mesh if known else None,
             by_modes,
             inertia if self.eigenvalue else None,
             self.eigenvalue,
         )
+
+    def _cannot_drive(self, plates: list[AssembledPlate]) -> bool:
+        """Whether every patch is its own mirror image about a line about which the one class is antisymmetric."""
+        middles = np.array([patch.box_m.reshape(2, 2).sum(axis=1) for patch in self.patches])
+        on_line = (np.abs(middles) < NEAR_M).all(axis=0)
+        classes = [plate.symmetry for plate in plates]
+        return len(classes) == 1 and any(mark == "A" and on for mark, on in zip(classes[0], on_line, strict=False))
+
+    def _moved(self, plates: list[AssembledPlate]) -> list[list[sp.csr_array]]:
+        """Motions of the bonded faces, kept."""
+        name = plates[0].symmetry
+        if name not in self.motions:
+            self.motions[name] = self._motions(plates)
+        return self.motions[name]
 
     def _motions(self, plates: list[AssembledPlate]) -> list[list[sp.csr_array]]:
         """Of each patch the motions of its bonded face, mesh by mesh; in one class that of a patch tells its mirror image's."""
@@ -193,31 +209,31 @@ class PatchedPlate:
         if all(len(bond.parts) == 1 for bond in self.bonds) or _positive(pencil, group.factorise):
             return pencil
         own = [bond.finest for bond in self.bonds]
-        return self._pencil(list(group.plates), self.motions[group.symmetries[0]], own)
+        return self._pencil(list(group.plates), own)
 
-    def _pencil(
-        self, plates: list[AssembledPlate], motions: list[list[sp.csr_array]], bonds: list[_Bond] | None = None
-    ) -> PlainPencil:
+    def _pencil(self, plates: list[AssembledPlate], bonds: list[_Bond] | None = None) -> PlainPencil:
         """K and M of the classes with the patches, which move with their bonded faces, (3 b, dof) each.
 
         K is extrapolated; M, of which the edges leave little, is that of each patch's finest mesh, and so stays positive.
         """
-        pencils = [plate.pencil() for plate in plates]
+        pencils, motions = [plate.pencil() for plate in plates], self._moved(plates)
         stiffness, mass = ([getattr(p, name) for p in pencils] for name in ("stiffness", "mass"))
         whole, heavy = (each[0] if len(each) == 1 else sp.block_diag(each, format="csc") for each in (stiffness, mass))
-        stiff, weights = [], []
+        stiff: list[_Bonded] = []
+        weights: list[_Bonded] = []
         alike = Counter(self._own_or_image(number, plates)[0] for number in range(len(self.bonds)))
         for number, count in alike.items():
             bond, moved = (bonds or self.bonds)[number], motions[number]
             pairs = zip(bond.parts, moved[: len(bond.parts)], strict=True)
-            stiff += [(count * part.share * part.stiffness, motion) for part, motion in pairs]
-            weights.append((count * bond.parts[0].mass / self.scale.mass_kg, moved[0]))
+            stiff += [(count * part.share, part.stiffness, motion) for part, motion in pairs]
+            weights.append((count / self.scale.mass_kg, bond.parts[0].mass, moved[0]))
         rigid = sum(RIGID_OF_CLASS[plate.symmetry] for plate in plates)
-        return PlainPencil(_with(whole, stiff), _with(heavy, weights), self.scale, rigid)
+        felt = self._felt
+        return PlainPencil(felt.added(whole, stiff), felt.added(heavy, weights), self.scale, rigid)
 
 
 def _positive(pencil: PlainPencil, factorise: Factoriser) -> bool:
-    """Whether K is positive but for rigid motions: the two meshes of a patch take no more away than is there."""
+    """Whether K is positive but for rigid-body modes: the two meshes of a patch take no more away than is there."""
     least = HARDLY * pencil.stiffness.trace() / pencil.mass.trace()
     try:
         return factorise(sp.csc_array(pencil.stiffness + least * pencil.mass)).negative == 0
@@ -240,17 +256,34 @@ def _scaled(matrix: sp.csr_array, rows: FloatArray) -> sp.csr_array:
     return sp.csr_array((matrix.data * factors, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
-def _with(matrix: sp.csc_array, bonds: Sequence[tuple[FloatArray, sp.csr_array]]) -> sp.csc_array:
-    """A matrix and motion' own motion of each of the bonds (own, motion), dense where their motions (3 b, dof) have entries."""
-    rows, columns, values = [], [], []
-    for own, motion in bonds:
-        used = np.unique(motion.indices)
-        dense = motion[:, used].toarray()
-        rows.append(np.repeat(used, len(used)))
-        columns.append(np.tile(used, len(used)))
-        values.append((dense.T @ own @ dense).ravel())
-    where = (np.concatenate(rows), np.concatenate(columns))
-    return sp.csc_array(matrix + sp.coo_array((np.concatenate(values), where), shape=matrix.shape).tocsc())
+_Bonded = tuple[float, FloatArray, sp.csr_array]  # a factor, a patch's own matrix (3 b, 3 b), its motion (3 b, dof)
+
+
+class _Felt:
+    """What patches' matrices are in a plate's degrees of freedom: in classes that differ about a mirror line far from a patch
+    its motions are the same but for their sign, and made once.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[int, bytes], tuple[FloatArray, FloatArray]] = {}
+
+    def added(self, matrix: sp.csc_array, bonds: Sequence[_Bonded]) -> sp.csc_array:
+        """A matrix and factor motion' own motion of each of the bonds, dense where their motions have entries."""
+        rows, columns, values = [], [], []
+        for factor, own, motion in bonds:
+            used = np.unique(motion.indices)
+            rows.append(np.repeat(used, len(used)))
+            columns.append(np.tile(used, len(used)))
+            values.append(factor * self._projected(own, motion[:, used].toarray()).ravel())
+        where = (np.concatenate(rows), np.concatenate(columns))
+        return sp.csc_array(matrix + sp.coo_array((np.concatenate(values), where), shape=matrix.shape).tocsc())
+
+    def _projected(self, own: FloatArray, motion: FloatArray) -> FloatArray:
+        first = motion.flat[np.flatnonzero(motion)[:1]]
+        key = id(own), hashlib.sha256((np.sign(first) * motion + 0.0).tobytes()).digest()  # no zero below zero
+        if key not in self._known:
+            self._known[key] = own, motion.T @ own @ motion  # the matrix is held, so that its id stays its own
+        return self._known[key][1]
 
 
 @dataclass(frozen=True)

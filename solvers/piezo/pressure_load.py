@@ -36,7 +36,7 @@ class PressedPlate:
 
 
 def _pressure(plate: AssembledPlate, design: Design) -> FloatArray:
-    """Work of the pressure on each unknown, (dof,), N."""
+    """Work of the pressure on each degree of freedom, (dof,), N."""
     load, size = np.zeros(plate.dof), 0.0
     for placed_cell in plate.placed_cells:
         expansion = placed_cell.cell.touch
@@ -47,5 +47,5 @@ def _pressure(plate: AssembledPlate, design: Design) -> FloatArray:
         size += float(np.abs(force).sum())
         live = placed_cell.coefficient != 0.0
         work = placed_cell.coefficient * (force @ expansion.matrix[active, 0])
-        np.add.at(load, placed_cell.unknown[live], work[live])
+        np.add.at(load, placed_cell.dofs[live], work[live])
     return load / size

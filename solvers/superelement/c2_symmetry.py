@@ -20,7 +20,7 @@ REAL = 1e-9  # of the pencil's largest entry: an imaginary part that is rounding
 class C2Symmetry:
     """v = D w with real w, D = diag(exp(-i k.c) s): c (dof, 2) in m, s (dof,) of 1 or i.
 
-    The turn takes a side's unknown to the opposite side, times its sign: c is half the step between the two, s makes the
+    The turn takes a side's DOF to the opposite side, times its sign: c is half the step between the two, s makes the
     sign 1.
     """
 

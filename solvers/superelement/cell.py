@@ -189,19 +189,19 @@ class SymmetryClass:
 
 
 class Sector(Protocol):
-    """Fields of one symmetry: K and M of their unknowns, and what takes unknowns to fields and back."""
+    """Fields of one symmetry: K and M of their degrees of freedom, and what takes degrees of freedom to fields and back."""
 
     @property
     def pencil(self) -> SymmetricPencil:
-        """K and M of the unknowns."""
+        """K and M of the degrees of freedom."""
         ...
 
     def spread(self, vectors: FloatArray) -> FloatArray:
-        """Fields at every node, (3n, k), of unknowns (m, k)."""
+        """Fields at every node, (3n, k), of degrees of freedom (m, k)."""
         ...
 
     def gathered(self, field: FloatArray) -> FloatArray:
-        """Loads on the unknowns, (m, k), of loads at every node (3n, k) that have this symmetry."""
+        """Loads on the degrees of freedom, (m, k), of loads at every node (3n, k) that have this symmetry."""
         ...
 
 
@@ -217,7 +217,7 @@ class ClassSector:
         return self.pencil.expand(vectors).reshape(self.pencil.free.size, -1)
 
     def gathered(self, field: FloatArray) -> FloatArray:
-        """What of a load (3n, k) acts on the unknowns."""
+        """What of a load (3n, k) acts on the degrees of freedom."""
         return np.asarray(field[self.keep])
 
 

@@ -54,7 +54,7 @@ class Lattice:
         modes = len(cell.fixed_hz)
         self.column = np.concatenate(
             [column, width + np.arange(modes)]
-        )  # the free unknown that each of the cell's follows
+        )  # the free degree of freedom that each of the cell's follows
         self.offset = np.vstack([offset, np.zeros((modes, 2))])  # and by how many pitches it lies beyond it
 
     @cached_property
@@ -116,7 +116,7 @@ class Lattice:
         return Waves(wavevector, values[:count], frequencies, dofs, by_modes[:count])
 
     def _flexibility(self, wavevector: FloatArray, free: ComplexArray) -> ComplexArray:
-        """U^H D U of free unknowns (dof, n), D the residual flexibility of the modes left out."""
+        """U^H D U of free degrees of freedom (dof, n), D the residual flexibility of the modes left out."""
         count = self.cell.interface.count
         u = self._phases(wavevector)[:count, None] * free[self.column[:count]]
         return np.asarray(u.conj().T @ _times(self.cell.dropped, u))
@@ -157,7 +157,7 @@ class Lattice:
         return float(ROUNDING * np.abs(self.cell.stiffness).max() / np.abs(self.cell.mass).max())
 
     def _solve(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ComplexArray]:
-        """The lowest eigenvalues (n,) of the pencil and its vectors (dof, n) of the free unknowns."""
+        """The lowest eigenvalues (n,) of the pencil and its vectors (dof, n) of the free degrees of freedom."""
         turn, matrices = self.c2_symmetry, self.pencil(wavevector)
         stiffness, mass = (turn.turned(matrix, wavevector).real for matrix in matrices) if turn else matrices
         try:
@@ -213,7 +213,7 @@ class Lattice:
 
 
 def _followed(face: Interface) -> tuple[IntArray, FloatArray]:
-    """For each boundary unknown the free one that it follows, (count,), and by how many pitches it lies beyond it."""
+    """For each boundary degree of freedom the free one that it follows, (count,), and by how many pitches it lies beyond it."""
     column, offset = np.empty(face.count, dtype=np.int64), np.zeros((face.count, 2))
     for index, step in enumerate(OFFSETS):
         column[face.vertex(index)], offset[face.vertex(index)] = np.arange(face.vertex_block), step
@@ -224,7 +224,7 @@ def _followed(face: Interface) -> tuple[IntArray, FloatArray]:
 
 
 def boundary_phases(face: Interface, phase: FloatArray) -> ComplexArray:
-    """The boundary's motion from the free boundary unknowns at phases (2,) a pitch, (count, free)."""
+    """The boundary's motion from the free boundary degrees of freedom at phases (2,) a pitch, (count, free)."""
     column, offset = _followed(face)
     out = np.zeros((face.count, face.vertex_block + 2 * face.side_block), dtype=complex)
     out[np.arange(face.count), column] = np.exp(1j * offset @ phase)

@@ -25,7 +25,7 @@ from solvers.superelement.cell import Cell, CellBuilder, MeshError, SymmetryClas
 from solvers.threads import one_thread
 
 WIDER = 1.15  # modes of the coarser mesh are sought so much higher: they lie above their partners
-MOST = 0.9  # of K or M in any direction that is taken away: they stay positive
+MAX_SHARE = 0.9  # of K or M in any direction that is taken away: they stay positive
 SLIGHT = 1e-9
 NOTHING = 1e-10  # of the mean stiffness or mass of a function: rounding
 NestedBuilder = Nested[CellBuilder]
@@ -72,7 +72,9 @@ def _lowered(
 ) -> Cell:
     """The cell less the share of its changes by the layer, as far as K and M stay positive; the rest counts as uncertain."""
     limits = [
-        MOST / _largest(change, whole) for change, whole in zip(by_layer, _metrics(cell), strict=True) if change.any()
+        MAX_SHARE / _largest(change, whole)
+        for change, whole in zip(by_layer, _metrics(cell), strict=True)
+        if change.any()
     ]
     taken = min([shares.taken, *limits])
     error = MeshError(*by_layer, *by_order, taken, shares.spread + shares.taken - taken, shares.edge)
@@ -140,12 +142,12 @@ def _metrics(cell: Cell) -> tuple[FloatArray, FloatArray]:
 
 
 def _largest(change: FloatArray, metric: FloatArray) -> float:
-    """Largest eigenvalue of a change beside a metric, at least MOST; functions that carry nothing are left out, those of free
-    sides and those that a coarse mesh of tetrahedra cannot tell from others.
+    """Largest eigenvalue of a change beside a metric, at least MAX_SHARE; functions that carry nothing are left out, those of
+    free sides and those that a coarse mesh of tetrahedra cannot tell from others.
     """
     carried = np.flatnonzero(np.diag(metric) > 0.0)
     square, unit = np.ix_(carried, carried), np.sqrt(np.diag(metric)[carried])
     values, turn = eigh(metric[square] / np.outer(unit, unit))
     kept = values > NOTHING
     turn = turn[:, kept] / np.sqrt(values[kept]) / unit[:, None]
-    return max(MOST, float(eigvalsh(turn.T @ change[square] @ turn)[-1]))
+    return max(MAX_SHARE, float(eigvalsh(turn.T @ change[square] @ turn)[-1]))

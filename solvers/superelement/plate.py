@@ -37,13 +37,13 @@ class PlacedCell:
 
     cell: Cell
     middle: tuple[float, float]
-    unknown: IntArray
+    dofs: IntArray
     coefficient: FloatArray
     copies: int
 
 
 class AssembledPlate:
-    """Cells on a tiling, restricted to one symmetry class; `symmetry` = two signs of u_z, x then y; WHOLE for all of
+    """Cells on a tiling, restricted to one symmetry class; `symmetry` = SS, SA, AS or AA of u_z, x then y; WHOLE for all of
     them at once. `grid`: the numbers of the whole plate's degrees of freedom, where another class has made them.
 
     Raises SolverError for cells that do not fit, and for a class of a plate that is not its own mirror image.
@@ -90,7 +90,7 @@ class AssembledPlate:
         rows, columns, values = [], [], []
         for placed_cell in self.placed_cells:
             row, column, value = known[id(placed_cell.cell)]
-            place, weight = placed_cell.unknown.astype(np.int32), placed_cell.coefficient
+            place, weight = placed_cell.dofs.astype(np.int32), placed_cell.coefficient
             weighted = placed_cell.copies * value * weight[row] * weight[column]
             live = weighted != 0.0
             rows.append(place[row[live]])
@@ -101,7 +101,7 @@ class AssembledPlate:
 
     def cell_vectors(self, placed_cell: PlacedCell, vectors: FloatArray | ComplexArray) -> FloatArray:
         """A cell's degrees of freedom (cell dof, k) from the plate's (dof, k)."""
-        return np.asarray(placed_cell.coefficient[:, None] * vectors[np.maximum(placed_cell.unknown, 0)])
+        return np.asarray(placed_cell.coefficient[:, None] * vectors[np.maximum(placed_cell.dofs, 0)])
 
     def touch(self, vectors: FloatArray) -> TouchField:
         """u_z over the touch faces of the cells of the class, weighted as the whole plate."""
@@ -214,7 +214,7 @@ class Grid:
         return self.tiling.representatives(self.whole)
 
     def representatives(self, symmetry: str) -> tuple[IntArray, FloatArray]:
-        """For every unknown the one it follows and its coefficient: u[d] = sign[d] u[where[d]]; 0 where it must vanish."""
+        """For every DOF the one it follows and its coefficient: u[d] = sign[d] u[where[d]]; 0 where it must vanish."""
         here = np.arange(self.count)
         where, sign = here, np.where(self._idle(), 0.0, 1.0)
         for axis, mark in enumerate(symmetry):

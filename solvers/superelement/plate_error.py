@@ -114,7 +114,7 @@ def _dofs(plate: AssembledPlate, of_cell: Callable[[Cell], IntArray]) -> BoolArr
     for placed_cell in plate.placed_cells:
         local = of_cell(placed_cell.cell)
         local = local[placed_cell.coefficient[local] != 0.0]
-        chosen[placed_cell.unknown[local]] = True
+        chosen[placed_cell.dofs[local]] = True
     return chosen
 
 

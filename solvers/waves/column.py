@@ -48,7 +48,7 @@ class _PlacedCell:
 
     row: Row
     middle: float
-    unknown: IntArray
+    dofs: IntArray
 
 
 class Column:
@@ -90,8 +90,8 @@ class Column:
         """Hermitian K and M, (dof, dof) each."""
         stiffness, mass = (np.zeros((self.dof,) * 2, dtype=complex) for _ in range(2))
         for place in self.placed_cells:
-            live = np.flatnonzero(place.unknown >= 0)
-            here = np.ix_(place.unknown[live], place.unknown[live])
+            live = np.flatnonzero(place.dofs >= 0)
+            here = np.ix_(place.dofs[live], place.dofs[live])
             stiffness[here] += place.row.stiffness[np.ix_(live, live)]
             mass[here] += place.row.mass[np.ix_(live, live)]
         return stiffness, mass
@@ -146,7 +146,7 @@ class Column:
         for place in self.placed_cells:
             touch = place.row.cell.touch
             assert touch.weights is not None
-            local = np.where(place.unknown[:, None] >= 0, vectors[np.maximum(place.unknown, 0)], 0.0)
+            local = np.where(place.dofs[:, None] >= 0, vectors[np.maximum(place.dofs, 0)], 0.0)
             motion, normal = place.row.transform @ local, touch.matrix[:, 0]
             values.append(normal @ motion.real + 1j * (normal @ motion.imag))
             y = touch.points[:, 1] + place.middle

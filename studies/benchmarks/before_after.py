@@ -129,7 +129,11 @@ def main(arguments: list[str] | None = None) -> None:
                     min(known, used_by(root, "-m", "antinode", *TASKS[name]), key=lambda used: used.seconds)
                     for known, root in ((before, earlier), (after, ROOT))
                 )
-            spent = [] if name in LONG else [f"{100.0 * part:.0f} %" for part in shares(ROOT, TASKS[name]).values()]
+            spent = (
+                ["-"] * (len(SHARES) + 1)
+                if name in LONG
+                else [f"{100.0 * part:.0f} %" for part in shares(ROOT, TASKS[name]).values()]
+            )
             ratio = f"{after.seconds / before.seconds:.2f}"
             figures = (f"{before.seconds:.2f}", f"{after.seconds:.2f}", ratio, f"{after.peak_bytes / 1e6:.0f}", *spent)
             rows[name] = f"| {' | '.join((name, *figures))} |"

@@ -8,8 +8,8 @@
 
 #define AN_PI_NUMBER 3.14159265f
 #define AN_START_LEVEL 0.01f    /* of full scale */
-#define AN_LEAST_LEVEL 1e-4f
-#define AN_COARSE_MOST 0.16f    /* of the drive limit, while nothing but noise answers */
+#define AN_MIN_LEVEL 1e-4f
+#define AN_COARSE_MAX 0.16f    /* of the drive limit, while nothing but noise answers */
 #define AN_LOUDER 4.0f
 #define AN_FIRST_SPAN 0.01f     /* of the frequency, to either side: the least that is looked at */
 #define AN_WIDEST_SPAN 0.04f
@@ -20,8 +20,8 @@
 #define AN_PASSED 0.7f          /* of the peak: half a bandwidth off */
 #define AN_AIM 0.4f             /* of the amplitude limit, at the peak of the fine sweep */
 #define AN_TOO_MUCH 0.5f        /* of the amplitude limit */
-#define AN_RATIO_LEAST 0.4f     /* of a response raised to what it was, both by their drives */
-#define AN_RATIO_MOST 3.0f
+#define AN_RATIO_MIN 0.4f     /* of a response raised to what it was, both by their drives */
+#define AN_RATIO_MAX 3.0f
 #define AN_TAU_RATIO 8.0f       /* found over guessed, or the other way round */
 #define AN_COARSE_SETTLE 4.0f   /* time constants */
 #define AN_FINE_SETTLE 6.0f
@@ -90,7 +90,7 @@ void an_ident_init(an_ident *ident, const an_mode *guess, bool senses_displaceme
     ident->guess_tau_s = guess->tau_s;
     ident->elapsed_s = 0.0f;
     ident->lowered = false;
-    const float most = AN_COARSE_MOST * guess->drive_limit;
+    const float most = AN_COARSE_MAX * guess->drive_limit;
     begin_coarse(ident, AN_START_LEVEL < most ? AN_START_LEVEL : most);
 }
 
@@ -194,7 +194,7 @@ static void raise(an_ident *ident)
 
 static void end_coarse(an_ident *ident)
 {
-    const float most = AN_COARSE_MOST * ident->mode.drive_limit;
+    const float most = AN_COARSE_MAX * ident->mode.drive_limit;
     const float louder = AN_LOUDER * ident->level;
     if (is_above_noise(ident) || ident->lowered || ident->level >= most) {
         ident->stage = AN_IDENT_FAILED;
@@ -209,7 +209,7 @@ static void answer_coarse(an_ident *ident, an_complex measured, float noise2)
     if (size > AN_TOO_MUCH * ident->mode.amplitude_limit) {
         ident->lowered = true;
         begin_coarse(ident, 0.25f * ident->level);
-        ident->stage = ident->level > AN_LEAST_LEVEL ? AN_IDENT_COARSE : AN_IDENT_FAILED;
+        ident->stage = ident->level > AN_MIN_LEVEL ? AN_IDENT_COARSE : AN_IDENT_FAILED;
         return;
     }
     if (size > ident->best_size) {
@@ -232,7 +232,7 @@ static void answer_raise(an_ident *ident, an_complex measured)
 {
     const float size = an_abs(measured);
     const float ratio = size / ident->best_size;
-    if (!(ratio > AN_RATIO_LEAST && ratio < AN_RATIO_MOST)) {
+    if (!(ratio > AN_RATIO_MIN && ratio < AN_RATIO_MAX)) {
         ident->stage = AN_IDENT_FAILED;
         return;
     }

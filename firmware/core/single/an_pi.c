@@ -4,7 +4,7 @@
 #include "an_sine.h"
 
 #define AN_TWO_PI 6.2831853f
-#define AN_LEAST_SHARE 0.1f /* Kp G at least: slower than this the plate alone would be faster */
+#define AN_MIN_SHARE 0.1f /* Kp G at least: slower than this the plate alone would be faster */
 
 /* exp(-x), x >= 0, as a Pade fraction: positive, below one, and within 1e-4 for x up to 0.7. */
 static float decay_of(float x)
@@ -47,7 +47,7 @@ static float proportional_of(const an_mode *mode, const an_pi_wish *wish, float 
     const float pole = decay_of(wish->period_s / mode->tau_s);
     const float wanted_pole = decay_of(wish->period_s / response_s);
     const float proportional = (1.0f - wanted_pole) / ((1.0f - pole) * size);
-    const float least = AN_LEAST_SHARE / size;
+    const float least = AN_MIN_SHARE / size;
     const float bounded = proportional < wish->proportional_max ? proportional : wish->proportional_max;
     return bounded > least ? bounded : least;
 }

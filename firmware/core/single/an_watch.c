@@ -4,13 +4,13 @@
 #include "an_complex.h"
 #include "an_sincos.h"
 
-#define AN_SPREAD_LEAST 0.35f   /* half of a weight's norm: noise at most 1.2 times that of a single sample */
+#define AN_SPREAD_MIN 0.35f   /* half of a weight's norm: noise at most 1.2 times that of a single sample */
 #define AN_GONE2 0.0625f        /* squared: what is left within a quarter of what was */
 #define AN_STILL2 (0.5f * (float)AN_WATCH_TICKS / 81.0f) /* the sum of squares of a tone of a ninth of what was */
 #define AN_PEAK_SHARE2 0.25f    /* squared: half of the largest lately; other modes' beats pass through less */
 #define AN_FORGET 0.06f         /* of the peak's square a look: half of it within half a millisecond */
 #define AN_OWN2 0.605f          /* of what was: damping and detuning of a touched plate, and what counts as gone */
-#define AN_LEAST2 67.0f         /* 0.004 of full scale in counts, squared */
+#define AN_MIN2 67.0f         /* 0.004 of full scale in counts, squared */
 #define AN_QUIET 575.0f         /* times the noise between windows at rest: 10 times that of a sample */
 #define AN_STILL_QUIET 150.0f   /* times the same: what noise alone makes of the sum of squares, and four deviations more */
 #define AN_FULL_SCALE2 4194304.0f /* counts, squared */
@@ -38,7 +38,7 @@ static bool normalise(float *values)
     for (uint32_t i = 0u; i < AN_WATCH_PAIRS; i++) {
         values[i] *= 0.5f / square;
     }
-    return square > AN_SPREAD_LEAST;
+    return square > AN_SPREAD_MIN;
 }
 
 void an_watch_prepare(an_watch_plan *plan, const an_mode *mode, an_complex lead, uint32_t step, float sample_rate_hz)
@@ -115,7 +115,7 @@ bool an_watch_look(an_watch *watch, const an_watch_plan *plan, const an_fast *fa
     const an_complex given = an_mul(plan->push, fast->drive);
     const float size2 = an_abs2(watch->seen[1]);
     const float noise2 = AN_FULL_SCALE2 * quiet;
-    const bool decided = size2 > AN_LEAST2 && size2 > AN_QUIET * noise2 && size2 > AN_PEAK_SHARE2 * watch->peak &&
+    const bool decided = size2 > AN_MIN2 && size2 > AN_QUIET * noise2 && size2 > AN_PEAK_SHARE2 * watch->peak &&
                          failed(watch, fast, now, given, noise2);
     const float left = (1.0f - AN_FORGET) * watch->peak;
     watch->peak = an_abs2(now) > left ? an_abs2(now) : left;

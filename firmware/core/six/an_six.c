@@ -10,7 +10,7 @@
 
 #define AN_HEADROOM 0.9f     /* of the drive limit, for the integrals */
 #define AN_PROBE_LEVEL 0.01f /* of the drive limit, at first, for each actuator */
-#define AN_PROBE_MOST 0.5f   /* of the drive limit */
+#define AN_PROBE_MAX 0.5f   /* of the drive limit */
 #define AN_PROBE_STEP 4.0f
 #define AN_PROBE_LOW 0.05f   /* of the sensor's full scale: less is measured again with more drive */
 #define AN_SETTLE 7.0f       /* time constants */
@@ -18,7 +18,7 @@
 #define AN_SOFT 0.25f      /* time constants that a pattern takes to fade in */
 #define AN_PERIODS 2.0f /* of the carrier, at least, in a window */
 
-enum { BUILD_NUMBER = 6, WINDOW_LEAST = 46, PROBE_AVERAGE = 8, VALUES_BYTES = 8 * AN_SIX * AN_SIX };
+enum { BUILD_NUMBER = 6, WINDOW_MIN = 46, PROBE_AVERAGE = 8, VALUES_BYTES = 8 * AN_SIX * AN_SIX };
 
 static float period_s(const an_six *app)
 {
@@ -28,7 +28,7 @@ static float period_s(const an_six *app)
 static void choose_window(an_six *app)
 {
     const uint32_t fitting = (uint32_t)(AN_PERIODS * app->base.sample_rate_hz / app->shape.frequency_hz + 0.5f);
-    app->window = fitting > WINDOW_LEAST ? fitting : (uint32_t)WINDOW_LEAST;
+    app->window = fitting > WINDOW_MIN ? fitting : (uint32_t)WINDOW_MIN;
 }
 
 static an_six_job *new_job(an_six *app, uint32_t kind)
@@ -215,7 +215,7 @@ void an_six_boot(an_six *app, const uint8_t *table, uint32_t length, float sampl
     app->base.measured = measured;
     app->base.sample_rate_hz = sample_rate_hz;
     app->step = an_dds_step(0.1f * sample_rate_hz, sample_rate_hz);
-    app->window = WINDOW_LEAST;
+    app->window = WINDOW_MIN;
     const bool accepted = an_table_open(&app->table, table, length) == AN_TABLE_OK &&
                           accepts(&app->table, sample_rate_hz) == AN_TABLE_OK;
     if (accepted) {
@@ -297,7 +297,7 @@ static void end_identify(an_six *app)
 static void take_column(an_six *app)
 {
     const float louder = app->probe_level * AN_PROBE_STEP;
-    if (largest_response(app) < AN_PROBE_LOW && louder <= AN_PROBE_MOST * app->shape.drive_limit) {
+    if (largest_response(app) < AN_PROBE_LOW && louder <= AN_PROBE_MAX * app->shape.drive_limit) {
         app->probe_level = louder;
         return;
     }

@@ -8,14 +8,14 @@
 #define AN_SIX_STILL 0.13f  /* of the size times the angle of a sample: what a sensor may move that stands still */
 #define AN_SIX_ENOUGH 0.5f  /* of the size: the sum of distances that decides */
 #define AN_SIX_MOVED 0.25f  /* of the size: the sum of movements that ought to have been */
-#define AN_SIX_LEAST 0.02f  /* of full scale: smaller tones tell nothing */
+#define AN_SIX_MIN 0.02f  /* of full scale: smaller tones tell nothing */
 #define AN_SIX_CLEAR 17.0f  /* times what was not foretold: fifty times the noise */
 #define AN_SIX_FORGET 0.9f /* of the roughness in a few samples */
 #define AN_SIX_LEVEL 0.5f   /* of a distance in the level of what rings */
 #define AN_SIX_SLOPE 0.15f  /* in its slope */
 
 enum {
-    RUN_LEAST = 3,
+    RUN_MIN = 3,
     FEW = 8, /* samples */
     TAKE_OVER = 2 * AN_SIX_GAP /* the tick for a new measurement: a sensor that failed in the window's last samples is found before */
 };
@@ -74,7 +74,7 @@ static bool look(an_six_trace *trace, float shown, float tone, float angle)
     trace->shown = shown;
     trace->expected = expected;
     const float enough = AN_SIX_ENOUGH * trace->size;
-    return trace->size > AN_SIX_LEAST && trace->size > AN_SIX_CLEAR * trace->rough && trace->run >= RUN_LEAST &&
+    return trace->size > AN_SIX_MIN && trace->size > AN_SIX_CLEAR * trace->rough && trace->run >= RUN_MIN &&
            (trace->gone > enough || trace->reversed > enough || trace->stuck > AN_SIX_MOVED * trace->size);
 }
 

@@ -1,5 +1,5 @@
 "use strict";
-const MOST_PINS = 4;
+const MAX_PINS = 4;
 const $ = (id) => document.getElementById(id);
 const state = { limits: {}, design: {}, shown: null, before: null, undo: [], pins: [], asking: false, again: false };
 
@@ -314,7 +314,7 @@ function drawPins() {
       plate.why_not ? "none" : kilo(plate.frequency_hz), plate.why_not || plate.confinement_db === null ? "none" : plate.confinement_db.toFixed(2),
       gap ? `${kilo(gap[1].lower_hz)} to ${kilo(gap[1].upper_hz)}` : "none"]);
   }));
-  $("pin").disabled = state.pins.length >= MOST_PINS;
+  $("pin").disabled = state.pins.length >= MAX_PINS;
 }
 function take(design) {
   remember();
@@ -387,7 +387,7 @@ async function start() {
     show(state.design);
     refresh();
   });
-  $("pin").addEventListener("click", () => { if (state.shown && state.pins.length < MOST_PINS) { state.pins.push(state.shown); drawPins(); } });
+  $("pin").addEventListener("click", () => { if (state.shown && state.pins.length < MAX_PINS) { state.pins.push(state.shown); drawPins(); } });
   $("save").addEventListener("click", save);
   $("gather").addEventListener("click", gather);
   $("full").addEventListener("click", computeFull);

@@ -13,7 +13,7 @@ from geometry.elements import FloatArray, IntArray
 
 
 def alike(graph: sp.csc_array) -> tuple[IntArray, IntArray]:
-    """Class of each unknown (n,) and members of each class (m,): degrees of freedom coupled to the same ones are alike.
+    """Class of each DOF (n,) and members of each class (m,): degrees of freedom coupled to the same ones are alike.
 
     Columns are compared by sums of random 62-bit keys of their rows.
     """
@@ -43,7 +43,7 @@ def quotient(graph: sp.csc_array, label: IntArray, count: int) -> sp.csc_array:
 def postordered(graph: sp.csc_array, place: IntArray, size: IntArray) -> tuple[IntArray, int]:
     """An order as good as the given one in which supernodes are contiguous, and the entries of L, diagonal included.
 
-    place (m,) is each unknown's turn, size (m,) how many alike degrees of freedom it stands for. Exact but for cancellation.
+    place (m,) is each DOF's turn, size (m,) how many alike degrees of freedom it stands for. Exact but for cancellation.
     Row subtrees as in davis2006, section 4.5: each adds its size at its leaves and takes it off where two leaves meet
     and above its root, so that sums over the tree's subtrees are the column counts.
     """
@@ -66,7 +66,7 @@ def postordered(graph: sp.csc_array, place: IntArray, size: IntArray) -> tuple[I
 
 
 def _elimination_tree(row: IntArray, column: IntArray, count: int) -> IntArray:
-    """Parent of every unknown, -1 at roots.
+    """Parent of every degree of freedom, -1 at roots.
 
     Vertices up to k are joined alike by the graph and by its minimum spanning tree under the weight max(i, j), and
     that is all the elimination tree asks: count - 1 edges instead of all.

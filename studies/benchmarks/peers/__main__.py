@@ -46,7 +46,9 @@ TETRAHEDRA = {  # order, size in mm, levels of elements shrunk towards singular 
     "cell": ((3, 2.0, 1), (3, 2.0, 2), (4, 2.0, 2)),
     "plate": ((3, 4.0, 0), (3, 4.0, 1), (3, 2.0, 1), (4, 4.0, 2)),
 }
-LEAST = {"plate": 2}  # elements across a pillar: with one its bending lies so high that it mixes with the wanted mode
+MIN_ACROSS = {
+    "plate": 2
+}  # elements across a pillar: with one its bending lies so high that it mixes with the wanted mode
 HEXAHEDRA = {  # size in the plate and along a pillar in mm, layers shrunk towards singular edges
     "zone": ((4.0, 4.0, 0), (4.0, 4.0, 1), (2.0, 2.0, 1)),
     "pillar": ((1.0, 1.0, 1), (0.5, 0.7, 2), (0.5, 0.5, 3)),
@@ -83,7 +85,7 @@ def listed() -> Iterator[Row]:
         for order, size, levels in TETRAHEDRA[part]:
             told = f"tetrahedra of order {order}, {size:g} mm, {levels} levels"
             yield Row(part, NGSOLVE, told, {"order": order, "size_mm": size, "levels": levels})
-        least = LEAST.get(part, 1)
+        least = MIN_ACROSS.get(part, 1)
         for size, along, layers in HEXAHEDRA[part]:
             sizes = f"{size:g} x {along:g} mm, {layers} layers" + (f", {least} across a pillar" if least > 1 else "")
             own = {"size_mm": size, "along_mm": along, "layers": layers, "least": least}

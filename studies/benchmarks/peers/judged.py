@@ -14,7 +14,7 @@ from studies.benchmarks.peers.scene import KEPT, PARTS, merged
 SLOWEST = 1e-3  # of the highest frequency: slower waves are rigid-body modes
 TARGETS = (0.01, 0.003, 0.001)
 WINDOW = 0.1  # about the reference, relative: where a plate's wanted mode is looked for
-LEAST = 1e-6  # errors below are drawn here
+MIN_ERROR = 1e-6  # errors below are drawn here
 ZONE_MODE = 8  # the mode (0, 8) among the zone's: each has one line more than the one below it
 
 
@@ -107,7 +107,7 @@ def draw(results: Sequence[Found], references: dict[str, Found], path: Path) -> 
         for axes, part in zip(np.ravel(figure.subplots(2, 2)), references, strict=False):
             for program, colour, mark in zip(programs, style.CYCLE, style.MARKERS, strict=False):
                 own = sorted((o for o in results if (o.part, o.program) == (part, program)), key=lambda o: o.seconds)
-                off = [max(abs(error(o, references[part])), LEAST) for o in own if o != references[part]]
+                off = [max(abs(error(o, references[part])), MIN_ERROR) for o in own if o != references[part]]
                 seconds = [o.seconds for o in own if o != references[part]]
                 axes.loglog(seconds, off, f"{mark}-", color=colour, markersize=4, label=program)
             axes.set(title=PARTS[part].title, xlabel="CPU seconds", ylabel="largest relative error")

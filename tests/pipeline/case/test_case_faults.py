@@ -169,7 +169,7 @@ class TestWorkOfLoading:
 
     def test_unknown_keys(self, tmp_path):
         lines = timed_lines(tmp_path, "\n".join(f"k{i} = 1" for i in range(15_000)) + "\n" + self.text)
-        assert len(lines) == 51 and lines[-1].endswith(": 14950 faults more")
+        assert len(lines) == 51 and lines[-1].endswith(": 14950 more errors")
 
     def test_more_bytes_than_a_case_has(self, tmp_path):
         lines = timed_lines(tmp_path, "\n".join(f"k{i} = 1" for i in range(100_000)))

@@ -104,7 +104,7 @@ def test_backwards_is_the_mirror_image(solved: tuple[TravelRecord, Travelling]) 
 
 def test_the_table_holds_t_and_what_each_pattern_shows(solved: tuple[TravelRecord, Travelling], tmp_path: Path) -> None:
     record, held = solved
-    found = played.told(held, QUIET, tmp_path, played=False)
+    found = played.board_outcome(held, QUIET, tmp_path, played=False)
     assert found["tables"] == ["travelling_wave.bin", "travelling_wave.h"]
     table = from_bytes((tmp_path / "travelling_wave.bin").read_bytes())
     (shape,) = table.shapes
@@ -267,5 +267,5 @@ def test_what_cannot_be_is_one_line(solved: tuple[TravelRecord, Travelling]) -> 
     sensors = np.pad(held.table.sensors, ((0, 0), (0, 1)))
     seven = dataclasses.replace(held, table=dataclasses.replace(held.table, sensors=sensors, sensor_residual=None))
     with pytest.raises(InputError, match="6 drive and 7 listen, the board has 6"):
-        played.told(seven, QUIET, None, played=True)
-    assert played.told(seven, QUIET, None, played=False) == {}
+        played.board_outcome(seven, QUIET, None, played=True)
+    assert played.board_outcome(seven, QUIET, None, played=False) == {}

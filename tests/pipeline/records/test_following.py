@@ -41,7 +41,7 @@ def test_a_crossing_is_told_and_the_line_starts_where_the_mode_is_plainest() -> 
             case(6, [SECOND, [0.95, 0.1]], 0, 0.6),  # looks most like the wanted shape, yet is another mode
         )
     )
-    assert [result[name].identity for name in ("p4r1", "p5r1", "p6r1")] == ["start", "kept", "crossed"]
+    assert [result[name].tracking for name in ("p4r1", "p5r1", "p6r1")] == ["start", "kept", "crossed"]
     assert result["p6r1"].frequency_hz == 31e3
     assert result["p4r1"].mac is None
 
@@ -49,7 +49,7 @@ def test_a_crossing_is_told_and_the_line_starts_where_the_mode_is_plainest() -> 
 def test_beyond_a_mixture_the_identity_stays_lost() -> None:
     mixed = case(5, [MIXED, [-0.714, 0.7]], 0, 0.5)
     result = tracking.along_sweep(study(case(4, [FIRST, SECOND], 0, 0.98), mixed, case(6, [FIRST, SECOND], 0, 0.9)))
-    assert [result[name].identity for name in ("p5r1", "p6r1")] == ["lost", "lost"]
+    assert [result[name].tracking for name in ("p5r1", "p6r1")] == ["lost", "lost"]
     assert result["p5r1"].mac == pytest.approx(0.49, abs=0.02)
     assert result["p6r1"].frequency_hz is None
 
@@ -58,7 +58,7 @@ def test_both_ways_from_the_start_and_line_by_line() -> None:
     shapes = [FIRST, SECOND]
     cases = [case(p, shapes, 0, 0.99 if p == 5 else 0.8, rows) for rows in (1, 2) for p in (4, 5, 6)]
     result = tracking.along_sweep(study(*cases))
-    assert [result[c.case_id].identity for c in cases] == ["kept", "start", "kept"] * 2
+    assert [result[c.case_id].tracking for c in cases] == ["kept", "start", "kept"] * 2
 
 
 def test_the_table_carries_it_and_a_single_case_has_no_such_columns() -> None:
@@ -73,5 +73,5 @@ def test_the_case_that_is_computed_once_is_no_part_of_the_sweep() -> None:
     base = case(4, [FIRST, SECOND], 0, 0.99)
     once = StoredCase(Path("base"), base.record.model_copy(update={"case_id": "base", "sweep": {}}))
     result = tracking.along_sweep(study(once, case(4, [FIRST, SECOND], 0, 0.98), case(5, [FIRST, SECOND], 0, 0.9)))
-    assert [result[name].identity for name in ("p4r1", "p5r1")] == ["start", "kept"]
+    assert [result[name].tracking for name in ("p4r1", "p5r1")] == ["start", "kept"]
     assert "base" not in result

@@ -34,8 +34,8 @@ RAW = {
     "damping": {"quality": 60.0},
     "patches": {"size_mm": [4.0, 3.0, 0.3]},
 }
-LEAST_DB = 15.0
-LIMITS = Limits(mac=0.5, isolation_db=LEAST_DB)
+MIN_DB = 15.0
+LIMITS = Limits(mac=0.5, isolation_db=MIN_DB)
 FILE = Path(__file__).resolve().parents[3] / "examples" / "two-zones.toml"
 
 
@@ -141,7 +141,7 @@ def test_how_far_zones_must_lie_apart_is_what_cross_talk_tells_of_the_same_plate
         assert record.worst_db is not None
         direct[rows] = -record.worst_db
     assert max(direct) > 1 and direct.pop(max(direct)) == pytest.approx(best["isolation_db"], abs=1e-6)
-    assert best["isolation_db"] >= LEAST_DB > max(direct.values())
+    assert best["isolation_db"] >= MIN_DB > max(direct.values())
     assert best["gap_mm"] == pytest.approx(4.0 * (best["set"]["zone.shared_rows"] - 1) + 2.0)
 
 

@@ -19,6 +19,7 @@ from solvers.fem.eigen import modes_in_band
 from solvers.fem.factor import memory
 from solvers.fem.solid import SolidModel
 from solvers.piezo import beneath as beneath_patches
+from solvers.piezo import patched_plate
 from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
 from solvers.piezo.bond import Contact, displacement_at
 from solvers.piezo.forced import Drive, ForcedPlate
@@ -41,6 +42,7 @@ DESIGN = Design(24e-3, 10e-3, 2e-3, 2, ALUMINIUM, None, float("nan"), float("nan
 THICK_M, BAND_HZ = 0.5e-3, (10e3, 60e3)
 MIDDLE = np.array([[-4e-3, 4e-3, -2e-3, 2e-3]])
 LOPSIDED = np.array([[2e-3, 10e-3, -1e-3, 3e-3]])
+TWO = np.array([[-9e-3, -3e-3, -2e-3, 2e-3], [3e-3, 9e-3, -2e-3, 2e-3]])
 
 
 @cache
@@ -116,6 +118,35 @@ def test_classes_that_no_patch_drives_are_not_assembled() -> None:
     assert assembled == {symmetry: symmetry not in plate.undriven for symmetry in CLASSES} and plate.undriven
 
 
+def test_patches_on_a_mirror_line_cannot_drive_what_is_antisymmetric_about_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is left out is nothing: loads computed all the same are rounding beside those of the classes that are driven."""
+    short = patched(TWO)
+    monkeypatch.setattr(PatchedPlate, "_cannot_drive", lambda *_: False)
+    whole = patched(TWO)
+    assert not set(short.motions) & {"SA", "AA"} and set(whole.motions) == set(CLASSES)
+    largest = {group.symmetries[0]: float(np.abs(group.loads).max()) for group in whole.everything}
+    assert max(largest["SA"], largest["AA"]) < 1e-10 * min(largest["SS"], largest["AS"])
+    for one, other in zip(short.everything, whole.everything, strict=True):
+        assert abs(one.pencil.stiffness - other.pencil.stiffness).max() == 0.0
+    aside = TWO + np.array([0.0, 0.0, 1e-3, 1e-3])
+    monkeypatch.undo()
+    assert patched(aside).undriven == []
+
+
+def test_what_two_classes_share_of_a_patch_is_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Far from x = 0 the motions of SS and AS are the same."""
+    plate = patched(TWO)
+    pencils = {group.symmetries[0]: group.pencil for group in plate.groups}
+    made = len(plate._felt._known)
+    assert made <= 2 * len(plate.patches) < sum(2 * len(plate.patches) for _ in pencils)
+    plate._felt._known.clear()
+    monkeypatch.setattr(patched_plate._Felt, "_projected", lambda _, own, motion: motion.T @ own @ motion)
+    for group in plate.groups:
+        again = group.join()
+        assert abs(again.stiffness - pencils[group.symmetries[0]].stiffness).max() == 0.0
+        assert abs(again.mass - pencils[group.symmetries[0]].mass).max() == 0.0
+
+
 def test_a_middle_patch_keeps_the_classes_apart_and_a_lopsided_one_couples_all() -> None:
     apart = coupled_classes([bonded_patch(PLAIN, MIDDLE[0], THICK_M, True)])
     assert sorted(map(len, apart)) == [1, 1, 1, 1]
@@ -130,9 +161,6 @@ def forced(
     boxes: np.ndarray, drivers: tuple[int, ...], sensors: tuple[int, ...], quality: float = 100.0
 ) -> ForcedPlate:
     return ForcedPlate(patched(boxes, PZ26), DESIGN, Drive(drivers, sensors, (20e3, 45e3), quality))
-
-
-TWO = np.array([[-9e-3, -3e-3, -2e-3, 2e-3], [3e-3, 9e-3, -2e-3, 2e-3]])
 
 
 @pytest.mark.parametrize("frequency", [22e3, 33e3, 44e3])
