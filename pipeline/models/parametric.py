@@ -74,11 +74,11 @@ class CellModel:
         found = bands(self.cell, self.bases, sizes)
         if self.mesh is None:
             return found
-        return replace(found, frequency_hz=np.sort(found.frequency_hz / (1.0 + self.mesh.too_high(sizes)), axis=1))
+        return replace(found, frequency_hz=np.sort(found.frequency_hz / (1.0 + self.mesh.overestimate(sizes)), axis=1))
 
     def as_meshed(self, sizes: Sizes) -> FloatArray | None:
         """What the mesh may put frequencies off by of which nothing is taken away, relative, (bands,); None as `by_mesh`."""
-        return self.mesh.at(sizes) + self.mesh.too_high(sizes) if self.mesh else None
+        return self.mesh.at(sizes) + self.mesh.overestimate(sizes) if self.mesh else None
 
     def by_mesh(self, sizes: Sizes) -> FloatArray | None:
         """Half-widths of the bands' bars by the mesh, relative, (bands,); None where nothing tells them."""
@@ -178,9 +178,9 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
         mesh = mesh_table(case, cell, bases, unseen, apply)
     if mesh:
         worst, middle = mesh.margin * mesh.corners.max(), mesh.at(box.middle).max()
-        high = mesh.high.max(), mesh.too_high(box.middle).max()
+        high = mesh.high.max(), mesh.overestimate(box.middle).max()
         log.info(
-            f"the mesh puts a band too high by {high[0]:.2%} in the worst corner and {high[1]:.2%} in the middle, at most; "
+            f"the mesh overestimates a band by {high[0]:.2%} in the worst corner and {high[1]:.2%} in the middle, at most; "
             f"that is taken away, and {worst:.2%} and {middle:.2%} may be left"
         )
     return CellModel(cell, bases, mesh)

@@ -46,7 +46,7 @@ class MeshTable:
         """The half-widths of a design, relative, (bands,)."""
         return self.margin * self._between(self.corners, sizes)
 
-    def too_high(self, sizes: Sizes) -> FloatArray:
+    def overestimate(self, sizes: Sizes) -> FloatArray:
         """How far a design's bands lie too high, relative, (bands,)."""
         return self._between(self.high, sizes)
 
@@ -92,7 +92,7 @@ def mesh_table(
         cell.box, np.ones_like(high[: 2**4, 0]), 1.0, np.maximum(np.nanmean(high[: 2**4], axis=1), MIN_ERROR)
     )
     designs = [*cell.box.spread(0), *between]
-    told = np.array([table.too_high(sizes) for sizes in designs])[:, None]
+    told = np.array([table.overestimate(sizes) for sizes in designs])[:, None]
     left = np.nanmax(np.maximum(np.abs(high - told) + bar, MIN_ERROR), axis=1)
     table = replace(table, corners=left[: 2**4])
     more = [float((own / table.at(sizes)).max()) for own, sizes in zip(left, designs, strict=True)]

@@ -115,7 +115,7 @@ def test_between_the_corners_the_error_is_a_product_of_powers_of_the_sizes() -> 
         assert np.argmax(corner_weights(box, sizes)) >= 0 and corner_weights(box, sizes).sum() == pytest.approx(1.0)
         assert box.sample(box.unit(sizes))[0] == pytest.approx(sizes)
         assert table.at(sizes)[0] == pytest.approx(1.5 * error(*sizes), rel=1e-9)
-        assert table.too_high(sizes)[0] == pytest.approx(0.5 * error(*sizes), rel=1e-9)
+        assert table.overestimate(sizes)[0] == pytest.approx(0.5 * error(*sizes), rel=1e-9)
 
 
 def test_the_table_holds_what_plain_reductions_are_apart_and_more_between(
