@@ -24,14 +24,15 @@ planted on purpose, each of which a proof must see.
 """
 
 
-SPEED = "## Tasks before and after the work on speed"
+SPEED = "## Whole commands beside an earlier commit"
 
 
 def with_speed(page: str, rows: dict[str, str], lead: str) -> str:
-    """The page with the table of tasks, rows by task as Markdown after its heading's two lines in `lead`; those given replace
-    those that stand there.
+    """The page with the table of tasks, rows by task as Markdown after words and heading in `lead`; those given replace those
+    that stand there. Rows beside other words, such as another commit, are dropped.
     """
     rest, _, section = page.partition(SPEED)
+    section = section if lead in section else ""
     stood = {line.split("|")[1].strip(): line for line in section.splitlines() if line.startswith("| ")}
     kept = {task: line for task, line in stood.items() if task != "task"}
     return f"{rest.rstrip()}\n\n{SPEED}\n\n{lead}\n" + "\n".join((kept | rows).values()) + "\n"

@@ -83,7 +83,6 @@ def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerpr
     folder = store.case_folder(study, job.case_id)
     start = time.perf_counter()
     try:
-        peak_memory.give_back()
         peak_memory.restart()
         store.begin(folder, job.payload)
         with RunLog(folder / store.RUN_LOG) as log:
@@ -100,6 +99,8 @@ def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerpr
         close_abandoned(folder / store.RUN_LOG, "LOST", str(error))
         store.sweep_leftovers(folder)
         return CaseEnd(job.case_id, "FAILED", str(error), time.perf_counter() - start)
+    finally:
+        peak_memory.give_back()  # before the next case asks how much is free
     return CaseEnd(job.case_id, result.status, result.diagnosis, time.perf_counter() - start)
 
 

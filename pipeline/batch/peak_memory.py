@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import gc
 import sys
+import threading
 from contextlib import suppress
 from pathlib import Path
 
@@ -18,8 +19,11 @@ def restart() -> None:
 def give_back() -> None:
     """Free what only refers to itself, such as a plate and its factorisations, and return the heap's free pages to the system.
 
-    Python looks for such garbage by the number of objects, not by their size: thirteen plates in one worker held 4 GB.
+    Python looks for such garbage by the number of objects, not by their size. Only the main thread does: rslab's factors are
+    freed where they were made.
     """
+    if threading.current_thread() is not threading.main_thread():
+        return
     gc.collect()
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):  # another C library has no such call

@@ -174,20 +174,18 @@ class _Run:
         """The next case, unless all workers are busy or its memory is taken; one case alone always fits."""
         if not self.waiting or len(self.running) >= self.workers:
             return None
-        job = self._next_apart()
         granted = sum(job.memory_bytes for job in self.running.values())
-        wanted, free = granted + job.memory_bytes, granted + available_bytes()
-        if self.running and not self.options.executor and wanted > MEMORY_SHARE * free:
-            return None
-        self.waiting.remove(job)
+        room = MEMORY_SHARE * (granted + available_bytes()) - granted
+        bounded = bool(self.running) and self.options.executor is None
+        job = next((each for each in self._apart_first() if not bounded or each.memory_bytes <= room), None)
+        if job:
+            self.waiting.remove(job)
         return job
 
-    def _next_apart(self) -> Job:
-        """The first of the waiting cases that computes none of what a running one is just making for it to find kept; the
-        first of all where there is no such case.
-        """
+    def _apart_first(self) -> list[Job]:
+        """The waiting cases, those last that compute what a running one is just making for them to find kept."""
         at_work = {job.parts for job in self.running.values()} - self.made - {""}
-        return next((job for job in self.waiting if job.parts not in at_work), self.waiting[0])
+        return sorted(self.waiting, key=lambda job: job.parts in at_work)
 
     def _submit(self, executor: Executor, job: Job) -> None:
         self.journal.write("started", case=job.case_id, why=self.why[job.case_id])

@@ -26,6 +26,7 @@ from pipeline.units import MM
 from pipeline.workers import LocalWorkers, WorkerLost
 
 TIMEOUT_S = 120.0
+SAID = "said.txt"  # beside the requests
 SIZE = (1500, 940)
 MARGIN = 12
 MIN_INK, MAX_INK = 0.005, 0.995  # share of pixels that are not background
@@ -75,27 +76,43 @@ def _drawn_apart(folder: Path) -> str:
     try:
         _child().submit(_draw_all, folder).result(TIMEOUT_S)
     except TimeoutError:
-        _child().kill()
-        _child.cache_clear()
+        _end_child()
         return f"rendering took longer than {TIMEOUT_S:g} s"
     except WorkerLost as error:
-        return f"rendering failed: {error}"
+        return f"rendering failed: {error}{_last_words(folder)}"
     except Exception as error:
         return f"rendering failed ({type(error).__name__}: {str(error)[:120]})"
+    except BaseException:  # an interruption waits for no picture
+        _end_child()
+        raise
     return ""
+
+
+def _end_child() -> None:
+    _child().kill()
+    _child.cache_clear()
+
+
+def _last_words(folder: Path) -> str:
+    lines = (folder / SAID).read_text(errors="replace").strip().splitlines() if (folder / SAID).exists() else []
+    return f" ({lines[-1][:120]})" if lines else ""
 
 
 @lru_cache(maxsize=1)
 def _child() -> LocalWorkers:
     """The process that draws, which ends before this one does."""
     workers = LocalWorkers(1, 1)
-    Finalize(None, workers.shutdown, exitpriority=1)
+    Finalize(None, workers.kill, exitpriority=1)
     return workers
 
 
 def _draw_all(folder: Path) -> None:
-    """The child's part: an image beside each request."""
+    """The child's part: an image beside each request; what graphics libraries say goes to a file, not to the terminal."""
     _prepare(os.environ)
+    said = os.open(folder / SAID, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    for stream in (1, 2):
+        os.dup2(said, stream)
+    os.close(said)
     for request in sorted(folder.glob("*.npz")):
         _draw_with_pyvista(request)
 

@@ -31,7 +31,7 @@ def diagrams(study: StoredStudy, best: StoredCase | None) -> dict[str, Any]:
     groups: dict[str, list[StoredCase]] = {}
     for case in sorted(study.cases, key=lambda case: best is None or case.case_id != best.case_id):
         if case.record.bands and case.record.bands.points:
-            groups.setdefault(_key(case.record.bands), []).append(case)
+            groups.setdefault(same_bands(case.record.bands), []).append(case)
     gallery = Gallery()
     cells: list[dict[str, Any]] = []
     for members in list(groups.values())[:MAX_CELLS]:
@@ -44,8 +44,8 @@ def diagrams(study: StoredStudy, best: StoredCase | None) -> dict[str, Any]:
     return {"cells": cells, "left": max(0, len(groups) - MAX_CELLS), **vars(gallery)}
 
 
-def _key(bands: BandsRecord) -> str:
-    """Cases with the same bands show one diagram."""
+def same_bands(bands: BandsRecord) -> str:
+    """What cases with the same bands, which show one diagram, have in common."""
     visible = [[p.kx_per_m, p.ky_per_m, p.frequencies_hz] for p in bands.points]
     return hashlib.sha256(canonical_json(visible).encode()).hexdigest()
 

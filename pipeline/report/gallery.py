@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from importlib import metadata
 from pathlib import Path
@@ -25,10 +25,11 @@ OF_A_CELL = ("dispersion",)  # the same for all cases of one cell
 
 @dataclass(frozen=True)
 class FigureSet:
-    """Pictures, and what could not be drawn and why."""
+    """Pictures, what could not be drawn and why, and whether some were left out."""
 
     pictures: list[StoredFigure]
     troubles: list[str] = field(default_factory=list)
+    is_brief: bool = False
 
 
 def draw_case(case: StoredCase, without: tuple[str, ...] = ()) -> FigureSet:
@@ -38,12 +39,13 @@ def draw_case(case: StoredCase, without: tuple[str, ...] = ()) -> FigureSet:
     """
     if not case.record.answered:
         return FigureSet([])
-    if (kept := kept_pictures(case, without)) is not None:
-        return FigureSet(kept)
+    for left_out in dict.fromkeys(((), without)):
+        if (kept := _kept(case.folder / PICTURES, _case_key(case, left_out))) is not None:
+            return FigureSet(kept, is_brief=bool(left_out))
     arrays, errors = case.read_arrays()
     functions = [draw for measure in MEASURES for draw in measure.draws()]
     draws = [partial(draw, case, arrays) for draw in functions if draw.__name__ not in without]
-    return _draw(case.folder / PICTURES, _case_key(case, without), draws, errors)
+    return replace(_draw(case.folder / PICTURES, _case_key(case, without), draws, errors), is_brief=bool(without))
 
 
 def kept_pictures(case: StoredCase, without: tuple[str, ...] = ()) -> list[StoredFigure] | None:
@@ -96,8 +98,17 @@ def _draw(
     pictures.sort(key=lambda picture: picture.name.endswith("meshes"))  # the shapes first
     if not troubles and (pictures or folder.exists()):
         folder.mkdir(parents=True, exist_ok=True)
+        _remove_others(folder, pictures)
         store.write_json(folder / INDEX, {"key": key, "pictures": [asdict(picture) for picture in pictures]})
     return FigureSet(pictures, troubles)
+
+
+def _remove_others(folder: Path, pictures: Sequence[StoredFigure]) -> None:
+    """Remove what an earlier drawing left: it shows another record."""
+    own = {name for picture in pictures for name in (picture.svg, picture.png, picture.shown)}
+    for path in folder.iterdir():
+        if path.is_file() and path.name not in own and path.suffix in {".svg", ".png", ".webp"}:
+            path.unlink(missing_ok=True)
 
 
 def _kept(folder: Path, key: str) -> list[StoredFigure] | None:

@@ -75,15 +75,15 @@ def build(folder: Path, max_figures: int = MAX_FIGURES, all_pictures: bool = Fal
     study = read_study(folder)
     visible = StoredStudy(folder, study.about, tuple(study.with_cross_checks(case) for case in study.cases))
     cases = chosen(visible, max_figures)
-    brief = {} if all_pictures else _left_out(visible, cases)
-    figure_sets = draw_cases(cases, brief)
+    figure_sets = draw_cases(cases, {} if all_pictures else _left_out(visible, cases))
     embedder = Embedder(folder)
     compared = _without_failing(partial(gallery.draw_study, study))
     pictures = embedder.show_all(style.PICTURES, compared.pictures)
     pages = _case_pages(visible, figure_sets, embedder)
     moving = _moving(visible, [page for page in pages if page.drawn])
     path = folder / REPORT
-    shown = _page(study, pages, embedder, moving, (pictures, compared.troubles), is_brief=bool(brief))
+    is_brief = any(figures.is_brief for figures in figure_sets.values())
+    shown = _page(study, pages, embedder, moving, (pictures, compared.troubles), is_brief)
     store.write_atomic(path, shown.encode())
     return path
 
@@ -202,7 +202,8 @@ def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
     if len(drawable) <= most or most < 2:
         return [*twins, *drawable[:most]]
     ranked = sorted((level, case.case_id) for case in drawable if (level := case.record.confinement_db) is not None)
-    picked = {name for _, name in (ranked[:1] + ranked[-1:])}
+    best = text.best_case(study)
+    picked = {name for _, name in ranked[:1]} | ({best.case_id} if best in drawable else set())
     spread = (drawable[round(i * (len(drawable) - 1) / max(1, most - 1))] for i in range(most))
     for case in spread:
         if len(picked) < most:
@@ -215,13 +216,16 @@ def _left_out(study: StoredStudy, cases: list[StoredCase]) -> dict[str, tuple[st
     and shows those of a cell once.
     """
     best = text.best_case(study)
+    if best not in cases:
+        return {}
     found: dict[str, tuple[str, ...]] = {}
-    cells = [best.record.design.cell] if best and best.record.design else []
+    drawn = {dispersion.same_bands(best.record.bands)} if best.record.bands else set()
     for case in cases:
-        if case.sweep and best and case.case_id != best.case_id and case.record.design:
-            again = case.record.design.cell in cells
-            found[case.case_id] = gallery.OF_THE_BEST + (gallery.OF_A_CELL if again else ())
-            cells.append(case.record.design.cell)
+        if not case.sweep or case is best:
+            continue
+        own = {dispersion.same_bands(case.record.bands)} if case.record.bands else set()
+        found[case.case_id] = gallery.OF_THE_BEST + (gallery.OF_A_CELL if own & drawn else ())
+        drawn |= own
     return found
 
 
@@ -277,9 +281,9 @@ def _shown(
             own = [name for name in drawn.get(case.case_id, {}) if name not in drawn.get(twin.case_id, {})]
             asked = [(case, name) for name in own] + [pair for pair in asked if pair[0] is not case]
     found: dict[str, dict[str, EmbeddedFigure]] = {}
-    cells: set[tuple[str, Any]] = set()
+    cells: set[tuple[str, str]] = set()
     for case, name in asked:
-        mark = (name, case.record.design.cell if case.record.design else case.case_id)
+        mark = (name, dispersion.same_bands(case.record.bands) if case.record.bands else case.case_id)
         picture = drawn.get(case.case_id, {}).get(name)
         if picture is None or (name in gallery.OF_A_CELL and mark in cells):
             continue

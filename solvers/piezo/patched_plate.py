@@ -114,7 +114,7 @@ class PatchedPlate:
         some = next(iter(plates.values()))
         classes = [[WHOLE]] if WHOLE in plates else coupled_classes(self.patches)
         self._held: dict[int, list[tuple[Held, ...]]] = {}
-        self._felt = _Felt()
+        self._felt = _Felt(len(classes) > 1)
         self._whole = some
         self.motions: dict[str, list[list[sp.csr_array]]] = {}  # of the bonded faces, mesh by mesh, as far as asked for
         self.everything = [self._group([plates[p] for p in symmetries]) for symmetries in classes]
@@ -264,7 +264,8 @@ class _Felt:
     its motions are the same but for their sign, and made once.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, are_several: bool) -> None:
+        self.are_several = are_several
         self._known: dict[tuple[int, bytes], tuple[FloatArray, FloatArray]] = {}
 
     def added(self, matrix: sp.csc_array, bonds: Sequence[_Bonded]) -> sp.csc_array:
@@ -279,6 +280,8 @@ class _Felt:
         return sp.csc_array(matrix + sp.coo_array((np.concatenate(values), where), shape=matrix.shape).tocsc())
 
     def _projected(self, own: FloatArray, motion: FloatArray) -> FloatArray:
+        if not self.are_several:
+            return np.asarray(motion.T @ own @ motion)
         first = motion.flat[np.flatnonzero(motion)[:1]]
         key = id(own), hashlib.sha256((np.sign(first) * motion + 0.0).tobytes()).digest()  # no zero below zero
         if key not in self._known:

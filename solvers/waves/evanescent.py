@@ -22,6 +22,7 @@ from solvers.superelement.cell import Cell
 PROPAGATING = 1e-7  # of |log|lambda||: below it a wave carries energy and does not decay
 MIRROR = 1e-9  # relative: how far a row may be from its mirror image
 TINY = 1e-150
+MAX_KEPT = 128  # frequencies of a row that keeps its waves, the oldest let go: less than a megabyte each
 
 
 @dataclass(frozen=True)
@@ -166,6 +167,8 @@ class KeptRow(Row):
     def waves(self, frequency_hz: float) -> RowWaves:
         """As those of any row."""
         if frequency_hz not in self._known:
+            if len(self._known) >= MAX_KEPT:
+                self._known.pop(next(iter(self._known)))
             self._known[frequency_hz] = super().waves(frequency_hz)
         return self._known[frequency_hz]
 

@@ -42,8 +42,8 @@ TASKS: dict[str, tuple[str, ...]] = {
 LONG = ("main job", "grid")
 LEAD = """\
 Written by `python -m studies.benchmarks.before_after --write`: processor seconds of whole commands without kept cells, beside
-those of commit {commit} in the same run, and the memory of the largest process; shares are of the time after, in one thread
-under the profiler."""
+those of commit {commit}, each task in one run, and the memory of the largest process; shares are of the time after, in one
+thread under the profiler."""
 # by the name of a function, or of its file
 SHARES = {
     "factorisation": ("method 'factor' of 'rslab", "analyze_ldlt", "lower_triangle", "splu", "gstrf"),

@@ -76,6 +76,10 @@ def test_plans_and_a_look_at_the_machine_load_no_cad_mesher_or_renderer() -> Non
     assert not packages(loaded_by(*plans, ("run", "rows", "--dry-run"), ("doctor",))) & ALWAYS_LATE
 
 
+def test_a_plan_of_modes_loads_no_scipy() -> None:
+    assert not packages(loaded_by(("modes", CASE, "--explain"))) & (ALWAYS_LATE | {"scipy"})
+
+
 def test_a_solve_of_boxes_loads_no_cad_mesher_or_renderer(tmp_path: Path) -> None:
     coarse = ("--set", "solve.accuracy=0.1", "--count", "1", "--quiet", "--json", str(tmp_path / "m.json"))
     result = loaded_by(("modes", CASE, "--part", "pillar", *coarse))

@@ -1,4 +1,4 @@
-"""Which factorisations this machine has, and which of them a system takes; loads none of them."""
+"""Which factorisations this machine has, and which of them a system takes; loads none of them but MKL, where it is."""
 
 from __future__ import annotations
 

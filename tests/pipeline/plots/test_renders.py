@@ -63,10 +63,12 @@ def test_an_empty_image_is_not_believed(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_rendering_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch):
+    rendering.render([PLAIN])  # the child is there
+    (child,) = rendering._child()._processes.values()
     monkeypatch.setattr(rendering, "TIMEOUT_S", 0.01)
     monkeypatch.setattr(rendering, "_draw_all", doze)
     _, fault = rendering.render([PLAIN])
-    assert "longer than 0.01 s" in fault
+    assert "longer than 0.01 s" in fault and not child.is_alive()
 
 
 def test_image_faults():

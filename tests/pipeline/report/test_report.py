@@ -18,7 +18,7 @@ from pipeline.measures import registry
 from pipeline.plots import rendering, style
 from pipeline.records import store, tables
 from pipeline.records.record import Record
-from pipeline.records.study import StoredStudy, read_study
+from pipeline.records.study import StoredCase, StoredStudy, read_study
 from pipeline.report import gallery, html, pictures, text
 from pipeline.report import page as report_page
 from pipeline.report.script_page import Page as Script
@@ -139,16 +139,45 @@ def test_every_picture_is_drawn_named_and_kept(folder: Path):
 
 
 def test_what_the_page_has_no_room_for_is_drawn_of_a_sweeps_best_case_alone(tmp_path: Path):
-    folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004, 0.006), rows=(1,))
-    for all_pictures in (False, True, False):  # the last time all of them stand, and are kept
-        page = Page(report_page.build(folder, all_pictures=all_pictures).read_text())
-        assert ("antinode report rows --all-pictures" in page.text) is not all_pictures
-        first, second = (case for case in read_study(folder).cases if case.record.answered)
-        best, other = ({file.stem for file in (case.folder / "pictures").glob("*.svg")} for case in (first, second))
-        if not all_pictures and not other >= best:
-            assert best - other == {"geometry", "plate_meshes", "cell_meshes", "pillars_in_plane"}
-            assert gallery.kept_pictures(second) is None and gallery.kept_pictures(second, gallery.OF_THE_BEST)
-    assert other == best and gallery.kept_pictures(second)
+    """And nothing of an earlier record stays: plates whose pillars are of another material have the same cell by its sizes, but
+    other bands.
+    """
+    folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1, 2))
+
+    def pictures(case: StoredCase) -> set[str]:
+        return {file.stem for file in (case.folder / "pictures").glob("*.svg")}
+
+    best = text.best_case(read_study(folder))
+    (other,) = (case for case in read_study(folder).cases if case.record.answered and case.case_id != best.case_id)
+    note, of_best = (
+        "antinode report rows --all-pictures",
+        {"geometry", "plate_meshes", "cell_meshes", "pillars_in_plane"},
+    )
+    assert note in Page(report_page.build(folder).read_text()).text
+    assert pictures(best) - pictures(other) == {*of_best, "dispersion"}
+    assert gallery.kept_pictures(other) is None
+    for all_pictures in (True, False):  # the second time all of them stand, and are kept
+        assert note not in Page(report_page.build(folder, all_pictures=all_pictures).read_text()).text
+        assert pictures(best) == pictures(other) and gallery.kept_pictures(other)
+    bands = other.record.bands
+    moved = [
+        point.model_copy(update={"frequencies_hz": [1.01 * f for f in point.frequencies_hz]}) for point in bands.points
+    ]
+    synthetic.change(other.folder, bands=bands.model_copy(update={"points": moved}))
+    assert note in Page(report_page.build(folder).read_text()).text
+    assert pictures(best) - pictures(other) == of_best
+
+
+def test_a_long_study_draws_its_best_case(tmp_path: Path):
+    """Of several that are confined alike the first is the best, wherever the even spread falls."""
+    folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004, 0.005, 0.006, 0.008), rows=(1, 2, 3))
+    study = read_study(folder)
+    for case in study.cases:
+        if case.record.answered:
+            synthetic.change(case.folder, modes=case.record.modes.model_copy(update={"wanted": synthetic.wanted(12.0)}))
+    study = read_study(folder)
+    best = text.best_case(study)
+    assert best and all(best in report_page.chosen(study, most) for most in range(2, 9))
 
 
 def test_it_says_what_matters(page: Page):
