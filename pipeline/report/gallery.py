@@ -39,9 +39,8 @@ def draw_case(case: StoredCase, without: tuple[str, ...] = ()) -> FigureSet:
     """
     if not case.record.answered:
         return FigureSet([])
-    for left_out in dict.fromkeys(((), without)):
-        if (kept := _kept(case.folder / PICTURES, _case_key(case, left_out))) is not None:
-            return FigureSet(kept, is_brief=bool(left_out))
+    if kept := _standing(case, without):
+        return kept
     arrays, errors = case.read_arrays()
     functions = [draw for measure in MEASURES for draw in measure.draws()]
     draws = [partial(draw, case, arrays) for draw in functions if draw.__name__ not in without]
@@ -52,8 +51,16 @@ def kept_pictures(case: StoredCase, without: tuple[str, ...] = ()) -> list[Store
     """The stored pictures of a case, or all but some of them, None when they have to be drawn again."""
     if not case.record.answered:
         return []
-    whole = _kept(case.folder / PICTURES, _case_key(case))
-    return _kept(case.folder / PICTURES, _case_key(case, without)) if without and whole is None else whole
+    kept = _standing(case, without)
+    return kept.pictures if kept else None
+
+
+def _standing(case: StoredCase, without: tuple[str, ...]) -> FigureSet | None:
+    """All pictures of a case as they are stored, or all but some of them."""
+    for left_out in dict.fromkeys(((), without)):
+        if (pictures := _kept(case.folder / PICTURES, _case_key(case, left_out))) is not None:
+            return FigureSet(pictures, is_brief=bool(left_out))
+    return None
 
 
 def _case_key(case: StoredCase, without: tuple[str, ...] = ()) -> str:
