@@ -37,36 +37,34 @@ def draw_case(case: StoredCase, without: tuple[str, ...] = ()) -> FigureSet:
 
     without: names of the functions whose pictures are left out.
     """
-    if not case.record.answered:
-        return FigureSet([])
-    if kept := _standing(case, without):
+    if (kept := kept_pictures(case, without)) is not None:
         return kept
     arrays, errors = case.read_arrays()
     functions = [draw for measure in MEASURES for draw in measure.draws()]
     draws = [partial(draw, case, arrays) for draw in functions if draw.__name__ not in without]
-    return replace(_draw(case.folder / PICTURES, _case_key(case, without), draws, errors), is_brief=bool(without))
+    key = _without(_case_key(case), without)
+    return replace(_draw(case.folder / PICTURES, key, draws, errors), is_brief=bool(without))
 
 
-def kept_pictures(case: StoredCase, without: tuple[str, ...] = ()) -> list[StoredFigure] | None:
-    """The stored pictures of a case, or all but some of them, None when they have to be drawn again."""
+def kept_pictures(case: StoredCase, without: tuple[str, ...] = ()) -> FigureSet | None:
+    """The stored pictures of a case, all or all but some of them, None when they have to be drawn again."""
     if not case.record.answered:
-        return []
-    kept = _standing(case, without)
-    return kept.pictures if kept else None
-
-
-def _standing(case: StoredCase, without: tuple[str, ...]) -> FigureSet | None:
-    """All pictures of a case as they are stored, or all but some of them."""
+        return FigureSet([])
+    key = _case_key(case)
     for left_out in dict.fromkeys(((), without)):
-        if (pictures := _kept(case.folder / PICTURES, _case_key(case, left_out))) is not None:
+        if (pictures := _kept(case.folder / PICTURES, _without(key, left_out))) is not None:
             return FigureSet(pictures, is_brief=bool(left_out))
     return None
 
 
-def _case_key(case: StoredCase, without: tuple[str, ...] = ()) -> str:
+def _without(key: str, names: tuple[str, ...]) -> str:
+    """The key of a case's pictures but for those of some functions."""
+    return "-".join((key, *names))
+
+
+def _case_key(case: StoredCase) -> str:
     folders = (case.folder, *case.siblings)
-    visible = [case.record.to_dict(), *without]
-    return _key(visible, [folder / name for folder in folders for name in (store.ARRAYS, store.INPUT)])
+    return _key(case.record.to_dict(), [folder / name for folder in folders for name in (store.ARRAYS, store.INPUT)])
 
 
 def draw_study(study: StoredStudy) -> FigureSet:

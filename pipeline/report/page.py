@@ -233,13 +233,16 @@ def draw_cases(cases: list[StoredCase], brief: dict[str, tuple[str, ...]]) -> di
     """Pictures of each case by its id, drawn in parallel; `brief` names those left out by the case's id."""
     from pipeline.workers import LocalWorkers, default_jobs
 
-    draws = {case.case_id: partial(gallery.draw_case, case, brief.get(case.case_id, ())) for case in cases}
-    stale = [case.case_id for case in cases if gallery.kept_pictures(case, brief.get(case.case_id, ())) is None]
-    if len(stale) < 2:
-        return {name: _without_failing(draw) for name, draw in draws.items()}
-    with LocalWorkers(default_jobs(len(stale)), 1) as workers:
-        futures = {name: workers.submit(draws[name]) for name in stale}
-        return {name: _without_failing(futures[name].result if name in futures else draws[name]) for name in draws}
+    kept = {case.case_id: gallery.kept_pictures(case, brief.get(case.case_id, ())) for case in cases}
+    stale = [case for case in cases if kept[case.case_id] is None]
+    draws = {case.case_id: partial(gallery.draw_case, case, brief.get(case.case_id, ())) for case in stale}
+    if len(draws) < 2:
+        made = {name: _without_failing(draw) for name, draw in draws.items()}
+    else:
+        with LocalWorkers(default_jobs(len(draws)), 1) as workers:
+            futures = {name: workers.submit(draw) for name, draw in draws.items()}
+            made = {name: _without_failing(future.result) for name, future in futures.items()}
+    return {name: figures or made[name] for name, figures in kept.items()}
 
 
 def _without_failing(draw: Callable[[], gallery.FigureSet]) -> gallery.FigureSet:
