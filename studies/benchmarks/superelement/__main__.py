@@ -26,7 +26,7 @@ from solvers.superelement.tiling import lattice_panel
 from solvers.waves.bloch import BlochCell
 from solvers.waves.brillouin import path_through
 from studies import ladder
-from studies.benchmarks import modal_overlap
+from studies.benchmarks.superelement import modal_overlap
 
 ACCURACY = 0.003
 PLATE_ACCURACY = 0.01  # finer cells make a solid plate that no 8 GB hold
