@@ -46,9 +46,8 @@ TETRAHEDRA = {  # order, size in mm, levels of elements shrunk towards singular 
     "cell": ((3, 2.0, 1), (3, 2.0, 2), (4, 2.0, 2)),
     "plate": ((3, 4.0, 0), (3, 4.0, 1), (3, 2.0, 1), (4, 4.0, 2)),
 }
-MIN_ACROSS = {
-    "plate": 2
-}  # elements across a pillar: with one its bending lies so high that it mixes with the wanted mode
+# elements across a pillar: with one its bending lies so high that it mixes with the wanted mode
+MIN_ACROSS = {"plate": 2}
 HEXAHEDRA = {  # size in the plate and along a pillar in mm, layers shrunk towards singular edges
     "zone": ((4.0, 4.0, 0), (4.0, 4.0, 1), (2.0, 2.0, 1)),
     "pillar": ((1.0, 1.0, 1), (0.5, 0.7, 2), (0.5, 0.5, 3)),
