@@ -19,10 +19,8 @@ from solvers.analytic.ritz_plates import MAX_LINES, mindlin_mode
 from solvers.superelement.interface import Interface, ReductionSettings
 
 WINDOW = (0.72, 1.35)  # of the exact thin-plate frequency: where the wanted mode of plates with pillars was found
-ALONG = {
-    4: 0.3,
-    5: 0.4,
-}  # degree along a side: the longest side over the spacing of nodal lines; the log checks each solve
+# degree along a side by accuracy: the longest side over the spacing of nodal lines; each solve's own estimate checks it
+ALONG = {0.002: {4: 0.36, 5: 0.9}, 0.0: {4: 0.3, 5: 0.4}}
 ACROSS = 2.05  # elements over the zone's width, a little more than two: two in each half
 MAX_LENGTH = (
     5.0  # thicknesses that an element of the zone is long at most: about as in the calibration, longer ones lock
@@ -196,7 +194,8 @@ def plate_reduction(design: Design, accuracy: float, high_hz: float) -> Reductio
     """Reduction of a plate's panels: REACH times the highest frequency bounds the fixed-interface modes."""
     longest = max(design.pitch_x_m, *design.row_pitches_m) if design.rows else 3.0 * design.thickness_m
     share = longest / design.line_spacing_m
-    along = next((degree for degree, limit in ALONG.items() if share <= limit), 6)
+    limits = next(each for least, each in ALONG.items() if accuracy >= least)
+    along = next((degree for degree, limit in limits.items() if share <= limit), 6)
     mesh = cell_mesh(design, cell_level(accuracy))
     return ReductionSettings(
         Interface(along, 3), REACH * high_hz, mesh, 3.0 * design.thickness_m, bare_size_m(design, mesh.order)

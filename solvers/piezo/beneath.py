@@ -8,7 +8,8 @@ graded towards its edges, less the same of those panels' reduced matrices, both 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
@@ -19,22 +20,25 @@ import scipy.sparse as sp
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from geometry.elements import FloatArray, IntArray
-from geometry.hex.boxes import HexSettings, bonded_boxes, hex_mesh
-from geometry.layout import Design, Pillar, Stand
+from geometry.hex.boxes import Boxes, HexSettings, bonded_boxes, hex_mesh
+from geometry.layout import Design, Stand
 from geometry.materials import Material
+from geometry.mesh import Mesh
 from solvers.errors import TooLarge
+from solvers.fem.assembly import System
 from solvers.fem.coarser import OUTER, Shares, rim_shares
 from solvers.fem.constraints import constrain, free_mask
 from solvers.fem.factor.factoriser import Factoriser, side_by_side
 from solvers.piezo import patch as piezo_patch
-from solvers.piezo.bond import SAME_M, Contact, grid_weights, held_panels
+from solvers.piezo.bond import SAME_M, Contact, grid_weights, mirror_signs
+from solvers.piezo.panels import JoinedPanels, Panels, between
 from solvers.piezo.patch import BondedPatch
 from solvers.superelement.build import Reductions
-from solvers.superelement.interface import SIDES, VERTICES
-from solvers.superelement.plate import AssembledPlate, Grid
+from solvers.superelement.plate import AssembledPlate
 from solvers.superelement.tiling import Tiling, signature
 
 FOOT = 0.5  # of foot and thickness, the longest element of a patch over pillars: its plate bends between their feet
+HARDLY = 1e-9  # of the mean eigenvalue: beside it rigid-body modes have some
 COLUMNS = 240  # of forces solved for at once
 ROUGH = 0.35  # of the share: one radial function stands for both bodies at all edges and corners of a patch
 
@@ -48,6 +52,25 @@ class Cache(Protocol):
 
     def put(self, key: str, matrix: FloatArray) -> None:
         """Keep a symmetric matrix."""
+        ...
+
+
+class Part(Protocol):
+    """A patch of one mesh as a plate feels it."""
+
+    @property
+    def share(self) -> float:
+        """What of it is taken."""
+        ...
+
+    @property
+    def contact(self) -> Contact:
+        """Where it is felt."""
+        ...
+
+    @property
+    def stiffness(self) -> FloatArray:
+        """K there, (3 b, 3 b), in the plate's scale."""
         ...
 
 
@@ -77,14 +100,36 @@ class Beneath:
         places = {place.key: place for place in (_Place.of(plate, each, self.reductions, back) for each in patches)}
         side_by_side(lambda place: self._lacking(plate, place), places.values())
 
+    def stays_stiff(self, plate: AssembledPlate, patch: BondedPatch, parts: Sequence[Part], shared_by: int) -> bool:
+        """Whether K of the panels beneath a patch, a `shared_by`-th of it, stays positive with the patch's parts added.
+
+        Where it does for all patches, so does the plate's: no panel is asked for more than is there.
+        """
+        place = _Place.of(plate, patch, self.reductions, parts[0].contact.back)
+        own = (patch.material, patch.thickness_m, [part.share for part in parts], shared_by)
+
+        def answer() -> FloatArray:
+            joined = JoinedPanels(Panels.beneath(plate.grid, patch.box_m, 0.0), plate)
+            stiffness, mass = joined.stiffness / shared_by, joined.mass / shared_by
+            for part in parts:
+                motion = joined.motion(part.contact)
+                stiffness += part.share * motion.T @ part.stiffness @ motion
+            return np.array([[float(is_stiff(stiffness, mass))]])
+
+        return bool(self._kept(place, ("stiff", *self._panels(place), *own), answer)[0, 0])
+
     def _lacking(self, plate: AssembledPlate, place: _Place) -> FloatArray:
         """What the reduced panels lack of the fine mesh's flexibility; the positive part of it is kept."""
         if place.key not in self._known:
-            own, tiling = self.reductions, place.panels.grid.tiling
-            panels = [signature(tiling.panel(*each)) for each in place.panels.places]
-            name = ("lacking", type(own).__name__, own.reduction, own.mesher_name, panels)
+            name = ("lacking", *self._panels(place))
             self._known[place.key] = self._kept(place, name, lambda: self._more(plate, place))
         return self._known[place.key]
+
+    def _panels(self, place: _Place) -> tuple[object, ...]:
+        """What the reduced panels of a place depend on, beside the place itself."""
+        own, tiling = self.reductions, place.panels.grid.tiling
+        panels = [signature(tiling.panel(*each)) for each in place.panels.places]
+        return type(own).__name__, own.reduction, own.mesher_name, panels
 
     def _more(self, plate: AssembledPlate, place: _Place) -> FloatArray:
         fine = self._kept(place, ("beneath",), lambda: self._static(place))
@@ -107,16 +152,21 @@ class Beneath:
         return matrix
 
     def _static(self, place: _Place) -> FloatArray:
-        mesh_of, box, thickness = place.patch.mesh, place.box_m, self.reductions.thickness_m
-        boxes = bonded_boxes(place.panels.span_m, thickness, place.stands, box, place.back, mesh_of)
-        mesh = hex_mesh(boxes, mesh_of.order)
-        system = self.reductions.system(mesh)
-        pencil = constrain(system, free_mask(mesh, place.panels.clamped))
-        on = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (thickness if place.back else 0.0)) < SAME_M)
-        points = place.patch.points - place.panels.middle_m
-        felt = sp.coo_array(place.patch.projection @ grid_weights(mesh.nodes[on, :2], mesh_of.order, points))
-        means = sp.csr_array((felt.data, (felt.row, on[felt.col])), shape=(felt.shape[0], len(mesh.nodes)))
-        loads = sp.csc_array(sp.kron(means, sp.eye_array(3)))[:, np.flatnonzero(pencil.free)].T
+        """N K^-1 N' on the fine mesh, one mirror class after the other where the place is its own mirror image."""
+        system = self.reductions.system(place.fine_mesh)
+        classes = product("SA", repeat=len(place.mirrors))
+        given = sum(
+            self._static_class(place, system, dict(zip(place.mirrors, marks, strict=True))) for marks in classes
+        )
+        return np.asarray((given + np.transpose(given)) / 2.0)
+
+    def _static_class(self, place: _Place, system: System, marks: Mapping[int, str]) -> FloatArray:
+        """The same of the fields of one class, S or A about each axis; loads that mirror each other are solved for once."""
+        mesh = system.mesh
+        planes = {("x-", "y-")[axis]: mark for axis, mark in marks.items()}
+        pencil = constrain(system, free_mask(mesh, set(place.panels.clamped) - set(planes), planes))
+        turned, means = place.distinct("".join(marks.get(axis, "S") for axis in (0, 1)))
+        loads = sp.csc_array(means[:, np.flatnonzero(pencil.free)].T)
         try:
             factor = Factoriser()(sp.csc_array(pencil.stiffness))
         except TooLarge as fault:
@@ -125,7 +175,7 @@ class Beneath:
             raise TooLarge(f"a patch of {size} mm over {pillars} pillars: {fault}; take shorter patches") from fault
         parts = np.array_split(np.arange(loads.shape[1]), -(-loads.shape[1] // COLUMNS))
         given = np.hstack([loads.T @ factor.solve(loads[:, part].toarray()) for part in parts])
-        return np.asarray((given + given.T) / 2.0)
+        return np.asarray(turned @ (turned @ given).T) / 2.0 ** len(marks)
 
 
 def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings:
@@ -136,112 +186,106 @@ def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings
     return replace(piezo_patch.MESH, size_m=min(piezo_patch.MESH.size_m, FOOT * finest))
 
 
+def most_on_a_panel(plate: AssembledPlate, boxes_m: Iterable[FloatArray]) -> int:
+    """Of the rectangles of patches the largest number that overlap one panel."""
+    counts = Counter(place for box in boxes_m for place in Panels.beneath(plate.grid, box, 0.0).places)
+    return max(counts.values())
+
+
+def is_stiff(stiffness: FloatArray, mass: FloatArray) -> bool:
+    """Whether dense K is positive but for rigid-body modes, which HARDLY of M lifts."""
+    own = np.diag(mass) > 0.0  # functions of free sides carry nothing
+    lifted = stiffness + HARDLY * np.trace(stiffness) / np.trace(mass) * mass
+    try:
+        np.linalg.cholesky(lifted[np.ix_(own, own)])
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
 def pillars_beneath(tiling: Tiling, box_m: FloatArray) -> list[tuple[int, int]]:
     """Panels (i, j) with a pillar, on either side of the plate, that a rectangle x0, x1, y0, y1 in m overlaps."""
-    x, y = (_between(lines, ends, 0.0) for lines, ends in zip((tiling.x, tiling.y), box_m.reshape(2, 2), strict=True))
+    x, y = (between(lines, ends, 0.0) for lines, ends in zip((tiling.x, tiling.y), box_m.reshape(2, 2), strict=True))
     return [(i, j) for i, j in tiling.feet if x[0] <= i <= x[1] and y[0] <= j <= y[1]]
-
-
-@dataclass(frozen=True)
-class _Panels:
-    """A rectangle of the whole plate's panels: columns and rows (first, last), both included."""
-
-    grid: Grid
-    columns: tuple[int, int]
-    rows: tuple[int, int]
-
-    @classmethod
-    def beneath(cls, grid: Grid, box_m: FloatArray, reach_m: float) -> _Panels:
-        """The panels that a box touches, and bare ones within a reach around it, where it is still felt."""
-
-        def spans(reach: float) -> list[tuple[int, int]]:
-            sides = zip((grid.tiling.x, grid.tiling.y), box_m.reshape(2, 2), strict=True)
-            return [_between(lines, ends, reach) for lines, ends in sides]
-
-        def bare(columns: tuple[int, int], rows: tuple[int, int]) -> bool:
-            return not any(place in grid.tiling.feet for place in cls(grid, columns, rows).places)
-
-        ((left, right), (low, high)), ((first, last), (lowest, highest)) = spans(0.0), spans(reach_m)
-        while left > first and bare((left - 1, left - 1), (low, high)):
-            left -= 1
-        while right < last and bare((right + 1, right + 1), (low, high)):
-            right += 1
-        while low > lowest and bare((left, right), (low - 1, low - 1)):
-            low -= 1
-        while high < highest and bare((left, right), (high + 1, high + 1)):
-            high += 1
-        return cls(grid, (left, right), (low, high))
-
-    @property
-    def places(self) -> list[tuple[int, int]]:
-        """Their numbers along x and y."""
-        columns, rows = (range(first, last + 1) for first, last in (self.columns, self.rows))
-        return list(product(columns, rows))
-
-    @property
-    def _ends(self) -> FloatArray:
-        tiling = self.grid.tiling
-        pairs = zip((tiling.x, tiling.y), (self.columns, self.rows), strict=True)
-        return np.array([end for lines, (first, last) in pairs for end in (lines[first], lines[last + 1])])
-
-    @property
-    def middle_m(self) -> FloatArray:
-        """The middle of all of them, (2,)."""
-        return np.asarray(self._ends.reshape(2, 2).mean(axis=1))
-
-    @property
-    def span_m(self) -> FloatArray:
-        """x0, x1, y0, y1 from that middle."""
-        return np.asarray(self._ends - np.repeat(self.middle_m, 2))
-
-    @property
-    def clamped(self) -> tuple[str, ...]:
-        """Sides held: those where panels go on; all of them where the whole plate is meant, which nothing would hold."""
-        last = (self.grid.nx - 1, self.grid.ny - 1)
-        inner = [
-            side
-            for side, own, end in zip(SIDES, (*self.columns, *self.rows), (0, last[0], 0, last[1]), strict=True)
-            if own != end
-        ]
-        return tuple(inner) or SIDES
-
-    def stands(self, pillar: Pillar | None) -> tuple[Stand, ...]:
-        """The pillars on them, from their middle."""
-        feet = self.grid.tiling.feet
-        carrying = [place for place in self.places if place in feet]
-        kinds: dict[Pillar | None, list[tuple[float, float]]] = {}
-        for place in carrying:
-            kinds.setdefault(self.grid.tiling.panel(*place).pillar or pillar, []).append(feet[place])
-        return tuple(Stand(kind, np.array(centres) - self.middle_m) for kind, centres in kinds.items() if kind)
-
-    def held(self, i: int, j: int) -> IntArray:
-        """Boundary degrees of freedom of panel (i, j), in its own order, on the sides that are held."""
-        at = dict(
-            zip(SIDES, (i == self.columns[0], i == self.columns[1], j == self.rows[0], j == self.rows[1]), strict=True)
-        )
-        sides = {side for side in self.clamped if at[side]}
-        face = self.grid.interface
-        found = [face.side(SIDES.index(side)) for side in sides]
-        for index, (x, y) in enumerate(VERTICES):
-            if sides & {"x+" if x > 0 else "x-", "y+" if y > 0 else "y-"}:
-                found.append(face.vertex(index))
-        return np.concatenate(found) if found else np.empty(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
 class _Place:
     """A patch on the panels beneath it, with their pillars."""
 
-    panels: _Panels
+    panels: Panels
     stands: tuple[Stand, ...]
     patch: BondedPatch
     back: bool
+    thickness_m: float
 
     @classmethod
     def of(cls, plate: AssembledPlate, patch: BondedPatch, reductions: Reductions, back: bool) -> _Place:
         """Where a patch is bonded to a plate of such panels."""
-        panels = _Panels.beneath(plate.grid, patch.box_m, reductions.thickness_m)
-        return cls(panels, panels.stands(reductions.pillar), patch, back)
+        panels = Panels.beneath(plate.grid, patch.box_m, reductions.thickness_m)
+        return cls(panels, panels.stands(reductions.pillar), patch, back, reductions.thickness_m)
+
+    @cached_property
+    def mirrors(self) -> tuple[int, ...]:
+        """The axes about which panels, pillars, held sides, patch and the elements are their own mirror image."""
+        held, boxes = self.panels.clamped, self._boxes(())
+        return tuple(
+            axis
+            for axis, (name, lines) in enumerate(zip("xy", (boxes.x, boxes.y), strict=True))
+            if (f"{name}-" in held) == (f"{name}+" in held)
+            and abs(self.box_m.reshape(2, 2)[axis].sum()) < SAME_M
+            and np.abs(lines).min() < SAME_M
+            and (not self.stands or self.panels.grid.tiling.mirrored)
+            and all(_is_mirrored(each.centres, axis) for each in self.stands)
+        )
+
+    @cached_property
+    def fine_mesh(self) -> Mesh:
+        """Panels and pillars about their middle, graded towards the patch's edges; of a mirrored place what lies beyond 0."""
+        return hex_mesh(self._boxes(self.mirrors), self.patch.mesh.order)
+
+    def _boxes(self, mirrors: tuple[int, ...]) -> Boxes:
+        span, axes = self.panels.span_m.copy(), list(mirrors)
+        span.reshape(2, 2)[axes, 0] = 0.0
+        stands = tuple(
+            Stand(each.pillar, each.centres[(each.centres[:, axes] > -each.pillar.footprint_m / 2.0).all(axis=1)])
+            for each in self.stands
+        )
+        return bonded_boxes(span, self.thickness_m, stands, self.box_m, self.back, self.patch.mesh)
+
+    def distinct(self, symmetry: str) -> tuple[sp.csr_array, sp.csr_array]:
+        """What makes the motion of all nodes of the bonded face, (3 b, 3 a), of that of those which are no other's image, in
+        fields of one class; and that one as means of u at the fine mesh's nodes, (3 a, 3 n).
+        """
+        mesh, project, points = self.fine_mesh, self.patch.projection, self.patch.points - self.panels.middle_m
+        folded, flips = self._folded(points)
+        on = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (self.thickness_m if self.back else 0.0)) < SAME_M)
+        weights = grid_weights(mesh.nodes[on, :2], mesh.order, folded)
+        own, turned = self._images(project @ points, symmetry)
+        signs = np.array([mirror_signs(symmetry, flip) for flip in flips])
+        parts = [sp.coo_array(project[own] @ (signs[:, axis, None] * weights)) for axis in range(3)]
+        rows = np.concatenate([3 * part.row + axis for axis, part in enumerate(parts)])
+        columns = np.concatenate([3 * on[part.col] + axis for axis, part in enumerate(parts)])
+        values = np.concatenate([part.data for part in parts])
+        return turned, sp.csr_array((values, (rows, columns)), shape=(3 * len(own), 3 * len(mesh.nodes)))
+
+    def _folded(self, places_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Places (p, 2) beyond the mirrors, and the axes (p, 2) along which they were turned round, -1."""
+        flips = np.ones_like(places_m)
+        for axis in self.mirrors:
+            flips[places_m[:, axis] < -SAME_M, axis] = -1.0
+        return places_m * flips, flips
+
+    def _images(self, nodes_m: FloatArray, symmetry: str) -> tuple[IntArray, sp.csr_array]:
+        """Which nodes (b, 2) are no other's image, (a,), and the motion of all of them by theirs, (3 b, 3 a)."""
+        folded, flips = self._folded(nodes_m)
+        places = np.round(folded / SAME_M) + 0.0  # no zero below zero
+        _, own, which = np.unique(places, axis=0, return_index=True, return_inverse=True)
+        signs = np.array([mirror_signs(symmetry, flip) for flip in flips])
+        columns = (3 * which.ravel()[:, None] + np.arange(3)).ravel()
+        values = (signs * signs[own][which.ravel()]).ravel()
+        shape = (3 * len(nodes_m), 3 * len(own))
+        return own, sp.csr_array((values, (np.arange(shape[0]), columns)), shape=shape)
 
     @property
     def box_m(self) -> FloatArray:
@@ -256,50 +300,16 @@ class _Place:
         return repr((place, feet, self.panels.clamped, self.back, self.patch.mesh))
 
 
-def _between(lines: FloatArray, ends: FloatArray, reach_m: float) -> tuple[int, int]:
-    """First and last interval that a span widened by a reach overlaps."""
-    first = int(np.searchsorted(lines, ends[0] - reach_m + SAME_M, side="right")) - 1
-    last = int(np.searchsorted(lines, ends[1] + reach_m - SAME_M, side="left")) - 1
-    return max(first, 0), min(last, len(lines) - 2)
+def _is_mirrored(centres_m: FloatArray, axis: int) -> bool:
+    """Whether places (n, 2) are their own mirror image along an axis."""
+    flip = np.where(np.arange(2) == axis, -1.0, 1.0)
+    apart = np.abs(centres_m[:, None] - centres_m * flip).max(axis=2)
+    return bool((apart.min(axis=1, initial=np.inf) < SAME_M).all())
 
 
-def _reduced(panels: _Panels, plate: AssembledPlate, patch: BondedPatch, back: bool) -> FloatArray:
+def _reduced(panels: Panels, plate: AssembledPlate, patch: BondedPatch, back: bool) -> FloatArray:
     """E K_r^-1 E' of the panels' reduced matrices, (3 b, 3 b)."""
-    grid = panels.grid
-    dofs = [grid.dofs(i, j) for i, j in panels.places]
-    known, number = np.unique(np.concatenate(dofs), return_inverse=True)
-    places = np.split(number, np.cumsum([len(each) for each in dofs])[:-1])
-    turned = {place: _turned(grid, *place) for place in panels.places}
-    stiffness, moved = np.zeros((len(known),) * 2), np.zeros((3 * len(patch.projection), len(known)))
-    free, own = np.ones(len(known), dtype=bool), dict(zip(panels.places, places, strict=True))
-    for place, turn in turned.items():
-        stiffness[np.ix_(own[place], own[place])] += turn.T @ grid.cell(*place).stiffness @ turn
-        free[own[place][panels.held(*place)]] = False
-    for held in held_panels(plate, Contact(patch.points, patch.projection, back)):
-        place = _place(grid, np.array(held.placed_cell.middle) * held.flip)
-        motion = held.field * np.array([*held.flip, 1.0])[:, None]
-        rows = (3 * held.rows[:, None] + np.arange(3)).ravel()
-        moved[np.ix_(rows, own[place])] += motion.reshape(len(rows), -1) @ turned[place]
-    free &= np.diag(stiffness) > 0.0  # functions of free sides carry nothing
-    own_k, own_e = stiffness[np.ix_(free, free)], moved[:, free]
-    return np.asarray(own_e @ cho_solve(cho_factor((own_k + own_k.T) / 2.0), own_e.T))
-
-
-def _place(grid: Grid, at_m: FloatArray) -> tuple[int, int]:
-    """The panel that a point lies on."""
-    i, j = (int(np.searchsorted(lines, at)) - 1 for lines, at in zip((grid.tiling.x, grid.tiling.y), at_m, strict=True))
-    return i, j
-
-
-def _turned(grid: Grid, i: int, j: int) -> FloatArray:
-    """From the degrees of freedom of panel (i, j) to those of the one that was reduced, its image or itself, (dof, dof)."""
-    cell, face = grid.cell(i, j), grid.interface
-    turn = np.eye(cell.dof)
-    for axis, (own, image) in enumerate(zip((i, j), grid.positive(i, j), strict=True)):
-        if own != image:
-            where, sign = face.mirror(axis)
-            one = np.eye(cell.dof)
-            one[: face.count, : face.count] = 0.0
-            one[where, np.arange(face.count)] = sign
-            turn = one @ turn
-    return turn
+    joined = JoinedPanels(panels, plate)
+    free = joined.free & (np.diag(joined.stiffness) > 0.0)  # functions of free sides carry nothing
+    moved = joined.motion(Contact(patch.points, patch.projection, back))[:, free]
+    return np.asarray(moved @ cho_solve(cho_factor(joined.stiffness[np.ix_(free, free)]), moved.T))

@@ -23,14 +23,13 @@ from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.measures.confinement import TouchField
-from solvers.piezo.beneath import Beneath
+from solvers.piezo.beneath import HARDLY, Beneath, most_on_a_panel
 from solvers.piezo.bond import Contact, Held, displacement_on, held_panels, mirror_signs
 from solvers.piezo.patch import BondedPatch, bonded_patch
 from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
 
 CLASSES = ("SS", "SA", "AS", "AA")
 NEAR_M = 1e-9  # a patch whose middle lies so near to a mirror line lies on it
-HARDLY = 1e-9  # of the mean eigenvalue: beside it rigid-body modes have some
 UNDRIVEN = 1e-9  # of the largest load: a class below it is not driven
 
 
@@ -103,11 +102,27 @@ class PatchedPlate:
         self._images = _images([(key, flip) for key, _, flip in own])
         self.bonds = [known[key].mirrored(flip) for key, _, flip in own]
         self._join(plates)
-        twice = any(len(bond.parts) > 1 for bond in self.bonds)
-        self.differs_too_much = twice and not all(_positive(group.pencil, group.factorise) for group in self.groups)
+        self.is_stiff = self._is_stiff_beneath(some, distinct, known, beneath)
+        is_positive = self.is_stiff or all(_positive(group.pencil, group.factorise) for group in self.groups)
+        self.differs_too_much = not is_positive
         if self.differs_too_much:
             self.bonds = [bond.finest for bond in self.bonds]
             self._join(plates)
+
+    def _is_stiff_beneath(
+        self,
+        plate: AssembledPlate,
+        patches: Mapping[str, BondedPatch],
+        bonds: Mapping[str, _Bond],
+        beneath: Beneath | None,
+    ) -> bool:
+        """Whether the panels beneath each patch alone prove K positive: a factor of the whole plate is then not asked for."""
+        if all(len(bond.parts) == 1 for bond in bonds.values()):
+            return True
+        if beneath is None:
+            return False
+        shared_by = most_on_a_panel(plate, [patch.box_m for patch in self.patches])
+        return all(beneath.stays_stiff(plate, patches[key], bonds[key].parts, shared_by) for key in patches)
 
     def _join(self, plates: Mapping[str, AssembledPlate]) -> None:
         """The groups of classes that the patches couple, and which of them they drive."""
@@ -206,7 +221,7 @@ class PatchedPlate:
     def _positive_pencil(self, group: Group) -> PlainPencil:
         """That of a class that nothing drives, whose patches stand on their finer mesh alone where two take too much away."""
         pencil = group.join()
-        if all(len(bond.parts) == 1 for bond in self.bonds) or _positive(pencil, group.factorise):
+        if self.is_stiff or all(len(bond.parts) == 1 for bond in self.bonds) or _positive(pencil, group.factorise):
             return pencil
         own = [bond.finest for bond in self.bonds]
         return self._pencil(list(group.plates), own)

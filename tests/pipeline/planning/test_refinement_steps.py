@@ -4,13 +4,15 @@ said when it fails.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from pipeline.analysis import modes
 from pipeline.case.model import Case, case_from_dict
-from pipeline.planning import mesh_rules
+from pipeline.planning import mesh_rules, refinement
+from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import Request
 from solvers.errors import SolverError
 from tests.helpers.recording_log import RecordingLog
@@ -41,7 +43,7 @@ def solved(accuracy: float) -> tuple[modes.PartModes, RecordingLog]:
 @pytest.fixture
 def too_low(monkeypatch: pytest.MonkeyPatch) -> None:
     """A planner that starts at a degree that cannot carry the wanted mode."""
-    monkeypatch.setattr(mesh_rules, "ALONG", {2: 100.0})
+    monkeypatch.setattr(mesh_rules, "ALONG", {0.0: {2: 100.0}})
 
 
 def climbs(log: RecordingLog) -> list[str]:
@@ -86,3 +88,29 @@ def test_modes_that_nobody_is_told_ask_for_no_finer_mesh() -> None:
     assert len(result.rows) == 3 and not any("finer ones" in fact for fact in log.facts)
     assert result.wanted and max(row.frequency_hz for row in result.wanted.rows) > 1.5 * result.rows[-1].frequency_hz
     assert result.expected_error == max(row.error for row in result.rows if row.error is not None)
+
+
+def with_pitch(pitch_mm: float, accuracy: float) -> int:
+    """Degree along the sides that a plate with this pitch begins with."""
+    design = case(accuracy).design
+    spaced = replace(design, pitch_x_m=pitch_mm * 1e-3, pitch_y_m=pitch_mm * 1e-3)
+    return mesh_rules.plate_reduction(spaced, accuracy, 45e3).interface.along
+
+
+def test_a_higher_degree_is_taken_for_longer_sides_and_for_finer_accuracies() -> None:
+    spacing = case(0.003).design.line_spacing_m * 1e3
+    shares = (0.25, 0.35, 0.42, 0.85, 1.2)
+    rough, fine = ([with_pitch(share * spacing, accuracy) for share in shares] for accuracy in (0.003, 0.001))
+    assert rough == sorted(rough) and fine == sorted(fine) and rough[-1] == fine[-1] == 6
+    assert all(a <= b for a, b in zip(rough, fine, strict=True)) and rough != fine
+
+
+def test_cells_serve_somewhat_above_what_they_were_reduced_for_and_no_further() -> None:
+    """Their own estimate tells whether well; far above it they are reduced again."""
+    choice = model_choice_of(case(0.003), "plate", BAND_HZ[1])
+    assert choice.reduction is not None
+    made_for = choice.reduction.top_hz / mesh_rules.REACH
+    assert refinement.raise_cutoff(choice, made_for * 1.03, RecordingLog()) is None
+    again = refinement.raise_cutoff(choice, made_for * 1.2, RecordingLog())
+    assert again is not None and again.reduction is not None
+    assert again.reduction.top_hz == pytest.approx(mesh_rules.REACH * made_for * 1.2)
