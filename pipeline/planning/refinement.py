@@ -19,9 +19,8 @@ from solvers.superelement.interface import Interface, ReductionSettings
 
 MARGIN = 2.0  # an assembled plate's single modes may lie somewhat above their estimate, the worst of a class never did
 RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_hz^3
-SLIGHT = (
-    0.05  # so little above the frequency that cells were made for they serve; their own estimate tells whether well
-)
+# so far above the frequency that cells were made for they serve; their own estimate tells whether well enough
+SLIGHT = 0.15
 STEP = (1.08, 2.0)  # least and largest factor on top_hz at once
 
 

@@ -38,6 +38,7 @@ STYLE = {
     "axes.titlesize": 9.5,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # no axis has ticks on top: where to put titles need not be looked for each time
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.linewidth": 0.7,

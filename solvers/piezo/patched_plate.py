@@ -287,7 +287,7 @@ class _Felt:
         """A matrix and factor motion' own motion of each of the bonds, dense where their motions have entries."""
         rows, columns, values = [], [], []
         for factor, own, motion in bonds:
-            used = np.unique(motion.indices)
+            used = np.flatnonzero(np.bincount(motion.indices, minlength=matrix.shape[0]))
             rows.append(np.repeat(used, len(used)))
             columns.append(np.tile(used, len(used)))
             values.append(factor * self._projected(own, motion[:, used].toarray()).ravel())
