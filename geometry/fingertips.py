@@ -49,7 +49,7 @@ FINGERTIPS: dict[str, Fingertip] = {
             "finger",
             damping_n_s_m=55.0,
             source="monnoyer2017: about 55 N s/m of those who felt an ultrasonic switch clearly, others lay above and "
-            "below; the phase is not told in what could be read of it, all of it is taken as resistance",
+            "below; the phase is unknown in what could be read of it, all of it is taken as resistance",
         ),
         Fingertip(
             "light",

@@ -34,7 +34,7 @@ ENVELOPE = (
     "lower envelope of the pictures; errors within the reference's own uncertainty say little. The zone's modes beyond "
     "(0, N) are not what its meshes are made for: they tell how the error grows with the frequency."
 )
-HELD = "confinement (dB)"
+CONFINEMENT = "confinement (dB)"
 LINES = {"superelement": "--", ladder.EXTRAPOLATED: ":"}
 CHOSEN = "what solve.accuracy may choose"
 TARGETS = (0.03, 0.01, 0.003, 0.001)
@@ -171,7 +171,7 @@ def references(records: list[dict[str, Any]]) -> dict[str, tuple[float, float]]:
     for record in records:
         if record["parameters"]["role"] == "reference":
             for quantity, value in (record.get("values") or {}).items():
-                if quantity in (*NAMES, HELD):
+                if quantity in (*NAMES, CONFINEMENT):
                     levels.setdefault(quantity, []).append(value)
     return {quantity: extrapolated(values) for quantity, values in levels.items() if len(values) == 3}
 
@@ -196,18 +196,18 @@ def conclude(records: list[dict[str, Any]]) -> Page:
         for quantity in quantities:
             if quantity in known:
                 sections.append(_section(part, quantity, records, known[quantity]))
-    if HELD in known:
-        sections.append(_confinement_section(records, known[HELD]))
+    if CONFINEMENT in known:
+        sections.append(_confinement_section(records, known[CONFINEMENT]))
     return Page(sections)
 
 
 def _confinement_section(records: list[dict[str, Any]], reference: tuple[float, float]) -> Section:
     """The plate's confinement by every mesh level, and how far each is from the reference."""
     rows: list[list[Any]] = []
-    for record, error in _measured("plate", HELD, records, reference):
+    for record, error in _measured("plate", CONFINEMENT, records, reference):
         if error is not None:
             mesh_level = record["parameters"]["mesh_level"]
-            value = record["values"][HELD]
+            value = record["values"][CONFINEMENT]
             rows.append([name(mesh_level), value, value - reference[0], record["values"]["plate"]])
     words = f"Reference {reference[0]:.3f} dB, uncertain by {reference[1]:.3f} dB."
     headings = ("model", "confinement (dB)", "error (dB)", "wanted mode (Hz)")

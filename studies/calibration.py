@@ -16,7 +16,7 @@ from pipeline.records.outputs import csv_bytes
 from pipeline.records.store import BadRecord, write_atomic
 from pipeline.records.study import read_study
 from studies import ladder
-from studies.accuracy import HELD, QUANTITIES, cases, references
+from studies.accuracy import CONFINEMENT, QUANTITIES, cases, references
 
 KINDS = {"hex": "hex", "solid": "hex", "superelement": "hex", "tet": "tet", "superelement tet": "tet"}
 ANALYTIC = "analytic"
@@ -73,9 +73,9 @@ def _mixing(records: list[dict[str, Any]], known: dict[str, tuple[float, float]]
     for record in records:
         given, values = record["parameters"], record.get("values") or {}
         whole = given["role"] == "mesh_level" and given["mesh_level"]["model"] == "solid" and "mixing (dB)" in values
-        if whole and {HELD, "plate"} <= known.keys():
+        if whole and {CONFINEMENT, "plate"} <= known.keys():
             error = abs(values["plate"] / known["plate"][0] - 1.0)
-            shares.append(abs(values[HELD] - known[HELD][0]) / (values["mixing (dB)"] * error))
+            shares.append(abs(values[CONFINEMENT] - known[CONFINEMENT][0]) / (values["mixing (dB)"] * error))
     return max(shares)
 
 

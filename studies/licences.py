@@ -19,10 +19,10 @@ from pathlib import Path
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from pipeline.paths import ROOT
 from pipeline.records.store import write_atomic
 
-HOUSE = Path(__file__).resolve().parents[1]
-PAGE = HOUSE / "docs" / "licences.md"
+PAGE = ROOT / "docs" / "licences.md"
 
 # The environment whose closure is listed, wherever the page is made: what a marker asks for.
 ENVIRONMENT = {
@@ -117,7 +117,7 @@ def _single_family(licence: str) -> str:
 
 def extras() -> dict[str, list[Requirement]]:
     """What each extra of pyproject.toml asks for; "" is what is always needed."""
-    project = tomllib.loads((HOUSE / "pyproject.toml").read_text())["project"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     requirements = {"": project["dependencies"], **project["optional-dependencies"]}
     return {name: [Requirement(line) for line in lines] for name, lines in requirements.items()}
 
@@ -156,7 +156,7 @@ def _distribution(name: str) -> metadata.Distribution:
 
 def locked() -> dict[str, str]:
     """The versions of constraints.txt by canonical name."""
-    lines = (HOUSE / "constraints.txt").read_text().split()
+    lines = (ROOT / "constraints.txt").read_text().split()
     return {canonicalize_name(name): version for name, _, version in (line.partition("==") for line in lines)}
 
 

@@ -241,7 +241,7 @@ def _touched_design(record: Record) -> str:
 
 def _touched_row(design: str, touch: TouchRecord) -> tuple[str, ...]:
     states = [touch.state(name) for name in ("free", "touched", "shaped")]
-    shift = "not told" if touch.mode is None else f"{touch.mode.shift_hz:+.0f} Hz"
+    shift = "unknown" if touch.mode is None else f"{touch.mode.shift_hz:+.0f} Hz"
     amplitudes = ["none" if s is None else f"{s.finger_m / UM:.3g} um" for s in states[:2]]
     levels = ["none" if s is None or s.confinement_db is None else f"{s.confinement_db:.1f} dB" for s in states]
     return design, shift, *amplitudes, *levels, *(_watts(None if s is None else s.drawn_mW_at_1um) for s in states[1:])

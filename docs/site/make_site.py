@@ -20,7 +20,7 @@ from sphinx.util.inventory import InventoryFile
 
 ROOT = Path(__file__).resolve().parents[2]
 WORK = ROOT / "build" / "docs"
-NOT_HELD = 4
+CHECK_FAILED = 4
 
 
 def pages(source: Path, with_pictures: bool = True) -> None:
@@ -62,7 +62,7 @@ def main(words: Sequence[str]) -> int:
     pages(WORK / "source")
     faults = build(WORK / "source", target)
     print("\n".join(faults) if faults else f"{target / 'index.html'}")
-    return NOT_HELD if faults else 0
+    return CHECK_FAILED if faults else 0
 
 
 if __name__ == "__main__":

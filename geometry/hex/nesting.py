@@ -1,4 +1,4 @@
-"""Fields carried from a mesh of boxes to a finer one that is nested in the same lines."""
+"""Fields prolonged from a mesh of boxes to a finer one that is nested in the same lines."""
 
 from __future__ import annotations
 

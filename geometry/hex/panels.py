@@ -1,4 +1,4 @@
-"""Panels of plate meshed by hexahedra about feet that these can follow, and fields carried between two meshes of one."""
+"""Panels of plate meshed by hexahedra about feet that these can follow, and fields prolonged between two meshes of one."""
 
 from __future__ import annotations
 

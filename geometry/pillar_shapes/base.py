@@ -52,7 +52,7 @@ class PillarShape:
         return cls(MM * given[cls.keys[0]], MM * given[cls.keys[0]], more)
 
     @classmethod
-    def size_faults(cls, given: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+    def size_violations(cls, given: Mapping[str, float]) -> Iterator[tuple[str, str]]:
         """Sizes in mm (those that are known, fillet_mm too) that do not go together: the key at fault and what is allowed."""
         yield from ()
 

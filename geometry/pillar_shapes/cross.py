@@ -22,7 +22,7 @@ class Cross(PillarShape):
     keys = ("side_mm", "arm_mm")
 
     @classmethod
-    def size_faults(cls, given: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+    def size_violations(cls, given: Mapping[str, float]) -> Iterator[tuple[str, str]]:
         """Arms narrower than the whole; a foot fillet that ends within the notch between two arms."""
         side, arm, fillet = given.get("side_mm"), given.get("arm_mm"), given.get("fillet_mm")
         if side is None or arm is None:

@@ -14,7 +14,7 @@ import numpy as np
 from geometry.elements import FloatArray, IntArray
 from geometry.errors import MeshError
 
-HOUSE = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def tetrahedralize(request: dict[str, Any], time_limit_s: float | None = None) -> tuple[FloatArray, IntArray]:
@@ -47,7 +47,7 @@ def _run(request: bytes, time_limit_s: float | None) -> subprocess.CompletedProc
         input=request,
         capture_output=True,
         timeout=time_limit_s,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(HOUSE), os.environ.get("PYTHONPATH", "")])},
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
     )
 
 

@@ -31,11 +31,11 @@ def beside(model: str, computed: Iterable[tuple[str, Figures]]) -> list[dict[str
         statement = statements()[model][key]
         every = _distances(statement["verdicts"], figures) | figures
         ours = {name: statement[name].format(**every) for name in ("quantity", "thesis", "ours")}
-        entries.append(ours | {"agreement": judge(statement, every)})
+        entries.append(ours | {"agreement": agreement(statement, every)})
     return entries
 
 
-def judge(statement: dict[str, Any], figures: Figures) -> str:
+def agreement(statement: dict[str, Any], figures: Figures) -> str:
     """The first verdict whose figures lie in their ranges, with every line of `also` that holds."""
     first = next(verdict for verdict in statement["verdicts"] if _holds(verdict, figures))
     lines = [first, *(line for line in statement.get("also", ()) if _holds(line, figures))]

@@ -12,7 +12,7 @@ from pydantic import Field
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.models.broadband import passed_shares, wavevectors
+from pipeline.models.broadband import transmitted_shares, wavevectors
 from pipeline.models.unit_cell import CLEAR, LatticeModel, bare_cell, lattice_model
 from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.model_choice import SOLID, cell_model_choice
@@ -117,9 +117,9 @@ def _point(row: Row, bare: Row, rows: int, frequency_hz: float) -> AttenuationPo
     kept = np.flatnonzero(row_waves.db_per_row <= STEEPEST_DB)
     waves = tuple(_described(row, row_waves, kept))
     flexural = [wave.db_per_row for wave in waves if wave.polarisation == "flexural"]
-    transmission = passed_shares(stacked(row_waves.stiffness, rows), bare, frequency_hz) if rows else None
+    transmission = transmitted_shares(stacked(row_waves.stiffness, rows), bare, frequency_hz) if rows else None
     return AttenuationPoint(
-        frequency_hz=frequency_hz, waves=waves, db_per_row=min(flexural, default=None), through_rows=transmission
+        frequency_hz=frequency_hz, waves=waves, db_per_row=min(flexural, default=None), transmission=transmission
     )
 
 
@@ -140,12 +140,12 @@ def prediction(attenuation: AttenuationRecord, frequency_hz: float, extension_db
     """
     per_row = attenuation.at(frequency_hz)
     nearest = min(attenuation.points, key=lambda point: abs(point.frequency_hz - frequency_hz))
-    passed = nearest.through_rows.flexural if nearest.through_rows else None
+    passed = nearest.transmission.flexural if nearest.transmission else None
     return PredictionRecord(
         frequency_hz=frequency_hz,
         db_per_row=per_row,
         rows_db=None if per_row is None else attenuation.rows * per_row,
-        through_db=-10.0 * math.log10(passed) if passed else None,
+        transmission_db=-10.0 * math.log10(passed) if passed else None,
         zone_to_extension_db=extension_db,
         rows_needed=math.ceil(CONFINED_DB / per_row) if per_row else None,
     )
@@ -160,8 +160,8 @@ def at_the_zone(case: Case, solved: AttenuationRecord) -> list[str]:
     khz = f"at {answer.frequency_hz / KHZ:.2f} kHz, where thin-plate theory puts the wanted mode"
     passed = (
         ""
-        if answer.through_db is None
-        else f"; the case's take {answer.through_db:.1f} dB from a flexural wave's power"
+        if answer.transmission_db is None
+        else f"; the case's take {answer.transmission_db:.1f} dB from a flexural wave's power"
     )
     if not answer.db_per_row:
         return [f"{khz}, a flexural wave passes endless rows undamped{passed}"]
@@ -170,7 +170,7 @@ def at_the_zone(case: Case, solved: AttenuationRecord) -> list[str]:
 
 
 def _log_summary(points: tuple[AttenuationPoint, ...], kx: float, log: Log) -> None:
-    converted = [p.through_rows.shear + p.through_rows.longitudinal for p in points if p.through_rows]
+    converted = [p.transmission.shear + p.transmission.longitudinal for p in points if p.transmission]
     if converted and max(converted) < 1e-9:
         log.info(
             f"at kx = {kx:.1f} rad/m shear and longitudinal waves of the plate decay: nothing is converted into them"

@@ -15,7 +15,7 @@ THEORIES = {  # what the document and what the calibration call them
     "zone": {"thin_clamped_hz": "thin_clamped_hz", "clamped_hz": "clamped_hz"},
     "pillar": {"given_euler_hz": "euler", "given_timoshenko_hz": "timoshenko"},
 }
-MET = 0.005  # of the zone's frequency: a pillar no farther off needs no other height
+TUNED = 0.005  # of the zone's frequency: a pillar no farther off needs no other height
 
 
 def run(case: Case) -> tuple[dict[str, Any], str]:
@@ -46,7 +46,7 @@ def _read(document: dict[str, Any]) -> list[str]:
         better = f"; {height:.2f} mm of height would meet it" if height else ""
         lines.append(
             f"the pillar as given resonates at {given / KHZ:.2f} kHz, "
-            f"{beside + better if abs(off) >= MET else 'where the zone does'}"
+            f"{beside + better if abs(off) >= TUNED else 'where the zone does'}"
         )
     return lines
 

@@ -16,7 +16,7 @@ from pipeline.planning import error_bar
 from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import response_high_hz
 from pipeline.records.record import MeshRecord, PeakRecord, ResponseRecord
-from solvers.piezo.circuit import CircuitShift, circuit_shift, resonances_hz, unheld
+from solvers.piezo.circuit import CircuitShift, circuit_shift, open_patches, resonances_hz
 from solvers.piezo.forced import Curve, ForcedPlate
 from solvers.piezo.height import height_error
 from solvers.piezo.peaks import Peak, curve_about, highest_hz, own_or, peak_of
@@ -133,7 +133,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
 
 def driven_hz(forced: ForcedPlate) -> float | None:
     """The wanted mode's frequency with the patches' circuits as wired: sensors open, drivers as they are fed."""
-    shift = circuit_shift(forced, opened) if (opened := unheld(forced)) else None
+    shift = circuit_shift(forced, opened) if (opened := open_patches(forced)) else None
     return shift.open_hz if shift else forced.wanted_hz()
 
 

@@ -41,14 +41,14 @@ from solvers.touch.touched_plate import Finger, TouchedPlate
 
 @dataclass(frozen=True)
 class Session:
-    """The plate of a case, free and touched, at the free plate's peak; `not_told` collects why figures are left out."""
+    """The plate of a case, free and touched, at the free plate's peak; `unknown` collects why figures are left out."""
 
     case: Case
     touch: Touch
     free: TouchedPlate
     touched: TouchedPlate
     peak_hz: float
-    not_told: dict[str, None] = field(default_factory=dict)
+    unknown: dict[str, None] = field(default_factory=dict)
 
     @property
     def drive_v(self) -> float:
@@ -79,13 +79,13 @@ def solve(
         loop = _loop(session)
         states = _states(session, mode.frequency_hz if mode else None, loop)
     if mode is None:
-        session.not_told["the wanted mode under the finger: no mode about the band holds it"] = None
+        session.unknown["the wanted mode under the finger: no mode about the band holds it"] = None
     record = _record(
         session, LoadedModeRecord.of(mode) if mode else None, states, loop, _map(session, loop, log, mapped)
     )
     for line in lines(record):
         log.info(line)
-    for reason in record.not_told:
+    for reason in record.unknown:
         log.warning("NOT_TOLD", reason)
     return record
 
@@ -119,7 +119,7 @@ def _states(session: Session, loaded_hz: float | None, loop: LoopRecord | None) 
         states.append(_state(session, session.touched, "held", peak, held))
     shaped = contrast_volts(session.free, peak)
     if shaped is None:
-        session.not_told["shaped drive: it needs two driving patches fed by a voltage, and a passive face"] = None
+        session.unknown["shaped drive: it needs two driving patches fed by a voltage, and a passive face"] = None
     else:
         states.append(_state(session, session.touched.driven_by(shaped), "shaped", peak, volts))
     return states
@@ -161,10 +161,10 @@ def _milliwatts_at_1_um(flow: Power) -> float | None:
 
 
 def _friction(session: Session, amplitude_m: float, frequency_hz: float) -> tuple[float | None, float | None]:
-    """mu over mu at rest at the low and at the high gap; what is not told leaves its reason."""
+    """mu over mu at rest at the low and at the high gap; what is unknown leaves its reason."""
     gaps = session.touch.gap_m
     if not gaps:
-        session.not_told["friction: touch.gap_um and touch.force_N are not given"] = None
+        session.unknown["friction: touch.gap_um and touch.force_N are not given"] = None
         return None, None
     low, high = (_ratio(session, gap, amplitude_m, frequency_hz, tell=True) for gap in gaps)
     return low, high
@@ -177,14 +177,14 @@ def _ratio(session: Session, gap_m: float, amplitude_m: float, frequency_hz: flo
         return SqueezeFilm(gap_m, session.touch.radius_m, force).friction_ratio(amplitude_m, frequency_hz)
     except OutOfValidity as reason:
         if tell:
-            session.not_told[f"friction: {reason}"] = None
+            session.unknown[f"friction: {reason}"] = None
         return None
 
 
 def _loop(session: Session) -> LoopRecord | None:
     """At the free plate's peak, where the controller's oscillator stays, the drive that keeps the first sensor's amplitude."""
     if not session.free.sensors:
-        session.not_told["closed loop: no patch listens, so that none tells the amplitude"] = None
+        session.unknown["closed loop: no patch listens, so that none tells the amplitude"] = None
         return None
     free, touched = (
         float(abs(plate.curve(np.array([session.peak_hz])).sensor_v_per_v[0, 0]))
@@ -252,7 +252,7 @@ def _record(
         states=states,
         loop=loop,
         map=places,
-        not_told=list(session.not_told),
+        unknown=list(session.unknown),
     )
 
 
@@ -282,8 +282,8 @@ def _of_mode(record: TouchRecord) -> Iterator[str]:
 
 def _of_state(state: TouchStateRecord) -> str:
     level = "" if state.confinement_db is None else f", {state.confinement_db:.1f} dB above the passive face"
-    ratios = ["not told" if each is None else f"{each:.2f}" for each in (state.friction_low, state.friction_high)]
-    friction = f"; friction {' to '.join(ratios)} of that at rest" if set(ratios) != {"not told"} else ""
+    ratios = ["unknown" if each is None else f"{each:.2f}" for each in (state.friction_low, state.friction_high)]
+    friction = f"; friction {' to '.join(ratios)} of that at rest" if set(ratios) != {"unknown"} else ""
     drawn = (
         ""
         if state.drawn_mW_at_1um is None

@@ -51,12 +51,13 @@ def sources_hash() -> str:
     """sha256 over the firmware's sources: what a run of the image depends on beside the table."""
     import hashlib
 
-    from pipeline.records.fingerprint import HOUSE, file_hash
+    from pipeline.paths import ROOT
+    from pipeline.records.fingerprint import file_hash
 
     folders = ("core", "board", "emulate", "host")
-    paths = [path for name in folders for path in (HOUSE / "firmware" / name).rglob("*") if path.suffix in SOURCES]
-    paths += (HOUSE / "firmware").glob("*.py")
-    lines = [f"{path.relative_to(HOUSE).as_posix()} {file_hash(path)}" for path in sorted(paths)]
+    paths = [path for name in folders for path in (ROOT / "firmware" / name).rglob("*") if path.suffix in SOURCES]
+    paths += (ROOT / "firmware").glob("*.py")
+    lines = [f"{path.relative_to(ROOT).as_posix()} {file_hash(path)}" for path in sorted(paths)]
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 

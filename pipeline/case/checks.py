@@ -62,7 +62,7 @@ def check_pillar_keys(good: Values, form: PillarShape | None) -> Iterator[Diagno
     fillet = good.get("pillar.fillet_mm")
     if fillet and not shape.can_have_fillet:
         yield "pillar.fillet_mm", fillet, f"must be 0 with a {name} pillar: the file has the final shape"
-    for part, text in shape.size_faults(_sizes_mm(good) | {"fillet_mm": fillet or 0.0}):
+    for part, text in shape.size_violations(_sizes_mm(good) | {"fillet_mm": fillet or 0.0}):
         yield f"pillar.{part}", good[f"pillar.{part}"], text
 
 

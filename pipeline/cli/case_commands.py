@@ -169,9 +169,9 @@ def attenuation(arguments: Namespace) -> int:
 
     solved = solve(case, log, band, arguments.kx, arguments.points)
     shares = ("reflected", "flexural", "shear", "longitudinal")
-    head = ("frequency_hz", "db_per_row", "reflected", *(f"passed_{name}" for name in shares[1:]))
+    head = ("frequency_hz", "db_per_row", "reflected", *(f"transmitted_{name}" for name in shares[1:]))
     rows = [
-        [point.frequency_hz, point.db_per_row, *(getattr(point.through_rows, name, None) for name in shares)]
+        [point.frequency_hz, point.db_per_row, *(getattr(point.transmission, name, None) for name in shares)]
         for point in solved.points
     ]
     about = (
@@ -286,7 +286,7 @@ def touch(arguments: Namespace) -> int:
     from pipeline.plots.touch import tactile_map
 
     record = touched.solve(case, log, band, mapped=not arguments.no_map)
-    lines = [*touched.lines(record), *record.not_told]
+    lines = [*touched.lines(record), *record.unknown]
     return _ran(arguments, "touch", record, lines, lambda: [tactile_map(record)] if record.map else [], log)
 
 

@@ -36,7 +36,7 @@ RENAMED = {
     "--within": "--settling-time",
     "--synthesise": "--synthetic-data",
 }
-DONE, WRONG_INPUT, NOT_TRUSTED, NOT_HELD, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4, 5, 130
+DONE, WRONG_INPUT, NOT_TRUSTED, CHECK_FAILED, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4, 5, 130
 
 
 class _Parser(argparse.ArgumentParser):

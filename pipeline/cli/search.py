@@ -110,7 +110,7 @@ def to_dict(outcome: Outcome) -> dict[str, Any]:
                 "name": name,
                 "model": MODELS[name],
                 "designs": len(each),
-                "not_judged": sum(e.goal_db is None for e in each),
+                "not_evaluated": sum(e.goal_db is None for e in each),
             }
             for name, each in outcome.by_fidelity.items()
         ],

@@ -109,7 +109,7 @@ def patterns_of(held: Travelling, drives: np.ndarray) -> list[PlayedPattern]:
         volts = row[: len(asked)]
         scale = np.vdot(asked, volts) / np.vdot(asked, asked)
         error = float(np.linalg.norm(volts - scale * asked) / np.linalg.norm(volts))
-        found.append(PlayedPattern(name=name, twr=held.twr(volts), twr_asked=held.twr(asked), error=error))
+        found.append(PlayedPattern(name=name, twr=held.twr(volts), twr_target=held.twr(asked), error=error))
     return found
 
 
@@ -118,7 +118,7 @@ def lines(record: TravelRecord) -> list[str]:
     if record.board is None or isinstance(record.board, BoardFault):
         return []
     return [
-        f"emulated board, {each.name}: travelling-wave ratio {each.twr:.3f} where {each.twr_asked:.3f} is asked for, "
+        f"emulated board, {each.name}: travelling-wave ratio {each.twr:.3f} where {each.twr_target:.3f} is asked for, "
         f"drives off by {each.error:.1%}"
         for each in record.board
     ]

@@ -42,8 +42,8 @@ def solve(
         motion = _motion(case, forced.driven_by(volts), found)
     why = _why_not(touch, abs(wavenumber_per_m))
     low, high, missed = (None, None, None) if why else _shear(touch, found.touched_m, motion, frequency_hz)
-    not_told = [f"net shear: {reason}" for reason in (why, missed and f"at some places {missed}") if reason]
-    for reason in not_told:
+    unknown = [f"net shear: {reason}" for reason in (why, missed and f"at some places {missed}") if reason]
+    for reason in unknown:
         log.warning("NOT_TOLD", reason)
     return ShearRecord(
         fingertip=touch.tip.name,
@@ -55,7 +55,7 @@ def solve(
         crest_m_s=motion.crest_m_s.tolist(),
         shear_low=low,
         shear_high=high,
-        not_told=not_told,
+        unknown=unknown,
     )
 
 

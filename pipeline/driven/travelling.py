@@ -14,7 +14,7 @@ from pipeline.driven import shear
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
-from pipeline.records.record import HeldMode, MeshRecord, ShearRecord, TravelRecord
+from pipeline.records.record import MeshRecord, PatternMode, ShearRecord, TravelRecord
 from pipeline.units import KHZ, MM, UM
 from solvers.driven.plate_table import motion_at, plate_table
 from solvers.driven.power_flow import power_flow
@@ -195,7 +195,7 @@ def _record(held: Travelling, design: Design, others: float) -> TravelRecord:
         dof=sum(group.pencil.dof for group in plate.plate.groups),
         frequency_hz=tone,
         modes=[
-            HeldMode(
+            PatternMode(
                 nodal_lines=_neighbours(design)[which],
                 frequency_hz=float(held.table.frequencies_hz[mode]),
                 share=float(shares[which][mode]),
@@ -251,5 +251,5 @@ def _of_shear(record: ShearRecord) -> str:
         if field
     ]
     told = [f"{each:.2g}" for each in ends if each is not None]
-    drag = f"; it drags by {' to '.join(told)} of the friction at rest at most" if told else "; its drag is not told"
+    drag = f"; it drags by {' to '.join(told)} of the friction at rest at most" if told else "; its drag is unknown"
     return f"a finger ({record.fingertip}) at rest meets crests of {1e3 * record.fastest_m_s:.3g} mm/s along x{drag}"

@@ -16,7 +16,7 @@ from pipeline.models.cell_cache import CellCache
 from pipeline.planning import mesh_rules
 from pipeline.planning.request import driven_band_hz
 from pipeline.planning.simplifications import hexahedra
-from pipeline.records.record import BroadbandPoint, BroadbandRecord, ThroughRows
+from pipeline.records.record import BroadbandPoint, BroadbandRecord, Transmission
 from solvers.measures.levels import CONFINED_DB
 from solvers.measures.wanted_mode import verdict
 from solvers.superelement.build import Reductions
@@ -45,7 +45,7 @@ def broadband(
         driven = column.driven(tones, case.quality)
         passed = [_through(column, bare, float(tone)) for tone in tones]
     samples = [
-        BroadbandPoint(frequency_hz=tone, confinement_db=level, through_rows=shares)
+        BroadbandPoint(frequency_hz=tone, confinement_db=level, transmission=shares)
         for tone, level, shares in zip(tones.tolist(), driven.confinement_db.tolist(), passed, strict=True)
     ]
     wanted_hz, wanted_db = _wanted(driven.modes, mesh_rules.wanted_window_hz(design))
@@ -101,9 +101,9 @@ def _model(design: Design, accuracy: float, high_hz: float, kx: float, log: Log)
     return column, bare, reduction.hexahedra.order
 
 
-def _through(column: Column, bare: Row, frequency_hz: float) -> ThroughRows | None:
+def _through(column: Column, bare: Row, frequency_hz: float) -> Transmission | None:
     feet = [row for panel, row in zip(column.panels, column.rows, strict=True) if panel.foot]
-    return passed_shares(chain(row.condensed(frequency_hz)[0] for row in feet), bare, frequency_hz)
+    return transmitted_shares(chain(row.condensed(frequency_hz)[0] for row in feet), bare, frequency_hz)
 
 
 def wavevectors(row: Row, waves: RowWaves, kept: IntArray) -> ComplexArray:
@@ -112,7 +112,7 @@ def wavevectors(row: Row, waves: RowWaves, kept: IntArray) -> ComplexArray:
     return np.vstack([np.full(len(ky), row.kx, dtype=complex), ky])
 
 
-def passed_shares(stack: RowStiffness, bare: Row, frequency_hz: float) -> ThroughRows | None:
+def transmitted_shares(stack: RowStiffness, bare: Row, frequency_hz: float) -> Transmission | None:
     """Shares of the incoming flexural wave's power by polarisation; None where the bare plate carries no such wave at
     this kx.
     """
@@ -128,7 +128,7 @@ def passed_shares(stack: RowStiffness, bare: Row, frequency_hz: float) -> Throug
     transmitted = dict.fromkeys(("flexural", "shear", "longitudinal"), 0.0)
     for name, share in zip(labels, scattered.transmitted, strict=True):
         transmitted[name] += float(share)
-    return ThroughRows(reflected=float(scattered.reflected.sum()), **transmitted)
+    return Transmission(reflected=float(scattered.reflected.sum()), **transmitted)
 
 
 def _wanted(modes: ColumnModes, window_hz: Stretch) -> tuple[float | None, float | None]:

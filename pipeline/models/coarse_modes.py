@@ -55,10 +55,12 @@ def coarse_modes(case: Case, query: Request, choice: ModelChoice) -> CoarseModes
         better = modes_near(_built(case, there, fine.order).pencil(last), near, inside[last]).frequency_hz
     except (CountMismatch, SolverError):
         return None
-    return CoarseModes(float(better.max()), {one: _asked(each, near, reach, count) for one, each in tones.items()})
+    return CoarseModes(
+        float(better.max()), {one: _needed_count(each, near, reach, count) for one, each in tones.items()}
+    )
 
 
-def _asked(tones: FloatArray, near_hz: float, reach_hz: float, count: int) -> int:
+def _needed_count(tones: FloatArray, near_hz: float, reach_hz: float, count: int) -> int:
     """How many modes to ask a class for: of the lowest one more than may lie within reach; about a frequency the coarse
     mesh does not tell on which side of it a mode lies.
     """

@@ -56,7 +56,7 @@ class Offline:
     waves: int = 32
     intervals: int = INTERVALS
     workers: int = 2
-    judged: bool = True  # whether the mesh's error is measured
+    measures_mesh: bool = True  # whether the mesh's error is measured
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
         floor = own_error(cell, alone, unseen, BANDS)
         bases = band_bases(cell, fractions, labels, BANDS, designs, floor)
     log.info(f"bases miss at most {floor:.3%} of a frequency on {len(unseen)} designs that they were not made from")
-    if not offline.judged:
+    if not offline.measures_mesh:
         return CellModel(cell, bases)
     with log.step("compare the box's corners with meshes of their own"), _mapped(offline) as apply:
         mesh = mesh_table(case, cell, bases, unseen, apply)

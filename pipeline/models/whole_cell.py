@@ -16,7 +16,7 @@ from geometry.layout import Design, region_materials
 from geometry.mesh import Mesh
 from pipeline.models.parts import foot_shares
 from solvers.fem.assembly import assemble
-from solvers.fem.coarser import Nested, Shares, carried_eigenvalues
+from solvers.fem.coarser import Nested, Shares, prolonged_eigenvalues
 from solvers.fem.eigen import PlainPencil, lowest_pairs
 from solvers.superelement.lattice_error import STILL
 from solvers.superelement.plate_error import ModeErrors
@@ -85,8 +85,8 @@ class WholeCell:
     ) -> FloatArray:
         """Relative rise of the waves' frequencies on a coarser mesh, (k,)."""
         coarse, _ = nested.body.pencil(wavevector)
-        carried = self.own.carried(nested.body, nested.transfer, wavevector)
-        return (carried_eigenvalues(pencil, coarse, carried, vectors, values) / values - 1.0) / 2.0
+        prolonged = self.own.prolonged(nested.body, nested.transfer, wavevector)
+        return (prolonged_eigenvalues(pencil, coarse, prolonged, vectors, values) / values - 1.0) / 2.0
 
 
 def _mesh(design: Design, settings: HexSettings) -> Mesh:

@@ -95,7 +95,7 @@ def draw_least(axes: Any, record: AttenuationRecord) -> None:
 
 
 def _power(axes: Any, record: AttenuationRecord) -> None:
-    transmitted = [(p.frequency_hz, p.through_rows) for p in record.points if p.through_rows]
+    transmitted = [(p.frequency_hz, p.transmission) for p in record.points if p.transmission]
     if not transmitted:
         axes.text(0.5, 0.5, "no rows, or no flexural wave arrives", ha="center", transform=axes.transAxes)
         return

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.paths import ROOT
 from pipeline.plots import style
 from pipeline.units import MM
 from pipeline.workers import LocalWorkers, WorkerLost
@@ -134,9 +135,8 @@ def run_child(module: str, folder: Path) -> str:
     env = dict(os.environ)
     _prepare(env)
     command = [sys.executable, "-m", module, str(folder)]
-    house = Path(__file__).resolve().parents[2]
     try:
-        done = subprocess.run(command, env=env, cwd=house, capture_output=True, timeout=TIMEOUT_S, check=False)
+        done = subprocess.run(command, env=env, cwd=ROOT, capture_output=True, timeout=TIMEOUT_S, check=False)
     except subprocess.TimeoutExpired:
         return f"rendering took longer than {TIMEOUT_S:.0f} s"
     except OSError as error:

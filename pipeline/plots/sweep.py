@@ -122,7 +122,7 @@ def how_many_rows(study: StoredStudy) -> ReportFigure | None:
     """Decibels from zone to extension: rows times the decay per row (infinite rows) against the finite plates."""
     known = [(case, case.record.prediction) for case in study.cases]
     levels = {
-        case.case_id: (each.zone_to_extension_db, each.rows_db, each.through_db)
+        case.case_id: (each.zone_to_extension_db, each.rows_db, each.transmission_db)
         for case, each in known
         if each and each.rows_db is not None and each.zone_to_extension_db is not None
     }

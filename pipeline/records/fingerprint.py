@@ -12,7 +12,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-HOUSE = Path(__file__).resolve().parents[2]
+from pipeline.paths import ROOT
+
 COMPUTING_FOLDERS = ("geometry", "solvers", "pipeline", "firmware")
 TABLE_LAYOUT = "firmware/table_format.py"  # all of firmware/ that decides bytes of a record
 # Files of pipeline/ that only dispatch, show or file away: editing them leaves every number as it is.
@@ -76,10 +77,10 @@ def file_hash(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def computing_sources(house: Path = HOUSE) -> list[Path]:
+def computing_sources(root: Path = ROOT) -> list[Path]:
     """Every source file whose edit may change a number: all of them but the few that only dispatch and show."""
-    paths = (path for folder in COMPUTING_FOLDERS for path in (house / folder).rglob("*.py"))
-    return sorted(path for path in paths if not _only_shows(path.relative_to(house)))
+    paths = (path for folder in COMPUTING_FOLDERS for path in (root / folder).rglob("*.py"))
+    return sorted(path for path in paths if not _only_shows(path.relative_to(root)))
 
 
 def _only_shows(relative: Path) -> bool:
@@ -88,11 +89,11 @@ def _only_shows(relative: Path) -> bool:
     return any(fnmatch(relative.as_posix(), pattern) for pattern in SHOWING)
 
 
-def code_hash(house: Path = HOUSE) -> str:
+def code_hash(root: Path = ROOT) -> str:
     """sha256 over names and bytes of the computing sources."""
     total = hashlib.sha256()
-    for path in computing_sources(house):
-        total.update(f"{path.relative_to(house).as_posix()} {file_hash(path)}\n".encode())
+    for path in computing_sources(root):
+        total.update(f"{path.relative_to(root).as_posix()} {file_hash(path)}\n".encode())
     return total.hexdigest()
 
 

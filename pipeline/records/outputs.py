@@ -37,12 +37,12 @@ def check_places(arguments: Namespace) -> None:
             lines.append(f"--{name.replace('_', '-')} = {place}: {reason}: must be a folder that can be written")
     alone = {f"--{name}": place for name in DOCUMENTS if (place := getattr(arguments, name, None)) is not None}
     for option, place in (alone | {"--plot": getattr(arguments, "plot", None)}).items():
-        lines += _faults(option, [place])
+        lines += _violations(option, [place])
     first, *others = [option for option, place in alone.items() if is_standard_output(place)] or [""]
     lines += [
         f"{option} = {alone[option]}: standard output takes one document, here that of {first}" for option in others
     ]
-    lines += _faults("--out", _known_files(arguments))
+    lines += _violations("--out", _known_files(arguments))
     if lines:
         raise InputError(lines)
 
@@ -60,11 +60,11 @@ def check_apart(json_place: str | None, output: str | None) -> None:
 
 def check_files(option: str, places: Iterable[str | Path]) -> None:
     """Before computing: InputError with a line for each place of an option that cannot be written."""
-    if lines := _faults(option, places):
+    if lines := _violations(option, places):
         raise InputError(lines)
 
 
-def _faults(option: str, places: Iterable[str | Path | None]) -> list[str]:
+def _violations(option: str, places: Iterable[str | Path | None]) -> list[str]:
     """One line a reason: several files that lack the same folder are one fault."""
     first: dict[str, str | Path] = {}
     for place in places:

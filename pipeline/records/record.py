@@ -342,7 +342,7 @@ class WaveRecord(Part):
     pillar_share: float
 
 
-class ThroughRows(Part):
+class Transmission(Part):
     """Shares of an incoming flexural wave's power after the case's rows, by polarisation."""
 
     reflected: float
@@ -357,7 +357,7 @@ class AttenuationPoint(Part):
     frequency_hz: float
     waves: tuple[WaveRecord, ...]
     db_per_row: float | None
-    through_rows: ThroughRows | None
+    transmission: Transmission | None
 
 
 class AttenuationRecord(Part):
@@ -390,12 +390,12 @@ class BroadbandPoint(Part):
 
     frequency_hz: float
     confinement_db: float | None
-    through_rows: ThroughRows | None
+    transmission: Transmission | None
 
     @property
     def taken_db(self) -> float:
         """What the rows take from a flexural wave's power, dB, at most 300; NaN where none arrives."""
-        return -10.0 * log10(max(self.through_rows.flexural, 1e-30)) if self.through_rows else nan
+        return -10.0 * log10(max(self.transmission.flexural, 1e-30)) if self.transmission else nan
 
 
 class BroadbandRecord(Part):
@@ -430,13 +430,13 @@ class BroadbandRecord(Part):
 class PredictionRecord(Part):
     """What endless rows would do at the wanted mode, beside the finite plate's zone_to_extension_db.
 
-    rows_db: rows times the decay per row; through_db: the power that passes the rows; rows_needed: to be confined.
+    rows_db: rows times the decay per row; transmission_db: the power that passes the rows; rows_needed: to be confined.
     """
 
     frequency_hz: float
     db_per_row: float | None
     rows_db: float | None
-    through_db: float | None
+    transmission_db: float | None
     zone_to_extension_db: float | None
     rows_needed: int | None
 
@@ -528,7 +528,7 @@ class HybridRecord(Part):
         return None if figures is None or self.wanted_place is None else figures[self.wanted_place]
 
 
-class HeldMode(Part):
+class PatternMode(Part):
     """A mode held for a travelling wave: the nodal lines of its shape, and the share of its mass that moves so."""
 
     nodal_lines: int
@@ -541,7 +541,7 @@ class PlayedPattern(Part):
 
     name: str
     twr: float
-    twr_asked: float
+    twr_target: float
     error: float
 
 
@@ -561,7 +561,7 @@ class ShearRecord(Part):
     crest_m_s: list[list[float]]
     shear_low: list[list[float | None]] | None
     shear_high: list[list[float | None]] | None
-    not_told: list[str]
+    unknown: list[str]
 
     @property
     def fastest_m_s(self) -> float:
@@ -580,7 +580,7 @@ class TravelRecord(Part):
     model: str
     dof: int
     frequency_hz: float
-    modes: list[HeldMode]
+    modes: list[PatternMode]
     others: float
     twr: float
     alone_twr: float
@@ -702,7 +702,7 @@ class TouchMapRecord(Part):
 
 
 class TouchRecord(Part):
-    """A finger on the driven plate: what it is, what it makes of the wanted mode, each state, why a figure is not told."""
+    """A finger on the driven plate: what it is, what it makes of the wanted mode, each state, why a figure is unknown."""
 
     model: str
     dof: int
@@ -718,7 +718,7 @@ class TouchRecord(Part):
     states: list[TouchStateRecord]
     loop: LoopRecord | None
     map: TouchMapRecord | None
-    not_told: list[str]
+    unknown: list[str]
 
     def state(self, name: str) -> TouchStateRecord | None:
         """A state by its name."""
@@ -905,7 +905,7 @@ class Record(Part):
     `other` holds plain values by name: of measures without a class here, and of studies that are scripts.
     """
 
-    schema_version: Literal[2] = Field(default=2, alias="schema")
+    schema_version: Literal[3] = Field(default=3, alias="schema")
     case_id: str
     name: str = ""
     status: Literal["OK", "WARNING", "FAILED", "MISSING"]

@@ -37,7 +37,7 @@ def broadband(document: Document) -> Rows:
     return [
         {key: point[key] for key in ("frequency_hz", "confinement_db")}
         | {
-            f"passed_{name}" if name != "reflected" else name: (point["through_rows"] or {}).get(name)
+            f"transmitted_{name}" if name != "reflected" else name: (point["transmission"] or {}).get(name)
             for name in shares
         }
         for point in document["points"]

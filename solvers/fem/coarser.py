@@ -172,22 +172,22 @@ def coarser_eigenvalues(
 
     transfer (fine nodes, coarse nodes); both pencils have the same supports and mirrors.
     """
-    carried = sp.csr_array(sp.kron(transfer, sp.eye_array(3), format="csr"))[np.flatnonzero(fine.free)]
-    return carried_eigenvalues(fine, coarse, carried[:, np.flatnonzero(coarse.free)], vectors, values)
+    prolonged = sp.csr_array(sp.kron(transfer, sp.eye_array(3), format="csr"))[np.flatnonzero(fine.free)]
+    return prolonged_eigenvalues(fine, coarse, prolonged[:, np.flatnonzero(coarse.free)], vectors, values)
 
 
-def carried_eigenvalues(
-    fine: SymmetricPencil, coarse: SymmetricPencil, carried: sp.csr_array, vectors: FloatArray, values: FloatArray
+def prolonged_eigenvalues(
+    fine: SymmetricPencil, coarse: SymmetricPencil, prolonged: sp.csr_array, vectors: FloatArray, values: FloatArray
 ) -> FloatArray:
     """The same by the matrix (fine dof, coarse dof) that carries the coarser pencil's motions to the finer one."""
     from scipy.optimize import linear_sum_assignment  # slow to import
 
     unit = (fine.scale.angular / coarse.scale.angular) ** 2
     factor, _ = factor_near(coarse, _amid(values) * unit, Factoriser())
-    moved, _ = np.linalg.qr(factor.solve(np.ascontiguousarray(carried.T @ (fine.mass @ vectors))))
+    moved, _ = np.linalg.qr(factor.solve(np.ascontiguousarray(prolonged.T @ (fine.mass @ vectors))))
     stiffness, mass = (moved.T @ (part @ moved) for part in (coarse.stiffness, coarse.mass))
     found, turn = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
-    overlap = vectors.T @ (fine.mass @ (carried @ (moved @ turn)))
+    overlap = vectors.T @ (fine.mass @ (prolonged @ (moved @ turn)))
     _, partner = linear_sum_assignment(-np.abs(overlap))
     return np.asarray(found[partner] / unit)
 

@@ -34,25 +34,25 @@ def displacement_at(plate: AssembledPlate, contact: Contact) -> sp.csr_array:
     In a symmetry class points on the negative sides follow from the mirrors. Raises SolverError for a point outside the plate
     or on a panel that carries a pillar.
     """
-    return displacement_on(plate, list(held_panels(plate, contact)), len(contact.means))
+    return displacement_on(plate, list(panel_contacts(plate, contact)), len(contact.means))
 
 
-def displacement_on(plate: AssembledPlate, panels: Sequence[Held], count: int) -> sp.csr_array:
+def displacement_on(plate: AssembledPlate, panels: Sequence[PanelContact], count: int) -> sp.csr_array:
     """The same where the panels that a contact of b means (count) lies on are known, of this or another class of the plate."""
     parts = []
-    for held in panels:
-        placed_cell = plate.placed_cells[held.number]
-        signs = mirror_signs(plate.symmetry, held.flip)[:, None]
+    for panel in panels:
+        placed_cell = plate.placed_cells[panel.number]
+        signs = mirror_signs(plate.symmetry, panel.flip)[:, None]
         live = placed_cell.coefficient != 0.0
-        field = signs * (held.field[:, :, live] * placed_cell.coefficient[live])
-        block = sp.coo_array(field.reshape(3 * len(held.rows), -1))
-        places = ((3 * held.rows[:, None] + np.arange(3)).ravel()[block.row], placed_cell.dofs[live][block.col])
+        field = signs * (panel.field[:, :, live] * placed_cell.coefficient[live])
+        block = sp.coo_array(field.reshape(3 * len(panel.rows), -1))
+        places = ((3 * panel.rows[:, None] + np.arange(3)).ravel()[block.row], placed_cell.dofs[live][block.col])
         parts.append(sp.csr_array((block.data, places), shape=(3 * count, plate.dof)))
     return sp.csr_array(sum(parts[1:], start=parts[0]))
 
 
 @dataclass(frozen=True)
-class Held:
+class PanelContact:
     """What of a contact lies on one panel of the whole plate: the number and place of the cell that stands for it, the mirrors
     (2,) that carry it there, and the contact's means of u that feel it (rows, (b,)) from that cell's degrees of freedom,
     (b, 3, dof).
@@ -65,7 +65,7 @@ class Held:
     field: FloatArray
 
 
-def held_panels(plate: AssembledPlate, contact: Contact) -> Iterator[Held]:
+def panel_contacts(plate: AssembledPlate, contact: Contact) -> Iterator[PanelContact]:
     """A contact panel by panel. A panel on a mirror line is its own image and holds its points as they are."""
     left = np.ones(len(contact.points), dtype=bool)
     for number, placed_cell in enumerate(plate.placed_cells):
@@ -78,7 +78,7 @@ def held_panels(plate: AssembledPlate, contact: Contact) -> Iterator[Held]:
                 left &= ~inside
                 rows = np.flatnonzero(contact.means[:, inside].any(axis=1))
                 means = contact.means[np.ix_(rows, inside)]
-                yield Held(
+                yield PanelContact(
                     number, placed_cell, flip, rows, _field(placed_cell.cell, local[inside], means, contact.back)
                 )
     if left.any():

@@ -65,7 +65,7 @@ def circuit_shift(forced: ForcedPlate, opened: Sequence[int] | None = None) -> C
     return CircuitShift(short, float(frequency[best]), float(shares[best, place] ** 2))
 
 
-def unheld(forced: ForcedPlate) -> list[int]:
+def open_patches(forced: ForcedPlate) -> list[int]:
     """Patches that no voltage holds: those that listen, and where a charge drives those that drive."""
     return forced.sensors if forced.circuit == "short" else [*forced.drivers, *forced.sensors]
 
@@ -73,7 +73,7 @@ def unheld(forced: ForcedPlate) -> list[int]:
 def resonances_hz(forced: ForcedPlate) -> FloatArray:
     """Frequencies within the band at which the plate resonates with its patches as they are wired, ascending."""
     low, high = forced.band_hz
-    frequency = open_modes(forced, opened)[0] if (opened := unheld(forced)) else np.sort(forced.resonances_hz)
+    frequency = open_modes(forced, opened)[0] if (opened := open_patches(forced)) else np.sort(forced.resonances_hz)
     return frequency[(frequency > low) & (frequency < high)]
 
 

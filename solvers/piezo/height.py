@@ -21,8 +21,8 @@ def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
     if group.by_mesh is None or group.by_modes is None:
         return None
     volts = forced.volts(forced.plate.scale.eigenvalue(frequency_hz))
-    beyond_rest = max(float(cell.residual.growth(value)) - 1.0 for plate in group.plates for cell in plate.cells)
-    lost = abs(phi @ group.by_mesh @ volts) + beyond_rest * abs(phi @ group.by_modes @ volts)
+    growth = max(float(cell.residual.growth(value)) - 1.0 for plate in group.plates for cell in plate.cells)
+    lost = abs(phi @ group.by_mesh @ volts) + growth * abs(phi @ group.by_modes @ volts)
     if group.inertia is not None:
         lost += abs(value / group.eigenvalue - 1.0) * abs(phi @ group.inertia @ volts)
     given = abs(basis.gain[index] @ volts)

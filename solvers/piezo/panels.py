@@ -9,7 +9,7 @@ import numpy as np
 
 from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.layout import Pillar, Stand
-from solvers.piezo.bond import SAME_M, Contact, held_panels
+from solvers.piezo.bond import SAME_M, Contact, panel_contacts
 from solvers.superelement.interface import SIDES, VERTICES
 from solvers.superelement.plate import AssembledPlate, Grid
 
@@ -130,7 +130,7 @@ class JoinedPanels:
     def motion(self, contact: Contact) -> FloatArray:
         """The means of u that a contact feels per degree of freedom, (3 b, n)."""
         moved = np.zeros((3 * len(contact.means), self.count))
-        for held in held_panels(self.plate, contact):
+        for held in panel_contacts(self.plate, contact):
             place = _place(self.panels.grid, np.array(held.placed_cell.middle) * held.flip)
             motion = held.field * np.array([*held.flip, 1.0])[:, None]
             rows = (3 * held.rows[:, None] + np.arange(3)).ravel()

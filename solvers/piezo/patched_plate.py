@@ -24,7 +24,7 @@ from solvers.fem.eigen import PlainPencil
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.measures.confinement import TouchField
 from solvers.piezo.beneath import HARDLY, Beneath, most_on_a_panel
-from solvers.piezo.bond import Contact, Held, displacement_on, held_panels, mirror_signs
+from solvers.piezo.bond import Contact, PanelContact, displacement_on, mirror_signs, panel_contacts
 from solvers.piezo.patch import BondedPatch, bonded_patch
 from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
 
@@ -128,8 +128,8 @@ class PatchedPlate:
         """The groups of classes that the patches couple, and which of them they drive."""
         some = next(iter(plates.values()))
         classes = [[WHOLE]] if WHOLE in plates else coupled_classes(self.patches)
-        self._held: dict[int, list[tuple[Held, ...]]] = {}
-        self._felt = _Felt(len(classes) > 1)
+        self._panel_contacts: dict[int, list[tuple[PanelContact, ...]]] = {}
+        self._matrices = _PatchMatrices(len(classes) > 1)
         self._whole = some
         self.motions: dict[str, list[list[sp.csr_array]]] = {}  # of the bonded faces, mesh by mesh, as far as asked for
         self.everything = [self._group([plates[p] for p in symmetries]) for symmetries in classes]
@@ -207,9 +207,9 @@ class PatchedPlate:
                 signs = mirror_signs(plates[0].symmetry, flip)
                 out.append([_scaled(motion, np.tile(signs, motion.shape[0] // 3)) for motion in out[first]])
                 continue
-            if number not in self._held:
-                self._held[number] = [tuple(held_panels(self._whole, part.contact)) for part in bond.parts]
-            pairs = zip(self._held[number], bond.parts, strict=True)
+            if number not in self._panel_contacts:
+                self._panel_contacts[number] = [tuple(panel_contacts(self._whole, part.contact)) for part in bond.parts]
+            pairs = zip(self._panel_contacts[number], bond.parts, strict=True)
             out.append([_motion(plates, panels, part.contact) for panels, part in pairs])
         return out
 
@@ -243,8 +243,8 @@ class PatchedPlate:
             stiff += [(count * part.share, part.stiffness, motion) for part, motion in pairs]
             weights.append((count / self.scale.mass_kg, bond.parts[0].mass, moved[0]))
         rigid = sum(RIGID_OF_CLASS[plate.symmetry] for plate in plates)
-        felt = self._felt
-        return PlainPencil(felt.added(whole, stiff), felt.added(heavy, weights), self.scale, rigid)
+        matrices = self._matrices
+        return PlainPencil(matrices.added(whole, stiff), matrices.added(heavy, weights), self.scale, rigid)
 
 
 def _positive(pencil: PlainPencil, factorise: Factoriser) -> bool:
@@ -274,7 +274,7 @@ def _scaled(matrix: sp.csr_array, rows: FloatArray) -> sp.csr_array:
 _Bonded = tuple[float, FloatArray, sp.csr_array]  # a factor, a patch's own matrix (3 b, 3 b), its motion (3 b, dof)
 
 
-class _Felt:
+class _PatchMatrices:
     """What patches' matrices are in a plate's degrees of freedom: in classes that differ about a mirror line far from a patch
     its motions are the same but for their sign, and made once.
     """
@@ -397,12 +397,12 @@ def _part(
     stiffness, load = patch.stiffness / unit, patch.theta / unit
     gives = beneath.flexibility(plate, patch, back) if beneath else np.zeros_like(stiffness)
     turn = np.linalg.inv(np.eye(len(load)) + gives @ stiffness)
-    felt, held = stiffness @ turn, turn.T @ load
+    effective, held = stiffness @ turn, turn.T @ load
     inertia = eigenvalue * turn.T @ (patch.swell + patch.mass @ (gives @ held)) / scale.mass_kg
     return _Part(
         share,
         Contact(patch.points, patch.projection, back),
-        (felt + felt.T) / 2.0,
+        (effective + effective.T) / 2.0,
         turn.T @ patch.mass @ turn,
         held + inertia,
         inertia,
@@ -411,7 +411,7 @@ def _part(
     )
 
 
-def _motion(plates: list[AssembledPlate], panels: Sequence[Held], contact: Contact) -> sp.csr_array:
+def _motion(plates: list[AssembledPlate], panels: Sequence[PanelContact], contact: Contact) -> sp.csr_array:
     """The means of u that a contact feels per degree of freedom of the classes one after another, (3 b, dof)."""
     return sp.csr_array(
         sp.hstack([displacement_on(plate, panels, len(contact.means)) for plate in plates], format="csr")

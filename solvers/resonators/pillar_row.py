@@ -69,7 +69,7 @@ class PillarFilter:
         return {"schema": 1, **numbers, **bands, **arrays}
 
 
-def strip_host(design: Design, plate: bool = True) -> HostBeam:
+def strip_beam(design: Design, plate: bool = True) -> HostBeam:
     """The strip of one pitch: bending stiffness D pitch of a plate kept straight along x, or E I of a free beam."""
     material, width = design.material, design.pitch_x_m
     if isnan(width) or isnan(design.thickness_m):
@@ -87,7 +87,7 @@ def pillar_filter(
     """
     if design.pillar is None:
         raise SolverError("a row of pillars needs a pillar")
-    host_beam, pillar = strip_host(design, plate), design.pillar
+    host_beam, pillar = strip_beam(design, plate), design.pillar
     omega, rows = 2.0 * pi * frequencies_hz, max(design.rows, 1)
     lever_m = design.thickness_m / 2.0 if lever else 0.0
     feet = design_feet(pillar, omega, loss, lever_m)

@@ -31,7 +31,7 @@ from solvers.superelement.residual import ResidualModes
 from solvers.threads import one_thread
 
 RIGID = 1e-8
-CARRIED = (
+MASS_TOLERANCE = (
     1e-6  # of the mass: slender stiff pillars on a soft plate follow it to 1e-8 times their stiffness over the plate's
 )
 SAME = 1e-6  # of the thickness: one place
@@ -318,7 +318,7 @@ class CellBuilder:
         moved = np.flatnonzero(shapes.any(axis=1))
         return np.asarray(self.system.stiffness[moved].T @ shapes[moved])
 
-    def hold(self, signs: dict[int, int], half: int = 0) -> ClampedBoundaryClass:
+    def clamp(self, signs: dict[int, int], half: int = 0) -> ClampedBoundaryClass:
         """The constraint shapes of one symmetry class, or of what the mirror x <-> y does to it: K_II Psi = -K_IB P."""
         sector, basis = self._sector(signs, half), self.interface.parity_basis(signs, half)
         boundary = self._at_boundary(basis)
@@ -335,7 +335,7 @@ class CellBuilder:
 
     def reduce(self, signs: dict[int, int], half: int, top_hz: float, bounded: bool = True) -> SymmetryClass:
         """Constraint shapes and fixed-interface modes of one symmetry class, or of half of it."""
-        clamped = self.hold(signs, half)
+        clamped = self.clamp(signs, half)
         pencil, factor = clamped.sector.pencil, clamped.factor
         modes = modes_in_band(pencil, 0.0, top_hz, Shared(clamped.factorise, factor))
         dropped, flexible = top_hz, np.zeros((clamped.basis.shape[1],) * 2)
@@ -528,7 +528,7 @@ def check_rigid(cell: Cell, whole: float) -> None:
     if force > RIGID:
         raise SolverError(f"a rigid-body mode of the reduced cell meets a force of {force:.1e} of its stiffness")
     masses = np.diag(motions[:, :3].T @ cell.mass @ motions[:, :3])
-    if np.abs(masses / whole - 1.0).max() > CARRIED:
+    if np.abs(masses / whole - 1.0).max() > MASS_TOLERANCE:
         raise SolverError(f"the reduced cell carries {masses / whole} of its mass")
 
 

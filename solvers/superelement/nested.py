@@ -117,15 +117,15 @@ def _alignment(
     """Turns (their dof, k) and (own dof, k) of both bases to directions that belong together.
 
     Boundary functions keep their names; what the coarser mesh's shapes differ by is given to its modes as far as they can
-    hold it, so that almost massless combinations stay so.
+    clamp it, so that almost massless combinations stay so.
     """
     width, nodes = part.basis.shape[1], transfer.shape[1]
-    carried = (transfer @ other.shapes.reshape(nodes, -1)).reshape(len(part.shapes), -1)
-    modes = carried[:, width:]
+    prolonged = (transfer @ other.shapes.reshape(nodes, -1)).reshape(len(part.shapes), -1)
+    modes = prolonged[:, width:]
     heavy = (fine.system.mass @ modes.reshape(len(modes) // 3, -1)).reshape(modes.shape)
     left, overlap, right = np.linalg.svd(heavy.T @ part.shapes[:, width:], full_matrices=False)
     alike = overlap > ALIKE
-    lent = heavy.T @ (part.shapes[:, :width] - carried[:, :width])
+    lent = heavy.T @ (part.shapes[:, :width] - prolonged[:, :width])
     return _widened(lent, left[:, alike]), _widened(np.zeros((len(right.T), width)), right[alike].T)
 
 
@@ -145,8 +145,8 @@ def _largest(change: FloatArray, metric: FloatArray) -> float:
     """Largest eigenvalue of a change beside a metric, at least MAX_SHARE; functions that carry nothing are left out, those of
     free sides and those that a coarse mesh of tetrahedra cannot tell from others.
     """
-    carried = np.flatnonzero(np.diag(metric) > 0.0)
-    square, unit = np.ix_(carried, carried), np.sqrt(np.diag(metric)[carried])
+    prolonged = np.flatnonzero(np.diag(metric) > 0.0)
+    square, unit = np.ix_(prolonged, prolonged), np.sqrt(np.diag(metric)[prolonged])
     values, turn = eigh(metric[square] / np.outer(unit, unit))
     kept = values > NOTHING
     turn = turn[:, kept] / np.sqrt(values[kept]) / unit[:, None]

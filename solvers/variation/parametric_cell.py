@@ -154,9 +154,9 @@ class _Sampler:
         for signs in product((1, -1), repeat=len(kept)):
             wanted = dict(zip(kept, signs, strict=True))
             modes, fixed = self._fixed(still, opened, wanted)
-            clamped = build.hold(wanted)
+            clamped = build.clamp(wanted)
             eigenvalue = moved.scale.eigenvalue(1.0) * self.cell.fixed_hz[modes] ** 2
-            shapes = np.hstack([clamped.shapes, _carried_over(build, clamped, fixed, eigenvalue)])
+            shapes = np.hstack([clamped.shapes, _prolonged_modes(build, clamped, fixed, eigenvalue)])
             width = clamped.basis.shape[1]
             place = np.zeros((self.cell.dof, shapes.shape[1]))
             place[: len(clamped.basis), :width] = clamped.basis
@@ -199,7 +199,7 @@ class _Sampler:
         return np.concatenate(numbers), np.hstack(columns)
 
 
-def _carried_over(
+def _prolonged_modes(
     build: CellBuilder, clamped: ClampedBoundaryClass, fixed: FloatArray, eigenvalue: FloatArray
 ) -> FloatArray:
     """K_II^-1 M_II Phi_0 Lambda_0 at every node, (3n, m)."""

@@ -76,7 +76,7 @@ class BlochCell:
         pencil, multiplicity = self.pencil(np.asarray(wavevector, dtype=float))
         return self.scale.frequency(lowest_values(pencil, count, multiplicity))
 
-    def carried(self, coarser: BlochCell, transfer: sp.csr_array, wavevector: FloatArray) -> sp.csr_array:
+    def prolonged(self, coarser: BlochCell, transfer: sp.csr_array, wavevector: FloatArray) -> sp.csr_array:
         """The matrix from a coarser cell's pencil at a wavevector to this one's, by that of the fields of their nodes."""
         phase = np.asarray(wavevector) * self.pitch @ coarser._offset.T
         nodes, shape = np.arange(len(phase)), (len(phase), len(coarser.masters))

@@ -54,7 +54,7 @@ def test_imports_go_one_way() -> None:
 def test_an_import_against_the_direction_is_seen(importer: str, imported: str, tmp_path: Path) -> None:
     for path in (
         path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")
-    ):  # the same house, every room empty
+    ):  # the same checkout, every folder empty
         (tmp_path / path.relative_to(ROOT)).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path.relative_to(ROOT)).touch()
     shutil.copy(ROOT / "pyproject.toml", tmp_path)

@@ -35,7 +35,7 @@ OFFLINE = Offline(
     waves=2,
     intervals=4,
     workers=1,
-    judged=False,
+    measures_mesh=False,
 )
 MEASURED = np.linspace(1e-3, 4e-3, 160).reshape(16, 10)
 MESH = MeshTable(BOX, MEASURED, 1.25, 0.5 * MEASURED[::-1])  # as if it had been measured

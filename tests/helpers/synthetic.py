@@ -32,7 +32,7 @@ from pipeline.records.record import (
     ResponseRecord,
     RivalRecord,
     TetModesRecord,
-    ThroughRows,
+    Transmission,
     WantedMode,
     WantedRecord,
     WaveRecord,
@@ -215,15 +215,15 @@ def attenuation(rows: int) -> AttenuationRecord:
         wave = {"polarisation": "flexural", "ky_re_per_m": 300.0, "ky_im_per_m": decay * 28.8, "db_per_row": decay}
         steep = {"polarisation": "shear", "ky_re_per_m": 0.0, "ky_im_per_m": 200.0, "db_per_row": 7.0}
         waves = [WaveRecord(**each, pillar_share=0.1) for each in (wave, steep)]
-        passed = ThroughRows(reflected=0.9, flexural=0.1, shear=0.0, longitudinal=0.0)
-        points.append(AttenuationPoint(frequency_hz=frequency, waves=waves, db_per_row=decay, through_rows=passed))
+        passed = Transmission(reflected=0.9, flexural=0.1, shear=0.0, longitudinal=0.0)
+        points.append(AttenuationPoint(frequency_hz=frequency, waves=waves, db_per_row=decay, transmission=passed))
     errors = {"expected_error": None, "reduction_error": None}
     return AttenuationRecord(model="solid", kx_per_m=204.0, pitch_y_m=0.004, rows=rows, points=points, **errors)
 
 
 def prediction(rows: int, level_db: float | None) -> PredictionRecord:
     """What the rows were said to do."""
-    text = {"frequency_hz": 31500.0, "db_per_row": 4.5, "rows_db": 4.5 * rows, "through_db": 5.0 * rows}
+    text = {"frequency_hz": 31500.0, "db_per_row": 4.5, "rows_db": 4.5 * rows, "transmission_db": 5.0 * rows}
     return PredictionRecord(**text, zone_to_extension_db=level_db, rows_needed=3)
 
 

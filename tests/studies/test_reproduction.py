@@ -75,7 +75,7 @@ def test_the_outlook_appears_once_its_study_is_stored(tmp_path: Path, monkeypatc
     figures: dict[str, Any] = {name: 2e-7 if name.endswith("_m") else 0.5 for name in TouchStateRecord.model_fields}
     touched = TouchStateRecord(**{**figures, "state": "touched", "confinement_db": None, "drawn_mW_at_1um": 7.5})
     free = touched.model_copy(update={"state": "free", "confinement_db": 12.0, "finger_m": 9e-7})
-    texts: dict[str, Any] = {"model": "", "fingertip": "", "source": "", "states": [free, touched], "not_told": []}
+    texts: dict[str, Any] = {"model": "", "fingertip": "", "source": "", "states": [free, touched], "unknown": []}
     numbers: dict[str, Any] = {
         "dof": 1,
         "at_m": (0, 0),
@@ -93,7 +93,7 @@ def test_the_outlook_appears_once_its_study_is_stored(tmp_path: Path, monkeypatc
     monkeypatch.setattr(reproduction, "PAGE", tmp_path / "page.md")
     (tmp_path / "pictures").mkdir()
     page = reproduction.finger(tmp_path)
-    assert "| 2 rows, light | not told | 0.9 um | 0.2 um | 12.0 dB | none | none | 7.5 mW | none |" in page
+    assert "| 2 rows, light | unknown | 0.9 um | 0.2 um | 12.0 dB | none | none | 7.5 mW | none |" in page
     assert (tmp_path / reproduction.TOUCH_FIGURE).stat().st_size > 1000 and reproduction.TOUCH_FIGURE in page
 
 

@@ -88,11 +88,11 @@ class _Handle:
             out.ctypes.data_as(doubles),
             ctypes.byref(error),
         )
-        _judge(error.value, phase, self.dofs)
+        _refuse_error(error.value, phase, self.dofs)
         return out
 
 
-def _judge(error: int, phase: int, dofs: int) -> None:
+def _refuse_error(error: int, phase: int, dofs: int) -> None:
     if error == ZERO_PIVOT:
         raise SingularShift("the shifted matrix is singular (PARDISO found a zero pivot)")
     if error == NO_MEMORY:

@@ -23,8 +23,8 @@ from typing import Any
 
 from pipeline.paths import ROOT
 from pipeline.records.store import write_atomic
-from studies.benchmarks.peers import judged
-from studies.benchmarks.peers.judged import Found
+from studies.benchmarks.peers import evaluation
+from studies.benchmarks.peers.evaluation import Solution
 from studies.benchmarks.peers.scene import PARTS, task
 
 PAGE, PICTURE = ROOT / "docs" / "peers.md", ROOT / "docs" / "pictures" / "peers.svg"
@@ -118,7 +118,7 @@ def left_out(interpreter: str) -> dict[str, str]:
     return missing
 
 
-def solve(row: Row, interpreter: str) -> Found:
+def solve(row: Row, interpreter: str) -> Solution:
     """A row in a process of its own. RuntimeError with its last words."""
     module = "studies.benchmarks.peers"
     command = {
@@ -132,14 +132,14 @@ def solve(row: Row, interpreter: str) -> Found:
         done = subprocess.run(given, cwd=ROOT, env=own, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{row.name}: {' '.join(done.stderr.split()[-30:])}")
-    return Found(row.part, row.program, row.told, **json.loads(done.stdout.splitlines()[-1]))
+    return Solution(row.part, row.program, row.told, **json.loads(done.stdout.splitlines()[-1]))
 
 
-def kept(row: Row, interpreter: str, folder: Path | None) -> Found:
+def kept(row: Row, interpreter: str, folder: Path | None) -> Solution:
     """A row computed now, or by an earlier run that was given the same folder."""
     file = folder and folder / f"{row.name}.json"
     if file and file.exists():
-        return Found(**json.loads(file.read_text()))
+        return Solution(**json.loads(file.read_text()))
     found = solve(row, interpreter)
     if file:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -147,10 +147,10 @@ def kept(row: Row, interpreter: str, folder: Path | None) -> Found:
     return found
 
 
-def page(results: list[Found], references: dict[str, Found], missing: dict[str, str]) -> str:
+def page(results: list[Solution], references: dict[str, Solution], missing: dict[str, str]) -> str:
     """The page: how it was measured, the least seconds within an error, every row, what was left out."""
-    lines = [(FOLDER / "page.md").read_text().rstrip(), "", *judged.cheapest(results, references), ""]
-    lines += ["## Every row", "", *judged.rows(results, references), ""]
+    lines = [(FOLDER / "page.md").read_text().rstrip(), "", *evaluation.cheapest(results, references), ""]
+    lines += ["## Every row", "", *evaluation.rows(results, references), ""]
     lines += [f"{program} is left out: {why}." for program, why in missing.items()]
     return "\n".join(lines).rstrip() + "\n"
 
@@ -173,14 +173,14 @@ def main() -> int:
         if row.part in given.only and row.program not in missing:
             results.append(kept(row, given.ngsolve, given.kept))
             print(f"{row.part}, {row.program}, {row.told}: {results[-1].seconds:.2f} s", file=sys.stderr, flush=True)
-    references: dict[str, Found] = {}
+    references: dict[str, Solution] = {}
     for one in results:
         references.setdefault(one.part, one)
     text = page(results, references, missing)
     print(text)
     if given.write:
         write_atomic(PAGE, text.encode())
-        judged.draw(results, references, PICTURE)
+        evaluation.draw(results, references, PICTURE)
     return 0
 
 

@@ -92,13 +92,13 @@ def test_every_inner_facet_belongs_to_two_elements(panel: Panel, pillar: Pillar)
 
 
 def test_coarser_meshes_are_nested(panel: Panel, pillar: Pillar) -> None:
-    """A field that a coarser mesh can hold is carried exactly; without the innermost layer the geometry itself is one."""
+    """A field that a coarser mesh can hold is prolonged exactly; without the innermost layer the geometry itself is one."""
     fine, layer = panel_mesh(panel, T, pillar, SETTINGS), panel_mesh(panel, T, pillar, SETTINGS.coarser)
     lower = panel_mesh(panel, T, pillar, replace(SETTINGS, order=2))
     assert len(layer.mesh.cells) < len(fine.mesh.cells) == len(lower.mesh.cells)
     for coarse in (layer, lower):
-        carried = transfer(coarse, fine)
-        assert carried @ np.ones(carried.shape[1]) == pytest.approx(np.ones(carried.shape[0]))
+        prolonged = transfer(coarse, fine)
+        assert prolonged @ np.ones(prolonged.shape[1]) == pytest.approx(np.ones(prolonged.shape[0]))
     assert np.abs(transfer(layer, fine) @ layer.mesh.nodes - fine.mesh.nodes).max() < 1e-12 * H
     # the arc of order 2 bends away from that of order 3 by (pi/16)^3 of the radius or less
     assert np.abs(transfer(lower, fine) @ lower.mesh.nodes - fine.mesh.nodes).max() < (pi / 16.0) ** 3 * W / 2.0

@@ -254,7 +254,7 @@ STATEMENT = {
     ],
 )
 def test_a_statement_is_judged_by_its_ranges(figures: dict[str, float], words: str) -> None:
-    assert thesis.judge(STATEMENT, figures) == words
+    assert thesis.agreement(STATEMENT, figures) == words
 
 
 def test_every_statement_ends_in_a_verdict_that_always_holds() -> None:

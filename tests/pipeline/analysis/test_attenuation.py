@@ -13,7 +13,7 @@ from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.logs import TerminalLog
 from pipeline.paths import STUDIES
-from pipeline.records.record import AttenuationPoint, ThroughRows
+from pipeline.records.record import AttenuationPoint, Transmission
 from solvers.analytic.plates import levy_hz
 from solvers.analytic.predesign import strip_of
 from solvers.waves import evanescent
@@ -65,13 +65,13 @@ def test_flexural_waves_are_stopped_above_the_pillars_resonance_and_pass_beyond(
     """The stop band that holds the wanted mode: no wave passes at 36 kHz, one does at 27 and at 42 kHz."""
     at = {round(p["frequency_hz"] / 1e3): p for p in document["points"]}
     assert at[36]["db_per_row"] > 2.0 and at[27]["db_per_row"] == 0.0 and at[42]["db_per_row"] == 0.0
-    assert at[36]["through_rows"]["flexural"] < 0.2 < 0.5 < at[42]["through_rows"]["flexural"]
+    assert at[36]["transmission"]["flexural"] < 0.2 < 0.5 < at[42]["transmission"]["flexural"]
 
 
 def test_power_is_shared_out_whole_and_none_is_turned_in_plane(document: dict) -> None:
     """In-plane waves decay at this wavenumber (k_x above that of shear waves), so they carry nothing away."""
     for point in document["points"]:
-        passed = point["through_rows"]
+        passed = point["transmission"]
         assert passed["reflected"] + passed["flexural"] == pytest.approx(1.0, abs=1e-8)
         assert passed["shear"] == passed["longitudinal"] == 0.0
 
@@ -80,16 +80,16 @@ def test_straight_across_in_plane_waves_take_their_share() -> None:
     case = load_case(CASE, ["solve.accuracy=0.03"])
     result = attenuation.solve(case, TerminalLog(True), (34e3, 36e3), 0.0, 3)
     for point in result.points:
-        passed = point.through_rows
+        passed = point.transmission
         assert passed is not None and passed.longitudinal > 0.0
         assert passed.reflected + passed.flexural + passed.shear + passed.longitudinal == pytest.approx(1.0, abs=1e-8)
 
 
 def test_the_prediction_is_rows_times_the_decay() -> None:
-    passed = ThroughRows(reflected=0.99, flexural=0.01, shear=0.0, longitudinal=0.0)
-    points = [AttenuationPoint(frequency_hz=f, waves=(), db_per_row=5.0, through_rows=passed) for f in (30e3, 40e3)]
+    passed = Transmission(reflected=0.99, flexural=0.01, shear=0.0, longitudinal=0.0)
+    points = [AttenuationPoint(frequency_hz=f, waves=(), db_per_row=5.0, transmission=passed) for f in (30e3, 40e3)]
     text = attenuation.prediction(synthetic.attenuation(3).model_copy(update={"points": points}), 35e3, 12.0)
-    assert text.rows_db == 15.0 and text.through_db == pytest.approx(20.0) and text.rows_needed == 2
+    assert text.rows_db == 15.0 and text.transmission_db == pytest.approx(20.0) and text.rows_needed == 2
     assert text.zone_to_extension_db == 12.0
 
 
@@ -97,10 +97,10 @@ def test_a_sentence_says_what_the_rows_do_where_the_zone_is_to_vibrate() -> None
     """The zone by the exact thin plate (levy); nothing is said of a band that ends below."""
     case = load_case(CASE)
     zone_khz = levy_hz(strip_of(case.design), 8) / 1e3
-    passed = ThroughRows(reflected=0.99, flexural=0.01, shear=0.0, longitudinal=0.0)
+    passed = Transmission(reflected=0.99, flexural=0.01, shear=0.0, longitudinal=0.0)
     for decay, said in ((5.0, "5.00 dB a row of endless rows, 15.0 dB in 3, 10 dB in 2"), (0.0, "undamped")):
         points = [
-            AttenuationPoint(frequency_hz=f, waves=(), db_per_row=decay, through_rows=passed) for f in (30e3, 40e3)
+            AttenuationPoint(frequency_hz=f, waves=(), db_per_row=decay, transmission=passed) for f in (30e3, 40e3)
         ]
         solved = synthetic.attenuation(3).model_copy(update={"points": points})
         (line,) = attenuation.at_the_zone(case, solved)
@@ -139,6 +139,6 @@ def test_plates_of_one_pitch_share_the_waves_of_the_plate_beside_their_rows(monk
     attenuation._last.clear()
     case = load_case(CASE, ["solve.accuracy=0.03"])
     other = load_case(CASE, ["solve.accuracy=0.03", "array.rows=1"])
-    through = [attenuation.solve(each, TerminalLog(True), points=5).points[2].through_rows for each in (case, other)]
+    through = [attenuation.solve(each, TerminalLog(True), points=5).points[2].transmission for each in (case, other)]
     assert solved.count(evanescent.KeptRow) == 5 and solved.count(evanescent.Row) == 10
     assert through[0] and through[1] and through[0].flexural < through[1].flexural

@@ -59,7 +59,7 @@ def test_power_is_shared_out_whole_and_the_intervals_are_those_of_the_points(doc
         [6.3e-3, 5.9e-3]
     )
     for point in document["points"]:
-        passed = point["through_rows"]
+        passed = point["transmission"]
         assert passed["reflected"] + passed["flexural"] + passed["shear"] + passed["longitudinal"] == pytest.approx(1.0)
         inside = any(low <= point["frequency_hz"] <= high for low, high in document["stopped"])
         assert inside == (passed["flexural"] <= 0.1)

@@ -1,4 +1,4 @@
-"""A finger on the small patched plate: states, loop, power, what is not told, and pictures from the record alone."""
+"""A finger on the small patched plate: states, loop, power, what is unknown, and pictures from the record alone."""
 
 from __future__ import annotations
 
@@ -73,12 +73,12 @@ def test_without_impedance_nothing_changes(forced: ForcedPlate) -> None:
 def test_what_is_not_known_is_not_told(forced: ForcedPlate) -> None:
     plain = touch.solve(case_of(), QUIET, mapped=False, forced=forced)
     assert plain.map is None and plain.loop and plain.loop.saturates is None
-    assert any("touch.gap_um and touch.force_N are not given" in reason for reason in plain.not_told)
+    assert any("touch.gap_um and touch.force_N are not given" in reason for reason in plain.unknown)
     loud = touch.solve(
         case_of(**FILM, touch__impedance="light", patches__drive_V=1e4), QUIET, mapped=False, forced=forced
     )
     assert all(state.friction_low is None for state in loud.states)
-    assert any("not below a gap of 2 um" in reason for reason in loud.not_told)
+    assert any("not below a gap of 2 um" in reason for reason in loud.unknown)
 
 
 def test_a_map_that_no_memory_holds_is_left_out(forced: ForcedPlate, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -151,7 +151,7 @@ def test_the_firmware_s_core_plays_the_wave(solved: tuple[TravelRecord, Travelli
         dataclasses.replace(held, drives=dict(list(held.drives.items())[:2])), np.array(drives)
     )
     for each in (forward, back):
-        assert each.twr == pytest.approx(each.twr_asked, abs=0.05) and each.error < 0.05
+        assert each.twr == pytest.approx(each.twr_target, abs=0.05) and each.error < 0.05
 
 
 def test_pictures_come_from_the_record_alone(solved: tuple[TravelRecord, Travelling], tmp_path: Path) -> None:
@@ -245,11 +245,11 @@ def test_soft_and_hard_fingers_bound_the_net_shear(solved: tuple[TravelRecord, T
 def test_shear_that_cannot_be_told_says_why(solved: tuple[TravelRecord, Travelling]) -> None:
     record, held = solved
     silent = fingered(record, held, force_N=None, gap_um=None)
-    assert silent.shear_low is None and silent.not_told == ["net shear: touch.gap_um and touch.force_N are not given"]
+    assert silent.shear_low is None and silent.unknown == ["net shear: touch.gap_um and touch.force_N are not given"]
     wide = fingered(record.model_copy(update={"wavenumber_per_m": 1.1e3}), held)
-    assert wide.shear_high is None and "5 mm wide, more than half a wave of 2.86 mm" in wide.not_told[0]
+    assert wide.shear_high is None and "5 mm wide, more than half a wave of 2.86 mm" in wide.unknown[0]
     afloat = fingered(record, held, gap_um=[0.8, 3.0])
-    assert any("net shear: at some places" in reason for reason in afloat.not_told)
+    assert any("net shear: at some places" in reason for reason in afloat.unknown)
 
 
 def test_what_cannot_be_is_one_line(solved: tuple[TravelRecord, Travelling]) -> None:

@@ -15,26 +15,26 @@ def test_hash_ignores_order_and_number_types_but_no_value():
 
 
 @pytest.fixture
-def house(tmp_path: Path) -> Path:
+def checkout(tmp_path: Path) -> Path:
     for folder in fingerprint.COMPUTING_FOLDERS:
-        shutil.copytree(fingerprint.HOUSE / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(fingerprint.ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
     return tmp_path
 
 
-def test_any_edit_of_what_computes_changes_the_hash_and_none_of_what_shows(house: Path):
-    before = fingerprint.code_hash(house)
+def test_any_edit_of_what_computes_changes_the_hash_and_none_of_what_shows(checkout: Path):
+    before = fingerprint.code_hash(checkout)
     assert before == fingerprint.code_hash()  # the place of the checkout does not matter
-    (house / "pipeline/records/tables.py").write_text("edited")
-    (house / "pipeline/plots/extra.py").write_text("new")
-    assert fingerprint.code_hash(house) == before
-    (house / "pipeline/a_new_step.py").write_text("")
-    added = fingerprint.code_hash(house)
-    (house / "geometry/layout.py").write_text("edited")
-    assert len({before, added, fingerprint.code_hash(house)}) == 3
+    (checkout / "pipeline/records/tables.py").write_text("edited")
+    (checkout / "pipeline/plots/extra.py").write_text("new")
+    assert fingerprint.code_hash(checkout) == before
+    (checkout / "pipeline/a_new_step.py").write_text("")
+    added = fingerprint.code_hash(checkout)
+    (checkout / "geometry/layout.py").write_text("edited")
+    assert len({before, added, fingerprint.code_hash(checkout)}) == 3
 
 
 def test_every_module_that_computes_is_counted():
-    counted = {path.relative_to(fingerprint.HOUSE).as_posix() for path in fingerprint.computing_sources()}
+    counted = {path.relative_to(fingerprint.ROOT).as_posix() for path in fingerprint.computing_sources()}
     assert {"geometry/layout.py", "solvers/errors.py", "pipeline/records/store.py"} <= counted
     assert not {"pipeline/batch/runner.py", "pipeline/records/tables.py", "pipeline/report/page.py"} & counted
 

@@ -142,10 +142,10 @@ def test_what_two_classes_share_of_a_patch_is_made_once(monkeypatch: pytest.Monk
     plate = patched(clear)
     pencils = {group.symmetries[0]: group.pencil for group in plate.groups}
     assert (
-        set(pencils) == {"SS", "AS"} and len(plate._felt._known) == 2
+        set(pencils) == {"SS", "AS"} and len(plate._matrices._known) == 2
     )  # K and M of one patch, whose image the other is
-    plate._felt._known.clear()
-    monkeypatch.setattr(patched_plate._Felt, "_projected", lambda _, own, motion: motion.T @ own @ motion)
+    plate._matrices._known.clear()
+    monkeypatch.setattr(patched_plate._PatchMatrices, "_projected", lambda _, own, motion: motion.T @ own @ motion)
     for group in plate.groups:
         again = group.join()
         assert abs(again.stiffness - pencils[group.symmetries[0]].stiffness).max() == 0.0

@@ -14,7 +14,7 @@ from geometry.materials import MATERIALS
 from solvers.analytic.timoshenko import exact_omegas
 from solvers.errors import SolverError
 from solvers.resonators.impedance import bending_foot, pillar_foot
-from solvers.resonators.pillar_row import pillar_filter, strip_host
+from solvers.resonators.pillar_row import pillar_filter, strip_beam
 from solvers.resonators.point_load import point_force
 from solvers.resonators.scattering import (
     HostBeam,
@@ -216,15 +216,15 @@ def test_vertical_oscillator_stops_above_and_bending_pillar_below_its_resonance(
     assert 0.83 < result.stopped_hz / result.clamped_hz < 0.90
     moment_only = pillar_foot(PILLAR, 2 * pi * result.stopped_hz, EA)
     moment_only[:, 0, 0] = 0.0
-    host = strip_host(DESIGN, plate=False)
+    host = strip_beam(DESIGN, plate=False)
     assert abs(scatter(host, moment_only, [0.0], 2 * pi * result.stopped_hz).transmission[0]) < 1e-9
 
 
 def test_rows_of_a_design_stand_on_a_strip_of_plate_half_a_thickness_up():
-    host = strip_host(DESIGN)
+    host = strip_beam(DESIGN)
     assert host.bending_n_m2 == pytest.approx(70e9 * 2e-3**3 / 12 / (1 - 0.34**2) * 4e-3, rel=1e-12)
     assert host.mass_kg_m == pytest.approx(2700 * 8e-6, rel=1e-12)
-    assert strip_host(DESIGN, plate=False).bending_n_m2 == pytest.approx(HOST.bending_n_m2, rel=1e-12)
+    assert strip_beam(DESIGN, plate=False).bending_n_m2 == pytest.approx(HOST.bending_n_m2, rel=1e-12)
     result = pillar_filter(DESIGN, OMEGA / (2 * pi), loss=0.01)
     feet = pillar_foot(PILLAR, OMEGA, EA, loss=0.01, lever_m=1e-3)
     for count in (1, 2, 3):
@@ -241,7 +241,7 @@ def test_rows_of_a_design_stand_on_a_strip_of_plate_half_a_thickness_up():
 def test_stop_band_is_where_no_bloch_wave_passes():
     fine = np.linspace(25e3, 45e3, 801)
     result = pillar_filter(DESIGN, fine)
-    host, feet = strip_host(DESIGN), pillar_foot(PILLAR, 2 * pi * fine, EA, lever_m=1e-3)
+    host, feet = strip_beam(DESIGN), pillar_foot(PILLAR, 2 * pi * fine, EA, lever_m=1e-3)
     passing = [
         np.min(np.abs(np.abs(np.linalg.eigvals(transfer_matrix(host, foot, 4e-3, 2 * pi * f))) - 1.0)) < 1e-4
         for f, foot in zip(fine, feet, strict=True)

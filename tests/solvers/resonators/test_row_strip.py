@@ -32,12 +32,12 @@ def test_a_standing_pillar_pulls_as_the_exact_beam_does(lever_m: float, shape: s
     for hertz in (5e3, 25e3, 36e3, 45e3):
         omega = 2.0 * pi * hertz
         exact = pillar_foot(pillar_beam(pillar), omega, stretch, 0.0, lever_m)[0].real
-        for carried, value in (
+        for effective, value in (
             (bending_effective_mass(pillar, lever_m), exact[1, 1]),
             (lifting_effective_mass(pillar), exact[0, 0]),
         ):
-            own = (carried.coupling**2 * omega**2 / (carried.omega**2 - omega**2)).sum()
-            assert -(omega**2) * (carried.inertia + own) == pytest.approx(value, rel=3e-3)
+            own = (effective.coupling**2 * omega**2 / (effective.omega**2 - omega**2)).sum()
+            assert -(omega**2) * (effective.inertia + own) == pytest.approx(value, rel=3e-3)
 
 
 def test_a_tapered_pillar_carries_less_and_rings_higher() -> None:
@@ -84,8 +84,8 @@ def test_rows_add_what_their_pillars_carry() -> None:
     lift[0 : 2 * len(nodes) : 2] = 1.0
     weight, height = ALUMINIUM.density_kg_m3 * 4e-6 * 6.3e-3, 6.3e-3
     inertia = weight * (((1e-3 + height) ** 3 - 1e-3**3) / (3.0 * height) + 2e-3**2 / 12.0)
-    carried = rows * 29 / design.length_m * (weight + kx**2 * inertia)
-    assert lift @ mass @ lift == pytest.approx(2700.0 * 2e-3 * design.half_span_m + carried, rel=1e-12)
+    effective = rows * 29 / design.length_m * (weight + kx**2 * inertia)
+    assert lift @ mass @ lift == pytest.approx(2700.0 * 2e-3 * design.half_span_m + effective, rel=1e-12)
     assert lift @ stiffness @ lift == pytest.approx(kx**4 * design.half_span_m, rel=1e-9)  # rigid pillars store nothing
 
 

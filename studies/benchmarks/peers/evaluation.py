@@ -19,7 +19,7 @@ ZONE_MODE = 8  # the mode (0, 8) among the zone's: each has one line more than t
 
 
 @dataclass(frozen=True)
-class Found:
+class Solution:
     """What a program gave of a part: frequencies by symmetry class or wavevector, strengths of modes in the wanted shape."""
 
     part: str
@@ -38,13 +38,13 @@ class Found:
         return np.array(merged(self.frequencies_hz, KEPT.get(self.part)))
 
 
-def error(found: Found, reference: Found) -> float:
+def error(found: Solution, reference: Solution) -> float:
     """The relative error of largest size, with its sign; waves that are rigid-body modes are left out."""
     errors = _errors(found, reference)
     return float(errors[np.argmax(np.abs(errors))])
 
 
-def _errors(found: Found, reference: Found) -> np.ndarray:
+def _errors(found: Solution, reference: Solution) -> np.ndarray:
     known = reference.compared_hz
     if found.strengths:
         return np.array([_strongest(found, float(known[0])) / known[0] - 1.0])
@@ -52,19 +52,19 @@ def _errors(found: Found, reference: Found) -> np.ndarray:
     return np.asarray(found.compared_hz[moving] / known[moving] - 1.0)
 
 
-def _strongest(found: Found, near_hz: float) -> float:
+def _strongest(found: Solution, near_hz: float) -> float:
     """The frequency of the mode of largest strength in the wanted shape, of those about the reference."""
     hz = np.array(found.frequencies_hz[0])
     about = np.abs(hz / near_hz - 1.0) < WINDOW
     return float(hz[int(np.argmax(np.where(about, found.strengths, -1.0)))])
 
 
-def wanted_error(found: Found, reference: Found) -> float | None:
+def wanted_error(found: Solution, reference: Solution) -> float | None:
     """The same of the zone's mode (0, 8) alone; None of other parts."""
     return float(_errors(found, reference)[ZONE_MODE]) if found.part == "zone" else None
 
 
-def rows(results: Sequence[Found], references: dict[str, Found]) -> list[str]:
+def rows(results: Sequence[Solution], references: dict[str, Solution]) -> list[str]:
     """The Markdown table, a line a result, the reference among them without an error."""
     lines = [
         "| part | program | settings | degrees of freedom | CPU s | largest error | mode (0, 8) |",
@@ -83,14 +83,14 @@ def rows(results: Sequence[Found], references: dict[str, Found]) -> list[str]:
     return lines
 
 
-def cheapest(results: Sequence[Found], references: dict[str, Found]) -> list[str]:
+def cheapest(results: Sequence[Solution], references: dict[str, Solution]) -> list[str]:
     """The least processor seconds of each program within each error, as a Markdown table."""
     programs = list(dict.fromkeys(one.program for one in results))
     lines = [f"| part | within | {' | '.join(programs)} |", f"|{'---|' * (2 + len(programs))}"]
-    judged = [(one, abs(error(one, references[one.part]))) for one in results if one != references[one.part]]
+    errors = [(one, abs(error(one, references[one.part]))) for one in results if one != references[one.part]]
     for part in references:
         for target in TARGETS:
-            good = [one for one, off in judged if one.part == part and off <= target]
+            good = [one for one, off in errors if one.part == part and off <= target]
             least = [
                 min((f"{s:.1f}" for s in sorted(o.seconds for o in good if o.program == p)[:1]), default="–")
                 for p in programs
@@ -99,7 +99,7 @@ def cheapest(results: Sequence[Found], references: dict[str, Found]) -> list[str
     return lines
 
 
-def draw(results: Sequence[Found], references: dict[str, Found], path: Path) -> None:
+def draw(results: Sequence[Solution], references: dict[str, Solution], path: Path) -> None:
     """Error against processor seconds: a panel a part, a line a program."""
     programs = list(dict.fromkeys(one.program for one in results))
     with style.style():
