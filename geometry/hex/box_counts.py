@@ -105,7 +105,7 @@ def _counts(breaks: dict[float, bool], centres: FloatArray, side: FloatArray, gr
     low, high = min(breaks), max(breaks)
     slack = SAME * (high - low)
     counts = []
-    for centre in np.unique(centres).tolist():
+    for centre in sorted(set(centres.tolist())):
         start, end = max(low, centre + side[0]) - slack, min(high, centre + side[1]) + slack
         within = {place: graded for place, graded in breaks.items() if start <= place <= end}
         if within:

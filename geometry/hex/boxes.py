@@ -317,7 +317,7 @@ def _plate_with_pillars(
     for breaks, column in ((x, 0), (y, 1)):
         low, high = min(breaks), max(breaks)
         for each in stands:
-            for centre in np.unique(each.centres[:, column]):
+            for centre in sorted(set(each.centres[:, column].tolist())):
                 for edge, inner in _edges(each.pillar)[column].items():
                     if low < centre + edge < high:
                         breaks[centre + edge] = inner or breaks.get(centre + edge, False)
@@ -336,8 +336,8 @@ def _edges(pillar: Pillar) -> tuple[dict[float, bool], dict[float, bool]]:
     sides: list[dict[float, bool]] = []
     for columns in ([0, 1], [2, 3]):
         reach = np.abs(foot[:, columns]).max()
-        overhang = {edge: bool(abs(edge) < reach) for edge in np.unique(tip[:, columns]).tolist()}
-        sides.append(overhang | dict.fromkeys(np.unique(foot[:, columns]).tolist(), True))
+        overhang = {edge: bool(abs(edge) < reach) for edge in sorted(set(tip[:, columns].ravel().tolist()))}
+        sides.append(overhang | dict.fromkeys(sorted(set(foot[:, columns].ravel().tolist())), True))
     return sides[0], sides[1]
 
 

@@ -107,7 +107,7 @@ def _check_pillars(
     hit = np.zeros(len(x0), dtype=bool)
     for stand in design.standing():
         half = stand.pillar.widest_m / 2.0
-        x, y = (np.unique(places) for places in stand.centres.T)
+        x, y = (np.sort(places) for places in stand.centres.T)
         hit |= _holds(x, x0 - half + slack, x1 + half - slack) & _holds(y, y0 - half + slack, y1 + half - slack)
     if hit.any():
         diagnostics.add(key, value, f"patch {np.flatnonzero(hit)[0]} on the {patches.face} overlaps a pillar's foot")

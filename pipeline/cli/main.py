@@ -12,7 +12,6 @@ import os
 import sys
 import tomllib
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -104,6 +103,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from pipeline.views import answer
 
     lend_cache_folders()
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for some reads every distribution installed
     TerminalLog.verbose = arguments.verbose
     module, _, function = arguments.handler.partition(":")
     with inputs_kept():
@@ -140,6 +140,17 @@ def _report_error(error: Exception) -> int:
     return code
 
 
+class _Version(argparse.Action):
+    """Print the version and leave; only then is it looked up."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        """Print it."""
+        from importlib.metadata import version
+
+        print(f"antinode {version('antinode')}")
+        parser.exit()
+
+
 def _parser() -> argparse.ArgumentParser:
     """The parser with the commands of commands.toml and those that modules add."""
     parser = _Parser(
@@ -149,7 +160,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.set_defaults(debug=False)
-    parser.add_argument("--version", action="version", version=f"antinode {version('antinode')}")
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and leave")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     with DECLARED.open("rb") as file:
         declared = tomllib.load(file)

@@ -7,7 +7,6 @@ import sys
 from argparse import Namespace
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,6 +55,8 @@ def emit(arguments: Namespace, name: str, answer: Answer, log: TerminalLog | Non
     Every document also says which case it answers, with defaults, and by which version; with a log its seconds.
     """
     case: Case | None = getattr(arguments, "answered", None)
+    from importlib.metadata import version  # slow to import, and what only explains needs none
+
     about = {"case": case and case.name, "with_defaults": case and case.to_dict(), "version": version("antinode")}
     seconds = {"seconds": log.seconds | {"total": log.elapsed}} if log else {}
     document = {"schema": 1, **about, **answer.document, **seconds}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import ceil
@@ -125,14 +125,14 @@ def _cuts_between(design: Design) -> FloatArray:
     ends = [-design.half_span_m, design.half_span_m]
     if not design.rows:
         borders = np.concatenate([middles - half, middles + half])
-        return np.unique(np.round([*ends, *borders], DIGITS + 3))
+        return _distinct([*ends, *borders])
     for row in design.row_places():
         for end in (row - design.pitch_y_m / 2.0, row + design.pitch_y_m / 2.0):
             middle = middles[int(np.argmin(np.abs(middles - end)))]
             toward = np.sign(row - middle)
             end = end if (end - middle) * toward > half / 4.0 else middle + toward * half / 2.0
             ends.append(min(max(float(end), ends[0]), ends[1]))
-    lines = np.unique(np.round(ends, DIGITS + 3))
+    lines = _distinct(ends)
     return lines[np.concatenate([[True], np.diff(lines) > 10.0**-DIGITS])]
 
 
@@ -147,7 +147,12 @@ def _cuts(design: Design) -> FloatArray:
         upper = [*starts, min(rows[-1] + reach[-1], outer)]
         if outer - upper[-1] > 10.0**-DIGITS:
             upper.append(outer)
-    return np.unique(np.round([-c for c in upper] + upper, DIGITS + 3))
+    return _distinct([-c for c in upper] + upper)
+
+
+def _distinct(places_m: Iterable[float]) -> FloatArray:
+    """Places in ascending order, each once; numpy.unique would load masked arrays for a few numbers."""
+    return np.array(sorted({round(float(place), DIGITS + 3) + 0.0 for place in places_m}))
 
 
 def _lines_about(centres: FloatArray, pitch: float, end: float, longest: float) -> FloatArray:
