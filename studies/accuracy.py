@@ -312,11 +312,11 @@ def _chosen_point(record: dict[str, Any], error: float | None) -> tuple[float, f
     return _point(measured, error)
 
 
-def _picture(quantity: str, found: list[Any], uncertainty: float) -> style.ReportFigure:
+def _picture(quantity: str, compared: list[Any], uncertainty: float) -> style.ReportFigure:
     figure = style.new_figure(style.WIDTH_IN, 3.6)
     left, right = figure.subplots(1, 2, sharey=True)
     families: dict[str, list[tuple[float, float, float]]] = {}
-    for record, error in found:
+    for record, error in compared:
         measured = record.get("measured")
         if error is not None and measured:
             families.setdefault(_family(record["parameters"]["mesh_level"]), []).append(_point(measured, error))
@@ -334,7 +334,7 @@ def _picture(quantity: str, found: list[Any], uncertainty: float) -> style.Repor
         axes.set_xlabel(label)
         axes.grid(True)
         axes.axhspan(1e-7, max(uncertainty, 1e-7), color=style.GREY, alpha=0.25, lw=0)
-    chosen = [point for record, error in found if (point := _chosen_point(record, error))]
+    chosen = [point for record, error in compared if (point := _chosen_point(record, error))]
     for axes, column, legend in ((left, 0, CHOSEN), (right, 1, None)) if chosen else ():
         places, errors = [point[column] for point in chosen], [point[2] for point in chosen]
         axes.plot(places, errors, "o", label=legend, color="black", markersize=9.0, markerfacecolor="none")

@@ -164,9 +164,9 @@ def _at_corners(design: Design, accuracy: float, mesh: str = "auto") -> tuple[Fl
     """Frequencies (3, bands) at G, X and M as `antinode bands` gives them, and their bars by mesh and truncation."""
     settings = [f"solve.accuracy={accuracy}", f"solve.mesh={mesh}", "bands.points=1", f"bands.count={BANDS}"]
     case = load_case(CASE, settings)
-    found = solve_bands(replace(case, design=design), QUIET, every_gap=False)
-    assert np.allclose(found.path.wavevectors[:3], _corners(design))
-    return found.frequencies_hz[:3], np.array(found.error[:3], dtype=float)
+    result = solve_bands(replace(case, design=design), QUIET, every_gap=False)
+    assert np.allclose(result.path.wavevectors[:3], _corners(design))
+    return result.frequencies_hz[:3], np.array(result.error[:3], dtype=float)
 
 
 def of_part(part: str, design: Design, mesh: str = "auto") -> Compared:
@@ -196,13 +196,13 @@ def _kept(part: str, design: Design, file: Path | None) -> Compared:
     if file and file.exists():
         with np.load(file) as kept:
             return Compared(str(kept["part"]), str(kept["scene"]), kept["error"], kept["bar"])
-    found = PARTS[part](design)
+    result = PARTS[part](design)
     if file:
         file.parent.mkdir(parents=True, exist_ok=True)
         content = BytesIO()
-        np.savez(content, **vars(found))
+        np.savez(content, **vars(result))
         write_atomic(file, content.getvalue())
-    return found
+    return result
 
 
 PARTS: dict[str, Callable[[Design], Compared]] = {

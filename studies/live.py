@@ -50,7 +50,7 @@ class Compared:
 def compare(case: Case, model: CellModel, sizes: Sizes) -> Compared:
     """Both models of one design."""
     begin = time.perf_counter()
-    found = model.bands(sizes)
+    live = model.bands(sizes)
     live_s = time.perf_counter() - begin
     chosen = model.bases.fractions[::EVERY] * np.pi / sizes[3]
     begin = time.perf_counter()
@@ -60,9 +60,9 @@ def compare(case: Case, model: CellModel, sizes: Sizes) -> Compared:
     wanted = np.array([lattice.frequencies(k, BANDS) for k in chosen])
     plain_s = reduced_s + EVERY * (time.perf_counter() - begin - reduced_s)
     moving = wanted > FLAT * wanted.max()
-    difference = np.where(moving, found.frequency_hz[::EVERY] / np.where(moving, wanted, 1.0) - 1.0, 0.0)
+    difference = np.where(moving, live.frequency_hz[::EVERY] / np.where(moving, wanted, 1.0) - 1.0, 0.0)
     by_mesh = model.by_mesh(sizes)
-    return Compared(sizes, difference, found.error + (0.0 if by_mesh is None else by_mesh), live_s, plain_s)
+    return Compared(sizes, difference, live.error + (0.0 if by_mesh is None else by_mesh), live_s, plain_s)
 
 
 def main(count: int | None, path: str) -> int:

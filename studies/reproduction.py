@@ -368,44 +368,44 @@ def _by_rows(title: str, kind: Callable[[Record], str]) -> Callable[[list[Record
 
 
 def _of_hybrid(record: Record) -> tuple[str, ...] | None:
-    found = record.hybrid
-    if found is None or found.wanted_hz is None:
+    hybrid = record.hybrid
+    if hybrid is None or hybrid.wanted_hz is None:
         return None
 
     def level(way: str, values: str = "confinement_db", unit: str = "dB") -> str:
-        figure = found.at_wanted(way, values) if found else None
+        figure = hybrid.at_wanted(way, values) if hybrid else None
         return "none" if figure is None else f"{figure:.3g} {unit}"
 
     off = [level("rows", "rows_off_db"), level("patches", "off_db"), level("both", "rows_off_db")]
     volts = [level(way, "volts_per_um", "V") for way in ("rows", "patches", "both")]
     levels = [level(way) for way in ("neither", "rows", "patches", "both")]
-    return f"{record.design.rows if record.design else '?'}", f"{found.wanted_hz / 1e3:.2f} kHz", *levels, *off, *volts
+    return f"{record.design.rows if record.design else '?'}", f"{hybrid.wanted_hz / 1e3:.2f} kHz", *levels, *off, *volts
 
 
 def _of_travel(record: Record) -> tuple[str, ...] | None:
-    found = record.travel
-    if found is None:
+    travel = record.travel
+    if travel is None:
         return None
-    level = "none" if found.confinement_db is None else f"{found.confinement_db:.1f} dB"
-    watts = max(map(abs, found.flow_W)), max(map(abs, found.standing_flow_W))
-    crests = "none" if found.shear is None else f"{1e3 * abs(found.shear.fastest_m_s):.3g} mm/s"
-    ratios = (f"{found.twr:.2f}", f"{found.best_twr:.2f}", level)
+    level = "none" if travel.confinement_db is None else f"{travel.confinement_db:.1f} dB"
+    watts = max(map(abs, travel.flow_W)), max(map(abs, travel.standing_flow_W))
+    crests = "none" if travel.shear is None else f"{1e3 * abs(travel.shear.fastest_m_s):.3g} mm/s"
+    ratios = (f"{travel.twr:.2f}", f"{travel.best_twr:.2f}", level)
     rows = f"{record.design.rows if record.design else '?'}"
     return (
-        *(rows, f"{found.frequency_hz / 1e3:.2f} kHz", *ratios, f"{found.drive_V_at_1um:.3g} V"),
+        *(rows, f"{travel.frequency_hz / 1e3:.2f} kHz", *ratios, f"{travel.drive_V_at_1um:.3g} V"),
         *(f"{1e3 * each:.3g} mW" for each in watts),
         crests,
     )
 
 
 def _of_zones(record: Record) -> tuple[str, ...] | None:
-    found = record.crosstalk
-    if found is None or found.worst_db is None:
+    crosstalk = record.crosstalk
+    if crosstalk is None or crosstalk.worst_db is None:
         return None
-    first = found.zones[0]
+    first = crosstalk.zones[0]
     passive = "none" if first.passive_db is None else f"{first.passive_db:.1f} dB"
-    gap, tone = f"{1e3 * found.gap_m:.1f} mm", f"{first.peak_hz / 1e3:.2f} kHz"
-    return f"{found.shared_rows}", gap, tone, f"{found.worst_db:.1f} dB", passive
+    gap, tone = f"{1e3 * crosstalk.gap_m:.1f} mm", f"{first.peak_hz / 1e3:.2f} kHz"
+    return f"{crosstalk.shared_rows}", gap, tone, f"{crosstalk.worst_db:.1f} dB", passive
 
 
 def _by_gap(records: list[Record]) -> Figure:

@@ -332,14 +332,14 @@ def _corners_of(raw: RawMesh, block: int) -> int:
 
 def _facets_by_corners(blocks: Sequence[Mesh]) -> dict[int, tuple[IntArray, IntArray]]:
     """Every facet of the elements by its number of corners: corners as unique sorted rows, and all its nodes."""
-    found: dict[int, list[tuple[IntArray, IntArray]]] = {}
+    by_corners: dict[int, list[tuple[IntArray, IntArray]]] = {}
     for block in blocks:
         for local in block.element.facets:
             ring = corner_ring(local, block.order)
             keys = np.sort(block.cells[:, ring].reshape(-1, ring.shape[1]), axis=1)
-            found.setdefault(ring.shape[1], []).append((keys, block.cells[:, local].reshape(-1, local.shape[1])))
+            by_corners.setdefault(ring.shape[1], []).append((keys, block.cells[:, local].reshape(-1, local.shape[1])))
     shapes = {}
-    for corners, each in sorted(found.items()):
+    for corners, each in sorted(by_corners.items()):
         keys, first = np.unique(np.vstack([keys for keys, _ in each]), axis=0, return_index=True)
         shapes[corners] = (keys, np.vstack([full for _, full in each])[first])
     return shapes

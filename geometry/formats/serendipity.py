@@ -67,8 +67,8 @@ def _named_middles(raw: RawMesh, middles: Middles, file: str) -> tuple[IntArray,
             if len(place) == 4:
                 keys.append(corner_keys(block[:, list(place)], 4))
                 nodes.append(placed[:, column])
-    found, first = np.unique(np.vstack(keys), axis=0, return_index=True)
-    return found, np.concatenate(nodes)[first]
+    distinct, first = np.unique(np.vstack(keys), axis=0, return_index=True)
+    return distinct, np.concatenate(nodes)[first]
 
 
 def _face_middle(

@@ -82,7 +82,7 @@ class Detail:
     def path(self) -> dict[str, Any]:
         """The fields of the whole path."""
         gaps = {"directional_gaps": self.directional_gaps, "polarisation_gaps": self.polarisation_gaps}
-        asked = {name: [vars(gap) for gap in found] for name, found in gaps.items() if found is not None}
+        asked = {name: [vars(gap) for gap in known] for name, known in gaps.items() if known is not None}
         return {"reduction_error": self.reduction_error, **asked}
 
 
@@ -213,7 +213,7 @@ def _sampled(
     """Solve a cell that gives frequencies and sampled gaps only."""
     log.left_out("polarisation, branches and group velocity", "this cell gives frequencies only")
     with log.step(f"{len(path.wavevectors)} wavevectors"):
-        rows, told = _each_once(path.wavevectors, case.bands.count, cell.solve)
+        rows, estimates = _each_once(path.wavevectors, case.bands.count, cell.solve)
     gaps, zone = complete_gaps(rows), None
     if case.bands.grid:
         design = case.design
@@ -222,16 +222,16 @@ def _sampled(
             values, _ = _each_once(grid, case.bands.count, cell.solve)
         zone = sampled_zone_gaps(np.vstack([path.wavevectors, grid]), np.vstack([rows, values]), gaps)
         _log_zone(gaps, zone, log)
-    errors = MeshErrors(np.array([each.taken for each in told]), np.array([each.mesh for each in told]))
-    truncated = MARGIN * truncation_bars(np.array([each.total for each in told]))
+    errors = MeshErrors(np.array([each.taken for each in estimates]), np.array([each.mesh for each in estimates]))
+    truncated = MARGIN * truncation_bars(np.array([each.total for each in estimates]))
     return Bands(name, cell.dof, path, rows, gaps, meshes, None, zone, mesh_errors=errors, truncated=truncated)
 
 
 def _each_once(wavevectors: FloatArray, count: int, solve: Solve) -> tuple[FloatArray, list[ModeErrors]]:
     """Solve each distinct wavevector once."""
     known = {key: solve(np.array(key), count) for key in dict.fromkeys(map(_key, wavevectors))}
-    found = [known[_key(k)] for k in wavevectors]
-    return np.array([frequencies for frequencies, _ in found]), [errors for _, errors in found]
+    solved = [known[_key(k)] for k in wavevectors]
+    return np.array([frequencies for frequencies, _ in solved]), [errors for _, errors in solved]
 
 
 def _key(wavevector: FloatArray) -> tuple[float, float]:
@@ -261,8 +261,8 @@ def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool
     detail = _detail(model, branches, labels, factor, count, along_segments, polarised, float(truncated.max()))
     zone = _over_the_zone(case, model, solved, gaps, log) if case.bands.grid else None
     moved = wave_shapes(model.lattice, path, count) if shapes else {}
-    told = [mesh_error(model.lattice.cell, each) for each in branches.waves[::factor]]
-    errors = MeshErrors(*(np.array([getattr(e, name)[:count] for e in told]) for name in ("taken", "half_width")))
+    estimates = [mesh_error(model.lattice.cell, each) for each in branches.waves[::factor]]
+    errors = MeshErrors(*(np.array([getattr(e, name)[:count] for e in estimates]) for name in ("taken", "half_width")))
     return Bands(
         model.name, model.lattice.dof, path, rows, gaps, meshes, detail, zone, moved, lattice=model, mesh_errors=errors,
         truncated=truncated,

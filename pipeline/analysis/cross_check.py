@@ -53,9 +53,9 @@ def _plate(case: Case, own: modes.PartModes, structured: mode_rows.ModeRow, bar:
             "NO_MODE", "the tetrahedral plate has no mode of the wanted shape near the structured one's frequency"
         )
         return part_modes.meshes, {}, {}
-    told = _own_bar(part_modes)
-    agrees = _agrees(row.frequency_hz, structured.frequency_hz, bar, told, log)
-    mixing = modes.confinement_bar_db(case, own, bar + told)
+    own_bar = _own_bar(part_modes)
+    agrees = _agrees(row.frequency_hz, structured.frequency_hz, bar, own_bar, log)
+    mixing = modes.confinement_bar_db(case, own, bar + own_bar)
     if mixing is not None and row.confinement_db is not None:
         log.info(
             f"its confinement by tetrahedra {row.confinement_db:.1f} dB, structured {structured.confinement_db:.1f} dB: "
@@ -101,8 +101,8 @@ def _by_tetrahedra(case: Case, structured: mode_rows.ModeRow, bar: float, log: L
 
 def _own_bar(part_modes: modes.PartModes) -> float:
     """What the tetrahedra's own stresses tell that the frequency may be off by; all that such a mesh may where they do not."""
-    told = part_modes.bar.frequency if part_modes.bar else None
-    return excess(PLATE_TETRAHEDRA) if told is None else told
+    own_bar = part_modes.bar.frequency if part_modes.bar else None
+    return excess(PLATE_TETRAHEDRA) if own_bar is None else own_bar
 
 
 def _agrees(tet_hz: float, hex_hz: float, bar: float, own: float, log: Log) -> bool:

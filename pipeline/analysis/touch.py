@@ -115,8 +115,8 @@ def _states(session: Session, loaded_hz: float | None, loop: LoopRecord | None) 
     if loaded_hz:
         states.append(_state(session, session.touched, "retuned", loaded_hz, volts))
     if loop:
-        held = min(loop.needed_V, loop.limit_V or loop.needed_V)
-        states.append(_state(session, session.touched, "held", peak, held))
+        needed = min(loop.needed_V, loop.limit_V or loop.needed_V)
+        states.append(_state(session, session.touched, "held", peak, needed))
     shaped = contrast_volts(session.free, peak)
     if shaped is None:
         session.unknown["shaped drive: it needs two driving patches fed by a voltage, and a passive face"] = None
@@ -208,21 +208,21 @@ def _map(session: Session, loop: LoopRecord | None, log: Log, mapped: bool) -> T
         return _map_record(session, loop, touch_map(session.touched, points, session.peak_hz))
 
 
-def _map_record(session: Session, loop: LoopRecord | None, found: TouchMap) -> TouchMapRecord:
+def _map_record(session: Session, loop: LoopRecord | None, mapped: TouchMap) -> TouchMapRecord:
     volts, gaps = session.drive_v, session.touch.gap_m
     friction = None
     if gaps:
-        gap, tone = sqrt(gaps[0] * gaps[1]), found.frequency_hz
-        friction = [[_ratio(session, gap, volts * float(a), tone) for a in row] for row in found.touched_m]
+        gap, tone = sqrt(gaps[0] * gaps[1]), mapped.frequency_hz
+        friction = [[_ratio(session, gap, volts * float(a), tone) for a in row] for row in mapped.touched_m]
     return TouchMapRecord(
-        frequency_hz=found.frequency_hz,
-        x_m=found.x_m.tolist(),
-        y_m=found.y_m.tolist(),
-        displacement_m=(volts * _in_phase(found.field)).tolist(),
-        free_m=(volts * found.free_m).tolist(),
-        touched_m=(volts * found.touched_m).tolist(),
+        frequency_hz=mapped.frequency_hz,
+        x_m=mapped.x_m.tolist(),
+        y_m=mapped.y_m.tolist(),
+        displacement_m=(volts * _in_phase(mapped.field)).tolist(),
+        free_m=(volts * mapped.free_m).tolist(),
+        touched_m=(volts * mapped.touched_m).tolist(),
         friction=friction,
-        needed_V=(loop.sensor_V / np.abs(found.sensor_v[:, :, 0])).tolist() if loop else None,
+        needed_V=(loop.sensor_V / np.abs(mapped.sensor_v[:, :, 0])).tolist() if loop else None,
     )
 
 

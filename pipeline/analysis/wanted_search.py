@@ -108,13 +108,13 @@ def look_about(
 ) -> Wanted:
     """Search the mode that another model has, from the narrow window of the `rows` outwards, by half of it on each side."""
     for _ in range(ROUNDS):
-        found = look_among(rows, known)
-        if found.row is not None and (found.row.strength or 0.0) >= SURE * expected.strength:
+        outcome = look_among(rows, known)
+        if outcome.row is not None and (outcome.row.strength or 0.0) >= SURE * expected.strength:
             break
         step = (known.high_hz - known.low_hz) / 2.0
         ends = max(known.low_hz - step, expected.frequency_hz / 2.0), known.high_hz + step
         rows, known = _completed(rows, known, ends, solve)
-    return found
+    return outcome
 
 
 def look_among(rows: tuple[ModeRow, ...], known: Count) -> Wanted:

@@ -209,8 +209,8 @@ def _summary(solved: Any) -> list[str]:
         f"driven motion confined by {CONFINED_DB:g} dB or more": solved.confined,
     }
     lines = [
-        f"{what}: {', '.join(f'{low / KHZ:.2f} to {high / KHZ:.2f} kHz' for low, high in found) or none}"
-        for what, found in stretches.items()
+        f"{what}: {', '.join(f'{low / KHZ:.2f} to {high / KHZ:.2f} kHz' for low, high in windows) or none}"
+        for what, windows in stretches.items()
     ]
     if solved.wanted_hz is None or solved.wanted_db is None:
         return [*lines, "the column has no mode of the wanted shape in its window"]
@@ -313,9 +313,9 @@ def travel(arguments: Namespace) -> int:
     from pipeline.plots.response import travelling_wave
     from pipeline.plots.touch import shear_map
 
-    record, held = travelling.solve(case, log, band, arguments.others)
+    record, wave = travelling.solve(case, log, band, arguments.others)
     place = outputs.folder(arguments.out) if arguments.out else None
-    record = record.model_copy(update=played.board_outcome(held, log, place, arguments.board))
+    record = record.model_copy(update=played.board_outcome(wave, log, place, arguments.board))
     lines = [*travelling.lines(record), *played.lines(record)]
 
     def drawn() -> list[Any]:

@@ -90,8 +90,8 @@ def check_gap(arguments: Namespace) -> int:
     place = arguments.case or str(STUDIES / "three-rows.toml")
     case, log = of_case(arguments, load_case(place, arguments.set)), TerminalLog(arguments.quiet)
     record = solve_bands(case, log, every_gap=False).record
-    found = edges_of(record)
-    edges = [Edge(name, hz, found.get(name), allowed) for name, (hz, allowed) in read_reference().items()]
+    computed = edges_of(record)
+    edges = [Edge(name, hz, computed.get(name), allowed) for name, (hz, allowed) in read_reference().items()]
     head = ("edge", "reference_hz", "found_hz", "change", "allowed", "holds")
     rows = [[e.name, e.reference_hz, e.found_hz, e.change_text, f"{100 * e.allowed:.1f} %", e.holds] for e in edges]
     document = {"holds": all(e.holds for e in edges), "edges": [e.to_dict() for e in edges]}

@@ -129,9 +129,9 @@ def of_study(target: str, case_id: str | None = None, results: str | None = None
         raise InputError(
             f"{target}: {script.name} holds no plate to view; antinode report {script.name} writes its page"
         )
-    found = load_study(target)
+    location = load_study(target)
     try:
-        study = read_study(known.stored_folder(found.name, found.source, results))
+        study = read_study(known.stored_folder(location.name, location.source, results))
     except store.BadRecord as error:
         raise InputError(f"{target}: nothing is stored yet; run it first: antinode run {target}") from error
     names = [case.case_id for case in study.cases]

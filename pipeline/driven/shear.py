@@ -38,10 +38,10 @@ def solve(
         log.left_out("the finger on the wave", f"{needed / GIB:.1f} GiB are needed, {room / GIB:.1f} GiB are free")
         return None
     with log.step("the finger on the wave"):
-        found = touch_map(touched, points, frequency_hz)
-        motion = _motion(case, forced.driven_by(volts), found)
+        mapped = touch_map(touched, points, frequency_hz)
+        motion = _motion(case, forced.driven_by(volts), mapped)
     why = _why_not(touch, abs(wavenumber_per_m))
-    low, high, missed = (None, None, None) if why else _shear(touch, found.touched_m, motion, frequency_hz)
+    low, high, missed = (None, None, None) if why else _shear(touch, mapped.touched_m, motion, frequency_hz)
     unknown = [f"net shear: {reason}" for reason in (why, missed and f"at some places {missed}") if reason]
     for reason in unknown:
         log.warning("NOT_TOLD", reason)
@@ -49,9 +49,9 @@ def solve(
         fingertip=touch.tip.name,
         radius_m=touch.radius_m,
         force_N=touch.force_n,
-        x_m=found.x_m.tolist(),
-        y_m=found.y_m.tolist(),
-        touched_m=found.touched_m.tolist(),
+        x_m=mapped.x_m.tolist(),
+        y_m=mapped.y_m.tolist(),
+        touched_m=mapped.touched_m.tolist(),
         crest_m_s=motion.crest_m_s.tolist(),
         shear_low=low,
         shear_high=high,
@@ -59,12 +59,12 @@ def solve(
     )
 
 
-def _motion(case: Case, forced: ForcedPlate, found: TouchMap) -> CrestMotion:
+def _motion(case: Case, forced: ForcedPlate, mapped: TouchMap) -> CrestMotion:
     """The free plate's own motion along x, and (h/2) dw/dx of what the finger changes."""
-    places = np.stack(np.meshgrid(found.x_m, found.y_m, indexing="ij"), axis=-1)
-    free = motion_along(forced, places.reshape(-1, 2), found.frequency_hz).reshape(found.under.shape)
-    along = free + case.design.thickness_m / 2.0 * found.slope_change
-    return crest_motion(along, found.under, found.frequency_hz)
+    places = np.stack(np.meshgrid(mapped.x_m, mapped.y_m, indexing="ij"), axis=-1)
+    free = motion_along(forced, places.reshape(-1, 2), mapped.frequency_hz).reshape(mapped.under.shape)
+    along = free + case.design.thickness_m / 2.0 * mapped.slope_change
+    return crest_motion(along, mapped.under, mapped.frequency_hz)
 
 
 def _why_not(touch: Touch, wavenumber_per_m: float) -> str | None:

@@ -82,14 +82,14 @@ def solve(
     _check(case)
     forced = forced_plate(case, log, band_hz, [] if meshes is None else meshes)
     with log.step("two modes a quarter period apart"):
-        held = hold(forced, case.design, others)
-        record = _record(held, case.design, others)
-    volts = held.all_volts(held.drives["pair+"]) * record.drive_V_at_1um
-    found = shear.solve(case, forced, volts, record.frequency_hz, record.wavenumber_per_m, log)
-    record = record.model_copy(update={"shear": found}) if found else record
+        wave = best_pair(forced, case.design, others)
+        record = _record(wave, case.design, others)
+    volts = wave.all_volts(wave.drives["pair+"]) * record.drive_V_at_1um
+    shear_record = shear.solve(case, forced, volts, record.frequency_hz, record.wavenumber_per_m, log)
+    record = record.model_copy(update={"shear": shear_record}) if shear_record else record
     for line in lines(record):
         log.info(line)
-    return record, held
+    return record, wave
 
 
 def _check(case: Case) -> None:
@@ -109,7 +109,7 @@ def _check(case: Case) -> None:
         raise InputError(f"{case.source or case.name}: {text}" for text in said)
 
 
-def hold(forced: ForcedPlate, design: Design, others: float) -> Travelling:
+def best_pair(forced: ForcedPlate, design: Design, others: float) -> Travelling:
     """The better of the pairs (N, N - 1) and (N, N + 1) among the plate's own modes, and further drives for the board."""
     points, line = _points(design)
     middle = 0.5 * sum(forced.band_hz)
@@ -117,7 +117,7 @@ def hold(forced: ForcedPlate, design: Design, others: float) -> Travelling:
     table = plate_table(forced, points, middle, known)
     own = _mode(table, design, design.nodal_lines)
     window = line & inner_window(points, *_window(design))
-    found: list[tuple[float, ModalTable, ModePair]] = []
+    candidates: list[tuple[float, ModalTable, ModePair]] = []
     for neighbour in (design.nodal_lines - 1, design.nodal_lines + 1):
         other = _mode(table, design, neighbour)
         if own is None or other is None or other == own:
@@ -125,14 +125,14 @@ def hold(forced: ForcedPlate, design: Design, others: float) -> Travelling:
         tone = float(np.sqrt(table.frequencies_hz[own] * table.frequencies_hz[other]))
         at = plate_table(forced, points, tone, known)
         pair = travelling_pair(at, (own, other), window, others)
-        found.append((pair.twr, at, pair))
-    if not found:
+        candidates.append((pair.twr, at, pair))
+    if not candidates:
         low, high = (end / KHZ for end in forced.band_hz)
         raise SolverError(
             f"the band from {low:g} to {high:g} kHz does not hold the wanted mode and a neighbour with one nodal line more or "
             "less: widen it"
         )
-    _, best, pair = max(found, key=lambda each: each[0])
+    _, best, pair = max(candidates, key=lambda each: each[0])
     volts = pair.drive.voltages
     field = field_matrix(best, pair.frequency_hz)[window]
     reach = best_travelling_drive(field, points[window, 0], pi / (design.half_wavelength_m or design.width_m))[0]
@@ -178,17 +178,17 @@ def _mode(table: ModalTable, design: Design, lines: int) -> int | None:
     return best if share[best] >= MIN_SHARE else None
 
 
-def _record(held: Travelling, design: Design, others: float) -> TravelRecord:
-    pair, volts, tone = held.pair, held.drives["pair+"], held.pair.frequency_hz
-    plate = held.forced.driven_by(held.all_volts(volts))
+def _record(wave: Travelling, design: Design, others: float) -> TravelRecord:
+    pair, volts, tone = wave.pair, wave.drives["pair+"], wave.pair.frequency_hz
+    plate = wave.forced.driven_by(wave.all_volts(volts))
     curve, flow = plate.curve(np.array([tone])), power_flow(plate, tone)
     zone = float(curve.zone_rms_m_per_v[0])
     per_um = UM / zone
     passive = None if curve.passive_rms_m_per_v is None else float(ratio_db(zone, curve.passive_rms_m_per_v[0]))
-    field = held.field(volts) * per_um
-    stand = held.forced.driven_by(held.forced.signs.astype(np.complex128))
+    field = wave.field(volts) * per_um
+    stand = wave.forced.driven_by(wave.forced.signs.astype(np.complex128))
     standing = float(stand.curve(np.array([tone])).zone_rms_m_per_v[0])
-    shares = [share_of(held.table, design, lines) for lines in _neighbours(design)]
+    shares = [share_of(wave.table, design, lines) for lines in _neighbours(design)]
     own = [int(np.argmax([share[mode] for share in shares])) for mode in pair.modes]
     return TravelRecord(
         model=f"{plate.plate.name} with {len(plate.plate.patches)} patches",
@@ -197,7 +197,7 @@ def _record(held: Travelling, design: Design, others: float) -> TravelRecord:
         modes=[
             PatternMode(
                 nodal_lines=_neighbours(design)[which],
-                frequency_hz=float(held.table.frequencies_hz[mode]),
+                frequency_hz=float(wave.table.frequencies_hz[mode]),
                 share=float(shares[which][mode]),
             )
             for which, mode in zip(own, pair.modes, strict=True)
@@ -205,14 +205,14 @@ def _record(held: Travelling, design: Design, others: float) -> TravelRecord:
         others=others,
         twr=pair.twr,
         alone_twr=pair.alone,
-        best_twr=held.twr(held.drives["wave+"]),
+        best_twr=wave.twr(wave.drives["wave+"]),
         wavenumber_per_m=pair.wavenumber,
-        window_m=(float(held.table.points_m[held.window, 0].min()), float(held.table.points_m[held.window, 0].max())),
+        window_m=(float(wave.table.points_m[wave.window, 0].min()), float(wave.table.points_m[wave.window, 0].max())),
         confinement_db=passive,
         drive_V_at_1um=per_um,
-        drivers=list(held.forced.drivers),
+        drivers=list(wave.forced.drivers),
         volts=[(float(each.real), float(each.imag)) for each in volts],
-        x_m=held.line_m.tolist(),
+        x_m=wave.line_m.tolist(),
         field_m=[(float(each.real), float(each.imag)) for each in field],
         patches_W=(flow.patches_w * per_um**2).tolist(),
         lost_W=flow.lost_w * per_um**2,
@@ -250,6 +250,6 @@ def _of_shear(record: ShearRecord) -> str:
         for field in (record.shear_low, record.shear_high)
         if field
     ]
-    told = [f"{each:.2g}" for each in ends if each is not None]
-    drag = f"; it drags by {' to '.join(told)} of the friction at rest at most" if told else "; its drag is unknown"
+    limits = [f"{each:.2g}" for each in ends if each is not None]
+    drag = f"; it drags by {' to '.join(limits)} of the friction at rest at most" if limits else "; its drag is unknown"
     return f"a finger ({record.fingertip}) at rest meets crests of {1e3 * record.fastest_m_s:.3g} mm/s along x{drag}"

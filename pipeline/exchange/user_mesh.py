@@ -43,16 +43,16 @@ def solve(
         raise InputError(f"--symmetry {query.symmetry}: {without}")
     with log.step("read the mesh"):
         mesh = load(file, unit)
-    held = [_support(text) for text in supports]
+    fixed = [_support(text) for text in supports]
     for name in clamps:
         _known(name, mesh, file, "--clamp")
-    for name, _ in held:
+    for name, _ in fixed:
         _known(name, mesh, file, "--support")
     materials = _materials(case, mesh)
     _log_summary(mesh, materials, file, log)
     _warn_of_unit(case, mesh, file, unit, log)
     warn_of_locking(case.design, mesh, log)
-    model = SolidModel(_with_touch(mesh), materials, (*clamps, *held), False)
+    model = SolidModel(_with_touch(mesh), materials, (*clamps, *fixed), False)
     request = _request(case, query)
     pencil = model.pencil(None)
     with log.step("solve"):

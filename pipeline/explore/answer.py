@@ -232,17 +232,17 @@ class Explorer:
         return said
 
     def _bands(self, sizes: Sizes) -> Document:
-        bases, found = self.model.bases, self.model.bands(sizes)
-        error, by_mesh = found.error, self.model.by_mesh(sizes)
+        bases, dispersion = self.model.bases, self.model.bands(sizes)
+        error, by_mesh = dispersion.error, self.model.by_mesh(sizes)
         gaps = [
             {
                 "lower_hz": gap.lower_hz, "upper_hz": gap.upper_hz, "lower_band": gap.lower_band, "upper_band": gap.upper_band,
                 "error": None if by_mesh is None else float(max((error + by_mesh)[gap.lower_band - 1 : gap.upper_band])),
             }
-            for gap in complete_gaps(found.frequency_hz)
+            for gap in complete_gaps(dispersion.frequency_hz)
         ]  # fmt: skip
         return {
-            "frequency_hz": np.round(found.frequency_hz, 1).tolist(),
+            "frequency_hz": np.round(dispersion.frequency_hz, 1).tolist(),
             "error": error.tolist(),
             "mesh_error": None if by_mesh is None else by_mesh.tolist(),
             "labels": list(bases.labels),
@@ -323,8 +323,8 @@ def compute(scene: Scene, given: dict[str, float], near_hz: float | None, log: A
     case = replace(case, solve=replace(case.solve, model="auto"))
     from pipeline.analysis import modes
 
-    found = modes.solve_modes(case, around(case, near_hz), log)
-    row, bar = found.wanted.row if found.wanted else None, found.bar
+    solved = modes.solve_modes(case, around(case, near_hz), log)
+    row, bar = solved.wanted.row if solved.wanted else None, solved.bar
     if row is None:
         return {"why_not": "no mode of the wanted shape in the window"}
     return {

@@ -26,10 +26,10 @@ class Beside:
             self._workers, self._folder = LocalWorkers(1, 1), tempfile.TemporaryDirectory(prefix="antinode-explore-")
             self._file.write_bytes(pickle.dumps(Explorer(self.explorer.scene, self.explorer.model)))
         try:
-            found: list[Document] = self._workers.submit(_cloud, self._file, first, count).result()
+            designs: list[Document] = self._workers.submit(_cloud, self._file, first, count).result()
         except (WorkerLost, CancelledError):
             return Explorer(self.explorer.scene, self.explorer.model).cloud(first, count)  # the page's own is at work
-        return found
+        return designs
 
     def close(self) -> None:
         """End the process and take its file away."""

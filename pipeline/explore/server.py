@@ -122,8 +122,8 @@ class Server:
 
     async def _answer(self, request: web.Request) -> web.StreamResponse:
         design = read_design(await _json(request), self.explorer.scene.limits)
-        found = await asyncio.get_running_loop().run_in_executor(self._live, self.explorer.answer, design)
-        return web.json_response(found, dumps=_dumps)
+        document = await asyncio.get_running_loop().run_in_executor(self._live, self.explorer.answer, design)
+        return web.json_response(document, dumps=_dumps)
 
     async def _cloud(self, request: web.Request) -> web.StreamResponse:
         given = await _json(request)
@@ -132,10 +132,10 @@ class Server:
             raise InputError("a question for the cloud has the number of its first design")
         loop = asyncio.get_running_loop()
         if first // BATCH % 2:
-            found = await loop.run_in_executor(self._asks_beside, self._beside.cloud, first, BATCH)
+            document = await loop.run_in_executor(self._asks_beside, self._beside.cloud, first, BATCH)
         else:
-            found = await loop.run_in_executor(self._live, self.explorer.cloud, first, BATCH)
-        return web.json_response(found, dumps=_dumps)
+            document = await loop.run_in_executor(self._live, self.explorer.cloud, first, BATCH)
+        return web.json_response(document, dumps=_dumps)
 
     def close(self) -> None:
         """End the process beside."""

@@ -95,8 +95,8 @@ HYBRID = Measure(
 def _compute_travel(work: Work) -> None:
     from pipeline.driven import played, travelling
 
-    record, held = travelling.solve(work.case, work.log, meshes=work.meshes)
-    work.keep(travel=record.model_copy(update=played.board_outcome(held, work.log, work.folder, played=False)))
+    record, wave = travelling.solve(work.case, work.log, meshes=work.meshes)
+    work.keep(travel=record.model_copy(update=played.board_outcome(wave, work.log, work.folder, played=False)))
 
 
 _travel = figures_of(lambda r: r.travel)

@@ -143,15 +143,19 @@ def _wanted(modes: ColumnModes, window_hz: Stretch) -> tuple[float | None, float
 
 def stretches(frequency_hz: FloatArray, level_db: FloatArray, least_db: float = CONFINED_DB) -> list[Stretch]:
     """Intervals in which a level is at least `least_db`, their ends between two points interpolated, Hz."""
-    found: list[Stretch] = []
+    stretches: list[Stretch] = []
     level = np.nan_to_num(level_db, nan=-1e3, posinf=1e3)
     for (start, stop), (left, right) in zip(pairwise(frequency_hz.tolist()), pairwise(level.tolist()), strict=True):
         if max(left, right) < least_db:
             continue
         cross = start + (stop - start) * (least_db - left) / (right - left) if left != right else start
         low, high = (start if left >= least_db else cross), (stop if right >= least_db else cross)
-        found = [*found[:-1], (found[-1][0], high)] if found and found[-1][1] == low else [*found, (low, high)]
-    return found
+        stretches = (
+            [*stretches[:-1], (stretches[-1][0], high)]
+            if stretches and stretches[-1][1] == low
+            else [*stretches, (low, high)]
+        )
+    return stretches
 
 
 def _about(confined: list[Stretch], frequency_hz: float | None) -> Stretch | None:

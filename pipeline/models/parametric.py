@@ -71,10 +71,12 @@ class CellModel:
         """The bands of a design, less what its mesh puts them too high by where that was measured. SolverError for a design
         outside the box.
         """
-        found = bands(self.cell, self.bases, sizes)
+        dispersion = bands(self.cell, self.bases, sizes)
         if self.mesh is None:
-            return found
-        return replace(found, frequency_hz=np.sort(found.frequency_hz / (1.0 + self.mesh.overestimate(sizes)), axis=1))
+            return dispersion
+        return replace(
+            dispersion, frequency_hz=np.sort(dispersion.frequency_hz / (1.0 + self.mesh.overestimate(sizes)), axis=1)
+        )
 
     def as_meshed(self, sizes: Sizes) -> FloatArray | None:
         """What the mesh may put frequencies off by of which nothing is taken away, relative, (bands,); None as `by_mesh`."""

@@ -81,9 +81,9 @@ def mesh_table(
     """
     at = [number for number, label in enumerate(bases.labels) if label][:3]
     tasks = [
-        (with_sizes(case, sizes, ACCURACY, bases.count), bases.fractions[at] * np.pi / sizes[3], found)
+        (with_sizes(case, sizes, ACCURACY, bases.count), bases.fractions[at] * np.pi / sizes[3], own)
         for sizes in (*cell.box.spread(0), *between)
-        for found in [bands(cell, bases, sizes).frequency_hz[at]]
+        for own in [bands(cell, bases, sizes).frequency_hz[at]]
     ]
     high, bar = np.moveaxis(np.array(list(apply(off_by, tasks))), 1, 0)
     if np.isnan(high).all(axis=1).any():
@@ -92,8 +92,8 @@ def mesh_table(
         cell.box, np.ones_like(high[: 2**4, 0]), 1.0, np.maximum(np.nanmean(high[: 2**4], axis=1), MIN_ERROR)
     )
     designs = [*cell.box.spread(0), *between]
-    told = np.array([table.overestimate(sizes) for sizes in designs])[:, None]
-    left = np.nanmax(np.maximum(np.abs(high - told) + bar, MIN_ERROR), axis=1)
+    expected = np.array([table.overestimate(sizes) for sizes in designs])[:, None]
+    left = np.nanmax(np.maximum(np.abs(high - expected) + bar, MIN_ERROR), axis=1)
     table = replace(table, corners=left[: 2**4])
     more = [float((own / table.at(sizes)).max()) for own, sizes in zip(left, designs, strict=True)]
     return replace(table, margin=max([1.0, *more]))
@@ -104,18 +104,18 @@ def off_by(task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
 
     NaN at rest, and throughout where there is no such reduction.
     """
-    case, wavevectors, found_hz = task
+    case, wavevectors, band_hz = task
     try:
         model = lattice_model(case, cell_model_choice(case), wavevectors, WarningLog(), [], finer=False)
     except SolverError:
-        return np.full((2, *found_hz.shape), np.nan)
-    lattice, count = model.lattice, found_hz.shape[1]
+        return np.full((2, *band_hz.shape), np.nan)
+    lattice, count = model.lattice, band_hz.shape[1]
     solved = [lattice.waves(k, count) for k in wavevectors]
-    out = np.full((2, *found_hz.shape), np.nan)
+    out = np.full((2, *band_hz.shape), np.nan)
     for row, (waves, truncated) in enumerate(zip(solved, model.truncation(solved, count), strict=True)):
         moving = waves.frequency_hz > FLAT * waves.frequency_hz[-1]
         bar = mesh_error(lattice.cell, waves).half_width + truncated
-        out[0, row, moving] = (found_hz[row] / np.where(moving, waves.frequency_hz, 1.0) - 1.0)[moving]
+        out[0, row, moving] = (band_hz[row] / np.where(moving, waves.frequency_hz, 1.0) - 1.0)[moving]
         out[1, row, moving] = bar[moving]
     return out
 

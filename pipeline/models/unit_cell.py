@@ -64,8 +64,8 @@ class LatticeModel:
 
     def truncation(self, waves: Sequence[Waves], count: int) -> FloatArray:
         """Half-widths of the bars by truncation of the lowest bands, relative, (wavevectors, bands)."""
-        told = [truncation(self.lattice, each) for each in waves]
-        modes, degrees = (np.array([each[:count] for each in kind]) for kind in zip(*told, strict=True))
+        estimates = [truncation(self.lattice, each) for each in waves]
+        modes, degrees = (np.array([each[:count] for each in kind]) for kind in zip(*estimates, strict=True))
         return modes + truncation_bars(degrees) + self.beyond
 
 

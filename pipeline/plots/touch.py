@@ -42,8 +42,8 @@ def tactile_map(record: TouchRecord, width_m: float | None = None) -> ReportFigu
 
 def sheared(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """What the travelling wave of a case's record drags a finger by."""
-    found, design = case.record.travel and case.record.travel.shear, case.record.design
-    return shear_map(found, design.width_m if design else None) if found else None
+    shear, design = case.record.travel and case.record.travel.shear, case.record.design
+    return shear_map(shear, design.width_m if design else None) if shear else None
 
 
 def shear_map(record: ShearRecord, width_m: float | None = None) -> ReportFigure:

@@ -82,7 +82,7 @@ def without_effect(study: StoredStudy, columns: Sequence[Column]) -> list[str]:
     measured = [column for column in columns if column.name not in plain]
     answered = [case.record for case in study.cases if case.record.status in STATUSES]
     figures = {id(record): [column.text(record) for column in measured] for record in answered}
-    found = []
+    keys = []
     for key in study.swept:
         alike: dict[str, list[Record]] = {}
         for record in answered:
@@ -90,8 +90,8 @@ def without_effect(study: StoredStudy, columns: Sequence[Column]) -> list[str]:
             alike.setdefault(others, []).append(record)
         pairs = [(one, other) for group in alike.values() for one, other in pairwise(group)]
         if measured and pairs and all(figures[id(one)] == figures[id(other)] for one, other in pairs):
-            found.append(key)
-    return found
+            keys.append(key)
+    return keys
 
 
 def table_bytes(study: StoredStudy, columns: Sequence[Column]) -> bytes:

@@ -218,15 +218,15 @@ def _left_out(study: StoredStudy, cases: list[StoredCase]) -> dict[str, tuple[st
     best = text.best_case(study)
     if best not in cases:
         return {}
-    found: dict[str, tuple[str, ...]] = {}
+    left_out: dict[str, tuple[str, ...]] = {}
     drawn = {dispersion.same_bands(best.record.bands)} if best.record.bands else set()
     for case in cases:
         if not case.sweep or case is best:
             continue
         own = {dispersion.same_bands(case.record.bands)} if case.record.bands else set()
-        found[case.case_id] = gallery.OF_THE_BEST + (gallery.OF_A_CELL if own & drawn else ())
+        left_out[case.case_id] = gallery.OF_THE_BEST + (gallery.OF_A_CELL if own & drawn else ())
         drawn |= own
-    return found
+    return left_out
 
 
 def draw_cases(cases: list[StoredCase], brief: dict[str, tuple[str, ...]]) -> dict[str, gallery.FigureSet]:
@@ -283,7 +283,7 @@ def _shown(
         if twin := _twin(study, case):  # only what the same plate has not
             own = [name for name in drawn.get(case.case_id, {}) if name not in drawn.get(twin.case_id, {})]
             asked = [(case, name) for name in own] + [pair for pair in asked if pair[0] is not case]
-    found: dict[str, dict[str, EmbeddedFigure]] = {}
+    by_case: dict[str, dict[str, EmbeddedFigure]] = {}
     cells: set[tuple[str, str]] = set()
     for case, name in asked:
         mark = (name, dispersion.same_bands(case.record.bands) if case.record.bands else case.case_id)
@@ -291,9 +291,9 @@ def _shown(
         if picture is None or (name in gallery.OF_A_CELL and mark in cells):
             continue
         if embedded := embedder.show(f"{case.case_id}/{style.PICTURES}", picture):
-            found.setdefault(case.case_id, {})[name] = embedded
+            by_case.setdefault(case.case_id, {})[name] = embedded
             cells.add(mark)
-    return {case: [found[case][name] for name in drawn[case] if name in found[case]] for case in found}
+    return {case: [by_case[case][name] for name in drawn[case] if name in by_case[case]] for case in by_case}
 
 
 def _twin(study: StoredStudy, case: StoredCase) -> StoredCase | None:

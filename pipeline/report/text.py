@@ -182,30 +182,30 @@ def facts_of(study: StoredStudy) -> list[str]:
     """Plate, pillars, material, when it was computed and by what: of the best case, or of the first."""
     case = best_case(study) or study.cases[0]
     design, stored = case.record.design, (case.read("input.json") or {}).get("case") or {}
-    found = []
+    words = []
     if design:
-        found.append(
+        words.append(
             f"plate {design.length_m / MM:g} × {2.0 * design.half_span_m / MM:g} × {design.thickness_m / MM:g}{WIDE}mm, "
             f"zone {design.width_m / MM:g}{WIDE}mm"
         )
     if design and design.pillar and design.rows:
         pillar = design.pillar
-        found.append(
+        words.append(
             f"{pillar.shape} pillars {pillar.base_m / MM:g}{WIDE}mm wide, {pillar.height_m / MM:g}{WIDE}mm high"
         )
     if name := ((stored.get("design") or {}).get("material") or {}).get("name"):
-        found.append(str(name))
+        words.append(str(name))
     measured = ", ".join(study.about.get("measure") or [])
-    found.append(
+    words.append(
         f"{len(study.cases)} case{'s' if len(study.cases) != 1 else ''}" + (f" of {measured}" if measured else "")
     )
-    found += [
+    words += [
         f"{key} changes no figure of this study: none of its measures depends on it"
         for key in without_effect(study, registry.columns_of(study))
     ]
     if day := computed_on(study):
-        found.append(f"computed {day}")
-    return [*found, f"Antinode {metadata.version('antinode')}"]
+        words.append(f"computed {day}")
+    return [*words, f"Antinode {metadata.version('antinode')}"]
 
 
 def computed_on(study: StoredStudy) -> str:

@@ -67,8 +67,8 @@ class Evaluation:
     @property
     def goal_error_db(self) -> float | None:
         """Error bar of the goal, dB, where it is the confinement."""
-        told = self.unit == "dB" and self.goal_db == self.result.confinement_db
-        return self.result.confinement_error_db if told else None
+        is_confinement = self.unit == "dB" and self.goal_db == self.result.confinement_db
+        return self.result.confinement_error_db if is_confinement else None
 
 
 @dataclass(frozen=True)

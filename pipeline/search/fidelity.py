@@ -132,8 +132,8 @@ def _stopped_khz(case: Case, fidelity: str, frequency_hz: float) -> float:
 
     accuracy = max(COLUMN_ACCURACY, case.solve.accuracy) if fidelity == COLUMN else case.solve.accuracy
     window = mesh_rules.wanted_window_hz(case.design)
-    found = broadband(case, WarningLog(), window, BAND_POINTS, accuracy)
-    return sum(high - low for low, high in found.stopped if low <= frequency_hz <= high) / KHZ
+    broad = broadband(case, WarningLog(), window, BAND_POINTS, accuracy)
+    return sum(high - low for low, high in broad.stopped if low <= frequency_hz <= high) / KHZ
 
 
 def kept_cell(case: Case) -> Any:

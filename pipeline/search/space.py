@@ -132,8 +132,8 @@ def _overrides(variables: Sequence[Variable], values: Sequence[float | int]) -> 
     """KEY=VALUE of each key, KEY=[...] of one with a value a row."""
     texts: dict[str, list[str]] = {}
     for variable, value in zip(variables, values, strict=True):
-        told = variable.written(value)
-        texts.setdefault(variable.key, []).append(told if isinstance(told, str) else f"{told:g}")
+        written = variable.written(value)
+        texts.setdefault(variable.key, []).append(written if isinstance(written, str) else f"{written:g}")
     listed = {variable.key for variable in variables if variable.row}
     return [f"{key}=[{','.join(each)}]" if key in listed else f"{key}={each[0]}" for key, each in texts.items()]
 
@@ -252,17 +252,19 @@ def _check_ends(
     lines: list[list[str]] = []
     settings = [_overrides(others, ends) for ends in ([v.low for v in others], [v.high for v in others])]
     for end in (variables[0].low, variables[0].high):
-        told = None
+        refused = None
         for more in ([], *settings):
             try:
                 case_from_dict(raw, file, [*fixed, *more, *_overrides(variables, [end] * len(variables))])
                 break
             except InputError as error:
-                told = told or error.lines
+                refused = refused or error.lines
         else:
-            assert told is not None
-            lines.append(told)
-            if variables[0].words or any("must be a " in line for line in told):  # the schema's words: wrong by itself
+            assert refused is not None
+            lines.append(refused)
+            if variables[0].words or any(
+                "must be a " in line for line in refused
+            ):  # the schema's words: wrong by itself
                 break
     else:
         if len(lines) < 2:

@@ -97,12 +97,12 @@ def _lowest(conditions: Conditions) -> float:
     def holds(root: complex) -> bool:
         return REAL[0] < root.real < REAL[-1] and float(_flatness(conditions(np.array(root)))) < RESIDUAL
 
-    found = [1.0]
+    exponents = [1.0]
     for i, j in _minima(_flatness(conditions(REAL[:, None] + 1j * IMAGINARY))):
         with suppress(ZeroDivisionError, OverflowError, np.linalg.LinAlgError):
             root = _secant(determinant, complex(REAL[i], IMAGINARY[j]))
-            found += [root.real] if holds(root) else []
-    return min(found)
+            exponents += [root.real] if holds(root) else []
+    return min(exponents)
 
 
 def _secant(function: Callable[[complex], complex], start: complex) -> complex:

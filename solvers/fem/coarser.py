@@ -186,10 +186,10 @@ def prolonged_eigenvalues(
     factor, _ = factor_near(coarse, _amid(values) * unit, Factoriser())
     moved, _ = np.linalg.qr(factor.solve(np.ascontiguousarray(prolonged.T @ (fine.mass @ vectors))))
     stiffness, mass = (moved.T @ (part @ moved) for part in (coarse.stiffness, coarse.mass))
-    found, turn = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
+    eigenvalues, turn = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
     overlap = vectors.T @ (fine.mass @ (prolonged @ (moved @ turn)))
     _, partner = linear_sum_assignment(-np.abs(overlap))
-    return np.asarray(found[partner] / unit)
+    return np.asarray(eigenvalues[partner] / unit)
 
 
 def _amid(values: FloatArray) -> float:

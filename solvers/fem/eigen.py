@@ -447,8 +447,8 @@ class _Solver:
         shifts = self.factors(0.5 * (low + high), SEARCHED)
         if self.shared.static is not None and below_low == 0:
             shifts = chain([(self.shared.static, 0.0)], shifts)
-        elif expected <= FEW and (found := self._from_the_end(low, high, expected)):
-            return found
+        elif expected <= FEW and (pairs := self._from_the_end(low, high, expected)):
+            return pairs
         for factor, shift in shifts:
             values, vectors = self._inside(factor.solve, shift, low, high, expected + max(4, expected // 10))
             for _ in range(3):

@@ -85,11 +85,13 @@ class StressRecovery:
     @cached_property
     def _by_material(self) -> list[_Recovered]:
         """The elements of each material; a region of the same material goes on in the next one."""
-        found: dict[Material, list[IntArray]] = {}
+        by_material: dict[Material, list[IntArray]] = {}
         for name, cells in self.mesh.region_of_cells().items():
-            found.setdefault(self.materials[name], []).append(cells)
+            by_material.setdefault(self.materials[name], []).append(cells)
         (mesh,) = self.mesh.blocks
-        return [_Recovered(mesh, np.concatenate(cells), material, self.scale) for material, cells in found.items()]
+        return [
+            _Recovered(mesh, np.concatenate(cells), material, self.scale) for material, cells in by_material.items()
+        ]
 
 
 class _Recovered:

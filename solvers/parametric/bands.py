@@ -193,13 +193,13 @@ def _boundary_waves(cell: ParametricCell, of: Sequence[Sector], count: int, size
         parts = cell.parts(sizes, INNER, cell.interface)
         out = []
         for sector in of:
-            found = []
+            scaled = []
             for stiffness, mass in zip(
                 *pencils([parts[member] for member in sector.classes], sector.bases), strict=True
             ):
                 values, waves = lowest(stiffness, mass, count)
-                found.append(waves[: sector.bases.shape[2]] / np.sqrt(np.maximum(values, 0.0) + SLOWEST))
-            out.append(np.array(found))
+                scaled.append(waves[: sector.bases.shape[2]] / np.sqrt(np.maximum(values, 0.0) + SLOWEST))
+            out.append(np.array(scaled))
     return out
 
 

@@ -192,8 +192,8 @@ def _at(places: sp.csc_array, values: FloatArray) -> sp.csc_array:
 
 def _clamped_modes(mass: sp.csc_array, factor: Factor, count: int) -> FloatArray:
     """The lowest modes, unit strain energy: functions for a basis, whose number nobody counts."""
-    found = block_lanczos(factor.solve, lambda block: np.asarray(mass @ block), mass.shape[0], count, ROUGH)
-    if found is None:
+    pairs = block_lanczos(factor.solve, lambda block: np.asarray(mass @ block), mass.shape[0], count, ROUGH)
+    if pairs is None:
         raise SolverError("the clamped modes of a cell's inside did not converge")
-    inverse, vectors = found
+    inverse, vectors = pairs
     return np.asarray(vectors * np.sqrt(inverse))

@@ -228,11 +228,11 @@ class _Place:
     @cached_property
     def mirrors(self) -> tuple[int, ...]:
         """The axes about which panels, pillars, held sides, patch and the elements are their own mirror image."""
-        held, boxes = self.panels.clamped, self._boxes(())
+        clamped, boxes = self.panels.clamped, self._boxes(())
         return tuple(
             axis
             for axis, (name, lines) in enumerate(zip("xy", (boxes.x, boxes.y), strict=True))
-            if (f"{name}-" in held) == (f"{name}+" in held)
+            if (f"{name}-" in clamped) == (f"{name}+" in clamped)
             and abs(self.box_m.reshape(2, 2)[axis].sum()) < SAME_M
             and np.abs(lines).min() < SAME_M
             and (not self.stands or self.panels.grid.tiling.mirrored)

@@ -34,10 +34,10 @@ def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
 
 def _nearest(forced: ForcedPlate, frequency_hz: float) -> tuple[GroupModes | None, int]:
     """The mode nearest to a frequency: its group and its number there."""
-    found = [
+    resonant = [
         (abs(hz - frequency_hz), basis, index) for basis in forced.modes for index, hz in enumerate(basis.frequency_hz)
     ]
-    if not found:
+    if not resonant:
         return None, 0
-    _, basis, index = min(found, key=lambda each: each[0])
+    _, basis, index = min(resonant, key=lambda each: each[0])
     return basis, index

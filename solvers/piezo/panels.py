@@ -86,18 +86,18 @@ class Panels:
             kinds.setdefault(self.grid.tiling.panel(*place).pillar or pillar, []).append(feet[place])
         return tuple(Stand(kind, np.array(centres) - self.middle_m) for kind, centres in kinds.items() if kind)
 
-    def held(self, i: int, j: int) -> IntArray:
+    def clamped_dofs(self, i: int, j: int) -> IntArray:
         """Boundary degrees of freedom of panel (i, j), in its own order, on the sides that are held."""
         at = dict(
             zip(SIDES, (i == self.columns[0], i == self.columns[1], j == self.rows[0], j == self.rows[1]), strict=True)
         )
         sides = {side for side in self.clamped if at[side]}
         face = self.grid.interface
-        found = [face.side(SIDES.index(side)) for side in sides]
+        dofs = [face.side(SIDES.index(side)) for side in sides]
         for index, (x, y) in enumerate(VERTICES):
             if sides & {"x+" if x > 0 else "x-", "y+" if y > 0 else "y-"}:
-                found.append(face.vertex(index))
-        return np.concatenate(found) if found else np.empty(0, dtype=np.int64)
+                dofs.append(face.vertex(index))
+        return np.concatenate(dofs) if dofs else np.empty(0, dtype=np.int64)
 
 
 class JoinedPanels:
@@ -124,16 +124,16 @@ class JoinedPanels:
         """Which of the degrees of freedom the sides that are held leave free, (n,)."""
         free = np.ones(self.count, dtype=bool)
         for place, own in self._own.items():
-            free[own[self.panels.held(*place)]] = False
+            free[own[self.panels.clamped_dofs(*place)]] = False
         return free
 
     def motion(self, contact: Contact) -> FloatArray:
         """The means of u that a contact feels per degree of freedom, (3 b, n)."""
         moved = np.zeros((3 * len(contact.means), self.count))
-        for held in panel_contacts(self.plate, contact):
-            place = _place(self.panels.grid, np.array(held.placed_cell.middle) * held.flip)
-            motion = held.field * np.array([*held.flip, 1.0])[:, None]
-            rows = (3 * held.rows[:, None] + np.arange(3)).ravel()
+        for panel in panel_contacts(self.plate, contact):
+            place = _place(self.panels.grid, np.array(panel.placed_cell.middle) * panel.flip)
+            motion = panel.field * np.array([*panel.flip, 1.0])[:, None]
+            rows = (3 * panel.rows[:, None] + np.arange(3)).ravel()
             moved[np.ix_(rows, self._own[place])] += motion.reshape(len(rows), -1) @ self._turned[place]
         return moved
 

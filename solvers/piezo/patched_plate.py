@@ -397,16 +397,16 @@ def _part(
     stiffness, load = patch.stiffness / unit, patch.theta / unit
     gives = beneath.flexibility(plate, patch, back) if beneath else np.zeros_like(stiffness)
     turn = np.linalg.inv(np.eye(len(load)) + gives @ stiffness)
-    effective, held = stiffness @ turn, turn.T @ load
-    inertia = eigenvalue * turn.T @ (patch.swell + patch.mass @ (gives @ held)) / scale.mass_kg
+    effective, effective_load = stiffness @ turn, turn.T @ load
+    inertia = eigenvalue * turn.T @ (patch.swell + patch.mass @ (gives @ effective_load)) / scale.mass_kg
     return _Part(
         share,
         Contact(patch.points, patch.projection, back),
         (effective + effective.T) / 2.0,
         turn.T @ patch.mass @ turn,
-        held + inertia,
+        effective_load + inertia,
         inertia,
-        held - load,
+        effective_load - load,
         patch.capacitance_f + float(patch.theta @ turn @ gives @ load),
     )
 

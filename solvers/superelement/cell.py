@@ -287,9 +287,9 @@ class CellBuilder:
         classes = list(product((1, -1), repeat=len(self.halved)))
         turned = {(-1, 1)} if self.diagonal is not None else set()
         tasks = [(signs, half) for signs in classes if signs not in turned for half in self._halves(signs)]
-        found = side_by_side(lambda task: self.reduce(self._by_axis(task[0]), task[1], top_hz, bounded), tasks)
+        reduced = side_by_side(lambda task: self.reduce(self._by_axis(task[0]), task[1], top_hz, bounded), tasks)
         parts = {
-            signs: _together([part for task, part in zip(tasks, found, strict=True) if task[0] == signs])
+            signs: _together([part for task, part in zip(tasks, reduced, strict=True) if task[0] == signs])
             for signs, _ in tasks
         }
         return [parts[signs] if signs in parts else self.swapped(parts[signs[::-1]]) for signs in classes]
@@ -485,12 +485,12 @@ def _together(halves: list[SymmetryClass]) -> SymmetryClass:
     fixed_hz = np.concatenate([half.fixed_hz for half in halves])
     order = np.argsort(fixed_hz, kind="stable")
     widths = [half.basis.shape[1] for half in halves]
-    held = [half.shapes[:, :width] for half, width in zip(halves, widths, strict=True)]
+    clamped = [half.shapes[:, :width] for half, width in zip(halves, widths, strict=True)]
     fixed = np.hstack([half.shapes[:, width:] for half, width in zip(halves, widths, strict=True)])
     return SymmetryClass(
         halves[0].signs,
         np.hstack([half.basis for half in halves]),
-        np.hstack([*held, fixed[:, order]]),
+        np.hstack([*clamped, fixed[:, order]]),
         fixed_hz[order],
         min(half.dropped_hz for half in halves),
         block_diag(*[half.flexibility for half in halves]),

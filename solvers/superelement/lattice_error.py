@@ -51,8 +51,10 @@ class MeshErrors:
 
 def reduction_error(lattice: Lattice, wavevectors: FloatArray, count: int) -> ReductionError:
     """Estimate for the `count` lowest bands at wavevectors (n, 2) in rad/m: the worst of them."""
-    told = [truncation(lattice, lattice.waves(k, count)) for k in wavevectors]
-    return ReductionError(*(max(float(each.max(initial=0.0)) for each in kind) for kind in zip(*told, strict=True)))
+    estimates = [truncation(lattice, lattice.waves(k, count)) for k in wavevectors]
+    return ReductionError(
+        *(max(float(each.max(initial=0.0)) for each in kind) for kind in zip(*estimates, strict=True))
+    )
 
 
 def truncation(lattice: Lattice, waves: Waves) -> tuple[FloatArray, FloatArray]:
@@ -80,8 +82,8 @@ def cutoff_hz(lattice: Lattice, wavevectors: FloatArray, count: int, wanted: flo
         for index, top in enumerate(trials):
             lost = left + flexible[cell.fixed_hz > top].sum(axis=0)
             modes = ResidualModes(cell.scale.eigenvalue(top))
-            told = np.where(np.isinf(value), 0.0, value)
-            bars = modes.bar(told, told + modes.softening(told) * lost, lost)
+            eigenvalue = np.where(np.isinf(value), 0.0, value)
+            bars = modes.bar(eigenvalue, eigenvalue + modes.softening(eigenvalue) * lost, lost)
             worst[index] = max(worst[index], float(bars.max()))
     enough = np.flatnonzero(worst <= wanted)
     return float(trials[enough[0]]) if len(enough) else own

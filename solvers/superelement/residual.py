@@ -50,14 +50,14 @@ class ResidualModes:
         guess = eigenvalue
         for _ in range(STEPS):
             guess = eigenvalue - self.softening(guess) * flexibility.diagonal().real
-        told, apart = self.softening(guess), guess[:, None] - guess
+        softened, apart = self.softening(guess), guess[:, None] - guess
         alike = np.abs(apart) <= CHORD * np.maximum(*np.abs(np.broadcast_arrays(guess[:, None], guess)))
         slope = np.where(
             alike,
             (self.slope(guess)[:, None] + self.slope(guess)) / 2.0,
-            (told[:, None] - told) / np.where(alike, 1.0, apart),
+            (softened[:, None] - softened) / np.where(alike, 1.0, apart),
         )
-        start = (told[:, None] + told - slope * (guess[:, None] + guess)) / 2.0
+        start = (softened[:, None] + softened - slope * (guess[:, None] + guess)) / 2.0
         values, turn = eigh(np.diag(eigenvalue) - start * flexibility, np.eye(len(guess)) + slope * flexibility)
         return values, np.asarray(turn / np.linalg.norm(turn, axis=0))
 
@@ -68,13 +68,13 @@ class ResidualModes:
         lower = 2.0 * eigenvalue * edge / (edge + eigenvalue + root)
         return np.asarray(lower), np.asarray(2.0 * eigenvalue / (1.0 + np.sqrt(1.0 + 4.0 * lost * eigenvalue)))
 
-    def bar(self, told: FloatArray, eigenvalue: FloatArray, own: FloatArray) -> FloatArray:
+    def bar(self, softened: FloatArray, eigenvalue: FloatArray, own: FloatArray) -> FloatArray:
         """Half-widths of frequencies' bars, relative, (k,): what the bounds leave open and the second order of what was taken.
 
         Waves told at m (k,) whose bounds overlap may change places: the n-th lies between the n-th lower and n-th upper bound.
         """
         lower, upper = (np.sort(bound) for bound in self.bounds(eigenvalue, own))
-        size = np.where(told > 0.0, 2.0 * told, 1.0)
-        rise = np.maximum(eigenvalue - told, 0.0) / size
-        half = np.maximum(upper - told, told - lower) / size + rise * rise.max(initial=0.0)
-        return np.where(told > 0.0, np.maximum(half, 0.0), 0.0)
+        size = np.where(softened > 0.0, 2.0 * softened, 1.0)
+        rise = np.maximum(eigenvalue - softened, 0.0) / size
+        half = np.maximum(upper - softened, softened - lower) / size + rise * rise.max(initial=0.0)
+        return np.where(softened > 0.0, np.maximum(half, 0.0), 0.0)

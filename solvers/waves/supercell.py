@@ -54,10 +54,10 @@ class Supercell:
             values, waves = eigh(stiffness, mass, subset_by_index=[0, min(count, self.dof) - 1])
         rounding = ROUNDING * np.abs(stiffness).max() / np.abs(mass).max()
         tones = self.scale.frequency(np.where(np.abs(values) < rounding, 0.0, values))
-        moving, told = tones > STILL * tones[-1], np.zeros((4, len(tones)))
+        moving, errors_of = tones > STILL * tones[-1], np.zeros((4, len(tones)))
         errors = mode_errors(self.plate, self.pencil, turn @ waves[:, moving])
-        told[:, moving] = errors.modes, errors.degrees, errors.taken, errors.mesh
-        return tones, ModeErrors(*told)
+        errors_of[:, moving] = errors.modes, errors.degrees, errors.taken, errors.mesh
+        return tones, ModeErrors(*errors_of)
 
 
 def _followed(grid: Grid) -> IntArray:

@@ -48,8 +48,10 @@ def run(accuracy: float) -> Run:
         with subprocess.Popen(command, cwd=ROOT, env=own, stdout=subprocess.DEVNULL) as process:
             _, process.returncode, used = os.wait4(process.pid, 0)
         seconds = time.perf_counter() - start
-        told = subprocess.run([*command, "--json", "-"], cwd=ROOT, env=own, capture_output=True, text=True, check=True)
-    corners = {point["label"]: point for point in json.loads(told.stdout)["points"] if point["label"]}
+        completed = subprocess.run(
+            [*command, "--json", "-"], cwd=ROOT, env=own, capture_output=True, text=True, check=True
+        )
+    corners = {point["label"]: point for point in json.loads(completed.stdout)["points"] if point["label"]}
     frequencies, bars = (
         {label: np.array(point[name], dtype=float) for label, point in corners.items()}
         for name in ("frequencies_hz", "error")
@@ -61,14 +63,14 @@ def _bytes(used: resource.struct_rusage) -> int:
     return used.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
-def errors(found: Run, finest: Run) -> tuple[float, float, float]:
+def errors(own_run: Run, finest: Run) -> tuple[float, float, float]:
     """Largest relative differences from the finest run and from the other program, and the largest bar."""
     ours, theirs, bars = (
-        np.concatenate(list(of.values())) for of in (found.frequencies_hz, finest.frequencies_hz, found.bars)
+        np.concatenate(list(of.values())) for of in (own_run.frequencies_hz, finest.frequencies_hz, own_run.bars)
     )
     moving = theirs > SLOWEST * theirs.max()
     others = [
-        found.frequencies_hz[label][band - 1] / (known * (1.0 - OTHERS_HIGH)) - 1.0
+        own_run.frequencies_hz[label][band - 1] / (known * (1.0 - OTHERS_HIGH)) - 1.0
         for (label, band), known in OTHERS_HZ.items()
     ]
     return (
@@ -88,10 +90,10 @@ def main() -> None:
     print(f"| {' | '.join((*columns, 'from another program', 'largest bar'))} |")
     print(f"|{'---|' * 7}", flush=True)
     for accuracy in (*given.accuracies, FINEST):
-        found = finest if accuracy == FINEST else run(accuracy)
-        own, others, bar = errors(found, finest)
+        own_run = finest if accuracy == FINEST else run(accuracy)
+        own, others, bar = errors(own_run, finest)
         print(
-            f"| {accuracy} | {found.seconds:.1f} | {found.seconds / finest.seconds:.3f} | {found.peak_bytes / 1e6:.0f} "
+            f"| {accuracy} | {own_run.seconds:.1f} | {own_run.seconds / finest.seconds:.3f} | {own_run.peak_bytes / 1e6:.0f} "
             f"| {own:.3%} | {others:.3%} | {bar:.3%} |",
             flush=True,
         )

@@ -56,10 +56,10 @@ def slices() -> None:
     for low, high in WIDE_HZ:
         for block_lanczos.MAX_SLICE in WIDEST:
             solve = partial(modes_in_band, pencil, low, high)
-            found, taken = solve(), timed(solve, 1)
+            modes, taken = solve(), timed(solve, 1)
             window = f"{low / KHZ:g} to {high / KHZ:g}"
-            figures = f"{block_lanczos.MAX_SLICE:8} {found.factorisations:14} {taken:6.1f} s"
-            print(f"{window:>14} {pencil.dof:8} {len(found.frequency_hz):5} {figures}", flush=True)
+            figures = f"{block_lanczos.MAX_SLICE:8} {modes.factorisations:14} {taken:6.1f} s"
+            print(f"{window:>14} {pencil.dof:8} {len(modes.frequency_hz):5} {figures}", flush=True)
     block_lanczos.MAX_SLICE = most_before
 
 

@@ -113,10 +113,10 @@ def test_documents_hold_what_their_page_says(
     monkeypatch.setattr(paths, "RESULTS", tmp_path)
     for words in (["predesign", small], ["compare", small, small], ["list"], ["materials"], ["doctor"]):
         assert main([*words, "--quiet", "--json", str(tmp_path / "d.json")]) == 0
-        told = site_fields.documents()[words[0]]
-        of = set(reference.parts()[told["of"]].model_fields) if "of" in told else set()
+        fields = site_fields.documents()[words[0]]
+        of = set(reference.parts()[fields["of"]].model_fields) if "of" in fields else set()
         found = set(json.loads((tmp_path / "d.json").read_text())) - site_fields.EVERY
-        assert found == of | set(told) - {"of"}, words[0]
+        assert found == of | set(fields) - {"of"}, words[0]
 
 
 def test_generated_pages_hold_what_they_are_made_from(site: dict[str, ModuleType]) -> None:

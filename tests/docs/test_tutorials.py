@@ -78,11 +78,11 @@ PAGES = [
 def test_a_tutorial_runs(page: Path, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     before = set(ROOT.glob("*")) | set((ROOT / "examples").glob("*"))
-    told = {line: text for _, line, text in SHOWN.findall(page.read_text())}
+    shown = {line: text for _, line, text in SHOWN.findall(page.read_text())}
     for line in commands(page):
         ended = shell(line, tmp_path)
         assert ended.returncode == 0, f"{line}\n{ended.stdout[-800:]}\n{ended.stderr[-1500:]}"
-        assert shows(told.get(line, ""), ended.stdout), f"{line}\n{ended.stdout}"
+        assert shows(shown.get(line, ""), ended.stdout), f"{line}\n{ended.stdout}"
     for number, block in enumerate(PYTHON.findall(page.read_text()) if page.stem != NEEDS_A_CLUSTER else []):
         script = tmp_path / f"block{number}.py"
         script.write_text(block)

@@ -15,8 +15,8 @@ EVERY = {"schema", "case", "with_defaults", "version", "seconds"}
 @cache
 def documents() -> dict[str, dict[str, str]]:
     """Meanings of the fields that a command's document has beside, or in place of, a part of records."""
-    told: dict[str, dict[str, str]] = tomllib.loads(FIELDS.read_text(encoding="utf-8"))["documents"]
-    return told
+    fields: dict[str, dict[str, str]] = tomllib.loads(FIELDS.read_text(encoding="utf-8"))["documents"]
+    return fields
 
 
 def differing(command: str, document: dict[str, Any]) -> list[str]:
@@ -24,10 +24,10 @@ def differing(command: str, document: dict[str, Any]) -> list[str]:
 
     Names with a space are of things, as `pair at 3000 Hz`.
     """
-    told = (documents()["active"] if command.startswith("active ") else {}) | documents()[command]
-    inner = [f"{key}.{name}" for key in told.keys() & document.keys() for name in _names(document[key])
-             if " " not in name and not re.search(rf"\b{re.escape(name)}\b", told[key])]  # fmt: skip
-    return sorted((document.keys() ^ told.keys()) - EVERY) + sorted(inner)
+    fields = (documents()["active"] if command.startswith("active ") else {}) | documents()[command]
+    inner = [f"{key}.{name}" for key in fields.keys() & document.keys() for name in _names(document[key])
+             if " " not in name and not re.search(rf"\b{re.escape(name)}\b", fields[key])]  # fmt: skip
+    return sorted((document.keys() ^ fields.keys()) - EVERY) + sorted(inner)
 
 
 def _names(value: Any) -> set[str]:

@@ -63,14 +63,14 @@ class Row:
 
     part: str
     program: str
-    told: str
+    description: str
     settings: dict[str, Any]
     environment: dict[str, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
         """A file name."""
-        return "".join(c if c.isalnum() else "-" for c in f"{self.part} {self.program} {self.told}")
+        return "".join(c if c.isalnum() else "-" for c in f"{self.part} {self.program} {self.description}")
 
 
 def listed() -> Iterator[Row]:
@@ -82,8 +82,8 @@ def listed() -> Iterator[Row]:
             if (part, accuracy) not in LONG:
                 yield Row(part, SUPERLU, f"accuracy {accuracy}", {"accuracy": accuracy}, {"ANTINODE_FACTOR": "superlu"})
         for order, size, levels in TETRAHEDRA[part]:
-            told = f"tetrahedra of order {order}, {size:g} mm, {levels} levels"
-            yield Row(part, NGSOLVE, told, {"order": order, "size_mm": size, "levels": levels})
+            description = f"tetrahedra of order {order}, {size:g} mm, {levels} levels"
+            yield Row(part, NGSOLVE, description, {"order": order, "size_mm": size, "levels": levels})
         least = MIN_ACROSS.get(part, 1)
         for size, along, layers in HEXAHEDRA[part]:
             sizes = f"{size:g} x {along:g} mm, {layers} layers" + (f", {least} across a pillar" if least > 1 else "")
@@ -132,7 +132,7 @@ def solve(row: Row, interpreter: str) -> Solution:
         done = subprocess.run(given, cwd=ROOT, env=own, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{row.name}: {' '.join(done.stderr.split()[-30:])}")
-    return Solution(row.part, row.program, row.told, **json.loads(done.stdout.splitlines()[-1]))
+    return Solution(row.part, row.program, row.description, **json.loads(done.stdout.splitlines()[-1]))
 
 
 def kept(row: Row, interpreter: str, folder: Path | None) -> Solution:
@@ -140,11 +140,11 @@ def kept(row: Row, interpreter: str, folder: Path | None) -> Solution:
     file = folder and folder / f"{row.name}.json"
     if file and file.exists():
         return Solution(**json.loads(file.read_text()))
-    found = solve(row, interpreter)
+    solution = solve(row, interpreter)
     if file:
         file.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(file, json.dumps(vars(found)).encode())
-    return found
+        write_atomic(file, json.dumps(vars(solution)).encode())
+    return solution
 
 
 def page(results: list[Solution], references: dict[str, Solution], missing: dict[str, str]) -> str:
@@ -172,7 +172,11 @@ def main() -> int:
     for row in listed():
         if row.part in given.only and row.program not in missing:
             results.append(kept(row, given.ngsolve, given.kept))
-            print(f"{row.part}, {row.program}, {row.told}: {results[-1].seconds:.2f} s", file=sys.stderr, flush=True)
+            print(
+                f"{row.part}, {row.program}, {row.description}: {results[-1].seconds:.2f} s",
+                file=sys.stderr,
+                flush=True,
+            )
     references: dict[str, Solution] = {}
     for one in results:
         references.setdefault(one.part, one)

@@ -38,30 +38,30 @@ class Solution:
         return np.array(merged(self.frequencies_hz, KEPT.get(self.part)))
 
 
-def error(found: Solution, reference: Solution) -> float:
+def error(solution: Solution, reference: Solution) -> float:
     """The relative error of largest size, with its sign; waves that are rigid-body modes are left out."""
-    errors = _errors(found, reference)
+    errors = _errors(solution, reference)
     return float(errors[np.argmax(np.abs(errors))])
 
 
-def _errors(found: Solution, reference: Solution) -> np.ndarray:
+def _errors(solution: Solution, reference: Solution) -> np.ndarray:
     known = reference.compared_hz
-    if found.strengths:
-        return np.array([_strongest(found, float(known[0])) / known[0] - 1.0])
+    if solution.strengths:
+        return np.array([_strongest(solution, float(known[0])) / known[0] - 1.0])
     moving = known > SLOWEST * known.max()
-    return np.asarray(found.compared_hz[moving] / known[moving] - 1.0)
+    return np.asarray(solution.compared_hz[moving] / known[moving] - 1.0)
 
 
-def _strongest(found: Solution, near_hz: float) -> float:
+def _strongest(solution: Solution, near_hz: float) -> float:
     """The frequency of the mode of largest strength in the wanted shape, of those about the reference."""
-    hz = np.array(found.frequencies_hz[0])
+    hz = np.array(solution.frequencies_hz[0])
     about = np.abs(hz / near_hz - 1.0) < WINDOW
-    return float(hz[int(np.argmax(np.where(about, found.strengths, -1.0)))])
+    return float(hz[int(np.argmax(np.where(about, solution.strengths, -1.0)))])
 
 
-def wanted_error(found: Solution, reference: Solution) -> float | None:
+def wanted_error(solution: Solution, reference: Solution) -> float | None:
     """The same of the zone's mode (0, 8) alone; None of other parts."""
-    return float(_errors(found, reference)[ZONE_MODE]) if found.part == "zone" else None
+    return float(_errors(solution, reference)[ZONE_MODE]) if solution.part == "zone" else None
 
 
 def rows(results: Sequence[Solution], references: dict[str, Solution]) -> list[str]:
@@ -73,12 +73,12 @@ def rows(results: Sequence[Solution], references: dict[str, Solution]) -> list[s
     for one in results:
         known = references[one.part]
         of_mode = wanted_error(one, known)
-        told = (
+        shown_errors = (
             ("reference", "")
             if one == known
             else (f"{error(one, known):+.4%}", "" if of_mode is None else f"{of_mode:+.4%}")
         )
-        figures = (one.part, one.program, one.settings, str(one.dofs), f"{one.seconds:.2f}", *told)
+        figures = (one.part, one.program, one.settings, str(one.dofs), f"{one.seconds:.2f}", *shown_errors)
         lines.append(f"| {' | '.join(figures)} |")
     return lines
 

@@ -68,7 +68,7 @@ def scikit(task: dict[str, Any]) -> dict[str, Any]:
     stiffness, mass = _assembled(basis, task)
     if task["part"] == "cell":
         return _bands(basis, stiffness, mass, task, start)
-    found, strengths, dofs = [], [], 0
+    frequencies_hz, strengths, dofs = [], [], 0
     for held in task["classes"]:
         fixed = [
             basis.get_dofs(nodes=None, facets=_facets(grid, mesh, face)).all([f"u^{axis + 1}" for axis in axes])
@@ -77,13 +77,13 @@ def scikit(task: dict[str, Any]) -> dict[str, Any]:
         free = np.setdiff1d(np.arange(basis.N), np.concatenate(fixed))
         near_hz = task["near_hz"] or BELOW_HZ
         hz, vectors = nearest(stiffness[free][:, free], mass[free][:, free], task["count"], near_hz)
-        found.append(hz)
+        frequencies_hz.append(hz)
         dofs += len(free)
         if task["probe"]:
             full = np.zeros((basis.N, len(hz)))
             full[free] = vectors
             strengths = _strengths(basis, full, task["probe"])
-    return {"frequencies_hz": found, "dofs": dofs, "strengths": strengths, "seconds": seconds() - start}
+    return {"frequencies_hz": frequencies_hz, "dofs": dofs, "strengths": strengths, "seconds": seconds() - start}
 
 
 def _assembled(basis: skfem.Basis, task: dict[str, Any]) -> tuple[sp.csc_matrix, sp.csc_matrix]:
@@ -149,12 +149,12 @@ def _bands(basis: Any, stiffness: Any, mass: Any, task: dict[str, Any], start: f
         return sorted(nearest(k_r, m_r, task["count"] + SPARE, BELOW_HZ)[0])[: task["count"]]
 
     ready = seconds() - start
-    found = [at(k) for k in task["corners"]]
+    frequencies_hz = [at(k) for k in task["corners"]]
     before = seconds()
     at(task["between"])
     each = seconds() - before
     return {
-        "frequencies_hz": found,
+        "frequencies_hz": frequencies_hz,
         "dofs": int(master.max()) + 1,
         "seconds": ready + task["wavevectors"] * each,
     }
@@ -170,19 +170,19 @@ def calculix(task: dict[str, Any]) -> dict[str, Any]:
     corners = np.unique(mesh.cells[:, SERENDIPITY[:8]])
     on_zone = (np.abs(mesh.nodes[corners, 2]) < 1e-9) & (mesh.nodes[corners, 1] < ladder.design().width_m / 2.0 + 1e-9)
     touch = corners[on_zone].tolist() if task["probe"] else []
-    found, strengths, dofs = [], [], 0
+    frequencies_hz, strengths, dofs = [], [], 0
     for held in task["classes"]:
         stopped = {(number[n], axis) for face, axes in held.items() for n in mesh.nodes_of(face) for axis in axes}
         stopped = {(n, axis) for n, axis in stopped if n}
         deck = _deck(task, mesh.nodes[used], cells.reshape(-1, 20) + 1, sorted(stopped), number[touch].tolist())
         hz, motions = _ccx(deck)
-        found.append(hz)
+        frequencies_hz.append(hz)
         dofs += 3 * len(used) - len(stopped)
         if touch:
             points = mesh.nodes[touch]
             weights = _weights(points) * wanted_shape(ladder.plate_design(), points)
             strengths = ((motions @ weights) ** 2).tolist()
-    return {"frequencies_hz": found, "dofs": dofs, "strengths": strengths, "seconds": seconds() - start}
+    return {"frequencies_hz": frequencies_hz, "dofs": dofs, "strengths": strengths, "seconds": seconds() - start}
 
 
 def _deck(
@@ -219,10 +219,10 @@ def _ccx(deck: str) -> tuple[list[float], FloatArray]:
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "part.inp").write_text(deck)
         done = subprocess.run(["ccx", "part"], cwd=folder, capture_output=True, text=True)
-        told = Path(folder, "part.dat")
-        if done.returncode or not told.exists():
+        results = Path(folder, "part.dat")
+        if done.returncode or not results.exists():
             raise RuntimeError(f"ccx: {' '.join(done.stdout.split()[-20:])}")
-        text = told.read_text()
+        text = results.read_text()
     head, *printed = text.split("displacements (vx,vy,vz)")
     values = head.partition("E I G E N V A L U E   O U T P U T")[2].partition("P A R T I C I P A T I O N")[0]
     rows = [line.split() for line in values.splitlines()]

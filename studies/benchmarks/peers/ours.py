@@ -42,8 +42,8 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
         request = Request(part, near_hz=LOWEST_HZ, count=KEPT[part], symmetry=symmetry, search=False)
     modes = solve_modes(case, request, QUIET)
     row = modes.wanted.row if modes.wanted else None
-    found = [row.frequency_hz] if part == "plate" and row else [each.frequency_hz for each in modes.rows]
-    return {"frequencies_hz": [sorted(found)], "dofs": modes.dof, "seconds": seconds() - start}
+    frequencies_hz = [row.frequency_hz] if part == "plate" and row else [each.frequency_hz for each in modes.rows]
+    return {"frequencies_hz": [sorted(frequencies_hz)], "dofs": modes.dof, "seconds": seconds() - start}
 
 
 def _meshed(part: str, settings: dict[str, Any], start: float) -> dict[str, Any]:
@@ -53,8 +53,8 @@ def _meshed(part: str, settings: dict[str, Any], start: float) -> dict[str, Any]
     given = PARTS[part]
     model = SolidModel(mesh, materials(), given.clamped, True)
     pencils = [model.pencil(symmetry) for symmetry in given.classes]
-    found = [modes_near(pencil, 0.0, given.count).frequency_hz.tolist() for pencil in pencils]
-    return {"frequencies_hz": found, "dofs": sum(each.dof for each in pencils), "seconds": seconds() - start}
+    frequencies_hz = [modes_near(pencil, 0.0, given.count).frequency_hz.tolist() for pencil in pencils]
+    return {"frequencies_hz": frequencies_hz, "dofs": sum(each.dof for each in pencils), "seconds": seconds() - start}
 
 
 if __name__ == "__main__":

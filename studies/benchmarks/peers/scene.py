@@ -68,13 +68,13 @@ def bodies(part: str) -> list[list[float]]:
     """The boxes a part is made of, each x0, x1, y0, y1, z0, z1 in m, the lowest body first."""
     drawn = scene(part, HexSettings())
     x, y = (min(drawn.x), max(drawn.x)), (min(drawn.y), max(drawn.y))
-    found = [[*x, *y, min(drawn.z), max(drawn.z)]]
+    boxes = [[*x, *y, min(drawn.z), max(drawn.z)]]
     for foot in drawn.feet:
         for cx, cy in foot.centres.tolist():
             for x0, x1, y0, y1 in foot.rectangles.tolist():
                 across = [max(cx + x0, x[0]), min(cx + x1, x[1]), max(cy + y0, y[0]), min(cy + y1, y[1])]
-                found.append([*across, foot.bottom_m, foot.top_m])
-    return found
+                boxes.append([*across, foot.bottom_m, foot.top_m])
+    return boxes
 
 
 def held(part: str, symmetry: str) -> dict[str, list[int]]:
@@ -123,7 +123,7 @@ def seconds() -> float:
 
 def merged(classes: list[list[float]], kept: int | None) -> list[float]:
     """The lowest frequencies of all classes, or what one class gave. RuntimeError where a class gave too few to tell."""
-    together = sorted(frequency for found in classes for frequency in found)[:kept]
-    if len(classes) > 1 and together[-1] >= min(max(found) for found in classes):
+    together = sorted(frequency for values in classes for frequency in values)[:kept]
+    if len(classes) > 1 and together[-1] >= min(max(values) for values in classes):
         raise RuntimeError("a symmetry class was asked for too few modes")
     return together

@@ -129,10 +129,10 @@ def bands(mesh: Any, task: dict[str, Any], order: int) -> tuple[list[list[float]
         phase = [each.real if real else each for each in phase]
         return lowest(Periodic(VectorH1(mesh, order=order, complex=not real), phase=phase), task, BELOW_HZ)
 
-    found = [at(k) for k in task["corners"]]
+    solved = [at(k) for k in task["corners"]]
     start = time.process_time()
     at(task["between"])
-    return [sorted(frequencies) for frequencies, *_ in found], found[0][1], time.process_time() - start
+    return [sorted(frequencies) for frequencies, *_ in solved], solved[0][1], time.process_time() - start
 
 
 def run(task: dict[str, Any]) -> dict[str, Any]:
@@ -147,18 +147,18 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
     if task["part"] == "cell":
         frequencies, dofs, each = bands(mesh, task, own["order"])
         return {"frequencies_hz": frequencies, "dofs": dofs, "seconds": meshed + task["wavevectors"] * each}
-    found = []
+    solved = []
     for held in task["classes"]:
         names: dict[str, list[str]] = {"xyz"[axis]: [] for axis in range(3)}
         for face, axes in held.items():
             for axis in axes:
                 names["xyz"[axis]].append({"touch": "zm"}.get(face, face.replace("-", "m").replace("+", "p")))
         fixed = {f"dirichlet{axis}": "|".join(faces) for axis, faces in names.items() if faces}
-        found.append(lowest(VectorH1(mesh, order=own["order"], **fixed), task, task["near_hz"] or BELOW_HZ))
+        solved.append(lowest(VectorH1(mesh, order=own["order"], **fixed), task, task["near_hz"] or BELOW_HZ))
     return {
-        "frequencies_hz": [each for each, *_ in found],
-        "dofs": sum(each[1] for each in found),
-        "strengths": found[0][2],
+        "frequencies_hz": [each for each, *_ in solved],
+        "dofs": sum(each[1] for each in solved),
+        "strengths": solved[0][2],
         "seconds": time.process_time() - start,
     }
 

@@ -62,11 +62,11 @@ def test_tetrahedra_agree_within_both_bars(share: float, agrees: bool) -> None:
 
 
 def test_what_tetrahedra_do_not_tell_counts_as_all_that_they_may_miss() -> None:
-    told, silent = (SimpleNamespace(bar=bar) for bar in (SimpleNamespace(frequency=0.007), None))
-    assert cross_check._own_bar(told) == 0.007
+    with_bar, without_bar = (SimpleNamespace(bar=bar) for bar in (SimpleNamespace(frequency=0.007), None))
+    assert cross_check._own_bar(with_bar) == 0.007
     assert (
-        cross_check._own_bar(silent) == cross_check.excess(PLATE_TETRAHEDRA)
-        and 0.03 < cross_check._own_bar(silent) < 0.1
+        cross_check._own_bar(without_bar) == cross_check.excess(PLATE_TETRAHEDRA)
+        and 0.03 < cross_check._own_bar(without_bar) < 0.1
     )
 
 

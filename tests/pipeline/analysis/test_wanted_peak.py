@@ -96,9 +96,9 @@ def test_no_peak_is_higher_than_the_highest_however_narrow(tmp_path: Path) -> No
     sets = ["--set", patches, "--set", "damping.quality=1e6", "--set", "solve.accuracy=0.05"]
     command = ["response", str(ROOT / "examples" / "small.toml"), "--quiet", "--json", str(file), *sets]
     assert main([*command, "--band", "30kHz:40kHz"]) == 0
-    told = json.loads(file.read_text())
-    peaks = told["highest_peak"], told["wanted_peak"]
-    assert peaks[0]["zone_rms_m_per_V"] == max(told["zone_rms_m_per_V"]) >= peaks[1]["zone_rms_m_per_V"]
+    document = json.loads(file.read_text())
+    peaks = document["highest_peak"], document["wanted_peak"]
+    assert peaks[0]["zone_rms_m_per_V"] == max(document["zone_rms_m_per_V"]) >= peaks[1]["zone_rms_m_per_V"]
     assert [peak["quality"] for peak in peaks] == pytest.approx([1e6] * 2, rel=0.05)
 
 

@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[3]
 CASE = str(ROOT / "studies" / "three-rows.toml")
 
 
-def told(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, list[str]]:
+def outcome(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, list[str]]:
     code = main.main(["view", *arguments])
     return code, capsys.readouterr().err.splitlines()
 
@@ -40,7 +40,7 @@ def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_without_a_display_it_says_what_to_do_instead(
     target: str, no_display: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code, lines = told(capsys, target)
+    code, lines = outcome(capsys, target)
     assert code == 5 and len(lines) == 1 and "DISPLAY" in lines[0] and "antinode report" in lines[0]
 
 
@@ -67,7 +67,7 @@ def test_a_display_that_listens_is_taken(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_what_is_not_there_is_wrong_input_with_or_without_a_display(
     target: str, no_display: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code, lines = told(capsys, target)
+    code, lines = outcome(capsys, target)
     assert code == 2 and len(lines) == 1 and target in lines[0]
 
 
@@ -113,11 +113,11 @@ def test_a_moving_shape_is_drawn_into_a_file_without_a_window(
 
     synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,))
     monkeypatch.setattr(paths, "RESULTS", tmp_path)
-    assert told(capsys, "rows", "--off-screen", str(tmp_path / "a.jpg")) == (
+    assert outcome(capsys, "rows", "--off-screen", str(tmp_path / "a.jpg")) == (
         2, [f"antinode: --off-screen = {tmp_path / 'a.jpg'}: must end in .png or .gif"])  # fmt: skip
     with monkeypatch.context() as broken:
         broken.setattr(rendering, "run_child", lambda module, folder: "no graphics library")
-        code, lines = told(capsys, "rows", "--off-screen", str(tmp_path / "a.gif"))
+        code, lines = outcome(capsys, "rows", "--off-screen", str(tmp_path / "a.gif"))
         assert code == 5 and "no graphics library" in lines[0] and not (tmp_path / "a.gif").exists()
     code = main.main(["view", "rows", "--off-screen", str(tmp_path / "a.gif")])
     said = capsys.readouterr()

@@ -46,20 +46,20 @@ def coarse() -> Iterator[pytest.MonkeyPatch]:
 
 
 @pytest.fixture(scope="module")
-def told() -> RecordingLog:
+def log() -> RecordingLog:
     return RecordingLog()
 
 
 @pytest.fixture(scope="module")
-def record(coarse: pytest.MonkeyPatch, told: RecordingLog) -> HybridRecord:
-    return hybrid.solve(case_of(), told, points=4, alpha=0.0)
+def record(coarse: pytest.MonkeyPatch, log: RecordingLog) -> HybridRecord:
+    return hybrid.solve(case_of(), log, points=4, alpha=0.0)
 
 
-def test_four_plates_are_foreseen_at_once_and_named_as_they_come(record: HybridRecord, told: RecordingLog) -> None:
+def test_four_plates_are_foreseen_at_once_and_named_as_they_come(record: HybridRecord, log: RecordingLog) -> None:
     whole, one = hybrid_step(case_of(), None, 4).demand, response_step(case_of(), None, 4).demand
     assert whole and one and whole.cost.operations == pytest.approx(4.0 * one.cost.operations)
-    assert [fact for fact in told.facts if fact.startswith("foreseen")] == [whole.text()]
-    assert [fact for fact in told.facts if fact.startswith("plate ")] == [
+    assert [fact for fact in log.facts if fact.startswith("foreseen")] == [whole.text()]
+    assert [fact for fact in log.facts if fact.startswith("plate ")] == [
         "plate 2 of 4: without rows", "plate 3 of 4: with pillars off by -2%", "plate 4 of 4: with pillars off by +2%"
     ]  # fmt: skip
 

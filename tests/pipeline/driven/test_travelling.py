@@ -82,8 +82,8 @@ def test_the_wave_travels_and_carries_what_its_losses_take(solved: tuple[TravelR
 
 def test_the_field_is_the_forced_plate_s_own(solved: tuple[TravelRecord, Travelling]) -> None:
     """What the modal table says along the centre line against rms of the whole face, which the forced plate sums itself."""
-    record, held = solved
-    plate = held.forced.driven_by(held.all_volts(held.drives["pair+"]))
+    record, wave = solved
+    plate = wave.forced.driven_by(wave.all_volts(wave.drives["pair+"]))
     curve = plate.curve(np.array([record.frequency_hz]))
     assert curve.zone_rms_m_per_v[0] * record.drive_V_at_1um == pytest.approx(1e-6, rel=1e-9)
     x = np.array(record.x_m)
@@ -96,22 +96,22 @@ def test_the_field_is_the_forced_plate_s_own(solved: tuple[TravelRecord, Travell
 
 
 def test_backwards_is_the_mirror_image(solved: tuple[TravelRecord, Travelling]) -> None:
-    _, held = solved
-    forward, back = (held.field(held.drives[name])[held.window[held.line]] for name in ("pair+", "pair-"))
+    _, wave = solved
+    forward, back = (wave.field(wave.drives[name])[wave.window[wave.line]] for name in ("pair+", "pair-"))
     slopes = [np.polyfit(np.arange(len(each)), np.unwrap(np.angle(each)), 1)[0] for each in (forward, back)]
     assert slopes[0] < 0.0 < slopes[1] and slopes[1] == pytest.approx(-slopes[0], rel=0.05)
 
 
 def test_the_table_holds_t_and_what_each_pattern_shows(solved: tuple[TravelRecord, Travelling], tmp_path: Path) -> None:
-    record, held = solved
-    found = played.board_outcome(held, QUIET, tmp_path, played=False)
+    record, wave = solved
+    found = played.board_outcome(wave, QUIET, tmp_path, played=False)
     assert found["tables"] == ["travelling_wave.bin", "travelling_wave.h"]
     table = from_bytes((tmp_path / "travelling_wave.bin").read_bytes())
     (shape,) = table.shapes
     assert shape.frequency_hz == pytest.approx(record.frequency_hz, rel=1e-6)
     matrix = np.array(shape.matrix)
-    assert matrix == pytest.approx(_sampled(played.structure(held), record.frequency_hz), rel=1e-3)
-    for pattern, volts in zip(shape.patterns, held.drives.values(), strict=True):
+    assert matrix == pytest.approx(_sampled(played.structure(wave), record.frequency_hz), rel=1e-3)
+    for pattern, volts in zip(shape.patterns, wave.drives.values(), strict=True):
         shown, target = matrix @ volts, np.array(pattern.targets)
         assert target * shown[np.argmax(np.abs(shown))] == pytest.approx(shown, rel=1e-5)
 
@@ -137,8 +137,8 @@ def test_the_firmware_s_core_plays_the_wave(solved: tuple[TravelRecord, Travelli
     """The core of this machine, which the firmware's own tests compare with the image bit for bit; noise of 1e-3."""
     from tests.helpers.hosted_boards import HostedSix
 
-    _, held = solved
-    board = HostedSix(to_bytes(played.table_of(held)), played.structure(held))
+    _, wave = solved
+    board = HostedSix(to_bytes(played.table_of(wave)), played.structure(wave))
     board.run(5e-3)
     drives = []
     for pattern in range(2):
@@ -148,7 +148,7 @@ def test_the_firmware_s_core_plays_the_wave(solved: tuple[TravelRecord, Travelli
         assert board.state == 2, hex(board.faults)
         drives.append(board.drives)
     forward, back = played.patterns_of(
-        dataclasses.replace(held, drives=dict(list(held.drives.items())[:2])), np.array(drives)
+        dataclasses.replace(wave, drives=dict(list(wave.drives.items())[:2])), np.array(drives)
     )
     for each in (forward, back):
         assert each.twr == pytest.approx(each.twr_target, abs=0.05) and each.error < 0.05
@@ -162,12 +162,12 @@ def test_pictures_come_from_the_record_alone(solved: tuple[TravelRecord, Travell
     assert (tmp_path / "travel.svg").stat().st_size > 1000
 
 
-def fingered(record: TravelRecord, held: Travelling, drive: str = "pair+", **touch: Any) -> ShearRecord:
+def fingered(record: TravelRecord, wave: Travelling, drive: str = "pair+", **touch: Any) -> ShearRecord:
     given = {"impedance": {}, "radius_mm": 2.5, "force_N": 1.0, "gap_um": [2.5, 4.0], **touch}
     case = case_from_dict({**STRIP, "touch": {key: value for key, value in given.items() if value is not None}})
-    volts = held.forced.signs.astype(complex) if drive == "standing" else held.all_volts(held.drives[drive])
-    wave = record.drive_V_at_1um * volts
-    found = shear.solve(case, held.forced, wave, record.frequency_hz, record.wavenumber_per_m, QUIET)
+    volts = wave.forced.signs.astype(complex) if drive == "standing" else wave.all_volts(wave.drives[drive])
+    driven = record.drive_V_at_1um * volts
+    found = shear.solve(case, wave.forced, driven, record.frequency_hz, record.wavenumber_per_m, QUIET)
     assert found is not None
     return found
 
@@ -192,8 +192,8 @@ def test_crests_run_as_the_outer_skin_of_the_plate_moves(
     solved: tuple[TravelRecord, Travelling], free: ShearRecord
 ) -> None:
     """u_x and u_z of the skin that pictures draw, summed over the classes; (h/2) dw/dx alone misses what patches shift."""
-    record, held = solved
-    tone, forced = record.frequency_hz, held.forced.driven_by(held.all_volts(held.drives["pair+"]))
+    record, wave = solved
+    tone, forced = record.frequency_hz, wave.forced.driven_by(wave.all_volts(wave.drives["pair+"]))
     eigenvalue = forced.plate.scale.eigenvalue(tone)
     skins = [
         (
@@ -216,11 +216,11 @@ def test_crests_run_as_the_outer_skin_of_the_plate_moves(
 def test_the_drag_is_against_the_wave_and_none_of_a_standing_one(
     solved: tuple[TravelRecord, Travelling], free: ShearRecord
 ) -> None:
-    record, held = solved
+    record, wave = solved
     inside = np.abs(np.array(free.x_m)) < record.window_m[1]
     forth, back, standing = (
         np.array(each.crest_m_s)[inside]
-        for each in (free, fingered(record, held, "pair-"), fingered(record, held, "standing"))
+        for each in (free, fingered(record, wave, "pair-"), fingered(record, wave, "standing"))
     )
     assert np.median(forth) < 0.0 < np.median(back) and np.median(back) == pytest.approx(-np.median(forth), rel=0.1)
     assert np.abs(np.median(standing)) < 0.1 * np.abs(np.median(forth))
@@ -228,27 +228,27 @@ def test_the_drag_is_against_the_wave_and_none_of_a_standing_one(
 
 def test_soft_and_hard_fingers_bound_the_net_shear(solved: tuple[TravelRecord, Travelling], free: ShearRecord) -> None:
     """No finger is dragged by nothing; one that nothing moves meets no crest; the low end is never above the high one."""
-    record, held = solved
+    record, wave = solved
     assert free.shear_low is not None and free.shear_high is not None
     assert all(each in (None, 0.0) for row in (*free.shear_low, *free.shear_high) for each in row)
-    soft = fingered(record, held, impedance={"stiffness_N_m": 1e3, "damping_N_s_m": 0.01})
+    soft = fingered(record, wave, impedance={"stiffness_N_m": 1e3, "damping_N_s_m": 0.01})
     low, high = (np.array(each, dtype=float) for each in (soft.shear_low, soft.shear_high))
     known = np.isfinite(low) & np.isfinite(high)
     assert known.any() and (np.abs(low) <= np.abs(high) + 1e-12)[known].all() and np.nanmax(np.abs(high)) <= 1.0
     assert (np.sign(high[known]) == np.sign(np.array(soft.crest_m_s)[known])).all()
-    rigid = fingered(record, held, impedance={"stiffness_N_m": 1e9})
+    rigid = fingered(record, wave, impedance={"stiffness_N_m": 1e9})
     assert np.median(rigid.touched_m) < 1e-2 * np.median(free.touched_m)
     assert "mm/s along x" in shear_map(soft, 8e-3).alt
 
 
 @pytest.mark.usefixtures("free")
 def test_shear_that_cannot_be_told_says_why(solved: tuple[TravelRecord, Travelling]) -> None:
-    record, held = solved
-    silent = fingered(record, held, force_N=None, gap_um=None)
+    record, wave = solved
+    silent = fingered(record, wave, force_N=None, gap_um=None)
     assert silent.shear_low is None and silent.unknown == ["net shear: touch.gap_um and touch.force_N are not given"]
-    wide = fingered(record.model_copy(update={"wavenumber_per_m": 1.1e3}), held)
+    wide = fingered(record.model_copy(update={"wavenumber_per_m": 1.1e3}), wave)
     assert wide.shear_high is None and "5 mm wide, more than half a wave of 2.86 mm" in wide.unknown[0]
-    afloat = fingered(record, held, gap_um=[0.8, 3.0])
+    afloat = fingered(record, wave, gap_um=[0.8, 3.0])
     assert any("net shear: at some places" in reason for reason in afloat.unknown)
 
 
@@ -261,11 +261,11 @@ def test_what_cannot_be_is_one_line(solved: tuple[TravelRecord, Travelling]) -> 
         with pytest.raises(InputError, match=said) as refused:
             travelling.solve(case_of(**change), QUIET)
         assert len(refused.value.lines) == 1
-    _, held = solved
+    _, wave = solved
     with pytest.raises(SolverError, match="does not hold the wanted mode and a neighbour"):
-        travelling.hold(held.forced, dataclasses.replace(case_of().design, nodal_lines=20), 0.0)
-    sensors = np.pad(held.table.sensors, ((0, 0), (0, 1)))
-    seven = dataclasses.replace(held, table=dataclasses.replace(held.table, sensors=sensors, sensor_residual=None))
+        travelling.best_pair(wave.forced, dataclasses.replace(case_of().design, nodal_lines=20), 0.0)
+    sensors = np.pad(wave.table.sensors, ((0, 0), (0, 1)))
+    seven = dataclasses.replace(wave, table=dataclasses.replace(wave.table, sensors=sensors, sensor_residual=None))
     with pytest.raises(InputError, match="6 drive and 7 listen, the board has 6"):
         played.board_outcome(seven, QUIET, None, played=True)
     assert played.board_outcome(seven, QUIET, None, played=False) == {}

@@ -94,8 +94,8 @@ def test_bands_and_gaps_are_those_of_the_design(explorer: Explorer) -> None:
 def test_no_figure_of_the_mesh_is_told_where_none_was_measured(explorer: Explorer) -> None:
     found = explorer.answer(OWN)
     assert all(bar > 0.0 for bar in found["bands"]["mesh_error"])
-    told = max(bar + own for bar, own in zip(found["bands"]["mesh_error"], found["bands"]["error"], strict=True))
-    assert all(0.0 < gap["error"] <= told for gap in found["bands"]["gaps"])
+    largest = max(bar + own for bar, own in zip(found["bands"]["mesh_error"], found["bands"]["error"], strict=True))
+    assert all(0.0 < gap["error"] <= largest for gap in found["bands"]["gaps"])
     unknown = Explorer(explorer.scene, replace(explorer.model, mesh=None)).answer(OWN)
     assert unknown["bands"]["mesh_error"] is None and {gap["error"] for gap in unknown["bands"]["gaps"]} <= {None}
     assert found["plate"]["frequency_error"] > unknown["plate"]["frequency_error"] > 0.0
@@ -136,8 +136,8 @@ def test_the_table_holds_what_plain_reductions_are_apart_and_more_between(
     assert table is not None and table.high == pytest.approx(np.full((16, 10), 2e-3))
     assert table.corners == pytest.approx(np.full((16, 10), 2e-3)) and table.margin == pytest.approx(4.0)
     assert table.at(middle) == pytest.approx(np.full(10, 8e-3)), "0.8 + 0.1 + 0.1 less the 0.2 taken"
-    told = replace(explorer.model, mesh=table).bands(middle).frequency_hz
-    assert told == pytest.approx(bands(cell, bases, middle).frequency_hz / 1.002)
+    corrected = replace(explorer.model, mesh=table).bands(middle).frequency_hz
+    assert corrected == pytest.approx(bands(cell, bases, middle).frequency_hz / 1.002)
     monkeypatch.setattr(parametric_mesh, "off_by", lambda task: np.full((2, 3, 10), np.nan))
     assert parametric_mesh.mesh_table(explorer.scene.case, cell, bases, [middle], map) is None
 
@@ -339,10 +339,10 @@ def test_one_full_plate_at_a_time(server: Server, monkeypatch: pytest.MonkeyPatc
     assert status == 409 and "already" in error(text)
     go.set()
     for _ in range(200):
-        told = json.loads(request(server, "GET", path)[1])
-        if not told["running"]:
+        state = json.loads(request(server, "GET", path)[1])
+        if not state["running"]:
             break
-    assert told["result"] == {"frequency_hz": 1.0} and told["lines"] == ["near 30000.0"]
+    assert state["result"] == {"frequency_hz": 1.0} and state["lines"] == ["near 30000.0"]
 
 
 def test_a_port_in_use_is_said(server: Server) -> None:

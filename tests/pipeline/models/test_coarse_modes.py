@@ -22,7 +22,7 @@ def choice(query: Request) -> ModelChoice:
     return model_choice_of(CASE, query.part, 40e3)
 
 
-def told(query: Request, log: RecordingLog | None = None) -> list[tuple[str | None, float]]:
+def modes_of(query: Request, log: RecordingLog | None = None) -> list[tuple[str | None, float]]:
     """Symmetry class and frequency on the finest mesh of every mode that is told, in ascending order."""
     found = modes.solve_modes(CASE, query, log or TerminalLog(True))
     assert found.count.expected == found.count.found == len(found.rows)
@@ -31,7 +31,7 @@ def told(query: Request, log: RecordingLog | None = None) -> list[tuple[str | No
 
 def test_the_mesh_is_made_for_the_highest_mode_at_once_and_each_class_is_solved_once() -> None:
     log, coarse = RecordingLog(), coarse_modes(CASE, ZONE, choice(ZONE))
-    highest = told(ZONE, log)[-1][1]
+    highest = modes_of(ZONE, log)[-1][1]
     assert coarse and 0.999 * highest <= coarse.highest_hz <= 1.02 * (1.0 + OFF) * highest
     assert sum(coarse.counts.values()) < 2 * (ZONE.count or 0)
     assert any("finer ones" in fact for fact in log.facts)
@@ -39,19 +39,19 @@ def test_the_mesh_is_made_for_the_highest_mode_at_once_and_each_class_is_solved_
 
 
 def test_modes_asked_class_by_class_are_those_of_asking_every_class_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    few = told(PILLAR)
+    few = modes_of(PILLAR)
     monkeypatch.setattr(modes, "coarse_modes", lambda *_: None)
-    every = told(PILLAR)
+    every = modes_of(PILLAR)
     assert [symmetry for symmetry, _ in few] == [symmetry for symmetry, _ in every]
     assert [tone for _, tone in few] == pytest.approx([tone for _, tone in every], rel=1e-7)
 
 
 def test_a_class_asked_for_too_few_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    truth, log, coarse = told(PILLAR), RecordingLog(), coarse_modes(CASE, PILLAR, choice(PILLAR))
+    truth, log, coarse = modes_of(PILLAR), RecordingLog(), coarse_modes(CASE, PILLAR, choice(PILLAR))
     assert coarse
     few = CoarseModes(coarse.highest_hz, dict.fromkeys(coarse.counts, 1))
     monkeypatch.setattr(modes, "coarse_modes", lambda *_: few)
-    again = told(PILLAR, log)
+    again = modes_of(PILLAR, log)
     assert [tone for _, tone in again] == pytest.approx([tone for _, tone in truth], rel=1e-7)
     assert any("1 modes" in fact for fact in log.facts) and any("5 modes" in fact for fact in log.facts)
 

@@ -163,8 +163,8 @@ def test_a_key_beyond_the_thesis_varies_the_design(key: str) -> None:
     space = read_space(raw, fixed, [f"{key}={ends}"])
     low, high = (space.values([share] * len(space.variables)) for share in (0.0, 1.0))
     assert space.case(low).design != space.case(high).design
-    told = "".join(space.overrides(high))
-    assert told.startswith(f"{key}=") and ends.split(":")[1] in told
+    overrides = "".join(space.overrides(high))
+    assert overrides.startswith(f"{key}=") and ends.split(":")[1] in overrides
 
 
 @pytest.mark.parametrize("key", REFUSED)

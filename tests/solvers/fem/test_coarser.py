@@ -50,11 +50,11 @@ def test_modes_of_the_finer_mesh_tell_the_coarser_eigenvalues(coarse: HexSetting
     pencil, pencil_below = fine.pencil("SA"), other.body.pencil("SA")
     modes = modes_in_band(pencil, *BAND)
     values = np.array([pencil.scale.eigenvalue(tone) for tone in modes.frequency_hz])
-    told = pencil.scale.frequency(coarser_eigenvalues(pencil, pencil_below, other.transfer, modes.vectors, values))
-    searched = modes_in_band(pencil_below, BAND[0], 1.02 * BAND[1]).frequency_hz[: len(told)]
+    estimate = pencil.scale.frequency(coarser_eigenvalues(pencil, pencil_below, other.transfer, modes.vectors, values))
+    searched = modes_in_band(pencil_below, BAND[0], 1.02 * BAND[1]).frequency_hz[: len(estimate)]
     change = searched / modes.frequency_hz - 1.0
-    assert len(told) and (change > -1e-9).all() and change.max() > 1e-5
-    assert np.abs(told / searched - 1.0).max() < 5.0 * (change**2).max()  # to second order
+    assert len(estimate) and (change > -1e-9).all() and change.max() > 1e-5
+    assert np.abs(estimate / searched - 1.0).max() < 5.0 * (change**2).max()  # to second order
 
 
 @pytest.mark.parametrize("first", [40, 50])
@@ -73,10 +73,10 @@ def test_modes_that_stand_above_many_others_tell_the_coarser_eigenvalues_too(fir
     )  # fmt: skip
     window = slice(first, 60)
     transfer = sp.eye_array(dofs // 3, format="csr")
-    told = coarser_eigenvalues(fine, coarse, transfer, turn[:, window], values[window])  # type: ignore[arg-type]
+    estimate = coarser_eigenvalues(fine, coarse, transfer, turn[:, window], values[window])  # type: ignore[arg-type]
     exact = np.linalg.eigvalsh(coarse.stiffness.toarray())[window]
     change = (exact / values[window] - 1.0).mean()
-    assert change > 0.01 and np.abs(np.sort(told) / exact - 1.0).max() < 0.25 * change
+    assert change > 0.01 and np.abs(np.sort(estimate) / exact - 1.0).max() < 0.25 * change
 
 
 def test_the_bar_of_a_part_holds_the_finer_computation() -> None:

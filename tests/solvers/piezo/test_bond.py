@@ -33,8 +33,8 @@ def test_a_lift_is_told_exactly_or_refused(shape: str) -> None:
     weights = grid_weights(cell.bare.points[on, :2], SETTINGS.hexahedra.order, PLACES)
     assert weights.sum(axis=1) == pytest.approx(np.ones(3))
     assert weights @ cell.bare.points[on, :2] == pytest.approx(PLACES)
-    told = _field(cell, PLACES, np.eye(3), back=False)
-    assert told == pytest.approx(np.tensordot(weights, cell.bare.matrix[on], axes=1))
+    interpolated = _field(cell, PLACES, np.eye(3), back=False)
+    assert interpolated == pytest.approx(np.tensordot(weights, cell.bare.matrix[on], axes=1))
 
 
 def test_weights_are_for_grids_alone() -> None:
