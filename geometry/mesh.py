@@ -42,8 +42,8 @@ class _Named:
         """Facets of a named face by shape. Raises MeshError for a name the mesh does not have."""
         if face not in self.faces:
             raise MeshError(f"the mesh has no face '{face}'; it has {', '.join(sorted(self.faces))}")
-        names = self.faces[face]
-        return names if isinstance(names, tuple) else (names,)
+        facets = self.faces[face]
+        return facets if isinstance(facets, tuple) else (facets,)
 
     def nodes_of(self, face: str) -> IntArray:
         """Sorted node indices of a named face. Raises MeshError for a name the mesh does not have."""

@@ -81,9 +81,9 @@ def mesh_table(
     """
     at = [number for number, label in enumerate(bases.labels) if label][:3]
     tasks = [
-        (with_sizes(case, sizes, ACCURACY, bases.count), bases.fractions[at] * np.pi / sizes[3], own)
+        (with_sizes(case, sizes, ACCURACY, bases.count), bases.fractions[at] * np.pi / sizes[3], band_hz)
         for sizes in (*cell.box.spread(0), *between)
-        for own in [bands(cell, bases, sizes).frequency_hz[at]]
+        for band_hz in [bands(cell, bases, sizes).frequency_hz[at]]
     ]
     high, bar = np.moveaxis(np.array(list(apply(off_by, tasks))), 1, 0)
     if np.isnan(high).all(axis=1).any():

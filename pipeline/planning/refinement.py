@@ -19,8 +19,9 @@ from solvers.superelement.interface import Interface, ReductionSettings
 
 MARGIN = 2.0  # an assembled plate's single modes may lie somewhat above their estimate, the worst of a class never did
 RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_hz^3
-# so far above the frequency that cells were made for they serve; their own estimate tells whether well enough
-SLIGHT = 0.15
+SHORT = (
+    0.15  # of the cut-off asked for: cells made for so much less serve; their own estimate tells whether well enough
+)
 STEP = (1.08, 2.0)  # least and largest factor on top_hz at once
 
 
@@ -112,7 +113,7 @@ def refine_mesh(choice: ModelChoice, highest_hz: float, case: Case, log: Log) ->
 
 def raise_cutoff(choice: ModelChoice, highest_hz: float, log: Log) -> ModelChoice | None:
     """Raise a plate's cut-off for the highest mode computed, where it was made for lower ones; else None."""
-    if choice.reduction is None or choice.reduction.top_hz >= mesh_rules.REACH * highest_hz * (1.0 - SLIGHT):
+    if choice.reduction is None or choice.reduction.top_hz >= mesh_rules.REACH * highest_hz * (1.0 - SHORT):
         return None
     made_for = choice.reduction.top_hz / mesh_rules.REACH
     log.info(f"modes up to {khz(round(highest_hz))}: cells reduced for {khz(round(made_for))}, reduced again")

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,6 +24,7 @@ from geometry.hex.boxes import Boxes, HexSettings, bonded_boxes, hex_mesh
 from geometry.layout import Design, Stand
 from geometry.materials import Material
 from geometry.mesh import Mesh
+from geometry.patches import mirrored_axes
 from solvers.errors import TooLarge
 from solvers.fem.assembly import System
 from solvers.fem.coarser import OUTER, Shares, rim_shares
@@ -41,6 +42,7 @@ FOOT = 0.5  # of foot and thickness, the longest element of a patch over pillars
 HARDLY = 1e-9  # of the mean eigenvalue: beside it rigid-body modes have some
 COLUMNS = 240  # of forces solved for at once
 ROUGH = 0.35  # of the share: one radial function stands for both bodies at all edges and corners of a patch
+Matrix = TypeVar("Matrix", FloatArray, sp.csc_array)
 
 
 class Cache(Protocol):
@@ -192,12 +194,16 @@ def most_on_a_panel(plate: AssembledPlate, boxes_m: Iterable[FloatArray]) -> int
     return max(counts.values())
 
 
+def lifted(stiffness: Matrix, mass: Matrix) -> Matrix:
+    """K with hardly any of M beside it, so that rigid-body modes have some stiffness, too."""
+    return stiffness + HARDLY * stiffness.trace() / mass.trace() * mass
+
+
 def is_stiff(stiffness: FloatArray, mass: FloatArray) -> bool:
-    """Whether dense K is positive but for rigid-body modes, which HARDLY of M lifts."""
+    """Whether dense K is positive but for rigid-body modes."""
     own = np.diag(mass) > 0.0  # functions of free sides carry nothing
-    lifted = stiffness + HARDLY * np.trace(stiffness) / np.trace(mass) * mass
     try:
-        np.linalg.cholesky(lifted[np.ix_(own, own)])
+        np.linalg.cholesky(lifted(stiffness, mass)[np.ix_(own, own)])
     except np.linalg.LinAlgError:
         return False
     return True
@@ -227,16 +233,17 @@ class _Place:
 
     @cached_property
     def mirrors(self) -> tuple[int, ...]:
-        """The axes about which panels, pillars, held sides, patch and the elements are their own mirror image."""
+        """The axes about which panels, pillars, clamped sides, patch and the elements are their own mirror image."""
         clamped, boxes = self.panels.clamped, self._boxes(())
+        bodies = [self.box_m[None], *(np.repeat(each.centres, 2, axis=1) for each in self.stands)]
+        even = np.all([mirrored_axes(each) for each in bodies], axis=0)
         return tuple(
             axis
             for axis, (name, lines) in enumerate(zip("xy", (boxes.x, boxes.y), strict=True))
             if (f"{name}-" in clamped) == (f"{name}+" in clamped)
-            and abs(self.box_m.reshape(2, 2)[axis].sum()) < SAME_M
+            and even[axis]
             and np.abs(lines).min() < SAME_M
             and (not self.stands or self.panels.grid.tiling.mirrored)
-            and all(_is_mirrored(each.centres, axis) for each in self.stands)
         )
 
     @cached_property
@@ -262,7 +269,7 @@ class _Place:
         on = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (self.thickness_m if self.back else 0.0)) < SAME_M)
         weights = grid_weights(mesh.nodes[on, :2], mesh.order, folded)
         own, turned = self._images(project @ points, symmetry)
-        signs = np.array([mirror_signs(symmetry, flip) for flip in flips])
+        signs = mirror_signs(symmetry, flips)
         parts = [sp.coo_array(project[own] @ (signs[:, axis, None] * weights)) for axis in range(3)]
         rows = np.concatenate([3 * part.row + axis for axis, part in enumerate(parts)])
         columns = np.concatenate([3 * on[part.col] + axis for axis, part in enumerate(parts)])
@@ -281,7 +288,7 @@ class _Place:
         folded, flips = self._folded(nodes_m)
         places = np.round(folded / SAME_M) + 0.0  # no zero below zero
         _, own, which = np.unique(places, axis=0, return_index=True, return_inverse=True)
-        signs = np.array([mirror_signs(symmetry, flip) for flip in flips])
+        signs = mirror_signs(symmetry, flips)
         columns = (3 * which.ravel()[:, None] + np.arange(3)).ravel()
         values = (signs * signs[own][which.ravel()]).ravel()
         shape = (3 * len(nodes_m), 3 * len(own))
@@ -298,13 +305,6 @@ class _Place:
         place = [np.round(each, 9).tolist() for each in (self.panels.span_m, self.box_m)]
         feet = [(each.pillar, each.centres.round(9).tolist()) for each in self.stands]
         return repr((place, feet, self.panels.clamped, self.back, self.patch.mesh))
-
-
-def _is_mirrored(centres_m: FloatArray, axis: int) -> bool:
-    """Whether places (n, 2) are their own mirror image along an axis."""
-    flip = np.where(np.arange(2) == axis, -1.0, 1.0)
-    apart = np.abs(centres_m[:, None] - centres_m * flip).max(axis=2)
-    return bool((apart.min(axis=1, initial=np.inf) < SAME_M).all())
 
 
 def _reduced(panels: Panels, plate: AssembledPlate, patch: BondedPatch, back: bool) -> FloatArray:

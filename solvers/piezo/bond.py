@@ -86,12 +86,12 @@ def panel_contacts(plate: AssembledPlate, contact: Contact) -> Iterator[PanelCon
 
 
 def mirror_signs(symmetry: str, flip: FloatArray) -> FloatArray:
-    """Signs (3,) of u_x, u_y, u_z of a class's field from those at its image in x, y >= 0."""
-    signs = np.ones(3)
+    """Signs (..., 3) of u_x, u_y, u_z of a class's field from those at its image in x, y >= 0; flip (..., 2)."""
+    signs = np.ones((*flip.shape[:-1], 3))
     for axis, mark in enumerate(symmetry):
-        if flip[axis] < 0.0:
-            signs *= 1.0 if mark == "S" else -1.0
-            signs[axis] *= -1.0
+        turned = flip[..., axis] < 0.0
+        signs *= np.where(turned & (mark != "S"), -1.0, 1.0)[..., None]
+        signs[..., axis] *= np.where(turned, -1.0, 1.0)
     return signs
 
 

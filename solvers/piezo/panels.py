@@ -1,4 +1,4 @@
-"""The reduced panels beneath a patch: which ones, where they are held, and their own stiffness, mass and motion."""
+"""The reduced panels beneath a patch: which ones, where they are clamped, and their own stiffness, mass and motion."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Panels:
 
     @property
     def clamped(self) -> tuple[str, ...]:
-        """Sides held: those where panels go on; all of them where the whole plate is meant, which nothing would hold."""
+        """Clamped sides: those where panels go on; all of them where the whole plate is meant, which nothing would support."""
         last = (self.grid.nx - 1, self.grid.ny - 1)
         inner = [
             side
@@ -87,7 +87,7 @@ class Panels:
         return tuple(Stand(kind, np.array(centres) - self.middle_m) for kind, centres in kinds.items() if kind)
 
     def clamped_dofs(self, i: int, j: int) -> IntArray:
-        """Boundary degrees of freedom of panel (i, j), in its own order, on the sides that are held."""
+        """Boundary degrees of freedom of panel (i, j), in its own order, on its clamped sides."""
         at = dict(
             zip(SIDES, (i == self.columns[0], i == self.columns[1], j == self.rows[0], j == self.rows[1]), strict=True)
         )
@@ -121,7 +121,7 @@ class JoinedPanels:
 
     @property
     def free(self) -> BoolArray:
-        """Which of the degrees of freedom the sides that are held leave free, (n,)."""
+        """Which of the degrees of freedom the clamped sides leave free, (n,)."""
         free = np.ones(self.count, dtype=bool)
         for place, own in self._own.items():
             free[own[self.panels.clamped_dofs(*place)]] = False

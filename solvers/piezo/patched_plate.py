@@ -23,7 +23,7 @@ from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.measures.confinement import TouchField
-from solvers.piezo.beneath import HARDLY, Beneath, most_on_a_panel
+from solvers.piezo.beneath import Beneath, lifted, most_on_a_panel
 from solvers.piezo.bond import Contact, PanelContact, displacement_on, mirror_signs, panel_contacts
 from solvers.piezo.patch import BondedPatch, bonded_patch
 from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
@@ -249,9 +249,8 @@ class PatchedPlate:
 
 def _positive(pencil: PlainPencil, factorise: Factoriser) -> bool:
     """Whether K is positive but for rigid-body modes: the two meshes of a patch take no more away than is there."""
-    least = HARDLY * pencil.stiffness.trace() / pencil.mass.trace()
     try:
-        return factorise(sp.csc_array(pencil.stiffness + least * pencil.mass)).negative == 0
+        return factorise(sp.csc_array(lifted(pencil.stiffness, pencil.mass))).negative == 0
     except SingularShift:
         return False
 

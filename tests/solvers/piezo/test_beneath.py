@@ -18,6 +18,7 @@ from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.superelement.build import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
+from tests.helpers.kept_matrices import KeptMatrices
 
 ALUMINIUM, PZ26 = MATERIALS["aluminium"], PIEZO_MATERIALS["pz26"]
 MESH = HexSettings(2, 2e-3, 1, 0.2)
@@ -106,15 +107,9 @@ def test_a_panel_shared_by_patches_is_not_taken_for_each_of_them_whole() -> None
     assert beneath.most_on_a_panel(plate, boxes[1:]) == 1
 
 
-class Kept(dict[str, np.ndarray]):
-    """A cache in memory."""
-
-    put = dict.__setitem__
-
-
 def test_what_is_kept_of_one_patch_does_not_stand_for_a_thicker_one() -> None:
     """Both make the plate give way alike, and each is proven by itself."""
-    model, kept, entries = plate_model(), Kept(), []
+    model, kept, entries = plate_model(), KeptMatrices(), []
     plates = {symmetry: model.assembled(symmetry) for symmetry in CLASSES}
     for thick_m in (0.3e-3, 0.3e-3, 0.5e-3):
         patch = bonded_patch(PZ26, np.array([-4e-3, 4e-3, -2e-3, 2e-3]), thick_m, True, MESH)

@@ -30,6 +30,7 @@ from solvers.superelement.build import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import WHOLE, AssembledPlate
 from solvers.superelement.tiling import tile
+from tests.helpers.kept_matrices import KeptMatrices
 
 ALUMINIUM = MATERIALS["aluminium"]
 PZ26 = PIEZO_MATERIALS["pz26"]
@@ -395,15 +396,9 @@ def test_what_panels_lack_beneath_a_patch_is_less_with_more_modes(mesh: HexSetti
     assert most[1][-1] < most[0][-1]
 
 
-class Kept(dict[str, np.ndarray]):
-    """A cache in memory."""
-
-    put = dict.__setitem__
-
-
 def test_what_a_plate_gives_way_is_kept_between_runs_and_belongs_to_that_plate(monkeypatch: pytest.MonkeyPatch) -> None:
     """A second run computes nothing and has the same digits; another thickness or material is not taken for this one."""
-    made, kept = plate_of(300e3, 4e-3), Kept()
+    made, kept = plate_of(300e3, 4e-3), KeptMatrices()
     plate, patch = made.assembled("SS"), bonded_patch(PZ26, MIDDLE[0], THICK_M, True, COARSE)
     first = Beneath(made.reductions, kept).flexibility(plate, patch, True)
     others = [
