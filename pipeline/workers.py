@@ -20,7 +20,8 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-OWN_THREADS = "ANTINODE_THREADS"  # of solvers.threads: factorisations, classes and panels side by side
+from solvers.cores import LIMIT
+
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
@@ -186,7 +187,7 @@ def limit_threads(threads: int) -> None:
     """Limit the threads of BLAS and its like in this process, loaded or still to be loaded."""
     for name in THREAD_VARIABLES:
         os.environ[name] = str(threads)
-    os.environ[OWN_THREADS] = str(min(threads, int(os.environ.get(OWN_THREADS) or threads)))
+    os.environ[LIMIT] = str(min(threads, int(os.environ.get(LIMIT) or threads)))
     from threadpoolctl import threadpool_limits
 
     threadpool_limits(threads)

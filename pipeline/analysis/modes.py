@@ -265,8 +265,9 @@ def _solved(
         one.ask(replace(query, count=count))
         if symmetry in (None, wanted_symmetry(case.design.nodal_lines)):
             one.wanted = _wanted(case, query, one)
-        if coarser:
-            one.errors = one.by_the_mesh(coarser)
+        one.errors = one.estimated(coarser)
+        if query.band_hz:
+            one.more_below(one.count.high_hz)  # beside the other classes
         one.let_go()
         return one
 
@@ -290,11 +291,9 @@ def _solved(
         count,
         meshes,
         wanted=next((one.wanted for one in each if one.wanted), None),
-        more_in_mesh=_more_in_mesh(model, classes, count),
+        more_in_mesh=_more_in_mesh(classes, count),
         nearest_hz=_nearest_hz(query, classes),
     )
-    if isinstance(model, PlateModel):
-        errors = {symmetry: model.mode_errors(symmetry, one.pencil, one.vectors) for symmetry, one in classes.items()}
     return _by_mesh(part_modes, errors), errors
 
 
@@ -314,6 +313,7 @@ class _Class:
         self.shared = Shared()
         self.wanted: Wanted | None = None
         self.errors: ModeErrors | None = None
+        self._more: dict[float, int | None] = {}
 
     def ask(self, query: Request) -> None:
         """Solve the modes of the request."""
@@ -329,6 +329,12 @@ class _Class:
                 self.nearest_hz = float(near.frequency_hz[0]) if len(near.frequency_hz) else None
         self.log.info(f"{name}: {self.dof} degrees of freedom, {len(self.rows)} modes")
 
+    def estimated(self, coarser: CoarserMeshes | StressRecovery | None) -> ModeErrors | None:
+        """How far off each of the modes may be, by a plate's own cells or by what tells of a mesh; None where nothing does."""
+        if isinstance(self.model, PlateModel):
+            return self.model.mode_errors(self.symmetry, self.pencil, self.vectors)
+        return self.by_the_mesh(coarser) if coarser else None
+
     def by_the_mesh(self, coarser: CoarserMeshes | StressRecovery) -> ModeErrors:
         """What the mesh may put each of the modes off by."""
         none = np.zeros(self.vectors.shape[1])
@@ -338,6 +344,18 @@ class _Class:
         with self.log.step(f"error of the mesh, class {self.symmetry or 'whole'}"):
             values = np.array([self.pencil.scale.eigenvalue(tone) for tone in self.tones])
             return ModeErrors(none, none, *coarser.errors(self.symmetry, self.pencil, self.vectors, values))
+
+    def more_below(self, edge_hz: float) -> int | None:
+        """How many modes the meshes may have below a frequency beyond the reduced plate's own; None without a bound."""
+        if not isinstance(self.model, PlateModel):
+            return 0
+        if edge_hz not in self._more:
+            known = self.count.below if self.count.high_hz == edge_hz else None
+            reduced = None if known is None else known + self.count.expected
+            self._more[edge_hz] = self.model.more_below(
+                self.symmetry, self.pencil, edge_hz, reduced, self.shared.factorise
+            )
+        return self._more[edge_hz]
 
     def let_go(self) -> None:
         """Release the matrices of a mesh, which are not needed again; those of a reduced plate are small."""
@@ -387,21 +405,12 @@ def _nearest_hz(query: Request, classes: dict[str | None, _Class]) -> float | No
     return min(tones, key=lambda tone: abs(tone - middle))
 
 
-def _more_in_mesh(model: PartModel, classes: dict[str | None, _Class], count: Count) -> int | None:
+def _more_in_mesh(classes: dict[str | None, _Class], count: Count) -> int | None:
     """Bound the number of modes that the meshes have and the reduced model lacks; 0 for a body that was not
     reduced.
     """
-    if not isinstance(model, PlateModel):
-        return 0
-    total = 0
-    for symmetry, one in classes.items():
-        same = one.count.below is not None and one.count.high_hz == count.high_hz
-        reduced = one.count.below + one.count.expected if same and one.count.below is not None else None
-        more = model.more_below(symmetry, one.pencil, count.high_hz, reduced, one.shared.factorise)
-        if more is None:
-            return None
-        total += more
-    return total
+    more = [one.more_below(count.high_hz) for one in classes.values()]
+    return None if None in more else sum(each or 0 for each in more)
 
 
 def _error_estimate(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> ErrorEstimate | None:

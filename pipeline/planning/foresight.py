@@ -17,6 +17,7 @@ from pipeline.planning.model_choice import HEX, SOLID, ModelChoice, model_choice
 from pipeline.planning.request import Request, model_high_hz
 from pipeline.planning.resources import Demand, refuse
 from solvers.analytic.mode_density import highest_hz, pillar_modes, plate_modes
+from solvers.cores import workers
 from solvers.fem.dissection import Fill, grid_fill, nodal, panelled
 from solvers.fem.solve_cost import Cost, MeshCounts, Stage, assembly, modal_solve, solid_modes
 from solvers.superelement.interface import Interface, ReductionSettings
@@ -101,7 +102,14 @@ def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
     body = _body(case, choice)
     each = min(each, body.dofs)
     reported = min(each, total) if near else classes * each
-    return Demand(solid_modes(body, classes, each, near), reported, change=change, cad=choice.kind != HEX)
+    solve = modal_solve(body.dofs, 9.0 * body.pairs, body.fill, each, near)
+    return Demand(
+        solid_modes(body, classes, each, near),
+        reported,
+        change=change,
+        cad=choice.kind != HEX,
+        beside_bytes=_beside(classes, solve),
+    )
 
 
 def of_response(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> Demand:
@@ -255,8 +263,19 @@ def _assembled(
     for _ in range(classes):
         cost = cost.then(solve, kept_bytes)
     return Demand(
-        cost, modes if near else classes * modes, round(face.count + inner), nx * ny, change, choice.kind != HEX
+        cost,
+        modes if near else classes * modes,
+        round(face.count + inner),
+        nx * ny,
+        change,
+        choice.kind != HEX,
+        _beside(classes, solve),
     )
+
+
+def _beside(classes: int, solve: Cost) -> float:
+    """Bytes of the symmetry classes that are solved beside the first one."""
+    return (min(classes, workers()) - 1) * solve.peak.bytes
 
 
 def of_panels(design: Design, choice: ModelChoice, reduction: ReductionSettings) -> float:

@@ -29,7 +29,8 @@ class Demand:
     """What a step of a plan takes, and what to change where that is too much.
 
     modes: how many the window may hold (None where nothing is counted); functions: degrees of freedom of a reduced cell, at a
-    wavevector or in one of the panels of an assembled plate; `change` in the order in which it helps.
+    wavevector or in one of the panels of an assembled plate; `change` in the order in which it helps. beside_bytes: what
+    symmetry classes solved beside the first one take, which wait for their turn where memory holds one alone.
     """
 
     cost: Cost
@@ -38,11 +39,18 @@ class Demand:
     panels: int | None = None
     change: tuple[str, ...] = ()
     cad: bool = False
+    beside_bytes: float = 0.0
+
+    @property
+    def least_bytes(self) -> float:
+        """Peak memory where one symmetry class is solved after another, B."""
+        return BASE_BYTES + (CAD_BYTES if self.cad else 0.0) + self.cost.peak.bytes
 
     @property
     def memory_bytes(self) -> float:
-        """Peak memory, B."""
-        return BASE_BYTES + (CAD_BYTES if self.cad else 0.0) + self.cost.peak.bytes
+        """Peak memory on this machine, B."""
+        side_by_side = self.least_bytes + self.beside_bytes
+        return side_by_side if MEMORY_RANGE[1] * side_by_side <= available_bytes() else self.least_bytes
 
     @property
     def seconds(self) -> float:

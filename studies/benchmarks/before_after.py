@@ -1,11 +1,12 @@
-"""The commands a designer waits for, beside an earlier commit of this repository: processor seconds, and where they go.
+"""The commands a designer waits for, beside an earlier commit of this repository: processor and wall seconds, where they go.
 
     python -m studies.benchmarks.before_after [--commit COMMIT] [--repeats N] [--write] [TASK ...]
 
 The commit's files are put into a temporary folder and run there, in alternation with this checkout, each run with a results
 folder of its own, so that nothing comes from a cache. `main job` is `antinode run rows`, `grid` the study of 54 plates: they
-take minutes, the other tasks seconds, which are run unless tasks are named. Seconds are those of all processes a command
-starts, least of the repeats; memory is that of the largest process. --write puts the rows into docs/verification.md.
+take minutes, the other tasks seconds, which are run unless tasks are named. Processor seconds are those of all processes a
+command starts, wall seconds those until it ends, each the least of the repeats; memory is that of the largest process. --write
+puts the rows into docs/verification.md.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import subprocess
 import sys
 import tarfile
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -41,9 +43,9 @@ TASKS: dict[str, tuple[str, ...]] = {
 }
 LONG = ("main job", "grid")
 LEAD = """\
-Written by `python -m studies.benchmarks.before_after --write`: processor seconds of whole commands without kept cells, beside
-those of commit {commit}, each task in one run, and the memory of the largest process; shares are of the time after, in one
-thread under the profiler."""
+Written by `python -m studies.benchmarks.before_after --write` on a machine of {cores} cores: processor and wall seconds of
+whole commands without kept cells, beside those of commit {commit}, each task in one run, and the memory of the largest process;
+shares are of the processor time after, in one thread under the profiler."""
 # by the name of a function, or of its file
 SHARES = {
     "factorisation": ("method 'factor' of 'rslab", "analyze_ldlt", "lower_triangle", "splu", "gstrf"),
@@ -65,10 +67,18 @@ def checkout(commit: str) -> Iterator[Path]:
 
 @dataclass(frozen=True)
 class Used:
-    """Processor time of a command and of every process that it waited for, s, and the memory of the largest of them, bytes."""
+    """Processor time of a command and of every process that it waited for, s, the time until it ended, s, and the memory of
+    the largest of them, bytes.
+    """
 
     seconds: float = float("inf")
+    wall: float = float("inf")
     peak_bytes: int = 0
+
+    def or_less(self, other: Used) -> Used:
+        """The lesser time of each kind, with the memory of the run that took less of the processor."""
+        peak = min(self, other, key=lambda used: used.seconds).peak_bytes
+        return Used(min(self.seconds, other.seconds), min(self.wall, other.wall), peak)
 
 
 def used_by(root: Path, *arguments: str, **more: str) -> Used:
@@ -76,13 +86,15 @@ def used_by(root: Path, *arguments: str, **more: str) -> Used:
     with tempfile.TemporaryDirectory(prefix="antinode-results-") as results, tempfile.TemporaryFile() as said:
         own = {"PYTHONPATH": str(root), "ANTINODE_RESULTS": results, **more}
         command = [sys.executable, *arguments]
+        begin = time.perf_counter()
         with subprocess.Popen(command, cwd=root, env=os.environ | own, stdout=said, stderr=said) as process:
             _, status, usage = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)
+        wall = time.perf_counter() - begin
         if process.returncode:
             said.seek(0)
             raise subprocess.CalledProcessError(process.returncode, command, said.read())
-    return Used(usage.ru_utime + usage.ru_stime, usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024))
+    return Used(usage.ru_utime + usage.ru_stime, wall, usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024))
 
 
 def shares(root: Path, command: tuple[str, ...]) -> dict[str, float]:
@@ -101,6 +113,11 @@ def _kind(function: str) -> str:
     return next((kind for kind, marks in SHARES.items() if any(mark in function for mark in marks)), "rest")
 
 
+def _beside(before: float, after: float) -> tuple[str, str, str]:
+    """Two times and their ratio."""
+    return f"{before:.2f}", f"{after:.2f}", f"{after / before:.2f}"
+
+
 def main(arguments: list[str] | None = None) -> None:
     """One line of a Markdown table a task."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -116,6 +133,9 @@ def main(arguments: list[str] | None = None) -> None:
         "before, s",
         "after, s",
         "ratio",
+        "wall before, s",
+        "wall after, s",
+        "wall ratio",
         "peak after, MB",
         *(f"{name} after" for name in (*SHARES, "rest")),
     )
@@ -126,7 +146,7 @@ def main(arguments: list[str] | None = None) -> None:
             before, after = Used(), Used()
             for _ in range(given.repeats):
                 before, after = (
-                    min(known, used_by(root, "-m", "antinode", *TASKS[name]), key=lambda used: used.seconds)
+                    known.or_less(used_by(root, "-m", "antinode", *TASKS[name]))
                     for known, root in ((before, earlier), (after, ROOT))
                 )
             spent = (
@@ -134,12 +154,11 @@ def main(arguments: list[str] | None = None) -> None:
                 if name in LONG
                 else [f"{100.0 * part:.0f} %" for part in shares(ROOT, TASKS[name]).values()]
             )
-            ratio = f"{after.seconds / before.seconds:.2f}"
-            figures = (f"{before.seconds:.2f}", f"{after.seconds:.2f}", ratio, f"{after.peak_bytes / 1e6:.0f}", *spent)
-            rows[name] = f"| {' | '.join((name, *figures))} |"
+            times = (*_beside(before.seconds, after.seconds), *_beside(before.wall, after.wall))
+            rows[name] = f"| {' | '.join((name, *times, f'{after.peak_bytes / 1e6:.0f}', *spent))} |"
             print(rows[name], flush=True)
     if given.write:
-        lead = f"{LEAD.format(commit=given.commit)}\n\n{head}"
+        lead = f"{LEAD.format(commit=given.commit, cores=os.cpu_count())}\n\n{head}"
         write_atomic(verification.PAGE, verification.with_speed(verification.PAGE.read_text(), rows, lead).encode())
 
 

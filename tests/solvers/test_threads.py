@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import _thread
+import sys
 import threading
 import time
 
@@ -13,9 +14,9 @@ from geometry.hex.boxes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from pipeline.workers import LocalWorkers
-from solvers import threads
+from solvers import cores, threads
 from solvers.fem.eigen import Modes, modes_in_band
-from solvers.fem.factor import factoriser
+from solvers.fem.factor import choice, factoriser
 from solvers.superelement.build import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.threads import Abandoned, go_on, side_by_side
@@ -39,9 +40,10 @@ def solved() -> tuple[PlateModel, list[Modes]]:
     return model, factoriser.side_by_side(lambda name: modes_in_band(model.pencil(name), 1e3, 150e3), model.symmetries)
 
 
-def test_one_worker_and_two_give_the_same_digits(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("backend", [name for name in choice.available() if name in factoriser.THREADED])
+def test_one_worker_and_two_give_the_same_digits(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cells and modes to the last bit; a task's factorisations and BLAS have one thread in both."""
-    monkeypatch.setenv("ANTINODE_FACTOR", "superlu")
+    monkeypatch.setenv("ANTINODE_FACTOR", backend)
     seen: set[str] = set()
     monkeypatch.setattr(factoriser, "go_on", lambda: seen.add(threading.current_thread().name))
     two, modes_of_two = solved()
@@ -57,11 +59,17 @@ def test_one_worker_and_two_give_the_same_digits(monkeypatch: pytest.MonkeyPatch
         assert np.array_equal(ours.vectors, theirs.vectors)
 
 
-def test_a_factorisation_that_bears_no_threads_gets_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    """rslab does not bear that one thread uses or frees what another made: its classes are solved one after another."""
-    monkeypatch.setenv("ANTINODE_FACTOR", "rslab")
+def test_a_factorisation_with_threads_of_its_own_gets_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """MKL PARDISO's classes are solved one after another, each on all threads."""
+    monkeypatch.setenv("ANTINODE_FACTOR", "pardiso")
     names = factoriser.side_by_side(lambda _: (threading.current_thread().name, threads.threads()), range(3))
     assert names == [(threading.main_thread().name, 2)] * 3
+
+
+def test_tasks_take_turns_more_often_and_the_interpreter_s_own_interval_comes_back() -> None:
+    before = sys.getswitchinterval()
+    assert max(side_by_side(lambda _: sys.getswitchinterval(), range(2))) < before
+    assert sys.getswitchinterval() == before
 
 
 class Load:
@@ -138,4 +146,4 @@ def test_a_worker_of_a_batch_has_the_threads_that_it_was_given(monkeypatch: pyte
     """Two cases at once on two cores: one thread each, for classes and panels as for BLAS."""
     monkeypatch.delenv("ANTINODE_THREADS")
     with LocalWorkers(1, 1) as workers:
-        assert workers.submit(threads.workers).result() == 1
+        assert workers.submit(cores.workers).result() == 1

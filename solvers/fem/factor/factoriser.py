@@ -23,8 +23,7 @@ from solvers.fem.factor.superlu import SuperLU
 from solvers.threads import Item, Result, go_on
 from solvers.threads import side_by_side as in_threads
 
-# rslab 1.7 ended the process in runs where what one thread had made was used or freed by another; it has threads of its own
-THREADED = ("superlu",)
+THREADED = ("superlu", "rslab")  # MKL PARDISO has threads of its own
 BACKWARD_ERROR = 1e-10  # of one solve; rounding times growth stays far below, garbage far above
 
 
