@@ -138,8 +138,8 @@ def test_without_pandas_the_extra_is_named(plate: antinode.Plate, monkeypatch: p
 
 @pytest.mark.slow
 def test_a_search_is_that_of_the_command_and_its_best_is_a_plate(plate: antinode.Plate, tmp_path: Path) -> None:
-    asked = {"evaluations": 2, "mac": 0.3, "min_frequency_kHz": 20.0}
-    search = plate.search(height_mm=(6.0, 6.6), **asked)
+    settings = {"evaluations": 2, "mac": 0.3, "min_frequency_kHz": 20.0}
+    search = plate.search(height_mm=(6.0, 6.6), **settings)
     args = [
         "search",
         str(SMALL),
@@ -161,7 +161,7 @@ def test_a_search_is_that_of_the_command_and_its_best_is_a_plate(plate: antinode
 
 
 @pytest.mark.parametrize(
-    ("asked", "said"),
+    ("settings", "said"),
     [
         ({"goal": "loudness", "height_mm": (5.0, 8.0)}, "must be one of confinement, extension, worst"),
         ({"height_mm": (8.0, 5.0)}, "low end must lie below"),
@@ -169,9 +169,9 @@ def test_a_search_is_that_of_the_command_and_its_best_is_a_plate(plate: antinode
         ({"height_mm": (5.0, 8.0), "mac": 2.0}, "from 0 to 1"),
     ],
 )
-def test_a_search_that_cannot_be_is_refused_in_words(plate: antinode.Plate, asked: dict, said: str) -> None:
+def test_a_search_that_cannot_be_is_refused_in_words(plate: antinode.Plate, settings: dict, said: str) -> None:
     with pytest.raises(antinode.InputError, match=said):
-        plate.search(**asked)
+        plate.search(**settings)
 
 
 def test_what_was_made_never_changes(plate: antinode.Plate) -> None:

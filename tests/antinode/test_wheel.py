@@ -46,18 +46,18 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def generic_names(source: str) -> list[str]:
     """Imports of the folders by their short names, and strings that name a module of theirs."""
-    found = []
+    names = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
-            found += [alias.name for alias in node.names if GENERIC.fullmatch(alias.name)]
+            names += [alias.name for alias in node.names if GENERIC.fullmatch(alias.name)]
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            found += [node.module] if GENERIC.fullmatch(node.module) else []
+            names += [node.module] if GENERIC.fullmatch(node.module) else []
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and "." in node.value:
-            found += [node.value] if GENERIC.fullmatch(node.value) else []
+            names += [node.value] if GENERIC.fullmatch(node.value) else []
         elif isinstance(node, ast.JoinedStr) and node.values and isinstance(node.values[0], ast.Constant):
             first = str(node.values[0].value)
-            found += [first] if GENERIC.fullmatch(first.rstrip(".:")) and first[-1] in ".:" else []
-    return found
+            names += [first] if GENERIC.fullmatch(first.rstrip(".:")) and first[-1] in ".:" else []
+    return names
 
 
 def test_a_build_holds_one_package_with_data_and_marker_of_types(built: Path) -> None:
@@ -74,7 +74,7 @@ def test_nothing_in_a_build_asks_for_a_generic_name(built: Path) -> None:
     planted = 'import geometry\nx = f"studies.{x}"\ny = "pipeline.cli.main:main"'
     assert set(generic_names(planted)) == {"geometry", "studies.", "pipeline.cli.main:main"}
     left = {str(file.relative_to(built)): generic_names(file.read_text(encoding="utf-8")) for file in files}
-    assert not {name: found for name, found in left.items() if found}
+    assert not {name: generic for name, generic in left.items() if generic}
 
 
 def test_every_command_of_a_build_is_found_and_one_answers(built: Path, tmp_path: Path) -> None:

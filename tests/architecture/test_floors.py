@@ -20,6 +20,6 @@ def test_a_folder_stands_above_all_that_it_imports() -> None:
 
 def test_the_picture_names_every_folder() -> None:
     """The committed picture holds its names as text, firmware as one box."""
-    drawn = "".join(ElementTree.parse(floors.PICTURE).getroot().itertext())
+    text = "".join(ElementTree.parse(floors.PICTURE).getroot().itertext())
     named = {name.replace(".", "/") for name in floors.folders() if not name.startswith("firmware")} | {"firmware"}
-    assert {name for name in named if f"{name} (" not in drawn} == set()
+    assert {name for name in named if f"{name} (" not in text} == set()

@@ -53,7 +53,9 @@ def opened(browser: Any, address: str) -> Iterator[Callable[..., Any]]:
         page = context.new_page()
         page.faults = []
         page.on("pageerror", lambda fault: page.faults.append(str(fault)))
-        page.on("request", lambda asked: page.faults.append(asked.url) if not asked.url.startswith(address) else None)
+        page.on(
+            "request", lambda request: page.faults.append(request.url) if not request.url.startswith(address) else None
+        )
         page.goto(address + more)
         until(page, READY)
         return page
@@ -66,9 +68,9 @@ def opened(browser: Any, address: str) -> Iterator[Callable[..., Any]]:
 def number(page: Any, name: str) -> float:
     """The number of a headline card."""
     text = page.locator(".card", has=page.get_by_text(name, exact=True)).locator("dd").inner_text()
-    found = re.search(r"-?\d+\.\d+", text)
-    assert found
-    return float(found[0])
+    match = re.search(r"-?\d+\.\d+", text)
+    assert match
+    return float(match[0])
 
 
 def drag(page: Any, name: str, value: float) -> None:
@@ -199,9 +201,9 @@ def test_the_exported_page_of_hexagonal_pillars_has_pythons_numbers(browser: Any
 def _compare(browser: Any, exported: Path, explorer: Explorer, designs: int) -> str:
     """The page's answers of random designs beside Python's; the case file that it saves of its own design."""
     page = browser.new_page()
-    asked: list[str] = []
-    page.on("request", lambda request: asked.append(request.url) if not request.url.startswith("blob:") else None)
-    page.on("pageerror", lambda fault: asked.append(str(fault)))
+    requests: list[str] = []
+    page.on("request", lambda request: requests.append(request.url) if not request.url.startswith("blob:") else None)
+    page.on("pageerror", lambda fault: requests.append(str(fault)))
     page.goto(exported.as_uri())
     until(page, READY)
     own = explorer.scene.own()
@@ -235,7 +237,7 @@ def _compare(browser: Any, exported: Path, explorer: Explorer, designs: int) -> 
         for one in explorer.cloud(3, 4)
     ]
     saved = page.evaluate("(design) => ask('case', design)", own)
-    assert asked == [exported.as_uri()]
+    assert requests == [exported.as_uri()]
     page.close()
     return str(saved)
 

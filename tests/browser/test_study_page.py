@@ -32,7 +32,7 @@ def column(page: Any, number: int) -> list[str]:
     return page.evaluate(script, number)
 
 
-def drawn(page: Any) -> None:
+def wait_for_drawing(page: Any) -> None:
     """Wait until what was asked for is on the screen."""
     page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
@@ -46,7 +46,7 @@ def zoomed(page: Any, times: float) -> None:
 def place_of_wave(page: Any, number: int) -> tuple[float, float]:
     """Where on the screen a wave's mark is."""
     page.locator("#dispersion-diagram").scroll_into_view_if_needed()
-    drawn(page)
+    wait_for_drawing(page)
     box = page.locator("#dispersion-diagram .wave").nth(number).bounding_box()
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
@@ -114,16 +114,16 @@ def test_a_mode_moves_and_stops_by_keyboard(visit: Visits, study: Path) -> None:
     canvas.focus()
     page.keyboard.press("Space")
     assert page.locator('[data-viewer="plate"]').get_attribute("data-state") == "paused"
-    drawn(page)
+    wait_for_drawing(page)
     still, visible = frames(canvas), canvas.screenshot()
     page.wait_for_timeout(250)
     assert frames(canvas) == still and canvas.screenshot() == visible
     page.keyboard.press("ArrowLeft")
-    drawn(page)
+    wait_for_drawing(page)
     turned = canvas.screenshot()
     assert turned != visible
     page.keyboard.press("+")
-    drawn(page)
+    wait_for_drawing(page)
     assert canvas.screenshot() != turned
 
 
@@ -133,14 +133,14 @@ def test_another_shape_is_another_picture_with_other_words(visit: Visits, study:
     words, visible = canvas.get_attribute("aria-label"), canvas.screenshot()
     assert page.locator('[data-viewer="plate"] option').count() > 1
     page.locator('[data-viewer="plate"] select').select_option(index=1)
-    drawn(page)
+    wait_for_drawing(page)
     assert canvas.get_attribute("aria-label") != words and canvas.screenshot() != visible
 
 
 def test_who_wants_less_motion_gets_none_until_asked_for(visit: Visits, study: Path) -> None:
     page = visit(study, reduced_motion="reduce").page
     canvas = moving(page)
-    drawn(page)
+    wait_for_drawing(page)
     still = frames(canvas)
     page.wait_for_timeout(250)
     assert frames(canvas) == still
@@ -200,7 +200,7 @@ def test_the_diagram_zooms_by_wheel_and_buttons_and_shades_its_gap(visit: Visits
     zoomed(page, 1.0)
     small = page.locator("#dispersion-diagram rect.gap").bounding_box()["height"]
     page.locator("#dispersion-gap").click()
-    drawn(page)
+    wait_for_drawing(page)
     assert page.locator("#dispersion-diagram rect.gap").bounding_box()["height"] > 3 * small
     assert "163.10 to 175.84 kHz" in page.locator("#dispersion-diagram .gap-label").text_content()
 
@@ -244,7 +244,7 @@ def test_bands_of_an_older_record_are_drawn_and_what_they_lack_is_told(visit: Vi
     seen = visit(study)
     page = seen.page
     page.locator("#dispersion-cell").select_option(index=1)
-    drawn(page)
+    wait_for_drawing(page)
     assert "polarisation: not in this record" in page.locator("#dispersion-legend").inner_text()
     page.mouse.click(*place_of_wave(page, 5))
     assert "run the study with this version" in page.locator("#dispersion-told").inner_text() and seen.faults == []

@@ -23,7 +23,7 @@ def cells(place: Path) -> list[dict[str, Any]]:
     return [cell for cell in json.loads(place.read_text())["cells"] if cell["cell_type"] == "code"]
 
 
-def shown(sources: list[str]) -> Iterator[Any]:
+def cell_outputs(sources: list[str]) -> Iterator[Any]:
     """Run cells one after the other; the value of each one that ends in an expression, as a notebook shows it."""
     names: dict[str, Any] = {"__name__": "__main__"}
     for source in sources:
@@ -43,7 +43,7 @@ def test_a_notebook_answers_on_coarse_plates(
     monkeypatch.chdir(tmp_path)
     sweep_here(monkeypatch)
     try:
-        pages = [value._repr_html_() for value in shown(["".join(cell["source"]) for cell in cells(place)])
+        pages = [value._repr_html_() for value in cell_outputs(["".join(cell["source"]) for cell in cells(place)])
                  if hasattr(value, "_repr_html_")]  # fmt: skip
         assert pages and plt.get_fignums()
     finally:

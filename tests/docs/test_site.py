@@ -115,8 +115,8 @@ def test_documents_hold_what_their_page_says(
         assert main([*words, "--quiet", "--json", str(tmp_path / "d.json")]) == 0
         fields = site_fields.documents()[words[0]]
         of = set(reference.parts()[fields["of"]].model_fields) if "of" in fields else set()
-        found = set(json.loads((tmp_path / "d.json").read_text())) - site_fields.EVERY
-        assert found == of | set(fields) - {"of"}, words[0]
+        keys = set(json.loads((tmp_path / "d.json").read_text())) - site_fields.EVERY
+        assert keys == of | set(fields) - {"of"}, words[0]
 
 
 def test_generated_pages_hold_what_they_are_made_from(site: dict[str, ModuleType]) -> None:

@@ -42,10 +42,10 @@ def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(line, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
 
 
-def shows(shown: str, printed: str) -> bool:
+def shows(listing: str, printed: str) -> bool:
     """Whether a page's lines are among those printed, in their order: words alike, numbers close; `...` leaves lines out."""
     lines = iter(printed.splitlines())
-    return all(any(alike(line, each) for each in lines) for line in shown.splitlines() if line != "...")
+    return all(any(alike(line, each) for each in lines) for line in listing.splitlines() if line != "...")
 
 
 def alike(one: str, other: str) -> bool:
@@ -78,11 +78,11 @@ PAGES = [
 def test_a_tutorial_runs(page: Path, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     before = set(ROOT.glob("*")) | set((ROOT / "examples").glob("*"))
-    shown = {line: text for _, line, text in SHOWN.findall(page.read_text())}
+    listings = {line: text for _, line, text in SHOWN.findall(page.read_text())}
     for line in commands(page):
         ended = shell(line, tmp_path)
         assert ended.returncode == 0, f"{line}\n{ended.stdout[-800:]}\n{ended.stderr[-1500:]}"
-        assert shows(shown.get(line, ""), ended.stdout), f"{line}\n{ended.stdout}"
+        assert shows(listings.get(line, ""), ended.stdout), f"{line}\n{ended.stdout}"
     for number, block in enumerate(PYTHON.findall(page.read_text()) if page.stem != NEEDS_A_CLUSTER else []):
         script = tmp_path / f"block{number}.py"
         script.write_text(block)

@@ -28,7 +28,7 @@ from tests.helpers.fake_board import (
 )
 
 
-def asked(port: FakePort) -> list[Kind]:
+def kinds(port: FakePort) -> list[Kind]:
     return [Kind(request.kind) for request in port.requests]
 
 
@@ -61,21 +61,21 @@ def test_ctrl_c_stops_what_was_started_here(monkeypatch: pytest.MonkeyPatch, cap
         port.looks = 1  # the state before is asked for first
         monkeypatch.setattr(actions, "DRIVING", ("idle", "run"))
     assert run(monkeypatch, port, *action) == 130
-    assert asked(port)[-1] is Kind.STOP
+    assert kinds(port)[-1] is Kind.STOP
     assert capsys.readouterr().err == "client: interrupted; stopped\n"
 
 
 def test_ctrl_c_while_watching_leaves_the_board_alone(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     port = Interrupted()
     assert run(monkeypatch, port, "watch") == 130
-    assert Kind.STOP not in asked(port) and capsys.readouterr().err == "client: interrupted\n"
+    assert Kind.STOP not in kinds(port) and capsys.readouterr().err == "client: interrupted\n"
 
 
 def test_a_refused_start_stops_nothing(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     """It runs by its button, maybe under somebody's finger."""
     port = FakePort(lambda reply: refused(reply, Kind.START))
     assert run(monkeypatch, port, "start", "0.1") == 3
-    assert asked(port) == [Kind.START] and "refused in the present state" in capsys.readouterr().err
+    assert kinds(port) == [Kind.START] and "refused in the present state" in capsys.readouterr().err
 
 
 def refused(reply: Message, kind: Kind) -> bytes:
@@ -87,7 +87,7 @@ def refused(reply: Message, kind: Kind) -> bytes:
 def test_a_start_without_an_answer_is_stopped(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     port = FakePort(lambda reply: b"" if reply.kind & 0x7F == Kind.START else refused(reply, Kind.IDENTITY))
     assert run(monkeypatch, port, "start", "0.1") == 3
-    assert asked(port)[-1] is Kind.STOP and capsys.readouterr().err == "client: no answer to start; stopped\n"
+    assert kinds(port)[-1] is Kind.STOP and capsys.readouterr().err == "client: no answer to start; stopped\n"
 
 
 def test_a_board_that_falls_silent_while_driving_is_told(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
@@ -107,7 +107,7 @@ def test_a_signal_on_a_real_port_stops_the_board(number: int) -> None:
         process.send_signal(number)
         _, error = process.communicate(timeout=30)
     assert process.returncode == 130 and error == "client: interrupted; stopped\n"
-    assert asked(board)[0] is Kind.START and asked(board)[-1] is Kind.STOP
+    assert kinds(board)[0] is Kind.START and kinds(board)[-1] is Kind.STOP
 
 
 @pytest.mark.parametrize("action", ["identify", "start", "stream"])
@@ -125,11 +125,11 @@ def test_a_pattern_is_no_start_of_one_mode_and_takes_its_reference_along(
 ) -> None:
     """To the single build the number of a pattern would be a level."""
     port = FakePort()
-    assert run(monkeypatch, port, "pattern", "3", "0.1") == 3 and asked(port) == [Kind.STATUS]
+    assert run(monkeypatch, port, "pattern", "3", "0.1") == 3 and kinds(port) == [Kind.STATUS]
     assert capsys.readouterr().err == "client: pattern: this board's image is the one for one mode\n"
     port = FakePort(status=bytes([RUN]) + SIX_STATUS[1:])
     Client(port).pattern(1, 0.05)
-    assert asked(port) == [Kind.STATUS, Kind.PATTERN, Kind.REFERENCE]
+    assert kinds(port) == [Kind.STATUS, Kind.PATTERN, Kind.REFERENCE]
 
 
 def test_watching_shows_bars_of_both_builds(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
@@ -203,7 +203,7 @@ def test_the_log_is_written_and_what_was_lost_is_counted(
 def test_the_log_ends_on_the_board_when_interrupted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
     port = Interrupted()
     assert run(monkeypatch, port, "log", str(tmp_path / "log.csv")) == 130
-    assert asked(port)[-1] is Kind.LOG and port.requests[-1].payload == bytes(4)
+    assert kinds(port)[-1] is Kind.LOG and port.requests[-1].payload == bytes(4)
 
 
 def test_a_file_that_stands_is_not_logged_over(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
@@ -263,7 +263,7 @@ def test_a_stream_gives_every_sample_once(monkeypatch: pytest.MonkeyPatch, tmp_p
     port = Full()
     assert run(monkeypatch, port, "stream", str(tmp_path / "a.wav"), "0.2") == 0
     assert port.kept == [round(level / 255 * 65535) for level in range(200)]
-    assert asked(port)[0] is Kind.START and Kind.STOP in asked(port)
+    assert kinds(port)[0] is Kind.START and Kind.STOP in kinds(port)
     assert next(request.payload for request in port.requests if request.kind == Kind.STREAM) == struct.pack("<I", 2)
     assert "200 samples at 2500 Hz" in capsys.readouterr().out
 
@@ -415,11 +415,11 @@ def test_a_board_that_does_not_clear_fails_the_rest(monkeypatch: pytest.MonkeyPa
 
 
 def test_the_wiring_is_asked_for_on_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    asked_for = []
+    prompts = []
     monkeypatch.setattr("sys.stdin", Namespace(isatty=lambda: True))
-    monkeypatch.setattr("builtins.input", lambda text: asked_for.append(text))
+    monkeypatch.setattr("builtins.input", lambda text: prompts.append(text))
     assert run(monkeypatch, FakePort(), "selftest", "line") == 0
-    assert len(asked_for) == 1 and "USB cable alone" in capsys.readouterr().out
+    assert len(prompts) == 1 and "USB cable alone" in capsys.readouterr().out
 
 
 def test_a_lost_sensor_read_is_an_error_not_a_traceback() -> None:

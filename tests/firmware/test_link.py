@@ -220,9 +220,9 @@ def test_a_host_that_asks_anything_is_not_silent(core, name, table, rate_hz, oth
     linked.window()
     assert answer(linked, Kind.IDENTIFY) == b"\0"
     for _ in range(3):
-        passed = round(0.4 * linked.build.moment(linked.base).window_hz)
-        linked.app.fast.window.count += passed
-        linked.app.fast.command.count += passed
+        elapsed = round(0.4 * linked.build.moment(linked.base).window_hz)
+        linked.app.fast.window.count += elapsed
+        linked.app.fast.command.count += elapsed
         answer(linked, kind)
         linked.window()
     assert linked.app.base.supervisor.state == 1

@@ -33,14 +33,14 @@ def planned(
     )
     step = core.lib.an_dds_step(FREQUENCY + detuning_hz, 250e3)
     gains = core.ffi.new("an_pi_gains *")
-    asked = {
+    wish = {
         "period_s": PERIOD,
         "ahead_s": ahead_s,
         "response_s": RESPONSE,
         "leaving_s": LEAVING,
         "proportional_max": proportional_max,
     }
-    core.lib.an_pi_plan(gains, mode, step, detuning_hz, core.ffi.new("an_pi_wish *", asked))
+    core.lib.an_pi_plan(gains, mode, step, detuning_hz, core.ffi.new("an_pi_wish *", wish))
     return gains
 
 

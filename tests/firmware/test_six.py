@@ -757,12 +757,12 @@ def test_what_acts_is_compared_with_what_was_commanded(hosted, word: str) -> Non
     for part in path:
         where = getattr(where, part)
 
-    def found() -> int:
+    def faults() -> int:
         board.lib.an_six_tick(board.fast, board.samples, board.duties)
         return board.lib.an_six_check(board.app) | board.lib.an_six_look(board.app, board.samples)
 
-    assert found() == 0
+    assert faults() == 0
     for bit in range(5 if word == "fast.end" else 10, 32):
         board.ffi.buffer(board.app)[:] = saved
         setattr(where, name, getattr(where, name) ^ 1 << bit)
-        assert found() & Fault.MEMORY, bit
+        assert faults() & Fault.MEMORY, bit

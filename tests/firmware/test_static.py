@@ -92,11 +92,11 @@ def sources_and_places(variant: str, tmp_path: Path) -> tuple[list[str], list[st
 @pytest.mark.parametrize("variant", builder.VARIANTS)
 def test_clang_s_analyzer_finds_nothing(variant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Core and board as the Cortex-M4 gets them, by zig's own clang."""
-    found = find_spec("ziglang")
-    if found is None:
+    spec = find_spec("ziglang")
+    if spec is None:
         pytest.skip("zig is not installed: its clang's analyzer is what this test runs")
     sources, places = sources_and_places(variant, tmp_path)
-    headers = ["-isystem", str(Path(found.origin or "").parent / "lib" / "include")]
+    headers = ["-isystem", str(Path(spec.origin or "").parent / "lib" / "include")]
     monkeypatch.chdir(tmp_path)
     run([sys.executable, "-m", "ziglang", "clang", *TARGET, *ANALYZER, *headers, *places, *sources])
 

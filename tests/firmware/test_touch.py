@@ -329,10 +329,10 @@ def guessed(quality: float, **changes) -> bytes:
 def identified(rig, seconds: float) -> float:
     """The largest level it was driven at."""
     assert rig.start()
-    loudest, passed = 0.0, 0.0
-    while rig.state == IDENTIFY and passed < seconds:
+    loudest, elapsed_s = 0.0, 0.0
+    while rig.state == IDENTIFY and elapsed_s < seconds:
         rig.run(2e-3)
-        loudest, passed = max(loudest, rig.app.ident.level), passed + 2e-3
+        loudest, elapsed_s = max(loudest, rig.app.ident.level), elapsed_s + 2e-3
     return loudest
 
 

@@ -18,7 +18,7 @@ def tone(n: int, frequency_hz: float = TONE_HZ) -> float:
     return SIZE * math.cos(2.0 * math.pi * frequency_hz / RATE_HZ * n)
 
 
-def first_found(core, signal: Signal, frequency_hz: float = TONE_HZ, samples: int = 4000) -> int | None:
+def detection_sample(core, signal: Signal, frequency_hz: float = TONE_HZ, samples: int = 4000) -> int | None:
     """The sample after which a look finds a failed sensor; nothing is driven, so that only a plate that rings on is sound."""
     ffi, lib = core
     fast, plan, watch, mode = (ffi.new(f"{name} *") for name in ("an_fast", "an_watch_plan", "an_watch", "an_mode"))
@@ -46,8 +46,8 @@ FAILURES: dict[str, Signal] = {
 @pytest.mark.parametrize("at", range(FAILS_AT, FAILS_AT + 10))
 @pytest.mark.parametrize("what", FAILURES)
 def test_a_failure_at_any_sample_between_two_looks_is_found_in_time(core, what: str, at: int) -> None:
-    found = first_found(core, lambda n: tone(n) if n < at else FAILURES[what](n))
-    assert found is not None and 0 <= found - at <= 20
+    detected = detection_sample(core, lambda n: tone(n) if n < at else FAILURES[what](n))
+    assert detected is not None and 0 <= detected - at <= 20
 
 
 @pytest.mark.parametrize(
@@ -63,8 +63,8 @@ def test_a_failure_at_any_sample_between_two_looks_is_found_in_time(core, what: 
     ids=["damped", "far beat", "near beat", "knock", "spark", "noise"],
 )
 def test_what_a_plate_may_do_is_no_failure(core, signal: Signal) -> None:
-    assert first_found(core, signal) is None
+    assert detection_sample(core, signal) is None
 
 
 def test_of_a_tone_too_low_for_a_look_nothing_is_decided(core) -> None:
-    assert first_found(core, lambda n: 0.0 if n > FAILS_AT else tone(n, 12e3), 12e3) is None
+    assert detection_sample(core, lambda n: 0.0 if n > FAILS_AT else tone(n, 12e3), 12e3) is None

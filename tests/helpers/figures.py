@@ -12,16 +12,16 @@ from pipeline.plots import style
 
 def collected(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
     """Name and figure of everything that is saved from now on."""
-    drawn: list[tuple[str, Any]] = []
+    figures: list[tuple[str, Any]] = []
     save = style.save
 
     def kept(report_figure: style.ReportFigure, folder: Any) -> style.StoredFigure:
-        drawn.append((report_figure.name, report_figure.figure))
+        figures.append((report_figure.name, report_figure.figure))
         assert len(report_figure.alt) > 20, f"{report_figure.name} needs words for who cannot see it"
         return save(report_figure, folder)
 
     monkeypatch.setattr(style, "save", kept)
-    return drawn
+    return figures
 
 
 def assert_labelled_with_data(name: str, figure: Any) -> None:

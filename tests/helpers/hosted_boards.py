@@ -170,11 +170,11 @@ class Rig(Orders, SingleRig):
 
     def run_while(self, state: int, seconds: float, every_s: float = 2e-3) -> float:
         """Advances while the application stays in a state, at most so long; returns the time that passed."""
-        passed = 0.0
-        while passed < seconds and self.state == state:
+        elapsed_s = 0.0
+        while elapsed_s < seconds and self.state == state:
             self.run(every_s)
-            passed += every_s
-        return passed
+            elapsed_s += every_s
+        return elapsed_s
 
     def set_reference(self, reference: float) -> None:
         """A new reference while running."""

@@ -215,8 +215,10 @@ def attenuation(rows: int) -> AttenuationRecord:
         wave = {"polarisation": "flexural", "ky_re_per_m": 300.0, "ky_im_per_m": decay * 28.8, "db_per_row": decay}
         steep = {"polarisation": "shear", "ky_re_per_m": 0.0, "ky_im_per_m": 200.0, "db_per_row": 7.0}
         waves = [WaveRecord(**each, pillar_share=0.1) for each in (wave, steep)]
-        passed = Transmission(reflected=0.9, flexural=0.1, shear=0.0, longitudinal=0.0)
-        points.append(AttenuationPoint(frequency_hz=frequency, waves=waves, db_per_row=decay, transmission=passed))
+        transmission = Transmission(reflected=0.9, flexural=0.1, shear=0.0, longitudinal=0.0)
+        points.append(
+            AttenuationPoint(frequency_hz=frequency, waves=waves, db_per_row=decay, transmission=transmission)
+        )
     errors = {"expected_error": None, "reduction_error": None}
     return AttenuationRecord(model="solid", kx_per_m=204.0, pitch_y_m=0.004, rows=rows, points=points, **errors)
 
@@ -229,8 +231,8 @@ def prediction(rows: int, level_db: float | None) -> PredictionRecord:
 
 def peak(frequency_hz: float, level_db: float | None, zone_rms: float = 3e-8) -> PeakRecord:
     """A peak of a response."""
-    rest = zone_rms / 10.0 ** ((level_db or 0.0) / 20.0)
-    own = {"frequency_hz": frequency_hz, "zone_rms_m_per_V": zone_rms, "passive_rms_m_per_V": rest}
+    passive_rms = zone_rms / 10.0 ** ((level_db or 0.0) / 20.0)
+    own = {"frequency_hz": frequency_hz, "zone_rms_m_per_V": zone_rms, "passive_rms_m_per_V": passive_rms}
     return PeakRecord(**own, confinement_db=level_db, quality=298.0)
 
 
@@ -239,14 +241,14 @@ def response(level_db: float | None) -> ResponseRecord:
     tone = np.linspace(28e3, 35e3, 141)
     motion = 3e-8 / np.abs(1.0 - (tone / 31500.0) ** 2 + 1j / 300.0) / 300.0
     heard = 1.0 / (1.0 - (tone / 31500.0) ** 2 + 1j / 300.0) / 300.0
-    rest = motion / 10.0 ** ((level_db or 0.0) / 20.0)
+    passive_rms = motion / 10.0 ** ((level_db or 0.0) / 20.0)
     highest = peak(tone[int(motion.argmax())], level_db, motion.max())
     return ResponseRecord(
         model="solid with 8 patches",
         dof=120000,
         frequency_hz=tone.tolist(),
         zone_rms_m_per_V=motion.tolist(),
-        passive_rms_m_per_V=rest.tolist(),
+        passive_rms_m_per_V=passive_rms.tolist(),
         sensor_V_per_V=np.column_stack([heard.real, heard.imag]).tolist(),
         sensors=[7],
         polarisation_signs=[1],

@@ -12,7 +12,7 @@ from packaging.requirements import Requirement
 from studies import licences
 
 
-def told(**fields: str | list[str]) -> Message:
+def metadata_of(**fields: str | list[str]) -> Message:
     """A package's metadata; underscores stand for hyphens."""
     message = Message()
     for name, value in fields.items():
@@ -78,7 +78,7 @@ def test_a_package_that_is_missing_is_named() -> None:
     ],
 )
 def test_what_a_package_declares(fields: dict, expected: str) -> None:
-    assert expected in licences.declared(told(**fields))  # type: ignore[arg-type]
+    assert expected in licences.declared(metadata_of(**fields))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

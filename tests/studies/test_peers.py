@@ -104,7 +104,7 @@ def test_bodies_have_the_volume_of_the_design() -> None:
 
 
 def test_a_class_holds_what_its_mirrors_hold() -> None:
-    assert scene.held("zone", "SA") == {"x-": [0], "y-": [0, 2], "y+": [0, 1, 2]}
+    assert scene.clamped_axes("zone", "SA") == {"x-": [0], "y-": [0, 2], "y+": [0, 1, 2]}
 
 
 def test_the_committed_page_shows_every_program_and_part() -> None:

@@ -114,8 +114,8 @@ def test_the_cover_glass_appears_once_its_study_is_stored(tmp_path: Path, monkey
     monkeypatch.setattr(reproduction, "PAGE", tmp_path / "page.md")
     (tmp_path / "pictures").mkdir()
     page = glass.text(tmp_path)
-    drawn = (tmp_path / "pictures" / "glass.svg").read_text()
-    assert "heavy tips" in drawn and "no pillars" not in drawn  # a plate without a level has no mark
+    picture = (tmp_path / "pictures" / "glass.svg").read_text()
+    assert "heavy tips" in picture and "no pillars" not in picture  # a plate without a level has no mark
     tips = "1 mm wide, 2 mm high | 1.5 mm wide, 0.9 mm high"
     assert f"| 3 | {tips} | 20 mm | 30.00 kHz, single | 15.5 +- 0.2 dB |" in page
     assert "| 0 | none | none | 20 mm | none | none |" in page
@@ -172,10 +172,10 @@ def test_a_wish_stands_on_the_page_once_its_study_is_stored(tmp_path: Path, monk
         return DrivenZone(**own, level_db=[0.0, level], passive_db=None)
 
     def record(rows: int, level: float) -> SimpleNamespace:
-        found = CrosstalkRecord(
+        crosstalk = CrosstalkRecord(
             model="", dof=1, shared_rows=rows, gap_m=rows * 4e-3, frequency_hz=[], zones=[zone(level)]
         )
-        return SimpleNamespace(crosstalk=found)
+        return SimpleNamespace(crosstalk=crosstalk)
 
     cases = [
         SimpleNamespace(record=each) for each in (record(2, -3.0), SimpleNamespace(crosstalk=None), record(6, -21.0))

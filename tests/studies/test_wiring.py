@@ -19,8 +19,8 @@ def test_the_committed_picture_is_what_the_script_draws(name: str) -> None:
     pytest.importorskip("schemdraw", reason="schemdraw is not installed: pip install schemdraw")
     if metadata.version("schemdraw") != licences.locked()["schemdraw"]:
         pytest.skip("schemdraw is not of the version in constraints.txt: another one may draw otherwise")
-    drawn = wiring.picture(name)
-    assert (wiring.FOLDER / f"{name}.svg").read_bytes() == drawn, (
+    picture = wiring.picture(name)
+    assert (wiring.FOLDER / f"{name}.svg").read_bytes() == picture, (
         "run `python -m studies.wiring` and look at the picture"
     )
     assert f"(pictures/{name}.svg)" in PAGE.read_text()

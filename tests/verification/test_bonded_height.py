@@ -122,6 +122,6 @@ def test_a_peaks_height_lies_within_its_bar(scene: Scene) -> None:
     left = SHRINK ** (2.0 * EXPONENT)
     truth = fine - (coarse - fine) * left / (1.0 - left)
     error, unsure = ours / truth - 1.0, coarse / fine - 1.0
-    told = (f"{e:+.2%} (bar {b:.2%}, its last step {u:.2%})" for e, b, u in zip(error, bars, unsure, strict=True))
-    print(f"heights beside a conforming solid's, {scene.material}: {', '.join(told)}")
+    summaries = (f"{e:+.2%} (bar {b:.2%}, its last step {u:.2%})" for e, b, u in zip(error, bars, unsure, strict=True))
+    print(f"heights beside a conforming solid's, {scene.material}: {', '.join(summaries)}")
     assert (np.abs(error) < bars + 0.3 * unsure).all() and bars.max() < 0.1

@@ -77,8 +77,8 @@ def test_masses_records_beams_and_printers_count_both() -> None:
     assert record and record.faces == 2 and both.pillar and one.pillar
     omega = np.array([1e5, 2e5])
     assert design_feet(both.pillar, omega) == pytest.approx(2.0 * design_feet(one.pillar, omega))
-    told = [text for text, _ in Limits().of_design(both)]
-    assert any("cannot be printed with the plate" in text for text in told)
+    texts = [text for text, _ in Limits().of_design(both)]
+    assert any("cannot be printed with the plate" in text for text in texts)
     glued = case_of("pillar.material=steel").design
     assert not any("cannot be printed" in text for text, _ in Limits().of_design(glued))
 

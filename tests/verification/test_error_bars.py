@@ -69,7 +69,7 @@ def bands(overrides: list[str], accuracy: float) -> tuple[np.ndarray, float]:
     return result.frequencies_hz, result.expected_error + result.detail.reduction_error
 
 
-def held(coarse: tuple[np.ndarray, float], fine: tuple[np.ndarray, float]) -> tuple[int, int]:
+def within_bars(coarse: tuple[np.ndarray, float], fine: tuple[np.ndarray, float]) -> tuple[int, int]:
     """How many frequencies lie within their bar, and how many there are."""
     moving = fine[0] > 1e-4 * fine[0].max()
     error = np.abs(coarse[0][moving] / fine[0][moving] - 1.0)
@@ -86,7 +86,7 @@ def test_bars_of_lone_parts(name: str) -> None:
     pairs = []
     for overrides in scenes(12):
         fine = part(name, overrides, FINE)
-        pairs += [held(part(name, overrides, accuracy), fine) for accuracy in COARSE]
+        pairs += [within_bars(part(name, overrides, accuracy), fine) for accuracy in COARSE]
     assert sum(count for _, count in pairs) >= 130
     assert share(pairs) >= HOLDS, pairs
 
@@ -109,7 +109,7 @@ def test_bars_of_modes_far_above_those_of_the_calibration(name: str, count: int)
     for accuracy in (0.03, 0.01):
         coarse = part(name, overrides, accuracy, count)
         assert coarse[1] <= accuracy
-        assert held(coarse, fine)[0] >= HOLDS * count
+        assert within_bars(coarse, fine)[0] >= HOLDS * count
 
 
 def plates(count: int) -> list[list[str]]:
@@ -151,7 +151,7 @@ def test_bars_of_bands() -> None:
     pairs = []
     for overrides in scenes(5):
         fine = bands(overrides, FINE)
-        pairs += [held(bands(overrides, accuracy), fine) for accuracy in COARSE]
+        pairs += [within_bars(bands(overrides, accuracy), fine) for accuracy in COARSE]
     assert sum(count for _, count in pairs) >= 300
     assert share(pairs) >= HOLDS, pairs
 
@@ -169,7 +169,7 @@ STIFF_ON_SOFT = [
 @pytest.mark.parametrize("mesh", ["solve.model=solid", "solve.mesh=tet"])
 def test_stiff_pillars_on_a_soft_plate_lie_within_the_bars_of_every_mesh(mesh: str) -> None:
     """What a mesh misses at the foot's rim grows with the contrast of the materials, of which no table knows."""
-    asked = [
+    options = [
         *STIFF_ON_SOFT,
         "array.pitch_mm=3",
         "patches.sensors=[0]",
@@ -178,7 +178,7 @@ def test_stiff_pillars_on_a_soft_plate_lie_within_the_bars_of_every_mesh(mesh: s
         "bands.count=6",
     ]
     ours, theirs = (
-        solve_bands(load_case(CASE, [*asked, *more]), CALM)
+        solve_bands(load_case(CASE, [*options, *more]), CALM)
         for more in ((mesh, "solve.accuracy=0.01"), ("solve.accuracy=0.003",))
     )
     moving = theirs.frequencies_hz > 1e3

@@ -32,10 +32,10 @@ def test_the_published_unimorph_to_its_printed_digits(number: int, is_open: bool
 
 
 def test_a_voltage_that_may_stretch_the_beam_holds_its_curvature_less() -> None:
-    whole, axis_held = published(stretch=True), published(stretch=False)
-    assert whole.capacitance_f_m > axis_held.capacitance_f_m
-    assert cantilever_hz(whole, LENGTH_M, 1, True) < cantilever_hz(axis_held, LENGTH_M, 1, True)
-    assert cantilever_hz(whole, LENGTH_M, 1, False) == cantilever_hz(axis_held, LENGTH_M, 1, False)
+    whole, axis_clamped = published(stretch=True), published(stretch=False)
+    assert whole.capacitance_f_m > axis_clamped.capacitance_f_m
+    assert cantilever_hz(whole, LENGTH_M, 1, True) < cantilever_hz(axis_clamped, LENGTH_M, 1, True)
+    assert cantilever_hz(whole, LENGTH_M, 1, False) == cantilever_hz(axis_clamped, LENGTH_M, 1, False)
 
 
 def test_the_section_is_the_transformed_one() -> None:

@@ -234,5 +234,5 @@ def test_bands_by_curved_hexahedra_are_those_by_tetrahedra(shape: str) -> None:
 def bands_and_bars(*overrides: str) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies and half-widths of their bars, (wavevectors, bands), as `antinode bands` gives them."""
     case = load_case(CASE, overrides)
-    found = solve_bands(case, WarningLog(), every_gap=False)
-    return found.frequencies_hz, np.array(found.error, dtype=float)
+    result = solve_bands(case, WarningLog(), every_gap=False)
+    return result.frequencies_hz, np.array(result.error, dtype=float)

@@ -73,12 +73,12 @@ def rows(results: Sequence[Solution], references: dict[str, Solution]) -> list[s
     for one in results:
         known = references[one.part]
         of_mode = wanted_error(one, known)
-        shown_errors = (
+        error_columns = (
             ("reference", "")
             if one == known
             else (f"{error(one, known):+.4%}", "" if of_mode is None else f"{of_mode:+.4%}")
         )
-        figures = (one.part, one.program, one.settings, str(one.dofs), f"{one.seconds:.2f}", *shown_errors)
+        figures = (one.part, one.program, one.settings, str(one.dofs), f"{one.seconds:.2f}", *error_columns)
         lines.append(f"| {' | '.join(figures)} |")
     return lines
 

@@ -69,10 +69,10 @@ def scikit(task: dict[str, Any]) -> dict[str, Any]:
     if task["part"] == "cell":
         return _bands(basis, stiffness, mass, task, start)
     frequencies_hz, strengths, dofs = [], [], 0
-    for held in task["classes"]:
+    for clamped in task["classes"]:
         fixed = [
             basis.get_dofs(nodes=None, facets=_facets(grid, mesh, face)).all([f"u^{axis + 1}" for axis in axes])
-            for face, axes in held.items()
+            for face, axes in clamped.items()
         ]
         free = np.setdiff1d(np.arange(basis.N), np.concatenate(fixed))
         near_hz = task["near_hz"] or BELOW_HZ
@@ -171,8 +171,8 @@ def calculix(task: dict[str, Any]) -> dict[str, Any]:
     on_zone = (np.abs(mesh.nodes[corners, 2]) < 1e-9) & (mesh.nodes[corners, 1] < ladder.design().width_m / 2.0 + 1e-9)
     touch = corners[on_zone].tolist() if task["probe"] else []
     frequencies_hz, strengths, dofs = [], [], 0
-    for held in task["classes"]:
-        stopped = {(number[n], axis) for face, axes in held.items() for n in mesh.nodes_of(face) for axis in axes}
+    for clamped in task["classes"]:
+        stopped = {(number[n], axis) for face, axes in clamped.items() for n in mesh.nodes_of(face) for axis in axes}
         stopped = {(n, axis) for n, axis in stopped if n}
         deck = _deck(task, mesh.nodes[used], cells.reshape(-1, 20) + 1, sorted(stopped), number[touch].tolist())
         hz, motions = _ccx(deck)

@@ -66,10 +66,10 @@ def boxes(part: str, settings: HexSettings) -> Boxes:
 @cache
 def bodies(part: str) -> list[list[float]]:
     """The boxes a part is made of, each x0, x1, y0, y1, z0, z1 in m, the lowest body first."""
-    drawn = scene(part, HexSettings())
-    x, y = (min(drawn.x), max(drawn.x)), (min(drawn.y), max(drawn.y))
-    boxes = [[*x, *y, min(drawn.z), max(drawn.z)]]
-    for foot in drawn.feet:
+    blocks = scene(part, HexSettings())
+    x, y = (min(blocks.x), max(blocks.x)), (min(blocks.y), max(blocks.y))
+    boxes = [[*x, *y, min(blocks.z), max(blocks.z)]]
+    for foot in blocks.feet:
         for cx, cy in foot.centres.tolist():
             for x0, x1, y0, y1 in foot.rectangles.tolist():
                 across = [max(cx + x0, x[0]), min(cx + x1, x[1]), max(cy + y0, y[0]), min(cy + y1, y[1])]
@@ -77,7 +77,7 @@ def bodies(part: str) -> list[list[float]]:
     return boxes
 
 
-def held(part: str, symmetry: str) -> dict[str, list[int]]:
+def clamped_axes(part: str, symmetry: str) -> dict[str, list[int]]:
     """Components that vanish, by face: of a class S the normal one on its mirror, of A both others."""
     mirrors = {
         f"{axis}-": [i for i in range(3) if (i == AXES.index(axis)) == (sign == "S")]
@@ -93,7 +93,7 @@ def task(part: str, settings: dict[str, Any]) -> dict[str, Any]:
         "part": part,
         "settings": settings,
         "bodies": bodies(part),
-        "classes": [held(part, symmetry) for symmetry in given.classes],
+        "classes": [clamped_axes(part, symmetry) for symmetry in given.classes],
         "count": given.count,
         "near_hz": given.near_hz,
         "probe": probe() if part == "plate" else None,

@@ -148,9 +148,9 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
         frequencies, dofs, each = bands(mesh, task, own["order"])
         return {"frequencies_hz": frequencies, "dofs": dofs, "seconds": meshed + task["wavevectors"] * each}
     solved = []
-    for held in task["classes"]:
+    for clamped in task["classes"]:
         names: dict[str, list[str]] = {"xyz"[axis]: [] for axis in range(3)}
-        for face, axes in held.items():
+        for face, axes in clamped.items():
             for axis in axes:
                 names["xyz"[axis]].append({"touch": "zm"}.get(face, face.replace("-", "m").replace("+", "p")))
         fixed = {f"dirichlet{axis}": "|".join(faces) for axis, faces in names.items() if faces}

@@ -32,8 +32,8 @@ def test_a_coarse_field_is_carried_exactly(part: str, coarser: HexSettings) -> N
     assert len(coarse.nodes) < len(fine.nodes)
     transfer = interpolation(own, boxes, FINE.order, coarser.order)
     expected = polynomial(fine.nodes, coarser.order)
-    found = transfer @ polynomial(coarse.nodes, coarser.order)
-    assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
+    interpolated = transfer @ polynomial(coarse.nodes, coarser.order)
+    assert np.abs(interpolated - expected).max() < 1e-12 * np.abs(expected).max()
     assert np.abs(transfer.sum(axis=1) - 1.0).max() < 1e-12
 
 

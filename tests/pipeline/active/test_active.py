@@ -44,7 +44,7 @@ def run(*arguments: str) -> int:
 
 @pytest.mark.parametrize("model", ["mason", "pillar", "beam", "dq", "shaping"])
 def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: Path, capsys, monkeypatch) -> None:
-    drawn = collected(monkeypatch)
+    figures = collected(monkeypatch)
     assert run(model, "--out", str(tmp_path), "--quiet") == 0
     text = capsys.readouterr().out
     document = json.loads((tmp_path / f"active_{model}.json").read_text())
@@ -54,8 +54,8 @@ def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: 
         assert entry["ours"] in text and entry["agreement"] in text
     assert {path.stem for path in tmp_path.glob("*.svg")} == FIGURES[model]
     assert {path.stem for path in tmp_path.glob("*.png")} == FIGURES[model]
-    assert sorted(name for name, _ in drawn) == sorted(FIGURES[model])
-    for name, figure in drawn:
+    assert sorted(name for name, _ in figures) == sorted(FIGURES[model])
+    for name, figure in figures:
         assert_labelled_with_data(name, figure)
 
 
@@ -223,8 +223,8 @@ class OneBeam:
 
 def test_one_gain_or_one_frequency_is_not_compared_with_itself() -> None:
     one = OneBeam((1e7,), (3e3,))
-    found = [("gain", thesis_models._gains(one)), ("higher", thesis_models._higher(one))]
-    gains, tones = thesis.beside("beam", found)
+    quantities = [("gain", thesis_models._gains(one)), ("higher", thesis_models._higher(one))]
+    gains, tones = thesis.beside("beam", quantities)
     assert gains["ours"].count("K' =") == 1 and gains["agreement"].startswith("not compared: one gain")
     assert tones["agreement"] == "not compared: one frequency was given, the contrast takes two"
 

@@ -71,23 +71,25 @@ def test_flexural_waves_are_stopped_above_the_pillars_resonance_and_pass_beyond(
 def test_power_is_shared_out_whole_and_none_is_turned_in_plane(document: dict) -> None:
     """In-plane waves decay at this wavenumber (k_x above that of shear waves), so they carry nothing away."""
     for point in document["points"]:
-        passed = point["transmission"]
-        assert passed["reflected"] + passed["flexural"] == pytest.approx(1.0, abs=1e-8)
-        assert passed["shear"] == passed["longitudinal"] == 0.0
+        shares = point["transmission"]
+        assert shares["reflected"] + shares["flexural"] == pytest.approx(1.0, abs=1e-8)
+        assert shares["shear"] == shares["longitudinal"] == 0.0
 
 
 def test_straight_across_in_plane_waves_take_their_share() -> None:
     case = load_case(CASE, ["solve.accuracy=0.03"])
     result = attenuation.solve(case, TerminalLog(True), (34e3, 36e3), 0.0, 3)
     for point in result.points:
-        passed = point.transmission
-        assert passed is not None and passed.longitudinal > 0.0
-        assert passed.reflected + passed.flexural + passed.shear + passed.longitudinal == pytest.approx(1.0, abs=1e-8)
+        shares = point.transmission
+        assert shares is not None and shares.longitudinal > 0.0
+        assert shares.reflected + shares.flexural + shares.shear + shares.longitudinal == pytest.approx(1.0, abs=1e-8)
 
 
 def test_the_prediction_is_rows_times_the_decay() -> None:
-    passed = Transmission(reflected=0.99, flexural=0.01, shear=0.0, longitudinal=0.0)
-    points = [AttenuationPoint(frequency_hz=f, waves=(), db_per_row=5.0, transmission=passed) for f in (30e3, 40e3)]
+    transmission = Transmission(reflected=0.99, flexural=0.01, shear=0.0, longitudinal=0.0)
+    points = [
+        AttenuationPoint(frequency_hz=f, waves=(), db_per_row=5.0, transmission=transmission) for f in (30e3, 40e3)
+    ]
     text = attenuation.prediction(synthetic.attenuation(3).model_copy(update={"points": points}), 35e3, 12.0)
     assert text.rows_db == 15.0 and text.transmission_db == pytest.approx(20.0) and text.rows_needed == 2
     assert text.zone_to_extension_db == 12.0
@@ -97,10 +99,11 @@ def test_a_sentence_says_what_the_rows_do_where_the_zone_is_to_vibrate() -> None
     """The zone by the exact thin plate (levy); nothing is said of a band that ends below."""
     case = load_case(CASE)
     zone_khz = levy_hz(strip_of(case.design), 8) / 1e3
-    passed = Transmission(reflected=0.99, flexural=0.01, shear=0.0, longitudinal=0.0)
+    transmission = Transmission(reflected=0.99, flexural=0.01, shear=0.0, longitudinal=0.0)
     for decay, said in ((5.0, "5.00 dB a row of endless rows, 15.0 dB in 3, 10 dB in 2"), (0.0, "undamped")):
         points = [
-            AttenuationPoint(frequency_hz=f, waves=(), db_per_row=decay, transmission=passed) for f in (30e3, 40e3)
+            AttenuationPoint(frequency_hz=f, waves=(), db_per_row=decay, transmission=transmission)
+            for f in (30e3, 40e3)
         ]
         solved = synthetic.attenuation(3).model_copy(update={"points": points})
         (line,) = attenuation.at_the_zone(case, solved)

@@ -159,8 +159,8 @@ def test_a_coarse_cell_holds_every_degree_that_is_tried() -> None:
     design = case("plate.thickness_mm=3", "array.pitch_mm=3.5").design
     pilot, settings = unit_cell._Pilot(design), ReductionSettings(Interface(4, 3), 3e5, coarse_cells.COARSEST)
     for through in (3, unit_cell.MAX_THROUGH, unit_cell.MAX_THROUGH + 1):
-        asked = replace(settings, interface=Interface(4, through))
-        assert pilot.is_thick and pilot.lattice(asked).cell.interface == Interface(4, through)
+        thicker = replace(settings, interface=Interface(4, through))
+        assert pilot.is_thick and pilot.lattice(thicker).cell.interface == Interface(4, through)
 
 
 def test_a_reduction_too_poor_for_the_accuracy_is_raised_and_said(monkeypatch: pytest.MonkeyPatch) -> None:

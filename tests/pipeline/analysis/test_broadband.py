@@ -59,10 +59,10 @@ def test_power_is_shared_out_whole_and_the_intervals_are_those_of_the_points(doc
         [6.3e-3, 5.9e-3]
     )
     for point in document["points"]:
-        passed = point["transmission"]
-        assert passed["reflected"] + passed["flexural"] + passed["shear"] + passed["longitudinal"] == pytest.approx(1.0)
+        shares = point["transmission"]
+        assert shares["reflected"] + shares["flexural"] + shares["shear"] + shares["longitudinal"] == pytest.approx(1.0)
         inside = any(low <= point["frequency_hz"] <= high for low, high in document["stopped"])
-        assert inside == (passed["flexural"] <= 0.1)
+        assert inside == (shares["flexural"] <= 0.1)
     assert 30e3 < document["wanted_hz"] < 42e3 and document["wanted_db"] is not None
 
 

@@ -46,10 +46,10 @@ def test_a_window_without_the_expected_mode_is_widened_until_it_holds_it(
     """A weak mode of the right shape lies in the first window: it does not pass for the one expected."""
     solve = Spectrum()
     rows, known = solve(*window)
-    found = wanted_search.look_about(Expected(35e3, 0.28), known, rows, solve)
-    assert found.row is SPECTRUM[2]
+    result = wanted_search.look_about(Expected(35e3, 0.28), known, rows, solve)
+    assert result.row is SPECTRUM[2]
     assert (len(solve.asked) > 1) == widened
-    assert found.count and found.count.expected == len(found.rows) and found.low_hz <= WANTED_HZ <= found.high_hz
+    assert result.count and result.count.expected == len(result.rows) and result.low_hz <= WANTED_HZ <= result.high_hz
     spans = sorted(solve.asked)
     assert all(before[1] == after[0] for before, after in pairwise(spans)), "no part solved twice"
 
@@ -75,12 +75,12 @@ def test_a_superelement_broken_on_purpose_is_found_out(monkeypatch: pytest.Monke
     case = load_case(ROOT / "examples" / "small.toml", [])
     right = AssembledPlate.pencil
 
-    def found(log: RecordingLog) -> Any:
+    def tet_check(log: RecordingLog) -> Any:
         ours = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), log)
         assert ours.wanted and ours.bar and ours.bar.frequency
         return cross_check._plate(case, ours, ours.wanted.row, ours.bar.frequency, log)[2].get("tet_modes")
 
-    same = found(RecordingLog())
+    same = tet_check(RecordingLog())
     assert same and same.agrees
 
     def broken(self: AssembledPlate) -> PlainPencil:
@@ -89,5 +89,5 @@ def test_a_superelement_broken_on_purpose_is_found_out(monkeypatch: pytest.Monke
 
     monkeypatch.setattr(AssembledPlate, "pencil", broken)
     log = RecordingLog()
-    other = found(log)
+    other = tet_check(log)
     assert ("CROSS_CHECK" in log.warnings and not other.agrees) if other else "NO_MODE" in log.warnings

@@ -51,14 +51,14 @@ def test_every_state_is_told_and_its_power_balances(record: TouchRecord) -> None
 
 
 def test_the_loop_asks_for_what_the_sensor_lost_and_is_limited(record: TouchRecord, forced: ForcedPlate) -> None:
-    free, touched, held = (record.state(name) for name in ("free", "touched", "held"))
-    assert record.loop and free and touched and held and free.sensor_V and touched.sensor_V
+    free, touched, regulated = (record.state(name) for name in ("free", "touched", "held"))
+    assert record.loop and free and touched and regulated and free.sensor_V and touched.sensor_V
     assert record.loop.needed_V == pytest.approx(free.sensor_V / touched.sensor_V, rel=1e-12)
-    assert record.loop.saturates and held.drive_V == 1e-3
+    assert record.loop.saturates and regulated.drive_V == 1e-3
     able = touch.solve(case_of(touch__limit_V=1e5), QUIET, mapped=False, forced=forced)
-    held = able.state("held")
-    assert able.loop and able.loop.saturates is False and held
-    assert held.sensor_V == pytest.approx(free.sensor_V, rel=1e-9)
+    regulated = able.state("held")
+    assert able.loop and able.loop.saturates is False and regulated
+    assert regulated.sensor_V == pytest.approx(free.sensor_V, rel=1e-9)
 
 
 def test_without_impedance_nothing_changes(forced: ForcedPlate) -> None:

@@ -29,14 +29,16 @@ def case(*more: str) -> Case:
 
 
 @lru_cache
-def found(band_hz: tuple[float, float] | None, near_hz: float | None = None, count: int | None = None) -> PartModes:
+def plate_modes(
+    band_hz: tuple[float, float] | None, near_hz: float | None = None, count: int | None = None
+) -> PartModes:
     return solve_modes(case(), Request("plate", band_hz, near_hz, count, "SS"), RecordingLog())
 
 
 @lru_cache
 def reference() -> PartModes:
     """Every mode of the class up to 50 kHz by a model made for 50 kHz."""
-    return found((1e3, 50e3))
+    return plate_modes((1e3, 50e3))
 
 
 def document(*arguments: str, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
@@ -47,27 +49,29 @@ def document(*arguments: str, capsys: pytest.CaptureFixture[str]) -> dict[str, A
 
 @pytest.mark.parametrize("window", [(20e3, 45e3), (25e3, 45e3), (30e3, 45e3), (30e3, 34e3), (40e3, 44e3)])
 def test_the_wanted_mode_is_the_same_from_every_window(window: tuple[float, float]) -> None:
-    ours, theirs = found(window).wanted, reference().wanted
+    ours, theirs = plate_modes(window).wanted, reference().wanted
     assert ours and theirs and ours.row and theirs.row
     assert ours.row.frequency_hz == pytest.approx(theirs.row.frequency_hz, rel=1e-3)
     assert [r.frequency_hz for r in ours.rivals] == pytest.approx([r.frequency_hz for r in theirs.rivals], rel=1e-3)
     assert ours.status == theirs.status
     assert ours.low_hz <= 0.8 * ours.row.frequency_hz and ours.high_hz >= 1.2 * ours.row.frequency_hz
     assert ours.count and ours.count.expected == ours.count.found == len(ours.rows)
-    assert all(window[0] <= row.frequency_hz <= window[1] for row in found(window).rows), "listed: what was asked for"
+    assert all(window[0] <= row.frequency_hz <= window[1] for row in plate_modes(window).rows), (
+        "listed: what was asked for"
+    )
 
 
 @pytest.mark.parametrize(("near_hz", "count"), [(32.0, 20), pytest.param(1e3, 20, marks=pytest.mark.slow)])
 def test_modes_far_above_what_was_asked_for_are_those_of_a_model_made_for_them(near_hz: float, count: int) -> None:
     """A window of 64 Hz or 2 kHz once made a model without a single fixed-interface mode: 15 % wrong, and "0.97 %" said."""
-    ours, truth = found(None, near_hz, count), reference()
+    ours, truth = plate_modes(None, near_hz, count), reference()
     tones = [row.frequency_hz for row in truth.rows][: len(ours.rows)]
     assert [row.frequency_hz for row in ours.rows] == pytest.approx(tones, rel=2.0 * 0.01)
     assert ours.reduction_error is not None and ours.reduction_error < 0.02
 
 
 def test_a_window_that_does_not_reach_the_wanted_mode_says_so() -> None:
-    lowest = found(None, 0.0, 3)
+    lowest = plate_modes(None, 0.0, 3)
     assert lowest.wanted and lowest.wanted.status == "none" and lowest.bar is None
     said = " ".join(lines(lowest, case().design))
     assert "is expected between" in said and "do not reach it" in said
@@ -118,7 +122,7 @@ def test_a_mode_table_of_another_mode_is_refused_unless_forced(
 def test_an_empty_answer_says_where_modes_are(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["modes", str(SMALL), "--band", "30Hz:34Hz", "--quiet", "--symmetry", "SS"]) == 0
     said = capsys.readouterr().err
-    lowest = found(None, 0.0, 3).rows[0].frequency_hz
+    lowest = plate_modes(None, 0.0, 3).rows[0].frequency_hz
     assert "warning NO_MODES" in said
     text = float(said.split("nearest lies at about ")[1].split(" Hz")[0])
     assert text == pytest.approx(lowest, rel=0.05)

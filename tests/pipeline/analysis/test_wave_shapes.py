@@ -35,8 +35,8 @@ def test_every_label_has_its_lowest_bands(result: Bands) -> None:
 def test_the_waves_at_rest_are_translations(result: Bands) -> None:
     """At k = 0 the three lowest waves move the whole cell as one."""
     u = result.shapes["bands_u"].astype(float)
-    rest, moving = u[0, :3, 0], u[0, 3, 0]
-    assert np.ptp(rest, axis=1).max() < 5e-3 and np.ptp(moving, axis=0).max() > 0.5
+    translations, moving = u[0, :3, 0], u[0, 3, 0]
+    assert np.ptp(translations, axis=1).max() < 5e-3 and np.ptp(moving, axis=0).max() > 0.5
 
 
 def test_opposite_sides_move_alike_or_against_each_other(result: Bands) -> None:

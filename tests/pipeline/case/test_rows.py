@@ -75,8 +75,8 @@ def test_a_record_tells_which_pillar_stands_at_each_centre() -> None:
     graded = design(HEIGHTS)
     record = DesignRecord.of_design(graded)
     tall = {round(abs(y), 9): pillar.height_m for y, pillar in zip(graded.row_centres(), graded.graded, strict=True)}
-    found = zip(record.pillar_centres_m, record.standing, strict=True)
-    assert all(pillar.height_m == tall[round(abs(y), 9)] for (_, y), pillar in found)
+    placed_pillars = zip(record.pillar_centres_m, record.standing, strict=True)
+    assert all(pillar.height_m == tall[round(abs(y), 9)] for (_, y), pillar in placed_pillars)
     assert DesignRecord.model_validate(record.to_dict()) == record
     equal = DesignRecord.of_design(design())
     assert "graded_pillars" not in equal.to_dict() and equal.cell != record.cell

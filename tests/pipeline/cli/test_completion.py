@@ -17,10 +17,10 @@ ASK = "import os; os.dup2(1, 8); os.dup2(2, 9); from antinode.__main__ import ma
 
 def offered(line: str, folder: Path) -> list[str]:
     """The completions of a line with the cursor at its end."""
-    asked = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARGCOMPLETE_IFS": "\n"}
-    asked |= {"_ARGCOMPLETE_COMP_WORDBREAKS": " \t\n", "_ARGCOMPLETE_SHELL": "bash", "PYTHONPATH": str(ROOT)}
+    variables = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARGCOMPLETE_IFS": "\n"}
+    variables |= {"_ARGCOMPLETE_COMP_WORDBREAKS": " \t\n", "_ARGCOMPLETE_SHELL": "bash", "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
-        [sys.executable, "-c", ASK], cwd=folder, env=os.environ | asked, capture_output=True, text=True
+        [sys.executable, "-c", ASK], cwd=folder, env=os.environ | variables, capture_output=True, text=True
     )
     return [word.strip() for word in done.stdout.split("\n")]
 

@@ -114,8 +114,8 @@ def test_two_results_with_bands_are_drawn_over_one_path(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Corners of the path fall on each other though the second lattice is twice as wide."""
-    drawn: list[Any] = []
-    monkeypatch.setattr(figures, "save", lambda figure, place: drawn.append(figure))
+    saved_figures: list[Any] = []
+    monkeypatch.setattr(figures, "save", lambda figure, place: saved_figures.append(figure))
     for name, scale in (("a", 1.0), ("b", 0.5)):
         points = [{"label": label, "kx_per_m": scale * k, "ky_per_m": 0.0, "frequencies_hz": [1e4 * scale * (k + 1.0)]}
                   for k, label in enumerate(("G", None, "X"))]  # fmt: skip
@@ -123,10 +123,10 @@ def test_two_results_with_bands_are_drawn_over_one_path(
         (tmp_path / f"{name}.json").write_text(json.dumps(document))
     places = [str(tmp_path / f"{name}.json") for name in "ab"]
     assert main(["compare", *places, "--quiet", "--plot", str(tmp_path / "c.svg")]) == 0
-    a, b = drawn[0].axes[0].lines
+    a, b = saved_figures[0].axes[0].lines
     assert a.get_xdata() == pytest.approx([0.0, 0.5, 1.0]) and b.get_xdata() == pytest.approx([0.0, 0.5, 1.0])
     assert a.get_ydata() == pytest.approx([10.0, 20.0, 30.0]) and b.get_ydata() == pytest.approx([5.0, 10.0, 15.0])
-    assert [text.get_text() for text in drawn[0].axes[0].get_legend().get_texts()] == [
+    assert [text.get_text() for text in saved_figures[0].axes[0].get_legend().get_texts()] == [
         f"{mark}: {place}" for mark, place in zip("AB", places, strict=True)
     ]
 

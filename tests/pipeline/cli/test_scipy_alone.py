@@ -98,8 +98,8 @@ def test_a_cross_check_that_memory_cannot_hold_is_left_out_and_told(monkeypatch:
         raise TooLarge("factorising 314396 degrees of freedom needs about 7.5 GiB, 4.0 GiB are free")
 
     done: list[str] = []
-    found = SimpleNamespace(wanted=SimpleNamespace(row=object()), bar=None)
-    monkeypatch.setattr(cross_check.modes, "solve_modes", lambda *_: found)
+    part_modes = SimpleNamespace(wanted=SimpleNamespace(row=object()), bar=None)
+    monkeypatch.setattr(cross_check.modes, "solve_modes", lambda *_: part_modes)
     monkeypatch.setattr(cross_check, "_plate", too_large)
     cell = SimpleNamespace(meshes=[], record={})
     monkeypatch.setattr(cross_check.bands, "solve_bands", lambda *_, **__: done.append("cell") or cell)

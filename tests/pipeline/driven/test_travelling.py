@@ -104,16 +104,16 @@ def test_backwards_is_the_mirror_image(solved: tuple[TravelRecord, Travelling]) 
 
 def test_the_table_holds_t_and_what_each_pattern_shows(solved: tuple[TravelRecord, Travelling], tmp_path: Path) -> None:
     record, wave = solved
-    found = played.board_outcome(wave, QUIET, tmp_path, played=False)
-    assert found["tables"] == ["travelling_wave.bin", "travelling_wave.h"]
+    outcome = played.board_outcome(wave, QUIET, tmp_path, played=False)
+    assert outcome["tables"] == ["travelling_wave.bin", "travelling_wave.h"]
     table = from_bytes((tmp_path / "travelling_wave.bin").read_bytes())
     (shape,) = table.shapes
     assert shape.frequency_hz == pytest.approx(record.frequency_hz, rel=1e-6)
     matrix = np.array(shape.matrix)
     assert matrix == pytest.approx(_sampled(played.structure(wave), record.frequency_hz), rel=1e-3)
     for pattern, volts in zip(shape.patterns, wave.drives.values(), strict=True):
-        shown, target = matrix @ volts, np.array(pattern.targets)
-        assert target * shown[np.argmax(np.abs(shown))] == pytest.approx(shown, rel=1e-5)
+        readings, target = matrix @ volts, np.array(pattern.targets)
+        assert target * readings[np.argmax(np.abs(readings))] == pytest.approx(readings, rel=1e-5)
 
 
 def _sampled(plate: Structure, frequency_hz: float) -> np.ndarray:
@@ -167,9 +167,9 @@ def fingered(record: TravelRecord, wave: Travelling, drive: str = "pair+", **tou
     case = case_from_dict({**STRIP, "touch": {key: value for key, value in given.items() if value is not None}})
     volts = wave.forced.signs.astype(complex) if drive == "standing" else wave.all_volts(wave.drives[drive])
     driven = record.drive_V_at_1um * volts
-    found = shear.solve(case, wave.forced, driven, record.frequency_hz, record.wavenumber_per_m, QUIET)
-    assert found is not None
-    return found
+    shear_record = shear.solve(case, wave.forced, driven, record.frequency_hz, record.wavenumber_per_m, QUIET)
+    assert shear_record is not None
+    return shear_record
 
 
 @pytest.fixture(scope="module")
@@ -244,8 +244,8 @@ def test_soft_and_hard_fingers_bound_the_net_shear(solved: tuple[TravelRecord, T
 @pytest.mark.usefixtures("free")
 def test_shear_that_cannot_be_told_says_why(solved: tuple[TravelRecord, Travelling]) -> None:
     record, wave = solved
-    silent = fingered(record, wave, force_N=None, gap_um=None)
-    assert silent.shear_low is None and silent.unknown == ["net shear: touch.gap_um and touch.force_N are not given"]
+    bare = fingered(record, wave, force_N=None, gap_um=None)
+    assert bare.shear_low is None and bare.unknown == ["net shear: touch.gap_um and touch.force_N are not given"]
     wide = fingered(record.model_copy(update={"wavenumber_per_m": 1.1e3}), wave)
     assert wide.shear_high is None and "5 mm wide, more than half a wave of 2.86 mm" in wide.unknown[0]
     afloat = fingered(record, wave, gap_um=[0.8, 3.0])

@@ -227,11 +227,11 @@ def test_every_line_of_the_export_file_is_one_that_run_aster_reads(tmp_path: Pat
     text = aster.export_file("small")
     units = {}
     for line in text.splitlines():
-        kind, *rest = line.split()
-        assert (kind == "P" and len(rest) == 2) or (kind == "F" and len(rest) == 4 and rest[2] in "DRC")
+        kind, *fields = line.split()
+        assert (kind == "P" and len(fields) == 2) or (kind == "F" and len(fields) == 4 and fields[2] in "DRC")
         if kind == "F":
-            units[int(rest[3])] = (rest[0], rest[1], rest[2])
-            assert not Path(rest[1]).is_absolute() and ":" not in rest[1]
+            units[int(fields[3])] = (fields[0], fields[1], fields[2])
+            assert not Path(fields[1]).is_absolute() and ":" not in fields[1]
     assert units[20] == ("mmed", "small.med", "D") and units[80] == ("rmed", "small.rmed", "R")
     assert {1, 6, 8} <= set(units) and 15 not in units
 
@@ -265,7 +265,7 @@ def test_the_command_writes_four_files_that_go_together(tmp_path: Path, capsys: 
 
 
 @pytest.mark.slow
-def test_the_default_plate_stays_below_the_limit_of_unknowns() -> None:
+def test_the_default_plate_stays_below_the_limit_of_degrees_of_freedom() -> None:
     from pipeline.case.model import load_case
 
     root = Path(__file__).resolve().parents[3]

@@ -82,8 +82,8 @@ def test_phonopys_file_has_the_bands_of_the_command(tmp_path: Path) -> None:
 
 
 def test_paraviews_file_has_a_step_a_mode_on_the_whole_plate(shapes: Path, tmp_path: Path) -> None:
-    asked = ["--set", COARSE[0], "--set", BAND, "--quiet", "--json", str(tmp_path / "m")]
-    assert main(["modes", SMALL, *asked]) == 0
+    options = ["--set", COARSE[0], "--set", BAND, "--quiet", "--json", str(tmp_path / "m")]
+    assert main(["modes", SMALL, *options]) == 0
     modes = json.loads((tmp_path / "m").read_text())["modes"]
     reader = vtkHDFReader()
     reader.SetFileName(str(shapes))
@@ -152,9 +152,9 @@ def test_a_universal_file_holds_the_response_and_is_read_back(
 
 def test_a_sweep_is_compared_with_the_peak_that_it_covers(responses: Path, tmp_path: Path) -> None:
     """The highest peak of this plate's response, at 26 kHz, is another mode's."""
-    asked = [*(word for text in (COARSE[0], PATCH) for word in ("--set", text)), "--points", "51", "--quiet"]
+    options = [*(word for text in (COARSE[0], PATCH) for word in ("--set", text)), "--points", "51", "--quiet"]
     seen_by = ["--measured", str(responses), "--map", str(responses)]
-    assert main(["response", SMALL, *asked, *seen_by, "--json", str(tmp_path / "r")]) == 0
+    assert main(["response", SMALL, *options, *seen_by, "--json", str(tmp_path / "r")]) == 0
     record = json.loads((tmp_path / "r").read_text())
     assert record["highest_peak"]["frequency_hz"] < 0.8 * record["wanted_peak"]["frequency_hz"]
     seen = record["measured"]

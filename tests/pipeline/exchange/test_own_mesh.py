@@ -91,7 +91,7 @@ def frequencies(mesh: Mesh, clamped: tuple[str, ...], count: int = 5) -> np.ndar
     return modes_near(model.pencil(None), 0.0, count).frequency_hz
 
 
-def found(arguments: list[str], folder: Path) -> dict[str, Any]:
+def modes_document(arguments: list[str], folder: Path) -> dict[str, Any]:
     assert main.main(["modes", *arguments, "--quiet", "--json", str(folder / "modes.json")]) == 0
     return dict(json.loads((folder / "modes.json").read_text()))
 
@@ -116,7 +116,7 @@ def test_gmsh_files_in_millimetres_give_the_frequencies_of_our_mesh(
     mesh = bar(order, kind)
     meshio.write(tmp_path / "bar.msh", as_meshio(mesh, 1e3), file_format="gmsh22")
     query = [case_file, "--mesh-file", str(tmp_path / "bar.msh"), "--unit", "mm", "--clamp", "FIXED", "--count", "5"]
-    document = found(query, tmp_path)
+    document = modes_document(query, tmp_path)
     assert document["part"] == "mesh" and document["model"] == f"solid {kind}{order}"
     assert document["rigid_count"] == 0
     assert document["count_check"]["expected"] == document["count_check"]["found"]
@@ -136,7 +136,7 @@ def test_a_unit_that_makes_a_body_a_thousand_times_the_case_s_is_doubted(
     scale: float, unit: str, said: str | None, case_file: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     meshio.write(tmp_path / "bar.msh", as_meshio(bar(1), scale), file_format="gmsh22")
-    found(
+    modes_document(
         [case_file, "--mesh-file", str(tmp_path / "bar.msh"), "--unit", unit, "--clamp", "FIXED", "--count", "1"],
         tmp_path,
     )
@@ -165,7 +165,7 @@ def test_a_file_of_gmsh_4_is_read_with_its_physical_groups(case_file: str, tmp_p
     mesh = bar(2, "tet")
     (tmp_path / "bar.msh").write_text(gmsh41(mesh))
     query = [case_file, "--mesh-file", str(tmp_path / "bar.msh"), "--clamp", "FIXED", "--count", "4"]
-    computed = [mode["frequency_hz"] for mode in found(query, tmp_path)["modes"]][:4]
+    computed = [mode["frequency_hz"] for mode in modes_document(query, tmp_path)["modes"]][:4]
     assert computed == pytest.approx(frequencies(mesh, ("touch",), 4)[:4], rel=SAME)
 
 
@@ -176,7 +176,7 @@ def test_an_exported_med_file_comes_back_with_the_same_modes_and_measures(
     case = scene()
     part = exchange(case, "plate", TerminalLog(True), tetrahedra)
     write_med(aster.raw_mesh(part), tmp_path / "plate.med", "PLATE")
-    document = found([case_file, "--mesh-file", str(tmp_path / "plate.med"), "--count", "6"], tmp_path)
+    document = modes_document([case_file, "--mesh-file", str(tmp_path / "plate.med"), "--count", "6"], tmp_path)
     model = SolidModel(part.mesh, dict.fromkeys(part.mesh.regions, case.design.material), (), False)
     direct = modes_near(model.pencil(None), 0.0, 6)
     assert document["rigid_count"] == direct.rigid_count == 6
@@ -189,7 +189,7 @@ def test_a_calculix_file_is_read_with_its_node_sets(case_file: str, tmp_path: Pa
     part = exchange(scene(), "pillar", TerminalLog(True), tetrahedra=True)
     (tmp_path / "part.inp").write_text(calculix.input_deck(part, 5))
     query = [case_file, "--mesh-file", str(tmp_path / "part.inp"), "--clamp", "CLAMP", "--count", "4"]
-    computed = [mode["frequency_hz"] for mode in found(query, tmp_path)["modes"]][:4]
+    computed = [mode["frequency_hz"] for mode in modes_document(query, tmp_path)["modes"]][:4]
     assert computed == pytest.approx(frequencies(part.mesh, ("touch",), 4)[:4], rel=1e-7)  # the file keeps 13 digits
 
 
@@ -199,7 +199,7 @@ def test_wedges_and_pyramids_of_a_file_are_solved_together(case_file: str, tmp_p
     cells = "*ELEMENT, TYPE=C3D6\n1,1,2,3,4,5,6\n2,2,7,3,5,8,6\n*ELEMENT, TYPE=C3D5\n3,2,7,8,5,9\n"
     (tmp_path / "roof.inp").write_text(f"*NODE\n{nodes}{cells}*NSET, NSET=FOOT\n1,2,3,7\n")
     query = [case_file, "--mesh-file", str(tmp_path / "roof.inp"), "--unit", "mm", "--clamp", "FOOT", "--count", "3"]
-    document = found(query, tmp_path)
+    document = modes_document(query, tmp_path)
     assert document["model"] == "solid pyramid+wedge1" and document["rigid_count"] == 0
     model = SolidModel(load(str(tmp_path / "roof.inp"), "mm"), {"plate": scene().design.material}, ("FOOT",), False)
     direct = modes_near(model.pencil(None), 0.0, 3).frequency_hz
@@ -210,7 +210,8 @@ def test_pillars_and_plate_of_a_file_have_their_own_materials(tmp_path: Path) ->
     (tmp_path / "own.toml").write_text(TOML.replace("side_mm = 2.0", 'side_mm = 2.0\nmaterial = "steel"'))
     part = exchange(scene(), "plate", TerminalLog(True))
     write_med(aster.raw_mesh(part), tmp_path / "plate.med", "PLATE")
-    document = found([str(tmp_path / "own.toml"), "--mesh-file", str(tmp_path / "plate.med"), "--count", "2"], tmp_path)
+    query = [str(tmp_path / "own.toml"), "--mesh-file", str(tmp_path / "plate.med"), "--count", "2"]
+    document = modes_document(query, tmp_path)
     steel = case_from_dict(SCENE | {"pillar": SCENE["pillar"] | {"material": "steel"}}).design.pillar
     assert steel
     model = SolidModel(part.mesh, {"plate": scene().design.material, "pillar": steel.material}, (), False)
@@ -443,7 +444,7 @@ def test_a_group_is_held_along_some_axes_only(case_file: str, tmp_path: Path) ->
     meshio.write(tmp_path / "bar.msh", as_meshio(mesh), file_format="gmsh22")
     query = [case_file, "--mesh-file", str(tmp_path / "bar.msh"), "--count", "4"]
     for axes, rigid in (("z", 3), ("yz", 1), ("xyz", 0)):
-        document = found([*query, "--support", f"FIXED:{axes}"], tmp_path)
+        document = modes_document([*query, "--support", f"FIXED:{axes}"], tmp_path)
         assert document["rigid_count"] == rigid
         free = np.ones((len(mesh.nodes), 3), dtype=bool)
         for axis in axes:

@@ -81,24 +81,24 @@ def test_a_damaged_model_counts_as_absent(folder: Path, explorer: Explorer, tmp_
 
 def test_bands_and_gaps_are_those_of_the_design(explorer: Explorer) -> None:
     given = OWN | {"height": 6.6, "pitch": 4.2}
-    found = explorer.answer(given)["bands"]
+    answer = explorer.answer(given)["bands"]
     lattice = Lattice(explorer.model.cell.at((2e-3, 6.6e-3, 2e-3, 4.2e-3), INNER))
     x = lattice.frequencies(np.array([np.pi / 4.2e-3, 0.0]), 10)
-    assert found["frequency_hz"][4] == pytest.approx(x.tolist(), rel=0.01)
-    assert found["labels"][4] == "X"
-    gaps = complete_gaps(np.array(found["frequency_hz"]))
-    assert [gap["lower_band"] for gap in found["gaps"]] == [gap.lower_band for gap in gaps]
-    assert all(gap["error"] > 0.0 for gap in found["gaps"])
+    assert answer["frequency_hz"][4] == pytest.approx(x.tolist(), rel=0.01)
+    assert answer["labels"][4] == "X"
+    gaps = complete_gaps(np.array(answer["frequency_hz"]))
+    assert [gap["lower_band"] for gap in answer["gaps"]] == [gap.lower_band for gap in gaps]
+    assert all(gap["error"] > 0.0 for gap in answer["gaps"])
 
 
 def test_no_figure_of_the_mesh_is_told_where_none_was_measured(explorer: Explorer) -> None:
-    found = explorer.answer(OWN)
-    assert all(bar > 0.0 for bar in found["bands"]["mesh_error"])
-    largest = max(bar + own for bar, own in zip(found["bands"]["mesh_error"], found["bands"]["error"], strict=True))
-    assert all(0.0 < gap["error"] <= largest for gap in found["bands"]["gaps"])
+    answer = explorer.answer(OWN)
+    assert all(bar > 0.0 for bar in answer["bands"]["mesh_error"])
+    largest = max(bar + own for bar, own in zip(answer["bands"]["mesh_error"], answer["bands"]["error"], strict=True))
+    assert all(0.0 < gap["error"] <= largest for gap in answer["bands"]["gaps"])
     unknown = Explorer(explorer.scene, replace(explorer.model, mesh=None)).answer(OWN)
     assert unknown["bands"]["mesh_error"] is None and {gap["error"] for gap in unknown["bands"]["gaps"]} <= {None}
-    assert found["plate"]["frequency_error"] > unknown["plate"]["frequency_error"] > 0.0
+    assert answer["plate"]["frequency_error"] > unknown["plate"]["frequency_error"] > 0.0
 
 
 def test_between_the_corners_the_error_is_a_product_of_powers_of_the_sizes() -> None:
@@ -147,13 +147,13 @@ def test_the_mesh_of_the_small_model_is_off_by_what_its_table_says(explorer: Exp
     cell, bases = explorer.model.cell, explorer.model.bases
     sizes = cell.box.spread(0)[5]
     at = [number for number, label in enumerate(bases.labels) if label][:3]
-    found = bands(cell, bases, sizes).frequency_hz[at]
+    computed_hz = bands(cell, bases, sizes).frequency_hz[at]
     case = parametric_mesh.with_sizes(explorer.scene.case, sizes, 0.03, 10)
-    off = parametric_mesh.off_by((case, bases.fractions[at] * np.pi / sizes[3], found))
+    off = parametric_mesh.off_by((case, bases.fractions[at] * np.pi / sizes[3], computed_hz))
     (high, bar), moving = off, np.isfinite(off[0])
     assert off.shape == (2, 3, 10) and moving[1:].all() and not moving[0].all(), "at rest nothing is told"
     assert (high[moving] > 0.0).all() and high[moving].max() < 0.1 and (bar[moving] > 1e-5).all()
-    worse = parametric_mesh.off_by((case, bases.fractions[at] * np.pi / sizes[3], 1.05 * found))
+    worse = parametric_mesh.off_by((case, bases.fractions[at] * np.pi / sizes[3], 1.05 * computed_hz))
     assert worse[0][moving] == pytest.approx(high[moving] + 0.05 * (1.0 + high[moving]))
 
 
@@ -173,17 +173,18 @@ class OwnMesh(LiveReductions):
 
 
 def test_the_wanted_mode_is_that_of_a_column_from_its_own_mesh(explorer: Explorer) -> None:
-    found = explorer.answer(OWN)["plate"]
+    answer = explorer.answer(OWN)["plate"]
     case = load_case(SMALL)
     window = mesh_rules.wanted_window_hz(case.design)
     reductions = OwnMesh(LiveCell(explorer.model.cell), case.design, {}, window[1])
     modes = Column(case.design, reductions, case.kx_wanted_per_m).modes(*window)
     at = modes.confinement.wanted.index
     assert at is not None
-    assert found["frequency_hz"] == pytest.approx(modes.frequency_hz[at], rel=2e-3)  # twice the bar of the coarse bases
-    assert found["confinement_db"] == pytest.approx(modes.confinement.confinement_db[at], abs=0.1)
-    places, level = found["profile"]["y_mm"], found["profile"]["level"]
-    assert max(level) == 1.0 and places == sorted(places) and places[-1] < found["half_span_mm"]
+    twice_the_bar = 2e-3  # of the coarse bases
+    assert answer["frequency_hz"] == pytest.approx(modes.frequency_hz[at], rel=twice_the_bar)
+    assert answer["confinement_db"] == pytest.approx(modes.confinement.confinement_db[at], abs=0.1)
+    places, level = answer["profile"]["y_mm"], answer["profile"]["level"]
+    assert max(level) == 1.0 and places == sorted(places) and places[-1] < answer["half_span_mm"]
 
 
 def test_decay_follows_the_pillars(explorer: Explorer) -> None:
@@ -294,13 +295,13 @@ def test_bytes_that_are_no_request_leave_the_server_alive(server: Server) -> Non
 def test_two_pages_at_once_have_each_its_answer(server: Server) -> None:
     designs = [OWN | {"height": height} for height in (6.2, 6.4, 6.6, 6.8)]
 
-    def asked(design: dict[str, float]) -> Any:
+    def answer_of(design: dict[str, float]) -> Any:
         return json.loads(request(server, "POST", f"/{server.token}/answer", json.dumps(design).encode())[1])
 
     with ThreadPoolExecutor(4) as pages:
-        found = list(pages.map(asked, designs))
-    assert [each["design"] for each in found] == designs
-    assert len({json.dumps(each["bands"]["frequency_hz"]) for each in found}) == len(designs)
+        answers = list(pages.map(answer_of, designs))
+    assert [each["design"] for each in answers] == designs
+    assert len({json.dumps(each["bands"]["frequency_hz"]) for each in answers}) == len(designs)
 
 
 def test_a_closed_tab_costs_nobody_else_an_answer(server: Server) -> None:
@@ -365,14 +366,14 @@ def test_plates_of_the_cloud_that_share_a_cell_are_those_asked_alone(explorer: E
 def test_a_second_process_computes_parts_of_the_cloud_and_its_loss_is_made_up_for(explorer: Explorer) -> None:
     beside = Beside(explorer)
     try:
-        found = beside.cloud(BATCH, BATCH)
-        assert found == explorer.cloud(BATCH, BATCH)
+        cloud = beside.cloud(BATCH, BATCH)
+        assert cloud == explorer.cloud(BATCH, BATCH)
         assert beside._workers is not None
         (process,) = beside._workers._processes.values()
         assert process.is_alive()
         process.kill()
         process.join()
-        assert beside.cloud(BATCH, BATCH) == found
+        assert beside.cloud(BATCH, BATCH) == cloud
     finally:
         beside.close()
     assert not process.is_alive()

@@ -24,9 +24,9 @@ def choice(query: Request) -> ModelChoice:
 
 def modes_of(query: Request, log: RecordingLog | None = None) -> list[tuple[str | None, float]]:
     """Symmetry class and frequency on the finest mesh of every mode that is told, in ascending order."""
-    found = modes.solve_modes(CASE, query, log or TerminalLog(True))
-    assert found.count.expected == found.count.found == len(found.rows)
-    return [(row.symmetry, row.computed_hz or 0.0) for row in found.rows]
+    result = modes.solve_modes(CASE, query, log or TerminalLog(True))
+    assert result.count.expected == result.count.found == len(result.rows)
+    return [(row.symmetry, row.computed_hz or 0.0) for row in result.rows]
 
 
 def test_the_mesh_is_made_for_the_highest_mode_at_once_and_each_class_is_solved_once() -> None:

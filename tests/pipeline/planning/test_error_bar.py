@@ -125,7 +125,7 @@ def test_the_elements_of_a_foil_do_not_shrink_with_its_thickness_for_ever() -> N
 
 
 @pytest.mark.parametrize("part", MESHES)
-def test_the_rungs_ascend_in_unknowns(part: str) -> None:
+def test_the_mesh_levels_ascend_in_degrees_of_freedom(part: str) -> None:
     design = load_case(CASE, []).design
     sizes = [hex_mesh(MESHES[part](design, row), row.order).dof for row in mesh_rules.mesh_levels(part)]
     assert sizes == sorted(sizes) and len(set(sizes)) == len(sizes)
@@ -146,7 +146,7 @@ def test_a_finer_mesh_of_one_kind_is_never_worse() -> None:
         assert finest.error == min(row.error for row in tets)
 
 
-def test_the_bar_grows_with_the_frequency_and_elements_shrink_where_no_rung_serves() -> None:
+def test_the_bar_grows_with_the_frequency_and_elements_shrink_where_no_mesh_level_serves() -> None:
     case = load_case(CASE, ["solve.accuracy=0.01"])
     good = mesh_rules.good_to_hz("zone", case.design)
     low, high, far = (model_choice_of(case, "zone", factor * good) for factor in (1.0, 3.0, 20.0))

@@ -76,7 +76,9 @@ def test_the_line_names_what_helps_most(sixteen_gib: None, capsys: pytest.Captur
     assert "ask for fewer modes (a lower count)" in count
 
 
-def test_explain_tells_memory_unknowns_modes_and_time(sixteen_gib: None, capsys: pytest.CaptureFixture[str]) -> None:
+def test_explain_tells_memory_degrees_of_freedom_modes_and_time(
+    sixteen_gib: None, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main([*TOO_LARGE["forty lines"], "--explain"]) == 0
     text = capsys.readouterr().out
     for words in (
@@ -189,17 +191,17 @@ def test_a_soft_pillar_s_many_functions_are_told(
 # -- the estimate ------------------------------------------------------------------------------------------------------
 
 
-def held(name: str) -> bool:
+def peak_is_foreseen(name: str) -> bool:
     low, high = MEMORY_RANGE
     return low * foreseen(name).memory_bytes < peak_bytes(name) < high * foreseen(name).memory_bytes
 
 
 @pytest.mark.parametrize("name", ["zone small", pytest.param("plate small", marks=pytest.mark.slow)])
 def test_peaks_lie_where_they_are_foreseen(name: str) -> None:
-    assert held(name)
+    assert peak_is_foreseen(name)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in SCENES if name not in ("zone small", "plate small")])
 def test_peaks_of_large_scenes_lie_where_they_are_foreseen(name: str) -> None:
-    assert held(name)
+    assert peak_is_foreseen(name)

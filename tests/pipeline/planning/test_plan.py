@@ -57,7 +57,7 @@ def rules(planned: plan.Plan) -> set[str]:
     return {each.rule for each in planned.left_out}
 
 
-def told_apart(heard: RecordingLog) -> set[str]:
+def omissions(heard: RecordingLog) -> set[str]:
     return {f"{what}: {why}" for what, why in heard.omitted.items()}
 
 
@@ -258,7 +258,7 @@ def test_modes_are_solved_as_planned(overrides: tuple[str, ...], request_: Reque
     else:
         assert len(result.rows) >= step.numbers["count"]
     promised = {f"{each.what}: {each.why}" for each in planned.left_out}
-    assert told_apart(heard) <= promised
+    assert omissions(heard) <= promised
     if step.numbers.get("order"):
         assert all(mesh.order == step.numbers["order"] for mesh in result.meshes)
 
@@ -271,7 +271,7 @@ def test_bands_and_attenuation_are_solved_as_planned() -> None:
     assert len(result.path.wavevectors) == numbers["wavevectors"] == 7
     assert f"{numbers['solved_wavevectors']} wavevectors" in heard.steps
     assert planned.steps[0].model.startswith(result.model)
-    assert told_apart(heard) <= {f"{each.what}: {each.why}" for each in planned.left_out}
+    assert omissions(heard) <= {f"{each.what}: {each.why}" for each in planned.left_out}
     crossed = attenuation.solve(scene, heard, None, None, 3)
     step = plan.of_attenuation(scene, None, None, 3, False).steps[0]
     assert crossed.kx_per_m == step.numbers["kx_per_m"] and len(crossed.points) == step.numbers["frequencies"]
@@ -285,7 +285,7 @@ def test_a_response_couples_the_classes_that_were_planned() -> None:
         result = response.solve(scene, heard, None, 11)
         solved = {" with ".join(group.symmetries) for group in result.forced.plate.groups}
         assert solved == set(planned.steps[0].classes)
-        assert told_apart(heard) <= {f"{each.what}: {each.why}" for each in planned.left_out}
+        assert omissions(heard) <= {f"{each.what}: {each.why}" for each in planned.left_out}
 
 
 # -- told without computing --------------------------------------------------------------------------------------------
@@ -321,8 +321,8 @@ def test_explain_computes_nothing(
 def test_explain_refuses_what_the_command_refuses(
     arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    command, *rest = arguments
-    assert main([command, CASE, *rest, "--explain"]) == 2
+    command, *options = arguments
+    assert main([command, CASE, *options, "--explain"]) == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 

@@ -61,13 +61,13 @@ def test_a_degree_too_low_is_raised_and_every_mode_comes_down() -> None:
 
 
 @pytest.mark.slow
-def test_what_is_good_enough_stays_on_its_rung() -> None:
+def test_what_is_good_enough_stays_on_its_mesh_level() -> None:
     _, log = solved(0.01)
     assert not [line for line in log.facts if "too high" in line]
 
 
 @pytest.mark.usefixtures("too_low")
-def test_a_rung_that_cannot_be_solved_leaves_what_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mesh_level_that_cannot_be_solved_leaves_the_modes_of_the_one_below(monkeypatch: pytest.MonkeyPatch) -> None:
     built = modes.parts.built
 
     def first_only(case: Case, choice: Any, log: Any, meshes: Any) -> Any:

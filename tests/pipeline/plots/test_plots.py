@@ -45,14 +45,14 @@ def labels(figure) -> str:
 def test_units_on_every_axis(case: StoredCase):
     arrays = case.arrays()
     with style.style():
-        drawn = [
+        report_figures = [
             fields.touch_face(case, arrays),
             fields.side_view(case, arrays),
             fields.pillars_in_plane(case, arrays),
             plots_fields.mode_on_both_meshes(case, arrays),
             bands.dispersion(case, arrays),
         ]
-    for report_figure in drawn:
+    for report_figure in report_figures:
         for axes in report_figure.figure.axes:
             visible = [label for label in (axes.get_xlabel(), axes.get_ylabel()) if label]
             assert all("(" in label or "/" in label for label in visible), (report_figure.name, visible)
@@ -78,9 +78,9 @@ def test_the_gap_and_the_bending_bands_are_told_with_their_numbers(case: StoredC
     gapless = case.record.bands.model_copy(update={"gaps": [], "points": cut})
     known = min(point.frequencies_hz[3] for point in case.record.bands.points) / 1e3
     none = replace(case, record=case.record.model_copy(update={"bands": gapless}))
-    drawn = bands.dispersion(none, {})  # a gap above the last band would not have been seen
+    gapless_figure = bands.dispersion(none, {})  # a gap above the last band would not have been seen
     said = f"o complete gap along the path up to {known:.2f} kHz, where the lowest 4 bands end"
-    assert said in labels(drawn.figure) and f"opens {said[15:]}" in drawn.alt
+    assert said in labels(gapless_figure.figure) and f"opens {said[15:]}" in gapless_figure.alt
 
 
 def test_normalised_frequency_is_f_a_over_the_shear_speed(case: StoredCase):
@@ -107,13 +107,13 @@ def test_the_side_view_states_its_factor_truly(case: StoredCase):
     report_figure = fields.side_view(case, arrays)
     text = float(report_figure.title.split("drawn ")[1].split(" times")[0].replace("\u202f", ""))
     largest = np.abs(arrays["surface_u"][0]).max() / plate.zone_peak(arrays, design) * 1e-6
-    drawn = largest * text
+    displacement_m = largest * text
     limit = fields.DRAWN_SHARE * design.pillar.height_m
-    assert limit / 2.5 < drawn <= limit  # the largest of 1, 2, 5 that fits
+    assert limit / 2.5 < displacement_m <= limit  # the largest of 1, 2, 5 that fits
     tips = report_figure.figure.axes[0].collections[1].get_paths()
     reach = max(np.abs(path.vertices[:, 0]).max() for path in tips) / 1e3
     foot = max(abs(y) for _, y in design.pillar_centres_m) + design.pillar.base_m / 2
-    assert abs(reach - foot) < drawn * 1.01
+    assert abs(reach - foot) < displacement_m * 1.01
 
 
 def test_tips_are_found_pillar_by_pillar(case: StoredCase):

@@ -146,10 +146,10 @@ def test_libraries_say_nothing_where_no_home_can_be_written(case: Path) -> None:
     done = command("export", "stl", "c.toml", "--quiet", "-o", "p.stl", **environment)
     assert (done.returncode, done.stderr) == (0, b"")
     assert sorted(path.name for path in case.parent.iterdir()) == ["c.toml", "home", "p.stl"]
-    for lent, told in (("process.lend_cache_folders()", False), ("pass", True)):
+    for lent, complains in (("process.lend_cache_folders()", False), ("pass", True)):
         code = f"from pipeline import process; {lent}; import matplotlib; matplotlib.get_configdir()"
         done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, env=os.environ | environment)
-        assert (done.returncode, bool(done.stderr)) == (0, told), done.stderr
+        assert (done.returncode, bool(done.stderr)) == (0, complains), done.stderr
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from tests.helpers.at_once import AtOnce
 
 
 @pytest.fixture(autouse=True, scope="module")
-def drawn_here() -> Iterator[None]:
+def figures_in_process() -> Iterator[None]:
     def workers(count: int, threads: int) -> AtOnce:
         assert count >= 1 and threads == 1
         return AtOnce()

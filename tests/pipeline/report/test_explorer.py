@@ -40,15 +40,15 @@ def test_bases_are_made_where_they_are_asked_for(tmp_path: Path, monkeypatch: py
     from pipeline.batch import case_study
     from pipeline.batch.study_file import StudyFile
 
-    model, asked = small_explorer(tmp_path).model, []
+    model, modelled_cases = small_explorer(tmp_path).model, []
     monkeypatch.setattr(cell_model, "kept_model", lambda case: None)
-    monkeypatch.setattr(cell_model, "cell_model", lambda case, log: asked.append(case) or model)
+    monkeypatch.setattr(cell_model, "cell_model", lambda case, log: modelled_cases.append(case) or model)
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,))
     study = StudyFile("rows", tmp_path / "rows.toml", SMALL, (), {}, False)
     built = [folder / explorer.NAME, folder / "report.html"]
-    assert case_study.explored(study, folder, WarningLog()) == built and len(asked) == 1
+    assert case_study.explored(study, folder, WarningLog()) == built and len(modelled_cases) == 1
     assert f'href="{explorer.NAME}"' in built[1].read_text(encoding="utf-8")
-    assert case_study.explored(study, folder, WarningLog()) == [] and len(asked) == 1
+    assert case_study.explored(study, folder, WarningLog()) == [] and len(modelled_cases) == 1
 
 
 def test_a_page_that_is_too_large_to_travel_is_refused_by_its_size(

@@ -130,7 +130,7 @@ def test_a_plate_computed_beside_the_sweep_is_that_of_the_sweep(study: StoredStu
 def test_the_sketch_has_every_pillar_and_the_dimensions(study: StoredStudy) -> None:
     design = study.cases[-1].record.design
     assert design is not None
-    drawn = str(sketch(design))
-    (pillars,) = ET.fromstring(drawn).findall("path")
+    markup = str(sketch(design))
+    (pillars,) = ET.fromstring(markup).findall("path")
     assert pillars.attrib["d"].count("z") == len(design.pillar_centres_m) > 0
-    assert f"{design.length_m * 1e3:g} × {2e3 * design.half_span_m:g} ×" in drawn
+    assert f"{design.length_m * 1e3:g} × {2e3 * design.half_span_m:g} ×" in markup

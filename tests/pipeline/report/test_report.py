@@ -114,9 +114,9 @@ def test_every_picture_has_words_and_every_table_headings(page: Page):
 def test_every_picture_is_drawn_named_and_kept(folder: Path):
     """As the page left them: nothing is drawn again while nothing has changed."""
     case = read_study(folder).cases[0]
-    drawn = gallery.draw_case(case)
-    pictures = drawn.pictures
-    assert drawn.troubles == []
+    drawing = gallery.draw_case(case)
+    pictures = drawing.pictures
+    assert drawing.troubles == []
     assert [picture.name for picture in pictures] == [
         *("geometry", "touch_face", "side_view", "pillars_in_plane", "neighbours", "dispersion", "attenuation"),
         *("response", "board", "plate_meshes", "cell_meshes", "mode_on_both_meshes"),
@@ -212,9 +212,9 @@ def test_what_does_not_fit_is_named_and_no_picture_is_missing(
     assert 2 < len(page.all("img")) < 12 and all(i["src"].startswith("data:") for i in page.all("img"))
     assert sum(len(image["src"]) for image in page.all("img")) < room
     assert "Also drawn, in the case's folder pictures" in page.text
-    drawn = store.read_json(copy / "pitch_mm=4,rows=1/pictures/index.json")["pictures"]
-    shown = {image["alt"] for image in page.all("img")}
-    assert all(picture["alt"] in shown or picture["title"] in page.text for picture in drawn)
+    stored_pictures = store.read_json(copy / "pitch_mm=4,rows=1/pictures/index.json")["pictures"]
+    alt_texts = {image["alt"] for image in page.all("img")}
+    assert all(picture["alt"] in alt_texts or picture["title"] in page.text for picture in stored_pictures)
 
 
 def test_torn_arrays_and_a_lost_record_spoil_nothing_else(folder: Path, tmp_path: Path):
@@ -243,12 +243,12 @@ def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Pat
     whole = synthetic.record_of(folder / "pitch_mm=4,rows=1")
     arrays = store.load_arrays(folder / "pitch_mm=4,rows=1")
     once = whole.model_copy(update={"case_id": "base", "sweep": {}, "bands": None, "modes": None})
-    rest = whole.model_copy(update=dict.fromkeys(("tet_modes", "tet_bands", "geometry")))
+    unchecked = whole.model_copy(update=dict.fromkeys(("tet_modes", "tet_bands", "geometry")))
     (folder / "base").mkdir()
     store.save_arrays(folder / "base", {k: v for k, v in arrays.items() if k.startswith("tet_")})
     store.seal(folder / "base", once.to_dict())
     store.save_arrays(folder / "pitch_mm=4,rows=1", {k: v for k, v in arrays.items() if not k.startswith("tet_")})
-    store.seal(folder / "pitch_mm=4,rows=1", rest.to_dict())
+    store.seal(folder / "pitch_mm=4,rows=1", unchecked.to_dict())
     listed = store.read_json(folder / "cases.json")
     listed["cases"].insert(0, {"case_id": "base", "sweep": {}})
     store.write_json(folder / "cases.json", listed)
@@ -258,7 +258,7 @@ def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Pat
     assert {"tet_points", "touch_uz"} <= visible.arrays().keys()
     assert study.with_cross_checks(study.cases[0]) == study.cases[0]  # what has no answer of its own borrows none
     other = synthetic.design(2, 0.004, 0.005)
-    stranger = replace(study.cases[1], record=rest.model_copy(update={"design": other}))
+    stranger = replace(study.cases[1], record=unchecked.model_copy(update={"design": other}))
     mixed = StoredStudy(folder, {}, (study.cases[0], stranger)).with_cross_checks(stranger)
     assert mixed.record.tet_bands and not mixed.record.tet_modes  # the same cell, another plate
     text = Page(report_page.build(folder, max_figures=0).read_text()).text

@@ -78,9 +78,9 @@ def test_an_unfolded_skin_is_sent_as_its_quarter_and_drawn_whole(symmetry: str, 
     first, few, small, result = mode_shapes.quarter(points, facets, u)
     assert result == [signs] and 4 * len(first) == len(points) and 4 * len(few) == len(facets)
     images = mode_shapes._images(result[0])
-    drawn = np.concatenate([first * image["flip"] for image in images])
+    mirrored = np.concatenate([first * image["flip"] for image in images])
     moved = np.concatenate([image["parity"] * small[0] * image["flip"] for image in images])
-    np.testing.assert_allclose(drawn, points)
+    np.testing.assert_allclose(mirrored, points)
     np.testing.assert_allclose(moved, u[0])
 
 

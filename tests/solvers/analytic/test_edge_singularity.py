@@ -52,8 +52,8 @@ def test_a_clamped_quarter_has_the_root_of_its_closed_form(poisson: float) -> No
     def condition(a: float) -> float:  # sin^2(a w) = ((kappa + 1)^2 - 4 a^2 sin^2 w) / 4 kappa
         return float(np.sin(a * pi / 2.0) ** 2 - ((kappa + 1.0) ** 2 - 4.0 * a**2) / (4.0 * kappa))
 
-    found = brentq(condition, 0.5, 0.98, xtol=1e-14)
-    assert clamped_edge_exponent(material(1e9, poisson)) == pytest.approx(found, abs=1e-10)
+    exponent = brentq(condition, 0.5, 0.98, xtol=1e-14)
+    assert clamped_edge_exponent(material(1e9, poisson)) == pytest.approx(exponent, abs=1e-10)
 
 
 def test_two_wedges_of_one_material_are_one_wedge() -> None:

@@ -85,7 +85,7 @@ def test_a_solid_has_the_same_modes_by_arpack(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.filterwarnings("error")
-def test_unknowns_without_mass_are_no_trouble() -> None:
+def test_degrees_of_freedom_without_mass_are_no_trouble() -> None:
     """M of rank 30: the images of a block leave its range after four blocks, and what follows weighs nothing."""
     exact = np.arange(1.0, 31.0)
     stiffness = sp.csc_array(sp.diags_array(np.concatenate([exact, np.full(970, 5.0)])))
@@ -98,6 +98,6 @@ def test_unknowns_without_mass_are_no_trouble() -> None:
 def test_a_slice_is_as_wide_as_its_basis_fits() -> None:
     assert slice_of(1000) == slice_of(10**6) == SLICE and slice_of(8000) == MAX_SLICE
     for size in (2500, 4000, 12_000, 17_000, 24_000):
-        asked = round(1.1 * slice_of(size)) + 4
-        assert slice_of(size) > SLICE and fits(size, asked - 1)
-        assert slice_of(size) == MAX_SLICE or not fits(size, asked + 8)
+        pair_count = round(1.1 * slice_of(size)) + 4
+        assert slice_of(size) > SLICE and fits(size, pair_count - 1)
+        assert slice_of(size) == MAX_SLICE or not fits(size, pair_count + 8)

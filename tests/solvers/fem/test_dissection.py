@@ -35,7 +35,7 @@ def test_what_a_foot_shares_is_not_eliminated_twice() -> None:
     assert grid_fill((1, 1, 1), nodal(1), own) == eliminated(12, 12)
 
 
-def test_panels_have_their_own_unknowns() -> None:
+def test_panels_have_their_own_degrees_of_freedom() -> None:
     assert grid_fill((1, 1), panelled(2, 3, 5)).entries == 25 * 26 / 2
 
 

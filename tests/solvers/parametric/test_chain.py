@@ -56,21 +56,21 @@ def test_a_rows_matrices_are_real_in_their_coordinates() -> None:
     row = Row(bare_cell(SIZE, ALUMINIUM, FACE), 200.0)
     turned = row.transform * real_factors(row.cell, row.kx)
     for matrix in (row.cell.stiffness, row.cell.mass):
-        found = turned.conj().T @ matrix @ turned
-        assert np.abs(found.imag).max() < 1e-12 * np.abs(found).max()
+        projected = turned.conj().T @ matrix @ turned
+        assert np.abs(projected.imag).max() < 1e-12 * np.abs(projected).max()
 
 
 def test_the_condensed_column_has_the_columns_modes() -> None:
     """Against one dense solve of the whole column: same frequencies, same shapes, the wanted one best."""
     column = Column(DESIGN, reductions(), 7.5 * np.pi / DESIGN.length_m)
     wanted_hz, wanted = column.solve(*WINDOW)
-    found_hz, found = Chain(column, *WINDOW).solve(*WINDOW)
-    assert len(found_hz) == len(wanted_hz)
-    assert found_hz == pytest.approx(
+    condensed_hz, condensed = Chain(column, *WINDOW).solve(*WINDOW)
+    assert len(condensed_hz) == len(wanted_hz)
+    assert condensed_hz == pytest.approx(
         wanted_hz, rel=5e-3
     )  # at the window's ends; what is condensed is exact in its middle
-    levels = [measure_profile(column.profile(vectors), DESIGN) for vectors in (wanted, found)]
+    levels = [measure_profile(column.profile(vectors), DESIGN) for vectors in (wanted, condensed)]
     at = levels[0].wanted.index
     assert at is not None and levels[1].wanted.index == at
-    assert found_hz[at] == pytest.approx(wanted_hz[at], rel=1e-5)
+    assert condensed_hz[at] == pytest.approx(wanted_hz[at], rel=1e-5)
     assert levels[1].confinement_db[at] == pytest.approx(levels[0].confinement_db[at], abs=0.02)

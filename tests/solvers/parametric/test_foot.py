@@ -76,8 +76,8 @@ def test_matrices_of_stretched_cells_are_sums_of_products(foot: Foot) -> None:
         system = assemble(mesh, MATERIALS, replace(cell.scale))
         for form, wanted in ((cell.stiffness, system.stiffness), (cell.mass, system.mass)):
             pairs = zip(cell.theta(form, sizes), form.matrices, strict=True)
-            found = sum(weight * matrix for weight, matrix in pairs)
-            assert abs(found - wanted).max() < 1e-12 * abs(wanted).max()
+            combined = sum(weight * matrix for weight, matrix in pairs)
+            assert abs(combined - wanted).max() < 1e-12 * abs(wanted).max()
 
 
 def test_a_cylinder_has_its_inertia() -> None:

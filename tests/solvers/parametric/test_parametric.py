@@ -69,8 +69,8 @@ def test_stretched_matrices_are_sums_of_products(affine: AffineCell) -> None:
         forms = ((affine.stiffness, system.stiffness, ratio), (affine.mass, system.mass, ratio**3))
         for form, wanted, unit in forms:
             pairs = zip(affine.theta(form, sizes), form.matrices, strict=True)
-            found = unit * sum(weight * matrix for weight, matrix in pairs)
-            assert abs(found - wanted).max() < 1e-13 * abs(wanted).max()
+            combined = unit * sum(weight * matrix for weight, matrix in pairs)
+            assert abs(combined - wanted).max() < 1e-13 * abs(wanted).max()
 
 
 @pytest.mark.parametrize(
@@ -127,9 +127,9 @@ def test_sectors_have_every_wave_of_the_lattice(cells: tuple[ParametricCell, ...
     of = sectors(FACE, FRACTIONS)
     values = _merged([_eigenvalues(cell.parts(sizes, INNER, FACE), s) for s in of], of, len(FRACTIONS), COUNT)
     lattice = Lattice(cell.at(sizes, INNER))
-    for fraction, found in zip(FRACTIONS, cell.scale.frequency(values), strict=True):
+    for fraction, computed_hz in zip(FRACTIONS, cell.scale.frequency(values), strict=True):
         wanted = lattice.frequencies(fraction * np.pi / sizes[3], COUNT)
-        assert found == pytest.approx(wanted, rel=1e-7, abs=1e-3 * wanted[-1])
+        assert computed_hz == pytest.approx(wanted, rel=1e-7, abs=1e-3 * wanted[-1])
     assert lattice.c2_symmetry is not None
 
 
@@ -138,13 +138,13 @@ def test_bands_of_unseen_designs_hold_their_bar(
 ) -> None:
     """Against each design's own mesh and reduction: never below it but for rounding, above it by the bar at most."""
     for sizes, cell in zip(UNSEEN, plain, strict=True):
-        found, lattice = bands(cells[0], bases, sizes), Lattice(cell)
+        result, lattice = bands(cells[0], bases, sizes), Lattice(cell)
         wanted = np.array([lattice.frequencies(k * np.pi / sizes[3], COUNT) for k in FRACTIONS])
         moving = wanted > 1e-3 * wanted.max()
-        excess = np.where(moving, found.frequency_hz / np.where(moving, wanted, 1.0) - 1.0, 0.0)
+        excess = np.where(moving, result.frequency_hz / np.where(moving, wanted, 1.0) - 1.0, 0.0)
         left_out = 5e-4  # fixed-interface modes above 4 MHz, which the plain reduction leaves out
         assert excess.min() > -left_out
-        assert (excess.max(axis=0) <= found.error + 1e-4).all()
+        assert (excess.max(axis=0) <= result.error + 1e-4).all()
         assert excess.max() < 3e-3
 
 
@@ -170,10 +170,10 @@ def test_sectors_of_a_cell_with_two_mirrors_have_every_wave_of_the_lattice() -> 
     mesh = replace(affine.mesh, nodes=affine.plan(affine.mesh.nodes, sizes), spans=None)
     scale = Scale(sizes[0], ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3)
     plain = Lattice(reduce_cell(assemble(mesh, {"plate": ALUMINIUM, "pillar": STEEL}, scale), FACE, 4e6, (0, 1)))
-    for fraction, found in zip(fractions, cell.scale.frequency(values), strict=True):
+    for fraction, computed_hz in zip(fractions, cell.scale.frequency(values), strict=True):
         wanted, apart = (each.frequencies(fraction * np.pi / sizes[3], COUNT) for each in (own, plain))
-        assert found == pytest.approx(wanted, rel=1e-7, abs=1e-3 * wanted[-1])
-        assert found == pytest.approx(apart, rel=3e-3, abs=1e-3 * apart[-1])
+        assert computed_hz == pytest.approx(wanted, rel=1e-7, abs=1e-3 * wanted[-1])
+        assert computed_hz == pytest.approx(apart, rel=3e-3, abs=1e-3 * apart[-1])
     with pytest.raises(SolverError, match="diagonal"):
         sectors(FACE, ((0.5, 0.5),), cell.symmetry)
 

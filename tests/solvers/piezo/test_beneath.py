@@ -71,27 +71,27 @@ def test_a_half_whose_elements_are_not_the_wholes_is_not_taken() -> None:
 
 def joined(thick_m: float, mesh: HexSettings, monkeypatch: pytest.MonkeyPatch) -> tuple[PatchedPlate, int]:
     """A plate with a patch of two meshes, and how many factors of whole classes its positivity took."""
-    model, asked = plate_model(), []
+    model, factors = plate_model(), []
     plates = {symmetry: model.assembled(symmetry) for symmetry in CLASSES}
     patch = bonded_patch(PZ26, np.array([-8e-3, 8e-3, -3e-3, 3e-3]), thick_m, True, mesh)
     original = patched_plate._positive
-    monkeypatch.setattr(patched_plate, "_positive", lambda *each: asked.append(each) or original(*each))
+    monkeypatch.setattr(patched_plate, "_positive", lambda *each: factors.append(each) or original(*each))
     plate = PatchedPlate(plates, [patch], True, beneath=Beneath(model.reductions), at_hz=30e3)
     for group in plate.everything:
         values = np.linalg.eigvalsh(group.pencil.stiffness.toarray())
         assert values[0] > -1e-9 * values[-1]
-    return plate, len(asked)
+    return plate, len(factors)
 
 
 def test_panels_that_stay_stiff_beneath_a_patch_spare_the_whole_plates_factors(monkeypatch: pytest.MonkeyPatch) -> None:
-    plate, asked = joined(0.3e-3, FINER, monkeypatch)
-    assert plate.is_stiff and not plate.differs_too_much and not asked
+    plate, factors = joined(0.3e-3, FINER, monkeypatch)
+    assert plate.is_stiff and not plate.differs_too_much and not factors
 
 
 def test_where_the_panels_prove_nothing_the_whole_plate_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     """So thick a patch takes more away, between its two meshes, than the plate beneath it holds."""
-    plate, asked = joined(4e-3, ROUGH, monkeypatch)
-    assert plate.differs_too_much and not plate.is_stiff and asked
+    plate, factors = joined(4e-3, ROUGH, monkeypatch)
+    assert plate.differs_too_much and not plate.is_stiff and factors
 
 
 def test_a_panel_shared_by_patches_is_not_taken_for_each_of_them_whole() -> None:

@@ -311,8 +311,8 @@ def test_a_thick_patch_leaves_stiffness_and_inertia_positive(thick_m: float, siz
         stiffness = np.linalg.eigvalsh(group.pencil.stiffness.toarray())
         assert np.linalg.eigvalsh(group.pencil.mass.toarray())[0] > 0.0
         assert stiffness[0] > -1e-9 * stiffness[-1]
-    told = {group.by_mesh is not None for group in plate.groups}
-    assert told == {not plate.differs_too_much}  # a mesh alone does not know its error
+    has_mesh_error = {group.by_mesh is not None for group in plate.groups}
+    assert has_mesh_error == {not plate.differs_too_much}  # a mesh alone does not know its error
     assert plate.differs_too_much == (thick_m > 2e-3)
 
 
@@ -356,7 +356,7 @@ def test_over_pillars_shorter_elements_change_a_height_within_its_bar(monkeypatc
     design = Design(12e-3, 10e-3, 2e-3, 2, ALUMINIUM, pillar, 4e-3, 4e-3, 1, 5e-3)
     reduction = ReductionSettings(Interface(6, 3), 400e3, HexSettings(3, 2e-3, 1, 0.15, 3e-3), 4e-3)
     model, box = PlateModel(design, Reductions(2e-3, ALUMINIUM, pillar, reduction)), np.array([-1e-3, 5e-3, 2e-3, 6e-3])
-    told = []
+    heights = []
     for share in (beneath_patches.FOOT, beneath_patches.FOOT / 1.4):
         monkeypatch.setattr(beneath_patches, "FOOT", share)
         patch = bonded_patch(PZ26, box, 0.3e-3, False, patch_mesh(design, model.tiling, box))
@@ -364,8 +364,8 @@ def test_over_pillars_shorter_elements_change_a_height_within_its_bar(monkeypatc
         plate = PatchedPlate(plates, [patch], False, beneath=Beneath(model.reductions), at_hz=32e3)
         forced = ForcedPlate(plate, design, Drive((0,), (), (25e3, 40e3), 300.0))
         hz = float(forced.resonances_hz[0])
-        told.append((float(forced.curve(np.array([hz])).zone_rms_m_per_v[0]), height_error(forced, hz)))
-    (coarse, bar), (fine, _) = told
+        heights.append((float(forced.curve(np.array([hz])).zone_rms_m_per_v[0]), height_error(forced, hz)))
+    (coarse, bar), (fine, _) = heights
     assert bar is not None and abs(coarse / fine - 1.0) < bar
 
 

@@ -162,11 +162,11 @@ def test_electrical_power_is_what_the_modes_lose():
 
 def test_charge_at_rest_is_held_capacitance_and_what_the_patch_gives_way():
     body, table = condense(BEAM), charge_table(BEAM)
-    rest = body.capacitance + body.forces.T @ np.linalg.solve(body.stiffness, body.forces)
-    assert sensor_matrix(table, 0.01).real == pytest.approx(rest, rel=1e-6)
+    static_charge = body.capacitance + body.forces.T @ np.linalg.solve(body.stiffness, body.forces)
+    assert sensor_matrix(table, 0.01).real == pytest.approx(static_charge, rel=1e-6)
     clamped = BEAM.capacitance_f(BEAM.actuator_width_m)
     free = 1330 * 8.8541878128e-12 * 12e-3**2 / 0.3e-3
-    assert clamped < rest[0, 0] < free
+    assert clamped < static_charge[0, 0] < free
 
 
 def test_point_beam_is_the_emulated_beam_of_the_six_channel_build():

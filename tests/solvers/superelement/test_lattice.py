@@ -203,8 +203,10 @@ def test_a_part_of_the_cell_lies_above_it_by_what_the_functions_left_out_tell(fa
     waves = one.waves(GENERIC, 8)
     risen = one.up_to(face, 1.2e6).frequencies(GENERIC, 8) / waves.frequency_hz - 1.0
     assert (risen > -1e-6).all() and risen.max() > 1e-4
-    told = _rise(one.cell, waves, np.setdiff1d(np.arange(one.cell.interface.count), one.cell.interface.within(face)))
-    assert (np.abs(told - risen) <= 0.3 * risen + 2.0 * risen.max() ** 2 + 1e-6).all()
+    estimate = _rise(
+        one.cell, waves, np.setdiff1d(np.arange(one.cell.interface.count), one.cell.interface.within(face))
+    )
+    assert (np.abs(estimate - risen) <= 0.3 * risen + 2.0 * risen.max() ** 2 + 1e-6).all()
 
 
 @pytest.mark.parametrize("top_hz", [0.5e6, 0.7e6, 0.9e6, 1.2e6])
@@ -228,8 +230,8 @@ def test_the_cutoff_that_is_enough_is_found_without_solving_again(wanted: float)
     top_hz = cutoff_hz(one, corners((4e-3, 4e-3)), 8, wanted)
     assert top_hz < 1.2e6
     for share, meets in ((1.0, True), (0.75, False)):
-        told = reduction_error(one.up_to(one.cell.interface, share * top_hz), corners((4e-3, 4e-3)), 8).modes
-        assert (told <= 1.3 * wanted) == meets
+        estimate = reduction_error(one.up_to(one.cell.interface, share * top_hz), corners((4e-3, 4e-3)), 8).modes
+        assert (estimate <= 1.3 * wanted) == meets
     assert cutoff_hz(one, corners((4e-3, 4e-3)), 6, 0.0) == one.cell.dropped_hz
 
 
@@ -245,13 +247,13 @@ def test_the_bar_of_a_wave_knows_what_others_of_its_band_show() -> None:
 def test_a_cell_reduced_for_more_holds_what_less_would_give(pitch: tuple[float, float], top_hz: float) -> None:
     """Matrices, modes and what they leave out, with fixed-interface modes and without any, beside a reduction of its own."""
     ample, less = lattice(pitch, face=Interface(5, 3)), lattice(pitch, top_hz=top_hz)
-    found = ample.up_to(less.cell.interface, top_hz)
-    assert np.allclose(found.cell.fixed_hz, less.cell.fixed_hz, rtol=1e-8)
-    assert len(found.cell.fixed_hz) < len(ample.cell.fixed_hz)
-    alike = Lattice(replace(found.cell, dropped_hz=less.cell.dropped_hz))  # the ample cell knows the next mode itself
+    trimmed = ample.up_to(less.cell.interface, top_hz)
+    assert np.allclose(trimmed.cell.fixed_hz, less.cell.fixed_hz, rtol=1e-8)
+    assert len(trimmed.cell.fixed_hz) < len(ample.cell.fixed_hz)
+    alike = Lattice(replace(trimmed.cell, dropped_hz=less.cell.dropped_hz))  # the ample cell knows the next mode itself
     assert np.allclose(alike.frequencies(GENERIC, 8), less.frequencies(GENERIC, 8), rtol=1e-8)
-    assert np.allclose(found.cell.dropped, less.cell.dropped, atol=1e-7 * np.abs(less.cell.dropped).max())
-    assert found.cell.dropped_hz >= less.cell.dropped_hz * (1.0 - 1e-8)
+    assert np.allclose(trimmed.cell.dropped, less.cell.dropped, atol=1e-7 * np.abs(less.cell.dropped).max())
+    assert trimmed.cell.dropped_hz >= less.cell.dropped_hz * (1.0 - 1e-8)
     assert np.isclose(
         reduction_error(alike, corners(pitch), 6).total, reduction_error(less, corners(pitch), 6).total, rtol=1e-4
     )

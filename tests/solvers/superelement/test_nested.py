@@ -62,15 +62,15 @@ def moving(values: np.ndarray) -> np.ndarray:
 
 
 def errors(one: Cell) -> tuple[np.ndarray, np.ndarray]:
-    told = [mesh_error(one, Lattice(one).waves(k, COUNT)) for k in wavevectors()]
-    return tuple(np.concatenate([moving(getattr(e, name)) for e in told]) for name in ("taken", "half_width"))  # type: ignore[return-value]
+    bars = [mesh_error(one, Lattice(one).waves(k, COUNT)) for k in wavevectors()]
+    return tuple(np.concatenate([moving(getattr(e, name)) for e in bars]) for name in ("taken", "half_width"))  # type: ignore[return-value]
 
 
 def without(one: Cell) -> Cell:
     """The same cell as its finer mesh alone has it."""
-    told = one.mesh_error
-    assert told is not None
-    stiffness, mass = one.stiffness + told.taken * told.layer_stiffness, one.mass + told.taken * told.layer_mass
+    bar = one.mesh_error
+    assert bar is not None
+    stiffness, mass = one.stiffness + bar.taken * bar.layer_stiffness, one.mass + bar.taken * bar.layer_mass
     return replace(one, stiffness=stiffness, mass=mass)
 
 
@@ -119,8 +119,8 @@ def test_almost_massless_combinations_keep_their_mass() -> None:
     )
     settings = ReductionSettings(Interface(4, 3), 3.5e5, HexSettings(3, 5.84e-3, 1, 0.15, 1.17e-3))
     one = Reductions(design.thickness_m, design.material, design.pillar, settings).cell(lattice_panel(design))
-    told = one.mesh_error
-    assert told and told.taken > 0.15  # nothing had to be left
+    bar = one.mesh_error
+    assert bar and bar.taken > 0.15  # nothing had to be left
     unit = np.sqrt(np.diag(one.mass))
     assert np.linalg.eigvalsh(one.mass / np.outer(unit, unit)).min() > 1e-6
 
@@ -137,13 +137,13 @@ def test_a_plates_modes_know_what_was_taken_from_their_cells() -> None:
     model = plate(3)
     pencil = model.pencil("SS")
     modes = modes_in_band(pencil, 5e3, 100e3)
-    told = model.mode_errors("SS", pencil, modes.vectors)
+    bars = model.mode_errors("SS", pencil, modes.vectors)
     model.cells = {key: without(one) for key, one in model.cells.items()}
     model._assembled_plates.clear()
     del model._grid
-    above = modes_in_band(model.pencil("SS"), 5e3, 101e3).frequency_hz[: len(told.taken)] / modes.frequency_hz - 1.0
-    assert len(above) >= 3 and (told.mesh > 0.0).all() and above.max() > 1e-4
-    assert np.abs(above - told.taken).max() < 0.05 * above.max()
+    above = modes_in_band(model.pencil("SS"), 5e3, 101e3).frequency_hz[: len(bars.taken)] / modes.frequency_hz - 1.0
+    assert len(above) >= 3 and (bars.mesh > 0.0).all() and above.max() > 1e-4
+    assert np.abs(above - bars.taken).max() < 0.05 * above.max()
 
 
 @pytest.mark.slow

@@ -32,11 +32,11 @@ def test_waves_with_the_modes_left_out_lie_within_their_bars(seed: int) -> None:
     alone = np.sort(np.random.default_rng(100 + seed).uniform(0.01, 0.6, 6))
     parts = couplings(seed)
     flexibility = parts.T @ (parts / LEFT_OUT[:, None])
-    told, turn = RESIDUAL.coupled(alone, flexibility)
+    estimate, turn = RESIDUAL.coupled(alone, flexibility)
     energy, own = ((turn * (part @ turn)).sum(axis=0) for part in (np.diag(alone), flexibility))
-    truth, bars = exact(alone, parts), RESIDUAL.bar(told, energy, own)
+    truth, bars = exact(alone, parts), RESIDUAL.bar(estimate, energy, own)
     below = truth < KNOWN
-    error = np.abs(np.sqrt(told / truth) - 1.0)[below]
+    error = np.abs(np.sqrt(estimate / truth) - 1.0)[below]
     assert (error <= bars[below]).all()
     assert error.max() < 0.5 * np.abs(np.sqrt(alone / truth) - 1.0)[below].max()  # and most of the rise is taken
 
@@ -60,9 +60,9 @@ def test_rigid_motions_that_rounding_leaves_below_zero_stay_there() -> None:
     """At the zone's middle three eigenvalues vanish but for rounding, of either sign; the others are not disturbed."""
     alone = np.array([-3e-9, -1e-9, 0.0, 0.1])
     flexibility = np.diag([0.2, 0.3, 0.3, 0.4])
-    told, turn = RESIDUAL.coupled(alone, flexibility)
-    assert np.isfinite(turn).all() and np.abs(told[:3]).max() < 1e-8
-    assert told[3] == pytest.approx(RESIDUAL.coupled(alone[3:], flexibility[3:, 3:])[0][0], rel=1e-9)
+    estimate, turn = RESIDUAL.coupled(alone, flexibility)
+    assert np.isfinite(turn).all() and np.abs(estimate[:3]).max() < 1e-8
+    assert estimate[3] == pytest.approx(RESIDUAL.coupled(alone[3:], flexibility[3:, 3:])[0][0], rel=1e-9)
 
 
 def test_beyond_half_the_lowest_eigenvalue_left_out_the_correction_grows_no_further() -> None:
@@ -85,8 +85,8 @@ def test_bounds_are_the_roots_of_what_they_bound() -> None:
 def test_the_waves_of_two_close_bands_may_change_places_within_their_bars() -> None:
     """The first, whose bounds are wide, may come to lie above the second, which hardly moves: either may be the other then."""
     energy, own = np.array([0.5, 0.375]), np.array([0.8, 1e-9])
-    told = np.array([0.36, 0.375])
+    estimate = np.array([0.36, 0.375])
     lower, upper = RESIDUAL.bounds(energy, own)
-    assert lower[0] < told[0] < told[1] < upper[0]
-    assert RESIDUAL.bar(told, energy, own)[1] > 1e-3
+    assert lower[0] < estimate[0] < estimate[1] < upper[0]
+    assert RESIDUAL.bar(estimate, energy, own)[1] > 1e-3
     assert RESIDUAL.bar(np.array([0.36, 0.9]), np.array([0.5, 0.9]), own)[1] < 1e-6

@@ -45,10 +45,10 @@ def test_bubbles_vanish_at_both_ends_and_are_even_or_odd() -> None:
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-def test_the_mirror_of_the_unknowns_is_the_mirror_of_the_field(axis: int) -> None:
+def test_the_mirror_of_the_degrees_of_freedom_is_the_mirror_of_the_field(axis: int) -> None:
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (30, 3))
     points[:10, 0], points[10:20, 0], points[20:25, 1], points[25:, 1] = 1.0, -1.0, 1.0, -1.0
-    unknown = np.random.default_rng(1).normal(size=FACE.count)
+    dofs = np.random.default_rng(1).normal(size=FACE.count)
     where, sign = FACE.mirror(axis)
 
     def field(u: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -56,10 +56,10 @@ def test_the_mirror_of_the_unknowns_is_the_mirror_of_the_field(axis: int) -> Non
 
     flip = np.ones(3)
     flip[axis] = -1.0
-    assert np.allclose(field(sign * unknown[where], points), flip * field(unknown, points * flip), atol=1e-12)
+    assert np.allclose(field(sign * dofs[where], points), flip * field(dofs, points * flip), atol=1e-12)
 
 
-def test_the_mirror_classes_span_every_unknown_once() -> None:
+def test_the_mirror_classes_span_every_degree_of_freedom_once() -> None:
     bases = [FACE.parity_basis({0: a, 1: b}) for a in (1, -1) for b in (1, -1)]
     whole = np.hstack(bases)
     assert whole.shape == (FACE.count, FACE.count)
@@ -71,8 +71,8 @@ def test_the_cell_carries_its_mass_and_that_of_its_pillar() -> None:
     motions = rigid_boundary(reduced)[:, :3]
     pillar_m3, plate_m3 = 4e-6 * 6.3e-3, 4e-3 * 5e-3 * 2e-3
     for matrix, volume in ((reduced.mass, plate_m3 + pillar_m3), (reduced.pillar_mass, pillar_m3)):
-        carried = motions.T @ matrix @ motions
-        assert np.allclose(carried, np.eye(3) * volume / 2e-3**3, atol=1e-9 * volume / 2e-3**3)
+        rigid_mass = motions.T @ matrix @ motions
+        assert np.allclose(rigid_mass, np.eye(3) * volume / 2e-3**3, atol=1e-9 * volume / 2e-3**3)
 
 
 def test_rigid_motions_meet_no_force_and_there_are_six() -> None:
@@ -80,7 +80,7 @@ def test_rigid_motions_meet_no_force_and_there_are_six() -> None:
     assert (result[:6] < 1e-4 * result[6]).all()
 
 
-def test_frequencies_fall_as_unknowns_are_added_and_converge() -> None:
+def test_frequencies_fall_as_degrees_of_freedom_are_added_and_converge() -> None:
     coarse, middle, fine = (
         free_hz(cell(top_hz=top, face=Interface(along, 3)))[6:12] for along, top in ((2, 3e5), (4, 3e5), (4, 2e6))
     )

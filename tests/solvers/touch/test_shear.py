@@ -16,10 +16,10 @@ from solvers.touch.shear import contact_half_angle, crest_motion, drive_share
 @pytest.mark.parametrize("load", [0.2, 0.999, 1.001, 1.7, 3.0, 12.0])
 def test_the_share_is_the_pressure_summed_where_the_face_drives_and_brakes(load: float, lag: float) -> None:
     half = contact_half_angle(load)
-    rest = np.cos(half) if load > 1.0 else -1.0 / load
+    offset = np.cos(half) if load > 1.0 else -1.0 / load
 
     def pressure(theta: float) -> float:
-        return float(max(0.0, np.cos(theta) - rest))
+        return float(max(0.0, np.cos(theta) - offset))
 
     ends = [-np.pi, -half, lag - np.pi / 2.0, lag + np.pi / 2.0, half, np.pi]
     ends = sorted({min(np.pi, max(-np.pi, end)) for end in ends})

@@ -37,19 +37,19 @@ def lattice(
     return Lattice(Reductions(2e-3, ALUMINIUM, PILLAR, reduction).cell(Panel(tuple(-half), tuple(half), foot, halved)))
 
 
-def test_the_diagonal_mirror_of_the_unknowns_is_that_of_the_field() -> None:
+def test_the_diagonal_mirror_of_the_degrees_of_freedom_is_that_of_the_field() -> None:
     face, random = Interface(4, 2), np.random.default_rng(0)
     points = random.uniform(-1.0, 1.0, (40, 3))
     for part, (axis, at) in zip(np.split(points, 4), ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)), strict=True):
         part[:, axis] = at
-    unknown = random.normal(size=face.count)
+    dofs = random.normal(size=face.count)
 
     def field(u: np.ndarray, at: np.ndarray) -> np.ndarray:
         return face.evaluate(at) @ u.reshape(-1, 3)
 
     exchanged = [1, 0, 2]
-    truth = field(unknown, points[:, exchanged])[:, exchanged]
-    assert np.allclose(field(unknown[face.diagonal()], points), truth, atol=1e-12)
+    truth = field(dofs, points[:, exchanged])[:, exchanged]
+    assert np.allclose(field(dofs[face.diagonal()], points), truth, atol=1e-12)
 
 
 @pytest.mark.parametrize(("name", "image"), [("x", (-1, 1)), ("y", (1, -1)), ("d", None)])

@@ -158,11 +158,11 @@ def test_a_long_stack_decays_as_its_least_attenuated_wave() -> None:
     half = bare.waves(35e3)
     incoming = int(np.flatnonzero(half.flux > 0.0)[0])
     stiffness, _ = row.condensed(35e3)
-    passed = [scatter(stacked(stiffness, n), half, bare.mirror_sign, incoming).transmitted.sum() for n in (14, 15)]
+    transmitted = [scatter(stacked(stiffness, n), half, bare.mirror_sign, incoming).transmitted.sum() for n in (14, 15)]
     first, second = row.waves(35e3).db_per_row[:2]
-    rest = 10.0 ** (-14.0 * (second - first) / 20.0)  # amplitude of the next wave beside the first
-    assert -10.0 * np.log10(passed[1] / passed[0]) == pytest.approx(first, rel=3.0 * rest)
-    assert rest < 0.02
+    next_amplitude = 10.0 ** (-14.0 * (second - first) / 20.0)  # amplitude of the next wave beside the first
+    assert -10.0 * np.log10(transmitted[1] / transmitted[0]) == pytest.approx(first, rel=3.0 * next_amplitude)
+    assert next_amplitude < 0.02
 
 
 def test_rows_that_differ_pass_as_much_from_either_side_and_keep_the_power() -> None:
@@ -170,14 +170,14 @@ def test_rows_that_differ_pass_as_much_from_either_side_and_keep_the_power() -> 
     bare, other = Row(cell(None), KX), Row(shorter(), KX)
     half, one = bare.waves(36e3), Row(cell(), KX).condensed(36e3)[0]
     two, incoming = other.condensed(36e3)[0], int(np.flatnonzero(half.flux > 0.0)[0])
-    passed = []
+    transmitted = []
     for rows in ([one, one, two], [two, one, one], [one, one, one]):
         result = scatter(chain(rows), half, bare.mirror_sign, incoming)
         assert result.reflected.sum() + result.transmitted.sum() == pytest.approx(1.0, abs=1e-10)
-        passed.append(result.transmitted.sum())
+        transmitted.append(result.transmitted.sum())
     equal = scatter(stacked(one, 3), half, bare.mirror_sign, incoming).transmitted.sum()
-    assert passed[0] == pytest.approx(passed[1], rel=1e-8)
-    assert passed[2] == pytest.approx(equal, rel=1e-8) and abs(passed[0] / equal - 1.0) > 0.1
+    assert transmitted[0] == pytest.approx(transmitted[1], rel=1e-8)
+    assert transmitted[2] == pytest.approx(equal, rel=1e-8) and abs(transmitted[0] / equal - 1.0) > 0.1
 
 
 def test_a_stack_is_its_rows_one_by_one() -> None:

@@ -221,7 +221,7 @@ def test_superlus_fill_is_the_one_foretold(kind: str, monkeypatch: pytest.Monkey
     assert made.negative == int((np.linalg.eigvalsh(matrix.toarray()) < 0.0).sum())
 
 
-def test_unknowns_with_the_same_couplings_are_alike() -> None:
+def test_degrees_of_freedom_with_the_same_couplings_are_alike() -> None:
     block = np.kron(np.array([[1, 1, 0], [1, 1, 1], [0, 1, 1]]), np.ones((3, 3)))
     label, size = alike(sp.csc_array(block))
     assert label.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2] and size.tolist() == [3, 3, 3]
