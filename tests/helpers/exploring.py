@@ -58,4 +58,7 @@ def served(explorer: Explorer) -> Iterator[Server]:
     thread = threading.Thread(target=serve, args=(server, 0, lambda _: ready.set()), daemon=True)
     thread.start()
     assert ready.wait(20.0)
-    yield server
+    try:
+        yield server
+    finally:
+        server.close()  # the process beside it would keep the interpreter from its end
