@@ -1,4 +1,4 @@
-"""The modes of the plate and how well the zone confines the wanted one."""
+"""The modes of the plate, how well the zone confines the wanted one, and a cross-check of both by other meshes."""
 
 from __future__ import annotations
 
@@ -98,4 +98,16 @@ MODES = Measure(
     aliases=("confinement",),
     columns=COLUMNS,
     pictures=("mesh.report_figures", *FIELDS),
+)
+
+
+def _cross_check(work: Work) -> None:
+    from pipeline.analysis import cross_check
+
+    for meshes, arrays, result in cross_check.solve(work.case, work.log, work.solved.get("modes")):
+        work.keep(meshes, arrays, **result)
+
+
+TETRAHEDRA = Measure(  # the same plate and cell through CAD and pytetwild
+    "tetrahedra", plan=plan.tetrahedra_step, compute=_cross_check, pictures=("fields.mode_on_both_meshes",)
 )

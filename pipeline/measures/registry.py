@@ -11,11 +11,11 @@ from pipeline.measures.attenuation import ATTENUATION, BROADBAND
 from pipeline.measures.bands import BANDS
 from pipeline.measures.board import BOARD
 from pipeline.measures.geometry import GEOMETRY
+from pipeline.measures.live import LIVE
 from pipeline.measures.measure import Measure
-from pipeline.measures.modes import MODES
+from pipeline.measures.modes import MODES, TETRAHEDRA
 from pipeline.measures.parts import PARTS
 from pipeline.measures.response import CROSSTALK, HYBRID, RESPONSE, TRAVEL
-from pipeline.measures.tetrahedra import TETRAHEDRA
 from pipeline.measures.tolerance import TOLERANCE
 from pipeline.measures.touch import TOUCH
 from pipeline.planning import simplifications
@@ -26,7 +26,7 @@ from pipeline.records.tables import Column
 
 MEASURES: tuple[Measure, ...] = (
     *(MODES, BANDS, ATTENUATION, BROADBAND, RESPONSE, TOLERANCE, TOUCH, HYBRID, TRAVEL, CROSSTALK),
-    *(BOARD, PARTS, GEOMETRY, TETRAHEDRA),
+    *(LIVE, BOARD, PARTS, GEOMETRY, TETRAHEDRA),
 )
 
 

@@ -111,12 +111,14 @@ def _for_foot(offline: Offline, foot: Foot) -> Offline:
 def cell_model(case: Case, log: Log, offline: Offline | None = None) -> CellModel:
     """The model of a case's materials: taken from the cache, or made now. InputError for a cell that it cannot follow."""
     offline = _for_foot(offline or Offline(), require_foot(case))
-    kept = kept_model(case, offline)
-    if kept is not None:
-        log.info("parametric cell taken from the cache")
-        return kept
-    model = _made(case, offline, log)
-    CellModelCache().put_model(_key(_materials(case), offline), model)
+    cache = CellModelCache()
+    with cache.alone():  # cases of a study that need the same model wait for the one that makes it
+        kept = kept_model(case, offline)
+        if kept is not None:
+            log.info("parametric cell taken from the cache")
+            return kept
+        model = _made(case, offline, log)
+        cache.put_model(_key(_materials(case), offline), model)
     return model
 
 
@@ -212,6 +214,18 @@ class CellModelCache(CellCache):
 
     def __init__(self, folder: Path = RESULTS / ".explore", max_bytes: int = MAX_BYTES) -> None:
         super().__init__(folder, max_bytes)
+
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """One process at a time makes a model; none waits where the folder cannot be written."""
+        import fcntl
+
+        with contextlib.ExitStack() as held:
+            with contextlib.suppress(OSError):
+                self.folder.mkdir(parents=True, exist_ok=True)
+                file = held.enter_context((self.folder / ".making").open("w"))
+                fcntl.flock(file, fcntl.LOCK_EX)  # the kernel frees it when the process ends
+            yield
 
     def get_model(self, key: str, offline: Offline) -> CellModel | None:
         """The model kept under this key by the same code, or None."""

@@ -1,4 +1,4 @@
-"""The error that a way's mesh is expected to make, said in the log and kept with the result."""
+"""The error that the mesh of a model choice is expected to make, said in the log and kept with the result."""
 
 from __future__ import annotations
 

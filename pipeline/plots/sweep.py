@@ -10,6 +10,7 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
 from pipeline.records import tracking
+from pipeline.records.record import LiveRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.sweep_lines import axis_label, lines_along, main_key, swept
 from pipeline.records.tracking import Tracked
@@ -27,7 +28,7 @@ ROWS_LOOKS: dict[str, dict[str, Any]] = {
 
 def against_sweep(study: StoredStudy) -> ReportFigure | None:
     """Confinement and the wanted mode's frequency against the most varied numeric key, one line per set of the others."""
-    cases = [case for case in swept(list(study.cases)) if case.record.wanted]
+    cases = [case for case in swept(list(study.cases)) if case.record.wanted or _live(case)]
     key = main_key(study, cases) if cases else None
     if key is None:
         return None
@@ -35,11 +36,14 @@ def against_sweep(study: StoredStudy) -> ReportFigure | None:
     lines, tracked = lines_along(study, cases, key), tracking.along_sweep(study)
     for index, (name, line) in enumerate(lines.items()):
         look = {"color": style.CYCLE[index % len(style.CYCLE)], "marker": style.MARKERS[index % len(style.MARKERS)]}
-        _draw_line((level, tone), line, key, _same_mode(line, tracked), look | {"label": name or "wanted mode"})
+        solved = [case for case in line if case.record.wanted]
+        if solved:
+            _draw_line((level, tone), solved, key, _same_mode(solved, tracked), look | {"label": name or "wanted mode"})
+        _draw_live((level, tone), line, key, f"{name}, live" if name else "live answer", look["color"])
     _finish(level, tone, key)
     _bending_at_m(tone, list(lines.values()), key)
     handles, labels = tone.get_legend_handles_labels()
-    if len(labels) > 1:
+    if len(labels) > 1 or any(map(_live, cases)):
         style.legend_below(figure, handles, labels, 4, 8)
     title = f"Confinement and frequency against {axis_label(key)}"
     return ReportFigure("against_sweep", title, _alt(study, cases, key), figure, vector=True)
@@ -61,6 +65,23 @@ def _draw_line(
         fill = look["color"] if filled else "white"
         level.plot(x[marked], levels[marked], look["marker"], color=look["color"], mfc=fill, ms=6)
     tone.plot(x, khz, ms=5, ls="none", **look)
+
+
+def _live(case: StoredCase) -> LiveRecord | None:
+    """What the explorer's bases answer of a case, where they know its wanted mode."""
+    live = case.record.live
+    return live if live and live.frequency_hz is not None else None
+
+
+def _draw_live(panels: tuple[Any, Any], line: list[StoredCase], key: str, name: str, color: str) -> None:
+    """Levels and frequencies that the explorer's bases answer, as crosses; their column lacks the plate's two ends."""
+    known = [(case.sweep[key], live) for case in line if (live := _live(case))]
+    x = np.array([value for value, _ in known], dtype=float)
+    levels = np.array([live.confinement_db for _, live in known], dtype=float)
+    khz = np.array([live.frequency_hz for _, live in known], dtype=float) / KHZ
+    for axes, values in zip(panels, (levels, khz), strict=True):
+        if known:
+            axes.plot(x, values, "x", color=color, ms=5, label=name)
 
 
 def _same_mode(line: list[StoredCase], tracked: dict[str, Tracked]) -> list[tuple[int, int]]:

@@ -441,6 +441,45 @@ class PredictionRecord(Part):
     rows_needed: int | None
 
 
+class LiveRecord(Part):
+    """The explorer's answer: the wanted mode of a column of cells, the widest complete gap, the decay per row at that mode.
+
+    frequency_error, relative: what a column may be off by, and its cells' mesh; why_not: why there is no wanted mode.
+    """
+
+    frequency_hz: float | None = None
+    frequency_error: float | None = None
+    confinement_db: float | None = None
+    zone_to_extension_db: float | None = None
+    mac: float | None = None
+    gap_hz: tuple[float, float] | None
+    gap_error: float | None
+    db_per_row: float | None
+    why_not: str = ""
+    warnings: list[str]
+
+    @classmethod
+    def of_answer(cls, answer: Mapping[str, Any]) -> LiveRecord:
+        """The figures of the document that the explorer's page shows."""
+        plate, rows = answer["plate"], answer["rows"]
+        widest = max(answer["bands"]["gaps"], key=lambda gap: gap["upper_hz"] - gap["lower_hz"], default=None)
+        names = {"zone_to_extension_db": "extension_db"}
+        figures = {
+            name: plate.get(names.get(name, name)) for name in cls.model_fields if names.get(name, name) in plate
+        }
+        known = [(hz, db) for hz, db in zip(rows["frequency_hz"], rows["db_per_row"], strict=True) if db is not None]
+        at = figures.get("frequency_hz")
+        tones, levels = np.array(known).reshape(-1, 2).T
+        decay = float(np.interp(at, tones, levels, left=nan, right=nan)) if at and known else None
+        return cls(
+            **figures,
+            gap_hz=widest and (widest["lower_hz"], widest["upper_hz"]),
+            gap_error=widest and widest["error"],
+            db_per_row=decay,
+            warnings=answer["warnings"],
+        )
+
+
 class PeakRecord(Part):
     """The response at one frequency, and the quality factor read from the curve.
 
@@ -925,6 +964,7 @@ class Record(Part):
     attenuation: AttenuationRecord | None = None
     broadband: BroadbandRecord | None = None
     prediction: PredictionRecord | None = None
+    live: LiveRecord | None = None
     response: ResponseRecord | None = None
     measured: MeasuredRecord | None = None
     tolerance: ToleranceRecord | None = None

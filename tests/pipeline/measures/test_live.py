@@ -1,0 +1,112 @@
+"""The measure `live`: the explorer's own numbers for a case, and a case that the bases do not hold left out by name."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.case.model import load_case
+from pipeline.explore.answer import Explorer
+from pipeline.measures.live import LIVE
+from pipeline.measures.measure import Work
+from pipeline.models import parametric
+from pipeline.models.parametric import CellModelCache
+from pipeline.planning.plan import Step
+from pipeline.planning.simplifications import Simplification
+from pipeline.plots import sweep
+from pipeline.records.record import LiveRecord, Record
+from pipeline.records.study import StoredCase, StoredStudy
+from tests.helpers.exploring import SMALL, small_explorer
+from tests.helpers.recording_log import RecordingLog
+
+
+@pytest.fixture(scope="module")
+def explorer(tmp_path_factory: pytest.TempPathFactory) -> Explorer:
+    return small_explorer(tmp_path_factory.mktemp("cells"))
+
+
+def live_of(explorer: Explorer, folder: Path, log: RecordingLog, *settings: str) -> LiveRecord:
+    """What the measure keeps of examples/small.toml with --set words."""
+    work = Work(load_case(SMALL, list(settings)), folder, log)  # type: ignore[arg-type]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parametric, "cell_model", lambda case, log: explorer.model)
+        LIVE.compute(work)
+    return Record.model_validate({"case_id": "one", "status": "OK", **work.record}).live  # type: ignore[return-value]
+
+
+def test_a_case_has_the_numbers_of_the_page(explorer: Explorer, tmp_path: Path) -> None:
+    log = RecordingLog()
+    live = live_of(explorer, tmp_path, log)
+    page = explorer.answer(explorer.scene.own())
+    plate, rows = page["plate"], page["rows"]
+    assert live.frequency_hz == plate["frequency_hz"] and live.frequency_error == plate["frequency_error"]
+    assert live.confinement_db == plate["confinement_db"] and live.zone_to_extension_db == plate["extension_db"]
+    near = int(np.argmin(np.abs(np.array(rows["frequency_hz"]) - live.frequency_hz)))
+    around = [level for level in rows["db_per_row"][max(near - 1, 0) : near + 2] if level is not None]
+    assert min(around) <= live.db_per_row <= max(around)  # type: ignore[operator]
+    widest = max(page["bands"]["gaps"], key=lambda gap: gap["upper_hz"] - gap["lower_hz"], default=None)
+    assert live.gap_hz == (widest and (widest["lower_hz"], widest["upper_hz"]))
+    assert not log.warnings and live.warnings == []
+
+
+def test_what_a_column_cannot_tell_is_a_warning(explorer: Explorer, tmp_path: Path) -> None:
+    log = RecordingLog()
+    live = live_of(explorer, tmp_path, log, "array.rows=5", "array.extension_mm=45")
+    assert "wide passive part" in log.warnings["LIVE"] and live.warnings == [log.warnings["LIVE"]]
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ((), None),
+        (("pillar.height_mm=3.5",), "height = 3.5 mm: must lie between 4 and 9 mm"),
+        (("array.pitch_mm=9",), "pitch = 9 mm"),
+        (("pillar.fillet_mm=0.2",), "without fillet"),
+    ],
+)
+def test_a_case_that_the_bases_do_not_hold_is_left_out_by_name(settings: tuple[str, ...], said: str | None) -> None:
+    planned = LIVE.plan(load_case(SMALL, list(settings)))
+    if said is None:
+        assert isinstance(planned, Step)
+    else:
+        assert isinstance(planned, Simplification) and planned.what == "live" and said in planned.why
+
+
+def test_live_answers_are_drawn_without_plates_and_beside_them(tmp_path: Path) -> None:
+    def case(height: float, hz: float) -> StoredCase:
+        live = LiveRecord(
+            frequency_hz=hz, confinement_db=12.0, gap_hz=None, gap_error=None, db_per_row=None, warnings=[]
+        )
+        own = {"case_id": f"height_mm={height:g}", "status": "OK", "sweep": {"pillar.height_mm": height}}
+        return StoredCase(tmp_path, Record.model_validate({**own, "live": live}))
+
+    cases = [case(5.0, 40e3), case(6.0, 36e3), case(7.0, 31e3)]
+    study = StoredStudy(tmp_path, {"name": "heights"}, tuple(cases))
+    figure = sweep.against_sweep(study)
+    assert figure is not None
+    _, tone = figure.figure.axes
+    (crosses,) = [line for line in tone.lines if line.get_marker() == "x"]
+    assert crosses.get_xdata().tolist() == [5.0, 6.0, 7.0] and crosses.get_ydata().tolist() == [40.0, 36.0, 31.0]
+    assert [text.get_text() for text in figure.figure.legends[0].get_texts()] == ["live answer"]
+
+
+def _waits(folder: Path, order: Any) -> None:
+    with CellModelCache(folder).alone():
+        order.put("second")
+
+
+def test_one_process_at_a_time_makes_a_model(tmp_path: Path) -> None:
+    context = multiprocessing.get_context("spawn")
+    order = context.Queue()
+    with CellModelCache(tmp_path).alone():
+        other = context.Process(target=_waits, args=(tmp_path, order))
+        other.start()
+        time.sleep(2.0)
+        order.put("first")
+    other.join(60)
+    assert [order.get(timeout=10), order.get(timeout=10)] == ["first", "second"]
